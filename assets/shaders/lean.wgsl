@@ -1,0 +1,140 @@
+// The one material of sensor cameras and window: Lambert sun, sky ambient, air-light (eq. 5).
+// It stays lean because a software rasteriser pays for every instruction of every fragment.
+// Output: rgb = luminance of linear sRGB channels [kcd/m^2] times the view's exposure,
+// alpha = identity digit of the surface (see `systems/capture.rs`).
+
+#import bevy_pbr::mesh_functions
+#import bevy_pbr::mesh_view_bindings::view
+
+struct Light {
+    sun_dir: vec4<f32>,       // unit vector to the sun, ENU
+    sun: vec4<f32>,           // direct normal illuminance, rgb [klx]
+    ambient_sky: vec4<f32>,   // illuminance of an upward face [klx]
+    ambient_ground: vec4<f32>,// illuminance of a downward face [klx]
+    extinction: vec4<f32>,    // rgb [1/m]
+    night: vec4<f32>,         // x: luminance of a lit window [kcd/m^2]
+}
+
+@group(#{MATERIAL_BIND_GROUP}) @binding(0) var<uniform> light: Light;
+@group(#{MATERIAL_BIND_GROUP}) @binding(1) var ground_map: texture_2d<f32>;
+@group(#{MATERIAL_BIND_GROUP}) @binding(2) var ground_sampler: sampler;
+@group(#{MATERIAL_BIND_GROUP}) @binding(3) var sky_table: texture_2d<f32>;
+@group(#{MATERIAL_BIND_GROUP}) @binding(4) var sky_sampler: sampler;
+
+struct Vertex {
+    @builtin(instance_index) instance_index: u32,
+    @location(0) position: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) color: vec4<f32>,   // linear albedo, ambient occlusion
+    @location(3) uv: vec2<f32>,      // facade metres or ground-map coordinates
+    @location(4) surface: vec2<f32>, // kind, variant in 0..1
+}
+
+struct Fragment {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) world: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) color: vec4<f32>,
+    @location(3) uv: vec2<f32>,
+    @location(4) @interpolate(flat) surface: vec3<f32>, // kind, variant, identity digit
+    @location(5) airlight: vec3<f32>,
+}
+
+const KIND_FACADE_RESIDENTIAL: f32 = 1.0;
+const KIND_FACADE_OFFICE: f32 = 2.0;
+const KIND_GROUND: f32 = 3.0;
+const KIND_WATER: f32 = 5.0;
+const KIND_SKY: f32 = 9.0;
+
+// Lat-long table of the upper hemisphere: u = azimuth / 2 pi clockwise from north,
+// v = sqrt(elevation / (pi/2)), which gives the horizon its resolution.
+fn sky(dir: vec3<f32>) -> vec3<f32> {
+    let azimuth = atan2(dir.x, dir.y) * 0.15915494;
+    let v = sqrt(clamp(asin(clamp(dir.z, 0.0, 1.0)) * 0.63661977, 0.0, 1.0));
+    return textureSampleLevel(sky_table, sky_sampler, vec2(fract(azimuth + 1.0), v), 0.0).rgb;
+}
+
+@vertex
+fn vertex(in: Vertex) -> Fragment {
+    var out: Fragment;
+    let world_from_local = mesh_functions::get_world_from_local(in.instance_index);
+    let world = mesh_functions::mesh_position_local_to_world(world_from_local, vec4(in.position, 1.0));
+    out.world = world.xyz - view.world_position;
+    out.normal = mesh_functions::mesh_normal_local_to_world(in.normal, in.instance_index);
+    out.clip = view.clip_from_world * world;
+    out.color = in.color;
+    out.uv = in.uv;
+    out.surface = vec3(in.surface, f32(mesh_functions::get_tag(in.instance_index)));
+    // Air-light is the sky just above the horizon in this direction.
+    let dir = normalize(out.world);
+    out.airlight = sky(vec3(dir.xy, max(dir.z, 0.01)));
+    return out;
+}
+
+// Share of a window pulse (lo..hi of each unit period) under a box filter of width w around x.
+fn pulse(x: f32, w: f32, lo: f32, hi: f32) -> f32 {
+    let a = x - 0.5 * w;
+    let b = x + 0.5 * w;
+    let ia = floor(a) * (hi - lo) + clamp(fract(a) - lo, 0.0, hi - lo);
+    let ib = floor(b) * (hi - lo) + clamp(fract(b) - lo, 0.0, hi - lo);
+    return (ib - ia) / w;
+}
+
+fn hash(p: vec2<f32>) -> f32 {
+    return fract(sin(dot(p, vec2(12.9898, 78.233))) * 43758.547);
+}
+
+@fragment
+fn fragment(in: Fragment) -> @location(0) vec4<f32> {
+    let kind = in.surface.x;
+    let distance = length(in.world);
+    let dir = in.world / distance;
+    if kind == KIND_SKY {
+        var radiance = sky(vec3(dir.xy, max(dir.z, 0.0)));
+        // The sun's disc, 0.53 deg across; half floats end at 65504.
+        let disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
+        radiance += disc * min(light.sun.rgb * 15.0, vec3(30000.0));
+        return vec4(radiance * view.exposure, 0.0);
+    }
+    let width = max(fwidth(in.uv), vec2(1e-4));
+    let ddx = dpdx(in.uv);
+    let ddy = dpdy(in.uv);
+    let normal = normalize(in.normal);
+    var albedo = in.color.rgb;
+    var emitted = vec3(0.0);
+    if kind == KIND_GROUND {
+        albedo *= textureSampleGrad(ground_map, ground_sampler, in.uv, ddx, ddy).rgb;
+    } else if kind == KIND_FACADE_RESIDENTIAL || kind == KIND_FACADE_OFFICE {
+        let office = kind == KIND_FACADE_OFFICE;
+        let variant = in.surface.y;
+        let pitch = select(vec2(2.6 + variant, 3.1), vec2(1.6 + variant, 3.6), office); // [m]
+        let cell = in.uv / pitch;
+        let w = width / pitch;
+        let side = select(0.30 - 0.08 * variant, 0.06, office);
+        let sill = select(0.30, 0.22, office);
+        let glass = pulse(cell.x, w.x, side, 1.0 - side) * pulse(cell.y, w.y, sill, 0.86);
+        // Glass mirrors the sky it faces; from below the horizon, its opposite street.
+        let mirrored = reflect(dir, normal);
+        let reflected = sky(vec3(mirrored.xy, abs(mirrored.z))) * (0.10 + 0.25 * variant);
+        emitted += glass * reflected;
+        let lit = step(0.8, hash(floor(cell) + floor(variant * 97.0)));
+        emitted += glass * lit * light.night.x * vec3(1.0, 0.78, 0.5);
+        albedo *= 1.0 - 0.85 * glass;
+    } else if kind == KIND_WATER {
+        let mirrored = reflect(dir, normal);
+        let fresnel = 0.02 + 0.98 * pow(1.0 - clamp(dot(-dir, normal), 0.0, 1.0), 5.0);
+        emitted += sky(vec3(mirrored.xy, abs(mirrored.z))) * fresnel;
+    }
+    let lambert = max(dot(normal, light.sun_dir.xyz), 0.0);
+    let ambient = mix(light.ambient_ground.rgb, light.ambient_sky.rgb, 0.5 + 0.5 * normal.z);
+    // Occlusion dims the ambient term fully and, being a proxy for shade, the sun in part.
+    let illuminance = light.sun.rgb * lambert * (0.35 + 0.65 * in.color.a) + ambient * in.color.a;
+    let luminance = albedo * illuminance * 0.31830988 + emitted;
+    let transmittance = exp(-light.extinction.rgb * distance);
+    let seen = mix(in.airlight, luminance, transmittance);
+    // Digits in base 5: the resolve averages 4 samples, so sum(samples) = alpha * 4 tells
+    // exactly how many samples of each of four identities a pixel holds.
+    let digit = in.surface.z;
+    let identity = select(pow(5.0, digit - 1.0), 0.0, digit == 0.0);
+    return vec4(seen * view.exposure, floor(identity + 0.5));
+}

@@ -1,0 +1,191 @@
+//! What the renderer sees: the lean material, the sensor projection, links from truth to scene.
+
+use bevy::camera::{CameraProjection, SubCameraView};
+use bevy::math::{Mat4, Vec3A, Vec4};
+use bevy::mesh::{MeshVertexAttribute, MeshVertexBufferLayoutRef, VertexFormat};
+use bevy::pbr::{MaterialPipeline, MaterialPipelineKey};
+use bevy::prelude::*;
+use bevy::render::render_resource::{
+    AsBindGroup, RenderPipelineDescriptor, ShaderType, SpecializedMeshPipelineError,
+};
+use bevy::shader::ShaderRef;
+
+/// Surface kind and per-building variant of a vertex; see [`crate::models::mesh::Surface`].
+pub const ATTRIBUTE_SURFACE: MeshVertexAttribute =
+    MeshVertexAttribute::new("Surface", 7_310_001, VertexFormat::Float32x2);
+
+/// The shader of [`LeanMaterial`], compiled in so that a binary needs no asset folder to render.
+pub const LEAN_SHADER: Handle<Shader> =
+    bevy::asset::uuid_handle!("5f0f2f3a-6f44-4e0c-9a39-0c0f5e3bd1a7");
+
+/// The light of the scene as the shader takes it; illuminances in klx per linear sRGB channel.
+#[derive(ShaderType, Clone, Copy, Debug, Default)]
+pub struct LightUniform {
+    /// Unit vector to the sun, ENU.
+    pub sun_dir_enu: Vec4,
+    /// Direct normal illuminance [klx].
+    pub sun_klx: Vec4,
+    /// Illuminance of a face that looks up [klx].
+    pub ambient_sky_klx: Vec4,
+    /// Illuminance of a face that looks down [klx].
+    pub ambient_ground_klx: Vec4,
+    /// Extinction of the air [1/m].
+    pub extinction_per_m: Vec4,
+    /// x: luminance of a lit window [kcd/m^2].
+    pub night: Vec4,
+}
+
+/// The one material of sensor cameras and window (`assets/shaders/lean.wgsl`).
+///
+/// Bevy's `StandardMaterial` costs twelve times as much per frame on a software rasteriser.
+#[derive(Asset, TypePath, AsBindGroup, Clone, Debug)]
+pub struct LeanMaterial {
+    /// Sun, sky and air.
+    #[uniform(0)]
+    pub light: LightUniform,
+    /// Albedo of the ground over the city's extent.
+    #[texture(1)]
+    #[sampler(2)]
+    pub ground_map: Handle<Image>,
+    /// Lat-long table of the sky's luminance.
+    #[texture(3)]
+    #[sampler(4)]
+    pub sky_table: Handle<Image>,
+    /// The sky itself: drawn after everything opaque, so that only uncovered pixels pay for it.
+    pub last: bool,
+}
+
+impl Material for LeanMaterial {
+    fn vertex_shader() -> ShaderRef {
+        LEAN_SHADER.into()
+    }
+
+    fn fragment_shader() -> ShaderRef {
+        LEAN_SHADER.into()
+    }
+
+    fn alpha_mode(&self) -> AlphaMode {
+        // Bevy draws masked surfaces after opaque ones; the shader discards nothing.
+        if self.last { AlphaMode::Mask(0.0) } else { AlphaMode::Opaque }
+    }
+
+    fn enable_prepass() -> bool {
+        false
+    }
+
+    fn enable_shadows() -> bool {
+        false
+    }
+
+    fn specialize(
+        _: &MaterialPipeline,
+        descriptor: &mut RenderPipelineDescriptor,
+        layout: &MeshVertexBufferLayoutRef,
+        _: MaterialPipelineKey<Self>,
+    ) -> Result<(), SpecializedMeshPipelineError> {
+        descriptor.vertex.buffers = vec![layout.0.get_layout(&[
+            Mesh::ATTRIBUTE_POSITION.at_shader_location(0),
+            Mesh::ATTRIBUTE_NORMAL.at_shader_location(1),
+            Mesh::ATTRIBUTE_COLOR.at_shader_location(2),
+            Mesh::ATTRIBUTE_UV_0.at_shader_location(3),
+            ATTRIBUTE_SURFACE.at_shader_location(4),
+        ])?];
+        Ok(())
+    }
+}
+
+/// A pinhole that renders one rectangle of a sensor: the full frame or the window read out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorProjection {
+    /// Focal length [px].
+    pub focal_px: f64,
+    /// Full sensor size [px].
+    pub sensor_px: [u32; 2],
+    /// Upper left corner of the rectangle [px].
+    pub offset_px: [u32; 2],
+    /// Size of the rectangle [px].
+    pub size_px: [u32; 2],
+}
+
+/// Nearest rendered distance [m]: nothing stands closer to the optics, and a reversed infinite
+/// depth buffer keeps its resolution beyond.
+const NEAR_M: f32 = 0.5;
+/// Frustum culling's far limit [m]; the sky dome lies inside it.
+const FAR_M: f32 = 100_000.0;
+
+impl CameraProjection for SensorProjection {
+    fn get_clip_from_view(&self) -> Mat4 {
+        let focal = self.focal_px;
+        let [width, height] = self.size_px.map(f64::from);
+        // Principal point (sensor centre) in the rectangle's normalised coordinates.
+        let centre_x = f64::from(self.sensor_px[0]) / 2.0 - f64::from(self.offset_px[0]);
+        let centre_y = f64::from(self.sensor_px[1]) / 2.0 - f64::from(self.offset_px[1]);
+        let shift_x = 2.0 * centre_x / width - 1.0;
+        let shift_y = 1.0 - 2.0 * centre_y / height;
+        Mat4::from_cols(
+            Vec4::new((2.0 * focal / width) as f32, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, (2.0 * focal / height) as f32, 0.0, 0.0),
+            Vec4::new(-shift_x as f32, -shift_y as f32, 0.0, -1.0),
+            Vec4::new(0.0, 0.0, NEAR_M, 0.0),
+        )
+    }
+
+    fn get_clip_from_view_for_sub(&self, _: &SubCameraView) -> Mat4 {
+        self.get_clip_from_view()
+    }
+
+    fn update(&mut self, _: f32, _: f32) {}
+
+    fn far(&self) -> f32 {
+        FAR_M
+    }
+
+    fn get_frustum_corners(&self, z_near: f32, z_far: f32) -> [Vec3A; 8] {
+        let inverse = self.get_clip_from_view().inverse();
+        let corner = |x: f32, y: f32, z: f32| {
+            let ray = inverse.project_point3(Vec3::new(x, y, 0.5));
+            Vec3A::from(ray * (z / ray.z))
+        };
+        [
+            corner(1.0, -1.0, z_near),
+            corner(1.0, 1.0, z_near),
+            corner(-1.0, 1.0, z_near),
+            corner(-1.0, -1.0, z_near),
+            corner(1.0, -1.0, z_far),
+            corner(1.0, 1.0, z_far),
+            corner(-1.0, 1.0, z_far),
+            corner(-1.0, -1.0, z_far),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::camera::Pinhole;
+    use glam::DVec3;
+
+    #[test]
+    fn window_and_full_frame_agree_with_the_pinhole() {
+        let pinhole = Pinhole::from_hfov(640, 480, 0.2);
+        let r_cam_m = DVec3::new(3.0, -2.0, 100.0);
+        let Some(px) = pinhole.project(r_cam_m) else {
+            panic!("the point lies in front of the camera")
+        };
+        for (offset_px, size_px) in [([0, 0], [640, 480]), ([300, 100], [256, 256])] {
+            let projection = SensorProjection {
+                focal_px: pinhole.focal_px,
+                sensor_px: [640, 480],
+                offset_px,
+                size_px,
+            };
+            // Bevy's view looks along -z with y up.
+            let view = Vec3::new(r_cam_m.x as f32, -r_cam_m.y as f32, -r_cam_m.z as f32);
+            let ndc = projection.get_clip_from_view().project_point3(view);
+            let x = offset_px[0] as f32 + (ndc.x + 1.0) / 2.0 * size_px[0] as f32;
+            let y = offset_px[1] as f32 + (1.0 - ndc.y) / 2.0 * size_px[1] as f32;
+            assert!((x - px.x as f32).abs() < 1e-3, "{x} {}", px.x);
+            assert!((y - px.y as f32).abs() < 1e-3, "{y} {}", px.y);
+        }
+    }
+}

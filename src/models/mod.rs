@@ -1,0 +1,31 @@
+//! The mathematics: plain functions and types in f64, no ECS; each cites its equation or source.
+
+pub mod atmosphere;
+pub mod base_motion;
+pub mod beam;
+pub mod camera;
+pub mod city;
+pub mod detection;
+pub mod dsm;
+pub mod estimation;
+pub mod geodesy;
+pub mod gimbal;
+pub mod kinematics;
+pub mod mesh;
+pub mod mirror;
+pub mod multirotor;
+pub mod pid;
+pub mod pointing;
+pub mod raster;
+pub mod rng;
+pub mod search;
+pub mod sensor;
+pub mod sky;
+pub mod sun;
+pub mod thermal;
+pub mod trajectory;
+pub mod turbulence;
+pub mod uav;
+pub mod uav_mesh;
+pub mod weather;
+pub mod wind;

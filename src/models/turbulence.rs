@@ -1,0 +1,724 @@
+//! Optical turbulence along a slant path, and the random channels it drives: scintillation and beam
+//! wander.
+//!
+//! "A&P" is Andrews & Phillips, Laser Beam Propagation through Random Media, 2nd ed., SPIE 2005.
+//! Kolmogorov spectrum: infinite outer and zero inner scale.
+
+use std::f64::consts::TAU;
+
+use glam::DVec2;
+
+use crate::models::atmosphere::Cn2Profile;
+use crate::models::rng::Stream;
+
+/// A straight path over flat ground from the transmitter to the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Path {
+    /// Length [m].
+    pub length_m: f64,
+    /// Height of the transmitter above the ground [m].
+    pub h0_m: f64,
+    /// Height of the target above the ground [m].
+    pub h1_m: f64,
+}
+
+/// Positive nodes and weights of the 8-point Gauss–Legendre rule on [-1, 1] (Abramowitz & Stegun
+/// table 25.4).
+const GAUSS_8: [(f64, f64); 4] = [
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
+];
+const PANELS: usize = 4;
+
+impl Path {
+    /// Adds `weight * f(z / length, height)` over quadrature nodes whose weights sum to the length:
+    /// eight-point Gauss in four panels of u, z graded as u^3 from the lower end, where Cn² varies
+    /// most.
+    fn for_each_node(&self, mut f: impl FnMut(f64, f64, f64)) {
+        let up = self.h1_m >= self.h0_m;
+        let half = 0.5 / PANELS as f64;
+        for panel in 0..PANELS {
+            let middle = (2 * panel + 1) as f64 * half;
+            for (node, weight) in GAUSS_8 {
+                for u in [middle - half * node, middle + half * node] {
+                    let s = u * u * u;
+                    let t = if up { s } else { 1.0 - s };
+                    let dz = self.length_m * half * weight * 3.0 * u * u;
+                    f(dz, t, self.h0_m + (self.h1_m - self.h0_m) * t);
+                }
+            }
+        }
+    }
+}
+
+/// The turbulence integrals of one path at one wavelength (about 5 us to make: renew it when the
+/// path has changed by some metres, not every tick).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathTurbulence {
+    /// Rytov variance of a plane wave that starts at the transmitter [-]:
+    /// 2.25 k^(7/6) ∫ Cn² (L - z)^(5/6) dz (A&P ch. 12; 1.23 Cn² k^(7/6) L^(11/6) if uniform).
+    pub rytov_plane: f64,
+    /// Rytov variance of a spherical wave [-]: 2.25 k^(7/6) ∫ Cn² (z (1 - z/L))^(5/6) dz (0.497 Cn²
+    /// k^(7/6) L^(11/6) if uniform); the same from either end.
+    pub rytov_spherical: f64,
+    /// Fried parameter of a plane wave [m]: (0.423 k² ∫ Cn² dz)^(-3/5).
+    pub fried_plane_m: f64,
+    /// Fried parameter at the transmitter of a point source at the target [m]:
+    /// (0.423 k² ∫ Cn² (1 - z/L)^(5/3) dz)^(-3/5). By reciprocity it governs both the sensor's
+    /// image and the spread of a beam focused on the target.
+    pub fried_spherical_m: f64,
+    wavenumber_radpm: f64,
+    length_m: f64,
+    /// ∫ Cn² (1 - z/L)^(5/3) dz [m^(1/3)].
+    transmitter_weighted_cn2: f64,
+}
+
+impl PathTurbulence {
+    /// Integrates `profile` along `path` at `wavelength_m` [m].
+    pub fn new(profile: &Cn2Profile, path: &Path, wavelength_m: f64) -> Self {
+        let (mut plane, mut spherical, mut total, mut weighted) = (0.0, 0.0, 0.0, 0.0);
+        path.for_each_node(|dz, t, height_m| {
+            let cn2_dz = profile.cn2(height_m) * dz;
+            let left = 1.0 - t;
+            let left_56 = left.powf(5.0 / 6.0);
+            total += cn2_dz;
+            plane += cn2_dz * left_56;
+            spherical += cn2_dz * left_56 * t.powf(5.0 / 6.0);
+            weighted += cn2_dz * left_56 * left_56;
+        });
+        let k = TAU / wavelength_m;
+        let rytov = 2.25 * k.powf(7.0 / 6.0) * path.length_m.powf(5.0 / 6.0);
+        let fried = |integral: f64| (0.423 * k * k * integral).powf(-0.6);
+        Self {
+            rytov_plane: rytov * plane,
+            rytov_spherical: rytov * spherical,
+            fried_plane_m: fried(total),
+            fried_spherical_m: fried(weighted),
+            wavenumber_radpm: k,
+            length_m: path.length_m,
+            transmitter_weighted_cn2: weighted,
+        }
+    }
+
+    /// Long-term 1/e² intensity radius [m] at the target of a beam whose radius without turbulence
+    /// is `w_m` [m]: W sqrt(1 + T), T = 4.35 k^(7/6) L^(5/6) Λ^(5/6) ∫ Cn² (1 - z/L)^(5/3) dz,
+    /// Λ = 2L/(k W²) (A&P eq. 12.48; 1.33 σ_R² Λ^(5/6) if uniform).
+    ///
+    /// First order in Cn²: low by up to a tenth where D/r0 is near 2, more beyond.
+    pub fn long_term_radius_m(&self, w_m: f64) -> f64 {
+        let lambda_l = 2.0 * self.length_m * self.length_m / (self.wavenumber_radpm * w_m * w_m);
+        let t = 4.35
+            * self.wavenumber_radpm.powf(7.0 / 6.0)
+            * lambda_l.powf(5.0 / 6.0)
+            * self.transmitter_weighted_cn2;
+        w_m * (1.0 + t).sqrt()
+    }
+
+    /// Root of A&P's beam wander variance <r_c²> [m] at the target for a beam of 1/e² intensity
+    /// radius `w0_m` [m] at the transmitter, focused there:
+    /// (7.25 L² W0^(-1/3) ∫ Cn² (1 - z/L)^(5/3) dz)^(1/2) (A&P eq. 12.50; 2.72 Cn² L³ W0^(-1/3) if
+    /// uniform). A collimated beam has 11 % less variance.
+    pub fn wander_rms_m(&self, w0_m: f64) -> f64 {
+        (7.25 * self.length_m * self.length_m / w0_m.cbrt() * self.transmitter_weighted_cn2).sqrt()
+    }
+
+    /// Wander to simulate about each axis [rad, rms].
+    ///
+    /// Half of [`Self::wander_rms_m`] over the length: A&P split W_LT² = W_ST² + <r_c²> in squared
+    /// 1/e² radii, and a Gaussian spot of radius W has the variance W²/4 about each axis. A spot of
+    /// the short-term radius that wanders so averages to the long-term radius exactly.
+    pub fn wander_axis_rms_rad(&self, w0_m: f64) -> f64 {
+        0.5 * self.wander_rms_m(w0_m) / self.length_m
+    }
+
+    /// Short-term 1/e² intensity radius [m]: the long-term one without the wander, for use with an
+    /// explicitly simulated wander.
+    pub fn short_term_radius_m(&self, w_m: f64, w0_m: f64) -> f64 {
+        let long = self.long_term_radius_m(w_m);
+        let wander = self.wander_rms_m(w0_m);
+        // Never below the vacuum radius: the two terms are of one order only for a focused beam.
+        (long * long - wander * wander).sqrt().max(w_m)
+    }
+
+    /// Gamma–gamma parameters of the irradiance averaged over an aperture or spot of diameter
+    /// `diameter_m` [m] (0 for a point).
+    pub fn gamma_gamma(&self, diameter_m: f64) -> GammaGamma {
+        let d2 = self.wavenumber_radpm * diameter_m * diameter_m / (4.0 * self.length_m);
+        GammaGamma::new(self.rytov_plane, d2)
+    }
+
+    /// Correlation time of scintillation [s], sqrt(λ L) / v⊥ (frozen flow past the Fresnel zone) for
+    /// the transverse wind `v_perp_mps` [m/s]; infinite in still air.
+    pub fn correlation_time_s(&self, v_perp_mps: f64) -> f64 {
+        (TAU / self.wavenumber_radpm * self.length_m).sqrt() / v_perp_mps.abs()
+    }
+}
+
+/// Shape parameters of the gamma–gamma irradiance distribution of mean one (Al-Habash, Andrews &
+/// Phillips, Opt. Eng. 40, 1554, 2001).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GammaGamma {
+    /// Large-scale (refractive) shape α [-].
+    pub alpha: f64,
+    /// Small-scale (diffractive) shape β [-].
+    pub beta: f64,
+}
+
+impl GammaGamma {
+    /// Parameters of a plane wave of Rytov variance `rytov` [-] averaged over an aperture with
+    /// `d2` = k D²/(4 L) [-] (A&P eqs. 10.30 and 10.31 with zero inner scale; `d2` = 0 is a point).
+    pub fn new(rytov: f64, d2: f64) -> Self {
+        let s125 = rytov.powf(1.2); // sigma_R^(12/5)
+        let large = 0.49 * rytov / (1.0 + 0.65 * d2 + 1.11 * s125).powf(7.0 / 6.0);
+        let small = 0.51 * rytov * (1.0 + 0.69 * s125).powf(-5.0 / 6.0)
+            / (1.0 + 0.90 * d2 + 0.62 * d2 * s125);
+        Self {
+            alpha: 1.0 / large.exp_m1(),
+            beta: 1.0 / small.exp_m1(),
+        }
+    }
+
+    /// Scintillation index, the variance of the mean-one irradiance [-].
+    pub fn scintillation_index(&self) -> f64 {
+        1.0 / self.alpha + 1.0 / self.beta + 1.0 / (self.alpha * self.beta)
+    }
+}
+
+/// A channel that multiplies the mean irradiance on the target.
+pub trait IntensityChannel {
+    /// Advances by `dt_s` [s] and returns the relative intensity [-].
+    fn step(&mut self, dt_s: f64, rng: &mut Stream) -> f64;
+}
+
+/// The paper's eq. 7, dI = -γ I dt + σ I dW: geometric Brownian motion, updated exactly.
+///
+/// It is **not** of mean one, nor stationary: E[I] = I0 e^(-γ t) and var[ln I] = σ² t grow and decay
+/// without bound. Kept to reproduce the paper; [`Scintillation`] is the physical channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PaperIntensity {
+    /// Drift γ [1/s].
+    pub gamma_per_s: f64,
+    /// Volatility σ [1/sqrt(s)].
+    pub sigma_per_sqrt_s: f64,
+    /// Present relative intensity I/I0 [-]; starts at 1.
+    pub intensity: f64,
+}
+
+impl PaperIntensity {
+    /// A channel at I = I0 with drift `gamma_per_s` [1/s] and volatility `sigma_per_sqrt_s`
+    /// [1/sqrt(s)].
+    pub fn new(gamma_per_s: f64, sigma_per_sqrt_s: f64) -> Self {
+        Self {
+            gamma_per_s,
+            sigma_per_sqrt_s,
+            intensity: 1.0,
+        }
+    }
+}
+
+impl IntensityChannel for PaperIntensity {
+    fn step(&mut self, dt_s: f64, rng: &mut Stream) -> f64 {
+        let sigma = self.sigma_per_sqrt_s;
+        let drift = (-self.gamma_per_s - 0.5 * sigma * sigma) * dt_s;
+        self.intensity *= (drift + sigma * dt_s.sqrt() * rng.normal()).exp();
+        self.intensity
+    }
+}
+
+/// Coefficients (ρ, sqrt(1 - ρ²)) of the exact update of a unit Ornstein–Uhlenbeck process over
+/// `dt_s`; a correlation time of zero gives white noise.
+fn ou_coefficients(dt_s: f64, correlation_time_s: f64) -> (f64, f64) {
+    if dt_s <= 0.0 {
+        return (1.0, 0.0);
+    }
+    let x = dt_s / correlation_time_s;
+    ((-x).exp(), (-(-2.0 * x).exp_m1()).sqrt())
+}
+
+/// Stationary gamma–gamma scintillation of mean one.
+///
+/// The product of two gamma variates, each a monotone map of a unit Ornstein–Uhlenbeck Gaussian, so
+/// that the marginal distribution is gamma–gamma at any step and the Gaussians have the
+/// autocorrelation exp(-|t|/τ). Both scales share one correlation time: right for weak turbulence,
+/// where the Fresnel zone rules; in strong turbulence the large scales are slower in truth.
+#[derive(Clone, Debug)]
+pub struct Scintillation {
+    correlation_time_s: f64,
+    large: GammaMap,
+    small: GammaMap,
+    x_large: f64,
+    x_small: f64,
+}
+
+impl Scintillation {
+    /// A channel in its stationary state with `parameters` and `correlation_time_s` [s].
+    pub fn new(parameters: GammaGamma, correlation_time_s: f64, rng: &mut Stream) -> Self {
+        Self {
+            correlation_time_s,
+            large: GammaMap::new(parameters.alpha),
+            small: GammaMap::new(parameters.beta),
+            x_large: rng.normal(),
+            x_small: rng.normal(),
+        }
+    }
+
+    /// Changes the strength and the correlation time [s] without a jump of the underlying
+    /// Gaussians (some 50 us; no allocation).
+    pub fn retune(&mut self, parameters: GammaGamma, correlation_time_s: f64) {
+        self.correlation_time_s = correlation_time_s;
+        self.large.fill(parameters.alpha);
+        self.small.fill(parameters.beta);
+    }
+}
+
+impl IntensityChannel for Scintillation {
+    fn step(&mut self, dt_s: f64, rng: &mut Stream) -> f64 {
+        let (keep, kick) = ou_coefficients(dt_s, self.correlation_time_s);
+        self.x_large = keep * self.x_large + kick * rng.normal();
+        self.x_small = keep * self.x_small + kick * rng.normal();
+        (self.large.ln_gamma_variate(self.x_large) + self.small.ln_gamma_variate(self.x_small))
+            .exp()
+    }
+}
+
+/// Half-width of the table in standard deviations; one draw in 5e8 lies beyond and is clamped.
+const MAP_SIGMAS: f64 = 6.0;
+/// Intervals of the table on each side of the median.
+const MAP_SIDE: usize = 128;
+const MAP_STEP: f64 = MAP_SIGMAS / MAP_SIDE as f64;
+/// Intervals of the quadrature of the gamma density.
+const MAP_CELLS: usize = 2048;
+/// Standard normal probability below -6 (Abramowitz & Stegun table 26.2).
+const MAP_TAIL: f64 = 9.865_876_450e-10;
+
+/// Table of ln of the gamma quantile, of mean one, against a standard normal.
+#[derive(Clone, Debug)]
+struct GammaMap(Box<[f64; 2 * MAP_SIDE + 1]>);
+
+impl GammaMap {
+    fn new(shape: f64) -> Self {
+        let mut map = Self(Box::new([0.0; 2 * MAP_SIDE + 1]));
+        map.fill(shape);
+        map
+    }
+
+    /// Matches the tail probabilities of the gamma and the normal law from both ends, so that
+    /// neither tail suffers from cancellation.
+    fn fill(&mut self, shape: f64) {
+        // Without turbulence the shape is infinite and the variate is one.
+        if !(shape > 0.0 && shape < 1e12) {
+            self.0.fill(0.0);
+            return;
+        }
+        // ln g has the density exp(a (y - e^y + 1)), up to a constant; these limits hold more than
+        // six standard deviations for any shape.
+        let low = -(21.0 / shape + 7.0 / shape.sqrt());
+        let high = (7.0 / shape.sqrt() + 25.0 / shape).ln_1p();
+        let dy = (high - low) / MAP_CELLS as f64;
+        let y_at = |i: usize| low + dy * i as f64;
+        let mut density = [0.0; MAP_CELLS + 1];
+        for (i, value) in density.iter_mut().enumerate() {
+            let y = y_at(i);
+            // y - e^y + 1 without cancellation near zero.
+            *value = (shape * (y - y.exp_m1())).exp();
+        }
+        let total = density.iter().sum::<f64>() * dy;
+        self.match_tail(&density, shape, total, dy, low, false);
+        self.match_tail(&density, shape, total, dy, high, true);
+    }
+
+    /// Fills one half of the table, walking from the end `y0` of the density inwards.
+    fn match_tail(
+        &mut self,
+        density: &[f64; MAP_CELLS + 1],
+        shape: f64,
+        total: f64,
+        dy: f64,
+        y0: f64,
+        upper: bool,
+    ) {
+        let sign = if upper { -1.0 } else { 1.0 };
+        let f = |i: usize| density[if upper { MAP_CELLS - i } else { i }] / total;
+        let y = |i: usize| y0 + sign * dy * i as f64;
+        let slope = |i: usize| -sign * shape * y(i).exp_m1() * f(i);
+        // What lies beyond the end, from the density's exponential decay there.
+        let mut tail = f(0) / (shape * y(0).exp_m1().abs());
+        let mut cell = 0;
+        let mut normal_tail = MAP_TAIL;
+        let phi = |x: f64| (-0.5 * x * x).exp() / TAU.sqrt();
+        for j in 0..=MAP_SIDE {
+            let x = MAP_SIGMAS - MAP_STEP * j as f64; // distance from the median
+            if j > 0 {
+                // Trapezium with the end correction of Euler and Maclaurin, here and below.
+                let outer = x + MAP_STEP;
+                normal_tail += 0.5 * MAP_STEP * (phi(x) + phi(outer))
+                    + MAP_STEP * MAP_STEP / 12.0 * (outer * phi(outer) - x * phi(x));
+            }
+            let mut next = tail;
+            while cell < MAP_CELLS {
+                next = tail
+                    + 0.5 * dy * (f(cell) + f(cell + 1))
+                    + dy * dy / 12.0 * (slope(cell) - slope(cell + 1));
+                if next >= normal_tail {
+                    break;
+                }
+                tail = next;
+                cell += 1;
+            }
+            let fraction = (normal_tail / tail).ln() / (next / tail).ln();
+            let entry = if upper { 2 * MAP_SIDE - j } else { j };
+            self.0[entry] = y(cell) + sign * dy * fraction;
+        }
+    }
+
+    /// ln of the gamma variate that belongs to the standard normal `x`.
+    fn ln_gamma_variate(&self, x: f64) -> f64 {
+        let position = ((x + MAP_SIGMAS) / MAP_STEP).clamp(0.0, 2.0 * MAP_SIDE as f64);
+        let i = (position as usize).min(2 * MAP_SIDE - 1);
+        let fraction = position - i as f64;
+        self.0[i] + fraction * (self.0[i + 1] - self.0[i])
+    }
+}
+
+/// Two-axis Gaussian beam wander with exponential autocorrelation, updated exactly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wander {
+    /// Deviation about each axis [rad, rms].
+    pub axis_rms_rad: f64,
+    /// Correlation time [s]; of the order of the beam diameter over the transverse wind.
+    pub correlation_time_s: f64,
+    unit: DVec2,
+}
+
+impl Wander {
+    /// A wander in its stationary state.
+    pub fn new(axis_rms_rad: f64, correlation_time_s: f64, rng: &mut Stream) -> Self {
+        Self {
+            axis_rms_rad,
+            correlation_time_s,
+            unit: DVec2::new(rng.normal(), rng.normal()),
+        }
+    }
+
+    /// Advances by `dt_s` [s] and returns the angular offset of the beam about its two transverse
+    /// axes [rad].
+    pub fn step(&mut self, dt_s: f64, rng: &mut Stream) -> DVec2 {
+        let (keep, kick) = ou_coefficients(dt_s, self.correlation_time_s);
+        self.unit = keep * self.unit + kick * DVec2::new(rng.normal(), rng.normal());
+        self.axis_rms_rad * self.unit
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAMBDA: f64 = 1.064e-6;
+
+    fn close(value: f64, expected: f64, relative: f64) {
+        assert!(
+            (value / expected - 1.0).abs() < relative,
+            "{value} against {expected}"
+        );
+    }
+
+    fn uniform() -> PathTurbulence {
+        let path = Path {
+            length_m: 1000.0,
+            h0_m: 10.0,
+            h1_m: 10.0,
+        };
+        PathTurbulence::new(&Cn2Profile::Constant(1e-14), &path, LAMBDA)
+    }
+
+    #[test]
+    fn uniform_path_has_the_closed_forms() {
+        let t = uniform();
+        let k = TAU / LAMBDA;
+        let scale = 1e-14 * k.powf(7.0 / 6.0) * 1000f64.powf(11.0 / 6.0);
+        // 2.25 · 6/11 and 2.25 · B(11/6, 11/6); B = 0.2205...: A&P's 1.23 and 0.5 (0.497).
+        close(t.rytov_plane, 2.25 * 6.0 / 11.0 * scale, 1e-4);
+        close(t.rytov_plane, 0.3088, 3e-3);
+        close(t.rytov_spherical / t.rytov_plane, 0.4043, 1e-3);
+        close(t.fried_plane_m, 0.0500, 2e-3);
+        close(t.fried_spherical_m, 0.0900, 2e-3);
+        close(
+            t.fried_spherical_m / t.fried_plane_m,
+            (3.0 / 8.0f64).powf(-0.6),
+            1e-6,
+        );
+    }
+
+    #[test]
+    fn hufnagel_valley_zenith_fried_parameter() {
+        let profile = Cn2Profile::HufnagelValley {
+            wind_mps: 21.0,
+            ground: 1.7e-14,
+        };
+        let path = Path {
+            length_m: 30e3,
+            h0_m: 0.0,
+            h1_m: 30e3,
+        };
+        let t = PathTurbulence::new(&profile, &path, 500e-9);
+        close(t.fried_plane_m, 0.04961, 2e-4);
+        let mut integral = 0.0;
+        path.for_each_node(|dz, _, h| integral += profile.cn2(h) * dz);
+        close(integral, 2.2354e-12, 2e-4);
+        // Isoplanatic angle 6.894 urad from the 5/3 moment of height (0.5 % of it is above 25 km).
+        let mut moment = 0.0;
+        path.for_each_node(|dz, _, h| moment += profile.cn2(h) * h.powf(5.0 / 3.0) * dz);
+        let k = TAU / 500e-9;
+        close((2.914 * k * k * moment).powf(-0.6), 6.894e-6, 2e-3);
+    }
+
+    #[test]
+    fn reversed_path_swaps_the_ends() {
+        let profile = Cn2Profile::Urban {
+            cn2_ref: 1e-14,
+            height_ref_m: 10.0,
+            displacement_m: 0.0,
+            day: true,
+        };
+        let make = |h0_m, h1_m| {
+            let path = Path {
+                length_m: 1500.0,
+                h0_m,
+                h1_m,
+            };
+            PathTurbulence::new(&profile, &path, LAMBDA)
+        };
+        let (up, down) = (make(5.0, 200.0), make(200.0, 5.0));
+        close(up.rytov_spherical, down.rytov_spherical, 1e-12);
+        close(up.fried_plane_m, down.fried_plane_m, 1e-12);
+        // Turbulence at the transmitter harms the beam most.
+        assert!(up.fried_spherical_m < 0.5 * down.fried_spherical_m);
+        // Closed form of ∫ h^(-4/3) along the slant: 3 (h0^(-1/3) - h1^(-1/3)) L/(h1 - h0).
+        let integral = 1e-14
+            * 10f64.powf(4.0 / 3.0)
+            * 3.0
+            * (5f64.powf(-1.0 / 3.0) - 200f64.powf(-1.0 / 3.0))
+            * 1500.0
+            / 195.0;
+        let k = TAU / LAMBDA;
+        close(up.fried_plane_m, (0.423 * k * k * integral).powf(-0.6), 1e-6);
+    }
+
+    #[test]
+    fn focused_beam_has_the_published_spread_and_wander() {
+        let t = uniform();
+        let w0 = 0.05;
+        let w = LAMBDA * 1000.0 / (std::f64::consts::PI * w0);
+        close(t.long_term_radius_m(w), 12.065e-3, 2e-3);
+        close(t.wander_rms_m(w0), 8.6e-3, 2e-3);
+        let short = t.short_term_radius_m(w, w0);
+        let axis = 1000.0 * t.wander_axis_rms_rad(w0);
+        close(
+            (short * short + 4.0 * axis * axis).sqrt(),
+            t.long_term_radius_m(w),
+            1e-12,
+        );
+        assert!(short > w);
+    }
+
+    #[test]
+    fn simulated_wander_agrees_with_the_centroid_tilt() {
+        // First principles, independent of A&P: the irradiance-weighted phase gradient of a
+        // Gaussian beam over D = 6.88 (r/r0)^(5/3) has the two-axis variance
+        // 6.88/2 · 25/9 · Γ(5/6) W0^(-1/3) r0^(-5/3) / k².
+        let t = uniform();
+        let w0: f64 = 0.05;
+        let k = TAU / LAMBDA;
+        let two_axes = 0.5 * 6.88 * 25.0 / 9.0 * 1.128_787 / w0.cbrt()
+            * t.fried_spherical_m.powf(-5.0 / 3.0)
+            / (k * k);
+        close(t.wander_axis_rms_rad(w0), (0.5 * two_axes).sqrt(), 0.12);
+    }
+
+    #[test]
+    fn long_term_radius_against_huygens_fresnel() {
+        // On-axis irradiance of a focused Gaussian through a 5/3 structure function: the ratio to
+        // vacuum is ∫ exp(-q) exp(-(2 W0² q)^(5/6) / ρ0^(5/3)) dq.
+        let w0 = 0.05;
+        let w = LAMBDA * 1000.0 / (std::f64::consts::PI * w0);
+        for (cn2, tolerance) in [(1e-16, 1e-3), (1e-15, 0.03), (1e-14, 0.13)] {
+            let path = Path {
+                length_m: 1000.0,
+                h0_m: 0.0,
+                h1_m: 0.0,
+            };
+            let t = PathTurbulence::new(&Cn2Profile::Constant(cn2), &path, LAMBDA);
+            let x = (2.0 * w0 * w0).powf(5.0 / 6.0)
+                * (t.fried_spherical_m / 2.1).powf(-5.0 / 3.0);
+            let n = 400_000;
+            let dq = 40.0 / f64::from(n);
+            let strehl: f64 = (0..n)
+                .map(|i| (f64::from(i) + 0.5) * dq)
+                .map(|q| (-q - x * q.powf(5.0 / 6.0)).exp() * dq)
+                .sum();
+            let exact = w / strehl.sqrt();
+            println!("Cn2 {cn2:e}: {} of {exact}", t.long_term_radius_m(w));
+            close(t.long_term_radius_m(w), exact, tolerance);
+        }
+    }
+
+    #[test]
+    fn gamma_gamma_has_its_limits() {
+        // Weak: the scintillation index of a plane wave is the Rytov variance.
+        close(GammaGamma::new(1e-4, 0.0).scintillation_index(), 1e-4, 2e-3);
+        // Saturation: 1 + 0.86 σ_R^(-4/5) (A&P eq. 9.48 for zero inner scale).
+        let rytov = 1e4f64;
+        close(
+            GammaGamma::new(rytov, 0.0).scintillation_index(),
+            1.0 + 0.86 * rytov.powf(-0.4),
+            0.01,
+        );
+        // A wide aperture averages.
+        assert!(
+            GammaGamma::new(0.3, 25.0).scintillation_index()
+                < 0.1 * GammaGamma::new(0.3, 0.0).scintillation_index()
+        );
+        // No turbulence: no scintillation.
+        let mut rng = Stream::new(1, 0, "still");
+        let mut still = Scintillation::new(GammaGamma::new(0.0, 0.0), 0.01, &mut rng);
+        assert_eq!(still.step(0.001, &mut rng), 1.0);
+    }
+
+    #[test]
+    fn gamma_map_is_the_exponential_law_for_shape_one() {
+        // P(g < y) = 1 - e^-y, so g = -ln(1 - Φ(x)).
+        let map = GammaMap::new(1.0);
+        for (x, phi_below) in [
+            (-3.0, 1.349_898_031_63e-3),
+            (-1.0, 0.158_655_253_931),
+            (0.0, 0.5),
+            (1.0, 0.841_344_746_069),
+            (3.0, 0.998_650_101_968),
+        ] {
+            let expected = (-(-phi_below as f64).ln_1p()).ln();
+            let error = map.ln_gamma_variate(x) - expected;
+            println!("x {x}: {error:e}");
+            assert!(error.abs() < 5e-5, "{x}: {error}");
+        }
+    }
+
+    #[test]
+    fn scintillation_has_the_moments_of_gamma_gamma() {
+        for (i, rytov) in [0.1, 1.0, 25.0].into_iter().enumerate() {
+            let mut rng = Stream::new(11, i as u64, "moments");
+            let parameters = GammaGamma::new(rytov, 0.0);
+            let mut channel = Scintillation::new(parameters, 1e-3, &mut rng);
+            let n = 1_000_000;
+            let (mut s1, mut s2, mut s4) = (0.0, 0.0, 0.0);
+            for _ in 0..n {
+                // 30 correlation times: independent draws.
+                let d = channel.step(0.03, &mut rng) - 1.0;
+                s1 += d;
+                s2 += d * d;
+                s4 += d * d * d * d;
+            }
+            let n = f64::from(n);
+            let (mean, variance) = (s1 / n, s2 / n);
+            let index = parameters.scintillation_index();
+            println!("{rytov}: mean {mean:e}, variance {variance} of {index}");
+            // Five standard errors.
+            assert!(mean.abs() < 5.0 * (index / n).sqrt(), "{mean}");
+            let error = ((s4 / n - variance * variance) / n).sqrt();
+            assert!((variance - index).abs() < 5.0 * error, "{variance} {index}");
+        }
+    }
+
+    #[test]
+    fn scintillation_correlates_over_its_time() {
+        // Weak turbulence makes the map linear: the Gaussian's own exp(-1) at one time constant,
+        // whatever the step.
+        for steps in [1, 8] {
+            let mut rng = Stream::new(3, steps, "correlation");
+            let tau = 5e-3;
+            let mut channel = Scintillation::new(GammaGamma::new(1e-3, 0.0), tau, &mut rng);
+            let n = 200_000;
+            let (mut same, mut lagged) = (0.0, 0.0);
+            let mut last = channel.step(0.0, &mut rng) - 1.0;
+            for _ in 0..n {
+                let mut now = last;
+                for _ in 0..steps {
+                    now = channel.step(tau / steps as f64, &mut rng) - 1.0;
+                }
+                same += now * now;
+                lagged += now * last;
+                last = now;
+            }
+            let correlation = lagged / same;
+            // Five standard errors are 5 sqrt((1 - ρ²)/n) = 0.0104.
+            assert!((correlation - (-1f64).exp()).abs() < 0.0105, "{correlation}");
+        }
+    }
+
+    #[test]
+    fn retuning_keeps_the_state() {
+        let mut rng = Stream::new(5, 0, "retune");
+        let weak = GammaGamma::new(0.2, 0.0);
+        let mut channel = Scintillation::new(weak, 1e-2, &mut rng);
+        let before = channel.step(0.0, &mut rng);
+        channel.retune(GammaGamma::new(2.0, 0.0), 1e-2);
+        assert_ne!(channel.step(0.0, &mut rng), before);
+        channel.retune(weak, 1e-2);
+        assert_eq!(channel.step(0.0, &mut rng), before);
+    }
+
+    #[test]
+    fn paper_intensity_is_geometric_brownian_motion() {
+        let (gamma, sigma, t) = (0.7, 0.5, 0.8);
+        let mut rng = Stream::new(9, 0, "paper");
+        let n = 200_000;
+        let (mut mean, mut log_mean, mut log_square) = (0.0, 0.0, 0.0);
+        for _ in 0..n {
+            let mut channel = PaperIntensity::new(gamma, sigma);
+            // Unequal steps: the update is exact for any.
+            channel.step(0.3 * t, &mut rng);
+            let i = channel.step(0.7 * t, &mut rng);
+            mean += i;
+            log_mean += i.ln();
+            log_square += i.ln() * i.ln();
+        }
+        let n = f64::from(n);
+        let (mean, log_mean) = (mean / n, log_mean / n);
+        let log_variance = log_square / n - log_mean * log_mean;
+        let variance = sigma * sigma * t;
+        let expected = (-gamma * t).exp();
+        // Five standard errors each.
+        let error = expected * (variance.exp_m1() / n).sqrt();
+        assert!((mean - expected).abs() < 5.0 * error);
+        assert!((log_mean + (gamma + 0.5 * sigma * sigma) * t).abs() < 5.0 * (variance / n).sqrt());
+        assert!((log_variance - variance).abs() < 5.0 * variance * (2.0 / n).sqrt());
+    }
+
+    #[test]
+    fn wander_has_its_rms_and_correlation() {
+        let mut rng = Stream::new(4, 0, "wander");
+        let (rms, tau) = (4.3e-6, 0.02);
+        let mut wander = Wander::new(rms, tau, &mut rng);
+        let n = 200_000;
+        let (mut same, mut cross, mut lagged) = (DVec2::ZERO, 0.0, DVec2::ZERO);
+        let mut last = wander.step(0.0, &mut rng);
+        for _ in 0..n {
+            wander.step(0.25 * tau, &mut rng);
+            let now = wander.step(0.75 * tau, &mut rng);
+            same += now * now;
+            cross += now.x * now.y;
+            lagged += now * last;
+            last = now;
+        }
+        let n = f64::from(n);
+        let variance = same / n;
+        // Correlated samples: five standard errors with (1 + ρ²)/(1 - ρ²) = 1.313 as many.
+        let tolerance = 5.0 * (2.0 * 1.313 / n).sqrt();
+        close(variance.x, rms * rms, tolerance);
+        close(variance.y, rms * rms, tolerance);
+        assert!((cross / n).abs() < tolerance * rms * rms);
+        let correlation = lagged / same;
+        assert!((correlation - (-1f64).exp()).abs().max_element() < 0.0105);
+    }
+}

@@ -1,0 +1,408 @@
+//! Mean wind over flat rough ground and the gusts upon it.
+//!
+//! The mean follows the neutral logarithmic law; the gusts are the Dryden model of MIL-F-8785C for
+//! low altitude, discretised exactly, so that the statistics do not depend on the tick.
+
+use super::rng::Stream;
+use glam::DVec3;
+use thiserror::Error;
+
+const FOOT_M: f64 = 0.3048; // [m]
+
+/// Why a wind could not be set up.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum WindError {
+    /// The reference speed is negative or not finite.
+    #[error("wind speed {0} m/s: give a finite speed of at least 0")]
+    Speed(f64),
+    /// The direction is not finite.
+    #[error("wind direction {0} deg: give a finite direction, clockwise from north")]
+    Direction(f64),
+    /// The roughness length lies outside the law's use.
+    #[error("roughness length {0} m: give a length above 0 and up to 2 m (0.03 grass, 1 city)")]
+    Roughness(f64),
+    /// The displacement height is negative or not finite.
+    #[error("displacement height {0} m: give a finite height of at least 0")]
+    Displacement(f64),
+}
+
+/// The mean wind: `U(h) = U10 ln((h - d)/z0) / ln(10 m/z0)`, horizontal, one direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeanWind {
+    /// Unit vector the air moves along.
+    direction_enu: DVec3,
+    /// `U10 / ln(10 m/z0)`, the friction velocity over von Kármán's constant [m/s].
+    scale_mps: f64,
+    roughness_m: f64,
+    displacement_m: f64,
+}
+
+impl MeanWind {
+    /// A wind of `speed_10m_mps` [m/s] 10 m above the displacement plane (above ground where
+    /// `displacement_m` is 0), blowing from `from_deg` [deg, clockwise from north], over a surface
+    /// of roughness length `roughness_m` [m] and displacement height `displacement_m` [m].
+    pub fn new(
+        speed_10m_mps: f64,
+        from_deg: f64,
+        roughness_m: f64,
+        displacement_m: f64,
+    ) -> Result<Self, WindError> {
+        if !(speed_10m_mps.is_finite() && speed_10m_mps >= 0.0) {
+            return Err(WindError::Speed(speed_10m_mps));
+        }
+        if !from_deg.is_finite() {
+            return Err(WindError::Direction(from_deg));
+        }
+        if !(roughness_m > 0.0 && roughness_m <= 2.0) {
+            return Err(WindError::Roughness(roughness_m));
+        }
+        if !(displacement_m.is_finite() && displacement_m >= 0.0) {
+            return Err(WindError::Displacement(displacement_m));
+        }
+        let (sin, cos) = from_deg.to_radians().sin_cos();
+        Ok(Self {
+            direction_enu: DVec3::new(-sin, -cos, 0.0),
+            scale_mps: speed_10m_mps / (10.0 / roughness_m).ln(), // 10 [m]
+            roughness_m,
+            displacement_m,
+        })
+    }
+
+    /// Mean wind velocity [m/s, enu] at `height_agl_m` [m] above ground; constant below 1 m (or two
+    /// roughness lengths) above the displacement plane, where the law no longer holds.
+    pub fn mean_wind_enu_mps(&self, height_agl_m: f64) -> DVec3 {
+        self.direction_enu * self.speed_mps(height_agl_m)
+    }
+
+    fn speed_mps(&self, height_agl_m: f64) -> f64 {
+        let floor_m = (2.0 * self.roughness_m).max(1.0); // 1 [m]
+        let z_m = (height_agl_m - self.displacement_m).max(floor_m);
+        self.scale_mps * (z_m / self.roughness_m).ln()
+    }
+}
+
+/// Length scales [m] and standard deviations [m/s] of the low-altitude Dryden model; the lateral
+/// component shares the longitudinal ones.
+#[derive(Clone, Copy, Debug)]
+struct DrydenScales {
+    l_u_m: f64,
+    l_w_m: f64,
+    sigma_u_mps: f64,
+    sigma_w_mps: f64,
+}
+
+/// MIL-F-8785C, 3.7.3.4; the height is held within the 10 to 1000 ft the formulas cover.
+fn dryden_scales(height_agl_m: f64, w20_mps: f64) -> DrydenScales {
+    let h_ft = (height_agl_m / FOOT_M).clamp(10.0, 1000.0);
+    let base = 0.177 + 0.000823 * h_ft;
+    let sigma_w_mps = 0.1 * w20_mps;
+    DrydenScales {
+        l_u_m: h_ft / base.powf(1.2) * FOOT_M,
+        l_w_m: h_ft * FOOT_M,
+        sigma_u_mps: sigma_w_mps / base.powf(0.4),
+        sigma_w_mps,
+    }
+}
+
+/// Exact one-tick update of the unit-variance transverse filter
+/// `(1 + sqrt(3) T s) / (1 + T s)^2`, as two first-order lags in series.
+#[derive(Clone, Copy, Debug)]
+struct TransverseStep {
+    decay: f64,
+    /// The tick over the filter's time constant.
+    tau: f64,
+    l11: f64,
+    l21: f64,
+    l22: f64,
+}
+
+impl TransverseStep {
+    fn new(tau: f64) -> Self {
+        // In stationary state the covariance of (x1, x2) is [1, 1/2; 1/2, 1/2]; what one tick
+        // forgets of it must come back as noise. The entries are incomplete gamma functions, whose
+        // series keeps the digits the plain difference loses at a short tick.
+        let x = 2.0 * tau;
+        let q11 = -(-x).exp_m1();
+        let q12 = 0.5 * erlang_cdf(2, x);
+        let q22 = 0.5 * erlang_cdf(3, x);
+        let l11 = q11.sqrt();
+        let l21 = if l11 > 0.0 { q12 / l11 } else { 0.0 };
+        Self {
+            decay: (-tau).exp(),
+            tau,
+            l11,
+            l21,
+            l22: (q22 - l21 * l21).max(0.0).sqrt(),
+        }
+    }
+
+    fn advance(&self, x: &mut [f64; 2], rng: &mut Stream) {
+        let (n1, n2) = (rng.normal(), rng.normal());
+        let second = self.decay * (x[1] + self.tau * x[0]) + self.l21 * n1 + self.l22 * n2;
+        *x = [self.decay * x[0] + self.l11 * n1, second];
+    }
+}
+
+/// Regularised lower incomplete gamma function P(n, x) of a whole n.
+fn erlang_cdf(n: u32, x: f64) -> f64 {
+    let mut term = 1.0;
+    let mut head = 0.0;
+    for k in 0..n {
+        head += term;
+        term *= x / f64::from(k + 1);
+    }
+    if x > 1.0 {
+        return 1.0 - (-x).exp() * head;
+    }
+    let mut tail = 0.0;
+    for k in n..n + 16 {
+        tail += term;
+        term *= x / f64::from(k + 1);
+    }
+    (-x).exp() * tail
+}
+
+/// Output of the transverse filter, of unit variance.
+fn transverse(x: &[f64; 2]) -> f64 {
+    (3.0_f64.sqrt() * x[0] + (1.0 - 3.0_f64.sqrt()) * x[1]) * std::f64::consts::FRAC_1_SQRT_2
+}
+
+/// Filter coefficients and what they were computed for.
+#[derive(Clone, Copy, Debug)]
+struct Coefficients {
+    dt_s: f64,
+    height_agl_m: f64,
+    speed_mps: f64,
+    scales: DrydenScales,
+    decay_u: f64,
+    noise_u: f64,
+    v: TransverseStep,
+    w: TransverseStep,
+}
+
+/// Gusts met by one UAV: the Dryden model of MIL-F-8785C for low altitude, its longitudinal axis
+/// along the mean wind.
+#[derive(Clone, Debug)]
+pub struct DrydenGust {
+    mean: MeanWind,
+    w20_mps: f64,
+    /// Filter states of unit stationary variance: a change of height only rescales them.
+    u: f64,
+    v: [f64; 2],
+    w: [f64; 2],
+    coefficients: Option<Coefficients>,
+}
+
+impl DrydenGust {
+    /// Gusts upon `mean`, started in their stationary state; their strength follows the mean wind
+    /// 20 ft above the displacement plane.
+    pub fn new(mean: &MeanWind, rng: &mut Stream) -> Self {
+        let mut start = || {
+            let x1 = rng.normal();
+            [x1, 0.5 * (x1 + rng.normal())]
+        };
+        Self {
+            w20_mps: mean.speed_mps(20.0 * FOOT_M + mean.displacement_m),
+            mean: mean.clone(),
+            u: start()[0],
+            v: start(),
+            w: start(),
+            coefficients: None,
+        }
+    }
+
+    /// Gust velocity [m/s, enu] a tick of `dt_s` [s] later at `height_agl_m` [m] above ground, for a
+    /// UAV of airspeed `airspeed_mps` [m/s]. The turbulence is carried past a hovering UAV by the
+    /// mean wind, so the faster of the two sets the pace.
+    pub fn step(
+        &mut self,
+        dt_s: f64,
+        height_agl_m: f64,
+        airspeed_mps: f64,
+        rng: &mut Stream,
+    ) -> DVec3 {
+        if self.w20_mps <= 0.0 {
+            return DVec3::ZERO;
+        }
+        // The logarithm of the mean profile is only taken where it can matter.
+        let near = |a: f64, b: f64| (a - b).abs() <= 0.01 * b.abs();
+        let kept = self.coefficients.filter(|c| {
+            c.dt_s == dt_s
+                && near(height_agl_m, c.height_agl_m)
+                && (near(airspeed_mps, c.speed_mps)
+                    || airspeed_mps < c.speed_mps
+                        && near(self.mean.speed_mps(height_agl_m), c.speed_mps))
+        });
+        let c = kept.unwrap_or_else(|| self.coefficients_at(dt_s, height_agl_m, airspeed_mps));
+        self.coefficients = Some(c);
+
+        self.u = c.decay_u * self.u + c.noise_u * rng.normal();
+        c.v.advance(&mut self.v, rng);
+        c.w.advance(&mut self.w, rng);
+        let along = self.mean.direction_enu;
+        let left = DVec3::Z.cross(along);
+        c.scales.sigma_u_mps * (self.u * along + transverse(&self.v) * left)
+            + c.scales.sigma_w_mps * transverse(&self.w) * DVec3::Z
+    }
+
+    fn coefficients_at(&self, dt_s: f64, height_agl_m: f64, airspeed_mps: f64) -> Coefficients {
+        let scales = dryden_scales(height_agl_m, self.w20_mps);
+        let speed_mps = airspeed_mps.max(self.mean.speed_mps(height_agl_m));
+        let tau_u = speed_mps * dt_s / scales.l_u_m;
+        Coefficients {
+            dt_s,
+            height_agl_m,
+            speed_mps,
+            scales,
+            decay_u: (-tau_u).exp(),
+            noise_u: (-(-2.0 * tau_u).exp_m1()).sqrt(),
+            v: TransverseStep::new(tau_u),
+            w: TransverseStep::new(speed_mps * dt_s / scales.l_w_m),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KNOT_MPS: f64 = 1852.0 / 3600.0; // [m/s]
+
+    fn open_field(speed_10m_mps: f64) -> MeanWind {
+        MeanWind::new(speed_10m_mps, 270.0, 0.03, 0.0).unwrap()
+    }
+
+    #[test]
+    fn mean_wind_follows_the_log_law() {
+        let wind = MeanWind::new(5.0, 270.0, 0.1, 0.0).unwrap();
+        // A westerly blows to the east.
+        let at_10m = wind.mean_wind_enu_mps(10.0);
+        assert!((at_10m - DVec3::new(5.0, 0.0, 0.0)).length() < 1e-12);
+        // ln(100/0.1)/ln(10/0.1) = 1.5.
+        assert!((wind.mean_wind_enu_mps(100.0).x - 7.5).abs() < 1e-12);
+        assert_eq!(wind.mean_wind_enu_mps(0.0), wind.mean_wind_enu_mps(1.0));
+        assert!(wind.mean_wind_enu_mps(1.0).x < wind.mean_wind_enu_mps(1.1).x);
+        // The displacement height lifts the profile.
+        let city = MeanWind::new(5.0, 0.0, 1.0, 14.0).unwrap();
+        assert!((city.mean_wind_enu_mps(24.0).y + 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bad_winds_are_refused() {
+        assert!(matches!(
+            MeanWind::new(-1.0, 0.0, 0.1, 0.0),
+            Err(WindError::Speed(_))
+        ));
+        assert!(matches!(
+            MeanWind::new(1.0, f64::NAN, 0.1, 0.0),
+            Err(WindError::Direction(_))
+        ));
+        assert!(matches!(
+            MeanWind::new(1.0, 0.0, 0.0, 0.0),
+            Err(WindError::Roughness(_))
+        ));
+        assert!(matches!(
+            MeanWind::new(1.0, 0.0, 0.1, -1.0),
+            Err(WindError::Displacement(_))
+        ));
+    }
+
+    #[test]
+    fn dryden_scales_match_the_published_values() {
+        let scales = dryden_scales(10.0, 15.0 * KNOT_MPS);
+        assert!((scales.l_u_m - 67.37).abs() < 0.01);
+        assert!((scales.l_w_m - 10.0).abs() < 1e-9);
+        assert!((scales.sigma_w_mps - 0.7717).abs() < 1e-4);
+        assert!((scales.sigma_u_mps - 1.4574).abs() < 1e-4);
+    }
+
+    #[test]
+    fn still_air_has_no_gusts() {
+        let mut rng = Stream::new(1, 0, "gust");
+        let mut gust = DrydenGust::new(&open_field(0.0), &mut rng);
+        assert_eq!(gust.step(0.1, 10.0, 12.0, &mut rng), DVec3::ZERO);
+    }
+
+    #[test]
+    fn noise_keeps_its_digits_at_a_short_tick() {
+        // Leading terms of the covariance series: x, x^2/4, x^3/12 with x = 2 tau.
+        let tau = 1e-6_f64;
+        let x = 2.0 * tau;
+        let step = TransverseStep::new(tau);
+        assert!((step.l11.powi(2) / x - 1.0).abs() < 1e-5);
+        assert!((step.l11 * step.l21 / (x * x / 4.0) - 1.0).abs() < 1e-5);
+        let q22 = step.l21.powi(2) + step.l22.powi(2);
+        assert!((q22 / (x.powi(3) / 12.0) - 1.0).abs() < 1e-5);
+        // And the two branches of the gamma function meet.
+        for n in [2, 3] {
+            let (below, above) = (erlang_cdf(n, 1.0), erlang_cdf(n, 1.0 + 1e-12));
+            assert!((below - above).abs() < 1e-11);
+        }
+    }
+
+    /// Sigma of each component and correlations a distance `lag` ticks on, against
+    /// `exp(-r/L)` and `exp(-r/L) (1 - r/2L)`, the Dryden autocorrelations.
+    fn check_statistics(dt_s: f64, ticks: usize, lag: usize, airspeed_mps: f64) {
+        let mean = open_field(8.0);
+        let mut rng = Stream::new(3, 0, "gust");
+        let mut gust = DrydenGust::new(&mean, &mut rng);
+        let h_m = 30.0;
+        let trace: Vec<DVec3> = (0..ticks)
+            .map(|_| gust.step(dt_s, h_m, airspeed_mps, &mut rng))
+            .collect();
+        let n = ticks as f64;
+        let variance = trace.iter().map(|g| *g * *g).sum::<DVec3>() / n;
+        let pairs = trace.iter().zip(&trace[lag..]);
+        let covariance = pairs.map(|(a, b)| *a * *b).sum::<DVec3>() / (n - lag as f64);
+        let correlation = covariance / variance;
+
+        let scales = dryden_scales(h_m, gust.w20_mps);
+        let speed_mps = airspeed_mps.max(mean.mean_wind_enu_mps(h_m).length());
+        let r_u = speed_mps * dt_s * lag as f64 / scales.l_u_m;
+        let r_w = speed_mps * dt_s * lag as f64 / scales.l_w_m;
+        // The westerly's longitudinal axis is east, the lateral north.
+        for (got, want) in [
+            (variance.x.sqrt(), scales.sigma_u_mps),
+            (variance.y.sqrt(), scales.sigma_u_mps),
+            (variance.z.sqrt(), scales.sigma_w_mps),
+        ] {
+            assert!((got / want - 1.0).abs() < 0.03, "sigma {got} {want}");
+        }
+        for (got, want) in [
+            (correlation.x, (-r_u).exp()),
+            (correlation.y, (-r_u).exp() * (1.0 - r_u / 2.0)),
+            (correlation.z, (-r_w).exp() * (1.0 - r_w / 2.0)),
+        ] {
+            assert!((got - want).abs() < 0.03, "correlation {got} {want}");
+        }
+    }
+
+    #[test]
+    fn gusts_have_dryden_statistics_at_a_long_tick() {
+        check_statistics(1.0, 100_000, 5, 15.0);
+    }
+
+    #[test]
+    fn gusts_of_a_hovering_uav_do_not_freeze() {
+        check_statistics(1.0, 200_000, 5, 0.0);
+    }
+
+    #[test]
+    fn statistics_do_not_depend_on_the_tick() {
+        check_statistics(1.0 / 960.0 * 96.0, 600_000, 20, 20.0);
+    }
+
+    #[test]
+    fn coefficients_follow_height_and_speed() {
+        let mut rng = Stream::new(4, 0, "gust");
+        let mut gust = DrydenGust::new(&open_field(5.0), &mut rng);
+        for k in 0..2000 {
+            let (h_m, v_mps) = (10.0 + 0.05 * k as f64, 5.0 + 0.01 * k as f64);
+            gust.step(1.0 / 960.0, h_m, v_mps, &mut rng);
+            let c = gust.coefficients.unwrap();
+            let speed_mps = v_mps.max(gust.mean.speed_mps(h_m));
+            assert!((c.height_agl_m / h_m - 1.0).abs() < 0.0102);
+            assert!((c.speed_mps / speed_mps - 1.0).abs() < 0.0102);
+        }
+    }
+}

@@ -1,0 +1,1041 @@
+//! MCAP recordings: Foxglove's schemas for what has one, `proto/boresight.proto` for the rest.
+//!
+//! The same calls give the same bytes: the log time is simulated time, header strings, channel order
+//! and chunk rules are fixed, and nothing is compressed on another thread. Within one tick the messages
+//! are sorted by channel, so the order in which systems of one tick call the recorder does not show.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{self, BufWriter, Write},
+    num::NonZeroU32,
+    path::{Path, PathBuf},
+};
+
+use foxglove::{
+    Encode, Schema,
+    messages::{
+        self as fg, CameraCalibration, Color, CompressedImage, FrameTransforms, ImageAnnotations,
+        LocationFix, Point2, Point3, Pose, Quaternion, SceneUpdate, Timestamp, Vector3,
+        line_primitive, location_fix, points_annotation,
+    },
+};
+use mcap::{
+    Attachment, Compression, McapError, WriteOptions, Writer,
+    records::{MessageHeader, Metadata},
+    write::NoSeek,
+};
+
+pub use foxglove::messages::log::Level as LogLevel;
+
+/// The project's own messages, generated from `proto/boresight.proto`.
+pub mod proto {
+    include!(concat!(env!("OUT_DIR"), "/boresight.rs"));
+}
+
+/// The descriptor set of [`proto`], which every own channel carries as its schema.
+const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/boresight.bin"));
+
+/// Simulated time after which a chunk is closed and handed to the system: what a killed run loses.
+const CHUNK_NS: u64 = 250_000_000; // [ns]
+/// Encoded size after which a chunk is closed early, so that images do not pile up in memory.
+const CHUNK_BYTES: usize = 1 << 20; // [byte]
+
+/// Why a recording could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The file could not be created.
+    #[error("cannot create the recording {}: {source}", path.display())]
+    Create {
+        /// The file asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// There is no room left where the recording lies.
+    #[error("the disk is full: the recording {} is cut short", path.display())]
+    DiskFull {
+        /// The recording.
+        path: PathBuf,
+    },
+    /// Writing failed for another reason.
+    #[error("cannot write the recording {}: {source}", path.display())]
+    Write {
+        /// The recording.
+        path: PathBuf,
+        /// What the MCAP writer said.
+        source: McapError,
+    },
+    /// A message could not be encoded.
+    #[error("cannot encode a message: {0}")]
+    Encode(#[from] prost::EncodeError),
+    /// A message is older than the last one.
+    #[error("message of tick {tick} after tick {last}: a recording runs forwards")]
+    Backwards {
+        /// Tick of the late message.
+        tick: u64,
+        /// Newest tick written.
+        last: u64,
+    },
+}
+
+/// What a recording says about its run, written before the first message so that a killed run has it.
+#[derive(Clone, Copy, Debug)]
+pub struct Meta<'a> {
+    /// Name of the scenario.
+    pub scenario_name: &'a str,
+    /// The whole scenario file.
+    pub scenario_toml: &'a str,
+    /// Seed of every random stream.
+    pub seed: u64,
+    /// Version of the program.
+    pub version: &'a str,
+    /// UTC time of tick 0 since 1970-01-01 \[ns\].
+    pub epoch_unix_ns: u64,
+    /// Ticks per simulated second \[Hz\].
+    pub tick_hz: NonZeroU32,
+}
+
+/// The three cameras in the order of their channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Camera {
+    /// Search.
+    Stv,
+    /// Coarse tracking.
+    Ctv,
+    /// Precise tracking.
+    Ptv,
+}
+
+impl Camera {
+    /// Every camera, in channel order.
+    pub const ALL: [Self; 3] = [Self::Stv, Self::Ctv, Self::Ptv];
+
+    /// Its short name: first part of its topics, frame of its images, `camera` of the own messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Stv => "stv",
+            Self::Ctv => "ctv",
+            Self::Ptv => "ptv",
+        }
+    }
+}
+
+/// The pose of `child` in `parent`.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameTransform<'a> {
+    /// Parent frame.
+    pub parent: &'a str,
+    /// Child frame.
+    pub child: &'a str,
+    /// Origin of `child` in `parent` \[m\].
+    pub translation_m: [f64; 3],
+    /// Unit quaternion (x, y, z, w) that rotates a `child` vector into `parent`.
+    pub rotation: [f64; 4],
+}
+
+/// A red, green, blue, alpha colour, 0 to 1 each.
+pub type Rgba = [f64; 4];
+
+/// One shape of a scene entity, in the entity's frame.
+#[derive(Clone, Debug)]
+pub enum Shape<'a> {
+    /// A cuboid.
+    Cube {
+        /// Centre \[m\].
+        centre_m: [f64; 3],
+        /// Unit quaternion (x, y, z, w) from the cuboid's axes to the frame's.
+        rotation: [f64; 4],
+        /// Edge lengths \[m\].
+        size_m: [f64; 3],
+        /// Colour.
+        colour: Rgba,
+    },
+    /// A sphere.
+    Sphere {
+        /// Centre \[m\].
+        centre_m: [f64; 3],
+        /// Diameter \[m\].
+        diameter_m: f64,
+        /// Colour.
+        colour: Rgba,
+    },
+    /// A line through points.
+    Line {
+        /// Points \[m\].
+        points_m: &'a [[f64; 3]],
+        /// Width \[m\].
+        width_m: f64,
+        /// Colour.
+        colour: Rgba,
+    },
+}
+
+/// One thing of the three-dimensional scene; a later one with the same `id` replaces it.
+#[derive(Clone, Debug)]
+pub struct SceneEntity<'a> {
+    /// Identity within the scene.
+    pub id: &'a str,
+    /// Frame of its shapes.
+    pub frame: &'a str,
+    /// How long it is shown \[tick\]; 0 is for ever.
+    pub lifetime_ticks: u32,
+    /// What it is made of.
+    pub shapes: &'a [Shape<'a>],
+}
+
+/// One labelled box on an image.
+#[derive(Clone, Copy, Debug)]
+pub struct BoxAnnotation<'a> {
+    /// Text above the box.
+    pub label: &'a str,
+    /// Box as x0, y0, x1, y1 \[px\].
+    pub rect_px: [f64; 4],
+    /// Colour.
+    pub colour: Rgba,
+}
+
+/// One of the project's own messages with its place among the channels.
+pub trait OwnMessage: prost::Message {
+    /// Its index among the own channels.
+    const INDEX: usize;
+}
+
+macro_rules! own_channels {
+    ($($index:literal $message:ident $topic:literal)*) => {
+        /// Topic and schema name of the own channels.
+        const OWN_CHANNELS: &[(&str, &str)] =
+            &[$(($topic, concat!("boresight.", stringify!($message)))),*];
+        $(impl OwnMessage for proto::$message {
+            const INDEX: usize = $index;
+        })*
+    };
+}
+
+own_channels! {
+    0 Tick "/boresight/tick"
+    1 UavState "/boresight/uav_state"
+    2 MountState "/boresight/mount_state"
+    3 TrackState "/boresight/track_state"
+    4 BeamState "/boresight/beam_state"
+    5 FrameTruth "/boresight/frame_truth"
+    6 Detections "/boresight/detections"
+    7 MissDistance "/boresight/miss_distance"
+}
+
+// Places of the other channels; each camera has three in a row.
+const TF: usize = 0;
+const SCENE: usize = 1;
+const LOCATION: usize = 2;
+const LOG: usize = 3;
+const CAMERAS: usize = 4;
+const OWN: usize = CAMERAS + 3 * Camera::ALL.len();
+const IMAGE: usize = 0;
+const ANNOTATIONS: usize = 1;
+const CALIBRATION: usize = 2;
+
+/// Every topic with its schema, in the order of their channels.
+fn channels() -> Vec<(String, Option<Schema>)> {
+    let mut channels = vec![
+        ("/tf".to_owned(), FrameTransforms::get_schema()),
+        ("/scene".to_owned(), SceneUpdate::get_schema()),
+        ("/site/location".to_owned(), LocationFix::get_schema()),
+        ("/log".to_owned(), fg::Log::get_schema()),
+    ];
+    for camera in Camera::ALL.map(Camera::name) {
+        channels.extend([
+            (format!("/{camera}/image"), CompressedImage::get_schema()),
+            (format!("/{camera}/annotations"), ImageAnnotations::get_schema()),
+            (format!("/{camera}/calibration"), CameraCalibration::get_schema()),
+        ]);
+    }
+    channels.extend(OWN_CHANNELS.iter().map(|&(topic, name)| {
+        (topic.to_owned(), Some(Schema::new(name, "protobuf", DESCRIPTORS)))
+    }));
+    channels
+}
+
+/// Simulated time of a tick \[ns\], rounded down, exact for any tick.
+pub fn log_time_ns(tick: u64, tick_hz: NonZeroU32) -> u64 {
+    let ns = u128::from(tick) * 1_000_000_000 / u128::from(tick_hz.get());
+    u64::try_from(ns).unwrap_or(u64::MAX)
+}
+
+/// Encodes an 8-bit RGB image as JPEG (quality 85, chroma halved), with no allocation beyond the result.
+pub fn encode_jpeg(
+    rgb8: &[u8],
+    width: u16,
+    height: u16,
+) -> Result<Vec<u8>, jpeg_encoder::EncodingError> {
+    let mut jpeg = Vec::with_capacity(rgb8.len() / 8);
+    jpeg_encoder::Encoder::new(&mut jpeg, 85).encode(
+        rgb8,
+        width,
+        height,
+        jpeg_encoder::ColorType::Rgb,
+    )?;
+    Ok(jpeg)
+}
+
+/// One encoded message of the current tick.
+struct Pending {
+    channel: usize,
+    start: usize,
+    end: usize,
+}
+
+/// Writes one recording.
+///
+/// Every method takes the tick of the message; ticks may not decrease. Dropping it closes the file as
+/// [`Recorder::finish`] does, without saying whether that worked.
+pub struct Recorder {
+    path: PathBuf,
+    /// `None` once closed. The writer never seeks: a chunk reaches the file whole or not at all.
+    writer: Option<Writer<NoSeek<BufWriter<File>>>>,
+    epoch_unix_ns: u64,
+    tick_hz: NonZeroU32,
+    /// MCAP id and next sequence number of each channel.
+    channels: Vec<(u16, u32)>,
+    tick: Option<u64>,
+    pending: Vec<Pending>,
+    encoded: Vec<u8>,
+    chunk_start_ns: Option<u64>,
+    chunk_bytes: usize,
+}
+
+impl Recorder {
+    /// Creates the file, with the run's scenario, seed and version already on the disk on return.
+    pub fn create(path: &Path, meta: &Meta) -> Result<Self, RecordingError> {
+        let file = File::create(path)
+            .map_err(|source| RecordingError::Create { path: path.to_owned(), source })?;
+        Self::start(file, path, meta).map_err(|source| write_error(path, source))
+    }
+
+    fn start(file: File, path: &Path, meta: &Meta) -> Result<Self, McapError> {
+        let mut writer = WriteOptions::new()
+            .profile("boresight")
+            .library("boresight")
+            .compression(Some(Compression::Lz4))
+            .chunk_size(None)
+            .disable_seeking(true)
+            .create(NoSeek::new(BufWriter::new(file)))?;
+        for (name, media_type, text) in [
+            ("scenario.toml", "application/toml", meta.scenario_toml),
+            ("seed.txt", "text/plain", meta.seed.to_string().as_str()),
+            ("version.txt", "text/plain", meta.version),
+        ] {
+            writer.attach(&Attachment {
+                log_time: meta.epoch_unix_ns,
+                create_time: meta.epoch_unix_ns,
+                name: name.to_owned(),
+                media_type: media_type.to_owned(),
+                data: text.as_bytes().into(),
+            })?;
+        }
+        writer.write_metadata(&Metadata {
+            name: "boresight".to_owned(),
+            metadata: BTreeMap::from(
+                [
+                    ("scenario", meta.scenario_name.to_owned()),
+                    ("seed", meta.seed.to_string()),
+                    ("version", meta.version.to_owned()),
+                    ("epoch_unix_ns", meta.epoch_unix_ns.to_string()),
+                    ("tick_hz", meta.tick_hz.to_string()),
+                ]
+                .map(|(key, value)| (key.to_owned(), value)),
+            ),
+        })?;
+        writer.flush()?;
+        let mut ids = Vec::new();
+        for (topic, schema) in channels() {
+            let schema_id = match &schema {
+                Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
+                None => 0,
+            };
+            ids.push((writer.add_channel(schema_id, &topic, "protobuf", &BTreeMap::new())?, 0));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            writer: Some(writer),
+            epoch_unix_ns: meta.epoch_unix_ns,
+            tick_hz: meta.tick_hz,
+            channels: ids,
+            tick: None,
+            pending: Vec::new(),
+            encoded: Vec::new(),
+            chunk_start_ns: None,
+            chunk_bytes: 0,
+        })
+    }
+
+    /// Records the frames that moved.
+    pub fn frame_transforms(
+        &mut self,
+        tick: u64,
+        transforms: &[FrameTransform],
+    ) -> Result<(), RecordingError> {
+        let timestamp = self.timestamp(tick);
+        let transforms = transforms
+            .iter()
+            .map(|transform| fg::FrameTransform {
+                timestamp,
+                parent_frame_id: transform.parent.to_owned(),
+                child_frame_id: transform.child.to_owned(),
+                translation: Some(vector(transform.translation_m)),
+                rotation: Some(quaternion(transform.rotation)),
+            })
+            .collect();
+        self.push(tick, TF, &FrameTransforms { transforms })
+    }
+
+    /// Records new or changed things of the three-dimensional scene.
+    pub fn scene_update(
+        &mut self,
+        tick: u64,
+        entities: &[SceneEntity],
+    ) -> Result<(), RecordingError> {
+        let timestamp = self.timestamp(tick);
+        let entities = entities
+            .iter()
+            .map(|entity| {
+                // Rounded up by a nanosecond so that it covers the gap to the next tick.
+                let lifetime = (entity.lifetime_ticks > 0)
+                    .then(|| log_time_ns(entity.lifetime_ticks.into(), self.tick_hz) + 1)
+                    .map(|ns| fg::Duration::new((ns / NS) as i32, (ns % NS) as u32));
+                let mut out = fg::SceneEntity {
+                    timestamp,
+                    frame_id: entity.frame.to_owned(),
+                    id: entity.id.to_owned(),
+                    lifetime,
+                    ..Default::default()
+                };
+                for shape in entity.shapes {
+                    shape.add_to(&mut out);
+                }
+                out
+            })
+            .collect();
+        self.push(tick, SCENE, &SceneUpdate { deletions: Vec::new(), entities })
+    }
+
+    /// Records the image that a camera exposed at this tick, as JPEG.
+    pub fn compressed_image(
+        &mut self,
+        tick: u64,
+        camera: Camera,
+        jpeg: Vec<u8>,
+    ) -> Result<(), RecordingError> {
+        let message = CompressedImage {
+            timestamp: self.timestamp(tick),
+            frame_id: camera.name().to_owned(),
+            data: jpeg.into(),
+            format: "jpeg".to_owned(),
+        };
+        self.push(tick, CAMERAS + 3 * camera as usize + IMAGE, &message)
+    }
+
+    /// Records boxes and the reticle \[px\] on the image that was exposed at `exposure_tick`.
+    pub fn image_annotations(
+        &mut self,
+        tick: u64,
+        exposure_tick: u64,
+        camera: Camera,
+        boxes: &[BoxAnnotation],
+        reticle_px: [f64; 2],
+    ) -> Result<(), RecordingError> {
+        let timestamp = self.timestamp(exposure_tick);
+        let mut message = ImageAnnotations { timestamp, ..Default::default() };
+        for annotation in boxes {
+            let [x0, y0, x1, y1] = annotation.rect_px;
+            message.points.push(fg::PointsAnnotation {
+                timestamp,
+                r#type: points_annotation::Type::LineLoop.into(),
+                points: [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(point2).into(),
+                outline_color: Some(colour(annotation.colour)),
+                thickness: 1.0, // [px]
+                ..Default::default()
+            });
+            message.texts.push(fg::TextAnnotation {
+                timestamp,
+                position: Some(point2([x0, y0 - 2.0])),
+                text: annotation.label.to_owned(),
+                font_size: 12.0, // [px]
+                text_color: Some(colour(annotation.colour)),
+                ..Default::default()
+            });
+        }
+        let [x, y] = reticle_px;
+        // A cross with an open centre, so that it never hides a target of a few pixels.
+        const ARMS_PX: [[f64; 2]; 8] = [
+            [-16.0, 0.0],
+            [-6.0, 0.0],
+            [6.0, 0.0],
+            [16.0, 0.0],
+            [0.0, -16.0],
+            [0.0, -6.0],
+            [0.0, 6.0],
+            [0.0, 16.0],
+        ];
+        message.points.push(fg::PointsAnnotation {
+            timestamp,
+            r#type: points_annotation::Type::LineList.into(),
+            points: ARMS_PX.map(|[dx, dy]| point2([x + dx, y + dy])).into(),
+            outline_color: Some(colour([1.0, 1.0, 1.0, 0.8])),
+            thickness: 1.0, // [px]
+            ..Default::default()
+        });
+        self.push(tick, CAMERAS + 3 * camera as usize + ANNOTATIONS, &message)
+    }
+
+    /// Records a camera's intrinsics: image size \[px\] and row-major K \[px\]; again on every zoom.
+    pub fn camera_calibration(
+        &mut self,
+        tick: u64,
+        camera: Camera,
+        width_px: u32,
+        height_px: u32,
+        k_px: [f64; 9],
+    ) -> Result<(), RecordingError> {
+        let [fx, s, cx, z0, fy, cy, z1, z2, w] = k_px;
+        let message = CameraCalibration {
+            timestamp: self.timestamp(tick),
+            frame_id: camera.name().to_owned(),
+            width: width_px,
+            height: height_px,
+            distortion_model: "plumb_bob".to_owned(),
+            d: vec![0.0; 5],
+            k: k_px.into(),
+            r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: vec![fx, s, cx, 0.0, z0, fy, cy, 0.0, z1, z2, w, 0.0],
+        };
+        self.push(tick, CAMERAS + 3 * camera as usize + CALIBRATION, &message)
+    }
+
+    /// Records where `frame` lies on the Earth: WGS 84 latitude, longitude \[deg\], height \[m\].
+    pub fn location_fix(
+        &mut self,
+        tick: u64,
+        frame: &str,
+        latitude_deg: f64,
+        longitude_deg: f64,
+        altitude_m: f64,
+    ) -> Result<(), RecordingError> {
+        let message = LocationFix {
+            timestamp: self.timestamp(tick),
+            frame_id: frame.to_owned(),
+            latitude: latitude_deg,
+            longitude: longitude_deg,
+            altitude: altitude_m,
+            position_covariance: vec![0.0; 9],
+            position_covariance_type: location_fix::PositionCovarianceType::Known.into(),
+            ..Default::default()
+        };
+        self.push(tick, LOCATION, &message)
+    }
+
+    /// Records an event of the part called `name`.
+    pub fn log(
+        &mut self,
+        tick: u64,
+        level: LogLevel,
+        name: &str,
+        text: &str,
+    ) -> Result<(), RecordingError> {
+        let message = fg::Log {
+            timestamp: self.timestamp(tick),
+            level: level.into(),
+            message: text.to_owned(),
+            name: name.to_owned(),
+            ..Default::default()
+        };
+        self.push(tick, LOG, &message)
+    }
+
+    /// Records one of the project's own messages on its topic.
+    pub fn own<M: OwnMessage>(&mut self, tick: u64, message: &M) -> Result<(), RecordingError> {
+        self.push(tick, OWN + M::INDEX, message)
+    }
+
+    /// Writes what is left and closes the file.
+    pub fn finish(mut self) -> Result<(), RecordingError> {
+        self.close()
+    }
+
+    fn unix_ns(&self, tick: u64) -> u64 {
+        self.epoch_unix_ns.saturating_add(log_time_ns(tick, self.tick_hz))
+    }
+
+    fn timestamp(&self, tick: u64) -> Option<Timestamp> {
+        let ns = self.unix_ns(tick);
+        u32::try_from(ns / NS).ok().map(|s| Timestamp::new(s, (ns % NS) as u32))
+    }
+
+    /// Encodes a message and keeps it until its tick is over.
+    fn push(
+        &mut self,
+        tick: u64,
+        channel: usize,
+        message: &impl prost::Message,
+    ) -> Result<(), RecordingError> {
+        match self.tick {
+            Some(last) if tick < last => return Err(RecordingError::Backwards { tick, last }),
+            Some(last) if tick == last => {}
+            _ => {
+                self.write_pending()?;
+                self.tick = Some(tick);
+            }
+        }
+        let start = self.encoded.len();
+        message.encode(&mut self.encoded)?;
+        self.pending.push(Pending { channel, start, end: self.encoded.len() });
+        Ok(())
+    }
+
+    /// Writes the messages of the tick that is over, and the chunk when it is long enough.
+    fn write_pending(&mut self) -> Result<(), RecordingError> {
+        let (Some(tick), Some(writer)) = (self.tick, &mut self.writer) else { return Ok(()) };
+        let log_time = self.epoch_unix_ns.saturating_add(log_time_ns(tick, self.tick_hz));
+        // Forgotten whether or not the write works: a full disk must not let them pile up.
+        self.pending.sort_unstable_by_key(|pending| (pending.channel, pending.start));
+        let mut result = self.pending.drain(..).try_for_each(|pending| {
+            let (channel_id, sequence) = &mut self.channels[pending.channel];
+            let header = MessageHeader {
+                channel_id: *channel_id,
+                sequence: *sequence,
+                log_time,
+                publish_time: log_time,
+            };
+            *sequence = sequence.wrapping_add(1);
+            writer.write_to_known_channel(&header, &self.encoded[pending.start..pending.end])
+        });
+        self.chunk_bytes += self.encoded.len();
+        self.encoded.clear();
+        let start = *self.chunk_start_ns.get_or_insert(log_time);
+        if log_time - start >= CHUNK_NS || self.chunk_bytes >= CHUNK_BYTES {
+            result = result.and_then(|()| writer.flush());
+            self.chunk_start_ns = None;
+            self.chunk_bytes = 0;
+        }
+        result.map_err(|source| write_error(&self.path, source))
+    }
+
+    fn close(&mut self) -> Result<(), RecordingError> {
+        let written = self.write_pending();
+        let Some(mut writer) = self.writer.take() else { return written };
+        let finished = writer.finish();
+        let flushed = writer.into_inner().into_inner().flush();
+        written?;
+        finished
+            .map(drop)
+            .and_then(|()| Ok(flushed?))
+            .map_err(|source| write_error(&self.path, source))
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // `finish` reports failures; nobody is left to be told here.
+        let _ = self.close();
+    }
+}
+
+impl Shape<'_> {
+    fn add_to(&self, entity: &mut fg::SceneEntity) {
+        const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+        match *self {
+            Self::Cube { centre_m, rotation, size_m, colour: rgba } => {
+                entity.cubes.push(fg::CubePrimitive {
+                    pose: Some(pose(centre_m, rotation)),
+                    size: Some(vector(size_m)),
+                    color: Some(colour(rgba)),
+                });
+            }
+            Self::Sphere { centre_m, diameter_m, colour: rgba } => {
+                entity.spheres.push(fg::SpherePrimitive {
+                    pose: Some(pose(centre_m, UPRIGHT)),
+                    size: Some(vector([diameter_m; 3])),
+                    color: Some(colour(rgba)),
+                });
+            }
+            Self::Line { points_m, width_m, colour: rgba } => {
+                entity.lines.push(fg::LinePrimitive {
+                    r#type: line_primitive::Type::LineStrip.into(),
+                    pose: Some(pose([0.0; 3], UPRIGHT)),
+                    thickness: width_m,
+                    points: points_m.iter().map(|&[x, y, z]| Point3 { x, y, z }).collect(),
+                    color: Some(colour(rgba)),
+                    ..Default::default()
+                });
+            }
+        }
+    }
+}
+
+/// Nanoseconds in a second.
+const NS: u64 = 1_000_000_000;
+
+fn vector([x, y, z]: [f64; 3]) -> Vector3 {
+    Vector3 { x, y, z }
+}
+
+fn quaternion([x, y, z, w]: [f64; 4]) -> Quaternion {
+    Quaternion { x, y, z, w }
+}
+
+fn pose(position_m: [f64; 3], rotation: [f64; 4]) -> Pose {
+    Pose { position: Some(vector(position_m)), orientation: Some(quaternion(rotation)) }
+}
+
+fn point2([x, y]: [f64; 2]) -> Point2 {
+    Point2 { x, y }
+}
+
+fn colour([r, g, b, a]: Rgba) -> Color {
+    Color { r, g, b, a }
+}
+
+fn write_error(path: &Path, source: McapError) -> RecordingError {
+    let path = path.to_owned();
+    match source {
+        McapError::Io(error) if error.kind() == io::ErrorKind::StorageFull => {
+            RecordingError::DiskFull { path }
+        }
+        source => RecordingError::Write { path, source },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{fs, mem};
+
+    use foxglove::messages as fg;
+    use mcap::{MessageStream, Summary, read::Options};
+    use prost::Message as _;
+
+    use super::*;
+
+    const HZ: NonZeroU32 = NonZeroU32::new(960).unwrap(); // [Hz]
+    const EPOCH_NS: u64 = 1_750_000_000_000_000_000; // [ns]
+    const META: Meta = Meta {
+        scenario_name: "test",
+        scenario_toml: "name = \"test\"\n",
+        seed: 42,
+        version: "0.1.0",
+        epoch_unix_ns: EPOCH_NS,
+        tick_hz: HZ,
+    };
+
+    /// Calls every method, at the rates of a real run, for `ticks` ticks.
+    fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
+        let rgb8: Vec<u8> = (0..64 * 48 * 3).map(|i| (i * 7 % 251) as u8).collect();
+        let jpeg = encode_jpeg(&rgb8, 64, 48).unwrap();
+        recorder.location_fix(0, "enu", 48.137, 11.575, 519.0)?;
+        for camera in Camera::ALL {
+            let k = [500.0, 0.0, 32.0, 0.0, 500.0, 24.0, 0.0, 0.0, 1.0];
+            recorder.camera_calibration(0, camera, 64, 48, k)?;
+        }
+        for tick in 0..ticks {
+            let t_s = tick as f64 / 960.0;
+            recorder.own(
+                tick,
+                &proto::Tick { tick, simulated_s: t_s, state_hash: tick.wrapping_mul(0x9e37_79b9) },
+            )?;
+            recorder.own(
+                tick,
+                &proto::UavState {
+                    name: "uav-1".to_owned(),
+                    r_enu_m: Some(proto::Vec3 { x: 8.0 * t_s, y: 900.0, z: 60.0 }),
+                    v_enu_mps: Some(proto::Vec3 { x: 8.0, y: 0.0, z: 0.0 }),
+                    q_enu_body: Some(proto::Quat { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+                    skin_temperature_k: 290.0 + t_s,
+                    status: "flying".to_owned(),
+                },
+            )?;
+            recorder.own(
+                tick,
+                &proto::MountState { azimuth_rad: 0.1 * t_s, ..Default::default() },
+            )?;
+            recorder.frame_transforms(
+                tick,
+                &[FrameTransform {
+                    parent: "enu",
+                    child: "ptv",
+                    translation_m: [0.0, 0.0, 12.0],
+                    rotation: [0.0, 0.0, 0.0, 1.0],
+                }],
+            )?;
+            if tick % 16 == 0 {
+                recorder.scene_update(
+                    tick,
+                    &[SceneEntity {
+                        id: "beam",
+                        frame: "enu",
+                        lifetime_ticks: 1,
+                        shapes: &[
+                            Shape::Cube {
+                                centre_m: [0.0, 900.0, 20.0],
+                                rotation: [0.0, 0.0, 0.0, 1.0],
+                                size_m: [20.0, 20.0, 40.0],
+                                colour: [0.5, 0.5, 0.5, 1.0],
+                            },
+                            Shape::Sphere {
+                                centre_m: [8.0 * t_s, 900.0, 60.0],
+                                diameter_m: 0.35,
+                                colour: [0.9, 0.6, 0.0, 1.0],
+                            },
+                            Shape::Line {
+                                points_m: &[[0.0, 0.0, 12.0], [8.0 * t_s, 900.0, 60.0]],
+                                width_m: 0.05,
+                                colour: [0.8, 0.2, 0.0, 1.0],
+                            },
+                        ],
+                    }],
+                )?;
+                for camera in Camera::ALL {
+                    recorder.compressed_image(tick, camera, jpeg.clone())?;
+                    let name = camera.name().to_owned();
+                    recorder.image_annotations(
+                        tick,
+                        tick.saturating_sub(8),
+                        camera,
+                        &[BoxAnnotation {
+                            label: "uav-1 0.97",
+                            rect_px: [20.0, 20.0, 30.0, 27.0],
+                            colour: [0.0, 0.6, 0.5, 1.0],
+                        }],
+                        [32.0, 24.0],
+                    )?;
+                    let seen = proto::BoxPx { x0_px: 20.0, y0_px: 20.0, x1_px: 30.0, y1_px: 27.0 };
+                    recorder.own(
+                        tick,
+                        &proto::FrameTruth {
+                            camera: name.clone(),
+                            exposure_tick: tick,
+                            uavs: vec![proto::UavTruth {
+                                name: "uav-1".to_owned(),
+                                r#box: Some(seen),
+                                visible_fraction: 1.0,
+                                range_m: 902.0,
+                            }],
+                        },
+                    )?;
+                    recorder.own(
+                        tick,
+                        &proto::Detections {
+                            camera: name.clone(),
+                            exposure_tick: tick,
+                            available_tick: tick + 8,
+                            detections: vec![proto::Detection {
+                                r#box: Some(seen),
+                                score: 0.97,
+                                label: "multirotor".to_owned(),
+                            }],
+                        },
+                    )?;
+                    recorder.own(
+                        tick,
+                        &proto::MissDistance { camera: name, exposure_tick: tick, miss_px: 0.6 },
+                    )?;
+                }
+                recorder.own(
+                    tick,
+                    &proto::TrackState {
+                        state: "track".to_owned(),
+                        target: "uav-1".to_owned(),
+                        los_covariance: vec![1e-10; 16],
+                        quality: 0.9,
+                        ..Default::default()
+                    },
+                )?;
+                recorder.own(
+                    tick,
+                    &proto::BeamState {
+                        firing: false,
+                        interlocks: vec!["no track".to_owned()],
+                        ..Default::default()
+                    },
+                )?;
+            }
+            if tick % 960 == 0 {
+                recorder.log(tick, LogLevel::Info, "atp", "a second has passed")?;
+            }
+        }
+        Ok(())
+    }
+
+    fn record(path: &Path, ticks: u64) -> Vec<u8> {
+        let mut recorder = Recorder::create(path, &META).unwrap();
+        drive(&mut recorder, ticks).unwrap();
+        recorder.finish().unwrap();
+        fs::read(path).unwrap()
+    }
+
+    /// Messages readable from the start, up to the first error, of a file that may be cut.
+    fn readable(bytes: &[u8]) -> Vec<mcap::Message<'_>> {
+        MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into())
+            .unwrap()
+            .map_while(Result::ok)
+            .collect()
+    }
+
+    fn decodes(message: &mcap::Message) -> bool {
+        fn ok<M: prost::Message + Default>(data: &[u8]) -> bool {
+            // Encoding back must give the same bytes: an unknown field would be dropped.
+            M::decode(data).is_ok_and(|decoded| decoded.encode_to_vec() == data)
+        }
+        let schema = message.channel.schema.as_ref().unwrap();
+        let data = &message.data[..];
+        match schema.name.as_str() {
+            "foxglove.FrameTransforms" => ok::<fg::FrameTransforms>(data),
+            "foxglove.SceneUpdate" => ok::<fg::SceneUpdate>(data),
+            "foxglove.LocationFix" => ok::<fg::LocationFix>(data),
+            "foxglove.Log" => ok::<fg::Log>(data),
+            "foxglove.CompressedImage" => ok::<fg::CompressedImage>(data),
+            "foxglove.ImageAnnotations" => ok::<fg::ImageAnnotations>(data),
+            "foxglove.CameraCalibration" => ok::<fg::CameraCalibration>(data),
+            "boresight.Tick" => ok::<proto::Tick>(data),
+            "boresight.UavState" => ok::<proto::UavState>(data),
+            "boresight.MountState" => ok::<proto::MountState>(data),
+            "boresight.TrackState" => ok::<proto::TrackState>(data),
+            "boresight.BeamState" => ok::<proto::BeamState>(data),
+            "boresight.FrameTruth" => ok::<proto::FrameTruth>(data),
+            "boresight.Detections" => ok::<proto::Detections>(data),
+            "boresight.MissDistance" => ok::<proto::MissDistance>(data),
+            _ => false,
+        }
+    }
+
+    #[test]
+    fn tick_times_are_exact() {
+        assert_eq!(log_time_ns(960, HZ), NS);
+        assert_eq!(log_time_ns(1, HZ), 1_041_666);
+        // A year of ticks: a float of seconds would be off by some nanoseconds.
+        assert_eq!(log_time_ns(960 * 31_536_000 + 480, HZ), 31_536_000 * NS + NS / 2);
+        assert_eq!(log_time_ns(u64::MAX, NonZeroU32::MIN), u64::MAX);
+    }
+
+    #[test]
+    fn everything_written_reads_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let bytes = record(&dir.path().join("a.mcap"), 1000);
+        let summary = Summary::read(&bytes).unwrap().unwrap();
+        let stats = summary.stats.unwrap();
+        let expected_topics: Vec<String> = channels().into_iter().map(|(topic, _)| topic).collect();
+        let mut topics: Vec<_> = summary.channels.values().collect();
+        topics.sort_by_key(|channel| channel.id);
+        assert_eq!(topics.iter().map(|c| c.topic.clone()).collect::<Vec<_>>(), expected_topics);
+        let mut sequences = BTreeMap::new();
+        let mut last = (0, 0);
+        let mut count = 0;
+        for message in MessageStream::new(&bytes).unwrap() {
+            let message = message.unwrap();
+            assert!(decodes(&message), "{} does not decode", message.channel.topic);
+            let next: &mut u32 = sequences.entry(message.channel.id).or_default();
+            assert_eq!(message.sequence, *next, "{}", message.channel.topic);
+            *next += 1;
+            assert!(last <= (message.log_time, message.channel.id), "not sorted");
+            last = (message.log_time, message.channel.id);
+            count += 1;
+        }
+        assert_eq!(sequences.len(), expected_topics.len(), "a topic has no message");
+        assert_eq!(stats.message_count, count);
+        assert_eq!(stats.message_start_time, EPOCH_NS);
+        assert_eq!(stats.message_end_time, EPOCH_NS + log_time_ns(999, HZ));
+        let image = readable(&bytes).into_iter().find(|m| m.channel.topic == "/ptv/image").unwrap();
+        let image = fg::CompressedImage::decode(&image.data[..]).unwrap();
+        assert_eq!((&image.data[..2], &image.frame_id[..]), (&[0xff, 0xd8][..], "ptv"));
+    }
+
+    #[test]
+    fn same_calls_give_same_bytes() {
+        let dir = tempfile::tempdir().unwrap();
+        let a = record(&dir.path().join("a.mcap"), 1500);
+        let b = record(&dir.path().join("b.mcap"), 1500);
+        assert!(a == b);
+        // The order of calls within a tick does not show; another value does.
+        let swapped = |first_log: bool, text: &str| {
+            let path = dir.path().join("c.mcap");
+            let mut recorder = Recorder::create(&path, &META).unwrap();
+            if first_log {
+                recorder.log(0, LogLevel::Info, "atp", text).unwrap();
+            }
+            recorder.own(0, &proto::Tick::default()).unwrap();
+            if !first_log {
+                recorder.log(0, LogLevel::Info, "atp", text).unwrap();
+            }
+            drop(recorder);
+            fs::read(path).unwrap()
+        };
+        assert!(swapped(true, "x") == swapped(false, "x"));
+        assert!(swapped(true, "x") != swapped(true, "y"));
+    }
+
+    #[test]
+    fn a_killed_run_loses_less_than_a_second() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("killed.mcap");
+        let mut recorder = Recorder::create(&path, &META).unwrap();
+        let empty = fs::read(&path).unwrap();
+        assert!(empty.windows(13).any(|w| w == b"scenario.toml"), "no scenario at the start");
+        drive(&mut recorder, 9600).unwrap();
+        mem::forget(recorder); // what a kill leaves: no destructor runs
+        let bytes = fs::read(&path).unwrap();
+        let messages = readable(&bytes);
+        let last = messages.last().unwrap().log_time;
+        let lost_ns = EPOCH_NS + log_time_ns(9599, HZ) - last;
+        assert!(lost_ns < 300_000_000, "{lost_ns} ns lost");
+        // Cut anywhere, also within a chunk: the chunks before the cut remain.
+        let cut = readable(&bytes[..bytes.len() * 6 / 10]);
+        let share = cut.len() as f64 / messages.len() as f64;
+        assert!((0.5..0.6).contains(&share), "{share}");
+        assert!(cut.iter().all(decodes));
+    }
+
+    #[test]
+    fn failures_are_typed() {
+        let missing = Path::new("/nonexistent/directory/a.mcap");
+        assert!(matches!(
+            Recorder::create(missing, &META),
+            Err(RecordingError::Create { path, .. }) if path == missing
+        ));
+        // Linux's full disk.
+        assert!(matches!(
+            Recorder::create(Path::new("/dev/full"), &META),
+            Err(RecordingError::DiskFull { .. })
+        ));
+        let dir = tempfile::tempdir().unwrap();
+        let mut recorder = Recorder::create(&dir.path().join("a.mcap"), &META).unwrap();
+        recorder.own(5, &proto::Tick::default()).unwrap();
+        assert!(matches!(
+            recorder.own(4, &proto::Tick::default()),
+            Err(RecordingError::Backwards { tick: 4, last: 5 })
+        ));
+    }
+
+    /// A disk that fills up in the middle of a run: every later call reports it, and none panics.
+    #[test]
+    fn a_disk_that_fills_up_is_reported() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mcap");
+        let mut recorder = Recorder::create(&path, &META).unwrap();
+        let full = File::options().write(true).open("/dev/full").unwrap();
+        let writer = WriteOptions::new()
+            .chunk_size(None)
+            .disable_seeking(true)
+            .create(NoSeek::new(BufWriter::new(full)))
+            .unwrap();
+        recorder.writer = Some(writer);
+        for (id, _) in &mut recorder.channels {
+            *id = recorder
+                .writer
+                .as_mut()
+                .unwrap()
+                .add_channel(0, &format!("/{id}"), "protobuf", &BTreeMap::new())
+                .unwrap();
+        }
+        let error = drive(&mut recorder, 960).unwrap_err();
+        assert!(matches!(error, RecordingError::DiskFull { .. }), "{error}");
+        assert!(drive(&mut recorder, 960).is_err());
+        assert!(recorder.finish().is_err());
+    }
+}

@@ -1,0 +1,391 @@
+//! Cameras that are due expose: truth, picture and pose of one tick.
+
+use crate::components::camera::{
+    Frame, Frames, PixelRect, Readout, RenderedTruth, SensorCamera, UavInFrame,
+};
+use crate::components::clock::SimClock;
+use crate::components::environment::Environment;
+use crate::components::render::SensorProjection;
+use crate::components::station::Optics;
+use crate::components::uav::{Flight, Uav, UavStatus};
+use crate::models::camera::Pinhole;
+use crate::models::dsm::LineOfSight;
+use crate::models::kinematics::Pose;
+use crate::models::mesh::MeshData;
+use crate::models::raster::{self, Coverage};
+use crate::models::sensor::ImageFormer;
+use crate::models::uav_mesh::UavMesh;
+use crate::run::Stopwatch;
+use crate::systems::render::{Renderer, aim_sensor_view};
+use crate::systems::scene::{self, UavBody, UavRotor};
+use bevy::mesh::MeshTag;
+use bevy::prelude::*;
+use big_space::prelude::*;
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The shape of a UAV, for truth boxes and silhouettes.
+#[derive(Component, Clone)]
+pub struct Shape(pub Arc<UavMesh>);
+
+/// The render cameras of a sensor: full frame and window.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct SensorViews {
+    /// Renders the whole sensor.
+    pub full: Entity,
+    /// Renders the readout window, where the camera has one.
+    pub window: Option<Entity>,
+}
+
+/// Opens the shutter of every camera that is due: pose, rectangle and geometric truth.
+pub fn expose(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    optics: Single<&Optics>,
+    cameras: Query<(&SensorCamera, &Readout)>,
+    uavs: Query<(&Uav, &Flight, &Shape)>,
+    mut frames: ResMut<Frames>,
+) {
+    frames.0.clear();
+    for (camera, readout) in &cameras {
+        let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+        let full = PixelRect { offset_px: [0, 0], size_px: sensor_px };
+        let rect = match (readout, camera.window_px) {
+            (Readout::Off, _) => continue,
+            (Readout::Around(centre), Some(side)) => PixelRect::window(sensor_px, *centre, side),
+            _ => full,
+        };
+        if !clock.tick.is_multiple_of(camera.period_ticks) {
+            continue;
+        }
+        let pose = optics.camera(camera.tier);
+        let mut truth: Vec<_> = uavs
+            .iter()
+            .filter_map(|(uav, flight, shape)| {
+                let state = &flight.state;
+                let body = (state.r_enu_m, state.q_enu_body);
+                let box_px = projected_box(&camera.pinhole, &pose, body, &shape.0)?;
+                let to_target_m = state.r_enu_m - pose.r_enu_m;
+                let aim_px = camera.pinhole.project(pose.q_enu_cam.inverse() * to_target_m)?;
+                let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, state.r_enu_m);
+                Some(UavInFrame {
+                    uav: uav.index,
+                    box_px,
+                    aim_px: aim_px.to_array(),
+                    range_m: to_target_m.length(),
+                    clear: sight == LineOfSight::Clear,
+                    rendered: None,
+                })
+            })
+            .collect();
+        truth.sort_by_key(|seen| seen.uav);
+        frames.0.push(Frame { tier: camera.tier, tick: clock.tick, pose, rect, truth, rgb8: None });
+    }
+    frames.0.sort_by_key(|frame| frame.tier);
+}
+
+/// The box around the projection of a UAV's airframe and rotor discs [px]; `None` if it is not
+/// wholly in front of the camera or misses the sensor.
+fn projected_box(
+    pinhole: &Pinhole,
+    pose: &Pose,
+    (r_enu_m, q_enu_body): (DVec3, DQuat),
+    shape: &UavMesh,
+) -> Option<[f64; 4]> {
+    let q_cam_enu = pose.q_enu_cam.inverse();
+    let r_cam_m = q_cam_enu * (r_enu_m - pose.r_enu_m);
+    let radius_m = shape.radius_m();
+    if r_cam_m.z <= radius_m {
+        return None;
+    }
+    // Off the sensor by more than its own size: no vertex needs projecting.
+    let centre = pinhole.project(r_cam_m)?;
+    let reach_px = 2.0 * pinhole.focal_px * radius_m / (r_cam_m.z - radius_m);
+    let (width, height) = (f64::from(pinhole.width_px), f64::from(pinhole.height_px));
+    let outside = |x: f64, side: f64| x < -reach_px || x > side + reach_px;
+    if outside(centre.x, width) || outside(centre.y, height) {
+        return None;
+    }
+    let to_cam = DMat3::from_quat(q_cam_enu * q_enu_body);
+    let (mut low, mut high) = (DVec2::MAX, DVec2::MIN);
+    for corner_body_m in shape.hull_points_body_m() {
+        let px = pinhole.project(r_cam_m + to_cam * *corner_body_m)?;
+        low = low.min(px);
+        high = high.max(px);
+    }
+    (high.x > 0.0 && high.y > 0.0 && low.x < width && low.y < height)
+        .then_some([low.x, low.y, high.x, high.y])
+}
+
+/// What image formation keeps between frames.
+#[derive(Default)]
+pub struct ImageScratch {
+    pixels: Vec<[u16; 4]>,
+    former: ImageFormer,
+}
+
+/// Renders the exposed frames, if this run renders at all.
+pub fn render_frames(world: &mut World) {
+    if world.resource::<Frames>().0.is_empty() || !world.contains_non_send::<Renderer>() {
+        return;
+    }
+    let started = Instant::now();
+    if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
+        let mut scratch = world.remove_non_send::<ImageScratch>().unwrap_or_default();
+        let result = render_with(world, &mut renderer, &mut scratch);
+        world.insert_non_send(scratch);
+        world.insert_non_send(renderer);
+        if let Err(error) = result {
+            world.resource_mut::<crate::run::Failure>().set(error);
+        }
+    }
+    world.resource_mut::<Stopwatch>().render += started.elapsed();
+}
+
+/// A big_space place in the site's grid.
+fn place_in_site(r_enu_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
+    scene::place(&scene::grid(), r_enu_m, q)
+}
+
+/// Moves the scene's UAVs to the truth.
+pub fn sync_scene(world: &mut World) {
+    let mut states = world.query::<(&Uav, &Flight, &UavStatus)>();
+    let poses: Vec<_> = states
+        .iter(world)
+        .map(|(uav, flight, _)| (uav.index, flight.state.clone()))
+        .collect();
+    let of = |index: usize| poses.iter().find(|(i, _)| *i == index).map(|(_, state)| state);
+    let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform)>();
+    for (body, mut cell, mut transform) in bodies.iter_mut(world) {
+        if let Some(state) = of(body.0) {
+            (*cell, *transform) = place_in_site(state.r_enu_m, state.q_enu_body);
+        }
+    }
+    let mut rotors = world.query::<(&UavRotor, &mut Transform)>();
+    for (rotor, mut transform) in rotors.iter_mut(world) {
+        if let Some(state) = of(rotor.0) {
+            let phase_rad = state.rotor_phase_rad[rotor.1] as f32;
+            transform.rotation = Quat::from_rotation_z(phase_rad);
+        }
+    }
+}
+
+/// Bevy's camera looks along -z with y up; the optical frame has z forward and y down.
+pub fn bevy_attitude(q_enu_cam: DQuat) -> DQuat {
+    q_enu_cam * DQuat::from_rotation_x(std::f64::consts::PI)
+}
+
+fn render_with(
+    world: &mut World,
+    renderer: &mut Renderer,
+    scratch: &mut ImageScratch,
+) -> Result<(), crate::run::RunError> {
+    sync_scene(world);
+    let mut frames = std::mem::take(&mut world.resource_mut::<Frames>().0);
+    let digits = assign_digits(&frames);
+    let mut tagged = world.query::<(AnyOf<(&UavBody, &UavRotor)>, &mut MeshTag)>();
+    for ((body, rotor), mut tag) in tagged.iter_mut(world) {
+        let uav = body.map(|b| b.0).or(rotor.map(|r| r.0));
+        let digit = uav.and_then(|uav| digits.get(uav)).copied().unwrap_or(0);
+        tag.set_if_neq(MeshTag(digit));
+    }
+
+    let mut cameras = world.query::<(&SensorCamera, &SensorViews)>();
+    let setups: Vec<_> = frames
+        .iter()
+        .filter_map(|frame| {
+            let (camera, views) =
+                cameras.iter(world).find(|(camera, _)| camera.tier == frame.tier)?;
+            let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+            let full = frame.rect.size_px == sensor_px;
+            let view = if full { views.full } else { views.window.unwrap_or(views.full) };
+            Some((camera.clone(), view))
+        })
+        .collect();
+    for (frame, (camera, view)) in frames.iter().zip(&setups) {
+        let projection = SensorProjection {
+            focal_px: camera.pinhole.focal_px,
+            sensor_px: [camera.pinhole.width_px, camera.pinhole.height_px],
+            offset_px: frame.rect.offset_px,
+            size_px: frame.rect.size_px,
+        };
+        let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
+        aim_sensor_view(world, *view, projection, at);
+    }
+    renderer.render(world);
+    let seed = world.resource::<Environment>().seed;
+    for (frame, (camera, view)) in frames.iter_mut().zip(&setups) {
+        if let Some(mut view) = world.get_mut::<Camera>(*view) {
+            view.is_active = false;
+        }
+        renderer.read(*view, frame.rect.size_px, &mut scratch.pixels)?;
+        count_identities(world, frame, camera, &digits, &scratch.pixels);
+        let mut rgb8 = vec![0; 3 * scratch.pixels.len()];
+        let key = crate::models::sensor::frame_key(seed, frame.tier as u64, frame.tick);
+        scratch.former.expose(
+            &scratch.pixels,
+            frame.rect.offset_px,
+            frame.rect.size_px,
+            &camera.sensor,
+            key,
+            &mut rgb8,
+        );
+        frame.rgb8 = Some(Arc::new(rgb8));
+    }
+    world.resource_mut::<Frames>().0 = frames;
+    Ok(())
+}
+
+/// Identities a pixel can hold apart: base-5 digits of an integer that a half float keeps exact
+/// after the average over four samples.
+pub const DIGITS: u32 = 4;
+
+/// A digit (1 to [`DIGITS`]) for every UAV, so that UAVs whose boxes touch in any frame differ
+/// where four digits allow it; the closer one is served first.
+fn assign_digits(frames: &[Frame]) -> Vec<u32> {
+    let count = frames.iter().flat_map(|f| &f.truth).map(|s| s.uav + 1).max().unwrap_or(0);
+    let mut digits = vec![0; count];
+    let mut order: Vec<_> =
+        frames.iter().flat_map(|f| &f.truth).map(|s| (s.range_m, s.uav)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for (_, uav) in order {
+        if digits[uav] != 0 {
+            continue;
+        }
+        let taken: Vec<u32> = frames
+            .iter()
+            .flat_map(|frame| {
+                let own = frame.truth.iter().find(|s| s.uav == uav);
+                frame
+                    .truth
+                    .iter()
+                    .filter(move |s| own.is_some_and(|own| touch(&own.box_px, &s.box_px)))
+            })
+            .map(|s| digits[s.uav])
+            .collect();
+        digits[uav] = (1..=DIGITS)
+            .find(|digit| !taken.contains(digit))
+            .unwrap_or(1 + uav as u32 % DIGITS);
+    }
+    digits
+}
+
+/// Whether two boxes touch, with a margin for the pixels at their edges.
+fn touch(a: &[f64; 4], b: &[f64; 4]) -> bool {
+    const MARGIN_PX: f64 = 2.0;
+    a[0] <= b[2] + MARGIN_PX
+        && b[0] <= a[2] + MARGIN_PX
+        && a[1] <= b[3] + MARGIN_PX
+        && b[1] <= a[3] + MARGIN_PX
+}
+
+/// Fills in the truth that the identity samples of a rendered frame tell.
+fn count_identities(
+    world: &mut World,
+    frame: &mut Frame,
+    camera: &SensorCamera,
+    digits: &[u32],
+    pixels: &[[u16; 4]],
+) {
+    let mut uavs = world.query::<(&Uav, &Flight, &Shape)>();
+    let samples = if camera.antialias > 1 { 4.0 } else { 1.0 };
+    let [width, height] = frame.rect.size_px;
+    let [left, top] = frame.rect.offset_px;
+    for seen in &mut frame.truth {
+        let Some((_, flight, shape)) = uavs.iter(world).find(|(uav, ..)| uav.index == seen.uav)
+        else {
+            continue;
+        };
+        let mut visible = Coverage::default();
+        // Every sample of the UAV lies in the box of its projection, a pixel more for rounding.
+        let [x0, y0, x1, y1] = seen.box_px;
+        let clip = |low: f64, high: f64, offset: u32, size: u32| {
+            let local = |x: f64| (x - f64::from(offset)).clamp(0.0, f64::from(size)) as u32;
+            local(low.floor() - 1.0)..local(high.ceil() + 1.0)
+        };
+        for y in clip(y0, y1, top, height) {
+            for x in clip(x0, x1, left, width) {
+                let alpha = half::f16::from_bits(pixels[(y * width + x) as usize][3]).to_f64();
+                let count = digit_of((alpha * samples).round() as u32, digits[seen.uav]);
+                visible.add(left + x, top + y, f64::from(count));
+            }
+        }
+        let state = &flight.state;
+        let whole = raster::silhouette(
+            &camera.pinhole,
+            &frame.pose,
+            (state.r_enu_m, state.q_enu_body),
+            &state.rotor_phase_rad,
+            &shape.0,
+            frame.rect,
+            camera.antialias,
+        );
+        seen.rendered = Some(RenderedTruth {
+            box_px: visible.box_px(),
+            centroid_px: visible.centroid_px(),
+            visible_fraction: if whole.samples > 0.0 {
+                (visible.samples / whole.samples).min(1.0)
+            } else {
+                0.0
+            },
+        });
+    }
+}
+
+/// How many samples of a pixel belong to a digit, given their base-5 sum.
+fn digit_of(sum: u32, digit: u32) -> u32 {
+    if digit == 0 { 0 } else { sum / 5u32.pow(digit - 1) % 5 }
+}
+
+/// Spawns the rendered meshes of a UAV.
+pub fn spawn_uav(
+    world: &mut World,
+    index: usize,
+    shape: &UavMesh,
+    at: (DVec3, DQuat),
+) {
+    let (site_grid, material) = {
+        let handles = world.resource::<scene::SceneHandles>();
+        (handles.site_grid, handles.solid.clone())
+    };
+    let mut add = |data: &MeshData| world.resource_mut::<Assets<Mesh>>().add(scene::mesh(data));
+    let (body, rotor) = (add(&shape.body), add(&shape.rotor));
+    let body = world
+        .spawn((
+            UavBody(index),
+            Mesh3d(body),
+            MeshMaterial3d(material.clone()),
+            MeshTag(0),
+            place_in_site(at.0, at.1),
+            ChildOf(site_grid),
+        ))
+        .id();
+    for (number, mount) in shape.rotors.iter().enumerate() {
+        world.spawn((
+            UavRotor(index, number),
+            Mesh3d(rotor.clone()),
+            MeshMaterial3d(material.clone()),
+            MeshTag(0),
+            Transform::from_translation(mount.hub_body_m.as_vec3()),
+            ChildOf(body),
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_survive_the_resolve() {
+        // Two samples of identity 1, one of 3, one of 4, averaged and stored as a half float.
+        let sum = 2.0 + 25.0 + 125.0;
+        let stored = half::f16::from_f64(sum / 4.0).to_f64() * 4.0;
+        let counts = [1, 2, 3, 4].map(|digit| digit_of(stored.round() as u32, digit));
+        assert_eq!(counts, [2, 0, 1, 1]);
+        // All four samples of the largest identity.
+        let stored = half::f16::from_f64(125.0).to_f64() * 4.0;
+        assert_eq!(digit_of(stored.round() as u32, 4), 4);
+    }
+}

@@ -1,0 +1,28 @@
+//! Clock and air.
+
+use crate::components::clock::SimClock;
+use crate::components::environment::Environment;
+use crate::components::uav::{Air, Flight};
+use bevy::prelude::*;
+
+/// Starts the tick.
+pub fn advance_clock(mut clock: ResMut<SimClock>) {
+    clock.tick += 1;
+}
+
+/// Mean wind and gusts at every UAV, where it was at the end of the last tick.
+pub fn blow(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    mut uavs: Query<(&Flight, &mut Air)>,
+) {
+    let dt_s = clock.dt_s();
+    for (flight, mut air) in &mut uavs {
+        let r = flight.state.r_enu_m;
+        let height_agl_m = r.z - environment.city.dsm.terrain_m(r.x, r.y);
+        let mean = environment.mean_wind.mean_wind_enu_mps(height_agl_m);
+        let airspeed_mps = (flight.state.v_enu_mps - mean).length();
+        let Air { gusts, rng, wind_enu_mps } = &mut *air;
+        *wind_enu_mps = mean + gusts.step(dt_s, height_agl_m, airspeed_mps, rng);
+    }
+}

@@ -1,0 +1,175 @@
+//! UAVs fly their plans, crash, and fall.
+//!
+//! Flight is integrated in f64 by [`crate::models::multirotor`]. A UAV whose rotors have died is
+//! handed to Rapier, which lets it tumble on to a patch of the city around it, in f32 relative
+//! to the patch, and hands the motion back.
+
+use crate::components::clock::SimClock;
+use crate::components::environment::Environment;
+use crate::components::uav::{Air, Flight, Guidance, Uav, UavStatus};
+use crate::models::multirotor;
+use crate::models::uav::model;
+use bevy::ecs::schedule::ScheduleLabel;
+use bevy::prelude::*;
+use bevy_rapier3d::prelude::*;
+use glam::{DQuat, DVec3};
+
+/// The schedule Rapier steps in, run from the Flight set while something falls.
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Fall;
+
+/// Steps every flying UAV; one that meets the city has crashed.
+pub fn fly(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    mut uavs: Query<(&mut Flight, &Guidance, &Air, &mut UavStatus)>,
+) {
+    let (t_s, dt_s) = (clock.t_s(), clock.dt_s());
+    for (mut flight, guidance, air, mut status) in &mut uavs {
+        if *status != UavStatus::Flying {
+            continue;
+        }
+        let setpoint = guidance.0.sample(t_s);
+        let Flight { airframe, state } = &mut *flight;
+        let density = environment.air_density_kgpm3;
+        multirotor::step(airframe, state, &setpoint, air.wind_enu_mps, density, dt_s);
+        let r = state.r_enu_m;
+        if r.z < environment.city.dsm.surface_m(r.x, r.y) {
+            *status = UavStatus::Crashed;
+            state.v_enu_mps = DVec3::ZERO;
+            state.omega_body_radps = DVec3::ZERO;
+            state.rotor_speed_radps = Default::default();
+        }
+    }
+}
+
+/// A falling UAV in Rapier's world, whose origin is where the fall began.
+#[derive(Component)]
+pub struct Wreck {
+    uav: Entity,
+    origin_enu_m: DVec3,
+    patch: Entity,
+}
+
+/// Marks a UAV that has a [`Wreck`].
+#[derive(Component)]
+pub struct HasWreck;
+
+/// Half the side of the patch of city under a fall [m]: 30 m/s of speed and 100 m of height
+/// carry a wreck less far.
+const PATCH_HALF_M: f64 = 160.0;
+/// Spacing of the patch's heights [m], that of the city's surface raster.
+const PATCH_STEP_M: f64 = 2.0;
+/// Below this speed a wreck rests [m/s].
+const REST_MPS: f32 = 0.15;
+
+/// Gives every UAV that began to fall its body and the ground below it.
+pub fn drop_wrecks(
+    mut commands: Commands,
+    environment: Res<Environment>,
+    uavs: Query<(Entity, &Uav, &Flight, &UavStatus), Without<HasWreck>>,
+) {
+    for (entity, uav, flight, status) in &uavs {
+        if *status != UavStatus::Falling {
+            continue;
+        }
+        let state = &flight.state;
+        let origin_enu_m = state.r_enu_m;
+        let [length, width, height] = model(uav.kind).size_m.map(|side| side as f32 / 2.0);
+        let omega_enu = state.q_enu_body * state.omega_body_radps;
+        let model = model(uav.kind);
+        let dsm = &environment.city.dsm;
+        let n = (2.0 * PATCH_HALF_M / PATCH_STEP_M) as usize + 1;
+        // Rapier's height field spans x (columns) and z (rows) and rises along y: seen from
+        // east-north-up, turned by a quarter about east, so that its z runs to the south.
+        let mut heights = vec![0.0; n * n];
+        for column in 0..n {
+            for row in 0..n {
+                let e = origin_enu_m.x - PATCH_HALF_M + column as f64 * PATCH_STEP_M;
+                let north = origin_enu_m.y + PATCH_HALF_M - row as f64 * PATCH_STEP_M;
+                heights[column * n + row] = (dsm.surface_m(e, north) - origin_enu_m.z) as f32;
+            }
+        }
+        let side = 2.0 * PATCH_HALF_M as f32;
+        let patch = commands
+            .spawn((
+                RigidBody::Fixed,
+                Collider::heightfield(heights, n, n, Vec3::new(side, 1.0, side)),
+                Friction::coefficient(0.8),
+                Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2)),
+            ))
+            .id();
+        commands.spawn((
+            Wreck { uav: entity, origin_enu_m, patch },
+            RigidBody::Dynamic,
+            Collider::cuboid(length, width, height),
+            ColliderMassProperties::Mass(model.mass_kg as f32),
+            Friction::coefficient(0.6),
+            Restitution::coefficient(0.2),
+            Velocity { linvel: state.v_enu_mps.as_vec3(), angvel: omega_enu.as_vec3() },
+            ExternalForce::default(),
+            Ccd::enabled(),
+            Transform::from_rotation(state.q_enu_body.as_quat()),
+        ));
+        commands.entity(entity).insert(HasWreck);
+    }
+}
+
+/// Steps Rapier while anything falls.
+pub fn fall(world: &mut World, wrecks: &mut QueryState<(), With<Wreck>>) {
+    if wrecks.iter(world).next().is_some() {
+        world.run_schedule(Fall);
+    }
+}
+
+/// The air's drag on a wreck (eq. 6), before Rapier's step.
+pub fn drag_wrecks(
+    environment: Res<Environment>,
+    uavs: Query<(&Flight, &Air)>,
+    mut wrecks: Query<(&Wreck, &Velocity, &mut ExternalForce)>,
+) {
+    for (wreck, velocity, mut force) in &mut wrecks {
+        if let Ok((flight, air)) = uavs.get(wreck.uav) {
+            let v_enu_mps = velocity.linvel.as_dvec3();
+            let density = environment.air_density_kgpm3;
+            force.force =
+                flight.airframe.drag_enu_n(v_enu_mps, air.wind_enu_mps, density).as_vec3();
+        }
+    }
+}
+
+/// Hands Rapier's motion back to the truth; a wreck at rest, or off its patch, is down.
+pub fn follow_wrecks(
+    mut commands: Commands,
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    wrecks: Query<(Entity, &Wreck, &Transform, &Velocity)>,
+    mut uavs: Query<(&mut Flight, &mut UavStatus)>,
+) {
+    for (entity, wreck, transform, velocity) in &wrecks {
+        let Ok((mut flight, mut status)) = uavs.get_mut(wreck.uav) else {
+            continue;
+        };
+        let state = &mut flight.state;
+        state.r_enu_m = wreck.origin_enu_m + transform.translation.as_dvec3();
+        state.q_enu_body = DQuat::from_array(transform.rotation.to_array().map(f64::from)).normalize();
+        state.v_enu_mps = velocity.linvel.as_dvec3();
+        state.omega_body_radps = state.q_enu_body.inverse() * velocity.angvel.as_dvec3();
+        // Dead rotors windmill to a stop within a second.
+        let decay = (-clock.dt_s() / 0.5).exp();
+        for (speed, phase) in state.rotor_speed_radps.iter_mut().zip(&mut state.rotor_phase_rad) {
+            *speed *= decay;
+            *phase = (*phase + *speed * clock.dt_s()).rem_euclid(std::f64::consts::TAU);
+        }
+        let r = state.r_enu_m;
+        let near = r.z - environment.city.dsm.surface_m(r.x, r.y) < 1.0;
+        let lost = (r - wreck.origin_enu_m).truncate().abs().max_element() > PATCH_HALF_M;
+        if near && velocity.linvel.length() < REST_MPS || lost {
+            *status = UavStatus::Down;
+            state.v_enu_mps = DVec3::ZERO;
+            state.omega_body_radps = DVec3::ZERO;
+            commands.entity(entity).despawn();
+            commands.entity(wreck.patch).despawn();
+        }
+    }
+}

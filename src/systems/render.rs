@@ -1,0 +1,189 @@
+//! Rendering inside a tick: the render sub-app, driven by hand, and the synchronous readback.
+//!
+//! Bevy renders once per `App::update`, after the main world ran. A sensor frame must show the
+//! very tick that asked for it, so the sub-app is taken out of the [`App`] and run from the
+//! Capture set instead: main schedule (transforms, culling, assets), extraction, rendering,
+//! copy, wait. Rejected: reading frames one update late (pose and picture of different ticks)
+//! and an own wgpu renderer (a second set of meshes, cameras and shaders to keep in step).
+
+use crate::components::camera::PixelRect;
+use crate::components::render::SensorProjection;
+use bevy::app::Main;
+use bevy::camera::{CameraOutputMode, Exposure, MsaaWriteback, RenderTarget};
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::prelude::*;
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, Extent3d, MapMode, Origin3d,
+    PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect,
+    TextureFormat, TextureUsages,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
+use bevy::render::view::{Msaa, NoIndirectDrawing, ViewTarget};
+use std::collections::BTreeMap;
+
+/// The render sub-app, out of Bevy's own update loop.
+pub struct Renderer {
+    app: SubApp,
+    /// One staging buffer a rectangle size.
+    staging: BTreeMap<[u32; 2], Buffer>,
+}
+
+/// Why a frame could not be read back.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The camera has no rendered target.
+    #[error("the renderer delivered no picture: {0}")]
+    NoPicture(&'static str),
+    /// The GPU device failed.
+    #[error("the GPU device failed while a frame was read back: {0}")]
+    Device(String),
+}
+
+/// Bytes of a half-float RGBA pixel.
+const PIXEL_BYTES: u32 = 8;
+
+impl Renderer {
+    /// Takes rendering over from `app`; `None` if the app was built without a renderer.
+    pub fn take(app: &mut App) -> Option<Self> {
+        let app = app.remove_sub_app(bevy::render::RenderApp)?;
+        Some(Self { app, staging: BTreeMap::new() })
+    }
+
+    /// Runs Bevy's main schedule and renders every active camera.
+    pub fn render(&mut self, world: &mut World) {
+        world.run_schedule(Main);
+        self.app.extract(world);
+        self.app.update();
+        world.clear_trackers();
+    }
+
+    /// The half-float RGBA pixels that the camera entity `camera` rendered, row by row.
+    pub fn read(
+        &mut self,
+        camera: Entity,
+        size_px: [u32; 2],
+        out: &mut Vec<[u16; 4]>,
+    ) -> Result<(), RenderError> {
+        let world = self.app.world_mut();
+        let mut views = world.query::<(&MainEntity, &ViewTarget)>();
+        let texture = views
+            .iter(world)
+            .find(|(main, _)| main.id() == camera)
+            .map(|(_, target)| target.main_texture().clone())
+            .ok_or(RenderError::NoPicture("the camera was not rendered"))?;
+        let device = world.resource::<RenderDevice>();
+        let queue = world.resource::<RenderQueue>();
+        let [width, height] = size_px;
+        let row = RenderDevice::align_copy_bytes_per_row((width * PIXEL_BYTES) as usize) as u32;
+        let staging = self.staging.entry(size_px).or_insert_with(|| {
+            device.create_buffer(&BufferDescriptor {
+                label: Some("sensor readback"),
+                size: u64::from(row * height),
+                usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        });
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(
+            TexelCopyTextureInfo {
+                texture: &texture,
+                mip_level: 0,
+                origin: Origin3d::ZERO,
+                aspect: TextureAspect::All,
+            },
+            TexelCopyBufferInfo {
+                buffer: staging,
+                layout: TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row),
+                    rows_per_image: None,
+                },
+            },
+            Extent3d { width, height, depth_or_array_layers: 1 },
+        );
+        queue.submit([encoder.finish()]);
+        let slice = staging.slice(..);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        slice.map_async(MapMode::Read, move |result| {
+            // The receiver outlives the poll below.
+            let _ = sender.send(result);
+        });
+        device
+            .poll(PollType::wait_indefinitely())
+            .map_err(|error| RenderError::Device(error.to_string()))?;
+        match receiver.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(RenderError::Device(error.to_string())),
+            Err(error) => return Err(RenderError::Device(error.to_string())),
+        }
+        let bytes = slice.get_mapped_range();
+        out.clear();
+        out.reserve((width * height) as usize);
+        for line in bytes.chunks_exact(row as usize) {
+            out.extend(line[..(width * PIXEL_BYTES) as usize].chunks_exact(8).map(|p| {
+                std::array::from_fn(|c| u16::from_le_bytes([p[2 * c], p[2 * c + 1]]))
+            }));
+        }
+        drop(bytes);
+        staging.unmap();
+        Ok(())
+    }
+}
+
+/// Spawns a camera that renders rectangles of one size off screen; inactive until asked.
+pub fn spawn_sensor_view(
+    world: &mut World,
+    site_grid: Entity,
+    projection: SensorProjection,
+    antialias: u32,
+) -> Entity {
+    let [width, height] = projection.size_px;
+    let mut target =
+        Image::new_target_texture(width, height, TextureFormat::Rgba16Float, None);
+    target.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+    let target = world.resource_mut::<Assets<Image>>().add(target);
+    world
+        .spawn((
+            Camera3d::default(),
+            Camera {
+                is_active: false,
+                // The sky covers every pixel, and the picture is read from the main texture:
+                // neither a clear nor a copy to the target is paid for.
+                clear_color: ClearColorConfig::None,
+                output_mode: CameraOutputMode::Skip,
+                msaa_writeback: MsaaWriteback::Off,
+                ..default()
+            },
+            RenderTarget::Image(target.into()),
+            Projection::custom(projection),
+            if antialias > 1 { Msaa::Sample4 } else { Msaa::Off },
+            // Luminance reaches the texture unscaled: exposure is the sensor model's.
+            Exposure { ev100: -(1.2f32.log2()) },
+            Tonemapping::None,
+            NoIndirectDrawing,
+            Transform::default(),
+            Visibility::default(),
+            ChildOf(site_grid),
+        ))
+        .id()
+}
+
+/// Points a sensor view at a rectangle of its sensor.
+pub fn aim_sensor_view(
+    world: &mut World,
+    view: Entity,
+    projection: SensorProjection,
+    at: impl Bundle,
+) {
+    let mut entity = world.entity_mut(view);
+    entity.insert((Projection::custom(projection), at));
+    if let Some(mut camera) = entity.get_mut::<Camera>() {
+        camera.is_active = true;
+    }
+}
+
+/// The rectangle a projection renders.
+pub fn rect(projection: &SensorProjection) -> PixelRect {
+    PixelRect { offset_px: projection.offset_px, size_px: projection.size_px }
+}

@@ -1,0 +1,229 @@
+//! The rendered mirror of the truth: city, sky and UAVs in a big_space of WGS-84.
+//!
+//! The root grid is earth-centred; the city lives in a sub-grid whose axes are the site's
+//! east, north and up. The floating origin sits on that sub-grid, so what the GPU sees in f32 is
+//! always relative to the station's cell, wherever on Earth the site is.
+
+use crate::components::render::{ATTRIBUTE_SURFACE, LeanMaterial, LightUniform};
+use crate::models::mesh::MeshData;
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::visibility::NoFrustumCulling;
+use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
+use bevy::mesh::{Indices, PrimitiveTopology};
+use bevy::prelude::*;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use big_space::prelude::*;
+use glam::{DQuat, DVec3};
+
+/// Edge of a grid cell [m]: f32 positions inside it are right to 0.1 mm.
+const CELL_M: f32 = 2_000.0;
+/// Radius of the sky dome [m]: beyond the far apron of the city, inside the culling limit.
+const DOME_M: f32 = 60_000.0;
+
+/// Marks the grid whose axes are the site's east, north, up.
+#[derive(Component)]
+pub struct SiteGrid;
+
+/// Marks the point the sensors are rendered from.
+#[derive(Component)]
+pub struct StationOrigin;
+
+/// Marks the body of a UAV by its scenario index.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct UavBody(pub usize);
+
+/// Marks a rotor: scenario index of the UAV and number of the rotor.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct UavRotor(pub usize, pub usize);
+
+/// The materials and meshes of the scene that later systems change.
+#[derive(Resource)]
+pub struct SceneHandles {
+    /// Entity of the site's grid.
+    pub site_grid: Entity,
+    /// Material of everything but the sky.
+    pub solid: Handle<LeanMaterial>,
+    /// Material of the sky.
+    pub sky: Handle<LeanMaterial>,
+}
+
+/// A pixel map: RGB8 in sRGB, row 0 at the north edge.
+pub struct GroundMap<'a> {
+    /// Side of the square map [px].
+    pub side_px: u32,
+    /// Three bytes a pixel.
+    pub rgb8: &'a [u8],
+}
+
+/// The transform of a big_space grid in another: cell and f32 rest.
+pub fn place(grid: &Grid, r_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
+    let (cell, rest) = grid.translation_to_grid(r_m);
+    (cell, Transform { translation: rest, rotation: q.as_quat(), scale: Vec3::ONE })
+}
+
+/// A grid as this scene uses it, for the earth-centred root and for the site.
+pub fn grid() -> Grid {
+    Grid::new(CELL_M, 100.0)
+}
+
+/// A Bevy mesh with the attributes of [`LeanMaterial`].
+pub fn mesh(data: &MeshData) -> Mesh {
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, data.positions.clone())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, data.normals.clone())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, data.colors.clone())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, data.uv.clone())
+        .with_inserted_attribute(ATTRIBUTE_SURFACE, data.surface.clone())
+        .with_inserted_indices(Indices::U32(data.indices.clone()))
+}
+
+/// The dome: an inward box is enough, since the shader colours by direction alone.
+fn dome() -> Mesh {
+    let r = DOME_M;
+    let corners: Vec<[f32; 3]> = (0..8)
+        .map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { r } else { -r }))
+        .collect();
+    let faces: [[u32; 4]; 6] =
+        [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
+    let indices = faces.iter().flat_map(|[a, b, c, d]| [*a, *b, *c, *a, *c, *d]).collect();
+    mesh(&MeshData {
+        normals: vec![[0.0, 0.0, 1.0]; 8],
+        colors: vec![[0.0, 0.0, 0.0, 1.0]; 8],
+        uv: vec![[0.0; 2]; 8],
+        surface: vec![[9.0, 0.0]; 8],
+        positions: corners,
+        indices,
+        origin_enu_m: DVec3::ZERO,
+    })
+}
+
+/// An RGBA8 sRGB texture with all its mip levels, box-filtered in linear light.
+pub fn ground_texture(map: &GroundMap) -> Image {
+    let decode: Vec<f32> = (0..256)
+        .map(|i| Srgba::gamma_function(i as f32 / 255.0))
+        .collect();
+    let encode = |x: f32| (Srgba::gamma_function_inverse(x) * 255.0 + 0.5) as u8;
+    let mut side = map.side_px as usize;
+    let mut level: Vec<[f32; 3]> = map
+        .rgb8
+        .chunks_exact(3)
+        .map(|p| [decode[p[0] as usize], decode[p[1] as usize], decode[p[2] as usize]])
+        .collect();
+    let mut bytes = Vec::with_capacity(side * side * 16 / 3);
+    let mut levels = 0;
+    loop {
+        bytes.extend(level.iter().flat_map(|p| [encode(p[0]), encode(p[1]), encode(p[2]), 255]));
+        levels += 1;
+        if side == 1 {
+            break;
+        }
+        let half = side / 2;
+        let at = |x: usize, y: usize, c: usize| level[y * side + x][c];
+        level = (0..half * half)
+            .map(|i| {
+                let (x, y) = (2 * (i % half), 2 * (i / half));
+                std::array::from_fn(|c| {
+                    0.25 * (at(x, y, c) + at(x + 1, y, c) + at(x, y + 1, c) + at(x + 1, y + 1, c))
+                })
+            })
+            .collect();
+        side = half;
+    }
+    let extent = Extent3d {
+        width: map.side_px,
+        height: map.side_px,
+        depth_or_array_layers: 1,
+    };
+    let mut image = Image::new_uninit(
+        extent,
+        TextureDimension::D2,
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    image.texture_descriptor.mip_level_count = levels;
+    image.data = Some(bytes);
+    image.sampler = sampler(ImageAddressMode::ClampToEdge);
+    image
+}
+
+/// The sky's luminance table as a float texture; it wraps in azimuth only.
+pub fn sky_texture(table: &[[f32; 4]], width: u32, height: u32) -> Image {
+    let half = |x: f32| half::f16::from_f32(x.min(65_000.0)).to_le_bytes();
+    let bytes = table.iter().flatten().flat_map(|x| half(*x)).collect();
+    let extent = Extent3d { width, height, depth_or_array_layers: 1 };
+    let mut image = Image::new(
+        extent,
+        TextureDimension::D2,
+        bytes,
+        TextureFormat::Rgba16Float,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    image.sampler = sampler(ImageAddressMode::Repeat);
+    image
+}
+
+fn sampler(address_mode_u: ImageAddressMode) -> ImageSampler {
+    ImageSampler::Descriptor(ImageSamplerDescriptor {
+        address_mode_u,
+        address_mode_v: ImageAddressMode::ClampToEdge,
+        mag_filter: ImageFilterMode::Linear,
+        min_filter: ImageFilterMode::Linear,
+        mipmap_filter: ImageFilterMode::Linear,
+        ..default()
+    })
+}
+
+/// What [`spawn`] puts into the scene.
+pub struct SceneContent<'a> {
+    /// Centre of the site's grid, earth-centred [m].
+    pub r_site_ecef_m: DVec3,
+    /// Rotation of site axes into earth-centred axes.
+    pub q_ecef_enu: DQuat,
+    /// Where the sensors stand [m].
+    pub r_station_enu_m: DVec3,
+    /// City tiles.
+    pub tiles: &'a [MeshData],
+    /// Albedo of the ground.
+    pub ground: GroundMap<'a>,
+    /// Sky table and its width and height.
+    pub sky: (&'a [[f32; 4]], u32, u32),
+    /// Sun, sky and air.
+    pub light: LightUniform,
+}
+
+/// Builds the grids, the city and the sky.
+pub fn spawn(world: &mut World, content: &SceneContent) {
+    let ground_map = world.resource_mut::<Assets<Image>>().add(ground_texture(&content.ground));
+    let (table, width, height) = content.sky;
+    let sky_table =
+        world.resource_mut::<Assets<Image>>().add(sky_texture(table, width, height));
+    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
+    let mut material = LeanMaterial { light: content.light, ground_map, sky_table, last: false };
+    let solid = materials.add(material.clone());
+    material.last = true;
+    let sky = materials.add(material);
+    let mut meshes = world.resource_mut::<Assets<Mesh>>();
+    let dome = meshes.add(dome());
+    let tiles: Vec<_> =
+        content.tiles.iter().map(|tile| (meshes.add(mesh(tile)), tile.origin_enu_m)).collect();
+
+    let (cell, transform) = place(&grid(), content.r_site_ecef_m, content.q_ecef_enu);
+    let root = world.spawn(BigSpaceRootBundle { grid: grid(), ..default() }).id();
+    let site_grid = world
+        .spawn((SiteGrid, grid(), cell, transform, Visibility::default(), ChildOf(root)))
+        .id();
+    for (mesh, origin_enu_m) in tiles {
+        let at = place(&grid(), origin_enu_m, DQuat::IDENTITY);
+        world.spawn((Mesh3d(mesh), MeshMaterial3d(solid.clone()), at, ChildOf(site_grid)));
+    }
+    let at = place(&grid(), content.r_station_enu_m, DQuat::IDENTITY);
+    world.spawn((StationOrigin, FloatingOrigin, at, Visibility::default(), ChildOf(site_grid)));
+    world.spawn((
+        Mesh3d(dome),
+        MeshMaterial3d(sky.clone()),
+        NoFrustumCulling,
+        at,
+        ChildOf(site_grid),
+    ));
+    world.insert_resource(SceneHandles { site_grid, solid, sky });
+}
