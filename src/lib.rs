@@ -1,1 +1,14 @@
+//! Boresight: a deterministic simulator of urban laser counter-UAV systems.
+//!
+//! It simulates; it drives no real mount and no real laser.
 
+pub mod cli;
+pub mod components;
+pub mod inference;
+pub mod models;
+pub mod plugins;
+pub mod recording;
+pub mod report;
+pub mod run;
+pub mod scenario;
+pub mod systems;

@@ -245,12 +245,21 @@ fn channels() -> Vec<(String, Option<Schema>)> {
     for camera in Camera::ALL.map(Camera::name) {
         channels.extend([
             (format!("/{camera}/image"), CompressedImage::get_schema()),
-            (format!("/{camera}/annotations"), ImageAnnotations::get_schema()),
-            (format!("/{camera}/calibration"), CameraCalibration::get_schema()),
+            (
+                format!("/{camera}/annotations"),
+                ImageAnnotations::get_schema(),
+            ),
+            (
+                format!("/{camera}/calibration"),
+                CameraCalibration::get_schema(),
+            ),
         ]);
     }
     channels.extend(OWN_CHANNELS.iter().map(|&(topic, name)| {
-        (topic.to_owned(), Some(Schema::new(name, "protobuf", DESCRIPTORS)))
+        (
+            topic.to_owned(),
+            Some(Schema::new(name, "protobuf", DESCRIPTORS)),
+        )
     }));
     channels
 }
@@ -261,14 +270,15 @@ pub fn log_time_ns(tick: u64, tick_hz: NonZeroU32) -> u64 {
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// Encodes an 8-bit RGB image as JPEG (quality 85, chroma halved), with no allocation beyond the result.
+/// Encodes an 8-bit RGB image as JPEG of the given quality, 1 to 100; below 90 the chroma is halved.
 pub fn encode_jpeg(
     rgb8: &[u8],
     width: u16,
     height: u16,
+    quality: u8,
 ) -> Result<Vec<u8>, jpeg_encoder::EncodingError> {
     let mut jpeg = Vec::with_capacity(rgb8.len() / 8);
-    jpeg_encoder::Encoder::new(&mut jpeg, 85).encode(
+    jpeg_encoder::Encoder::new(&mut jpeg, quality).encode(
         rgb8,
         width,
         height,
@@ -306,8 +316,10 @@ pub struct Recorder {
 impl Recorder {
     /// Creates the file, with the run's scenario, seed and version already on the disk on return.
     pub fn create(path: &Path, meta: &Meta) -> Result<Self, RecordingError> {
-        let file = File::create(path)
-            .map_err(|source| RecordingError::Create { path: path.to_owned(), source })?;
+        let file = File::create(path).map_err(|source| RecordingError::Create {
+            path: path.to_owned(),
+            source,
+        })?;
         Self::start(file, path, meta).map_err(|source| write_error(path, source))
     }
 
@@ -352,7 +364,10 @@ impl Recorder {
                 Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
                 None => 0,
             };
-            ids.push((writer.add_channel(schema_id, &topic, "protobuf", &BTreeMap::new())?, 0));
+            ids.push((
+                writer.add_channel(schema_id, &topic, "protobuf", &BTreeMap::new())?,
+                0,
+            ));
         }
         Ok(Self {
             path: path.to_owned(),
@@ -401,7 +416,10 @@ impl Recorder {
                 // Rounded up by a nanosecond so that it covers the gap to the next tick.
                 let lifetime = (entity.lifetime_ticks > 0)
                     .then(|| log_time_ns(entity.lifetime_ticks.into(), self.tick_hz) + 1)
-                    .map(|ns| fg::Duration::new((ns / NS) as i32, (ns % NS) as u32));
+                    .map(|ns| {
+                        let s = i32::try_from(ns / NS).unwrap_or(i32::MAX);
+                        fg::Duration::new(s, (ns % NS) as u32)
+                    });
                 let mut out = fg::SceneEntity {
                     timestamp,
                     frame_id: entity.frame.to_owned(),
@@ -415,7 +433,14 @@ impl Recorder {
                 out
             })
             .collect();
-        self.push(tick, SCENE, &SceneUpdate { deletions: Vec::new(), entities })
+        self.push(
+            tick,
+            SCENE,
+            &SceneUpdate {
+                deletions: Vec::new(),
+                entities,
+            },
+        )
     }
 
     /// Records the image that a camera exposed at this tick, as JPEG.
@@ -444,7 +469,10 @@ impl Recorder {
         reticle_px: [f64; 2],
     ) -> Result<(), RecordingError> {
         let timestamp = self.timestamp(exposure_tick);
-        let mut message = ImageAnnotations { timestamp, ..Default::default() };
+        let mut message = ImageAnnotations {
+            timestamp,
+            ..Default::default()
+        };
         for annotation in boxes {
             let [x0, y0, x1, y1] = annotation.rect_px;
             message.points.push(fg::PointsAnnotation {
@@ -562,12 +590,15 @@ impl Recorder {
     }
 
     fn unix_ns(&self, tick: u64) -> u64 {
-        self.epoch_unix_ns.saturating_add(log_time_ns(tick, self.tick_hz))
+        self.epoch_unix_ns
+            .saturating_add(log_time_ns(tick, self.tick_hz))
     }
 
     fn timestamp(&self, tick: u64) -> Option<Timestamp> {
         let ns = self.unix_ns(tick);
-        u32::try_from(ns / NS).ok().map(|s| Timestamp::new(s, (ns % NS) as u32))
+        u32::try_from(ns / NS)
+            .ok()
+            .map(|s| Timestamp::new(s, (ns % NS) as u32))
     }
 
     /// Encodes a message and keeps it until its tick is over.
@@ -587,16 +618,25 @@ impl Recorder {
         }
         let start = self.encoded.len();
         message.encode(&mut self.encoded)?;
-        self.pending.push(Pending { channel, start, end: self.encoded.len() });
+        self.pending.push(Pending {
+            channel,
+            start,
+            end: self.encoded.len(),
+        });
         Ok(())
     }
 
     /// Writes the messages of the tick that is over, and the chunk when it is long enough.
     fn write_pending(&mut self) -> Result<(), RecordingError> {
-        let (Some(tick), Some(writer)) = (self.tick, &mut self.writer) else { return Ok(()) };
-        let log_time = self.epoch_unix_ns.saturating_add(log_time_ns(tick, self.tick_hz));
+        let (Some(tick), Some(writer)) = (self.tick, &mut self.writer) else {
+            return Ok(());
+        };
+        let log_time = self
+            .epoch_unix_ns
+            .saturating_add(log_time_ns(tick, self.tick_hz));
         // Forgotten whether or not the write works: a full disk must not let them pile up.
-        self.pending.sort_unstable_by_key(|pending| (pending.channel, pending.start));
+        self.pending
+            .sort_unstable_by_key(|pending| (pending.channel, pending.start));
         let mut result = self.pending.drain(..).try_for_each(|pending| {
             let (channel_id, sequence) = &mut self.channels[pending.channel];
             let header = MessageHeader {
@@ -621,7 +661,9 @@ impl Recorder {
 
     fn close(&mut self) -> Result<(), RecordingError> {
         let written = self.write_pending();
-        let Some(mut writer) = self.writer.take() else { return written };
+        let Some(mut writer) = self.writer.take() else {
+            return written;
+        };
         let finished = writer.finish();
         let flushed = writer.into_inner().into_inner().flush();
         written?;
@@ -643,26 +685,42 @@ impl Shape<'_> {
     fn add_to(&self, entity: &mut fg::SceneEntity) {
         const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
         match *self {
-            Self::Cube { centre_m, rotation, size_m, colour: rgba } => {
+            Self::Cube {
+                centre_m,
+                rotation,
+                size_m,
+                colour: rgba,
+            } => {
                 entity.cubes.push(fg::CubePrimitive {
                     pose: Some(pose(centre_m, rotation)),
                     size: Some(vector(size_m)),
                     color: Some(colour(rgba)),
                 });
             }
-            Self::Sphere { centre_m, diameter_m, colour: rgba } => {
+            Self::Sphere {
+                centre_m,
+                diameter_m,
+                colour: rgba,
+            } => {
                 entity.spheres.push(fg::SpherePrimitive {
                     pose: Some(pose(centre_m, UPRIGHT)),
                     size: Some(vector([diameter_m; 3])),
                     color: Some(colour(rgba)),
                 });
             }
-            Self::Line { points_m, width_m, colour: rgba } => {
+            Self::Line {
+                points_m,
+                width_m,
+                colour: rgba,
+            } => {
                 entity.lines.push(fg::LinePrimitive {
                     r#type: line_primitive::Type::LineStrip.into(),
                     pose: Some(pose([0.0; 3], UPRIGHT)),
                     thickness: width_m,
-                    points: points_m.iter().map(|&[x, y, z]| Point3 { x, y, z }).collect(),
+                    points: points_m
+                        .iter()
+                        .map(|&[x, y, z]| Point3 { x, y, z })
+                        .collect(),
                     color: Some(colour(rgba)),
                     ..Default::default()
                 });
@@ -683,7 +741,10 @@ fn quaternion([x, y, z, w]: [f64; 4]) -> Quaternion {
 }
 
 fn pose(position_m: [f64; 3], rotation: [f64; 4]) -> Pose {
-    Pose { position: Some(vector(position_m)), orientation: Some(quaternion(rotation)) }
+    Pose {
+        position: Some(vector(position_m)),
+        orientation: Some(quaternion(rotation)),
+    }
 }
 
 fn point2([x, y]: [f64; 2]) -> Point2 {
@@ -728,7 +789,7 @@ mod tests {
     /// Calls every method, at the rates of a real run, for `ticks` ticks.
     fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
         let rgb8: Vec<u8> = (0..64 * 48 * 3).map(|i| (i * 7 % 251) as u8).collect();
-        let jpeg = encode_jpeg(&rgb8, 64, 48).unwrap();
+        let jpeg = encode_jpeg(&rgb8, 64, 48, 85).unwrap();
         recorder.location_fix(0, "enu", 48.137, 11.575, 519.0)?;
         for camera in Camera::ALL {
             let k = [500.0, 0.0, 32.0, 0.0, 500.0, 24.0, 0.0, 0.0, 1.0];
@@ -738,22 +799,42 @@ mod tests {
             let t_s = tick as f64 / 960.0;
             recorder.own(
                 tick,
-                &proto::Tick { tick, simulated_s: t_s, state_hash: tick.wrapping_mul(0x9e37_79b9) },
+                &proto::Tick {
+                    tick,
+                    simulated_s: t_s,
+                    state_hash: tick.wrapping_mul(0x9e37_79b9),
+                },
             )?;
             recorder.own(
                 tick,
                 &proto::UavState {
                     name: "uav-1".to_owned(),
-                    r_enu_m: Some(proto::Vec3 { x: 8.0 * t_s, y: 900.0, z: 60.0 }),
-                    v_enu_mps: Some(proto::Vec3 { x: 8.0, y: 0.0, z: 0.0 }),
-                    q_enu_body: Some(proto::Quat { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+                    r_enu_m: Some(proto::Vec3 {
+                        x: 8.0 * t_s,
+                        y: 900.0,
+                        z: 60.0,
+                    }),
+                    v_enu_mps: Some(proto::Vec3 {
+                        x: 8.0,
+                        y: 0.0,
+                        z: 0.0,
+                    }),
+                    q_enu_body: Some(proto::Quat {
+                        x: 0.0,
+                        y: 0.0,
+                        z: 0.0,
+                        w: 1.0,
+                    }),
                     skin_temperature_k: 290.0 + t_s,
                     status: "flying".to_owned(),
                 },
             )?;
             recorder.own(
                 tick,
-                &proto::MountState { azimuth_rad: 0.1 * t_s, ..Default::default() },
+                &proto::MountState {
+                    azimuth_rad: 0.1 * t_s,
+                    ..Default::default()
+                },
             )?;
             recorder.frame_transforms(
                 tick,
@@ -805,7 +886,12 @@ mod tests {
                         }],
                         [32.0, 24.0],
                     )?;
-                    let seen = proto::BoxPx { x0_px: 20.0, y0_px: 20.0, x1_px: 30.0, y1_px: 27.0 };
+                    let seen = proto::BoxPx {
+                        x0_px: 20.0,
+                        y0_px: 20.0,
+                        x1_px: 30.0,
+                        y1_px: 27.0,
+                    };
                     recorder.own(
                         tick,
                         &proto::FrameTruth {
@@ -834,7 +920,11 @@ mod tests {
                     )?;
                     recorder.own(
                         tick,
-                        &proto::MissDistance { camera: name, exposure_tick: tick, miss_px: 0.6 },
+                        &proto::MissDistance {
+                            camera: name,
+                            exposure_tick: tick,
+                            miss_px: 0.6,
+                        },
                     )?;
                 }
                 recorder.own(
@@ -910,7 +1000,10 @@ mod tests {
         assert_eq!(log_time_ns(960, HZ), NS);
         assert_eq!(log_time_ns(1, HZ), 1_041_666);
         // A year of ticks: a float of seconds would be off by some nanoseconds.
-        assert_eq!(log_time_ns(960 * 31_536_000 + 480, HZ), 31_536_000 * NS + NS / 2);
+        assert_eq!(
+            log_time_ns(960 * 31_536_000 + 480, HZ),
+            31_536_000 * NS + NS / 2
+        );
         assert_eq!(log_time_ns(u64::MAX, NonZeroU32::MIN), u64::MAX);
     }
 
@@ -923,13 +1016,20 @@ mod tests {
         let expected_topics: Vec<String> = channels().into_iter().map(|(topic, _)| topic).collect();
         let mut topics: Vec<_> = summary.channels.values().collect();
         topics.sort_by_key(|channel| channel.id);
-        assert_eq!(topics.iter().map(|c| c.topic.clone()).collect::<Vec<_>>(), expected_topics);
+        assert_eq!(
+            topics.iter().map(|c| c.topic.clone()).collect::<Vec<_>>(),
+            expected_topics
+        );
         let mut sequences = BTreeMap::new();
         let mut last = (0, 0);
         let mut count = 0;
         for message in MessageStream::new(&bytes).unwrap() {
             let message = message.unwrap();
-            assert!(decodes(&message), "{} does not decode", message.channel.topic);
+            assert!(
+                decodes(&message),
+                "{} does not decode",
+                message.channel.topic
+            );
             let next: &mut u32 = sequences.entry(message.channel.id).or_default();
             assert_eq!(message.sequence, *next, "{}", message.channel.topic);
             *next += 1;
@@ -937,13 +1037,23 @@ mod tests {
             last = (message.log_time, message.channel.id);
             count += 1;
         }
-        assert_eq!(sequences.len(), expected_topics.len(), "a topic has no message");
+        assert_eq!(
+            sequences.len(),
+            expected_topics.len(),
+            "a topic has no message"
+        );
         assert_eq!(stats.message_count, count);
         assert_eq!(stats.message_start_time, EPOCH_NS);
         assert_eq!(stats.message_end_time, EPOCH_NS + log_time_ns(999, HZ));
-        let image = readable(&bytes).into_iter().find(|m| m.channel.topic == "/ptv/image").unwrap();
+        let image = readable(&bytes)
+            .into_iter()
+            .find(|m| m.channel.topic == "/ptv/image")
+            .unwrap();
         let image = fg::CompressedImage::decode(&image.data[..]).unwrap();
-        assert_eq!((&image.data[..2], &image.frame_id[..]), (&[0xff, 0xd8][..], "ptv"));
+        assert_eq!(
+            (&image.data[..2], &image.frame_id[..]),
+            (&[0xff, 0xd8][..], "ptv")
+        );
     }
 
     #[test]
@@ -976,7 +1086,10 @@ mod tests {
         let path = dir.path().join("killed.mcap");
         let mut recorder = Recorder::create(&path, &META).unwrap();
         let empty = fs::read(&path).unwrap();
-        assert!(empty.windows(13).any(|w| w == b"scenario.toml"), "no scenario at the start");
+        assert!(
+            empty.windows(13).any(|w| w == b"scenario.toml"),
+            "no scenario at the start"
+        );
         drive(&mut recorder, 9600).unwrap();
         mem::forget(recorder); // what a kill leaves: no destructor runs
         let bytes = fs::read(&path).unwrap();

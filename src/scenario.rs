@@ -16,9 +16,13 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::models::atmosphere::Cn2Profile;
+use crate::models::base_motion::{BaseMotionParams, TiltMode};
 use crate::models::city::CityParams;
+use crate::models::thermal::{self, SkinMaterial};
 use crate::models::trajectory::Trajectory;
 use crate::models::uav::UavKind;
+use crate::models::weather::{self, WeatherError};
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -116,18 +120,51 @@ pub struct Weather {
     pub pressure_hpa: Option<f64>,
     /// Covered fraction of the sky, 0 to 1; 0 without a METAR.
     pub cloud_cover: Option<f64>,
-    /// Height of the cloud base above the ground; 1,500 without a METAR.
+    /// Height of the cloud base above the ground.
     pub cloud_base_m: Option<f64>,
     /// Rain rate; 0 without a METAR.
     pub precipitation_mmph: Option<f64>,
+}
+
+impl Weather {
+    /// The weather of a run: the METAR's or the documented defaults, then the explicit values.
+    pub fn resolved(&self) -> Result<weather::Weather, WeatherError> {
+        let base = match &self.metar {
+            Some(report) => weather::Weather::from_metar(report)?,
+            None => weather::Weather {
+                wind_speed_mps: 3.0, // [m/s]
+                wind_from_rad: 270f64.to_radians(),
+                gust_mps: None,
+                visibility_m: 20_000.0, // [m]
+                temperature_k: 288.15,  // [K]
+                relative_humidity: 0.5, // [-]
+                pressure_pa: 101_325.0, // [Pa]
+                cloud_cover: 0.0,       // [-]
+                cloud_base_m: None,
+                precipitation_mmph: 0.0, // [mm/h]
+            },
+        };
+        Ok(weather::Weather {
+            wind_speed_mps: self.wind_speed_mps.unwrap_or(base.wind_speed_mps),
+            wind_from_rad: (self.wind_from_deg).map_or(base.wind_from_rad, f64::to_radians),
+            gust_mps: self.gust_mps.or(base.gust_mps),
+            visibility_m: self.visibility_m.unwrap_or(base.visibility_m),
+            temperature_k: (self.temperature_c).map_or(base.temperature_k, |c| c + 273.15),
+            relative_humidity: self.relative_humidity.unwrap_or(base.relative_humidity),
+            pressure_pa: (self.pressure_hpa).map_or(base.pressure_pa, |hpa| 100.0 * hpa),
+            cloud_cover: self.cloud_cover.unwrap_or(base.cloud_cover),
+            cloud_base_m: self.cloud_base_m.or(base.cloud_base_m),
+            precipitation_mmph: self.precipitation_mmph.unwrap_or(base.precipitation_mmph),
+        })
+    }
 }
 
 /// Optical turbulence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Turbulence {
-    /// Refractive-index structure constant near the ground, in m^(-2/3): 1e-15 is calm, 1e-14 an
-    /// ordinary day, 1e-13 a hot roof.
+    /// Refractive-index structure constant Cn² in m^(-2/3), at the profile's own ground: 1e-15 is
+    /// calm, 1e-14 an ordinary day, 1e-13 a hot roof.
     pub cn2_ground: f64,
     /// How the structure constant falls with height.
     pub profile: TurbulenceProfile,
@@ -149,12 +186,32 @@ impl Default for Turbulence {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TurbulenceProfile {
-    /// Falls with height above the roofs by time of day.
+    /// Falls with height above the roofs by time of day; the ground value holds 10 m above the
+    /// displacement height, which is 0.7 of the mean building height.
     Urban,
-    /// Hufnagel–Valley with the ground value above.
+    /// Hufnagel–Valley with a pseudo-wind of 21 m/s and the ground value.
     HufnagelValley,
     /// The ground value everywhere.
     Constant,
+}
+
+impl Turbulence {
+    /// The profile over a city of mean building height `building_height_m` [m], by `day` or night.
+    pub fn cn2_profile(&self, building_height_m: f64, day: bool) -> Cn2Profile {
+        match self.profile {
+            TurbulenceProfile::Constant => Cn2Profile::Constant(self.cn2_ground),
+            TurbulenceProfile::HufnagelValley => Cn2Profile::HufnagelValley {
+                wind_mps: 21.0, // [m/s]
+                ground: self.cn2_ground,
+            },
+            TurbulenceProfile::Urban => Cn2Profile::Urban {
+                cn2_ref: self.cn2_ground,
+                height_ref_m: 10.0, // [m]
+                displacement_m: 0.7 * building_height_m,
+                day,
+            },
+        }
+    }
 }
 
 /// Intensity fluctuation of the laser channel.
@@ -229,36 +286,53 @@ pub enum BaseMotion {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BasePreset {
-    /// An isolated pier: 1 µrad rms at 10 Hz.
+    /// An isolated pier: a twentieth of the roof's amplitudes.
     Quiet,
-    /// The roof of a building with machines in it: 15 µrad rms at 8 Hz.
+    /// A short mast on a tall office roof in a fresh breeze: sway of 100 µrad rms at 0.3 Hz,
+    /// bending of 50 µrad at 12 Hz, broadband vibration of 5 µrad.
     Roof,
-    /// A mast in the wind: 200 µrad rms at 1.5 Hz.
+    /// A tall mast in the wind: three times the roof's amplitudes.
     Mast,
 }
 
-/// Strength and frequency of the base motion.
+/// Base motion of one lightly damped mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BaseValues {
     /// Angular root mean square, each axis.
     pub rms_urad: f64,
-    /// Frequency of the dominant mode.
+    /// Natural frequency of the mode; its damping ratio is 0.03.
     pub frequency_hz: f64,
 }
 
 impl BaseMotion {
-    /// Strength [µrad rms per axis] and dominant frequency [Hz] of the base motion.
-    pub fn values(self) -> BaseValues {
-        let (rms_urad, frequency_hz) = match self {
-            Self::Values(values) => return values,
-            Self::Preset(BasePreset::Quiet) => (1.0, 10.0),
-            Self::Preset(BasePreset::Roof) => (15.0, 8.0),
-            Self::Preset(BasePreset::Mast) => (200.0, 1.5),
+    /// The modes of the base motion.
+    pub fn params(self) -> BaseMotionParams {
+        let roof = BaseMotionParams::default();
+        let scaled = |mode: TiltMode, factor: f64| TiltMode {
+            rms_rad: mode.rms_rad.map(|rms| factor * rms),
+            ..mode
         };
-        BaseValues {
-            rms_urad,
-            frequency_hz,
+        let factor = match self {
+            Self::Preset(BasePreset::Quiet) => 0.05,
+            Self::Preset(BasePreset::Roof) => 1.0,
+            Self::Preset(BasePreset::Mast) => 3.0,
+            Self::Values(values) => {
+                return BaseMotionParams {
+                    sway: scaled(roof.sway, 0.0),
+                    mast: TiltMode {
+                        frequency_hz: values.frequency_hz,
+                        damping: 0.03,
+                        rms_rad: [1e-6 * values.rms_urad; 3],
+                    },
+                    broadband: scaled(roof.broadband, 0.0),
+                };
+            }
+        };
+        BaseMotionParams {
+            sway: scaled(roof.sway, factor),
+            mast: scaled(roof.mast, factor),
+            broadband: scaled(roof.broadband, factor),
         }
     }
 }
@@ -576,8 +650,37 @@ pub struct Uav {
     pub model: UavKind,
     /// Where it flies.
     pub trajectory: Trajectory,
-    /// Material of its skin; absent: the catalogue's.
-    pub skin: Option<String>,
+    /// Material of the part the laser heats; absent: the catalogue's.
+    pub skin: Option<Skin>,
+}
+
+/// Material of the part the laser heats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Skin {
+    /// Dark polycarbonate shell.
+    PolycarbonateShell,
+    /// ABS shell.
+    AbsShell,
+    /// Carbon-fibre epoxy.
+    CarbonFibre,
+    /// Pouch of a lithium-polymer battery.
+    LipoPouch,
+    /// Aluminium.
+    Aluminium,
+}
+
+impl Skin {
+    /// Its thermal and optical constants.
+    pub fn material(self) -> SkinMaterial {
+        match self {
+            Self::PolycarbonateShell => thermal::POLYCARBONATE_SHELL,
+            Self::AbsShell => thermal::ABS_SHELL,
+            Self::CarbonFibre => thermal::CARBON_EPOXY,
+            Self::LipoPouch => thermal::LIPO_POUCH,
+            Self::Aluminium => thermal::ALUMINIUM,
+        }
+    }
 }
 
 /// What finds UAVs in the images.
@@ -666,10 +769,10 @@ pub enum ControllerPreset {
 pub struct Gains {
     /// Proportional gain.
     pub kp: f64,
-    /// Integral gain.
-    pub ki: f64,
-    /// Derivative gain.
-    pub kd: f64,
+    /// Integral gain, per second.
+    pub ki_per_s: f64,
+    /// Derivative gain, in seconds.
+    pub kd_s: f64,
 }
 
 /// When the laser may fire.
@@ -886,11 +989,7 @@ impl Scenario {
     ///
     /// An override `uavs.0.model=fpv5` replaces one value, or adds it with the tables around it.
     /// Its right side is TOML, or a string where it is not.
-    pub fn parse(
-        text: &str,
-        file_name: &str,
-        overrides: &[String],
-    ) -> Result<Self, ScenarioError> {
+    pub fn parse(text: &str, file_name: &str, overrides: &[String]) -> Result<Self, ScenarioError> {
         let mut sources = Sources {
             file: file_name,
             text,
@@ -923,7 +1022,16 @@ impl Scenario {
         let scenario = Self::deserialize(toml::de::ValueDeserializer::from(root))
             .map_err(|error| nodes.explain(&sources, &error))?;
         match scenario.problem() {
-            Some((path, message)) => Err(sources.field(nodes.nearest(&path), &path, message)),
+            Some(Problem {
+                path,
+                with,
+                message,
+            }) => {
+                // A preset's value does not stand in the file; what it clashes with may.
+                let at = (nodes.find(&path).or_else(|| nodes.find(with)))
+                    .unwrap_or_else(|| nodes.nearest(&path));
+                Err(sources.field(at, &path, message))
+            }
             None => Ok(scenario),
         }
     }
@@ -975,8 +1083,8 @@ impl Sources<'_> {
         let mut slot = root;
         let mut walked = String::new();
         for key in path.split('.').map(str::trim) {
-            slot = entry(slot.get_mut(), key, start)
-                .map_err(|why| fail(format!("{walked} {why}")))?;
+            slot =
+                entry(slot.get_mut(), key, start).map_err(|why| fail(format!("{walked} {why}")))?;
             join(&mut walked, key);
         }
         // One key more in the document would be an injected line.
@@ -1008,7 +1116,7 @@ fn entry<'t, 'i>(
                 .and_then(|index| array.get_mut(index))
                 .ok_or_else(|| format!("has {len} entries, numbered from 0: no entry '{key}'"))
         }
-        other => Err(format!("is a {}, it has no keys", other.type_str())),
+        other => Err(format!("is of type {}, it has no keys", other.type_str())),
     }
 }
 
@@ -1067,12 +1175,19 @@ impl Nodes {
         Spanned::new(id, value)
     }
 
+    /// Virtual offset of the value at `path`.
+    fn find(&self, path: &str) -> Option<usize> {
+        // A value stands after its key; an override may have replaced it alone.
+        let node = self.0.iter().rev().find(|node| node.path == path)?;
+        Some(node.at)
+    }
+
     /// Virtual offset of the value at `path`, or of the innermost table around it that is there.
     fn nearest(&self, path: &str) -> usize {
         let mut path = path;
         loop {
-            if let Some(node) = self.0.iter().find(|node| node.path == path) {
-                return node.at;
+            if let Some(at) = self.find(path) {
+                return at;
             }
             match path.rfind(['.', '[']) {
                 Some(end) => path = &path[..end],
@@ -1091,7 +1206,8 @@ impl Nodes {
         let mut names = message.split('`').skip(1).step_by(2);
         let found = names.next().unwrap_or_default().to_owned();
         let known: Vec<&str> = names.collect();
-        let last_key = path.rsplit('.').next().unwrap_or_default().to_owned();
+        let last_key = path.rsplit('.').next().unwrap_or_default();
+        let last_key = last_key.split('[').next().unwrap_or_default().to_owned();
         let message = if message.starts_with("missing field") {
             join(&mut path, &found);
             format!("is missing: add '{found} = ...' to this table")
@@ -1103,11 +1219,16 @@ impl Nodes {
         } else if message.starts_with("unknown variant") {
             format!("unknown {last_key} '{found}'{}", suggestion(&found, &known))
         } else {
-            (message.replace("f64", "a number"))
+            let words = (message.replace("f64", "a number"))
                 .replace("floating point ", "")
+                .replace("invalid type: map", "invalid type: table")
                 .replace("expected u32", "expected a whole number, not negative")
                 .replace("expected u64", "expected a whole number, not negative")
-                .replace("expected u8", "expected a whole number from 0 to 255")
+                .replace("expected u8", "expected a whole number from 0 to 255");
+            match words.split_once("expected struct ") {
+                Some((found, _)) => format!("{found}expected a table"),
+                None => words,
+            }
         };
         sources.field(at, &path, message)
     }
@@ -1153,16 +1274,25 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Path and message of the first thing wrong.
-type Problem = Option<(String, String)>;
+/// Something wrong with a scenario.
+struct Problem {
+    path: String,
+    /// Path of the value that it clashes with, or empty.
+    with: &'static str,
+    message: String,
+}
 
-/// Collects the first problem of a scenario.
-struct Check(Problem);
+/// Keeps the first problem of a scenario.
+struct Check(Option<Problem>);
 
 impl Check {
     fn that(&mut self, ok: bool, path: &str, message: impl FnOnce() -> String) {
         if !ok && self.0.is_none() {
-            self.0 = Some((path.to_owned(), message()));
+            self.0 = Some(Problem {
+                path: path.to_owned(),
+                with: "",
+                message: message(),
+            });
         }
     }
 
@@ -1208,15 +1338,20 @@ impl Check {
     /// A rate must divide the tick rate.
     fn rate(&mut self, path: &str, rate_hz: u32, tick_hz: u32) {
         let divides = |rate: u32| rate > 0 && tick_hz.is_multiple_of(rate);
-        self.that(divides(rate_hz), path, || {
-            let nearest = (1..=tick_hz)
-                .filter(|rate| divides(*rate))
-                .min_by_key(|rate| rate.abs_diff(rate_hz))
-                .unwrap_or(1);
-            format!(
+        if divides(rate_hz) || self.0.is_some() {
+            return;
+        }
+        let nearest = (1..=tick_hz)
+            .filter(|rate| divides(*rate))
+            .min_by_key(|rate| rate.abs_diff(rate_hz))
+            .unwrap_or(1);
+        self.0 = Some(Problem {
+            path: path.to_owned(),
+            with: "tick_hz",
+            message: format!(
                 "{rate_hz} Hz does not divide tick_hz = {tick_hz} - the nearest rate that does is \
                  {nearest} Hz"
-            )
+            ),
         });
     }
 }
@@ -1228,23 +1363,39 @@ const ELEVATION: RangeInclusive<f64> = -90.0..=90.0; // [deg]
 
 impl Scenario {
     /// The first value that is out of range, or that another value contradicts.
-    fn problem(&self) -> Problem {
+    fn problem(&self) -> Option<Problem> {
         let mut check = Check(None);
         check.name("name", &self.name, &[]);
         check.positive("duration_s", self.duration_s);
         check.within("duration_s", self.duration_s, 0.0..=86_400.0);
         check.within("tick_hz", self.tick_hz.into(), 1.0..=100_000.0);
         check.within("site.latitude_deg", self.site.latitude_deg, ELEVATION);
-        check.within("site.longitude_deg", self.site.longitude_deg, -180.0..=180.0);
+        check.within(
+            "site.longitude_deg",
+            self.site.longitude_deg,
+            -180.0..=180.0,
+        );
         check.within("site.altitude_m", self.site.altitude_m, -500.0..=9000.0);
         self.weather.check(&mut check);
-        check.within("turbulence.cn2_ground", self.turbulence.cn2_ground, 0.0..=1e-10);
+        check.within(
+            "turbulence.cn2_ground",
+            self.turbulence.cn2_ground,
+            0.0..=1e-10,
+        );
+        check_city(&self.city, &mut check);
         self.station.check(&mut check, self.tick_hz);
         self.search.check(&mut check);
         let mut names = Vec::new();
         for (index, uav) in self.uavs.iter().enumerate() {
             check.name(&format!("uavs[{index}].name"), &uav.name, &names);
             names.push(&uav.name);
+            // A recorded flight's file is read, and checked, when the run starts.
+            if !matches!(uav.trajectory, Trajectory::Recorded { .. })
+                && let Err(error) = uav.trajectory.compile(|_| Ok(String::new()))
+            {
+                let path = format!("uavs[{index}].trajectory");
+                check.that(false, &path, || error.to_string());
+            }
         }
         self.detector.check(&mut check);
         self.controller.check(&mut check);
@@ -1253,9 +1404,23 @@ impl Scenario {
         if let Images::Every(frames) = self.record.images {
             check.within("record.images.every", frames.into(), 1.0..=f64::MAX);
         }
-        check.within("record.jpeg_quality", self.record.jpeg_quality.into(), 1.0..=100.0);
+        check.within(
+            "record.jpeg_quality",
+            self.record.jpeg_quality.into(),
+            1.0..=100.0,
+        );
         check.0
     }
+}
+
+/// The ranges that the city's generator accepts.
+fn check_city(city: &CityParams, check: &mut Check) {
+    check.within("city.extent_m", city.extent_m, 800.0..=6000.0);
+    check.within("city.building_density", city.building_density, FRACTION);
+    check.within("city.max_height_m", city.max_height_m, 20.0..=400.0);
+    check.within("city.relief_m", city.relief_m, 0.0..=60.0);
+    check.within("city.park_share", city.park_share, 0.0..=0.3);
+    check.within("city.station_height_m", city.station_height_m, 30.0..=120.0);
 }
 
 impl Weather {
@@ -1273,10 +1438,16 @@ impl Weather {
         within("cloud_cover", self.cloud_cover, FRACTION);
         within("cloud_base_m", self.cloud_base_m, 0.0..=20_000.0);
         within("precipitation_mmph", self.precipitation_mmph, 0.0..=500.0);
-        if let (Some(wind), Some(gust)) = (self.wind_speed_mps, self.gust_mps) {
-            check.that(gust >= wind, "weather.gust_mps", || {
-                format!("found {gust}, below wind_speed_mps = {wind} - a gust exceeds the mean")
-            });
+        match self.resolved() {
+            Ok(weather) => {
+                let (wind, gust) = (weather.wind_speed_mps, weather.gust_mps);
+                check.that(
+                    gust.is_none_or(|gust| gust >= wind),
+                    "weather.gust_mps",
+                    || format!("is below the mean wind speed of {wind} m/s"),
+                );
+            }
+            Err(error) => check.that(false, "weather.metar", || error.to_string()),
         }
     }
 }
@@ -1312,7 +1483,11 @@ impl Station {
         }
         let laser = &self.laser;
         check.within("station.laser.power_w", laser.power_w, 0.0..=1e6);
-        check.within("station.laser.wavelength_nm", laser.wavelength_nm, 200.0..=12_000.0);
+        check.within(
+            "station.laser.wavelength_nm",
+            laser.wavelength_nm,
+            200.0..=12_000.0,
+        );
         check.positive("station.laser.aperture_radius_m", laser.aperture_radius_m);
         check.within("station.laser.m2", laser.m2, 1.0..=100.0);
         if let Focus::Metres(distance) = laser.focus {
@@ -1334,7 +1509,12 @@ impl Camera {
             check.that(
                 time * f64::from(self.rate_hz) <= 1.0,
                 &at("exposure_s"),
-                || format!("{time} s is longer than a frame at rate_hz = {}", self.rate_hz),
+                || {
+                    format!(
+                        "{time} s is longer than a frame at rate_hz = {}",
+                        self.rate_hz
+                    )
+                },
             );
         }
         check.within(&at("f_number"), self.f_number, 0.5..=100.0);
@@ -1344,14 +1524,25 @@ impl Camera {
         check.within(&at("bits"), self.bits.into(), 1.0..=16.0);
         check.within(&at("optics_blur_px"), self.optics_blur_px, 0.0..=20.0);
         check.within(&at("readout_latency_s"), self.readout_latency_s, FRACTION);
-        check.within(&at("inference_latency_s"), self.inference_latency_s, FRACTION);
+        check.within(
+            &at("inference_latency_s"),
+            self.inference_latency_s,
+            FRACTION,
+        );
         check.that([1, 4].contains(&self.antialias), &at("antialias"), || {
             format!("found {}, must be 1 or 4", self.antialias)
         });
         let side = self.width_px.min(self.height_px);
-        check.that((16..=side).contains(&self.window_px), &at("window_px"), || {
-            format!("found {}, must be from 16 to the image's {side}", self.window_px)
-        });
+        check.that(
+            (16..=side).contains(&self.window_px),
+            &at("window_px"),
+            || {
+                format!(
+                    "found {}, must be from 16 to the image's {side}",
+                    self.window_px
+                )
+            },
+        );
     }
 }
 
@@ -1387,7 +1578,11 @@ impl Controller {
     fn check(&self, check: &mut Check) {
         for (name, gains) in [("coarse", self.coarse), ("precise", self.precise)] {
             if let Some(gains) = gains {
-                for (key, gain) in [("kp", gains.kp), ("ki", gains.ki), ("kd", gains.kd)] {
+                for (key, gain) in [
+                    ("kp", gains.kp),
+                    ("ki_per_s", gains.ki_per_s),
+                    ("kd_s", gains.kd_s),
+                ] {
                     check.within(&format!("controller.{name}.{key}"), gain, AT_LEAST_ZERO);
                 }
             }
@@ -1405,7 +1600,11 @@ impl Engage {
             for (end, azimuth) in zone.azimuth_deg.into_iter().enumerate() {
                 check.within(&format!("{path}.azimuth_deg[{end}]"), azimuth, TURN);
             }
-            check.ascending(&format!("{path}.elevation_deg"), zone.elevation_deg, ELEVATION);
+            check.ascending(
+                &format!("{path}.elevation_deg"),
+                zone.elevation_deg,
+                ELEVATION,
+            );
         }
         let mut within = |key: &str, value| {
             check.within(&format!("engage.{key}"), value, AT_LEAST_ZERO);
@@ -1427,7 +1626,7 @@ impl Engage {
 
 /// JSON Schema (draft 2020-12) of the scenario file, pretty, keys in alphabetical order.
 pub fn json_schema() -> String {
-    let mut text = format!("{:#}", sorted(schema()));
+    let mut text = format!("{:#}", schema());
     text.push('\n');
     text
 }
@@ -1454,7 +1653,12 @@ pub fn docs_markdown() -> String {
             None => vec![schema],
         };
         if schema["properties"].is_null() {
-            let _ = write!(text, "\nIs {}.\n", type_words(schema));
+            match type_words(schema).as_str() {
+                "table" => {}
+                kinds => {
+                    let _ = write!(text, "\nIs {kinds}.\n\n");
+                }
+            }
             for variant in schema["oneOf"].as_array().into_iter().flatten() {
                 for value in names(variant) {
                     let _ = writeln!(text, "- `\"{value}\"`: {}", words(variant));
@@ -1484,8 +1688,8 @@ pub fn docs_markdown() -> String {
         );
         let cameras = preset.cameras();
         let focal_mm = cameras.each_ref().map(|c| 1e3 * c.focal_length_m());
-        let [search, coarse, precise] = cameras
-            .map(|camera| serde_json::to_value(camera).map(sorted).unwrap_or_default());
+        let [search, coarse, precise] =
+            cameras.map(|camera| sorted(serde_json::to_value(camera).unwrap_or_default()));
         for (field, value) in search.as_object().into_iter().flatten() {
             let (coarse, precise) = (&coarse[field], &precise[field]);
             let _ = writeln!(text, "| `{field}` | {value} | {coarse} | {precise} |");
@@ -1500,7 +1704,7 @@ pub fn docs_markdown() -> String {
 }
 
 fn schema() -> Value {
-    schemars::schema_for!(Scenario).to_value()
+    sorted(schemars::schema_for!(Scenario).to_value())
 }
 
 /// The same value with keys in alphabetical order, whatever map the JSON library was built with.
@@ -1525,7 +1729,10 @@ fn write_table(text: &mut String, schema: &Value) {
     let Some(properties) = schema["properties"].as_object() else {
         return;
     };
-    if let Some((tag, value)) = properties.iter().find(|(_, field)| !field["const"].is_null()) {
+    if let Some((tag, value)) = properties
+        .iter()
+        .find(|(_, field)| !field["const"].is_null())
+    {
         let _ = write!(text, "\n`{tag} = {}`: {}\n", value["const"], words(schema));
     }
     let required = |name: &str| {
@@ -1544,14 +1751,18 @@ fn write_table(text: &mut String, schema: &Value) {
             _ if required(name) => "**required**".to_owned(),
             Value::Null => String::new(),
             Value::Object(_) => "see there".to_owned(),
-            value => format!("`{}`", sorted(value.clone())),
+            value => format!("`{value}`"),
         };
         let _ = writeln!(
             text,
             "| `{name}` | {} | {} | {default} | {} |",
             type_words(field),
             unit(name),
-            words(field)
+            match words(field) {
+                // The payload of a one-field variant is described by the variant.
+                bare if bare.is_empty() => words(schema),
+                described => described,
+            }
         );
     }
 }
@@ -1561,6 +1772,7 @@ fn unit(name: &str) -> &'static str {
     match name.rsplit('_').next().unwrap_or_default() {
         "m" => "m",
         "mps" => "m/s",
+        "mps2" => "m/s²",
         "s" => "s",
         "hz" => "Hz",
         "deg" => "°",
@@ -1583,7 +1795,10 @@ fn unit(name: &str) -> &'static str {
 /// The words a string schema allows.
 fn names(schema: &Value) -> Vec<&str> {
     let listed = schema["enum"].as_array().into_iter().flatten();
-    listed.chain([&schema["const"]]).filter_map(Value::as_str).collect()
+    listed
+        .chain([&schema["const"]])
+        .filter_map(Value::as_str)
+        .collect()
 }
 
 fn type_words(schema: &Value) -> String {
@@ -1597,11 +1812,12 @@ fn type_words(schema: &Value) -> String {
     }
     for key in ["anyOf", "oneOf"] {
         if let Some(variants) = schema[key].as_array() {
-            return (variants.iter())
+            let mut kinds: Vec<String> = (variants.iter())
                 .filter(|variant| variant["type"] != "null")
                 .map(type_words)
-                .collect::<Vec<_>>()
-                .join(" or ");
+                .collect();
+            kinds.dedup();
+            return kinds.join(" or ");
         }
     }
     let kind = match &schema["type"] {
@@ -1616,7 +1832,11 @@ fn type_words(schema: &Value) -> String {
         "object" => "table".to_owned(),
         "array" => {
             let count = schema["maxItems"].as_u64().map(|n| format!(" of {n}"));
-            format!("list{}: {}", count.unwrap_or_default(), type_words(&schema["items"]))
+            format!(
+                "list{}: {}",
+                count.unwrap_or_default(),
+                type_words(&schema["items"])
+            )
         }
         other => other.to_owned(),
     }
@@ -1641,5 +1861,391 @@ fn references<'a>(schema: &'a Value, visit: &mut impl FnMut(&'a str)) {
         }
         Value::Array(items) => items.iter().for_each(|item| references(item, visit)),
         _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const GOOD: &str = r#"name = "test"
+duration_s = 10
+time_utc = 2025-06-21T10:00:00+02:00
+
+[site]
+latitude_deg = 47.4
+longitude_deg = 8.5
+altitude_m = 455.0
+
+[search]
+centre_azimuth_deg = 0.0
+
+[[uavs]]
+name = "one"
+model = "phantom4"
+trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
+"#;
+
+    fn good() -> Scenario {
+        Scenario::parse(GOOD, "good.toml", &[]).unwrap()
+    }
+
+    fn error(text: &str, sets: &[&str]) -> String {
+        let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+        Scenario::parse(text, "s.toml", &sets)
+            .unwrap_err()
+            .to_string()
+    }
+
+    fn with(sets: &[&str]) -> Scenario {
+        let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+        Scenario::parse(GOOD, "s.toml", &sets).unwrap()
+    }
+
+    fn shipped() -> Vec<Loaded> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+        let mut paths: Vec<_> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|ending| ending == "toml"))
+            .collect();
+        paths.sort();
+        (paths.iter())
+            .map(|path| Scenario::load(path, &[]).unwrap_or_else(|error| panic!("{error}")))
+            .collect()
+    }
+
+    #[test]
+    fn defaults_and_time_zones() {
+        let scenario = good();
+        assert_eq!(scenario.seed, 1);
+        assert_eq!(scenario.tick_hz, 960);
+        assert_eq!(scenario.time_utc.to_rfc3339(), "2025-06-21T08:00:00+00:00");
+        let quoted = GOOD.replace("2025-06-21T10:00:00+02:00", "\"2025-06-21T08:00:00Z\"");
+        assert_eq!(
+            Scenario::parse(&quoted, "quoted.toml", &[]).unwrap(),
+            scenario
+        );
+    }
+
+    #[test]
+    fn errors_name_line_path_and_cure() {
+        let change = |from: &str, to: &str| error(&GOOD.replace(from, to), &[]);
+        assert_eq!(
+            change("phantom4", "phantom"),
+            "s.toml:15: uavs[0].model: unknown model 'phantom' - did you mean 'phantom4'? expected \
+             one of phantom4, mavic2, mavic_air, matrice200, matrice600, fpv5"
+        );
+        assert_eq!(
+            change("latitude_deg", "lattitude_deg"),
+            "s.toml:6: site.lattitude_deg: unknown key - did you mean 'latitude_deg'? expected one \
+             of latitude_deg, longitude_deg, altitude_m"
+        );
+        assert_eq!(
+            change("altitude_m = 455.0\n", ""),
+            "s.toml:5: site.altitude_m: is missing: add 'altitude_m = ...' to this table"
+        );
+        assert_eq!(
+            change("name = \"test\"\n", ""),
+            "s.toml:1: name: is missing: add 'name = ...' to this table"
+        );
+        assert_eq!(
+            change("duration_s = 10", "duration_s = \"10\""),
+            "s.toml:2: duration_s: invalid type: string \"10\", expected a number"
+        );
+        assert_eq!(
+            change("duration_s = 10", "duration_s = -10"),
+            "s.toml:2: duration_s: found -10, must be above 0"
+        );
+        assert_eq!(
+            change("duration_s = 10", "duration_s = nan"),
+            "s.toml:2: duration_s: must be a finite number"
+        );
+        assert_eq!(
+            change("= 47.4", "= 97.4"),
+            "s.toml:6: site.latitude_deg: found 97.4, must be from -90 to 90"
+        );
+        assert_eq!(
+            change("2025-06-21T10:00:00+02:00", "2025-06-21"),
+            "s.toml:3: time_utc: invalid value: string \"2025-06-21\", expected a time with its \
+             zone such as 2025-06-21T10:00:00Z"
+        );
+        assert!(change("[site]", "[site").starts_with("s.toml:5: not TOML: "));
+        assert!(change("500.0, ", "").starts_with("s.toml:16: uavs[0].trajectory: "));
+    }
+
+    #[test]
+    fn contradictions_are_found_where_they_stand() {
+        let add = |text: &str| error(&format!("{GOOD}{text}"), &[]);
+        assert_eq!(
+            add("[station.cameras.precise]\nhfov_deg = 2\nrate_hz = 100\n"),
+            "s.toml:19: station.cameras.precise.rate_hz: 100 Hz does not divide tick_hz = 960 - \
+             the nearest rate that does is 96 Hz"
+        );
+        assert!(
+            add("[record]\nstate_hz = 0").starts_with("s.toml:18: record.state_hz: 0 Hz does not")
+        );
+        assert!(
+            add(
+                "[[uavs]]\nname = 'one'\nmodel = 'fpv5'\ntrajectory.kind = 'hover'\n\
+                 trajectory.position_enu_m = [1, 2, 3]"
+            )
+            .starts_with("s.toml:18: uavs[1].name: the name 'one' is taken")
+        );
+        assert!(
+            add("[weather]\nmetar = 'LSZH nonsense'")
+                .starts_with("s.toml:18: weather.metar: METAR")
+        );
+        assert!(
+            add("[weather]\nwind_speed_mps = 9\ngust_mps = 4")
+                .starts_with("s.toml:19: weather.gust_mps: is below")
+        );
+        assert!(
+            add("[station.mount]\nelevation_limits_deg = [50, 20]")
+                .starts_with("s.toml:18: station.mount.elevation_limits_deg: found [50, 20]")
+        );
+        assert!(
+            add("[station.mount]\nbase_motion = 'boat'")
+                .starts_with("s.toml:18: station.mount.base_motion: expected \"quiet\"")
+        );
+        assert_eq!(
+            error(&format!("tick_hz = 1000\n{GOOD}"), &[]),
+            "s.toml:1: station.cameras.search.rate_hz: 30 Hz does not divide tick_hz = 1000 - the \
+             nearest rate that does is 25 Hz"
+        );
+        assert!(
+            error(GOOD, &["record.state_hz=7"])
+                .starts_with("s.toml: --set record.state_hz=7: record.state_hz: 7 Hz")
+        );
+    }
+
+    #[test]
+    fn overrides_replace_and_add() {
+        let scenario = with(&[
+            "detector.kind=truth",
+            "uavs.0.model=mavic2",
+            "uavs.0.trajectory.position_enu_m.2=80",
+            "station.laser={ power_w = 500, focus = 900 }",
+            "time_utc=2025-01-01T00:00:00Z",
+            "station.cameras.coarse.exposure_s=1e-3",
+        ]);
+        assert_eq!(scenario.detector.kind, DetectorKind::Truth);
+        assert_eq!(scenario.uavs[0].model, UavKind::Mavic2);
+        assert_eq!(
+            scenario.uavs[0].trajectory,
+            Trajectory::Hover {
+                position_enu_m: [0.0, 500.0, 80.0],
+                heading_deg: 0.0
+            }
+        );
+        assert_eq!(scenario.station.laser.power_w, 500.0);
+        assert_eq!(scenario.station.laser.focus, Focus::Metres(900.0));
+        assert_eq!(scenario.time_utc.to_rfc3339(), "2025-01-01T00:00:00+00:00");
+        let coarse = scenario.station.cameras.resolved()[1].clone();
+        assert_eq!(coarse.exposure_s, Exposure::Seconds(1e-3));
+        assert_eq!(coarse.hfov_deg, 4.0);
+
+        assert_eq!(
+            error(GOOD, &["seed=3", "detctor.kind=truth"]),
+            "s.toml: --set detctor.kind=truth: detctor: unknown key - did you mean 'detector'? \
+             expected one of name, description, seed, duration_s, tick_hz, site, time_utc, weather, \
+             turbulence, city, station, search, uavs, detector, controller, engage, record"
+        );
+        assert_eq!(
+            error(GOOD, &["uavs.1.model=fpv5"]),
+            "s.toml: --set uavs.1.model=fpv5: uavs has 1 entries, numbered from 0: no entry '1'"
+        );
+        assert_eq!(
+            error(GOOD, &["duration_s.x=1"]),
+            "s.toml: --set duration_s.x=1: duration_s is of type integer, it has no keys"
+        );
+        assert_eq!(
+            error(GOOD, &["seed"]),
+            "s.toml: --set seed: expected key=value"
+        );
+        // A line cannot be smuggled in.
+        assert!(error(GOOD, &["seed=1\nname = 'x'"]).contains("seed: invalid type: string"));
+    }
+
+    #[test]
+    fn serialised_scenarios_read_back() {
+        for Loaded { scenario, path, .. } in shipped() {
+            let text = toml::to_string(&scenario).unwrap();
+            let file = path.display().to_string();
+            assert_eq!(Scenario::parse(&text, &file, &[]).unwrap(), scenario);
+        }
+    }
+
+    #[test]
+    fn unreadable_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("latin1.toml");
+        std::fs::write(&path, b"name = \"Z\xfcrich\"").unwrap();
+        for path in [path, folder.path().join("absent.toml")] {
+            let message = Scenario::load(&path, &[]).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("{}: cannot be read: ", path.display())));
+        }
+    }
+
+    #[test]
+    fn preset_cameras_have_the_stated_optics() {
+        let [search, coarse, precise] = CameraPreset::Paper.cameras();
+        // The paper's section 5.3: 4 mm and 50 mm; pitches are rounded to four digits.
+        for (camera, focal_m) in [(&search, 0.004), (&coarse, 0.004), (&precise, 0.05)] {
+            assert!((camera.focal_length_m() / focal_m - 1.0).abs() < 5e-4);
+        }
+        // 0.35 m at 1 km spans 12.8 px of 1° over 640 px, within 1 %.
+        let precise = &CameraPreset::Urban1Km.cameras()[2];
+        let per_rad = precise.focal_length_m() / (1e-6 * precise.pixel_pitch_um);
+        assert!((0.35e-3 * per_rad / 12.8 - 1.0).abs() < 0.01);
+    }
+
+    fn straight(uav: &Uav) -> ([f64; 3], [f64; 3]) {
+        match uav.trajectory {
+            Trajectory::Straight {
+                start_enu_m,
+                velocity_enu_mps,
+            } => (start_enu_m, velocity_enu_mps),
+            _ => panic!("{} does not fly straight", uav.name),
+        }
+    }
+
+    /// Offset [m] of a straight-flying UAV from the station at a time [s].
+    fn offset_m(scenario: &Scenario, uav: usize, t_s: f64) -> [f64; 3] {
+        let station = scenario.station.position_enu_m.unwrap();
+        let (start, velocity) = straight(&scenario.uavs[uav]);
+        std::array::from_fn(|axis| start[axis] + t_s * velocity[axis] - station[axis])
+    }
+
+    fn length(v: [f64; 3]) -> f64 {
+        v.iter().map(|x| x * x).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn paper_targets_pass_at_the_printed_size_and_speed() {
+        let paper: Vec<_> = (shipped().into_iter())
+            .map(|loaded| loaded.scenario)
+            .filter(|scenario| scenario.name.starts_with("paper_table2_"))
+            .collect();
+        assert_eq!(paper.len(), 3);
+        for scenario in paper {
+            let precise = &scenario.station.cameras.resolved()[2];
+            assert_eq!(scenario.duration_s * f64::from(precise.rate_hz), 1500.0);
+            assert!((length(straight(&scenario.uavs[0]).1) - 8.0).abs() < 1e-3);
+            let ranges = (0..=1500).map(|i| length(offset_m(&scenario, 0, f64::from(i) / 120.0)));
+            let nearest_m = ranges.fold(f64::INFINITY, f64::min);
+            let span_m = crate::models::uav::model(scenario.uavs[0].model).diagonal_m;
+            let per_rad = precise.focal_length_m() / (1e-6 * precise.pixel_pitch_um);
+            let share = span_m / nearest_m * per_rad / f64::from(precise.width_px);
+            assert!(
+                (share / 0.02 - 1.0).abs() < 0.01,
+                "{}: {share}",
+                scenario.name
+            );
+        }
+    }
+
+    #[test]
+    fn the_pair_crosses_in_the_image_of_the_precise_camera() {
+        let pair = shipped();
+        let scenario = &pair
+            .iter()
+            .find(|s| s.scenario.name == "crossing_pair")
+            .unwrap()
+            .scenario;
+        let [a, b] = [0, 1].map(|uav| offset_m(scenario, uav, 10.0));
+        let cosine: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / length(a) / length(b);
+        // Both lie within a Phantom 4's half width, 0.175 m at 1 km.
+        assert!(cosine.acos() < 0.175e-3, "{}", cosine.acos());
+        assert!(length(b) - length(a) > 200.0);
+    }
+
+    #[test]
+    fn generated_files_are_up_to_date() {
+        let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+        for (file, text) in [
+            ("scenarios.schema.json", json_schema()),
+            ("scenarios.md", docs_markdown()),
+        ] {
+            let stored = std::fs::read_to_string(docs.join(file)).unwrap();
+            assert!(
+                stored == text,
+                "docs/{file} is out of date: run `boresight schema`"
+            );
+        }
+    }
+
+    #[test]
+    fn every_field_is_documented() {
+        fn visit(schema: &Value, path: &str, bare: &mut BTreeSet<String>) {
+            for (key, field) in schema["properties"].as_object().into_iter().flatten() {
+                // A tag and the payload of a one-field variant are described by the variant.
+                if words(field).is_empty() && words(schema).is_empty() {
+                    bare.insert(format!("{path}.{key}"));
+                }
+            }
+            for variant in schema["oneOf"].as_array().into_iter().flatten() {
+                visit(variant, path, bare);
+            }
+        }
+        let root = schema();
+        let mut bare = BTreeSet::new();
+        visit(&root, "Scenario", &mut bare);
+        for (name, schema) in root["$defs"].as_object().unwrap() {
+            assert!(!words(schema).is_empty(), "{name}");
+            visit(schema, name, &mut bare);
+        }
+        assert_eq!(bare, BTreeSet::new());
+    }
+
+    #[test]
+    fn edit_distances() {
+        for (a, b, distance) in [
+            ("", "abc", 3),
+            ("kitten", "sitting", 3),
+            ("seed", "seed", 0),
+        ] {
+            assert_eq!(edit_distance(a, b), distance);
+            assert_eq!(edit_distance(b, a), distance);
+        }
+    }
+
+    fn one_clear_message(text: &str, sets: &[String]) -> Result<(), TestCaseError> {
+        if let Err(error) = Scenario::parse(text, "file.toml", sets) {
+            let message = error.to_string();
+            prop_assert!(message.starts_with("file.toml:"), "{}", message);
+            prop_assert_eq!(message.lines().count(), 1, "{}", message);
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn arbitrary_text_never_panics(text in any::<String>(), set in any::<String>()) {
+            one_clear_message(&text, &[])?;
+            one_clear_message(GOOD, &[set])?;
+        }
+
+        #[test]
+        fn mutated_scenarios_never_panic(
+            at in 0..GOOD.len(),
+            cut in 0..20usize,
+            insert in "([\\[\\]{}=.,'\"\n #-]|[a-z_]{1,9}|[0-9]{1,25}|nan|inf|\\PC){0,4}",
+            key in "[a-z_]{1,8}(\\.([a-z_]{1,8}|[0-9])){0,3}",
+            value in "\\PC{0,12}",
+        ) {
+            let mut bytes = GOOD.as_bytes().to_vec();
+            let end = (at + cut).min(bytes.len());
+            bytes.splice(at..end, insert.bytes());
+            let text = String::from_utf8_lossy(&bytes);
+            let sets = [format!("{key}={value}")];
+            one_clear_message(&text, &[])?;
+            one_clear_message(&text, &sets)?;
+            one_clear_message(GOOD, &sets)?;
+        }
     }
 }

@@ -16,7 +16,7 @@ import sys
 
 from mcap.exceptions import EndOfFile, InvalidMagic
 from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, DataEnd, Header, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -45,6 +45,7 @@ def read(path):
                 failures.append(f"damaged: {error!r}")
                 break
             if record is None:
+                complete = True
                 break
             if isinstance(record, Header):
                 extras.append(f"header: profile {record.profile!r}, library {record.library!r}")
@@ -56,8 +57,6 @@ def read(path):
                 extras.append(f"attachment: {record.name}, {len(record.data)} bytes")
             elif isinstance(record, Metadata):
                 extras.append(f"metadata: {record.name} {record.metadata}")
-            elif isinstance(record, DataEnd):
-                complete = True
             elif isinstance(record, Message):
                 channel = channels[record.channel_id]
                 try:

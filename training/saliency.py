@@ -18,10 +18,12 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 LEVELS = 3  # pyramid levels that propose: samples of 2, 4 and 8 px
-PROPOSALS = (40, 24, 12)  # per level, finest first
+PROPOSALS = (32, 16, 8)  # per level, finest first
 DETECTIONS = 32
 MIN_SIDE_PX = 64
-RING = 3  # distance of the eight surround samples from the centre [level samples]
+# Distance of the eight surround samples along the axes and along the diagonals, per level [level samples]: the
+# finest level looks closest, for the smallest targets near a roof line.
+RINGS = ((2, 2), (3, 2), (3, 2))
 SIDE_BOX, SIDE_OFFSET = 5, 5  # the boxes beside a sample whose deviation stands for its surround [level samples]
 WINDOW = 22  # side of the measuring window [finer-level samples], even: a proposal covers the middle 2x2
 FLOOD_STEPS = 10
@@ -86,11 +88,11 @@ def side(g, x, axis):
     return g.Gather(g.Shape(x), g.ints(axis), axis=0)
 
 
-def propose(g, level_map, count):
+def propose(g, level_map, count, axial, diagonal):
     """Rows and columns int64 [count] of a level's strongest local maxima of normalised patch contrast,
     and the patch contrast at each, float32 [count]."""
     height, width = side(g, level_map, 2), side(g, level_map, 3)
-    padded = g.Pad(level_map, g.ints(0, 0, RING, RING, 0, 0, RING, RING), mode="edge")
+    padded = g.Pad(level_map, g.ints(0, 0, axial, axial, 0, 0, axial, axial), mode="edge")
 
     def shifted(padded, margin, dy, dx):
         start_y, start_x = g.ints(margin + dy), g.ints(margin + dx)
@@ -98,10 +100,9 @@ def propose(g, level_map, count):
         ends = g.Concat(g.Add(height, start_y), g.Add(width, start_x), axis=0)
         return g.Slice(padded, starts, ends, g.ints(2, 3))
 
-    diagonal = RING - 1  # keeps the eight samples about equally far
     pairs = [
-        g.Mul(g.Sub(level_map, shifted(padded, RING, dy, dx)), g.Sub(level_map, shifted(padded, RING, -dy, -dx)))
-        for dy, dx in ((0, RING), (RING, 0), (diagonal, diagonal), (diagonal, -diagonal))
+        g.Mul(g.Sub(level_map, shifted(padded, axial, dy, dx)), g.Sub(level_map, shifted(padded, axial, -dy, -dx)))
+        for dy, dx in ((0, axial), (axial, 0), (diagonal, diagonal), (diagonal, -diagonal))
     ]
     # An edge or a line has one direction without contrast; only a blob keeps the least of the four.
     contrast_sq = g.Relu(g.Min(*pairs))
@@ -157,8 +158,8 @@ def build():
         maps.append(g.AveragePool(maps[-1], kernel_shape=[2, 2], strides=[2, 2]))
 
     fine, context, contrasts, origins, scales = [], [], [], [], []
-    for level, count in zip(range(1, LEVELS + 1), PROPOSALS):
-        rows, columns, contrast = propose(g, maps[level], count)
+    for level, count, ring in zip(range(1, LEVELS + 1), PROPOSALS, RINGS):
+        rows, columns, contrast = propose(g, maps[level], count, *ring)
         first = 1 - WINDOW // 2
         fine_rows, fine_columns = g.Mul(rows, g.ints(2)), g.Mul(columns, g.ints(2))
         fine.append(cut(g, maps[level - 1], fine_rows, fine_columns, first))

@@ -11,7 +11,7 @@ import saliency
 
 NOISE = 2 / 255
 SUB = 8  # silhouette samples per pixel along each axis
-FRAMES = 150
+FRAMES = 60
 
 
 @pytest.fixture(scope="module")
@@ -135,10 +135,54 @@ def measure(detect, where, seed=7, frames=FRAMES, threshold=saliency.SCORE_THRES
     return np.array(rows), false_alarms / frames
 
 
+@pytest.mark.parametrize(("where", "recall"), [("sky", 0.95), ("roof", 0.7)])
+def test_finds_and_measures(detect, where, recall):
+    rows, false_alarms = measure(detect, where)
+    assert rows[:, 1].mean() >= recall
+    assert false_alarms <= 1.5
+    middle = rows[(rows[:, 0] >= 5) & (rows[:, 0] <= 15)]
+    assert np.nanmedian(middle[:, 2]) <= 0.15  # px
+    assert np.nanpercentile(middle[:, 2], 90) <= 0.3  # px
+    assert np.nanmedian(rows[:, 4]) >= 0.75
+
+
+def test_no_target_no_detection(detect):
+    rng = np.random.default_rng(3)
+    sky = np.linspace(0.5, 0.8, 480)[:, None, None] * np.ones((1, 640, 3))
+    _, scores, _ = detect(sky + rng.normal(0, NOISE, sky.shape))
+    assert scores.max() < saliency.SCORE_THRESHOLD
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (333, 517), (256, 256), (1080, 1920)])
+def test_any_size_and_flat_image(detect, shape):
+    for value in (0.0, 0.5, 1.0):
+        boxes, scores, labels = detect(np.full((*shape, 3), value))
+        assert boxes.shape == (saliency.DETECTIONS, 4) and boxes.dtype == np.float32
+        assert scores.shape == labels.shape == (saliency.DETECTIONS,)
+        assert np.isfinite(boxes).all() and scores.max() < 1e-6
+        assert labels.dtype == np.int64 and (labels == 0).all()
+
+
+def test_outputs_shift_with_the_image(detect):
+    rng = np.random.default_rng(5)
+    image, box, centroid, _ = frame(rng, "sky")
+    boxes, scores, _ = detect(image)
+    moved, moved_scores, _ = detect(np.roll(image, (8, 16), (0, 1)))  # whole samples of every level
+    best = np.argmin(np.linalg.norm((boxes[:, :2] + boxes[:, 2:]) / 2 - centroid, axis=1))
+    twin = np.argmin(np.abs(moved - boxes[best] - [16, 8, 16, 8]).max(1))
+    assert np.abs(moved[twin] - boxes[best] - [16, 8, 16, 8]).max() < 1e-3
+    assert abs(moved_scores[twin] - scores[best]) < 1e-4
+
+
+def test_shipped_model_is_this_build():
+    shipped = saliency.Path(saliency.__file__).parent.parent / "assets/models/saliency.onnx"
+    assert shipped.read_bytes() == saliency.build().SerializeToString(deterministic=True)
+
+
 if __name__ == "__main__":
     run = make_detect()
     for where in ("sky", "roof"):
-        rows, false_alarms = measure(run, where, frames=300)
+        rows, false_alarms = measure(run, where, seed=2026, frames=300)
         print(f"{where}: recall {rows[:, 1].mean():.3f}, {false_alarms:.2f} false alarms a frame")
         for low, high in ((3, 5), (5, 8), (8, 15), (15, 25), (25, 40)):
             part = rows[(rows[:, 0] >= low) & (rows[:, 0] < high)]

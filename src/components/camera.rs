@@ -1,10 +1,10 @@
 //! Sensor cameras and the frames they deliver.
 
+use crate::components::station::Pointing;
 use crate::models::camera::Pinhole;
 use crate::models::kinematics::Pose;
-use crate::models::sensor::SensorParams;
+use crate::models::sensor::Sensor;
 use bevy::prelude::*;
-use glam::DVec3;
 use std::sync::Arc;
 
 /// Which tier of the acquisition chain a camera is.
@@ -66,9 +66,7 @@ pub struct SensorCamera {
     /// Ticks from the instant of exposure until its detections reach the tracker.
     pub latency_ticks: u64,
     /// Exposure, noise and blur.
-    pub sensor: SensorParams,
-    /// Boresight error against the mount [rad], a rotation vector in camera axes.
-    pub misalignment_cam_rad: DVec3,
+    pub sensor: Sensor,
     /// Side of the windowed readout [px]; `None` reads the full frame always.
     pub window_px: Option<u32>,
     /// Samples per pixel of the renderer: 1 or 4.
@@ -123,6 +121,8 @@ pub struct Frame {
     pub tick: u64,
     /// Optical pose at the exposure.
     pub pose: Pose,
+    /// What the station knew of its pointing then.
+    pub pointing: Pointing,
     /// The pixels read out.
     pub rect: PixelRect,
     /// The UAVs in front of the camera.

@@ -4,6 +4,7 @@ pub mod beam;
 pub mod camera;
 pub mod clock;
 pub mod environment;
+pub mod record;
 pub mod render;
 pub mod station;
 pub mod track;

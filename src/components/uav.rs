@@ -50,7 +50,7 @@ pub struct HeatedSkin {
     /// Thermal state.
     pub skin: Skin,
     /// What it is made of.
-    pub material: &'static SkinMaterial,
+    pub material: SkinMaterial,
     /// Irradiance that met it in this tick [W/m^2].
     pub irradiance_wpm2: f64,
 }

@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn extinction_has_the_published_values() {
-        // docs/reference values, printed to four digits.
+        // Koschmieder and Kim worked by hand, to four digits.
         close(extinction_per_m(23e3, 1064e-9), 0.0721e-3, 1e-3);
         close(extinction_per_m(5e3, 1064e-9), 0.3687e-3, 2e-4);
         close(extinction_per_m(1e3, 1064e-9), 2.8126e-3, 2e-5);
@@ -180,8 +180,8 @@ mod tests {
         close(air_density_kgpm3(101_325.0, 288.15, 0.0), 1.2250, 1e-4);
         // Saturation pressure at 20 °C is 2339.2 Pa (IAPWS-95): the vapour lowers the density by
         // (1/R_d - 1/R_v) e / T.
-        let drop = air_density_kgpm3(101_325.0, 293.15, 0.0)
-            - air_density_kgpm3(101_325.0, 293.15, 1.0);
+        let drop =
+            air_density_kgpm3(101_325.0, 293.15, 0.0) - air_density_kgpm3(101_325.0, 293.15, 1.0);
         close(drop, (1.0 / 287.05 - 1.0 / 461.52) * 2339.2 / 293.15, 5e-3);
     }
 

@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
-/// A raster of heights; the value of a cell belongs to its centre, row 0 lies south.
+/// A raster of at least one height; a cell's value belongs to its centre, row 0 lies south.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightGrid {
     /// East coordinate of the raster's west edge [m].
@@ -35,7 +35,14 @@ impl HeightGrid {
         let heights_m = (0..nx * ny)
             .map(|k| height_m(center(k % nx, origin_m.x), center(k / nx, origin_m.y)) as f32)
             .collect();
-        Self { origin_e_m: origin_m.x, origin_n_m: origin_m.y, cell_m, nx, ny, heights_m }
+        Self {
+            origin_e_m: origin_m.x,
+            origin_n_m: origin_m.y,
+            cell_m,
+            nx,
+            ny,
+            heights_m,
+        }
     }
 
     /// Height [m] interpolated bilinearly between cell centres; beyond them the border goes on.
@@ -67,7 +74,13 @@ impl HeightGrid {
             let block = &mut heights_m[k / self.nx / factor * nx + k % self.nx / factor];
             *block = block.max(h);
         }
-        Self { nx, ny, heights_m, cell_m: self.cell_m * factor as f64, ..*self }
+        Self {
+            nx,
+            ny,
+            heights_m,
+            cell_m: self.cell_m * factor as f64,
+            ..*self
+        }
     }
 
     /// Walks the cells under the segment a + t·d for t from t0 to t1, calling
@@ -164,7 +177,12 @@ impl Dsm {
     /// Joins bare terrain, the surface (highest point per cell) and the ground level outside [m].
     pub fn new(terrain: HeightGrid, surface: HeightGrid, outside_m: f64) -> Self {
         let blocks = surface.block_maxima(BLOCK);
-        Self { terrain, surface, blocks, outside_m }
+        Self {
+            terrain,
+            surface,
+            blocks,
+            outside_m,
+        }
     }
 
     /// Height of the bare ground [m] at (e, n) [m].
@@ -198,7 +216,8 @@ impl Dsm {
 
     /// Range [m] to the surface along a unit direction; None is sky (or beyond `max_range_m`).
     pub fn first_hit(&self, from_enu_m: DVec3, dir_enu: DVec3, max_range_m: f64) -> Option<f64> {
-        self.first_obstacle(from_enu_m, dir_enu * max_range_m).map(|t| t * max_range_m)
+        self.first_obstacle(from_enu_m, dir_enu * max_range_m)
+            .map(|t| t * max_range_m)
     }
 
     /// Smallest t in 0..1 at which a + t·d is below the surface.
@@ -218,7 +237,11 @@ impl Dsm {
         let Some([t0, t1]) = self.surface.clip(a, d) else {
             return below(self.outside_m, 0.0, 1.0);
         };
-        let before = if t0 > 0.0 { below(self.outside_m, 0.0, t0) } else { None };
+        let before = if t0 > 0.0 {
+            below(self.outside_m, 0.0, t0)
+        } else {
+            None
+        };
         before
             .or_else(|| {
                 self.blocks.walk(a, d, [t0, t1], |block, t, out| {
@@ -231,7 +254,13 @@ impl Dsm {
                     })
                 })
             })
-            .or_else(|| if t1 < 1.0 { below(self.outside_m, t1, 1.0) } else { None })
+            .or_else(|| {
+                if t1 < 1.0 {
+                    below(self.outside_m, t1, 1.0)
+                } else {
+                    None
+                }
+            })
     }
 }
 
@@ -255,7 +284,11 @@ mod tests {
 
     /// Entry range into boxes and the ground plane by slabs.
     fn analytic(boxes: &[[f64; 5]], a: DVec3, dir: DVec3, max: f64) -> Option<f64> {
-        let mut best = if dir.z < 0.0 { -a.z / dir.z } else { f64::INFINITY };
+        let mut best = if dir.z < 0.0 {
+            -a.z / dir.z
+        } else {
+            f64::INFINITY
+        };
         for b in boxes {
             let low = (DVec3::new(b[0], b[2], -1e3) - a) / dir;
             let high = (DVec3::new(b[1], b[3], b[4]) - a) / dir;
@@ -272,7 +305,10 @@ mod tests {
         let mut rng = Stream::new(3, 0, "dsm-test");
         let boxes: Vec<[f64; 5]> = (0..40)
             .map(|_| {
-                let (e, n) = (rng.range(-450.0, 400.0).floor(), rng.range(-450.0, 400.0).floor());
+                let (e, n) = (
+                    rng.range(-450.0, 400.0).floor(),
+                    rng.range(-450.0, 400.0).floor(),
+                );
                 let (w, l) = (rng.range(5.0, 40.0).floor(), rng.range(5.0, 40.0).floor());
                 [e, e + w, n, n + l, rng.range(5.0, 60.0).floor()]
             })
@@ -281,13 +317,23 @@ mod tests {
         let (mut hits, mut misses) = (0, 0);
         for _ in 0..20_000 {
             // Some rays start outside the raster.
-            let a = DVec3::new(rng.range(-700.0, 700.0), rng.range(-700.0, 700.0), rng.range(1.0, 90.0));
+            let a = DVec3::new(
+                rng.range(-700.0, 700.0),
+                rng.range(-700.0, 700.0),
+                rng.range(1.0, 90.0),
+            );
             let dir = DVec3::new(rng.normal(), rng.normal(), 0.2 * rng.normal()).normalize();
             let range = rng.range(50.0, 1500.0);
-            match (dsm.first_hit(a, dir, range), analytic(&boxes, a, dir, range)) {
+            match (
+                dsm.first_hit(a, dir, range),
+                analytic(&boxes, a, dir, range),
+            ) {
                 (Some(got), Some(want)) => {
                     hits += 1;
-                    assert!((got - want).abs() < 1e-6, "{got} against {want} from {a} along {dir}");
+                    assert!(
+                        (got - want).abs() < 1e-6,
+                        "{got} against {want} from {a} along {dir}"
+                    );
                     let sight = dsm.line_of_sight(a, a + dir * range);
                     assert!(matches!(sight, LineOfSight::BlockedAt(r) if (r - want).abs() < 1e-6));
                 }
@@ -308,9 +354,18 @@ mod tests {
         assert_eq!(dsm.first_hit(eye, DVec3::X, 100.0), Some(10.0));
         assert_eq!(dsm.first_hit(eye, DVec3::NEG_X, 5000.0), None);
         assert_eq!(dsm.first_hit(eye, DVec3::NEG_Z, 100.0), Some(10.0));
-        assert_eq!(dsm.first_hit(DVec3::new(15.0, 0.0, 50.0), DVec3::NEG_Z, 100.0), Some(20.0));
-        assert_eq!(dsm.first_hit(DVec3::new(2000.0, 0.0, 50.0), DVec3::NEG_Z, 100.0), Some(50.0));
-        assert_eq!(dsm.line_of_sight(eye, DVec3::new(30.0, 0.5, 60.0)), LineOfSight::Clear);
+        assert_eq!(
+            dsm.first_hit(DVec3::new(15.0, 0.0, 50.0), DVec3::NEG_Z, 100.0),
+            Some(20.0)
+        );
+        assert_eq!(
+            dsm.first_hit(DVec3::new(2000.0, 0.0, 50.0), DVec3::NEG_Z, 100.0),
+            Some(50.0)
+        );
+        assert_eq!(
+            dsm.line_of_sight(eye, DVec3::new(30.0, 0.5, 80.0)),
+            LineOfSight::Clear
+        );
     }
 
     #[test]

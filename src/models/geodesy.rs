@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn epsg_9836_check_value() {
-        let origin = DVec3::new(3_652_755.3058, 319_574.6799, 5_201_547.3536);
+        let origin = DVec3::new(3652755.3058, 319574.6799, 5201547.3536);
         let site = SiteFrame::new(Geodetic::from_ecef(origin));
         let enu = site.ecef_to_enu(DVec3::new(3_771_793.968, 140_253.342, 5_124_304.349));
         let published = DVec3::new(-189_013.869, -128_642.040, -4_220.171);

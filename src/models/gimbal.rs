@@ -4,7 +4,8 @@
 //! Angles are relative to the base (what the encoders read): azimuth clockwise from the base's
 //! north, elevation up. The two axes are dynamically independent (balanced load, no gyroscopic
 //! coupling); friction is viscous only. The mechanics are stepped exactly for a torque held over
-//! the tick; the sampled rate loop is stable while bandwidth · 2π · dt stays well below 1 (15 Hz at
+//! the tick. The rate loop is of type 2, so a steady acceleration leaves no rate error and needs no
+//! feed-forward (measured: none helps). The sampled loop is stable while bandwidth · 2π · dt stays well below 1 (15 Hz at
 //! 960 Hz gives 0.1).
 
 use std::f64::consts::{PI, TAU};
@@ -143,7 +144,7 @@ impl AxisParams {
         [shortest, shortest - TAU * shortest.signum()]
             .into_iter()
             .find(|e| (low..=high).contains(&(angle_rad + e)))
-            .unwrap_or((angle_rad + shortest).clamp(low, high) - angle_rad)
+            .unwrap_or((angle_rad + shortest).min(high).max(low) - angle_rad)
     }
 }
 
@@ -174,7 +175,6 @@ impl GimbalParams {
         };
         GimbalCommand {
             rate_radps: [rate(&self.azimuth, error.x), rate(&self.elevation, error.y)],
-            accel_radps2: [0.0; 2],
         }
     }
 }
@@ -226,8 +226,6 @@ impl GimbalState {
 pub struct GimbalCommand {
     /// Rate [rad/s].
     pub rate_radps: [f64; 2],
-    /// Acceleration feed-forward [rad/s²]; zero where the rate's derivative is not known.
-    pub accel_radps2: [f64; 2],
 }
 
 /// Advances the gimbal by `dt_s` under a command and disturbance torques [N m] (azimuth,
@@ -251,7 +249,6 @@ pub fn step(
             axis,
             p,
             command.rate_radps[i],
-            command.accel_radps2[i],
             disturbance_torque_nm[i],
             dt_s,
         );
@@ -262,13 +259,12 @@ fn step_axis(
     state: &mut AxisState,
     params: &AxisParams,
     rate_command_radps: f64,
-    accel_radps2: f64,
     disturbance_nm: f64,
     dt_s: f64,
 ) {
     let inertia = params.inertia_kg_m2;
     let limit = params.rate_limit_radps;
-    let mut wanted = rate_command_radps.clamp(-limit, limit);
+    let mut wanted = rate_command_radps.min(limit).max(-limit);
     if let Some([low, high]) = params.travel_rad {
         // Brake ahead of a stop at half the torque, which leaves the rest for disturbances.
         let slowest = |room: f64| (params.torque_limit_nm / inertia * room.max(0.0)).sqrt();
@@ -276,17 +272,12 @@ fn step_axis(
             .min(slowest(high - state.angle_rad))
             .max(-slowest(state.angle_rad - low));
     }
-    // A feed-forward belongs to the rate it came with: none once that is limited.
-    let feed_forward = if wanted == rate_command_radps {
-        inertia * accel_radps2
-    } else {
-        0.0
-    };
-
     let omega = TAU * params.bandwidth_hz;
     let error = wanted - state.rate_radps;
-    let demand = feed_forward + 2.0 * params.damping * omega * inertia * error + state.integral_nm;
-    let mut torque = demand.clamp(-params.torque_limit_nm, params.torque_limit_nm);
+    let demand = 2.0 * params.damping * omega * inertia * error + state.integral_nm;
+    let mut torque = demand
+        .min(params.torque_limit_nm)
+        .max(-params.torque_limit_nm);
     if state.rate_radps.abs() >= limit && torque * state.rate_radps > 0.0 {
         torque = 0.0;
     }
@@ -304,7 +295,7 @@ fn step_axis(
     match params.travel_rad {
         None => state.angle_rad = wrap_pi(angle),
         Some([low, high]) => {
-            state.angle_rad = angle.clamp(low, high);
+            state.angle_rad = angle.min(high).max(low);
             // The stop is a hard, inelastic one.
             if (angle > high && state.rate_radps > 0.0) || (angle < low && state.rate_radps < 0.0) {
                 state.rate_radps = 0.0;
@@ -322,7 +313,6 @@ mod tests {
     fn rate(az: f64, el: f64) -> GimbalCommand {
         GimbalCommand {
             rate_radps: [az, el],
-            accel_radps2: [0.0; 2],
         }
     }
 

@@ -36,7 +36,11 @@ pub struct Paint {
 impl Paint {
     /// A uniform surface of linear RGB albedo.
     pub fn plain(albedo: [f32; 3]) -> Self {
-        Self { albedo, surface: Surface::Plain, variant: 0.0 }
+        Self {
+            albedo,
+            surface: Surface::Plain,
+            variant: 0.0,
+        }
     }
 }
 
@@ -62,7 +66,10 @@ pub struct MeshData {
 impl MeshData {
     /// An empty mesh about an origin [m].
     pub fn new(origin_enu_m: DVec3) -> Self {
-        Self { origin_enu_m, ..Self::default() }
+        Self {
+            origin_enu_m,
+            ..Self::default()
+        }
     }
 
     /// Number of triangles.
@@ -104,20 +111,30 @@ impl MeshData {
         self.colors.extend_from_slice(&part.colors);
         self.uv.extend_from_slice(&part.uv);
         self.surface.extend_from_slice(&part.surface);
-        self.indices.extend(part.indices.chunks_exact(3).flat_map(|t| {
-            let [a, b, c] = [t[0] + first, t[1] + first, t[2] + first];
-            if mirrored { [a, c, b] } else { [a, b, c] }
-        }));
+        self.indices
+            .extend(part.indices.chunks_exact(3).flat_map(|t| {
+                let [a, b, c] = [t[0] + first, t[1] + first, t[2] + first];
+                if mirrored { [a, c, b] } else { [a, b, c] }
+            }));
     }
 
     /// Adds one vertex of the parent frame and returns its index.
-    pub fn vertex(&mut self, at_m: DVec3, normal: DVec3, uv: [f32; 2], ao: f32, paint: Paint) -> u32 {
+    pub fn vertex(
+        &mut self,
+        at_m: DVec3,
+        normal: DVec3,
+        uv: [f32; 2],
+        ao: f32,
+        paint: Paint,
+    ) -> u32 {
         let [r, g, b] = paint.albedo;
-        self.positions.push((at_m - self.origin_enu_m).as_vec3().to_array());
+        self.positions
+            .push((at_m - self.origin_enu_m).as_vec3().to_array());
         self.normals.push(normal.as_vec3().to_array());
         self.colors.push([r, g, b, ao]);
         self.uv.push(uv);
-        self.surface.push([paint.surface as u8 as f32, paint.variant]);
+        self.surface
+            .push([paint.surface as u8 as f32, paint.variant]);
         (self.positions.len() - 1) as u32
     }
 
@@ -150,7 +167,8 @@ impl MeshData {
             self.vertex(p.extend(z_m), DVec3::Z, [0.0; 2], ao, paint);
         }
         for [a, b, c] in triangulate(outline_m) {
-            self.indices.extend([first + a as u32, first + b as u32, first + c as u32]);
+            self.indices
+                .extend([first + a as u32, first + b as u32, first + c as u32]);
         }
     }
 
@@ -159,8 +177,12 @@ impl MeshData {
         let n = outline_m.len();
         for i in 0..n {
             let (a, b) = (outline_m[i], outline_m[(i + 1) % n]);
-            let corners =
-                [a.extend(z_low_m), b.extend(z_low_m), b.extend(z_high_m), a.extend(z_high_m)];
+            let corners = [
+                a.extend(z_low_m),
+                b.extend(z_low_m),
+                b.extend(z_high_m),
+                a.extend(z_high_m),
+            ];
             self.face(&corners, paint);
         }
         self.floor(outline_m, z_high_m, 1.0, paint);
@@ -169,7 +191,8 @@ impl MeshData {
             self.vertex(p.extend(z_low_m), DVec3::NEG_Z, [0.0; 2], 0.5, paint);
         }
         for [a, b, c] in triangulate(outline_m) {
-            self.indices.extend([first + a as u32, first + c as u32, first + b as u32]);
+            self.indices
+                .extend([first + a as u32, first + c as u32, first + b as u32]);
         }
     }
 
@@ -187,7 +210,9 @@ impl MeshData {
     /// its ends. Rings run counter-clockwise seen against the direction from the first ring to the
     /// last (from above for a stack going up); a ring may shrink to a point.
     pub fn loft(&mut self, rings_m: &[Vec<DVec3>], paint: Paint) {
-        let Some(sides) = rings_m.first().map(Vec::len) else { return };
+        let Some(sides) = rings_m.first().map(Vec::len) else {
+            return;
+        };
         if sides < 3 || rings_m.iter().any(|r| r.len() != sides) {
             return;
         }
@@ -198,11 +223,13 @@ impl MeshData {
             let (ring, i) = (k / sides * sides, k % sides);
             let j = (i + 1) % sides;
             let [a, b, c, d] = [ring + i, ring + j, ring + sides + j, ring + sides + i];
+            // By quads: triangles would lean the normals toward the side split at a vertex.
+            let area = (points[c] - points[a]).cross(points[d] - points[b]);
+            [a, b, c, d].iter().for_each(|&v| normals[v] += area);
             for t in [[a, b, c], [a, c, d]] {
                 let area = (points[t[1]] - points[t[0]]).cross(points[t[2]] - points[t[0]]);
                 // Triangles at a point-like ring have no area.
                 if area.length() > 1e-12 {
-                    t.iter().for_each(|&v| normals[v] += area);
                     self.indices.extend(t.map(|v| first + v as u32));
                 }
             }
@@ -231,13 +258,26 @@ impl MeshData {
         paint: Paint,
     ) {
         let axis = (to_m - from_m).normalize_or(DVec3::Z);
-        let rings = [ring(from_m, axis, from_radius_m, sides), ring(to_m, axis, to_radius_m, sides)];
+        let rings = [
+            ring(from_m, axis, from_radius_m, sides),
+            ring(to_m, axis, to_radius_m, sides),
+        ];
         self.loft(&rings, paint);
     }
 
     /// Adds a one-sided disc facing along `normal`.
-    pub fn disc(&mut self, center_m: DVec3, normal: DVec3, radius_m: f64, sides: usize, paint: Paint) {
-        self.face(&ring(center_m, normal.normalize_or(DVec3::Z), radius_m, sides), paint);
+    pub fn disc(
+        &mut self,
+        center_m: DVec3,
+        normal: DVec3,
+        radius_m: f64,
+        sides: usize,
+        paint: Paint,
+    ) {
+        self.face(
+            &ring(center_m, normal.normalize_or(DVec3::Z), radius_m, sides),
+            paint,
+        );
     }
 
     /// Adds an ellipsoid with semi-axes `radii_m`, an icosahedron split `subdivisions` times
@@ -291,7 +331,8 @@ impl MeshData {
             let normal = (p / radii_m).normalize_or(DVec3::Z);
             self.vertex(center_m + p * radii_m, normal, [0.0; 2], 1.0, paint);
         }
-        self.indices.extend(triangles.into_iter().flatten().map(|i| first + i));
+        self.indices
+            .extend(triangles.into_iter().flatten().map(|i| first + i));
     }
 }
 
@@ -309,7 +350,12 @@ pub fn ring(center_m: DVec3, axis: DVec3, radius_m: f64, sides: usize) -> Vec<DV
 /// Corners of a rectangle, counter-clockwise, with half sizes along `axis` and to its left [m].
 pub fn rectangle(center_m: DVec2, axis: DVec2, half_m: DVec2) -> [DVec2; 4] {
     let (x, y) = (axis * half_m.x, axis.perp() * half_m.y);
-    [center_m - x - y, center_m + x - y, center_m + x + y, center_m - x + y]
+    [
+        center_m - x - y,
+        center_m + x - y,
+        center_m + x + y,
+        center_m - x + y,
+    ]
 }
 
 /// Unit normal of a polygon by Newell's method; zero for a polygon without area.
@@ -321,11 +367,15 @@ fn newell(corners_m: &[DVec3]) -> DVec3 {
     let sum: DVec3 = (1..n - 1)
         .map(|i| (corners_m[i] - corners_m[0]).cross(corners_m[i + 1] - corners_m[0]))
         .sum();
-    if sum.length() < 1e-12 { DVec3::ZERO } else { sum.normalize() }
+    if sum.length() < 1e-12 {
+        DVec3::ZERO
+    } else {
+        sum.normalize()
+    }
 }
 
 /// Triangles (corner indices, counter-clockwise) of a simple CCW polygon by ear clipping.
-pub fn triangulate(outline_m: &[DVec2]) -> Vec<[usize; 3]> {
+fn triangulate(outline_m: &[DVec2]) -> Vec<[usize; 3]> {
     let turn = |a: DVec2, b: DVec2, c: DVec2| (b - a).perp_dot(c - a);
     let mut left: Vec<usize> = (0..outline_m.len()).collect();
     let mut triangles = Vec::with_capacity(outline_m.len().saturating_sub(2));
@@ -335,10 +385,13 @@ pub fn triangulate(outline_m: &[DVec2]) -> Vec<[usize; 3]> {
             let [i, j, l] = [left[(k + n - 1) % n], left[k], left[(k + 1) % n]];
             let [a, b, c] = [outline_m[i], outline_m[j], outline_m[l]];
             turn(a, b, c) > 0.0
-                && left.iter().filter(|&&v| v != i && v != j && v != l).all(|&v| {
-                    let p = outline_m[v];
-                    turn(a, b, p) < 0.0 || turn(b, c, p) < 0.0 || turn(c, a, p) < 0.0
-                })
+                && left
+                    .iter()
+                    .filter(|&&v| v != i && v != j && v != l)
+                    .all(|&v| {
+                        let p = outline_m[v];
+                        turn(a, b, p) < 0.0 || turn(b, c, p) < 0.0 || turn(c, a, p) < 0.0
+                    })
         });
         // An outline with collinear corners leaves flat ears behind; they carry no area.
         let k = ear.unwrap_or(0);
@@ -355,7 +408,11 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    const GREY: Paint = Paint { albedo: [0.4; 3], surface: Surface::Plain, variant: 0.5 };
+    const GREY: Paint = Paint {
+        albedo: [0.4; 3],
+        surface: Surface::Plain,
+        variant: 0.5,
+    };
 
     fn check_winding(mesh: &MeshData) {
         let at = |v: &Vec<[f32; 3]>, i: u32| DVec3::from(v[i as usize].map(f64::from));
@@ -383,7 +440,11 @@ mod tests {
     #[test]
     fn volumes_match_closed_forms() {
         let cases = [
-            (built(|m| m.cuboid(DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), GREY)), 6.0, 1e-5),
+            (
+                built(|m| m.cuboid(DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), GREY)),
+                6.0,
+                1e-5,
+            ),
             (
                 built(|m| {
                     let l = [(0., 0.), (3., 0.), (3., 1.), (1., 1.), (1., 3.), (0., 3.)];
@@ -399,7 +460,14 @@ mod tests {
                 2e-3,
             ),
             (
-                built(|m| m.frustum((DVec3::ZERO, 1.0), (DVec3::new(1.0, 1.0, 1.0), 0.0), 96, GREY)),
+                built(|m| {
+                    m.frustum(
+                        (DVec3::ZERO, 1.0),
+                        (DVec3::new(1.0, 1.0, 1.0), 0.0),
+                        96,
+                        GREY,
+                    )
+                }),
                 PI / 3.0 * 3f64.sqrt(),
                 2e-3,
             ),
@@ -412,7 +480,10 @@ mod tests {
         ];
         for (mesh, volume, tolerance) in cases {
             let got = mesh.signed_volume_m3();
-            assert!((got / volume - 1.0).abs() < tolerance, "{got} against {volume}");
+            assert!(
+                (got / volume - 1.0).abs() < tolerance,
+                "{got} against {volume}"
+            );
         }
     }
 
@@ -436,16 +507,30 @@ mod tests {
 
     #[test]
     fn origins_cancel() {
-        let mesh = built(|m| m.cuboid(DVec3::new(9.0, -21.0, 4.0), DVec3::new(11.0, -19.0, 6.0), GREY));
+        let mesh = built(|m| {
+            m.cuboid(
+                DVec3::new(9.0, -21.0, 4.0),
+                DVec3::new(11.0, -19.0, 6.0),
+                GREY,
+            )
+        });
         assert_eq!(mesh.bounds_m(), Some((-DVec3::ONE, DVec3::ONE)));
     }
 
     #[test]
     fn concave_outlines_keep_their_area() {
-        let u: Vec<DVec2> =
-            [(0., 0.), (5., 0.), (5., 4.), (4., 4.), (4., 1.), (1., 1.), (1., 4.), (0., 4.)]
-                .map(DVec2::from)
-                .to_vec();
+        let u: Vec<DVec2> = [
+            (0., 0.),
+            (5., 0.),
+            (5., 4.),
+            (4., 4.),
+            (4., 1.),
+            (1., 1.),
+            (1., 4.),
+            (0., 4.),
+        ]
+        .map(DVec2::from)
+        .to_vec();
         let area: f64 = triangulate(&u)
             .iter()
             .map(|&[a, b, c]| 0.5 * (u[b] - u[a]).perp_dot(u[c] - u[a]))

@@ -23,6 +23,7 @@ pub mod sensor;
 pub mod sky;
 pub mod sun;
 pub mod thermal;
+pub mod tracking;
 pub mod trajectory;
 pub mod turbulence;
 pub mod uav;

@@ -55,7 +55,7 @@ impl Pid {
         let grown = self.integral + params.ki_per_s * error * dt_s;
         let rest = params.kp * error - params.kd_s * (filtered - before) / dt_s;
         let wanted = rest + grown;
-        let output = wanted.clamp(-params.output_limit, params.output_limit);
+        let output = wanted.min(params.output_limit).max(-params.output_limit);
         // Integrate unless saturated in the direction the error pushes.
         if output == wanted || params.ki_per_s * error * (wanted - output) < 0.0 {
             self.integral = grown;
@@ -66,7 +66,7 @@ impl Pid {
 
 /// The saturation function of eq. 10, per component.
 pub fn sat(e: DVec2, limit: f64) -> DVec2 {
-    e.clamp(DVec2::splat(-limit), DVec2::splat(limit))
+    e.min(DVec2::splat(limit)).max(DVec2::splat(-limit))
 }
 
 /// The paper's control law (eq. 9, and eq. 10 with a saturation).

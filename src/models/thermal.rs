@@ -164,8 +164,7 @@ impl Skin {
             };
         let forced = nusselt * conductivity / self.length_m; // [W/(m^2 K)]
         // Vertical plate in still air, Nu = 0.59 Ra^(1/4) (McAdams; Incropera eq. 9.24).
-        let rayleigh =
-            GRAVITY * excess.abs() * self.length_m.powi(3) * PRANDTL / (air_k * nu * nu);
+        let rayleigh = GRAVITY * excess.abs() * self.length_m.powi(3) * PRANDTL / (air_k * nu * nu);
         let natural = 0.59 * rayleigh.sqrt().sqrt() * conductivity / self.length_m;
         // The natural coefficient goes as |T - Ta|^(1/4): its flux has 5/4 of its slope.
         let (convection, convection_slope) = if forced >= natural {
@@ -253,13 +252,7 @@ mod tests {
         for steps in [4000, 200, 1] {
             let mut skin = skin();
             for _ in 0..steps {
-                skin.step(
-                    end / f64::from(steps),
-                    irradiance,
-                    AIR_K,
-                    wind,
-                    &material,
-                );
+                skin.step(end / f64::from(steps), irradiance, AIR_K, wind, &material);
             }
             assert!((skin.temperature_k / exact - 1.0).abs() < 1e-11);
         }
@@ -316,7 +309,6 @@ mod tests {
                     skin.step(end / f64::from(steps), irradiance, AIR_K, wind, &material);
                 }
                 let error = skin.temperature_k / t - 1.0;
-                println!("{} {steps}: {error:e} at {t} K", material.name);
                 assert!(error.abs() < tolerance, "{error}");
             }
         }

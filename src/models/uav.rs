@@ -1,11 +1,14 @@
 //! The UAV catalogue: one constant record per airframe.
 //!
-//! Standing of the values: masses, sizes, wheelbases, propellers, top speeds, tilt limits and
-//! angular rates are the makers' published data, except where "assumed" is written. Makers publish
-//! no inertia (here derived from mass and size, ±35 %), no drag area (derived: `C_D A` closes
-//! `m g tan(tilt) = rho C_D A v^2 / 2` at the published speed and tilt in 1.225 kg/m^3 air), no
-//! rotor lag and no thrust-to-weight ratio (both assumed, typical of the class).
+//! Standing of the values, by field (each record lists its own checked ones):
+//! - checked: read in the maker's published data;
+//! - recalled: believed to be the maker's figure, not checked against the source. All speeds but the
+//!   Mavic 2's, all tilt limits and all angular rates are of this kind;
+//! - derived: inertia, from mass and size (±35 %; makers publish none), and drag area, which closes
+//!   `m g tan(tilt) = rho C_D A v^2 / 2` at the listed top speed and tilt in 1.225 kg/m^3 air;
+//! - assumed, typical of the class: rotor lag, thrust-to-weight ratio and skin material.
 
+use crate::models::thermal::{ABS_SHELL, CARBON_EPOXY, SkinMaterial};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -86,12 +89,13 @@ pub struct UavModel {
     pub drag_area_m2: f64,
     /// Time constant of the rotors' first-order speed lag [s].
     pub rotor_lag_s: f64,
-    /// Name of the material of the vulnerable skin.
-    pub skin: &'static str,
+    /// Material of the vulnerable skin.
+    pub skin: SkinMaterial,
 }
 
 const INCH_M: f64 = 0.0254; // [m]
 
+// Checked: mass, diagonal. Recalled: size, propeller, speed, tilt, rate.
 const PHANTOM4: UavModel = UavModel {
     name: "DJI Phantom 4",
     class: UavClass::Quadcopter,
@@ -107,9 +111,10 @@ const PHANTOM4: UavModel = UavModel {
     inertia_kgm2: [7.4e-3, 9.0e-3, 14.9e-3],
     drag_area_m2: 0.0498,
     rotor_lag_s: 0.035,
-    skin: "abs_shell",
+    skin: ABS_SHELL,
 };
 
+// Checked: mass, diagonal, size, speed. Recalled: propeller, tilt, rate.
 const MAVIC2: UavModel = UavModel {
     name: "DJI Mavic 2 Pro",
     class: UavClass::Quadcopter,
@@ -125,9 +130,10 @@ const MAVIC2: UavModel = UavModel {
     inertia_kgm2: [4.1e-3, 6.1e-3, 9.6e-3],
     drag_area_m2: 0.0254,
     rotor_lag_s: 0.035,
-    skin: "abs_shell",
+    skin: ABS_SHELL,
 };
 
+// Checked: mass, diagonal, size. Recalled: propeller, speed, tilt, rate.
 const MAVIC_AIR: UavModel = UavModel {
     name: "DJI Mavic Air",
     class: UavClass::Quadcopter,
@@ -143,9 +149,10 @@ const MAVIC_AIR: UavModel = UavModel {
     inertia_kgm2: [0.86e-3, 1.37e-3, 2.04e-3],
     drag_area_m2: 0.0134,
     rotor_lag_s: 0.025,
-    skin: "abs_shell",
+    skin: ABS_SHELL,
 };
 
+// Recalled: mass, diagonal, size, propeller, speed, tilt, rate.
 const MATRICE200: UavModel = UavModel {
     name: "DJI Matrice 200",
     class: UavClass::Quadcopter,
@@ -162,9 +169,11 @@ const MATRICE200: UavModel = UavModel {
     drag_area_m2: 0.0994,
     rotor_lag_s: 0.045,
     // The moulded body around the batteries; its arms are carbon fibre.
-    skin: "abs_shell",
+    skin: ABS_SHELL,
 };
 
+// Checked: mass, diagonal, propeller. Recalled: size, speed, tilt, rate. The drag area is 1.1 % above
+// what its balance asks for.
 const MATRICE600: UavModel = UavModel {
     name: "DJI Matrice 600 Pro",
     class: UavClass::Hexacopter,
@@ -180,10 +189,10 @@ const MATRICE600: UavModel = UavModel {
     inertia_kgm2: [0.45, 0.45, 0.83],
     drag_area_m2: 0.2213,
     rotor_lag_s: 0.050,
-    skin: "carbon_fibre",
+    skin: CARBON_EPOXY,
 };
 
-// No single maker: the mass, wheelbase, propeller and inertia are typical of the class. Such a
+// No single maker: every value is assumed, typical of the class. Such a
 // racer reaches 40 to 55 m/s and may tilt through 90 degrees; 45 m/s at a steady level-flight tilt
 // of 65 degrees is assumed, which closes at C_D A = 0.0119 m^2, a plausible bluff plate of the
 // frame's area. The tilt limit is that steady tilt, so that the airframe tops out there.
@@ -202,7 +211,7 @@ const FPV5: UavModel = UavModel {
     inertia_kgm2: [1.3e-3, 1.9e-3, 2.8e-3],
     drag_area_m2: 0.01187,
     rotor_lag_s: 0.015,
-    skin: "carbon_fibre",
+    skin: CARBON_EPOXY,
 };
 
 /// The catalogue record of `kind`.

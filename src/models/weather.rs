@@ -190,7 +190,7 @@ fn is_present_weather(text: &str) -> bool {
         .unwrap_or(text);
     !codes.is_empty()
         && codes.is_ascii()
-        && codes.len() % 2 == 0
+        && codes.len().is_multiple_of(2)
         && (0..codes.len())
             .step_by(2)
             .all(|at| PHENOMENA.contains(&&codes[at..at + 2]))

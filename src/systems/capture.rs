@@ -13,13 +13,15 @@ use crate::models::dsm::LineOfSight;
 use crate::models::kinematics::Pose;
 use crate::models::mesh::MeshData;
 use crate::models::raster::{self, Coverage};
-use crate::models::sensor::ImageFormer;
+use crate::models::rng::Stream;
+use crate::models::sensor::{self, Scratch};
 use crate::models::uav_mesh::UavMesh;
 use crate::run::Stopwatch;
 use crate::systems::render::{Renderer, aim_sensor_view};
 use crate::systems::scene::{self, UavBody, UavRotor};
 use bevy::mesh::MeshTag;
 use bevy::prelude::*;
+use bevy::tasks::ComputeTaskPool;
 use big_space::prelude::*;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::sync::Arc;
@@ -27,7 +29,33 @@ use std::time::Instant;
 
 /// The shape of a UAV, for truth boxes and silhouettes.
 #[derive(Component, Clone)]
-pub struct Shape(pub Arc<UavMesh>);
+pub struct Shape {
+    /// The meshes.
+    pub mesh: Arc<UavMesh>,
+    /// Points whose projections' box holds that of the airframe with its rotor discs [m, body].
+    outline_body_m: Vec<DVec3>,
+    /// Distance of the farthest of them from the origin [m].
+    radius_m: f64,
+}
+
+impl Shape {
+    /// The shape of a mesh.
+    pub fn new(mesh: Arc<UavMesh>) -> Self {
+        let point = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let blade_m =
+            mesh.rotor.positions.iter().map(|p| point(p).truncate().length()).fold(0.0, f64::max);
+        const DISC_POINTS: u32 = 16;
+        let discs = mesh.rotors.iter().flat_map(|mount| {
+            (0..DISC_POINTS).map(move |i| {
+                let angle = std::f64::consts::TAU * f64::from(i) / f64::from(DISC_POINTS);
+                mount.hub_body_m + blade_m * DVec2::from_angle(angle).extend(0.0)
+            })
+        });
+        let outline_body_m: Vec<_> = mesh.body.positions.iter().map(point).chain(discs).collect();
+        let radius_m = outline_body_m.iter().map(|p| p.length()).fold(0.0, f64::max);
+        Self { mesh, outline_body_m, radius_m }
+    }
+}
 
 /// The render cameras of a sensor: full frame and window.
 #[derive(Component, Clone, Copy, Debug)]
@@ -65,7 +93,7 @@ pub fn expose(
             .filter_map(|(uav, flight, shape)| {
                 let state = &flight.state;
                 let body = (state.r_enu_m, state.q_enu_body);
-                let box_px = projected_box(&camera.pinhole, &pose, body, &shape.0)?;
+                let box_px = projected_box(&camera.pinhole, &pose, body, shape)?;
                 let to_target_m = state.r_enu_m - pose.r_enu_m;
                 let aim_px = camera.pinhole.project(pose.q_enu_cam.inverse() * to_target_m)?;
                 let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, state.r_enu_m);
@@ -80,7 +108,15 @@ pub fn expose(
             })
             .collect();
         truth.sort_by_key(|seen| seen.uav);
-        frames.0.push(Frame { tier: camera.tier, tick: clock.tick, pose, rect, truth, rgb8: None });
+        frames.0.push(Frame {
+            tier: camera.tier,
+            tick: clock.tick,
+            pose,
+            pointing: optics.pointing,
+            rect,
+            truth,
+            rgb8: None,
+        });
     }
     frames.0.sort_by_key(|frame| frame.tier);
 }
@@ -91,11 +127,11 @@ fn projected_box(
     pinhole: &Pinhole,
     pose: &Pose,
     (r_enu_m, q_enu_body): (DVec3, DQuat),
-    shape: &UavMesh,
+    shape: &Shape,
 ) -> Option<[f64; 4]> {
     let q_cam_enu = pose.q_enu_cam.inverse();
     let r_cam_m = q_cam_enu * (r_enu_m - pose.r_enu_m);
-    let radius_m = shape.radius_m();
+    let radius_m = shape.radius_m;
     if r_cam_m.z <= radius_m {
         return None;
     }
@@ -109,7 +145,7 @@ fn projected_box(
     }
     let to_cam = DMat3::from_quat(q_cam_enu * q_enu_body);
     let (mut low, mut high) = (DVec2::MAX, DVec2::MIN);
-    for corner_body_m in shape.hull_points_body_m() {
+    for corner_body_m in &shape.outline_body_m {
         let px = pinhole.project(r_cam_m + to_cam * *corner_body_m)?;
         low = low.min(px);
         high = high.max(px);
@@ -121,9 +157,13 @@ fn projected_box(
 /// What image formation keeps between frames.
 #[derive(Default)]
 pub struct ImageScratch {
-    pixels: Vec<[u16; 4]>,
-    former: ImageFormer,
+    pixels: Vec<u8>,
+    /// One a strip of rows.
+    strips: [Scratch; STRIPS],
 }
+
+/// Strips of rows that are exposed side by side; the noise does not depend on their number.
+const STRIPS: usize = 4;
 
 /// Renders the exposed frames, if this run renders at all.
 pub fn render_frames(world: &mut World) {
@@ -221,20 +261,44 @@ fn render_with(
         }
         renderer.read(*view, frame.rect.size_px, &mut scratch.pixels)?;
         count_identities(world, frame, camera, &digits, &scratch.pixels);
-        let mut rgb8 = vec![0; 3 * scratch.pixels.len()];
-        let key = crate::models::sensor::frame_key(seed, frame.tier as u64, frame.tick);
-        scratch.former.expose(
-            &scratch.pixels,
-            frame.rect.offset_px,
-            frame.rect.size_px,
-            &camera.sensor,
-            key,
-            &mut rgb8,
-        );
+        let key = Stream::new(seed, frame.tick, frame.tier.name()).bits();
+        let rgb8 = form_image(frame, &camera.sensor, key, scratch)?;
         frame.rgb8 = Some(Arc::new(rgb8));
     }
     world.resource_mut::<Frames>().0 = frames;
     Ok(())
+}
+
+/// The sensor's 8-bit picture of a rendered frame.
+fn form_image(
+    frame: &Frame,
+    sensor: &sensor::Sensor,
+    key: u64,
+    scratch: &mut ImageScratch,
+) -> Result<Vec<u8>, sensor::SensorError> {
+    let [width, height] = frame.rect.size_px.map(|n| n as usize);
+    let mut rgb8 = vec![0; 3 * width * height];
+    let rendered = sensor::Frame {
+        rgba16f: &scratch.pixels,
+        width,
+        height,
+        origin_px: frame.rect.offset_px,
+    };
+    let strip = height.div_ceil(STRIPS);
+    let results = ComputeTaskPool::get().scope(|scope| {
+        let parts = rgb8.chunks_mut(3 * width * strip).zip(&mut scratch.strips);
+        for (i, (part, scratch)) in parts.enumerate() {
+            let rows = i * strip..height.min((i + 1) * strip);
+            scope.spawn(async move { sensor.expose(&rendered, rows, key, scratch, part) });
+        }
+    });
+    results.into_iter().collect::<Result<(), _>>()?;
+    Ok(rgb8)
+}
+
+/// Alpha of a pixel of half-float RGBA rows.
+fn alpha_at(pixels: &[u8], index: usize) -> f64 {
+    half::f16::from_le_bytes([pixels[8 * index + 6], pixels[8 * index + 7]]).to_f64()
 }
 
 /// Identities a pixel can hold apart: base-5 digits of an integer that a half float keeps exact
@@ -286,7 +350,7 @@ fn count_identities(
     frame: &mut Frame,
     camera: &SensorCamera,
     digits: &[u32],
-    pixels: &[[u16; 4]],
+    pixels: &[u8],
 ) {
     let mut uavs = world.query::<(&Uav, &Flight, &Shape)>();
     let samples = if camera.antialias > 1 { 4.0 } else { 1.0 };
@@ -306,7 +370,7 @@ fn count_identities(
         };
         for y in clip(y0, y1, top, height) {
             for x in clip(x0, x1, left, width) {
-                let alpha = half::f16::from_bits(pixels[(y * width + x) as usize][3]).to_f64();
+                let alpha = alpha_at(pixels, (y * width + x) as usize);
                 let count = digit_of((alpha * samples).round() as u32, digits[seen.uav]);
                 visible.add(left + x, top + y, f64::from(count));
             }
@@ -317,7 +381,7 @@ fn count_identities(
             &frame.pose,
             (state.r_enu_m, state.q_enu_body),
             &state.rotor_phase_rad,
-            &shape.0,
+            &shape.mesh,
             frame.rect,
             camera.antialias,
         );

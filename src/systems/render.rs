@@ -6,7 +6,6 @@
 //! copy, wait. Rejected: reading frames one update late (pose and picture of different ticks)
 //! and an own wgpu renderer (a second set of meshes, cameras and shaders to keep in step).
 
-use crate::components::camera::PixelRect;
 use crate::components::render::SensorProjection;
 use bevy::app::Main;
 use bevy::camera::{CameraOutputMode, Exposure, MsaaWriteback, RenderTarget};
@@ -58,12 +57,13 @@ impl Renderer {
         world.clear_trackers();
     }
 
-    /// The half-float RGBA pixels that the camera entity `camera` rendered, row by row.
+    /// The half-float RGBA pixels that the camera entity `camera` rendered: little-endian rows
+    /// without padding.
     pub fn read(
         &mut self,
         camera: Entity,
         size_px: [u32; 2],
-        out: &mut Vec<[u16; 4]>,
+        out: &mut Vec<u8>,
     ) -> Result<(), RenderError> {
         let world = self.app.world_mut();
         let mut views = world.query::<(&MainEntity, &ViewTarget)>();
@@ -119,11 +119,8 @@ impl Renderer {
         }
         let bytes = slice.get_mapped_range();
         out.clear();
-        out.reserve((width * height) as usize);
         for line in bytes.chunks_exact(row as usize) {
-            out.extend(line[..(width * PIXEL_BYTES) as usize].chunks_exact(8).map(|p| {
-                std::array::from_fn(|c| u16::from_le_bytes([p[2 * c], p[2 * c + 1]]))
-            }));
+            out.extend_from_slice(&line[..(width * PIXEL_BYTES) as usize]);
         }
         drop(bytes);
         staging.unmap();
@@ -181,9 +178,4 @@ pub fn aim_sensor_view(
     if let Some(mut camera) = entity.get_mut::<Camera>() {
         camera.is_active = true;
     }
-}
-
-/// The rectangle a projection renders.
-pub fn rect(projection: &SensorProjection) -> PixelRect {
-    PixelRect { offset_px: projection.offset_px, size_px: projection.size_px }
 }

@@ -5,6 +5,7 @@
 //! always relative to the station's cell, wherever on Earth the site is.
 
 use crate::components::render::{ATTRIBUTE_SURFACE, LeanMaterial, LightUniform};
+use crate::models::city::GroundMap;
 use crate::models::mesh::MeshData;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::NoFrustumCulling;
@@ -45,14 +46,6 @@ pub struct SceneHandles {
     pub solid: Handle<LeanMaterial>,
     /// Material of the sky.
     pub sky: Handle<LeanMaterial>,
-}
-
-/// A pixel map: RGB8 in sRGB, row 0 at the north edge.
-pub struct GroundMap<'a> {
-    /// Side of the square map [px].
-    pub side_px: u32,
-    /// Three bytes a pixel.
-    pub rgb8: &'a [u8],
 }
 
 /// The transform of a big_space grid in another: cell and f32 rest.
@@ -103,10 +96,10 @@ pub fn ground_texture(map: &GroundMap) -> Image {
         .map(|i| Srgba::gamma_function(i as f32 / 255.0))
         .collect();
     let encode = |x: f32| (Srgba::gamma_function_inverse(x) * 255.0 + 0.5) as u8;
-    let mut side = map.side_px as usize;
+    let mut side = map.size_px;
     let mut level: Vec<[f32; 3]> = map
-        .rgb8
-        .chunks_exact(3)
+        .rgb
+        .iter()
         .map(|p| [decode[p[0] as usize], decode[p[1] as usize], decode[p[2] as usize]])
         .collect();
     let mut bytes = Vec::with_capacity(side * side * 16 / 3);
@@ -130,8 +123,8 @@ pub fn ground_texture(map: &GroundMap) -> Image {
         side = half;
     }
     let extent = Extent3d {
-        width: map.side_px,
-        height: map.side_px,
+        width: map.size_px as u32,
+        height: map.size_px as u32,
         depth_or_array_layers: 1,
     };
     let mut image = Image::new_uninit(
@@ -184,7 +177,7 @@ pub struct SceneContent<'a> {
     /// City tiles.
     pub tiles: &'a [MeshData],
     /// Albedo of the ground.
-    pub ground: GroundMap<'a>,
+    pub ground: &'a GroundMap,
     /// Sky table and its width and height.
     pub sky: (&'a [[f32; 4]], u32, u32),
     /// Sun, sky and air.
@@ -193,7 +186,7 @@ pub struct SceneContent<'a> {
 
 /// Builds the grids, the city and the sky.
 pub fn spawn(world: &mut World, content: &SceneContent) {
-    let ground_map = world.resource_mut::<Assets<Image>>().add(ground_texture(&content.ground));
+    let ground_map = world.resource_mut::<Assets<Image>>().add(ground_texture(content.ground));
     let (table, width, height) = content.sky;
     let sky_table =
         world.resource_mut::<Assets<Image>>().add(sky_texture(table, width, height));

@@ -1,0 +1,72 @@
+//! The laser and what its beam does.
+
+use crate::models::beam::Laser;
+use crate::models::rng::Stream;
+use crate::models::turbulence::{PaperIntensity, PathTurbulence, Scintillation, Wander};
+use bevy::prelude::*;
+
+/// How the intensity on the target fluctuates.
+#[derive(Clone, Debug)]
+pub enum Channel {
+    /// Stationary gamma-gamma scintillation.
+    Physical(Box<Scintillation>),
+    /// Eq. 7 as printed.
+    Paper(PaperIntensity),
+}
+
+/// The laser: constants and the state of the air on its path.
+#[derive(Component, Clone, Debug)]
+pub struct LaserSource {
+    /// Power, wavelength, aperture, beam quality.
+    pub laser: Laser,
+    /// Fixed focus [m]; `None` follows the target's range.
+    pub focus_m: Option<f64>,
+    /// Residual jitter of the beam director about each axis, white per tick [rad rms].
+    pub jitter_rad: f64,
+    /// Extinction at the laser's wavelength [1/m].
+    pub extinction_per_m: f64,
+    /// Intensity channel.
+    pub channel: Channel,
+    /// Beam wander.
+    pub wander: Wander,
+    /// Streams of channel, wander and jitter.
+    pub rng: [Stream; 3],
+    /// Turbulence integrals of the path and the range they hold for [m].
+    pub path: Option<(f64, PathTurbulence)>,
+}
+
+/// What the engagement asks of the laser; obeyed from the next tick on.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct FireCommand {
+    /// Whether the laser emits.
+    pub fire: bool,
+    /// Range to focus at [m].
+    pub focus_range_m: f64,
+}
+
+/// What the beam did in this tick.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct BeamState {
+    /// Whether the laser emitted.
+    pub firing: bool,
+    /// The UAV nearest to the beam's axis: its scenario index.
+    pub aimed: Option<usize>,
+    /// Power that arrives at the aimed UAV's range [W].
+    pub power_at_target_w: f64,
+    /// Power inside the aim-point bucket of that UAV [W].
+    pub power_in_bucket_w: f64,
+    /// Irradiance on its aim point [W/m^2].
+    pub irradiance_wpm2: f64,
+    /// Short-term 1/e^2 radius at its range [m].
+    pub spot_radius_m: f64,
+    /// Distance of the beam's centre from its aim point [m].
+    pub offset_m: f64,
+    /// Atmospheric transmittance.
+    pub transmittance: f64,
+    /// Relative intensity of the channel.
+    pub scintillation: f64,
+    /// Energy emitted since the start [J].
+    pub energy_j: f64,
+    /// Time for which the beam's centre lay on an aim point while firing [s].
+    pub dwell_s: f64,
+}

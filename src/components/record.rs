@@ -1,0 +1,72 @@
+//! What a run leaves behind.
+
+use crate::components::camera::Tier;
+use crate::models::detection::Detection;
+use crate::recording::Recorder;
+use bevy::prelude::*;
+
+/// Hash of the whole state after the last tick; each tick's hash covers the one before.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StateHash(pub u64);
+
+/// The MCAP file of this run, if it is recorded, and what goes into it.
+#[derive(Resource)]
+pub struct Recording {
+    /// The open file.
+    pub recorder: Option<Recorder>,
+    /// Ticks between recorded states.
+    pub state_period_ticks: u64,
+    /// One image in so many of each camera is kept; 0 keeps none.
+    pub image_every: u64,
+    /// JPEG quality.
+    pub jpeg_quality: u8,
+    /// Images seen so far of each camera.
+    pub images_seen: [u64; 3],
+    /// State changes already logged.
+    pub changes_logged: usize,
+}
+
+/// A picture kept for the report.
+#[derive(Clone, Debug)]
+pub struct KeptFrame {
+    /// The camera.
+    pub tier: Tier,
+    /// Time of the exposure [s].
+    pub t_s: f64,
+    /// Width and height [px].
+    pub size_px: [u32; 2],
+    /// 8-bit RGB rows.
+    pub rgb8: std::sync::Arc<Vec<u8>>,
+    /// Upper left corner on the sensor [px].
+    pub offset_px: [u32; 2],
+    /// Detections known for this exposure when it was taken, in sensor pixels.
+    pub detections: Vec<Detection>,
+    /// Boresight on the sensor [px].
+    pub centre_px: [f64; 2],
+    /// Name of the tracking state.
+    pub state: &'static str,
+}
+
+/// Time series and pictures for summary and report.
+#[derive(Resource, Default)]
+pub struct History {
+    /// True distance of the target from each camera's boresight while that camera holds it:
+    /// (time [s], distance [px]).
+    pub miss_px: [Vec<(f64, f64)>; 3],
+    /// Irradiance on the aim point: (time [s], [W/m^2]).
+    pub irradiance_wpm2: Vec<(f64, f64)>,
+    /// Power in the bucket: (time [s], [W]).
+    pub power_in_bucket_w: Vec<(f64, f64)>,
+    /// Skin temperature of the target: (time [s], [K]).
+    pub skin_k: Vec<(f64, f64)>,
+    /// True angle between the laser's axis and the target: (time [s], [urad]).
+    pub los_error_urad: Vec<(f64, f64)>,
+    /// Pictures for the contact sheet.
+    pub frames: Vec<KeptFrame>,
+    /// Last picture of each camera, for a window to show.
+    pub latest: [Option<KeptFrame>; 3],
+    /// Time at which each UAV was neutralised [s], by scenario index.
+    pub neutralised_s: Vec<Option<f64>>,
+    /// Time of the first Coarse state [s].
+    pub acquired_s: Option<f64>,
+}

@@ -1,0 +1,171 @@
+//! Detections on their way and what the tracker makes of them.
+
+use crate::components::camera::{PixelRect, Tier};
+use crate::components::station::Pointing;
+use crate::models::detection::Detection;
+use crate::models::tracking::{Track, TrackTable};
+use bevy::prelude::*;
+use glam::DVec2;
+use std::collections::VecDeque;
+
+/// The detections of one frame.
+#[derive(Clone, Debug)]
+pub struct DetectionBatch {
+    /// The camera.
+    pub tier: Tier,
+    /// Tick of the exposure.
+    pub exposure_tick: u64,
+    /// First tick in which the tracker may see them.
+    pub available_tick: u64,
+    /// The station's pointing at the exposure, as it knew it.
+    pub pointing: Pointing,
+    /// The pixels that were read out.
+    pub rect: PixelRect,
+    /// Detections above the threshold, in full-sensor pixels.
+    pub detections: Vec<Detection>,
+}
+
+/// Batches that wait out their latency.
+#[derive(Resource, Default, Debug)]
+pub struct DetectionQueue {
+    /// Ordered by (available tick, exposure tick, tier).
+    pub waiting: VecDeque<DetectionBatch>,
+    /// The batches that arrived in this tick.
+    pub arrived: Vec<DetectionBatch>,
+}
+
+impl DetectionQueue {
+    /// Queues a batch at its place.
+    pub fn push(&mut self, batch: DetectionBatch) {
+        let key = |b: &DetectionBatch| (b.available_tick, b.exposure_tick, b.tier);
+        let at = self.waiting.partition_point(|b| key(b) <= key(&batch));
+        self.waiting.insert(at, batch);
+    }
+
+    /// Moves what is available at `tick` to `arrived`.
+    pub fn release(&mut self, tick: u64) {
+        self.arrived.clear();
+        while self.waiting.front().is_some_and(|batch| batch.available_tick <= tick) {
+            self.arrived.extend(self.waiting.pop_front());
+        }
+    }
+}
+
+/// Stages of an engagement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrackingState {
+    /// The search camera scans its sector.
+    Search,
+    /// The mount turns to a candidate; the coarse camera is to confirm it.
+    Acquire,
+    /// The coarse camera holds the target.
+    Coarse,
+    /// The precise camera holds it.
+    Precise,
+    /// As precise, and steady enough to fire.
+    Engage,
+    /// No camera sees it; its track is extrapolated.
+    Lost,
+}
+
+impl TrackingState {
+    /// The state as recordings and reports name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            TrackingState::Search => "search",
+            TrackingState::Acquire => "acquire",
+            TrackingState::Coarse => "coarse",
+            TrackingState::Precise => "precise",
+            TrackingState::Engage => "engage",
+            TrackingState::Lost => "lost",
+        }
+    }
+}
+
+/// A step of the state machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateChange {
+    /// When.
+    pub tick: u64,
+    /// To which state.
+    pub to: TrackingState,
+    /// Why.
+    pub reason: String,
+}
+
+/// A measured error of the target from a camera's boresight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoresightError {
+    /// Tick of the exposure.
+    pub exposure_tick: u64,
+    /// Right and down, by the controller's pixel-to-angle map [rad].
+    pub angle_rad: DVec2,
+    /// Distance [px].
+    pub distance_px: f64,
+    /// Half of the smaller side of the target's box [px].
+    pub half_side_px: f64,
+}
+
+/// The tracker: table, state machine, what it knows of its target.
+#[derive(Resource, Debug)]
+pub struct Tracker {
+    /// All tracks.
+    pub table: TrackTable,
+    /// Present state.
+    pub state: TrackingState,
+    /// Tick of the last change.
+    pub since_tick: u64,
+    /// Identity of the target's track.
+    pub target: Option<u32>,
+    /// Tracks that the coarse camera did not confirm.
+    pub rejected: Vec<u32>,
+    /// Hits of the target by each camera since the last change of state.
+    pub hits_in_state: [u32; 3],
+    /// Last measured error of the target from each camera's boresight.
+    pub error: [Option<BoresightError>; 3],
+    /// Since when the precise error has stayed inside the lock radius.
+    pub locked_since: Option<u64>,
+    /// Range by the laser range finder [m].
+    pub range_m: Option<f64>,
+    /// Every change so far.
+    pub changes: Vec<StateChange>,
+}
+
+impl Default for Tracker {
+    fn default() -> Self {
+        Self {
+            table: TrackTable::default(),
+            state: TrackingState::Search,
+            since_tick: 0,
+            target: None,
+            rejected: Vec::new(),
+            hits_in_state: [0; 3],
+            error: [None; 3],
+            locked_since: None,
+            range_m: None,
+            changes: vec![StateChange {
+                tick: 0,
+                to: TrackingState::Search,
+                reason: "start".into(),
+            }],
+        }
+    }
+}
+
+impl Tracker {
+    /// Changes state and logs why.
+    pub fn change(&mut self, tick: u64, to: TrackingState, reason: impl Into<String>) {
+        self.state = to;
+        self.since_tick = tick;
+        self.hits_in_state = [0; 3];
+        if !matches!(to, TrackingState::Precise | TrackingState::Engage) {
+            self.locked_since = None;
+        }
+        self.changes.push(StateChange { tick, to, reason: reason.into() });
+    }
+
+    /// The target's track.
+    pub fn target_track(&self) -> Option<&Track> {
+        self.target.and_then(|id| self.table.get(id))
+    }
+}

@@ -1,0 +1,795 @@
+//! Parametric UAV bodies and propellers at the catalogue's published sizes, in body axes
+//! (forward-left-up) about the centre of the rotors' square or hexagon.
+//!
+//! The makers give a Phantom's, a Mavic's and the racer's size without propellers, the Matrices'
+//! with them turning: hub positions and hull sizes follow from that and from the diagonal.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DAffine3, DVec2, DVec3};
+
+use crate::models::mesh::{MeshData, Paint};
+use crate::models::uav::{UavKind, UavModel, model};
+
+/// Where a propeller sits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotorMount {
+    /// Hub [m, body].
+    pub hub_body_m: DVec3,
+    /// Whether it turns clockwise seen from above; its propeller is the mirror image in y.
+    pub clockwise: bool,
+}
+
+/// A UAV to draw.
+#[derive(Clone, Debug)]
+pub struct UavMesh {
+    /// All but the propellers [m, body].
+    pub body: MeshData,
+    /// Hubs, in the order of the flight model's rotors.
+    pub rotors: Vec<RotorMount>,
+    /// The two-blade propeller of a counter-clockwise rotor about its hub, axis z [m].
+    pub rotor: MeshData,
+}
+
+const BLACK: [f32; 3] = [0.02, 0.02, 0.022];
+const CARBON: [f32; 3] = [0.035, 0.035, 0.038];
+const DARK: [f32; 3] = [0.085, 0.09, 0.095];
+const GREY: [f32; 3] = [0.3, 0.31, 0.32];
+const SILVER: [f32; 3] = [0.5, 0.5, 0.51];
+const WHITE: [f32; 3] = [0.78, 0.78, 0.76];
+const LENS: [f32; 3] = [0.012, 0.014, 0.025];
+const RED: [f32; 3] = [0.5, 0.03, 0.02];
+
+/// The body, hubs and propeller of a UAV.
+pub fn uav_mesh(kind: UavKind) -> UavMesh {
+    let uav = model(kind);
+    let [_, _, height] = uav.size_m;
+    let hubs = hub_plan_m(uav);
+    let mut body = MeshData::new(DVec3::ZERO);
+    let hub_z_m = match kind {
+        UavKind::Phantom4 => phantom(&mut body, &hubs, motor_radius_m(uav), height),
+        UavKind::Mavic2 => mavic(&mut body, &hubs, motor_radius_m(uav), uav.size_m, DARK),
+        UavKind::MavicAir => mavic(&mut body, &hubs, motor_radius_m(uav), uav.size_m, WHITE),
+        UavKind::Matrice200 => matrice_200(&mut body, &hubs, height),
+        UavKind::Matrice600 => matrice_600(&mut body, &hubs, height),
+        UavKind::Fpv5 => racer(&mut body, &hubs, motor_radius_m(uav), height),
+    };
+    let rotors = hubs
+        .iter()
+        .enumerate()
+        .map(|(i, hub)| RotorMount {
+            hub_body_m: hub.extend(hub_z_m[i]),
+            clockwise: i % 2 == 0,
+        })
+        .collect();
+    UavMesh {
+        body,
+        rotors,
+        rotor: propeller(uav.propeller_diameter_m / 2.0),
+    }
+}
+
+/// What a rotor adds to the wheelbase on both sides together [m]: the m that solves
+/// (l − m)² + (w − m)² = diagonal² for a quadcopter of size l × w.
+fn overhang_m(uav: &UavModel) -> f64 {
+    let [l, w, _] = uav.size_m;
+    let rest = (l + w).powi(2) - 2.0 * (l * l + w * w - uav.diagonal_m.powi(2));
+    ((l + w) - rest.max(0.0).sqrt()) / 2.0
+}
+
+/// Radius of the motors [m] where nothing else reaches the published size.
+fn motor_radius_m(uav: &UavModel) -> f64 {
+    overhang_m(uav) / 2.0
+}
+
+/// Hubs in plan [m, body]: front left first, counter-clockwise, none straight ahead.
+fn hub_plan_m(uav: &UavModel) -> Vec<DVec2> {
+    if uav.rotor_count == 4 {
+        let [l, w, _] = uav.size_m;
+        let (x, y) = ((l - overhang_m(uav)) / 2.0, (w - overhang_m(uav)) / 2.0);
+        return [(x, y), (-x, y), (-x, -y), (x, -y)]
+            .map(DVec2::from)
+            .to_vec();
+    }
+    let n = uav.rotor_count;
+    (0..n)
+        .map(|i| uav.diagonal_m / 2.0 * DVec2::from_angle(PI * (2 * i + 1) as f64 / n as f64))
+        .collect()
+}
+
+// ---- Shapes ----------------------------------------------------------------------------------
+
+/// Points of a superellipse with semi-axes along `a` and `b`, counter-clockwise seen against a × b.
+fn section(center: DVec3, a: DVec3, b: DVec3, exponent: f64, sides: usize) -> Vec<DVec3> {
+    let power = |x: f64| x.signum() * x.abs().powf(2.0 / exponent);
+    (0..sides)
+        .map(|k| {
+            let (sin, cos) = (TAU * (k as f64 + 0.5) / sides as f64).sin_cos();
+            center + a * power(cos) + b * power(sin)
+        })
+        .collect()
+}
+
+/// A rounded hull stacked upward: (z, half length, half width) per section.
+fn hull_up(mesh: &mut MeshData, at: DVec2, sections: &[[f64; 3]], exponent: f64, paint: Paint) {
+    let rings: Vec<Vec<DVec3>> = sections
+        .iter()
+        .map(|&[z, x, y]| section(at.extend(z), DVec3::X * x, DVec3::Y * y, exponent, 16))
+        .collect();
+    mesh.loft(&rings, paint);
+}
+
+/// A rounded hull lofted forward: (x, half width, half height, centre height) per section.
+fn hull_forward(mesh: &mut MeshData, sections: &[[f64; 4]], exponent: f64, paint: Paint) {
+    let rings: Vec<Vec<DVec3>> = sections
+        .iter()
+        .map(|&[x, y, h, z]| {
+            section(
+                DVec3::new(x, 0.0, z),
+                DVec3::Y * y,
+                DVec3::Z * h,
+                exponent,
+                16,
+            )
+        })
+        .collect();
+    mesh.loft(&rings, paint);
+}
+
+/// An arm of elliptic section that tapers; `size` is (half width, half height) at each end.
+fn arm(mesh: &mut MeshData, from: DVec3, to: DVec3, size: [[f64; 2]; 2], paint: Paint) {
+    let along = (to - from).normalize_or(DVec3::X);
+    let side = DVec3::Z.cross(along).normalize_or(DVec3::Y);
+    let up = along.cross(side);
+    let ring = |at: DVec3, [w, h]: [f64; 2]| section(at, side * w, up * h, 2.6, 8);
+    mesh.loft(&[ring(from, size[0]), ring(to, size[1])], paint);
+}
+
+fn tube(mesh: &mut MeshData, from: DVec3, to: DVec3, radius: f64, paint: Paint) {
+    mesh.frustum((from, radius), (to, radius), 6, paint);
+}
+
+/// A motor bell on an arm's end.
+fn motor(mesh: &mut MeshData, at: DVec2, [low, top]: [f64; 2], radius: f64, albedo: [f32; 3]) {
+    let split = low + 0.45 * (top - low);
+    mesh.frustum(
+        (at.extend(low), radius),
+        (at.extend(split), radius),
+        12,
+        Paint::plain(albedo),
+    );
+    mesh.frustum(
+        (at.extend(split), radius * 0.93),
+        (at.extend(top), radius * 0.8),
+        12,
+        Paint::plain(GREY),
+    );
+}
+
+/// A box by its centre and full size.
+fn block(mesh: &mut MeshData, center: DVec3, size: [f64; 3], albedo: [f32; 3]) {
+    let half = DVec3::from(size) / 2.0;
+    mesh.cuboid(center - half, center + half, Paint::plain(albedo));
+}
+
+/// A gimbal camera looking forward: yoke, ball and lens.
+fn camera(mesh: &mut MeshData, at: DVec3, radius: f64, albedo: [f32; 3]) {
+    let side = DVec3::Y * radius * 1.15;
+    let top = DVec3::Z * radius * 1.5;
+    tube(
+        mesh,
+        at + side,
+        at + side + top,
+        radius * 0.22,
+        Paint::plain(GREY),
+    );
+    tube(
+        mesh,
+        at + side + top,
+        at - side + top,
+        radius * 0.25,
+        Paint::plain(GREY),
+    );
+    mesh.icosphere(
+        at,
+        DVec3::new(1.0, 1.05, 0.95) * radius,
+        1,
+        Paint::plain(albedo),
+    );
+    let lens = at + DVec3::X * radius * 0.6;
+    mesh.frustum(
+        (lens, radius * 0.62),
+        (lens + DVec3::X * radius * 0.55, radius * 0.55),
+        10,
+        Paint::plain(LENS),
+    );
+}
+
+/// A two-blade propeller: twisted thin blades of constant pitch, 0.5 of the diameter.
+fn propeller(radius: f64) -> MeshData {
+    let mut blade = MeshData::new(DVec3::ZERO);
+    let pitch_m = 0.5 * 2.0 * radius;
+    let rings: Vec<Vec<DVec3>> = [
+        (0.08, 0.05),
+        (0.3, 0.12),
+        (0.6, 0.11),
+        (0.9, 0.075),
+        (1.0, 0.02),
+    ]
+    .iter()
+    .map(|&(r, chord)| {
+        let beta = (pitch_m / (TAU * r * radius)).atan().min(0.6);
+        // Turning from x to y, the leading edge is the one at +y, and it is the higher one.
+        let along = DVec3::new(0.0, beta.cos(), beta.sin());
+        let up = DVec3::X.cross(along);
+        let (half, thick) = (chord * radius, (0.009 * radius).min(0.1 * chord * radius));
+        section(DVec3::X * r * radius, along * half, up * thick, 2.0, 6)
+    })
+    .collect();
+    blade.loft(&rings, Paint::plain(CARBON));
+    let mut rotor = MeshData::new(DVec3::ZERO);
+    rotor.append(&blade, DAffine3::IDENTITY);
+    rotor.append(&blade, DAffine3::from_rotation_z(PI));
+    let (low, high) = (DVec3::Z * -0.03 * radius, DVec3::Z * 0.05 * radius);
+    rotor.frustum(
+        (low, 0.09 * radius),
+        (high, 0.06 * radius),
+        8,
+        Paint::plain(GREY),
+    );
+    rotor
+}
+
+// ---- Airframes: each returns the height of its hubs -------------------------------------------
+
+fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Vec<f64> {
+    let white = Paint::plain(WHITE);
+    let (top, foot) = (0.28 * height, -0.72 * height);
+    #[rustfmt::skip]
+    hull_up(mesh, DVec2::ZERO, &[
+        [-0.034, 0.045, 0.035], [-0.026, 0.074, 0.056], [-0.006, 0.087, 0.066],
+        [0.014, 0.084, 0.063], [0.032, 0.062, 0.046], [0.042, 0.03, 0.024],
+    ], 2.8, white);
+    for &hub in hubs {
+        let out = hub.normalize();
+        arm(
+            mesh,
+            (out * 0.035).extend(0.002),
+            hub.extend(0.016),
+            [[0.042, 0.026], [0.019, 0.013]],
+            white,
+        );
+        mesh.frustum(
+            (hub.extend(0.0), motor_m * 0.8),
+            (hub.extend(0.032), motor_m),
+            12,
+            white,
+        );
+        motor(mesh, hub, [0.032, top], motor_m, SILVER);
+        let lamp = if hub.x > 0.0 { RED } else { [0.25, 0.5, 0.2] };
+        block(
+            mesh,
+            (hub * 0.93).extend(-0.002),
+            [0.016, 0.012, 0.006],
+            lamp,
+        );
+    }
+    for y in [-1.0, 1.0] {
+        let foot_at = |x: f64| DVec3::new(x, y * 0.083, foot + 0.006);
+        for x in [-1.0, 1.0] {
+            let hip = DVec3::new(x * 0.045, y * 0.05, -0.018);
+            arm(
+                mesh,
+                hip,
+                foot_at(x * 0.062),
+                [[0.009, 0.007], [0.006, 0.006]],
+                white,
+            );
+        }
+        tube(mesh, foot_at(-0.078), foot_at(0.078), 0.006, white);
+    }
+    camera(mesh, DVec3::new(0.055, 0.0, -0.078), 0.024, GREY);
+    block(
+        mesh,
+        DVec3::new(-0.07, 0.0, 0.004),
+        [0.05, 0.075, 0.036],
+        SILVER,
+    );
+    block(
+        mesh,
+        DVec3::new(0.082, 0.0, 0.0),
+        [0.012, 0.06, 0.014],
+        LENS,
+    );
+    vec![top; hubs.len()]
+}
+
+fn mavic(
+    mesh: &mut MeshData,
+    hubs: &[DVec2],
+    motor_m: f64,
+    [l, w, h]: [f64; 3],
+    albedo: [f32; 3],
+) -> Vec<f64> {
+    let paint = Paint::plain(albedo);
+    let trim = Paint::plain(albedo.map(|c| c * 0.75));
+    let (top, foot) = (0.42 * h, -0.58 * h);
+    #[rustfmt::skip]
+    hull_forward(mesh, &[
+        [-0.34 * l, 0.10 * w, 0.16 * h, 0.0], [-0.31 * l, 0.17 * w, 0.29 * h, 0.0],
+        [-0.05 * l, 0.19 * w, 0.36 * h, 0.02 * h], [0.2 * l, 0.175 * w, 0.32 * h, 0.04 * h],
+        [0.31 * l, 0.14 * w, 0.24 * h, 0.06 * h], [0.34 * l, 0.09 * w, 0.14 * h, 0.07 * h],
+    ], 3.6, paint);
+    // The battery forms the rear of the back.
+    block(
+        mesh,
+        DVec3::new(-0.13 * l, 0.0, 0.34 * h),
+        [0.34 * l, 0.26 * w, 0.14 * h],
+        albedo.map(|c| c * 0.85),
+    );
+    let mut heights = Vec::with_capacity(hubs.len());
+    for &hub in hubs {
+        let front = hub.x > 0.0;
+        // Front arms swing out at shoulder height, rear arms fold under the hull.
+        let (root, z, hub_top) = if front {
+            (
+                DVec3::new(0.24 * l, 0.15 * w * hub.y.signum(), 0.12 * h),
+                0.16 * h,
+                top,
+            )
+        } else {
+            (
+                DVec3::new(-0.2 * l, 0.15 * w * hub.y.signum(), -0.12 * h),
+                -0.04 * h,
+                0.22 * h,
+            )
+        };
+        arm(
+            mesh,
+            root,
+            hub.extend(z),
+            [[0.05 * l, 0.15 * h], [0.032 * l, 0.1 * h]],
+            trim,
+        );
+        mesh.frustum(
+            (hub.extend(z - 0.14 * h), motor_m * 0.9),
+            (hub.extend(z + 0.1 * h), motor_m),
+            12,
+            trim,
+        );
+        motor(mesh, hub, [z + 0.1 * h, hub_top], motor_m, DARK);
+        let leg = if front { foot } else { -0.5 * h };
+        arm(
+            mesh,
+            hub.extend(z),
+            hub.extend(leg),
+            [[0.022 * l, 0.03 * l], [0.012 * l, 0.018 * l]],
+            trim,
+        );
+        heights.push(hub_top);
+    }
+    camera(mesh, DVec3::new(0.37 * l, 0.0, -0.16 * h), 0.2 * h, DARK);
+    block(
+        mesh,
+        DVec3::new(0.335 * l, 0.0, 0.14 * h),
+        [0.03 * l, 0.2 * w, 0.1 * h],
+        LENS,
+    );
+    block(
+        mesh,
+        DVec3::new(-0.02 * l, 0.0, -0.34 * h),
+        [0.25 * l, 0.2 * w, 0.06 * h],
+        BLACK,
+    );
+    heights
+}
+
+fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
+    let dark = Paint::plain(DARK);
+    let carbon = Paint::plain(CARBON);
+    let (top, foot) = (0.27 * height, -0.73 * height);
+    #[rustfmt::skip]
+    hull_forward(mesh, &[
+        [-0.19, 0.05, 0.032, 0.01], [-0.17, 0.075, 0.05, 0.01], [-0.04, 0.085, 0.062, 0.015],
+        [0.1, 0.075, 0.056, 0.012], [0.17, 0.055, 0.04, 0.0], [0.2, 0.03, 0.022, -0.005],
+    ], 3.2, dark);
+    for y in [-1.0, 1.0] {
+        // Twin batteries at the back.
+        block(
+            mesh,
+            DVec3::new(-0.165, y * 0.036, 0.03),
+            [0.09, 0.062, 0.07],
+            GREY,
+        );
+        let knee = DVec3::new(-0.02, y * 0.13, foot + 0.012);
+        tube(
+            mesh,
+            DVec3::new(-0.02, y * 0.06, -0.03),
+            knee,
+            0.011,
+            carbon,
+        );
+        tube(
+            mesh,
+            knee - DVec3::X * 0.15,
+            knee + DVec3::X * 0.15,
+            0.008,
+            carbon,
+        );
+        for x in [-0.13, 0.13] {
+            tube(
+                mesh,
+                knee + DVec3::X * (x - 0.03),
+                knee + DVec3::X * (x + 0.03),
+                0.012,
+                Paint::plain(BLACK),
+            );
+        }
+        // Antennas of the positioning receivers.
+        let mast = DVec3::new(-0.07, y * 0.05, 0.05);
+        tube(mesh, mast, mast + DVec3::Z * (top - 0.056), 0.006, carbon);
+        mesh.frustum(
+            (DVec3::new(mast.x, mast.y, top - 0.014), 0.022),
+            (DVec3::new(mast.x, mast.y, top), 0.018),
+            10,
+            dark,
+        );
+    }
+    for &hub in hubs {
+        let out = hub.normalize();
+        arm(
+            mesh,
+            (out * 0.07).extend(0.012),
+            (out * 0.14).extend(0.02),
+            [[0.032, 0.03], [0.02, 0.02]],
+            dark,
+        );
+        tube(
+            mesh,
+            (out * 0.12).extend(0.018),
+            hub.extend(0.03),
+            0.0145,
+            carbon,
+        );
+        mesh.frustum(
+            (hub.extend(0.008), 0.024),
+            (hub.extend(0.046), 0.028),
+            12,
+            dark,
+        );
+        motor(mesh, hub, [0.046, 0.078], 0.029, SILVER);
+        let lamp = if hub.x > 0.0 { RED } else { [0.1, 0.45, 0.1] };
+        block(mesh, hub.extend(0.004), [0.02, 0.02, 0.01], lamp);
+    }
+    camera(mesh, DVec3::new(0.15, 0.0, -0.115), 0.042, DARK);
+    mesh.frustum(
+        (DVec3::new(0.15, 0.0, -0.058), 0.03),
+        (DVec3::new(0.15, 0.0, -0.03), 0.036),
+        10,
+        carbon,
+    );
+    block(mesh, DVec3::new(0.19, 0.0, 0.02), [0.03, 0.06, 0.018], LENS);
+    vec![0.078; hubs.len()]
+}
+
+fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
+    let dark = Paint::plain(DARK);
+    let carbon = Paint::plain(CARBON);
+    let (top, foot) = (0.25 * height, -0.75 * height);
+    #[rustfmt::skip]
+    hull_up(mesh, DVec2::ZERO, &[
+        [-0.05, 0.11, 0.11], [-0.03, 0.17, 0.17], [0.03, 0.175, 0.175], [0.055, 0.14, 0.14],
+        [0.09, 0.1, 0.1], [0.108, 0.05, 0.05],
+    ], 2.0, dark);
+    for (i, &hub) in hubs.iter().enumerate() {
+        let out = hub.normalize();
+        tube(
+            mesh,
+            (out * 0.13).extend(0.005),
+            hub.extend(0.02),
+            0.0135,
+            carbon,
+        );
+        // The folding joint, and a battery between each pair of arms.
+        tube(
+            mesh,
+            (out * 0.17).extend(0.005),
+            (out * 0.25).extend(0.008),
+            0.021,
+            dark,
+        );
+        let between = DVec2::from_angle(PI / 6.0 + TAU * i as f64 / 6.0 + PI / 6.0);
+        let mut battery = MeshData::new(DVec3::ZERO);
+        block(
+            &mut battery,
+            DVec3::new(0.155, 0.0, 0.012),
+            [0.07, 0.085, 0.085],
+            GREY,
+        );
+        mesh.append(&battery, DAffine3::from_rotation_z(between.to_angle()));
+        motor(
+            mesh,
+            hub,
+            [-0.008, 0.068],
+            0.038,
+            if hub.x > 0.1 { RED } else { SILVER },
+        );
+    }
+    // Three receivers on masts.
+    for k in 0..3 {
+        let at = DVec2::from_angle(PI + TAU * f64::from(k) / 3.0) * 0.11;
+        tube(mesh, at.extend(0.05), at.extend(top - 0.012), 0.004, carbon);
+        mesh.frustum(
+            (at.extend(top - 0.018), 0.03),
+            (at.extend(top), 0.026),
+            12,
+            dark,
+        );
+    }
+    // Retractable gear, lowered.
+    for y in [-1.0, 1.0] {
+        let knee = DVec3::new(0.0, y * 0.33, foot + 0.012);
+        tube(
+            mesh,
+            DVec3::new(0.0, y * 0.14, -0.035),
+            knee,
+            0.0125,
+            carbon,
+        );
+        tube(
+            mesh,
+            knee - DVec3::X * 0.24,
+            knee + DVec3::X * 0.24,
+            0.01,
+            carbon,
+        );
+        for x in [-0.2, 0.2] {
+            tube(
+                mesh,
+                knee + DVec3::X * (x - 0.04),
+                knee + DVec3::X * (x + 0.04),
+                0.012,
+                Paint::plain(BLACK),
+            );
+        }
+    }
+    // A three-axis gimbal with a cinema camera.
+    tube(
+        mesh,
+        DVec3::new(0.0, 0.0, -0.05),
+        DVec3::new(0.0, 0.0, -0.14),
+        0.02,
+        carbon,
+    );
+    tube(
+        mesh,
+        DVec3::new(-0.1, 0.0, -0.14),
+        DVec3::new(0.02, 0.0, -0.14),
+        0.016,
+        carbon,
+    );
+    tube(
+        mesh,
+        DVec3::new(-0.1, 0.0, -0.14),
+        DVec3::new(-0.1, 0.0, -0.25),
+        0.016,
+        carbon,
+    );
+    block(mesh, DVec3::new(0.0, 0.0, -0.25), [0.15, 0.085, 0.1], BLACK);
+    let lens = DVec3::new(0.075, 0.0, -0.25);
+    mesh.frustum(
+        (lens, 0.038),
+        (lens + DVec3::X * 0.07, 0.042),
+        12,
+        Paint::plain(LENS),
+    );
+    vec![0.068; hubs.len()]
+}
+
+fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Vec<f64> {
+    let carbon = Paint::plain(CARBON);
+    let low = -0.3 * height;
+    let top = low + height;
+    let deck = low + 0.005; // [m], the plate's thickness
+    for &hub in hubs {
+        let axis = hub.normalize();
+        let mut beam = MeshData::new(DVec3::ZERO);
+        let length = hub.length() + 0.004;
+        beam.cuboid(
+            DVec3::new(0.0, -0.0065, low),
+            DVec3::new(length, 0.0065, deck),
+            carbon,
+        );
+        mesh.append(&beam, DAffine3::from_rotation_z(axis.to_angle()));
+        motor(mesh, hub, [deck, deck + 0.02], motor_m, [0.04, 0.12, 0.42]);
+        let controller = (axis * hub.length() * 0.55).extend(deck + 0.0025);
+        block(mesh, controller, [0.022, 0.014, 0.005], [0.02, 0.1, 0.05]);
+    }
+    block(
+        mesh,
+        DVec3::new(0.0, 0.0, deck),
+        [0.13, 0.038, 0.004],
+        CARBON,
+    );
+    let upper = deck + 0.022;
+    block(
+        mesh,
+        DVec3::new(-0.005, 0.0, upper),
+        [0.12, 0.032, 0.003],
+        CARBON,
+    );
+    for x in [-0.055, 0.045] {
+        for y in [-0.013, 0.013] {
+            let at = DVec2::new(x, y);
+            tube(
+                mesh,
+                at.extend(deck),
+                at.extend(upper),
+                0.0025,
+                Paint::plain(RED),
+            );
+        }
+    }
+    block(
+        mesh,
+        DVec3::new(-0.005, 0.0, deck + 0.01),
+        [0.036, 0.028, 0.012],
+        [0.02, 0.1, 0.05],
+    );
+    // The battery is strapped on top, bare.
+    let (floor, ceiling) = (upper + 0.0015, top);
+    let middle = (floor + ceiling) / 2.0;
+    block(
+        mesh,
+        DVec3::new(-0.005, 0.0, middle - 0.0005),
+        [0.076, 0.036, ceiling - floor - 0.001],
+        [0.05, 0.06, 0.2],
+    );
+    block(
+        mesh,
+        DVec3::new(-0.005, 0.0, middle),
+        [0.018, 0.0375, ceiling - floor],
+        BLACK,
+    );
+    block(
+        mesh,
+        DVec3::new(-0.046, 0.0, middle),
+        [0.008, 0.02, 0.012],
+        [0.5, 0.35, 0.02],
+    );
+    // The camera between its side plates, tilted up.
+    for y in [-0.012, 0.012] {
+        block(
+            mesh,
+            DVec3::new(0.062, y, deck + 0.011),
+            [0.022, 0.002, 0.022],
+            RED,
+        );
+    }
+    let eye = DVec3::new(0.062, 0.0, deck + 0.012);
+    mesh.icosphere(eye, DVec3::splat(0.0105), 1, Paint::plain(BLACK));
+    mesh.frustum(
+        (eye, 0.007),
+        (eye + DVec3::new(0.013, 0.0, 0.007), 0.006),
+        8,
+        Paint::plain(LENS),
+    );
+    tube(
+        mesh,
+        DVec3::new(-0.06, 0.0, upper),
+        DVec3::new(-0.085, 0.0, top - 0.006),
+        0.002,
+        Paint::plain(BLACK),
+    );
+    vec![deck + 0.02; hubs.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Length, width and height of the body, of the body with turning propellers.
+    fn sizes_m(mesh: &UavMesh, radius: f64) -> [DVec3; 2] {
+        let (low, high) = mesh.body.bounds_m().unwrap();
+        let (mut wide_low, mut wide_high) = (low, high);
+        for r in &mesh.rotors {
+            let reach = DVec3::new(radius, radius, 0.0);
+            wide_low = wide_low.min(r.hub_body_m - reach);
+            wide_high = wide_high.max(r.hub_body_m + reach);
+        }
+        [high - low, wide_high - wide_low]
+    }
+
+    #[test]
+    fn sizes_match_the_published_ones() {
+        for kind in UavKind::ALL {
+            let uav = model(kind);
+            let mesh = uav_mesh(kind);
+            let [bare, turning] = sizes_m(&mesh, uav.propeller_diameter_m / 2.0);
+            let published = DVec3::from(uav.size_m);
+            let (got, want) = match kind {
+                UavKind::Matrice200 => (turning, published),
+                // The flight model's hexagon is wider than long; the maker names no axis.
+                UavKind::Matrice600 => (turning, DVec3::new(published.y, published.x, published.z)),
+                _ => (bare, published),
+            };
+            for (got, want) in got.to_array().into_iter().zip(want.to_array()) {
+                assert!(
+                    (got / want - 1.0).abs() < 0.03,
+                    "{kind:?}: {got} m against {want} m"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn hubs_lie_on_the_published_diagonal_in_the_flight_models_order() {
+        for kind in UavKind::ALL {
+            let uav = model(kind);
+            let mesh = uav_mesh(kind);
+            assert_eq!(mesh.rotors.len(), uav.rotor_count);
+            for (i, r) in mesh.rotors.iter().enumerate() {
+                let plan = r.hub_body_m.truncate();
+                assert!(
+                    (plan.length() - uav.diagonal_m / 2.0).abs() < 1e-3,
+                    "{kind:?} {plan}"
+                );
+                let nominal = DVec2::from_angle(PI * (2 * i + 1) as f64 / uav.rotor_count as f64);
+                assert!(plan.angle_to(nominal).abs() < 0.2, "{kind:?} {i} {plan}");
+                assert_eq!(r.clockwise, i % 2 == 0);
+            }
+        }
+    }
+
+    #[test]
+    fn bodies_face_outward_within_the_triangle_budget() {
+        for kind in UavKind::ALL {
+            let mesh = uav_mesh(kind);
+            let total = mesh.body.triangle_count();
+            assert!(
+                (400..=1500).contains(&total),
+                "{kind:?} has {total} triangles"
+            );
+            for part in [&mesh.body, &mesh.rotor] {
+                assert!(part.signed_volume_m3() > 0.0);
+                let at = |v: &[[f32; 3]], i: u32| DVec3::from(v[i as usize].map(f64::from));
+                for t in part.indices.chunks_exact(3) {
+                    let [a, b, c] = [t[0], t[1], t[2]].map(|i| at(&part.positions, i));
+                    let face = (b - a).cross(c - a).normalize_or_zero();
+                    for &i in t {
+                        assert!(face.dot(at(&part.normals, i)) > -0.2, "{kind:?} {i}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn propellers_are_round_and_climb_into_their_turn() {
+        for kind in UavKind::ALL {
+            let uav = model(kind);
+            let rotor = uav_mesh(kind).rotor;
+            let reach = rotor
+                .positions
+                .iter()
+                .map(|p| f64::from(p[0]).hypot(f64::from(p[1])))
+                .fold(0.0, f64::max);
+            assert!(
+                (reach / (uav.propeller_diameter_m / 2.0) - 1.0).abs() < 0.01,
+                "{kind:?}"
+            );
+            // On the blade along +x the edge at +y leads a counter-clockwise turn: it is higher.
+            let r = uav.propeller_diameter_m / 2.0;
+            let outer: Vec<_> = rotor
+                .positions
+                .iter()
+                .filter(|p| f64::from(p[0]) > 0.5 * r)
+                .collect();
+            let slope: f64 = outer
+                .iter()
+                .map(|p| f64::from(p[1]) * f64::from(p[2]))
+                .sum();
+            assert!(slope > 0.0, "{kind:?}");
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! Flight, and Rapier for what falls.
+
+use crate::components::clock::SimClock;
+use crate::plugins::tick::{Tick, TickSet};
+use crate::systems::flight::{self as systems, Fall};
+use bevy::prelude::*;
+use bevy_rapier3d::prelude::*;
+
+/// Flight, and Rapier for what falls.
+pub struct FlightPlugin;
+
+impl Plugin for FlightPlugin {
+    fn build(&self, app: &mut App) {
+        let dt_s = app.world().resource::<SimClock>().dt_s() as f32;
+        app.init_schedule(Fall)
+            .insert_resource(TimestepMode::Fixed { dt: dt_s, substeps: 1 })
+            .add_plugins(RapierPhysicsPlugin::<NoUserData>::default().in_schedule(Fall))
+            .add_systems(Fall, systems::drag_wrecks.before(PhysicsSet::SyncBackend))
+            .add_systems(
+                Tick,
+                (systems::fly, systems::drop_wrecks, systems::fall, systems::follow_wrecks)
+                    .chain()
+                    .in_set(TickSet::Flight),
+            );
+    }
+}

@@ -1,0 +1,170 @@
+//! The laser beam crosses the air and heats what it meets.
+
+use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
+use crate::components::clock::SimClock;
+use crate::components::environment::Environment;
+use crate::components::station::Optics;
+use crate::components::uav::{Air, Flight, HeatedSkin, Uav, UavStatus};
+use crate::models::atmosphere::transmittance;
+use crate::models::beam::{irradiance_wpm2, power_in_bucket_w, wander_correlation_time_s};
+use crate::models::dsm::LineOfSight;
+use crate::models::turbulence::{IntensityChannel, Path, PathTurbulence};
+use bevy::prelude::*;
+use glam::{DVec2, DVec3};
+
+/// Radius of the bucket around the aim point [m]: a fist-sized component.
+pub const BUCKET_RADIUS_M: f64 = 0.05;
+/// A UAV further off the beam's axis than this takes no part in it [rad].
+const AIM_CONE_RAD: f64 = 5e-3;
+/// Change of range after which the path's turbulence is integrated anew [m].
+const PATH_STEP_M: f64 = 10.0;
+/// Least transverse air speed on the path [m/s]: natural convection stirs still air.
+const LEAST_CROSSWIND_MPS: f64 = 0.3;
+
+/// Propagates the beam along the optics' axis and finds what it does to each UAV.
+pub fn propagate(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    station: Single<(&Optics, &mut LaserSource, &FireCommand, &mut BeamState)>,
+    mut uavs: Query<(&Uav, &Flight, &Air, &UavStatus, &mut HeatedSkin)>,
+) {
+    let (optics, mut source, command, mut beam) = station.into_inner();
+    let dt_s = clock.dt_s();
+    let pose = optics.laser;
+    let q_cam_enu = pose.q_enu_cam.inverse();
+    *beam = BeamState {
+        firing: command.fire,
+        energy_j: beam.energy_j,
+        dwell_s: beam.dwell_s,
+        ..default()
+    };
+    // The UAV whose aim point lies closest to the axis is the one the path is followed to.
+    let mut aimed: Option<(f64, usize, DVec3, DVec3)> = None;
+    for (uav, flight, air, status, mut skin) in &mut uavs {
+        skin.irradiance_wpm2 = 0.0;
+        let r_cam_m = q_cam_enu * (flight.state.r_enu_m - pose.r_enu_m);
+        let angle = r_cam_m.truncate().length() / r_cam_m.z;
+        let best = aimed.is_none_or(|(least, ..)| angle < least);
+        if *status == UavStatus::Flying && r_cam_m.z > 0.0 && angle < AIM_CONE_RAD && best {
+            aimed = Some((angle, uav.index, r_cam_m, flight.state.v_enu_mps - air.wind_enu_mps));
+        }
+    }
+    let Some((_, index, target_cam_m, v_relative_enu_mps)) = aimed else {
+        if command.fire {
+            beam.energy_j += source.laser.power_w * dt_s;
+        }
+        return;
+    };
+    let range_m = target_cam_m.length();
+    let los_enu = (pose.q_enu_cam * target_cam_m) / range_m;
+    // The air slides across the path: half of it with the target, the rest with the wind.
+    let crosswind_mps = 0.5 * v_relative_enu_mps.reject_from_normalized(los_enu).length();
+    let path = renew_path(&mut source, &environment, pose.r_enu_m, los_enu, range_m, crosswind_mps.max(LEAST_CROSSWIND_MPS));
+    let LaserSource { laser, channel, wander, rng, jitter_rad, .. } = &mut *source;
+    let relative = match channel {
+        Channel::Physical(scintillation) => scintillation.step(dt_s, &mut rng[0]),
+        Channel::Paper(intensity) => intensity.step(dt_s, &mut rng[0]),
+    };
+    let wander_rad = wander.step(dt_s, &mut rng[1]);
+    let jitter = *jitter_rad * DVec2::new(rng[2].normal(), rng[2].normal());
+    let focus_m = source.focus_m.unwrap_or(if command.focus_range_m > 0.0 {
+        command.focus_range_m
+    } else {
+        f64::INFINITY
+    });
+    let transmitted = transmittance(source.extinction_per_m, range_m);
+    let spot_radius_m = source.laser.short_term_radius_m(range_m, focus_m, &path);
+    let centre_m = range_m * (wander_rad + jitter);
+    let power_w = source.laser.power_w * transmitted * relative;
+    beam.aimed = Some(index);
+    beam.transmittance = transmitted;
+    beam.scintillation = relative;
+    beam.spot_radius_m = spot_radius_m;
+    beam.offset_m = (target_cam_m.truncate() - centre_m).length();
+    if !command.fire {
+        return;
+    }
+    beam.energy_j += source.laser.power_w * dt_s;
+    for (uav, flight, _, status, mut skin) in &mut uavs {
+        let r_cam_m = q_cam_enu * (flight.state.r_enu_m - pose.r_enu_m);
+        // The spot hardly changes over a few metres of depth: one radius serves all in the cone.
+        let offset_m = (r_cam_m.truncate() - centre_m * (r_cam_m.z / range_m)).length();
+        let lit = r_cam_m.z > 0.0 && offset_m < 4.0 * spot_radius_m;
+        if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
+            continue;
+        }
+        let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, flight.state.r_enu_m);
+        if sight != LineOfSight::Clear {
+            continue;
+        }
+        skin.irradiance_wpm2 = irradiance_wpm2(power_w, spot_radius_m, offset_m);
+        if uav.index == index {
+            beam.power_at_target_w = power_w;
+            beam.irradiance_wpm2 = skin.irradiance_wpm2;
+            beam.power_in_bucket_w =
+                power_in_bucket_w(power_w, spot_radius_m, offset_m, BUCKET_RADIUS_M);
+            if offset_m < BUCKET_RADIUS_M {
+                beam.dwell_s += dt_s;
+            }
+        }
+    }
+}
+
+/// The turbulence of the path to `range_m`, integrated anew when the range has moved on.
+fn renew_path(
+    source: &mut LaserSource,
+    environment: &Environment,
+    r_station_enu_m: DVec3,
+    los_enu: DVec3,
+    range_m: f64,
+    crosswind_mps: f64,
+) -> PathTurbulence {
+    if let Some((at_m, path)) = source.path
+        && (at_m - range_m).abs() < PATH_STEP_M
+    {
+        return path;
+    }
+    let height_m = |r: DVec3| (r.z - environment.city.dsm.terrain_m(r.x, r.y)).max(1.0);
+    let path = PathTurbulence::new(
+        &environment.cn2,
+        &Path {
+            length_m: range_m,
+            h0_m: height_m(r_station_enu_m),
+            h1_m: height_m(r_station_enu_m + los_enu * range_m),
+        },
+        source.laser.wavelength_m,
+    );
+    source.path = Some((range_m, path));
+    let w0_m = source.laser.aperture_radius_m;
+    source.wander.axis_rms_rad = path.wander_axis_rms_rad(w0_m);
+    source.wander.correlation_time_s = wander_correlation_time_s(w0_m, crosswind_mps);
+    if let Channel::Physical(scintillation) = &mut source.channel {
+        // What counts is the power in the bucket, which averages over its diameter.
+        scintillation.retune(
+            path.gamma_gamma(2.0 * BUCKET_RADIUS_M),
+            path.correlation_time_s(crosswind_mps),
+        );
+    }
+    path
+}
+
+/// Heats and cools the skins; one that reaches its failure temperature brings its UAV down.
+pub fn heat(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    mut uavs: Query<(&Flight, &Air, &mut HeatedSkin, &mut UavStatus)>,
+) {
+    let air_k = environment.weather.temperature_k;
+    for (flight, air, mut heated, mut status) in &mut uavs {
+        let HeatedSkin { skin, material, irradiance_wpm2 } = &mut *heated;
+        // A skin at rest with the air has nothing to exchange.
+        if *irradiance_wpm2 == 0.0 && (skin.temperature_k - air_k).abs() < 1e-3 {
+            continue;
+        }
+        let wind_mps = (flight.state.v_enu_mps - air.wind_enu_mps).length();
+        skin.step(clock.dt_s(), *irradiance_wpm2, air_k, wind_mps, material);
+        if *status == UavStatus::Flying && skin.failed(material) {
+            *status = UavStatus::Falling;
+        }
+    }
+}

@@ -1,0 +1,15 @@
+//! Behaviour, one file a domain.
+
+pub mod beam;
+pub mod capture;
+pub mod control;
+pub mod detect;
+pub mod engage;
+pub mod environment;
+pub mod flight;
+pub mod mount;
+pub mod record;
+pub mod render;
+pub mod scene;
+pub mod track;
+pub mod view;

@@ -1,0 +1,57 @@
+//! The mount obeys last tick's commands on a base that moves.
+
+use crate::components::camera::Tier;
+use crate::components::clock::SimClock;
+use crate::components::station::{Misalignment, Mount, MountCommand, Optics, Pointing};
+use crate::models::gimbal;
+use crate::models::kinematics::{base_rate_on_axes, boresight_chain};
+use bevy::prelude::*;
+use glam::{DVec2, DVec3};
+
+/// Steps base, gimbal and mirror, and computes where every optic points.
+pub fn turn(
+    clock: Res<SimClock>,
+    station: Single<(&mut Mount, &MountCommand, &Misalignment, &mut Optics)>,
+) {
+    let (mut mount, command, misalignment, mut optics) = station.into_inner();
+    let dt_s = clock.dt_s();
+    let Mount { base, rng, gimbal, params, base_rate_radps, gyro, .. } = &mut *mount;
+    let before_rad = base.tilt_rad();
+    base.step(rng);
+    let mut white = || gyro.rng.normal();
+    let noise = DVec3::new(white(), white(), white()) * (gyro.angle_random_walk / dt_s.sqrt());
+    gyro.rate_enu_radps = base.rate_radps() + noise;
+    // A gyro integrates inside: what it gives is the turn itself, not a sample of the rate.
+    gyro.tilt_enu_rad += base.tilt_rad() - before_rad + noise * dt_s;
+    // A base that turns under an axis drags it along by the load's inertia.
+    let rate_radps = base_rate_on_axes(gimbal.azimuth.angle_rad, base.rate_radps());
+    let inertia = [params.azimuth.inertia_kg_m2, params.elevation.inertia_kg_m2];
+    let reaction_nm =
+        [0, 1].map(|i| -inertia[i] * (rate_radps[i] - base_rate_radps[i]) / dt_s);
+    *base_rate_radps = rate_radps;
+    gimbal::step(gimbal, params, &command.gimbal, reaction_nm, dt_s);
+    mount.mirror.step(command.mirror_rad);
+    *optics = optics_of(&mount, misalignment);
+}
+
+/// The true poses and the known pointing of a mount.
+pub fn optics_of(mount: &Mount, misalignment: &Misalignment) -> Optics {
+    let pointing = Pointing {
+        az_el_rad: mount.gimbal.az_el_rad(),
+        mirror_rad: mount.mirror.deflection_rad(),
+        base_tilt_rad: mount.gyro.tilt_enu_rad,
+    };
+    let [az, el] = pointing.az_el_rad.to_array();
+    let tilt = mount.base.tilt_rad();
+    let pose = |mirror_rad: DVec2, misalignment_rad: DVec3| {
+        boresight_chain(mount.r_enu_m, tilt, az, el, mirror_rad, misalignment_rad)
+    };
+    Optics {
+        cameras: Tier::ALL.map(|tier| {
+            let mirror_rad = if tier == Tier::Precise { pointing.mirror_rad } else { DVec2::ZERO };
+            pose(mirror_rad, misalignment.0[tier as usize])
+        }),
+        laser: pose(pointing.mirror_rad, DVec3::ZERO),
+        pointing,
+    }
+}

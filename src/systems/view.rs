@@ -1,0 +1,1 @@
+//! The window: it looks, and sets the pace; it changes nothing in the simulation.
