@@ -1,9 +1,18 @@
 //! The command line.
 
+use crate::components::clock::SimClock;
+use crate::components::record::{History, Recording};
+use crate::components::track::Tracker;
+use crate::models::uav::{UavKind, model};
 use crate::run::{self, Options, RunError};
-use crate::scenario::Scenario;
+use crate::scenario::{self, Loaded, Scenario};
+use crate::summary::{self, Finished};
+use bevy::platform::cell::SyncCell;
+use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
-use std::path::PathBuf;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Simulator of urban laser counter-UAV systems. Simulation only: it drives no real mount and no
 /// real laser.
@@ -16,29 +25,49 @@ pub struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Run a scenario without a window.
+    /// Run a scenario without a window; leaves run.mcap, summary.json and report.html.
     Run(RunArgs),
+    /// Open the same simulation in a window.
+    View(ViewArgs),
+    /// Check a scenario without running it.
+    Check(ScenarioArgs),
+    /// List the UAV models.
+    Models,
+    /// Say what this machine offers: graphics adapter, ONNX Runtime, threads.
+    Doctor,
+    /// Write the scenario format's JSON Schema and reference page.
+    Schema {
+        /// Folder for scenarios.schema.json and scenarios.md.
+        #[arg(long, default_value = "docs")]
+        out: PathBuf,
+    },
 }
 
 #[derive(Args, Debug)]
 struct ScenarioArgs {
     /// Scenario file (TOML).
     scenario: PathBuf,
-    /// Seed instead of the scenario's.
-    #[arg(long)]
-    seed: Option<u64>,
-    /// Worker threads (default: all cores); changes no result.
-    #[arg(long)]
-    threads: Option<usize>,
     /// Change a value of the scenario, such as `detector.kind=truth`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
+}
+
+impl ScenarioArgs {
+    fn load(&self) -> Result<Loaded, RunError> {
+        Ok(Scenario::load(&self.scenario, &self.set)?)
+    }
 }
 
 #[derive(Args, Debug)]
 struct RunArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
+    /// Seed instead of the scenario's.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Worker threads (default: all cores); changes no result.
+    #[arg(long)]
+    threads: Option<usize>,
     /// Folder for run.mcap, summary.json and report.html.
     #[arg(long, default_value = "out")]
     out: PathBuf,
@@ -47,21 +76,194 @@ struct RunArgs {
     no_capture: bool,
 }
 
+#[derive(Args, Debug)]
+struct ViewArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Seed instead of the scenario's.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Folder for a recording; nothing is written without it.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Save a picture of the window here after that many seconds of simulated time and close.
+    #[arg(long, num_args = 2, value_names = ["FILE", "SECONDS"])]
+    screenshot: Option<Vec<String>>,
+}
+
 /// Carries out a command line.
 pub fn run(cli: Cli) -> Result<(), RunError> {
     match cli.command {
         Command::Run(args) => {
-            let loaded = Scenario::load(&args.scenario.scenario, &args.scenario.set)?;
+            let loaded = args.scenario.load()?;
             let options = Options {
-                seed: args.scenario.seed,
-                threads: args.scenario.threads,
+                seed: args.seed,
+                threads: args.threads,
                 capture: !args.no_capture,
-                out: Some(args.out),
+                out: Some(args.out.clone()),
                 window: false,
             };
-            let mut app = run::build(&loaded, &options)?;
-            while !run::step(app.world_mut())? {}
+            let finished = run_headless(&loaded, &options, true)?;
+            print!("{}", summary::table(&finished.summary));
+            println!("report  {}", args.out.join("report.html").display());
             Ok(())
         }
+        Command::View(args) => {
+            let loaded = args.scenario.load()?;
+            let screenshot = match args.screenshot.as_deref() {
+                Some([file, seconds]) => {
+                    let at_s = seconds.parse().map_err(|_| RunError::Argument {
+                        argument: "--screenshot",
+                        why: format!("'{seconds}' is not a number of seconds"),
+                    })?;
+                    Some((PathBuf::from(file), at_s))
+                }
+                _ => None,
+            };
+            let options = Options {
+                seed: args.seed,
+                capture: true,
+                out: args.out,
+                window: true,
+                ..Options::default()
+            };
+            let mut app = run::build(&loaded, &options)?;
+            crate::systems::view::drive(&mut app, &loaded, screenshot)
+        }
+        Command::Check(args) => {
+            let loaded = args.load()?;
+            run::check(&loaded)?;
+            println!("{}: ok", loaded.path.display());
+            Ok(())
+        }
+        Command::Models => {
+            print!("{}", models());
+            Ok(())
+        }
+        Command::Doctor => {
+            doctor();
+            Ok(())
+        }
+        Command::Schema { out } => {
+            let write = |name: &str, text: String| {
+                let path = out.join(name);
+                std::fs::write(&path, text)
+                    .map_err(|source| RunError::Output { path: path.clone(), source })?;
+                println!("{}", path.display());
+                Ok::<_, RunError>(())
+            };
+            std::fs::create_dir_all(&out)
+                .map_err(|source| RunError::Output { path: out.clone(), source })?;
+            write("scenarios.schema.json", scenario::json_schema())?;
+            write("scenarios.md", scenario::docs_markdown())
+        }
     }
+}
+
+/// Runs a scenario to its end and writes what it leaves.
+pub fn run_headless(
+    loaded: &Loaded,
+    options: &Options,
+    progress: bool,
+) -> Result<Finished, RunError> {
+    let mut app = run::build(loaded, options)?;
+    let bar = bar(loaded, progress);
+    let started = Instant::now();
+    let mut shown = started;
+    loop {
+        let over = run::step(app.world_mut())?;
+        if over || shown.elapsed() > Duration::from_millis(200) {
+            shown = Instant::now();
+            show(app.world(), &bar, started.elapsed());
+        }
+        if over {
+            break;
+        }
+    }
+    bar.finish_and_clear();
+    if let Some(recorder) = app.world_mut().resource_mut::<Recording>().recorder.take() {
+        SyncCell::to_inner(recorder).finish()?;
+    }
+    let finished = summary::finish(app.world_mut(), loaded, options, started.elapsed());
+    if let Some(out) = &options.out {
+        write_results(out, &finished)?;
+    }
+    Ok(finished)
+}
+
+fn write_results(out: &Path, finished: &Finished) -> Result<(), RunError> {
+    let path = out.join("summary.json");
+    let text = serde_json::to_string_pretty(&finished.summary)? + "\n";
+    std::fs::write(&path, text).map_err(|source| RunError::Output { path, source })?;
+    crate::report::write_report(&out.join("report.html"), &finished.report)?;
+    Ok(())
+}
+
+/// Position of the bar counts milliseconds of simulated time.
+fn bar(loaded: &Loaded, progress: bool) -> ProgressBar {
+    let bar = ProgressBar::new((1e3 * loaded.scenario.duration_s) as u64);
+    if !progress {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    // The template is a constant; should it be refused, the default style serves.
+    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:30}] {msg}, {eta} left") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar.set_prefix(loaded.scenario.name.clone());
+    bar
+}
+
+fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
+    let t_s = world.resource::<SimClock>().t_s();
+    let state = world.resource::<Tracker>().state.name();
+    let down = world.resource::<History>().neutralised_s.iter().flatten().count();
+    let factor = t_s / elapsed.as_secs_f64().max(1e-9);
+    bar.set_position((1e3 * t_s) as u64);
+    bar.set_message(format!("{t_s:.1} s at {factor:.2}x, {state}, {down} neutralised"));
+    // Without a terminal a line now and then tells as much.
+    if bar.is_hidden() {
+        return;
+    }
+    bar.tick();
+}
+
+/// The catalogue as a table.
+fn models() -> String {
+    let mut text = format!(
+        "{:<12} {:<18} {:>8} {:>11} {:>6} {:>9}\n",
+        "name", "model", "mass kg", "diagonal m", "props", "max m/s"
+    );
+    for kind in UavKind::ALL {
+        let uav = model(kind);
+        let name = serde_json::to_value(kind).ok();
+        let name = name.as_ref().and_then(|name| name.as_str()).unwrap_or_default();
+        text += &format!(
+            "{name:<12} {:<18} {:>8.3} {:>11.3} {:>6} {:>9.0}\n",
+            uav.name, uav.mass_kg, uav.diagonal_m, uav.rotor_count, uav.v_max_mps
+        );
+    }
+    text
+}
+
+fn doctor() {
+    println!("boresight {}", run::VERSION);
+    match run::adapter() {
+        Ok(info) => println!(
+            "adapter       {} ({:?}, {:?}, {})",
+            info.name, info.device_type, info.backend, info.driver_info
+        ),
+        Err(error) => println!("adapter       none: {error}"),
+    }
+    match crate::inference::runtime_path() {
+        Ok(path) => {
+            println!("onnx runtime  {}", path.display());
+            match crate::inference::runtime_info() {
+                Ok(info) => println!("providers     {info}"),
+                Err(error) => println!("providers     {error}"),
+            }
+        }
+        Err(error) => println!("onnx runtime  none: {error}"),
+    }
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    println!("threads       {threads}");
 }

@@ -106,6 +106,12 @@ fn environment() -> Result<&'static ort::environment::Environment, DetectorError
         .map_err(|why| DetectorError::Runtime { path, why: why.clone() })
 }
 
+/// Build of the loaded runtime and the execution providers it has.
+pub fn runtime_info() -> Result<String, DetectorError> {
+    environment()?;
+    Ok(ort::info().to_string())
+}
+
 impl OnnxDetector {
     /// Loads and checks the model at `path`, which then runs on `threads` threads.
     pub fn load(path: &Path, threads: usize) -> Result<Self, DetectorError> {

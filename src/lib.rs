@@ -11,4 +11,5 @@ pub mod recording;
 pub mod report;
 pub mod run;
 pub mod scenario;
+pub mod summary;
 pub mod systems;

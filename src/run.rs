@@ -29,7 +29,7 @@ use crate::models::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
 use crate::models::sky::Sky;
 use crate::models::sun::Sun;
 use crate::models::thermal::Skin;
-use crate::models::trajectory::TrajectoryError;
+use crate::models::trajectory::{CompiledTrajectory, TrajectoryError};
 use crate::models::turbulence::{GammaGamma, PaperIntensity, Path as AirPath, PathTurbulence, Scintillation, Wander};
 use crate::models::uav::model;
 use crate::models::uav_mesh::uav_mesh;
@@ -51,6 +51,7 @@ use crate::systems::scene::{self, SceneContent, SceneHandles};
 use crate::systems::track::{RangeFinder, TrackerParams};
 use bevy::app::TaskPoolThreadAssignmentPolicy;
 use bevy::pbr::PbrPlugin;
+use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use bevy::render::RenderPlugin;
 use bevy::render::settings::{RenderCreation, WgpuSettings};
@@ -140,6 +141,14 @@ pub enum RunError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A command-line argument.
+    #[error("{argument}: {why}")]
+    Argument {
+        /// The argument.
+        argument: &'static str,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A JSON file that was being written.
     #[error("cannot encode the summary: {0}")]
     Json(#[from] serde_json::Error),
@@ -218,6 +227,30 @@ pub fn adapter() -> Result<wgpu::AdapterInfo, RunError> {
     bevy::tasks::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
         .map(|adapter| adapter.get_info())
         .map_err(|_| RunError::NoAdapter)
+}
+
+/// Everything that can be checked of a scenario without running it: its values, flight plans,
+/// city, weather and detector model.
+pub fn check(loaded: &Loaded) -> Result<(), RunError> {
+    let scenario = &loaded.scenario;
+    let file = loaded.path.display().to_string();
+    detector(scenario, scenario.seed)?;
+    environment(scenario, &file, scenario.seed)?;
+    for index in 0..scenario.uavs.len() {
+        flight_plan(loaded, index)?;
+    }
+    Ok(())
+}
+
+/// The compiled trajectory of a UAV.
+fn flight_plan(loaded: &Loaded, index: usize) -> Result<CompiledTrajectory, RunError> {
+    let folder = loaded.path.parent().unwrap_or(Path::new("."));
+    let load = |name: &str| std::fs::read_to_string(folder.join(name));
+    loaded.scenario.uavs[index].trajectory.compile(load).map_err(|source| RunError::Trajectory {
+        file: loaded.path.display().to_string(),
+        index,
+        source,
+    })
 }
 
 /// Builds the app of a run, ready for its first tick.
@@ -449,15 +482,8 @@ fn spawn_uavs(
     loaded: &Loaded,
     environment: &Environment,
 ) -> Result<(), RunError> {
-    let file = loaded.path.display().to_string();
-    let folder = loaded.path.parent().unwrap_or(Path::new("."));
     for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
-        let load = |name: &str| std::fs::read_to_string(folder.join(name));
-        let plan = uav.trajectory.compile(load).map_err(|source| RunError::Trajectory {
-            file: file.clone(),
-            index,
-            source,
-        })?;
+        let plan = flight_plan(loaded, index)?;
         let catalogue = model(uav.model);
         let airframe = Airframe::new(catalogue);
         let mut rng = Stream::new(environment.seed, index as u64, "gusts");
@@ -755,7 +781,7 @@ fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controll
         ControllerPreset::Paper => {
             let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
                 Some(gains) => {
-                    PaperLaw { kp: gains.kp, ki_per_s: gains.ki, kd_s: gains.kd, ..printed }
+                    PaperLaw { kp: gains.kp, ki_per_s: gains.ki_per_s, kd_s: gains.kd_s, ..printed }
                 }
                 None => printed,
             };
@@ -828,7 +854,7 @@ fn recording(
         .collect();
     let city = SceneEntity { id: "city", frame: "enu", lifetime_ticks: 0, shapes: &boxes };
     recorder.scene_update(0, &[city])?;
-    recording.recorder = Some(recorder);
+    recording.recorder = Some(SyncCell::new(recorder));
     Ok(recording)
 }
 

@@ -3,7 +3,7 @@
 use crate::models::city::City;
 use crate::models::geodesy::SiteFrame;
 use crate::models::sky::Sky;
-use crate::models::turbulence::Cn2Profile;
+use crate::models::atmosphere::Cn2Profile;
 use crate::models::weather::Weather;
 use crate::models::wind::MeanWind;
 use bevy::prelude::*;

@@ -3,6 +3,7 @@
 use crate::components::camera::Tier;
 use crate::models::detection::Detection;
 use crate::recording::Recorder;
+use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 
 /// Hash of the whole state after the last tick; each tick's hash covers the one before.
@@ -13,7 +14,7 @@ pub struct StateHash(pub u64);
 #[derive(Resource)]
 pub struct Recording {
     /// The open file.
-    pub recorder: Option<Recorder>,
+    pub recorder: Option<SyncCell<Recorder>>,
     /// Ticks between recorded states.
     pub state_period_ticks: u64,
     /// One image in so many of each camera is kept; 0 keeps none.

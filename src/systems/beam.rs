@@ -60,7 +60,7 @@ pub fn propagate(
     // The air slides across the path: half of it with the target, the rest with the wind.
     let crosswind_mps = 0.5 * v_relative_enu_mps.reject_from_normalized(los_enu).length();
     let path = renew_path(&mut source, &environment, pose.r_enu_m, los_enu, range_m, crosswind_mps.max(LEAST_CROSSWIND_MPS));
-    let LaserSource { laser, channel, wander, rng, jitter_rad, .. } = &mut *source;
+    let LaserSource { channel, wander, rng, jitter_rad, .. } = &mut *source;
     let relative = match channel {
         Channel::Physical(scintillation) => scintillation.step(dt_s, &mut rng[0]),
         Channel::Paper(intensity) => intensity.step(dt_s, &mut rng[0]),

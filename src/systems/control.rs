@@ -202,7 +202,6 @@ fn steer_paper(
         }
     }
     command.gimbal.rate_radps = paper.rates_radps;
-    command.gimbal.accel_radps2 = [0.0; 2];
 }
 
 /// What each camera reads out next.

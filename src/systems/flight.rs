@@ -106,7 +106,7 @@ pub fn drop_wrecks(
             ColliderMassProperties::Mass(model.mass_kg as f32),
             Friction::coefficient(0.6),
             Restitution::coefficient(0.2),
-            Velocity { linvel: state.v_enu_mps.as_vec3(), angvel: omega_enu.as_vec3() },
+            Velocity { linear: state.v_enu_mps.as_vec3(), angular: omega_enu.as_vec3() },
             ExternalForce::default(),
             Ccd::enabled(),
             Transform::from_rotation(state.q_enu_body.as_quat()),
@@ -130,7 +130,7 @@ pub fn drag_wrecks(
 ) {
     for (wreck, velocity, mut force) in &mut wrecks {
         if let Ok((flight, air)) = uavs.get(wreck.uav) {
-            let v_enu_mps = velocity.linvel.as_dvec3();
+            let v_enu_mps = velocity.linear.as_dvec3();
             let density = environment.air_density_kgpm3;
             force.force =
                 flight.airframe.drag_enu_n(v_enu_mps, air.wind_enu_mps, density).as_vec3();
@@ -153,8 +153,8 @@ pub fn follow_wrecks(
         let state = &mut flight.state;
         state.r_enu_m = wreck.origin_enu_m + transform.translation.as_dvec3();
         state.q_enu_body = DQuat::from_array(transform.rotation.to_array().map(f64::from)).normalize();
-        state.v_enu_mps = velocity.linvel.as_dvec3();
-        state.omega_body_radps = state.q_enu_body.inverse() * velocity.angvel.as_dvec3();
+        state.v_enu_mps = velocity.linear.as_dvec3();
+        state.omega_body_radps = state.q_enu_body.inverse() * velocity.angular.as_dvec3();
         // Dead rotors windmill to a stop within a second.
         let decay = (-clock.dt_s() / 0.5).exp();
         for (speed, phase) in state.rotor_speed_radps.iter_mut().zip(&mut state.rotor_phase_rad) {
@@ -164,7 +164,7 @@ pub fn follow_wrecks(
         let r = state.r_enu_m;
         let near = r.z - environment.city.dsm.surface_m(r.x, r.y) < 1.0;
         let lost = (r - wreck.origin_enu_m).truncate().abs().max_element() > PATCH_HALF_M;
-        if near && velocity.linvel.length() < REST_MPS || lost {
+        if near && velocity.linear.length() < REST_MPS || lost {
             *status = UavStatus::Down;
             state.v_enu_mps = DVec3::ZERO;
             state.omega_body_radps = DVec3::ZERO;

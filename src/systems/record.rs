@@ -249,7 +249,7 @@ pub fn write_recording(
     let Some(mut recorder) = recording.recorder.take() else {
         return;
     };
-    match now.write(&mut recorder, recording) {
+    match now.write(recorder.get(), recording) {
         Ok(()) => recording.recorder = Some(recorder),
         // The file is given up, not the error.
         Err(error) => failure.set(error),

@@ -1,0 +1,238 @@
+//! The end of a run: outcome, summary, report.
+
+use crate::components::beam::BeamState;
+use crate::components::camera::Tier;
+use crate::components::clock::SimClock;
+use crate::components::record::{History, StateHash};
+use crate::components::track::{Tracker, TrackingState};
+use crate::components::uav::{HeatedSkin, Uav, UavStatus};
+use crate::report::{
+    ContactBox, ContactFrame, MissDistances, MissStats, ReportData, Shares, StateSpan, Summary,
+};
+use crate::run::{Options, Stopwatch, VERSION};
+use crate::scenario::Loaded;
+use crate::systems::engage::Interlocks;
+use bevy::prelude::*;
+use std::time::Duration;
+
+/// What a finished run has to say.
+pub struct Finished {
+    /// The numbers.
+    pub summary: Summary,
+    /// What the report shows.
+    pub report: ReportData,
+}
+
+/// Sums up a run that took `elapsed` of wall-clock time.
+pub fn finish(world: &mut World, loaded: &Loaded, options: &Options, elapsed: Duration) -> Finished {
+    let clock = *world.resource::<SimClock>();
+    let mut stations = world.query::<&BeamState>();
+    let beam = stations.iter(world).next().copied().unwrap_or_default();
+    let mut uavs = world.query::<(&Uav, &UavStatus, &HeatedSkin)>();
+    let mut statuses: Vec<_> = uavs
+        .iter(world)
+        .map(|(uav, status, skin)| {
+            (uav.index, uav.name.clone(), *status, skin.material.failure_temperature_k)
+        })
+        .collect();
+    statuses.sort_by_key(|(index, ..)| *index);
+    let failure_temperature_k = statuses.first().map(|(.., kelvin)| *kelvin);
+    let stopwatch = *world.resource::<Stopwatch>();
+    let history = world.resource::<History>();
+    let tracker = world.resource::<Tracker>();
+    let (outcome, reason) = outcome(&statuses, history, tracker, world.resource::<Interlocks>());
+    let miss = |tier: Tier| {
+        MissStats::of(history.miss_px[tier as usize].iter().map(|(_, distance)| *distance))
+    };
+    let neutralised = statuses.iter().all(|(_, _, status, _)| status.neutralised());
+    let share = |part: Duration| part.as_secs_f64() / elapsed.as_secs_f64().max(1e-9);
+    let (render, inference) = (share(stopwatch.render), share(stopwatch.inference));
+    let summary = Summary {
+        scenario: loaded.scenario.name.clone(),
+        version: VERSION.into(),
+        seed: options.seed.unwrap_or(loaded.scenario.seed),
+        outcome: outcome.into(),
+        reason,
+        state_hash: format!("{:016x}", world.resource::<StateHash>().0),
+        simulated_s: clock.t_s(),
+        real_time_factor: clock.t_s() / elapsed.as_secs_f64().max(1e-9),
+        time_to_acquire_s: history.acquired_s,
+        time_to_neutralise_s: history
+            .neutralised_s
+            .iter()
+            .flatten()
+            .copied()
+            .reduce(f64::max)
+            .filter(|_| neutralised && !statuses.is_empty()),
+        miss_distance_px: MissDistances {
+            coarse: miss(Tier::Coarse),
+            precise: miss(Tier::Precise),
+        },
+        dwell_s: beam.dwell_s,
+        energy_j: beam.energy_j,
+        share: Shares { render, inference, other: (1.0 - render - inference).max(0.0) },
+    };
+    let report = report(loaded, &summary, history, tracker, failure_temperature_k);
+    Finished { summary, report }
+}
+
+/// One word and one sentence on how it ended.
+fn outcome(
+    statuses: &[(usize, String, UavStatus, f64)],
+    history: &History,
+    tracker: &Tracker,
+    interlocks: &Interlocks,
+) -> (&'static str, String) {
+    let down = statuses.iter().filter(|(_, _, status, _)| status.neutralised()).count();
+    let crashed: Vec<&str> = statuses
+        .iter()
+        .filter(|(_, _, status, _)| *status == UavStatus::Crashed)
+        .map(|(_, name, ..)| name.as_str())
+        .collect();
+    if !statuses.is_empty() && down == statuses.len() {
+        return ("neutralised", format!("{down} of {down} UAVs brought down by the laser"));
+    }
+    if down > 0 {
+        return ("partly_neutralised", format!("{down} of {} UAVs brought down", statuses.len()));
+    }
+    if !crashed.is_empty() {
+        return ("crashed", format!("{} flew into the city", crashed.join(", ")));
+    }
+    if history.acquired_s.is_some() {
+        let reached = tracker
+            .changes
+            .iter()
+            .map(|change| change.to)
+            .filter(|state| *state != TrackingState::Lost)
+            .max_by_key(|state| *state as u8);
+        let why = if interlocks.0.is_empty() {
+            "the target outlasted the run".to_string()
+        } else {
+            format!("at the end: {}", interlocks.0.join(", "))
+        };
+        let reached = reached.map_or("search", TrackingState::name);
+        return ("tracked", format!("tracking reached {reached}; {why}"));
+    }
+    let tried = tracker
+        .changes
+        .iter()
+        .filter(|change| change.to == TrackingState::Acquire)
+        .count();
+    let why = if tried == 0 {
+        "the search camera found no candidate".to_string()
+    } else {
+        format!("{tried} candidates were not confirmed by the coarse camera")
+    };
+    ("not_acquired", why)
+}
+
+fn report(
+    loaded: &Loaded,
+    summary: &Summary,
+    history: &History,
+    tracker: &Tracker,
+    failure_temperature_k: Option<f64>,
+) -> ReportData {
+    let hz = f64::from(loaded.scenario.tick_hz);
+    let at_s = |tick: u64| tick as f64 / hz;
+    let ends = tracker.changes.iter().skip(1).map(|change| at_s(change.tick));
+    let states = tracker
+        .changes
+        .iter()
+        .zip(ends.chain([summary.simulated_s]))
+        .map(|(change, t1_s)| StateSpan {
+            t0_s: at_s(change.tick),
+            t1_s,
+            name: change.to.name().into(),
+            reason: change.reason.clone(),
+        })
+        .collect();
+    let frames = history
+        .frames
+        .iter()
+        .map(|frame| {
+            let [dx, dy] = frame.offset_px.map(f64::from);
+            let boxes = frame.detections.iter().map(|detection| {
+                let [x0, y0, x1, y1] = detection.box_px;
+                ContactBox {
+                    label: format!("{:.2}", detection.score),
+                    rect_px: [x0 - dx, y0 - dy, x1 - dx, y1 - dy],
+                    colour: [0, 158, 115],
+                }
+            });
+            ContactFrame {
+                camera: frame.tier.name().into(),
+                time_s: frame.t_s,
+                width: frame.size_px[0] as u16,
+                height: frame.size_px[1] as u16,
+                rgb8: frame.rgb8.to_vec(),
+                boxes: boxes.collect(),
+                reticle_px: [frame.centre_px[0] - dx, frame.centre_px[1] - dy],
+                caption: frame.state.into(),
+            }
+        })
+        .collect();
+    ReportData {
+        title: format!("Boresight: {}", loaded.scenario.name),
+        scenario: summary.scenario.clone(),
+        version: summary.version.clone(),
+        seed: summary.seed,
+        state_hash: summary.state_hash.clone(),
+        outcome: summary.outcome.clone(),
+        succeeded: summary.outcome == "neutralised",
+        summary: rows(summary),
+        miss_coarse_px: history.miss_px[Tier::Coarse as usize].clone(),
+        miss_precise_px: history.miss_px[Tier::Precise as usize].clone(),
+        irradiance_wpm2: history.irradiance_wpm2.clone(),
+        power_in_bucket_w: history.power_in_bucket_w.clone(),
+        skin_temperature_k: history.skin_k.clone(),
+        failure_temperature_k,
+        los_error_urad: history.los_error_urad.clone(),
+        states,
+        frames,
+    }
+}
+
+/// The summary as labels and values with their units.
+fn rows(summary: &Summary) -> Vec<(String, String)> {
+    let seconds = |t: Option<f64>| t.map_or("never".into(), |t| format!("{t:.2} s"));
+    let miss = |stats: &Option<MissStats>| {
+        stats.map_or("no frames".into(), |s| {
+            format!(
+                "mean {:.2}, rms {:.2}, 95 % {:.2}, 99 % {:.2} px ({} frames)",
+                s.mean, s.rms, s.p95, s.p99, s.n
+            )
+        })
+    };
+    let percent = |x: f64| format!("{:.1} %", 100.0 * x);
+    let share = &summary.share;
+    [
+        ("outcome", format!("{}: {}", summary.outcome, summary.reason)),
+        ("time to acquire", seconds(summary.time_to_acquire_s)),
+        ("time to neutralise", seconds(summary.time_to_neutralise_s)),
+        ("coarse miss distance", miss(&summary.miss_distance_px.coarse)),
+        ("precise miss distance", miss(&summary.miss_distance_px.precise)),
+        ("dwell on the aim point", format!("{:.2} s", summary.dwell_s)),
+        ("energy emitted", format!("{:.1} kJ", 1e-3 * summary.energy_j)),
+        ("simulated", format!("{:.2} s", summary.simulated_s)),
+        ("real-time factor", format!("{:.3}", summary.real_time_factor)),
+        (
+            "wall time",
+            format!(
+                "rendering {}, inference {}, other {}",
+                percent(share.render),
+                percent(share.inference),
+                percent(share.other)
+            ),
+        ),
+        ("seed", summary.seed.to_string()),
+        ("state hash", summary.state_hash.clone()),
+    ]
+    .map(|(label, value)| (label.to_string(), value))
+    .into()
+}
+
+/// The summary for a terminal.
+pub fn table(summary: &Summary) -> String {
+    rows(summary).iter().map(|(label, value)| format!("{label:<24}{value}\n")).collect()
+}
