@@ -102,6 +102,7 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 capture: !args.no_capture,
                 out: Some(args.out.clone()),
                 window: false,
+                log: true,
             };
             let finished = run_headless(&loaded, &options, true)?;
             print!("{}", summary::table(&finished.summary));
@@ -125,6 +126,7 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 capture: true,
                 out: args.out,
                 window: true,
+                log: true,
                 ..Options::default()
             };
             let mut app = run::build(&loaded, &options)?;

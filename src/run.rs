@@ -50,10 +50,11 @@ use crate::systems::render::{RenderError, Renderer, spawn_sensor_view};
 use crate::systems::scene::{self, SceneContent, SceneHandles};
 use crate::systems::track::{RangeFinder, TrackerParams};
 use bevy::app::TaskPoolThreadAssignmentPolicy;
-use bevy::pbr::PbrPlugin;
+use bevy::log::{Level, LogPlugin};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use bevy::render::RenderPlugin;
+use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::render::settings::{RenderCreation, WgpuSettings};
 use bevy::shader::Shader;
 use bevy::window::{ExitCondition, WindowPlugin};
@@ -192,6 +193,8 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// Whether the app gets a window.
     pub window: bool,
+    /// Whether Bevy's warnings go to standard error; a process can start its log once only.
+    pub log: bool,
 }
 
 /// Where and when a run ends.
@@ -215,6 +218,8 @@ const CHANNELS_M: [f64; 3] = [610e-9, 550e-9, 465e-9];
 const BLUR_RANGE_M: f64 = 1_000.0;
 /// Angle random walk of the base gyro, 0.01 deg/sqrt(h) [rad/sqrt(s)]: a small fibre gyro.
 const GYRO_WALK: f64 = 0.01 * std::f64::consts::PI / 180.0 / 60.0;
+/// What of Bevy's and wgpu's log is worth a user's eye; `RUST_LOG` overrides it.
+const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_winit=error,bevy_render::renderer=error";
 /// Texels of the sky table.
 const SKY_TABLE: (u32, u32) = (128, 64);
 
@@ -283,17 +288,21 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
     app.cleanup();
     let renderer = Renderer::take(&mut app);
     let world = app.world_mut();
-    let mut gravity = world.query::<&mut RapierConfiguration>();
-    for mut rapier in gravity.iter_mut(world) {
+    let mut rapiers = world.query::<&mut RapierConfiguration>();
+    for mut rapier in rapiers.iter_mut(world) {
         rapier.gravity = Vec3::new(0.0, 0.0, -9.80665); // [m/s^2]
     }
-    if let Some(renderer) = renderer.filter(|_| options.capture) {
-        world.insert_non_send(renderer);
-        world.insert_non_send(ImageScratch::default());
+    if options.capture {
         spawn_scene(world, &environment, station_enu_m(scenario, &environment));
     }
     spawn_uavs(world, loaded, &environment)?;
     spawn_station(world, scenario, &file, &environment, clock)?;
+    if options.capture {
+        let mut renderer = renderer.ok_or(RunError::NoAdapter)?;
+        capture::settle(world, &mut renderer);
+        world.insert_non_send(renderer);
+        world.insert_non_send(ImageScratch::default());
+    }
     world.insert_resource(recording(loaded, options, seed, &environment)?);
     world.insert_resource(environment);
     world.insert_resource(detector);
@@ -349,7 +358,9 @@ fn add_bevy(app: &mut App, options: &Options) {
     let mut plugins = DefaultPlugins
         .build()
         .disable::<TransformPlugin>()
-        .disable::<bevy::log::LogPlugin>()
+        .set(LogPlugin { filter: LOG_FILTER.into(), level: Level::WARN, ..default() })
+        // It would take the render sub-app away to a thread of its own.
+        .disable::<PipelinedRenderingPlugin>()
         .set(TaskPoolPlugin { task_pool_options: pools })
         .set(window)
         .set(RenderPlugin {
@@ -360,8 +371,10 @@ fn add_bevy(app: &mut App, options: &Options) {
             // A pipeline that is still compiling would leave holes in the first frames.
             synchronous_pipeline_compilation: true,
             ..default()
-        })
-        .set(PbrPlugin { use_gpu_instance_buffer_builder: false, ..default() });
+        });
+    if !options.log {
+        plugins = plugins.disable::<LogPlugin>();
+    }
     if !options.window {
         plugins = plugins.disable::<bevy::winit::WinitPlugin>();
     }

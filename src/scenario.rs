@@ -355,7 +355,7 @@ pub struct Cameras {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraPreset {
-    /// Optics that show a 0.35 m UAV 12.8 px wide at 1 km: 20°, 4° and 1°.
+    /// Optics that show a 0.35 m UAV at 1 km 2, 4 and 12.8 px wide: 6°, 3° and 1°.
     #[default]
     #[serde(rename = "urban_1km")]
     Urban1Km,
@@ -498,18 +498,19 @@ impl CameraPreset {
         match self {
             Self::Urban1Km => [
                 Camera {
-                    hfov_deg: 20.0,
+                    hfov_deg: 6.0,
                     rate_hz: 30,
                     f_number: 2.8,
                     ..base.clone()
                 },
                 Camera {
-                    hfov_deg: 4.0,
+                    hfov_deg: 3.0,
                     rate_hz: 60,
                     f_number: 4.0,
+                    readout: Readout::Window,
                     ..base.clone()
                 },
-                base,
+                Camera { readout: Readout::Window, ..base },
             ],
             Self::Paper => {
                 // Pitches that make the printed focal lengths and fields of view agree:

@@ -4,6 +4,7 @@ use crate::components::clock::SimClock;
 use crate::plugins::tick::{Tick, TickSet};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
+use bevy::transform::StaticTransformOptimizations;
 use bevy_rapier3d::prelude::*;
 
 /// Flight, and Rapier for what falls.
@@ -13,6 +14,9 @@ impl Plugin for FlightPlugin {
     fn build(&self, app: &mut App) {
         let dt_s = app.world().resource::<SimClock>().dt_s() as f32;
         app.init_schedule(Fall)
+            // Rapier propagates transforms itself and needs what Bevy's plugin, which big_space
+            // replaces, would have put here.
+            .init_resource::<StaticTransformOptimizations>()
             .insert_resource(TimestepMode::Fixed { dt: dt_s, substeps: 1 })
             .add_plugins(RapierPhysicsPlugin::<NoUserData>::default().in_schedule(Fall))
             .add_systems(Fall, systems::drag_wrecks.before(PhysicsSet::SyncBackend))

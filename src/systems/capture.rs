@@ -183,6 +183,28 @@ pub fn render_frames(world: &mut World) {
     world.resource_mut::<Stopwatch>().render += started.elapsed();
 }
 
+/// Renders with every sensor view until meshes, textures and pipelines have reached the GPU, so
+/// that the first frame of a run is whole.
+pub fn settle(world: &mut World, renderer: &mut Renderer) {
+    // One pass creates the assets, one uploads them, one draws with them.
+    const PASSES: usize = 3;
+    let mut views = world.query::<&SensorViews>();
+    let views: Vec<Entity> =
+        views.iter(world).flat_map(|views| [Some(views.full), views.window]).flatten().collect();
+    let activate = |world: &mut World, active: bool| {
+        for view in &views {
+            if let Some(mut camera) = world.get_mut::<Camera>(*view) {
+                camera.is_active = active;
+            }
+        }
+    };
+    activate(world, true);
+    for _ in 0..PASSES {
+        renderer.render(world);
+    }
+    activate(world, false);
+}
+
 /// A big_space place in the site's grid.
 fn place_in_site(r_enu_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
     scene::place(&scene::grid(), r_enu_m, q)

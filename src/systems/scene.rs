@@ -201,7 +201,9 @@ pub fn spawn(world: &mut World, content: &SceneContent) {
         content.tiles.iter().map(|tile| (meshes.add(mesh(tile)), tile.origin_enu_m)).collect();
 
     let (cell, transform) = place(&grid(), content.r_site_ecef_m, content.q_ecef_enu);
-    let root = world.spawn(BigSpaceRootBundle { grid: grid(), ..default() }).id();
+    let root = world
+        .spawn((BigSpaceRootBundle { grid: grid(), ..default() }, Visibility::default()))
+        .id();
     let site_grid = world
         .spawn((SiteGrid, grid(), cell, transform, Visibility::default(), ChildOf(root)))
         .id();
