@@ -49,7 +49,7 @@ use crate::systems::mount::optics_of;
 use crate::systems::render::{RenderError, Renderer, spawn_sensor_view};
 use crate::systems::scene::{self, SceneContent, SceneHandles};
 use crate::systems::track::{RangeFinder, TrackerParams};
-use bevy::app::TaskPoolThreadAssignmentPolicy;
+use bevy::app::{Main, TaskPoolThreadAssignmentPolicy};
 use bevy::log::{Level, LogPlugin};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
@@ -58,7 +58,6 @@ use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::render::settings::{RenderCreation, WgpuSettings};
 use bevy::shader::Shader;
 use bevy::window::{ExitCondition, WindowPlugin};
-use bevy_rapier3d::prelude::RapierConfiguration;
 use big_space::plugin::BigSpaceMinimalPlugins;
 use glam::{DVec2, DVec3, Vec4};
 use std::num::NonZeroU32;
@@ -288,10 +287,8 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
     app.cleanup();
     let renderer = Renderer::take(&mut app);
     let world = app.world_mut();
-    let mut rapiers = world.query::<&mut RapierConfiguration>();
-    for mut rapier in rapiers.iter_mut(world) {
-        rapier.gravity = Vec3::new(0.0, 0.0, -9.80665); // [m/s^2]
-    }
+    // Bevy's start-up systems run once, renderer or not.
+    world.run_schedule(Main);
     if options.capture {
         spawn_scene(world, &environment, station_enu_m(scenario, &environment));
     }

@@ -5,7 +5,9 @@ use crate::plugins::tick::{Tick, TickSet};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
 use bevy::transform::StaticTransformOptimizations;
+use bevy_rapier3d::plugin::systems::sync_removals;
 use bevy_rapier3d::prelude::*;
+use bevy_rapier3d::rapier::prelude::IntegrationParameters;
 
 /// Flight, and Rapier for what falls.
 pub struct FlightPlugin;
@@ -18,8 +20,23 @@ impl Plugin for FlightPlugin {
             // replaces, would have put here.
             .init_resource::<StaticTransformOptimizations>()
             .insert_resource(TimestepMode::Fixed { dt: dt_s, substeps: 1 })
-            .add_plugins(RapierPhysicsPlugin::<NoUserData>::default().in_schedule(Fall))
-            .add_systems(Fall, systems::drag_wrecks.before(PhysicsSet::SyncBackend))
+            .add_plugins(
+                RapierPhysicsPlugin::<NoUserData>::default()
+                    .in_schedule(Fall)
+                    .with_custom_initialization(
+                        RapierContextInitialization::InitializeDefaultRapierContext {
+                            integration_parameters: IntegrationParameters::default(),
+                            rapier_configuration: RapierConfiguration {
+                                gravity: Vec3::NEG_Z * 9.806_65, // [m/s^2]
+                                ..RapierConfiguration::new(1.0)
+                            },
+                        },
+                    ),
+            )
+            .add_systems(
+                Fall,
+                (systems::drag_wrecks, sync_removals).chain().before(PhysicsSet::SyncBackend),
+            )
             .add_systems(
                 Tick,
                 (systems::fly, systems::drop_wrecks, systems::fall, systems::follow_wrecks)

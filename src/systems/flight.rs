@@ -90,12 +90,16 @@ pub fn drop_wrecks(
                 heights[column * n + row] = (dsm.surface_m(e, north) - origin_enu_m.z) as f32;
             }
         }
+        // Every wreck has a world of its own: all of them are centred on the same origin.
+        let group = Group::from_bits_truncate(1 << (uav.index % 32));
+        let alone = CollisionGroups::new(group, group);
         let side = 2.0 * PATCH_HALF_M as f32;
         let patch = commands
             .spawn((
                 RigidBody::Fixed,
                 Collider::heightfield(heights, n, n, Vec3::new(side, 1.0, side)),
                 Friction::coefficient(0.8),
+                alone,
                 Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2)),
             ))
             .id();
@@ -106,6 +110,7 @@ pub fn drop_wrecks(
             ColliderMassProperties::Mass(model.mass_kg as f32),
             Friction::coefficient(0.6),
             Restitution::coefficient(0.2),
+            alone,
             Velocity { linear: state.v_enu_mps.as_vec3(), angular: omega_enu.as_vec3() },
             ExternalForce::default(),
             Ccd::enabled(),
@@ -115,9 +120,14 @@ pub fn drop_wrecks(
     }
 }
 
-/// Steps Rapier while anything falls.
-pub fn fall(world: &mut World, wrecks: &mut QueryState<(), With<Wreck>>) {
-    if wrecks.iter(world).next().is_some() {
+/// Steps Rapier while anything falls, and once more to let go of what has come down.
+pub fn fall(
+    world: &mut World,
+    wrecks: &mut QueryState<(), With<Wreck>>,
+    mut falling: Local<bool>,
+) {
+    let before = std::mem::replace(&mut *falling, wrecks.iter(world).next().is_some());
+    if before || *falling {
         world.run_schedule(Fall);
     }
 }

@@ -87,8 +87,8 @@ pub fn followed<'a>(
     .map(|(_, index)| index)
 }
 
-/// Pictures on the contact sheet: one a camera and state, then one a second.
-const KEEP_EVERY_S: f64 = 1.0;
+/// Pictures on the contact sheet: one a camera and state, then one in two seconds.
+const KEEP_EVERY_S: f64 = 2.0;
 const KEEP_MOST: usize = 48;
 
 /// Collects series and pictures.
@@ -141,7 +141,12 @@ pub fn keep_history(
             continue;
         };
         let centre = camera.pinhole.centre_px();
-        if holds(&tracker, frame.tier)
+        // What falls has been dealt with: its miss distance is no measure of the tracking.
+        let flies = uavs
+            .iter()
+            .any(|(uav, _, _, status)| Some(uav.index) == target && *status == UavStatus::Flying);
+        if flies
+            && holds(&tracker, frame.tier)
             && let Some(seen) = frame.truth.iter().find(|seen| Some(seen.uav) == target)
         {
             history.miss_px[frame.tier as usize]

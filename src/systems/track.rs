@@ -206,14 +206,18 @@ pub fn decide(
             if tracker.hits_in_state[Tier::Precise as usize] >= CONFIRM_HITS {
                 let reason = format!("precise camera confirms with {CONFIRM_HITS} hits");
                 tracker.change(tick, TrackingState::Precise, reason);
-            } else if silent_s(tracker, Tier::Coarse) > LOSE_AFTER_S || gone {
+            } else if gone {
+                drop_target(tracker, tick);
+            } else if silent_s(tracker, Tier::Coarse) > LOSE_AFTER_S {
                 tracker.change(tick, TrackingState::Lost, lost_reason("coarse"));
             }
         }
         TrackingState::Precise | TrackingState::Engage => {
             let error = tracker.error[Tier::Precise as usize];
-            if silent_s(tracker, Tier::Precise) > LOSE_AFTER_S || gone {
-                let coarse_holds = silent_s(tracker, Tier::Coarse) <= LOSE_AFTER_S && !gone;
+            if gone {
+                drop_target(tracker, tick);
+            } else if silent_s(tracker, Tier::Precise) > LOSE_AFTER_S {
+                let coarse_holds = silent_s(tracker, Tier::Coarse) <= LOSE_AFTER_S;
                 let to = if coarse_holds { TrackingState::Coarse } else { TrackingState::Lost };
                 tracker.change(tick, to, lost_reason("precise"));
             } else if let Some(error) = error {
@@ -246,13 +250,21 @@ pub fn decide(
                 + tracker.hits_in_state[Tier::Precise as usize];
             if seen >= 2 {
                 tracker.change(tick, TrackingState::Coarse, "seen again");
-            } else if gone || in_state_s > LOST_TIMEOUT_S {
+            } else if gone {
+                drop_target(tracker, tick);
+            } else if in_state_s > LOST_TIMEOUT_S {
                 tracker.target = None;
                 let reason = format!("not seen again within {in_state_s:.1} s");
                 tracker.change(tick, TrackingState::Search, reason);
             }
         }
     }
+}
+
+/// Goes back to the search when the target's track has run out of hits.
+fn drop_target(tracker: &mut Tracker, tick: u64) {
+    tracker.target = None;
+    tracker.change(tick, TrackingState::Search, "no camera saw the target any more");
 }
 
 fn lost_reason(camera: &str) -> String {

@@ -1,0 +1,703 @@
+//! The shipped scenarios and bad input, through the real binary; the rendered truth, through the
+//! library.
+//!
+//! Bevy's task pools are one per process, so what depends on the number of threads runs in
+//! processes of its own; whatever renders takes [`rendering`], since a software rasteriser uses
+//! every core already.
+
+use boresight::components::camera::{Frame, Frames, RenderedTruth, SensorCamera, UavInFrame};
+use boresight::components::render::SensorProjection;
+use boresight::components::uav::{Flight, Uav};
+use boresight::models::camera::Pinhole;
+use boresight::models::city::City;
+use boresight::models::dsm::{Dsm, LineOfSight};
+use boresight::models::raster;
+use boresight::recording::proto;
+use boresight::run::{self, Options};
+use boresight::scenario::{Loaded, Scenario};
+use boresight::systems::capture::Shape;
+use glam::{DVec2, DVec3};
+use prost::Message as _;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// What a run without images needs.
+const BLIND: [&str; 3] = ["--set", "detector.kind=truth", "--no-capture"];
+
+/// Held while something renders.
+fn rendering() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn boresight() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_boresight"));
+    // Scenarios name models relative to the working directory.
+    command.current_dir(ROOT).env_remove("RUST_LOG").stdin(Stdio::null());
+    command
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A finished run's folder and summary.
+struct Run {
+    folder: TempDir,
+    summary: Value,
+}
+
+impl Run {
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn hash(&self) -> &str {
+        self.summary["state_hash"].as_str().unwrap()
+    }
+
+    fn text(&self, key: &str) -> &str {
+        self.summary[key].as_str().unwrap()
+    }
+
+    fn number(&self, pointer: &str) -> f64 {
+        let value = self.summary.pointer(pointer).and_then(Value::as_f64);
+        value.unwrap_or_else(|| panic!("{pointer} is no number in {:#}", self.summary))
+    }
+}
+
+/// Runs a shipped scenario to its end, which must succeed.
+fn run_scenario(name: &str, args: &[&str]) -> Run {
+    let folder = TempDir::new().unwrap();
+    let started = Instant::now();
+    let output = boresight()
+        .arg("run")
+        .arg(format!("scenarios/{name}.toml"))
+        .arg("--out")
+        .arg(folder.path())
+        .args(args)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{name} {args:?}: {}: {}", output.status, stderr(&output));
+    assert_eq!(stderr(&output), "", "{name} {args:?}");
+    let summary = std::fs::read_to_string(folder.path().join("summary.json")).unwrap();
+    println!("{name} {args:?}: {:.1} s", started.elapsed().as_secs_f64());
+    Run { folder, summary: serde_json::from_str(&summary).unwrap() }
+}
+
+fn messages(mcap: &Path, topic: &str) -> Vec<Vec<u8>> {
+    let bytes = std::fs::read(mcap).unwrap();
+    mcap::MessageStream::new(&bytes)
+        .unwrap()
+        .map(|message| message.unwrap())
+        .filter(|message| message.channel.topic == topic)
+        .map(|message| message.data.into_owned())
+        .collect()
+}
+
+/// (tick, state hash) of every tick in a recording.
+fn tick_hashes(run: &Run) -> Vec<(u64, u64)> {
+    messages(&run.file("run.mcap"), "/boresight/tick")
+        .iter()
+        .map(|data| proto::Tick::decode(&data[..]).unwrap())
+        .map(|tick| (tick.tick, tick.state_hash))
+        .collect()
+}
+
+// ---- The demo --------------------------------------------------------------------------------
+
+#[test]
+fn the_urban_intercept_ends_neutralised() {
+    let run = {
+        let _one = rendering();
+        run_scenario("urban_intercept", &[])
+    };
+    assert_eq!(run.text("outcome"), "neutralised", "{:#}", run.summary);
+    assert_eq!(run.summary["scenario"], "urban_intercept");
+    assert_eq!(run.summary["seed"], 1);
+    assert_eq!(run.hash().len(), 16);
+    assert!(!run.text("version").is_empty() && !run.text("reason").is_empty());
+    for camera in ["coarse", "precise"] {
+        for key in ["mean", "rms", "p50", "p95", "p99"] {
+            assert!(run.number(&format!("/miss_distance_px/{camera}/{key}")) >= 0.0);
+        }
+    }
+    let mean_px = run.number("/miss_distance_px/precise/mean");
+    assert!(mean_px < 2.0, "{mean_px}");
+    let (acquired_s, neutralised_s) =
+        (run.number("/time_to_acquire_s"), run.number("/time_to_neutralise_s"));
+    let simulated_s = run.number("/simulated_s");
+    assert!(0.0 < acquired_s && acquired_s < neutralised_s && neutralised_s < simulated_s);
+    let (dwell_s, energy_j) = (run.number("/dwell_s"), run.number("/energy_j"));
+    // The laser's 3 kW cannot give more, and the beam rests on the target only while it is on.
+    assert!(0.0 < dwell_s && dwell_s * 3000.0 <= energy_j * 1.001, "{dwell_s} s, {energy_j} J");
+    assert!(run.number("/real_time_factor") > 0.0);
+    let shares = ["render", "inference", "other"].map(|k| run.number(&format!("/share/{k}")));
+    assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)), "{shares:?}");
+    assert!((shares.iter().sum::<f64>() - 1.0).abs() < 0.01, "{shares:?}");
+
+    let report = std::fs::read_to_string(run.file("report.html")).unwrap();
+    assert!(report.contains(run.hash()) && report.contains("data:image/jpeg;base64,"));
+    for chart in ["<svg", "px", "K", "W"] {
+        assert!(report.contains(chart), "the report lacks {chart}");
+    }
+    // Nothing may be loaded: names of XML namespaces are the only addresses.
+    let loads = report.replace("http://www.w3.org/", "");
+    for marker in ["http://", "https://", "src=\"/", "<link", "@import"] {
+        assert!(!loads.contains(marker), "the report loads something: {marker}");
+    }
+    let truth = messages(&run.file("run.mcap"), "/boresight/frame_truth");
+    let seen: Vec<_> = truth
+        .iter()
+        .flat_map(|data| proto::FrameTruth::decode(&data[..]).unwrap().uavs)
+        .collect();
+    assert!(seen.iter().any(|uav| uav.visible_fraction > 0.9 && uav.range_m > 900.0));
+    read_with_python(&run.file("run.mcap"));
+}
+
+/// Reads a recording with the format's own Python library, as an outside user would.
+fn read_with_python(mcap: &Path) {
+    let Some(python) = std::env::var_os("BORESIGHT_PYTHON") else {
+        println!("SKIP: BORESIGHT_PYTHON is not set; ./test sets it");
+        return;
+    };
+    let modules = ["-c", "import mcap, mcap_protobuf"];
+    if !Command::new(&python).args(modules).output().is_ok_and(|o| o.status.success()) {
+        println!("SKIP: {} lacks mcap and mcap_protobuf; ./test installs them", python.display());
+        return;
+    }
+    let script = Path::new(ROOT).join("tests/read_mcap.py");
+    let output = Command::new(&python).arg(script).arg(mcap).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{text}{}", stderr(&output));
+    assert!(text.contains("\ncomplete, "), "{text}");
+    let count = |topic: &str| {
+        let line = text.lines().find(|line| line.ends_with(topic));
+        let count = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
+        count.unwrap_or_else(|| panic!("no topic {topic} in\n{text}"))
+    };
+    let topics = [
+        "foxglove.FrameTransforms", "foxglove.SceneUpdate", "foxglove.CompressedImage",
+        "foxglove.ImageAnnotations", "foxglove.CameraCalibration", "foxglove.LocationFix",
+        "foxglove.Log",
+    ];
+    for schema in topics {
+        assert!(text.contains(schema), "no {schema} in\n{text}");
+    }
+    for topic in [
+        "/boresight/tick", "/boresight/uav_state", "/boresight/mount_state",
+        "/boresight/track_state", "/boresight/beam_state", "/boresight/frame_truth",
+        "/boresight/detections", "/boresight/miss_distance", "/stv/image", "/ctv/image",
+        "/ptv/image",
+    ] {
+        assert!(count(topic) > 0, "no message on {topic} in\n{text}");
+    }
+    assert!(text.contains("attachment: scenario"), "{text}");
+}
+
+// ---- The other scenarios ---------------------------------------------------------------------
+
+#[test]
+fn every_shipped_scenario_passes_its_check() {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(Path::new(ROOT).join("scenarios")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
+        let output = boresight().arg("check").arg(&path).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        names.push(path.file_stem().unwrap().to_string_lossy().into_owned());
+    }
+    names.sort();
+    let shipped = [
+        "crossing_pair", "night_fog", "paper_table2_matrice200", "paper_table2_mavic",
+        "paper_table2_phantom4", "urban_intercept",
+    ];
+    for name in shipped {
+        assert!(names.iter().any(|there| there == name), "{name} is not among {names:?}");
+    }
+}
+
+#[test]
+fn a_foggy_night_ends_without_acquisition() {
+    let _one = rendering();
+    let run = run_scenario("night_fog", &["--set", "duration_s=3"]);
+    assert_eq!(run.text("outcome"), "not_acquired", "{:#}", run.summary);
+    assert!(!run.text("reason").is_empty());
+    assert_eq!(run.summary["time_to_acquire_s"], Value::Null);
+    assert_eq!(run.summary["time_to_neutralise_s"], Value::Null);
+    assert_eq!(run.number("/energy_j"), 0.0);
+    let changes = messages(&run.file("run.mcap"), "/log");
+    assert!(!changes.is_empty(), "no reasons are logged");
+}
+
+#[test]
+fn a_crossing_pair_is_taken_apart_one_by_one() {
+    let run = run_scenario("crossing_pair", &BLIND);
+    let outcome = run.text("outcome");
+    assert!(
+        ["neutralised", "partly_neutralised", "tracked"].contains(&outcome),
+        "{:#}",
+        run.summary
+    );
+    assert!(run.number("/time_to_acquire_s") > 0.0);
+    // 3 kW and 2 kg of plastic: no UAV falls of a touch.
+    if outcome != "tracked" {
+        assert!(run.number("/dwell_s") > 0.1, "{:#}", run.summary);
+    }
+    let names: std::collections::BTreeSet<_> = messages(&run.file("run.mcap"), "/boresight/uav_state")
+        .iter()
+        .map(|data| proto::UavState::decode(&data[..]).unwrap().name)
+        .collect();
+    assert_eq!(names.into_iter().collect::<Vec<_>>(), ["far", "near"]);
+}
+
+#[test]
+fn the_papers_table_2_runs_to_its_end() {
+    for name in ["phantom4", "mavic", "matrice200"] {
+        let run = run_scenario(&format!("paper_table2_{name}"), &BLIND);
+        // The paper measures tracking alone: 1,500 frames at 120 Hz, no shot.
+        assert_eq!(run.number("/simulated_s"), 12.5);
+        assert_eq!(run.text("outcome"), "tracked", "{:#}", run.summary);
+        assert_eq!(run.number("/energy_j"), 0.0);
+        let frames = run.number("/miss_distance_px/precise/n");
+        assert!((500.0..=1500.0).contains(&frames), "{frames}");
+        let mean_px = run.number("/miss_distance_px/precise/mean");
+        // A target outside its 640 x 480 picture is not being tracked.
+        assert!(mean_px < 400.0, "{mean_px}");
+    }
+}
+
+#[test]
+fn a_killed_run_leaves_a_readable_recording() {
+    let folder = TempDir::new().unwrap();
+    let mcap = folder.path().join("run.mcap");
+    let mut child = boresight()
+        .args(["run", "scenarios/urban_intercept.toml", "--set", "duration_s=3600"])
+        // An unauthorised laser ends nothing early.
+        .args(["--set", "engage.authorised=false", "--out"])
+        .arg(folder.path())
+        .args(BLIND)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let size = || std::fs::metadata(&mcap).map_or(0, |file| file.len());
+    while size() < 500_000 && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let bytes = std::fs::read(&mcap).unwrap();
+    let options = mcap::read::Options::IgnoreEndMagic.into();
+    let ticks = mcap::MessageStream::new_with_options(&bytes, options)
+        .unwrap()
+        // The chunk that was being written when the process died is lost.
+        .map_while(Result::ok)
+        .filter(|message| message.channel.topic == "/boresight/tick")
+        .map(|message| proto::Tick::decode(&message.data[..]).unwrap().tick)
+        .collect::<Vec<_>>();
+    assert!(ticks.len() > 960, "{} ticks", ticks.len());
+    assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 1));
+}
+
+// ---- Determinism -----------------------------------------------------------------------------
+
+#[test]
+fn one_seed_is_one_run_whatever_the_threads() {
+    let run = |extra: &[&str]| {
+        let mut args = BLIND.to_vec();
+        args.extend(["--set", "duration_s=6"]);
+        args.extend(extra);
+        run_scenario("crossing_pair", &args)
+    };
+    let first = run(&[]);
+    let hashes = tick_hashes(&first);
+    assert_eq!(hashes.len(), 6 * 960, "one hash a tick");
+    let last = hashes.last().map(|(_, hash)| format!("{hash:016x}"));
+    assert_eq!(last.as_deref(), Some(first.hash()));
+    let recorded = std::fs::read(first.file("run.mcap")).unwrap();
+    for threads in ["1", "2", "8"] {
+        let again = run(&["--threads", threads]);
+        assert_eq!(again.hash(), first.hash(), "--threads {threads}");
+        assert_eq!(tick_hashes(&again), hashes, "--threads {threads}");
+        let bytes = std::fs::read(again.file("run.mcap")).unwrap();
+        assert!(bytes == recorded, "--threads {threads}: the recordings differ");
+    }
+    let other = run(&["--seed", "2"]);
+    assert_eq!(other.summary["seed"], 2);
+    assert_ne!(other.hash(), first.hash());
+}
+
+#[test]
+fn rendering_changes_no_state() {
+    let _one = rendering();
+    let truth = ["--set", "detector.kind=truth", "--set", "duration_s=1.5"];
+    let with = |extra: &[&str]| run_scenario("urban_intercept", &[&truth[..], extra].concat());
+    let blind = with(&["--no-capture"]);
+    let (first, second) = (with(&["--threads", "1"]), with(&["--threads", "8"]));
+    assert_eq!(first.hash(), blind.hash());
+    assert_eq!(tick_hashes(&first), tick_hashes(&blind));
+    assert!(messages(&first.file("run.mcap"), "/ptv/image").len() > 10);
+    let bytes = [&first, &second].map(|run| std::fs::read(run.file("run.mcap")).unwrap());
+    assert!(bytes[0] == bytes[1], "two runs of one seed leave different recordings");
+}
+
+#[test]
+fn the_network_sees_the_same_on_one_thread_and_on_eight() {
+    let _one = rendering();
+    let run = |threads| {
+        let args = ["--set", "duration_s=1", "--threads", threads];
+        run_scenario("urban_intercept", &args)
+    };
+    let (one, eight) = (run("1"), run("8"));
+    assert!(messages(&one.file("run.mcap"), "/boresight/detections").len() > 10);
+    assert_eq!(tick_hashes(&one), tick_hashes(&eight));
+    assert_eq!(one.hash(), eight.hash());
+}
+
+// ---- Bad input -------------------------------------------------------------------------------
+
+/// Asserts that a command ends with 2 and one line that says `wanted`.
+#[track_caller]
+fn refused(command: &mut Command, wanted: &[&str]) {
+    let output = command.output().unwrap();
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{command:?}: {text}");
+    assert!(!text.contains("panicked"), "{command:?}: {text}");
+    let lines: Vec<_> = text.lines().collect();
+    assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{command:?}: {text}");
+    for words in wanted {
+        assert!(text.contains(words), "{command:?}: no '{words}' in {text}");
+    }
+}
+
+/// `boresight run` of a scenario without images into a folder of its own.
+fn blind(folder: &Path, scenario: impl AsRef<Path>) -> Command {
+    let mut command = boresight();
+    command.arg("run").arg(scenario.as_ref()).args(BLIND);
+    command.arg("--out").arg(folder.join("out"));
+    command
+}
+
+/// The demo's text with `from` replaced, as a file of its own, and the line of the change.
+fn altered(folder: &Path, from: &str, to: &str) -> (PathBuf, usize) {
+    let text = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
+    let text = text.unwrap();
+    let at = text.find(from).unwrap_or_else(|| panic!("the demo has no '{from}'"));
+    let path = folder.join("altered.toml");
+    std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    (path, 1 + text[..at].matches('\n').count())
+}
+
+#[test]
+fn a_bad_scenario_is_one_error_that_names_the_place() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    // What is replaced, by what, and what the error must say beside file and line.
+    let cases: [(&str, &str, &[&str]); 7] = [
+        ("duration_s = 25.0", "duration_s = 25.0\nwatts = 3", &["watts", "unknown key", "expected"]),
+        ("duration_s = 25.0", "duration_s = \"long\"", &["duration_s", "a number"]),
+        ("\"phantom4\"", "\"phantom9\"", &["uavs[0].model", "did you mean 'phantom4'"]),
+        ("[search]", "[station.cameras.precise]\nrate_hz = 7\n[search]", &[
+            "station.cameras.precise.rate_hz", "does not divide tick_hz", "nearest",
+        ]),
+        ("LSZH 200850Z 24005KT", "LSZH it rains", &["weather.metar"]),
+        ("47.3769", "473769.0", &["site.latitude_deg", "must be from"]),
+        ("kind = \"straight\"", "kind = \"teleport\"", &["uavs[0].trajectory", "teleport"]),
+    ];
+    for (from, to, wanted) in cases {
+        let (path, line) = altered(folder, from, to);
+        let line = line + to.matches('\n').count().min(1);
+        let place = format!("altered.toml:{line}: ");
+        let wanted = [&[&place[..]], wanted].concat();
+        refused(&mut blind(folder, &path), &wanted);
+        refused(boresight().arg("check").arg(&path), &wanted);
+    }
+    // Cut inside a string.
+    let path = folder.join("cut.toml");
+    let text = std::fs::read(Path::new(ROOT).join("scenarios/urban_intercept.toml")).unwrap();
+    let cut = text.windows(4).position(|w| w == b"LSZH").unwrap();
+    std::fs::write(&path, &text[..cut]).unwrap();
+    refused(&mut blind(folder, &path), &["cut.toml:", "not TOML"]);
+    refused(&mut blind(folder, folder.join("absent.toml")), &["absent.toml", "cannot be read"]);
+    // Not UTF-8.
+    std::fs::write(&path, [0xff, 0xfe, 0x00]).unwrap();
+    refused(&mut blind(folder, &path), &["cut.toml"]);
+
+    let demo = "scenarios/urban_intercept.toml";
+    for (set, wanted) in [
+        ("uavs.0.model=phantom9", "uavs[0].model"),
+        ("duration_s", "expected key=value"),
+        ("uavs.7.model=fpv5", "no entry '7'"),
+        ("duration_s=-1", "duration_s"),
+        ("duration_s=nan", "finite"),
+    ] {
+        refused(blind(folder, demo).args(["--set", set]), &["--set", set, wanted]);
+    }
+}
+
+#[test]
+fn a_bad_recorded_flight_is_one_error_that_names_the_row() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let from = "{ kind = \"straight\", start_enu_m = [-776.4, 635.0, 80.0], \
+                velocity_enu_mps = [5.657, 5.657, 0.0] }";
+    let (path, _) = altered(folder, from, "{ kind = \"recorded\", file = \"flight.csv\" }");
+    let good = "t_s,east_m,north_m,up_m\n0,-776,635,90\n1,-770,641,90\n2,-764,647,90\n";
+    let at = ["altered.toml", "uavs[0].trajectory"];
+    refused(&mut blind(folder, &path), &[&at[..], &["flight.csv"]].concat());
+    for (row, wanted) in [("3,-760,north,90", "5"), ("1.5,-760,650,90", "5"), ("3,-760", "5")] {
+        std::fs::write(folder.join("flight.csv"), format!("{good}{row}\n")).unwrap();
+        let wanted = [&at[..], &["flight.csv", wanted]].concat();
+        refused(&mut blind(folder, &path), &wanted);
+        refused(boresight().arg("check").arg(&path), &wanted);
+    }
+    std::fs::write(folder.join("flight.csv"), good).unwrap();
+    let output = boresight().arg("check").arg(&path).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+#[test]
+fn a_bad_detector_model_is_one_error_that_names_the_file() {
+    let folder = TempDir::new().unwrap();
+    let run = |model: &str| {
+        let mut command = boresight();
+        command.args(["run", "scenarios/urban_intercept.toml", "--out"]).arg(folder.path());
+        command.args(["--set", &format!("detector.onnx_model=\"{model}\"")]);
+        command
+    };
+    // The error points to the key to mend, or to the interface the model must have.
+    for (model, wanted) in [
+        ("absent.onnx", "detector.onnx_model"),
+        ("tests/data/models", "detector.onnx_model"),
+        ("tests/data/models/truncated.onnx", "not a usable ONNX model"),
+        ("tests/data/models/wrong_inputs.onnx", "expected one input `image`"),
+        ("tests/data/models/nan.onnx", "not finite"),
+    ] {
+        refused(&mut run(model), &["detector model", model, wanted]);
+    }
+    let mut command = run("assets/models/saliency.onnx");
+    command.env("ORT_DYLIB_PATH", "/nonexistent/libonnxruntime.so");
+    refused(&mut command, &["ONNX Runtime", "/nonexistent/libonnxruntime.so", "setup.sh"]);
+    // A library, but another one.
+    std::fs::write(folder.path().join("libonnxruntime.so"), "no library").unwrap();
+    let mut command = run("assets/models/saliency.onnx");
+    command.env("ORT_DYLIB_PATH", folder.path().join("libonnxruntime.so"));
+    refused(&mut command, &["ONNX Runtime", "libonnxruntime.so"]);
+    let mut command = run("assets/models/saliency.onnx");
+    refused(command.arg("--no-capture"), &["--no-capture", "detector.kind=truth"]);
+}
+
+#[test]
+fn a_machine_that_cannot_is_one_error_that_names_the_mend() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let demo = "scenarios/urban_intercept.toml";
+    let mut command = boresight();
+    command.args(["run", demo, "--set", "detector.kind=truth", "--out"]).arg(folder);
+    for key in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "LIBGL_DRIVERS_PATH"] {
+        command.env(key, "/nonexistent");
+    }
+    refused(&mut command, &["no Vulkan adapter", "apt-get install", "--no-capture"]);
+
+    // A file where the folder, or the folder above it, should be; a folder where the file should.
+    let file = folder.join("file");
+    std::fs::write(&file, "").unwrap();
+    for out in [file.clone(), file.join("out"), "/proc/boresight".into()] {
+        let mut command = boresight();
+        command.args(["run", demo]).args(BLIND).arg("--out").arg(&out);
+        refused(&mut command, &["output folder", out.to_str().unwrap(), "--out"]);
+    }
+    std::fs::create_dir_all(folder.join("out/run.mcap")).unwrap();
+    refused(&mut blind(folder, demo), &["run.mcap"]);
+}
+
+// ---- Rendered truth --------------------------------------------------------------------------
+
+/// The demo with the truth as detector, a search camera that stares, and one UAV that hovers.
+fn hovering_at(r_enu_m: DVec3) -> Loaded {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let [e, n, u] = r_enu_m.to_array();
+    let overrides = [
+        "detector.kind=truth".to_string(),
+        // Still tracked: a target that falls changes shape.
+        "engage.authorised=false".to_string(),
+        "search.pattern=stare".to_string(),
+        "search.cue.sigma_deg=0.001".to_string(),
+        format!("uavs.0.trajectory={{ kind = \"hover\", position_enu_m = [{e}, {n}, {u}] }}"),
+    ];
+    Scenario::load(&path, &overrides).unwrap()
+}
+
+/// A frame, the UAV in it by projection and by its rendered identity, and by a silhouette of
+/// 16 x 4 samples across a pixel.
+struct Seen {
+    frame: Frame,
+    geometric: UavInFrame,
+    rendered: RenderedTruth,
+    fine_box_px: [f64; 4],
+    fine_centroid_px: DVec2,
+}
+
+/// Renders `seconds` of a scenario with one UAV and takes every frame that has it.
+fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
+    const FINER: u32 = 16;
+    let options = Options { capture: true, ..Options::default() };
+    let mut app = run::build(loaded, &options).unwrap();
+    let world = app.world_mut();
+    let mut uavs = world.query::<(&Uav, &Flight, &Shape)>();
+    let mut cameras = world.query::<&SensorCamera>();
+    let mut seen = Vec::new();
+    for _ in 0..(seconds * f64::from(loaded.scenario.tick_hz)) as u64 {
+        run::step(world).unwrap();
+        for frame in &world.resource::<Frames>().0 {
+            let (Some(geometric), Ok((_, flight, shape))) =
+                (frame.truth.first(), uavs.single(world))
+            else {
+                continue;
+            };
+            let camera = cameras.iter(world).find(|camera| camera.tier == frame.tier).unwrap();
+            let finer = |n: u32| FINER * n;
+            let state = &flight.state;
+            let fine = raster::silhouette(
+                &Pinhole {
+                    width_px: finer(camera.pinhole.width_px),
+                    height_px: finer(camera.pinhole.height_px),
+                    focal_px: f64::from(FINER) * camera.pinhole.focal_px,
+                },
+                &frame.pose,
+                (state.r_enu_m, state.q_enu_body),
+                &state.rotor_phase_rad,
+                &shape.mesh,
+                boresight::components::camera::PixelRect {
+                    offset_px: frame.rect.offset_px.map(finer),
+                    size_px: frame.rect.size_px.map(finer),
+                },
+                4,
+            );
+            let coarser = |x: f64| x / f64::from(FINER);
+            seen.push(Seen {
+                frame: frame.clone(),
+                geometric: geometric.clone(),
+                rendered: geometric.rendered.unwrap(),
+                fine_box_px: fine.box_px().unwrap().map(coarser),
+                fine_centroid_px: DVec2::from(fine.centroid_px().unwrap().map(coarser)),
+            });
+        }
+    }
+    seen
+}
+
+#[test]
+fn a_rendered_uav_is_where_the_truth_has_it() {
+    let _one = rendering();
+    let all = rendered(&hovering_at(DVec3::new(-660.0, 660.0, 125.0)), 1.2);
+    let (mut small, mut worst_px, mut sum) = (0, 0.0f64, DVec2::ZERO);
+    for seen in &all {
+        let truth = &seen.rendered;
+        assert!(truth.visible_fraction > 0.97, "{}", truth.visible_fraction);
+        let (id, fine) = (truth.box_px.unwrap(), seen.fine_box_px);
+        let projected = seen.geometric.box_px;
+        for edge in 0..4 {
+            // No identity outside the projection, to the pixel that an edge falls in.
+            let outward = if edge < 2 { projected[edge] - id[edge] } else { id[edge] - projected[edge] };
+            assert!(outward < 1.0 + 1e-6, "{id:?} leaves {projected:?}");
+            // A pixel's samples may all miss a thin part: two pixels cover arm and blade.
+            assert!((id[edge] - fine[edge]).abs() < 2.0, "{id:?} against {fine:?}");
+        }
+        let error = DVec2::from(truth.centroid_px.unwrap()) - seen.fine_centroid_px;
+        let span_px = (fine[2] - fine[0]).max(fine[3] - fine[1]);
+        if (2.0..4.0).contains(&span_px) {
+            small += 1;
+            worst_px = worst_px.max(error.length());
+            sum += error;
+        }
+        println!(
+            "{} {span_px:.2} px: {:+.3} {:+.3}",
+            seen.frame.tier.name(), error.x, error.y
+        );
+    }
+    let bias = sum / f64::from(small);
+    println!("{small} frames of a 3 px target: worst {worst_px:.3} px, mean {bias:.3}");
+    assert!(small >= 10, "{small} of {} frames", all.len());
+    assert!(worst_px < 0.1, "{worst_px}");
+    assert!(bias.length() < 0.05, "{bias}");
+}
+
+/// A place behind a building of the demo's city, well below the line to its roof.
+fn hidden_place(dsm: &Dsm, station_enu_m: DVec3, city: &City) -> DVec3 {
+    let around = |r: DVec3| {
+        let steps = [-2.0, 0.0, 2.0];
+        steps.iter().flat_map(move |e| {
+            steps.iter().flat_map(move |n| steps.iter().map(move |u| r + DVec3::new(*e, *n, *u)))
+        })
+    };
+    let candidates = city.buildings.iter().flat_map(|building| {
+        let outline = building.footprint_enu_m();
+        let centre = outline.iter().sum::<DVec2>() / outline.len() as f64;
+        let away = centre.normalize();
+        let reach_m = outline.iter().map(|p| (*p - centre).length()).fold(0.0, f64::max);
+        let behind = centre + (reach_m + 6.0) * away;
+        let ground_m = dsm.surface_m(behind.x, behind.y);
+        [5.0, 10.0, 15.0].map(|height_m| behind.extend(ground_m + height_m))
+    });
+    candidates
+        .filter(|r| (300.0..800.0).contains(&r.distance(station_enu_m)))
+        .find(|r| {
+            around(*r).all(|p| {
+                p.z > dsm.surface_m(p.x, p.y) + 1.0
+                    && matches!(dsm.line_of_sight(station_enu_m, p), LineOfSight::BlockedAt(_))
+            })
+        })
+        .expect("a city hides something")
+}
+
+#[test]
+fn a_uav_behind_a_building_is_not_visible() {
+    let _one = rendering();
+    let scenario = hovering_at(DVec3::new(-660.0, 660.0, 125.0)).scenario;
+    let city = City::generate(&scenario.city).unwrap();
+    let r_enu_m = hidden_place(&city.dsm, city.station_enu_m(), &city);
+    let all = rendered(&hovering_at(r_enu_m), 0.2);
+    assert!(all.len() >= 5, "{} frames", all.len());
+    for seen in &all {
+        assert!(!seen.geometric.clear);
+        assert!(seen.rendered.visible_fraction < 0.2, "{}", seen.rendered.visible_fraction);
+    }
+}
+
+#[test]
+fn a_window_shows_what_the_whole_sensor_shows() {
+    // The projection of a readout window is a part of the sensor's: same pixel, same direction.
+    let whole = SensorProjection {
+        focal_px: 5_000.0,
+        sensor_px: [640, 480],
+        offset_px: [0, 0],
+        size_px: [640, 480],
+    };
+    let window = SensorProjection { offset_px: [128, 64], size_px: [256, 256], ..whole };
+    use bevy::camera::CameraProjection as _;
+    let pixel = |projection: &SensorProjection, point: bevy::math::Vec3| {
+        let ndc = projection.get_clip_from_view().project_point3(point);
+        let [width, height] = projection.size_px.map(f64::from);
+        let [left, top] = projection.offset_px.map(f64::from);
+        let (x, y) = (f64::from(ndc.x), f64::from(ndc.y));
+        DVec2::new(left + 0.5 * (1.0 + x) * width, top + 0.5 * (1.0 - y) * height)
+    };
+    for (x, y) in [(0.0, 0.0), (-10.0, 7.0), (3.0, -12.0)] {
+        let point = bevy::math::Vec3::new(x, y, -1_000.0);
+        let (a, b) = (pixel(&whole, point), pixel(&window, point));
+        assert!((a - b).length() < 1e-3, "{a} {b}");
+        let exact = DVec2::new(320.0 + 5.0 * f64::from(x), 240.0 - 5.0 * f64::from(y));
+        assert!((a - exact).length() < 1e-3, "{a} {exact}");
+    }
+}
