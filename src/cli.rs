@@ -1,17 +1,17 @@
 //! The command line.
 
 use crate::components::clock::SimClock;
-use crate::components::record::{History, Recording};
+use crate::components::record::History;
 use crate::components::track::Tracker;
 use crate::models::uav::{UavKind, model};
 use crate::run::{self, Options, RunError};
 use crate::scenario::{self, Loaded, Scenario};
 use crate::summary::{self, Finished};
-use bevy::platform::cell::SyncCell;
+use crate::systems::view;
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Simulator of urban laser counter-UAV systems. Simulation only: it drives no real mount and no
@@ -121,6 +121,10 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 }
                 _ => None,
             };
+            if let Some((file, _)) = &screenshot {
+                view::check_screenshot(file)?;
+            }
+            view::display()?;
             let options = Options {
                 seed: args.seed,
                 capture: true,
@@ -130,7 +134,10 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 ..Options::default()
             };
             let mut app = run::build(&loaded, &options)?;
-            crate::systems::view::drive(&mut app, &loaded, screenshot)
+            if let Some(finished) = view::drive(&mut app, &loaded, &options, screenshot)? {
+                print!("{}", summary::table(&finished.summary));
+            }
+            Ok(())
         }
         Command::Check(args) => {
             let loaded = args.load()?;
@@ -183,22 +190,7 @@ pub fn run_headless(
         }
     }
     bar.finish_and_clear();
-    if let Some(recorder) = app.world_mut().resource_mut::<Recording>().recorder.take() {
-        SyncCell::to_inner(recorder).finish()?;
-    }
-    let finished = summary::finish(app.world_mut(), loaded, options, started.elapsed());
-    if let Some(out) = &options.out {
-        write_results(out, &finished)?;
-    }
-    Ok(finished)
-}
-
-fn write_results(out: &Path, finished: &Finished) -> Result<(), RunError> {
-    let path = out.join("summary.json");
-    let text = serde_json::to_string_pretty(&finished.summary)? + "\n";
-    std::fs::write(&path, text).map_err(|source| RunError::Output { path, source })?;
-    crate::report::write_report(&out.join("report.html"), &finished.report)?;
-    Ok(())
+    summary::conclude(app.world_mut(), loaded, options, started.elapsed())
 }
 
 /// Position of the bar counts milliseconds of simulated time.

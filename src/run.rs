@@ -133,6 +133,9 @@ pub enum RunError {
          --set detector.kind=truth"
     )]
     NoAdapter,
+    /// No display to open a window on.
+    #[error("no display: DISPLAY is not set; start it under a desktop, or with xvfb-run")]
+    NoDisplay,
     /// The output folder.
     #[error("output folder {path}: {source}; name a folder that can be written with --out")]
     Output {
@@ -218,7 +221,7 @@ const BLUR_RANGE_M: f64 = 1_000.0;
 /// Angle random walk of the base gyro, 0.01 deg/sqrt(h) [rad/sqrt(s)]: a small fibre gyro.
 const GYRO_WALK: f64 = 0.01 * std::f64::consts::PI / 180.0 / 60.0;
 /// What of Bevy's and wgpu's log is worth a user's eye; `RUST_LOG` overrides it.
-const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_winit=error,bevy_render::renderer=error";
+const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_render::extract_resource=off,bevy_winit=error,bevy_render::renderer=error";
 /// Texels of the sky table.
 const SKY_TABLE: (u32, u32) = (128, 64);
 

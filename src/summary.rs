@@ -3,15 +3,17 @@
 use crate::components::beam::BeamState;
 use crate::components::camera::Tier;
 use crate::components::clock::SimClock;
-use crate::components::record::{History, StateHash};
+use crate::components::record::{History, Recording, StateHash};
 use crate::components::track::{Tracker, TrackingState};
 use crate::components::uav::{HeatedSkin, Uav, UavStatus};
 use crate::report::{
     ContactBox, ContactFrame, MissDistances, MissStats, ReportData, Shares, StateSpan, Summary,
+    write_report,
 };
-use crate::run::{Options, Stopwatch, VERSION};
+use crate::run::{Options, RunError, Stopwatch, VERSION};
 use crate::scenario::Loaded;
 use crate::systems::engage::Interlocks;
+use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use std::time::Duration;
 
@@ -21,6 +23,27 @@ pub struct Finished {
     pub summary: Summary,
     /// What the report shows.
     pub report: ReportData,
+}
+
+/// Ends a run that took `elapsed` of wall-clock time: closes its recording and writes summary and
+/// report beside it, if it has an output folder.
+pub fn conclude(
+    world: &mut World,
+    loaded: &Loaded,
+    options: &Options,
+    elapsed: Duration,
+) -> Result<Finished, RunError> {
+    if let Some(recorder) = world.resource_mut::<Recording>().recorder.take() {
+        SyncCell::to_inner(recorder).finish()?;
+    }
+    let finished = finish(world, loaded, options, elapsed);
+    if let Some(out) = &options.out {
+        let path = out.join("summary.json");
+        let text = serde_json::to_string_pretty(&finished.summary)? + "\n";
+        std::fs::write(&path, text).map_err(|source| RunError::Output { path, source })?;
+        write_report(&out.join("report.html"), &finished.report)?;
+    }
+    Ok(finished)
 }
 
 /// Sums up a run that took `elapsed` of wall-clock time.

@@ -5,8 +5,9 @@
 //! processes of its own; whatever renders takes [`rendering`], since a software rasteriser uses
 //! every core already.
 
-use boresight::components::camera::{Frame, Frames, RenderedTruth, SensorCamera, UavInFrame};
-use boresight::components::render::SensorProjection;
+use boresight::components::camera::{
+    Frame, Frames, PixelRect, RenderedTruth, SensorCamera, UavInFrame,
+};
 use boresight::components::uav::{Flight, Uav};
 use boresight::models::camera::Pinhole;
 use boresight::models::city::City;
@@ -578,7 +579,7 @@ fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
                 (state.r_enu_m, state.q_enu_body),
                 &state.rotor_phase_rad,
                 &shape.mesh,
-                boresight::components::camera::PixelRect {
+                PixelRect {
                     offset_px: frame.rect.offset_px.map(finer),
                     size_px: frame.rect.size_px.map(finer),
                 },
@@ -672,32 +673,5 @@ fn a_uav_behind_a_building_is_not_visible() {
     for seen in &all {
         assert!(!seen.geometric.clear);
         assert!(seen.rendered.visible_fraction < 0.2, "{}", seen.rendered.visible_fraction);
-    }
-}
-
-#[test]
-fn a_window_shows_what_the_whole_sensor_shows() {
-    // The projection of a readout window is a part of the sensor's: same pixel, same direction.
-    let whole = SensorProjection {
-        focal_px: 5_000.0,
-        sensor_px: [640, 480],
-        offset_px: [0, 0],
-        size_px: [640, 480],
-    };
-    let window = SensorProjection { offset_px: [128, 64], size_px: [256, 256], ..whole };
-    use bevy::camera::CameraProjection as _;
-    let pixel = |projection: &SensorProjection, point: bevy::math::Vec3| {
-        let ndc = projection.get_clip_from_view().project_point3(point);
-        let [width, height] = projection.size_px.map(f64::from);
-        let [left, top] = projection.offset_px.map(f64::from);
-        let (x, y) = (f64::from(ndc.x), f64::from(ndc.y));
-        DVec2::new(left + 0.5 * (1.0 + x) * width, top + 0.5 * (1.0 - y) * height)
-    };
-    for (x, y) in [(0.0, 0.0), (-10.0, 7.0), (3.0, -12.0)] {
-        let point = bevy::math::Vec3::new(x, y, -1_000.0);
-        let (a, b) = (pixel(&whole, point), pixel(&window, point));
-        assert!((a - b).length() < 1e-3, "{a} {b}");
-        let exact = DVec2::new(320.0 + 5.0 * f64::from(x), 240.0 - 5.0 * f64::from(y));
-        assert!((a - exact).length() < 1e-3, "{a} {exact}");
     }
 }

@@ -9,3 +9,4 @@ pub mod render;
 pub mod station;
 pub mod track;
 pub mod uav;
+pub mod view;

@@ -14,7 +14,7 @@ pub struct FlightPlugin;
 
 impl Plugin for FlightPlugin {
     fn build(&self, app: &mut App) {
-        let dt_s = app.world().resource::<SimClock>().dt_s() as f32;
+        let dt_s = app.world().resource::<SimClock>().at_s(systems::FALL_PERIOD_TICKS) as f32;
         app.init_schedule(Fall)
             // Rapier propagates transforms itself and needs what Bevy's plugin, which big_space
             // replaces, would have put here.

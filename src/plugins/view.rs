@@ -1,10 +1,53 @@
 //! The window.
 
+use crate::components::view::{Pacing, TargetChoice, WindowFrame};
+use crate::systems::view::{self as systems, Frame};
+use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
+use bevy::winit::WinitSettings;
+use bevy_egui::{
+    EguiGlobalSettings, EguiPlugin, EguiPostUpdateSet, EguiPreUpdateSet, EguiPrimaryContextPass,
+};
 
-/// The window.
+/// The window: it drives the ticks and draws between them.
 pub struct ViewPlugin;
 
 impl Plugin for ViewPlugin {
-    fn build(&self, _app: &mut App) {}
+    fn build(&self, app: &mut App) {
+        let in_window = |frame: Res<WindowFrame>| frame.active;
+        app.add_plugins(EguiPlugin::default())
+            .insert_resource(EguiGlobalSettings {
+                // The first camera is a sensor's; the panels belong to the window's.
+                auto_create_primary_context: false,
+                ..default()
+            })
+            .insert_resource(WinitSettings::continuous())
+            .init_resource::<WindowFrame>()
+            .init_resource::<Pacing>()
+            .init_resource::<TargetChoice>()
+            .configure_sets(
+                PreUpdate,
+                (EguiPreUpdateSet::ProcessInput, EguiPreUpdateSet::BeginPass).run_if(in_window),
+            )
+            .configure_sets(
+                PostUpdate,
+                (
+                    EguiPostUpdateSet::EndPass,
+                    EguiPostUpdateSet::ProcessOutput,
+                    EguiPostUpdateSet::PostProcessOutput,
+                )
+                    .run_if(in_window),
+            )
+            .add_systems(
+                Update,
+                (systems::obey_keys, systems::fly_camera).chain().run_if(in_window),
+            )
+            .add_systems(
+                EguiPrimaryContextPass,
+                (systems::draw_overlay, systems::draw_panel, systems::draw_insets).chain(),
+            )
+            .add_systems(Frame, systems::frame);
+        // The window's update is not Bevy's: ticks run Bevy's main schedule for sensor frames.
+        app.main_mut().update_schedule = Some(Frame.intern());
+    }
 }

@@ -7,6 +7,7 @@
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::uav::{Air, Flight, Guidance, Uav, UavStatus};
+use crate::models::kinematics::exp_so3;
 use crate::models::multirotor;
 use crate::models::uav::model;
 use bevy::ecs::schedule::ScheduleLabel;
@@ -60,6 +61,9 @@ pub struct HasWreck;
 const PATCH_HALF_M: f64 = 160.0;
 /// Spacing of the patch's heights [m], that of the city's surface raster.
 const PATCH_STEP_M: f64 = 2.0;
+/// Ticks to a step of Rapier: a tumbling wreck needs no more than its usual hundred or so steps a
+/// second.
+pub const FALL_PERIOD_TICKS: u64 = 8;
 /// Below this speed a wreck rests [m/s].
 const REST_MPS: f32 = 0.15;
 
@@ -126,6 +130,9 @@ pub fn fall(
     wrecks: &mut QueryState<(), With<Wreck>>,
     mut falling: Local<bool>,
 ) {
+    if !world.resource::<SimClock>().tick.is_multiple_of(FALL_PERIOD_TICKS) {
+        return;
+    }
     let before = std::mem::replace(&mut *falling, wrecks.iter(world).next().is_some());
     if before || *falling {
         world.run_schedule(Fall);
@@ -161,15 +168,23 @@ pub fn follow_wrecks(
             continue;
         };
         let state = &mut flight.state;
+        if !clock.tick.is_multiple_of(FALL_PERIOD_TICKS) {
+            state.r_enu_m += state.v_enu_mps * clock.dt_s();
+            state.q_enu_body = (state.q_enu_body
+                * exp_so3(state.omega_body_radps * clock.dt_s()))
+            .normalize();
+            continue;
+        }
         state.r_enu_m = wreck.origin_enu_m + transform.translation.as_dvec3();
         state.q_enu_body = DQuat::from_array(transform.rotation.to_array().map(f64::from)).normalize();
         state.v_enu_mps = velocity.linear.as_dvec3();
         state.omega_body_radps = state.q_enu_body.inverse() * velocity.angular.as_dvec3();
         // Dead rotors windmill to a stop within a second.
-        let decay = (-clock.dt_s() / 0.5).exp();
+        let step_s = clock.at_s(FALL_PERIOD_TICKS);
+        let decay = (-step_s / 0.5).exp();
         for (speed, phase) in state.rotor_speed_radps.iter_mut().zip(&mut state.rotor_phase_rad) {
             *speed *= decay;
-            *phase = (*phase + *speed * clock.dt_s()).rem_euclid(std::f64::consts::TAU);
+            *phase = (*phase + *speed * step_s).rem_euclid(std::f64::consts::TAU);
         }
         let r = state.r_enu_m;
         let near = r.z - environment.city.dsm.surface_m(r.x, r.y) < 1.0;

@@ -222,3 +222,83 @@ pub fn spawn(world: &mut World, content: &SceneContent) {
     ));
     world.insert_resource(SceneHandles { site_grid, solid, sky });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::geodesy::{Geodetic, SiteFrame};
+    use big_space::plugin::BigSpaceMinimalPlugins;
+
+    /// A place 50 km from the site's origin [m, ENU].
+    const FAR_ENU_M: DVec3 = DVec3::new(30_000.123, -40_000.456, 117.789);
+
+    fn site() -> SiteFrame {
+        SiteFrame::new(Geodetic {
+            latitude_rad: 47.3769f64.to_radians(),
+            longitude_rad: 8.5417f64.to_radians(),
+            height_m: 455.0, // [m]
+        })
+    }
+
+    #[test]
+    fn truth_is_sub_millimetre_50_km_from_the_origin() {
+        let site = site();
+        let (mut worst_m, mut plain_m): (f64, f64) = (0.0, 0.0);
+        for step in 0..360 {
+            let turn = DQuat::from_rotation_z(f64::from(step).to_radians());
+            let r_enu_m = turn * FAR_ENU_M;
+            let back = |r_m: DVec3| {
+                let (cell, rest) = place(&grid(), r_m, DQuat::IDENTITY);
+                grid().grid_position_double(&cell, &rest)
+            };
+            worst_m = worst_m.max(back(r_enu_m).distance(r_enu_m));
+            let r_ecef_m = site.enu_to_ecef(r_enu_m);
+            worst_m = worst_m.max(site.ecef_to_enu(back(r_ecef_m)).distance(r_enu_m));
+            plain_m = plain_m.max(r_ecef_m.as_vec3().as_dvec3().distance(r_ecef_m));
+        }
+        assert!(worst_m < 1e-4, "{worst_m}");
+        // What plain f32 coordinates of the Earth would make of it.
+        assert!(plain_m > 0.1, "{plain_m}");
+    }
+
+    #[test]
+    fn nothing_jitters_50_km_from_the_origin() {
+        let site = site();
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, BigSpaceMinimalPlugins));
+        let world = app.world_mut();
+        let root = world.spawn(BigSpaceRootBundle { grid: grid(), ..default() }).id();
+        let r_site_ecef_m = site.origin().to_ecef();
+        let (cell, transform) = place(&grid(), r_site_ecef_m, site.q_ecef_enu());
+        let site_grid = world.spawn((SiteGrid, grid(), cell, transform, ChildOf(root))).id();
+        let mut spawn = |r_enu_m: DVec3| {
+            world.spawn((place(&grid(), r_enu_m, DQuat::IDENTITY), ChildOf(site_grid))).id()
+        };
+        let moving = spawn(FAR_ENU_M);
+        let still = spawn(FAR_ENU_M + DVec3::X);
+        let camera = spawn(FAR_ENU_M - DVec3::new(20.0, 30.0, 5.0));
+        world.entity_mut(camera).insert(FloatingOrigin);
+
+        let direction = DVec3::new(0.6, 0.48, 0.64);
+        let (mut worst_m, mut plain_m): (f64, f64) = (0.0, 0.0);
+        for millimetres in 0..300 {
+            let moved_m = 1e-3 * f64::from(millimetres) * direction;
+            let r_enu_m = FAR_ENU_M + moved_m;
+            let at = place(&grid(), r_enu_m, DQuat::IDENTITY);
+            app.world_mut().entity_mut(moving).insert(at);
+            app.update();
+            let seen = |entity: Entity| {
+                let transform = app.world().get::<GlobalTransform>(entity);
+                transform.map(GlobalTransform::translation).unwrap()
+            };
+            let truth_m = DVec3::X - moved_m;
+            let apart_m = (seen(still) - seen(moving)).as_dvec3();
+            worst_m = worst_m.max(apart_m.distance(truth_m));
+            let plain = (FAR_ENU_M + DVec3::X).as_vec3() - r_enu_m.as_vec3();
+            plain_m = plain_m.max(plain.as_dvec3().distance(truth_m));
+        }
+        assert!(worst_m < 1e-4, "{worst_m}");
+        // Plain f32 coordinates jump by more than a step.
+        assert!(plain_m > 1e-3, "{plain_m}");
+    }
+}
