@@ -1,1 +1,219 @@
-fn main() {}
+//! Speed: ticks without cameras, rendered frames, readback, inference, and where a run's time
+//! goes. `cargo bench` takes some three minutes on two cores.
+
+use bevy::prelude::*;
+use boresight::cli;
+use boresight::components::camera::{Frames, Readout, SensorCamera, Tier};
+use boresight::components::clock::SimClock;
+use boresight::components::track::{Tracker, TrackingState};
+use boresight::inference::OnnxDetector;
+use boresight::run::{self, Options};
+use boresight::scenario::{Loaded, Scenario};
+use boresight::systems::capture::{self, SensorViews};
+use boresight::systems::render::Renderer;
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Duration;
+
+const DEMO: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/scenarios/urban_intercept.toml"
+);
+
+/// The demo with `uavs` UAVs, 20 m apart, and overrides.
+fn demo(uavs: usize, overrides: &[&str]) -> Loaded {
+    let mut text = std::fs::read_to_string(DEMO).expect("the demo is there");
+    for i in 1..uavs {
+        let (east_m, up_m) = (
+            -776.4 - 20.0 * (i % 10) as f64,
+            90.0 + 20.0 * (i / 10) as f64,
+        );
+        write!(
+            text,
+            "\n[[uavs]]\nname = \"more {i}\"\nmodel = \"phantom4\"\n[uavs.trajectory]\n\
+             kind = \"straight\"\nstart_enu_m = [{east_m}, 635.0, {up_m}]\n\
+             velocity_enu_mps = [5.657, 5.657, 0.0]\n"
+        )
+        .expect("a string takes everything");
+    }
+    let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
+    let scenario = Scenario::parse(&text, DEMO, &overrides).expect("the demo is valid");
+    Loaded {
+        scenario,
+        source: text,
+        path: DEMO.into(),
+    }
+}
+
+/// Ticks per second without images: with the truth detector at the cameras' rates, and bare,
+/// with cameras that expose once a second.
+fn ticks(criterion: &mut Criterion) {
+    const TICKS: u64 = 96;
+    let mut group = criterion.benchmark_group("tick");
+    group
+        .sample_size(10)
+        .measurement_time(Duration::from_secs(3));
+    group
+        .warm_up_time(Duration::from_millis(500))
+        .throughput(Throughput::Elements(TICKS));
+    let truth = ["detector.kind=truth", "engage.authorised=false"];
+    let slow =
+        ["search", "coarse", "precise"].map(|camera| format!("station.cameras.{camera}.rate_hz=1"));
+    for uavs in [1, 10, 100] {
+        for (name, bare) in [("truth detector", false), ("bare", true)] {
+            let slow = slow.iter().map(String::as_str).filter(|_| bare);
+            let overrides: Vec<&str> = truth.into_iter().chain(slow).collect();
+            let loaded = demo(uavs, &overrides);
+            let mut app = run::build(&loaded, &Options::default()).expect("the demo builds");
+            group.bench_function(format!("{uavs} UAV, {name}"), |bencher| {
+                bencher.iter(|| {
+                    for _ in 0..TICKS {
+                        run::step(app.world_mut()).expect("a tick");
+                    }
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+/// Sets one camera to `readout` and the others to rest, and the clock to a tick at which it is
+/// due; gives the entity that renders its frames and their size.
+fn only(world: &mut World, tier: Tier, readout: Readout) -> (Entity, [u32; 2]) {
+    let hz = u64::from(world.resource::<SimClock>().tick_hz);
+    world.resource_mut::<SimClock>().tick = 10 * hz;
+    let mut chosen = None;
+    let mut cameras = world.query::<(&SensorCamera, &SensorViews, &mut Readout)>();
+    for (camera, views, mut state) in cameras.iter_mut(world) {
+        *state = Readout::Off;
+        if camera.tier == tier {
+            *state = readout;
+            let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+            chosen = Some(match (readout, camera.window_px, views.window) {
+                (Readout::Around(_), Some(side), Some(view)) => (view, [side; 2]),
+                _ => (views.full, sensor_px),
+            });
+        }
+    }
+    chosen.expect("every tier has a camera")
+}
+
+/// Milliseconds per frame over the demo city, once the precise camera holds the UAV.
+fn frames(criterion: &mut Criterion) {
+    let loaded = demo(1, &["detector.kind=truth", "engage.authorised=false"]);
+    let options = Options {
+        capture: true,
+        ..Options::default()
+    };
+    let mut app = run::build(&loaded, &options).expect("a graphics adapter");
+    let world = app.world_mut();
+    while world.resource::<Tracker>().state != TrackingState::Precise {
+        assert!(
+            !run::step(world).expect("a tick"),
+            "the precise camera never gets the UAV"
+        );
+    }
+    let mut group = criterion.benchmark_group("frame");
+    group
+        .sample_size(10)
+        .measurement_time(Duration::from_secs(3));
+    group.warm_up_time(Duration::from_millis(500));
+    let around = Readout::Around([320.0, 240.0]);
+    for (name, tier, readout) in [
+        ("precise 640x480", Tier::Precise, Readout::Full),
+        ("precise 256x256", Tier::Precise, around),
+        ("search 640x480", Tier::Search, Readout::Full),
+    ] {
+        let (view, size_px) = only(world, tier, readout);
+        let capture = |world: &mut World| {
+            world
+                .run_system_cached(capture::expose)
+                .expect("an exposure");
+            capture::render_frames(world);
+        };
+        group.bench_function(format!("{name}, with sensor model and truth"), |bencher| {
+            bencher.iter(|| capture(world));
+        });
+        assert_eq!(world.resource::<Frames>().0.len(), 1);
+
+        let mut renderer = world.remove_non_send::<Renderer>().expect("a renderer");
+        let mut pixels = Vec::new();
+        let activate = |world: &mut World| {
+            world.get_mut::<Camera>(view).expect("a view").is_active = true;
+        };
+        activate(world);
+        group.bench_function(format!("{name}, rendering and readback"), |bencher| {
+            bencher.iter(|| {
+                renderer.render(world);
+                renderer
+                    .read(view, size_px, &mut pixels)
+                    .expect("a picture");
+            });
+        });
+        // The picture is finished: what is left is the copy.
+        group.bench_function(format!("{name}, readback alone"), |bencher| {
+            bencher.iter(|| {
+                renderer
+                    .read(view, size_px, &mut pixels)
+                    .expect("a picture")
+            });
+        });
+        world.get_mut::<Camera>(view).expect("a view").is_active = false;
+        world.insert_non_send(renderer);
+    }
+    group.finish();
+}
+
+/// Milliseconds per inference of the shipped model, on a picture with noise.
+fn inference(criterion: &mut Criterion) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/saliency.onnx");
+    let mut detector = OnnxDetector::load(&path, 2).expect("the shipped model");
+    let mut group = criterion.benchmark_group("inference");
+    group
+        .sample_size(10)
+        .measurement_time(Duration::from_secs(3));
+    group.warm_up_time(Duration::from_millis(500));
+    for size_px in [[640u32, 480], [256, 256]] {
+        let [width, height] = size_px;
+        let rgb8: Vec<u8> = (0..3 * width * height)
+            .map(|i| (100 + i.wrapping_mul(2_654_435_761) % 7) as u8)
+            .collect();
+        group.bench_function(format!("{width}x{height}"), |bencher| {
+            bencher.iter(|| {
+                let mut found = Vec::new();
+                detector
+                    .detect(&rgb8, size_px, &mut found)
+                    .expect("an answer");
+                found
+            });
+        });
+    }
+    group.finish();
+}
+
+/// Where the time of a short camera run goes; printed, since it is one run and no distribution.
+fn shares(_: &mut Criterion) {
+    let loaded = demo(1, &["duration_s=2"]);
+    let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
+    let options = Options {
+        capture: true,
+        out: Some(folder.clone()),
+        ..Options::default()
+    };
+    let finished = cli::run_headless(&loaded, &options, false).expect("a run");
+    // What is left behind in the temporary folder harms nobody.
+    let _ = std::fs::remove_dir_all(folder);
+    let share = finished.summary.share;
+    println!(
+        "shares of 2 s of urban_intercept, recorded: rendering {:.1} %, inference {:.1} %, \
+         other {:.1} %; real-time factor {:.3}",
+        100.0 * share.render,
+        100.0 * share.inference,
+        100.0 * share.other,
+        finished.summary.real_time_factor
+    );
+}
+
+criterion_group!(benches, ticks, frames, inference, shares);
+criterion_main!(benches);

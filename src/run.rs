@@ -221,7 +221,7 @@ const BLUR_RANGE_M: f64 = 1_000.0;
 /// Angle random walk of the base gyro, 0.01 deg/sqrt(h) [rad/sqrt(s)]: a small fibre gyro.
 const GYRO_WALK: f64 = 0.01 * std::f64::consts::PI / 180.0 / 60.0;
 /// What of Bevy's and wgpu's log is worth a user's eye; `RUST_LOG` overrides it.
-const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_render::extract_resource=off,bevy_winit=error,bevy_render::renderer=error";
+const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_render::extract_resource=off,bevy_winit=error,winit=error,bevy_egui=error,bevy_render::renderer=error";
 /// Texels of the sky table.
 const SKY_TABLE: (u32, u32) = (128, 64);
 

@@ -40,7 +40,10 @@ fn rendering() -> MutexGuard<'static, ()> {
 fn boresight() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_boresight"));
     // Scenarios name models relative to the working directory.
-    command.current_dir(ROOT).env_remove("RUST_LOG").stdin(Stdio::null());
+    command
+        .current_dir(ROOT)
+        .env_remove("RUST_LOG")
+        .stdin(Stdio::null());
     command
 }
 
@@ -85,11 +88,19 @@ fn run_scenario(name: &str, args: &[&str]) -> Run {
         .args(args)
         .output()
         .unwrap();
-    assert!(output.status.success(), "{name} {args:?}: {}: {}", output.status, stderr(&output));
+    assert!(
+        output.status.success(),
+        "{name} {args:?}: {}: {}",
+        output.status,
+        stderr(&output)
+    );
     assert_eq!(stderr(&output), "", "{name} {args:?}");
     let summary = std::fs::read_to_string(folder.path().join("summary.json")).unwrap();
     println!("{name} {args:?}: {:.1} s", started.elapsed().as_secs_f64());
-    Run { folder, summary: serde_json::from_str(&summary).unwrap() }
+    Run {
+        folder,
+        summary: serde_json::from_str(&summary).unwrap(),
+    }
 }
 
 fn messages(mcap: &Path, topic: &str) -> Vec<Vec<u8>> {
@@ -131,17 +142,28 @@ fn the_urban_intercept_ends_neutralised() {
     }
     let mean_px = run.number("/miss_distance_px/precise/mean");
     assert!(mean_px < 2.0, "{mean_px}");
-    let (acquired_s, neutralised_s) =
-        (run.number("/time_to_acquire_s"), run.number("/time_to_neutralise_s"));
+    let (acquired_s, neutralised_s) = (
+        run.number("/time_to_acquire_s"),
+        run.number("/time_to_neutralise_s"),
+    );
     let simulated_s = run.number("/simulated_s");
     assert!(0.0 < acquired_s && acquired_s < neutralised_s && neutralised_s < simulated_s);
     let (dwell_s, energy_j) = (run.number("/dwell_s"), run.number("/energy_j"));
     // The laser's 3 kW cannot give more, and the beam rests on the target only while it is on.
-    assert!(0.0 < dwell_s && dwell_s * 3000.0 <= energy_j * 1.001, "{dwell_s} s, {energy_j} J");
+    assert!(
+        0.0 < dwell_s && dwell_s * 3000.0 <= energy_j * 1.001,
+        "{dwell_s} s, {energy_j} J"
+    );
     assert!(run.number("/real_time_factor") > 0.0);
     let shares = ["render", "inference", "other"].map(|k| run.number(&format!("/share/{k}")));
-    assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)), "{shares:?}");
-    assert!((shares.iter().sum::<f64>() - 1.0).abs() < 0.01, "{shares:?}");
+    assert!(
+        shares.iter().all(|share| (0.0..=1.0).contains(share)),
+        "{shares:?}"
+    );
+    assert!(
+        (shares.iter().sum::<f64>() - 1.0).abs() < 0.01,
+        "{shares:?}"
+    );
 
     let report = std::fs::read_to_string(run.file("report.html")).unwrap();
     assert!(report.contains(run.hash()) && report.contains("data:image/jpeg;base64,"));
@@ -151,14 +173,20 @@ fn the_urban_intercept_ends_neutralised() {
     // Nothing may be loaded: names of XML namespaces are the only addresses.
     let loads = report.replace("http://www.w3.org/", "");
     for marker in ["http://", "https://", "src=\"/", "<link", "@import"] {
-        assert!(!loads.contains(marker), "the report loads something: {marker}");
+        assert!(
+            !loads.contains(marker),
+            "the report loads something: {marker}"
+        );
     }
     let truth = messages(&run.file("run.mcap"), "/boresight/frame_truth");
     let seen: Vec<_> = truth
         .iter()
         .flat_map(|data| proto::FrameTruth::decode(&data[..]).unwrap().uavs)
         .collect();
-    assert!(seen.iter().any(|uav| uav.visible_fraction > 0.9 && uav.range_m > 900.0));
+    assert!(
+        seen.iter()
+            .any(|uav| uav.visible_fraction > 0.9 && uav.range_m > 900.0)
+    );
     read_with_python(&run.file("run.mcap"));
 }
 
@@ -169,12 +197,23 @@ fn read_with_python(mcap: &Path) {
         return;
     };
     let modules = ["-c", "import mcap, mcap_protobuf"];
-    if !Command::new(&python).args(modules).output().is_ok_and(|o| o.status.success()) {
-        println!("SKIP: {} lacks mcap and mcap_protobuf; ./test installs them", python.display());
+    if !Command::new(&python)
+        .args(modules)
+        .output()
+        .is_ok_and(|o| o.status.success())
+    {
+        println!(
+            "SKIP: {} lacks mcap and mcap_protobuf; ./test installs them",
+            python.display()
+        );
         return;
     }
     let script = Path::new(ROOT).join("tests/read_mcap.py");
-    let output = Command::new(&python).arg(script).arg(mcap).output().unwrap();
+    let output = Command::new(&python)
+        .arg(script)
+        .arg(mcap)
+        .output()
+        .unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}{}", stderr(&output));
     assert!(text.contains("\ncomplete, "), "{text}");
@@ -184,17 +223,28 @@ fn read_with_python(mcap: &Path) {
         count.unwrap_or_else(|| panic!("no topic {topic} in\n{text}"))
     };
     let topics = [
-        "foxglove.FrameTransforms", "foxglove.SceneUpdate", "foxglove.CompressedImage",
-        "foxglove.ImageAnnotations", "foxglove.CameraCalibration", "foxglove.LocationFix",
+        "foxglove.FrameTransforms",
+        "foxglove.SceneUpdate",
+        "foxglove.CompressedImage",
+        "foxglove.ImageAnnotations",
+        "foxglove.CameraCalibration",
+        "foxglove.LocationFix",
         "foxglove.Log",
     ];
     for schema in topics {
         assert!(text.contains(schema), "no {schema} in\n{text}");
     }
     for topic in [
-        "/boresight/tick", "/boresight/uav_state", "/boresight/mount_state",
-        "/boresight/track_state", "/boresight/beam_state", "/boresight/frame_truth",
-        "/boresight/detections", "/boresight/miss_distance", "/stv/image", "/ctv/image",
+        "/boresight/tick",
+        "/boresight/uav_state",
+        "/boresight/mount_state",
+        "/boresight/track_state",
+        "/boresight/beam_state",
+        "/boresight/frame_truth",
+        "/boresight/detections",
+        "/boresight/miss_distance",
+        "/stv/image",
+        "/ctv/image",
         "/ptv/image",
     ] {
         assert!(count(topic) > 0, "no message on {topic} in\n{text}");
@@ -218,11 +268,18 @@ fn every_shipped_scenario_passes_its_check() {
     }
     names.sort();
     let shipped = [
-        "crossing_pair", "night_fog", "paper_table2_matrice200", "paper_table2_mavic",
-        "paper_table2_phantom4", "urban_intercept",
+        "crossing_pair",
+        "night_fog",
+        "paper_table2_matrice200",
+        "paper_table2_mavic",
+        "paper_table2_phantom4",
+        "urban_intercept",
     ];
     for name in shipped {
-        assert!(names.iter().any(|there| there == name), "{name} is not among {names:?}");
+        assert!(
+            names.iter().any(|there| there == name),
+            "{name} is not among {names:?}"
+        );
     }
 }
 
@@ -253,10 +310,11 @@ fn a_crossing_pair_is_taken_apart_one_by_one() {
     if outcome != "tracked" {
         assert!(run.number("/dwell_s") > 0.1, "{:#}", run.summary);
     }
-    let names: std::collections::BTreeSet<_> = messages(&run.file("run.mcap"), "/boresight/uav_state")
-        .iter()
-        .map(|data| proto::UavState::decode(&data[..]).unwrap().name)
-        .collect();
+    let names: std::collections::BTreeSet<_> =
+        messages(&run.file("run.mcap"), "/boresight/uav_state")
+            .iter()
+            .map(|data| proto::UavState::decode(&data[..]).unwrap().name)
+            .collect();
     assert_eq!(names.into_iter().collect::<Vec<_>>(), ["far", "near"]);
 }
 
@@ -281,7 +339,12 @@ fn a_killed_run_leaves_a_readable_recording() {
     let folder = TempDir::new().unwrap();
     let mcap = folder.path().join("run.mcap");
     let mut child = boresight()
-        .args(["run", "scenarios/urban_intercept.toml", "--set", "duration_s=3600"])
+        .args([
+            "run",
+            "scenarios/urban_intercept.toml",
+            "--set",
+            "duration_s=3600",
+        ])
         // An unauthorised laser ends nothing early.
         .args(["--set", "engage.authorised=false", "--out"])
         .arg(folder.path())
@@ -331,7 +394,10 @@ fn one_seed_is_one_run_whatever_the_threads() {
         assert_eq!(again.hash(), first.hash(), "--threads {threads}");
         assert_eq!(tick_hashes(&again), hashes, "--threads {threads}");
         let bytes = std::fs::read(again.file("run.mcap")).unwrap();
-        assert!(bytes == recorded, "--threads {threads}: the recordings differ");
+        assert!(
+            bytes == recorded,
+            "--threads {threads}: the recordings differ"
+        );
     }
     let other = run(&["--seed", "2"]);
     assert_eq!(other.summary["seed"], 2);
@@ -349,7 +415,10 @@ fn rendering_changes_no_state() {
     assert_eq!(tick_hashes(&first), tick_hashes(&blind));
     assert!(messages(&first.file("run.mcap"), "/ptv/image").len() > 10);
     let bytes = [&first, &second].map(|run| std::fs::read(run.file("run.mcap")).unwrap());
-    assert!(bytes[0] == bytes[1], "two runs of one seed leave different recordings");
+    assert!(
+        bytes[0] == bytes[1],
+        "two runs of one seed leave different recordings"
+    );
 }
 
 #[test]
@@ -375,7 +444,10 @@ fn refused(command: &mut Command, wanted: &[&str]) {
     assert_eq!(output.status.code(), Some(2), "{command:?}: {text}");
     assert!(!text.contains("panicked"), "{command:?}: {text}");
     let lines: Vec<_> = text.lines().collect();
-    assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{command:?}: {text}");
+    assert!(
+        lines.len() == 1 && lines[0].starts_with("error: "),
+        "{command:?}: {text}"
+    );
     for words in wanted {
         assert!(text.contains(words), "{command:?}: no '{words}' in {text}");
     }
@@ -393,7 +465,9 @@ fn blind(folder: &Path, scenario: impl AsRef<Path>) -> Command {
 fn altered(folder: &Path, from: &str, to: &str) -> (PathBuf, usize) {
     let text = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
     let text = text.unwrap();
-    let at = text.find(from).unwrap_or_else(|| panic!("the demo has no '{from}'"));
+    let at = text
+        .find(from)
+        .unwrap_or_else(|| panic!("the demo has no '{from}'"));
     let path = folder.join("altered.toml");
     std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
     (path, 1 + text[..at].matches('\n').count())
@@ -405,15 +479,41 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
     let folder = folder.path();
     // What is replaced, by what, and what the error must say beside file and line.
     let cases: [(&str, &str, &[&str]); 7] = [
-        ("duration_s = 25.0", "duration_s = 25.0\nwatts = 3", &["watts", "unknown key", "expected"]),
-        ("duration_s = 25.0", "duration_s = \"long\"", &["duration_s", "a number"]),
-        ("\"phantom4\"", "\"phantom9\"", &["uavs[0].model", "did you mean 'phantom4'"]),
-        ("[search]", "[station.cameras.precise]\nrate_hz = 7\n[search]", &[
-            "station.cameras.precise.rate_hz", "does not divide tick_hz", "nearest",
-        ]),
+        (
+            "duration_s = 25.0",
+            "duration_s = 25.0\nwatts = 3",
+            &["watts", "unknown key", "expected"],
+        ),
+        (
+            "duration_s = 25.0",
+            "duration_s = \"long\"",
+            &["duration_s", "a number"],
+        ),
+        (
+            "\"phantom4\"",
+            "\"phantom9\"",
+            &["uavs[0].model", "did you mean 'phantom4'"],
+        ),
+        (
+            "[search]",
+            "[station.cameras.precise]\nrate_hz = 7\n[search]",
+            &[
+                "station.cameras.precise.rate_hz",
+                "does not divide tick_hz",
+                "nearest",
+            ],
+        ),
         ("LSZH 200850Z 24005KT", "LSZH it rains", &["weather.metar"]),
-        ("47.3769", "473769.0", &["site.latitude_deg", "must be from"]),
-        ("kind = \"straight\"", "kind = \"teleport\"", &["uavs[0].trajectory", "teleport"]),
+        (
+            "47.3769",
+            "473769.0",
+            &["site.latitude_deg", "must be from"],
+        ),
+        (
+            "kind = \"straight\"",
+            "kind = \"teleport\"",
+            &["uavs[0].trajectory", "teleport"],
+        ),
     ];
     for (from, to, wanted) in cases {
         let (path, line) = altered(folder, from, to);
@@ -429,7 +529,10 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
     let cut = text.windows(4).position(|w| w == b"LSZH").unwrap();
     std::fs::write(&path, &text[..cut]).unwrap();
     refused(&mut blind(folder, &path), &["cut.toml:", "not TOML"]);
-    refused(&mut blind(folder, folder.join("absent.toml")), &["absent.toml", "cannot be read"]);
+    refused(
+        &mut blind(folder, folder.join("absent.toml")),
+        &["absent.toml", "cannot be read"],
+    );
     // Not UTF-8.
     std::fs::write(&path, [0xff, 0xfe, 0x00]).unwrap();
     refused(&mut blind(folder, &path), &["cut.toml"]);
@@ -442,7 +545,10 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
         ("duration_s=-1", "duration_s"),
         ("duration_s=nan", "finite"),
     ] {
-        refused(blind(folder, demo).args(["--set", set]), &["--set", set, wanted]);
+        refused(
+            blind(folder, demo).args(["--set", set]),
+            &["--set", set, wanted],
+        );
     }
 }
 
@@ -452,11 +558,22 @@ fn a_bad_recorded_flight_is_one_error_that_names_the_row() {
     let folder = folder.path();
     let from = "{ kind = \"straight\", start_enu_m = [-776.4, 635.0, 80.0], \
                 velocity_enu_mps = [5.657, 5.657, 0.0] }";
-    let (path, _) = altered(folder, from, "{ kind = \"recorded\", file = \"flight.csv\" }");
+    let (path, _) = altered(
+        folder,
+        from,
+        "{ kind = \"recorded\", file = \"flight.csv\" }",
+    );
     let good = "t_s,east_m,north_m,up_m\n0,-776,635,90\n1,-770,641,90\n2,-764,647,90\n";
     let at = ["altered.toml", "uavs[0].trajectory"];
-    refused(&mut blind(folder, &path), &[&at[..], &["flight.csv"]].concat());
-    for (row, wanted) in [("3,-760,north,90", "5"), ("1.5,-760,650,90", "5"), ("3,-760", "5")] {
+    refused(
+        &mut blind(folder, &path),
+        &[&at[..], &["flight.csv"]].concat(),
+    );
+    for (row, wanted) in [
+        ("3,-760,north,90", "5"),
+        ("1.5,-760,650,90", "5"),
+        ("3,-760", "5"),
+    ] {
         std::fs::write(folder.join("flight.csv"), format!("{good}{row}\n")).unwrap();
         let wanted = [&at[..], &["flight.csv", wanted]].concat();
         refused(&mut blind(folder, &path), &wanted);
@@ -472,7 +589,9 @@ fn a_bad_detector_model_is_one_error_that_names_the_file() {
     let folder = TempDir::new().unwrap();
     let run = |model: &str| {
         let mut command = boresight();
-        command.args(["run", "scenarios/urban_intercept.toml", "--out"]).arg(folder.path());
+        command
+            .args(["run", "scenarios/urban_intercept.toml", "--out"])
+            .arg(folder.path());
         command.args(["--set", &format!("detector.onnx_model=\"{model}\"")]);
         command
     };
@@ -480,22 +599,34 @@ fn a_bad_detector_model_is_one_error_that_names_the_file() {
     for (model, wanted) in [
         ("absent.onnx", "detector.onnx_model"),
         ("tests/data/models", "detector.onnx_model"),
-        ("tests/data/models/truncated.onnx", "not a usable ONNX model"),
-        ("tests/data/models/wrong_inputs.onnx", "expected one input `image`"),
+        (
+            "tests/data/models/truncated.onnx",
+            "not a usable ONNX model",
+        ),
+        (
+            "tests/data/models/wrong_inputs.onnx",
+            "expected one input `image`",
+        ),
         ("tests/data/models/nan.onnx", "not finite"),
     ] {
         refused(&mut run(model), &["detector model", model, wanted]);
     }
     let mut command = run("assets/models/saliency.onnx");
     command.env("ORT_DYLIB_PATH", "/nonexistent/libonnxruntime.so");
-    refused(&mut command, &["ONNX Runtime", "/nonexistent/libonnxruntime.so", "setup.sh"]);
+    refused(
+        &mut command,
+        &["ONNX Runtime", "/nonexistent/libonnxruntime.so", "setup.sh"],
+    );
     // A library, but another one.
     std::fs::write(folder.path().join("libonnxruntime.so"), "no library").unwrap();
     let mut command = run("assets/models/saliency.onnx");
     command.env("ORT_DYLIB_PATH", folder.path().join("libonnxruntime.so"));
     refused(&mut command, &["ONNX Runtime", "libonnxruntime.so"]);
     let mut command = run("assets/models/saliency.onnx");
-    refused(command.arg("--no-capture"), &["--no-capture", "detector.kind=truth"]);
+    refused(
+        command.arg("--no-capture"),
+        &["--no-capture", "detector.kind=truth"],
+    );
 }
 
 #[test]
@@ -504,19 +635,31 @@ fn a_machine_that_cannot_is_one_error_that_names_the_mend() {
     let folder = folder.path();
     let demo = "scenarios/urban_intercept.toml";
     let mut command = boresight();
-    command.args(["run", demo, "--set", "detector.kind=truth", "--out"]).arg(folder);
+    command
+        .args(["run", demo, "--set", "detector.kind=truth", "--out"])
+        .arg(folder);
     for key in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "LIBGL_DRIVERS_PATH"] {
         command.env(key, "/nonexistent");
     }
-    refused(&mut command, &["no Vulkan adapter", "apt-get install", "--no-capture"]);
+    refused(
+        &mut command,
+        &["no Vulkan adapter", "apt-get install", "--no-capture"],
+    );
 
     // A file where the folder, or the folder above it, should be; a folder where the file should.
     let file = folder.join("file");
     std::fs::write(&file, "").unwrap();
     for out in [file.clone(), file.join("out"), "/proc/boresight".into()] {
         let mut command = boresight();
-        command.args(["run", demo]).args(BLIND).arg("--out").arg(&out);
-        refused(&mut command, &["output folder", out.to_str().unwrap(), "--out"]);
+        command
+            .args(["run", demo])
+            .args(BLIND)
+            .arg("--out")
+            .arg(&out);
+        refused(
+            &mut command,
+            &["output folder", out.to_str().unwrap(), "--out"],
+        );
     }
     std::fs::create_dir_all(folder.join("out/run.mcap")).unwrap();
     refused(&mut blind(folder, demo), &["run.mcap"]);
@@ -552,7 +695,10 @@ struct Seen {
 /// Renders `seconds` of a scenario with one UAV and takes every frame that has it.
 fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
     const FINER: u32 = 16;
-    let options = Options { capture: true, ..Options::default() };
+    let options = Options {
+        capture: true,
+        ..Options::default()
+    };
     let mut app = run::build(loaded, &options).unwrap();
     let world = app.world_mut();
     let mut uavs = world.query::<(&Uav, &Flight, &Shape)>();
@@ -566,7 +712,10 @@ fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
             else {
                 continue;
             };
-            let camera = cameras.iter(world).find(|camera| camera.tier == frame.tier).unwrap();
+            let camera = cameras
+                .iter(world)
+                .find(|camera| camera.tier == frame.tier)
+                .unwrap();
             let finer = |n: u32| FINER * n;
             let state = &flight.state;
             let fine = raster::silhouette(
@@ -610,10 +759,17 @@ fn a_rendered_uav_is_where_the_truth_has_it() {
         let projected = seen.geometric.box_px;
         for edge in 0..4 {
             // No identity outside the projection, to the pixel that an edge falls in.
-            let outward = if edge < 2 { projected[edge] - id[edge] } else { id[edge] - projected[edge] };
+            let outward = if edge < 2 {
+                projected[edge] - id[edge]
+            } else {
+                id[edge] - projected[edge]
+            };
             assert!(outward < 1.0 + 1e-6, "{id:?} leaves {projected:?}");
             // A pixel's samples may all miss a thin part: two pixels cover arm and blade.
-            assert!((id[edge] - fine[edge]).abs() < 2.0, "{id:?} against {fine:?}");
+            assert!(
+                (id[edge] - fine[edge]).abs() < 2.0,
+                "{id:?} against {fine:?}"
+            );
         }
         let error = DVec2::from(truth.centroid_px.unwrap()) - seen.fine_centroid_px;
         let span_px = (fine[2] - fine[0]).max(fine[3] - fine[1]);
@@ -624,7 +780,9 @@ fn a_rendered_uav_is_where_the_truth_has_it() {
         }
         println!(
             "{} {span_px:.2} px: {:+.3} {:+.3}",
-            seen.frame.tier.name(), error.x, error.y
+            seen.frame.tier.name(),
+            error.x,
+            error.y
         );
     }
     let bias = sum / f64::from(small);
@@ -636,17 +794,20 @@ fn a_rendered_uav_is_where_the_truth_has_it() {
 
 /// A place behind a building of the demo's city, well below the line to its roof.
 fn hidden_place(dsm: &Dsm, station_enu_m: DVec3, city: &City) -> DVec3 {
-    let around = |r: DVec3| {
-        let steps = [-2.0, 0.0, 2.0];
-        steps.iter().flat_map(move |e| {
-            steps.iter().flat_map(move |n| steps.iter().map(move |u| r + DVec3::new(*e, *n, *u)))
-        })
-    };
+    let steps_m = [-2.0, 0.0, 2.0];
+    let around: Vec<DVec3> = steps_m
+        .iter()
+        .flat_map(|e| steps_m.iter().map(move |n| DVec2::new(*e, *n)))
+        .flat_map(|en| steps_m.iter().map(move |u| en.extend(*u)))
+        .collect();
     let candidates = city.buildings.iter().flat_map(|building| {
         let outline = building.footprint_enu_m();
         let centre = outline.iter().sum::<DVec2>() / outline.len() as f64;
         let away = centre.normalize();
-        let reach_m = outline.iter().map(|p| (*p - centre).length()).fold(0.0, f64::max);
+        let reach_m = outline
+            .iter()
+            .map(|p| (*p - centre).length())
+            .fold(0.0, f64::max);
         let behind = centre + (reach_m + 6.0) * away;
         let ground_m = dsm.surface_m(behind.x, behind.y);
         [5.0, 10.0, 15.0].map(|height_m| behind.extend(ground_m + height_m))
@@ -654,9 +815,12 @@ fn hidden_place(dsm: &Dsm, station_enu_m: DVec3, city: &City) -> DVec3 {
     candidates
         .filter(|r| (300.0..800.0).contains(&r.distance(station_enu_m)))
         .find(|r| {
-            around(*r).all(|p| {
+            around.iter().map(|offset| *r + *offset).all(|p| {
                 p.z > dsm.surface_m(p.x, p.y) + 1.0
-                    && matches!(dsm.line_of_sight(station_enu_m, p), LineOfSight::BlockedAt(_))
+                    && matches!(
+                        dsm.line_of_sight(station_enu_m, p),
+                        LineOfSight::BlockedAt(_)
+                    )
             })
         })
         .expect("a city hides something")
@@ -672,6 +836,10 @@ fn a_uav_behind_a_building_is_not_visible() {
     assert!(all.len() >= 5, "{} frames", all.len());
     for seen in &all {
         assert!(!seen.geometric.clear);
-        assert!(seen.rendered.visible_fraction < 0.2, "{}", seen.rendered.visible_fraction);
+        assert!(
+            seen.rendered.visible_fraction < 0.2,
+            "{}",
+            seen.rendered.visible_fraction
+        );
     }
 }

@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn window_and_full_frame_agree_with_the_pinhole() {
-        let pinhole = Pinhole::from_hfov(640, 480, 0.2);
+        let Ok(pinhole) = Pinhole::from_hfov(640, 480, 0.2) else { panic!("a usual field") };
         let r_cam_m = DVec3::new(3.0, -2.0, 100.0);
         let Some(px) = pinhole.project(r_cam_m) else {
             panic!("the point lies in front of the camera")

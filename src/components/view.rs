@@ -107,7 +107,10 @@ mod tests {
         let los =
             crate::models::kinematics::az_el_to_los(glam::DVec2::new(camera.azimuth_rad, 0.3));
         let ahead = camera.to_cam(camera.r_enu_m + 50.0 * los);
-        assert!((ahead - DVec3::new(0.0, 0.0, 50.0)).length() < 1e-9, "{ahead}");
+        assert!(
+            (ahead - DVec3::new(0.0, 0.0, 50.0)).length() < 1e-9,
+            "{ahead}"
+        );
         // North-west is ahead, so north-east lies to the right, and up is minus y.
         let right = camera.to_cam(camera.r_enu_m + DVec3::new(1.0, 1.0, 0.0));
         assert!(right.x > 1.4 && right.y.abs() < 1e-9, "{right}");

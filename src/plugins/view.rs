@@ -40,11 +40,18 @@ impl Plugin for ViewPlugin {
             )
             .add_systems(
                 Update,
-                (systems::obey_keys, systems::fly_camera).chain().run_if(in_window),
+                (systems::obey_keys, systems::fly_camera)
+                    .chain()
+                    .run_if(in_window),
             )
             .add_systems(
                 EguiPrimaryContextPass,
-                (systems::draw_overlay, systems::draw_panel, systems::draw_insets).chain(),
+                (
+                    systems::draw_overlay,
+                    systems::draw_panel,
+                    systems::draw_insets,
+                )
+                    .chain(),
             )
             .add_systems(Frame, systems::frame);
         // The window's update is not Bevy's: ticks run Bevy's main schedule for sensor frames.

@@ -34,7 +34,8 @@ use bevy::render::renderer::RenderAdapterInfo;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
 use bevy::render::view::{Msaa, NoIndirectDrawing};
 use bevy_egui::egui::{self, Align2, Color32, FontId, Pos2, Rect, Stroke, StrokeKind, vec2};
-use bevy_egui::{EguiContexts, EguiWantsInput, PrimaryEguiContext};
+use bevy_egui::input::EguiWantsInput;
+use bevy_egui::{EguiContexts, PrimaryEguiContext};
 use big_space::prelude::CellCoord;
 use glam::{DVec2, DVec3};
 use std::collections::VecDeque;
@@ -87,7 +88,11 @@ struct Taken(Image);
 /// Whether there is a display that a window can be opened on.
 pub fn display() -> Result<(), RunError> {
     let named = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    if cfg!(target_os = "linux") && !named("DISPLAY") { Err(RunError::NoDisplay) } else { Ok(()) }
+    if cfg!(target_os = "linux") && !named("DISPLAY") {
+        Err(RunError::NoDisplay)
+    } else {
+        Ok(())
+    }
 }
 
 /// Whether a picture of the window can be written to that file.
@@ -97,7 +102,10 @@ pub fn check_screenshot(file: &std::path::Path) -> Result<(), RunError> {
         return Ok(());
     }
     let why = format!("{} must end in .jpg", file.display());
-    Err(RunError::Argument { argument: "--screenshot", why })
+    Err(RunError::Argument {
+        argument: "--screenshot",
+        why,
+    })
 }
 
 /// Runs the app with its window until that is closed; what the session left is written as in a
@@ -135,11 +143,17 @@ pub fn drive(
 
 /// Puts the free camera behind and above the station, looking over it to the first UAV.
 fn spawn_window_camera(world: &mut World) {
-    let Some(site_grid) = world.get_resource::<SceneHandles>().map(|scene| scene.site_grid) else {
+    let Some(site_grid) = world
+        .get_resource::<SceneHandles>()
+        .map(|scene| scene.site_grid)
+    else {
         return;
     };
     let mut mounts = world.query::<&Mount>();
-    let mount = mounts.iter(world).next().map(|mount| (mount.r_enu_m, mount.gimbal.az_el_rad()));
+    let mount = mounts
+        .iter(world)
+        .next()
+        .map(|mount| (mount.r_enu_m, mount.gimbal.az_el_rad()));
     let (r_station_enu_m, gaze_rad) = mount.unwrap_or((DVec3::ZERO, DVec2::ZERO));
     let mut uavs = world.query::<(&Uav, &Flight)>();
     let first = uavs.iter(world).find(|(uav, _)| uav.index == 0);
@@ -155,7 +169,11 @@ fn spawn_window_camera(world: &mut World) {
         vfov_rad: 0.85,
     };
     // Grey of 18 % on level ground comes out at a linear 0.2; moonless night sets the limit.
-    let klx = world.resource::<Environment>().sky.global_illuminance_klx().max(1e-5);
+    let klx = world
+        .resource::<Environment>()
+        .sky
+        .global_illuminance_klx()
+        .max(1e-5);
     let exposure = 0.2 * std::f64::consts::PI / (0.18 * klx);
     // A software rasteriser has no time for four samples a pixel, but a picture is worth them.
     let software = world
@@ -166,15 +184,25 @@ fn spawn_window_camera(world: &mut World) {
         WindowCamera,
         PrimaryEguiContext,
         Camera3d::default(),
-        Camera { is_active: false, clear_color: ClearColorConfig::None, ..default() },
+        Camera {
+            is_active: false,
+            clear_color: ClearColorConfig::None,
+            ..default()
+        },
         Projection::Perspective(PerspectiveProjection {
             fov: camera.vfov_rad as f32,
             near: 0.5,
             far: 100_000.0,
             ..default()
         }),
-        if software && !pictured { Msaa::Off } else { Msaa::Sample4 },
-        Exposure { ev100: -(1.2 * exposure).log2() as f32 },
+        if software && !pictured {
+            Msaa::Off
+        } else {
+            Msaa::Sample4
+        },
+        Exposure {
+            ev100: -(1.2 * exposure).log2() as f32,
+        },
         Tonemapping::None,
         NoIndirectDrawing,
         placed(&camera),
@@ -186,16 +214,25 @@ fn spawn_window_camera(world: &mut World) {
 
 /// Where the free camera stands in the scene.
 fn placed(camera: &FreeCamera) -> (CellCoord, Transform) {
-    scene::place(&scene::grid(), camera.r_enu_m, bevy_attitude(camera.q_enu_cam()))
+    scene::place(
+        &scene::grid(),
+        camera.r_enu_m,
+        bevy_attitude(camera.q_enu_cam()),
+    )
 }
 
 /// One frame of the window: draw, then as many ticks as are due.
 pub fn frame(world: &mut World) {
     let now = Instant::now();
-    let Some(mut session) = world.remove_resource::<Session>() else { return };
+    let Some(mut session) = world.remove_resource::<Session>() else {
+        return;
+    };
     let wall_s = (now - session.last).as_secs_f64();
     session.last = now;
-    world.insert_resource(WindowFrame { active: true, wall_s });
+    world.insert_resource(WindowFrame {
+        active: true,
+        wall_s,
+    });
     draw(world);
     world.resource_mut::<WindowFrame>().active = false;
 
@@ -204,7 +241,11 @@ pub fn frame(world: &mut World) {
     if !closing {
         choose_target(world);
         let before = world.resource::<SimClock>().t_s();
-        let budget = if session.shot.is_some() { UNWATCHED_BUDGET } else { TICK_BUDGET };
+        let budget = if session.shot.is_some() {
+            UNWATCHED_BUDGET
+        } else {
+            TICK_BUDGET
+        };
         let began = Instant::now();
         let in_budget = || began.elapsed() < budget;
         if let Err(error) = advance(world, wall_s.min(LONGEST_FRAME_S), in_budget) {
@@ -215,8 +256,10 @@ pub fn frame(world: &mut World) {
         if session.lately.len() > 30 {
             session.lately.pop_front();
         }
-        let (wall_s, simulated_s) =
-            session.lately.iter().fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
+        let (wall_s, simulated_s) = session
+            .lately
+            .iter()
+            .fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
         world.resource_mut::<Pacing>().reached = simulated_s / wall_s.max(1e-9);
         match picture(world, &mut session.shot) {
             Ok(false) => {}
@@ -247,7 +290,9 @@ pub fn frame(world: &mut World) {
 
 /// Draws the window; no sensor camera is active meanwhile.
 fn draw(world: &mut World) {
-    let Some(mut renderer) = world.remove_non_send::<Renderer>() else { return };
+    let Some(mut renderer) = world.remove_non_send::<Renderer>() else {
+        return;
+    };
     let activate = |world: &mut World, active: bool| {
         let mut cameras = world.query_filtered::<&mut Camera, With<WindowCamera>>();
         for mut camera in cameras.iter_mut(world) {
@@ -316,7 +361,9 @@ pub fn advance(
 
 /// Makes the track that the operator chose the target, and logs that it was the operator.
 fn choose_target(world: &mut World) {
-    let Some(id) = world.resource_mut::<TargetChoice>().0.take() else { return };
+    let Some(id) = world.resource_mut::<TargetChoice>().0.take() else {
+        return;
+    };
     let tick = world.resource::<SimClock>().tick;
     let mut tracker = world.resource_mut::<Tracker>();
     if tracker.table.get(id).is_none() || tracker.target == Some(id) {
@@ -327,7 +374,11 @@ fn choose_target(world: &mut World) {
     tracker.error = [None; 3];
     tracker.range_m = None;
     tracker.locked_since = None;
-    tracker.change(tick, TrackingState::Acquire, format!("operator chose track {id}"));
+    tracker.change(
+        tick,
+        TrackingState::Acquire,
+        format!("operator chose track {id}"),
+    );
 }
 
 /// Takes the picture of the window once its time has come; true when it is saved.
@@ -344,9 +395,14 @@ fn picture(world: &mut World, shot: &mut Option<Shot>) -> Result<bool, RunError>
             },
         );
     }
-    let Some(Taken(image)) = world.remove_resource::<Taken>() else { return Ok(false) };
+    let Some(Taken(image)) = world.remove_resource::<Taken>() else {
+        return Ok(false);
+    };
     let encoded = |why: String| RunError::Image(why);
-    let image = image.try_into_dynamic().map_err(|error| encoded(error.to_string()))?.to_rgb8();
+    let image = image
+        .try_into_dynamic()
+        .map_err(|error| encoded(error.to_string()))?
+        .to_rgb8();
     let side = |side: u32| u16::try_from(side).map_err(|error| encoded(error.to_string()));
     let (width, height) = (side(image.width())?, side(image.height())?);
     let jpeg = encode_jpeg(image.as_raw(), width, height, SCREENSHOT_QUALITY)
@@ -370,7 +426,10 @@ pub fn obey_keys(
     if keys.just_pressed(KeyCode::Space) {
         pacing.paused = !pacing.paused;
     }
-    for (key, step) in [(KeyCode::Period, StepSize::Tick), (KeyCode::Slash, StepSize::Frame)] {
+    for (key, step) in [
+        (KeyCode::Period, StepSize::Tick),
+        (KeyCode::Slash, StepSize::Frame),
+    ] {
         if keys.just_pressed(key) {
             pacing.paused = true;
             pacing.step = Some(step);
@@ -418,7 +477,10 @@ pub fn fly_camera(
         let r_enu_m = camera.r_enu_m + way.normalize_or_zero() * (SPEED_MPS * haste * step_s);
         camera.r_enu_m = r_enu_m.clamp_length_max(FARTHEST_M);
     }
-    let floor_m = environment.city.dsm.terrain_m(camera.r_enu_m.x, camera.r_enu_m.y);
+    let floor_m = environment
+        .city
+        .dsm
+        .terrain_m(camera.r_enu_m.x, camera.r_enu_m.y);
     camera.r_enu_m.z = camera.r_enu_m.z.max(floor_m + LEAST_HEIGHT_M);
     let (mut cell, mut transform) = view.into_inner();
     (*cell, *transform) = placed(&camera);
@@ -427,10 +489,12 @@ pub fn fly_camera(
 const GREEN: Color32 = Color32::from_rgb(60, 220, 150);
 const AMBER: Color32 = Color32::from_rgb(255, 190, 70);
 const RED: Color32 = Color32::from_rgb(255, 70, 60);
-const GREY: Color32 = Color32::from_rgb(150, 155, 165);
-const DARK: Color32 = Color32::from_rgba_premultiplied(10, 12, 16, 215);
+const GREY: Color32 = Color32::from_rgb(165, 170, 180);
+const DARK: Color32 = Color32::from_rgba_premultiplied(10, 12, 16, 235);
 const PANEL_WIDTH: f32 = 250.0;
-const INSET_WIDTH: f32 = 280.0;
+const INSET_WIDTH: f32 = 300.0;
+/// Share of a readout window's width that its inset shows: targets there are a few pixels large.
+const INSET_ZOOM: f32 = 0.5;
 
 fn status_colour(status: UavStatus) -> Color32 {
     match status {
@@ -453,7 +517,10 @@ impl Screen {
 
     fn new(rect: Rect, camera: &FreeCamera) -> Self {
         let focal = 0.5 * f64::from(rect.height()) / (0.5 * camera.vfov_rad).tan();
-        Self { centre: rect.center(), focal }
+        Self {
+            centre: rect.center(),
+            focal,
+        }
     }
 
     fn at(&self, r_cam_m: DVec3) -> Option<Pos2> {
@@ -468,20 +535,38 @@ impl Screen {
         let clipped = |a: DVec3, b: DVec3| {
             let share = (Self::NEAR_M - a.z) / (b.z - a.z);
             // The clipped end must not fall short of the near distance by rounding.
-            if a.z < Self::NEAR_M { a.lerp(b, share).with_z(Self::NEAR_M) } else { a }
+            if a.z < Self::NEAR_M {
+                a.lerp(b, share).with_z(Self::NEAR_M)
+            } else {
+                a
+            }
         };
         if a_cam_m.z < Self::NEAR_M && b_cam_m.z < Self::NEAR_M {
             return None;
         }
-        Some([self.at(clipped(a_cam_m, b_cam_m))?, self.at(clipped(b_cam_m, a_cam_m))?])
+        Some([
+            self.at(clipped(a_cam_m, b_cam_m))?,
+            self.at(clipped(b_cam_m, a_cam_m))?,
+        ])
     }
 }
 
 /// Text with a dark rim, so that it reads over sky and city.
 fn rimmed(painter: &egui::Painter, at: Pos2, align: Align2, text: &str, colour: Color32) {
     let font = FontId::proportional(13.0);
-    for rim in [vec2(1.0, 1.0), vec2(-1.0, -1.0), vec2(1.0, -1.0), vec2(-1.0, 1.0)] {
-        painter.text(at + rim, align, text, font.clone(), Color32::from_black_alpha(160));
+    for rim in [
+        vec2(1.0, 1.0),
+        vec2(-1.0, -1.0),
+        vec2(1.0, -1.0),
+        vec2(-1.0, 1.0),
+    ] {
+        painter.text(
+            at + rim,
+            align,
+            text,
+            font.clone(),
+            Color32::from_black_alpha(160),
+        );
     }
     painter.text(at, align, text, font, colour);
 }
@@ -500,7 +585,13 @@ pub fn draw_overlay(
     let station_cam_m = camera.to_cam(mount.r_enu_m);
     if let Some(at) = screen.at(station_cam_m) {
         painter.circle_filled(at, 3.5, GREEN);
-        rimmed(&painter, at + vec2(0.0, 8.0), Align2::CENTER_TOP, "station", GREEN);
+        rimmed(
+            &painter,
+            at + vec2(0.0, 8.0),
+            Align2::CENTER_TOP,
+            "station",
+            GREEN,
+        );
     }
     for (uav, flight, status) in &uavs {
         let r_cam_m = camera.to_cam(flight.state.r_enu_m);
@@ -511,13 +602,21 @@ pub fn draw_overlay(
             painter.line_segment(line, Stroke::new(4.0, RED.gamma_multiply(0.35)));
             painter.line_segment(line, Stroke::new(1.5, RED));
         }
-        let Some(at) = screen.at(r_cam_m) else { continue };
+        let Some(at) = screen.at(r_cam_m) else {
+            continue;
+        };
         let colour = status_colour(*status);
         painter.circle_stroke(at, 12.0, Stroke::new(3.5, Color32::from_black_alpha(110)));
         painter.circle_stroke(at, 12.0, Stroke::new(1.8, colour));
         let range_m = flight.state.r_enu_m.distance(mount.r_enu_m);
         let text = format!("{}  {range_m:.0} m  {}", uav.name, status.name());
-        rimmed(&painter, at + vec2(0.0, -17.0), Align2::CENTER_BOTTOM, &text, colour);
+        rimmed(
+            &painter,
+            at + vec2(0.0, -17.0),
+            Align2::CENTER_BOTTOM,
+            &text,
+            colour,
+        );
     }
     Ok(())
 }
@@ -571,12 +670,16 @@ pub fn draw_panel(
     panel.show(&mut screen_ui(ctx), |ui| {
         egui::ScrollArea::vertical().show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 3.0;
+            ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
             pace(ui, &clock, &mut pacing);
             tracking(ui, &clock, &tracker);
             let known: Vec<_> = uavs
                 .iter()
                 .map(|(uav, flight, ..)| {
-                    (uav.name.as_str(), los_to_az_el(flight.state.r_enu_m - mount.r_enu_m))
+                    (
+                        uav.name.as_str(),
+                        los_to_az_el(flight.state.r_enu_m - mount.r_enu_m),
+                    )
                 })
                 .collect();
             targets(ui, &clock, &tracker, &known, &mut choice);
@@ -586,30 +689,78 @@ pub fn draw_panel(
                     status_colour(*status),
                     format!("{}: {}", uav.name, status.name()),
                 );
-                row(ui, "skin", format!("{:.0} °C", skin.skin.temperature_k - 273.15));
+                row(
+                    ui,
+                    "skin",
+                    format!("{:.0} °C", skin.skin.temperature_k - 273.15),
+                );
             }
             heading(ui, "Engagement");
-            let (word, colour) = if beam.firing { ("FIRING", RED) } else { ("safe", GREEN) };
+            let (word, colour) = if beam.firing {
+                ("FIRING", RED)
+            } else {
+                ("safe", GREEN)
+            };
             ui.colored_label(colour, format!("laser: {word}"));
             for interlock in &interlocks.0 {
                 ui.colored_label(GREY, format!("interlock: {interlock}"));
             }
             let shown = |value: f64| if beam.firing { value } else { 0.0 };
-            row(ui, "power at target", format!("{:.0} W", shown(beam.power_at_target_w)));
-            row(ui, "power in bucket", format!("{:.0} W", shown(beam.power_in_bucket_w)));
-            row(ui, "irradiance", format!("{:.1} W/cm²", 1e-4 * shown(beam.irradiance_wpm2)));
+            row(
+                ui,
+                "power at target",
+                format!("{:.0} W", shown(beam.power_at_target_w)),
+            );
+            row(
+                ui,
+                "power in bucket",
+                format!("{:.0} W", shown(beam.power_in_bucket_w)),
+            );
+            row(
+                ui,
+                "irradiance",
+                format!("{:.1} W/cm²", 1e-4 * shown(beam.irradiance_wpm2)),
+            );
+            let millimetres = |m: f64| format!("{:.0} mm", 1e3 * shown(m));
+            row(ui, "spot radius", millimetres(beam.spot_radius_m));
+            row(ui, "spot off aim point", millimetres(beam.offset_m));
             row(ui, "dwell", format!("{:.2} s", beam.dwell_s));
-            row(ui, "energy emitted", format!("{:.1} kJ", 1e-3 * beam.energy_j));
+            row(
+                ui,
+                "energy emitted",
+                format!("{:.1} kJ", 1e-3 * beam.energy_j),
+            );
             heading(ui, "Weather");
             let weather = &environment.weather;
             let wind_deg = weather.wind_from_rad.to_degrees();
-            row(ui, "wind", format!("{:.1} m/s from {wind_deg:03.0}°", weather.wind_speed_mps));
-            row(ui, "visibility", format!("{:.1} km", 1e-3 * weather.visibility_m));
-            row(ui, "temperature", format!("{:.0} °C", weather.temperature_k - 273.15));
-            row(ui, "cloud cover", format!("{:.0} %", 100.0 * weather.cloud_cover));
-            row(ui, "rain", format!("{:.1} mm/h", weather.precipitation_mmph));
+            row(
+                ui,
+                "wind",
+                format!("{:.1} m/s from {wind_deg:03.0}°", weather.wind_speed_mps),
+            );
+            row(
+                ui,
+                "visibility",
+                format!("{:.1} km", 1e-3 * weather.visibility_m),
+            );
+            row(
+                ui,
+                "temperature",
+                format!("{:.0} °C", weather.temperature_k - 273.15),
+            );
+            row(
+                ui,
+                "cloud cover",
+                format!("{:.0} %", 100.0 * weather.cloud_cover),
+            );
+            row(
+                ui,
+                "rain",
+                format!("{:.1} mm/h", weather.precipitation_mmph),
+            );
             ui.add_space(8.0);
-            ui.small("WASD QE fly, shift fast, right mouse look, space pause, . tick, / frame");
+            ui.small("Fly: W A S D Q E, shift for haste. Look: right mouse button.");
+            ui.small("Space: pause. Full stop: one tick. Slash: one frame.");
         });
     });
     Ok(())
@@ -624,11 +775,17 @@ fn pace(ui: &mut egui::Ui, clock: &SimClock, pacing: &mut Pacing) {
     );
     ui.horizontal(|ui| {
         let word = if pacing.paused { "Play" } else { "Pause" };
-        if ui.add_enabled(!pacing.over, egui::Button::new(word)).clicked() {
+        if ui
+            .add_enabled(!pacing.over, egui::Button::new(word))
+            .clicked()
+        {
             pacing.paused = !pacing.paused;
         }
         for (word, step) in [("+1 tick", StepSize::Tick), ("+1 frame", StepSize::Frame)] {
-            if ui.add_enabled(!pacing.over, egui::Button::new(word)).clicked() {
+            if ui
+                .add_enabled(!pacing.over, egui::Button::new(word))
+                .clicked()
+            {
                 pacing.paused = true;
                 pacing.step = Some(step);
             }
@@ -643,7 +800,11 @@ fn pace(ui: &mut egui::Ui, clock: &SimClock, pacing: &mut Pacing) {
     }
     if !unbound {
         let range = 0.1..=10.0;
-        ui.add(egui::Slider::new(&mut pacing.speed, range).logarithmic(true).suffix("×"));
+        ui.add(
+            egui::Slider::new(&mut pacing.speed, range)
+                .logarithmic(true)
+                .suffix("×"),
+        );
     }
     row(ui, "reached", format!("{:.2}× real time", pacing.reached));
 }
@@ -657,17 +818,27 @@ fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
         TrackingState::Lost => GREY,
         TrackingState::Search | TrackingState::Acquire => AMBER,
     };
-    ui.label(egui::RichText::new(tracker.state.name().to_uppercase()).size(18.0).color(colour));
+    ui.label(
+        egui::RichText::new(tracker.state.name().to_uppercase())
+            .size(18.0)
+            .color(colour),
+    );
     let since_s = clock.at_s(clock.tick - tracker.since_tick);
     row(ui, "for", format!("{since_s:.2} s"));
     row(
         ui,
         "range finder",
-        tracker.range_m.map_or("none".into(), |range_m| format!("{range_m:.0} m")),
+        tracker
+            .range_m
+            .map_or("none".into(), |range_m| format!("{range_m:.0} m")),
     );
     for change in tracker.changes.iter().rev().take(SHOWN) {
         let at_s = clock.at_s(change.tick);
-        ui.small(format!("{at_s:.2} s {}: {}", change.to.name(), change.reason));
+        ui.small(format!(
+            "{at_s:.2} s {}: {}",
+            change.to.name(),
+            change.reason
+        ));
     }
 }
 
@@ -709,7 +880,6 @@ type Shown = Option<(f64, egui::TextureHandle)>;
 pub fn draw_insets(
     mut contexts: EguiContexts,
     history: Res<History>,
-    tracker: Res<Tracker>,
     cameras: Query<(&SensorCamera, &Readout)>,
     mut textures: Local<[Shown; 3]>,
 ) -> Result {
@@ -739,8 +909,7 @@ pub fn draw_insets(
                 ui.strong(name);
                 ui.colored_label(GREY, format!("{readout}  {when}"));
             });
-            let (slot, _) =
-                ui.allocate_exact_size(vec2(INSET_WIDTH, height), egui::Sense::hover());
+            let (slot, _) = ui.allocate_exact_size(vec2(INSET_WIDTH, height), egui::Sense::hover());
             let painter = ui.painter_at(slot);
             painter.rect_filled(slot, 2.0, Color32::from_gray(18));
             let Some(frame) = latest else {
@@ -761,7 +930,12 @@ pub fn draw_insets(
                 *texture = Some((frame.t_s, ctx.load_texture(tier.name(), image, options)));
             }
             let [width, rows] = frame.size_px.map(|n| n as f32);
-            let scale = (slot.width() / width).min(slot.height() / rows);
+            let zoom = if frame.offset_px == [0, 0] {
+                1.0
+            } else {
+                INSET_ZOOM
+            };
+            let scale = (slot.width() / (zoom * width)).min(slot.height() / (zoom * rows));
             let shown = Rect::from_center_size(slot.center(), vec2(width, rows) * scale);
             if let Some((_, texture)) = texture {
                 let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
@@ -779,24 +953,28 @@ pub fn draw_insets(
                 painter.rect_stroke(found, 0.0, stroke, StrokeKind::Outside);
                 painter.text(
                     found.right_top() + vec2(3.0, 0.0),
-                    Align2::LEFT_BOTTOM,
+                    Align2::LEFT_CENTER,
                     format!("{:.2}", detection.score),
-                    FontId::proportional(10.0),
+                    FontId::proportional(11.0),
                     GREEN,
                 );
             }
             let [x, y] = frame.centre_px;
             let reticle = at(x, y);
-            for arm in [vec2(1.0, 0.0), vec2(-1.0, 0.0), vec2(0.0, 1.0), vec2(0.0, -1.0)] {
+            for arm in [
+                vec2(1.0, 0.0),
+                vec2(-1.0, 0.0),
+                vec2(0.0, 1.0),
+                vec2(0.0, -1.0),
+            ] {
                 let line = [reticle + 5.0 * arm, reticle + 14.0 * arm];
                 painter.line_segment(line, Stroke::new(1.2, AMBER));
             }
-            let state = if readout == "off" { "idle" } else { tracker.state.name() };
             rimmed(
                 &painter,
                 slot.left_top() + vec2(5.0, 4.0),
                 Align2::LEFT_TOP,
-                &format!("{}  {state}", tier.name()),
+                &format!("{}  {}", tier.name(), frame.state),
                 Color32::WHITE,
             );
         }
@@ -835,7 +1013,10 @@ mod tests {
         let mut app = app();
         let world = app.world_mut();
         let hz = f64::from(world.resource::<SimClock>().tick_hz);
-        world.insert_resource(Pacing { paused: true, ..Pacing::default() });
+        world.insert_resource(Pacing {
+            paused: true,
+            ..Pacing::default()
+        });
         assert_eq!(advanced(world, 10.0), 0);
         assert_eq!(world.resource::<SimClock>().tick, 0);
 
@@ -896,24 +1077,37 @@ mod tests {
                 break;
             }
         }
-        let Some(id) = world.resource::<Tracker>().table.tracks.first().map(|track| track.id)
+        let Some(id) = world
+            .resource::<Tracker>()
+            .table
+            .tracks
+            .first()
+            .map(|track| track.id)
         else {
             panic!("no track within five seconds")
         };
         world.insert_resource(TargetChoice(Some(id)));
         choose_target(world);
         let tracker = world.resource::<Tracker>();
-        assert_eq!((tracker.target, tracker.state), (Some(id), TrackingState::Acquire));
+        assert_eq!(
+            (tracker.target, tracker.state),
+            (Some(id), TrackingState::Acquire)
+        );
         let last = tracker.changes.last().map(|change| change.reason.as_str());
         assert_eq!(last, Some(format!("operator chose track {id}").as_str()));
     }
 
     #[test]
     fn a_line_that_passes_the_camera_is_cut_at_it() {
-        let screen = Screen { centre: Pos2::new(500.0, 400.0), focal: 1_000.0 };
+        let screen = Screen {
+            centre: Pos2::new(500.0, 400.0),
+            focal: 1_000.0,
+        };
         let behind = DVec3::new(0.0, 1.0, -10.0);
         let ahead = DVec3::new(0.0, 0.0, 100.0);
-        let Some([a, b]) = screen.line(behind, ahead) else { panic!("half of it is in front") };
+        let Some([a, b]) = screen.line(behind, ahead) else {
+            panic!("half of it is in front")
+        };
         assert_eq!(b, screen.centre);
         assert!(a.y > 400.0);
         assert!(screen.line(behind, behind).is_none());
