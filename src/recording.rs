@@ -86,6 +86,8 @@ pub struct Meta<'a> {
     pub scenario_name: &'a str,
     /// The whole scenario file.
     pub scenario_toml: &'a str,
+    /// The `key=value` overrides it was run with.
+    pub overrides: &'a [String],
     /// Seed of every random stream.
     pub seed: u64,
     /// Version of the program.
@@ -333,6 +335,7 @@ impl Recorder {
             .create(NoSeek::new(BufWriter::new(file)))?;
         for (name, media_type, text) in [
             ("scenario.toml", "application/toml", meta.scenario_toml),
+            ("overrides.txt", "text/plain", meta.overrides.join("\n").as_str()),
             ("seed.txt", "text/plain", meta.seed.to_string().as_str()),
             ("version.txt", "text/plain", meta.version),
         ] {
@@ -780,6 +783,7 @@ mod tests {
     const META: Meta = Meta {
         scenario_name: "test",
         scenario_toml: "name = \"test\"\n",
+        overrides: &[],
         seed: 42,
         version: "0.1.0",
         epoch_unix_ns: EPOCH_NS,

@@ -104,13 +104,13 @@ pub struct Summary {
     pub simulated_s: f64,
     /// Simulated over elapsed time.
     pub real_time_factor: f64,
-    /// Time of the first track \[s\].
+    /// Time of the first Coarse state: the coarse camera had confirmed a target \[s\].
     pub time_to_acquire_s: Option<f64>,
     /// Time at which the last target failed \[s\].
     pub time_to_neutralise_s: Option<f64>,
     /// Distance between the target and the boresight \[px\].
     pub miss_distance_px: MissDistances,
-    /// Time the beam was on \[s\].
+    /// Time for which the firing beam's centre lay on the aim point \[s\].
     pub dwell_s: f64,
     /// Energy that left the laser \[J\].
     pub energy_j: f64,

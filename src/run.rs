@@ -222,8 +222,6 @@ const BLUR_RANGE_M: f64 = 1_000.0;
 const GYRO_WALK: f64 = 0.01 * std::f64::consts::PI / 180.0 / 60.0;
 /// What of Bevy's and wgpu's log is worth a user's eye; `RUST_LOG` overrides it.
 const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_render::extract_resource=off,bevy_winit=error,winit=error,bevy_egui=error,bevy_render::renderer=error";
-/// Texels of the sky table.
-const SKY_TABLE: (u32, u32) = (128, 64);
 
 /// Whether a graphics adapter is there, and its name.
 pub fn adapter() -> Result<wgpu::AdapterInfo, RunError> {
@@ -467,7 +465,6 @@ fn spawn_scene(world: &mut World, environment: &Environment, r_station_enu_m: DV
     let rgb = |[r, g, b]: [f64; 3]| Vec4::new(r as f32, g as f32, b as f32, 0.0);
     let sky = &environment.sky;
     let extinction = CHANNELS_M.map(|m| extinction_per_m(environment.weather.visibility_m, m));
-    let (width, height) = SKY_TABLE;
     scene::spawn(
         world,
         &SceneContent {
@@ -476,15 +473,16 @@ fn spawn_scene(world: &mut World, environment: &Environment, r_station_enu_m: DV
             r_station_enu_m,
             tiles: &environment.city.chunks(),
             ground: &environment.city.ground_map,
-            sky: (&sky.table(width as usize, height as usize), width, height),
+            sky,
+            sun_dir_enu: environment.sun_dir_enu,
             light: LightUniform {
-                sun_dir_enu: environment.sun_dir_enu.as_vec3().extend(0.0),
                 sun_klx: rgb(sky.sun_illuminance()),
                 ambient_sky_klx: rgb(sky.ambient_down()),
                 ambient_ground_klx: rgb(sky.ambient_up()),
                 extinction_per_m: rgb(extinction),
                 // A lit window seen from outside: some 80 cd/m^2.
                 night: Vec4::new(0.08, 0.0, 0.0, 0.0),
+                ..default()
             },
         },
     );
@@ -506,13 +504,14 @@ fn spawn_uavs(
         let wind_enu_mps = environment.mean_wind.mean_wind_enu_mps(r.z - ground_m);
         let state = plan.initial_state(&airframe, wind_enu_mps, environment.air_density_kgpm3);
         let material = uav.skin.map_or(catalogue.skin, scenario::Skin::material);
-        let shape = Arc::new(uav_mesh(uav.model));
+        let mesh = Arc::new(uav_mesh(uav.model));
+        let shape = UavShape::new(mesh.clone());
         if world.contains_resource::<SceneHandles>() {
-            capture::spawn_uav(world, index, &shape, (state.r_enu_m, state.q_enu_body));
+            capture::spawn_uav(world, index, &mesh, (state.r_enu_m, state.q_enu_body));
         }
         world.spawn((
             Uav { index, name: uav.name.clone(), kind: uav.model },
-            Flight { airframe, state },
+            Flight { airframe, state, aim_body_m: shape.centre_body_m() },
             Guidance(plan),
             Air { gusts, rng, wind_enu_mps },
             HeatedSkin {
@@ -525,7 +524,7 @@ fn spawn_uavs(
                 irradiance_wpm2: 0.0,
             },
             UavStatus::Flying,
-            UavShape::new(shape),
+            shape,
         ));
     }
     Ok(())
@@ -838,6 +837,7 @@ fn recording(
         &Meta {
             scenario_name: &scenario.name,
             scenario_toml: &loaded.source,
+            overrides: &loaded.overrides,
             seed,
             version: VERSION,
             epoch_unix_ns: u64::try_from(epoch).unwrap_or(0),

@@ -904,6 +904,8 @@ pub struct Loaded {
     pub scenario: Scenario,
     /// The file's text, as read.
     pub source: String,
+    /// The overrides, as given.
+    pub overrides: Vec<String>,
     /// The file's path, as given.
     pub path: PathBuf,
 }
@@ -979,6 +981,7 @@ impl Scenario {
         match std::fs::read_to_string(path) {
             Ok(source) => Ok(Loaded {
                 scenario: Self::parse(&source, &file, overrides)?,
+                overrides: overrides.to_vec(),
                 source,
                 path: path.to_owned(),
             }),

@@ -5,7 +5,10 @@ use crate::components::camera::Tier;
 use crate::components::clock::SimClock;
 use crate::components::record::{History, Recording, StateHash};
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{HeatedSkin, Uav, UavStatus};
+use crate::components::environment::Environment;
+use crate::components::station::Mount;
+use crate::components::uav::{Flight, HeatedSkin, Uav, UavStatus};
+use crate::models::atmosphere::{extinction_per_m, transmittance};
 use crate::report::{
     ContactBox, ContactFrame, MissDistances, MissStats, ReportData, Shares, StateSpan, Summary,
     write_report,
@@ -60,10 +63,12 @@ pub fn finish(world: &mut World, loaded: &Loaded, options: &Options, elapsed: Du
         .collect();
     statuses.sort_by_key(|(index, ..)| *index);
     let failure_temperature_k = statuses.first().map(|(.., kelvin)| *kelvin);
+    let conditions = conditions(world);
     let stopwatch = *world.resource::<Stopwatch>();
     let history = world.resource::<History>();
     let tracker = world.resource::<Tracker>();
-    let (outcome, reason) = outcome(&statuses, history, tracker, world.resource::<Interlocks>());
+    let interlocks = world.resource::<Interlocks>();
+    let (outcome, reason) = outcome(&statuses, history, tracker, interlocks, &conditions);
     let miss = |tier: Tier| {
         MissStats::of(history.miss_px[tier as usize].iter().map(|(_, distance)| *distance))
     };
@@ -99,12 +104,37 @@ pub fn finish(world: &mut World, loaded: &Loaded, options: &Options, elapsed: Du
     Finished { summary, report }
 }
 
+/// What of its contrast the nearest UAV keeps through the air, where that is too little to see.
+fn conditions(world: &mut World) -> String {
+    // Koschmieder's threshold: what keeps less than 2 % of its contrast is not seen.
+    const THRESHOLD: f64 = 0.02;
+    let mut uavs = world.query::<&Flight>();
+    let mut mounts = world.query::<&Mount>();
+    let Some(station) = mounts.iter(world).next().map(|mount| mount.r_enu_m) else {
+        return String::new();
+    };
+    let nearest_m = uavs
+        .iter(world)
+        .map(|flight| flight.state.r_enu_m.distance(station))
+        .fold(f64::INFINITY, f64::min);
+    let visibility_m = world.resource::<Environment>().weather.visibility_m;
+    let kept = transmittance(extinction_per_m(visibility_m, 550e-9), nearest_m);
+    if kept > THRESHOLD || !nearest_m.is_finite() {
+        return String::new();
+    }
+    format!(
+        ": through {visibility_m:.0} m of visibility a UAV at {nearest_m:.0} m keeps {kept:.0e} of \
+         its contrast"
+    )
+}
+
 /// One word and one sentence on how it ended.
 fn outcome(
     statuses: &[(usize, String, UavStatus, f64)],
     history: &History,
     tracker: &Tracker,
     interlocks: &Interlocks,
+    conditions: &str,
 ) -> (&'static str, String) {
     let down = statuses.iter().filter(|(_, _, status, _)| status.neutralised()).count();
     let crashed: Vec<&str> = statuses
@@ -142,7 +172,7 @@ fn outcome(
         .filter(|change| change.to == TrackingState::Acquire)
         .count();
     let why = if tried == 0 {
-        "the search camera found no candidate".to_string()
+        format!("the search camera found no candidate{conditions}")
     } else {
         format!("{tried} candidates were not confirmed by the coarse camera")
     };

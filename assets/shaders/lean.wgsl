@@ -13,6 +13,8 @@ struct Light {
     ambient_ground: vec4<f32>,// illuminance of a downward face [klx]
     extinction: vec4<f32>,    // rgb [1/m]
     night: vec4<f32>,         // x: luminance of a lit window [kcd/m^2]
+    // Air-light as a polynomial in the cosine of the azimuth from the sun, rgb [kcd/m^2]
+    airlight: array<vec4<f32>, 4>,
 }
 
 @group(#{MATERIAL_BIND_GROUP}) @binding(0) var<uniform> light: Light;
@@ -46,12 +48,19 @@ const KIND_GROUND: f32 = 3.0;
 const KIND_WATER: f32 = 5.0;
 const KIND_SKY: f32 = 9.0;
 
-// Lat-long table of the upper hemisphere: u = azimuth / 2 pi clockwise from north,
-// v = sqrt(elevation / (pi/2)), which gives the horizon its resolution.
+// The upper hemisphere on a square, octahedron-wise: no trigonometry for a fragment to pay for.
+// The square's border is the horizon, its centre the zenith; see `sky_direction` in scene.rs.
 fn sky(dir: vec3<f32>) -> vec3<f32> {
-    let azimuth = atan2(dir.x, dir.y) * 0.15915494;
-    let v = sqrt(clamp(asin(clamp(dir.z, 0.0, 1.0)) * 0.63661977, 0.0, 1.0));
-    return textureSampleLevel(sky_table, sky_sampler, vec2(fract(azimuth + 1.0), v), 0.0).rgb;
+    let flat = dir.xy / (abs(dir.x) + abs(dir.y) + max(dir.z, 0.0));
+    let uv = vec2(flat.x + flat.y, flat.y - flat.x) * 0.5 + 0.5;
+    return textureSampleLevel(sky_table, sky_sampler, uv, 0.0).rgb;
+}
+
+// What distant air shines with in a direction: the sky just above the horizon there.
+fn airlight(dir: vec3<f32>) -> vec3<f32> {
+    let c = dot(normalize(dir.xy + vec2(1e-9, 0.0)), normalize(light.sun_dir.xy + vec2(1e-9, 0.0)));
+    let a = light.airlight;
+    return (a[0] + c * (a[1] + c * (a[2] + c * a[3]))).rgb;
 }
 
 @vertex
@@ -65,9 +74,7 @@ fn vertex(in: Vertex) -> Fragment {
     out.color = in.color;
     out.uv = in.uv;
     out.surface = vec3(in.surface, f32(mesh_functions::get_tag(in.instance_index)));
-    // Air-light is the sky just above the horizon in this direction.
-    let dir = normalize(out.world);
-    out.airlight = sky(vec3(dir.xy, max(dir.z, 0.01)));
+    out.airlight = airlight(out.world);
     return out;
 }
 
@@ -90,7 +97,7 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     let distance = length(in.world);
     let dir = in.world / distance;
     if kind == KIND_SKY {
-        var radiance = sky(vec3(dir.xy, max(dir.z, 0.0)));
+        var radiance = sky(dir);
         // The sun's disc, 0.53 deg across; half floats end at 65504.
         let disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
         radiance += disc * min(light.sun.rgb * 15.0, vec3(30000.0));

@@ -33,6 +33,8 @@ pub struct LightUniform {
     pub extinction_per_m: Vec4,
     /// x: luminance of a lit window [kcd/m^2].
     pub night: Vec4,
+    /// Air-light [kcd/m^2]: coefficients of a polynomial in the cosine of the azimuth from the sun.
+    pub airlight_kcd_m2: [Vec4; 4],
 }
 
 /// The one material of sensor cameras and window (`assets/shaders/lean.wgsl`).
@@ -47,7 +49,7 @@ pub struct LeanMaterial {
     #[texture(1)]
     #[sampler(2)]
     pub ground_map: Handle<Image>,
-    /// Lat-long table of the sky's luminance.
+    /// The sky's luminance on an octahedral square.
     #[texture(3)]
     #[sampler(4)]
     pub sky_table: Handle<Image>,

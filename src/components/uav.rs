@@ -27,6 +27,16 @@ pub struct Flight {
     pub airframe: Airframe,
     /// Position, attitude, rates and rotors.
     pub state: MultirotorState,
+    /// The point to aim at [m, body]: the middle of the airframe's box, which a detector's box is
+    /// centred on.
+    pub aim_body_m: DVec3,
+}
+
+impl Flight {
+    /// Where the aim point is [m].
+    pub fn aim_enu_m(&self) -> DVec3 {
+        self.state.r_enu_m + self.state.q_enu_body * self.aim_body_m
+    }
 }
 
 /// The flight plan.

@@ -1,6 +1,7 @@
 //! The window's own data: pace, free camera, what the operator asked for.
 
 use bevy::prelude::*;
+use bevy_egui::egui;
 use glam::{DQuat, DVec3};
 
 /// How far a single step goes.
@@ -58,6 +59,21 @@ pub struct WindowFrame {
 /// Track that the operator made the target; obeyed before the next tick.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct TargetChoice(pub Option<u32>);
+
+/// A camera picture on the GPU.
+#[derive(Clone, Debug)]
+pub struct Uploaded {
+    /// Time of the exposure it shows [s].
+    pub t_s: f64,
+    /// The image, the same for all pictures of a camera.
+    pub image: Handle<Image>,
+    /// Its name in egui.
+    pub texture: egui::TextureId,
+}
+
+/// The pictures of the insets, in the order of [`crate::components::camera::Tier::ALL`].
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Insets(pub [Option<Uploaded>; 3]);
 
 /// Marks the window's camera.
 #[derive(Component)]

@@ -1,6 +1,6 @@
 //! The window.
 
-use crate::components::view::{Pacing, TargetChoice, WindowFrame};
+use crate::components::view::{Insets, Pacing, TargetChoice, WindowFrame};
 use crate::systems::view::{self as systems, Frame};
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
@@ -25,6 +25,7 @@ impl Plugin for ViewPlugin {
             .init_resource::<WindowFrame>()
             .init_resource::<Pacing>()
             .init_resource::<TargetChoice>()
+            .init_resource::<Insets>()
             .configure_sets(
                 PreUpdate,
                 (EguiPreUpdateSet::ProcessInput, EguiPreUpdateSet::BeginPass).run_if(in_window),
@@ -40,7 +41,11 @@ impl Plugin for ViewPlugin {
             )
             .add_systems(
                 Update,
-                (systems::obey_keys, systems::fly_camera)
+                (
+                    systems::obey_keys,
+                    systems::fly_camera,
+                    systems::upload_pictures,
+                )
                     .chain()
                     .run_if(in_window),
             )

@@ -42,7 +42,7 @@ pub fn propagate(
     let mut aimed: Option<(f64, usize, DVec3, DVec3)> = None;
     for (uav, flight, air, status, mut skin) in &mut uavs {
         skin.irradiance_wpm2 = 0.0;
-        let r_cam_m = q_cam_enu * (flight.state.r_enu_m - pose.r_enu_m);
+        let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
         let angle = r_cam_m.truncate().length() / r_cam_m.z;
         let best = aimed.is_none_or(|(least, ..)| angle < least);
         if *status == UavStatus::Flying && r_cam_m.z > 0.0 && angle < AIM_CONE_RAD && best {
@@ -86,14 +86,14 @@ pub fn propagate(
     }
     beam.energy_j += source.laser.power_w * dt_s;
     for (uav, flight, _, status, mut skin) in &mut uavs {
-        let r_cam_m = q_cam_enu * (flight.state.r_enu_m - pose.r_enu_m);
+        let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
         // The spot hardly changes over a few metres of depth: one radius serves all in the cone.
         let offset_m = (r_cam_m.truncate() - centre_m * (r_cam_m.z / range_m)).length();
         let lit = r_cam_m.z > 0.0 && offset_m < 4.0 * spot_radius_m;
         if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
             continue;
         }
-        let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, flight.state.r_enu_m);
+        let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
         if sight != LineOfSight::Clear {
             continue;
         }

@@ -38,6 +38,7 @@ pub struct Shape {
     radius_m: f64,
 }
 
+
 impl Shape {
     /// The shape of a mesh.
     pub fn new(mesh: Arc<UavMesh>) -> Self {
@@ -54,6 +55,15 @@ impl Shape {
         let outline_body_m: Vec<_> = mesh.body.positions.iter().map(point).chain(discs).collect();
         let radius_m = outline_body_m.iter().map(|p| p.length()).fold(0.0, f64::max);
         Self { mesh, outline_body_m, radius_m }
+    }
+
+    /// Middle of the box around airframe and rotor discs [m, body].
+    pub fn centre_body_m(&self) -> DVec3 {
+        let (low, high) = self
+            .outline_body_m
+            .iter()
+            .fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(*p), high.max(*p)));
+        0.5 * (low + high)
     }
 }
 
@@ -94,9 +104,9 @@ pub fn expose(
                 let state = &flight.state;
                 let body = (state.r_enu_m, state.q_enu_body);
                 let box_px = projected_box(&camera.pinhole, &pose, body, shape)?;
-                let to_target_m = state.r_enu_m - pose.r_enu_m;
+                let to_target_m = flight.aim_enu_m() - pose.r_enu_m;
                 let aim_px = camera.pinhole.project(pose.q_enu_cam.inverse() * to_target_m)?;
-                let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, state.r_enu_m);
+                let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
                 Some(UavInFrame {
                     uav: uav.index,
                     box_px,

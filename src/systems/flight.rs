@@ -31,7 +31,7 @@ pub fn fly(
             continue;
         }
         let setpoint = guidance.0.sample(t_s);
-        let Flight { airframe, state } = &mut *flight;
+        let Flight { airframe, state, .. } = &mut *flight;
         let density = environment.air_density_kgpm3;
         multirotor::step(airframe, state, &setpoint, air.wind_enu_mps, density, dt_s);
         let r = state.r_enu_m;

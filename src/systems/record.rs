@@ -80,7 +80,7 @@ pub fn followed<'a>(
 ) -> Option<usize> {
     let los = tracker.target_track()?.filter.predicted(t_s).az_el_rad();
     uavs.map(|(uav, flight)| {
-        let at = los_to_az_el(flight.state.r_enu_m - r_station_enu_m);
+        let at = los_to_az_el(flight.aim_enu_m() - r_station_enu_m);
         (separation_rad(los, at), uav.index)
     })
     .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
@@ -130,7 +130,7 @@ pub fn keep_history(
         {
             history.skin_k.push((t_s, skin.skin.temperature_k));
             if holds(&tracker, Tier::Precise) {
-                let los_enu = flight.state.r_enu_m - optics.laser.r_enu_m;
+                let los_enu = flight.aim_enu_m() - optics.laser.r_enu_m;
                 let error_rad = error_angles(optics.laser.q_enu_cam, los_enu).length();
                 history.los_error_urad.push((t_s, 1e6 * error_rad));
             }
@@ -460,7 +460,11 @@ impl Recorded<'_, '_> {
             return Ok(());
         };
         if holds(&self.tracker, frame.tier) {
-            let uavs = self.uavs.iter().map(|(uav, flight, ..)| (uav, flight));
+            let uavs = self
+                .uavs
+                .iter()
+                .filter(|(_, _, _, status)| **status == UavStatus::Flying)
+                .map(|(uav, flight, ..)| (uav, flight));
             let target = followed(&self.tracker, self.clock.t_s(), frame.pose.r_enu_m, uavs);
             if let Some(seen) = frame.truth.iter().find(|seen| Some(seen.uav) == target) {
                 let miss = proto::MissDistance {

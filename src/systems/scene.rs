@@ -7,6 +7,7 @@
 use crate::components::render::{ATTRIBUTE_SURFACE, LeanMaterial, LightUniform};
 use crate::models::city::GroundMap;
 use crate::models::mesh::MeshData;
+use crate::models::sky::Sky;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::NoFrustumCulling;
 use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
@@ -14,7 +15,7 @@ use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use big_space::prelude::*;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3, Vec4};
 
 /// Edge of a grid cell [m]: f32 positions inside it are right to 0.1 mm.
 const CELL_M: f32 = 2_000.0;
@@ -139,20 +140,63 @@ pub fn ground_texture(map: &GroundMap) -> Image {
     image
 }
 
-/// The sky's luminance table as a float texture; it wraps in azimuth only.
-pub fn sky_texture(table: &[[f32; 4]], width: u32, height: u32) -> Image {
-    let half = |x: f32| half::f16::from_f32(x.min(65_000.0)).to_le_bytes();
-    let bytes = table.iter().flatten().flat_map(|x| half(*x)).collect();
-    let extent = Extent3d { width, height, depth_or_array_layers: 1 };
+/// Texels along a side of the sky table: 0.4 deg at the horizon.
+const SKY_SIDE: u32 = 256;
+
+/// The direction of a point of the sky table, its square being -1..1 in both axes: the upper half
+/// of an octahedron, turned by 45 deg so that it fills the square.
+fn sky_direction(u: f64, v: f64) -> DVec3 {
+    let flat = 0.5 * DVec2::new(u - v, u + v);
+    flat.extend(1.0 - flat.x.abs() - flat.y.abs()).normalize()
+}
+
+/// The sky's luminance as a float texture.
+fn sky_texture(sky: &Sky) -> Image {
+    let half = |x: f64| half::f16::from_f64(x.min(65_000.0)).to_le_bytes();
+    let at = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(SKY_SIDE) - 1.0;
+    let bytes = (0..SKY_SIDE)
+        .flat_map(|j| (0..SKY_SIDE).map(move |i| sky_direction(at(i), at(j))))
+        .flat_map(|dir| {
+            let [r, g, b] = sky.radiance(dir);
+            [r, g, b, 1.0]
+        })
+        .flat_map(half)
+        .collect();
     let mut image = Image::new(
-        extent,
+        Extent3d { width: SKY_SIDE, height: SKY_SIDE, depth_or_array_layers: 1 },
         TextureDimension::D2,
         bytes,
         TextureFormat::Rgba16Float,
         RenderAssetUsages::RENDER_WORLD,
     );
-    image.sampler = sampler(ImageAddressMode::Repeat);
+    image.sampler = sampler(ImageAddressMode::ClampToEdge);
     image
+}
+
+/// Coefficients of the air-light over the cosine of the azimuth from the sun: the cubic through
+/// the sky's values at the Chebyshev nodes of that cosine.
+fn airlight_polynomial(sky: &Sky, sun_dir_enu: DVec3) -> [Vec4; 4] {
+    let towards = sun_dir_enu.truncate().normalize_or(DVec2::Y);
+    let nodes = [0, 1, 2, 3].map(|k| (std::f64::consts::PI * (f64::from(k) + 0.5) / 4.0).cos());
+    let values = nodes.map(|c| {
+        let dir = towards * c + towards.perp() * (1.0 - c * c).sqrt();
+        DVec3::from_array(sky.airlight(dir.extend(0.0)))
+    });
+    // Newton's divided differences, multiplied out.
+    let mut divided = values;
+    for order in 1..4 {
+        for k in (order..4).rev() {
+            divided[k] = (divided[k] - divided[k - 1]) / (nodes[k] - nodes[k - order]);
+        }
+    }
+    let mut coefficients = [DVec3::ZERO; 4];
+    for k in (0..4).rev() {
+        for power in (1..4).rev() {
+            coefficients[power] = coefficients[power - 1] - nodes[k] * coefficients[power];
+        }
+        coefficients[0] = divided[k] - nodes[k] * coefficients[0];
+    }
+    coefficients.map(|c| c.as_vec3().extend(0.0))
 }
 
 fn sampler(address_mode_u: ImageAddressMode) -> ImageSampler {
@@ -178,20 +222,25 @@ pub struct SceneContent<'a> {
     pub tiles: &'a [MeshData],
     /// Albedo of the ground.
     pub ground: &'a GroundMap,
-    /// Sky table and its width and height.
-    pub sky: (&'a [[f32; 4]], u32, u32),
-    /// Sun, sky and air.
+    /// Light of the sky.
+    pub sky: &'a Sky,
+    /// Unit vector to the sun.
+    pub sun_dir_enu: DVec3,
+    /// Illuminances and extinction; direction and air-light are filled in from the above.
     pub light: LightUniform,
 }
 
 /// Builds the grids, the city and the sky.
 pub fn spawn(world: &mut World, content: &SceneContent) {
     let ground_map = world.resource_mut::<Assets<Image>>().add(ground_texture(content.ground));
-    let (table, width, height) = content.sky;
-    let sky_table =
-        world.resource_mut::<Assets<Image>>().add(sky_texture(table, width, height));
+    let sky_table = world.resource_mut::<Assets<Image>>().add(sky_texture(content.sky));
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
-    let mut material = LeanMaterial { light: content.light, ground_map, sky_table, last: false };
+    let light = LightUniform {
+        sun_dir_enu: content.sun_dir_enu.as_vec3().extend(0.0),
+        airlight_kcd_m2: airlight_polynomial(content.sky, content.sun_dir_enu),
+        ..content.light
+    };
+    let mut material = LeanMaterial { light, ground_map, sky_table, last: false };
     let solid = materials.add(material.clone());
     material.last = true;
     let sky = materials.add(material);

@@ -319,7 +319,7 @@ pub fn find_range(
     let echo = uavs
         .iter()
         .filter(|(_, status)| **status == UavStatus::Flying)
-        .map(|(flight, _)| pose.q_enu_cam.inverse() * (flight.state.r_enu_m - pose.r_enu_m))
+        .map(|(flight, _)| pose.q_enu_cam.inverse() * (flight.aim_enu_m() - pose.r_enu_m))
         .filter(|r_cam_m| r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z)
         .map(|r_cam_m| r_cam_m.length())
         .min_by(f64::total_cmp);

@@ -13,7 +13,7 @@ use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
 use crate::components::uav::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::view::{
-    FreeCamera, Pacing, StepSize, TargetChoice, WindowCamera, WindowFrame,
+    FreeCamera, Insets, Pacing, StepSize, TargetChoice, Uploaded, WindowCamera, WindowFrame,
 };
 use crate::models::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::tracking::separation_rad;
@@ -25,17 +25,19 @@ use crate::systems::capture::{bevy_attitude, sync_scene};
 use crate::systems::engage::Interlocks;
 use crate::systems::render::Renderer;
 use crate::systems::scene::{self, SceneHandles};
+use bevy::asset::RenderAssetUsages;
 use bevy::camera::Exposure;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::input::mouse::AccumulatedMouseMotion;
 use bevy::prelude::*;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::render::renderer::RenderAdapterInfo;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
 use bevy::render::view::{Msaa, NoIndirectDrawing};
 use bevy_egui::egui::{self, Align2, Color32, FontId, Pos2, Rect, Stroke, StrokeKind, vec2};
 use bevy_egui::input::EguiWantsInput;
-use bevy_egui::{EguiContexts, PrimaryEguiContext};
+use bevy_egui::{EguiContexts, EguiTextureHandle, EguiUserTextures, PrimaryEguiContext};
 use big_space::prelude::CellCoord;
 use glam::{DVec2, DVec3};
 use std::collections::VecDeque;
@@ -873,15 +875,62 @@ fn targets(
     ui.small("Choosing makes the run differ from the scripted one; the log names the operator.");
 }
 
-/// A picture on the GPU and the instant it shows [s].
-type Shown = Option<(f64, egui::TextureHandle)>;
+/// Brings new camera pictures to the GPU. Each camera keeps its one image: egui's own textures
+/// are new images at every change, and those are drawn a frame too late to be seen while the
+/// simulation runs.
+pub fn upload_pictures(
+    history: Res<History>,
+    mut insets: ResMut<Insets>,
+    mut images: ResMut<Assets<Image>>,
+    mut textures: ResMut<EguiUserTextures>,
+) -> Result {
+    for (latest, inset) in history.latest.iter().zip(&mut insets.0) {
+        let Some(frame) = latest else { continue };
+        if inset.as_ref().is_some_and(|inset| inset.t_s == frame.t_s) {
+            continue;
+        }
+        let [width, height] = frame.size_px;
+        let rgba8 = frame
+            .rgb8
+            .chunks_exact(3)
+            .flat_map(|p| [p[0], p[1], p[2], 255])
+            .collect();
+        let picture = Image::new(
+            Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
+            TextureDimension::D2,
+            rgba8,
+            TextureFormat::Rgba8UnormSrgb,
+            RenderAssetUsages::RENDER_WORLD,
+        );
+        match inset {
+            Some(inset) => {
+                inset.t_s = frame.t_s;
+                images.insert(inset.image.id(), picture)?;
+            }
+            None => {
+                let image = images.add(picture);
+                let texture = textures.add_image(EguiTextureHandle::Weak(image.id()));
+                *inset = Some(Uploaded {
+                    t_s: frame.t_s,
+                    image,
+                    texture,
+                });
+            }
+        }
+    }
+    Ok(())
+}
 
 /// The pictures of the three cameras with what the detector found in them.
 pub fn draw_insets(
     mut contexts: EguiContexts,
     history: Res<History>,
+    insets: Res<Insets>,
     cameras: Query<(&SensorCamera, &Readout)>,
-    mut textures: Local<[Shown; 3]>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     let panel = egui::Panel::right("insets")
@@ -891,7 +940,7 @@ pub fn draw_insets(
         .frame(panel_frame().inner_margin(8.0));
     panel.show(&mut screen_ui(ctx), |ui| {
         let height = (ui.available_height() / 3.0 - 26.0).min(0.75 * INSET_WIDTH);
-        for (tier, texture) in Tier::ALL.into_iter().zip(textures.iter_mut()) {
+        for (tier, inset) in Tier::ALL.into_iter().zip(&insets.0) {
             let camera = cameras.iter().find(|(camera, _)| camera.tier == tier);
             let readout = match camera.map(|(_, readout)| *readout) {
                 Some(Readout::Full) => "full frame",
@@ -923,23 +972,16 @@ pub fn draw_insets(
                 );
                 continue;
             };
-            if texture.as_ref().is_none_or(|(t_s, _)| *t_s != frame.t_s) {
-                let size = frame.size_px.map(|n| n as usize);
-                let image = egui::ColorImage::from_rgb(size, &frame.rgb8);
-                let options = egui::TextureOptions::LINEAR;
-                *texture = Some((frame.t_s, ctx.load_texture(tier.name(), image, options)));
-            }
             let [width, rows] = frame.size_px.map(|n| n as f32);
-            let zoom = if frame.offset_px == [0, 0] {
-                1.0
-            } else {
-                INSET_ZOOM
-            };
+            let whole_sensor = camera.is_some_and(|(camera, _)| {
+                [camera.pinhole.width_px, camera.pinhole.height_px] == frame.size_px
+            });
+            let zoom = if whole_sensor { 1.0 } else { INSET_ZOOM };
             let scale = (slot.width() / (zoom * width)).min(slot.height() / (zoom * rows));
             let shown = Rect::from_center_size(slot.center(), vec2(width, rows) * scale);
-            if let Some((_, texture)) = texture {
+            if let Some(inset) = inset {
                 let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-                painter.image(texture.id(), shown, whole, Color32::WHITE);
+                painter.image(inset.texture, shown, whole, Color32::WHITE);
             }
             // From sensor pixels to the screen.
             let at = |x: f64, y: f64| {
