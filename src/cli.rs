@@ -156,13 +156,17 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
         Command::Schema { out } => {
             let write = |name: &str, text: String| {
                 let path = out.join(name);
-                std::fs::write(&path, text)
-                    .map_err(|source| RunError::Output { path: path.clone(), source })?;
+                std::fs::write(&path, text).map_err(|source| RunError::Output {
+                    path: path.clone(),
+                    source,
+                })?;
                 println!("{}", path.display());
                 Ok::<_, RunError>(())
             };
-            std::fs::create_dir_all(&out)
-                .map_err(|source| RunError::Output { path: out.clone(), source })?;
+            std::fs::create_dir_all(&out).map_err(|source| RunError::Output {
+                path: out.clone(),
+                source,
+            })?;
             write("scenarios.schema.json", scenario::json_schema())?;
             write("scenarios.md", scenario::docs_markdown())
         }
@@ -210,10 +214,17 @@ fn bar(loaded: &Loaded, progress: bool) -> ProgressBar {
 fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
     let t_s = world.resource::<SimClock>().t_s();
     let state = world.resource::<Tracker>().state.name();
-    let down = world.resource::<History>().neutralised_s.iter().flatten().count();
+    let down = world
+        .resource::<History>()
+        .neutralised_s
+        .iter()
+        .flatten()
+        .count();
     let factor = t_s / elapsed.as_secs_f64().max(1e-9);
     bar.set_position((1e3 * t_s) as u64);
-    bar.set_message(format!("{t_s:.1} s at {factor:.2}x, {state}, {down} neutralised"));
+    bar.set_message(format!(
+        "{t_s:.1} s at {factor:.2}x, {state}, {down} neutralised"
+    ));
     // Without a terminal a line now and then tells as much.
     if bar.is_hidden() {
         return;
@@ -230,7 +241,10 @@ fn models() -> String {
     for kind in UavKind::ALL {
         let uav = model(kind);
         let name = serde_json::to_value(kind).ok();
-        let name = name.as_ref().and_then(|name| name.as_str()).unwrap_or_default();
+        let name = name
+            .as_ref()
+            .and_then(|name| name.as_str())
+            .unwrap_or_default();
         text += &format!(
             "{name:<12} {:<18} {:>8.3} {:>11.3} {:>6} {:>9.0}\n",
             uav.name, uav.mass_kg, uav.diagonal_m, uav.rotor_count, uav.v_max_mps

@@ -28,7 +28,9 @@ pub enum DetectorError {
         why: String,
     },
     /// The model file cannot be read.
-    #[error("detector model {path}: cannot be read ({why}); name an existing .onnx file in detector.model")]
+    #[error(
+        "detector model {path}: cannot be read ({why}); name an existing .onnx file in detector.model"
+    )]
     Unreadable {
         /// The model file.
         path: PathBuf,
@@ -72,7 +74,10 @@ pub fn runtime_path() -> Result<PathBuf, DetectorError> {
         return if path.is_file() {
             Ok(path)
         } else {
-            Err(DetectorError::NoRuntime(format!("ORT_DYLIB_PATH = {}", path.display())))
+            Err(DetectorError::NoRuntime(format!(
+                "ORT_DYLIB_PATH = {}",
+                path.display()
+            )))
         };
     }
     let cache = std::env::var_os("XDG_CACHE_HOME")
@@ -88,7 +93,9 @@ pub fn runtime_path() -> Result<PathBuf, DetectorError> {
         .filter(|path| path.is_file())
         .collect();
     found.sort();
-    found.pop().ok_or_else(|| DetectorError::NoRuntime(format!("none under {}", cache.display())))
+    found
+        .pop()
+        .ok_or_else(|| DetectorError::NoRuntime(format!("none under {}", cache.display())))
 }
 
 /// The process-wide runtime: ONNX Runtime can be loaded once only.
@@ -103,7 +110,10 @@ fn environment() -> Result<&'static ort::environment::Environment, DetectorError
                 .map_err(|error| error.to_string())
         })
         .as_ref()
-        .map_err(|why| DetectorError::Runtime { path, why: why.clone() })
+        .map_err(|why| DetectorError::Runtime {
+            path,
+            why: why.clone(),
+        })
 }
 
 /// Build of the loaded runtime and the execution providers it has.
@@ -115,18 +125,27 @@ pub fn runtime_info() -> Result<String, DetectorError> {
 impl OnnxDetector {
     /// Loads and checks the model at `path`, which then runs on `threads` threads.
     pub fn load(path: &Path, threads: usize) -> Result<Self, DetectorError> {
-        let unreadable =
-            |error: std::io::Error| DetectorError::Unreadable { path: path.into(), why: error.to_string() };
+        let unreadable = |error: std::io::Error| DetectorError::Unreadable {
+            path: path.into(),
+            why: error.to_string(),
+        };
         std::fs::File::open(path).map_err(unreadable)?;
         let environment = environment()?;
-        let broken = |why: String| DetectorError::Broken { path: path.into(), why: first_line(&why) };
+        let broken = |why: String| DetectorError::Broken {
+            path: path.into(),
+            why: first_line(&why),
+        };
         let session = Session::builder(environment)
             .map_err(|error| broken(error.to_string()))?
             .with_intra_threads(threads)
             .map_err(|error| broken(error.to_string()))?
             .commit_from_file(path)
             .map_err(|error| broken(error.to_string()))?;
-        let mut detector = Self { session, path: path.into(), planes: Vec::new() };
+        let mut detector = Self {
+            session,
+            path: path.into(),
+            planes: Vec::new(),
+        };
         detector.check_interface()?;
         // A grey frame shows a model that answers nonsense before the run starts.
         detector.detect(&[128; 128 * 128 * 3], [128, 128], &mut Vec::new())?;
@@ -134,7 +153,10 @@ impl OnnxDetector {
     }
 
     fn interface_error(&self, why: impl Into<String>) -> DetectorError {
-        DetectorError::Interface { path: self.path.clone(), why: why.into() }
+        DetectorError::Interface {
+            path: self.path.clone(),
+            why: why.into(),
+        }
     }
 
     fn check_interface(&self) -> Result<(), DetectorError> {
@@ -150,7 +172,10 @@ impl OnnxDetector {
             )));
         }
         let names = |outlets: &[ort::value::Outlet]| {
-            outlets.iter().map(|outlet| outlet.name().to_string()).collect::<Vec<_>>()
+            outlets
+                .iter()
+                .map(|outlet| outlet.name().to_string())
+                .collect::<Vec<_>>()
         };
         let inputs = self.session.inputs();
         let image_ok = inputs.len() == 1
@@ -196,13 +221,22 @@ impl OnnxDetector {
             path: path.clone(),
             why: first_line(&error.to_string()),
         };
-        let wrong =
-            |why: &str| DetectorError::Interface { path: path.clone(), why: why.to_string() };
+        let wrong = |why: &str| DetectorError::Interface {
+            path: path.clone(),
+            why: why.to_string(),
+        };
         let image = TensorRef::from_array_view(([1usize, 3, height, width], &self.planes[..]))
             .map_err(broken)?;
-        let outputs = self.session.run(ort::inputs!["image" => image]).map_err(broken)?;
-        let (shape, boxes) = outputs["boxes"].try_extract_tensor::<f32>().map_err(broken)?;
-        let (_, scores) = outputs["scores"].try_extract_tensor::<f32>().map_err(broken)?;
+        let outputs = self
+            .session
+            .run(ort::inputs!["image" => image])
+            .map_err(broken)?;
+        let (shape, boxes) = outputs["boxes"]
+            .try_extract_tensor::<f32>()
+            .map_err(broken)?;
+        let (_, scores) = outputs["scores"]
+            .try_extract_tensor::<f32>()
+            .map_err(broken)?;
         if shape.len() != 2 || shape[1] != 4 || boxes.len() != 4 * scores.len() {
             return Err(wrong("boxes are not [N, 4] with one score each"));
         }
@@ -210,10 +244,15 @@ impl OnnxDetector {
             return Err(wrong("it gives boxes or scores that are not finite"));
         }
         let first = out.len();
-        out.extend(boxes.chunks_exact(4).zip(scores).map(|(b, score)| Detection {
-            box_px: [b[0], b[1], b[2], b[3]].map(f64::from),
-            score: f64::from(*score),
-        }));
+        out.extend(
+            boxes
+                .chunks_exact(4)
+                .zip(scores)
+                .map(|(b, score)| Detection {
+                    box_px: [b[0], b[1], b[2], b[3]].map(f64::from),
+                    score: f64::from(*score),
+                }),
+        );
         out[first..].sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(())
     }

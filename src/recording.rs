@@ -335,7 +335,11 @@ impl Recorder {
             .create(NoSeek::new(BufWriter::new(file)))?;
         for (name, media_type, text) in [
             ("scenario.toml", "application/toml", meta.scenario_toml),
-            ("overrides.txt", "text/plain", meta.overrides.join("\n").as_str()),
+            (
+                "overrides.txt",
+                "text/plain",
+                meta.overrides.join("\n").as_str(),
+            ),
             ("seed.txt", "text/plain", meta.seed.to_string().as_str()),
             ("version.txt", "text/plain", meta.version),
         ] {

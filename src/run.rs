@@ -30,7 +30,9 @@ use crate::models::sky::Sky;
 use crate::models::sun::Sun;
 use crate::models::thermal::Skin;
 use crate::models::trajectory::{CompiledTrajectory, TrajectoryError};
-use crate::models::turbulence::{GammaGamma, PaperIntensity, Path as AirPath, PathTurbulence, Scintillation, Wander};
+use crate::models::turbulence::{
+    GammaGamma, PaperIntensity, Path as AirPath, PathTurbulence, Scintillation, Wander,
+};
 use crate::models::uav::model;
 use crate::models::uav_mesh::uav_mesh;
 use crate::models::wind::{DrydenGust, MeanWind};
@@ -251,11 +253,14 @@ pub fn check(loaded: &Loaded) -> Result<(), RunError> {
 fn flight_plan(loaded: &Loaded, index: usize) -> Result<CompiledTrajectory, RunError> {
     let folder = loaded.path.parent().unwrap_or(Path::new("."));
     let load = |name: &str| std::fs::read_to_string(folder.join(name));
-    loaded.scenario.uavs[index].trajectory.compile(load).map_err(|source| RunError::Trajectory {
-        file: loaded.path.display().to_string(),
-        index,
-        source,
-    })
+    loaded.scenario.uavs[index]
+        .trajectory
+        .compile(load)
+        .map_err(|source| RunError::Trajectory {
+            file: loaded.path.display().to_string(),
+            index,
+            source,
+        })
 }
 
 /// Builds the app of a run, ready for its first tick.
@@ -271,7 +276,10 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
     if options.capture {
         adapter()?;
     }
-    let clock = SimClock { tick: 0, tick_hz: scenario.tick_hz };
+    let clock = SimClock {
+        tick: 0,
+        tick_hz: scenario.tick_hz,
+    };
     let environment = environment(scenario, &file, seed)?;
 
     let mut app = App::new();
@@ -323,9 +331,9 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
 
 /// Bevy itself: the same plugins for every run; without capture there is no renderer behind them.
 fn add_bevy(app: &mut App, options: &Options) {
-    let threads = options.threads.unwrap_or_else(|| {
-        std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
-    });
+    let threads = options
+        .threads
+        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get));
     let mut pools = TaskPoolOptions::with_num_threads(threads);
     // Nothing in a run waits for files: one thread each is plenty for assets.
     let single = TaskPoolThreadAssignmentPolicy {
@@ -337,8 +345,9 @@ fn add_bevy(app: &mut App, options: &Options) {
     };
     pools.io = single.clone();
     pools.async_compute = single;
-    let backends =
-        options.capture.then(|| wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY));
+    let backends = options
+        .capture
+        .then(|| wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY));
     let window = WindowPlugin {
         primary_window: options.window.then(|| Window {
             title: "Boresight".into(),
@@ -356,10 +365,16 @@ fn add_bevy(app: &mut App, options: &Options) {
     let mut plugins = DefaultPlugins
         .build()
         .disable::<TransformPlugin>()
-        .set(LogPlugin { filter: LOG_FILTER.into(), level: Level::WARN, ..default() })
+        .set(LogPlugin {
+            filter: LOG_FILTER.into(),
+            level: Level::WARN,
+            ..default()
+        })
         // It would take the render sub-app away to a thread of its own.
         .disable::<PipelinedRenderingPlugin>()
-        .set(TaskPoolPlugin { task_pool_options: pools })
+        .set(TaskPoolPlugin {
+            task_pool_options: pools,
+        })
         .set(window)
         .set(RenderPlugin {
             render_creation: RenderCreation::Automatic(Box::new(WgpuSettings {
@@ -411,19 +426,32 @@ fn detector(scenario: &Scenario, seed: u64) -> Result<Detector, RunError> {
 }
 
 fn environment(scenario: &Scenario, file: &str, seed: u64) -> Result<Environment, RunError> {
-    let value = |what, why: String| RunError::Value { file: file.into(), what, why };
-    let weather =
-        scenario.weather.resolved().map_err(|error| value("weather.metar", error.to_string()))?;
+    let value = |what, why: String| RunError::Value {
+        file: file.into(),
+        what,
+        why,
+    };
+    let weather = scenario
+        .weather
+        .resolved()
+        .map_err(|error| value("weather.metar", error.to_string()))?;
     let site = SiteFrame::new(Geodetic {
         latitude_rad: scenario.site.latitude_deg.to_radians(),
         longitude_rad: scenario.site.longitude_deg.to_radians(),
         height_m: scenario.site.altitude_m,
     });
-    let sun = Sun::new(&scenario.time_utc, site.origin(), weather.pressure_pa, weather.temperature_k)
-        .map_err(|error| value("time_utc", error.to_string()))?;
+    let sun = Sun::new(
+        &scenario.time_utc,
+        site.origin(),
+        weather.pressure_pa,
+        weather.temperature_k,
+    )
+    .map_err(|error| value("time_utc", error.to_string()))?;
     let sun_dir_enu = sun.sun_dir_enu();
-    let mut city = City::generate(&scenario.city)
-        .map_err(|source| RunError::City { file: file.into(), source })?;
+    let mut city = City::generate(&scenario.city).map_err(|source| RunError::City {
+        file: file.into(),
+        source,
+    })?;
     city.bake_shadows(sun_dir_enu);
     let mean_height_m = city.buildings.iter().map(|b| b.height_m()).sum::<f64>()
         / (city.buildings.len().max(1)) as f64;
@@ -444,7 +472,12 @@ fn environment(scenario: &Scenario, file: &str, seed: u64) -> Result<Environment
             weather.relative_humidity,
         ),
         cn2: scenario.turbulence.cn2_profile(mean_height_m, day),
-        sky: Sky::new(sun_dir_enu, weather.visibility_m, weather.cloud_cover, GROUND_ALBEDO),
+        sky: Sky::new(
+            sun_dir_enu,
+            weather.visibility_m,
+            weather.cloud_cover,
+            GROUND_ALBEDO,
+        ),
         site,
         city: Arc::new(city),
         weather,
@@ -510,10 +543,22 @@ fn spawn_uavs(
             capture::spawn_uav(world, index, &mesh, (state.r_enu_m, state.q_enu_body));
         }
         world.spawn((
-            Uav { index, name: uav.name.clone(), kind: uav.model },
-            Flight { airframe, state, aim_body_m: shape.centre_body_m() },
+            Uav {
+                index,
+                name: uav.name.clone(),
+                kind: uav.model,
+            },
+            Flight {
+                airframe,
+                state,
+                aim_body_m: shape.centre_body_m(),
+            },
             Guidance(plan),
-            Air { gusts, rng, wind_enu_mps },
+            Air {
+                gusts,
+                rng,
+                wind_enu_mps,
+            },
             HeatedSkin {
                 skin: Skin {
                     temperature_k: environment.weather.temperature_k,
@@ -576,7 +621,11 @@ fn search_scan(
         SearchPattern::Raster => raster(&area, [search.hfov_rad(), search.vfov_rad()], 0.1),
         SearchPattern::Stare => vec![[area.centre_azimuth_rad, area.centre_elevation_rad]],
     };
-    SearchScan { gazes_rad, index: 0, settled_since: None }
+    SearchScan {
+        gazes_rad,
+        index: 0,
+        settled_since: None,
+    }
 }
 
 /// Lens and sensor of a scenario's camera in the light and air of the run.
@@ -587,9 +636,16 @@ fn sensor_params(
 ) -> SensorParams {
     const WAVELENGTH_M: f64 = 550e-9;
     let pixel_pitch_m = camera.pixel_pitch_um * 1e-6;
-    let ground_m = environment.city.dsm.terrain_m(r_station_enu_m.x, r_station_enu_m.y);
+    let ground_m = environment
+        .city
+        .dsm
+        .terrain_m(r_station_enu_m.x, r_station_enu_m.y);
     let height_m = (r_station_enu_m.z - ground_m).max(1.0);
-    let path = AirPath { length_m: BLUR_RANGE_M, h0_m: height_m, h1_m: height_m };
+    let path = AirPath {
+        length_m: BLUR_RANGE_M,
+        h0_m: height_m,
+        h1_m: height_m,
+    };
     let fried_m = PathTurbulence::new(&environment.cn2, &path, WAVELENGTH_M).fried_spherical_m;
     // Standard deviations of the Gaussians that fit the cores of the Airy pattern (0.42 lambda N)
     // and of the long-exposure seeing disc (FWHM 0.98 lambda / r0, over 2.355).
@@ -626,19 +682,28 @@ fn spawn_station(
     environment: &Environment,
     clock: SimClock,
 ) -> Result<(), RunError> {
-    let value = |what, why: String| RunError::Value { file: file.into(), what, why };
+    let value = |what, why: String| RunError::Value {
+        file: file.into(),
+        what,
+        why,
+    };
     let dt_s = clock.dt_s();
     let seed = environment.seed;
     let r_station_enu_m = station_enu_m(scenario, environment);
     let cameras = scenario.station.cameras.resolved();
     let mut first = world.query::<(&Uav, &Flight)>();
-    let first_uav_enu_m =
-        first.iter(world).find(|(uav, _)| uav.index == 0).map(|(_, flight)| flight.state.r_enu_m);
+    let first_uav_enu_m = first
+        .iter(world)
+        .find(|(uav, _)| uav.index == 0)
+        .map(|(_, flight)| flight.state.r_enu_m);
     let mut scan = None;
     for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
-        let pinhole =
-            Pinhole::from_hfov(camera.width_px, camera.height_px, camera.hfov_deg.to_radians())
-                .map_err(|error| value("station.cameras", error.to_string()))?;
+        let pinhole = Pinhole::from_hfov(
+            camera.width_px,
+            camera.height_px,
+            camera.hfov_deg.to_radians(),
+        )
+        .map_err(|error| value("station.cameras", error.to_string()))?;
         let params = sensor_params(camera, environment, r_station_enu_m);
         let latency_s =
             0.5 * params.exposure_s + camera.readout_latency_s + camera.inference_latency_s;
@@ -654,12 +719,19 @@ fn spawn_station(
             antialias: camera.antialias,
         };
         if tier == Tier::Search {
-            let search =
-                search_scan(scenario, environment, r_station_enu_m, first_uav_enu_m, &pinhole);
+            let search = search_scan(
+                scenario,
+                environment,
+                r_station_enu_m,
+                first_uav_enu_m,
+                &pinhole,
+            );
             scan = Some(search);
         }
-        let views = world.get_resource::<SceneHandles>().map(|handles| handles.site_grid).map(
-            |site_grid| {
+        let views = world
+            .get_resource::<SceneHandles>()
+            .map(|handles| handles.site_grid)
+            .map(|site_grid| {
                 let mut view = |size_px: [u32; 2]| {
                     let projection = SensorProjection {
                         focal_px: pinhole.focal_px,
@@ -670,12 +742,11 @@ fn spawn_station(
                     spawn_sensor_view(world, site_grid, projection, camera.antialias)
                 };
                 let full = view(sensor_px);
-                let window = sensor.window_px.map(|side| {
-                    view([side.min(sensor_px[0]), side.min(sensor_px[1])])
-                });
+                let window = sensor
+                    .window_px
+                    .map(|side| view([side.min(sensor_px[0]), side.min(sensor_px[1])]));
                 SensorViews { full, window }
-            },
-        );
+            });
         let entity = world.spawn((sensor, Readout::Off)).id();
         if let Some(views) = views {
             world.entity_mut(entity).insert(views);
@@ -683,7 +754,9 @@ fn spawn_station(
     }
     let scan = scan.ok_or_else(|| value("station.cameras", "no search camera".into()))?;
     let params = gimbal_params(&scenario.station.mount);
-    params.validate().map_err(|error| value("station.mount", error.to_string()))?;
+    params
+        .validate()
+        .map_err(|error| value("station.mount", error.to_string()))?;
     let mirror_params = MirrorParams {
         stroke_rad: scenario.station.mount.mirror_range_mrad * 1e-3,
         ..default()
@@ -792,9 +865,12 @@ fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controll
         ControllerPreset::Tuned => Controller::Tuned(TunedPointing::recommended(mirror, dt_s)),
         ControllerPreset::Paper => {
             let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
-                Some(gains) => {
-                    PaperLaw { kp: gains.kp, ki_per_s: gains.ki_per_s, kd_s: gains.kd_s, ..printed }
-                }
+                Some(gains) => PaperLaw {
+                    kp: gains.kp,
+                    ki_per_s: gains.ki_per_s,
+                    kd_s: gains.kd_s,
+                    ..printed
+                },
                 None => printed,
             };
             Controller::Paper(Box::new(PaperController::new(
@@ -829,8 +905,10 @@ fn recording(
     let (Some(out), Some(tick_hz)) = (&options.out, NonZeroU32::new(scenario.tick_hz)) else {
         return Ok(recording);
     };
-    std::fs::create_dir_all(out)
-        .map_err(|source| RunError::Output { path: out.clone(), source })?;
+    std::fs::create_dir_all(out).map_err(|source| RunError::Output {
+        path: out.clone(),
+        source,
+    })?;
     let epoch = scenario.time_utc.timestamp_nanos_opt().unwrap_or(0);
     let mut recorder = Recorder::create(
         &out.join("run.mcap"),
@@ -845,7 +923,13 @@ fn recording(
         },
     )?;
     let site = &scenario.site;
-    recorder.location_fix(0, "enu", site.latitude_deg, site.longitude_deg, site.altitude_m)?;
+    recorder.location_fix(
+        0,
+        "enu",
+        site.latitude_deg,
+        site.longitude_deg,
+        site.altitude_m,
+    )?;
     let boxes: Vec<Shape> = environment
         .city
         .buildings
@@ -865,7 +949,12 @@ fn recording(
             }
         })
         .collect();
-    let city = SceneEntity { id: "city", frame: "enu", lifetime_ticks: 0, shapes: &boxes };
+    let city = SceneEntity {
+        id: "city",
+        frame: "enu",
+        lifetime_ticks: 0,
+        shapes: &boxes,
+    };
     recorder.scene_update(0, &[city])?;
     recording.recorder = Some(SyncCell::new(recorder));
     Ok(recording)
@@ -889,5 +978,7 @@ pub fn step(world: &mut World) -> Result<bool, RunError> {
     }
     let aftermath = clock.ticks_of(AFTERMATH_S);
     Ok(clock.tick >= plan.last_tick
-        || plan.settled.is_some_and(|since| clock.tick >= since + aftermath))
+        || plan
+            .settled
+            .is_some_and(|since| clock.tick >= since + aftermath))
 }

@@ -510,7 +510,10 @@ impl CameraPreset {
                     readout: Readout::Window,
                     ..base.clone()
                 },
-                Camera { readout: Readout::Window, ..base },
+                Camera {
+                    readout: Readout::Window,
+                    ..base
+                },
             ],
             Self::Paper => {
                 // Pitches that make the printed focal lengths and fields of view agree:

@@ -3,10 +3,10 @@
 use crate::components::beam::BeamState;
 use crate::components::camera::Tier;
 use crate::components::clock::SimClock;
-use crate::components::record::{History, Recording, StateHash};
-use crate::components::track::{Tracker, TrackingState};
 use crate::components::environment::Environment;
+use crate::components::record::{History, Recording, StateHash};
 use crate::components::station::Mount;
+use crate::components::track::{Tracker, TrackingState};
 use crate::components::uav::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::{extinction_per_m, transmittance};
 use crate::report::{
@@ -50,7 +50,12 @@ pub fn conclude(
 }
 
 /// Sums up a run that took `elapsed` of wall-clock time.
-pub fn finish(world: &mut World, loaded: &Loaded, options: &Options, elapsed: Duration) -> Finished {
+pub fn finish(
+    world: &mut World,
+    loaded: &Loaded,
+    options: &Options,
+    elapsed: Duration,
+) -> Finished {
     let clock = *world.resource::<SimClock>();
     let mut stations = world.query::<&BeamState>();
     let beam = stations.iter(world).next().copied().unwrap_or_default();
@@ -58,7 +63,12 @@ pub fn finish(world: &mut World, loaded: &Loaded, options: &Options, elapsed: Du
     let mut statuses: Vec<_> = uavs
         .iter(world)
         .map(|(uav, status, skin)| {
-            (uav.index, uav.name.clone(), *status, skin.material.failure_temperature_k)
+            (
+                uav.index,
+                uav.name.clone(),
+                *status,
+                skin.material.failure_temperature_k,
+            )
         })
         .collect();
     statuses.sort_by_key(|(index, ..)| *index);
@@ -70,9 +80,15 @@ pub fn finish(world: &mut World, loaded: &Loaded, options: &Options, elapsed: Du
     let interlocks = world.resource::<Interlocks>();
     let (outcome, reason) = outcome(&statuses, history, tracker, interlocks, &conditions);
     let miss = |tier: Tier| {
-        MissStats::of(history.miss_px[tier as usize].iter().map(|(_, distance)| *distance))
+        MissStats::of(
+            history.miss_px[tier as usize]
+                .iter()
+                .map(|(_, distance)| *distance),
+        )
     };
-    let neutralised = statuses.iter().all(|(_, _, status, _)| status.neutralised());
+    let neutralised = statuses
+        .iter()
+        .all(|(_, _, status, _)| status.neutralised());
     let share = |part: Duration| part.as_secs_f64() / elapsed.as_secs_f64().max(1e-9);
     let (render, inference) = (share(stopwatch.render), share(stopwatch.inference));
     let summary = Summary {
@@ -98,7 +114,11 @@ pub fn finish(world: &mut World, loaded: &Loaded, options: &Options, elapsed: Du
         },
         dwell_s: beam.dwell_s,
         energy_j: beam.energy_j,
-        share: Shares { render, inference, other: (1.0 - render - inference).max(0.0) },
+        share: Shares {
+            render,
+            inference,
+            other: (1.0 - render - inference).max(0.0),
+        },
     };
     let report = report(loaded, &summary, history, tracker, failure_temperature_k);
     Finished { summary, report }
@@ -136,20 +156,32 @@ fn outcome(
     interlocks: &Interlocks,
     conditions: &str,
 ) -> (&'static str, String) {
-    let down = statuses.iter().filter(|(_, _, status, _)| status.neutralised()).count();
+    let down = statuses
+        .iter()
+        .filter(|(_, _, status, _)| status.neutralised())
+        .count();
     let crashed: Vec<&str> = statuses
         .iter()
         .filter(|(_, _, status, _)| *status == UavStatus::Crashed)
         .map(|(_, name, ..)| name.as_str())
         .collect();
     if !statuses.is_empty() && down == statuses.len() {
-        return ("neutralised", format!("{down} of {down} UAVs brought down by the laser"));
+        return (
+            "neutralised",
+            format!("{down} of {down} UAVs brought down by the laser"),
+        );
     }
     if down > 0 {
-        return ("partly_neutralised", format!("{down} of {} UAVs brought down", statuses.len()));
+        return (
+            "partly_neutralised",
+            format!("{down} of {} UAVs brought down", statuses.len()),
+        );
     }
     if !crashed.is_empty() {
-        return ("crashed", format!("{} flew into the city", crashed.join(", ")));
+        return (
+            "crashed",
+            format!("{} flew into the city", crashed.join(", ")),
+        );
     }
     if history.acquired_s.is_some() {
         let reached = tracker
@@ -188,7 +220,11 @@ fn report(
 ) -> ReportData {
     let hz = f64::from(loaded.scenario.tick_hz);
     let at_s = |tick: u64| tick as f64 / hz;
-    let ends = tracker.changes.iter().skip(1).map(|change| at_s(change.tick));
+    let ends = tracker
+        .changes
+        .iter()
+        .skip(1)
+        .map(|change| at_s(change.tick));
     let states = tracker
         .changes
         .iter()
@@ -260,15 +296,33 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
     let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     let share = &summary.share;
     [
-        ("outcome", format!("{}: {}", summary.outcome, summary.reason)),
+        (
+            "outcome",
+            format!("{}: {}", summary.outcome, summary.reason),
+        ),
         ("time to acquire", seconds(summary.time_to_acquire_s)),
         ("time to neutralise", seconds(summary.time_to_neutralise_s)),
-        ("coarse miss distance", miss(&summary.miss_distance_px.coarse)),
-        ("precise miss distance", miss(&summary.miss_distance_px.precise)),
-        ("dwell on the aim point", format!("{:.2} s", summary.dwell_s)),
-        ("energy emitted", format!("{:.1} kJ", 1e-3 * summary.energy_j)),
+        (
+            "coarse miss distance",
+            miss(&summary.miss_distance_px.coarse),
+        ),
+        (
+            "precise miss distance",
+            miss(&summary.miss_distance_px.precise),
+        ),
+        (
+            "dwell on the aim point",
+            format!("{:.2} s", summary.dwell_s),
+        ),
+        (
+            "energy emitted",
+            format!("{:.1} kJ", 1e-3 * summary.energy_j),
+        ),
         ("simulated", format!("{:.2} s", summary.simulated_s)),
-        ("real-time factor", format!("{:.3}", summary.real_time_factor)),
+        (
+            "real-time factor",
+            format!("{:.3}", summary.real_time_factor),
+        ),
         (
             "wall time",
             format!(
@@ -287,5 +341,8 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
 
 /// The summary for a terminal.
 pub fn table(summary: &Summary) -> String {
-    rows(summary).iter().map(|(label, value)| format!("{label:<24}{value}\n")).collect()
+    rows(summary)
+        .iter()
+        .map(|(label, value)| format!("{label:<24}{value}\n"))
+        .collect()
 }

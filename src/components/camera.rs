@@ -47,10 +47,18 @@ impl PixelRect {
         let axis = |i: usize| {
             let size = size_px.min(sensor_px[i]);
             let most = f64::from(sensor_px[i] - size);
-            ((centre_px[i] - f64::from(size) / 2.0).round().clamp(0.0, most) as u32, size)
+            (
+                (centre_px[i] - f64::from(size) / 2.0)
+                    .round()
+                    .clamp(0.0, most) as u32,
+                size,
+            )
         };
         let ((x, width), (y, height)) = (axis(0), axis(1));
-        Self { offset_px: [x, y], size_px: [width, height] }
+        Self {
+            offset_px: [x, y],
+            size_px: [width, height],
+        }
     }
 }
 

@@ -30,6 +30,8 @@ impl SimClock {
     /// Whole ticks that cover a duration; a latency never ends early.
     pub fn ticks_of(&self, duration_s: f64) -> u64 {
         // The small slack keeps a duration that is a whole number of ticks from rounding up.
-        (duration_s * f64::from(self.tick_hz) - 1e-9).ceil().max(0.0) as u64
+        (duration_s * f64::from(self.tick_hz) - 1e-9)
+            .ceil()
+            .max(0.0) as u64
     }
 }

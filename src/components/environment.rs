@@ -1,9 +1,9 @@
 //! The site's world: city, weather, light.
 
+use crate::models::atmosphere::Cn2Profile;
 use crate::models::city::City;
 use crate::models::geodesy::SiteFrame;
 use crate::models::sky::Sky;
-use crate::models::atmosphere::Cn2Profile;
 use crate::models::weather::Weather;
 use crate::models::wind::MeanWind;
 use bevy::prelude::*;

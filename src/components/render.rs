@@ -68,7 +68,11 @@ impl Material for LeanMaterial {
 
     fn alpha_mode(&self) -> AlphaMode {
         // Bevy draws masked surfaces after opaque ones; the shader discards nothing.
-        if self.last { AlphaMode::Mask(0.0) } else { AlphaMode::Opaque }
+        if self.last {
+            AlphaMode::Mask(0.0)
+        } else {
+            AlphaMode::Opaque
+        }
     }
 
     fn enable_prepass() -> bool {
@@ -169,7 +173,9 @@ mod tests {
 
     #[test]
     fn window_and_full_frame_agree_with_the_pinhole() {
-        let Ok(pinhole) = Pinhole::from_hfov(640, 480, 0.2) else { panic!("a usual field") };
+        let Ok(pinhole) = Pinhole::from_hfov(640, 480, 0.2) else {
+            panic!("a usual field")
+        };
         let r_cam_m = DVec3::new(3.0, -2.0, 100.0);
         let Some(px) = pinhole.project(r_cam_m) else {
             panic!("the point lies in front of the camera")

@@ -70,8 +70,19 @@ impl Pointing {
     /// The pose the station believes a camera of `tier` to have.
     pub fn believed_pose(&self, r_station_enu_m: DVec3, tier: Tier) -> Pose {
         let [az, el] = self.az_el_rad.to_array();
-        let mirror_rad = if tier == Tier::Precise { self.mirror_rad } else { DVec2::ZERO };
-        boresight_chain(r_station_enu_m, self.base_tilt_rad, az, el, mirror_rad, DVec3::ZERO)
+        let mirror_rad = if tier == Tier::Precise {
+            self.mirror_rad
+        } else {
+            DVec2::ZERO
+        };
+        boresight_chain(
+            r_station_enu_m,
+            self.base_tilt_rad,
+            az,
+            el,
+            mirror_rad,
+            DVec3::ZERO,
+        )
     }
 }
 

@@ -45,7 +45,11 @@ impl DetectionQueue {
     /// Moves what is available at `tick` to `arrived`.
     pub fn release(&mut self, tick: u64) {
         self.arrived.clear();
-        while self.waiting.front().is_some_and(|batch| batch.available_tick <= tick) {
+        while self
+            .waiting
+            .front()
+            .is_some_and(|batch| batch.available_tick <= tick)
+        {
             self.arrived.extend(self.waiting.pop_front());
         }
     }
@@ -161,7 +165,11 @@ impl Tracker {
         if !matches!(to, TrackingState::Precise | TrackingState::Engage) {
             self.locked_since = None;
         }
-        self.changes.push(StateChange { tick, to, reason: reason.into() });
+        self.changes.push(StateChange {
+            tick,
+            to,
+            reason: reason.into(),
+        });
     }
 
     /// The target's track.

@@ -22,7 +22,10 @@ impl Detection {
     pub fn shifted(&self, offset_px: [u32; 2]) -> Self {
         let [dx, dy] = offset_px.map(f64::from);
         let [x0, y0, x1, y1] = self.box_px;
-        Self { box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy], ..*self }
+        Self {
+            box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
+            ..*self
+        }
     }
 }
 
@@ -58,13 +61,19 @@ pub fn detect_truth(
         // Every UAV draws the same numbers whether it is seen or not, so that one UAV's
         // visibility does not change another's errors.
         let missed = rng.uniform() < errors.miss_rate;
-        let (dx, dy) = (errors.noise_px * rng.normal(), errors.noise_px * rng.normal());
+        let (dx, dy) = (
+            errors.noise_px * rng.normal(),
+            errors.noise_px * rng.normal(),
+        );
         let (cx, cy) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
         let inside = cx >= low[0] && cx < high[0] && cy >= low[1] && cy < high[1];
         if missed || !inside || (x1 - x0).max(y1 - y0) < MIN_SIDE_PX {
             continue;
         }
-        out.push(Detection { box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy], score: 0.9 });
+        out.push(Detection {
+            box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
+            score: 0.9,
+        });
     }
     let share = f64::from(size_px[0] * size_px[1]) / f64::from(sensor_px[0] * sensor_px[1]);
     for _ in 0..rng.poisson(errors.false_alarms_per_frame * share) {
@@ -88,7 +97,15 @@ mod tests {
         let mut out = Vec::new();
         for _ in 0..frames {
             let boxes = [[100.0, 100.0, 110.0, 108.0]];
-            detect_truth(boxes.into_iter(), errors, [0, 0], size_px, SENSOR, &mut rng, &mut out);
+            detect_truth(
+                boxes.into_iter(),
+                errors,
+                [0, 0],
+                size_px,
+                SENSOR,
+                &mut rng,
+                &mut out,
+            );
         }
         out
     }
@@ -96,26 +113,47 @@ mod tests {
     #[test]
     fn misses_and_noise_have_the_set_rates() {
         let n = 20_000;
-        let errors = TruthErrors { noise_px: 1.5, miss_rate: 0.1, false_alarms_per_frame: 0.0 };
+        let errors = TruthErrors {
+            noise_px: 1.5,
+            miss_rate: 0.1,
+            false_alarms_per_frame: 0.0,
+        };
         let seen = run(&errors, n, SENSOR);
         let rate = 1.0 - seen.len() as f64 / n as f64;
-        assert!((rate - 0.1).abs() < 5.0 * (0.09 / n as f64).sqrt(), "{rate}");
-        let variance = seen.iter().map(|d| (d.centre_px()[0] - 105.0).powi(2)).sum::<f64>()
+        assert!(
+            (rate - 0.1).abs() < 5.0 * (0.09 / n as f64).sqrt(),
+            "{rate}"
+        );
+        let variance = seen
+            .iter()
+            .map(|d| (d.centre_px()[0] - 105.0).powi(2))
+            .sum::<f64>()
             / seen.len() as f64;
         assert!((variance.sqrt() - 1.5).abs() < 0.05, "{}", variance.sqrt());
     }
 
     #[test]
     fn false_alarms_scale_with_the_window() {
-        let errors = TruthErrors { noise_px: 0.0, miss_rate: 1.0, false_alarms_per_frame: 2.0 };
+        let errors = TruthErrors {
+            noise_px: 0.0,
+            miss_rate: 1.0,
+            false_alarms_per_frame: 2.0,
+        };
         let n = 4_000;
         let window = run(&errors, n, [320, 240]).len() as f64 / n as f64;
-        assert!((window - 0.5).abs() < 5.0 * (0.5 / n as f64).sqrt(), "{window}");
+        assert!(
+            (window - 0.5).abs() < 5.0 * (0.5 / n as f64).sqrt(),
+            "{window}"
+        );
     }
 
     #[test]
     fn what_lies_outside_the_window_is_not_seen() {
-        let errors = TruthErrors { noise_px: 0.0, miss_rate: 0.0, false_alarms_per_frame: 0.0 };
+        let errors = TruthErrors {
+            noise_px: 0.0,
+            miss_rate: 0.0,
+            false_alarms_per_frame: 0.0,
+        };
         assert!(run(&errors, 10, [50, 50]).is_empty());
     }
 }

@@ -132,7 +132,12 @@ impl Airframe {
     }
 
     /// Frame drag [N, enu] by eq. 6: `rho C_D A |u|^2 / 2` along the relative wind `u`.
-    pub fn drag_enu_n(&self, v_enu_mps: DVec3, wind_enu_mps: DVec3, air_density_kgpm3: f64) -> DVec3 {
+    pub fn drag_enu_n(
+        &self,
+        v_enu_mps: DVec3,
+        wind_enu_mps: DVec3,
+        air_density_kgpm3: f64,
+    ) -> DVec3 {
         let flow_enu_mps = wind_enu_mps - v_enu_mps;
         0.5 * air_density_kgpm3 * self.drag_area_m2 * flow_enu_mps.length() * flow_enu_mps
     }

@@ -7,8 +7,12 @@ use crate::models::uav_mesh::UavMesh;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Vulkan's standard sample positions for four samples a pixel (specification, "Rasterization").
-const SAMPLES_4: [[f64; 2]; 4] =
-    [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
+const SAMPLES_4: [[f64; 2]; 4] = [
+    [0.375, 0.125],
+    [0.875, 0.375],
+    [0.125, 0.625],
+    [0.625, 0.875],
+];
 const SAMPLES_1: [[f64; 2]; 1] = [[0.5, 0.5]];
 
 /// Samples counted over pixels: how many, where, and their bounding box.
@@ -23,7 +27,12 @@ pub struct Coverage {
 
 impl Default for Coverage {
     fn default() -> Self {
-        Self { samples: 0.0, sum_px: DVec2::ZERO, low_px: DVec2::MAX, high_px: DVec2::MIN }
+        Self {
+            samples: 0.0,
+            sum_px: DVec2::ZERO,
+            low_px: DVec2::MAX,
+            high_px: DVec2::MIN,
+        }
     }
 }
 
@@ -62,7 +71,11 @@ pub fn silhouette(
     rect: PixelRect,
     antialias: u32,
 ) -> Coverage {
-    let positions: &[[f64; 2]] = if antialias > 1 { &SAMPLES_4 } else { &SAMPLES_1 };
+    let positions: &[[f64; 2]] = if antialias > 1 {
+        &SAMPLES_4
+    } else {
+        &SAMPLES_1
+    };
     let q_cam_enu = pose.q_enu_cam.inverse();
     let r_cam_m = q_cam_enu * (body.0 - pose.r_enu_m);
     let q_cam_body = q_cam_enu * body.1;
@@ -73,7 +86,10 @@ pub fn silhouette(
             .map(|p| pinhole.project(at_cam_m + axes * DVec3::from_array(p.map(f64::from))))
             .collect::<Option<Vec<DVec2>>>()
     };
-    let mut parts = vec![(&shape.body.indices, project(&shape.body, body_axes, r_cam_m))];
+    let mut parts = vec![(
+        &shape.body.indices,
+        project(&shape.body, body_axes, r_cam_m),
+    )];
     for (mount, phase_rad) in shape.rotors.iter().zip(rotor_phase_rad) {
         let axes = DMat3::from_quat(q_cam_body * DQuat::from_rotation_z(*phase_rad));
         let hub_cam_m = r_cam_m + body_axes * mount.hub_body_m;
@@ -83,7 +99,9 @@ pub fn silhouette(
         .iter()
         .filter_map(|(indices, points)| points.as_ref().map(|points| (indices, points)))
         .flat_map(|(indices, points)| {
-            indices.chunks_exact(3).map(|t| [0, 1, 2].map(|i| points[t[i] as usize]))
+            indices
+                .chunks_exact(3)
+                .map(|t| [0, 1, 2].map(|i| points[t[i] as usize]))
         })
         .collect();
     cover(&triangles, rect, positions)
@@ -93,7 +111,10 @@ pub fn silhouette(
 fn cover(triangles: &[[DVec2; 3]], rect: PixelRect, positions: &[[f64; 2]]) -> Coverage {
     let low = rect.offset_px.map(f64::from);
     let high = [0, 1].map(|i| low[i] + f64::from(rect.size_px[i]));
-    let extent = triangles.iter().flatten().fold((DVec2::MAX, DVec2::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
+    let extent = triangles
+        .iter()
+        .flatten()
+        .fold((DVec2::MAX, DVec2::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
     let x0 = extent.0.x.floor().clamp(low[0], high[0]) as u32;
     let x1 = extent.1.x.ceil().clamp(low[0], high[0]) as u32;
     let y0 = extent.0.y.floor().clamp(low[1], high[1]) as u32;
@@ -136,7 +157,10 @@ fn cover(triangles: &[[DVec2; 3]], rect: PixelRect, positions: &[[f64; 2]]) -> C
 mod tests {
     use super::*;
 
-    const RECT: PixelRect = PixelRect { offset_px: [0, 0], size_px: [64, 48] };
+    const RECT: PixelRect = PixelRect {
+        offset_px: [0, 0],
+        size_px: [64, 48],
+    };
 
     fn quad(low: DVec2, high: DVec2) -> [[DVec2; 3]; 2] {
         let (a, c) = (low, high);

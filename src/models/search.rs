@@ -19,7 +19,12 @@ pub struct Sector {
 ///
 /// Gazes are spread evenly, so that the outermost fields end at the sector's border.
 pub fn raster(sector: &Sector, fov_rad: [f64; 2], overlap: f64) -> Vec<[f64; 2]> {
-    let elevations = spread(sector.centre_elevation_rad, sector.height_rad, fov_rad[1], overlap);
+    let elevations = spread(
+        sector.centre_elevation_rad,
+        sector.height_rad,
+        fov_rad[1],
+        overlap,
+    );
     elevations
         .iter()
         .enumerate()
@@ -86,7 +91,10 @@ mod tests {
     #[test]
     fn rows_alternate() {
         let gazes = raster(&SECTOR, [0.2, 0.12], 0.0);
-        let jump = gazes.windows(2).map(|w| (w[1][0] - w[0][0]).abs()).fold(0.0, f64::max);
+        let jump = gazes
+            .windows(2)
+            .map(|w| (w[1][0] - w[0][0]).abs())
+            .fold(0.0, f64::max);
         assert!(jump < 0.25, "no gaze jumps across the sector: {jump}");
     }
 }

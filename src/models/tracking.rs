@@ -119,8 +119,11 @@ impl TrackTable {
     /// over starts a track or counts as a miss. Returns for each sighting the track it went to.
     pub fn update(&mut self, look: &Look) -> Vec<Option<u32>> {
         let mut assigned = vec![None; look.sightings.len()];
-        let predicted: Vec<LosState> =
-            self.tracks.iter().map(|track| track.filter.predicted(look.t_s)).collect();
+        let predicted: Vec<LosState> = self
+            .tracks
+            .iter()
+            .map(|track| track.filter.predicted(look.t_s))
+            .collect();
         let mut pairs = Vec::new();
         for (t, los) in predicted.iter().enumerate() {
             let spread = los.sigma_rad().max_element();
@@ -139,7 +142,9 @@ impl TrackTable {
                 continue;
             }
             let (track, sighting) = (&mut self.tracks[t], &look.sightings[s]);
-            let gating = track.filter.update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
+            let gating = track
+                .filter
+                .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
             if matches!(gating, Gating::Accepted { .. }) {
                 hit[t] = true;
                 assigned[s] = Some(track.id);
@@ -155,7 +160,12 @@ impl TrackTable {
                 self.tracks[t].filter.miss(look.t_s);
             }
         }
-        let TableParams { max_misses, max_coast_s, max_tracks, .. } = self.params;
+        let TableParams {
+            max_misses,
+            max_coast_s,
+            max_tracks,
+            ..
+        } = self.params;
         self.tracks.retain(|track| {
             track.misses <= max_misses.min(track.total_hits())
                 && track.filter.coast_s(look.t_s) < max_coast_s
@@ -179,13 +189,23 @@ impl TrackTable {
     }
 
     fn start(&mut self, look: &Look, sighting: &Sighting) -> Option<u32> {
-        let Sighting { az_el_rad, sigma_rad, size_rad, .. } = *sighting;
-        let filter =
-            LosFilter::start(self.params.filter, az_el_rad, sigma_rad, look.t_s).ok()?;
+        let Sighting {
+            az_el_rad,
+            sigma_rad,
+            size_rad,
+            ..
+        } = *sighting;
+        let filter = LosFilter::start(self.params.filter, az_el_rad, sigma_rad, look.t_s).ok()?;
         let id = self.next_id;
         self.next_id += 1;
-        let mut track =
-            Track { id, filter, hits: [0; 3], misses: 0, last_hit_s: [None; 3], size_rad };
+        let mut track = Track {
+            id,
+            filter,
+            hits: [0; 3],
+            misses: 0,
+            last_hit_s: [None; 3],
+            size_rad,
+        };
         track.hits[look.tier] = 1;
         track.last_hit_s[look.tier] = Some(look.t_s);
         self.tracks.push(track);
@@ -199,11 +219,22 @@ mod tests {
     use crate::models::rng::Stream;
 
     fn sighting(az: f64, el: f64) -> Sighting {
-        Sighting { az_el_rad: DVec2::new(az, el), sigma_rad: 3e-5, size_rad: 3e-4, score: 0.9 }
+        Sighting {
+            az_el_rad: DVec2::new(az, el),
+            sigma_rad: 3e-5,
+            size_rad: 3e-4,
+            score: 0.9,
+        }
     }
 
     fn look<'a>(t_s: f64, sightings: &'a [Sighting]) -> Look<'a> {
-        Look { tier: 0, t_s, sightings, in_view: &|_| true, start_tracks: true }
+        Look {
+            tier: 0,
+            t_s,
+            sightings,
+            in_view: &|_| true,
+            start_tracks: true,
+        }
     }
 
     #[test]
@@ -241,11 +272,17 @@ mod tests {
         for i in 0..20 {
             let t = f64::from(i) / 30.0;
             let mut noise = || 3e-5 * rng.normal();
-            let seen = [sighting(noise(), noise()), sighting(0.1 + 0.008 * t + noise(), noise())];
+            let seen = [
+                sighting(noise(), noise()),
+                sighting(0.1 + 0.008 * t + noise(), noise()),
+            ];
             table.update(&look(t, &seen));
         }
         let (still, moving) = (table.tracks[0].motion(0.6), table.tracks[1].motion(0.6));
         assert!(still.1 < 5.0, "{still:?}");
-        assert!(moving.1 > 10.0 && (moving.0 - 0.008).abs() < 0.002, "{moving:?}");
+        assert!(
+            moving.1 > 10.0 && (moving.0 - 0.008).abs() < 0.002,
+            "{moving:?}"
+        );
     }
 }

@@ -9,6 +9,11 @@ pub struct BeamPlugin;
 
 impl Plugin for BeamPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, (systems::propagate, systems::heat).chain().in_set(TickSet::Beam));
+        app.add_systems(
+            Tick,
+            (systems::propagate, systems::heat)
+                .chain()
+                .in_set(TickSet::Beam),
+        );
     }
 }

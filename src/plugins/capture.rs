@@ -9,6 +9,11 @@ pub struct CapturePlugin;
 
 impl Plugin for CapturePlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, (systems::expose, systems::render_frames).chain().in_set(TickSet::Capture));
+        app.add_systems(
+            Tick,
+            (systems::expose, systems::render_frames)
+                .chain()
+                .in_set(TickSet::Capture),
+        );
     }
 }

@@ -9,6 +9,11 @@ pub struct ControlPlugin;
 
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, (systems::command_mount, systems::choose_readouts).chain().in_set(TickSet::Control));
+        app.add_systems(
+            Tick,
+            (systems::command_mount, systems::choose_readouts)
+                .chain()
+                .in_set(TickSet::Control),
+        );
     }
 }

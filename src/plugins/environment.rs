@@ -9,6 +9,11 @@ pub struct EnvironmentPlugin;
 
 impl Plugin for EnvironmentPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, (systems::advance_clock, systems::blow).chain().in_set(TickSet::Environment));
+        app.add_systems(
+            Tick,
+            (systems::advance_clock, systems::blow)
+                .chain()
+                .in_set(TickSet::Environment),
+        );
     }
 }

@@ -14,12 +14,18 @@ pub struct FlightPlugin;
 
 impl Plugin for FlightPlugin {
     fn build(&self, app: &mut App) {
-        let dt_s = app.world().resource::<SimClock>().at_s(systems::FALL_PERIOD_TICKS) as f32;
+        let dt_s = app
+            .world()
+            .resource::<SimClock>()
+            .at_s(systems::FALL_PERIOD_TICKS) as f32;
         app.init_schedule(Fall)
             // Rapier propagates transforms itself and needs what Bevy's plugin, which big_space
             // replaces, would have put here.
             .init_resource::<StaticTransformOptimizations>()
-            .insert_resource(TimestepMode::Fixed { dt: dt_s, substeps: 1 })
+            .insert_resource(TimestepMode::Fixed {
+                dt: dt_s,
+                substeps: 1,
+            })
             .add_plugins(
                 RapierPhysicsPlugin::<NoUserData>::default()
                     .in_schedule(Fall)
@@ -35,11 +41,18 @@ impl Plugin for FlightPlugin {
             )
             .add_systems(
                 Fall,
-                (systems::drag_wrecks, sync_removals).chain().before(PhysicsSet::SyncBackend),
+                (systems::drag_wrecks, sync_removals)
+                    .chain()
+                    .before(PhysicsSet::SyncBackend),
             )
             .add_systems(
                 Tick,
-                (systems::fly, systems::drop_wrecks, systems::fall, systems::follow_wrecks)
+                (
+                    systems::fly,
+                    systems::drop_wrecks,
+                    systems::fall,
+                    systems::follow_wrecks,
+                )
                     .chain()
                     .in_set(TickSet::Flight),
             );

@@ -9,6 +9,15 @@ pub struct RecordPlugin;
 
 impl Plugin for RecordPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, (systems::hash_state, systems::keep_history, systems::write_recording).chain().in_set(TickSet::Record));
+        app.add_systems(
+            Tick,
+            (
+                systems::hash_state,
+                systems::keep_history,
+                systems::write_recording,
+            )
+                .chain()
+                .in_set(TickSet::Record),
+        );
     }
 }

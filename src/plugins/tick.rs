@@ -48,7 +48,18 @@ impl Plugin for TickPlugin {
             ..default()
         });
         schedule.configure_sets(
-            (Environment, Flight, Mount, Beam, Capture, Detect, Track, Control, Engage, Record)
+            (
+                Environment,
+                Flight,
+                Mount,
+                Beam,
+                Capture,
+                Detect,
+                Track,
+                Control,
+                Engage,
+                Record,
+            )
                 .chain(),
         );
         app.add_schedule(schedule);

@@ -9,6 +9,11 @@ pub struct TrackPlugin;
 
 impl Plugin for TrackPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, (systems::associate, systems::find_range, systems::decide).chain().in_set(TickSet::Track));
+        app.add_systems(
+            Tick,
+            (systems::associate, systems::find_range, systems::decide)
+                .chain()
+                .in_set(TickSet::Track),
+        );
     }
 }

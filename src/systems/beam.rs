@@ -46,7 +46,12 @@ pub fn propagate(
         let angle = r_cam_m.truncate().length() / r_cam_m.z;
         let best = aimed.is_none_or(|(least, ..)| angle < least);
         if *status == UavStatus::Flying && r_cam_m.z > 0.0 && angle < AIM_CONE_RAD && best {
-            aimed = Some((angle, uav.index, r_cam_m, flight.state.v_enu_mps - air.wind_enu_mps));
+            aimed = Some((
+                angle,
+                uav.index,
+                r_cam_m,
+                flight.state.v_enu_mps - air.wind_enu_mps,
+            ));
         }
     }
     let Some((_, index, target_cam_m, v_relative_enu_mps)) = aimed else {
@@ -59,8 +64,21 @@ pub fn propagate(
     let los_enu = (pose.q_enu_cam * target_cam_m) / range_m;
     // The air slides across the path: half of it with the target, the rest with the wind.
     let crosswind_mps = 0.5 * v_relative_enu_mps.reject_from_normalized(los_enu).length();
-    let path = renew_path(&mut source, &environment, pose.r_enu_m, los_enu, range_m, crosswind_mps.max(LEAST_CROSSWIND_MPS));
-    let LaserSource { channel, wander, rng, jitter_rad, .. } = &mut *source;
+    let path = renew_path(
+        &mut source,
+        &environment,
+        pose.r_enu_m,
+        los_enu,
+        range_m,
+        crosswind_mps.max(LEAST_CROSSWIND_MPS),
+    );
+    let LaserSource {
+        channel,
+        wander,
+        rng,
+        jitter_rad,
+        ..
+    } = &mut *source;
     let relative = match channel {
         Channel::Physical(scintillation) => scintillation.step(dt_s, &mut rng[0]),
         Channel::Paper(intensity) => intensity.step(dt_s, &mut rng[0]),
@@ -93,7 +111,10 @@ pub fn propagate(
         if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
             continue;
         }
-        let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
+        let sight = environment
+            .city
+            .dsm
+            .line_of_sight(pose.r_enu_m, flight.aim_enu_m());
         if sight != LineOfSight::Clear {
             continue;
         }
@@ -156,7 +177,11 @@ pub fn heat(
 ) {
     let air_k = environment.weather.temperature_k;
     for (flight, air, mut heated, mut status) in &mut uavs {
-        let HeatedSkin { skin, material, irradiance_wpm2 } = &mut *heated;
+        let HeatedSkin {
+            skin,
+            material,
+            irradiance_wpm2,
+        } = &mut *heated;
         // A skin at rest with the air has nothing to exchange.
         if *irradiance_wpm2 == 0.0 && (skin.temperature_k - air_k).abs() < 1e-3 {
             continue;

@@ -38,13 +38,16 @@ pub struct Shape {
     radius_m: f64,
 }
 
-
 impl Shape {
     /// The shape of a mesh.
     pub fn new(mesh: Arc<UavMesh>) -> Self {
         let point = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-        let blade_m =
-            mesh.rotor.positions.iter().map(|p| point(p).truncate().length()).fold(0.0, f64::max);
+        let blade_m = mesh
+            .rotor
+            .positions
+            .iter()
+            .map(|p| point(p).truncate().length())
+            .fold(0.0, f64::max);
         const DISC_POINTS: u32 = 16;
         let discs = mesh.rotors.iter().flat_map(|mount| {
             (0..DISC_POINTS).map(move |i| {
@@ -53,8 +56,15 @@ impl Shape {
             })
         });
         let outline_body_m: Vec<_> = mesh.body.positions.iter().map(point).chain(discs).collect();
-        let radius_m = outline_body_m.iter().map(|p| p.length()).fold(0.0, f64::max);
-        Self { mesh, outline_body_m, radius_m }
+        let radius_m = outline_body_m
+            .iter()
+            .map(|p| p.length())
+            .fold(0.0, f64::max);
+        Self {
+            mesh,
+            outline_body_m,
+            radius_m,
+        }
     }
 
     /// Middle of the box around airframe and rotor discs [m, body].
@@ -62,7 +72,9 @@ impl Shape {
         let (low, high) = self
             .outline_body_m
             .iter()
-            .fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(*p), high.max(*p)));
+            .fold((DVec3::MAX, DVec3::MIN), |(low, high), p| {
+                (low.min(*p), high.max(*p))
+            });
         0.5 * (low + high)
     }
 }
@@ -88,7 +100,10 @@ pub fn expose(
     frames.0.clear();
     for (camera, readout) in &cameras {
         let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
-        let full = PixelRect { offset_px: [0, 0], size_px: sensor_px };
+        let full = PixelRect {
+            offset_px: [0, 0],
+            size_px: sensor_px,
+        };
         let rect = match (readout, camera.window_px) {
             (Readout::Off, _) => continue,
             (Readout::Around(centre), Some(side)) => PixelRect::window(sensor_px, *centre, side),
@@ -105,8 +120,13 @@ pub fn expose(
                 let body = (state.r_enu_m, state.q_enu_body);
                 let box_px = projected_box(&camera.pinhole, &pose, body, shape)?;
                 let to_target_m = flight.aim_enu_m() - pose.r_enu_m;
-                let aim_px = camera.pinhole.project(pose.q_enu_cam.inverse() * to_target_m)?;
-                let sight = environment.city.dsm.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
+                let aim_px = camera
+                    .pinhole
+                    .project(pose.q_enu_cam.inverse() * to_target_m)?;
+                let sight = environment
+                    .city
+                    .dsm
+                    .line_of_sight(pose.r_enu_m, flight.aim_enu_m());
                 Some(UavInFrame {
                     uav: uav.index,
                     box_px,
@@ -199,8 +219,11 @@ pub fn settle(world: &mut World, renderer: &mut Renderer) {
     // One pass creates the assets, one uploads them, one draws with them.
     const PASSES: usize = 3;
     let mut views = world.query::<&SensorViews>();
-    let views: Vec<Entity> =
-        views.iter(world).flat_map(|views| [Some(views.full), views.window]).flatten().collect();
+    let views: Vec<Entity> = views
+        .iter(world)
+        .flat_map(|views| [Some(views.full), views.window])
+        .flatten()
+        .collect();
     let activate = |world: &mut World, active: bool| {
         for view in &views {
             if let Some(mut camera) = world.get_mut::<Camera>(*view) {
@@ -227,7 +250,12 @@ pub fn sync_scene(world: &mut World) {
         .iter(world)
         .map(|(uav, flight, _)| (uav.index, flight.state.clone()))
         .collect();
-    let of = |index: usize| poses.iter().find(|(i, _)| *i == index).map(|(_, state)| state);
+    let of = |index: usize| {
+        poses
+            .iter()
+            .find(|(i, _)| *i == index)
+            .map(|(_, state)| state)
+    };
     let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform)>();
     for (body, mut cell, mut transform) in bodies.iter_mut(world) {
         if let Some(state) = of(body.0) {
@@ -267,11 +295,16 @@ fn render_with(
     let setups: Vec<_> = frames
         .iter()
         .filter_map(|frame| {
-            let (camera, views) =
-                cameras.iter(world).find(|(camera, _)| camera.tier == frame.tier)?;
+            let (camera, views) = cameras
+                .iter(world)
+                .find(|(camera, _)| camera.tier == frame.tier)?;
             let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
             let full = frame.rect.size_px == sensor_px;
-            let view = if full { views.full } else { views.window.unwrap_or(views.full) };
+            let view = if full {
+                views.full
+            } else {
+                views.window.unwrap_or(views.full)
+            };
             Some((camera.clone(), view))
         })
         .collect();
@@ -340,10 +373,18 @@ pub const DIGITS: u32 = 4;
 /// A digit (1 to [`DIGITS`]) for every UAV, so that UAVs whose boxes touch in any frame differ
 /// where four digits allow it; the closer one is served first.
 fn assign_digits(frames: &[Frame]) -> Vec<u32> {
-    let count = frames.iter().flat_map(|f| &f.truth).map(|s| s.uav + 1).max().unwrap_or(0);
+    let count = frames
+        .iter()
+        .flat_map(|f| &f.truth)
+        .map(|s| s.uav + 1)
+        .max()
+        .unwrap_or(0);
     let mut digits = vec![0; count];
-    let mut order: Vec<_> =
-        frames.iter().flat_map(|f| &f.truth).map(|s| (s.range_m, s.uav)).collect();
+    let mut order: Vec<_> = frames
+        .iter()
+        .flat_map(|f| &f.truth)
+        .map(|s| (s.range_m, s.uav))
+        .collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for (_, uav) in order {
         if digits[uav] != 0 {
@@ -431,16 +472,15 @@ fn count_identities(
 
 /// How many samples of a pixel belong to a digit, given their base-5 sum.
 fn digit_of(sum: u32, digit: u32) -> u32 {
-    if digit == 0 { 0 } else { sum / 5u32.pow(digit - 1) % 5 }
+    if digit == 0 {
+        0
+    } else {
+        sum / 5u32.pow(digit - 1) % 5
+    }
 }
 
 /// Spawns the rendered meshes of a UAV.
-pub fn spawn_uav(
-    world: &mut World,
-    index: usize,
-    shape: &UavMesh,
-    at: (DVec3, DQuat),
-) {
+pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, DQuat)) {
     let (site_grid, material) = {
         let handles = world.resource::<scene::SceneHandles>();
         (handles.site_grid, handles.solid.clone())

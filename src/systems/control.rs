@@ -151,13 +151,16 @@ fn point(
         },
     );
     // Far off target (a slew), the proportional law would overrun: brake as a position servo.
-    let error = mount
-        .params
-        .error_rad(track.filter.predicted(clock.t_s()).az_el_rad(), mount.gimbal.az_el_rad());
+    let error = mount.params.error_rad(
+        track.filter.predicted(clock.t_s()).az_el_rad(),
+        mount.gimbal.az_el_rad(),
+    );
     const SLEW_RAD: f64 = 0.02;
     if error.length() > SLEW_RAD {
         let target = track.filter.predicted(clock.t_s() + law.lead_s);
-        command.gimbal = mount.params.position_command(&mount.gimbal, target.az_el_rad());
+        command.gimbal = mount
+            .params
+            .position_command(&mount.gimbal, target.az_el_rad());
         command.gimbal.rate_radps[0] += target.az_rate_radps;
         command.gimbal.rate_radps[1] += target.el_rate_radps;
         command.mirror_rad = DVec2::ZERO;
@@ -190,11 +193,15 @@ fn steer_paper(
         paper.used_tick[slot] = Some(error.exposure_tick);
         let frame_s = clock.at_s(camera.period_ticks);
         if tier == Tier::Coarse {
-            let u = paper.coarse.step(&paper.coarse_law, error.angle_rad, frame_s);
+            let u = paper
+                .coarse
+                .step(&paper.coarse_law, error.angle_rad, frame_s);
             let elevation_rad = mount.gimbal.elevation.angle_rad;
             paper.rates_radps = increment_to_axis_rates(u, 1.0 / frame_s, elevation_rad);
         } else {
-            let u = paper.precise.step(&paper.precise_law, error.angle_rad, frame_s);
+            let u = paper
+                .precise
+                .step(&paper.precise_law, error.angle_rad, frame_s);
             // Eq. 10's update is a rate times the frame time; the image's down is the mirror's -y.
             let limit = DVec2::splat(mount.mirror_params.stroke_rad);
             let step = DVec2::new(u.x, -u.y) * frame_s;
@@ -219,10 +226,12 @@ pub fn choose_readouts(
             (TrackingState::Acquire, Tier::Precise) => Readout::Off,
             (TrackingState::Precise | TrackingState::Engage, _)
             | (TrackingState::Coarse, Tier::Coarse) => {
-                match tracker.target_track().filter(|_| camera.window_px.is_some()) {
+                match tracker
+                    .target_track()
+                    .filter(|_| camera.window_px.is_some())
+                {
                     Some(track) => {
-                        let pose =
-                            optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
+                        let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
                         let los = track.filter.predicted(clock.t_s()).az_el_rad();
                         let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(los);
                         camera

@@ -43,7 +43,10 @@ impl Detector {
     ) -> Result<Vec<Detection>, DetectorError> {
         let mut found = Vec::new();
         match self {
-            Detector::Onnx { model, score_threshold } => {
+            Detector::Onnx {
+                model,
+                score_threshold,
+            } => {
                 if let Some(rgb8) = &frame.rgb8 {
                     model.detect(rgb8, frame.rect.size_px, &mut found)?;
                 }
@@ -53,10 +56,16 @@ impl Detector {
                 }
             }
             Detector::Truth { errors, rng } => {
-                let boxes = frame.truth.iter().filter(|seen| seen.clear).map(|seen| seen.box_px);
+                let boxes = frame
+                    .truth
+                    .iter()
+                    .filter(|seen| seen.clear)
+                    .map(|seen| seen.box_px);
                 let rng = &mut rng[frame.tier as usize];
                 let PixelRect { offset_px, size_px } = frame.rect;
-                detect_truth(boxes, errors, offset_px, size_px, sensor_px, rng, &mut found);
+                detect_truth(
+                    boxes, errors, offset_px, size_px, sensor_px, rng, &mut found,
+                );
             }
         }
         Ok(found)

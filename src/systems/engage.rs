@@ -120,7 +120,11 @@ pub fn decide_fire(
                     reasons.push("solid backstop");
                 }
             }
-            if rules.keep_out.iter().any(|zone| zone.contains(los.az_el_rad())) {
+            if rules
+                .keep_out
+                .iter()
+                .any(|zone| zone.contains(los.az_el_rad()))
+            {
                 reasons.push("keep-out zone");
             }
             if -los.el_rate_radps * range_m * direction.truncate().length() > FALLING_MPS {
@@ -132,10 +136,16 @@ pub fn decide_fire(
         _ => {}
     }
     let elapsed_s = |since: u64| clock.at_s(clock.tick - since);
-    if burst.began.is_some_and(|began| elapsed_s(began) >= rules.max_burst_s) {
+    if burst
+        .began
+        .is_some_and(|began| elapsed_s(began) >= rules.max_burst_s)
+    {
         burst.exhausted = Some(clock.tick);
     }
-    if burst.exhausted.is_some_and(|end| elapsed_s(end) < rules.pause_s) {
+    if burst
+        .exhausted
+        .is_some_and(|end| elapsed_s(end) < rules.pause_s)
+    {
         reasons.push("burst limit");
     }
     command.fire = reasons.is_empty();

@@ -22,7 +22,11 @@ pub fn blow(
         let height_agl_m = r.z - environment.city.dsm.terrain_m(r.x, r.y);
         let mean = environment.mean_wind.mean_wind_enu_mps(height_agl_m);
         let airspeed_mps = (flight.state.v_enu_mps - mean).length();
-        let Air { gusts, rng, wind_enu_mps } = &mut *air;
+        let Air {
+            gusts,
+            rng,
+            wind_enu_mps,
+        } = &mut *air;
         *wind_enu_mps = mean + gusts.step(dt_s, height_agl_m, airspeed_mps, rng);
     }
 }

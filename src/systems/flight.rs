@@ -31,7 +31,9 @@ pub fn fly(
             continue;
         }
         let setpoint = guidance.0.sample(t_s);
-        let Flight { airframe, state, .. } = &mut *flight;
+        let Flight {
+            airframe, state, ..
+        } = &mut *flight;
         let density = environment.air_density_kgpm3;
         multirotor::step(airframe, state, &setpoint, air.wind_enu_mps, density, dt_s);
         let r = state.r_enu_m;
@@ -108,14 +110,21 @@ pub fn drop_wrecks(
             ))
             .id();
         commands.spawn((
-            Wreck { uav: entity, origin_enu_m, patch },
+            Wreck {
+                uav: entity,
+                origin_enu_m,
+                patch,
+            },
             RigidBody::Dynamic,
             Collider::cuboid(length, width, height),
             ColliderMassProperties::Mass(model.mass_kg as f32),
             Friction::coefficient(0.6),
             Restitution::coefficient(0.2),
             alone,
-            Velocity { linear: state.v_enu_mps.as_vec3(), angular: omega_enu.as_vec3() },
+            Velocity {
+                linear: state.v_enu_mps.as_vec3(),
+                angular: omega_enu.as_vec3(),
+            },
             ExternalForce::default(),
             Ccd::enabled(),
             Transform::from_rotation(state.q_enu_body.as_quat()),
@@ -125,12 +134,12 @@ pub fn drop_wrecks(
 }
 
 /// Steps Rapier while anything falls, and once more to let go of what has come down.
-pub fn fall(
-    world: &mut World,
-    wrecks: &mut QueryState<(), With<Wreck>>,
-    mut falling: Local<bool>,
-) {
-    if !world.resource::<SimClock>().tick.is_multiple_of(FALL_PERIOD_TICKS) {
+pub fn fall(world: &mut World, wrecks: &mut QueryState<(), With<Wreck>>, mut falling: Local<bool>) {
+    if !world
+        .resource::<SimClock>()
+        .tick
+        .is_multiple_of(FALL_PERIOD_TICKS)
+    {
         return;
     }
     let before = std::mem::replace(&mut *falling, wrecks.iter(world).next().is_some());
@@ -149,8 +158,10 @@ pub fn drag_wrecks(
         if let Ok((flight, air)) = uavs.get(wreck.uav) {
             let v_enu_mps = velocity.linear.as_dvec3();
             let density = environment.air_density_kgpm3;
-            force.force =
-                flight.airframe.drag_enu_n(v_enu_mps, air.wind_enu_mps, density).as_vec3();
+            force.force = flight
+                .airframe
+                .drag_enu_n(v_enu_mps, air.wind_enu_mps, density)
+                .as_vec3();
         }
     }
 }
@@ -170,19 +181,23 @@ pub fn follow_wrecks(
         let state = &mut flight.state;
         if !clock.tick.is_multiple_of(FALL_PERIOD_TICKS) {
             state.r_enu_m += state.v_enu_mps * clock.dt_s();
-            state.q_enu_body = (state.q_enu_body
-                * exp_so3(state.omega_body_radps * clock.dt_s()))
-            .normalize();
+            state.q_enu_body =
+                (state.q_enu_body * exp_so3(state.omega_body_radps * clock.dt_s())).normalize();
             continue;
         }
         state.r_enu_m = wreck.origin_enu_m + transform.translation.as_dvec3();
-        state.q_enu_body = DQuat::from_array(transform.rotation.to_array().map(f64::from)).normalize();
+        state.q_enu_body =
+            DQuat::from_array(transform.rotation.to_array().map(f64::from)).normalize();
         state.v_enu_mps = velocity.linear.as_dvec3();
         state.omega_body_radps = state.q_enu_body.inverse() * velocity.angular.as_dvec3();
         // Dead rotors windmill to a stop within a second.
         let step_s = clock.at_s(FALL_PERIOD_TICKS);
         let decay = (-step_s / 0.5).exp();
-        for (speed, phase) in state.rotor_speed_radps.iter_mut().zip(&mut state.rotor_phase_rad) {
+        for (speed, phase) in state
+            .rotor_speed_radps
+            .iter_mut()
+            .zip(&mut state.rotor_phase_rad)
+        {
             *speed *= decay;
             *phase = (*phase + *speed * step_s).rem_euclid(std::f64::consts::TAU);
         }

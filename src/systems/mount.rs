@@ -15,7 +15,15 @@ pub fn turn(
 ) {
     let (mut mount, command, misalignment, mut optics) = station.into_inner();
     let dt_s = clock.dt_s();
-    let Mount { base, rng, gimbal, params, base_rate_radps, gyro, .. } = &mut *mount;
+    let Mount {
+        base,
+        rng,
+        gimbal,
+        params,
+        base_rate_radps,
+        gyro,
+        ..
+    } = &mut *mount;
     let before_rad = base.tilt_rad();
     base.step(rng);
     let mut white = || gyro.rng.normal();
@@ -26,8 +34,7 @@ pub fn turn(
     // A base that turns under an axis drags it along by the load's inertia.
     let rate_radps = base_rate_on_axes(gimbal.azimuth.angle_rad, base.rate_radps());
     let inertia = [params.azimuth.inertia_kg_m2, params.elevation.inertia_kg_m2];
-    let reaction_nm =
-        [0, 1].map(|i| -inertia[i] * (rate_radps[i] - base_rate_radps[i]) / dt_s);
+    let reaction_nm = [0, 1].map(|i| -inertia[i] * (rate_radps[i] - base_rate_radps[i]) / dt_s);
     *base_rate_radps = rate_radps;
     gimbal::step(gimbal, params, &command.gimbal, reaction_nm, dt_s);
     mount.mirror.step(command.mirror_rad);
@@ -48,7 +55,11 @@ pub fn optics_of(mount: &Mount, misalignment: &Misalignment) -> Optics {
     };
     Optics {
         cameras: Tier::ALL.map(|tier| {
-            let mirror_rad = if tier == Tier::Precise { pointing.mirror_rad } else { DVec2::ZERO };
+            let mirror_rad = if tier == Tier::Precise {
+                pointing.mirror_rad
+            } else {
+                DVec2::ZERO
+            };
             pose(mirror_rad, misalignment.0[tier as usize])
         }),
         laser: pose(pointing.mirror_rad, DVec3::ZERO),

@@ -44,8 +44,18 @@ pub fn hash_state(
     put(&mount.gyro.tilt_enu_rad.to_array());
     put(&command.gimbal.rate_radps);
     put(&command.mirror_rad.to_array());
-    put(&[beam.irradiance_wpm2, beam.offset_m, beam.scintillation, beam.energy_j, beam.dwell_s]);
-    put(&[f64::from(u8::from(fire.fire)), fire.focus_range_m, tracker.range_m.unwrap_or(-1.0)]);
+    put(&[
+        beam.irradiance_wpm2,
+        beam.offset_m,
+        beam.scintillation,
+        beam.energy_j,
+        beam.dwell_s,
+    ]);
+    put(&[
+        f64::from(u8::from(fire.fire)),
+        fire.focus_range_m,
+        tracker.range_m.unwrap_or(-1.0),
+    ]);
     for (flight, skin, status) in &uavs {
         let state = &flight.state;
         put(&state.r_enu_m.to_array());
@@ -55,7 +65,10 @@ pub fn hash_state(
         put(&state.rotor_speed_radps);
         put(&[skin.skin.temperature_k, *status as u8 as f64]);
     }
-    put(&[tracker.state as u8 as f64, tracker.target.map_or(-1.0, f64::from)]);
+    put(&[
+        tracker.state as u8 as f64,
+        tracker.target.map_or(-1.0, f64::from),
+    ]);
     put(&[tracker.table.tracks.len() as f64]);
     for batch in &queue.arrived {
         put(&[batch.exposure_tick as f64, batch.tier as u8 as f64]);
@@ -118,15 +131,21 @@ pub fn keep_history(
     }
     let sampled = clock.tick.is_multiple_of(recording.state_period_ticks);
     let target = if sampled || !frames.0.is_empty() {
-        followed(&tracker, t_s, mount.r_enu_m, uavs.iter().map(|(uav, flight, ..)| (uav, flight)))
+        followed(
+            &tracker,
+            t_s,
+            mount.r_enu_m,
+            uavs.iter().map(|(uav, flight, ..)| (uav, flight)),
+        )
     } else {
         None
     };
     if sampled {
         history.irradiance_wpm2.push((t_s, beam.irradiance_wpm2));
-        history.power_in_bucket_w.push((t_s, beam.power_in_bucket_w));
-        if let Some((_, flight, skin, _)) =
-            uavs.iter().find(|(uav, ..)| Some(uav.index) == target)
+        history
+            .power_in_bucket_w
+            .push((t_s, beam.power_in_bucket_w));
+        if let Some((_, flight, skin, _)) = uavs.iter().find(|(uav, ..)| Some(uav.index) == target)
         {
             history.skin_k.push((t_s, skin.skin.temperature_k));
             if holds(&tracker, Tier::Precise) {
@@ -149,8 +168,7 @@ pub fn keep_history(
             && holds(&tracker, frame.tier)
             && let Some(seen) = frame.truth.iter().find(|seen| Some(seen.uav) == target)
         {
-            history.miss_px[frame.tier as usize]
-                .push((t_s, centre.distance(seen.aim_px.into())));
+            history.miss_px[frame.tier as usize].push((t_s, centre.distance(seen.aim_px.into())));
         }
         if let Some(rgb8) = &frame.rgb8 {
             let batch = queue
@@ -164,14 +182,19 @@ pub fn keep_history(
                 size_px: frame.rect.size_px,
                 rgb8: rgb8.clone(),
                 offset_px: frame.rect.offset_px,
-                detections: batch.map(|batch| batch.detections.clone()).unwrap_or_default(),
+                detections: batch
+                    .map(|batch| batch.detections.clone())
+                    .unwrap_or_default(),
                 centre_px: centre.to_array(),
                 state: tracker.state.name(),
             };
-            let last = history.frames.iter().rev().find(|last| last.tier == frame.tier);
-            let wanted = last.is_none_or(|last| {
-                last.state != kept.state || t_s - last.t_s >= KEEP_EVERY_S
-            });
+            let last = history
+                .frames
+                .iter()
+                .rev()
+                .find(|last| last.tier == frame.tier);
+            let wanted =
+                last.is_none_or(|last| last.state != kept.state || t_s - last.t_s >= KEEP_EVERY_S);
             if wanted && history.frames.len() < KEEP_MOST {
                 history.frames.push(kept.clone());
             }
@@ -189,7 +212,10 @@ fn holds(tracker: &Tracker, tier: Tier) -> bool {
             TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
         ),
         Tier::Precise => {
-            matches!(tracker.state, TrackingState::Precise | TrackingState::Engage)
+            matches!(
+                tracker.state,
+                TrackingState::Precise | TrackingState::Engage
+            )
         }
     }
 }
@@ -200,11 +226,20 @@ fn camera_of(tier: Tier) -> Camera {
 }
 
 fn xyz(v: DVec3) -> proto::Vec3 {
-    proto::Vec3 { x: v.x, y: v.y, z: v.z }
+    proto::Vec3 {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
 }
 
 fn box_of([x0_px, y0_px, x1_px, y1_px]: [f64; 4]) -> proto::BoxPx {
-    proto::BoxPx { x0_px, y0_px, x1_px, y1_px }
+    proto::BoxPx {
+        x0_px,
+        y0_px,
+        x1_px,
+        y1_px,
+    }
 }
 
 fn transform<'a>(child: &'a str, r_enu_m: DVec3, q: DQuat) -> FrameTransform<'a> {
@@ -239,7 +274,12 @@ pub struct Recorded<'w, 's> {
     uavs: Query<
         'w,
         's,
-        (&'static Uav, &'static Flight, &'static HeatedSkin, &'static UavStatus),
+        (
+            &'static Uav,
+            &'static Flight,
+            &'static HeatedSkin,
+            &'static UavStatus,
+        ),
     >,
     cameras: Query<'w, 's, &'static SensorCamera>,
 }
@@ -265,7 +305,11 @@ impl Recorded<'_, '_> {
     fn write(&self, recorder: &mut Recorder, recording: &mut Recording) -> Result<(), RunError> {
         let tick = self.clock.tick;
         let t_s = self.clock.t_s();
-        let own = proto::Tick { tick, simulated_s: t_s, state_hash: self.hash.0 };
+        let own = proto::Tick {
+            tick,
+            simulated_s: t_s,
+            state_hash: self.hash.0,
+        };
         recorder.own(tick, &own)?;
         for change in &self.tracker.changes[recording.changes_logged..] {
             let text = format!("{}: {}", change.to.name(), change.reason);
@@ -319,8 +363,11 @@ impl Recorded<'_, '_> {
                 }]
             })
             .collect();
-        let beam_line =
-            [Shape::Line { points_m: &line, width_m: 0.1, colour: [0.84, 0.37, 0.0, 0.8] }];
+        let beam_line = [Shape::Line {
+            points_m: &line,
+            width_m: 0.1,
+            colour: [0.84, 0.37, 0.0, 0.8],
+        }];
         let lifetime_ticks = u32::try_from(
             self.clock.ticks_of(1.0 / 60.0), // [s]
         )
@@ -408,7 +455,11 @@ impl Recorded<'_, '_> {
             tick,
             &proto::BeamState {
                 firing: beam.firing,
-                power_at_exit_w: if beam.firing { source.laser.power_w } else { 0.0 },
+                power_at_exit_w: if beam.firing {
+                    source.laser.power_w
+                } else {
+                    0.0
+                },
                 power_at_target_w: beam.power_at_target_w,
                 power_in_bucket_w: beam.power_in_bucket_w,
                 irradiance_wpm2: beam.irradiance_wpm2,
@@ -441,7 +492,8 @@ impl Recorded<'_, '_> {
             .iter()
             .map(|seen| {
                 let rendered = seen.rendered;
-                let visible = rendered.map_or(f64::from(u8::from(seen.clear)), |r| r.visible_fraction);
+                let visible =
+                    rendered.map_or(f64::from(u8::from(seen.clear)), |r| r.visible_fraction);
                 let shown = rendered.and_then(|r| r.box_px);
                 proto::UavTruth {
                     name: name(seen.uav),
@@ -451,11 +503,17 @@ impl Recorded<'_, '_> {
                 }
             })
             .collect();
-        let truth =
-            proto::FrameTruth { camera: frame.tier.name().into(), exposure_tick: tick, uavs };
+        let truth = proto::FrameTruth {
+            camera: frame.tier.name().into(),
+            exposure_tick: tick,
+            uavs,
+        };
         recorder.own(tick, &truth)?;
-        let Some(pinhole) =
-            self.cameras.iter().find(|c| c.tier == frame.tier).map(|camera| camera.pinhole)
+        let Some(pinhole) = self
+            .cameras
+            .iter()
+            .find(|c| c.tier == frame.tier)
+            .map(|camera| camera.pinhole)
         else {
             return Ok(());
         };

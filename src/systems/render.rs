@@ -46,7 +46,10 @@ impl Renderer {
     /// Takes rendering over from `app`; `None` if the app was built without a renderer.
     pub fn take(app: &mut App) -> Option<Self> {
         let app = app.remove_sub_app(bevy::render::RenderApp)?;
-        Some(Self { app, staging: BTreeMap::new() })
+        Some(Self {
+            app,
+            staging: BTreeMap::new(),
+        })
     }
 
     /// Runs Bevy's main schedule and renders every active camera.
@@ -100,7 +103,11 @@ impl Renderer {
                     rows_per_image: None,
                 },
             },
-            Extent3d { width, height, depth_or_array_layers: 1 },
+            Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
         );
         queue.submit([encoder.finish()]);
         let slice = staging.slice(..);
@@ -136,8 +143,7 @@ pub fn spawn_sensor_view(
     antialias: u32,
 ) -> Entity {
     let [width, height] = projection.size_px;
-    let mut target =
-        Image::new_target_texture(width, height, TextureFormat::Rgba16Float, None);
+    let mut target = Image::new_target_texture(width, height, TextureFormat::Rgba16Float, None);
     target.texture_descriptor.usage |= TextureUsages::COPY_SRC;
     let target = world.resource_mut::<Assets<Image>>().add(target);
     world
@@ -154,9 +160,15 @@ pub fn spawn_sensor_view(
             },
             RenderTarget::Image(target.into()),
             Projection::custom(projection),
-            if antialias > 1 { Msaa::Sample4 } else { Msaa::Off },
+            if antialias > 1 {
+                Msaa::Sample4
+            } else {
+                Msaa::Off
+            },
             // Luminance reaches the texture unscaled: exposure is the sensor model's.
-            Exposure { ev100: -(1.2f32.log2()) },
+            Exposure {
+                ev100: -(1.2f32.log2()),
+            },
             Tonemapping::None,
             NoIndirectDrawing,
             Transform::default(),

@@ -52,7 +52,14 @@ pub struct SceneHandles {
 /// The transform of a big_space grid in another: cell and f32 rest.
 pub fn place(grid: &Grid, r_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
     let (cell, rest) = grid.translation_to_grid(r_m);
-    (cell, Transform { translation: rest, rotation: q.as_quat(), scale: Vec3::ONE })
+    (
+        cell,
+        Transform {
+            translation: rest,
+            rotation: q.as_quat(),
+            scale: Vec3::ONE,
+        },
+    )
 }
 
 /// A grid as this scene uses it, for the earth-centred root and for the site.
@@ -62,13 +69,16 @@ pub fn grid() -> Grid {
 
 /// A Bevy mesh with the attributes of [`LeanMaterial`].
 pub fn mesh(data: &MeshData) -> Mesh {
-    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, data.positions.clone())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, data.normals.clone())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, data.colors.clone())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, data.uv.clone())
-        .with_inserted_attribute(ATTRIBUTE_SURFACE, data.surface.clone())
-        .with_inserted_indices(Indices::U32(data.indices.clone()))
+    Mesh::new(
+        PrimitiveTopology::TriangleList,
+        RenderAssetUsages::RENDER_WORLD,
+    )
+    .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, data.positions.clone())
+    .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, data.normals.clone())
+    .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, data.colors.clone())
+    .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, data.uv.clone())
+    .with_inserted_attribute(ATTRIBUTE_SURFACE, data.surface.clone())
+    .with_inserted_indices(Indices::U32(data.indices.clone()))
 }
 
 /// The dome: an inward box is enough, since the shader colours by direction alone.
@@ -77,9 +87,18 @@ fn dome() -> Mesh {
     let corners: Vec<[f32; 3]> = (0..8)
         .map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { r } else { -r }))
         .collect();
-    let faces: [[u32; 4]; 6] =
-        [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
-    let indices = faces.iter().flat_map(|[a, b, c, d]| [*a, *b, *c, *a, *c, *d]).collect();
+    let faces: [[u32; 4]; 6] = [
+        [0, 2, 6, 4],
+        [1, 5, 7, 3],
+        [0, 4, 5, 1],
+        [2, 3, 7, 6],
+        [0, 1, 3, 2],
+        [4, 6, 7, 5],
+    ];
+    let indices = faces
+        .iter()
+        .flat_map(|[a, b, c, d]| [*a, *b, *c, *a, *c, *d])
+        .collect();
     mesh(&MeshData {
         normals: vec![[0.0, 0.0, 1.0]; 8],
         colors: vec![[0.0, 0.0, 0.0, 1.0]; 8],
@@ -101,12 +120,22 @@ pub fn ground_texture(map: &GroundMap) -> Image {
     let mut level: Vec<[f32; 3]> = map
         .rgb
         .iter()
-        .map(|p| [decode[p[0] as usize], decode[p[1] as usize], decode[p[2] as usize]])
+        .map(|p| {
+            [
+                decode[p[0] as usize],
+                decode[p[1] as usize],
+                decode[p[2] as usize],
+            ]
+        })
         .collect();
     let mut bytes = Vec::with_capacity(side * side * 16 / 3);
     let mut levels = 0;
     loop {
-        bytes.extend(level.iter().flat_map(|p| [encode(p[0]), encode(p[1]), encode(p[2]), 255]));
+        bytes.extend(
+            level
+                .iter()
+                .flat_map(|p| [encode(p[0]), encode(p[1]), encode(p[2]), 255]),
+        );
         levels += 1;
         if side == 1 {
             break;
@@ -163,7 +192,11 @@ fn sky_texture(sky: &Sky) -> Image {
         .flat_map(half)
         .collect();
     let mut image = Image::new(
-        Extent3d { width: SKY_SIDE, height: SKY_SIDE, depth_or_array_layers: 1 },
+        Extent3d {
+            width: SKY_SIDE,
+            height: SKY_SIDE,
+            depth_or_array_layers: 1,
+        },
         TextureDimension::D2,
         bytes,
         TextureFormat::Rgba16Float,
@@ -232,36 +265,72 @@ pub struct SceneContent<'a> {
 
 /// Builds the grids, the city and the sky.
 pub fn spawn(world: &mut World, content: &SceneContent) {
-    let ground_map = world.resource_mut::<Assets<Image>>().add(ground_texture(content.ground));
-    let sky_table = world.resource_mut::<Assets<Image>>().add(sky_texture(content.sky));
+    let ground_map = world
+        .resource_mut::<Assets<Image>>()
+        .add(ground_texture(content.ground));
+    let sky_table = world
+        .resource_mut::<Assets<Image>>()
+        .add(sky_texture(content.sky));
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
     let light = LightUniform {
         sun_dir_enu: content.sun_dir_enu.as_vec3().extend(0.0),
         airlight_kcd_m2: airlight_polynomial(content.sky, content.sun_dir_enu),
         ..content.light
     };
-    let mut material = LeanMaterial { light, ground_map, sky_table, last: false };
+    let mut material = LeanMaterial {
+        light,
+        ground_map,
+        sky_table,
+        last: false,
+    };
     let solid = materials.add(material.clone());
     material.last = true;
     let sky = materials.add(material);
     let mut meshes = world.resource_mut::<Assets<Mesh>>();
     let dome = meshes.add(dome());
-    let tiles: Vec<_> =
-        content.tiles.iter().map(|tile| (meshes.add(mesh(tile)), tile.origin_enu_m)).collect();
+    let tiles: Vec<_> = content
+        .tiles
+        .iter()
+        .map(|tile| (meshes.add(mesh(tile)), tile.origin_enu_m))
+        .collect();
 
     let (cell, transform) = place(&grid(), content.r_site_ecef_m, content.q_ecef_enu);
     let root = world
-        .spawn((BigSpaceRootBundle { grid: grid(), ..default() }, Visibility::default()))
+        .spawn((
+            BigSpaceRootBundle {
+                grid: grid(),
+                ..default()
+            },
+            Visibility::default(),
+        ))
         .id();
     let site_grid = world
-        .spawn((SiteGrid, grid(), cell, transform, Visibility::default(), ChildOf(root)))
+        .spawn((
+            SiteGrid,
+            grid(),
+            cell,
+            transform,
+            Visibility::default(),
+            ChildOf(root),
+        ))
         .id();
     for (mesh, origin_enu_m) in tiles {
         let at = place(&grid(), origin_enu_m, DQuat::IDENTITY);
-        world.spawn((Mesh3d(mesh), MeshMaterial3d(solid.clone()), at, ChildOf(site_grid)));
+        world.spawn((
+            Mesh3d(mesh),
+            MeshMaterial3d(solid.clone()),
+            at,
+            ChildOf(site_grid),
+        ));
     }
     let at = place(&grid(), content.r_station_enu_m, DQuat::IDENTITY);
-    world.spawn((StationOrigin, FloatingOrigin, at, Visibility::default(), ChildOf(site_grid)));
+    world.spawn((
+        StationOrigin,
+        FloatingOrigin,
+        at,
+        Visibility::default(),
+        ChildOf(site_grid),
+    ));
     world.spawn((
         Mesh3d(dome),
         MeshMaterial3d(sky.clone()),
@@ -269,7 +338,11 @@ pub fn spawn(world: &mut World, content: &SceneContent) {
         at,
         ChildOf(site_grid),
     ));
-    world.insert_resource(SceneHandles { site_grid, solid, sky });
+    world.insert_resource(SceneHandles {
+        site_grid,
+        solid,
+        sky,
+    });
 }
 
 #[cfg(test)]
@@ -316,12 +389,21 @@ mod tests {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, BigSpaceMinimalPlugins));
         let world = app.world_mut();
-        let root = world.spawn(BigSpaceRootBundle { grid: grid(), ..default() }).id();
+        let root = world
+            .spawn(BigSpaceRootBundle {
+                grid: grid(),
+                ..default()
+            })
+            .id();
         let r_site_ecef_m = site.origin().to_ecef();
         let (cell, transform) = place(&grid(), r_site_ecef_m, site.q_ecef_enu());
-        let site_grid = world.spawn((SiteGrid, grid(), cell, transform, ChildOf(root))).id();
+        let site_grid = world
+            .spawn((SiteGrid, grid(), cell, transform, ChildOf(root)))
+            .id();
         let mut spawn = |r_enu_m: DVec3| {
-            world.spawn((place(&grid(), r_enu_m, DQuat::IDENTITY), ChildOf(site_grid))).id()
+            world
+                .spawn((place(&grid(), r_enu_m, DQuat::IDENTITY), ChildOf(site_grid)))
+                .id()
         };
         let moving = spawn(FAR_ENU_M);
         let still = spawn(FAR_ENU_M + DVec3::X);

@@ -86,7 +86,9 @@ pub fn associate(
         let chosen = if params.paper && held && batch.tier != Tier::Search {
             nearest_to_centre(batch, camera)
         } else {
-            tracker.target.and_then(|target| assigned.iter().position(|id| *id == Some(target)))
+            tracker
+                .target
+                .and_then(|target| assigned.iter().position(|id| *id == Some(target)))
         };
         if let Some(index) = chosen {
             tracker.hits_in_state[tier] += 1;
@@ -120,9 +122,13 @@ fn sees(camera: &SensorCamera, pose: &Pose, rect: PixelRect, az_el_rad: DVec2) -
     // A target whose centre is at the very edge is cut and may fairly be missed.
     const EDGE_PX: f64 = 4.0;
     camera.pinhole.project(ray_cam).is_some_and(|px| {
-        [px.x, px.y].iter().zip(rect.offset_px).zip(rect.size_px).all(|((x, low), size)| {
-            *x >= f64::from(low) + EDGE_PX && *x < f64::from(low + size) - EDGE_PX
-        })
+        [px.x, px.y]
+            .iter()
+            .zip(rect.offset_px)
+            .zip(rect.size_px)
+            .all(|((x, low), size)| {
+                *x >= f64::from(low) + EDGE_PX && *x < f64::from(low + size) - EDGE_PX
+            })
     })
 }
 
@@ -165,8 +171,9 @@ pub fn decide(
     let tick = clock.tick;
     let in_state_s = clock.at_s(tick - tracker.since_tick);
     let silent_s = |tracker: &Tracker, tier: Tier| {
-        tracker.error[tier as usize]
-            .map_or(f64::INFINITY, |error| clock.at_s(tick - error.exposure_tick))
+        tracker.error[tier as usize].map_or(f64::INFINITY, |error| {
+            clock.at_s(tick - error.exposure_tick)
+        })
     };
     // The paper has no track to extrapolate: it knows its target only by what it sees.
     let gone = !params.paper && tracker.target_track().is_none();
@@ -178,7 +185,10 @@ pub fn decide(
                 .iter()
                 .filter(|track| !tracker.rejected.contains(&track.id))
                 .filter_map(|track| {
-                    Some((track, candidate_reason(track, clock.t_s(), &environment, &mount)?))
+                    Some((
+                        track,
+                        candidate_reason(track, clock.t_s(), &environment, &mount)?,
+                    ))
                 })
                 .max_by_key(|(track, _)| (track.total_hits(), std::cmp::Reverse(track.id)))
                 .map(|(track, reason)| (track.id, reason));
@@ -218,7 +228,11 @@ pub fn decide(
                 drop_target(tracker, tick);
             } else if silent_s(tracker, Tier::Precise) > LOSE_AFTER_S {
                 let coarse_holds = silent_s(tracker, Tier::Coarse) <= LOSE_AFTER_S;
-                let to = if coarse_holds { TrackingState::Coarse } else { TrackingState::Lost };
+                let to = if coarse_holds {
+                    TrackingState::Coarse
+                } else {
+                    TrackingState::Lost
+                };
                 tracker.change(tick, to, lost_reason("precise"));
             } else if let Some(error) = error {
                 let radius_px = if tracker.state == TrackingState::Engage {
@@ -231,15 +245,16 @@ pub fn decide(
                 } else if tracker.locked_since.is_none() {
                     tracker.locked_since = Some(tick);
                 }
-                let locked_s = tracker.locked_since.map_or(0.0, |since| clock.at_s(tick - since));
+                let locked_s = tracker
+                    .locked_since
+                    .map_or(0.0, |since| clock.at_s(tick - since));
                 if tracker.state == TrackingState::Precise && locked_s >= params.lock_dwell_s {
                     let reason = format!(
                         "precise error below {} px for {} s",
                         params.lock_radius_px, params.lock_dwell_s
                     );
                     tracker.change(tick, TrackingState::Engage, reason);
-                } else if tracker.state == TrackingState::Engage && tracker.locked_since.is_none()
-                {
+                } else if tracker.state == TrackingState::Engage && tracker.locked_since.is_none() {
                     let reason = format!("precise error is {:.1} px", error.distance_px);
                     tracker.change(tick, TrackingState::Precise, reason);
                 }
@@ -264,7 +279,11 @@ pub fn decide(
 /// Goes back to the search when the target's track has run out of hits.
 fn drop_target(tracker: &mut Tracker, tick: u64) {
     tracker.target = None;
-    tracker.change(tick, TrackingState::Search, "no camera saw the target any more");
+    tracker.change(
+        tick,
+        TrackingState::Search,
+        "no camera saw the target any more",
+    );
 }
 
 fn lost_reason(camera: &str) -> String {
@@ -283,10 +302,17 @@ fn candidate_reason(
     }
     let (rate_radps, sigmas) = track.motion(t_s);
     if rate_radps > MOVING_RADPS && sigmas > MOVING_SIGMAS {
-        return Some(format!("a candidate moves at {:.1} mrad/s", 1e3 * rate_radps));
+        return Some(format!(
+            "a candidate moves at {:.1} mrad/s",
+            1e3 * rate_radps
+        ));
     }
     let below = track.filter.predicted(t_s).az_el_rad() - DVec2::new(0.0, SKY_MARGIN_RAD);
-    let sky = environment.city.dsm.first_hit(mount.r_enu_m, az_el_to_los(below), FAR_M).is_none();
+    let sky = environment
+        .city
+        .dsm
+        .first_hit(mount.r_enu_m, az_el_to_los(below), FAR_M)
+        .is_none();
     // What does not move must be looked at longer.
     (sky && track.total_hits() >= 2 * CANDIDATE_HITS)
         .then(|| "a candidate stands in clear sky".into())
@@ -311,7 +337,10 @@ pub fn find_range(
     mut tracker: ResMut<Tracker>,
 ) {
     let every = u64::from((clock.tick_hz / RANGE_HZ).max(1));
-    let held = matches!(tracker.state, TrackingState::Precise | TrackingState::Engage);
+    let held = matches!(
+        tracker.state,
+        TrackingState::Precise | TrackingState::Engage
+    );
     if !held || !clock.tick.is_multiple_of(every) {
         return;
     }
