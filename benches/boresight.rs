@@ -42,6 +42,7 @@ fn demo(uavs: usize, overrides: &[&str]) -> Loaded {
     Loaded {
         scenario,
         source: text,
+        overrides,
         path: DEMO.into(),
     }
 }

@@ -29,7 +29,7 @@ pub enum DetectorError {
     },
     /// The model file cannot be read.
     #[error(
-        "detector model {path}: cannot be read ({why}); name an existing .onnx file in detector.model"
+        "detector model {path}: cannot be read ({why}); name an existing .onnx file in detector.onnx_model"
     )]
     Unreadable {
         /// The model file.

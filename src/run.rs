@@ -419,7 +419,9 @@ fn detector(scenario: &Scenario, seed: u64) -> Result<Detector, RunError> {
                     miss_rate: errors.miss_rate,
                     false_alarms_per_frame: errors.false_alarms_per_frame,
                 },
-                rng: Tier::ALL.map(|tier| Stream::new(seed, tier as u64, "truth detector")),
+                rng: Box::new(
+                    Tier::ALL.map(|tier| Stream::new(seed, tier as u64, "truth detector")),
+                ),
             }
         }
     })

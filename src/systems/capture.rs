@@ -248,7 +248,7 @@ pub fn sync_scene(world: &mut World) {
     let mut states = world.query::<(&Uav, &Flight, &UavStatus)>();
     let poses: Vec<_> = states
         .iter(world)
-        .map(|(uav, flight, _)| (uav.index, flight.state.clone()))
+        .map(|(uav, flight, _)| (uav.index, flight.state))
         .collect();
     let of = |index: usize| {
         poses

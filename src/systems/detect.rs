@@ -25,7 +25,7 @@ pub enum Detector {
         /// The errors.
         errors: TruthErrors,
         /// One stream a camera, in the order of [`crate::components::camera::Tier::ALL`].
-        rng: [Stream; 3],
+        rng: Box<[Stream; 3]>,
     },
 }
 
