@@ -2054,7 +2054,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert_eq!(scenario.time_utc.to_rfc3339(), "2025-01-01T00:00:00+00:00");
         let coarse = scenario.station.cameras.resolved()[1].clone();
         assert_eq!(coarse.exposure_s, Exposure::Seconds(1e-3));
-        assert_eq!(coarse.hfov_deg, 4.0);
+        assert_eq!(coarse.hfov_deg, 3.0);
 
         assert_eq!(
             error(GOOD, &["seed=3", "detctor.kind=truth"]),

@@ -1,6 +1,8 @@
 //! Sensor cameras and the frames they deliver.
 
 use crate::components::station::Pointing;
+pub use crate::models::camera::PixelRect;
+
 use crate::models::camera::Pinhole;
 use crate::models::kinematics::Pose;
 use crate::models::sensor::Sensor;
@@ -28,36 +30,6 @@ impl Tier {
             Tier::Search => "stv",
             Tier::Coarse => "ctv",
             Tier::Precise => "ptv",
-        }
-    }
-}
-
-/// A rectangle of sensor pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct PixelRect {
-    /// Upper left corner [px].
-    pub offset_px: [u32; 2],
-    /// Width and height [px].
-    pub size_px: [u32; 2],
-}
-
-impl PixelRect {
-    /// The largest part of `self`'s sensor around `centre_px` that a window of `size_px` shows.
-    pub fn window(sensor_px: [u32; 2], centre_px: [f64; 2], size_px: u32) -> Self {
-        let axis = |i: usize| {
-            let size = size_px.min(sensor_px[i]);
-            let most = f64::from(sensor_px[i] - size);
-            (
-                (centre_px[i] - f64::from(size) / 2.0)
-                    .round()
-                    .clamp(0.0, most) as u32,
-                size,
-            )
-        };
-        let ((x, width), (y, height)) = (axis(0), axis(1));
-        Self {
-            offset_px: [x, y],
-            size_px: [width, height],
         }
     }
 }

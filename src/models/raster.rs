@@ -1,7 +1,6 @@
 //! Coverage of pixels by a silhouette, sampled where the GPU samples.
 
-use crate::components::camera::PixelRect;
-use crate::models::camera::Pinhole;
+use crate::models::camera::{Pinhole, PixelRect};
 use crate::models::kinematics::Pose;
 use crate::models::uav_mesh::UavMesh;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -185,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_three_pixel_target_is_centred_to_a_tenth() {
+    fn a_square_of_three_pixels_is_centred_within_a_fifth_at_worst() {
         // The mean over sub-pixel shifts and the worst case of four samples a pixel.
         let mut worst: f64 = 0.0;
         for i in 0..20 {
