@@ -21,22 +21,30 @@ const DEMO: &str = concat!(
     "/scenarios/urban_intercept.toml"
 );
 
-/// The demo with `uavs` UAVs, 20 m apart, and overrides.
+/// The demo with `uavs` UAVs that circle 1 km away, so that a bench may go on for ever, and
+/// overrides.
 fn demo(uavs: usize, overrides: &[&str]) -> Loaded {
     let mut text = std::fs::read_to_string(DEMO).expect("the demo is there");
-    for i in 1..uavs {
+    let orbit = |i: usize| {
         let (east_m, up_m) = (
-            -776.4 - 20.0 * (i % 10) as f64,
+            -707.0 - 20.0 * (i % 10) as f64,
             90.0 + 20.0 * (i / 10) as f64,
         );
+        format!(
+            "{{ kind = \"orbit\", centre_enu_m = [{east_m}, 707.0, {up_m}], radius_m = 40.0, \
+             speed_mps = 8.0 }}"
+        )
+    };
+    for i in 1..uavs {
+        let trajectory = orbit(i);
         write!(
             text,
-            "\n[[uavs]]\nname = \"more {i}\"\nmodel = \"phantom4\"\n[uavs.trajectory]\n\
-             kind = \"straight\"\nstart_enu_m = [{east_m}, 635.0, {up_m}]\n\
-             velocity_enu_mps = [5.657, 5.657, 0.0]\n"
+            "\n[[uavs]]\nname = \"more {i}\"\nmodel = \"phantom4\"\ntrajectory = {trajectory}\n"
         )
         .expect("a string takes everything");
     }
+    let first = format!("uavs.0.trajectory={}", orbit(0));
+    let overrides: Vec<&str> = overrides.iter().copied().chain([&first[..]]).collect();
     let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
     let scenario = Scenario::parse(&text, DEMO, &overrides).expect("the demo is valid");
     Loaded {

@@ -31,8 +31,19 @@ pub struct LaserSource {
     pub wander: Wander,
     /// Streams of channel, wander and jitter.
     pub rng: [Stream; 3],
-    /// Turbulence integrals of the path and the range they hold for [m].
-    pub path: Option<(f64, PathTurbulence)>,
+    /// The air on the way to the aimed UAV.
+    pub path: Option<BeamPath>,
+}
+
+/// The air on a beam's path, good for ranges near the one it was made for.
+#[derive(Clone, Copy, Debug)]
+pub struct BeamPath {
+    /// The range [m].
+    pub range_m: f64,
+    /// Turbulence integrals.
+    pub turbulence: PathTurbulence,
+    /// Peak irradiance that steady thermal blooming leaves, 0 to 1.
+    pub blooming: f64,
 }
 
 /// What the engagement asks of the laser; obeyed from the next tick on.

@@ -1,12 +1,14 @@
 //! The laser beam crosses the air and heats what it meets.
 
-use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
+use crate::components::beam::{BeamPath, BeamState, Channel, FireCommand, LaserSource};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::station::Optics;
 use crate::components::uav::{Air, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::transmittance;
-use crate::models::beam::{irradiance_wpm2, power_in_bucket_w, wander_correlation_time_s};
+use crate::models::beam::{
+    BloomingAir, blooming_factor, irradiance_wpm2, power_in_bucket_w, wander_correlation_time_s,
+};
 use crate::models::dsm::LineOfSight;
 use crate::models::turbulence::{IntensityChannel, Path, PathTurbulence};
 use bevy::prelude::*;
@@ -18,6 +20,8 @@ pub const BUCKET_RADIUS_M: f64 = 0.05;
 const AIM_CONE_RAD: f64 = 5e-3;
 /// Change of range after which the path's turbulence is integrated anew [m].
 const PATH_STEP_M: f64 = 10.0;
+/// Share of the extinction that heats the air: urban aerosol of single-scattering albedo 0.9.
+const ABSORBED_SHARE: f64 = 0.1;
 /// Least transverse air speed on the path [m/s]: natural convection stirs still air.
 const LEAST_CROSSWIND_MPS: f64 = 0.3;
 
@@ -91,7 +95,11 @@ pub fn propagate(
         f64::INFINITY
     });
     let transmitted = transmittance(source.extinction_per_m, range_m);
-    let spot_radius_m = source.laser.short_term_radius_m(range_m, focus_m, &path);
+    // Blooming spreads the power it takes from the peak: a Gaussian widened to match.
+    let spot_radius_m = source
+        .laser
+        .short_term_radius_m(range_m, focus_m, &path.turbulence)
+        / path.blooming.sqrt();
     let centre_m = range_m * (wander_rad + jitter);
     let power_w = source.laser.power_w * transmitted * relative;
     beam.aimed = Some(index);
@@ -131,7 +139,7 @@ pub fn propagate(
     }
 }
 
-/// The turbulence of the path to `range_m`, integrated anew when the range has moved on.
+/// The air on the path to `range_m`, worked out anew when the range has moved on.
 fn renew_path(
     source: &mut LaserSource,
     environment: &Environment,
@@ -139,14 +147,14 @@ fn renew_path(
     los_enu: DVec3,
     range_m: f64,
     crosswind_mps: f64,
-) -> PathTurbulence {
-    if let Some((at_m, path)) = source.path
-        && (at_m - range_m).abs() < PATH_STEP_M
+) -> BeamPath {
+    if let Some(path) = source.path
+        && (path.range_m - range_m).abs() < PATH_STEP_M
     {
         return path;
     }
     let height_m = |r: DVec3| (r.z - environment.city.dsm.terrain_m(r.x, r.y)).max(1.0);
-    let path = PathTurbulence::new(
+    let turbulence = PathTurbulence::new(
         &environment.cn2,
         &Path {
             length_m: range_m,
@@ -155,15 +163,29 @@ fn renew_path(
         },
         source.laser.wavelength_m,
     );
-    source.path = Some((range_m, path));
+    let air = BloomingAir {
+        absorption_per_m: ABSORBED_SHARE * source.extinction_per_m,
+        extinction_per_m: source.extinction_per_m,
+        temperature_k: environment.weather.temperature_k,
+        crosswind_mps,
+        slew_radps: 0.0,
+    };
+    let focus_m = source.focus_m.unwrap_or(range_m);
+    let number = source.laser.distortion_number(range_m, focus_m, &air);
+    let path = BeamPath {
+        range_m,
+        turbulence,
+        blooming: blooming_factor(number),
+    };
+    source.path = Some(path);
     let w0_m = source.laser.aperture_radius_m;
-    source.wander.axis_rms_rad = path.wander_axis_rms_rad(w0_m);
+    source.wander.axis_rms_rad = turbulence.wander_axis_rms_rad(w0_m);
     source.wander.correlation_time_s = wander_correlation_time_s(w0_m, crosswind_mps);
     if let Channel::Physical(scintillation) = &mut source.channel {
         // What counts is the power in the bucket, which averages over its diameter.
         scintillation.retune(
-            path.gamma_gamma(2.0 * BUCKET_RADIUS_M),
-            path.correlation_time_s(crosswind_mps),
+            turbulence.gamma_gamma(2.0 * BUCKET_RADIUS_M),
+            turbulence.correlation_time_s(crosswind_mps),
         );
     }
     path
