@@ -82,6 +82,11 @@ fn ticks(criterion: &mut Criterion) {
                     }
                 });
             });
+            // A station that has lost its target has less to do.
+            println!(
+                "{uavs} UAV, {name}: ends in {}",
+                app.world().resource::<Tracker>().state.name()
+            );
         }
     }
     group.finish();

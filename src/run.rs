@@ -553,7 +553,7 @@ fn spawn_uavs(
             Flight {
                 airframe,
                 state,
-                aim_body_m: shape.centre_body_m(),
+                aim_body_m: shape.centroid_body_m(),
             },
             Guidance(plan),
             Air {

@@ -5,7 +5,7 @@
     python benches/peers/peers.py --frames 50  more frames a figure
 
 The scene: a city of 1,050 boxes on a plane, a camera 48 m above it, a body of a small UAV's size
-1 km away among the skyline; 640 x 480, horizontal fields of 1 and 6 degrees as Boresight's precise and search camera
+1 km away just above the skyline; 640 x 480, horizontal fields of 1 and 6 degrees as Boresight's precise and search camera
 have them; with one sample a pixel, and with four where the engine offers it (MuJoCo: multisampling;
 PyBullet: its software renderer offers none, so a picture of twice the side is averaged). Shadows are
 off, as in Boresight. Every figure is the median over frames in which the camera turns a little.
@@ -42,7 +42,9 @@ def city():
         for column in range(-16, 17):
             if abs(row) <= 1 and abs(column) <= 1:
                 continue  # the station's own block
-            half = (rng.uniform(10, 24), rng.uniform(10, 24), 0.5 * rng.choice((12, 18, 24, 30, 60)))
+            # None near the station stands in the way; the far ones make the skyline.
+            tall = 54 if math.hypot(row, column) > 9 else 36
+            half = (rng.uniform(10, 24), rng.uniform(10, 24), 0.5 * rng.choice((12, 18, 24, 30, tall)))
             boxes.append(((70.0 * row, 70.0 * column, half[2]), half))
     return rng.sample(boxes, 1050)
 

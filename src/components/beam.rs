@@ -66,7 +66,7 @@ pub struct BeamState {
     pub power_at_target_w: f64,
     /// Power inside the aim-point bucket of that UAV [W].
     pub power_in_bucket_w: f64,
-    /// Irradiance on its aim point [W/m^2].
+    /// Mean irradiance over that bucket [W/m^2].
     pub irradiance_wpm2: f64,
     /// Short-term 1/e^2 radius at its range [m].
     pub spot_radius_m: f64,

@@ -27,8 +27,7 @@ pub struct Flight {
     pub airframe: Airframe,
     /// Position, attitude, rates and rotors.
     pub state: MultirotorState,
-    /// The point to aim at [m, body]: the middle of the airframe's box, which a detector's box is
-    /// centred on.
+    /// The point to aim at [m, body]: the centroid of the airframe's surface.
     pub aim_body_m: DVec3,
 }
 
@@ -54,14 +53,14 @@ pub struct Air {
     pub wind_enu_mps: DVec3,
 }
 
-/// The patch of skin under the aim point.
+/// The component under the aim point, as a lumped skin.
 #[derive(Component, Clone, Debug)]
 pub struct HeatedSkin {
     /// Thermal state.
     pub skin: Skin,
     /// What it is made of.
     pub material: SkinMaterial,
-    /// Irradiance that met it in this tick [W/m^2].
+    /// Mean irradiance on it in this tick [W/m^2].
     pub irradiance_wpm2: f64,
 }
 

@@ -7,12 +7,13 @@ use crate::components::station::Optics;
 use crate::components::uav::{Air, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::transmittance;
 use crate::models::beam::{
-    BloomingAir, blooming_factor, irradiance_wpm2, power_in_bucket_w, wander_correlation_time_s,
+    BloomingAir, blooming_factor, power_in_bucket_w, wander_correlation_time_s,
 };
 use crate::models::dsm::LineOfSight;
 use crate::models::turbulence::{IntensityChannel, Path, PathTurbulence};
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
+use std::f64::consts::PI;
 
 /// Radius of the bucket around the aim point [m]: a fist-sized component.
 pub const BUCKET_RADIUS_M: f64 = 0.05;
@@ -115,7 +116,7 @@ pub fn propagate(
         let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
         // The spot hardly changes over a few metres of depth: one radius serves all in the cone.
         let offset_m = (r_cam_m.truncate() - centre_m * (r_cam_m.z / range_m)).length();
-        let lit = r_cam_m.z > 0.0 && offset_m < 4.0 * spot_radius_m;
+        let lit = r_cam_m.z > 0.0 && offset_m < 4.0 * spot_radius_m + BUCKET_RADIUS_M;
         if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
             continue;
         }
@@ -126,12 +127,14 @@ pub fn propagate(
         if sight != LineOfSight::Clear {
             continue;
         }
-        skin.irradiance_wpm2 = irradiance_wpm2(power_w, spot_radius_m, offset_m);
+        // Wander and jitter sweep the spot over the component within its thermal time: the lumped
+        // skin takes the mean over the bucket.
+        let bucket_w = power_in_bucket_w(power_w, spot_radius_m, offset_m, BUCKET_RADIUS_M);
+        skin.irradiance_wpm2 = bucket_w / (PI * BUCKET_RADIUS_M * BUCKET_RADIUS_M);
         if uav.index == index {
             beam.power_at_target_w = power_w;
             beam.irradiance_wpm2 = skin.irradiance_wpm2;
-            beam.power_in_bucket_w =
-                power_in_bucket_w(power_w, spot_radius_m, offset_m, BUCKET_RADIUS_M);
+            beam.power_in_bucket_w = bucket_w;
             if offset_m < BUCKET_RADIUS_M {
                 beam.dwell_s += dt_s;
             }

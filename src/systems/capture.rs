@@ -67,15 +67,24 @@ impl Shape {
         }
     }
 
-    /// Middle of the box around airframe and rotor discs [m, body].
-    pub fn centre_body_m(&self) -> DVec3 {
-        let (low, high) = self
-            .outline_body_m
-            .iter()
-            .fold((DVec3::MAX, DVec3::MIN), |(low, high), p| {
-                (low.min(*p), high.max(*p))
-            });
-        0.5 * (low + high)
+    /// Centroid of the airframe's surface without its propellers [m, body]: about where an image
+    /// of it has its middle.
+    pub fn centroid_body_m(&self) -> DVec3 {
+        let body = &self.mesh.body;
+        let point = |i: u32| DVec3::from_array(body.positions[i as usize].map(f64::from));
+        let (moment, area) =
+            body.indices
+                .chunks_exact(3)
+                .fold((DVec3::ZERO, 0.0), |(moment, area), triangle| {
+                    let [p, q, r] = [0, 1, 2].map(|i| point(triangle[i]));
+                    let twice = (q - p).cross(r - p).length();
+                    (moment + twice * (p + q + r) / 3.0, area + twice)
+                });
+        if area > 0.0 {
+            moment / area
+        } else {
+            DVec3::ZERO
+        }
     }
 }
 

@@ -56,11 +56,14 @@ impl Detector {
                 }
             }
             Detector::Truth { errors, rng } => {
-                let boxes = frame
-                    .truth
-                    .iter()
-                    .filter(|seen| seen.clear)
-                    .map(|seen| seen.box_px);
+                // Control work wants a detector whose only errors are the set ones: the box is
+                // centred on the aim point, whatever the gear below it or the rotors above.
+                let boxes = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
+                    let [x0, y0, x1, y1] = seen.box_px;
+                    let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
+                    let [x, y] = seen.aim_px;
+                    [x - half_x, y - half_y, x + half_x, y + half_y]
+                });
                 let rng = &mut rng[frame.tier as usize];
                 let PixelRect { offset_px, size_px } = frame.rect;
                 detect_truth(
