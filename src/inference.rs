@@ -139,6 +139,9 @@ impl OnnxDetector {
             .map_err(|error| broken(error.to_string()))?
             .with_intra_threads(threads)
             .map_err(|error| broken(error.to_string()))?
+            // Idle threads that spin would take the renderer's cores.
+            .with_intra_op_spinning(false)
+            .map_err(|error| broken(error.to_string()))?
             .commit_from_file(path)
             .map_err(|error| broken(error.to_string()))?;
         let mut detector = Self {
