@@ -5,7 +5,7 @@ use crate::components::camera::{Frames, Readout, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::record::{History, Recording, StateHash};
-use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform, SensorProjection};
+use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform};
 use crate::components::station::{Gyro, Misalignment, Mount, MountCommand};
 use crate::components::track::{DetectionQueue, Tracker};
 use crate::components::uav::{Air, Flight, Guidance, HeatedSkin, Uav, UavStatus};
@@ -735,19 +735,18 @@ fn spawn_station(
             .map(|handles| handles.site_grid)
             .map(|site_grid| {
                 let mut view = |size_px: [u32; 2]| {
-                    let projection = SensorProjection {
-                        focal_px: pinhole.focal_px,
-                        sensor_px,
-                        offset_px: [0, 0],
-                        size_px,
-                    };
-                    spawn_sensor_view(world, site_grid, projection, camera.antialias)
+                    spawn_sensor_view(world, site_grid, size_px, camera.antialias)
                 };
                 let full = view(sensor_px);
                 let window = sensor
                     .window_px
                     .map(|side| view([side.min(sensor_px[0]), side.min(sensor_px[1])]));
-                SensorViews { full, window }
+                let magnifier = view([capture::MAGNIFY * capture::PATCH_PX; 2]);
+                SensorViews {
+                    full,
+                    window,
+                    magnifier,
+                }
             });
         let entity = world.spawn((sensor, Readout::Off)).id();
         if let Some(views) = views {

@@ -95,6 +95,104 @@ pub struct SensorViews {
     pub full: Entity,
     /// Renders the readout window, where the camera has one.
     pub window: Option<Entity>,
+    /// Renders the surroundings of a small UAV enlarged; see [`Patch`].
+    pub magnifier: Entity,
+}
+
+/// The surroundings of a UAV too small for four samples a pixel: an airframe of three pixels is
+/// all thin arms and legs, and its centroid would be off by a third of a pixel. They are rendered
+/// [`MAGNIFY`] times enlarged and averaged into the frame.
+#[derive(Clone, Copy, Debug)]
+struct Patch {
+    /// Scenario index of the UAV.
+    uav: usize,
+    /// Where the patch lies on the sensor.
+    rect: PixelRect,
+}
+
+/// Enlargement of a patch.
+pub const MAGNIFY: u32 = 8;
+/// Side of a patch [px].
+pub const PATCH_PX: u32 = 16;
+/// UAVs with a box smaller than this get a patch [px]: the patch holds the box with a margin.
+const SMALL_PX: f64 = 8.0;
+
+/// A patch's camera: the same sensor with [`MAGNIFY`] times the pixels.
+pub fn magnified(pinhole: &Pinhole) -> Pinhole {
+    Pinhole {
+        width_px: MAGNIFY * pinhole.width_px,
+        height_px: MAGNIFY * pinhole.height_px,
+        focal_px: f64::from(MAGNIFY) * pinhole.focal_px,
+    }
+}
+
+impl Patch {
+    /// The patch of a frame, if a UAV in it is small: the nearest one gets it.
+    fn of(frame: &Frame) -> Option<Self> {
+        let small = |seen: &&UavInFrame| {
+            let [x0, y0, x1, y1] = seen.box_px;
+            (x1 - x0).max(y1 - y0) < SMALL_PX
+        };
+        let nearest = frame
+            .truth
+            .iter()
+            .filter(small)
+            .min_by(|a, b| a.range_m.total_cmp(&b.range_m))?;
+        let [x0, y0, x1, y1] = nearest.box_px;
+        let centre = [0.5 * (x0 + x1), 0.5 * (y0 + y1)];
+        let mut offset_px = [0; 2];
+        for i in 0..2 {
+            let low = f64::from(frame.rect.offset_px[i]);
+            let high = low + f64::from(frame.rect.size_px[i]) - f64::from(PATCH_PX);
+            let at = (centre[i] - 0.5 * f64::from(PATCH_PX)).round();
+            if high < low || at < low || at > high {
+                return None;
+            }
+            offset_px[i] = at as u32;
+        }
+        Some(Self {
+            uav: nearest.uav,
+            rect: PixelRect {
+                offset_px,
+                size_px: [PATCH_PX; 2],
+            },
+        })
+    }
+
+    /// The patch on the magnified sensor.
+    fn magnified_rect(&self) -> PixelRect {
+        PixelRect {
+            offset_px: self.rect.offset_px.map(|x| MAGNIFY * x),
+            size_px: [MAGNIFY * PATCH_PX; 2],
+        }
+    }
+
+    /// Averages the enlarged pixels into those of the frame; identities stay as they are.
+    fn blend(&self, enlarged: &[u8], frame: PixelRect, pixels: &mut [u8]) {
+        let side = (MAGNIFY * PATCH_PX) as usize;
+        let value = |bytes: &[u8]| half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
+        for y in 0..PATCH_PX as usize {
+            for x in 0..PATCH_PX as usize {
+                let mut sum = [0.0f32; 3];
+                for row in y * MAGNIFY as usize..(y + 1) * MAGNIFY as usize {
+                    let first = 8 * (row * side + x * MAGNIFY as usize);
+                    for pixel in enlarged[first..first + 8 * MAGNIFY as usize].chunks_exact(8) {
+                        for (channel, sum) in sum.iter_mut().enumerate() {
+                            *sum += value(&pixel[2 * channel..]);
+                        }
+                    }
+                }
+                let column = (self.rect.offset_px[0] - frame.offset_px[0]) as usize + x;
+                let row = (self.rect.offset_px[1] - frame.offset_px[1]) as usize + y;
+                let at = 8 * (row * frame.size_px[0] as usize + column);
+                for (channel, sum) in sum.iter().enumerate() {
+                    let mean = half::f16::from_f32(sum / (MAGNIFY * MAGNIFY) as f32);
+                    pixels[at + 2 * channel..at + 2 * channel + 2]
+                        .copy_from_slice(&mean.to_le_bytes());
+                }
+            }
+        }
+    }
 }
 
 /// Opens the shutter of every camera that is due: pose, rectangle and geometric truth.
@@ -197,6 +295,7 @@ fn projected_box(
 #[derive(Default)]
 pub struct ImageScratch {
     pixels: Vec<u8>,
+    enlarged: Vec<u8>,
     /// One a strip of rows.
     strips: [Scratch; STRIPS],
 }
@@ -230,7 +329,7 @@ pub fn settle(world: &mut World, renderer: &mut Renderer) {
     let mut views = world.query::<&SensorViews>();
     let views: Vec<Entity> = views
         .iter(world)
-        .flat_map(|views| [Some(views.full), views.window])
+        .flat_map(|views| [Some(views.full), views.window, Some(views.magnifier)])
         .flatten()
         .collect();
     let activate = |world: &mut World, active: bool| {
@@ -314,33 +413,57 @@ fn render_with(
             } else {
                 views.window.unwrap_or(views.full)
             };
-            Some((camera.clone(), view))
+            let patch = Patch::of(frame).map(|patch| (patch, views.magnifier));
+            Some((camera.clone(), view, patch))
         })
         .collect();
-    for (frame, (camera, view)) in frames.iter().zip(&setups) {
-        let projection = SensorProjection {
-            focal_px: camera.pinhole.focal_px,
-            sensor_px: [camera.pinhole.width_px, camera.pinhole.height_px],
-            offset_px: frame.rect.offset_px,
-            size_px: frame.rect.size_px,
-        };
+    for (frame, (camera, view, patch)) in frames.iter().zip(&setups) {
         let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
-        aim_sensor_view(world, *view, projection, at);
+        aim_sensor_view(world, *view, projection(&camera.pinhole, frame.rect), at);
+        if let Some((patch, magnifier)) = patch {
+            let projection = projection(&magnified(&camera.pinhole), patch.magnified_rect());
+            aim_sensor_view(world, *magnifier, projection, at);
+        }
     }
     renderer.render(world);
     let seed = world.resource::<Environment>().seed;
-    for (frame, (camera, view)) in frames.iter_mut().zip(&setups) {
-        if let Some(mut view) = world.get_mut::<Camera>(*view) {
-            view.is_active = false;
+    for (frame, (camera, view, patch)) in frames.iter_mut().zip(&setups) {
+        for view in [Some(*view), patch.map(|(_, magnifier)| magnifier)] {
+            if let Some(mut view) = view.and_then(|view| world.get_mut::<Camera>(view)) {
+                view.is_active = false;
+            }
         }
         renderer.read(*view, frame.rect.size_px, &mut scratch.pixels)?;
-        count_identities(world, frame, camera, &digits, &scratch.pixels);
+        count_identities(world, frame, camera, &digits, &scratch.pixels, None);
+        if let Some((patch, magnifier)) = patch {
+            let rect = patch.magnified_rect();
+            renderer.read(*magnifier, rect.size_px, &mut scratch.enlarged)?;
+            count_identities(
+                world,
+                frame,
+                camera,
+                &digits,
+                &scratch.enlarged,
+                Some(patch),
+            );
+            patch.blend(&scratch.enlarged, frame.rect, &mut scratch.pixels);
+        }
         let key = Stream::new(seed, frame.tick, frame.tier.name()).bits();
         let rgb8 = form_image(frame, &camera.sensor, key, scratch)?;
         frame.rgb8 = Some(Arc::new(rgb8));
     }
     world.resource_mut::<Frames>().0 = frames;
     Ok(())
+}
+
+/// The projection that renders a rectangle of a sensor.
+fn projection(pinhole: &Pinhole, rect: PixelRect) -> SensorProjection {
+    SensorProjection {
+        focal_px: pinhole.focal_px,
+        sensor_px: [pinhole.width_px, pinhole.height_px],
+        offset_px: rect.offset_px,
+        size_px: rect.size_px,
+    }
 }
 
 /// The sensor's 8-bit picture of a rendered frame.
@@ -426,26 +549,37 @@ fn touch(a: &[f64; 4], b: &[f64; 4]) -> bool {
         && b[1] <= a[3] + MARGIN_PX
 }
 
-/// Fills in the truth that the identity samples of a rendered frame tell.
+/// Fills in the truth that the identity samples of a rendered frame, or of a patch of it, tell.
 fn count_identities(
     world: &mut World,
     frame: &mut Frame,
     camera: &SensorCamera,
     digits: &[u32],
     pixels: &[u8],
+    patch: Option<&Patch>,
 ) {
+    let (pinhole, rect, scale) = match patch {
+        None => (camera.pinhole, frame.rect, 1.0),
+        Some(patch) => {
+            let rect = patch.magnified_rect();
+            (magnified(&camera.pinhole), rect, f64::from(MAGNIFY))
+        }
+    };
     let mut uavs = world.query::<(&Uav, &Flight, &Shape)>();
     let samples = if camera.antialias > 1 { 4.0 } else { 1.0 };
-    let [width, height] = frame.rect.size_px;
-    let [left, top] = frame.rect.offset_px;
+    let [width, height] = rect.size_px;
+    let [left, top] = rect.offset_px;
     for seen in &mut frame.truth {
+        if patch.is_some_and(|patch| patch.uav != seen.uav) {
+            continue;
+        }
         let Some((_, flight, shape)) = uavs.iter(world).find(|(uav, ..)| uav.index == seen.uav)
         else {
             continue;
         };
         let mut visible = Coverage::default();
         // Every sample of the UAV lies in the box of its projection, a pixel more for rounding.
-        let [x0, y0, x1, y1] = seen.box_px;
+        let [x0, y0, x1, y1] = seen.box_px.map(|px| scale * px);
         let clip = |low: f64, high: f64, offset: u32, size: u32| {
             let local = |x: f64| (x - f64::from(offset)).clamp(0.0, f64::from(size)) as u32;
             local(low.floor() - 1.0)..local(high.ceil() + 1.0)
@@ -459,17 +593,17 @@ fn count_identities(
         }
         let state = &flight.state;
         let whole = raster::silhouette(
-            &camera.pinhole,
+            &pinhole,
             &frame.pose,
             (state.r_enu_m, state.q_enu_body),
             &state.rotor_phase_rad,
             &shape.mesh,
-            frame.rect,
+            rect,
             camera.antialias,
         );
         seen.rendered = Some(RenderedTruth {
-            box_px: visible.box_px(),
-            centroid_px: visible.centroid_px(),
+            box_px: visible.box_px().map(|px| px.map(|x| x / scale)),
+            centroid_px: visible.centroid_px().map(|px| px.map(|x| x / scale)),
             visible_fraction: if whole.samples > 0.0 {
                 (visible.samples / whole.samples).min(1.0)
             } else {

@@ -139,10 +139,9 @@ impl Renderer {
 pub fn spawn_sensor_view(
     world: &mut World,
     site_grid: Entity,
-    projection: SensorProjection,
+    [width, height]: [u32; 2],
     antialias: u32,
 ) -> Entity {
-    let [width, height] = projection.size_px;
     let mut target = Image::new_target_texture(width, height, TextureFormat::Rgba16Float, None);
     target.texture_descriptor.usage |= TextureUsages::COPY_SRC;
     let target = world.resource_mut::<Assets<Image>>().add(target);
@@ -159,7 +158,13 @@ pub fn spawn_sensor_view(
                 ..default()
             },
             RenderTarget::Image(target.into()),
-            Projection::custom(projection),
+            // Set anew at every exposure.
+            Projection::custom(SensorProjection {
+                focal_px: f64::from(width),
+                sensor_px: [width, height],
+                offset_px: [0, 0],
+                size_px: [width, height],
+            }),
             if antialias > 1 {
                 Msaa::Sample4
             } else {
