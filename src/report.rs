@@ -306,7 +306,7 @@ border:2px solid var(--bad);color:var(--bad)}
 .tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(10.5rem,1fr));gap:.7rem;margin:0}
 .tiles div{background:var(--card);border-radius:8px;padding:.6rem .8rem}
 .tiles dt{color:var(--soft);font-size:.82rem}
-.tiles dd{margin:0;font-size:1.15rem;font-weight:600;font-variant-numeric:tabular-nums}
+.tiles dd{margin:0;font-size:1.15rem;font-weight:600;font-variant-numeric:tabular-nums;overflow-wrap:anywhere}
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,26rem),1fr));gap:1.2rem}
 figure{margin:0;min-width:0}
 .charts figure{background:var(--card);border-radius:8px;padding:.8rem .8rem .4rem}
