@@ -14,3 +14,5 @@ fi
 # Outside the checkout, so that every checkout shares one build of the dependencies.
 export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$boresight_cache/target}
 export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$boresight_ort_lib}
+# Mesa complains on standard error where a session has none, as in a container.
+export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-${TMPDIR:-/tmp}}
