@@ -14,6 +14,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+/// `println!` that does not mind a closed pipe: `boresight run … | head` is no error.
+macro_rules! say {
+    ($($argument:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stdout(), $($argument)*);
+    }};
+}
+
 /// Simulator of urban laser counter-UAV systems. Simulation only: it drives no real mount and no
 /// real laser.
 #[derive(Parser, Debug)]
@@ -105,8 +113,8 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 log: true,
             };
             let finished = run_headless(&loaded, &options, true)?;
-            print!("{}", summary::table(&finished.summary));
-            println!("report  {}", args.out.join("report.html").display());
+            say!("{}", summary::table(&finished.summary).trim_end());
+            say!("report  {}", args.out.join("report.html").display());
             Ok(())
         }
         Command::View(args) => {
@@ -135,18 +143,18 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             };
             let mut app = run::build(&loaded, &options)?;
             if let Some(finished) = view::drive(&mut app, &loaded, &options, screenshot)? {
-                print!("{}", summary::table(&finished.summary));
+                say!("{}", summary::table(&finished.summary).trim_end());
             }
             Ok(())
         }
         Command::Check(args) => {
             let loaded = args.load()?;
             run::check(&loaded)?;
-            println!("{}: ok", loaded.path.display());
+            say!("{}: ok", loaded.path.display());
             Ok(())
         }
         Command::Models => {
-            print!("{}", models());
+            say!("{}", models().trim_end());
             Ok(())
         }
         Command::Doctor => {
@@ -160,7 +168,7 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                     path: path.clone(),
                     source,
                 })?;
-                println!("{}", path.display());
+                say!("{}", path.display());
                 Ok::<_, RunError>(())
             };
             std::fs::create_dir_all(&out).map_err(|source| RunError::Output {
@@ -225,10 +233,6 @@ fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
     bar.set_message(format!(
         "{t_s:.1} s at {factor:.2}x, {state}, {down} neutralised"
     ));
-    // Without a terminal a line now and then tells as much.
-    if bar.is_hidden() {
-        return;
-    }
     bar.tick();
 }
 
@@ -254,24 +258,27 @@ fn models() -> String {
 }
 
 fn doctor() {
-    println!("boresight {}", run::VERSION);
+    say!("boresight {}", run::VERSION);
     match run::adapter() {
-        Ok(info) => println!(
+        Ok(info) => say!(
             "adapter       {} ({:?}, {:?}, {})",
-            info.name, info.device_type, info.backend, info.driver_info
+            info.name,
+            info.device_type,
+            info.backend,
+            info.driver_info
         ),
-        Err(error) => println!("adapter       none: {error}"),
+        Err(error) => say!("adapter       none: {error}"),
     }
     match crate::inference::runtime_path() {
         Ok(path) => {
-            println!("onnx runtime  {}", path.display());
-            match crate::inference::runtime_info() {
-                Ok(info) => println!("providers     {info}"),
-                Err(error) => println!("providers     {error}"),
+            say!("onnx runtime  {}", path.display());
+            match crate::inference::providers() {
+                Ok(names) => say!("providers     {}", names.join(", ")),
+                Err(error) => say!("providers     {error}"),
             }
         }
-        Err(error) => println!("onnx runtime  none: {error}"),
+        Err(error) => say!("onnx runtime  none: {error}"),
     }
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    println!("threads       {threads}");
+    say!("threads       {threads}");
 }

@@ -5,6 +5,7 @@
 //! i64 `[N]`; its metadata says `boresight.interface = 1`.
 
 use crate::models::detection::Detection;
+use ort::ep::{CUDA, ExecutionProvider, TensorRT};
 use ort::session::Session;
 use ort::value::{TensorElementType, TensorRef, ValueType};
 use std::path::{Path, PathBuf};
@@ -116,10 +117,16 @@ fn environment() -> Result<&'static ort::environment::Environment, DetectorError
         })
 }
 
-/// Build of the loaded runtime and the execution providers it has.
-pub fn runtime_info() -> Result<String, DetectorError> {
+/// The execution providers that the loaded runtime was built with.
+pub fn providers() -> Result<Vec<&'static str>, DetectorError> {
     environment()?;
-    Ok(ort::info().to_string())
+    let built = |name, available: ort::Result<bool>| available.unwrap_or(false).then_some(name);
+    let found = [
+        Some("CPU"),
+        built("CUDA", CUDA::is_available()),
+        built("TensorRT", TensorRT::is_available()),
+    ];
+    Ok(found.into_iter().flatten().collect())
 }
 
 impl OnnxDetector {
@@ -129,6 +136,9 @@ impl OnnxDetector {
             path: path.into(),
             why: error.to_string(),
         };
+        if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
+            return Err(unreadable(std::io::Error::other("not a file")));
+        }
         std::fs::File::open(path).map_err(unreadable)?;
         let environment = environment()?;
         let broken = |why: String| DetectorError::Broken {
