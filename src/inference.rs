@@ -136,8 +136,8 @@ impl OnnxDetector {
             path: path.into(),
             why: error.to_string(),
         };
-        if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
-            return Err(unreadable(std::io::Error::other("not a file")));
+        if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
+            return Err(unreadable(std::io::ErrorKind::IsADirectory.into()));
         }
         std::fs::File::open(path).map_err(unreadable)?;
         let environment = environment()?;
