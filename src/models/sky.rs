@@ -348,23 +348,6 @@ impl Sky {
     pub fn global_illuminance_klx(&self) -> f64 {
         self.global_klx
     }
-
-    /// The upper hemisphere as rows of `n_az` texels (R, G, B of [`Sky::radiance`] and 1). With u
-    /// and v at the texels' middles, (i + 0.5)/n: azimuth = 2 pi u, clockwise from north; elevation
-    /// = (pi/2) v^2, so that the horizon, row 0, is resolved best (v = sqrt(el/(pi/2))).
-    pub fn table(&self, n_az: usize, n_el: usize) -> Vec<[f32; 4]> {
-        let mut table = Vec::with_capacity(n_az * n_el);
-        for row in 0..n_el {
-            let v = (row as f64 + 0.5) / n_el as f64;
-            let (sin_el, cos_el) = (FRAC_PI_2 * v * v).sin_cos();
-            for column in 0..n_az {
-                let (sin_az, cos_az) = (TAU * (column as f64 + 0.5) / n_az as f64).sin_cos();
-                let [r, g, b] = self.radiance(DVec3::new(sin_az * cos_el, cos_az * cos_el, sin_el));
-                table.push([r as f32, g as f32, b as f32, 1.0]);
-            }
-        }
-        table
-    }
 }
 
 #[cfg(test)]
@@ -442,19 +425,18 @@ mod tests {
             (30.0, 800.0, 0.0),
         ] {
             let sky = sky(h, visibility_m, cover);
-            // The table's own solid angles: a different sum from the one inside.
+            // A grid of its own solid angles: a different sum from the one inside.
             let (n_az, n_el) = (180, 120);
-            let table = sky.table(n_az, n_el);
             let mut sum = 0.0;
-            for (row, texels) in table.chunks_exact(n_az).enumerate() {
-                let el = |edge: f64| FRAC_PI_2 * (edge / n_el as f64).powi(2);
-                let (low, high) = (el(row as f64), el(row as f64 + 1.0));
-                let weight = 0.5 * (high.sin().powi(2) - low.sin().powi(2)) * TAU / n_az as f64;
-                sum += weight
-                    * texels
-                        .iter()
-                        .map(|t| luminance([t[0], t[1], t[2]].map(f64::from)))
-                        .sum::<f64>();
+            for row in 0..n_el {
+                let el = |edge: f64| FRAC_PI_2 * (edge / f64::from(n_el)).powi(2);
+                let (low, high) = (el(f64::from(row)), el(f64::from(row) + 1.0));
+                let weight = 0.5 * (high.sin().powi(2) - low.sin().powi(2)) * TAU / f64::from(n_az);
+                let middle_deg = el(f64::from(row) + 0.5).to_degrees();
+                for column in 0..n_az {
+                    let azimuth_deg = 360.0 * (f64::from(column) + 0.5) / f64::from(n_az);
+                    sum += weight * luminance(sky.radiance(toward(azimuth_deg, middle_deg)));
+                }
             }
             let down = luminance(sky.ambient_down());
             assert!(
@@ -564,17 +546,5 @@ mod tests {
             clear.airlight(toward(90.0, 30.0)),
             clear.airlight(toward(90.0, -5.0))
         );
-    }
-
-    #[test]
-    fn table_samples_the_sky_where_it_says() {
-        let sky = sky(30.0, 23e3, 0.1);
-        let table = sky.table(8, 4);
-        assert_eq!(table.len(), 32);
-        // Row 2, column 1: v = 0.625, u = 0.1875.
-        let expected = sky.radiance(toward(67.5, 90.0 * 0.625 * 0.625));
-        for (channel, expected) in expected.iter().enumerate() {
-            assert!((f64::from(table[2 * 8 + 1][channel]) - expected).abs() < 1e-5 * expected);
-        }
     }
 }

@@ -363,6 +363,33 @@ mod tests {
     }
 
     #[test]
+    fn the_sky_table_is_read_where_it_was_written() {
+        for (u, v) in [(0.3, -0.6), (0.0, 0.0), (-0.9, 0.9), (0.99, 0.5)] {
+            let dir = sky_direction(u, v);
+            // As the shader reads it.
+            let flat = dir.truncate() / (dir.x.abs() + dir.y.abs() + dir.z);
+            assert!((flat.x + flat.y - u).abs() < 1e-12 && (flat.y - flat.x - v).abs() < 1e-12);
+            assert!(dir.z > -1e-12, "the table holds the upper half: {dir}");
+        }
+    }
+
+    #[test]
+    fn airlight_follows_the_horizon_all_around() {
+        let sun_dir_enu = DVec3::new(0.5, -0.6, 0.62).normalize();
+        let sky = Sky::new(sun_dir_enu, 18_000.0, 0.2, 0.18);
+        let fit = airlight_polynomial(&sky, sun_dir_enu);
+        for degrees in (0..360).step_by(5) {
+            let dir = DVec2::from_angle(f64::from(degrees).to_radians());
+            let c = dir.dot(sun_dir_enu.truncate().normalize()) as f32;
+            let fitted = fit[0] + c * (fit[1] + c * (fit[2] + c * fit[3]));
+            for (channel, exact) in sky.airlight(dir.extend(0.0)).into_iter().enumerate() {
+                let error = f64::from(fitted[channel]) / exact - 1.0;
+                assert!(error.abs() < 0.05, "{degrees} deg: {error}");
+            }
+        }
+    }
+
+    #[test]
     fn truth_is_sub_millimetre_50_km_from_the_origin() {
         let site = site();
         let (mut worst_m, mut plain_m): (f64, f64) = (0.0, 0.0);
