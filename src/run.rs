@@ -16,13 +16,15 @@ use crate::models::beam::Laser;
 use crate::models::camera::Pinhole;
 use crate::models::city::City;
 use crate::models::detection::TruthErrors;
+use crate::models::estimation::LosFilterParams;
 use crate::models::geodesy::{Geodetic, SiteFrame};
 use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState};
 use crate::models::kinematics::los_to_az_el;
+use crate::models::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::multirotor::Airframe;
 use crate::models::pid::PaperLaw;
-use crate::models::pointing::TunedPointing;
+use crate::models::pointing::{HandOver, PointingLaw, TunedPointing};
 use crate::models::rng::Stream;
 use crate::models::search::{Sector, raster};
 use crate::models::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
@@ -44,7 +46,7 @@ use crate::scenario::{
     Scenario, ScenarioError, SearchPattern,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
-use crate::systems::control::{Controller, PaperController, SearchScan};
+use crate::systems::control::{Controller, PaperController, PointingController, SearchScan};
 use crate::systems::detect::Detector;
 use crate::systems::engage::{Burst, Interlocks, KeepOut, Rules};
 use crate::systems::mount::optics_of;
@@ -797,7 +799,7 @@ fn spawn_station(
         BeamState::default(),
     ));
     world.insert_resource(scan);
-    world.insert_resource(controller(scenario, &mirror_params, dt_s));
+    world.insert_resource(controller(scenario, file, &params, &mirror_params, dt_s)?);
     let engage = &scenario.engage;
     world.insert_resource(TrackerParams {
         paper: scenario.controller.preset == ControllerPreset::Paper,
@@ -861,9 +863,36 @@ fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
     }
 }
 
-fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controller {
-    match scenario.controller.preset {
-        ControllerPreset::Tuned => Controller::Tuned(TunedPointing::recommended(mirror, dt_s)),
+/// The controller of a scenario for its mount.
+pub(crate) fn controller(
+    scenario: &Scenario,
+    file: &str,
+    gimbal: &GimbalParams,
+    mirror: &MirrorParams,
+    dt_s: f64,
+) -> Result<Controller, RunError> {
+    let refused = |error: String| RunError::Value {
+        file: file.into(),
+        what: "controller",
+        why: error,
+    };
+    let pointing = |law| {
+        Controller::Pointing(Box::new(PointingController {
+            law,
+            hand_over: HandOver::new(mirror.stroke_rad, dt_s),
+        }))
+    };
+    Ok(match scenario.controller.preset {
+        ControllerPreset::Tuned => pointing(PointingLaw::Tuned(
+            TunedPointing::recommended(gimbal, mirror, dt_s)
+                .map_err(|error| refused(error.to_string()))?,
+        )),
+        ControllerPreset::Lqg => {
+            let tau_s = LosFilterParams::default().accel_tau_s;
+            let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), dt_s)
+                .map_err(|error| refused(error.to_string()))?;
+            pointing(PointingLaw::Lqg(law, LqgMemory::default()))
+        }
         ControllerPreset::Paper => {
             let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
                 Some(gains) => PaperLaw {
@@ -879,7 +908,7 @@ fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controll
                 law(PaperLaw::PRECISE, scenario.controller.precise),
             )))
         }
-    }
+    })
 }
 
 /// Creates the output folder and the recording in it.
