@@ -27,6 +27,7 @@ pub mod sun;
 pub mod thermal;
 pub mod tracking;
 pub mod trajectory;
+pub mod tuning;
 pub mod turbulence;
 pub mod uav;
 pub mod uav_mesh;

@@ -513,6 +513,7 @@ mod tests {
         let mut base = BaseMotion::new(&BaseMotionParams::default(), DT).unwrap();
         let stream = |purpose| Stream::new(case.seed, 0, purpose);
         let (mut base_rng, mut pixel_rng) = (stream("base"), stream("pixel"));
+        let mut axis_rng = stream("axis gyros");
         let (mut gyro_rng, mut weave_rng) = (stream("gyro"), stream("weave"));
         let mut mirror = Mirror::new(&MirrorParams::default(), DT).unwrap();
         let (pixel, latency) = (27e-6, 0.03); // [rad], [s]
@@ -543,12 +544,12 @@ mod tests {
             } else {
                 (DVec3::ZERO, DVec3::ZERO)
             };
-            let look = |tilt| {
-                let at = state.az_el_rad();
+            let look_from = |tilt, at: DVec2| {
                 let mirror = mirror.deflection_rad();
                 boresight_chain(DVec3::ZERO, tilt, at.x, at.y, mirror, DVec3::ZERO).q_enu_cam
             };
-            let error = error_angles(look(base.tilt_rad()), (line(t) + off).normalize());
+            let truth = look_from(base.tilt_rad(), state.az_el_rad());
+            let error = error_angles(truth, (line(t) + off).normalize());
             if t >= 2.0 {
                 errors.push(error.length());
                 mirror_peak = mirror_peak.max(mirror.deflection_rad().abs().max_element());
@@ -557,8 +558,9 @@ mod tests {
                 let noise = DVec2::new(pixel_rng.normal(), pixel_rng.normal());
                 let seen = error + pixel * case.pixel_noise_px * noise;
                 // The line of sight by what the station knows at the exposure.
+                let known = look_from(known_tilt, state.encoder_az_el_rad());
                 let ray = DVec3::new(seen.x.tan(), seen.y.tan(), 1.0);
-                frames.push_back((t, seen, los_to_az_el(look(known_tilt) * ray)));
+                frames.push_back((t, seen, los_to_az_el(known * ray)));
             }
             while let Some((exposed, seen, los)) =
                 frames.pop_front_if(|frame| frame.0 + latency <= t)
@@ -590,8 +592,8 @@ mod tests {
                 }
                 let input = PointingInput {
                     los,
-                    gimbal_az_el_rad: state.az_el_rad(),
-                    gimbal_rates_radps: state.rates_radps(),
+                    gimbal_az_el_rad: state.encoder_az_el_rad(),
+                    gimbal_rates_radps: state.gyro_rates_radps(),
                     mirror_rad: mirror.deflection_rad(),
                     mirror_rates_radps: mirror.rate_radps(),
                     base_tilt_rad: known_tilt,
@@ -618,6 +620,7 @@ mod tests {
                 -params.elevation.inertia_kg_m2 * el,
             ];
             gimbal::step(&mut state, &params, &command, reaction, DT);
+            state.add_gyro_noise(&params, &mut axis_rng, DT);
             mirror.step(mirror_command);
         }
         errors.sort_by(f64::total_cmp);

@@ -114,8 +114,8 @@ pub fn command_mount(
 /// The present gaze; moves on when it has lasted.
 fn search(clock: &SimClock, tracker: &Tracker, scan: &mut SearchScan, mount: &Mount) -> DVec2 {
     let gaze: DVec2 = scan.gazes_rad[scan.index].into();
-    let error = mount.params.error_rad(gaze, mount.gimbal.az_el_rad());
-    let slow = mount.gimbal.rates_radps().length() < SETTLED_RADPS;
+    let error = mount.params.error_rad(gaze, mount.measured_az_el_rad());
+    let slow = mount.measured_rates_radps().length() < SETTLED_RADPS;
     if scan.settled_since.is_none() && error.length() < SETTLED_RAD && slow {
         scan.settled_since = Some(clock.tick);
     }
@@ -145,13 +145,13 @@ fn point(
     command: &mut MountCommand,
 ) {
     let PointingController { law, hand_over } = pointing;
-    let gimbal_az_el_rad = mount.gimbal.az_el_rad();
+    let gimbal_az_el_rad = mount.measured_az_el_rad();
     let track = tracker.target_track().filter(|_| gaze.is_none());
     let output = if let Some(track) = track {
         let input = PointingInput {
             los: track.filter.predicted(clock.t_s() + law.lead_s()),
             gimbal_az_el_rad,
-            gimbal_rates_radps: mount.gimbal.rates_radps(),
+            gimbal_rates_radps: mount.measured_rates_radps(),
             mirror_rad: mount.mirror.deflection_rad(),
             mirror_rates_radps: mount.mirror.rate_radps(),
             base_tilt_rad: mount.gyro.tilt_enu_rad,
@@ -193,14 +193,14 @@ fn steer_paper(
                 .coarse
                 .step(&paper.coarse_law, error.angle_rad, frame_s);
             paper.rates_radps =
-                coarse_axis_rates(mount.gimbal.az_el_rad(), u, 1.0 / frame_s).to_array();
+                coarse_axis_rates(mount.measured_az_el_rad(), u, 1.0 / frame_s).to_array();
         } else {
             let u = paper
                 .precise
                 .step(&paper.precise_law, error.angle_rad, frame_s);
             let limit = DVec2::splat(mount.mirror_params.stroke_rad);
             command.mirror_rad =
-                precise_mirror(mount.gimbal.az_el_rad(), command.mirror_rad, u, frame_s)
+                precise_mirror(mount.measured_az_el_rad(), command.mirror_rad, u, frame_s)
                     .clamp(-limit, limit);
         }
     }
