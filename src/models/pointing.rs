@@ -29,7 +29,8 @@ use crate::models::estimation::LosState;
 use crate::models::gimbal::{GimbalCommand, GimbalParams};
 use crate::models::kinematics::{exp_so3, los_to_az_el};
 use crate::models::lqg::{LqgMemory, LqgPointing};
-use crate::models::mirror::{MirrorParams, SecondOrderError, second_order_transition};
+use crate::models::mirror::MirrorParams;
+use crate::models::tuning::{Plant, TuningError, derive};
 
 /// Gains of the tuned pointing law.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
@@ -106,9 +107,16 @@ impl Aim {
             (d.y * d_dot.x - d.x * d_dot.y) / horizontal2,
             d_dot.z / horizontal2.sqrt(),
         );
+        let mut az_el = los_to_az_el(d);
+        let mut rates_radps = rates_radps;
+        // At the zenith the azimuth cannot follow: it turns steadily through, and meets the target
+        // on the other side.
+        if let Some([az, rate]) = gimbal.keyhole_azimuth(az_el, rates_radps) {
+            (az_el.x, rates_radps.x) = (az, rate);
+        }
         Self {
             rates_radps,
-            error_rad: gimbal.error_rad(los_to_az_el(d), at),
+            error_rad: gimbal.error_rad(az_el, at),
             deflection_rad: deflection_to(d, at),
             cos_el: at.y.cos().max(0.05),
         }
@@ -243,29 +251,19 @@ impl HandOver {
 }
 
 impl TunedPointing {
-    /// The recommended gains for a gimbal and a mirror commanded every `dt_s`; `boresight tune`
-    /// derives the same ones from sweeps (see [`crate::models::tuning`]).
+    /// The gains that sweeps of this gimbal and this mirror, commanded every `dt_s`, ask for: see
+    /// [`crate::models::tuning`].
     pub fn recommended(
         gimbal: &GimbalParams,
         mirror: &MirrorParams,
         dt_s: f64,
-    ) -> Result<Self, SecondOrderError> {
-        let lead = |ticks: u32| {
-            let lead_s = f64::from(ticks) * dt_s;
-            second_order_transition(mirror.natural_frequency_hz, mirror.damping, lead_s)
-                .map(|[left, _]| (lead_s, left))
+    ) -> Result<Self, TuningError> {
+        let plant = Plant {
+            gimbal: *gimbal,
+            mirror: *mirror,
+            dt_s,
         };
-        let mut ticks = 1;
-        let (mut lead_s, mut mirror_left) = lead(ticks)?;
-        while mirror_left[0] > 0.5 && ticks < MAX_LEAD_TICKS {
-            ticks += 1;
-            (lead_s, mirror_left) = lead(ticks)?;
-        }
-        Ok(Self {
-            gimbal_gain_per_s: 15.0,
-            lead_s,
-            mirror_left,
-        })
+        Ok(derive(&plant)?.law)
     }
 
     /// The commands of one tick.
@@ -330,9 +328,6 @@ impl PointingLaw {
         }
     }
 }
-
-/// Longest lead [ticks]; a mirror that needs more is no fast steering mirror.
-const MAX_LEAD_TICKS: u32 = 32;
 
 #[cfg(test)]
 mod tests {

@@ -6,6 +6,7 @@
 //! then a constant torque, which the servo's integrator carries.
 
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
@@ -149,7 +150,7 @@ fn measure<P: FnMut(f64) -> f64>(
 
 /// Rate amplitude [rad/s] that takes a quarter of the torque at all frequencies.
 fn rate_amplitude(axis: &AxisParams) -> f64 {
-    let gain_per_s = 2.0 * axis.damping * std::f64::consts::TAU * axis.bandwidth_hz;
+    let gain_per_s = 2.0 * axis.damping * TAU * axis.bandwidth_hz;
     0.25 * axis.torque_limit_nm / axis.inertia_kg_m2 / gain_per_s
 }
 
@@ -162,8 +163,14 @@ fn steady_rate(axis: &AxisParams) -> f64 {
 
 /// An axis at a place where it can turn at the steady rate for a while.
 fn start(plant: &Plant) -> GimbalState {
-    let low = |axis: &AxisParams| axis.travel_rad.map_or(0.0, |[low, high]| low + 0.2 * (high - low));
-    GimbalState::at_rest(DVec2::new(low(&plant.gimbal.azimuth), low(&plant.gimbal.elevation)))
+    let low = |axis: &AxisParams| {
+        axis.travel_rad
+            .map_or(0.0, |[low, high]| low + 0.2 * (high - low))
+    };
+    GimbalState::at_rest(DVec2::new(
+        low(&plant.gimbal.azimuth),
+        low(&plant.gimbal.elevation),
+    ))
 }
 
 /// Rate loop of an axis closed: rate command → measured rate, both beyond the steady rate [rad/s].
@@ -172,7 +179,13 @@ fn rate_loop(plant: &Plant, axis: Axis) -> impl FnMut(f64) -> f64 + use<> {
     let (mut state, steady) = (start(plant), steady_rate(axis.of(&gimbal)));
     move |u| {
         let rate_radps = (axis.unit() * (steady + u)).to_array();
-        gimbal::step(&mut state, &gimbal, &GimbalCommand { rate_radps }, [0.0; 2], dt_s);
+        gimbal::step(
+            &mut state,
+            &gimbal,
+            &GimbalCommand { rate_radps },
+            [0.0; 2],
+            dt_s,
+        );
         state.gyro_rates_radps().dot(axis.unit()) - steady
     }
 }
@@ -186,7 +199,13 @@ fn position_loop(plant: &Plant, axis: Axis, gain_per_s: f64) -> impl FnMut(f64) 
     let (mut turned, mut y) = (0.0, 0.0);
     move |u| {
         let rate_radps = (axis.unit() * (steady + gain_per_s * (u - y))).to_array();
-        gimbal::step(&mut state, &gimbal, &GimbalCommand { rate_radps }, [0.0; 2], dt_s);
+        gimbal::step(
+            &mut state,
+            &gimbal,
+            &GimbalCommand { rate_radps },
+            [0.0; 2],
+            dt_s,
+        );
         turned += steady * dt_s;
         y = axis.of(&gimbal).error_rad(
             state.encoder_az_el_rad().dot(axis.unit()),
@@ -206,7 +225,11 @@ fn pointing_loop(
     filter: LosFilterParams,
     law: PointingLaw,
 ) -> impl FnMut(f64) -> f64 + use<> {
-    let Plant { gimbal, mirror, dt_s } = *plant;
+    let Plant {
+        gimbal,
+        mirror,
+        dt_s,
+    } = *plant;
     // Level, where azimuth and cross-elevation are one.
     let origin = DVec2::ZERO;
     let mut state = GimbalState::at_rest(origin);
@@ -268,9 +291,14 @@ pub fn measure_rate_loop(plant: &Plant, axis: Axis) -> LoopMeasurement {
         measure_s: 2.0, // [s]
     };
     let frequencies = log_spaced(0.5, 0.45 / plant.dt_s, 100);
-    measure("gimbal rate".into(), "rad/s", &sweep, &frequencies, 0.4, || {
-        rate_loop(plant, axis)
-    })
+    measure(
+        "gimbal rate".into(),
+        "rad/s",
+        &sweep,
+        &frequencies,
+        0.4,
+        || rate_loop(plant, axis),
+    )
 }
 
 /// Measures the position loop of an axis under a gain [1/s].
@@ -283,9 +311,14 @@ pub fn measure_position_loop(plant: &Plant, axis: Axis, gain_per_s: f64) -> Loop
         measure_s: 2.0, // [s]
     };
     let frequencies = log_spaced(0.5, 0.2 / plant.dt_s, 80);
-    measure("gimbal position".into(), "rad", &sweep, &frequencies, 1.0, || {
-        position_loop(plant, axis, gain_per_s)
-    })
+    measure(
+        "gimbal position".into(),
+        "rad",
+        &sweep,
+        &frequencies,
+        1.0,
+        || position_loop(plant, axis, gain_per_s),
+    )
 }
 
 /// Measures the mirror's own loop.
@@ -298,10 +331,17 @@ pub fn measure_mirror(plant: &Plant) -> Result<LoopMeasurement, TuningError> {
     };
     let mirror = Mirror::new(&plant.mirror, plant.dt_s)?;
     let frequencies = log_spaced(5.0, 0.48 / plant.dt_s, 80);
-    Ok(measure("mirror".into(), "rad", &sweep, &frequencies, 0.02, || {
-        let mut mirror = mirror;
-        move |u| mirror.step(DVec2::new(u, 0.0)).x
-    }))
+    Ok(measure(
+        "mirror".into(),
+        "rad",
+        &sweep,
+        &frequencies,
+        0.02,
+        || {
+            let mut mirror = mirror;
+            move |u| mirror.step(DVec2::new(u, 0.0)).x
+        },
+    ))
 }
 
 /// Measures the whole pointing loop under a law.
@@ -327,9 +367,14 @@ pub fn measure_pointing_loop(
     };
     let frame_hz = 1.0 / (camera.period_ticks as f64 * plant.dt_s);
     let frequencies = log_spaced(0.1, 0.45 * frame_hz, 60);
-    Ok(measure(name.into(), "rad", &sweep, &frequencies, 1.5, || {
-        pointing_loop(plant, axis, camera, filter, law)
-    }))
+    Ok(measure(
+        name.into(),
+        "rad",
+        &sweep,
+        &frequencies,
+        1.5,
+        || pointing_loop(plant, axis, camera, filter, law),
+    ))
 }
 
 /// Gains that sweeps ask for, and what limits the gimbal's.
@@ -344,38 +389,53 @@ pub struct Derived {
 /// Highest gain [1/s] of an axis's position loop that keeps both margins and the cascade's
 /// distance, and what limits it.
 fn highest_gain(plant: &Plant, axis: Axis) -> Result<(f64, &'static str), TuningError> {
-    let bandwidth = measure_rate_loop(plant, axis).bandwidth_hz;
-    let reference_per_s = 0.2 * std::f64::consts::TAU * axis.of(&plant.gimbal).bandwidth_hz;
-    let open = measure_position_loop(plant, axis, reference_per_s).open;
-    // The loop is proportional to the gain.
-    let scaled = |factor: f64| -> Vec<Response> {
-        open.iter()
+    let params = axis.of(&plant.gimbal);
+    let reference_per_s = 0.2 * TAU * params.bandwidth_hz;
+    let mut sweep = Sweep {
+        dt_s: plant.dt_s,
+        amplitude: rate_amplitude(params),
+        settle_s: 0.8,  // [s]
+        measure_s: 0.5, // [s]
+    };
+    let around =
+        |low: f64, high: f64| log_spaced(low * params.bandwidth_hz, high * params.bandwidth_hz, 24);
+    let rate = sweep.run(&around(0.3, 6.0), || rate_loop(plant, axis));
+    sweep.amplitude /= reference_per_s;
+    let open = open_loop(&sweep.run(&around(0.05, 12.0), || {
+        position_loop(plant, axis, reference_per_s)
+    }));
+    let finite = |r: &Response| r.value.re.is_finite() && r.value.im.is_finite();
+    let most_hz = match bandwidth_hz(&rate) {
+        Some(hz) if open.iter().all(finite) => CASCADE_SHARE * hz,
+        _ => return Err(TuningError::NoGain),
+    };
+    let limit = |factor: f64| {
+        // The loop is proportional to the gain.
+        let scaled: Vec<Response> = open
+            .iter()
             .map(|r| Response {
                 value: r.value * factor,
                 ..*r
             })
-            .collect()
-    };
-    let limit = |factor: f64| {
-        let loop_ = margins(&scaled(factor));
+            .collect();
+        let loop_ = margins(&scaled);
         let below = |margin: Option<Margin>, least: f64| margin.is_some_and(|m| m.value < least);
-        let crossover = loop_.phase_deg.map_or(0.0, |m| m.frequency_hz);
         if below(loop_.gain_db, GAIN_MARGIN_DB) {
             Some("gain margin")
         } else if below(loop_.phase_deg, PHASE_MARGIN_DEG) {
             Some("phase margin")
-        } else if crossover > CASCADE_SHARE * bandwidth.unwrap_or(f64::INFINITY) {
+        } else if loop_.phase_deg.is_some_and(|m| m.frequency_hz > most_hz) {
             Some("distance from the rate loop")
         } else {
             None
         }
     };
     // Upward in steps of a tenth until something binds, then bisection.
-    let (mut low, mut high) = (0.0, 0.05);
+    let (mut low, mut high) = (0.0, 0.2);
     let mut reason = loop {
         match limit(high) {
             Some(reason) => break reason,
-            None if high > 50.0 => return Ok((reference_per_s * high, "nothing")),
+            None if high > 20.0 => return Err(TuningError::NoGain),
             None => (low, high) = (high, 1.1 * high),
         }
     };
@@ -413,7 +473,10 @@ fn mirror_lead(plant: &Plant) -> Result<(usize, [f64; 2]), TuningError> {
     for _ in 0..ticks {
         mirror.step(DVec2::ZERO);
     }
-    Ok((ticks, [offset, (mirror.deflection_rad().x - offset * at) / rate]))
+    Ok((
+        ticks,
+        [offset, (mirror.deflection_rad().x - offset * at) / rate],
+    ))
 }
 
 /// The tuned law's gains from sweeps of the simulated mount.
@@ -439,7 +502,6 @@ pub fn derive(plant: &Plant) -> Result<Derived, TuningError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::TAU;
 
     const DT: f64 = 1.0 / 960.0;
 
@@ -455,23 +517,61 @@ mod tests {
     fn print_loops() {
         let start = std::time::Instant::now();
         for axis in [Axis::Azimuth, Axis::Elevation] {
-            for loop_ in [measure_rate_loop(&plant(), axis), measure_position_loop(&plant(), axis, 15.0), measure_mirror(&plant()).unwrap()] {
-                println!("{:?} {} {:?} bw {:?} step {:?}", axis, loop_.name, loop_.margins, loop_.bandwidth_hz, loop_.step_figures);
+            for loop_ in [
+                measure_rate_loop(&plant(), axis),
+                measure_position_loop(&plant(), axis, 15.0),
+                measure_mirror(&plant()).unwrap(),
+            ] {
+                println!(
+                    "{:?} {} {:?} bw {:?} step {:?}",
+                    axis, loop_.name, loop_.margins, loop_.bandwidth_hz, loop_.step_figures
+                );
             }
             println!("{:?}", highest_gain(&plant(), axis));
         }
         println!("{:?} {:?}", derive(&plant()), start.elapsed());
         let rate = measure_rate_loop(&plant(), Axis::Azimuth);
         for (o, c) in rate.open.iter().zip(&rate.closed).step_by(3) {
-            println!("{:7.2} open {:7.2} dB {:7.1} closed {:7.2} dB", o.frequency_hz, 20.0*o.value.norm().log10(), o.value.arg().to_degrees(), 20.0*c.value.norm().log10());
+            println!(
+                "{:7.2} open {:7.2} dB {:7.1} closed {:7.2} dB",
+                o.frequency_hz,
+                20.0 * o.value.norm().log10(),
+                o.value.arg().to_degrees(),
+                20.0 * c.value.norm().log10()
+            );
         }
-        let camera = CameraTiming { period_ticks: 8, latency_ticks: 29, sigma_rad: 14.5e-6 };
-        let law = PointingLaw::Tuned(TunedPointing::recommended(&plant().gimbal, &plant().mirror, DT).unwrap());
-        let m = measure_pointing_loop(&plant(), Axis::Azimuth, camera, LosFilterParams::default(), law).unwrap();
-        println!("{} {:?} bw {:?} step {:?} {:?}", m.name, m.margins, m.bandwidth_hz, m.step_figures, start.elapsed());
+        let camera = CameraTiming {
+            period_ticks: 8,
+            latency_ticks: 29,
+            sigma_rad: 14.5e-6,
+        };
+        let law = PointingLaw::Tuned(
+            TunedPointing::recommended(&plant().gimbal, &plant().mirror, DT).unwrap(),
+        );
+        let m = measure_pointing_loop(
+            &plant(),
+            Axis::Azimuth,
+            camera,
+            LosFilterParams::default(),
+            law,
+        )
+        .unwrap();
+        println!(
+            "{} {:?} bw {:?} step {:?} {:?}",
+            m.name,
+            m.margins,
+            m.bandwidth_hz,
+            m.step_figures,
+            start.elapsed()
+        );
         for (o, c) in m.open.iter().zip(&m.closed).step_by(3) {
-            println!("{:7.2} open {:7.2} dB {:7.1} closed {:7.2} dB", o.frequency_hz, 20.0*o.value.norm().log10(), o.value.arg().to_degrees(), 20.0*c.value.norm().log10());
+            println!(
+                "{:7.2} open {:7.2} dB {:7.1} closed {:7.2} dB",
+                o.frequency_hz,
+                20.0 * o.value.norm().log10(),
+                o.value.arg().to_degrees(),
+                20.0 * c.value.norm().log10()
+            );
         }
-        let _ = TAU;
     }
 }
