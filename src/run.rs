@@ -7,7 +7,7 @@ use crate::components::environment::Environment;
 use crate::components::record::{History, Recording, StateHash};
 use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform};
 use crate::components::station::{Gyro, Misalignment, Mount, MountCommand};
-use crate::components::track::{DetectionQueue, Tracker};
+use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
 use crate::components::uav::{Air, Flight, Guidance, HeatedSkin, Uav, UavStatus};
 use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::atmosphere::{air_density_kgpm3, extinction_per_m};
@@ -40,8 +40,8 @@ use crate::plugins::SimulationPlugins;
 use crate::plugins::tick::Tick;
 use crate::recording::{Meta, Recorder, RecordingError, SceneEntity, Shape};
 use crate::scenario::{
-    self, ControllerPreset, DetectorKind, Exposure, Focus, Images, IntensityModel, Loaded,
-    Scenario, ScenarioError, SearchPattern,
+    self, AssociationRule, ControllerPreset, DetectorKind, Exposure, Focus, Images, IntensityModel,
+    Loaded, Scenario, ScenarioError, SearchPattern,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
 use crate::systems::control::{Controller, PaperController, SearchScan};
@@ -799,12 +799,8 @@ fn spawn_station(
     world.insert_resource(scan);
     world.insert_resource(controller(scenario, &mirror_params, dt_s));
     let engage = &scenario.engage;
-    world.insert_resource(TrackerParams {
-        paper: scenario.controller.preset == ControllerPreset::Paper,
-        lock_radius_px: engage.lock_radius_px,
-        lock_dwell_s: engage.lock_dwell_s,
-        break_radius_px: engage.break_radius_px,
-    });
+    world.insert_resource(tracker_params(scenario, r_station_enu_m));
+    world.insert_resource(operator(scenario, clock));
     world.insert_resource(Rules {
         authorised: engage.authorised,
         keep_out: engage
@@ -825,6 +821,48 @@ fn spawn_station(
         pause_s: 1.0, // [s]
     });
     Ok(())
+}
+
+fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
+    let scenario::Tracker {
+        rule,
+        centre_sigma_px,
+        min_quality,
+        switch_ratio,
+        asset_enu_m,
+    } = scenario.tracker;
+    let engage = &scenario.engage;
+    let paper = scenario.controller.preset == ControllerPreset::Paper;
+    let specified_px = match scenario.detector.kind {
+        DetectorKind::Onnx => 0.5, // [px]
+        // A filter that counts on no error at all would trust nothing else.
+        DetectorKind::Truth => scenario.detector.truth.noise_px.max(0.02),
+    };
+    TrackerParams {
+        nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
+        linear_angles: paper,
+        centre_sigma_px: centre_sigma_px.unwrap_or(specified_px),
+        min_quality,
+        switch_ratio,
+        r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
+        lock_radius_px: engage.lock_radius_px,
+        lock_dwell_s: engage.lock_dwell_s,
+        break_radius_px: engage.break_radius_px,
+    }
+}
+
+fn operator(scenario: &Scenario, clock: SimClock) -> Operator {
+    let orders = scenario.operator.iter().map(|order| Order {
+        tick: clock.ticks_of(order.t_s),
+        designate: order
+            .designate
+            .as_ref()
+            .and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+    });
+    Operator {
+        orders: orders.collect(),
+        next: 0,
+    }
 }
 
 fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {

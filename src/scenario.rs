@@ -67,6 +67,12 @@ pub struct Scenario {
     /// What finds UAVs in the images.
     #[serde(default)]
     pub detector: Detector,
+    /// How detections become tracks and which of them becomes the target.
+    #[serde(default)]
+    pub tracker: Tracker,
+    /// What an operator orders during the run, in order of time.
+    #[serde(default)]
+    pub operator: Vec<Order>,
     /// The tracking loops.
     #[serde(default)]
     pub controller: Controller,
@@ -744,6 +750,57 @@ impl Default for TruthErrors {
     }
 }
 
+/// How detections become tracks and which of them becomes the target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tracker {
+    /// Which detection belongs to the target; absent: "paper" with the paper's controller,
+    /// "global" with any other.
+    pub rule: Option<AssociationRule>,
+    /// Standard deviation of a detection's centre that the tracker counts on; absent: the truth
+    /// detector's noise, or 0.5 for an ONNX model.
+    pub centre_sigma_px: Option<f64>,
+    /// Least share of its frames in which the detector must see a track for it to be a UAV.
+    pub min_quality: f64,
+    /// Another track becomes the target when it could reach the asset sooner by this factor.
+    pub switch_ratio: f64,
+    /// The protected asset, east, north, up from the site; absent: the station itself.
+    pub asset_enu_m: Option<[f64; 3]>,
+}
+
+impl Default for Tracker {
+    fn default() -> Self {
+        Self {
+            rule: None,
+            centre_sigma_px: None,
+            min_quality: 0.6,
+            switch_ratio: 1.5,
+            asset_enu_m: None,
+        }
+    }
+}
+
+/// Rules by which detections belong to the target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AssociationRule {
+    /// The detection nearest to the image centre is the target, as in the paper.
+    Paper,
+    /// All detections are assigned to all tracks at the least total cost.
+    Global,
+}
+
+/// What an operator orders.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Order {
+    /// When.
+    pub t_s: f64,
+    /// Name of the UAV whose picture the operator points at: its track becomes the target and
+    /// stays it. Absent: the choice goes back to the tracker.
+    pub designate: Option<String>,
+}
+
 /// The tracking loops: a preset, and what differs from it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -1405,6 +1462,19 @@ impl Scenario {
             }
         }
         self.detector.check(&mut check);
+        self.tracker.check(&mut check);
+        for (index, order) in self.operator.iter().enumerate() {
+            let path = format!("operator[{index}]");
+            let earliest = index.checked_sub(1).map_or(0.0, |i| self.operator[i].t_s);
+            check.within(&format!("{path}.t_s"), order.t_s, earliest..=86_400.0);
+            if let Some(name) = &order.designate {
+                check.that(
+                    self.uavs.iter().any(|uav| uav.name == *name),
+                    &format!("{path}.designate"),
+                    || format!("no UAV of the scenario is named '{name}'"),
+                );
+            }
+        }
         self.controller.check(&mut check);
         self.engage.check(&mut check);
         check.rate("record.state_hz", self.record.state_hz, self.tick_hz);
@@ -1578,6 +1648,14 @@ impl Detector {
             truth.false_alarms_per_frame,
             0.0..=100.0,
         );
+    }
+}
+
+impl Tracker {
+    fn check(&self, check: &mut Check) {
+        check.maybe_within("tracker.centre_sigma_px", self.centre_sigma_px, 0.01..=20.0);
+        check.within("tracker.min_quality", self.min_quality, FRACTION);
+        check.within("tracker.switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
     }
 }
 

@@ -1,5 +1,6 @@
 //! The mathematics: plain functions and types in f64, no ECS; each cites its equation or source.
 
+pub mod assignment;
 pub mod atmosphere;
 pub mod base_motion;
 pub mod beam;
@@ -16,6 +17,7 @@ pub mod mirror;
 pub mod multirotor;
 pub mod pid;
 pub mod pointing;
+pub mod ranging;
 pub mod raster;
 pub mod rng;
 pub mod search;
@@ -23,6 +25,7 @@ pub mod sensor;
 pub mod sky;
 pub mod sun;
 pub mod thermal;
+pub mod threat;
 pub mod tracking;
 pub mod trajectory;
 pub mod turbulence;

@@ -211,6 +211,20 @@ fn steer_paper(
     command.gimbal.rate_radps = paper.rates_radps;
 }
 
+/// Time after which the search camera joins in looking for a lost target [s].
+const REFIND_S: f64 = 0.5;
+/// Of so many exposures one is read in full while a target is held: 10 Hz at the usual rates.
+const WATCH_SEARCH: u64 = 3;
+const WATCH_COARSE: u64 = 6;
+
+/// Whether a camera holds a target in `state`.
+fn held(state: TrackingState) -> bool {
+    matches!(
+        state,
+        TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
+    )
+}
+
 /// What each camera reads out next.
 pub fn choose_readouts(
     clock: Res<SimClock>,
@@ -220,27 +234,37 @@ pub fn choose_readouts(
 ) {
     let (mount, optics) = *station;
     for (camera, mut readout) in &mut cameras {
+        // The exposure that comes next.
+        let frame = clock.tick / camera.period_ticks + 1;
+        let track = tracker.target_track();
         let wanted = match (tracker.state, camera.tier) {
             (TrackingState::Search, Tier::Search) => Readout::Full,
-            (TrackingState::Search, _) | (_, Tier::Search) => Readout::Off,
-            (TrackingState::Acquire, Tier::Precise) => Readout::Off,
-            (TrackingState::Precise | TrackingState::Engage, _)
-            | (TrackingState::Coarse, Tier::Coarse) => {
-                match tracker
-                    .target_track()
-                    .filter(|_| camera.window_px.is_some())
-                {
-                    Some(track) => {
-                        let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
-                        let los = track.filter.predicted(clock.t_s()).az_el_rad();
-                        let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(los);
-                        camera
-                            .pinhole
-                            .project(ray_cam)
-                            .map_or(Readout::Full, |px| Readout::Around(px.to_array()))
-                    }
-                    None => Readout::Full,
-                }
+            (TrackingState::Search, _) | (TrackingState::Acquire, Tier::Precise) => Readout::Off,
+            // It helps where the coarse camera has not found the target again at once.
+            (TrackingState::Lost, Tier::Search)
+                if clock.at_s(clock.tick - tracker.since_tick) > REFIND_S =>
+            {
+                Readout::Full
+            }
+            // While a target is held, the wider cameras keep watch for others.
+            (_, Tier::Search) if frame.is_multiple_of(WATCH_SEARCH) => Readout::Full,
+            (_, Tier::Search) => Readout::Off,
+            (state, Tier::Coarse) if held(state) && frame.is_multiple_of(WATCH_COARSE) => {
+                Readout::Full
+            }
+            (state, tier)
+                if camera.window_px.is_some()
+                    && (tier == Tier::Coarse && held(state)
+                        || matches!(state, TrackingState::Precise | TrackingState::Engage)) =>
+            {
+                let px = track.and_then(|track| {
+                    let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
+                    let los = track.filter.predicted(clock.t_s()).az_el_rad();
+                    camera
+                        .pinhole
+                        .project(pose.q_enu_cam.inverse() * az_el_to_los(los))
+                });
+                px.map_or(Readout::Full, |px| Readout::Around(px.to_array()))
             }
             _ => Readout::Full,
         };

@@ -371,16 +371,8 @@ fn choose_target(world: &mut World) {
     if tracker.table.get(id).is_none() || tracker.target == Some(id) {
         return;
     }
-    tracker.rejected.retain(|rejected| *rejected != id);
-    tracker.target = Some(id);
-    tracker.error = [None; 3];
-    tracker.range_m = None;
-    tracker.locked_since = None;
-    tracker.change(
-        tick,
-        TrackingState::Acquire,
-        format!("operator chose track {id}"),
-    );
+    tracker.designated = true;
+    tracker.acquire(tick, id, format!("operator chose track {id}"));
 }
 
 /// Takes the picture of the window once its time has come; true when it is saved.
