@@ -129,7 +129,7 @@ pub struct Operator {
 }
 
 /// The tracker: table, state machine, what it knows of its target.
-#[derive(Resource, Debug)]
+#[derive(Resource, Clone, Debug)]
 pub struct Tracker {
     /// All tracks.
     pub table: TrackTable,
