@@ -6,18 +6,18 @@ use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::record::{History, Recording, StateHash};
 use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform};
-use crate::components::station::{Gyro, Misalignment, Mount, MountCommand};
+use crate::components::station::{Alignment, Gyro, Misalignment, Mount, MountCommand, StationWind};
 use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
 use crate::components::uav::{Air, Flight, Guidance, HeatedSkin, Uav, UavStatus};
 use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::atmosphere::{air_density_kgpm3, extinction_per_m};
-use crate::models::base_motion::BaseMotion;
 use crate::models::beam::Laser;
+use crate::models::calibration;
 use crate::models::camera::Pinhole;
 use crate::models::city::City;
 use crate::models::detection::TruthErrors;
 use crate::models::geodesy::{Geodetic, SiteFrame};
-use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState};
+use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
 use crate::models::kinematics::los_to_az_el;
 use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::multirotor::Airframe;
@@ -62,6 +62,7 @@ use bevy::shader::Shader;
 use bevy::window::{ExitCondition, WindowPlugin};
 use big_space::plugin::BigSpaceMinimalPlugins;
 use glam::{DVec2, DVec3, Vec4};
+use std::f64::consts::TAU;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -577,17 +578,83 @@ fn spawn_uavs(
     Ok(())
 }
 
-fn gimbal_params(mount: &scenario::Mount) -> GimbalParams {
+fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
     let default = GimbalParams::default();
-    let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| AxisParams {
-        torque_limit_nm: axis.inertia_kg_m2 * mount.max_acceleration_degps2.to_radians(),
-        rate_limit_radps: mount.max_rate_degps.to_radians(),
-        travel_rad: travel_deg.map(|limits| limits.map(f64::to_radians)),
-        ..axis
+    let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
+        let structure = axis
+            .structure
+            .filter(|_| mount.structural_mode_hz > 0.0)
+            .map(|structure| Structure {
+                locked_rotor_hz: mount.structural_mode_hz,
+                backlash_rad: mount.backlash_urad * 1e-6,
+                ..structure
+            });
+        let rotor_share = structure.map_or(1.0, |structure| structure.rotor_share);
+        // A coarse tick cannot carry the whole bandwidth: see models/gimbal.rs.
+        let sampled_hz = 0.75 * rotor_share / (2.0 * axis.damping * TAU * dt_s);
+        let axis = AxisParams {
+            torque_limit_nm: axis.inertia_kg_m2 * mount.max_acceleration_degps2.to_radians(),
+            rate_limit_radps: mount.max_rate_degps.to_radians(),
+            travel_rad: travel_deg.map(|limits| limits.map(f64::to_radians)),
+            structure,
+            encoder_bits: Some(mount.encoder_bits),
+            bandwidth_hz: axis.bandwidth_hz.min(sampled_hz),
+            ..axis
+        };
+        if mount.friction { axis } else { axis.ideal() }
     };
     GimbalParams {
         azimuth: axis(default.azimuth, mount.azimuth_limits_deg),
         elevation: axis(default.elevation, Some(mount.elevation_limits_deg)),
+    }
+}
+
+/// Standard deviation of a beacon's centroid [px] and centroids per camera in a calibration.
+const CENTROID_SIGMA_PX: f64 = 0.2;
+const CENTROIDS: usize = 200;
+
+/// How the cameras are turned against the laser, and what the calibration finds of it.
+fn boresights(
+    station: &scenario::Station,
+    pinholes: &[Pinhole],
+    seed: u64,
+) -> Result<(Misalignment, Alignment), calibration::CalibrationError> {
+    let sigma_rad = 1e-6 * station.mount.boresight_sigma_urad;
+    let (mut truth, mut known) = (Misalignment::default(), Alignment::default());
+    for (i, (tier, pinhole)) in Tier::ALL.into_iter().zip(pinholes).enumerate() {
+        let mut rng = Stream::new(seed, i as u64, "boresight");
+        // The precise camera looks through the laser's own optics.
+        let share = if tier == Tier::Precise {
+            1.0 / 3.0
+        } else {
+            1.0
+        };
+        let mut draw = || share * sigma_rad * rng.normal();
+        truth.0[i] = DVec3::new(draw(), draw(), draw());
+        if station.calibrate {
+            let mut rng = Stream::new(seed, i as u64, "calibration");
+            let centroids =
+                calibration::measure(pinhole, truth.0[i], CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
+            known.0[i] =
+                calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?.rotation_rad;
+        }
+    }
+    Ok((truth, known))
+}
+
+/// The wind at the station.
+fn station_wind(environment: &Environment, r_station_enu_m: DVec3) -> StationWind {
+    let [x, y, z] = r_station_enu_m.to_array();
+    let height_agl_m = z - environment.city.dsm.terrain_m(x, y);
+    let mut rng = Stream::new(environment.seed, 0, "station wind");
+    StationWind {
+        load: WindLoad::default(),
+        mean_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_agl_m),
+        height_agl_m,
+        air_density_kgpm3: environment.air_density_kgpm3,
+        gusts: DrydenGust::new(&environment.mean_wind, &mut rng),
+        rng,
+        torque_nm: [0.0; 2],
     }
 }
 
@@ -699,6 +766,7 @@ fn spawn_station(
         .find(|(uav, _)| uav.index == 0)
         .map(|(_, flight)| flight.state.r_enu_m);
     let mut scan = None;
+    let mut pinholes = Vec::new();
     for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
         let pinhole = Pinhole::from_hfov(
             camera.width_px,
@@ -706,6 +774,7 @@ fn spawn_station(
             camera.hfov_deg.to_radians(),
         )
         .map_err(|error| value("station.cameras", error.to_string()))?;
+        pinholes.push(pinhole);
         let params = sensor_params(camera, environment, r_station_enu_m);
         let latency_s =
             0.5 * params.exposure_s + camera.readout_latency_s + camera.inference_latency_s;
@@ -754,28 +823,35 @@ fn spawn_station(
         }
     }
     let scan = scan.ok_or_else(|| value("station.cameras", "no search camera".into()))?;
-    let params = gimbal_params(&scenario.station.mount);
+    let station = &scenario.station;
+    let params = gimbal_params(&station.mount, dt_s);
     params
         .validate()
         .map_err(|error| value("station.mount", error.to_string()))?;
     let mirror_params = MirrorParams {
-        stroke_rad: scenario.station.mount.mirror_range_mrad * 1e-3,
+        natural_frequency_hz: station.mount.mirror_bandwidth_hz,
+        stroke_rad: station.mount.mirror_range_mrad * 1e-3,
         ..default()
     };
     let mirror = Mirror::new(&mirror_params, dt_s)
         .map_err(|error| value("station.mount", error.to_string()))?;
     let mut rng = Stream::new(seed, 0, "base motion");
-    let mut base = BaseMotion::new(&scenario.station.mount.base_motion.params(), dt_s)
-        .map_err(|error| value("station.mount.base_motion", error.to_string()))?;
+    let mut base = station
+        .mount
+        .base_motion
+        .model(dt_s, &mut rng)
+        .map_err(|error| value("station.mount.base_motion", error))?;
     base.step(&mut rng);
+    let (misalignment, alignment) = boresights(station, &pinholes, seed)
+        .map_err(|error| value("station.calibrate", error.to_string()))?;
     let mount = Mount {
         r_enu_m: r_station_enu_m,
         // The mount waits at the first gaze.
         gimbal: GimbalState::at_rest(scan.gazes_rad[0].into()),
         params,
+        axis_gyro_rng: Stream::new(seed, 0, "axis gyros"),
         mirror_params,
         mirror,
-        base,
         rng,
         base_rate_radps: [0.0; 2],
         gyro: Gyro {
@@ -784,8 +860,13 @@ fn spawn_station(
             rate_enu_radps: DVec3::ZERO,
             tilt_enu_rad: base.tilt_rad(),
         },
+        base,
+        wind: station
+            .mount
+            .wind_load
+            .then(|| station_wind(environment, r_station_enu_m)),
+        alignment,
     };
-    let misalignment = Misalignment::default();
     let optics = optics_of(&mount, &misalignment);
     world.spawn((
         mount,

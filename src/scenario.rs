@@ -17,8 +17,9 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::models::atmosphere::Cn2Profile;
-use crate::models::base_motion::{BaseMotionParams, TiltMode};
+use crate::models::base_motion::{self, BaseMotionParams, Spectrum, TiltMode};
 use crate::models::city::CityParams;
+use crate::models::rng::Stream;
 use crate::models::thermal::{self, SkinMaterial};
 use crate::models::trajectory::Trajectory;
 use crate::models::uav::UavKind;
@@ -231,17 +232,32 @@ pub enum IntensityModel {
 }
 
 /// The protected station.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Station {
     /// East, north, up of the mount's axes crossing; absent: on the city's station rooftop.
     pub position_enu_m: Option<[f64; 3]>,
     /// The two-axis gimbal and its steering mirror.
     pub mount: Mount,
+    /// Whether the cameras' boresights are measured against the laser before the run and what was
+    /// found is taken off; without it the laser misses by the boresight error.
+    pub calibrate: bool,
     /// The search, coarse and precise cameras.
     pub cameras: Cameras,
     /// The laser and its beam director.
     pub laser: Laser,
+}
+
+impl Default for Station {
+    fn default() -> Self {
+        Self {
+            position_enu_m: None,
+            mount: Mount::default(),
+            calibrate: true,
+            cameras: Cameras::default(),
+            laser: Laser::default(),
+        }
+    }
 }
 
 /// The azimuth–elevation gimbal and the fast steering mirror.
@@ -258,8 +274,24 @@ pub struct Mount {
     pub max_acceleration_degps2: f64,
     /// Steering mirror throw either way, as an angle of the line of sight.
     pub mirror_range_mrad: f64,
-    /// How the roof under the mount moves: a preset, or its strength and frequency.
+    /// Natural frequency of the steering mirror's position loop.
+    pub mirror_bandwidth_hz: f64,
+    /// How the roof under the mount moves: a preset, its strength and frequency, or a spectrum.
     pub base_motion: BaseMotion,
+    /// Whether the axes have dry friction, backlash, encoder steps and gyro noise; the structural
+    /// mode stays.
+    pub friction: bool,
+    /// First structural mode of either axis, of the load on the locked rotor; 0 is a rigid axis.
+    pub structural_mode_hz: f64,
+    /// Backlash of either axis, stop to stop; a direct drive has none.
+    pub backlash_urad: f64,
+    /// Bits of the encoders per turn.
+    pub encoder_bits: u32,
+    /// Whether the wind turns the axes: its drag on the optics ahead of them, with gusts.
+    pub wind_load: bool,
+    /// Standard deviation, per axis, of how the search and coarse cameras are turned against the
+    /// laser as built; the precise camera, which shares its optics, a third of it.
+    pub boresight_sigma_urad: f64,
 }
 
 impl Default for Mount {
@@ -270,22 +302,40 @@ impl Default for Mount {
             max_rate_degps: 60.0,
             max_acceleration_degps2: 180.0,
             mirror_range_mrad: 5.0,
+            mirror_bandwidth_hz: 500.0,
             base_motion: BaseMotion::Preset(BasePreset::Roof),
+            friction: true,
+            structural_mode_hz: 40.0,
+            backlash_urad: 0.0,
+            encoder_bits: 24,
+            wind_load: true,
+            boresight_sigma_urad: 150.0,
         }
     }
 }
 
 /// Angular motion of what the mount stands on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "expected \"quiet\", \"roof\", \"mast\" or { rms_urad = ..., frequency_hz = ... }"
+    expecting = "expected \"quiet\", \"roof\", \"mast\", { rms_urad = ..., frequency_hz = ... } or { psd = [[frequency, density], ...] }"
 )]
 pub enum BaseMotion {
     /// A named base.
     Preset(BasePreset),
     /// Values of your own.
     Values(BaseValues),
+    /// A measured spectrum.
+    Spectrum(BaseSpectrum),
+}
+
+/// Base motion of a given spectrum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BaseSpectrum {
+    /// One-sided power spectral density of the tilt about each axis: frequencies [Hz], rising, and
+    /// densities [rad²/Hz], a power law between them and nothing beyond.
+    pub psd: Vec<[f64; 2]>,
 }
 
 /// Named bases.
@@ -312,8 +362,8 @@ pub struct BaseValues {
 }
 
 impl BaseMotion {
-    /// The modes of the base motion.
-    pub fn params(self) -> BaseMotionParams {
+    /// The base motion, to be stepped every `dt_s`; a spectrum's phases come from `rng`.
+    pub fn model(&self, dt_s: f64, rng: &mut Stream) -> Result<base_motion::BaseMotion, String> {
         let roof = BaseMotionParams::default();
         let scaled = |mode: TiltMode, factor: f64| TiltMode {
             rms_rad: mode.rms_rad.map(|rms| factor * rms),
@@ -323,23 +373,25 @@ impl BaseMotion {
             Self::Preset(BasePreset::Quiet) => 0.05,
             Self::Preset(BasePreset::Roof) => 1.0,
             Self::Preset(BasePreset::Mast) => 3.0,
-            Self::Values(values) => {
-                return BaseMotionParams {
-                    sway: scaled(roof.sway, 0.0),
-                    mast: TiltMode {
-                        frequency_hz: values.frequency_hz,
-                        damping: 0.03,
-                        rms_rad: [1e-6 * values.rms_urad; 3],
-                    },
-                    broadband: scaled(roof.broadband, 0.0),
-                };
+            Self::Values(_) => 0.0,
+            Self::Spectrum(given) => {
+                let spectrum = Spectrum::new(&given.psd).map_err(|error| error.to_string())?;
+                return Ok(base_motion::BaseMotion::from_spectrum(&spectrum, dt_s, rng));
             }
         };
-        BaseMotionParams {
+        let mut params = BaseMotionParams {
             sway: scaled(roof.sway, factor),
             mast: scaled(roof.mast, factor),
             broadband: scaled(roof.broadband, factor),
+        };
+        if let Self::Values(values) = self {
+            params.mast = TiltMode {
+                frequency_hz: values.frequency_hz,
+                damping: 0.03,
+                rms_rad: [1e-6 * values.rms_urad; 3],
+            };
         }
+        base_motion::BaseMotion::new(&params, dt_s).map_err(|error| error.to_string())
     }
 }
 
@@ -1547,11 +1599,48 @@ impl Station {
             mount.mirror_range_mrad,
             0.0..=100.0,
         );
-        if let BaseMotion::Values(base) = mount.base_motion {
-            let path = "station.mount.base_motion";
-            check.within(&format!("{path}.rms_urad"), base.rms_urad, 0.0..=1e5);
-            check.positive(&format!("{path}.frequency_hz"), base.frequency_hz);
+        match &mount.base_motion {
+            BaseMotion::Preset(_) => {}
+            BaseMotion::Values(base) => {
+                let path = "station.mount.base_motion";
+                check.within(&format!("{path}.rms_urad"), base.rms_urad, 0.0..=1e5);
+                check.positive(&format!("{path}.frequency_hz"), base.frequency_hz);
+            }
+            BaseMotion::Spectrum(base) => {
+                let path = "station.mount.base_motion.psd";
+                match Spectrum::new(&base.psd) {
+                    Ok(_) => {
+                        let last_hz = base.psd.iter().fold(0.0, |last, [f, _]| f64::max(last, *f));
+                        check.within(path, last_hz, 0.0..=0.5 * f64::from(tick_hz));
+                    }
+                    Err(error) => check.that(false, path, || error.to_string()),
+                }
+            }
         }
+        check.within(
+            "station.mount.mirror_bandwidth_hz",
+            mount.mirror_bandwidth_hz,
+            10.0..=5_000.0,
+        );
+        let (mode_hz, path) = (mount.structural_mode_hz, "station.mount.structural_mode_hz");
+        if mode_hz != 0.0 {
+            check.within(path, mode_hz, 5.0..=200.0);
+        }
+        let path = "station.mount.backlash_urad";
+        check.within(path, mount.backlash_urad, 0.0..=1e5);
+        check.that(mount.backlash_urad == 0.0 || mode_hz != 0.0, path, || {
+            "needs a spring to act on: set structural_mode_hz above 0".into()
+        });
+        check.within(
+            "station.mount.encoder_bits",
+            mount.encoder_bits.into(),
+            8.0..=40.0,
+        );
+        check.within(
+            "station.mount.boresight_sigma_urad",
+            mount.boresight_sigma_urad,
+            0.0..=5_000.0,
+        );
         for (name, camera) in ["search", "coarse", "precise"]
             .iter()
             .zip(self.cameras.resolved())

@@ -4,6 +4,7 @@ pub mod assignment;
 pub mod atmosphere;
 pub mod base_motion;
 pub mod beam;
+pub mod calibration;
 pub mod camera;
 pub mod city;
 pub mod detection;

@@ -107,8 +107,8 @@ pub fn command_mount(
 /// The present gaze; moves on when it has lasted.
 fn search(clock: &SimClock, tracker: &Tracker, scan: &mut SearchScan, mount: &Mount) -> DVec2 {
     let gaze: DVec2 = scan.gazes_rad[scan.index].into();
-    let error = mount.params.error_rad(gaze, mount.gimbal.az_el_rad());
-    let slow = mount.gimbal.rates_radps().length() < SETTLED_RADPS;
+    let error = mount.params.error_rad(gaze, mount.measured_az_el_rad());
+    let slow = mount.measured_rates_radps().length() < SETTLED_RADPS;
     if scan.settled_since.is_none() && error.length() < SETTLED_RAD && slow {
         scan.settled_since = Some(clock.tick);
     }
@@ -144,8 +144,8 @@ fn point(
         &mount.params,
         &PointingInput {
             los: track.filter.predicted(clock.t_s() + law.lead_s),
-            gimbal_az_el_rad: mount.gimbal.az_el_rad(),
-            gimbal_rates_radps: mount.gimbal.rates_radps(),
+            gimbal_az_el_rad: mount.measured_az_el_rad(),
+            gimbal_rates_radps: mount.measured_rates_radps(),
             base_tilt_rad: mount.gyro.tilt_enu_rad,
             base_rate_radps: mount.gyro.rate_enu_radps,
         },
@@ -153,16 +153,19 @@ fn point(
     // Far off target (a slew), the proportional law would overrun: brake as a position servo.
     let error = mount.params.error_rad(
         track.filter.predicted(clock.t_s()).az_el_rad(),
-        mount.gimbal.az_el_rad(),
+        mount.measured_az_el_rad(),
     );
     const SLEW_RAD: f64 = 0.02;
-    if error.length() > SLEW_RAD {
-        let target = track.filter.predicted(clock.t_s() + law.lead_s);
-        command.gimbal = mount
-            .params
-            .position_command(&mount.gimbal, target.az_el_rad());
-        command.gimbal.rate_radps[0] += target.az_rate_radps;
-        command.gimbal.rate_radps[1] += target.el_rate_radps;
+    let target = track.filter.predicted(clock.t_s() + law.lead_s);
+    let rates_radps = DVec2::new(target.az_rate_radps, target.el_rate_radps);
+    let keyhole = mount
+        .params
+        .keyhole_azimuth(target.az_el_rad(), rates_radps);
+    if error.length() > SLEW_RAD || keyhole.is_some() {
+        command.gimbal =
+            mount
+                .params
+                .catch_up_command(&mount.gimbal, target.az_el_rad(), rates_radps);
         command.mirror_rad = DVec2::ZERO;
     } else {
         command.gimbal = output.gimbal;
@@ -196,7 +199,7 @@ fn steer_paper(
             let u = paper
                 .coarse
                 .step(&paper.coarse_law, error.angle_rad, frame_s);
-            let elevation_rad = mount.gimbal.elevation.angle_rad;
+            let elevation_rad = mount.measured_az_el_rad().y;
             paper.rates_radps = increment_to_axis_rates(u, 1.0 / frame_s, elevation_rad);
         } else {
             let u = paper

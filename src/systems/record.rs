@@ -42,6 +42,16 @@ pub fn hash_state(
     put(&mount.mirror.rate_radps().to_array());
     put(&mount.base.tilt_rad().to_array());
     put(&mount.gyro.tilt_enu_rad.to_array());
+    for axis in [&mount.gimbal.azimuth, &mount.gimbal.elevation] {
+        put(&[
+            axis.twist_rad,
+            axis.twist_rate_radps,
+            axis.integral_nm,
+            axis.encoder_rad,
+            axis.gyro_radps,
+        ]);
+    }
+    put(&mount.wind.as_ref().map_or([0.0; 2], |wind| wind.torque_nm));
     put(&command.gimbal.rate_radps);
     put(&command.mirror_rad.to_array());
     put(&[
@@ -159,7 +169,10 @@ pub fn keep_history(
         let Some(camera) = cameras.iter().find(|camera| camera.tier == frame.tier) else {
             continue;
         };
-        let centre = camera.pinhole.centre_px();
+        let reticle = frame
+            .pointing
+            .alignment
+            .reticle_px(&camera.pinhole, frame.tier);
         // What falls has been dealt with: its miss distance is no measure of the tracking.
         let flies = uavs
             .iter()
@@ -168,7 +181,7 @@ pub fn keep_history(
             && holds(&tracker, frame.tier)
             && let Some(seen) = frame.truth.iter().find(|seen| Some(seen.uav) == target)
         {
-            history.miss_px[frame.tier as usize].push((t_s, centre.distance(seen.aim_px.into())));
+            history.miss_px[frame.tier as usize].push((t_s, reticle.distance(seen.aim_px.into())));
         }
         if let Some(rgb8) = &frame.rgb8 {
             let batch = queue
@@ -185,7 +198,7 @@ pub fn keep_history(
                 detections: batch
                     .map(|batch| batch.detections.clone())
                     .unwrap_or_default(),
-                centre_px: centre.to_array(),
+                centre_px: reticle.to_array(),
                 state: tracker.state.name(),
             };
             let last = history
@@ -517,6 +530,7 @@ impl Recorded<'_, '_> {
         else {
             return Ok(());
         };
+        let reticle = frame.pointing.alignment.reticle_px(&pinhole, frame.tier);
         if holds(&self.tracker, frame.tier) {
             let uavs = self
                 .uavs
@@ -528,7 +542,7 @@ impl Recorded<'_, '_> {
                 let miss = proto::MissDistance {
                     camera: frame.tier.name().into(),
                     exposure_tick: tick,
-                    miss_px: pinhole.centre_px().distance(seen.aim_px.into()),
+                    miss_px: reticle.distance(seen.aim_px.into()),
                 };
                 recorder.own(tick, &miss)?;
             }
@@ -569,7 +583,8 @@ impl Recorded<'_, '_> {
                     colour: [0.0, 0.62, 0.45, 1.0],
                 })
                 .collect();
-            recorder.image_annotations(tick, frame.tick, camera, &boxes, [cx, cy])?;
+            let mark = [reticle.x - dx, reticle.y - dy];
+            recorder.image_annotations(tick, frame.tick, camera, &boxes, mark)?;
         }
         Ok(())
     }

@@ -183,14 +183,22 @@ fn boresight_error(
     let detection = &batch.detections[index];
     let px: DVec2 = detection.centre_px().into();
     let [x0, y0, x1, y1] = detection.box_px;
-    BoresightError {
-        exposure_tick: batch.exposure_tick,
-        angle_rad: if linear {
+    // What is to be brought to the target is the laser's axis, not the image's centre.
+    let reticle_px = batch
+        .pointing
+        .alignment
+        .reticle_px(&camera.pinhole, batch.tier);
+    let angles = |px| {
+        if linear {
             camera.pinhole.angles_linear(px)
         } else {
             camera.pinhole.angles(px)
-        },
-        distance_px: px.distance(camera.pinhole.centre_px()),
+        }
+    };
+    BoresightError {
+        exposure_tick: batch.exposure_tick,
+        angle_rad: angles(px) - angles(reticle_px),
+        distance_px: px.distance(reticle_px),
         half_side_px: 0.5 * (x1 - x0).min(y1 - y0),
     }
 }
