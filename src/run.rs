@@ -10,7 +10,7 @@ use crate::components::station::{Alignment, Gyro, Misalignment, Mount, MountComm
 use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
 use crate::components::uav::{Air, Flight, Guidance, HeatedSkin, Uav, UavStatus};
 use crate::inference::{DetectorError, OnnxDetector};
-use crate::models::atmosphere::{air_density_kgpm3, extinction_per_m};
+use crate::models::atmosphere::air_density_kgpm3;
 use crate::models::beam::Laser;
 use crate::models::calibration;
 use crate::models::camera::Pinhole;
@@ -40,7 +40,7 @@ use crate::plugins::SimulationPlugins;
 use crate::plugins::tick::Tick;
 use crate::recording::{Meta, Recorder, RecordingError, SceneEntity, Shape};
 use crate::scenario::{
-    self, AssociationRule, ControllerPreset, DetectorKind, Exposure, Focus, Images, IntensityModel,
+    self, AssociationRule, Backstop, ControllerPreset, DetectorKind, Exposure, Focus, Images, IntensityModel,
     Loaded, Scenario, ScenarioError, SearchPattern,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
@@ -500,7 +500,7 @@ fn station_enu_m(scenario: &Scenario, environment: &Environment) -> DVec3 {
 fn spawn_scene(world: &mut World, environment: &Environment, r_station_enu_m: DVec3) {
     let rgb = |[r, g, b]: [f64; 3]| Vec4::new(r as f32, g as f32, b as f32, 0.0);
     let sky = &environment.sky;
-    let extinction = CHANNELS_M.map(|m| extinction_per_m(environment.weather.visibility_m, m));
+    let extinction = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));
     scene::spawn(
         world,
         &SceneContent {
@@ -534,7 +534,8 @@ fn spawn_uavs(
         let catalogue = model(uav.model);
         let airframe = Airframe::new(catalogue);
         let mut rng = Stream::new(environment.seed, index as u64, "gusts");
-        let gusts = DrydenGust::new(&environment.mean_wind, &mut rng);
+        let gusts = DrydenGust::new(&environment.mean_wind, &mut rng)
+            .reaching(environment.weather.gust_mps);
         let r = plan.sample(0.0).r_enu_m;
         let ground_m = environment.city.dsm.terrain_m(r.x, r.y);
         let wind_enu_mps = environment.mean_wind.mean_wind_enu_mps(r.z - ground_m);
@@ -893,10 +894,9 @@ fn spawn_station(
                 elevation_rad: zone.elevation_deg.map(f64::to_radians),
             })
             .collect(),
-        allow_solid_backstop: engage
-            .allow_backstop
-            .iter()
-            .any(|backstop| *backstop != scenario::Backstop::Sky),
+        allow_sky: engage.allow_backstop.contains(&Backstop::Sky),
+        allow_ground: engage.allow_backstop.contains(&Backstop::Ground),
+        allow_building: engage.allow_backstop.contains(&Backstop::Building),
         min_clear_range_m: engage.min_clear_range_m,
         max_burst_s: engage.max_burst_s,
         pause_s: 1.0, // [s]
@@ -966,7 +966,7 @@ fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
             Focus::Target(_) => None,
         },
         jitter_rad: laser.jitter_urad * 1e-6,
-        extinction_per_m: extinction_per_m(environment.weather.visibility_m, wavelength_m),
+        extinction_per_m: environment.weather.extinction_per_m(wavelength_m),
         channel: match scenario.turbulence.intensity {
             IntensityModel::Physical => {
                 Channel::Physical(Box::new(Scintillation::new(calm, 1e-3, &mut rng[0])))

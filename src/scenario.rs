@@ -115,9 +115,11 @@ pub struct Weather {
     pub wind_speed_mps: Option<f64>,
     /// Direction the wind blows from, clockwise from north; 270 without a METAR.
     pub wind_from_deg: Option<f64>,
-    /// Peak gust speed; absent: no gusts beyond the turbulence of the mean wind.
+    /// Gust speed 10 m above the ground, the highest mean over 3 s in ten minutes; absent: no gusts
+    /// beyond the turbulence of the mean wind.
     pub gust_mps: Option<f64>,
-    /// Meteorological visibility at 550 nm; 20,000 without a METAR.
+    /// Meteorological visibility at 550 nm, through the precipitation too. Absent: the METAR's, or
+    /// 20,000 of haze, with `precipitation_mmph` reckoned in.
     pub visibility_m: Option<f64>,
     /// Air temperature; 15 without a METAR.
     pub temperature_c: Option<f64>,
@@ -127,9 +129,10 @@ pub struct Weather {
     pub pressure_hpa: Option<f64>,
     /// Covered fraction of the sky, 0 to 1; 0 without a METAR.
     pub cloud_cover: Option<f64>,
-    /// Height of the cloud base above the ground.
+    /// Height of the cloud base above the ground at the site's altitude. Under a cover of 7/8 or more
+    /// nothing above it is seen or lit; absent without a METAR: the clouds are above everything.
     pub cloud_base_m: Option<f64>,
-    /// Rain rate; 0 without a METAR.
+    /// Precipitation as water, snow below 1 °C, else rain; 0 without a METAR.
     pub precipitation_mmph: Option<f64>,
 }
 
@@ -149,9 +152,10 @@ impl Weather {
                 cloud_cover: 0.0,       // [-]
                 cloud_base_m: None,
                 precipitation_mmph: 0.0, // [mm/h]
+                snow: false,
             },
         };
-        Ok(weather::Weather {
+        let given = weather::Weather {
             wind_speed_mps: self.wind_speed_mps.unwrap_or(base.wind_speed_mps),
             wind_from_rad: (self.wind_from_deg).map_or(base.wind_from_rad, f64::to_radians),
             gust_mps: self.gust_mps.or(base.gust_mps),
@@ -161,7 +165,15 @@ impl Weather {
             pressure_pa: (self.pressure_hpa).map_or(base.pressure_pa, |hpa| 100.0 * hpa),
             cloud_cover: self.cloud_cover.unwrap_or(base.cloud_cover),
             cloud_base_m: self.cloud_base_m.or(base.cloud_base_m),
-            precipitation_mmph: self.precipitation_mmph.unwrap_or(base.precipitation_mmph),
+            ..base
+        };
+        Ok(match (self.precipitation_mmph, self.visibility_m) {
+            (None, _) => given,
+            (Some(rate_mmph), None) => given.with_precipitation(rate_mmph),
+            (Some(rate_mmph), Some(visibility_m)) => weather::Weather {
+                visibility_m,
+                ..given.with_precipitation(rate_mmph)
+            },
         })
     }
 }
@@ -468,8 +480,6 @@ camera! {
     full_well_e: f64,
     /// Read noise, root mean square.
     read_noise_e: f64,
-    /// Bits per pixel of the converter.
-    bits: u32,
     /// Standard deviation of the lens blur.
     optics_blur_px: f64,
     /// From the end of the exposure to the image being in memory.
@@ -545,7 +555,6 @@ impl CameraPreset {
             pixel_pitch_um: 6.9,
             full_well_e: 20_000.0,
             read_noise_e: 4.0,
-            bits: 8,
             optics_blur_px: 0.6,
             readout_latency_s: 0.002,
             inference_latency_s: 0.003,
@@ -896,7 +905,7 @@ pub struct Engage {
     pub authorised: bool,
     /// Directions in which the laser never fires.
     pub keep_out: Vec<KeepOut>,
-    /// What may lie behind the target on the beam's line.
+    /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
     pub allow_backstop: Vec<Backstop>,
     /// An allowed building or ground must lie at least this far behind the target.
     pub min_clear_range_m: f64,
@@ -945,7 +954,7 @@ pub enum Backstop {
     Sky,
     /// Terrain or street.
     Ground,
-    /// A building.
+    /// A building, or a tree: what stands more than 2 m above the ground.
     Building,
 }
 
@@ -1575,6 +1584,17 @@ impl Weather {
                     "weather.gust_mps",
                     || format!("is below the mean wind speed of {wind} m/s"),
                 );
+                check.that(
+                    self.cloud_base_m.is_none() || weather.ceiling_m().is_some(),
+                    "weather.cloud_base_m",
+                    || {
+                        format!(
+                            "says nothing with a cloud_cover of {}: only a cover of 0.875 or more \
+                             hides what is above its base",
+                            weather.cloud_cover
+                        )
+                    },
+                );
             }
             Err(error) => check.that(false, "weather.metar", || error.to_string()),
         }
@@ -1687,7 +1707,6 @@ impl Camera {
         check.within(&at("pixel_pitch_um"), self.pixel_pitch_um, 0.5..=100.0);
         check.positive(&at("full_well_e"), self.full_well_e);
         check.within(&at("read_noise_e"), self.read_noise_e, AT_LEAST_ZERO);
-        check.within(&at("bits"), self.bits.into(), 1.0..=16.0);
         check.within(&at("optics_blur_px"), self.optics_blur_px, 0.0..=20.0);
         check.within(&at("readout_latency_s"), self.readout_latency_s, FRACTION);
         check.within(
@@ -2153,6 +2172,31 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
     }
 
     #[test]
+    fn a_given_visibility_holds_the_precipitation() {
+        let weather = |sets: &[&str]| with(sets).weather.resolved().unwrap();
+        let dry = weather(&[]);
+        assert_eq!((dry.visibility_m, dry.precipitation_mmph), (20_000.0, 0.0));
+        // 5 mm/h of rain, 0.72838 /km, beside the haze of 20 km.
+        let rain = weather(&["weather.precipitation_mmph=5"]);
+        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72838);
+        assert!((rain.visibility_m - expected_m).abs() < 0.1, "{rain:?}");
+        assert!(!rain.snow);
+        let snow = weather(&["weather.precipitation_mmph=5", "weather.temperature_c=-5"]);
+        assert!(snow.snow && snow.visibility_m < 400.0, "{snow:?}");
+        let both = weather(&["weather.precipitation_mmph=5", "weather.visibility_m=8000"]);
+        assert_eq!((both.visibility_m, both.precipitation_mmph), (8000.0, 5.0));
+        // The report's visibility is given too; other precipitation than the report's changes it.
+        let metar = "weather.metar='LSZH 200850Z 24005KT 4000 RA OVC010 09/08 Q1020'";
+        assert_eq!(weather(&[metar]).visibility_m, 4000.0);
+        let dried = weather(&[metar, "weather.precipitation_mmph=0"]);
+        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72838);
+        assert!(
+            (dried.visibility_m / expected_m - 1.0).abs() < 1e-4,
+            "{dried:?}"
+        );
+    }
+
+    #[test]
     fn contradictions_are_found_where_they_stand() {
         let add = |text: &str| error(&format!("{GOOD}{text}"), &[]);
         assert_eq!(
@@ -2177,6 +2221,10 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert!(
             add("[weather]\nwind_speed_mps = 9\ngust_mps = 4")
                 .starts_with("s.toml:19: weather.gust_mps: is below")
+        );
+        assert!(
+            add("[weather]\ncloud_cover = 0.5\ncloud_base_m = 400")
+                .starts_with("s.toml:19: weather.cloud_base_m: says nothing with a cloud_cover of")
         );
         assert!(
             add("[station.mount]\nelevation_limits_deg = [50, 20]")

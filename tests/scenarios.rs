@@ -891,6 +891,23 @@ fn hidden_place(dsm: &Dsm, station_enu_m: DVec3, city: &City) -> DVec3 {
 }
 
 #[test]
+fn a_uav_above_closed_cloud_is_not_visible() {
+    let _one = rendering();
+    let mut loaded = hovering_at(DVec3::new(-660.0, 660.0, 125.0));
+    loaded.scenario.weather.cloud_cover = Some(1.0);
+    for (base_m, seen_there) in [(130.0, true), (120.0, false)] {
+        loaded.scenario.weather.cloud_base_m = Some(base_m);
+        let all = rendered(&loaded, 0.2);
+        assert!(all.len() >= 5, "{} frames", all.len());
+        for seen in &all {
+            assert_eq!(seen.geometric.clear, seen_there, "{base_m} m");
+            let fraction = seen.rendered.visible_fraction;
+            assert!((fraction > 0.9) == seen_there && (fraction == 0.0) != seen_there);
+        }
+    }
+}
+
+#[test]
 fn a_uav_behind_a_building_is_not_visible() {
     let _one = rendering();
     let scenario = hovering_at(DVec3::new(-660.0, 660.0, 125.0)).scenario;

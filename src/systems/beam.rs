@@ -21,7 +21,7 @@ pub const BUCKET_RADIUS_M: f64 = 0.05;
 const AIM_CONE_RAD: f64 = 5e-3;
 /// Change of range after which the path's turbulence is integrated anew [m].
 const PATH_STEP_M: f64 = 10.0;
-/// Share of the extinction that heats the air: urban aerosol of single-scattering albedo 0.9.
+/// Share of the aerosol's extinction that heats the air: urban aerosol of single-scattering albedo 0.9.
 const ABSORBED_SHARE: f64 = 0.1;
 /// Least transverse air speed on the path [m/s]: natural convection stirs still air.
 const LEAST_CROSSWIND_MPS: f64 = 0.3;
@@ -120,10 +120,7 @@ pub fn propagate(
         if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
             continue;
         }
-        let sight = environment
-            .city
-            .dsm
-            .line_of_sight(pose.r_enu_m, flight.aim_enu_m());
+        let sight = environment.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
         if sight != LineOfSight::Clear {
             continue;
         }
@@ -166,8 +163,10 @@ fn renew_path(
         },
         source.laser.wavelength_m,
     );
+    // What drops and flakes absorb heats them, not the air.
+    let aerosol_per_m = (environment.weather).aerosol_extinction_per_m(source.laser.wavelength_m);
     let air = BloomingAir {
-        absorption_per_m: ABSORBED_SHARE * source.extinction_per_m,
+        absorption_per_m: ABSORBED_SHARE * aerosol_per_m,
         extinction_per_m: source.extinction_per_m,
         temperature_k: environment.weather.temperature_k,
         crosswind_mps,

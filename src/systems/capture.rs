@@ -230,10 +230,7 @@ pub fn expose(
                 let aim_px = camera
                     .pinhole
                     .project(pose.q_enu_cam.inverse() * to_target_m)?;
-                let sight = environment
-                    .city
-                    .dsm
-                    .line_of_sight(pose.r_enu_m, flight.aim_enu_m());
+                let sight = environment.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
                 Some(UavInFrame {
                     uav: uav.index,
                     box_px,
@@ -351,12 +348,16 @@ fn place_in_site(r_enu_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
     scene::place(&scene::grid(), r_enu_m, q)
 }
 
-/// Moves the scene's UAVs to the truth.
+/// Moves the scene's UAVs to the truth, and hides those that closed cloud hides.
 pub fn sync_scene(world: &mut World) {
     let mut states = world.query::<(&Uav, &Flight, &UavStatus)>();
+    let environment = world.resource::<Environment>();
     let poses: Vec<_> = states
         .iter(world)
-        .map(|(uav, flight, _)| (uav.index, flight.state))
+        .map(|(uav, flight, _)| {
+            let hidden = environment.in_cloud(flight.state.r_enu_m);
+            (uav.index, (flight.state, hidden))
+        })
         .collect();
     let of = |index: usize| {
         poses
@@ -364,15 +365,20 @@ pub fn sync_scene(world: &mut World) {
             .find(|(i, _)| *i == index)
             .map(|(_, state)| state)
     };
-    let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform)>();
-    for (body, mut cell, mut transform) in bodies.iter_mut(world) {
-        if let Some(state) = of(body.0) {
+    let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform, &mut Visibility)>();
+    for (body, mut cell, mut transform, mut visibility) in bodies.iter_mut(world) {
+        if let Some((state, hidden)) = of(body.0) {
             (*cell, *transform) = place_in_site(state.r_enu_m, state.q_enu_body);
+            visibility.set_if_neq(if *hidden {
+                Visibility::Hidden
+            } else {
+                Visibility::Inherited
+            });
         }
     }
     let mut rotors = world.query::<(&UavRotor, &mut Transform)>();
     for (rotor, mut transform) in rotors.iter_mut(world) {
-        if let Some(state) = of(rotor.0) {
+        if let Some((state, _)) = of(rotor.0) {
             let phase_rad = state.rotor_phase_rad[rotor.1] as f32;
             transform.rotation = Quat::from_rotation_z(phase_rad);
         }

@@ -6,6 +6,7 @@ use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
+use crate::models::dsm::HitKind;
 use crate::models::kinematics::az_el_to_los;
 use bevy::prelude::*;
 use glam::DVec2;
@@ -41,14 +42,40 @@ pub struct Rules {
     pub authorised: bool,
     /// Protected sectors.
     pub keep_out: Vec<KeepOut>,
-    /// Whether a building or the ground may stand behind the target.
-    pub allow_solid_backstop: bool,
-    /// How far behind the target it must be [m].
+    /// Whether open sky may lie behind the target.
+    pub allow_sky: bool,
+    /// Whether the ground may.
+    pub allow_ground: bool,
+    /// Whether a building or a tree may.
+    pub allow_building: bool,
+    /// How far behind the target what is solid must be [m].
     pub min_clear_range_m: f64,
     /// Longest burst [s].
     pub max_burst_s: f64,
     /// Least pause after a burst of that length [s].
     pub pause_s: f64,
+}
+
+impl Rules {
+    /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
+    /// beyond: range [m] and kind, or `None` for sky.
+    fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<&'static str> {
+        let (hit_m, kind) = match hit {
+            Some(hit) => hit,
+            None => return (!self.allow_sky).then_some("open sky behind"),
+        };
+        let allowed = match kind {
+            HitKind::Ground => self.allow_ground,
+            HitKind::Building => self.allow_building,
+        };
+        if hit_m <= range_m {
+            Some("line of sight blocked")
+        } else if !allowed || hit_m < range_m + self.min_clear_range_m {
+            Some("solid backstop")
+        } else {
+            None
+        }
+    }
 }
 
 /// Why the laser does not fire; empty while it may.
@@ -104,20 +131,17 @@ pub fn decide_fire(
                 .iter()
                 .find(|camera| camera.tier == Tier::Precise)
                 .map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad());
-            let backstop_m = [(0.0, 0.0), (spread, 0.0), (-spread, 0.0), (0.0, -spread)]
-                .into_iter()
-                .filter_map(|(x, y)| {
-                    let around = az_el_to_los(los.az_el_rad() + DVec2::new(x, y));
-                    environment.city.dsm.first_hit(mount.r_enu_m, around, FAR_M)
-                })
-                .min_by(f64::total_cmp);
-            if let Some(backstop_m) = backstop_m {
-                if backstop_m <= range_m {
-                    reasons.push("line of sight blocked");
-                } else if !rules.allow_solid_backstop
-                    || backstop_m < range_m + rules.min_clear_range_m
+            if environment.in_cloud(mount.r_enu_m + range_m * direction) {
+                reasons.push("line of sight blocked");
+            }
+            for (x, y) in [(0.0, 0.0), (spread, 0.0), (-spread, 0.0), (0.0, -spread)] {
+                let around = az_el_to_los(los.az_el_rad() + DVec2::new(x, y));
+                let dsm = &environment.city.dsm;
+                let hit = dsm.first_hit_kind(mount.r_enu_m, around, FAR_M);
+                if let Some(reason) = rules.refusal(range_m, hit)
+                    && !reasons.contains(&reason)
                 {
-                    reasons.push("solid backstop");
+                    reasons.push(reason);
                 }
             }
             if rules
@@ -159,6 +183,36 @@ pub fn decide_fire(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_is_listed_may_lie_behind() {
+        let rules = |allow: [bool; 3]| Rules {
+            authorised: true,
+            keep_out: Vec::new(),
+            allow_sky: allow[0],
+            allow_ground: allow[1],
+            allow_building: allow[2],
+            min_clear_range_m: 500.0,
+            max_burst_s: 15.0,
+            pause_s: 1.0,
+        };
+        let far = |kind| Some((1600.0, kind));
+        let behind = [None, far(HitKind::Ground), far(HitKind::Building)];
+        for allow in [
+            [true, false, false],
+            [false, true, false],
+            [false, false, true],
+        ] {
+            for (allowed, hit) in allow.into_iter().zip(behind) {
+                let refused = rules(allow).refusal(1000.0, hit);
+                assert_eq!(refused.is_none(), allowed, "{allow:?} {hit:?}");
+            }
+        }
+        let near = |range_m| rules([true; 3]).refusal(1000.0, Some((range_m, HitKind::Ground)));
+        assert_eq!(near(1000.0), Some("line of sight blocked"));
+        assert_eq!(near(1499.0), Some("solid backstop"));
+        assert_eq!(near(1500.0), None);
+    }
 
     #[test]
     fn a_zone_may_pass_through_north() {
