@@ -6,6 +6,7 @@ pub mod beam;
 pub mod camera;
 pub mod city;
 pub mod detection;
+pub mod distractor;
 pub mod dsm;
 pub mod estimation;
 pub mod geodesy;
