@@ -19,9 +19,10 @@ use toml::de::{DeTable, DeValue};
 use crate::models::atmosphere::Cn2Profile;
 use crate::models::base_motion::{BaseMotionParams, TiltMode};
 use crate::models::city::CityParams;
+use crate::models::distractor::DistractorKind;
 use crate::models::thermal::{self, SkinMaterial};
 use crate::models::trajectory::Trajectory;
-use crate::models::uav::UavKind;
+use crate::models::uav::{AimPart, UavKind};
 use crate::models::weather::{self, WeatherError};
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
@@ -64,6 +65,9 @@ pub struct Scenario {
     /// The UAVs; none makes a false-alarm run.
     #[serde(default)]
     pub uavs: Vec<Uav>,
+    /// Birds and balloons, which a detector may take for UAVs.
+    #[serde(default)]
+    pub distractors: Vec<Distractor>,
     /// What finds UAVs in the images.
     #[serde(default)]
     pub detector: Detector,
@@ -656,6 +660,33 @@ pub struct Uav {
     pub trajectory: Trajectory,
     /// Material of the part the laser heats; absent: the catalogue's.
     pub skin: Option<Skin>,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
+}
+
+/// A bird or balloon: every camera sees it, no success counts it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Distractor {
+    /// Name, unique among UAVs and distractors.
+    pub name: String,
+    /// What it is.
+    pub kind: DistractorKind,
+    /// Where it flies; a balloon's is relative to the air, so that one that hovers drifts with the
+    /// wind.
+    pub trajectory: Trajectory,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
 }
 
 /// Material of the part the laser heats.
@@ -730,6 +761,8 @@ pub struct TruthErrors {
     pub noise_px: f64,
     /// Chance that a visible UAV is missed in a frame, 0 to 1.
     pub miss_rate: f64,
+    /// Chance that a visible bird or balloon is reported as a UAV in a frame, 0 to 1.
+    pub distractor_rate: f64,
     /// Mean number of false alarms in a frame.
     pub false_alarms_per_frame: f64,
 }
@@ -739,6 +772,7 @@ impl Default for TruthErrors {
         Self {
             noise_px: 0.5,
             miss_rate: 0.02,
+            distractor_rate: 0.3,
             false_alarms_per_frame: 0.01,
         }
     }
@@ -785,6 +819,8 @@ pub struct Gains {
 pub struct Engage {
     /// False: track only, the laser never fires.
     pub authorised: bool,
+    /// The part of a UAV that the laser is aimed at.
+    pub aim: AimPart,
     /// Directions in which the laser never fires.
     pub keep_out: Vec<KeepOut>,
     /// What may lie behind the target on the beam's line.
@@ -805,6 +841,7 @@ impl Default for Engage {
     fn default() -> Self {
         Self {
             authorised: true,
+            aim: AimPart::default(),
             keep_out: Vec::new(),
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
@@ -1393,16 +1430,26 @@ impl Scenario {
         self.station.check(&mut check, self.tick_hz);
         self.search.check(&mut check);
         let mut names = Vec::new();
-        for (index, uav) in self.uavs.iter().enumerate() {
-            check.name(&format!("uavs[{index}].name"), &uav.name, &names);
-            names.push(&uav.name);
+        let uavs = self.uavs.iter().enumerate().map(|(index, uav)| {
+            let flight = (&uav.trajectory, uav.spread_m, uav.spread_s);
+            (format!("uavs[{index}]"), &uav.name, flight)
+        });
+        let distractors = self.distractors.iter().enumerate().map(|(index, other)| {
+            let flight = (&other.trajectory, other.spread_m, other.spread_s);
+            (format!("distractors[{index}]"), &other.name, flight)
+        });
+        for (at, name, (trajectory, [across_m, up_m], spread_s)) in uavs.chain(distractors) {
+            check.name(&format!("{at}.name"), name, &names);
+            names.push(name);
             // A recorded flight's file is read, and checked, when the run starts.
-            if !matches!(uav.trajectory, Trajectory::Recorded { .. })
-                && let Err(error) = uav.trajectory.compile(|_| Ok(String::new()))
+            if !matches!(trajectory, Trajectory::Recorded { .. })
+                && let Err(error) = trajectory.compile(|_| Ok(String::new()))
             {
-                let path = format!("uavs[{index}].trajectory");
-                check.that(false, &path, || error.to_string());
+                check.that(false, &format!("{at}.trajectory"), || error.to_string());
             }
+            check.within(&format!("{at}.spread_m[0]"), across_m, AT_LEAST_ZERO);
+            check.within(&format!("{at}.spread_m[1]"), up_m, AT_LEAST_ZERO);
+            check.within(&format!("{at}.spread_s"), spread_s, AT_LEAST_ZERO);
         }
         self.detector.check(&mut check);
         self.controller.check(&mut check);
@@ -1573,6 +1620,11 @@ impl Detector {
         let truth = &self.truth;
         check.within("detector.truth.noise_px", truth.noise_px, 0.0..=100.0);
         check.within("detector.truth.miss_rate", truth.miss_rate, FRACTION);
+        check.within(
+            "detector.truth.distractor_rate",
+            truth.distractor_rate,
+            FRACTION,
+        );
         check.within(
             "detector.truth.false_alarms_per_frame",
             truth.false_alarms_per_frame,

@@ -4,7 +4,7 @@ use crate::components::camera::{Frame, Frames, PixelRect, SensorCamera};
 use crate::components::clock::SimClock;
 use crate::components::track::{DetectionBatch, DetectionQueue};
 use crate::inference::{DetectorError, OnnxDetector};
-use crate::models::detection::{Detection, TruthErrors, detect_truth};
+use crate::models::detection::{Candidate, Detection, TruthErrors, detect_truth};
 use crate::models::rng::Stream;
 use crate::run::{Failure, Stopwatch};
 use bevy::prelude::*;
@@ -24,8 +24,8 @@ pub enum Detector {
     Truth {
         /// The errors.
         errors: TruthErrors,
-        /// One stream a camera, in the order of [`crate::components::camera::Tier::ALL`].
-        rng: Box<[Stream; 3]>,
+        /// Seed of the run.
+        seed: u64,
     },
 }
 
@@ -55,19 +55,24 @@ impl Detector {
                     *detection = detection.shifted(frame.rect.offset_px);
                 }
             }
-            Detector::Truth { errors, rng } => {
+            Detector::Truth { errors, seed } => {
                 // Control work wants a detector whose only errors are the set ones: the box is
                 // centred on the aim point, whatever the gear below it or the rotors above.
-                let boxes = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
+                let candidates = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
                     let [x0, y0, x1, y1] = seen.box_px;
                     let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
                     let [x, y] = seen.aim_px;
-                    [x - half_x, y - half_y, x + half_x, y + half_y]
+                    Candidate {
+                        index: seen.uav,
+                        box_px: [x - half_x, y - half_y, x + half_x, y + half_y],
+                        distractor: seen.distractor,
+                    }
                 });
-                let rng = &mut rng[frame.tier as usize];
+                // Sensor noise has a key of the same parts: another seed keeps the two apart.
+                let key = Stream::new(!*seed, frame.tick, frame.tier.name()).bits();
                 let PixelRect { offset_px, size_px } = frame.rect;
                 detect_truth(
-                    boxes, errors, offset_px, size_px, sensor_px, rng, &mut found,
+                    candidates, errors, offset_px, size_px, sensor_px, key, &mut found,
                 );
             }
         }
