@@ -2055,6 +2055,33 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             )
             .starts_with("s.toml:18: uavs[1].name: the name 'one' is taken")
         );
+        let distractor = |name: &str, kind: &str, rest: &str| {
+            add(&format!(
+                "[[distractors]]\nname = '{name}'\nkind = '{kind}'\ntrajectory.kind = 'orbit'\n\
+                 trajectory.centre_enu_m = [1, 2, 3]\ntrajectory.radius_m = 9\n{rest}"
+            ))
+        };
+        assert!(
+            distractor("one", "bird", "trajectory.speed_mps = 9")
+                .starts_with("s.toml:17: distractors[0].name: the name 'one' is taken")
+        );
+        assert!(
+            distractor("gull", "brid", "trajectory.speed_mps = 9").starts_with(
+                "s.toml:18: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
+            )
+        );
+        assert!(
+            distractor("gull", "bird", "trajectory.speed_mps = 0")
+                .contains("distractors[0].trajectory: speed_mps is 0: give a value above 0")
+        );
+        assert!(
+            distractor(
+                "gull",
+                "bird",
+                "trajectory.speed_mps = 9\nspread_m = [5, -1]"
+            )
+            .contains("distractors[0].spread_m[1]: found -1, must be at least 0")
+        );
         assert!(
             add("[weather]\nmetar = 'LSZH nonsense'")
                 .starts_with("s.toml:18: weather.metar: METAR")
