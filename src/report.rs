@@ -112,6 +112,8 @@ pub struct Summary {
     pub miss_distance_px: MissDistances,
     /// Time for which the firing beam's centre lay on the aim point \[s\].
     pub dwell_s: f64,
+    /// Time for which the firing beam's axis lay on a bird or balloon [s].
+    pub distractor_s: f64,
     /// Energy that left the laser \[J\].
     pub energy_j: f64,
     /// Where the elapsed time went.
@@ -972,6 +974,7 @@ mod tests {
                 precise: Some(stats),
             },
             dwell_s: 3.0,
+            distractor_s: 0.0,
             energy_j: 9000.0,
             share: Shares {
                 render: 0.0,
@@ -986,7 +989,7 @@ mod tests {
                 r#""reason":"skin failed","state_hash":"00000000deadbeef","simulated_s":12.5,"#,
                 r#""real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
                 r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
-                r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"energy_j":9000.0,"#,
+                r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"energy_j":9000.0,"#,
                 r#""share":{"render":0.0,"inference":0.25,"other":0.75}}"#
             )
         );

@@ -8,7 +8,7 @@ use crate::components::record::{History, Recording, StateHash};
 use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform};
 use crate::components::station::{Alignment, Gyro, Misalignment, Mount, MountCommand, StationWind};
 use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
-use crate::components::uav::{Air, Flight, Guidance, HeatedSkin, Uav, UavStatus};
+use crate::components::uav::{Air, Distractor, Flight, Guidance, HeatedSkin, Uav, UavStatus};
 use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::atmosphere::air_density_kgpm3;
 use crate::models::beam::Laser;
@@ -20,7 +20,7 @@ use crate::models::geodesy::{Geodetic, SiteFrame};
 use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
 use crate::models::kinematics::los_to_az_el;
 use crate::models::mirror::{Mirror, MirrorParams};
-use crate::models::multirotor::Airframe;
+use crate::models::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::pid::PaperLaw;
 use crate::models::pointing::TunedPointing;
 use crate::models::rng::Stream;
@@ -29,19 +29,19 @@ use crate::models::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
 use crate::models::sky::Sky;
 use crate::models::sun::Sun;
 use crate::models::thermal::Skin;
-use crate::models::trajectory::{CompiledTrajectory, TrajectoryError};
+use crate::models::trajectory::{CompiledTrajectory, Trajectory, TrajectoryError};
 use crate::models::turbulence::{
     GammaGamma, PaperIntensity, Path as AirPath, PathTurbulence, Scintillation, Wander,
 };
 use crate::models::uav::model;
-use crate::models::uav_mesh::uav_mesh;
+use crate::models::uav_mesh::{UavMesh, distractor_mesh, uav_mesh};
 use crate::models::wind::{DrydenGust, MeanWind};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::tick::Tick;
 use crate::recording::{Meta, Recorder, RecordingError, SceneEntity, Shape};
 use crate::scenario::{
-    self, AssociationRule, Backstop, ControllerPreset, DetectorKind, Exposure, Focus, Images, IntensityModel,
-    Loaded, Scenario, ScenarioError, SearchPattern,
+    self, AssociationRule, Backstop, ControllerPreset, DetectorKind, Exposure, Focus, Images,
+    IntensityModel, Loaded, Scenario, ScenarioError, SearchPattern,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
 use crate::systems::control::{Controller, PaperController, SearchScan};
@@ -61,7 +61,7 @@ use bevy::render::settings::{RenderCreation, WgpuSettings};
 use bevy::shader::Shader;
 use bevy::window::{ExitCondition, WindowPlugin};
 use big_space::plugin::BigSpaceMinimalPlugins;
-use glam::{DVec2, DVec3, Vec4};
+use glam::{DQuat, DVec2, DVec3, Vec4};
 use std::f64::consts::TAU;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -86,11 +86,13 @@ pub enum RunError {
         source: crate::models::city::CityError,
     },
     /// A flight plan.
-    #[error("{file}: uavs[{index}].trajectory: {source}")]
+    #[error("{file}: {list}[{index}].trajectory: {source}")]
     Trajectory {
         /// The scenario file.
         file: String,
-        /// Index of the UAV.
+        /// The scenario's list that it stands in.
+        list: &'static str,
+        /// Index in that list.
         index: usize,
         /// What is wrong.
         source: TrajectoryError,
@@ -244,21 +246,29 @@ pub fn check(loaded: &Loaded) -> Result<(), RunError> {
     let file = loaded.path.display().to_string();
     detector(scenario, scenario.seed)?;
     environment(scenario, &file, scenario.seed)?;
-    for index in 0..scenario.uavs.len() {
-        flight_plan(loaded, index)?;
+    for (index, uav) in scenario.uavs.iter().enumerate() {
+        flight_plan(loaded, "uavs", index, &uav.trajectory)?;
+    }
+    for (index, distractor) in scenario.distractors.iter().enumerate() {
+        flight_plan(loaded, "distractors", index, &distractor.trajectory)?;
     }
     Ok(())
 }
 
-/// The compiled trajectory of a UAV.
-fn flight_plan(loaded: &Loaded, index: usize) -> Result<CompiledTrajectory, RunError> {
+/// The compiled trajectory of entry `index` of a list of the scenario.
+fn flight_plan(
+    loaded: &Loaded,
+    list: &'static str,
+    index: usize,
+    trajectory: &Trajectory,
+) -> Result<CompiledTrajectory, RunError> {
     let folder = loaded.path.parent().unwrap_or(Path::new("."));
     let load = |name: &str| std::fs::read_to_string(folder.join(name));
-    loaded.scenario.uavs[index]
-        .trajectory
+    trajectory
         .compile(load)
         .map_err(|source| RunError::Trajectory {
             file: loaded.path.display().to_string(),
+            list,
             index,
             source,
         })
@@ -303,6 +313,7 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
         spawn_scene(world, &environment, station_enu_m(scenario, &environment));
     }
     spawn_uavs(world, loaded, &environment)?;
+    spawn_distractors(world, loaded, &environment)?;
     spawn_station(world, scenario, &file, &environment, clock)?;
     if options.capture {
         let mut renderer = renderer.ok_or(RunError::NoAdapter)?;
@@ -418,11 +429,10 @@ fn detector(scenario: &Scenario, seed: u64) -> Result<Detector, RunError> {
                 errors: TruthErrors {
                     noise_px: errors.noise_px,
                     miss_rate: errors.miss_rate,
+                    distractor_rate: errors.distractor_rate,
                     false_alarms_per_frame: errors.false_alarms_per_frame,
                 },
-                rng: Box::new(
-                    Tier::ALL.map(|tier| Stream::new(seed, tier as u64, "truth detector")),
-                ),
+                seed,
             }
         }
     })
@@ -530,39 +540,35 @@ fn spawn_uavs(
     environment: &Environment,
 ) -> Result<(), RunError> {
     for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
-        let plan = flight_plan(loaded, index)?;
+        let mut rng = Stream::new(environment.seed, index as u64, "spread");
+        let plan = flight_plan(loaded, "uavs", index, &uav.trajectory)?.spread(
+            uav.spread_m,
+            uav.spread_s,
+            &mut rng,
+        );
         let catalogue = model(uav.model);
         let airframe = Airframe::new(catalogue);
-        let mut rng = Stream::new(environment.seed, index as u64, "gusts");
-        let gusts = DrydenGust::new(&environment.mean_wind, &mut rng)
-            .reaching(environment.weather.gust_mps);
-        let r = plan.sample(0.0).r_enu_m;
-        let ground_m = environment.city.dsm.terrain_m(r.x, r.y);
-        let wind_enu_mps = environment.mean_wind.mean_wind_enu_mps(r.z - ground_m);
-        let state = plan.initial_state(&airframe, wind_enu_mps, environment.air_density_kgpm3);
-        let material = uav.skin.map_or(catalogue.skin, scenario::Skin::material);
+        let air = air_at(environment, index, plan.sample(0.0).r_enu_m);
+        let state = plan.initial_state(&airframe, air.wind_enu_mps, environment.air_density_kgpm3);
+        let part = loaded.scenario.engage.aim;
+        let catalogued = catalogue.part_skin(part);
+        let material = uav.skin.map_or(catalogued, scenario::Skin::material);
         let mesh = Arc::new(uav_mesh(uav.model));
-        let shape = UavShape::new(mesh.clone());
-        if world.contains_resource::<SceneHandles>() {
-            capture::spawn_uav(world, index, &mesh, (state.r_enu_m, state.q_enu_body));
-        }
+        let aim_body_m = mesh.part_body_m(catalogue, part);
+        let shape = shown(world, index, mesh, &state);
         world.spawn((
             Uav {
                 index,
                 name: uav.name.clone(),
-                kind: uav.model,
+                size_m: catalogue.size_m,
             },
-            Flight {
+            Flight { state, aim_body_m },
+            Guidance {
+                plan,
                 airframe,
-                state,
-                aim_body_m: shape.centroid_body_m(),
+                mass_kg: catalogue.mass_kg,
             },
-            Guidance(plan),
-            Air {
-                gusts,
-                rng,
-                wind_enu_mps,
-            },
+            air,
             HeatedSkin {
                 skin: Skin {
                     temperature_k: environment.weather.temperature_k,
@@ -577,6 +583,79 @@ fn spawn_uavs(
         ));
     }
     Ok(())
+}
+
+/// Birds and balloons: their indices come after the UAVs'.
+fn spawn_distractors(
+    world: &mut World,
+    loaded: &Loaded,
+    environment: &Environment,
+) -> Result<(), RunError> {
+    let uavs = loaded.scenario.uavs.len();
+    for (number, distractor) in loaded.scenario.distractors.iter().enumerate() {
+        let index = uavs + number;
+        let mut rng = Stream::new(environment.seed, index as u64, "spread");
+        let plan = flight_plan(loaded, "distractors", number, &distractor.trajectory)?.spread(
+            distractor.spread_m,
+            distractor.spread_s,
+            &mut rng,
+        );
+        let start = plan.sample(0.0);
+        let state = MultirotorState {
+            r_enu_m: start.r_enu_m,
+            v_enu_mps: start.v_enu_mps,
+            q_enu_body: DQuat::IDENTITY,
+            omega_body_radps: DVec3::ZERO,
+            rotor_speed_radps: [0.0; MAX_ROTORS],
+            rotor_phase_rad: [0.0; MAX_ROTORS],
+            drag_estimate_enu_mps2: DVec3::ZERO,
+        };
+        let mesh = Arc::new(distractor_mesh(distractor.kind));
+        let aim_body_m = mesh.centroid_body_m();
+        let shape = shown(world, index, mesh, &state);
+        let phase_rad = Stream::new(environment.seed, index as u64, "wingbeat").range(0.0, TAU);
+        world.spawn((
+            Uav {
+                index,
+                name: distractor.name.clone(),
+                size_m: distractor.kind.size_m(),
+            },
+            Flight { state, aim_body_m },
+            Distractor {
+                kind: distractor.kind,
+                plan,
+                phase_rad,
+            },
+            air_at(environment, index, start.r_enu_m),
+            UavStatus::Flying,
+            shape,
+        ));
+    }
+    Ok(())
+}
+
+/// The air at the start of a flight.
+fn air_at(environment: &Environment, index: usize, r_enu_m: DVec3) -> Air {
+    let mut rng = Stream::new(environment.seed, index as u64, "gusts");
+    let gusts =
+        DrydenGust::new(&environment.mean_wind, &mut rng).reaching(environment.weather.gust_mps);
+    let ground_m = environment.city.dsm.terrain_m(r_enu_m.x, r_enu_m.y);
+    let wind_enu_mps = environment
+        .mean_wind
+        .mean_wind_enu_mps(r_enu_m.z - ground_m);
+    Air {
+        gusts,
+        rng,
+        wind_enu_mps,
+    }
+}
+
+/// A shape, put into the scene where there is one.
+fn shown(world: &mut World, index: usize, mesh: Arc<UavMesh>, state: &MultirotorState) -> UavShape {
+    if world.contains_resource::<SceneHandles>() {
+        capture::spawn_uav(world, index, &mesh, (state.r_enu_m, state.q_enu_body));
+    }
+    UavShape::new(mesh)
 }
 
 fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
@@ -761,7 +840,7 @@ fn spawn_station(
     let seed = environment.seed;
     let r_station_enu_m = station_enu_m(scenario, environment);
     let cameras = scenario.station.cameras.resolved();
-    let mut first = world.query::<(&Uav, &Flight)>();
+    let mut first = world.query_filtered::<(&Uav, &Flight), Without<Distractor>>();
     let first_uav_enu_m = first
         .iter(world)
         .find(|(uav, _)| uav.index == 0)
@@ -1087,7 +1166,7 @@ pub fn step(world: &mut World) -> Result<bool, RunError> {
         return Err(error);
     }
     let clock = *world.resource::<SimClock>();
-    let mut statuses = world.query::<&UavStatus>();
+    let mut statuses = world.query_filtered::<&UavStatus, Without<Distractor>>();
     let ended = statuses.iter(world).len() > 0
         && statuses
             .iter(world)

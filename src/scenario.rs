@@ -19,10 +19,11 @@ use toml::de::{DeTable, DeValue};
 use crate::models::atmosphere::Cn2Profile;
 use crate::models::base_motion::{self, BaseMotionParams, Spectrum, TiltMode};
 use crate::models::city::CityParams;
+use crate::models::distractor::DistractorKind;
 use crate::models::rng::Stream;
 use crate::models::thermal::{self, SkinMaterial};
 use crate::models::trajectory::Trajectory;
-use crate::models::uav::UavKind;
+use crate::models::uav::{AimPart, UavKind};
 use crate::models::weather::{self, WeatherError};
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
@@ -65,6 +66,9 @@ pub struct Scenario {
     /// The UAVs; none makes a false-alarm run.
     #[serde(default)]
     pub uavs: Vec<Uav>,
+    /// Birds and balloons, which a detector may take for UAVs.
+    #[serde(default)]
+    pub distractors: Vec<Distractor>,
     /// What finds UAVs in the images.
     #[serde(default)]
     pub detector: Detector,
@@ -723,6 +727,33 @@ pub struct Uav {
     pub trajectory: Trajectory,
     /// Material of the part the laser heats; absent: the catalogue's.
     pub skin: Option<Skin>,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
+}
+
+/// A bird or balloon: every camera sees it, no success counts it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Distractor {
+    /// Name, unique among UAVs and distractors.
+    pub name: String,
+    /// What it is.
+    pub kind: DistractorKind,
+    /// Where it flies; a balloon's is relative to the air, so that one that hovers drifts with the
+    /// wind.
+    pub trajectory: Trajectory,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
 }
 
 /// Material of the part the laser heats.
@@ -797,6 +828,8 @@ pub struct TruthErrors {
     pub noise_px: f64,
     /// Chance that a visible UAV is missed in a frame, 0 to 1.
     pub miss_rate: f64,
+    /// Chance that a visible bird or balloon is reported as a UAV in a frame, 0 to 1.
+    pub distractor_rate: f64,
     /// Mean number of false alarms in a frame.
     pub false_alarms_per_frame: f64,
 }
@@ -806,6 +839,7 @@ impl Default for TruthErrors {
         Self {
             noise_px: 0.5,
             miss_rate: 0.02,
+            distractor_rate: 0.3,
             false_alarms_per_frame: 0.01,
         }
     }
@@ -903,6 +937,8 @@ pub struct Gains {
 pub struct Engage {
     /// False: track only, the laser never fires.
     pub authorised: bool,
+    /// The part of a UAV that the laser is aimed at.
+    pub aim: AimPart,
     /// Directions in which the laser never fires.
     pub keep_out: Vec<KeepOut>,
     /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
@@ -923,6 +959,7 @@ impl Default for Engage {
     fn default() -> Self {
         Self {
             authorised: true,
+            aim: AimPart::default(),
             keep_out: Vec::new(),
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
@@ -1511,16 +1548,26 @@ impl Scenario {
         self.station.check(&mut check, self.tick_hz);
         self.search.check(&mut check);
         let mut names = Vec::new();
-        for (index, uav) in self.uavs.iter().enumerate() {
-            check.name(&format!("uavs[{index}].name"), &uav.name, &names);
-            names.push(&uav.name);
+        let uavs = self.uavs.iter().enumerate().map(|(index, uav)| {
+            let flight = (&uav.trajectory, uav.spread_m, uav.spread_s);
+            (format!("uavs[{index}]"), &uav.name, flight)
+        });
+        let distractors = self.distractors.iter().enumerate().map(|(index, other)| {
+            let flight = (&other.trajectory, other.spread_m, other.spread_s);
+            (format!("distractors[{index}]"), &other.name, flight)
+        });
+        for (at, name, (trajectory, [across_m, up_m], spread_s)) in uavs.chain(distractors) {
+            check.name(&format!("{at}.name"), name, &names);
+            names.push(name);
             // A recorded flight's file is read, and checked, when the run starts.
-            if !matches!(uav.trajectory, Trajectory::Recorded { .. })
-                && let Err(error) = uav.trajectory.compile(|_| Ok(String::new()))
+            if !matches!(trajectory, Trajectory::Recorded { .. })
+                && let Err(error) = trajectory.compile(|_| Ok(String::new()))
             {
-                let path = format!("uavs[{index}].trajectory");
-                check.that(false, &path, || error.to_string());
+                check.that(false, &format!("{at}.trajectory"), || error.to_string());
             }
+            check.within(&format!("{at}.spread_m[0]"), across_m, AT_LEAST_ZERO);
+            check.within(&format!("{at}.spread_m[1]"), up_m, AT_LEAST_ZERO);
+            check.within(&format!("{at}.spread_s"), spread_s, AT_LEAST_ZERO);
         }
         self.detector.check(&mut check);
         self.tracker.check(&mut check);
@@ -1751,6 +1798,11 @@ impl Detector {
         let truth = &self.truth;
         check.within("detector.truth.noise_px", truth.noise_px, 0.0..=100.0);
         check.within("detector.truth.miss_rate", truth.miss_rate, FRACTION);
+        check.within(
+            "detector.truth.distractor_rate",
+            truth.distractor_rate,
+            FRACTION,
+        );
         check.within(
             "detector.truth.false_alarms_per_frame",
             truth.false_alarms_per_frame,
@@ -2213,6 +2265,33 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
                  trajectory.position_enu_m = [1, 2, 3]"
             )
             .starts_with("s.toml:18: uavs[1].name: the name 'one' is taken")
+        );
+        let distractor = |name: &str, kind: &str, rest: &str| {
+            add(&format!(
+                "[[distractors]]\nname = '{name}'\nkind = '{kind}'\ntrajectory.kind = 'orbit'\n\
+                 trajectory.centre_enu_m = [1, 2, 3]\ntrajectory.radius_m = 9\n{rest}"
+            ))
+        };
+        assert!(
+            distractor("one", "bird", "trajectory.speed_mps = 9")
+                .starts_with("s.toml:17: distractors[0].name: the name 'one' is taken")
+        );
+        assert!(
+            distractor("gull", "brid", "trajectory.speed_mps = 9").starts_with(
+                "s.toml:18: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
+            )
+        );
+        assert!(
+            distractor("gull", "bird", "trajectory.speed_mps = 0")
+                .contains("distractors[0].trajectory: speed_mps is 0: give a value above 0")
+        );
+        assert!(
+            distractor(
+                "gull",
+                "bird",
+                "trajectory.speed_mps = 9\nspread_m = [5, -1]"
+            )
+            .contains("distractors[0].spread_m[1]: found -1, must be at least 0")
         );
         assert!(
             add("[weather]\nmetar = 'LSZH nonsense'")

@@ -7,7 +7,7 @@ use crate::components::environment::Environment;
 use crate::components::record::{History, Recording, StateHash};
 use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::{extinction_per_m, transmittance};
 use crate::report::{
     ContactBox, ContactFrame, MissDistances, MissStats, ReportData, Shares, StateSpan, Summary,
@@ -113,6 +113,7 @@ pub fn finish(
             precise: miss(Tier::Precise),
         },
         dwell_s: beam.dwell_s,
+        distractor_s: beam.distractor_s,
         energy_j: beam.energy_j,
         share: Shares {
             render,
@@ -128,7 +129,7 @@ pub fn finish(
 fn conditions(world: &mut World) -> String {
     // Koschmieder's threshold: what keeps less than 2 % of its contrast is not seen.
     const THRESHOLD: f64 = 0.02;
-    let mut uavs = world.query::<&Flight>();
+    let mut uavs = world.query_filtered::<&Flight, Without<Distractor>>();
     let mut mounts = world.query::<&Mount>();
     let Some(station) = mounts.iter(world).next().map(|mount| mount.r_enu_m) else {
         return String::new();
@@ -313,6 +314,10 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
         (
             "dwell on the aim point",
             format!("{:.2} s", summary.dwell_s),
+        ),
+        (
+            "beam on distractors",
+            format!("{:.2} s", summary.distractor_s),
         ),
         (
             "energy emitted",

@@ -80,4 +80,6 @@ pub struct BeamState {
     pub energy_j: f64,
     /// Time for which the beam's centre lay on an aim point while firing [s].
     pub dwell_s: f64,
+    /// Time for which the firing beam's axis lay on a distractor [s].
+    pub distractor_s: f64,
 }

@@ -4,7 +4,7 @@ use crate::components::beam::{BeamPath, BeamState, Channel, FireCommand, LaserSo
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::station::Optics;
-use crate::components::uav::{Air, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::uav::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::transmittance;
 use crate::models::beam::{
     BloomingAir, blooming_factor, power_in_bucket_w, wander_correlation_time_s,
@@ -41,6 +41,7 @@ pub fn propagate(
         firing: command.fire,
         energy_j: beam.energy_j,
         dwell_s: beam.dwell_s,
+        distractor_s: beam.distractor_s,
         ..default()
     };
     // The UAV whose aim point lies closest to the axis is the one the path is followed to.
@@ -136,6 +137,34 @@ pub fn propagate(
                 beam.dwell_s += dt_s;
             }
         }
+    }
+}
+
+/// Counts the time for which the beam burns on something that is no UAV.
+pub fn count_distractors(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    station: Single<(&Optics, &FireCommand, &mut BeamState)>,
+    distractors: Query<(&Uav, &Flight), With<Distractor>>,
+) {
+    let (optics, command, mut beam) = station.into_inner();
+    if !command.fire {
+        return;
+    }
+    let pose = optics.laser;
+    let hit = distractors.iter().any(|(uav, flight)| {
+        let r_enu_m = flight.aim_enu_m();
+        let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+        // A disc as large as the mean silhouette of its bounding box seen from the side.
+        let [_, width_m, height_m] = uav.size_m;
+        let radius_m = (width_m * height_m / PI).sqrt();
+        let dsm = &environment.city.dsm;
+        r_cam_m.z > 0.0
+            && r_cam_m.truncate().length() < radius_m
+            && dsm.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear
+    });
+    if hit {
+        beam.distractor_s += clock.dt_s();
     }
 }
 
