@@ -1,6 +1,6 @@
 //! From a scenario to an app, and from an app to a summary.
 
-use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
+use crate::components::beam::{BeamState, Channel, Dose, FireCommand, LaserSource};
 use crate::components::camera::{Frames, Readout, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
@@ -18,13 +18,14 @@ use crate::models::city::City;
 use crate::models::detection::TruthErrors;
 use crate::models::geodesy::{Geodetic, SiteFrame};
 use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
-use crate::models::kinematics::los_to_az_el;
+use crate::models::interlock::KeepOut;
 use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::pid::PaperLaw;
 use crate::models::pointing::TunedPointing;
+use crate::models::radar::RadarErrors;
 use crate::models::rng::Stream;
-use crate::models::search::{Sector, raster};
+use crate::models::search::{SETTLE_S, Sector, SlewLimits, coverage_time_s};
 use crate::models::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
 use crate::models::sky::Sky;
 use crate::models::sun::Sun;
@@ -38,15 +39,15 @@ use crate::models::uav_mesh::{UavMesh, distractor_mesh, uav_mesh};
 use crate::models::wind::{DrydenGust, MeanWind};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::tick::Tick;
-use crate::recording::{Meta, Recorder, RecordingError, SceneEntity, Shape};
+use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, Shape};
 use crate::scenario::{
     self, AssociationRule, Backstop, ControllerPreset, DetectorKind, Exposure, Focus, Images,
-    IntensityModel, Loaded, Scenario, ScenarioError, SearchPattern,
+    IntensityModel, Loaded, Scenario, ScenarioError,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
-use crate::systems::control::{Controller, PaperController, SearchScan};
+use crate::systems::control::{Controller, PaperController, Radar, SearchScan};
 use crate::systems::detect::Detector;
-use crate::systems::engage::{Burst, Interlocks, KeepOut, Rules};
+use crate::systems::engage::{Burst, Interlocks, Rules};
 use crate::systems::mount::optics_of;
 use crate::systems::render::{RenderError, Renderer, spawn_sensor_view};
 use crate::systems::scene::{self, SceneContent, SceneHandles};
@@ -321,7 +322,14 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
         world.insert_non_send(renderer);
         world.insert_non_send(ImageScratch::default());
     }
-    world.insert_resource(recording(loaded, options, seed, &environment)?);
+    let mut recording = recording(loaded, options, seed, &environment)?;
+    if let Some(recorder) = &mut recording.recorder {
+        let scan = world.resource::<SearchScan>();
+        let mount = gimbal_params(&scenario.station.mount, clock.dt_s());
+        let text = search_plan(scan, &mount);
+        recorder.get().log(0, LogLevel::Info, "search", &text)?;
+    }
+    world.insert_resource(recording);
     world.insert_resource(environment);
     world.insert_resource(detector);
     world.insert_resource(Plan {
@@ -579,6 +587,7 @@ fn spawn_uavs(
                 irradiance_wpm2: 0.0,
             },
             UavStatus::Flying,
+            Dose::default(),
             shape,
         ));
     }
@@ -738,43 +747,57 @@ fn station_wind(environment: &Environment, r_station_enu_m: DVec3) -> StationWin
     }
 }
 
-/// Where the search camera looks: the sector, or the part of it that a cue points at.
-fn search_scan(
-    scenario: &Scenario,
-    environment: &Environment,
-    r_station_enu_m: DVec3,
-    first_uav_enu_m: Option<DVec3>,
-    search: &Pinhole,
-) -> SearchScan {
+/// The radar of a scenario, before its first plot.
+fn radar(scenario: &Scenario, seed: u64, clock: SimClock) -> Radar {
+    let cue = scenario.search.cue.as_ref();
+    let name = cue.and_then(|cue| cue.target.as_ref());
+    Radar {
+        errors: cue.map(|cue| RadarErrors {
+            sigma_rad: cue.sigma_deg.to_radians(),
+            range_sigma_m: cue.range_sigma_m,
+        }),
+        period_ticks: cue.map_or(1, |cue| clock.ticks_of(1.0 / cue.rate_hz).max(1)),
+        latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
+        target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+        rng: Stream::new(seed, 0, "radar"),
+        waiting: std::collections::VecDeque::new(),
+        track: None,
+    }
+}
+
+/// Where the search camera looks: the sector, or the part of it that the radar points at.
+fn search_scan(scenario: &Scenario, search: &Pinhole, rate_hz: u32, radar: &Radar) -> SearchScan {
     let sector = &scenario.search;
-    let mut area = Sector {
-        centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
-        centre_elevation_rad: sector.elevation_deg.to_radians(),
-        width_rad: sector.width_deg.to_radians(),
-        height_rad: sector.height_deg.to_radians(),
+    SearchScan::new(
+        sector.pattern,
+        Sector {
+            centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
+            centre_elevation_rad: sector.elevation_deg.to_radians(),
+            width_rad: sector.width_deg.to_radians(),
+            height_rad: sector.height_deg.to_radians(),
+        },
+        [search.hfov_rad(), search.vfov_rad()],
+        1.0 / f64::from(rate_hz),
+        radar.cue(0.0),
+    )
+}
+
+/// The search plan in words, for the log.
+fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
+    let axis = mount.azimuth;
+    let slew = SlewLimits {
+        rate_radps: axis.rate_limit_radps,
+        acceleration_radps2: axis.torque_limit_nm / axis.inertia_kg_m2,
+        settle_s: SETTLE_S,
     };
-    if let (Some(cue), Some(r_uav_enu_m)) = (&sector.cue, first_uav_enu_m) {
-        let sigma_rad = cue.sigma_deg.to_radians();
-        let mut rng = Stream::new(environment.seed, 0, "radar cue");
-        let error = sigma_rad * DVec2::new(rng.normal(), rng.normal());
-        let at = los_to_az_el(r_uav_enu_m - r_station_enu_m) + error;
-        // Two deviations to either side hold the target nine times in ten.
-        area = Sector {
-            centre_azimuth_rad: at.x,
-            centre_elevation_rad: at.y,
-            width_rad: 4.0 * sigma_rad + search.hfov_rad(),
-            height_rad: 4.0 * sigma_rad,
-        };
-    }
-    let gazes_rad = match sector.pattern {
-        SearchPattern::Raster => raster(&area, [search.hfov_rad(), search.vfov_rad()], 0.1),
-        SearchPattern::Stare => vec![[area.centre_azimuth_rad, area.centre_elevation_rad]],
-    };
-    SearchScan {
-        gazes_rad,
-        index: 0,
-        settled_since: None,
-    }
+    format!(
+        "{} of {} gazes, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
+        scan.pattern.name(),
+        scan.gazes_rad.len(),
+        scan.area.width_rad.to_degrees(),
+        scan.area.height_rad.to_degrees(),
+        coverage_time_s(&scan.gazes_rad, scan.gaze_s, &slew),
+    )
 }
 
 /// Lens and sensor of a scenario's camera in the light and air of the run.
@@ -840,11 +863,14 @@ fn spawn_station(
     let seed = environment.seed;
     let r_station_enu_m = station_enu_m(scenario, environment);
     let cameras = scenario.station.cameras.resolved();
-    let mut first = world.query_filtered::<(&Uav, &Flight), Without<Distractor>>();
-    let first_uav_enu_m = first
+    let mut radar = radar(scenario, seed, clock);
+    let mut uavs = world.query_filtered::<(&Uav, &Flight), Without<Distractor>>();
+    let airborne = uavs
         .iter(world)
-        .find(|(uav, _)| uav.index == 0)
-        .map(|(_, flight)| flight.state.r_enu_m);
+        .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - r_station_enu_m));
+    // The engagement begins with the radar's first plot.
+    let first = radar.look(0.0, airborne);
+    radar.take(first);
     let mut scan = None;
     let mut pinholes = Vec::new();
     for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
@@ -870,14 +896,7 @@ fn spawn_station(
             antialias: camera.antialias,
         };
         if tier == Tier::Search {
-            let search = search_scan(
-                scenario,
-                environment,
-                r_station_enu_m,
-                first_uav_enu_m,
-                &pinhole,
-            );
-            scan = Some(search);
+            scan = Some(search_scan(scenario, &pinhole, camera.rate_hz, &radar));
         }
         let views = world
             .get_resource::<SceneHandles>()
@@ -958,21 +977,24 @@ fn spawn_station(
         BeamState::default(),
     ));
     world.insert_resource(scan);
+    world.insert_resource(radar);
     world.insert_resource(controller(scenario, &mirror_params, dt_s));
     let engage = &scenario.engage;
     world.insert_resource(tracker_params(scenario, r_station_enu_m));
     world.insert_resource(operator(scenario, clock));
+    let keep_out = |zone: &scenario::KeepOut| {
+        let shape = zone.zone();
+        Ok(KeepOut {
+            name: zone.name.clone(),
+            zone: shape.ok_or_else(|| value("engage.keep_out", "has no shape".into()))?,
+        })
+    };
     world.insert_resource(Rules {
         authorised: engage.authorised,
-        keep_out: engage
-            .keep_out
-            .iter()
-            .map(|zone| KeepOut {
-                name: zone.name.clone(),
-                azimuth_rad: zone.azimuth_deg.map(f64::to_radians),
-                elevation_rad: zone.elevation_deg.map(f64::to_radians),
-            })
-            .collect(),
+        keep_out: (engage.keep_out.iter().map(keep_out)).collect::<Result<_, RunError>>()?,
+        sun_exclusion_rad: engage.sun_exclusion_deg.to_radians(),
+        look_ahead_s: engage.look_ahead_s,
+        beam_radius_m: scenario.station.laser.aperture_radius_m,
         allow_sky: engage.allow_backstop.contains(&Backstop::Sky),
         allow_ground: engage.allow_backstop.contains(&Backstop::Ground),
         allow_building: engage.allow_backstop.contains(&Backstop::Building),

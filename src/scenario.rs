@@ -20,7 +20,9 @@ use crate::models::atmosphere::Cn2Profile;
 use crate::models::base_motion::{self, BaseMotionParams, Spectrum, TiltMode};
 use crate::models::city::CityParams;
 use crate::models::distractor::DistractorKind;
+use crate::models::interlock::Zone;
 use crate::models::rng::Stream;
+use crate::models::search::SearchPattern;
 use crate::models::thermal::{self, SkinMaterial};
 use crate::models::trajectory::Trajectory;
 use crate::models::uav::{AimPart, UavKind};
@@ -680,7 +682,7 @@ pub struct SearchSector {
     /// How the sector is covered.
     #[serde(default)]
     pub pattern: SearchPattern,
-    /// A radar's hint of the first UAV's direction; absent: search unaided.
+    /// A radar that tracks a UAV; absent: search unaided.
     pub cue: Option<Cue>,
 }
 
@@ -696,23 +698,36 @@ fn default_sector_height() -> f64 {
     12.0
 }
 
-/// How the search sector is covered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SearchPattern {
-    /// To and fro across the sector.
-    #[default]
-    Raster,
-    /// Stays on the middle, or on the cue.
-    Stare,
-}
-
-/// A radar cue.
+/// The cue of an external radar at the station: a track of one UAV made of noisy plots. The search
+/// covers two deviations of the track to either side of where it says the UAV is now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cue {
-    /// Standard deviation of the cue's direction, each axis.
+    /// Standard deviation of a plot's direction, each axis.
     pub sigma_deg: f64,
+    /// Standard deviation of a plot's slant range.
+    #[serde(default = "default_cue_range_sigma")]
+    pub range_sigma_m: f64,
+    /// Plots a second; the first is there at the start.
+    #[serde(default = "default_cue_rate")]
+    pub rate_hz: f64,
+    /// From a measurement to its plot at the station.
+    #[serde(default = "default_cue_latency")]
+    pub latency_s: f64,
+    /// Name of the UAV that is tracked; absent: the first that is still in the air.
+    pub target: Option<String>,
+}
+
+fn default_cue_range_sigma() -> f64 {
+    15.0 // [m]
+}
+
+fn default_cue_rate() -> f64 {
+    1.0 // [Hz]
+}
+
+fn default_cue_latency() -> f64 {
+    0.3 // [s]
 }
 
 /// One UAV.
@@ -939,8 +954,13 @@ pub struct Engage {
     pub authorised: bool,
     /// The part of a UAV that the laser is aimed at.
     pub aim: AimPart,
-    /// Directions in which the laser never fires.
+    /// Regions that the beam never enters.
     pub keep_out: Vec<KeepOut>,
+    /// The laser does not fire this close to the sun: it would dazzle the precise camera.
+    pub sun_exclusion_deg: f64,
+    /// How far ahead the line of sight is checked for obstacles and keep-out zones: the laser is
+    /// off before it gets there.
+    pub look_ahead_s: f64,
     /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
     pub allow_backstop: Vec<Backstop>,
     /// An allowed building or ground must lie at least this far behind the target.
@@ -961,6 +981,8 @@ impl Default for Engage {
             authorised: true,
             aim: AimPart::default(),
             keep_out: Vec::new(),
+            sun_exclusion_deg: 5.0,
+            look_ahead_s: 0.3,
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
             lock_radius_px: 3.0,
@@ -971,16 +993,44 @@ impl Default for Engage {
     }
 }
 
-/// A block of directions in which the laser never fires.
+/// A region that the beam never enters: a block of directions (`azimuth_deg`, `elevation_deg`), or
+/// everything near a straight route (`from_enu_m`, `to_enu_m`, `radius_m`), such as an aircraft
+/// corridor, which the beam must not meet behind the target either.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KeepOut {
     /// What is protected.
     pub name: String,
-    /// Azimuths [from, to] clockwise from north; from > to passes through north.
-    pub azimuth_deg: [f64; 2],
-    /// Elevations [from, to].
-    pub elevation_deg: [f64; 2],
+    /// Block: azimuths [from, to] clockwise from north; from > to passes through north.
+    pub azimuth_deg: Option<[f64; 2]>,
+    /// Block: elevations [from, to].
+    pub elevation_deg: Option<[f64; 2]>,
+    /// Route: east, north, up of one end.
+    pub from_enu_m: Option<[f64; 3]>,
+    /// Route: east, north, up of the other end.
+    pub to_enu_m: Option<[f64; 3]>,
+    /// Route: protected distance around it.
+    pub radius_m: Option<f64>,
+}
+
+impl KeepOut {
+    /// The region; none unless the fields of exactly one form are given.
+    pub fn zone(&self) -> Option<Zone> {
+        let block = (self.azimuth_deg, self.elevation_deg);
+        let route = (self.from_enu_m, self.to_enu_m, self.radius_m);
+        match (block, route) {
+            ((Some(azimuth_deg), Some(elevation_deg)), (None, None, None)) => Some(Zone::Sector {
+                azimuth_rad: azimuth_deg.map(f64::to_radians),
+                elevation_rad: elevation_deg.map(f64::to_radians),
+            }),
+            ((None, None), (Some(from), Some(to), Some(radius_m))) => Some(Zone::Route {
+                from_enu_m: from.into(),
+                to_enu_m: to.into(),
+                radius_m,
+            }),
+            _ => None,
+        }
+    }
 }
 
 /// What the beam would meet beyond the target.
@@ -1546,7 +1596,7 @@ impl Scenario {
         );
         check_city(&self.city, &mut check);
         self.station.check(&mut check, self.tick_hz);
-        self.search.check(&mut check);
+        self.search.check(&mut check, &self.uavs);
         let mut names = Vec::new();
         let uavs = self.uavs.iter().enumerate().map(|(index, uav)| {
             let flight = (&uav.trajectory, uav.spread_m, uav.spread_s);
@@ -1779,7 +1829,7 @@ impl Camera {
 }
 
 impl SearchSector {
-    fn check(&self, check: &mut Check) {
+    fn check(&self, check: &mut Check, uavs: &[Uav]) {
         check.within("search.centre_azimuth_deg", self.centre_azimuth_deg, TURN);
         check.positive("search.width_deg", self.width_deg);
         check.within("search.width_deg", self.width_deg, 0.0..=360.0);
@@ -1788,6 +1838,20 @@ impl SearchSector {
         check.within("search.height_deg", self.height_deg, 0.0..=180.0);
         if let Some(cue) = &self.cue {
             check.within("search.cue.sigma_deg", cue.sigma_deg, 0.0..=90.0);
+            check.within(
+                "search.cue.range_sigma_m",
+                cue.range_sigma_m,
+                0.0..=10_000.0,
+            );
+            check.positive("search.cue.rate_hz", cue.rate_hz);
+            check.within("search.cue.latency_s", cue.latency_s, 0.0..=60.0);
+            if let Some(target) = &cue.target {
+                let known = uavs.iter().any(|uav| uav.name == *target);
+                check.that(known, "search.cue.target", || {
+                    let names: Vec<&str> = uavs.iter().map(|uav| uav.name.as_str()).collect();
+                    format!("no UAV '{target}'{}", suggestion(target, &names))
+                });
+            }
         }
     }
 }
@@ -1842,15 +1906,26 @@ impl Engage {
             let path = format!("engage.keep_out[{index}]");
             check.name(&format!("{path}.name"), &zone.name, &names);
             names.push(&zone.name);
-            for (end, azimuth) in zone.azimuth_deg.into_iter().enumerate() {
+            check.that(zone.zone().is_some(), &path, || {
+                "give either azimuth_deg and elevation_deg, or from_enu_m, to_enu_m and radius_m"
+                    .to_owned()
+            });
+            for (end, azimuth) in zone.azimuth_deg.into_iter().flatten().enumerate() {
                 check.within(&format!("{path}.azimuth_deg[{end}]"), azimuth, TURN);
             }
-            check.ascending(
-                &format!("{path}.elevation_deg"),
-                zone.elevation_deg,
-                ELEVATION,
-            );
+            if let Some(elevation_deg) = zone.elevation_deg {
+                check.ascending(&format!("{path}.elevation_deg"), elevation_deg, ELEVATION);
+            }
+            if let Some(radius_m) = zone.radius_m {
+                check.positive(&format!("{path}.radius_m"), radius_m);
+            }
         }
+        check.within(
+            "engage.sun_exclusion_deg",
+            self.sun_exclusion_deg,
+            0.0..=90.0,
+        );
+        check.within("engage.look_ahead_s", self.look_ahead_s, 0.0..=5.0);
         let mut within = |key: &str, value| {
             check.within(&format!("engage.{key}"), value, AT_LEAST_ZERO);
         };
@@ -2321,6 +2396,58 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert!(
             error(GOOD, &["record.state_hz=7"])
                 .starts_with("s.toml: --set record.state_hz=7: record.state_hz: 7 Hz")
+        );
+    }
+
+    #[test]
+    fn a_keep_out_zone_has_one_form() {
+        let zones = with(&[
+            "engage.keep_out=[{ name = 'a', azimuth_deg = [350, 10], elevation_deg = [0, 90] }, \
+             { name = 'b', from_enu_m = [0, 1, 2], to_enu_m = [3, 4, 5], radius_m = 6 }]",
+        ])
+        .engage
+        .keep_out;
+        assert!(matches!(zones[0].zone(), Some(Zone::Sector { .. })));
+        assert_eq!(
+            zones[1].zone(),
+            Some(Zone::Route {
+                from_enu_m: glam::DVec3::new(0.0, 1.0, 2.0),
+                to_enu_m: glam::DVec3::new(3.0, 4.0, 5.0),
+                radius_m: 6.0
+            })
+        );
+        for broken in [
+            "radius_m = 6",
+            "azimuth_deg = [0, 10]",
+            "azimuth_deg = [0, 10], elevation_deg = [0, 90], radius_m = 6",
+            "from_enu_m = [0, 1, 2], to_enu_m = [3, 4, 5]",
+            "elevation_deg = [0, 90], from_enu_m = [0, 1, 2], to_enu_m = [3, 4, 5], radius_m = 6",
+        ] {
+            let zone = format!("[engage]\nkeep_out = [{{ name = 'c', {broken} }}]");
+            let message = error(&format!("{GOOD}{zone}"), &[]);
+            assert!(
+                message.starts_with("s.toml:19: engage.keep_out[0]: give either azimuth_deg"),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_cue_names_a_uav() {
+        let cue = with(&["search.cue={ sigma_deg = 0.7 }"])
+            .search
+            .cue
+            .unwrap();
+        assert_eq!(
+            (cue.rate_hz, cue.range_sigma_m, cue.latency_s),
+            (1.0, 15.0, 0.3)
+        );
+        let named = with(&["search.cue={ sigma_deg = 0.7, target = 'one' }"]);
+        assert_eq!(named.search.cue.unwrap().target.as_deref(), Some("one"));
+        assert_eq!(
+            error(GOOD, &["search.cue={ sigma_deg = 0.7, target = 'ona' }"]),
+            "s.toml: --set search.cue={ sigma_deg = 0.7, target = 'ona' }: search.cue.target: no \
+             UAV 'ona' - did you mean 'one'? expected one of one"
         );
     }
 

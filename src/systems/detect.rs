@@ -122,7 +122,7 @@ pub fn detect(
 mod tests {
     use super::*;
     use crate::components::camera::Tier;
-    use crate::components::station::Pointing;
+    use crate::components::station::{Alignment, Pointing};
     use crate::components::uav::Flight;
     use crate::models::camera::Pinhole;
     use crate::models::kinematics::Pose;
@@ -189,6 +189,7 @@ mod tests {
                         az_el_rad: DVec2::ZERO,
                         mirror_rad: DVec2::ZERO,
                         base_tilt_rad: DVec3::ZERO,
+                        alignment: Alignment::default(),
                     },
                     rect: PixelRect {
                         offset_px: [0, 0],
