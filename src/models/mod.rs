@@ -16,6 +16,7 @@ pub mod mirror;
 pub mod multirotor;
 pub mod pid;
 pub mod pointing;
+pub mod ranging;
 pub mod raster;
 pub mod rng;
 pub mod search;
