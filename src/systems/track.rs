@@ -304,8 +304,11 @@ impl Situation<'_> {
 
     /// Time in which a track could be at the asset [s].
     fn threat_s(&self, track: &Track) -> f64 {
-        let (r_enu_m, v_enu_mps) = track.position_enu(self.r_station_enu_m, self.t_s());
-        time_to_asset_s(r_enu_m, v_enu_mps, self.params.r_asset_enu_m)
+        track
+            .position_enu(self.r_station_enu_m, self.t_s())
+            .map_or(f64::INFINITY, |(r_enu_m, v_enu_mps)| {
+                time_to_asset_s(r_enu_m, v_enu_mps, self.params.r_asset_enu_m)
+            })
     }
 
     /// The most threatening track that looks like a UAV, and why it does.
@@ -607,8 +610,10 @@ pub fn find_range(
         .min_by(f64::total_cmp);
     if let Some(range_m) = echo.filter(|_| held) {
         let measured_m = range_m + RANGE_SIGMA_M * finder.0.normal();
-        track.range.on_laser(measured_m, RANGE_SIGMA_M, t_s);
+        track.ranged(measured_m, RANGE_SIGMA_M, t_s);
     }
-    let (range_m, sigma_m) = track.range.range_m(t_s);
-    tracker.range_m = (sigma_m < RANGE_KNOWN_M).then_some(range_m);
+    let known = track.range.range_m(t_s);
+    tracker.range_m = known
+        .filter(|(_, sigma_m)| *sigma_m < RANGE_KNOWN_M)
+        .map(|(range_m, _)| range_m);
 }
