@@ -791,7 +791,7 @@ fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
         settle_s: SETTLE_S,
     };
     format!(
-        "{} of {} gazes, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
+        "{} pattern, gazes: {}, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
         scan.pattern.name(),
         scan.gazes_rad.len(),
         scan.area.width_rad.to_degrees(),

@@ -2426,7 +2426,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             let zone = format!("[engage]\nkeep_out = [{{ name = 'c', {broken} }}]");
             let message = error(&format!("{GOOD}{zone}"), &[]);
             assert!(
-                message.starts_with("s.toml:19: engage.keep_out[0]: give either azimuth_deg"),
+                message.starts_with("s.toml:18: engage.keep_out[0]: give either azimuth_deg"),
                 "{message}"
             );
         }
