@@ -686,15 +686,12 @@ mod tests {
             });
             show(&format!("no feed-forward, mirror {mirror}"), law);
         }
-        for accel_sigma_radps2 in [5e-4, 1e-3, 2e-3, 4e-3, 8e-3] {
-            for accel_tau_s in [1.0, 2.0, 4.0] {
-                let filter = LosFilterParams {
-                    accel_sigma_radps2,
-                    accel_tau_s,
-                    ..tuned.filter
-                };
+        for accel_mps2 in [0.5, 1.0, 2.0, 4.0, 8.0] {
+            for tau_s in [1.0, 2.0, 4.0] {
+                let mut filter = tuned.filter;
+                (filter.modes[1].accel_mps2, filter.accel_tau_s) = (accel_mps2, tau_s);
                 show(
-                    &format!("sigma {accel_sigma_radps2:.0e} tau {accel_tau_s}"),
+                    &format!("manoeuvre {accel_mps2} tau {tau_s}"),
                     Law::Tuned(Tuned { filter, ..tuned }),
                 );
             }
