@@ -288,7 +288,7 @@ fn encode_frames(frames: &[ContactFrame]) -> Result<Vec<Vec<u8>>, ReportError> {
 }
 
 /// Text made safe for HTML and SVG, in content and in quoted attributes.
-struct Escaped<'a>(&'a str);
+pub(crate) struct Escaped<'a>(pub(crate) &'a str);
 
 impl Display for Escaped<'_> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
@@ -309,7 +309,7 @@ impl Display for Escaped<'_> {
 }
 
 // Colours after Okabe and Ito, which the colour-blind can tell apart; the dark page lightens the blue.
-const STYLE: &str = "
+pub(crate) const STYLE: &str = "
 :root{color-scheme:light dark;--paper:#fff;--card:#f6f7f9;--ink:#16191d;--soft:#5a636e;--line:#d9dde3;
 --s0:#0072b2;--s1:#d55e00;--good:#00795a;--bad:#b34700}
 @media(prefers-color-scheme:dark){:root{--paper:#12151a;--card:#1b2027;--ink:#e8ebef;--soft:#9aa5b1;
@@ -446,8 +446,9 @@ fn page_html(out: &mut String, data: &ReportData, jpegs: &[Vec<u8>]) -> fmt::Res
         },
     ];
     let end_s = end_of_run_s(data);
+    let across = Across::time("simulated time [s]", end_s);
     for chart in &charts {
-        chart.html(out, end_s)?;
+        chart.html(out, &across)?;
     }
     out.push_str("</div>\n<h2>States</h2>\n");
     states_html(out, &data.states, end_s)?;
@@ -501,7 +502,7 @@ fn miss_table(out: &mut String, data: &ReportData) -> fmt::Result {
 
 /// How a chart's values are mapped to its height.
 #[derive(Clone, Copy, PartialEq)]
-enum Scale {
+pub(crate) enum Scale {
     Linear,
     /// Linear from zero, with the unit's prefix chosen by size.
     Prefixed,
@@ -509,13 +510,40 @@ enum Scale {
     Log,
 }
 
-struct Chart<'a> {
-    title: &'a str,
-    unit: &'a str,
-    scale: Scale,
+pub(crate) struct Chart<'a> {
+    pub(crate) title: &'a str,
+    pub(crate) unit: &'a str,
+    pub(crate) scale: Scale,
     /// Name, empty for an only one, and samples.
-    series: &'a [(&'a str, &'a Series)],
-    limit: Option<(&'a str, f64)>,
+    pub(crate) series: &'a [(&'a str, &'a Series)],
+    pub(crate) limit: Option<(&'a str, f64)>,
+}
+
+/// What a chart's values are drawn over.
+pub(crate) struct Across<'a> {
+    label: &'a str,
+    axis: Axis,
+}
+
+impl<'a> Across<'a> {
+    /// Time from zero [s].
+    pub(crate) fn time(label: &'a str, end_s: f64) -> Self {
+        let axis = Axis {
+            log: false,
+            low: 0.0,
+            high: end_s.max(f64::MIN_POSITIVE),
+            ticks: linear_ticks(0.0, end_s, 6),
+        };
+        Self { label, axis }
+    }
+
+    /// Frequency, logarithmic [Hz].
+    pub(crate) fn frequency(low_hz: f64, high_hz: f64) -> Self {
+        Self {
+            label: "frequency [Hz]",
+            axis: Axis::log(low_hz, high_hz),
+        }
+    }
 }
 
 // The drawing, in SVG units that are pixels when it is shown at its own width.
@@ -527,7 +555,7 @@ const TOP: f64 = 12.0;
 const BOTTOM: f64 = 38.0;
 
 impl Chart<'_> {
-    fn html(&self, out: &mut String, end_s: f64) -> fmt::Result {
+    pub(crate) fn html(&self, out: &mut String, across: &Across) -> fmt::Result {
         let usable = |y: f64| y.is_finite() && (self.scale != Scale::Log || y > 0.0);
         let (low, high) = self
             .series
@@ -574,12 +602,12 @@ impl Chart<'_> {
             return Ok(());
         }
         let axis = Axis::new(self.scale, low / factor, high / factor);
-        let x_of = |t: f64| LEFT + t / end_s.max(f64::MIN_POSITIVE) * (WIDTH - LEFT - RIGHT);
+        let x_of = |t: f64| LEFT + across.axis.place(t) * (WIDTH - LEFT - RIGHT);
         let y_of = |y: f64| HEIGHT - BOTTOM - axis.place(y) * (HEIGHT - TOP - BOTTOM);
         writeln!(
             out,
-            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{} over time\">",
-            self.title
+            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{} over {}\">",
+            self.title, across.label
         )?;
         for (y, label) in &axis.ticks {
             let py = y_of(*y);
@@ -593,8 +621,8 @@ impl Chart<'_> {
             )?;
         }
         let floor = HEIGHT - BOTTOM;
-        for (t, label) in linear_ticks(0.0, end_s, 6) {
-            let px = x_of(t);
+        for (t, label) in &across.axis.ticks {
+            let px = x_of(*t);
             writeln!(
                 out,
                 "<line class=\"grid\" x1=\"{px:.1}\" x2=\"{px:.1}\" y1=\"{floor}\" y2=\"{}\"/>\
@@ -605,9 +633,10 @@ impl Chart<'_> {
         }
         writeln!(
             out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">simulated time [s]</text>",
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
             (LEFT + WIDTH - RIGHT) / 2.0,
-            HEIGHT - 4.0
+            HEIGHT - 4.0,
+            across.label
         )?;
         if let Some((_, y)) = self.limit {
             let py = y_of(y / factor);

@@ -669,7 +669,17 @@ fn shown(world: &mut World, index: usize, mesh: Arc<UavMesh>, state: &Multirotor
     UavShape::new(mesh)
 }
 
-fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
+/// The mirror of a scenario's mount.
+pub(crate) fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
+    MirrorParams {
+        natural_frequency_hz: mount.mirror_bandwidth_hz,
+        stroke_rad: mount.mirror_range_mrad * 1e-3,
+        ..default()
+    }
+}
+
+/// The gimbal of a scenario's mount, commanded every `dt_s`.
+pub(crate) fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
     let default = GimbalParams::default();
     let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
         let structure = axis
@@ -929,11 +939,7 @@ fn spawn_station(
     params
         .validate()
         .map_err(|error| value("station.mount", error.to_string()))?;
-    let mirror_params = MirrorParams {
-        natural_frequency_hz: station.mount.mirror_bandwidth_hz,
-        stroke_rad: station.mount.mirror_range_mrad * 1e-3,
-        ..default()
-    };
+    let mirror_params = mirror_params(&station.mount);
     let mirror = Mirror::new(&mirror_params, dt_s)
         .map_err(|error| value("station.mount", error.to_string()))?;
     let mut rng = Stream::new(seed, 0, "base motion");
@@ -1007,7 +1013,7 @@ fn spawn_station(
     Ok(())
 }
 
-fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
+pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
     let scenario::Tracker {
         rule,
         centre_sigma_px,

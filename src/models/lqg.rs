@@ -299,6 +299,12 @@ impl LqgPointing {
         })
     }
 
+    /// Gimbal rate per angle still to turn of azimuth and elevation [1/s], once the servo follows: then
+    /// u = −K_e e − K_r r is a proportional law of gain −K_e/(1 + K_r).
+    pub fn gimbal_gains_per_s(&self) -> [f64; 2] {
+        self.gains.map(|[rate, _]| -rate[0] / (1.0 + rate[1]))
+    }
+
     /// The commands of one tick.
     pub fn command(
         &self,
@@ -316,10 +322,9 @@ impl LqgPointing {
         let in_space = input.gimbal_rates_radps + base_radps;
         let accel = DVec2::new(input.los.az_accel_radps2, input.los.el_accel_radps2);
 
-        // Far off, the gain on the error gives way to the braking parabola: with the servo following,
-        // u = −K_e e − K_r r is a proportional law of gain −K_e/(1 + K_r).
+        // Far off, the gain on the error gives way to the braking parabola.
         let slope = |i: usize| 1.0 + self.gains[i][0][1];
-        let gains_per_s = [0, 1].map(|i| -self.gains[i][0][0] / slope(i));
+        let gains_per_s = self.gimbal_gains_per_s();
         let turned = hand_over.gimbal_rates(gimbal, gains_per_s, &aim, input.gimbal_rates_radps);
         let set = hand_over.mirror(aim.deflection_rad);
 

@@ -17,6 +17,7 @@ use crate::models::frequency::{
 };
 use crate::models::gimbal::{self, AxisParams, GimbalCommand, GimbalParams, GimbalState};
 use crate::models::mirror::{Mirror, MirrorParams, SecondOrderError};
+use crate::models::pid::{PaperLaw, PaperPid, coarse_axis_rates};
 use crate::models::pointing::{HandOver, PointingInput, PointingLaw, TunedPointing};
 
 /// Least gain margin of a loop [dB].
@@ -280,6 +281,64 @@ fn pointing_loop(
         let deflection = mirror.map_or(DVec2::ZERO, |mirror| mirror.deflection_rad());
         (state.az_el_rad() + deflection - origin).dot(axis.unit())
     }
+}
+
+/// The paper's coarse loop (eq. 9): the target's line of sight → the boresight's, both along one
+/// axis [rad]. Each frame's delayed error turns the gimbal by the law's increment.
+fn paper_loop(
+    plant: &Plant,
+    axis: Axis,
+    camera: CameraTiming,
+    law: PaperLaw,
+) -> impl FnMut(f64) -> f64 + use<> {
+    let Plant { gimbal, dt_s, .. } = *plant;
+    let mut state = GimbalState::at_rest(DVec2::ZERO);
+    let (mut pid, mut command) = (PaperPid::default(), GimbalCommand::default());
+    let mut frames: VecDeque<(u64, DVec2)> = VecDeque::new();
+    let frame_s = camera.period_ticks as f64 * dt_s;
+    let mut tick = 0_u64;
+    move |u| {
+        if tick.is_multiple_of(camera.period_ticks) {
+            let error = axis.unit() * u - state.az_el_rad();
+            // The image's down is the axis's −y.
+            frames.push_back((tick, DVec2::new(error.x, -error.y)));
+        }
+        while let Some((_, error)) =
+            frames.pop_front_if(|frame| frame.0 + camera.latency_ticks <= tick)
+        {
+            let increment = pid.step(&law, error, frame_s);
+            let rates = coarse_axis_rates(state.encoder_az_el_rad(), increment, 1.0 / frame_s);
+            command.rate_radps = rates.to_array();
+        }
+        gimbal::step(&mut state, &gimbal, &command, [0.0; 2], dt_s);
+        tick += 1;
+        state.az_el_rad().dot(axis.unit())
+    }
+}
+
+/// Measures the paper's coarse loop.
+pub fn measure_paper_loop(
+    plant: &Plant,
+    axis: Axis,
+    camera: CameraTiming,
+    law: PaperLaw,
+) -> LoopMeasurement {
+    let sweep = Sweep {
+        dt_s: plant.dt_s,
+        // Its rates are then clear of friction's Stribeck range.
+        amplitude: 0.02, // [rad]
+        settle_s: 15.0,  // [s]
+        measure_s: 10.0, // [s]
+    };
+    let frequencies = log_spaced(0.02, 5.0, 30);
+    measure(
+        "pointing, paper (eq. 9)".into(),
+        "rad",
+        &sweep,
+        &frequencies,
+        12.0,
+        || paper_loop(plant, axis, camera, law),
+    )
 }
 
 /// Measures the rate loop of an axis.
