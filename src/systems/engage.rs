@@ -7,41 +7,24 @@ use crate::components::environment::Environment;
 use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::dsm::HitKind;
+use crate::models::interlock::{KeepOut, bundle_hit_m, faces_sun, in_beam};
 use crate::models::kinematics::az_el_to_los;
 use bevy::prelude::*;
 use glam::DVec2;
-
-/// A sector the beam never enters.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KeepOut {
-    /// What is protected.
-    pub name: String,
-    /// Azimuths from, to, clockwise [rad]; from > to passes through north.
-    pub azimuth_rad: [f64; 2],
-    /// Elevations from, to [rad].
-    pub elevation_rad: [f64; 2],
-}
-
-impl KeepOut {
-    /// Whether a direction (azimuth, elevation) lies in the zone.
-    pub fn contains(&self, az_el_rad: DVec2) -> bool {
-        use std::f64::consts::TAU;
-        let [from, to] = self.azimuth_rad;
-        let span = (to - from).rem_euclid(TAU);
-        // A zone from 0 to 360 degrees is the whole circle.
-        let whole = span == 0.0 && from != to;
-        let inside = whole || (az_el_rad.x - from).rem_euclid(TAU) <= span;
-        inside && (self.elevation_rad[0]..=self.elevation_rad[1]).contains(&az_el_rad.y)
-    }
-}
 
 /// The rules of engagement of a run.
 #[derive(Resource, Clone, Debug)]
 pub struct Rules {
     /// Whether the laser may fire at all.
     pub authorised: bool,
-    /// Protected sectors.
+    /// Protected regions.
     pub keep_out: Vec<KeepOut>,
+    /// Least angle from a risen sun [rad].
+    pub sun_exclusion_rad: f64,
+    /// How far ahead the line of sight is checked [s].
+    pub look_ahead_s: f64,
+    /// Radius of the beam at its exit [m]; on its way to the target it is nowhere wider.
+    pub beam_radius_m: f64,
     /// Whether open sky may lie behind the target.
     pub allow_sky: bool,
     /// Whether the ground may.
@@ -96,6 +79,10 @@ const FAR_M: f64 = 20_000.0;
 /// A target that sinks faster than this has been neutralised as far as the station can tell
 /// [m/s]: no trajectory in the catalogue dives so with its rotors running.
 const FALLING_MPS: f64 = 6.0;
+/// Instants at which the line of sight ahead is checked.
+const LOOKS_AHEAD: u32 = 3;
+/// Hits that make a track an object to be spared: a false alarm seldom comes back.
+const OBJECT_HITS: u32 = 3;
 
 /// Checks every interlock and sets the firing command for the next tick.
 pub fn decide_fire(
@@ -144,12 +131,42 @@ pub fn decide_fire(
                     reasons.push(reason);
                 }
             }
-            if rules
-                .keep_out
-                .iter()
-                .any(|zone| zone.contains(los.az_el_rad()))
-            {
+            let protected = |az_el_rad: DVec2| {
+                let mut zones = rules.keep_out.iter().map(|keep_out| keep_out.zone);
+                zones.any(|zone| zone.meets(mount.r_enu_m, az_el_rad, FAR_M))
+            };
+            if protected(los.az_el_rad()) {
                 reasons.push("keep-out zone");
+            }
+            // The laser must be off before the line of sight gets anywhere it must not fire.
+            let dsm = &environment.city.dsm;
+            let mut ahead = (1..=LOOKS_AHEAD).map(|i| {
+                let lead_s = rules.look_ahead_s * f64::from(i) / f64::from(LOOKS_AHEAD);
+                track.filter.predicted(clock.t_s() + lead_s).az_el_rad()
+            });
+            if ahead
+                .clone()
+                .any(|at| bundle_hit_m(dsm, mount.r_enu_m, at, spread, range_m).is_some())
+            {
+                reasons.push("line of sight will be blocked");
+            }
+            if ahead.any(protected) {
+                reasons.push("keep-out zone ahead");
+            }
+            if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
+                reasons.push("sun behind the target");
+            }
+            let beam_rad = rules.beam_radius_m / range_m;
+            let others = tracker
+                .table
+                .tracks
+                .iter()
+                .filter(|other| other.id != track.id && other.total_hits() >= OBJECT_HITS);
+            if others
+                .map(|other| (other.filter.predicted(clock.t_s()), other.size_rad))
+                .any(|(other, size_rad)| in_beam(&los, &other, size_rad, beam_rad))
+            {
+                reasons.push("another object in the beam");
             }
             if -los.el_rate_radps * range_m * direction.truncate().length() > FALLING_MPS {
                 reasons.push("target falls");
@@ -157,6 +174,8 @@ pub fn decide_fire(
             command.focus_range_m = range_m;
         }
         (Some(_), None) => reasons.push("no range"),
+        // Without a track nothing of the above can be checked.
+        (None, _) if tracker.state == TrackingState::Engage => reasons.push("no track"),
         _ => {}
     }
     let elapsed_s = |since: u64| clock.at_s(clock.tick - since);
@@ -189,6 +208,9 @@ mod tests {
         let rules = |allow: [bool; 3]| Rules {
             authorised: true,
             keep_out: Vec::new(),
+            sun_exclusion_rad: 0.1,
+            look_ahead_s: 0.3,
+            beam_radius_m: 0.05,
             allow_sky: allow[0],
             allow_ground: allow[1],
             allow_building: allow[2],
@@ -212,18 +234,5 @@ mod tests {
         assert_eq!(near(1000.0), Some("line of sight blocked"));
         assert_eq!(near(1499.0), Some("solid backstop"));
         assert_eq!(near(1500.0), None);
-    }
-
-    #[test]
-    fn a_zone_may_pass_through_north() {
-        let zone = KeepOut {
-            name: "corridor".into(),
-            azimuth_rad: [6.0, 0.5],
-            elevation_rad: [0.0, 1.0],
-        };
-        assert!(zone.contains(DVec2::new(-0.1, 0.5)));
-        assert!(zone.contains(DVec2::new(0.3, 0.5)));
-        assert!(!zone.contains(DVec2::new(1.0, 0.5)));
-        assert!(!zone.contains(DVec2::new(0.3, -0.1)));
     }
 }
