@@ -2303,9 +2303,9 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         let weather = |sets: &[&str]| with(sets).weather.resolved().unwrap();
         let dry = weather(&[]);
         assert_eq!((dry.visibility_m, dry.precipitation_mmph), (20_000.0, 0.0));
-        // 5 mm/h of rain, 0.72838 /km, beside the haze of 20 km.
+        // 5 mm/h of rain, 0.72835 /km, beside the haze of 20 km.
         let rain = weather(&["weather.precipitation_mmph=5"]);
-        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72838);
+        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72835);
         assert!((rain.visibility_m - expected_m).abs() < 0.1, "{rain:?}");
         assert!(!rain.snow);
         let snow = weather(&["weather.precipitation_mmph=5", "weather.temperature_c=-5"]);
@@ -2316,7 +2316,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         let metar = "weather.metar='LSZH 200850Z 24005KT 4000 RA OVC010 09/08 Q1020'";
         assert_eq!(weather(&[metar]).visibility_m, 4000.0);
         let dried = weather(&[metar, "weather.precipitation_mmph=0"]);
-        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72838);
+        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72835);
         assert!(
             (dried.visibility_m / expected_m - 1.0).abs() < 1e-4,
             "{dried:?}"
