@@ -724,8 +724,11 @@ fn boresights(
             let mut rng = Stream::new(seed, i as u64, "calibration");
             let centroids =
                 calibration::measure(pinhole, truth.0[i], CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
-            known.0[i] =
-                calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?.rotation_rad;
+            let found = calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?;
+            known.rotation_rad[i] = found.rotation_rad;
+            known.sigma_rad[i] = found.standard_error_rad.truncate().max_element();
+        } else {
+            known.sigma_rad[i] = share * sigma_rad;
         }
     }
     Ok((truth, known))

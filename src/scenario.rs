@@ -300,6 +300,7 @@ pub struct Mount {
     /// mode stays.
     pub friction: bool,
     /// First structural mode of either axis, of the load on the locked rotor; 0 is a rigid axis.
+    /// The tuned law's gain sets off a mode below some 12 Hz.
     pub structural_mode_hz: f64,
     /// Backlash of either axis, stop to stop; a direct drive has none.
     pub backlash_urad: f64,
@@ -2387,6 +2388,12 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert!(
             add("[station.mount]\nbase_motion = 'boat'")
                 .starts_with("s.toml:18: station.mount.base_motion: expected \"quiet\"")
+        );
+        let psd = "[station.mount]\nbase_motion = { psd = [[1.0, 1e-9], [500.0, 1e-12]] }";
+        assert!(add(psd).starts_with("s.toml:18: station.mount.base_motion.psd: found 500, must"));
+        assert!(
+            add("[station.mount]\nstructural_mode_hz = 0\nbacklash_urad = 20")
+                .starts_with("s.toml:19: station.mount.backlash_urad: needs a spring")
         );
         assert_eq!(
             error(&format!("tick_hz = 1000\n{GOOD}"), &[]),

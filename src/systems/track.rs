@@ -138,6 +138,8 @@ fn sightings(
     centre_sigma_px: f64,
 ) -> Vec<Sighting> {
     let ifov_rad = camera.pinhole.ifov_rad();
+    let boresight_rad = batch.pointing.alignment.sigma_rad[batch.tier as usize];
+    let pointing_rad = POINTING_SIGMA_RAD.hypot(boresight_rad);
     batch
         .detections
         .iter()
@@ -146,7 +148,7 @@ fn sightings(
             let [x0, y0, x1, y1] = detection.box_px;
             Sighting {
                 az_el_rad: los_to_az_el(pose.q_enu_cam * ray_cam),
-                sigma_rad: (centre_sigma_px * ifov_rad).hypot(POINTING_SIGMA_RAD),
+                sigma_rad: (centre_sigma_px * ifov_rad).hypot(pointing_rad),
                 size_rad: (x1 - x0).max(y1 - y0) * ifov_rad,
                 score: detection.score,
             }
