@@ -177,7 +177,7 @@ pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError>
     };
     let mut app = run::build(&loaded, &options)?;
     let world = app.world_mut();
-    let mut watch = Watch::new(world);
+    let mut watch = Watch::new(world, loaded.scenario.uavs.len());
     loop {
         let over = run::step(world)?;
         watch.look(world);
@@ -201,10 +201,12 @@ struct Watch {
     station: QueryState<Station>,
     cameras: [Option<SensorCamera>; 3],
     hidden: bool,
+    /// Number of UAVs: what has a higher index is a bird or a balloon.
+    count: usize,
 }
 
 impl Watch {
-    fn new(world: &mut World) -> Self {
+    fn new(world: &mut World, count: usize) -> Self {
         let mut cameras = [None, None, None];
         for camera in world.query::<&SensorCamera>().iter(world) {
             cameras[camera.tier as usize] = Some(camera.clone());
@@ -215,6 +217,7 @@ impl Watch {
             station: world.query(),
             cameras,
             hidden: false,
+            count,
         }
     }
 
@@ -283,7 +286,7 @@ impl Watch {
             self.hidden = hidden;
         }
 
-        // Who is on the claimed line of sight.
+        // Who is on the claimed line of sight: the nearest of all that fly, if it is a UAV.
         let target = tracker.target_track();
         let on = target.and_then(|track| {
             let los = track.filter.predicted(t_s).az_el_rad();
@@ -295,6 +298,7 @@ impl Watch {
                 .filter(|(separation, _)| *separation < ON_RAD)
                 .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
                 .map(|(_, index)| index)
+                .filter(|index| *index < self.count)
         });
         seen.holds.push(Hold { t_s, held, on });
         let fresh = target.is_some_and(|track| track.filter.coast_s(t_s) < FRESH_S);
@@ -316,7 +320,8 @@ impl Watch {
         let project =
             |pose: &Pose, dir_enu| coarse.pinhole.project(pose.q_enu_cam.inverse() * dir_enu);
         let square = |px: DVec2, side: f64| [px.x, px.y, side];
-        let uavs = uavs.iter().filter_map(|(index, flight)| {
+        let only_uavs = uavs.iter().filter(|(index, _)| *index < self.count);
+        let uavs = only_uavs.filter_map(|(index, flight)| {
             let to_uav_m = flight.aim_enu_m() - pose.r_enu_m;
             let px = project(&pose, to_uav_m)?;
             let boxed = exposed.and_then(|frame| {

@@ -679,7 +679,7 @@ impl Bench {
                 &["search.pattern=raster", "search.cue={ sigma_deg = 0.7 }"],
             ),
         ];
-        let limit_s = if self.quick { 20.0 } else { 60.0 }; // [s]
+        let limit_s = 60.0; // [s]
         let length = format!("duration_s={limit_s}");
         let mut rows = Vec::new();
         for (pattern, set) in PATTERNS {
