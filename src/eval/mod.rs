@@ -859,9 +859,13 @@ fn woven(seen: &Observed) -> Kept {
     }
 }
 
+/// How long the UAV of the occlusion must be hidden for the run to count [s].
+const HIDDEN_S: std::ops::RangeInclusive<f64> = 0.8..=1.2;
+
 /// The same identity before and after the one time hidden, and still on the UAV at the end.
 fn reacquired(seen: &Observed) -> Kept {
-    let Some([from_s, to_s]) = seen.occlusion_s() else {
+    let hidden = seen.occlusion_s();
+    let Some([from_s, to_s]) = hidden.filter(|[from, to]| HIDDEN_S.contains(&(to - from))) else {
         return Kept {
             success: false,
             after_s: None,
@@ -997,5 +1001,82 @@ impl Evaluation {
             text += "score the MOTChallenge files: python tests/score_mot.py DIR\n";
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::dsm::LineOfSight;
+    use crate::scenario::Scenario;
+    use std::path::Path;
+
+    fn folder() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/eval")
+    }
+
+    #[test]
+    fn the_building_hides_the_line_as_long_as_the_scenario_says() {
+        let path = folder().join("occlusion.toml");
+        let scenario = Scenario::load(&path, &[]).unwrap().scenario;
+        let city = City::generate(&scenario.city).unwrap();
+        let station_enu_m = DVec3::from(scenario.station.position_enu_m.unwrap());
+        let plan = scenario.uavs[0]
+            .trajectory
+            .compile(|_| Ok(String::new()))
+            .unwrap();
+        let hidden: Vec<f64> = (0..(100.0 * scenario.duration_s) as u32)
+            .map(|i| f64::from(i) / 100.0)
+            .filter(|t_s| {
+                let at = plan.sample(*t_s).r_enu_m;
+                city.dsm.line_of_sight(station_enu_m, at) != LineOfSight::Clear
+            })
+            .collect();
+        let (first, last) = (hidden[0], hidden[hidden.len() - 1]);
+        // Once, without a gap.
+        assert_eq!(hidden.len(), (100.0 * (last - first)).round() as usize + 1);
+        assert!(
+            (first - 7.94).abs() < 0.03 && (last - 8.93).abs() < 0.03,
+            "{first} {last}"
+        );
+        // The suite hides its first UAV behind the same building.
+        let first_uav = |name: &str| {
+            let text = std::fs::read_to_string(folder().join(name)).unwrap();
+            let table: toml::Table = toml::from_str(&text).unwrap();
+            table["uavs"][0]["trajectory"].clone()
+        };
+        assert_eq!(
+            first_uav("occlusion.toml"),
+            first_uav("suite_occlusion.toml")
+        );
+    }
+
+    #[test]
+    fn a_target_is_back_only_with_its_identity() {
+        let seen = |after: u32, hidden_s: [f64; 2]| Observed {
+            hidden_s: vec![hidden_s],
+            on_first: vec![(1.0, 3, true), (2.5, after, false), (2.75, after, true)],
+            lock: Lock {
+                first_uav: Some(0),
+                ..Lock::default()
+            },
+            ..Observed::default()
+        };
+        let same = reacquired(&seen(3, [1.25, 2.25]));
+        assert!(same.success);
+        assert_eq!(
+            (same.after_s, same.precise_after_s),
+            (Some(0.25), Some(0.5))
+        );
+        assert!(!reacquired(&seen(4, [1.25, 2.25])).success);
+        // Hidden for too short a time proves nothing.
+        assert!(!reacquired(&seen(3, [1.25, 1.5])).success);
+    }
+
+    #[test]
+    fn differences_of_squares_keep_their_sign() {
+        assert_eq!(root_difference(Some(5.0), Some(4.0)), Some(3.0));
+        assert_eq!(root_difference(Some(4.0), Some(5.0)), Some(-3.0));
+        assert_eq!(root_difference(None, Some(1.0)), None);
     }
 }

@@ -60,7 +60,8 @@ fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or("–".into(), |value| format!("{value:.decimals$}"))
 }
 
-/// A table: its head, and rows of cells as text; cells that begin with a digit, a sign or a dash stand right.
+/// A table: its head, and rows of cells as text; cells after the first that begin with a digit, a
+/// sign or a dash stand right.
 fn table(out: &mut String, head: &[&str], rows: &[Vec<String>]) -> fmt::Result {
     out.push_str("<div class=\"scroll\"><table>\n<tr>");
     for cell in head {
@@ -69,11 +70,10 @@ fn table(out: &mut String, head: &[&str], rows: &[Vec<String>]) -> fmt::Result {
     out.push_str("</tr>\n");
     for row in rows {
         out.push_str("<tr>");
-        for cell in row {
-            let figure = cell
-                .chars()
-                .next()
-                .is_some_and(|c| c.is_ascii_digit() || "-–".contains(c));
+        for (column, cell) in row.iter().enumerate() {
+            let first = cell.chars().next();
+            let figure =
+                column > 0 && first.is_some_and(|c| c.is_ascii_digit() || "-–".contains(c));
             let class = if figure { " class=\"n\"" } else { "" };
             write!(out, "<td{class}>{}</td>", Escaped(cell))?;
         }
@@ -87,14 +87,25 @@ fn note(out: &mut String, text: &str) -> fmt::Result {
     writeln!(out, "<p class=\"note\">{}</p>", Escaped(text))
 }
 
-/// The drawing of a chart as a file of its own.
-fn standalone(figure: &str) -> Option<String> {
+/// The drawing of a chart as a file of its own, with title and key in it.
+fn standalone(chart: &Chart, figure: &str) -> Option<String> {
     let drawing = &figure[figure.find("<svg")?..figure.find("</svg>")? + 6];
-    let opening = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"960\" height=\"460\"";
+    let (_, body) = drawing.split_once('>')?;
     let style = STYLE.replace(".charts ", "");
-    let (head, body) = drawing.strip_prefix("<svg")?.split_once('>')?;
+    let key = chart.series.iter().enumerate().map(|(i, (name, _))| {
+        format!(
+            "<tspan dx=\"12\" fill=\"var(--s{i})\">{}</tspan>",
+            Escaped(name)
+        )
+    });
     Some(format!(
-        "{opening}{head}>\n<style>{style}svg{{background:var(--card)}}</style>{body}\n"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"960\" height=\"500\" \
+         viewBox=\"0 -20 480 250\">\n<style>{style}svg{{background:var(--card);\
+         font:12px system-ui,sans-serif}}text{{fill:var(--soft)}}</style>\n\
+         <text x=\"52\" y=\"-4\">{} [{}]{}</text>{body}\n",
+        Escaped(chart.title),
+        Escaped(chart.unit),
+        key.collect::<String>()
     ))
 }
 
@@ -256,7 +267,7 @@ fn table2(out: &mut String, pictures: &mut Pictures, evaluation: &Evaluation) ->
             };
             chart.html(&mut figure, end_s)?;
             let name = format!("{}-{}-{}-{camera}.svg", row.cameras, row.uav, row.detector);
-            pictures.extend(standalone(&figure).map(|svg| (name, svg)));
+            pictures.extend(standalone(&chart, &figure).map(|svg| (name, svg)));
             out.push_str(&figure);
         }
     }
