@@ -1,17 +1,19 @@
 //! Speed: ticks without cameras, rendered frames, readback, inference, and where a run's time
 //! goes. `cargo bench` takes some three minutes on two cores.
 
+use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use boresight::cli;
 use boresight::components::camera::{Frames, Readout, SensorCamera, Tier};
 use boresight::components::clock::SimClock;
-use boresight::components::track::{Tracker, TrackingState};
+use boresight::components::track::{DetectionQueue, Tracker, TrackingState};
 use boresight::inference::OnnxDetector;
 use boresight::run::{self, Options};
 use boresight::scenario::{Loaded, Scenario};
 use boresight::systems::capture::{self, SensorViews};
 use boresight::systems::render::Renderer;
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use boresight::systems::{control, track};
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
@@ -88,6 +90,66 @@ fn ticks(criterion: &mut Criterion) {
                 app.world().resource::<Tracker>().state.name()
             );
         }
+    }
+    group.finish();
+}
+
+/// Tracking and control alone: a second of a live run's detections, fed again to those systems.
+fn track_and_control(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("track and control");
+    for uavs in [1, 100] {
+        let loaded = demo(uavs, &["detector.kind=truth", "engage.authorised=false"]);
+        let mut app = run::build(&loaded, &Options::default()).expect("the demo builds");
+        let world = app.world_mut();
+        while world.resource::<Tracker>().state != TrackingState::Precise {
+            assert!(!run::step(world).expect("a tick"), "nothing is held");
+        }
+        let (clock, tracker) = (
+            *world.resource::<SimClock>(),
+            world.resource::<Tracker>().clone(),
+        );
+        let second: Vec<_> = (0..clock.tick_hz)
+            .map(|_| {
+                run::step(world).expect("a tick");
+                world.resource::<DetectionQueue>().arrived.clone()
+            })
+            .collect();
+        println!(
+            "{uavs} UAV: {} tracks at the end of the second",
+            world.resource::<Tracker>().table.tracks.len()
+        );
+        let mut schedule = Schedule::default();
+        schedule.set_executor(SingleThreadedExecutor::new());
+        schedule.add_systems(
+            (
+                track::associate,
+                track::find_range,
+                track::foresee,
+                track::obey,
+                track::decide,
+                control::command_mount,
+                control::choose_readouts,
+            )
+                .chain(),
+        );
+        group
+            .sample_size(10)
+            .throughput(Throughput::Elements(second.len() as u64));
+        group.bench_function(format!("{uavs} UAV"), |bencher| {
+            bencher.iter_batched(
+                || (tracker.clone(), second.clone()),
+                |(tracker, second)| {
+                    world.insert_resource(tracker);
+                    *world.resource_mut::<SimClock>() = clock;
+                    for arrived in second {
+                        world.resource_mut::<SimClock>().tick += 1;
+                        world.resource_mut::<DetectionQueue>().arrived = arrived;
+                        schedule.run(world);
+                    }
+                },
+                BatchSize::PerIteration,
+            );
+        });
     }
     group.finish();
 }
@@ -230,5 +292,5 @@ fn shares(_: &mut Criterion) {
     );
 }
 
-criterion_group!(benches, ticks, frames, inference, shares);
+criterion_group!(benches, ticks, track_and_control, frames, inference, shares);
 criterion_main!(benches);

@@ -112,10 +112,31 @@ pub struct Summary {
     pub miss_distance_px: MissDistances,
     /// Time for which the firing beam's centre lay on the aim point \[s\].
     pub dwell_s: f64,
+    /// Time for which the firing beam's axis lay on a bird or balloon [s].
+    pub distractor_s: f64,
     /// Energy that left the laser \[J\].
     pub energy_j: f64,
+    /// The same for each UAV brought down by it \[J\]; `None` without any.
+    pub energy_per_neutralised_j: Option<f64>,
+    /// Each UAV, in the order of the scenario.
+    pub uavs: Vec<UavSummary>,
     /// Where the elapsed time went.
     pub share: Shares,
+}
+
+/// What became of a UAV, and what the laser spent on it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UavSummary {
+    /// Name in the scenario.
+    pub name: String,
+    /// Flying, falling, down or crashed.
+    pub status: String,
+    /// Energy emitted while the beam was aimed at it \[J\].
+    pub energy_j: f64,
+    /// Time for which the firing beam's centre lay on its aim point \[s\].
+    pub dwell_s: f64,
+    /// Time at which its skin failed \[s\].
+    pub neutralised_s: Option<f64>,
 }
 
 /// Miss distance of both tracking cameras \[px\].
@@ -972,7 +993,16 @@ mod tests {
                 precise: Some(stats),
             },
             dwell_s: 3.0,
+            distractor_s: 0.0,
             energy_j: 9000.0,
+            energy_per_neutralised_j: Some(9000.0),
+            uavs: vec![UavSummary {
+                name: "one".into(),
+                status: "down".into(),
+                energy_j: 8500.0,
+                dwell_s: 3.0,
+                neutralised_s: Some(9.0),
+            }],
             share: Shares {
                 render: 0.0,
                 inference: 0.25,
@@ -986,7 +1016,9 @@ mod tests {
                 r#""reason":"skin failed","state_hash":"00000000deadbeef","simulated_s":12.5,"#,
                 r#""real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
                 r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
-                r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"energy_j":9000.0,"#,
+                r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"energy_j":9000.0,"#,
+                r#""energy_per_neutralised_j":9000.0,"uavs":[{"name":"one","status":"down","#,
+                r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0}],"#,
                 r#""share":{"render":0.0,"inference":0.25,"other":0.75}}"#
             )
         );

@@ -1,52 +1,53 @@
 //! From a scenario to an app, and from an app to a summary.
 
-use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
+use crate::components::beam::{BeamState, Channel, Dose, FireCommand, LaserSource};
 use crate::components::camera::{Frames, Readout, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::record::{History, Recording, StateHash};
 use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform};
-use crate::components::station::{Gyro, Misalignment, Mount, MountCommand};
-use crate::components::track::{DetectionQueue, Tracker};
-use crate::components::uav::{Air, Flight, Guidance, HeatedSkin, Uav, UavStatus};
+use crate::components::station::{Alignment, Gyro, Misalignment, Mount, MountCommand, StationWind};
+use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
+use crate::components::uav::{Air, Distractor, Flight, Guidance, HeatedSkin, Uav, UavStatus};
 use crate::inference::{DetectorError, OnnxDetector};
-use crate::models::atmosphere::{air_density_kgpm3, extinction_per_m};
-use crate::models::base_motion::BaseMotion;
+use crate::models::atmosphere::air_density_kgpm3;
 use crate::models::beam::Laser;
+use crate::models::calibration;
 use crate::models::camera::Pinhole;
 use crate::models::city::City;
 use crate::models::detection::TruthErrors;
 use crate::models::geodesy::{Geodetic, SiteFrame};
-use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState};
-use crate::models::kinematics::los_to_az_el;
+use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
+use crate::models::interlock::KeepOut;
 use crate::models::mirror::{Mirror, MirrorParams};
-use crate::models::multirotor::Airframe;
+use crate::models::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::pid::PaperLaw;
 use crate::models::pointing::TunedPointing;
+use crate::models::radar::RadarErrors;
 use crate::models::rng::Stream;
-use crate::models::search::{Sector, raster};
+use crate::models::search::{SETTLE_S, Sector, SlewLimits, coverage_time_s};
 use crate::models::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
 use crate::models::sky::Sky;
 use crate::models::sun::Sun;
 use crate::models::thermal::Skin;
-use crate::models::trajectory::{CompiledTrajectory, TrajectoryError};
+use crate::models::trajectory::{CompiledTrajectory, Trajectory, TrajectoryError};
 use crate::models::turbulence::{
     GammaGamma, PaperIntensity, Path as AirPath, PathTurbulence, Scintillation, Wander,
 };
 use crate::models::uav::model;
-use crate::models::uav_mesh::uav_mesh;
+use crate::models::uav_mesh::{UavMesh, distractor_mesh, uav_mesh};
 use crate::models::wind::{DrydenGust, MeanWind};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::tick::Tick;
-use crate::recording::{Meta, Recorder, RecordingError, SceneEntity, Shape};
+use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, Shape};
 use crate::scenario::{
-    self, ControllerPreset, DetectorKind, Exposure, Focus, Images, IntensityModel, Loaded,
-    Scenario, ScenarioError, SearchPattern,
+    self, AssociationRule, Backstop, ControllerPreset, DetectorKind, Exposure, Focus, Images,
+    IntensityModel, Loaded, Scenario, ScenarioError,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
-use crate::systems::control::{Controller, PaperController, SearchScan};
+use crate::systems::control::{Controller, PaperController, Radar, SearchScan};
 use crate::systems::detect::Detector;
-use crate::systems::engage::{Burst, Interlocks, KeepOut, Rules};
+use crate::systems::engage::{Burst, Interlocks, Rules};
 use crate::systems::mount::optics_of;
 use crate::systems::render::{RenderError, Renderer, spawn_sensor_view};
 use crate::systems::scene::{self, SceneContent, SceneHandles};
@@ -61,7 +62,8 @@ use bevy::render::settings::{RenderCreation, WgpuSettings};
 use bevy::shader::Shader;
 use bevy::window::{ExitCondition, WindowPlugin};
 use big_space::plugin::BigSpaceMinimalPlugins;
-use glam::{DVec2, DVec3, Vec4};
+use glam::{DQuat, DVec2, DVec3, Vec4};
+use std::f64::consts::TAU;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -85,11 +87,13 @@ pub enum RunError {
         source: crate::models::city::CityError,
     },
     /// A flight plan.
-    #[error("{file}: uavs[{index}].trajectory: {source}")]
+    #[error("{file}: {list}[{index}].trajectory: {source}")]
     Trajectory {
         /// The scenario file.
         file: String,
-        /// Index of the UAV.
+        /// The scenario's list that it stands in.
+        list: &'static str,
+        /// Index in that list.
         index: usize,
         /// What is wrong.
         source: TrajectoryError,
@@ -246,21 +250,29 @@ pub fn check(loaded: &Loaded) -> Result<(), RunError> {
     let file = loaded.path.display().to_string();
     detector(scenario, scenario.seed)?;
     environment(scenario, &file, scenario.seed, None)?;
-    for index in 0..scenario.uavs.len() {
-        flight_plan(loaded, index)?;
+    for (index, uav) in scenario.uavs.iter().enumerate() {
+        flight_plan(loaded, "uavs", index, &uav.trajectory)?;
+    }
+    for (index, distractor) in scenario.distractors.iter().enumerate() {
+        flight_plan(loaded, "distractors", index, &distractor.trajectory)?;
     }
     Ok(())
 }
 
-/// The compiled trajectory of a UAV.
-fn flight_plan(loaded: &Loaded, index: usize) -> Result<CompiledTrajectory, RunError> {
+/// The compiled trajectory of entry `index` of a list of the scenario.
+fn flight_plan(
+    loaded: &Loaded,
+    list: &'static str,
+    index: usize,
+    trajectory: &Trajectory,
+) -> Result<CompiledTrajectory, RunError> {
     let folder = loaded.path.parent().unwrap_or(Path::new("."));
     let load = |name: &str| std::fs::read_to_string(folder.join(name));
-    loaded.scenario.uavs[index]
-        .trajectory
+    trajectory
         .compile(load)
         .map_err(|source| RunError::Trajectory {
             file: loaded.path.display().to_string(),
+            list,
             index,
             source,
         })
@@ -307,6 +319,7 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
         spawn_scene(world, &environment, station_enu_m(scenario, &environment));
     }
     spawn_uavs(world, loaded, &environment)?;
+    spawn_distractors(world, loaded, &environment)?;
     spawn_station(world, scenario, &file, &environment, clock)?;
     if options.capture {
         let mut renderer = renderer.ok_or(RunError::NoAdapter)?;
@@ -314,7 +327,14 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
         world.insert_non_send(renderer);
         world.insert_non_send(ImageScratch::default());
     }
-    world.insert_resource(recording(loaded, options, seed, &environment)?);
+    let mut recording = recording(loaded, options, seed, &environment)?;
+    if let Some(recorder) = &mut recording.recorder {
+        let scan = world.resource::<SearchScan>();
+        let mount = gimbal_params(&scenario.station.mount, clock.dt_s());
+        let text = search_plan(scan, &mount);
+        recorder.get().log(0, LogLevel::Info, "search", &text)?;
+    }
+    world.insert_resource(recording);
     world.insert_resource(environment);
     world.insert_resource(detector);
     world.insert_resource(Plan {
@@ -422,11 +442,10 @@ fn detector(scenario: &Scenario, seed: u64) -> Result<Detector, RunError> {
                 errors: TruthErrors {
                     noise_px: errors.noise_px,
                     miss_rate: errors.miss_rate,
+                    distractor_rate: errors.distractor_rate,
                     false_alarms_per_frame: errors.false_alarms_per_frame,
                 },
-                rng: Box::new(
-                    Tier::ALL.map(|tier| Stream::new(seed, tier as u64, "truth detector")),
-                ),
+                seed,
             }
         }
     })
@@ -515,7 +534,7 @@ fn station_enu_m(scenario: &Scenario, environment: &Environment) -> DVec3 {
 fn spawn_scene(world: &mut World, environment: &Environment, r_station_enu_m: DVec3) {
     let rgb = |[r, g, b]: [f64; 3]| Vec4::new(r as f32, g as f32, b as f32, 0.0);
     let sky = &environment.sky;
-    let extinction = CHANNELS_M.map(|m| extinction_per_m(environment.weather.visibility_m, m));
+    let extinction = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));
     scene::spawn(
         world,
         &SceneContent {
@@ -545,38 +564,35 @@ fn spawn_uavs(
     environment: &Environment,
 ) -> Result<(), RunError> {
     for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
-        let plan = flight_plan(loaded, index)?;
+        let mut rng = Stream::new(environment.seed, index as u64, "spread");
+        let plan = flight_plan(loaded, "uavs", index, &uav.trajectory)?.spread(
+            uav.spread_m,
+            uav.spread_s,
+            &mut rng,
+        );
         let catalogue = model(uav.model);
         let airframe = Airframe::new(catalogue);
-        let mut rng = Stream::new(environment.seed, index as u64, "gusts");
-        let gusts = DrydenGust::new(&environment.mean_wind, &mut rng);
-        let r = plan.sample(0.0).r_enu_m;
-        let ground_m = environment.city.dsm.terrain_m(r.x, r.y);
-        let wind_enu_mps = environment.mean_wind.mean_wind_enu_mps(r.z - ground_m);
-        let state = plan.initial_state(&airframe, wind_enu_mps, environment.air_density_kgpm3);
-        let material = uav.skin.map_or(catalogue.skin, scenario::Skin::material);
+        let air = air_at(environment, index, plan.sample(0.0).r_enu_m);
+        let state = plan.initial_state(&airframe, air.wind_enu_mps, environment.air_density_kgpm3);
+        let part = loaded.scenario.engage.aim;
+        let catalogued = catalogue.part_skin(part);
+        let material = uav.skin.map_or(catalogued, scenario::Skin::material);
         let mesh = Arc::new(uav_mesh(uav.model));
-        let shape = UavShape::new(mesh.clone());
-        if world.contains_resource::<SceneHandles>() {
-            capture::spawn_uav(world, index, &mesh, (state.r_enu_m, state.q_enu_body));
-        }
+        let aim_body_m = mesh.part_body_m(catalogue, part);
+        let shape = shown(world, index, mesh, &state);
         world.spawn((
             Uav {
                 index,
                 name: uav.name.clone(),
-                kind: uav.model,
+                size_m: catalogue.size_m,
             },
-            Flight {
+            Flight { state, aim_body_m },
+            Guidance {
+                plan,
                 airframe,
-                state,
-                aim_body_m: shape.centroid_body_m(),
+                mass_kg: catalogue.mass_kg,
             },
-            Guidance(plan),
-            Air {
-                gusts,
-                rng,
-                wind_enu_mps,
-            },
+            air,
             HeatedSkin {
                 skin: Skin {
                     temperature_k: environment.weather.temperature_k,
@@ -587,19 +603,110 @@ fn spawn_uavs(
                 irradiance_wpm2: 0.0,
             },
             UavStatus::Flying,
+            Dose::default(),
             shape,
         ));
     }
     Ok(())
 }
 
-fn gimbal_params(mount: &scenario::Mount) -> GimbalParams {
+/// Birds and balloons: their indices come after the UAVs'.
+fn spawn_distractors(
+    world: &mut World,
+    loaded: &Loaded,
+    environment: &Environment,
+) -> Result<(), RunError> {
+    let uavs = loaded.scenario.uavs.len();
+    for (number, distractor) in loaded.scenario.distractors.iter().enumerate() {
+        let index = uavs + number;
+        let mut rng = Stream::new(environment.seed, index as u64, "spread");
+        let plan = flight_plan(loaded, "distractors", number, &distractor.trajectory)?.spread(
+            distractor.spread_m,
+            distractor.spread_s,
+            &mut rng,
+        );
+        let start = plan.sample(0.0);
+        let state = MultirotorState {
+            r_enu_m: start.r_enu_m,
+            v_enu_mps: start.v_enu_mps,
+            q_enu_body: DQuat::IDENTITY,
+            omega_body_radps: DVec3::ZERO,
+            rotor_speed_radps: [0.0; MAX_ROTORS],
+            rotor_phase_rad: [0.0; MAX_ROTORS],
+            drag_estimate_enu_mps2: DVec3::ZERO,
+        };
+        let mesh = Arc::new(distractor_mesh(distractor.kind));
+        let aim_body_m = mesh.centroid_body_m();
+        let shape = shown(world, index, mesh, &state);
+        let phase_rad = Stream::new(environment.seed, index as u64, "wingbeat").range(0.0, TAU);
+        world.spawn((
+            Uav {
+                index,
+                name: distractor.name.clone(),
+                size_m: distractor.kind.size_m(),
+            },
+            Flight { state, aim_body_m },
+            Distractor {
+                kind: distractor.kind,
+                plan,
+                phase_rad,
+            },
+            air_at(environment, index, start.r_enu_m),
+            UavStatus::Flying,
+            shape,
+        ));
+    }
+    Ok(())
+}
+
+/// The air at the start of a flight.
+fn air_at(environment: &Environment, index: usize, r_enu_m: DVec3) -> Air {
+    let mut rng = Stream::new(environment.seed, index as u64, "gusts");
+    let gusts =
+        DrydenGust::new(&environment.mean_wind, &mut rng).reaching(environment.weather.gust_mps);
+    let ground_m = environment.city.dsm.terrain_m(r_enu_m.x, r_enu_m.y);
+    let wind_enu_mps = environment
+        .mean_wind
+        .mean_wind_enu_mps(r_enu_m.z - ground_m);
+    Air {
+        gusts,
+        rng,
+        wind_enu_mps,
+    }
+}
+
+/// A shape, put into the scene where there is one.
+fn shown(world: &mut World, index: usize, mesh: Arc<UavMesh>, state: &MultirotorState) -> UavShape {
+    if world.contains_resource::<SceneHandles>() {
+        capture::spawn_uav(world, index, &mesh, (state.r_enu_m, state.q_enu_body));
+    }
+    UavShape::new(mesh)
+}
+
+fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
     let default = GimbalParams::default();
-    let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| AxisParams {
-        torque_limit_nm: axis.inertia_kg_m2 * mount.max_acceleration_degps2.to_radians(),
-        rate_limit_radps: mount.max_rate_degps.to_radians(),
-        travel_rad: travel_deg.map(|limits| limits.map(f64::to_radians)),
-        ..axis
+    let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
+        let structure = axis
+            .structure
+            .filter(|_| mount.structural_mode_hz > 0.0)
+            .map(|structure| Structure {
+                locked_rotor_hz: mount.structural_mode_hz,
+                backlash_rad: mount.backlash_urad * 1e-6,
+                ..structure
+            });
+        let rotor_share = structure.map_or(1.0, |structure| structure.rotor_share);
+        // A coarse tick cannot carry the whole bandwidth: see models/gimbal.rs.
+        let sampled_hz = 0.75 * rotor_share / (2.0 * axis.damping * TAU * dt_s);
+        let axis = AxisParams {
+            torque_limit_nm: axis.inertia_kg_m2 * mount.max_acceleration_degps2.to_radians(),
+            rate_limit_radps: mount.max_rate_degps.to_radians(),
+            travel_rad: travel_deg.map(|limits| limits.map(f64::to_radians)),
+            structure,
+            encoder_bits: Some(mount.encoder_bits),
+            bandwidth_hz: axis.bandwidth_hz.min(sampled_hz),
+            ..axis
+        };
+        if mount.friction { axis } else { axis.ideal() }
     };
     GimbalParams {
         azimuth: axis(default.azimuth, mount.azimuth_limits_deg),
@@ -607,43 +714,106 @@ fn gimbal_params(mount: &scenario::Mount) -> GimbalParams {
     }
 }
 
-/// Where the search camera looks: the sector, or the part of it that a cue points at.
-fn search_scan(
-    scenario: &Scenario,
-    environment: &Environment,
-    r_station_enu_m: DVec3,
-    first_uav_enu_m: Option<DVec3>,
-    search: &Pinhole,
-) -> SearchScan {
-    let sector = &scenario.search;
-    let mut area = Sector {
-        centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
-        centre_elevation_rad: sector.elevation_deg.to_radians(),
-        width_rad: sector.width_deg.to_radians(),
-        height_rad: sector.height_deg.to_radians(),
-    };
-    if let (Some(cue), Some(r_uav_enu_m)) = (&sector.cue, first_uav_enu_m) {
-        let sigma_rad = cue.sigma_deg.to_radians();
-        let mut rng = Stream::new(environment.seed, 0, "radar cue");
-        let error = sigma_rad * DVec2::new(rng.normal(), rng.normal());
-        let at = los_to_az_el(r_uav_enu_m - r_station_enu_m) + error;
-        // Two deviations to either side hold the target nine times in ten.
-        area = Sector {
-            centre_azimuth_rad: at.x,
-            centre_elevation_rad: at.y,
-            width_rad: 4.0 * sigma_rad + search.hfov_rad(),
-            height_rad: 4.0 * sigma_rad,
+/// Standard deviation of a beacon's centroid [px] and centroids per camera in a calibration.
+const CENTROID_SIGMA_PX: f64 = 0.2;
+const CENTROIDS: usize = 200;
+
+/// How the cameras are turned against the laser, and what the calibration finds of it.
+fn boresights(
+    station: &scenario::Station,
+    pinholes: &[Pinhole],
+    seed: u64,
+) -> Result<(Misalignment, Alignment), calibration::CalibrationError> {
+    let sigma_rad = 1e-6 * station.mount.boresight_sigma_urad;
+    let (mut truth, mut known) = (Misalignment::default(), Alignment::default());
+    for (i, (tier, pinhole)) in Tier::ALL.into_iter().zip(pinholes).enumerate() {
+        let mut rng = Stream::new(seed, i as u64, "boresight");
+        // The precise camera looks through the laser's own optics.
+        let share = if tier == Tier::Precise {
+            1.0 / 3.0
+        } else {
+            1.0
         };
+        let mut draw = || share * sigma_rad * rng.normal();
+        truth.0[i] = DVec3::new(draw(), draw(), draw());
+        if station.calibrate {
+            let mut rng = Stream::new(seed, i as u64, "calibration");
+            let centroids =
+                calibration::measure(pinhole, truth.0[i], CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
+            known.0[i] =
+                calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?.rotation_rad;
+        }
     }
-    let gazes_rad = match sector.pattern {
-        SearchPattern::Raster => raster(&area, [search.hfov_rad(), search.vfov_rad()], 0.1),
-        SearchPattern::Stare => vec![[area.centre_azimuth_rad, area.centre_elevation_rad]],
+    Ok((truth, known))
+}
+
+/// The wind at the station.
+fn station_wind(environment: &Environment, r_station_enu_m: DVec3) -> StationWind {
+    let [x, y, z] = r_station_enu_m.to_array();
+    let height_agl_m = z - environment.city.dsm.terrain_m(x, y);
+    let mut rng = Stream::new(environment.seed, 0, "station wind");
+    StationWind {
+        load: WindLoad::default(),
+        mean_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_agl_m),
+        height_agl_m,
+        air_density_kgpm3: environment.air_density_kgpm3,
+        gusts: DrydenGust::new(&environment.mean_wind, &mut rng),
+        rng,
+        torque_nm: [0.0; 2],
+    }
+}
+
+/// The radar of a scenario, before its first plot.
+fn radar(scenario: &Scenario, seed: u64, clock: SimClock) -> Radar {
+    let cue = scenario.search.cue.as_ref();
+    let name = cue.and_then(|cue| cue.target.as_ref());
+    Radar {
+        errors: cue.map(|cue| RadarErrors {
+            sigma_rad: cue.sigma_deg.to_radians(),
+            range_sigma_m: cue.range_sigma_m,
+        }),
+        period_ticks: cue.map_or(1, |cue| clock.ticks_of(1.0 / cue.rate_hz).max(1)),
+        latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
+        target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+        rng: Stream::new(seed, 0, "radar"),
+        waiting: std::collections::VecDeque::new(),
+        track: None,
+    }
+}
+
+/// Where the search camera looks: the sector, or the part of it that the radar points at.
+fn search_scan(scenario: &Scenario, search: &Pinhole, rate_hz: u32, radar: &Radar) -> SearchScan {
+    let sector = &scenario.search;
+    SearchScan::new(
+        sector.pattern,
+        Sector {
+            centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
+            centre_elevation_rad: sector.elevation_deg.to_radians(),
+            width_rad: sector.width_deg.to_radians(),
+            height_rad: sector.height_deg.to_radians(),
+        },
+        [search.hfov_rad(), search.vfov_rad()],
+        1.0 / f64::from(rate_hz),
+        radar.cue(0.0),
+    )
+}
+
+/// The search plan in words, for the log.
+fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
+    let axis = mount.azimuth;
+    let slew = SlewLimits {
+        rate_radps: axis.rate_limit_radps,
+        acceleration_radps2: axis.torque_limit_nm / axis.inertia_kg_m2,
+        settle_s: SETTLE_S,
     };
-    SearchScan {
-        gazes_rad,
-        index: 0,
-        settled_since: None,
-    }
+    format!(
+        "{} of {} gazes, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
+        scan.pattern.name(),
+        scan.gazes_rad.len(),
+        scan.area.width_rad.to_degrees(),
+        scan.area.height_rad.to_degrees(),
+        coverage_time_s(&scan.gazes_rad, scan.gaze_s, &slew),
+    )
 }
 
 /// Lens and sensor of a scenario's camera in the light and air of the run.
@@ -709,12 +879,16 @@ fn spawn_station(
     let seed = environment.seed;
     let r_station_enu_m = station_enu_m(scenario, environment);
     let cameras = scenario.station.cameras.resolved();
-    let mut first = world.query::<(&Uav, &Flight)>();
-    let first_uav_enu_m = first
+    let mut radar = radar(scenario, seed, clock);
+    let mut uavs = world.query_filtered::<(&Uav, &Flight), Without<Distractor>>();
+    let airborne = uavs
         .iter(world)
-        .find(|(uav, _)| uav.index == 0)
-        .map(|(_, flight)| flight.state.r_enu_m);
+        .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - r_station_enu_m));
+    // The engagement begins with the radar's first plot.
+    let first = radar.look(0.0, airborne);
+    radar.take(first);
     let mut scan = None;
+    let mut pinholes = Vec::new();
     for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
         let pinhole = Pinhole::from_hfov(
             camera.width_px,
@@ -722,6 +896,7 @@ fn spawn_station(
             camera.hfov_deg.to_radians(),
         )
         .map_err(|error| value("station.cameras", error.to_string()))?;
+        pinholes.push(pinhole);
         let params = sensor_params(camera, environment, r_station_enu_m);
         let latency_s =
             0.5 * params.exposure_s + camera.readout_latency_s + camera.inference_latency_s;
@@ -737,14 +912,7 @@ fn spawn_station(
             antialias: camera.antialias,
         };
         if tier == Tier::Search {
-            let search = search_scan(
-                scenario,
-                environment,
-                r_station_enu_m,
-                first_uav_enu_m,
-                &pinhole,
-            );
-            scan = Some(search);
+            scan = Some(search_scan(scenario, &pinhole, camera.rate_hz, &radar));
         }
         let views = world
             .get_resource::<SceneHandles>()
@@ -770,28 +938,35 @@ fn spawn_station(
         }
     }
     let scan = scan.ok_or_else(|| value("station.cameras", "no search camera".into()))?;
-    let params = gimbal_params(&scenario.station.mount);
+    let station = &scenario.station;
+    let params = gimbal_params(&station.mount, dt_s);
     params
         .validate()
         .map_err(|error| value("station.mount", error.to_string()))?;
     let mirror_params = MirrorParams {
-        stroke_rad: scenario.station.mount.mirror_range_mrad * 1e-3,
+        natural_frequency_hz: station.mount.mirror_bandwidth_hz,
+        stroke_rad: station.mount.mirror_range_mrad * 1e-3,
         ..default()
     };
     let mirror = Mirror::new(&mirror_params, dt_s)
         .map_err(|error| value("station.mount", error.to_string()))?;
     let mut rng = Stream::new(seed, 0, "base motion");
-    let mut base = BaseMotion::new(&scenario.station.mount.base_motion.params(), dt_s)
-        .map_err(|error| value("station.mount.base_motion", error.to_string()))?;
+    let mut base = station
+        .mount
+        .base_motion
+        .model(dt_s, &mut rng)
+        .map_err(|error| value("station.mount.base_motion", error))?;
     base.step(&mut rng);
+    let (misalignment, alignment) = boresights(station, &pinholes, seed)
+        .map_err(|error| value("station.calibrate", error.to_string()))?;
     let mount = Mount {
         r_enu_m: r_station_enu_m,
         // The mount waits at the first gaze.
         gimbal: GimbalState::at_rest(scan.gazes_rad[0].into()),
         params,
+        axis_gyro_rng: Stream::new(seed, 0, "axis gyros"),
         mirror_params,
         mirror,
-        base,
         rng,
         base_rate_radps: [0.0; 2],
         gyro: Gyro {
@@ -800,8 +975,13 @@ fn spawn_station(
             rate_enu_radps: DVec3::ZERO,
             tilt_enu_rad: base.tilt_rad(),
         },
+        base,
+        wind: station
+            .mount
+            .wind_load
+            .then(|| station_wind(environment, r_station_enu_m)),
+        alignment,
     };
-    let misalignment = Misalignment::default();
     let optics = optics_of(&mount, &misalignment);
     world.spawn((
         mount,
@@ -813,34 +993,74 @@ fn spawn_station(
         BeamState::default(),
     ));
     world.insert_resource(scan);
+    world.insert_resource(radar);
     world.insert_resource(controller(scenario, &mirror_params, dt_s));
     let engage = &scenario.engage;
-    world.insert_resource(TrackerParams {
-        paper: scenario.controller.preset == ControllerPreset::Paper,
-        lock_radius_px: engage.lock_radius_px,
-        lock_dwell_s: engage.lock_dwell_s,
-        break_radius_px: engage.break_radius_px,
-    });
+    world.insert_resource(tracker_params(scenario, r_station_enu_m));
+    world.insert_resource(operator(scenario, clock));
+    let keep_out = |zone: &scenario::KeepOut| {
+        let shape = zone.zone();
+        Ok(KeepOut {
+            name: zone.name.clone(),
+            zone: shape.ok_or_else(|| value("engage.keep_out", "has no shape".into()))?,
+        })
+    };
     world.insert_resource(Rules {
         authorised: engage.authorised,
-        keep_out: engage
-            .keep_out
-            .iter()
-            .map(|zone| KeepOut {
-                name: zone.name.clone(),
-                azimuth_rad: zone.azimuth_deg.map(f64::to_radians),
-                elevation_rad: zone.elevation_deg.map(f64::to_radians),
-            })
-            .collect(),
-        allow_solid_backstop: engage
-            .allow_backstop
-            .iter()
-            .any(|backstop| *backstop != scenario::Backstop::Sky),
+        keep_out: (engage.keep_out.iter().map(keep_out)).collect::<Result<_, RunError>>()?,
+        sun_exclusion_rad: engage.sun_exclusion_deg.to_radians(),
+        look_ahead_s: engage.look_ahead_s,
+        beam_radius_m: scenario.station.laser.aperture_radius_m,
+        allow_sky: engage.allow_backstop.contains(&Backstop::Sky),
+        allow_ground: engage.allow_backstop.contains(&Backstop::Ground),
+        allow_building: engage.allow_backstop.contains(&Backstop::Building),
         min_clear_range_m: engage.min_clear_range_m,
         max_burst_s: engage.max_burst_s,
         pause_s: 1.0, // [s]
     });
     Ok(())
+}
+
+fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
+    let scenario::Tracker {
+        rule,
+        centre_sigma_px,
+        min_quality,
+        switch_ratio,
+        asset_enu_m,
+    } = scenario.tracker;
+    let engage = &scenario.engage;
+    let paper = scenario.controller.preset == ControllerPreset::Paper;
+    let specified_px = match scenario.detector.kind {
+        DetectorKind::Onnx => 0.5, // [px]
+        // A filter that counts on no error at all would trust nothing else.
+        DetectorKind::Truth => scenario.detector.truth.noise_px.max(0.02),
+    };
+    TrackerParams {
+        nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
+        linear_angles: paper,
+        centre_sigma_px: centre_sigma_px.unwrap_or(specified_px),
+        min_quality,
+        switch_ratio,
+        r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
+        lock_radius_px: engage.lock_radius_px,
+        lock_dwell_s: engage.lock_dwell_s,
+        break_radius_px: engage.break_radius_px,
+    }
+}
+
+fn operator(scenario: &Scenario, clock: SimClock) -> Operator {
+    let orders = scenario.operator.iter().map(|order| Order {
+        tick: clock.ticks_of(order.t_s),
+        designate: order
+            .designate
+            .as_ref()
+            .and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+    });
+    Operator {
+        orders: orders.collect(),
+        next: 0,
+    }
 }
 
 fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
@@ -863,7 +1083,7 @@ fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
             Focus::Target(_) => None,
         },
         jitter_rad: laser.jitter_urad * 1e-6,
-        extinction_per_m: extinction_per_m(environment.weather.visibility_m, wavelength_m),
+        extinction_per_m: environment.weather.extinction_per_m(wavelength_m),
         channel: match scenario.turbulence.intensity {
             IntensityModel::Physical => {
                 Channel::Physical(Box::new(Scintillation::new(calm, 1e-3, &mut rng[0])))
@@ -984,7 +1204,7 @@ pub fn step(world: &mut World) -> Result<bool, RunError> {
         return Err(error);
     }
     let clock = *world.resource::<SimClock>();
-    let mut statuses = world.query::<&UavStatus>();
+    let mut statuses = world.query_filtered::<&UavStatus, Without<Distractor>>();
     let ended = statuses.iter(world).len() > 0
         && statuses
             .iter(world)

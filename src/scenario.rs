@@ -17,11 +17,15 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::models::atmosphere::Cn2Profile;
-use crate::models::base_motion::{BaseMotionParams, TiltMode};
+use crate::models::base_motion::{self, BaseMotionParams, Spectrum, TiltMode};
 use crate::models::city::CityParams;
+use crate::models::distractor::DistractorKind;
+use crate::models::interlock::Zone;
+use crate::models::rng::Stream;
+use crate::models::search::SearchPattern;
 use crate::models::thermal::{self, SkinMaterial};
 use crate::models::trajectory::Trajectory;
-use crate::models::uav::UavKind;
+use crate::models::uav::{AimPart, UavKind};
 use crate::models::weather::{self, WeatherError};
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
@@ -64,9 +68,18 @@ pub struct Scenario {
     /// The UAVs; none makes a false-alarm run.
     #[serde(default)]
     pub uavs: Vec<Uav>,
+    /// Birds and balloons, which a detector may take for UAVs.
+    #[serde(default)]
+    pub distractors: Vec<Distractor>,
     /// What finds UAVs in the images.
     #[serde(default)]
     pub detector: Detector,
+    /// How detections become tracks and which of them becomes the target.
+    #[serde(default)]
+    pub tracker: Tracker,
+    /// What an operator orders during the run, in order of time.
+    #[serde(default)]
+    pub operator: Vec<Order>,
     /// The tracking loops.
     #[serde(default)]
     pub controller: Controller,
@@ -108,9 +121,11 @@ pub struct Weather {
     pub wind_speed_mps: Option<f64>,
     /// Direction the wind blows from, clockwise from north; 270 without a METAR.
     pub wind_from_deg: Option<f64>,
-    /// Peak gust speed; absent: no gusts beyond the turbulence of the mean wind.
+    /// Gust speed 10 m above the ground, the highest mean over 3 s in ten minutes; absent: no gusts
+    /// beyond the turbulence of the mean wind.
     pub gust_mps: Option<f64>,
-    /// Meteorological visibility at 550 nm; 20,000 without a METAR.
+    /// Meteorological visibility at 550 nm, through the precipitation too. Absent: the METAR's, or
+    /// 20,000 of haze, with `precipitation_mmph` reckoned in.
     pub visibility_m: Option<f64>,
     /// Air temperature; 15 without a METAR.
     pub temperature_c: Option<f64>,
@@ -120,9 +135,10 @@ pub struct Weather {
     pub pressure_hpa: Option<f64>,
     /// Covered fraction of the sky, 0 to 1; 0 without a METAR.
     pub cloud_cover: Option<f64>,
-    /// Height of the cloud base above the ground.
+    /// Height of the cloud base above the ground at the site's altitude. Under a cover of 7/8 or more
+    /// nothing above it is seen or lit; absent without a METAR: the clouds are above everything.
     pub cloud_base_m: Option<f64>,
-    /// Rain rate; 0 without a METAR.
+    /// Precipitation as water, snow below 1 °C, else rain; 0 without a METAR.
     pub precipitation_mmph: Option<f64>,
 }
 
@@ -142,9 +158,10 @@ impl Weather {
                 cloud_cover: 0.0,       // [-]
                 cloud_base_m: None,
                 precipitation_mmph: 0.0, // [mm/h]
+                snow: false,
             },
         };
-        Ok(weather::Weather {
+        let given = weather::Weather {
             wind_speed_mps: self.wind_speed_mps.unwrap_or(base.wind_speed_mps),
             wind_from_rad: (self.wind_from_deg).map_or(base.wind_from_rad, f64::to_radians),
             gust_mps: self.gust_mps.or(base.gust_mps),
@@ -154,7 +171,15 @@ impl Weather {
             pressure_pa: (self.pressure_hpa).map_or(base.pressure_pa, |hpa| 100.0 * hpa),
             cloud_cover: self.cloud_cover.unwrap_or(base.cloud_cover),
             cloud_base_m: self.cloud_base_m.or(base.cloud_base_m),
-            precipitation_mmph: self.precipitation_mmph.unwrap_or(base.precipitation_mmph),
+            ..base
+        };
+        Ok(match (self.precipitation_mmph, self.visibility_m) {
+            (None, _) => given,
+            (Some(rate_mmph), None) => given.with_precipitation(rate_mmph),
+            (Some(rate_mmph), Some(visibility_m)) => weather::Weather {
+                visibility_m,
+                ..given.with_precipitation(rate_mmph)
+            },
         })
     }
 }
@@ -225,17 +250,32 @@ pub enum IntensityModel {
 }
 
 /// The protected station.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Station {
     /// East, north, up of the mount's axes crossing; absent: on the city's station rooftop.
     pub position_enu_m: Option<[f64; 3]>,
     /// The two-axis gimbal and its steering mirror.
     pub mount: Mount,
+    /// Whether the cameras' boresights are measured against the laser before the run and what was
+    /// found is taken off; without it the laser misses by the boresight error.
+    pub calibrate: bool,
     /// The search, coarse and precise cameras.
     pub cameras: Cameras,
     /// The laser and its beam director.
     pub laser: Laser,
+}
+
+impl Default for Station {
+    fn default() -> Self {
+        Self {
+            position_enu_m: None,
+            mount: Mount::default(),
+            calibrate: true,
+            cameras: Cameras::default(),
+            laser: Laser::default(),
+        }
+    }
 }
 
 /// The azimuth–elevation gimbal and the fast steering mirror.
@@ -252,8 +292,24 @@ pub struct Mount {
     pub max_acceleration_degps2: f64,
     /// Steering mirror throw either way, as an angle of the line of sight.
     pub mirror_range_mrad: f64,
-    /// How the roof under the mount moves: a preset, or its strength and frequency.
+    /// Natural frequency of the steering mirror's position loop.
+    pub mirror_bandwidth_hz: f64,
+    /// How the roof under the mount moves: a preset, its strength and frequency, or a spectrum.
     pub base_motion: BaseMotion,
+    /// Whether the axes have dry friction, backlash, encoder steps and gyro noise; the structural
+    /// mode stays.
+    pub friction: bool,
+    /// First structural mode of either axis, of the load on the locked rotor; 0 is a rigid axis.
+    pub structural_mode_hz: f64,
+    /// Backlash of either axis, stop to stop; a direct drive has none.
+    pub backlash_urad: f64,
+    /// Bits of the encoders per turn.
+    pub encoder_bits: u32,
+    /// Whether the wind turns the axes: its drag on the optics ahead of them, with gusts.
+    pub wind_load: bool,
+    /// Standard deviation, per axis, of how the search and coarse cameras are turned against the
+    /// laser as built; the precise camera, which shares its optics, a third of it.
+    pub boresight_sigma_urad: f64,
 }
 
 impl Default for Mount {
@@ -264,22 +320,40 @@ impl Default for Mount {
             max_rate_degps: 60.0,
             max_acceleration_degps2: 180.0,
             mirror_range_mrad: 5.0,
+            mirror_bandwidth_hz: 500.0,
             base_motion: BaseMotion::Preset(BasePreset::Roof),
+            friction: true,
+            structural_mode_hz: 40.0,
+            backlash_urad: 0.0,
+            encoder_bits: 24,
+            wind_load: true,
+            boresight_sigma_urad: 150.0,
         }
     }
 }
 
 /// Angular motion of what the mount stands on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "expected \"quiet\", \"roof\", \"mast\" or { rms_urad = ..., frequency_hz = ... }"
+    expecting = "expected \"quiet\", \"roof\", \"mast\", { rms_urad = ..., frequency_hz = ... } or { psd = [[frequency, density], ...] }"
 )]
 pub enum BaseMotion {
     /// A named base.
     Preset(BasePreset),
     /// Values of your own.
     Values(BaseValues),
+    /// A measured spectrum.
+    Spectrum(BaseSpectrum),
+}
+
+/// Base motion of a given spectrum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BaseSpectrum {
+    /// One-sided power spectral density of the tilt about each axis: frequencies [Hz], rising, and
+    /// densities [rad²/Hz], a power law between them and nothing beyond.
+    pub psd: Vec<[f64; 2]>,
 }
 
 /// Named bases.
@@ -306,8 +380,8 @@ pub struct BaseValues {
 }
 
 impl BaseMotion {
-    /// The modes of the base motion.
-    pub fn params(self) -> BaseMotionParams {
+    /// The base motion, to be stepped every `dt_s`; a spectrum's phases come from `rng`.
+    pub fn model(&self, dt_s: f64, rng: &mut Stream) -> Result<base_motion::BaseMotion, String> {
         let roof = BaseMotionParams::default();
         let scaled = |mode: TiltMode, factor: f64| TiltMode {
             rms_rad: mode.rms_rad.map(|rms| factor * rms),
@@ -317,23 +391,25 @@ impl BaseMotion {
             Self::Preset(BasePreset::Quiet) => 0.05,
             Self::Preset(BasePreset::Roof) => 1.0,
             Self::Preset(BasePreset::Mast) => 3.0,
-            Self::Values(values) => {
-                return BaseMotionParams {
-                    sway: scaled(roof.sway, 0.0),
-                    mast: TiltMode {
-                        frequency_hz: values.frequency_hz,
-                        damping: 0.03,
-                        rms_rad: [1e-6 * values.rms_urad; 3],
-                    },
-                    broadband: scaled(roof.broadband, 0.0),
-                };
+            Self::Values(_) => 0.0,
+            Self::Spectrum(given) => {
+                let spectrum = Spectrum::new(&given.psd).map_err(|error| error.to_string())?;
+                return Ok(base_motion::BaseMotion::from_spectrum(&spectrum, dt_s, rng));
             }
         };
-        BaseMotionParams {
+        let mut params = BaseMotionParams {
             sway: scaled(roof.sway, factor),
             mast: scaled(roof.mast, factor),
             broadband: scaled(roof.broadband, factor),
+        };
+        if let Self::Values(values) = self {
+            params.mast = TiltMode {
+                frequency_hz: values.frequency_hz,
+                damping: 0.03,
+                rms_rad: [1e-6 * values.rms_urad; 3],
+            };
         }
+        base_motion::BaseMotion::new(&params, dt_s).map_err(|error| error.to_string())
     }
 }
 
@@ -410,8 +486,6 @@ camera! {
     full_well_e: f64,
     /// Read noise, root mean square.
     read_noise_e: f64,
-    /// Bits per pixel of the converter.
-    bits: u32,
     /// Standard deviation of the lens blur.
     optics_blur_px: f64,
     /// From the end of the exposure to the image being in memory.
@@ -487,7 +561,6 @@ impl CameraPreset {
             pixel_pitch_um: 6.9,
             full_well_e: 20_000.0,
             read_noise_e: 4.0,
-            bits: 8,
             optics_blur_px: 0.6,
             readout_latency_s: 0.002,
             inference_latency_s: 0.003,
@@ -609,7 +682,7 @@ pub struct SearchSector {
     /// How the sector is covered.
     #[serde(default)]
     pub pattern: SearchPattern,
-    /// A radar's hint of the first UAV's direction; absent: search unaided.
+    /// A radar that tracks a UAV; absent: search unaided.
     pub cue: Option<Cue>,
 }
 
@@ -625,23 +698,36 @@ fn default_sector_height() -> f64 {
     12.0
 }
 
-/// How the search sector is covered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SearchPattern {
-    /// To and fro across the sector.
-    #[default]
-    Raster,
-    /// Stays on the middle, or on the cue.
-    Stare,
-}
-
-/// A radar cue.
+/// The cue of an external radar at the station: a track of one UAV made of noisy plots. The search
+/// covers two deviations of the track to either side of where it says the UAV is now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cue {
-    /// Standard deviation of the cue's direction, each axis.
+    /// Standard deviation of a plot's direction, each axis.
     pub sigma_deg: f64,
+    /// Standard deviation of a plot's slant range.
+    #[serde(default = "default_cue_range_sigma")]
+    pub range_sigma_m: f64,
+    /// Plots a second; the first is there at the start.
+    #[serde(default = "default_cue_rate")]
+    pub rate_hz: f64,
+    /// From a measurement to its plot at the station.
+    #[serde(default = "default_cue_latency")]
+    pub latency_s: f64,
+    /// Name of the UAV that is tracked; absent: the first that is still in the air.
+    pub target: Option<String>,
+}
+
+fn default_cue_range_sigma() -> f64 {
+    15.0 // [m]
+}
+
+fn default_cue_rate() -> f64 {
+    1.0 // [Hz]
+}
+
+fn default_cue_latency() -> f64 {
+    0.3 // [s]
 }
 
 /// One UAV.
@@ -656,6 +742,33 @@ pub struct Uav {
     pub trajectory: Trajectory,
     /// Material of the part the laser heats; absent: the catalogue's.
     pub skin: Option<Skin>,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
+}
+
+/// A bird or balloon: every camera sees it, no success counts it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Distractor {
+    /// Name, unique among UAVs and distractors.
+    pub name: String,
+    /// What it is.
+    pub kind: DistractorKind,
+    /// Where it flies; a balloon's is relative to the air, so that one that hovers drifts with the
+    /// wind.
+    pub trajectory: Trajectory,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
 }
 
 /// Material of the part the laser heats.
@@ -730,6 +843,8 @@ pub struct TruthErrors {
     pub noise_px: f64,
     /// Chance that a visible UAV is missed in a frame, 0 to 1.
     pub miss_rate: f64,
+    /// Chance that a visible bird or balloon is reported as a UAV in a frame, 0 to 1.
+    pub distractor_rate: f64,
     /// Mean number of false alarms in a frame.
     pub false_alarms_per_frame: f64,
 }
@@ -739,9 +854,61 @@ impl Default for TruthErrors {
         Self {
             noise_px: 0.5,
             miss_rate: 0.02,
+            distractor_rate: 0.3,
             false_alarms_per_frame: 0.01,
         }
     }
+}
+
+/// How detections become tracks and which of them becomes the target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tracker {
+    /// Which detection belongs to the target; absent: "paper" with the paper's controller,
+    /// "global" with any other.
+    pub rule: Option<AssociationRule>,
+    /// Standard deviation of a detection's centre that the tracker counts on; absent: the truth
+    /// detector's noise, or 0.5 for an ONNX model.
+    pub centre_sigma_px: Option<f64>,
+    /// Least share of its frames in which the detector must see a track for it to be a UAV.
+    pub min_quality: f64,
+    /// Another track becomes the target when it could reach the asset sooner by this factor.
+    pub switch_ratio: f64,
+    /// The protected asset, east, north, up from the site; absent: the station itself.
+    pub asset_enu_m: Option<[f64; 3]>,
+}
+
+impl Default for Tracker {
+    fn default() -> Self {
+        Self {
+            rule: None,
+            centre_sigma_px: None,
+            min_quality: 0.6,
+            switch_ratio: 1.5,
+            asset_enu_m: None,
+        }
+    }
+}
+
+/// Rules by which detections belong to the target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AssociationRule {
+    /// The detection nearest to the image centre is the target, as in the paper.
+    Paper,
+    /// All detections are assigned to all tracks at the least total cost.
+    Global,
+}
+
+/// What an operator orders.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Order {
+    /// When.
+    pub t_s: f64,
+    /// Name of the UAV whose picture the operator points at: its track becomes the target and
+    /// stays it. Absent: the choice goes back to the tracker.
+    pub designate: Option<String>,
 }
 
 /// The tracking loops: a preset, and what differs from it.
@@ -785,9 +952,16 @@ pub struct Gains {
 pub struct Engage {
     /// False: track only, the laser never fires.
     pub authorised: bool,
-    /// Directions in which the laser never fires.
+    /// The part of a UAV that the laser is aimed at.
+    pub aim: AimPart,
+    /// Regions that the beam never enters.
     pub keep_out: Vec<KeepOut>,
-    /// What may lie behind the target on the beam's line.
+    /// The laser does not fire this close to the sun: it would dazzle the precise camera.
+    pub sun_exclusion_deg: f64,
+    /// How far ahead the line of sight is checked for obstacles and keep-out zones: the laser is
+    /// off before it gets there.
+    pub look_ahead_s: f64,
+    /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
     pub allow_backstop: Vec<Backstop>,
     /// An allowed building or ground must lie at least this far behind the target.
     pub min_clear_range_m: f64,
@@ -805,7 +979,10 @@ impl Default for Engage {
     fn default() -> Self {
         Self {
             authorised: true,
+            aim: AimPart::default(),
             keep_out: Vec::new(),
+            sun_exclusion_deg: 5.0,
+            look_ahead_s: 0.3,
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
             lock_radius_px: 3.0,
@@ -816,16 +993,44 @@ impl Default for Engage {
     }
 }
 
-/// A block of directions in which the laser never fires.
+/// A region that the beam never enters: a block of directions (`azimuth_deg`, `elevation_deg`), or
+/// everything near a straight route (`from_enu_m`, `to_enu_m`, `radius_m`), such as an aircraft
+/// corridor, which the beam must not meet behind the target either.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KeepOut {
     /// What is protected.
     pub name: String,
-    /// Azimuths [from, to] clockwise from north; from > to passes through north.
-    pub azimuth_deg: [f64; 2],
-    /// Elevations [from, to].
-    pub elevation_deg: [f64; 2],
+    /// Block: azimuths [from, to] clockwise from north; from > to passes through north.
+    pub azimuth_deg: Option<[f64; 2]>,
+    /// Block: elevations [from, to].
+    pub elevation_deg: Option<[f64; 2]>,
+    /// Route: east, north, up of one end.
+    pub from_enu_m: Option<[f64; 3]>,
+    /// Route: east, north, up of the other end.
+    pub to_enu_m: Option<[f64; 3]>,
+    /// Route: protected distance around it.
+    pub radius_m: Option<f64>,
+}
+
+impl KeepOut {
+    /// The region; none unless the fields of exactly one form are given.
+    pub fn zone(&self) -> Option<Zone> {
+        let block = (self.azimuth_deg, self.elevation_deg);
+        let route = (self.from_enu_m, self.to_enu_m, self.radius_m);
+        match (block, route) {
+            ((Some(azimuth_deg), Some(elevation_deg)), (None, None, None)) => Some(Zone::Sector {
+                azimuth_rad: azimuth_deg.map(f64::to_radians),
+                elevation_rad: elevation_deg.map(f64::to_radians),
+            }),
+            ((None, None), (Some(from), Some(to), Some(radius_m))) => Some(Zone::Route {
+                from_enu_m: from.into(),
+                to_enu_m: to.into(),
+                radius_m,
+            }),
+            _ => None,
+        }
+    }
 }
 
 /// What the beam would meet beyond the target.
@@ -836,7 +1041,7 @@ pub enum Backstop {
     Sky,
     /// Terrain or street.
     Ground,
-    /// A building.
+    /// A building, or a tree: what stands more than 2 m above the ground.
     Building,
 }
 
@@ -1391,20 +1596,43 @@ impl Scenario {
         );
         check_city(&self.city, &mut check);
         self.station.check(&mut check, self.tick_hz);
-        self.search.check(&mut check);
+        self.search.check(&mut check, &self.uavs);
         let mut names = Vec::new();
-        for (index, uav) in self.uavs.iter().enumerate() {
-            check.name(&format!("uavs[{index}].name"), &uav.name, &names);
-            names.push(&uav.name);
+        let uavs = self.uavs.iter().enumerate().map(|(index, uav)| {
+            let flight = (&uav.trajectory, uav.spread_m, uav.spread_s);
+            (format!("uavs[{index}]"), &uav.name, flight)
+        });
+        let distractors = self.distractors.iter().enumerate().map(|(index, other)| {
+            let flight = (&other.trajectory, other.spread_m, other.spread_s);
+            (format!("distractors[{index}]"), &other.name, flight)
+        });
+        for (at, name, (trajectory, [across_m, up_m], spread_s)) in uavs.chain(distractors) {
+            check.name(&format!("{at}.name"), name, &names);
+            names.push(name);
             // A recorded flight's file is read, and checked, when the run starts.
-            if !matches!(uav.trajectory, Trajectory::Recorded { .. })
-                && let Err(error) = uav.trajectory.compile(|_| Ok(String::new()))
+            if !matches!(trajectory, Trajectory::Recorded { .. })
+                && let Err(error) = trajectory.compile(|_| Ok(String::new()))
             {
-                let path = format!("uavs[{index}].trajectory");
-                check.that(false, &path, || error.to_string());
+                check.that(false, &format!("{at}.trajectory"), || error.to_string());
             }
+            check.within(&format!("{at}.spread_m[0]"), across_m, AT_LEAST_ZERO);
+            check.within(&format!("{at}.spread_m[1]"), up_m, AT_LEAST_ZERO);
+            check.within(&format!("{at}.spread_s"), spread_s, AT_LEAST_ZERO);
         }
         self.detector.check(&mut check);
+        self.tracker.check(&mut check);
+        for (index, order) in self.operator.iter().enumerate() {
+            let path = format!("operator[{index}]");
+            let earliest = index.checked_sub(1).map_or(0.0, |i| self.operator[i].t_s);
+            check.within(&format!("{path}.t_s"), order.t_s, earliest..=86_400.0);
+            if let Some(name) = &order.designate {
+                check.that(
+                    self.uavs.iter().any(|uav| uav.name == *name),
+                    &format!("{path}.designate"),
+                    || format!("no UAV of the scenario is named '{name}'"),
+                );
+            }
+        }
         self.controller.check(&mut check);
         self.engage.check(&mut check);
         check.rate("record.state_hz", self.record.state_hz, self.tick_hz);
@@ -1453,6 +1681,17 @@ impl Weather {
                     "weather.gust_mps",
                     || format!("is below the mean wind speed of {wind} m/s"),
                 );
+                check.that(
+                    self.cloud_base_m.is_none() || weather.ceiling_m().is_some(),
+                    "weather.cloud_base_m",
+                    || {
+                        format!(
+                            "says nothing with a cloud_cover of {}: only a cover of 0.875 or more \
+                             hides what is above its base",
+                            weather.cloud_cover
+                        )
+                    },
+                );
             }
             Err(error) => check.that(false, "weather.metar", || error.to_string()),
         }
@@ -1477,11 +1716,48 @@ impl Station {
             mount.mirror_range_mrad,
             0.0..=100.0,
         );
-        if let BaseMotion::Values(base) = mount.base_motion {
-            let path = "station.mount.base_motion";
-            check.within(&format!("{path}.rms_urad"), base.rms_urad, 0.0..=1e5);
-            check.positive(&format!("{path}.frequency_hz"), base.frequency_hz);
+        match &mount.base_motion {
+            BaseMotion::Preset(_) => {}
+            BaseMotion::Values(base) => {
+                let path = "station.mount.base_motion";
+                check.within(&format!("{path}.rms_urad"), base.rms_urad, 0.0..=1e5);
+                check.positive(&format!("{path}.frequency_hz"), base.frequency_hz);
+            }
+            BaseMotion::Spectrum(base) => {
+                let path = "station.mount.base_motion.psd";
+                match Spectrum::new(&base.psd) {
+                    Ok(_) => {
+                        let last_hz = base.psd.iter().fold(0.0, |last, [f, _]| f64::max(last, *f));
+                        check.within(path, last_hz, 0.0..=0.5 * f64::from(tick_hz));
+                    }
+                    Err(error) => check.that(false, path, || error.to_string()),
+                }
+            }
         }
+        check.within(
+            "station.mount.mirror_bandwidth_hz",
+            mount.mirror_bandwidth_hz,
+            10.0..=5_000.0,
+        );
+        let (mode_hz, path) = (mount.structural_mode_hz, "station.mount.structural_mode_hz");
+        if mode_hz != 0.0 {
+            check.within(path, mode_hz, 5.0..=200.0);
+        }
+        let path = "station.mount.backlash_urad";
+        check.within(path, mount.backlash_urad, 0.0..=1e5);
+        check.that(mount.backlash_urad == 0.0 || mode_hz != 0.0, path, || {
+            "needs a spring to act on: set structural_mode_hz above 0".into()
+        });
+        check.within(
+            "station.mount.encoder_bits",
+            mount.encoder_bits.into(),
+            8.0..=40.0,
+        );
+        check.within(
+            "station.mount.boresight_sigma_urad",
+            mount.boresight_sigma_urad,
+            0.0..=5_000.0,
+        );
         for (name, camera) in ["search", "coarse", "precise"]
             .iter()
             .zip(self.cameras.resolved())
@@ -1528,7 +1804,6 @@ impl Camera {
         check.within(&at("pixel_pitch_um"), self.pixel_pitch_um, 0.5..=100.0);
         check.positive(&at("full_well_e"), self.full_well_e);
         check.within(&at("read_noise_e"), self.read_noise_e, AT_LEAST_ZERO);
-        check.within(&at("bits"), self.bits.into(), 1.0..=16.0);
         check.within(&at("optics_blur_px"), self.optics_blur_px, 0.0..=20.0);
         check.within(&at("readout_latency_s"), self.readout_latency_s, FRACTION);
         check.within(
@@ -1554,7 +1829,7 @@ impl Camera {
 }
 
 impl SearchSector {
-    fn check(&self, check: &mut Check) {
+    fn check(&self, check: &mut Check, uavs: &[Uav]) {
         check.within("search.centre_azimuth_deg", self.centre_azimuth_deg, TURN);
         check.positive("search.width_deg", self.width_deg);
         check.within("search.width_deg", self.width_deg, 0.0..=360.0);
@@ -1563,6 +1838,20 @@ impl SearchSector {
         check.within("search.height_deg", self.height_deg, 0.0..=180.0);
         if let Some(cue) = &self.cue {
             check.within("search.cue.sigma_deg", cue.sigma_deg, 0.0..=90.0);
+            check.within(
+                "search.cue.range_sigma_m",
+                cue.range_sigma_m,
+                0.0..=10_000.0,
+            );
+            check.positive("search.cue.rate_hz", cue.rate_hz);
+            check.within("search.cue.latency_s", cue.latency_s, 0.0..=60.0);
+            if let Some(target) = &cue.target {
+                let known = uavs.iter().any(|uav| uav.name == *target);
+                check.that(known, "search.cue.target", || {
+                    let names: Vec<&str> = uavs.iter().map(|uav| uav.name.as_str()).collect();
+                    format!("no UAV '{target}'{}", suggestion(target, &names))
+                });
+            }
         }
     }
 }
@@ -1574,10 +1863,23 @@ impl Detector {
         check.within("detector.truth.noise_px", truth.noise_px, 0.0..=100.0);
         check.within("detector.truth.miss_rate", truth.miss_rate, FRACTION);
         check.within(
+            "detector.truth.distractor_rate",
+            truth.distractor_rate,
+            FRACTION,
+        );
+        check.within(
             "detector.truth.false_alarms_per_frame",
             truth.false_alarms_per_frame,
             0.0..=100.0,
         );
+    }
+}
+
+impl Tracker {
+    fn check(&self, check: &mut Check) {
+        check.maybe_within("tracker.centre_sigma_px", self.centre_sigma_px, 0.01..=20.0);
+        check.within("tracker.min_quality", self.min_quality, FRACTION);
+        check.within("tracker.switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
     }
 }
 
@@ -1604,15 +1906,26 @@ impl Engage {
             let path = format!("engage.keep_out[{index}]");
             check.name(&format!("{path}.name"), &zone.name, &names);
             names.push(&zone.name);
-            for (end, azimuth) in zone.azimuth_deg.into_iter().enumerate() {
+            check.that(zone.zone().is_some(), &path, || {
+                "give either azimuth_deg and elevation_deg, or from_enu_m, to_enu_m and radius_m"
+                    .to_owned()
+            });
+            for (end, azimuth) in zone.azimuth_deg.into_iter().flatten().enumerate() {
                 check.within(&format!("{path}.azimuth_deg[{end}]"), azimuth, TURN);
             }
-            check.ascending(
-                &format!("{path}.elevation_deg"),
-                zone.elevation_deg,
-                ELEVATION,
-            );
+            if let Some(elevation_deg) = zone.elevation_deg {
+                check.ascending(&format!("{path}.elevation_deg"), elevation_deg, ELEVATION);
+            }
+            if let Some(radius_m) = zone.radius_m {
+                check.positive(&format!("{path}.radius_m"), radius_m);
+            }
         }
+        check.within(
+            "engage.sun_exclusion_deg",
+            self.sun_exclusion_deg,
+            0.0..=90.0,
+        );
+        check.within("engage.look_ahead_s", self.look_ahead_s, 0.0..=5.0);
         let mut within = |key: &str, value| {
             check.within(&format!("engage.{key}"), value, AT_LEAST_ZERO);
         };
@@ -1986,6 +2299,31 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
     }
 
     #[test]
+    fn a_given_visibility_holds_the_precipitation() {
+        let weather = |sets: &[&str]| with(sets).weather.resolved().unwrap();
+        let dry = weather(&[]);
+        assert_eq!((dry.visibility_m, dry.precipitation_mmph), (20_000.0, 0.0));
+        // 5 mm/h of rain, 0.72838 /km, beside the haze of 20 km.
+        let rain = weather(&["weather.precipitation_mmph=5"]);
+        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72838);
+        assert!((rain.visibility_m - expected_m).abs() < 0.1, "{rain:?}");
+        assert!(!rain.snow);
+        let snow = weather(&["weather.precipitation_mmph=5", "weather.temperature_c=-5"]);
+        assert!(snow.snow && snow.visibility_m < 400.0, "{snow:?}");
+        let both = weather(&["weather.precipitation_mmph=5", "weather.visibility_m=8000"]);
+        assert_eq!((both.visibility_m, both.precipitation_mmph), (8000.0, 5.0));
+        // The report's visibility is given too; other precipitation than the report's changes it.
+        let metar = "weather.metar='LSZH 200850Z 24005KT 4000 RA OVC010 09/08 Q1020'";
+        assert_eq!(weather(&[metar]).visibility_m, 4000.0);
+        let dried = weather(&[metar, "weather.precipitation_mmph=0"]);
+        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72838);
+        assert!(
+            (dried.visibility_m / expected_m - 1.0).abs() < 1e-4,
+            "{dried:?}"
+        );
+    }
+
+    #[test]
     fn contradictions_are_found_where_they_stand() {
         let add = |text: &str| error(&format!("{GOOD}{text}"), &[]);
         assert_eq!(
@@ -2003,6 +2341,33 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             )
             .starts_with("s.toml:18: uavs[1].name: the name 'one' is taken")
         );
+        let distractor = |name: &str, kind: &str, rest: &str| {
+            add(&format!(
+                "[[distractors]]\nname = '{name}'\nkind = '{kind}'\ntrajectory.kind = 'orbit'\n\
+                 trajectory.centre_enu_m = [1, 2, 3]\ntrajectory.radius_m = 9\n{rest}"
+            ))
+        };
+        assert!(
+            distractor("one", "bird", "trajectory.speed_mps = 9")
+                .starts_with("s.toml:17: distractors[0].name: the name 'one' is taken")
+        );
+        assert!(
+            distractor("gull", "brid", "trajectory.speed_mps = 9").starts_with(
+                "s.toml:18: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
+            )
+        );
+        assert!(
+            distractor("gull", "bird", "trajectory.speed_mps = 0")
+                .contains("distractors[0].trajectory: speed_mps is 0: give a value above 0")
+        );
+        assert!(
+            distractor(
+                "gull",
+                "bird",
+                "trajectory.speed_mps = 9\nspread_m = [5, -1]"
+            )
+            .contains("distractors[0].spread_m[1]: found -1, must be at least 0")
+        );
         assert!(
             add("[weather]\nmetar = 'LSZH nonsense'")
                 .starts_with("s.toml:18: weather.metar: METAR")
@@ -2010,6 +2375,10 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert!(
             add("[weather]\nwind_speed_mps = 9\ngust_mps = 4")
                 .starts_with("s.toml:19: weather.gust_mps: is below")
+        );
+        assert!(
+            add("[weather]\ncloud_cover = 0.5\ncloud_base_m = 400")
+                .starts_with("s.toml:19: weather.cloud_base_m: says nothing with a cloud_cover of")
         );
         assert!(
             add("[station.mount]\nelevation_limits_deg = [50, 20]")
@@ -2027,6 +2396,58 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert!(
             error(GOOD, &["record.state_hz=7"])
                 .starts_with("s.toml: --set record.state_hz=7: record.state_hz: 7 Hz")
+        );
+    }
+
+    #[test]
+    fn a_keep_out_zone_has_one_form() {
+        let zones = with(&[
+            "engage.keep_out=[{ name = 'a', azimuth_deg = [350, 10], elevation_deg = [0, 90] }, \
+             { name = 'b', from_enu_m = [0, 1, 2], to_enu_m = [3, 4, 5], radius_m = 6 }]",
+        ])
+        .engage
+        .keep_out;
+        assert!(matches!(zones[0].zone(), Some(Zone::Sector { .. })));
+        assert_eq!(
+            zones[1].zone(),
+            Some(Zone::Route {
+                from_enu_m: glam::DVec3::new(0.0, 1.0, 2.0),
+                to_enu_m: glam::DVec3::new(3.0, 4.0, 5.0),
+                radius_m: 6.0
+            })
+        );
+        for broken in [
+            "radius_m = 6",
+            "azimuth_deg = [0, 10]",
+            "azimuth_deg = [0, 10], elevation_deg = [0, 90], radius_m = 6",
+            "from_enu_m = [0, 1, 2], to_enu_m = [3, 4, 5]",
+            "elevation_deg = [0, 90], from_enu_m = [0, 1, 2], to_enu_m = [3, 4, 5], radius_m = 6",
+        ] {
+            let zone = format!("[engage]\nkeep_out = [{{ name = 'c', {broken} }}]");
+            let message = error(&format!("{GOOD}{zone}"), &[]);
+            assert!(
+                message.starts_with("s.toml:19: engage.keep_out[0]: give either azimuth_deg"),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_cue_names_a_uav() {
+        let cue = with(&["search.cue={ sigma_deg = 0.7 }"])
+            .search
+            .cue
+            .unwrap();
+        assert_eq!(
+            (cue.rate_hz, cue.range_sigma_m, cue.latency_s),
+            (1.0, 15.0, 0.3)
+        );
+        let named = with(&["search.cue={ sigma_deg = 0.7, target = 'one' }"]);
+        assert_eq!(named.search.cue.unwrap().target.as_deref(), Some("one"));
+        assert_eq!(
+            error(GOOD, &["search.cue={ sigma_deg = 0.7, target = 'ona' }"]),
+            "s.toml: --set search.cue={ sigma_deg = 0.7, target = 'ona' }: search.cue.target: no \
+             UAV 'ona' - did you mean 'one'? expected one of one"
         );
     }
 

@@ -1,17 +1,17 @@
 //! The end of a run: outcome, summary, report.
 
-use crate::components::beam::BeamState;
+use crate::components::beam::{BeamState, Dose};
 use crate::components::camera::Tier;
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::record::{History, Recording, StateHash};
 use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::{extinction_per_m, transmittance};
 use crate::report::{
     ContactBox, ContactFrame, MissDistances, MissStats, ReportData, Shares, StateSpan, Summary,
-    write_report,
+    UavSummary, write_report,
 };
 use crate::run::{Options, RunError, Stopwatch, VERSION};
 use crate::scenario::Loaded;
@@ -59,10 +59,15 @@ pub fn finish(
     let clock = *world.resource::<SimClock>();
     let mut stations = world.query::<&BeamState>();
     let beam = stations.iter(world).next().copied().unwrap_or_default();
-    let mut uavs = world.query::<(&Uav, &UavStatus, &HeatedSkin)>();
+    let mut uavs = world.query::<(&Uav, &UavStatus, &HeatedSkin, &Dose)>();
+    let mut doses: Vec<_> = uavs
+        .iter(world)
+        .map(|(uav, .., dose)| (uav.index, *dose))
+        .collect();
+    doses.sort_by_key(|(index, _)| *index);
     let mut statuses: Vec<_> = uavs
         .iter(world)
-        .map(|(uav, status, skin)| {
+        .map(|(uav, status, skin, _)| {
             (
                 uav.index,
                 uav.name.clone(),
@@ -86,9 +91,11 @@ pub fn finish(
                 .map(|(_, distance)| *distance),
         )
     };
-    let neutralised = statuses
+    let down = statuses
         .iter()
-        .all(|(_, _, status, _)| status.neutralised());
+        .filter(|(_, _, status, _)| status.neutralised())
+        .count();
+    let neutralised = down == statuses.len();
     let share = |part: Duration| part.as_secs_f64() / elapsed.as_secs_f64().max(1e-9);
     let (render, inference) = (share(stopwatch.render), share(stopwatch.inference));
     let summary = Summary {
@@ -113,7 +120,20 @@ pub fn finish(
             precise: miss(Tier::Precise),
         },
         dwell_s: beam.dwell_s,
+        distractor_s: beam.distractor_s,
         energy_j: beam.energy_j,
+        energy_per_neutralised_j: (down > 0).then(|| beam.energy_j / down as f64),
+        uavs: statuses
+            .iter()
+            .zip(&doses)
+            .map(|((index, name, status, _), (_, dose))| UavSummary {
+                name: name.clone(),
+                status: status.name().into(),
+                energy_j: dose.energy_j,
+                dwell_s: dose.dwell_s,
+                neutralised_s: history.neutralised_s.get(*index).copied().flatten(),
+            })
+            .collect(),
         share: Shares {
             render,
             inference,
@@ -128,7 +148,7 @@ pub fn finish(
 fn conditions(world: &mut World) -> String {
     // Koschmieder's threshold: what keeps less than 2 % of its contrast is not seen.
     const THRESHOLD: f64 = 0.02;
-    let mut uavs = world.query::<&Flight>();
+    let mut uavs = world.query_filtered::<&Flight, Without<Distractor>>();
     let mut mounts = world.query::<&Mount>();
     let Some(station) = mounts.iter(world).next().map(|mount| mount.r_enu_m) else {
         return String::new();
@@ -315,8 +335,18 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
             format!("{:.2} s", summary.dwell_s),
         ),
         (
+            "beam on distractors",
+            format!("{:.2} s", summary.distractor_s),
+        ),
+        (
             "energy emitted",
             format!("{:.1} kJ", 1e-3 * summary.energy_j),
+        ),
+        (
+            "energy per UAV down",
+            summary
+                .energy_per_neutralised_j
+                .map_or("none down".into(), |j| format!("{:.1} kJ", 1e-3 * j)),
         ),
         ("simulated", format!("{:.2} s", summary.simulated_s)),
         (
@@ -336,7 +366,17 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
         ("state hash", summary.state_hash.clone()),
     ]
     .map(|(label, value)| (label.to_string(), value))
-    .into()
+    .into_iter()
+    .chain(summary.uavs.iter().map(|uav| {
+        let value = format!(
+            "{}, {:.1} kJ, dwell {:.2} s",
+            uav.status,
+            1e-3 * uav.energy_j,
+            uav.dwell_s
+        );
+        (format!("UAV {}", uav.name), value)
+    }))
+    .collect()
 }
 
 /// The summary for a terminal.

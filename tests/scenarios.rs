@@ -671,6 +671,78 @@ fn a_machine_that_cannot_is_one_error_that_names_the_mend() {
     refused(&mut blind(folder, demo), &["run.mcap"]);
 }
 
+/// Birds and balloons are in truth and recording, and neither end nor outlast a run.
+#[test]
+fn distractors_are_recorded_and_never_counted() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("birds.toml");
+    let demo = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
+    let text = demo.unwrap()
+        + r#"
+[[distractors]]
+name = "gull"
+kind = "bird"
+trajectory = { kind = "orbit", centre_enu_m = [-150.0, 150.0, 90.0], radius_m = 30.0, speed_mps = 11.0 }
+
+[[distractors]]
+name = "party"
+kind = "balloon"
+trajectory = { kind = "hover", position_enu_m = [-150.0, 150.0, 90.0] }
+"#;
+    std::fs::write(&path, text).unwrap();
+    let run = |out: &str| {
+        let output = boresight()
+            .arg("run")
+            .arg(&path)
+            .args(BLIND)
+            .args(["--set", "search.width_deg=20"])
+            // It flies into the ground after a few seconds.
+            .args(["--set", "uavs.0.trajectory={ kind = \"straight\", start_enu_m = [-150.0, 150.0, 90.0], velocity_enu_mps = [0.0, 5.0, -12.0] }"])
+            .arg("--out")
+            .arg(folder.path().join(out))
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let text = std::fs::read_to_string(folder.path().join(out).join("summary.json"));
+        serde_json::from_str::<Value>(&text.unwrap()).unwrap()
+    };
+    let (summary, again) = (run("a"), run("b"));
+    assert_eq!(summary["state_hash"], again["state_hash"]);
+    let end_s = summary["simulated_s"].as_f64().unwrap();
+    assert!(end_s < 15.0, "{summary:#}");
+    assert_ne!(summary["outcome"], "partly_neutralised", "{summary:#}");
+
+    let mcap = folder.path().join("a/run.mcap");
+    let states: Vec<_> = messages(&mcap, "/boresight/uav_state")
+        .iter()
+        .map(|data| proto::UavState::decode(&data[..]).unwrap())
+        .collect();
+    let of = |name: &'static str| states.iter().filter(move |state| state.name == name);
+    let at = |state: &proto::UavState| {
+        let r = state.r_enu_m.as_ref().unwrap();
+        DVec3::new(r.x, r.y, r.z)
+    };
+    let gulls: Vec<_> = of("gull").collect();
+    assert!(gulls.len() > 100 && gulls.iter().all(|state| state.status == "bird"));
+    for state in gulls {
+        let out = at(state) - DVec3::new(-150.0, 150.0, 90.0);
+        assert!((out.truncate().length() - 30.0).abs() < 1e-6, "{out}");
+        assert!(out.z.abs() < 0.03, "{out}");
+    }
+    let party: Vec<_> = of("party").collect();
+    assert!(party.iter().all(|state| state.status == "balloon"));
+    let drift = at(party[party.len() - 1]) - at(party[0]);
+    let speed_mps = drift.length() / end_s;
+    assert!((0.5..15.0).contains(&speed_mps), "{speed_mps} m/s");
+
+    let seen: std::collections::BTreeSet<String> = messages(&mcap, "/boresight/frame_truth")
+        .iter()
+        .flat_map(|data| proto::FrameTruth::decode(&data[..]).unwrap().uavs)
+        .map(|uav| uav.name)
+        .collect();
+    assert!(seen.contains("gull") && seen.contains("party"), "{seen:?}");
+}
+
 // ---- Rendered truth --------------------------------------------------------------------------
 
 /// The demo with the truth as detector, a search camera that stares, and one UAV that hovers.
@@ -888,6 +960,23 @@ fn hidden_place(dsm: &Dsm, station_enu_m: DVec3, city: &City) -> DVec3 {
             })
         })
         .expect("a city hides something")
+}
+
+#[test]
+fn a_uav_above_closed_cloud_is_not_visible() {
+    let _one = rendering();
+    let mut loaded = hovering_at(DVec3::new(-660.0, 660.0, 125.0));
+    loaded.scenario.weather.cloud_cover = Some(1.0);
+    for (base_m, seen_there) in [(130.0, true), (120.0, false)] {
+        loaded.scenario.weather.cloud_base_m = Some(base_m);
+        let all = rendered(&loaded, 0.2);
+        assert!(all.len() >= 5, "{} frames", all.len());
+        for seen in &all {
+            assert_eq!(seen.geometric.clear, seen_there, "{base_m} m");
+            let fraction = seen.rendered.visible_fraction;
+            assert!((fraction > 0.9) == seen_there && (fraction == 0.0) != seen_there);
+        }
+    }
 }
 
 #[test]

@@ -78,6 +78,17 @@ pub struct BeamState {
     pub scintillation: f64,
     /// Energy emitted since the start [J].
     pub energy_j: f64,
-    /// Time for which the beam's centre lay on an aim point while firing [s].
+    /// Time for which the firing beam's centre lay on the aim point of the tracker's target [s].
+    pub dwell_s: f64,
+    /// Time for which the firing beam's axis lay on a distractor [s].
+    pub distractor_s: f64,
+}
+
+/// What the laser has spent on a UAV.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dose {
+    /// Energy emitted while this UAV was the aimed one [J].
+    pub energy_j: f64,
+    /// Time for which the firing beam's centre lay on its aim point [s].
     pub dwell_s: f64,
 }

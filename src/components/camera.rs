@@ -67,8 +67,10 @@ pub enum Readout {
 /// Where a UAV is in a frame, from the truth of the very same tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UavInFrame {
-    /// Index of the UAV in the scenario.
+    /// Index of the UAV in the scenario; distractors come after all UAVs.
     pub uav: usize,
+    /// Whether it is no UAV.
+    pub distractor: bool,
     /// Box around the airframe's projection [px]: x0, y0, x1, y1 in full-sensor pixels.
     pub box_px: [f64; 4],
     /// Projection of the aim point [px].
@@ -105,7 +107,7 @@ pub struct Frame {
     pub pointing: Pointing,
     /// The pixels read out.
     pub rect: PixelRect,
-    /// The UAVs in front of the camera.
+    /// The UAVs and distractors in front of the camera.
     pub truth: Vec<UavInFrame>,
     /// 8-bit RGB pixels of `rect`, row by row; `None` in a run that renders nothing.
     pub rgb8: Option<Arc<Vec<u8>>>,

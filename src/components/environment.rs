@@ -2,6 +2,7 @@
 
 use crate::models::atmosphere::Cn2Profile;
 use crate::models::city::City;
+use crate::models::dsm::LineOfSight;
 use crate::models::geodesy::SiteFrame;
 use crate::models::sky::Sky;
 use crate::models::weather::Weather;
@@ -31,4 +32,20 @@ pub struct Environment {
     pub sky: Sky,
     /// Master seed of the run.
     pub seed: u64,
+}
+
+impl Environment {
+    /// Whether a point [m, enu] lies in closed cloud or above its base.
+    pub fn in_cloud(&self, r_enu_m: DVec3) -> bool {
+        self.weather.ceiling_m().is_some_and(|z_m| r_enu_m.z > z_m)
+    }
+
+    /// Whether two points [m, enu] see each other: neither city nor closed cloud in between.
+    pub fn line_of_sight(&self, from_enu_m: DVec3, to_enu_m: DVec3) -> LineOfSight {
+        let sight = self.city.dsm.line_of_sight(from_enu_m, to_enu_m);
+        match self.weather.ceiling_m() {
+            Some(base_m) => sight.below(base_m, from_enu_m, to_enu_m),
+            None => sight,
+        }
+    }
 }

@@ -2,10 +2,12 @@
 
 use crate::components::camera::Tier;
 use crate::models::base_motion::BaseMotion;
-use crate::models::gimbal::{GimbalCommand, GimbalParams, GimbalState};
-use crate::models::kinematics::{Pose, boresight_chain};
+use crate::models::camera::Pinhole;
+use crate::models::gimbal::{GimbalCommand, GimbalParams, GimbalState, WindLoad};
+use crate::models::kinematics::{Pose, boresight_chain, exp_so3};
 use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::rng::Stream;
+use crate::models::wind::DrydenGust;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -16,8 +18,10 @@ pub struct Mount {
     pub r_enu_m: DVec3,
     /// Constants of the gimbal.
     pub params: GimbalParams,
-    /// Angles and rates of the gimbal.
+    /// Angles and rates of the gimbal; the true ones: what the station knows is measured.
     pub gimbal: GimbalState,
+    /// Stream of the noise of the axes' gyros.
+    pub axis_gyro_rng: Stream,
     /// Constants of the mirror.
     pub mirror_params: MirrorParams,
     /// The mirror.
@@ -30,6 +34,41 @@ pub struct Mount {
     pub base_rate_radps: [f64; 2],
     /// Fibre-optic gyro on the base.
     pub gyro: Gyro,
+    /// Wind on the gimbal, where it is modelled.
+    pub wind: Option<StationWind>,
+    /// The cameras' boresights as calibrated.
+    pub alignment: Alignment,
+}
+
+impl Mount {
+    /// Azimuth and elevation from the encoders [rad].
+    pub fn measured_az_el_rad(&self) -> DVec2 {
+        self.gimbal.encoder_az_el_rad()
+    }
+
+    /// Azimuth and elevation rates from the axes' gyros [rad/s].
+    pub fn measured_rates_radps(&self) -> DVec2 {
+        self.gimbal.gyro_rates_radps()
+    }
+}
+
+/// The wind at the station and what it gets hold of.
+#[derive(Clone, Debug)]
+pub struct StationWind {
+    /// Drag area and arm.
+    pub load: WindLoad,
+    /// Mean wind [m/s].
+    pub mean_enu_mps: DVec3,
+    /// Height above the ground [m].
+    pub height_agl_m: f64,
+    /// Air density [kg/m³].
+    pub air_density_kgpm3: f64,
+    /// Gusts upon the mean.
+    pub gusts: DrydenGust,
+    /// Stream of the gusts.
+    pub rng: Stream,
+    /// Torque on azimuth and elevation in the last tick [N m].
+    pub torque_nm: [f64; 2],
 }
 
 /// A gyro that integrates the base's tilt from a levelled start.
@@ -54,8 +93,8 @@ pub struct MountCommand {
     pub mirror_rad: DVec2,
 }
 
-/// What the station knows of its own pointing: encoders, mirror sensor and gyro; not the gyro's
-/// drift nor boresight errors.
+/// What the station knows of its own pointing: encoders, mirror sensor, gyro and calibrated
+/// boresights; not the gyro's drift nor what calibration left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pointing {
     /// Encoder azimuth and elevation [rad].
@@ -64,6 +103,8 @@ pub struct Pointing {
     pub mirror_rad: DVec2,
     /// Tilt of the base by the gyro [rad].
     pub base_tilt_rad: DVec3,
+    /// The cameras' boresights as calibrated.
+    pub alignment: Alignment,
 }
 
 impl Pointing {
@@ -81,7 +122,7 @@ impl Pointing {
             az,
             el,
             mirror_rad,
-            DVec3::ZERO,
+            self.alignment.0[tier as usize],
         )
     }
 }
@@ -104,7 +145,66 @@ impl Optics {
     }
 }
 
-/// Boresight errors [rad], rotation vectors in camera axes, in the order of [`Tier::ALL`]; the
+/// What the station holds for the boresights of its cameras [rad]: rotation vectors against the
+/// laser in camera axes, in the order of [`Tier::ALL`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Alignment(pub [DVec3; 3]);
+
+impl Alignment {
+    /// Where a camera of `tier` would show the laser's axis [px], by what the station knows; for
+    /// the cameras on the gimbal with the mirror at its centre.
+    pub fn reticle_px(&self, pinhole: &Pinhole, tier: Tier) -> DVec2 {
+        pinhole
+            .project(exp_so3(-self.0[tier as usize]) * DVec3::Z)
+            .unwrap_or(pinhole.centre_px())
+    }
+}
+
+/// True boresight errors [rad], rotation vectors in camera axes, in the order of [`Tier::ALL`]; the
 /// laser defines the axis.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Misalignment(pub [DVec3; 3]);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::kinematics::error_angles;
+
+    #[test]
+    fn without_calibration_the_laser_misses_by_the_misalignment() {
+        // The mount closes on the target as the precise camera shows it and the station reads it.
+        let pinhole = Pinhole::from_hfov(640, 480, 1.0f64.to_radians()).unwrap();
+        let truth = DVec3::new(40e-6, -30e-6, 20e-6);
+        for (known, expected_rad) in [
+            (DVec3::ZERO, DVec2::new(30e-6, 40e-6)),
+            (truth, DVec2::ZERO),
+        ] {
+            let alignment = Alignment([DVec3::ZERO, DVec3::ZERO, known]);
+            let at = DVec2::new(0.4, 0.2);
+            let pose = |misalignment| {
+                boresight_chain(
+                    DVec3::ZERO,
+                    DVec3::ZERO,
+                    at.x,
+                    at.y,
+                    DVec2::ZERO,
+                    misalignment,
+                )
+            };
+            // A target on the reticle ...
+            let ray_cam = pinhole.ray(alignment.reticle_px(&pinhole, Tier::Precise));
+            let target_enu = pose(truth).q_enu_cam * ray_cam;
+            // ... is on the station's axis, and off the laser's by what is not known.
+            let pointing = Pointing {
+                az_el_rad: at,
+                mirror_rad: DVec2::ZERO,
+                base_tilt_rad: DVec3::ZERO,
+                alignment,
+            };
+            let believed = pointing.believed_pose(DVec3::ZERO, Tier::Precise).q_enu_cam * ray_cam;
+            assert!(error_angles(pose(DVec3::ZERO).q_enu_cam, believed).length() < 1e-12);
+            let miss = error_angles(pose(DVec3::ZERO).q_enu_cam, target_enu);
+            assert!((miss.abs() - expected_rad).length() < 1e-8, "{miss}");
+        }
+    }
+}

@@ -110,8 +110,26 @@ pub struct BoresightError {
     pub half_side_px: f64,
 }
 
+/// What an operator orders.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Order {
+    /// When.
+    pub tick: u64,
+    /// The UAV that is pointed at, by its scenario index; `None` leaves the choice to the tracker.
+    pub designate: Option<usize>,
+}
+
+/// The operator's orders, in order of time, and those that wait for a track to hold on to.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Operator {
+    /// All orders.
+    pub orders: Vec<Order>,
+    /// The first that has not been carried out.
+    pub next: usize,
+}
+
 /// The tracker: table, state machine, what it knows of its target.
-#[derive(Resource, Debug)]
+#[derive(Resource, Clone, Debug)]
 pub struct Tracker {
     /// All tracks.
     pub table: TrackTable,
@@ -129,8 +147,14 @@ pub struct Tracker {
     pub error: [Option<BoresightError>; 3],
     /// Since when the precise error has stayed inside the lock radius.
     pub locked_since: Option<u64>,
-    /// Range by the laser range finder [m].
+    /// Range of the target, once it is known well enough to focus at [m].
     pub range_m: Option<f64>,
+    /// The target was designated by an operator: nothing else takes its place.
+    pub designated: bool,
+    /// Since when another track has been the greater threat, and which.
+    pub rival: Option<(u32, u64)>,
+    /// Since when the target has been falling.
+    pub falling_since: Option<u64>,
     /// Every change so far.
     pub changes: Vec<StateChange>,
 }
@@ -147,6 +171,9 @@ impl Default for Tracker {
             error: [None; 3],
             locked_since: None,
             range_m: None,
+            designated: false,
+            rival: None,
+            falling_since: None,
             changes: vec![StateChange {
                 tick: 0,
                 to: TrackingState::Search,
@@ -170,6 +197,30 @@ impl Tracker {
             to,
             reason: reason.into(),
         });
+    }
+
+    /// Takes up a target and turns to it.
+    pub fn acquire(&mut self, tick: u64, id: u32, reason: impl Into<String>) {
+        self.target = Some(id);
+        self.rejected.retain(|rejected| *rejected != id);
+        self.error = [None; 3];
+        self.range_m = None;
+        self.rival = None;
+        self.falling_since = None;
+        self.change(tick, TrackingState::Acquire, reason);
+    }
+
+    /// Gives the target up; `reject` keeps its track from becoming the target again.
+    pub fn give_up(&mut self, tick: u64, reject: bool, reason: impl Into<String>) {
+        let target = self.target.take();
+        if reject {
+            self.rejected.extend(target);
+        }
+        self.designated = false;
+        self.rival = None;
+        self.falling_since = None;
+        self.range_m = None;
+        self.change(tick, TrackingState::Search, reason);
     }
 
     /// The target's track.

@@ -1,33 +1,43 @@
-//! What a UAV entity carries.
+//! What a UAV, or what is taken for one, carries.
 
+use crate::models::distractor::DistractorKind;
 use crate::models::multirotor::{Airframe, MultirotorState};
 use crate::models::rng::Stream;
 use crate::models::thermal::{Skin, SkinMaterial};
 use crate::models::trajectory::CompiledTrajectory;
-use crate::models::uav::UavKind;
 use crate::models::wind::DrydenGust;
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Identity of a UAV.
+/// Identity of a UAV or distractor.
 #[derive(Component, Clone, Debug)]
 pub struct Uav {
-    /// Index in the scenario; the key of its random streams.
+    /// Index in the scenario, distractors after all UAVs; the key of its random streams.
     pub index: usize,
     /// Name from the scenario.
     pub name: String,
-    /// Catalogue entry.
-    pub kind: UavKind,
+    /// Length, width and height [m].
+    pub size_m: [f64; 3],
 }
 
-/// Airframe and motion, the truth in f64.
+/// Marks what is no UAV but flies where one might, and says how it flies. It has no [`Guidance`] and
+/// no [`HeatedSkin`]: it is never neutralised, and a run does not wait for it.
+#[derive(Component, Clone, Debug)]
+pub struct Distractor {
+    /// Bird or balloon.
+    pub kind: DistractorKind,
+    /// Its path: over the ground for a bird, through the air for a balloon.
+    pub plan: CompiledTrajectory,
+    /// Phase of the wingbeat at time 0 [rad].
+    pub phase_rad: f64,
+}
+
+/// Motion, the truth in f64.
 #[derive(Component, Clone, Debug)]
 pub struct Flight {
-    /// Constants of the airframe.
-    pub airframe: Airframe,
-    /// Position, attitude, rates and rotors.
+    /// Position, attitude, rates and rotors; a bird's wings are its rotors.
     pub state: MultirotorState,
-    /// The point to aim at [m, body]: the centroid of the airframe's surface.
+    /// The point to aim at [m, body]: the middle of the part that the scenario names.
     pub aim_body_m: DVec3,
 }
 
@@ -38,9 +48,16 @@ impl Flight {
     }
 }
 
-/// The flight plan.
+/// What flies by a rotor model: its flight plan and airframe.
 #[derive(Component, Clone, Debug)]
-pub struct Guidance(pub CompiledTrajectory);
+pub struct Guidance {
+    /// The flight plan.
+    pub plan: CompiledTrajectory,
+    /// Constants of the airframe.
+    pub airframe: Airframe,
+    /// Take-off mass [kg].
+    pub mass_kg: f64,
+}
 
 /// The air the UAV meets.
 #[derive(Component, Clone, Debug)]

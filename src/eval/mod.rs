@@ -720,7 +720,7 @@ impl Bench {
     }
 
     fn budget(&mut self) -> Result<Vec<Budget>, RunError> {
-        const SWITCHES: [(&str, &[&str]); 7] = [
+        const SWITCHES: [(&str, &[&str]); 9] = [
             (
                 "detector noise and misses",
                 &["detector.truth.noise_px=0", "detector.truth.miss_rate=0"],
@@ -740,7 +740,15 @@ impl Bench {
                 "base motion",
                 &["station.mount.base_motion={ rms_urad = 0, frequency_hz = 1 }"],
             ),
-            ("friction", &["station.mount.friction=false"]),
+            (
+                "friction, encoders, gyro",
+                &["station.mount.friction=false"],
+            ),
+            ("structural mode", &["station.mount.structural_mode_hz=0"]),
+            (
+                "boresight errors",
+                &["station.mount.boresight_sigma_urad=0"],
+            ),
             ("wind on the mount", &["station.mount.wind_load=false"]),
             (
                 "mirror bandwidth",

@@ -1,16 +1,20 @@
 //! Angular motion of the mast or roof a station stands on.
 //!
-//! Three modes per axis, each white noise shaped by ẍ + 2ζωẋ + ω²x = w(t): the sway of the
+//! Either three modes per axis, each white noise shaped by ẍ + 2ζωẋ + ω²x = w(t): the sway of the
 //! building, the first bending mode of the mast, and a broad, well-damped band for machinery and
 //! wind buffeting. Each is stepped with its exact transition matrix and exact process-noise
-//! covariance, so rms and spectrum do not depend on the step. Small rotations: the three axes add
-//! as a rotation vector.
+//! covariance, so rms and spectrum do not depend on the step. Or a given power spectral density,
+//! cut into bands of equal logarithmic width, each a sinusoid of the band's power with a random
+//! phase and a random frequency in it (Shinozuka and Deodatis 1991): the power of every band is
+//! exact, the amplitude distribution nearly Gaussian. Small rotations: the three axes add as a
+//! rotation vector.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use crate::models::mirror::{SecondOrderError, second_order_transition};
 use crate::models::rng::Stream;
@@ -86,48 +90,172 @@ struct ModeState {
     v: DVec3,
 }
 
-/// The angular motion of a station's base; stationary from its first step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BaseMotion {
-    modes: [ModeState; 3],
-    started: bool,
+/// Why a base motion cannot be made from a spectrum.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum SpectrumError {
+    /// Fewer than two points.
+    #[error("a spectrum needs two points or more")]
+    TooShort,
+    /// A frequency that does not rise, or is not positive.
+    #[error("frequency {0} Hz of the spectrum: frequencies must be positive and rise")]
+    Frequency(f64),
+    /// A density that is not positive.
+    #[error("density {0} rad^2/Hz of the spectrum must be positive: leave out what has none")]
+    Density(f64),
 }
+
+/// A one-sided power spectral density given at some frequencies, a power law between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spectrum(Vec<[f64; 2]>);
+
+impl Spectrum {
+    /// The spectrum through `points`, each a frequency [Hz] and a density [rad²/Hz].
+    pub fn new(points: &[[f64; 2]]) -> Result<Self, SpectrumError> {
+        if points.len() < 2 {
+            return Err(SpectrumError::TooShort);
+        }
+        let mut last = 0.0;
+        for &[frequency_hz, density] in points {
+            if !(frequency_hz > last && frequency_hz.is_finite()) {
+                return Err(SpectrumError::Frequency(frequency_hz));
+            }
+            if !(density > 0.0 && density.is_finite()) {
+                return Err(SpectrumError::Density(density));
+            }
+            last = frequency_hz;
+        }
+        Ok(Self(points.to_vec()))
+    }
+
+    /// Mean square [rad²] of what lies between two frequencies [Hz].
+    pub fn power_rad2(&self, from_hz: f64, to_hz: f64) -> f64 {
+        let mut sum = 0.0;
+        for pair in self.0.windows(2) {
+            let [[f0, s0], [f1, s1]] = [pair[0], pair[1]];
+            let (low, high) = (from_hz.max(f0), to_hz.min(f1));
+            if low >= high {
+                continue;
+            }
+            // S = s0 (f/f0)^slope, integrated; expm1 keeps the digits at slope −1.
+            let slope = (s1 / s0).ln() / (f1 / f0).ln();
+            let (n, x) = (slope + 1.0, (high / low).ln());
+            let width = if (n * x).abs() < 1e-12 {
+                x
+            } else {
+                (n * x).exp_m1() / n
+            };
+            sum += s0 * (low / f0).powf(slope) * low * width;
+        }
+        sum
+    }
+}
+
+/// Sinusoids of the synthesis, per axis.
+const LINES: usize = 96;
+
+/// One band of a spectrum: a phasor per axis, all turning at one frequency.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Line {
+    omega_radps: f64,
+    amplitude_rad: f64,
+    /// Cosine and sine of the phase advance of a step.
+    turn: [f64; 2],
+    re: DVec3,
+    im: DVec3,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Source {
+    Modes {
+        modes: [ModeState; 3],
+        started: bool,
+    },
+    Lines(Vec<Line>),
+}
+
+/// The angular motion of a station's base; stationary from its first step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseMotion(Source);
 
 impl BaseMotion {
     /// A base motion to be stepped every `dt_s`.
     pub fn new(params: &BaseMotionParams, dt_s: f64) -> Result<Self, SecondOrderError> {
-        Ok(Self {
+        Ok(Self(Source::Modes {
             modes: [
                 ModeState::new(&params.sway, dt_s)?,
                 ModeState::new(&params.mast, dt_s)?,
                 ModeState::new(&params.broadband, dt_s)?,
             ],
             started: false,
-        })
+        }))
     }
 
-    /// Advances one step (the first draws the stationary state itself) and returns the tilt: a
-    /// rotation vector about the `enu` axes [rad].
+    /// A base motion of the given spectrum about each of the three axes, independent of each other,
+    /// to be stepped every `dt_s`.
+    pub fn from_spectrum(spectrum: &Spectrum, dt_s: f64, rng: &mut Stream) -> Self {
+        let first_hz = spectrum.0[0][0];
+        let ratio = spectrum.0[spectrum.0.len() - 1][0] / first_hz;
+        let edge = |k: usize| first_hz * ratio.powf(k as f64 / LINES as f64);
+        let lines = (0..LINES).map(|k| {
+            let (low, high) = (edge(k), edge(k + 1));
+            let omega_radps = TAU * rng.range(low, high);
+            let mut phase = || (TAU * rng.uniform()).sin_cos();
+            let [x, y, z] = [phase(), phase(), phase()];
+            let (sin, cos) = (omega_radps * dt_s).sin_cos();
+            Line {
+                omega_radps,
+                amplitude_rad: (2.0 * spectrum.power_rad2(low, high)).sqrt(),
+                turn: [cos, sin],
+                re: DVec3::new(x.1, y.1, z.1),
+                im: DVec3::new(x.0, y.0, z.0),
+            }
+        });
+        Self(Source::Lines(lines.collect()))
+    }
+
+    /// Advances one step (the first of the modes draws the stationary state itself) and returns the
+    /// tilt: a rotation vector about the `enu` axes [rad].
     pub fn step(&mut self, rng: &mut Stream) -> DVec3 {
-        for mode in &mut self.modes {
-            if self.started {
-                mode.advance(rng);
-            } else {
-                mode.start(rng);
+        match &mut self.0 {
+            Source::Modes { modes, started } => {
+                for mode in modes {
+                    if *started {
+                        mode.advance(rng);
+                    } else {
+                        mode.start(rng);
+                    }
+                }
+                *started = true;
+            }
+            Source::Lines(lines) => {
+                for line in lines {
+                    let [c, s] = line.turn;
+                    let (re, im) = (line.re, line.im);
+                    line.re = c * re - s * im;
+                    line.im = s * re + c * im;
+                }
             }
         }
-        self.started = true;
         self.tilt_rad()
     }
 
     /// Present tilt, a rotation vector about the `enu` axes [rad].
     pub fn tilt_rad(&self) -> DVec3 {
-        self.modes.iter().map(|m| m.rms_rad * m.x).sum()
+        match &self.0 {
+            Source::Modes { modes, .. } => modes.iter().map(|m| m.rms_rad * m.x).sum(),
+            Source::Lines(lines) => lines.iter().map(|l| l.amplitude_rad * l.re).sum(),
+        }
     }
 
     /// Present angular velocity about the `enu` axes [rad/s]: what a base gyro measures.
     pub fn rate_radps(&self) -> DVec3 {
-        self.modes.iter().map(|m| m.rms_rad * m.v).sum()
+        match &self.0 {
+            Source::Modes { modes, .. } => modes.iter().map(|m| m.rms_rad * m.v).sum(),
+            Source::Lines(lines) => lines
+                .iter()
+                .map(|l| -(l.omega_radps * l.amplitude_rad) * l.im)
+                .sum(),
+        }
     }
 }
 
@@ -322,6 +450,96 @@ mod tests {
         assert!((sum[0][0] / (m11 * m11) - 1.0).abs() < 1e-9);
         assert!((sum[0][1] / (m11 * m21) - 1.0).abs() < 1e-9);
         assert!((sum[1][1] / (m21 * m21 + m22 * m22) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn spectrum_integrates_power_laws() {
+        // Flat, then f⁻², then 1/f, by hand.
+        let spectrum = Spectrum::new(&[[1.0, 2.0], [10.0, 2.0], [100.0, 0.02], [200.0, 0.01]]);
+        let spectrum = spectrum.unwrap();
+        assert!((spectrum.power_rad2(1.0, 10.0) - 18.0).abs() < 1e-12);
+        // ∫ 200 f⁻² = 200 (1/10 − 1/100).
+        assert!((spectrum.power_rad2(10.0, 100.0) - 18.0).abs() < 1e-12);
+        // ∫ 2/f = 2 ln 2.
+        assert!((spectrum.power_rad2(100.0, 1e9) - 2.0 * 2.0f64.ln()).abs() < 1e-12);
+        assert!((spectrum.power_rad2(5.0, 20.0) - (10.0 + 10.0)).abs() < 1e-12);
+        assert_eq!(Spectrum::new(&[[1.0, 1.0]]), Err(SpectrumError::TooShort));
+        let falls = Spectrum::new(&[[2.0, 1.0], [1.0, 1.0]]);
+        assert_eq!(falls, Err(SpectrumError::Frequency(1.0)));
+        let empty = Spectrum::new(&[[1.0, 1.0], [2.0, 0.0]]);
+        assert_eq!(empty, Err(SpectrumError::Density(0.0)));
+    }
+
+    #[test]
+    fn synthesis_has_the_given_spectrum() {
+        // A mast at 10 Hz above a falling background [rad²/Hz].
+        let points = [
+            [0.2, 1e-9],
+            [8.0, 2e-11],
+            [10.0, 1e-9],
+            [13.0, 2e-11],
+            [200.0, 1e-14],
+        ];
+        let spectrum = Spectrum::new(&points).unwrap();
+        let mut rng = Stream::new(11, 0, "base motion");
+        let mut base = BaseMotion::from_spectrum(&spectrum, DT, &mut rng);
+        // Mean square over 400 s: cross terms of neighbouring lines fade with their spacing times
+        // the time, below 2 % here; and none of it depends on the axis.
+        let n = 960 * 400;
+        let mut sum = DVec3::ZERO;
+        let mut kept = Vec::new();
+        for k in 0..n {
+            let tilt = base.step(&mut rng);
+            sum += tilt * tilt;
+            // 120 Hz is enough for the bands below.
+            if k % 8 == 0 {
+                kept.push(tilt.x);
+            }
+        }
+        // The rate is the derivative: by the trapezium over a short step.
+        let dt = DT / 64.0;
+        let mut fine = BaseMotion::from_spectrum(&spectrum, dt, &mut rng);
+        for _ in 0..1000 {
+            let (before, rate) = (fine.tilt_rad(), fine.rate_radps());
+            let slope = (fine.step(&mut rng) - before) / dt;
+            let mean = 0.5 * (rate + fine.rate_radps());
+            assert!((slope - mean).length() < 1e-7);
+        }
+        let total = spectrum.power_rad2(0.2, 200.0);
+        for axis in (sum / f64::from(n)).to_array() {
+            assert!((axis / total - 1.0).abs() < 0.02, "{}", axis / total);
+        }
+        // Power between band edges, by projection on every multiple of 1/400 Hz in between.
+        let edge = |k: i32| 0.2 * 1000.0f64.powf(f64::from(k) / 96.0);
+        for (low, high) in [(30, 40), (50, 56), (56, 60)] {
+            let (from, to) = ((edge(low) * 400.0) as i32, (edge(high) * 400.0) as i32);
+            let mut power = 0.0;
+            for j in from..to {
+                let turn = 8.0 * TAU * f64::from(j) / f64::from(n);
+                let (mut re, mut im) = (0.0, 0.0);
+                let (mut c, mut s) = (1.0, 0.0);
+                let (dc, ds) = (turn.cos(), turn.sin());
+                for x in &kept {
+                    (re, im) = (re + x * c, im + x * s);
+                    (c, s) = (c * dc - s * ds, s * dc + c * ds);
+                }
+                power += 2.0 * (re * re + im * im) / (kept.len() as f64).powi(2);
+            }
+            let expected = spectrum.power_rad2(edge(low), edge(high));
+            // What leaks over the edges of a band with no window.
+            assert!(
+                (power / expected - 1.0).abs() < 0.03,
+                "{low} {}",
+                power / expected
+            );
+        }
+        // The same seed gives the same motion.
+        let again = |seed| {
+            let mut rng = Stream::new(seed, 0, "base motion");
+            BaseMotion::from_spectrum(&spectrum, DT, &mut rng)
+        };
+        assert_eq!(again(3), again(3));
+        assert_ne!(again(3), again(4));
     }
 
     #[test]

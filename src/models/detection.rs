@@ -30,37 +30,64 @@ impl Detection {
 }
 
 /// Errors of the truth detector.
+///
+/// It stands for a network trained with hard negatives: birds and balloons were in its training set,
+/// so that it reports few of them, and those with less confidence than a UAV. Frames err
+/// independently of each other; the rates are those after the network's own threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TruthErrors {
     /// Standard deviation of the centre per axis [px].
     pub noise_px: f64,
     /// Probability that a visible UAV is missed in a frame.
     pub miss_rate: f64,
+    /// Probability that a visible distractor is reported as a UAV in a frame.
+    pub distractor_rate: f64,
     /// Mean number of false alarms in a full frame; a window has its share by area.
     pub false_alarms_per_frame: f64,
+}
+
+/// What stands in the view of the truth detector with a clear line of sight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Its index in the scenario; the key of its random stream.
+    pub index: usize,
+    /// Its box [px].
+    pub box_px: [f64; 4],
+    /// Whether it is no UAV.
+    pub distractor: bool,
 }
 
 /// Smallest side a UAV's box may have to be detected at all [px]: below a pixel there is no
 /// image to find it in.
 const MIN_SIDE_PX: f64 = 1.0;
+/// Mean and standard deviation of the score of a UAV, and of a distractor taken for one; both are
+/// cut off at 0 and 1 (assumption: two classes that overlap, as trained detectors show them).
+const UAV_SCORE: [f64; 2] = [0.85, 0.10];
+const DISTRACTOR_SCORE: [f64; 2] = [0.60, 0.12];
 
 /// Detections of the truth detector in the rectangle `offset_px`, `size_px` of a sensor of
-/// `sensor_px`, given the boxes of all UAVs whose line of sight is clear.
+/// `sensor_px`, given all candidates; `key` is the frame's own random number.
 pub fn detect_truth(
-    boxes_px: impl Iterator<Item = [f64; 4]>,
+    candidates: impl Iterator<Item = Candidate>,
     errors: &TruthErrors,
     offset_px: [u32; 2],
     size_px: [u32; 2],
     sensor_px: [u32; 2],
-    rng: &mut Stream,
+    key: u64,
     out: &mut Vec<Detection>,
 ) {
     let low = offset_px.map(f64::from);
     let high = [0, 1].map(|i| low[i] + f64::from(size_px[i]));
-    for [x0, y0, x1, y1] in boxes_px {
-        // Every UAV draws the same numbers whether it is seen or not, so that one UAV's
-        // visibility does not change another's errors.
-        let missed = rng.uniform() < errors.miss_rate;
+    for candidate in candidates {
+        // A stream for each frame and candidate: whether one is seen, in this frame or an earlier
+        // one, does not change another's errors, nor its own later ones.
+        let mut rng = Stream::new(key, candidate.index as u64, "truth detector");
+        let [x0, y0, x1, y1] = candidate.box_px;
+        let (missed, [mean, sigma]) = if candidate.distractor {
+            (rng.uniform() >= errors.distractor_rate, DISTRACTOR_SCORE)
+        } else {
+            (rng.uniform() < errors.miss_rate, UAV_SCORE)
+        };
         let (dx, dy) = (
             errors.noise_px * rng.normal(),
             errors.noise_px * rng.normal(),
@@ -72,9 +99,10 @@ pub fn detect_truth(
         }
         out.push(Detection {
             box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
-            score: 0.9,
+            score: (mean + sigma * rng.normal()).clamp(0.0, 1.0),
         });
     }
+    let mut rng = Stream::new(key, 0, "false alarms");
     let share = f64::from(size_px[0] * size_px[1]) / f64::from(sensor_px[0] * sensor_px[1]);
     for _ in 0..rng.poisson(errors.false_alarms_per_frame * share) {
         let (x, y) = (rng.range(low[0], high[0]), rng.range(low[1], high[1]));
@@ -93,21 +121,84 @@ mod tests {
     const SENSOR: [u32; 2] = [640, 480];
 
     fn run(errors: &TruthErrors, frames: usize, size_px: [u32; 2]) -> Vec<Detection> {
-        let mut rng = Stream::new(3, 0, "detector");
+        (0..frames as u64)
+            .flat_map(|key| frame(&[UAV], errors, size_px, key))
+            .collect()
+    }
+
+    fn frame(
+        seen: &[Candidate],
+        errors: &TruthErrors,
+        size_px: [u32; 2],
+        key: u64,
+    ) -> Vec<Detection> {
         let mut out = Vec::new();
-        for _ in 0..frames {
-            let boxes = [[100.0, 100.0, 110.0, 108.0]];
-            detect_truth(
-                boxes.into_iter(),
-                errors,
-                [0, 0],
-                size_px,
-                SENSOR,
-                &mut rng,
-                &mut out,
-            );
-        }
+        let seen = seen.iter().copied();
+        detect_truth(seen, errors, [0, 0], size_px, SENSOR, key, &mut out);
         out
+    }
+
+    const UAV: Candidate = Candidate {
+        index: 0,
+        box_px: [100.0, 100.0, 110.0, 108.0],
+        distractor: false,
+    };
+    const BIRD: Candidate = Candidate {
+        index: 1,
+        box_px: [300.0, 100.0, 310.0, 108.0],
+        distractor: true,
+    };
+
+    #[test]
+    fn distractors_are_reported_at_their_rate_with_lower_scores() {
+        let errors = TruthErrors {
+            noise_px: 0.5,
+            miss_rate: 0.0,
+            distractor_rate: 0.3,
+            false_alarms_per_frame: 0.0,
+        };
+        let n = 20_000;
+        let (mut uavs, mut birds) = (Vec::new(), Vec::new());
+        for key in 0..n {
+            for found in frame(&[UAV, BIRD], &errors, SENSOR, key) {
+                if found.centre_px()[0] < 200.0 {
+                    uavs.push(found.score);
+                } else {
+                    birds.push(found.score);
+                }
+            }
+        }
+        let rate = birds.len() as f64 / n as f64;
+        assert!(
+            (rate - 0.3).abs() < 5.0 * (0.21 / n as f64).sqrt(),
+            "{rate}"
+        );
+        assert_eq!(uavs.len() as u64, n);
+        let mean = |scores: &[f64]| scores.iter().sum::<f64>() / scores.len() as f64;
+        // The cut at 1 takes 0.003 off the UAVs' mean: sigma phi(1.5) - 1.5 sigma Q(1.5).
+        assert!((mean(&uavs) - 0.847).abs() < 0.003, "{}", mean(&uavs));
+        assert!((mean(&birds) - 0.600).abs() < 0.008, "{}", mean(&birds));
+        assert!(uavs.iter().all(|score| (0.0..=1.0).contains(score)));
+    }
+
+    #[test]
+    fn what_else_is_visible_changes_no_draw() {
+        let errors = TruthErrors {
+            noise_px: 1.0,
+            miss_rate: 0.3,
+            distractor_rate: 0.5,
+            false_alarms_per_frame: 0.2,
+        };
+        let hidden = Candidate {
+            box_px: [900.0, 100.0, 910.0, 108.0],
+            ..BIRD
+        };
+        for key in 0..500 {
+            let alone = frame(&[UAV], &errors, SENSOR, key);
+            assert_eq!(frame(&[UAV, hidden], &errors, SENSOR, key), alone);
+            let both = frame(&[BIRD, UAV], &errors, SENSOR, key);
+            assert!(alone.iter().all(|found| both.contains(found)));
+        }
     }
 
     #[test]
@@ -116,6 +207,7 @@ mod tests {
         let errors = TruthErrors {
             noise_px: 1.5,
             miss_rate: 0.1,
+            distractor_rate: 0.0,
             false_alarms_per_frame: 0.0,
         };
         let seen = run(&errors, n, SENSOR);
@@ -137,6 +229,7 @@ mod tests {
         let errors = TruthErrors {
             noise_px: 0.0,
             miss_rate: 1.0,
+            distractor_rate: 0.0,
             false_alarms_per_frame: 2.0,
         };
         let n = 4_000;
@@ -152,6 +245,7 @@ mod tests {
         let errors = TruthErrors {
             noise_px: 0.0,
             miss_rate: 0.0,
+            distractor_rate: 0.0,
             false_alarms_per_frame: 0.0,
         };
         assert!(run(&errors, 10, [50, 50]).is_empty());

@@ -161,6 +161,34 @@ pub enum LineOfSight {
     BlockedAt(f64),
 }
 
+impl LineOfSight {
+    /// The same sight line under a closed layer of cloud, flat at height `base_m` [m] and without
+    /// end above.
+    pub fn below(self, base_m: f64, from_enu_m: DVec3, to_enu_m: DVec3) -> Self {
+        let cloud_m = if from_enu_m.z > base_m {
+            0.0
+        } else if to_enu_m.z > base_m {
+            let share = (base_m - from_enu_m.z) / (to_enu_m.z - from_enu_m.z);
+            share * from_enu_m.distance(to_enu_m)
+        } else {
+            return self;
+        };
+        match self {
+            Self::BlockedAt(range_m) if range_m <= cloud_m => self,
+            _ => Self::BlockedAt(cloud_m),
+        }
+    }
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HitKind {
+    /// Terrain, street or water.
+    Ground,
+    /// A building, or anything else that stands more than 2 m above the terrain: trees, bridges.
+    Building,
+}
+
 /// Terrain and surface heights of a site; beyond the rasters the ground is flat.
 #[derive(Clone, Debug)]
 pub struct Dsm {
@@ -170,6 +198,8 @@ pub struct Dsm {
     outside_m: f64,
 }
 
+/// A surface cell higher than this above the terrain counts as a building [m].
+const BUILDING_MIN_M: f64 = 2.0;
 /// Cells per side of a block of the coarse raster.
 const BLOCK: usize = 16;
 
@@ -209,19 +239,43 @@ impl Dsm {
     /// Whether two points [m, ENU] see each other.
     pub fn line_of_sight(&self, from_enu_m: DVec3, to_enu_m: DVec3) -> LineOfSight {
         match self.first_obstacle(from_enu_m, to_enu_m - from_enu_m) {
-            Some(t) => LineOfSight::BlockedAt(t * from_enu_m.distance(to_enu_m)),
+            Some((t, _)) => LineOfSight::BlockedAt(t * from_enu_m.distance(to_enu_m)),
             None => LineOfSight::Clear,
         }
     }
 
     /// Range [m] to the surface along a unit direction; None is sky (or beyond `max_range_m`).
     pub fn first_hit(&self, from_enu_m: DVec3, dir_enu: DVec3, max_range_m: f64) -> Option<f64> {
-        self.first_obstacle(from_enu_m, dir_enu * max_range_m)
-            .map(|t| t * max_range_m)
+        self.first_hit_kind(from_enu_m, dir_enu, max_range_m)
+            .map(|(range_m, _)| range_m)
     }
 
-    /// Smallest t in 0..1 at which a + t·d is below the surface.
-    fn first_obstacle(&self, a: DVec3, d: DVec3) -> Option<f64> {
+    /// Range [m] to the surface along a unit direction and what is hit there; None is sky (or
+    /// beyond `max_range_m`).
+    pub fn first_hit_kind(
+        &self,
+        from_enu_m: DVec3,
+        dir_enu: DVec3,
+        max_range_m: f64,
+    ) -> Option<(f64, HitKind)> {
+        let (t, cell) = self.first_obstacle(from_enu_m, dir_enu * max_range_m)?;
+        let range_m = t * max_range_m;
+        let r = from_enu_m + dir_enu * range_m;
+        // The cell itself, not the point: a wall is hit on the border to the cell before it.
+        let stands = cell.is_some_and(|cell| {
+            f64::from(self.surface.heights_m[cell]) - self.terrain_m(r.x, r.y) > BUILDING_MIN_M
+        });
+        let kind = if stands {
+            HitKind::Building
+        } else {
+            HitKind::Ground
+        };
+        Some((range_m, kind))
+    }
+
+    /// Smallest t in 0..1 at which a + t·d is below the surface, and the cell there; no cell outside
+    /// the raster.
+    fn first_obstacle(&self, a: DVec3, d: DVec3) -> Option<(f64, Option<usize>)> {
         // Where z = h along the ray, entered from above; `t` itself when already below.
         let below = |h: f64, t: f64, out: f64| {
             let (z, z_out) = (a.z + d.z * t, a.z + d.z * out);
@@ -235,7 +289,7 @@ impl Dsm {
             return None;
         }
         let Some([t0, t1]) = self.surface.clip(a, d) else {
-            return below(self.outside_m, 0.0, 1.0);
+            return below(self.outside_m, 0.0, 1.0).map(|t| (t, None));
         };
         let before = if t0 > 0.0 {
             below(self.outside_m, 0.0, t0)
@@ -243,6 +297,7 @@ impl Dsm {
             None
         };
         before
+            .map(|t| (t, None))
             .or_else(|| {
                 self.blocks.walk(a, d, [t0, t1], |block, t, out| {
                     let top = f64::from(self.blocks.heights_m[block]);
@@ -251,12 +306,13 @@ impl Dsm {
                     }
                     self.surface.walk(a, d, [t, out], |cell, t, out| {
                         below(f64::from(self.surface.heights_m[cell]), t, out)
+                            .map(|t| (t, Some(cell)))
                     })
                 })
             })
             .or_else(|| {
                 if t1 < 1.0 {
-                    below(self.outside_m, t1, 1.0)
+                    below(self.outside_m, t1, 1.0).map(|t| (t, None))
                 } else {
                     None
                 }
@@ -365,6 +421,48 @@ mod tests {
         assert_eq!(
             dsm.line_of_sight(eye, DVec3::new(30.0, 0.5, 80.0)),
             LineOfSight::Clear
+        );
+    }
+
+    #[test]
+    fn a_hit_tells_ground_from_building() {
+        use HitKind::{Building, Ground};
+        // A house and a kerb.
+        let dsm = site(&[
+            [10.0, 20.0, -5.0, 5.0, 30.0],
+            [-20.0, -10.0, -5.0, 5.0, 1.5],
+        ]);
+        let eye = DVec3::new(0.0, 0.5, 10.0);
+        let to = |target: DVec3| dsm.first_hit_kind(eye, (target - eye).normalize(), 5000.0);
+        let (wall_m, kind) = to(DVec3::new(15.0, 0.5, 10.0)).unwrap();
+        assert!((wall_m - 10.0).abs() < 1e-9 && kind == Building);
+        for (target, kind) in [
+            (DVec3::new(9.9, 0.5, 0.0), Some(Ground)), // at the foot of the wall
+            (DVec3::new(-15.0, 0.5, 1.5), Some(Ground)), // on the kerb
+            (DVec3::new(-10.0, 0.5, 0.5), Some(Ground)), // its side
+            (DVec3::new(-3000.0, 0.5, 0.0), Some(Ground)), // beyond the raster
+            (DVec3::new(0.0, 900.0, 10.0), None),
+        ] {
+            assert_eq!(to(target).map(|(_, kind)| kind), kind, "{target}");
+        }
+        let roof = dsm.first_hit_kind(DVec3::new(15.0, 0.0, 50.0), DVec3::NEG_Z, 100.0);
+        assert_eq!(roof, Some((20.0, Building)));
+    }
+
+    #[test]
+    fn cloud_blocks_what_is_above_its_base() {
+        let (eye, uav) = (DVec3::new(0.0, 0.0, 50.0), DVec3::new(300.0, 0.0, 450.0));
+        let below = |sight: LineOfSight, base_m, from, to| sight.below(base_m, from, to);
+        let clear = LineOfSight::Clear;
+        assert_eq!(below(clear, 450.0, eye, uav), clear);
+        // Half the height, half of the 500 m.
+        assert_eq!(below(clear, 250.0, eye, uav), LineOfSight::BlockedAt(250.0));
+        assert_eq!(below(clear, 250.0, uav, eye), LineOfSight::BlockedAt(0.0));
+        let house = LineOfSight::BlockedAt(100.0);
+        assert_eq!(below(house, 250.0, eye, uav), house);
+        assert_eq!(
+            below(LineOfSight::BlockedAt(400.0), 250.0, eye, uav),
+            LineOfSight::BlockedAt(250.0)
         );
     }
 

@@ -185,6 +185,37 @@ mod tests {
     }
 
     #[test]
+    fn a_long_chain_of_quaternion_increments_is_the_product_of_matrix_exponentials() {
+        let mut rng = crate::models::rng::Stream::new(17, 0, "increments");
+        let mut vector = |scale: f64| {
+            let mut draw = || scale * rng.normal();
+            DVec3::new(draw(), draw(), draw())
+        };
+        let (mut r, mut q) = (DVec3::ZERO, DQuat::IDENTITY);
+        let mut product = Matrix4::<f64>::identity();
+        for k in 1..=2000 {
+            // Increments of a tick's size, and now and then of half a turn.
+            let (omega, v) = (vector(if k % 10 == 0 { 1.0 } else { 1e-3 }), vector(1e-2));
+            let (step_m, turn) = exp_se3(omega, v);
+            (r, q) = (r + q * step_m, (q * turn).normalize());
+            let (w, u) = (omega, v);
+            let twist = Matrix4::new(
+                0.0, -w.z, w.y, u.x, w.z, 0.0, -w.x, u.y, -w.y, w.x, 0.0, u.z, 0.0, 0.0, 0.0, 0.0,
+            );
+            // Padé approximants: no formula is shared with the quaternions.
+            product *= twist.exp();
+            let attitude = DMat3::from_quat(q);
+            for i in 0..3 {
+                assert!((product[(i, 3)] - r[i]).abs() < 1e-12, "{k}");
+                for j in 0..3 {
+                    let error = product[(i, j)] - attitude.col(j)[i];
+                    assert!(error.abs() < 1e-12, "{k} {error:e}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn chain_is_the_closed_form_without_tilt_and_mirror() {
         let station = DVec3::new(10.0, -20.0, 30.0);
         for (az, el) in [(0.0, 0.0), (0.7, 0.3), (-2.9, 1.2), (1.6, -0.2)] {

@@ -1,21 +1,27 @@
 //! The mathematics: plain functions and types in f64, no ECS; each cites its equation or source.
 
+pub mod assignment;
 pub mod atmosphere;
 pub mod base_motion;
 pub mod beam;
+pub mod calibration;
 pub mod camera;
 pub mod city;
 pub mod detection;
+pub mod distractor;
 pub mod dsm;
 pub mod estimation;
 pub mod geodesy;
 pub mod gimbal;
+pub mod interlock;
 pub mod kinematics;
 pub mod mesh;
 pub mod mirror;
 pub mod multirotor;
 pub mod pid;
 pub mod pointing;
+pub mod radar;
+pub mod ranging;
 pub mod raster;
 pub mod rng;
 pub mod search;
@@ -23,6 +29,7 @@ pub mod sensor;
 pub mod sky;
 pub mod sun;
 pub mod thermal;
+pub mod threat;
 pub mod tracking;
 pub mod trajectory;
 pub mod turbulence;

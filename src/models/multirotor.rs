@@ -10,7 +10,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// The most rotors an airframe may have.
-const MAX_ROTORS: usize = 8;
+pub const MAX_ROTORS: usize = 8;
 const GRAVITY_MPS2: f64 = 9.80665; // [m/s^2]
 const SEA_LEVEL_DENSITY_KGPM3: f64 = 1.225; // [kg/m^3], ISA
 /// Static thrust and power coefficients of a small propeller (`T = C_T rho n^2 D^4`,

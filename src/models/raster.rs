@@ -90,7 +90,8 @@ pub fn silhouette(
         project(&shape.body, body_axes, r_cam_m),
     )];
     for (mount, phase_rad) in shape.rotors.iter().zip(rotor_phase_rad) {
-        let axes = DMat3::from_quat(q_cam_body * DQuat::from_rotation_z(*phase_rad));
+        let turned = mount.q_body_hub * DQuat::from_rotation_z(*phase_rad);
+        let axes = DMat3::from_quat(q_cam_body * turned);
         let hub_cam_m = r_cam_m + body_axes * mount.hub_body_m;
         parts.push((&shape.rotor.indices, project(&shape.rotor, axes, hub_cam_m)));
     }

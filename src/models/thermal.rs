@@ -90,6 +90,37 @@ pub const LIPO_POUCH: SkinMaterial = SkinMaterial {
     failure_temperature_k: 403.0,
 };
 
+/// A pouch cell behind the plastic shell of its pack: 1.5 mm of polycarbonate over [`LIPO_POUCH`].
+///
+/// Masses add and the specific heat is their mean by mass. The limit stays the separator's. That the
+/// two warm as one is an assumption, and a crude one: heat takes some 15 s through such a shell, so
+/// that a strong beam melts through it first.
+pub const SHELLED_POUCH: SkinMaterial = SkinMaterial {
+    name: "LiPo pouch in its shell",
+    areal_density_kgpm2: POLYCARBONATE_SHELL.areal_density_kgpm2 + LIPO_POUCH.areal_density_kgpm2,
+    specific_heat_jpkgk: (POLYCARBONATE_SHELL.areal_density_kgpm2
+        * POLYCARBONATE_SHELL.specific_heat_jpkgk
+        + LIPO_POUCH.areal_density_kgpm2 * LIPO_POUCH.specific_heat_jpkgk)
+        / (POLYCARBONATE_SHELL.areal_density_kgpm2 + LIPO_POUCH.areal_density_kgpm2),
+    absorptivity: 0.9,
+    emissivity: 0.9,
+    failure_temperature_k: 403.0,
+};
+
+/// Bell of an outrunner motor: a 1 mm steel flux ring over 1.5 mm of magnets.
+///
+/// 7850 kg/m^3 and 7500 kg/m^3, both near 450 J/(kg K) (handbook values of steel and sintered NdFeB).
+/// Absorptivity 0.5 of a dark oxidised or painted bell at 1 um is an assumption good to 0.2; fails at
+/// 150 °C, the highest working temperature of SH-grade magnets.
+pub const MOTOR_BELL: SkinMaterial = SkinMaterial {
+    name: "motor bell",
+    areal_density_kgpm2: 19.1,
+    specific_heat_jpkgk: 450.0,
+    absorptivity: 0.5,
+    emissivity: 0.8,
+    failure_temperature_k: 423.0,
+};
+
 /// Anodised aluminium 6061 sheet, 1 mm.
 ///
 /// 2700 kg/m^3, 896 J/(kg K), solidus 855 K (ASM Metals Handbook vol. 2). Absorptivity 0.14 (solar,

@@ -1,7 +1,18 @@
 //! The track table: sightings of all cameras become tracks with one identity each.
+//!
+//! One table serves the three cameras. A frame is assigned as a whole, at the least total cost
+//! (global nearest neighbour, [`crate::models::assignment`]): the cost of a pair is the squared
+//! distance in standard deviations plus the squared difference of log sizes, so that two targets
+//! at different ranges stay apart while their sight lines cross, plus the log of the spread, so
+//! that a vague track does not take the sighting of a sharp one.
 
+use crate::models::assignment::{Pair, assign};
+use crate::models::dsm::{Dsm, LineOfSight};
 use crate::models::estimation::{Gating, LosFilter, LosFilterParams, LosState};
-use glam::DVec2;
+use crate::models::kinematics::{los_to_az_el, wrap_pi};
+use crate::models::ranging::Ranging;
+use glam::{DVec2, DVec3};
+use nalgebra::Vector2;
 
 /// A detection as a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +41,33 @@ pub struct Look<'a> {
     pub start_tracks: bool,
 }
 
+/// A stretch of time in which the city hides a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Occlusion {
+    /// When it goes behind something [s].
+    pub enter_s: f64,
+    /// When it comes out again [s]; `None` if that lies beyond the prediction.
+    pub exit_s: Option<f64>,
+    /// Where it comes out, azimuth and elevation [rad]; the end of the prediction if it does not.
+    pub exit_az_el_rad: DVec2,
+}
+
+impl Occlusion {
+    /// Whether the track is hidden at `t_s`.
+    pub fn hides(&self, t_s: f64) -> bool {
+        t_s >= self.enter_s && self.exit_s.is_none_or(|exit_s| t_s < exit_s)
+    }
+
+    /// Whether it is hidden at `t_s` even if the foresight errs by a fair margin at both ends.
+    fn surely_hides(&self, t_s: f64) -> bool {
+        const MARGIN_S: f64 = 0.2;
+        // The way behind the building was flown unseen.
+        const DRIFT: f64 = 0.15;
+        let early_s = MARGIN_S + DRIFT * (t_s - self.enter_s);
+        self.hides(t_s - MARGIN_S) && self.hides(t_s + early_s)
+    }
+}
+
 /// One object that is followed.
 #[derive(Clone, Debug)]
 pub struct Track {
@@ -37,20 +75,42 @@ pub struct Track {
     pub id: u32,
     /// Estimate of its line of sight.
     pub filter: LosFilter,
+    /// Estimate of its range.
+    pub range: Ranging,
     /// Frames of each camera that saw it.
     pub hits: [u32; 3],
     /// Frames in a row that should have seen it and did not.
     pub misses: u32,
+    /// Time of the first exposure that saw it [s].
+    pub started_s: f64,
     /// Time of the last exposure of each camera that saw it [s].
     pub last_hit_s: [Option<f64>; 3],
     /// Larger side of its box [rad], smoothed.
     pub size_rad: f64,
+    /// Score of its detections, smoothed.
+    pub score: f64,
+    /// The next time that the city hides it, as far as is foreseen.
+    pub occlusion: Option<Occlusion>,
 }
 
 impl Track {
     /// Hits of all cameras.
     pub fn total_hits(&self) -> u32 {
         self.hits.iter().sum()
+    }
+
+    /// Time of the newest exposure that saw it [s].
+    pub fn seen_s(&self) -> f64 {
+        self.last_hit_s
+            .iter()
+            .flatten()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Whether the city is expected to hide it at `t_s`.
+    pub fn hidden(&self, t_s: f64) -> bool {
+        self.occlusion.is_some_and(|occlusion| occlusion.hides(t_s))
     }
 
     /// Rate on the sky [rad/s] and how many standard deviations it differs from zero.
@@ -64,6 +124,77 @@ impl Track {
         );
         (rate.length(), (rate / sigma).length())
     }
+
+    /// Estimated position [m] and velocity [m/s] at `t_s`, seen from `r_station_enu_m`.
+    pub fn position_enu(&self, r_station_enu_m: DVec3, t_s: f64) -> (DVec3, DVec3) {
+        let (d_enu, d_dot_enu) = self.filter.predicted(t_s).direction_enu();
+        let (range_m, _) = self.range.range_m(t_s);
+        (
+            r_station_enu_m + range_m * d_enu,
+            range_m * d_dot_enu - self.range.closing_mps(t_s) * d_enu,
+        )
+    }
+
+    /// Foresees when the city will next hide this track from `r_station_enu_m`, up to `horizon_s`
+    /// after `t_s`. `None` if it stays in sight, or if its range is known too badly to tell.
+    ///
+    /// The line of sight is sampled every 0.1 s and the edges are bisected to 1 ms; what hides for
+    /// less than the sampling is not seen.
+    pub fn foresee_occlusion(
+        &self,
+        dsm: &Dsm,
+        r_station_enu_m: DVec3,
+        t_s: f64,
+        horizon_s: f64,
+    ) -> Option<Occlusion> {
+        const STEP_S: f64 = 0.1;
+        const LARGEST_SPREAD: f64 = 0.1; // of the range
+        let (range_m, sigma_m) = self.range.range_m(t_s);
+        if sigma_m > LARGEST_SPREAD * range_m {
+            return None;
+        }
+        // Over seconds a straight flight is a better guess than constant rates of the angles.
+        let (r_enu_m, v_enu_mps) = self.position_enu(r_station_enu_m, t_s);
+        let ahead = |at_s: f64| r_enu_m + v_enu_mps * (at_s - t_s);
+        let blocked =
+            |at_s: f64| dsm.line_of_sight(r_station_enu_m, ahead(at_s)) != LineOfSight::Clear;
+        let az_el_rad = |at_s: f64| los_to_az_el(ahead(at_s) - r_station_enu_m);
+        // Between `before` (not yet `to`) and `after` (already `to`).
+        let edge = |mut before: f64, mut after: f64, to: bool| {
+            while after - before > 1e-3 {
+                let middle = 0.5 * (before + after);
+                if blocked(middle) == to {
+                    after = middle;
+                } else {
+                    before = middle;
+                }
+            }
+            after
+        };
+        let steps = (horizon_s / STEP_S).ceil() as usize;
+        let times = (0..=steps).map(|i| t_s + STEP_S * i as f64);
+        let mut enter_s = None;
+        for at in times {
+            match (enter_s, blocked(at)) {
+                (None, true) if at == t_s => enter_s = Some(t_s),
+                (None, true) => enter_s = Some(edge(at - STEP_S, at, true)),
+                (Some(enter_s), false) => {
+                    let exit_s = edge(at - STEP_S, at, false);
+                    return Some(Occlusion {
+                        enter_s,
+                        exit_s: Some(exit_s),
+                        exit_az_el_rad: az_el_rad(exit_s),
+                    });
+                }
+                _ => {}
+            }
+        }
+        enter_s.map(|enter_s| Occlusion {
+            enter_s,
+            exit_s: None,
+            exit_az_el_rad: az_el_rad(t_s + horizon_s),
+        })
+    }
 }
 
 /// Settings of the table.
@@ -73,12 +204,20 @@ pub struct TableParams {
     pub filter: LosFilterParams,
     /// A sighting belongs to no track that is further away than this many standard deviations.
     pub gate_sigmas: f64,
-    /// A track goes after this many misses in a row, or as many as it has hits if that is less.
-    pub max_misses: u32,
-    /// A track that no camera looked at goes after this time [s].
+    /// Standard deviation of the logarithm of a box's size about the track's.
+    pub size_log_sigma: f64,
+    /// A young track goes after as many misses in a row as it has hits; this is the longest time
+    /// without a hit for any that is not hidden by the city [s].
     pub max_coast_s: f64,
+    /// Longest time without a hit behind a building [s].
+    pub max_hidden_s: f64,
     /// Tracks kept; the ones with the fewest hits go first.
     pub max_tracks: usize,
+    /// Span that objects are taken to have until their range is measured [m], and its relative
+    /// spread.
+    pub span_m: f64,
+    /// See `span_m`.
+    pub span_sigma_rel: f64,
 }
 
 impl Default for TableParams {
@@ -86,9 +225,13 @@ impl Default for TableParams {
         Self {
             filter: LosFilterParams::default(),
             gate_sigmas: 4.0,
-            max_misses: 30,
-            max_coast_s: 3.0, // [s]
-            max_tracks: 64,
+            size_log_sigma: 0.3,
+            max_coast_s: 3.0,   // [s]
+            max_hidden_s: 12.0, // [s]
+            max_tracks: 128,
+            // The catalogue's UAVs span 0.2 m to 1.7 m, most of them near 0.4 m.
+            span_m: 0.45, // [m]
+            span_sigma_rel: 0.5,
         }
     }
 }
@@ -105,9 +248,15 @@ pub struct TrackTable {
 
 /// Great-circle distance of two nearby directions [rad].
 pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
-    let d = crate::models::kinematics::wrap_pi(a.x - b.x) * (0.5 * (a.y + b.y)).cos();
+    let d = wrap_pi(a.x - b.x) * (0.5 * (a.y + b.y)).cos();
     d.hypot(a.y - b.y)
 }
+
+/// Time within which a young track must gather hits: one a miss [s], at most until it counts as
+/// established.
+const ESTABLISHED_HITS: u32 = 30;
+/// Share of the newest sighting in a track's smoothed size and score.
+const SMOOTHING: f64 = 0.2;
 
 impl TrackTable {
     /// The track of an identity.
@@ -115,8 +264,13 @@ impl TrackTable {
         self.tracks.iter().find(|track| track.id == id)
     }
 
-    /// Takes a frame in: nearest pairs of track and sighting first, each used once; what is left
-    /// over starts a track or counts as a miss. Returns for each sighting the track it went to.
+    /// The track of an identity, to be changed.
+    pub fn get_mut(&mut self, id: u32) -> Option<&mut Track> {
+        self.tracks.iter_mut().find(|track| track.id == id)
+    }
+
+    /// Takes a frame in, at the least total cost; what is left over starts a track or counts as a
+    /// miss. Returns for each sighting the track it went to.
     pub fn update(&mut self, look: &Look) -> Vec<Option<u32>> {
         let mut assigned = vec![None; look.sightings.len()];
         let predicted: Vec<LosState> = self
@@ -125,50 +279,71 @@ impl TrackTable {
             .map(|track| track.filter.predicted(look.t_s))
             .collect();
         let mut pairs = Vec::new();
-        for (t, los) in predicted.iter().enumerate() {
-            let spread = los.sigma_rad().max_element();
-            for (s, sighting) in look.sightings.iter().enumerate() {
-                let sigma = spread.hypot(sighting.sigma_rad);
-                let distance = separation_rad(los.az_el_rad(), sighting.az_el_rad) / sigma;
-                if distance < self.params.gate_sigmas {
-                    pairs.push((distance, t, s));
+        let gate = self.params.gate_sigmas.powi(2);
+        for (row, los) in predicted.iter().enumerate() {
+            let track = &self.tracks[row];
+            // What flies before the building is not what is behind it.
+            if track
+                .occlusion
+                .is_some_and(|occlusion| occlusion.surely_hides(look.t_s))
+            {
+                continue;
+            }
+            let spread = los.sigma_rad();
+            let cos_el = los.el_rad.cos();
+            for (column, sighting) in look.sightings.iter().enumerate() {
+                let up = sighting.az_el_rad.y - los.el_rad;
+                let variance = |sigma: f64| sigma * sigma + sighting.sigma_rad.powi(2);
+                let variances = [variance(spread.x), variance(spread.y)];
+                if up * up > gate * variances[1] {
+                    continue;
+                }
+                let right = wrap_pi(sighting.az_el_rad.x - los.az_rad) * cos_el;
+                let distance2 = right * right / variances[0] + up * up / variances[1];
+                let size = (sighting.size_rad / track.size_rad).ln() / self.params.size_log_sigma;
+                // A box that touches the sky's noise may be of any size: its vote is limited.
+                let cost = distance2
+                    + (size * size).min(4.0)
+                    + (variances[0] * variances[1] / sighting.sigma_rad.powi(4)).ln();
+                if distance2 < gate {
+                    // Inside the gate a pair is always better than two that stay alone.
+                    const ALONE: f64 = 60.0;
+                    pairs.push(Pair {
+                        row,
+                        column,
+                        cost: cost - ALONE,
+                    });
                 }
             }
         }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
-        let mut hit = vec![false; self.tracks.len()];
-        for (_, t, s) in pairs {
-            if hit[t] || assigned[s].is_some() {
-                continue;
-            }
-            let (track, sighting) = (&mut self.tracks[t], &look.sightings[s]);
-            let gating = track
-                .filter
-                .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
-            if matches!(gating, Gating::Accepted { .. }) {
-                hit[t] = true;
-                assigned[s] = Some(track.id);
-                track.hits[look.tier] += 1;
-                track.last_hit_s[look.tier] = Some(look.t_s);
-                track.misses = 0;
-                track.size_rad += 0.2 * (sighting.size_rad - track.size_rad);
+        let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
+        for (row, column) in chosen.into_iter().enumerate() {
+            let hit = column.is_some_and(|column| {
+                let hit = self.tracks[row].take(look, &look.sightings[column]);
+                if hit {
+                    assigned[column] = Some(self.tracks[row].id);
+                }
+                hit
+            });
+            let track = &mut self.tracks[row];
+            if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
+                track.misses += 1;
+                track.filter.miss(look.t_s);
             }
         }
-        for (t, los) in predicted.iter().enumerate() {
-            if !hit[t] && (look.in_view)(los.az_el_rad()) {
-                self.tracks[t].misses += 1;
-                self.tracks[t].filter.miss(look.t_s);
-            }
-        }
-        let TableParams {
-            max_misses,
-            max_coast_s,
-            max_tracks,
-            ..
-        } = self.params;
+        let params = self.params;
         self.tracks.retain(|track| {
-            track.misses <= max_misses.min(track.total_hits())
-                && track.filter.coast_s(look.t_s) < max_coast_s
+            let hits = track.total_hits();
+            let silent_s = look.t_s - track.seen_s();
+            let longest_s = if track.hidden(look.t_s) {
+                params.max_hidden_s
+            } else {
+                // What was hidden is given the time since it came out.
+                let exit_s = track.occlusion.and_then(|occlusion| occlusion.exit_s);
+                let hidden_s = exit_s.map_or(0.0, |exit_s| exit_s - track.seen_s());
+                params.max_coast_s + hidden_s.clamp(0.0, params.max_hidden_s)
+            };
+            (track.misses <= hits || hits >= ESTABLISHED_HITS) && silent_s < longest_s
         });
         if look.start_tracks {
             for (s, sighting) in look.sightings.iter().enumerate() {
@@ -176,7 +351,7 @@ impl TrackTable {
                     assigned[s] = self.start(look, sighting);
                 }
             }
-            while self.tracks.len() > max_tracks {
+            while self.tracks.len() > params.max_tracks {
                 let Some(weakest) = (0..self.tracks.len())
                     .min_by_key(|i| (self.tracks[*i].total_hits(), self.tracks[*i].id))
                 else {
@@ -185,7 +360,106 @@ impl TrackTable {
                 self.tracks.remove(weakest);
             }
         }
+        self.stitch(look.t_s, &mut assigned);
         assigned
+    }
+
+    /// Joins to every established track that has gone silent the young track that continues it
+    /// best: begun since, and near it in direction and rate. The older identity goes on.
+    fn stitch(&mut self, t_s: f64, assigned: &mut [Option<u32>]) {
+        let mut young = 0;
+        while young < self.tracks.len() {
+            match self.continued_by(young, t_s) {
+                Some(old) => {
+                    let fresh = self.tracks.remove(young);
+                    // It began later, so it stood behind the one it continues.
+                    let track = &mut self.tracks[old];
+                    for id in assigned.iter_mut().filter(|id| **id == Some(fresh.id)) {
+                        *id = Some(track.id);
+                    }
+                    track.filter = fresh.filter;
+                    track.misses = fresh.misses;
+                    track.size_rad = fresh.size_rad;
+                    track.score = fresh.score;
+                    for (mine, its) in track.hits.iter_mut().zip(fresh.hits) {
+                        *mine += its;
+                    }
+                    for (mine, its) in track.last_hit_s.iter_mut().zip(fresh.last_hit_s) {
+                        *mine = its.or(*mine);
+                    }
+                }
+                None => young += 1,
+            }
+        }
+    }
+
+    /// The silent track that track `young` continues.
+    fn continued_by(&self, young: usize, t_s: f64) -> Option<usize> {
+        const SILENT_S: f64 = 0.2;
+        const YOUNG_HITS: std::ops::Range<u32> = 6..ESTABLISHED_HITS;
+        // Chi-squared of four degrees of freedom, 99.9 %.
+        const GATE: f64 = 18.5;
+        let fresh = &self.tracks[young];
+        if !YOUNG_HITS.contains(&fresh.total_hits()) {
+            return None;
+        }
+        let b = fresh.filter.predicted(t_s);
+        let mut best: Option<(f64, usize)> = None;
+        for (old, track) in self.tracks[..young].iter().enumerate() {
+            let seen_s = track.seen_s();
+            if track.total_hits() < ESTABLISHED_HITS
+                || t_s - seen_s < SILENT_S
+                || fresh.started_s < seen_s
+            {
+                continue;
+            }
+            let a = track.filter.predicted(t_s);
+            let differences = [
+                [
+                    wrap_pi(b.az_rad - a.az_rad),
+                    b.az_rate_radps - a.az_rate_radps,
+                ],
+                [b.el_rad - a.el_rad, b.el_rate_radps - a.el_rate_radps],
+            ];
+            let distance2: f64 = (0..2)
+                .map(|axis| {
+                    let sum = a.covariance[axis] + b.covariance[axis];
+                    let sum = sum.fixed_view::<2, 2>(0, 0).into_owned();
+                    let d = Vector2::from(differences[axis]);
+                    sum.try_inverse()
+                        .map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))
+                })
+                .sum();
+            let size = (fresh.size_rad / track.size_rad).ln() / self.params.size_log_sigma;
+            let cost = distance2 + size * size;
+            if cost < GATE && best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, old));
+            }
+        }
+        best.map(|(_, old)| old)
+    }
+
+    /// Gives a sighting to a track whatever the distance: the paper's rule, which knows no gate.
+    /// One that does not fit starts the track's estimate anew, under the same identity.
+    pub fn force(&mut self, id: u32, look: &Look, sighting: Option<&Sighting>) {
+        let filter = self.params.filter;
+        let Some(track) = self.tracks.iter_mut().find(|track| track.id == id) else {
+            return;
+        };
+        match sighting {
+            None => {
+                track.misses += 1;
+                track.filter.miss(look.t_s);
+            }
+            Some(sighting) if !track.take(look, sighting) => {
+                let (at, sigma) = (sighting.az_el_rad, sighting.sigma_rad);
+                if let Ok(fresh) = LosFilter::start(filter, at, sigma, look.t_s) {
+                    track.filter = fresh;
+                    track.record(look, sighting);
+                }
+            }
+            Some(_) => {}
+        }
     }
 
     fn start(&mut self, look: &Look, sighting: &Sighting) -> Option<u32> {
@@ -193,7 +467,7 @@ impl TrackTable {
             az_el_rad,
             sigma_rad,
             size_rad,
-            ..
+            score,
         } = *sighting;
         let filter = LosFilter::start(self.params.filter, az_el_rad, sigma_rad, look.t_s).ok()?;
         let id = self.next_id;
@@ -201,15 +475,43 @@ impl TrackTable {
         let mut track = Track {
             id,
             filter,
+            range: Ranging::new(self.params.span_m, self.params.span_sigma_rel),
             hits: [0; 3],
             misses: 0,
+            started_s: look.t_s,
             last_hit_s: [None; 3],
             size_rad,
+            score,
+            occlusion: None,
         };
-        track.hits[look.tier] = 1;
-        track.last_hit_s[look.tier] = Some(look.t_s);
+        track.record(look, sighting);
         self.tracks.push(track);
         Some(id)
+    }
+}
+
+impl Track {
+    /// Offers a sighting to the filter; false if its gate says no.
+    fn take(&mut self, look: &Look, sighting: &Sighting) -> bool {
+        let gating = self
+            .filter
+            .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
+        let accepted = matches!(gating, Gating::Accepted { .. });
+        if accepted {
+            self.record(look, sighting);
+        }
+        accepted
+    }
+
+    fn record(&mut self, look: &Look, sighting: &Sighting) {
+        self.hits[look.tier] += 1;
+        self.last_hit_s[look.tier] = Some(look.t_s);
+        self.misses = 0;
+        self.size_rad += SMOOTHING * (sighting.size_rad - self.size_rad);
+        self.score += SMOOTHING * (sighting.score - self.score);
+        // A box's side is good to about two standard deviations of its centre.
+        let sigma_rel = 2.0 * sighting.sigma_rad / sighting.size_rad.max(sighting.sigma_rad);
+        self.range.on_size(sighting.size_rad, sigma_rel, look.t_s);
     }
 }
 
@@ -284,5 +586,130 @@ mod tests {
             moving.1 > 10.0 && (moving.0 - 0.008).abs() < 0.002,
             "{moving:?}"
         );
+    }
+
+    #[test]
+    fn sizes_keep_apart_what_crosses_on_the_sky() {
+        // One at 600 m, one at 1,000 m; for three frames the detector swaps the order and both lie
+        // within the noise of each other.
+        let mut table = TrackTable::default();
+        let seen = |az: f64, size_rad: f64| Sighting {
+            size_rad,
+            ..sighting(az, 0.1)
+        };
+        for i in 0..30 {
+            let t = f64::from(i) / 30.0;
+            let x = 2e-3 - 2e-3 * t;
+            table.update(&look(t, &[seen(-x, 6e-4), seen(x, 3e-4)]));
+        }
+        let (big, small) = (table.tracks[0].id, table.tracks[1].id);
+        for i in 30..33 {
+            let t = f64::from(i) / 30.0;
+            let x = 2e-3 - 2e-3 * t;
+            let assigned = table.update(&look(t, &[seen(x, 3e-4), seen(-x, 6e-4)]));
+            assert_eq!(assigned, vec![Some(small), Some(big)]);
+        }
+    }
+
+    #[test]
+    fn an_occlusion_is_foreseen() {
+        // A wall from x = 50 to 60 m at y = 100 m; the target flies east at 10 m/s along y = 200 m.
+        use crate::models::dsm::HeightGrid;
+        let origin = DVec2::splat(-500.0);
+        let flat = HeightGrid::from_fn(origin, 10.0, [100, 100], |_, _| 0.0);
+        let wall = HeightGrid::from_fn(origin, 1.0, [1000, 1000], |e, n| {
+            if e > 50.0 && e < 60.0 && n > 100.0 && n < 101.0 {
+                100.0
+            } else {
+                0.0
+            }
+        });
+        let dsm = Dsm::new(flat, wall, 0.0);
+        let eye = DVec3::new(0.0, 0.0, 10.0);
+        let at = |t: f64| DVec3::new(80.0 + 10.0 * t, 200.0, 40.0);
+        let mut table = TrackTable::default();
+        for i in 0..=120 {
+            let t = f64::from(i) / 120.0;
+            let az_el_rad = los_to_az_el(at(t) - eye);
+            let exact = Sighting {
+                az_el_rad,
+                sigma_rad: 1e-6,
+                ..sighting(0.0, 0.0)
+            };
+            table.update(&look(t, &[exact]));
+        }
+        let track = &mut table.tracks[0];
+        assert!(
+            track.foresee_occlusion(&dsm, eye, 1.0, 4.0).is_none(),
+            "no range yet"
+        );
+        let range_m = at(1.0).distance(eye);
+        for i in 0..20 {
+            let t = 0.9 + f64::from(i) * 5e-3;
+            track.range.on_laser(at(t).distance(eye), 0.01, t);
+        }
+        assert!((track.range.range_m(1.0).0 - range_m).abs() < 0.5);
+        let seen = track.foresee_occlusion(&dsm, eye, 1.0, 4.0).unwrap();
+        // Hidden while x / 200 lies between 50/101 and 60/100: from 99.0 to 120 m.
+        let (enter, exit) = ((200.0 * 50.0 / 101.0 - 80.0) / 10.0, 4.0);
+        assert!((seen.enter_s - enter).abs() < 0.02, "{seen:?} {enter}");
+        assert!(
+            (seen.exit_s.unwrap() - exit).abs() < 0.05,
+            "{seen:?} {exit}"
+        );
+        assert!(seen.hides(3.0) && !seen.hides(1.5) && !seen.hides(4.2));
+    }
+
+    #[test]
+    fn a_new_track_that_continues_a_silent_one_takes_its_identity() {
+        let mut table = TrackTable::default();
+        let mut rng = Stream::new(4, 0, "test");
+        let mut at = |t: f64| {
+            // A turn while nobody looks puts it outside the gate of straight flight.
+            let az = if t < 1.0 { 0.02 * t } else { 0.02 * t + 1.2e-3 };
+            sighting(az + 3e-5 * rng.normal(), 3e-5 * rng.normal())
+        };
+        for i in 0..60 {
+            table.update(&look(f64::from(i) / 60.0, &[at(f64::from(i) / 60.0)]));
+        }
+        let id = table.tracks[0].id;
+        for i in 110..140 {
+            table.update(&look(f64::from(i) / 60.0, &[at(f64::from(i) / 60.0)]));
+        }
+        assert_eq!(table.tracks.len(), 1);
+        assert_eq!(table.tracks[0].id, id);
+        // One that moves the other way does not continue it.
+        for i in 170..200 {
+            let t = f64::from(i) / 60.0;
+            let back = sighting(0.02 * 2.8 + 1.2e-3 - 0.02 * (t - 2.8), 0.0);
+            table.update(&look(t, &[back]));
+        }
+        assert!(
+            table
+                .tracks
+                .iter()
+                .any(|track| track.id != id && track.total_hits() > 20)
+        );
+    }
+
+    #[test]
+    fn what_is_hidden_is_not_taken_for_what_flies_before_it() {
+        let mut table = TrackTable::default();
+        for i in 0..60 {
+            table.update(&look(f64::from(i) / 60.0, &[sighting(0.1, 0.1)]));
+        }
+        let id = table.tracks[0].id;
+        table.tracks[0].occlusion = Some(Occlusion {
+            enter_s: 1.0,
+            exit_s: Some(3.0),
+            exit_az_el_rad: DVec2::new(0.1, 0.1),
+        });
+        let assigned = table.update(&look(1.5, &[sighting(0.1, 0.1)]));
+        assert!(assigned[0].is_some_and(|other| other != id));
+        // It outlives the time without a hit that would end any other.
+        table.update(&look(2.9, &[]));
+        assert!(table.get(id).is_some());
+        let assigned = table.update(&look(3.1, &[sighting(0.1, 0.1)]));
+        assert_eq!(assigned[0], Some(id));
     }
 }

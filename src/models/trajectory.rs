@@ -3,6 +3,7 @@
 //! Positions are site-local `[east, north, up]` in metres, up measured from the site origin.
 
 use super::multirotor::{Airframe, MultirotorState, Setpoint};
+use super::rng::Stream;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -217,7 +218,13 @@ impl Piece {
 
 /// A checked path, ready to sample.
 #[derive(Clone, Debug)]
-pub struct CompiledTrajectory(Path);
+pub struct CompiledTrajectory {
+    path: Path,
+    /// Displacement of the whole path [m, enu].
+    offset_enu_m: DVec3,
+    /// How far along the path it is at time 0 [s].
+    lead_s: f64,
+}
 
 #[derive(Clone, Debug)]
 enum Path {
@@ -333,15 +340,44 @@ impl Trajectory {
                 recorded(file, &text)?
             }
         };
-        Ok(CompiledTrajectory(path))
+        Ok(CompiledTrajectory {
+            path,
+            offset_enu_m: DVec3::ZERO,
+            lead_s: 0.0,
+        })
     }
 }
 
 impl CompiledTrajectory {
+    /// The path displaced by `offset_enu_m` [m, enu].
+    pub fn shifted(self, offset_enu_m: DVec3) -> Self {
+        Self {
+            offset_enu_m: self.offset_enu_m + offset_enu_m,
+            ..self
+        }
+    }
+
+    /// The path begun `lead_s` [s] earlier: at time 0 it is that far along.
+    pub fn begun_earlier(self, lead_s: f64) -> Self {
+        Self {
+            lead_s: self.lead_s + lead_s,
+            ..self
+        }
+    }
+
+    /// One draw of where and when the path is flown: displaced by normal offsets of standard
+    /// deviation `spread_m` (east and north, up) [m], begun up to `spread_s` [s] earlier.
+    pub fn spread(self, spread_m: [f64; 2], spread_s: f64, rng: &mut Stream) -> Self {
+        let [across_m, up_m] = spread_m;
+        let normal = DVec3::new(rng.normal(), rng.normal(), rng.normal());
+        self.shifted(DVec3::new(across_m, across_m, up_m) * normal)
+            .begun_earlier(spread_s * rng.uniform())
+    }
+
     /// The setpoint at `t_s` [s] after the start (the start itself before it).
     pub fn sample(&self, t_s: f64) -> Setpoint {
-        let t_s = t_s.max(0.0);
-        let ((r_enu_m, v_enu_mps, a_enu_mps2), yaw_rad) = match self.0 {
+        let t_s = t_s.max(0.0) + self.lead_s;
+        let ((r_enu_m, v_enu_mps, a_enu_mps2), yaw_rad) = match self.path {
             Path::Pieces(ref pieces, period_s) => {
                 let t_s = period_s.map_or(t_s, |period_s| t_s % period_s);
                 let after = pieces.partition_point(|piece| piece.t_s <= t_s);
@@ -379,7 +415,7 @@ impl CompiledTrajectory {
             }
         };
         Setpoint {
-            r_enu_m,
+            r_enu_m: r_enu_m + self.offset_enu_m,
             v_enu_mps,
             a_enu_mps2,
             yaw_rad: course_rad(v_enu_mps).unwrap_or(yaw_rad),
@@ -791,7 +827,7 @@ mod tests {
     #[test]
     fn joints_are_continuous() {
         for trajectory in every_kind() {
-            let Path::Pieces(pieces, period_s) = compile(&trajectory).unwrap().0 else {
+            let Path::Pieces(pieces, period_s) = compile(&trajectory).unwrap().path else {
                 continue;
             };
             for pair in pieces.windows(2) {
@@ -981,6 +1017,53 @@ mod tests {
         for trajectory in every_kind() {
             let rms_m = tracking_rms_m(&compile(&trajectory).unwrap());
             assert!(rms_m < 1.5, "{rms_m} m rms: {trajectory:?}");
+        }
+    }
+
+    #[test]
+    fn a_spread_moves_the_whole_path_and_nothing_else() {
+        for trajectory in every_kind() {
+            let path = compile(&trajectory).unwrap();
+            let offset = DVec3::new(3.0, -4.0, 5.0);
+            let moved = path.clone().shifted(offset);
+            let earlier = path.clone().begun_earlier(2.5);
+            for t_s in [0.0, 1.7, 40.0] {
+                let (a, b) = (path.sample(t_s), moved.sample(t_s));
+                assert!((b.r_enu_m - a.r_enu_m - offset).length() < 1e-9);
+                assert_eq!((b.v_enu_mps, b.a_enu_mps2), (a.v_enu_mps, a.a_enu_mps2));
+                assert_eq!(earlier.sample(t_s).r_enu_m, path.sample(t_s + 2.5).r_enu_m);
+            }
+            // No spread is no change, to the bit.
+            let same = path
+                .clone()
+                .spread([0.0; 2], 0.0, &mut Stream::new(1, 0, "spread"));
+            assert_eq!(same.sample(3.3).r_enu_m, path.sample(3.3).r_enu_m);
+        }
+    }
+
+    #[test]
+    fn seeds_spread_with_the_set_deviations() {
+        let path = compile(&Trajectory::Hover {
+            position_enu_m: [0.0; 3],
+            heading_deg: 0.0,
+        })
+        .unwrap();
+        let n = 4000;
+        let mut squares = DVec3::ZERO;
+        for seed in 0..n {
+            let mut rng = Stream::new(seed, 2, "spread");
+            let r = path
+                .clone()
+                .spread([30.0, 8.0], 0.0, &mut rng)
+                .sample(0.0)
+                .r_enu_m;
+            squares += r * r;
+        }
+        let sigma = (squares / n as f64).map(f64::sqrt);
+        // Five standard errors of an estimated deviation.
+        let relative = 5.0 / (2.0 * n as f64).sqrt();
+        for (got, want) in sigma.to_array().into_iter().zip([30.0, 30.0, 8.0]) {
+            assert!((got / want - 1.0).abs() < relative, "{sigma}");
         }
     }
 

@@ -8,7 +8,11 @@
 //!   `m g tan(tilt) = rho C_D A v^2 / 2` at the listed top speed and tilt in 1.225 kg/m^3 air;
 //! - assumed, typical of the class: rotor lag, thrust-to-weight ratio and skin material.
 
-use crate::models::thermal::{ABS_SHELL, CARBON_EPOXY, SkinMaterial};
+use crate::models::thermal::{
+    ABS_SHELL, CARBON_EPOXY, LIPO_POUCH, MOTOR_BELL, POLYCARBONATE_SHELL, SHELLED_POUCH,
+    SkinMaterial,
+};
+use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -91,6 +95,66 @@ pub struct UavModel {
     pub rotor_lag_s: f64,
     /// Material of the vulnerable skin.
     pub skin: SkinMaterial,
+    /// Middle of the battery, of one of them where there are more [m, body].
+    pub battery_body_m: DVec3,
+    /// Middle of the camera [m, body].
+    pub camera_body_m: DVec3,
+}
+
+/// The part of a UAV that the laser is aimed at.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum AimPart {
+    /// The middle of the body: the centroid of the airframe's surface.
+    #[default]
+    Body,
+    /// The battery.
+    Battery,
+    /// The hub of the front left rotor.
+    RotorHub,
+    /// The camera on its gimbal.
+    Camera,
+}
+
+impl UavModel {
+    /// What the laser heats when it is aimed at `part`.
+    pub fn part_skin(&self, part: AimPart) -> SkinMaterial {
+        match part {
+            AimPart::Body => self.skin,
+            // A racer's battery is strapped on bare.
+            AimPart::Battery if self.class == UavClass::Fpv => LIPO_POUCH,
+            AimPart::Battery => SHELLED_POUCH,
+            AimPart::RotorHub => MOTOR_BELL,
+            // Its housing; lens and sensor may go earlier.
+            AimPart::Camera => POLYCARBONATE_SHELL,
+        }
+    }
+}
+
+/// Where a part is expected from the middle of the silhouette, rotor discs included [m, enu], for a
+/// UAV of span `span_m` [m], the silhouette's width, that flies level along `v_enu_mps` [m/s, enu].
+///
+/// The station does not know the model: the fractions are means over the catalogue, whose
+/// models lie up to 0.18 of the span off them (see the tests of the meshes). Too slow to have a course, nothing but the height is known.
+pub fn aim_offset_enu_m(part: AimPart, span_m: f64, v_enu_mps: DVec3) -> DVec3 {
+    // Forward, left, up over the span.
+    let fraction = match part {
+        AimPart::Body => DVec3::new(0.0, 0.0, 0.04),
+        AimPart::Battery => DVec3::new(-0.07, 0.0, 0.10),
+        AimPart::RotorHub => DVec3::new(0.29, 0.24, 0.12),
+        AimPart::Camera => DVec3::new(0.17, 0.0, -0.04),
+    };
+    const COURSE_MPS: f64 = 0.5; // [m/s], below which the nose need not follow the velocity
+    let course = v_enu_mps.truncate();
+    let ahead = if course.length() < COURSE_MPS {
+        DVec2::ZERO
+    } else {
+        course.normalize()
+    };
+    let level = fraction.x * ahead + fraction.y * ahead.perp();
+    span_m * level.extend(fraction.z)
 }
 
 const INCH_M: f64 = 0.0254; // [m]
@@ -112,6 +176,8 @@ const PHANTOM4: UavModel = UavModel {
     drag_area_m2: 0.0498,
     rotor_lag_s: 0.035,
     skin: ABS_SHELL,
+    battery_body_m: DVec3::new(-0.07, 0.0, 0.004),
+    camera_body_m: DVec3::new(0.055, 0.0, -0.078),
 };
 
 // Checked: mass, diagonal, size, speed. Recalled: propeller, tilt, rate.
@@ -131,6 +197,8 @@ const MAVIC2: UavModel = UavModel {
     drag_area_m2: 0.0254,
     rotor_lag_s: 0.035,
     skin: ABS_SHELL,
+    battery_body_m: DVec3::new(-0.13 * 0.322, 0.0, 0.34 * 0.084),
+    camera_body_m: DVec3::new(0.37 * 0.322, 0.0, -0.16 * 0.084),
 };
 
 // Checked: mass, diagonal, size. Recalled: propeller, speed, tilt, rate.
@@ -150,6 +218,8 @@ const MAVIC_AIR: UavModel = UavModel {
     drag_area_m2: 0.0134,
     rotor_lag_s: 0.025,
     skin: ABS_SHELL,
+    battery_body_m: DVec3::new(-0.13 * 0.168, 0.0, 0.34 * 0.064),
+    camera_body_m: DVec3::new(0.37 * 0.168, 0.0, -0.16 * 0.064),
 };
 
 // Recalled: mass, diagonal, size, propeller, speed, tilt, rate.
@@ -170,6 +240,8 @@ const MATRICE200: UavModel = UavModel {
     rotor_lag_s: 0.045,
     // The moulded body around the batteries; its arms are carbon fibre.
     skin: ABS_SHELL,
+    battery_body_m: DVec3::new(-0.165, 0.036, 0.03),
+    camera_body_m: DVec3::new(0.15, 0.0, -0.115),
 };
 
 // Checked: mass, diagonal, propeller. Recalled: size, speed, tilt, rate. The drag area is 1.1 % above
@@ -190,6 +262,8 @@ const MATRICE600: UavModel = UavModel {
     drag_area_m2: 0.2213,
     rotor_lag_s: 0.050,
     skin: CARBON_EPOXY,
+    battery_body_m: DVec3::new(0.155, 0.0, 0.012),
+    camera_body_m: DVec3::new(0.0, 0.0, -0.25),
 };
 
 // No single maker: every value is assumed, typical of the class. Such a
@@ -212,6 +286,8 @@ const FPV5: UavModel = UavModel {
     drag_area_m2: 0.01187,
     rotor_lag_s: 0.015,
     skin: CARBON_EPOXY,
+    battery_body_m: DVec3::new(-0.005, 0.0, 0.02575),
+    camera_body_m: DVec3::new(0.062, 0.0, -0.001),
 };
 
 /// The catalogue record of `kind`.

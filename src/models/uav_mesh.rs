@@ -1,21 +1,27 @@
 //! Parametric UAV bodies and propellers at the catalogue's published sizes, in body axes
-//! (forward-left-up) about the centre of the rotors' square or hexagon.
+//! (forward-left-up) about the centre of the rotors' square or hexagon; and the birds and balloons
+//! taken for them.
 //!
 //! The makers give a Phantom's, a Mavic's and the racer's size without propellers, the Matrices'
 //! with them turning: hub positions and hull sizes follow from that and from the diagonal.
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DQuat, DVec2, DVec3};
 
+use crate::models::distractor::{BALLOON_RADIUS_M, BIRD_SPAN_M, DistractorKind, WING_RAD};
 use crate::models::mesh::{MeshData, Paint};
-use crate::models::uav::{UavKind, UavModel, model};
+use crate::models::uav::{AimPart, UavKind, UavModel, model};
 
-/// Where a propeller sits.
+/// Where a propeller, or a bird's wing, sits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorMount {
     /// Hub [m, body].
     pub hub_body_m: DVec3,
+    /// Attitude of its mesh at phase 0; it turns about its own z.
+    pub q_body_hub: DQuat,
+    /// Phases that it goes through, from and to [rad].
+    pub sweep_rad: [f64; 2],
     /// Whether it turns clockwise seen from above; its propeller is the mirror image in y.
     pub clockwise: bool,
 }
@@ -31,6 +37,65 @@ pub struct UavMesh {
     pub rotor: MeshData,
 }
 
+impl UavMesh {
+    /// Where the middle of `part` of a UAV lies [m, body].
+    pub fn part_body_m(&self, uav: &UavModel, part: AimPart) -> DVec3 {
+        match part {
+            AimPart::Body => self.centroid_body_m(),
+            AimPart::Battery => uav.battery_body_m,
+            AimPart::RotorHub => self.rotors.first().map_or(DVec3::ZERO, |r| r.hub_body_m),
+            AimPart::Camera => uav.camera_body_m,
+        }
+    }
+
+    /// Centroid of the surface without propellers or wings [m, body]: about where an image has its
+    /// middle.
+    pub fn centroid_body_m(&self) -> DVec3 {
+        let body = &self.body;
+        let point = |i: u32| DVec3::from_array(body.positions[i as usize].map(f64::from));
+        let (moment, area) =
+            body.indices
+                .chunks_exact(3)
+                .fold((DVec3::ZERO, 0.0), |(moment, area), triangle| {
+                    let [p, q, r] = [0, 1, 2].map(|i| point(triangle[i]));
+                    let twice = (q - p).cross(r - p).length();
+                    (moment + twice * (p + q + r) / 3.0, area + twice)
+                });
+        if area > 0.0 {
+            moment / area
+        } else {
+            DVec3::ZERO
+        }
+    }
+
+    /// Points whose projections' box holds that of the body and of what its rotors or wings sweep
+    /// [m, body].
+    pub fn outline_body_m(&self) -> Vec<DVec3> {
+        const SWEEP_POINTS: u32 = 16;
+        let point = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let blade_m = self
+            .rotor
+            .positions
+            .iter()
+            .map(|p| point(p).truncate().length())
+            .fold(0.0, f64::max);
+        let sweeps = self.rotors.iter().flat_map(|mount| {
+            let [from, to] = mount.sweep_rad;
+            (0..SWEEP_POINTS).map(move |i| {
+                let angle = from + (to - from) * f64::from(i) / f64::from(SWEEP_POINTS);
+                let tip = blade_m * DVec2::from_angle(angle).extend(0.0);
+                mount.hub_body_m + mount.q_body_hub * tip
+            })
+        });
+        self.body
+            .positions
+            .iter()
+            .map(point)
+            .chain(sweeps)
+            .collect()
+    }
+}
+
 const BLACK: [f32; 3] = [0.02, 0.02, 0.022];
 const CARBON: [f32; 3] = [0.035, 0.035, 0.038];
 const DARK: [f32; 3] = [0.085, 0.09, 0.095];
@@ -43,22 +108,23 @@ const RED: [f32; 3] = [0.5, 0.03, 0.02];
 /// The body, hubs and propeller of a UAV.
 pub fn uav_mesh(kind: UavKind) -> UavMesh {
     let uav = model(kind);
-    let [_, _, height] = uav.size_m;
     let hubs = hub_plan_m(uav);
     let mut body = MeshData::new(DVec3::ZERO);
     let hub_z_m = match kind {
-        UavKind::Phantom4 => phantom(&mut body, &hubs, motor_radius_m(uav), height),
-        UavKind::Mavic2 => mavic(&mut body, &hubs, motor_radius_m(uav), uav.size_m, DARK),
-        UavKind::MavicAir => mavic(&mut body, &hubs, motor_radius_m(uav), uav.size_m, WHITE),
-        UavKind::Matrice200 => matrice_200(&mut body, &hubs, height),
-        UavKind::Matrice600 => matrice_600(&mut body, &hubs, height),
-        UavKind::Fpv5 => racer(&mut body, &hubs, motor_radius_m(uav), height),
+        UavKind::Phantom4 => phantom(&mut body, &hubs, motor_radius_m(uav), uav),
+        UavKind::Mavic2 => mavic(&mut body, &hubs, motor_radius_m(uav), uav, DARK),
+        UavKind::MavicAir => mavic(&mut body, &hubs, motor_radius_m(uav), uav, WHITE),
+        UavKind::Matrice200 => matrice_200(&mut body, &hubs, uav),
+        UavKind::Matrice600 => matrice_600(&mut body, &hubs, uav),
+        UavKind::Fpv5 => racer(&mut body, &hubs, motor_radius_m(uav), uav),
     };
     let rotors = hubs
         .iter()
         .enumerate()
         .map(|(i, hub)| RotorMount {
             hub_body_m: hub.extend(hub_z_m[i]),
+            q_body_hub: DQuat::IDENTITY,
+            sweep_rad: [0.0, TAU],
             clockwise: i % 2 == 0,
         })
         .collect();
@@ -242,7 +308,8 @@ fn propeller(radius: f64) -> MeshData {
 
 // ---- Airframes: each returns the height of its hubs -------------------------------------------
 
-fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Vec<f64> {
+fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) -> Vec<f64> {
+    let height = uav.size_m[2];
     let white = Paint::plain(WHITE);
     let (top, foot) = (0.28 * height, -0.72 * height);
     #[rustfmt::skip]
@@ -288,13 +355,8 @@ fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Ve
         }
         tube(mesh, foot_at(-0.078), foot_at(0.078), 0.006, white);
     }
-    camera(mesh, DVec3::new(0.055, 0.0, -0.078), 0.024, GREY);
-    block(
-        mesh,
-        DVec3::new(-0.07, 0.0, 0.004),
-        [0.05, 0.075, 0.036],
-        SILVER,
-    );
+    camera(mesh, uav.camera_body_m, 0.024, GREY);
+    block(mesh, uav.battery_body_m, [0.05, 0.075, 0.036], SILVER);
     block(
         mesh,
         DVec3::new(0.082, 0.0, 0.0),
@@ -308,9 +370,10 @@ fn mavic(
     mesh: &mut MeshData,
     hubs: &[DVec2],
     motor_m: f64,
-    [l, w, h]: [f64; 3],
+    uav: &UavModel,
     albedo: [f32; 3],
 ) -> Vec<f64> {
+    let [l, w, h] = uav.size_m;
     let paint = Paint::plain(albedo);
     let trim = Paint::plain(albedo.map(|c| c * 0.75));
     let (top, foot) = (0.42 * h, -0.58 * h);
@@ -323,7 +386,7 @@ fn mavic(
     // The battery forms the rear of the back.
     block(
         mesh,
-        DVec3::new(-0.13 * l, 0.0, 0.34 * h),
+        uav.battery_body_m,
         [0.34 * l, 0.26 * w, 0.14 * h],
         albedo.map(|c| c * 0.85),
     );
@@ -368,7 +431,7 @@ fn mavic(
         );
         heights.push(hub_top);
     }
-    camera(mesh, DVec3::new(0.37 * l, 0.0, -0.16 * h), 0.2 * h, DARK);
+    camera(mesh, uav.camera_body_m, 0.2 * h, DARK);
     block(
         mesh,
         DVec3::new(0.335 * l, 0.0, 0.14 * h),
@@ -384,7 +447,8 @@ fn mavic(
     heights
 }
 
-fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
+fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> {
+    let height = uav.size_m[2];
     let dark = Paint::plain(DARK);
     let carbon = Paint::plain(CARBON);
     let (top, foot) = (0.27 * height, -0.73 * height);
@@ -397,7 +461,7 @@ fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
         // Twin batteries at the back.
         block(
             mesh,
-            DVec3::new(-0.165, y * 0.036, 0.03),
+            DVec3::new(1.0, y, 1.0) * uav.battery_body_m,
             [0.09, 0.062, 0.07],
             GREY,
         );
@@ -461,7 +525,7 @@ fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
         let lamp = if hub.x > 0.0 { RED } else { [0.1, 0.45, 0.1] };
         block(mesh, hub.extend(0.004), [0.02, 0.02, 0.01], lamp);
     }
-    camera(mesh, DVec3::new(0.15, 0.0, -0.115), 0.042, DARK);
+    camera(mesh, uav.camera_body_m, 0.042, DARK);
     mesh.frustum(
         (DVec3::new(0.15, 0.0, -0.058), 0.03),
         (DVec3::new(0.15, 0.0, -0.03), 0.036),
@@ -472,7 +536,8 @@ fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
     vec![0.078; hubs.len()]
 }
 
-fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
+fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> {
+    let height = uav.size_m[2];
     let dark = Paint::plain(DARK);
     let carbon = Paint::plain(CARBON);
     let (top, foot) = (0.25 * height, -0.75 * height);
@@ -500,12 +565,7 @@ fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
         );
         let between = DVec2::from_angle(PI / 6.0 + TAU * i as f64 / 6.0 + PI / 6.0);
         let mut battery = MeshData::new(DVec3::ZERO);
-        block(
-            &mut battery,
-            DVec3::new(0.155, 0.0, 0.012),
-            [0.07, 0.085, 0.085],
-            GREY,
-        );
+        block(&mut battery, uav.battery_body_m, [0.07, 0.085, 0.085], GREY);
         mesh.append(&battery, DAffine3::from_rotation_z(between.to_angle()));
         motor(
             mesh,
@@ -575,7 +635,7 @@ fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
         0.016,
         carbon,
     );
-    block(mesh, DVec3::new(0.0, 0.0, -0.25), [0.15, 0.085, 0.1], BLACK);
+    block(mesh, uav.camera_body_m, [0.15, 0.085, 0.1], BLACK);
     let lens = DVec3::new(0.075, 0.0, -0.25);
     mesh.frustum(
         (lens, 0.038),
@@ -586,7 +646,8 @@ fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], height: f64) -> Vec<f64> {
     vec![0.068; hubs.len()]
 }
 
-fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Vec<f64> {
+fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) -> Vec<f64> {
+    let height = uav.size_m[2];
     let carbon = Paint::plain(CARBON);
     let low = -0.3 * height;
     let top = low + height;
@@ -641,7 +702,7 @@ fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Vec<
     let middle = (floor + ceiling) / 2.0;
     block(
         mesh,
-        DVec3::new(-0.005, 0.0, middle - 0.0005),
+        uav.battery_body_m,
         [0.076, 0.036, ceiling - floor - 0.001],
         [0.05, 0.06, 0.2],
     );
@@ -666,7 +727,7 @@ fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Vec<
             RED,
         );
     }
-    let eye = DVec3::new(0.062, 0.0, deck + 0.012);
+    let eye = uav.camera_body_m;
     mesh.icosphere(eye, DVec3::splat(0.0105), 1, Paint::plain(BLACK));
     mesh.frustum(
         (eye, 0.007),
@@ -684,9 +745,94 @@ fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, height: f64) -> Vec<
     vec![deck + 0.02; hubs.len()]
 }
 
+// ---- Distractors ------------------------------------------------------------------------------
+
+/// Body and wings of a distractor; a bird's wings are its rotors.
+pub fn distractor_mesh(kind: DistractorKind) -> UavMesh {
+    match kind {
+        DistractorKind::Bird => bird(),
+        DistractorKind::Balloon => balloon(),
+    }
+}
+
+/// A gull: body, bill, tail and two wings, alike fore and aft.
+fn bird() -> UavMesh {
+    let mut body = MeshData::new(DVec3::ZERO);
+    #[rustfmt::skip]
+    hull_forward(&mut body, &[
+        [-0.30, 0.07, 0.006, 0.01], [-0.17, 0.035, 0.03, 0.0], [-0.05, 0.07, 0.065, 0.0],
+        [0.09, 0.07, 0.065, 0.0], [0.17, 0.04, 0.042, 0.01], [0.22, 0.045, 0.045, 0.015],
+        [0.25, 0.025, 0.025, 0.015],
+    ], 2.0, Paint::plain(WHITE));
+    let yellow = Paint::plain([0.6, 0.4, 0.03]);
+    body.frustum(
+        (DVec3::new(0.245, 0.0, 0.012), 0.013),
+        (DVec3::new(0.30, 0.0, 0.004), 0.004),
+        6,
+        yellow,
+    );
+    const SHOULDER_M: f64 = 0.04; // [m] to either side
+    let length_m = BIRD_SPAN_M / 2.0 - SHOULDER_M;
+    let mut wing = MeshData::new(DVec3::ZERO);
+    // Along x to the tip, thickness along y, chord along z.
+    let ring = |r: f64, chord_m: f64| {
+        let half = 0.5 * chord_m;
+        section(
+            DVec3::X * r * length_m,
+            DVec3::Y * (0.08 * half),
+            DVec3::Z * half,
+            2.0,
+            8,
+        )
+    };
+    let feathers = [(0.0, 0.17), (0.25, 0.21), (0.5, 0.18), (0.8, 0.10)];
+    wing.loft(&feathers.map(|(r, c)| ring(r, c)), Paint::plain(GREY));
+    let tip = [(0.8, 0.10), (0.93, 0.05), (1.0, 0.01)];
+    wing.loft(&tip.map(|(r, c)| ring(r, c)), Paint::plain(BLACK));
+    // The hinge lies along the body: the wing's x points outward, a growing phase lifts it.
+    let wings = [1.0, -1.0].map(|side| RotorMount {
+        hub_body_m: DVec3::new(0.06, side * SHOULDER_M, 0.035),
+        q_body_hub: DQuat::from_mat3(&glam::DMat3::from_cols(
+            side * DVec3::Y,
+            DVec3::Z,
+            side * DVec3::X,
+        )),
+        sweep_rad: [WING_RAD[0] - WING_RAD[1], WING_RAD[0] + WING_RAD[1]],
+        clockwise: false,
+    });
+    UavMesh {
+        body,
+        rotors: wings.into(),
+        rotor: wing,
+    }
+}
+
+/// A latex balloon with its knot.
+fn balloon() -> UavMesh {
+    let mut body = MeshData::new(DVec3::ZERO);
+    body.icosphere(
+        DVec3::ZERO,
+        DVec3::splat(BALLOON_RADIUS_M),
+        3,
+        Paint::plain(RED),
+    );
+    body.frustum(
+        (DVec3::Z * -(BALLOON_RADIUS_M + 0.04), 0.03),
+        (DVec3::Z * -(BALLOON_RADIUS_M - 0.01), 0.012),
+        8,
+        Paint::plain(RED),
+    );
+    UavMesh {
+        body,
+        rotors: Vec::new(),
+        rotor: MeshData::new(DVec3::ZERO),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::uav::aim_offset_enu_m;
 
     /// Length, width and height of the body, of the body with turning propellers.
     fn sizes_m(mesh: &UavMesh, radius: f64) -> [DVec3; 2] {
@@ -791,5 +937,108 @@ mod tests {
                 .sum();
             assert!(slope > 0.0, "{kind:?}");
         }
+    }
+
+    #[test]
+    fn parts_lie_where_the_mesh_has_them() {
+        for kind in UavKind::ALL {
+            let uav = model(kind);
+            let mesh = uav_mesh(kind);
+            for part in [AimPart::Battery, AimPart::RotorHub, AimPart::Camera] {
+                let at = mesh.part_body_m(uav, part);
+                // Vertices on both sides of the middle, within a battery's half length.
+                let near: Vec<_> = mesh
+                    .body
+                    .positions
+                    .iter()
+                    .map(|p| DVec3::from(p.map(f64::from)) - at)
+                    .filter(|r| r.length() < 0.11 * uav.diagonal_m.max(0.6))
+                    .collect();
+                for axis in [DVec3::X, DVec3::Y] {
+                    let beyond = |sign: f64| near.iter().any(|r| sign * r.dot(axis) > 0.004);
+                    assert!(beyond(1.0) && beyond(-1.0), "{kind:?} {part:?}");
+                }
+            }
+        }
+    }
+
+    /// Middle of the outline's box, and its width [m, body].
+    fn silhouette(mesh: &UavMesh) -> (DVec3, f64) {
+        let outline = mesh.outline_body_m();
+        let low = outline.iter().copied().fold(DVec3::MAX, DVec3::min);
+        let high = outline.iter().copied().fold(DVec3::MIN, DVec3::max);
+        (0.5 * (low + high), high.y - low.y)
+    }
+
+    #[test]
+    fn expected_offsets_are_the_catalogues_means() {
+        for part in [
+            AimPart::Body,
+            AimPart::Battery,
+            AimPart::RotorHub,
+            AimPart::Camera,
+        ] {
+            let mut sum = DVec3::ZERO;
+            let mut worst = 0.0_f64;
+            for kind in UavKind::ALL {
+                let mesh = uav_mesh(kind);
+                let (middle, span_m) = silhouette(&mesh);
+                // Northbound: forward is north, left is west, up is up.
+                let body = mesh.part_body_m(model(kind), part) - middle;
+                let enu_m = DVec3::new(-body.y, body.x, body.z);
+                let expected = aim_offset_enu_m(part, span_m, DVec3::new(0.0, 12.0, 1.0));
+                let error = (enu_m - expected) / span_m;
+                println!(
+                    "{part:?} {kind:?}: {:.3} error {:.3}",
+                    enu_m / span_m,
+                    error.length()
+                );
+                sum += error;
+                worst = worst.max(error.length());
+            }
+            let mean = sum / UavKind::ALL.len() as f64;
+            println!("{part:?}: mean {mean:.3}, worst {worst:.3}");
+            assert!(mean.length() < 0.01, "{part:?}: {mean}");
+            assert!(worst < 0.18, "{part:?}: {worst}");
+            // Without a course only the height is left.
+            let still = aim_offset_enu_m(part, 1.0, DVec3::new(0.1, 0.1, 3.0));
+            assert_eq!(still.truncate(), DVec2::ZERO);
+        }
+        // A course turns the offset with it.
+        let east = aim_offset_enu_m(AimPart::Camera, 0.5, DVec3::X * 9.0);
+        let north = aim_offset_enu_m(AimPart::Camera, 0.5, DVec3::Y * 9.0);
+        assert!((east.x - north.y).abs() < 1e-12 && east.x > 0.05, "{east}");
+    }
+
+    #[test]
+    fn distractors_have_their_sizes() {
+        for kind in [DistractorKind::Bird, DistractorKind::Balloon] {
+            let mesh = distractor_mesh(kind);
+            let [length_m, width_m, _] = kind.size_m();
+            let (low, high) = mesh.body.bounds_m().unwrap();
+            assert!(((high - low).x / length_m - 1.0).abs() < 0.01, "{kind:?}");
+            assert!(mesh.body.signed_volume_m3() > 0.0);
+            // Wings stretched level; a balloon has none.
+            let tips = mesh.rotors.iter().flat_map(|mount| {
+                let at = |p: &[f32; 3]| mount.q_body_hub * DVec3::from(p.map(f64::from));
+                mesh.rotor
+                    .positions
+                    .iter()
+                    .map(move |p| mount.hub_body_m + at(p))
+            });
+            let half_m = tips.fold(high.y, |most, p| most.max(p.y.abs()));
+            assert!((2.0 * half_m / width_m - 1.0).abs() < 0.01, "{kind:?}");
+        }
+        let gull = distractor_mesh(DistractorKind::Bird);
+        assert!(gull.rotor.signed_volume_m3() > 0.0);
+        for wing in &gull.rotors {
+            // A positive phase lifts either wing, and the wings are proper rotations.
+            let tip = wing.q_body_hub * DQuat::from_rotation_z(0.3) * DVec3::X;
+            assert!(tip.z > 0.29 && tip.y * wing.hub_body_m.y > 0.0, "{tip}");
+        }
+        // The sweep of the wings bounds the truth box: less high than the span.
+        let outline = gull.outline_body_m();
+        let top = outline.iter().map(|p| p.z).fold(f64::MIN, f64::max);
+        assert!((0.3..0.55).contains(&top), "{top}");
     }
 }

@@ -7,18 +7,23 @@
 //! WMO-No. 306 FM 15 / FMH-1 below. That also gives an error its column.
 //!
 //! Conventions for what a METAR leaves open:
-//! - `9999` and `CAVOK` mean "10 km or more": [`OPEN_VISIBILITY_M`] is taken. Statute miles are
-//!   taken as written (a US `10SM` is also a lower bound).
+//! - `9999` and `CAVOK` mean "10 km or more": [`OPEN_VISIBILITY_M`] is taken, less what the
+//!   precipitation takes of it, down to 10 km. Statute miles are taken as written (a US `10SM` is
+//!   also a lower bound).
 //! - `VRB` gives no direction: north (0) is taken. `00000KT` is a calm from the north.
-//! - Cover: FEW 1.5, SCT 3.5, BKN 6, OVC and vertical visibility 8 oktas; the layers' largest.
+//! - Cover: FEW 1.5, SCT 3.5, BKN 6, OVC and vertical visibility 8 oktas; the layers' largest. The
+//!   base is that layer's. A vertical visibility has none: the visibility hides what fog hides.
 //! - Pressure is the reported one, reduced to sea level (QNH or altimeter setting).
 //! - Precipitation: the first phenomenon of a group decides the kind, `-`/none/`+` the class of
 //!   WMO-No. 8; the rate is nominal, from inside the class. What is in the vicinity (VC), fog,
 //!   mist, haze and ice crystals count nothing: the visibility carries them.
 
+use super::atmosphere::{
+    Hydrometeor, KOSCHMIEDER, extinction_per_m, precipitation_extinction_per_m,
+};
 use metar::{
-    CloudDensity, Clouds, Data, Metar, Pressure, VerticalVisibility, Visibility, WeatherCondition,
-    WeatherIntensity, Wind, WindDirection, WindSpeed,
+    CloudDensity, Clouds, Data, Metar, Pressure, Visibility, WeatherCondition, WeatherIntensity,
+    Wind, WindDirection, WindSpeed,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,6 +31,12 @@ use serde::{Deserialize, Serialize};
 /// The visibility taken where the report says only "10 km or more" [m]: the "clear" 23 km of the
 /// LOWTRAN standard atmospheres.
 pub const OPEN_VISIBILITY_M: f64 = 23_000.0;
+
+/// Cover from which on a layer counts as closed, 7 oktas.
+pub const OVERCAST_COVER: f64 = 0.875;
+
+/// What "10 km or more" holds at least [m].
+const LEAST_OPEN_VISIBILITY_M: f64 = 10_000.0;
 
 const KNOT_MPS: f64 = 1852.0 / 3600.0;
 const KMH_MPS: f64 = 1.0 / 3.6;
@@ -41,9 +52,9 @@ pub struct Weather {
     pub wind_speed_mps: f64,
     /// Direction the wind blows from, clockwise from true north [rad].
     pub wind_from_rad: f64,
-    /// Gust speed, where gusts are reported [m/s].
+    /// Gust speed, where gusts are reported: the highest mean over 3 s in ten minutes [m/s].
     pub gust_mps: Option<f64>,
-    /// Meteorological visibility [m].
+    /// Meteorological visibility, through the precipitation too [m].
     pub visibility_m: f64,
     /// Air temperature [K].
     pub temperature_k: f64,
@@ -53,10 +64,12 @@ pub struct Weather {
     pub pressure_pa: f64,
     /// Share of the sky that cloud covers, 0 to 1.
     pub cloud_cover: f64,
-    /// Height of the lowest cloud above ground, where there is one of known height [m].
+    /// Height above ground of the base of the layer that covers most, where it is known [m].
     pub cloud_base_m: Option<f64>,
     /// Precipitation rate as water [mm/h].
     pub precipitation_mmph: f64,
+    /// Whether the precipitation is snow.
+    pub snow: bool,
 }
 
 /// A METAR that cannot be read.
@@ -325,27 +338,31 @@ fn oktas(density: CloudDensity) -> f64 {
     }
 }
 
-/// The nominal rate of a group of present weather [mm/h of water], inside its WMO-No. 8 class.
-fn rate_mmph(group: &metar::Weather) -> f64 {
+/// The nominal rate of a group of present weather [mm/h of water], inside its WMO-No. 8 class, and
+/// whether it is snow.
+fn precipitation(group: &metar::Weather) -> (f64, bool) {
     use WeatherCondition as C;
     let kind = group
         .conditions
         .iter()
         .find_map(|condition| match condition {
             C::Rain | C::Hail | C::SnowPelletsOrSmallHail | C::UnknownPrecipitation => {
-                Some([1.0, 5.0, 20.0]) // classes: below 2.5, to 10, above
+                Some(([1.0, 5.0, 20.0], false)) // classes: below 2.5, to 10, above
             }
-            C::Drizzle => Some([0.05, 0.25, 0.8]), // classes: below 0.1, to 0.5, above
-            C::Snow | C::SnowGrains | C::IcePellets => Some([0.5, 2.5, 7.0]), // below 1, to 5, above
+            C::Drizzle => Some(([0.05, 0.25, 0.8], false)), // classes: below 0.1, to 0.5, above
+            C::Snow | C::SnowGrains | C::IcePellets => {
+                Some(([0.5, 2.5, 7.0], true)) // classes: below 1, to 5, above
+            }
             _ => None,
         });
-    let [light, moderate, heavy] = kind.unwrap_or_default();
-    match group.intensity {
+    let ([light, moderate, heavy], snow) = kind.unwrap_or_default();
+    let rate_mmph = match group.intensity {
         WeatherIntensity::Light => light,
         WeatherIntensity::Moderate => moderate,
         WeatherIntensity::Heavy => heavy,
         WeatherIntensity::InVicinity | WeatherIntensity::Recent => 0.0,
-    }
+    };
+    (rate_mmph, snow)
 }
 
 /// Saturation vapour pressure over water [hPa] at `celsius` (Magnus form, Sonntag 1990
@@ -451,39 +468,43 @@ impl Weather {
             _ => return Err(WeatherError::Missing { missing: PRESSURE }),
         };
 
-        let mut cloud_cover: f64 = 0.0;
+        let mut cloud_cover = 0.0;
         let mut cloud_base_m: Option<f64> = None;
-        let mut add = |oktas: f64, hundreds_of_feet: Option<u32>| {
-            cloud_cover = cloud_cover.max(oktas / 8.0);
-            if let Some(height) = hundreds_of_feet {
-                let base_m = f64::from(height) * 100.0 * FOOT_M;
-                cloud_base_m = Some(cloud_base_m.map_or(base_m, |lowest| lowest.min(base_m)));
-            }
-        };
         if !cavok && metar.clouds == Clouds::CloudLayers {
             for layer in &metar.cloud_layers {
-                if let Data::Known(density) = layer.density {
-                    add(
-                        oktas(density),
-                        match layer.height {
-                            Data::Known(height) => Some(height),
-                            Data::Unknown => None,
-                        },
-                    );
+                let Data::Known(density) = layer.density else {
+                    continue;
+                };
+                let cover = oktas(density) / 8.0;
+                let base_m = match layer.height {
+                    Data::Known(height) => Some(f64::from(height) * 100.0 * FOOT_M),
+                    Data::Unknown => None,
+                };
+                // Layers are reported from below: of equal ones the first stays.
+                if cover > cloud_cover {
+                    (cloud_cover, cloud_base_m) = (cover, base_m);
                 }
             }
         }
-        match metar.vert_visibility {
-            Some(VerticalVisibility::Distance(height)) => add(8.0, Some(height)),
-            Some(VerticalVisibility::ReducedByUnknownAmount) => add(8.0, None),
-            None => {}
+        if metar.vert_visibility.is_some() {
+            (cloud_cover, cloud_base_m) = (1.0, None);
         }
-        let precipitation_mmph = match &metar.weather {
-            Data::Known(groups) => groups.iter().map(rate_mmph).fold(0.0, f64::max),
-            Data::Unknown => 0.0,
+        let (precipitation_mmph, snow) = match &metar.weather {
+            Data::Known(groups) => {
+                groups
+                    .iter()
+                    .map(precipitation)
+                    .fold(
+                        (0.0, false),
+                        |most, group| {
+                            if group.0 > most.0 { group } else { most }
+                        },
+                    )
+            }
+            Data::Unknown => (0.0, false),
         };
 
-        Ok(Self {
+        let mut weather = Self {
             wind_speed_mps: f64::from(speed) * unit_mps,
             wind_from_rad,
             gust_mps,
@@ -494,7 +515,72 @@ impl Weather {
             cloud_cover,
             cloud_base_m,
             precipitation_mmph,
-        })
+            snow,
+        };
+        let open = matches!(
+            metar.visibility,
+            Data::Known(Visibility::CAVOK | Visibility::Metres(9999))
+        );
+        if open && precipitation_mmph > 0.0 {
+            let total_per_m = KOSCHMIEDER / OPEN_VISIBILITY_M + weather.precipitation_per_m();
+            weather.visibility_m = (KOSCHMIEDER / total_per_m).max(LEAST_OPEN_VISIBILITY_M);
+        }
+        Ok(weather)
+    }
+
+    /// This weather with precipitation of `rate_mmph` [mm/h of water] in place of its own: the
+    /// aerosol stays, the visibility changes with what falls.
+    ///
+    /// It is snow below 1 °C, where it snows as often as it rains (Jennings et al., Nat. Commun. 9,
+    /// 1148, 2018: the mean over the northern hemisphere).
+    pub fn with_precipitation(self, rate_mmph: f64) -> Self {
+        /// Scattering of clean air at 550 nm and sea level [1/m] (Bucholtz, Appl. Opt. 34, 2765,
+        /// 1995).
+        const CLEAN_AIR_PER_M: f64 = 1.16e-5;
+        let air_per_m = self.aerosol_extinction_per_m(550e-9).max(CLEAN_AIR_PER_M);
+        let mut changed = Self {
+            precipitation_mmph: rate_mmph,
+            snow: self.temperature_k < 274.15, // [K]
+            ..self
+        };
+        changed.visibility_m = KOSCHMIEDER / (air_per_m + changed.precipitation_per_m());
+        changed
+    }
+
+    /// Extinction [1/m] at `wavelength_m` [m]: that of the aerosol, which falls with the
+    /// wavelength, and that of the precipitation, which does not.
+    pub fn extinction_per_m(&self, wavelength_m: f64) -> f64 {
+        let whole_per_m = KOSCHMIEDER / self.visibility_m;
+        self.aerosol_extinction_per_m(wavelength_m) + self.precipitation_per_m().min(whole_per_m)
+    }
+
+    /// The aerosol's part of the extinction [1/m] at `wavelength_m` [m]: what the visibility
+    /// leaves beside the precipitation.
+    pub fn aerosol_extinction_per_m(&self, wavelength_m: f64) -> f64 {
+        let precipitation_per_m = self.precipitation_per_m();
+        let visibility_m = if precipitation_per_m > 0.0 {
+            KOSCHMIEDER / (KOSCHMIEDER / self.visibility_m - precipitation_per_m).max(0.0)
+        } else {
+            self.visibility_m
+        };
+        extinction_per_m(visibility_m, wavelength_m)
+    }
+
+    /// Extinction [1/m] that the precipitation alone causes.
+    fn precipitation_per_m(&self) -> f64 {
+        let falls = match (self.snow, self.temperature_k < 273.15) {
+            (false, _) => Hydrometeor::Rain,
+            (true, false) => Hydrometeor::WetSnow,
+            (true, true) => Hydrometeor::DrySnow,
+        };
+        precipitation_extinction_per_m(falls, self.precipitation_mmph)
+    }
+
+    /// Height above ground [m] from which on cloud hides everything: the base of a layer that
+    /// covers 7/8 of the sky or more.
+    pub fn ceiling_m(&self) -> Option<f64> {
+        self.cloud_base_m
+            .filter(|_| self.cloud_cover >= OVERCAST_COVER)
     }
 }
 
@@ -527,7 +613,8 @@ mod tests {
         near(weather.temperature_k, 285.15);
         near(weather.pressure_pa, 100_800.0);
         near(weather.cloud_cover, 0.75);
-        near(weather.cloud_base_m.unwrap(), 1200.0 * 0.3048);
+        near(weather.cloud_base_m.unwrap(), 2500.0 * 0.3048);
+        assert_eq!((weather.snow, weather.ceiling_m()), (false, None));
         near(weather.precipitation_mmph, 1.0);
         // 11.48 hPa over 14.03 hPa, from WMO tables of saturation vapour pressure.
         assert!((weather.relative_humidity - 0.8183).abs() < 1e-3);
@@ -541,7 +628,7 @@ mod tests {
         near(weather.visibility_m, 1.5 * 1609.344);
         near(weather.wind_from_rad, 0.0);
         near(weather.cloud_cover, 1.0);
-        near(weather.cloud_base_m.unwrap(), 243.84);
+        assert_eq!((weather.snow, weather.cloud_base_m), (true, None));
         near(weather.temperature_k, 270.15);
         near(weather.precipitation_mmph, 7.0);
         assert!((weather.pressure_pa - 101_456.2).abs() < 0.5);
@@ -616,8 +703,77 @@ mod tests {
             ("-DZ BR", 0.05),
         ] {
             let text = format!("LSZH 171220Z 24012KT 4000 {group} OVC010 05/04 Q1008");
-            near(read(&text).precipitation_mmph, rate);
+            let weather = read(&text);
+            near(weather.precipitation_mmph, rate);
+            assert_eq!(
+                weather.snow,
+                group.trim_start_matches('-').starts_with("SN")
+            );
         }
+    }
+
+    #[test]
+    fn a_closed_layer_has_a_ceiling() {
+        let ceiling = |sky: &str| {
+            read(&format!("LSZH 171220Z 24012KT 4000 {sky} 05/04 Q1008"))
+                .ceiling_m()
+                .map(|base_m| base_m / FOOT_M)
+        };
+        near(ceiling("FEW005 BKN010 OVC020 OVC040").unwrap(), 2000.0);
+        for open in ["FEW005 BKN010", "OVC///", "FG VV002", "NSC"] {
+            assert_eq!(ceiling(open), None);
+        }
+    }
+
+    #[test]
+    fn a_reported_visibility_holds_the_precipitation() {
+        // 5 mm/h of rain: 1.076 · 5^0.67 = 3.1633 dB/km = 0.72838 /km of the 0.978 /km at 4 km.
+        let rain = read("LSZH 171220Z 24012KT 4000 RA OVC010 05/04 Q1008");
+        near(rain.visibility_m, 4000.0);
+        near(1e4 * rain.extinction_per_m(550e-9), 9.78);
+        // What is left is aerosol of 15.67 km: only that part thins out at 1064 nm, by Kim's 1.3.
+        let expected = 0.72838e-3 + (0.978e-3 - 0.72838e-3) * (1064.0_f64 / 550.0).powf(-1.3);
+        let got = rain.extinction_per_m(1064e-9);
+        assert!((got / expected - 1.0).abs() < 1e-4, "{got} {expected}");
+        // More rain than the visibility has room for takes all of it and no more.
+        let hazy = read("LSZH 171220Z 24012KT 8000 +RA OVC010 05/04 Q1008");
+        for wavelength_m in [550e-9, 1064e-9] {
+            near(1e4 * hazy.extinction_per_m(wavelength_m), 4.89);
+        }
+        // "10 km or more" gives way to the rain, down to 10 km.
+        let drizzle = read("LSZH 171220Z 24012KT 9999 -DZ OVC010 05/04 Q1008").visibility_m;
+        let light_per_m = precipitation_extinction_per_m(Hydrometeor::Rain, 0.05);
+        near(drizzle, 3.912 / (3.912 / OPEN_VISIBILITY_M + light_per_m));
+        near(
+            read("LSZH 171220Z 24012KT 9999 RA OVC010 05/04 Q1008").visibility_m,
+            10_000.0,
+        );
+    }
+
+    #[test]
+    fn other_precipitation_leaves_the_aerosol() {
+        let dry = read("LSZH 171220Z 24012KT 8000 NSC 15/04 Q1008");
+        let wet = dry.with_precipitation(10.0);
+        let rain_per_m = precipitation_extinction_per_m(Hydrometeor::Rain, 10.0);
+        near(wet.visibility_m, 3.912 / (3.912 / 8000.0 + rain_per_m));
+        for wavelength_m in [550e-9, 1064e-9] {
+            let aerosol_per_m = dry.extinction_per_m(wavelength_m);
+            near(
+                1e4 * wet.aerosol_extinction_per_m(wavelength_m),
+                1e4 * aerosol_per_m,
+            );
+            near(
+                1e4 * wet.extinction_per_m(wavelength_m),
+                1e4 * (aerosol_per_m + rain_per_m),
+            );
+        }
+        near(wet.with_precipitation(0.0).visibility_m, 8000.0);
+        let cold = Weather {
+            temperature_k: 270.0,
+            ..dry
+        };
+        assert!(cold.with_precipitation(1.0).visibility_m < 3.912 / 1.2e-3);
+        assert!(cold.with_precipitation(1.0).snow && !wet.snow);
     }
 
     #[test]

@@ -1,13 +1,17 @@
 //! Mean wind over flat rough ground and the gusts upon it.
 //!
 //! The mean follows the neutral logarithmic law; the gusts are the Dryden model of MIL-F-8785C for
-//! low altitude, discretised exactly, so that the statistics do not depend on the tick.
+//! low altitude, discretised exactly, so that the statistics do not depend on the tick. A reported
+//! gust speed scales them up where they fall short of it.
 
 use super::rng::Stream;
 use glam::DVec3;
+use std::f64::consts::TAU;
 use thiserror::Error;
 
 const FOOT_M: f64 = 0.3048; // [m]
+/// Turbulence does not freeze in a calm that gusts are reported in.
+const LEAST_PACE_MPS: f64 = 1.0; // [m/s]
 
 /// Why a wind could not be set up.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -102,6 +106,25 @@ fn dryden_scales(height_agl_m: f64, w20_mps: f64) -> DrydenScales {
         sigma_u_mps: sigma_w_mps / base.powf(0.4),
         sigma_w_mps,
     }
+}
+
+/// What a reported gust speed exceeds the mean by, over the standard deviation of Dryden turbulence
+/// of length scale `l_u_m` [m] that the mean wind `mean_mps` [m/s] carries past the anemometer.
+///
+/// A gust is the highest mean over 3 s in ten minutes (WMO-No. 8): the expected maximum of the
+/// smoothed process by Davenport's peak factor (Proc. Inst. Civ. Eng. 28, 187, 1964), its variance
+/// and rate of upcrossings taken from the autocorrelation `exp(-U t / L)`.
+fn gust_factor(mean_mps: f64, l_u_m: f64) -> f64 {
+    const SMOOTHED_S: f64 = 3.0; // [s]
+    const WATCHED_S: f64 = 600.0; // [s]
+    const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
+    let x = SMOOTHED_S * mean_mps / l_u_m;
+    // 2 (x - 1 + e^-x) / x^2 and 2 (1 - e^-x) / 3 s^2: the variances of the mean and its slope.
+    let variance = 2.0 * (x + (-x).exp_m1()) / (x * x);
+    let slope_variance = -2.0 * (-x).exp_m1() / (SMOOTHED_S * SMOOTHED_S);
+    let upcrossings = WATCHED_S / TAU * (slope_variance / variance).sqrt();
+    let peak = (2.0 * upcrossings.ln()).sqrt();
+    (peak + EULER_GAMMA / peak) * variance.sqrt()
 }
 
 /// Exact one-tick update of the unit-variance transverse filter
@@ -211,9 +234,24 @@ impl DrydenGust {
         }
     }
 
+    /// The same gusts made strong enough for a reported gust speed of `gust_mps` [m/s, 10 m up as
+    /// the mean wind's]: its scale W20 grows until the gust is what ten minutes bring on average.
+    /// A gust speed that the mean wind's own turbulence reaches changes nothing.
+    pub fn reaching(mut self, gust_mps: Option<f64>) -> Self {
+        let mean_mps = self.mean.speed_mps(10.0 + self.mean.displacement_m); // 10 [m]
+        let unit = dryden_scales(10.0, 1.0); // 10 [m], 1 [m/s]
+        if let Some(gust_mps) = gust_mps {
+            let factor = gust_factor(mean_mps.max(LEAST_PACE_MPS), unit.l_u_m);
+            let sigma_u_mps = (gust_mps - mean_mps) / factor;
+            self.w20_mps = self.w20_mps.max(sigma_u_mps / unit.sigma_u_mps);
+            self.coefficients = None;
+        }
+        self
+    }
+
     /// Gust velocity [m/s, enu] a tick of `dt_s` [s] later at `height_agl_m` [m] above ground, for a
     /// UAV of airspeed `airspeed_mps` [m/s]. The turbulence is carried past a hovering UAV by the
-    /// mean wind, so the faster of the two sets the pace.
+    /// mean wind, so the faster of the two sets the pace, at least 1 m/s.
     pub fn step(
         &mut self,
         dt_s: f64,
@@ -224,6 +262,7 @@ impl DrydenGust {
         if self.w20_mps <= 0.0 {
             return DVec3::ZERO;
         }
+        let airspeed_mps = airspeed_mps.max(LEAST_PACE_MPS);
         // The logarithm of the mean profile is only taken where it can matter.
         let near = |a: f64, b: f64| (a - b).abs() <= 0.01 * b.abs();
         let kept = self.coefficients.filter(|c| {
@@ -321,6 +360,49 @@ mod tests {
         let mut rng = Stream::new(1, 0, "gust");
         let mut gust = DrydenGust::new(&open_field(0.0), &mut rng);
         assert_eq!(gust.step(0.1, 10.0, 12.0, &mut rng), DVec3::ZERO);
+    }
+
+    #[test]
+    fn a_reported_gust_is_what_ten_minutes_bring() {
+        // An anemometer 10 m up, 3 s means, the highest of ten minutes, over 400 such spells.
+        const DT_S: f64 = 0.25; // [s]
+        for (wind_mps, gust_mps) in [(5.0, 11.0), (8.0, 16.0), (15.0, 26.0)] {
+            let mean = open_field(wind_mps);
+            let mut rng = Stream::new(5, 0, "gust");
+            let mut gusts = DrydenGust::new(&mean, &mut rng).reaching(Some(gust_mps));
+            let mut highest_mps = 0.0;
+            let mut squares = 0.0;
+            for _ in 0..400 {
+                let along: Vec<f64> = (0..2400)
+                    .map(|_| gusts.step(DT_S, 10.0, 0.0, &mut rng).x)
+                    .collect();
+                squares += along.iter().map(|u| u * u).sum::<f64>() / 2400.0;
+                let three_seconds = along.windows(12).map(|w| w.iter().sum::<f64>() / 12.0);
+                highest_mps += three_seconds.fold(0.0, f64::max);
+            }
+            let got = wind_mps + highest_mps / 400.0;
+            assert!((got / gust_mps - 1.0).abs() < 0.03, "{got} of {gust_mps}");
+            let sigma_mps = dryden_scales(10.0, gusts.w20_mps).sigma_u_mps;
+            let rms_mps = (squares / 400.0).sqrt();
+            assert!(
+                (rms_mps / sigma_mps - 1.0).abs() < 0.02,
+                "{rms_mps} {sigma_mps}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_gust_below_the_mean_winds_own_changes_nothing() {
+        let mut rng = Stream::new(6, 0, "gust");
+        let plain = DrydenGust::new(&open_field(8.0), &mut rng);
+        for gust_mps in [None, Some(8.0), Some(9.0)] {
+            assert_eq!(plain.clone().reaching(gust_mps).w20_mps, plain.w20_mps);
+        }
+        // In a calm, gusts come past at the least pace and do not freeze.
+        let calm = MeanWind::new(0.0, 270.0, 0.03, 0.0).unwrap();
+        let mut gusts = DrydenGust::new(&calm, &mut rng).reaching(Some(5.0));
+        let mut step = || gusts.step(10.0, 10.0, 0.0, &mut rng);
+        assert_ne!(step(), step());
     }
 
     #[test]

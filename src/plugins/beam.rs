@@ -11,7 +11,11 @@ impl Plugin for BeamPlugin {
     fn build(&self, app: &mut App) {
         app.add_systems(
             Tick,
-            (systems::propagate, systems::heat)
+            (
+                systems::propagate,
+                systems::count_distractors,
+                systems::heat,
+            )
                 .chain()
                 .in_set(TickSet::Beam),
         );

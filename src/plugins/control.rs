@@ -11,7 +11,11 @@ impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
         app.add_systems(
             Tick,
-            (systems::command_mount, systems::choose_readouts)
+            (
+                systems::track_by_radar,
+                systems::command_mount,
+                systems::choose_readouts,
+            )
                 .chain()
                 .in_set(TickSet::Control),
         );

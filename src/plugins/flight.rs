@@ -49,6 +49,7 @@ impl Plugin for FlightPlugin {
                 Tick,
                 (
                     systems::fly,
+                    systems::drift,
                     systems::drop_wrecks,
                     systems::fall,
                     systems::follow_wrecks,

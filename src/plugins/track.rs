@@ -11,7 +11,13 @@ impl Plugin for TrackPlugin {
     fn build(&self, app: &mut App) {
         app.add_systems(
             Tick,
-            (systems::associate, systems::find_range, systems::decide)
+            (
+                systems::associate,
+                systems::find_range,
+                systems::foresee,
+                systems::obey,
+                systems::decide,
+            )
                 .chain()
                 .in_set(TickSet::Track),
         );

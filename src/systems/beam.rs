@@ -1,16 +1,18 @@
 //! The laser beam crosses the air and heats what it meets.
 
-use crate::components::beam::{BeamPath, BeamState, Channel, FireCommand, LaserSource};
+use crate::components::beam::{BeamPath, BeamState, Channel, Dose, FireCommand, LaserSource};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::station::Optics;
-use crate::components::uav::{Air, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::track::Tracker;
+use crate::components::uav::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::transmittance;
 use crate::models::beam::{
     BloomingAir, blooming_factor, power_in_bucket_w, wander_correlation_time_s,
 };
 use crate::models::dsm::LineOfSight;
 use crate::models::turbulence::{IntensityChannel, Path, PathTurbulence};
+use crate::systems::record::followed;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -21,7 +23,7 @@ pub const BUCKET_RADIUS_M: f64 = 0.05;
 const AIM_CONE_RAD: f64 = 5e-3;
 /// Change of range after which the path's turbulence is integrated anew [m].
 const PATH_STEP_M: f64 = 10.0;
-/// Share of the extinction that heats the air: urban aerosol of single-scattering albedo 0.9.
+/// Share of the aerosol's extinction that heats the air: urban aerosol of single-scattering albedo 0.9.
 const ABSORBED_SHARE: f64 = 0.1;
 /// Least transverse air speed on the path [m/s]: natural convection stirs still air.
 const LEAST_CROSSWIND_MPS: f64 = 0.3;
@@ -30,8 +32,9 @@ const LEAST_CROSSWIND_MPS: f64 = 0.3;
 pub fn propagate(
     clock: Res<SimClock>,
     environment: Res<Environment>,
+    tracker: Res<Tracker>,
     station: Single<(&Optics, &mut LaserSource, &FireCommand, &mut BeamState)>,
-    mut uavs: Query<(&Uav, &Flight, &Air, &UavStatus, &mut HeatedSkin)>,
+    mut uavs: Query<(&Uav, &Flight, &Air, &UavStatus, &mut HeatedSkin, &mut Dose)>,
 ) {
     let (optics, mut source, command, mut beam) = station.into_inner();
     let dt_s = clock.dt_s();
@@ -41,11 +44,12 @@ pub fn propagate(
         firing: command.fire,
         energy_j: beam.energy_j,
         dwell_s: beam.dwell_s,
+        distractor_s: beam.distractor_s,
         ..default()
     };
     // The UAV whose aim point lies closest to the axis is the one the path is followed to.
     let mut aimed: Option<(f64, usize, DVec3, DVec3)> = None;
-    for (uav, flight, air, status, mut skin) in &mut uavs {
+    for (uav, flight, air, status, mut skin, _) in &mut uavs {
         skin.irradiance_wpm2 = 0.0;
         let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
         let angle = r_cam_m.truncate().length() / r_cam_m.z;
@@ -111,8 +115,17 @@ pub fn propagate(
     if !command.fire {
         return;
     }
-    beam.energy_j += source.laser.power_w * dt_s;
-    for (uav, flight, _, status, mut skin) in &mut uavs {
+    let energy_j = source.laser.power_w * dt_s;
+    beam.energy_j += energy_j;
+    let flying = uavs
+        .iter()
+        .filter(|(_, _, _, status, ..)| **status == UavStatus::Flying)
+        .map(|(uav, flight, ..)| (uav, flight));
+    let target = followed(&tracker, clock.t_s(), pose.r_enu_m, flying);
+    for (uav, flight, _, status, mut skin, mut dose) in &mut uavs {
+        if uav.index == index {
+            dose.energy_j += energy_j;
+        }
         let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
         // The spot hardly changes over a few metres of depth: one radius serves all in the cone.
         let offset_m = (r_cam_m.truncate() - centre_m * (r_cam_m.z / range_m)).length();
@@ -120,10 +133,7 @@ pub fn propagate(
         if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
             continue;
         }
-        let sight = environment
-            .city
-            .dsm
-            .line_of_sight(pose.r_enu_m, flight.aim_enu_m());
+        let sight = environment.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
         if sight != LineOfSight::Clear {
             continue;
         }
@@ -136,9 +146,41 @@ pub fn propagate(
             beam.irradiance_wpm2 = skin.irradiance_wpm2;
             beam.power_in_bucket_w = bucket_w;
             if offset_m < BUCKET_RADIUS_M {
-                beam.dwell_s += dt_s;
+                dose.dwell_s += dt_s;
+                // A beam that rests on a UAV by mistake does not dwell on the target.
+                if target == Some(index) {
+                    beam.dwell_s += dt_s;
+                }
             }
         }
+    }
+}
+
+/// Counts the time for which the beam burns on something that is no UAV.
+pub fn count_distractors(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    station: Single<(&Optics, &FireCommand, &mut BeamState)>,
+    distractors: Query<(&Uav, &Flight), With<Distractor>>,
+) {
+    let (optics, command, mut beam) = station.into_inner();
+    if !command.fire {
+        return;
+    }
+    let pose = optics.laser;
+    let hit = distractors.iter().any(|(uav, flight)| {
+        let r_enu_m = flight.aim_enu_m();
+        let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+        // A disc as large as the mean silhouette of its bounding box seen from the side.
+        let [_, width_m, height_m] = uav.size_m;
+        let radius_m = (width_m * height_m / PI).sqrt();
+        let dsm = &environment.city.dsm;
+        r_cam_m.z > 0.0
+            && r_cam_m.truncate().length() < radius_m
+            && dsm.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear
+    });
+    if hit {
+        beam.distractor_s += clock.dt_s();
     }
 }
 
@@ -166,8 +208,10 @@ fn renew_path(
         },
         source.laser.wavelength_m,
     );
+    // What drops and flakes absorb heats them, not the air.
+    let aerosol_per_m = (environment.weather).aerosol_extinction_per_m(source.laser.wavelength_m);
     let air = BloomingAir {
-        absorption_per_m: ABSORBED_SHARE * source.extinction_per_m,
+        absorption_per_m: ABSORBED_SHARE * aerosol_per_m,
         extinction_per_m: source.extinction_per_m,
         temperature_k: environment.weather.temperature_k,
         crosswind_mps,

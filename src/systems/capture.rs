@@ -7,7 +7,7 @@ use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::render::SensorProjection;
 use crate::components::station::Optics;
-use crate::components::uav::{Flight, Uav, UavStatus};
+use crate::components::uav::{Distractor, Flight, Uav};
 use crate::models::camera::Pinhole;
 use crate::models::dsm::LineOfSight;
 use crate::models::kinematics::Pose;
@@ -27,7 +27,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The shape of a UAV, for truth boxes and silhouettes.
+/// The shape of a UAV or distractor, for truth boxes and silhouettes.
 #[derive(Component, Clone)]
 pub struct Shape {
     /// The meshes.
@@ -41,21 +41,7 @@ pub struct Shape {
 impl Shape {
     /// The shape of a mesh.
     pub fn new(mesh: Arc<UavMesh>) -> Self {
-        let point = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-        let blade_m = mesh
-            .rotor
-            .positions
-            .iter()
-            .map(|p| point(p).truncate().length())
-            .fold(0.0, f64::max);
-        const DISC_POINTS: u32 = 16;
-        let discs = mesh.rotors.iter().flat_map(|mount| {
-            (0..DISC_POINTS).map(move |i| {
-                let angle = std::f64::consts::TAU * f64::from(i) / f64::from(DISC_POINTS);
-                mount.hub_body_m + blade_m * DVec2::from_angle(angle).extend(0.0)
-            })
-        });
-        let outline_body_m: Vec<_> = mesh.body.positions.iter().map(point).chain(discs).collect();
+        let outline_body_m = mesh.outline_body_m();
         let radius_m = outline_body_m
             .iter()
             .map(|p| p.length())
@@ -64,26 +50,6 @@ impl Shape {
             mesh,
             outline_body_m,
             radius_m,
-        }
-    }
-
-    /// Centroid of the airframe's surface without its propellers [m, body]: about where an image
-    /// of it has its middle.
-    pub fn centroid_body_m(&self) -> DVec3 {
-        let body = &self.mesh.body;
-        let point = |i: u32| DVec3::from_array(body.positions[i as usize].map(f64::from));
-        let (moment, area) =
-            body.indices
-                .chunks_exact(3)
-                .fold((DVec3::ZERO, 0.0), |(moment, area), triangle| {
-                    let [p, q, r] = [0, 1, 2].map(|i| point(triangle[i]));
-                    let twice = (q - p).cross(r - p).length();
-                    (moment + twice * (p + q + r) / 3.0, area + twice)
-                });
-        if area > 0.0 {
-            moment / area
-        } else {
-            DVec3::ZERO
         }
     }
 }
@@ -201,7 +167,7 @@ pub fn expose(
     environment: Res<Environment>,
     optics: Single<&Optics>,
     cameras: Query<(&SensorCamera, &Readout)>,
-    uavs: Query<(&Uav, &Flight, &Shape)>,
+    uavs: Query<(&Uav, &Flight, &Shape, Has<Distractor>)>,
     mut frames: ResMut<Frames>,
 ) {
     frames.0.clear();
@@ -222,26 +188,13 @@ pub fn expose(
         let pose = optics.camera(camera.tier);
         let mut truth: Vec<_> = uavs
             .iter()
-            .filter_map(|(uav, flight, shape)| {
-                let state = &flight.state;
-                let body = (state.r_enu_m, state.q_enu_body);
-                let box_px = projected_box(&camera.pinhole, &pose, body, shape)?;
-                let to_target_m = flight.aim_enu_m() - pose.r_enu_m;
-                let aim_px = camera
-                    .pinhole
-                    .project(pose.q_enu_cam.inverse() * to_target_m)?;
-                let sight = environment
-                    .city
-                    .dsm
-                    .line_of_sight(pose.r_enu_m, flight.aim_enu_m());
-                Some(UavInFrame {
-                    uav: uav.index,
-                    box_px,
-                    aim_px: aim_px.to_array(),
-                    range_m: to_target_m.length(),
-                    clear: sight == LineOfSight::Clear,
-                    rendered: None,
-                })
+            .filter_map(|(uav, flight, shape, distractor)| {
+                let mut seen = projected(&camera.pinhole, &pose, flight, shape)?;
+                let sight = environment.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
+                seen.uav = uav.index;
+                seen.distractor = distractor;
+                seen.clear = sight == LineOfSight::Clear;
+                Some(seen)
             })
             .collect();
         truth.sort_by_key(|seen| seen.uav);
@@ -256,6 +209,28 @@ pub fn expose(
         });
     }
     frames.0.sort_by_key(|frame| frame.tier);
+}
+
+/// What a camera would see of a UAV if nothing stood before it; without its identity.
+pub fn projected(
+    pinhole: &Pinhole,
+    pose: &Pose,
+    flight: &Flight,
+    shape: &Shape,
+) -> Option<UavInFrame> {
+    let body = (flight.state.r_enu_m, flight.state.q_enu_body);
+    let box_px = projected_box(pinhole, pose, body, shape)?;
+    let to_target_m = flight.aim_enu_m() - pose.r_enu_m;
+    let aim_px = pinhole.project(pose.q_enu_cam.inverse() * to_target_m)?;
+    Some(UavInFrame {
+        uav: 0,
+        distractor: false,
+        box_px,
+        aim_px: aim_px.to_array(),
+        range_m: to_target_m.length(),
+        clear: true,
+        rendered: None,
+    })
 }
 
 /// The box around the projection of a UAV's airframe and rotor discs [px]; `None` if it is not
@@ -351,12 +326,16 @@ fn place_in_site(r_enu_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
     scene::place(&scene::grid(), r_enu_m, q)
 }
 
-/// Moves the scene's UAVs to the truth.
+/// Moves the scene's UAVs and distractors to the truth, and hides those that closed cloud hides.
 pub fn sync_scene(world: &mut World) {
-    let mut states = world.query::<(&Uav, &Flight, &UavStatus)>();
+    let mut states = world.query::<(&Uav, &Flight)>();
+    let environment = world.resource::<Environment>();
     let poses: Vec<_> = states
         .iter(world)
-        .map(|(uav, flight, _)| (uav.index, flight.state))
+        .map(|(uav, flight)| {
+            let hidden = environment.in_cloud(flight.state.r_enu_m);
+            (uav.index, (flight.state, hidden))
+        })
         .collect();
     let of = |index: usize| {
         poses
@@ -364,17 +343,22 @@ pub fn sync_scene(world: &mut World) {
             .find(|(i, _)| *i == index)
             .map(|(_, state)| state)
     };
-    let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform)>();
-    for (body, mut cell, mut transform) in bodies.iter_mut(world) {
-        if let Some(state) = of(body.0) {
+    let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform, &mut Visibility)>();
+    for (body, mut cell, mut transform, mut visibility) in bodies.iter_mut(world) {
+        if let Some((state, hidden)) = of(body.0) {
             (*cell, *transform) = place_in_site(state.r_enu_m, state.q_enu_body);
+            visibility.set_if_neq(if *hidden {
+                Visibility::Hidden
+            } else {
+                Visibility::Inherited
+            });
         }
     }
     let mut rotors = world.query::<(&UavRotor, &mut Transform)>();
     for (rotor, mut transform) in rotors.iter_mut(world) {
-        if let Some(state) = of(rotor.0) {
+        if let Some((state, _)) = of(rotor.0) {
             let phase_rad = state.rotor_phase_rad[rotor.1] as f32;
-            transform.rotation = Quat::from_rotation_z(phase_rad);
+            transform.rotation = rotor.2 * Quat::from_rotation_z(phase_rad);
         }
     }
 }
@@ -622,14 +606,16 @@ fn digit_of(sum: u32, digit: u32) -> u32 {
     }
 }
 
-/// Spawns the rendered meshes of a UAV.
+/// Spawns the rendered meshes of a UAV or distractor.
 pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, DQuat)) {
     let (site_grid, material) = {
         let handles = world.resource::<scene::SceneHandles>();
         (handles.site_grid, handles.solid.clone())
     };
     let mut add = |data: &MeshData| world.resource_mut::<Assets<Mesh>>().add(scene::mesh(data));
-    let (body, rotor) = (add(&shape.body), add(&shape.rotor));
+    let body = add(&shape.body);
+    // The GPU takes no mesh without vertices.
+    let rotor = (!shape.rotors.is_empty()).then(|| add(&shape.rotor));
     let body = world
         .spawn((
             UavBody(index),
@@ -640,9 +626,9 @@ pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, D
             ChildOf(site_grid),
         ))
         .id();
-    for (number, mount) in shape.rotors.iter().enumerate() {
+    for (number, (mount, rotor)) in shape.rotors.iter().zip(rotor.iter().cycle()).enumerate() {
         world.spawn((
-            UavRotor(index, number),
+            UavRotor(index, number, mount.q_body_hub.as_quat()),
             Mesh3d(rotor.clone()),
             MeshMaterial3d(material.clone()),
             MeshTag(0),

@@ -4,11 +4,16 @@ use crate::components::camera::{Readout, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::station::{Mount, MountCommand, Optics};
 use crate::components::track::{Tracker, TrackingState};
+use crate::components::uav::{Flight, Uav, UavStatus};
 use crate::models::kinematics::az_el_to_los;
 use crate::models::pid::{PaperLaw, PaperPid, increment_to_axis_rates};
 use crate::models::pointing::{PointingInput, TunedPointing};
+use crate::models::radar::{Cue, Plot, RadarErrors, RadarTrack};
+use crate::models::rng::Stream;
+use crate::models::search::{SearchPattern, Sector};
 use bevy::prelude::*;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
+use std::collections::VecDeque;
 
 /// The control law of a run.
 #[derive(Resource, Clone, Debug)]
@@ -50,9 +55,19 @@ impl PaperController {
     }
 }
 
-/// The search scan: gazes and where it stands.
+/// The search scan: what it covers, its gazes and where it stands.
 #[derive(Resource, Clone, Debug)]
 pub struct SearchScan {
+    /// How an area is covered.
+    pub pattern: SearchPattern,
+    /// The sector that is searched without a cue; a cue's area is never larger.
+    pub sector: Sector,
+    /// Field of view of the search camera, horizontal and vertical [rad].
+    pub fov_rad: [f64; 2],
+    /// How long a gaze without anything promising lasts [s].
+    pub gaze_s: f64,
+    /// The area that the gazes cover.
+    pub area: Sector,
     /// Azimuth and elevation of every gaze [rad].
     pub gazes_rad: Vec<[f64; 2]>,
     /// The present gaze.
@@ -61,14 +76,168 @@ pub struct SearchScan {
     pub settled_since: Option<u64>,
 }
 
-/// A gaze begins when the mount is this close to it [rad] and this slow [rad/s].
+/// A gaze begins when the mount is this close to it [rad], a fiftieth of the search camera's field,
+/// and this slow [rad/s]: below a fifth of a pixel in a 5 ms exposure.
 const SETTLED_RAD: f64 = 2e-3;
 const SETTLED_RADPS: f64 = 5e-3;
-/// How long a gaze lasts [s], and how long at most while something in it looks like a target.
+/// Least duration of a gaze [s], and least number of frames in it. A still candidate needs 12 hits,
+/// a moving one 6 (`systems::track`): 15 frames leave room for misses, and within half a second
+/// a rate of 1 mrad/s stands six deviations out of the noise of 0.5 px of the search camera.
 const GAZE_S: f64 = 0.5;
+const GAZE_FRAMES: f64 = 15.0;
+/// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;
 /// Hits that make a track worth a longer gaze.
 const PROMISING_HITS: u32 = 3;
+/// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
+/// the next.
+const OVERLAP: f64 = 0.1;
+/// Share of the field by which a border of the cued area must move before the gazes follow.
+const FOLLOW_FIELDS: f64 = 0.25;
+
+impl SearchScan {
+    /// A scan with a camera of `fov_rad` (horizontal, vertical) and `frame_s` [s] a frame; with a cue
+    /// it begins about it.
+    pub fn new(
+        pattern: SearchPattern,
+        sector: Sector,
+        fov_rad: [f64; 2],
+        frame_s: f64,
+        cue: Option<Cue>,
+    ) -> Self {
+        let mut scan = Self {
+            pattern,
+            sector,
+            fov_rad,
+            gaze_s: GAZE_S.max(GAZE_FRAMES * frame_s),
+            area: sector,
+            gazes_rad: Vec::new(),
+            index: 0,
+            settled_since: None,
+        };
+        scan.area = scan.wanted(cue);
+        scan.gazes_rad = pattern.gazes(&scan.area, fov_rad, OVERLAP);
+        scan
+    }
+
+    /// The area to search: two deviations to either side of the cue, or the sector.
+    fn wanted(&self, cue: Option<Cue>) -> Sector {
+        cue.map_or(self.sector, |cue| {
+            let about = Sector::about(cue.az_el_rad, cue.sigma_rad);
+            Sector {
+                width_rad: about.width_rad.min(self.sector.width_rad),
+                height_rad: about.height_rad.min(self.sector.height_rad),
+                ..about
+            }
+        })
+    }
+
+    /// Lays the gazes anew where the cue has moved on. A pass of as many gazes goes on where it is,
+    /// so that a target that crosses fast does not hold the scan at its start.
+    fn follow(&mut self, cue: Option<Cue>) {
+        let area = self.wanted(cue);
+        let shift = area.border_shift_rad(&self.area);
+        if (0..2).all(|axis| shift[axis] <= FOLLOW_FIELDS * self.fov_rad[axis]) {
+            return;
+        }
+        self.area = area;
+        let gazes_rad = self.pattern.gazes(&area, self.fov_rad, OVERLAP);
+        if gazes_rad.len() != self.gazes_rad.len() {
+            self.index = 0;
+        }
+        self.gazes_rad = gazes_rad;
+        self.settled_since = None;
+    }
+}
+
+/// The external radar that cues the search, at the station. Its plots are truth plus a set error;
+/// nothing else of the truth comes through it.
+#[derive(Resource, Clone, Debug)]
+pub struct Radar {
+    /// Its errors; none: there is no radar.
+    pub errors: Option<RadarErrors>,
+    /// Ticks between plots.
+    pub period_ticks: u64,
+    /// Ticks from a measurement to its plot at the station.
+    pub latency_ticks: u64,
+    /// Scenario index of the UAV that it tracks; otherwise the first that is in the air.
+    pub target: Option<usize>,
+    /// Stream of its errors.
+    pub rng: Stream,
+    /// Plots on their way, with the tick they arrive in and the UAV they belong to.
+    pub waiting: VecDeque<(u64, Option<(usize, Plot)>)>,
+    /// Its track, and the UAV it belongs to.
+    pub track: Option<(usize, RadarTrack)>,
+}
+
+impl Radar {
+    /// The plot at `t_s` [s] of its target among what is in the air: scenario index and position
+    /// relative to the radar [m], `enu`, in the order of the scenario. The errors are drawn whether
+    /// there is a target or not.
+    pub fn look(
+        &mut self,
+        t_s: f64,
+        airborne: impl Iterator<Item = (usize, DVec3)>,
+    ) -> Option<(usize, Plot)> {
+        let errors = self.errors?;
+        let seen = airborne
+            .filter(|(index, _)| self.target.is_none_or(|target| target == *index))
+            .min_by_key(|(index, _)| *index);
+        let r_enu_m = seen.map_or(DVec3::Y, |(_, r_enu_m)| r_enu_m);
+        let plot = errors.plot(r_enu_m, t_s, &mut self.rng);
+        seen.map(|(index, _)| (index, plot))
+    }
+
+    /// Takes a plot into the track; a radar that sees its target no more drops it.
+    pub fn take(&mut self, seen: Option<(usize, Plot)>) {
+        self.track = self.errors.zip(seen).map(|(errors, (index, plot))| {
+            let mut track = match self.track {
+                Some((tracked, track)) if tracked == index => track,
+                _ => return (index, RadarTrack::start(errors, &plot)),
+            };
+            track.update(&plot);
+            (index, track)
+        });
+    }
+
+    /// Where it says the target is at `t_s` [s].
+    pub fn cue(&self, t_s: f64) -> Option<Cue> {
+        self.track.map(|(_, track)| track.cue(t_s))
+    }
+
+    /// Its slant range of the target at `t_s` [s], in metres.
+    pub fn range_m(&self, t_s: f64) -> Option<f64> {
+        self.cue(t_s).map(|cue| cue.range_m)
+    }
+}
+
+/// The radar measures, and plots that have arrived update its track.
+pub fn track_by_radar(
+    clock: Res<SimClock>,
+    mount: Single<&Mount>,
+    uavs: Query<(&Uav, &Flight, &UavStatus)>,
+    mut radar: ResMut<Radar>,
+) {
+    if radar.errors.is_none() {
+        return;
+    }
+    if clock.tick.is_multiple_of(radar.period_ticks) {
+        // What lies on the city is out of the radar's sight.
+        let airborne = uavs
+            .iter()
+            .filter(|(_, _, status)| matches!(status, UavStatus::Flying | UavStatus::Falling))
+            .map(|(uav, flight, _)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
+        let seen = radar.look(clock.t_s(), airborne);
+        let available = clock.tick + radar.latency_ticks;
+        radar.waiting.push_back((available, seen));
+    }
+    while let Some((available, seen)) = radar.waiting.front().copied()
+        && available <= clock.tick
+    {
+        radar.waiting.pop_front();
+        radar.take(seen);
+    }
+}
 
 /// Commands for the mount.
 pub fn command_mount(
@@ -77,12 +246,13 @@ pub fn command_mount(
     cameras: Query<&SensorCamera>,
     mut controller: ResMut<Controller>,
     mut scan: ResMut<SearchScan>,
+    radar: Res<Radar>,
     station: Single<(&Mount, &mut MountCommand)>,
 ) {
     let (mount, mut command) = station.into_inner();
     match tracker.state {
         TrackingState::Search => {
-            let gaze = search(&clock, &tracker, &mut scan, mount);
+            let gaze = search(&clock, &tracker, &radar, &mut scan, mount);
             command.gimbal = mount.params.position_command(&mount.gimbal, gaze);
             command.mirror_rad = DVec2::ZERO;
         }
@@ -104,28 +274,43 @@ pub fn command_mount(
     }
 }
 
-/// The present gaze; moves on when it has lasted.
-fn search(clock: &SimClock, tracker: &Tracker, scan: &mut SearchScan, mount: &Mount) -> DVec2 {
+/// The present gaze; moves on when it has lasted, and along with the radar's cue.
+fn search(
+    clock: &SimClock,
+    tracker: &Tracker,
+    radar: &Radar,
+    scan: &mut SearchScan,
+    mount: &Mount,
+) -> DVec2 {
+    let t_s = clock.t_s();
     let gaze: DVec2 = scan.gazes_rad[scan.index].into();
-    let error = mount.params.error_rad(gaze, mount.gimbal.az_el_rad());
-    let slow = mount.gimbal.rates_radps().length() < SETTLED_RADPS;
+    let error = mount.params.error_rad(gaze, mount.measured_az_el_rad());
+    let slow = mount.measured_rates_radps().length() < SETTLED_RADPS;
     if scan.settled_since.is_none() && error.length() < SETTLED_RAD && slow {
         scan.settled_since = Some(clock.tick);
     }
-    if let Some(since) = scan.settled_since {
-        let rested_s = clock.at_s(clock.tick - since);
-        let promising = tracker.table.tracks.iter().any(|track| {
-            let fresh = track.filter.coast_s(clock.t_s()) < 0.3;
-            let (rate, sigmas) = track.motion(clock.t_s());
-            fresh && track.total_hits() >= PROMISING_HITS && rate > 1e-3 && sigmas > 3.0
-        });
-        let longest_s = if promising { LONGEST_GAZE_S } else { GAZE_S };
-        if rested_s > longest_s && scan.gazes_rad.len() > 1 {
-            scan.index = (scan.index + 1) % scan.gazes_rad.len();
-            scan.settled_since = None;
-        }
+    let rested_s = scan
+        .settled_since
+        .map_or(0.0, |since| clock.at_s(clock.tick - since));
+    let promising = tracker.table.tracks.iter().any(|track| {
+        let fresh = track.filter.coast_s(t_s) < 0.3;
+        let (rate, sigmas) = track.motion(t_s);
+        fresh && track.total_hits() >= PROMISING_HITS && rate > 1e-3 && sigmas > 3.0
+    });
+    let longest_s = if promising {
+        LONGEST_GAZE_S
+    } else {
+        scan.gaze_s
+    };
+    if rested_s > longest_s && scan.gazes_rad.len() > 1 {
+        scan.index = (scan.index + 1) % scan.gazes_rad.len();
+        scan.settled_since = None;
     }
-    gaze
+    // Nothing moves under a promising gaze.
+    if !promising || rested_s > longest_s {
+        scan.follow(radar.cue(t_s));
+    }
+    scan.gazes_rad[scan.index].into()
 }
 
 /// The tuned law on the target's predicted line of sight; without a track the mount stands still.
@@ -144,8 +329,8 @@ fn point(
         &mount.params,
         &PointingInput {
             los: track.filter.predicted(clock.t_s() + law.lead_s),
-            gimbal_az_el_rad: mount.gimbal.az_el_rad(),
-            gimbal_rates_radps: mount.gimbal.rates_radps(),
+            gimbal_az_el_rad: mount.measured_az_el_rad(),
+            gimbal_rates_radps: mount.measured_rates_radps(),
             base_tilt_rad: mount.gyro.tilt_enu_rad,
             base_rate_radps: mount.gyro.rate_enu_radps,
         },
@@ -153,16 +338,19 @@ fn point(
     // Far off target (a slew), the proportional law would overrun: brake as a position servo.
     let error = mount.params.error_rad(
         track.filter.predicted(clock.t_s()).az_el_rad(),
-        mount.gimbal.az_el_rad(),
+        mount.measured_az_el_rad(),
     );
     const SLEW_RAD: f64 = 0.02;
-    if error.length() > SLEW_RAD {
-        let target = track.filter.predicted(clock.t_s() + law.lead_s);
-        command.gimbal = mount
-            .params
-            .position_command(&mount.gimbal, target.az_el_rad());
-        command.gimbal.rate_radps[0] += target.az_rate_radps;
-        command.gimbal.rate_radps[1] += target.el_rate_radps;
+    let target = track.filter.predicted(clock.t_s() + law.lead_s);
+    let rates_radps = DVec2::new(target.az_rate_radps, target.el_rate_radps);
+    let keyhole = mount
+        .params
+        .keyhole_azimuth(target.az_el_rad(), rates_radps);
+    if error.length() > SLEW_RAD || keyhole.is_some() {
+        command.gimbal =
+            mount
+                .params
+                .catch_up_command(&mount.gimbal, target.az_el_rad(), rates_radps);
         command.mirror_rad = DVec2::ZERO;
     } else {
         command.gimbal = output.gimbal;
@@ -196,7 +384,7 @@ fn steer_paper(
             let u = paper
                 .coarse
                 .step(&paper.coarse_law, error.angle_rad, frame_s);
-            let elevation_rad = mount.gimbal.elevation.angle_rad;
+            let elevation_rad = mount.measured_az_el_rad().y;
             paper.rates_radps = increment_to_axis_rates(u, 1.0 / frame_s, elevation_rad);
         } else {
             let u = paper
@@ -211,6 +399,20 @@ fn steer_paper(
     command.gimbal.rate_radps = paper.rates_radps;
 }
 
+/// Time after which the search camera joins in looking for a lost target [s].
+const REFIND_S: f64 = 0.5;
+/// Of so many exposures one is read in full while a target is held: 10 Hz at the usual rates.
+const WATCH_SEARCH: u64 = 3;
+const WATCH_COARSE: u64 = 6;
+
+/// Whether a camera holds a target in `state`.
+fn held(state: TrackingState) -> bool {
+    matches!(
+        state,
+        TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
+    )
+}
+
 /// What each camera reads out next.
 pub fn choose_readouts(
     clock: Res<SimClock>,
@@ -220,27 +422,37 @@ pub fn choose_readouts(
 ) {
     let (mount, optics) = *station;
     for (camera, mut readout) in &mut cameras {
+        // The exposure that comes next.
+        let frame = clock.tick / camera.period_ticks + 1;
+        let track = tracker.target_track();
         let wanted = match (tracker.state, camera.tier) {
             (TrackingState::Search, Tier::Search) => Readout::Full,
-            (TrackingState::Search, _) | (_, Tier::Search) => Readout::Off,
-            (TrackingState::Acquire, Tier::Precise) => Readout::Off,
-            (TrackingState::Precise | TrackingState::Engage, _)
-            | (TrackingState::Coarse, Tier::Coarse) => {
-                match tracker
-                    .target_track()
-                    .filter(|_| camera.window_px.is_some())
-                {
-                    Some(track) => {
-                        let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
-                        let los = track.filter.predicted(clock.t_s()).az_el_rad();
-                        let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(los);
-                        camera
-                            .pinhole
-                            .project(ray_cam)
-                            .map_or(Readout::Full, |px| Readout::Around(px.to_array()))
-                    }
-                    None => Readout::Full,
-                }
+            (TrackingState::Search, _) | (TrackingState::Acquire, Tier::Precise) => Readout::Off,
+            // It helps where the coarse camera has not found the target again at once.
+            (TrackingState::Lost, Tier::Search)
+                if clock.at_s(clock.tick - tracker.since_tick) > REFIND_S =>
+            {
+                Readout::Full
+            }
+            // While a target is held, the wider cameras keep watch for others.
+            (_, Tier::Search) if frame.is_multiple_of(WATCH_SEARCH) => Readout::Full,
+            (_, Tier::Search) => Readout::Off,
+            (state, Tier::Coarse) if held(state) && frame.is_multiple_of(WATCH_COARSE) => {
+                Readout::Full
+            }
+            (state, tier)
+                if camera.window_px.is_some()
+                    && (tier == Tier::Coarse && held(state)
+                        || matches!(state, TrackingState::Precise | TrackingState::Engage)) =>
+            {
+                let px = track.and_then(|track| {
+                    let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
+                    let los = track.filter.predicted(clock.t_s()).az_el_rad();
+                    camera
+                        .pinhole
+                        .project(pose.q_enu_cam.inverse() * az_el_to_los(los))
+                });
+                px.map_or(Readout::Full, |px| Readout::Around(px.to_array()))
             }
             _ => Readout::Full,
         };

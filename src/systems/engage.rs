@@ -6,49 +6,59 @@ use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
+use crate::models::dsm::HitKind;
+use crate::models::interlock::{KeepOut, bundle_hit_m, faces_sun, in_beam};
 use crate::models::kinematics::az_el_to_los;
 use bevy::prelude::*;
 use glam::DVec2;
-
-/// A sector the beam never enters.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KeepOut {
-    /// What is protected.
-    pub name: String,
-    /// Azimuths from, to, clockwise [rad]; from > to passes through north.
-    pub azimuth_rad: [f64; 2],
-    /// Elevations from, to [rad].
-    pub elevation_rad: [f64; 2],
-}
-
-impl KeepOut {
-    /// Whether a direction (azimuth, elevation) lies in the zone.
-    pub fn contains(&self, az_el_rad: DVec2) -> bool {
-        use std::f64::consts::TAU;
-        let [from, to] = self.azimuth_rad;
-        let span = (to - from).rem_euclid(TAU);
-        // A zone from 0 to 360 degrees is the whole circle.
-        let whole = span == 0.0 && from != to;
-        let inside = whole || (az_el_rad.x - from).rem_euclid(TAU) <= span;
-        inside && (self.elevation_rad[0]..=self.elevation_rad[1]).contains(&az_el_rad.y)
-    }
-}
 
 /// The rules of engagement of a run.
 #[derive(Resource, Clone, Debug)]
 pub struct Rules {
     /// Whether the laser may fire at all.
     pub authorised: bool,
-    /// Protected sectors.
+    /// Protected regions.
     pub keep_out: Vec<KeepOut>,
-    /// Whether a building or the ground may stand behind the target.
-    pub allow_solid_backstop: bool,
-    /// How far behind the target it must be [m].
+    /// Least angle from a risen sun [rad].
+    pub sun_exclusion_rad: f64,
+    /// How far ahead the line of sight is checked [s].
+    pub look_ahead_s: f64,
+    /// Radius of the beam at its exit [m]; on its way to the target it is nowhere wider.
+    pub beam_radius_m: f64,
+    /// Whether open sky may lie behind the target.
+    pub allow_sky: bool,
+    /// Whether the ground may.
+    pub allow_ground: bool,
+    /// Whether a building or a tree may.
+    pub allow_building: bool,
+    /// How far behind the target what is solid must be [m].
     pub min_clear_range_m: f64,
     /// Longest burst [s].
     pub max_burst_s: f64,
     /// Least pause after a burst of that length [s].
     pub pause_s: f64,
+}
+
+impl Rules {
+    /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
+    /// beyond: range [m] and kind, or `None` for sky.
+    fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<&'static str> {
+        let (hit_m, kind) = match hit {
+            Some(hit) => hit,
+            None => return (!self.allow_sky).then_some("open sky behind"),
+        };
+        let allowed = match kind {
+            HitKind::Ground => self.allow_ground,
+            HitKind::Building => self.allow_building,
+        };
+        if hit_m <= range_m {
+            Some("line of sight blocked")
+        } else if !allowed || hit_m < range_m + self.min_clear_range_m {
+            Some("solid backstop")
+        } else {
+            None
+        }
+    }
 }
 
 /// Why the laser does not fire; empty while it may.
@@ -69,6 +79,10 @@ const FAR_M: f64 = 20_000.0;
 /// A target that sinks faster than this has been neutralised as far as the station can tell
 /// [m/s]: no trajectory in the catalogue dives so with its rotors running.
 const FALLING_MPS: f64 = 6.0;
+/// Instants at which the line of sight ahead is checked.
+const LOOKS_AHEAD: u32 = 3;
+/// Hits that make a track an object to be spared: a false alarm seldom comes back.
+const OBJECT_HITS: u32 = 3;
 
 /// Checks every interlock and sets the firing command for the next tick.
 pub fn decide_fire(
@@ -104,28 +118,55 @@ pub fn decide_fire(
                 .iter()
                 .find(|camera| camera.tier == Tier::Precise)
                 .map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad());
-            let backstop_m = [(0.0, 0.0), (spread, 0.0), (-spread, 0.0), (0.0, -spread)]
-                .into_iter()
-                .filter_map(|(x, y)| {
-                    let around = az_el_to_los(los.az_el_rad() + DVec2::new(x, y));
-                    environment.city.dsm.first_hit(mount.r_enu_m, around, FAR_M)
-                })
-                .min_by(f64::total_cmp);
-            if let Some(backstop_m) = backstop_m {
-                if backstop_m <= range_m {
-                    reasons.push("line of sight blocked");
-                } else if !rules.allow_solid_backstop
-                    || backstop_m < range_m + rules.min_clear_range_m
+            if environment.in_cloud(mount.r_enu_m + range_m * direction) {
+                reasons.push("line of sight blocked");
+            }
+            for (x, y) in [(0.0, 0.0), (spread, 0.0), (-spread, 0.0), (0.0, -spread)] {
+                let around = az_el_to_los(los.az_el_rad() + DVec2::new(x, y));
+                let dsm = &environment.city.dsm;
+                let hit = dsm.first_hit_kind(mount.r_enu_m, around, FAR_M);
+                if let Some(reason) = rules.refusal(range_m, hit)
+                    && !reasons.contains(&reason)
                 {
-                    reasons.push("solid backstop");
+                    reasons.push(reason);
                 }
             }
-            if rules
-                .keep_out
-                .iter()
-                .any(|zone| zone.contains(los.az_el_rad()))
-            {
+            let protected = |az_el_rad: DVec2| {
+                let mut zones = rules.keep_out.iter().map(|keep_out| keep_out.zone);
+                zones.any(|zone| zone.meets(mount.r_enu_m, az_el_rad, FAR_M))
+            };
+            if protected(los.az_el_rad()) {
                 reasons.push("keep-out zone");
+            }
+            // The laser must be off before the line of sight gets anywhere it must not fire.
+            let dsm = &environment.city.dsm;
+            let mut ahead = (1..=LOOKS_AHEAD).map(|i| {
+                let lead_s = rules.look_ahead_s * f64::from(i) / f64::from(LOOKS_AHEAD);
+                track.filter.predicted(clock.t_s() + lead_s).az_el_rad()
+            });
+            if ahead
+                .clone()
+                .any(|at| bundle_hit_m(dsm, mount.r_enu_m, at, spread, range_m).is_some())
+            {
+                reasons.push("line of sight will be blocked");
+            }
+            if ahead.any(protected) {
+                reasons.push("keep-out zone ahead");
+            }
+            if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
+                reasons.push("sun behind the target");
+            }
+            let beam_rad = rules.beam_radius_m / range_m;
+            let others = tracker
+                .table
+                .tracks
+                .iter()
+                .filter(|other| other.id != track.id && other.total_hits() >= OBJECT_HITS);
+            if others
+                .map(|other| (other.filter.predicted(clock.t_s()), other.size_rad))
+                .any(|(other, size_rad)| in_beam(&los, &other, size_rad, beam_rad))
+            {
+                reasons.push("another object in the beam");
             }
             if -los.el_rate_radps * range_m * direction.truncate().length() > FALLING_MPS {
                 reasons.push("target falls");
@@ -133,6 +174,8 @@ pub fn decide_fire(
             command.focus_range_m = range_m;
         }
         (Some(_), None) => reasons.push("no range"),
+        // Without a track nothing of the above can be checked.
+        (None, _) if tracker.state == TrackingState::Engage => reasons.push("no track"),
         _ => {}
     }
     let elapsed_s = |since: u64| clock.at_s(clock.tick - since);
@@ -161,15 +204,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_zone_may_pass_through_north() {
-        let zone = KeepOut {
-            name: "corridor".into(),
-            azimuth_rad: [6.0, 0.5],
-            elevation_rad: [0.0, 1.0],
+    fn only_what_is_listed_may_lie_behind() {
+        let rules = |allow: [bool; 3]| Rules {
+            authorised: true,
+            keep_out: Vec::new(),
+            sun_exclusion_rad: 0.1,
+            look_ahead_s: 0.3,
+            beam_radius_m: 0.05,
+            allow_sky: allow[0],
+            allow_ground: allow[1],
+            allow_building: allow[2],
+            min_clear_range_m: 500.0,
+            max_burst_s: 15.0,
+            pause_s: 1.0,
         };
-        assert!(zone.contains(DVec2::new(-0.1, 0.5)));
-        assert!(zone.contains(DVec2::new(0.3, 0.5)));
-        assert!(!zone.contains(DVec2::new(1.0, 0.5)));
-        assert!(!zone.contains(DVec2::new(0.3, -0.1)));
+        let far = |kind| Some((1600.0, kind));
+        let behind = [None, far(HitKind::Ground), far(HitKind::Building)];
+        for allow in [
+            [true, false, false],
+            [false, true, false],
+            [false, false, true],
+        ] {
+            for (allowed, hit) in allow.into_iter().zip(behind) {
+                let refused = rules(allow).refusal(1000.0, hit);
+                assert_eq!(refused.is_none(), allowed, "{allow:?} {hit:?}");
+            }
+        }
+        let near = |range_m| rules([true; 3]).refusal(1000.0, Some((range_m, HitKind::Ground)));
+        assert_eq!(near(1000.0), Some("line of sight blocked"));
+        assert_eq!(near(1499.0), Some("solid backstop"));
+        assert_eq!(near(1500.0), None);
     }
 }

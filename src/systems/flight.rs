@@ -1,4 +1,4 @@
-//! UAVs fly their plans, crash, and fall.
+//! UAVs fly their plans, crash, and fall; birds and balloons fly past.
 //!
 //! Flight is integrated in f64 by [`crate::models::multirotor`]. A UAV whose rotors have died is
 //! handed to Rapier, which lets it tumble on to a patch of the city around it, in f32 relative
@@ -6,14 +6,15 @@
 
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::uav::{Air, Flight, Guidance, Uav, UavStatus};
+use crate::components::uav::{Air, Distractor, Flight, Guidance, Uav, UavStatus};
+use crate::models::distractor::{DistractorKind, WINGBEAT_HZ, bird_pose};
 use crate::models::kinematics::exp_so3;
-use crate::models::multirotor;
-use crate::models::uav::model;
+use crate::models::multirotor::{self, MAX_ROTORS};
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_rapier3d::prelude::*;
 use glam::{DQuat, DVec3};
+use std::f64::consts::TAU;
 
 /// The schedule Rapier steps in, run from the Flight set while something falls.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
@@ -30,10 +31,8 @@ pub fn fly(
         if *status != UavStatus::Flying {
             continue;
         }
-        let setpoint = guidance.0.sample(t_s);
-        let Flight {
-            airframe, state, ..
-        } = &mut *flight;
+        let setpoint = guidance.plan.sample(t_s);
+        let (airframe, state) = (&guidance.airframe, &mut flight.state);
         let density = environment.air_density_kgpm3;
         multirotor::step(airframe, state, &setpoint, air.wind_enu_mps, density, dt_s);
         let r = state.r_enu_m;
@@ -42,6 +41,30 @@ pub fn fly(
             state.v_enu_mps = DVec3::ZERO;
             state.omega_body_radps = DVec3::ZERO;
             state.rotor_speed_radps = Default::default();
+        }
+    }
+}
+
+/// Moves birds along their paths, wings beating, and balloons with the air around them. They pass
+/// through the city: nothing looks at them there.
+pub fn drift(clock: Res<SimClock>, mut distractors: Query<(&mut Flight, &Distractor, &Air)>) {
+    let (t_s, dt_s) = (clock.t_s(), clock.dt_s());
+    for (mut flight, distractor, air) in &mut distractors {
+        let state = &mut flight.state;
+        let setpoint = distractor.plan.sample(t_s);
+        match distractor.kind {
+            DistractorKind::Bird => {
+                let phase_rad = distractor.phase_rad + TAU * WINGBEAT_HZ * t_s;
+                let pose = bird_pose(&setpoint, phase_rad);
+                state.r_enu_m = pose.r_enu_m;
+                state.v_enu_mps = pose.v_enu_mps;
+                state.q_enu_body = pose.q_enu_body;
+                state.rotor_phase_rad = [pose.wing_rad; MAX_ROTORS];
+            }
+            DistractorKind::Balloon => {
+                state.v_enu_mps = air.wind_enu_mps + setpoint.v_enu_mps;
+                state.r_enu_m += state.v_enu_mps * dt_s;
+            }
         }
     }
 }
@@ -73,17 +96,16 @@ const REST_MPS: f32 = 0.15;
 pub fn drop_wrecks(
     mut commands: Commands,
     environment: Res<Environment>,
-    uavs: Query<(Entity, &Uav, &Flight, &UavStatus), Without<HasWreck>>,
+    uavs: Query<(Entity, &Uav, &Flight, &Guidance, &UavStatus), Without<HasWreck>>,
 ) {
-    for (entity, uav, flight, status) in &uavs {
+    for (entity, uav, flight, guidance, status) in &uavs {
         if *status != UavStatus::Falling {
             continue;
         }
         let state = &flight.state;
         let origin_enu_m = state.r_enu_m;
-        let [length, width, height] = model(uav.kind).size_m.map(|side| side as f32 / 2.0);
+        let [length, width, height] = uav.size_m.map(|side| side as f32 / 2.0);
         let omega_enu = state.q_enu_body * state.omega_body_radps;
-        let model = model(uav.kind);
         let dsm = &environment.city.dsm;
         let n = (2.0 * PATCH_HALF_M / PATCH_STEP_M) as usize + 1;
         // Rapier's height field spans x (columns) and z (rows) and rises along y: seen from
@@ -117,7 +139,7 @@ pub fn drop_wrecks(
             },
             RigidBody::Dynamic,
             Collider::cuboid(length, width, height),
-            ColliderMassProperties::Mass(model.mass_kg as f32),
+            ColliderMassProperties::Mass(guidance.mass_kg as f32),
             Friction::coefficient(0.6),
             Restitution::coefficient(0.2),
             alone,
@@ -151,14 +173,14 @@ pub fn fall(world: &mut World, wrecks: &mut QueryState<(), With<Wreck>>, mut fal
 /// The air's drag on a wreck (eq. 6), before Rapier's step.
 pub fn drag_wrecks(
     environment: Res<Environment>,
-    uavs: Query<(&Flight, &Air)>,
+    uavs: Query<(&Guidance, &Air)>,
     mut wrecks: Query<(&Wreck, &Velocity, &mut ExternalForce)>,
 ) {
     for (wreck, velocity, mut force) in &mut wrecks {
-        if let Ok((flight, air)) = uavs.get(wreck.uav) {
+        if let Ok((guidance, air)) = uavs.get(wreck.uav) {
             let v_enu_mps = velocity.linear.as_dvec3();
             let density = environment.air_density_kgpm3;
-            force.force = flight
+            force.force = guidance
                 .airframe
                 .drag_enu_n(v_enu_mps, air.wind_enu_mps, density)
                 .as_vec3();

@@ -20,8 +20,10 @@ pub fn turn(
         rng,
         gimbal,
         params,
+        axis_gyro_rng,
         base_rate_radps,
         gyro,
+        wind,
         ..
     } = &mut *mount;
     let before_rad = base.tilt_rad();
@@ -34,9 +36,20 @@ pub fn turn(
     // A base that turns under an axis drags it along by the load's inertia.
     let rate_radps = base_rate_on_axes(gimbal.azimuth.angle_rad, base.rate_radps());
     let inertia = [params.azimuth.inertia_kg_m2, params.elevation.inertia_kg_m2];
-    let reaction_nm = [0, 1].map(|i| -inertia[i] * (rate_radps[i] - base_rate_radps[i]) / dt_s);
+    let mut torque_nm = [0, 1].map(|i| -inertia[i] * (rate_radps[i] - base_rate_radps[i]) / dt_s);
     *base_rate_radps = rate_radps;
-    gimbal::step(gimbal, params, &command.gimbal, reaction_nm, dt_s);
+    if let Some(wind) = wind {
+        // The air passes a station that stands still.
+        let gust = wind.gusts.step(dt_s, wind.height_agl_m, 0.0, &mut wind.rng);
+        wind.torque_nm = wind.load.torque_nm(
+            wind.air_density_kgpm3,
+            wind.mean_enu_mps + gust,
+            gimbal.az_el_rad(),
+        );
+        torque_nm = [0, 1].map(|i| torque_nm[i] + wind.torque_nm[i]);
+    }
+    gimbal::step(gimbal, params, &command.gimbal, torque_nm, dt_s);
+    gimbal.add_gyro_noise(params, axis_gyro_rng, dt_s);
     mount.mirror.step(command.mirror_rad);
     *optics = optics_of(&mount, misalignment);
 }
@@ -44,11 +57,12 @@ pub fn turn(
 /// The true poses and the known pointing of a mount.
 pub fn optics_of(mount: &Mount, misalignment: &Misalignment) -> Optics {
     let pointing = Pointing {
-        az_el_rad: mount.gimbal.az_el_rad(),
+        az_el_rad: mount.measured_az_el_rad(),
         mirror_rad: mount.mirror.deflection_rad(),
         base_tilt_rad: mount.gyro.tilt_enu_rad,
+        alignment: mount.alignment,
     };
-    let [az, el] = pointing.az_el_rad.to_array();
+    let [az, el] = mount.gimbal.az_el_rad().to_array();
     let tilt = mount.base.tilt_rad();
     let pose = |mirror_rad: DVec2, misalignment_rad: DVec3| {
         boresight_chain(mount.r_enu_m, tilt, az, el, mirror_rad, misalignment_rad)

@@ -6,7 +6,7 @@ use crate::components::clock::SimClock;
 use crate::components::record::{History, KeptFrame, Recording, StateHash};
 use crate::components::station::{Mount, MountCommand, Optics};
 use crate::components::track::{DetectionBatch, DetectionQueue, Tracker, TrackingState};
-use crate::components::uav::{Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::kinematics::{error_angles, los_to_az_el};
 use crate::models::tracking::separation_rad;
 use crate::recording::{
@@ -25,6 +25,7 @@ pub fn hash_state(
     mut hash: ResMut<StateHash>,
     station: Single<(&Mount, &MountCommand, &BeamState, &FireCommand)>,
     uavs: Query<(&Flight, &HeatedSkin, &UavStatus)>,
+    distractors: Query<&Flight, With<Distractor>>,
     tracker: Res<Tracker>,
     queue: Res<DetectionQueue>,
     mut bytes: Local<Vec<u8>>,
@@ -42,6 +43,16 @@ pub fn hash_state(
     put(&mount.mirror.rate_radps().to_array());
     put(&mount.base.tilt_rad().to_array());
     put(&mount.gyro.tilt_enu_rad.to_array());
+    for axis in [&mount.gimbal.azimuth, &mount.gimbal.elevation] {
+        put(&[
+            axis.twist_rad,
+            axis.twist_rate_radps,
+            axis.integral_nm,
+            axis.encoder_rad,
+            axis.gyro_radps,
+        ]);
+    }
+    put(&mount.wind.as_ref().map_or([0.0; 2], |wind| wind.torque_nm));
     put(&command.gimbal.rate_radps);
     put(&command.mirror_rad.to_array());
     put(&[
@@ -65,6 +76,13 @@ pub fn hash_state(
         put(&state.rotor_speed_radps);
         put(&[skin.skin.temperature_k, *status as u8 as f64]);
     }
+    // One archetype for good: always in the scenario's order.
+    for flight in &distractors {
+        put(&flight.state.r_enu_m.to_array());
+        put(&flight.state.v_enu_mps.to_array());
+        put(&flight.state.q_enu_body.to_array());
+        put(&flight.state.rotor_phase_rad[..1]);
+    }
     put(&[
         tracker.state as u8 as f64,
         tracker.target.map_or(-1.0, f64::from),
@@ -84,7 +102,7 @@ pub fn hash_state(
     hash.0 = hasher.digest();
 }
 
-/// The UAV that the tracker's target really is: the one nearest to its line of sight.
+/// The UAV or distractor that the tracker's target really is: the one nearest to its line of sight.
 pub fn followed<'a>(
     tracker: &Tracker,
     t_s: f64,
@@ -114,6 +132,7 @@ pub fn keep_history(
     cameras: Query<&SensorCamera>,
     station: Single<(&Mount, &Optics, &BeamState)>,
     uavs: Query<(&Uav, &Flight, &HeatedSkin, &UavStatus)>,
+    distractors: Query<(&Uav, &Flight), With<Distractor>>,
     mut history: ResMut<History>,
 ) {
     let (mount, optics, beam) = *station;
@@ -130,13 +149,11 @@ pub fn keep_history(
         history.acquired_s = Some(t_s);
     }
     let sampled = clock.tick.is_multiple_of(recording.state_period_ticks);
+    // A distractor that is followed is no UAV: no series takes it for one.
     let target = if sampled || !frames.0.is_empty() {
-        followed(
-            &tracker,
-            t_s,
-            mount.r_enu_m,
-            uavs.iter().map(|(uav, flight, ..)| (uav, flight)),
-        )
+        let flying = uavs.iter().map(|(uav, flight, ..)| (uav, flight));
+        let all = flying.chain(&distractors);
+        followed(&tracker, t_s, mount.r_enu_m, all)
     } else {
         None
     };
@@ -159,7 +176,10 @@ pub fn keep_history(
         let Some(camera) = cameras.iter().find(|camera| camera.tier == frame.tier) else {
             continue;
         };
-        let centre = camera.pinhole.centre_px();
+        let reticle = frame
+            .pointing
+            .alignment
+            .reticle_px(&camera.pinhole, frame.tier);
         // What falls has been dealt with: its miss distance is no measure of the tracking.
         let flies = uavs
             .iter()
@@ -168,7 +188,7 @@ pub fn keep_history(
             && holds(&tracker, frame.tier)
             && let Some(seen) = frame.truth.iter().find(|seen| Some(seen.uav) == target)
         {
-            history.miss_px[frame.tier as usize].push((t_s, centre.distance(seen.aim_px.into())));
+            history.miss_px[frame.tier as usize].push((t_s, reticle.distance(seen.aim_px.into())));
         }
         if let Some(rgb8) = &frame.rgb8 {
             let batch = queue
@@ -185,7 +205,7 @@ pub fn keep_history(
                 detections: batch
                     .map(|batch| batch.detections.clone())
                     .unwrap_or_default(),
-                centre_px: centre.to_array(),
+                centre_px: reticle.to_array(),
                 state: tracker.state.name(),
             };
             let last = history
@@ -277,8 +297,9 @@ pub struct Recorded<'w, 's> {
         (
             &'static Uav,
             &'static Flight,
-            &'static HeatedSkin,
+            Option<&'static HeatedSkin>,
             &'static UavStatus,
+            Option<&'static Distractor>,
         ),
     >,
     cameras: Query<'w, 's, &'static SensorCamera>,
@@ -351,12 +372,13 @@ impl Recorded<'_, '_> {
         let shapes: Vec<_> = self
             .uavs
             .iter()
-            .map(|(uav, _, _, status)| {
+            .map(|(uav, _, _, status, distractor)| {
                 [Shape::Cube {
                     centre_m: [0.0; 3],
                     rotation: [0.0, 0.0, 0.0, 1.0],
-                    size_m: crate::models::uav::model(uav.kind).size_m,
+                    size_m: uav.size_m,
                     colour: match status {
+                        _ if distractor.is_some() => [0.4, 0.45, 0.5, 1.0],
                         UavStatus::Flying => [0.9, 0.6, 0.0, 1.0],
                         _ => [0.5, 0.1, 0.1, 1.0],
                     },
@@ -393,7 +415,7 @@ impl Recorded<'_, '_> {
         }
         recorder.scene_update(tick, &entities)?;
 
-        for (uav, flight, skin, status) in &self.uavs {
+        for (uav, flight, skin, status, distractor) in &self.uavs {
             let state = &flight.state;
             let [x, y, z, w] = state.q_enu_body.to_array();
             recorder.own(
@@ -403,8 +425,10 @@ impl Recorded<'_, '_> {
                     r_enu_m: Some(xyz(state.r_enu_m)),
                     v_enu_mps: Some(xyz(state.v_enu_mps)),
                     q_enu_body: Some(proto::Quat { x, y, z, w }),
-                    skin_temperature_k: skin.skin.temperature_k,
-                    status: status.name().into(),
+                    skin_temperature_k: skin.map_or(f64::NAN, |skin| skin.skin.temperature_k),
+                    status: distractor
+                        .map_or(status.name(), |distractor| distractor.kind.name())
+                        .into(),
                 },
             )?;
         }
@@ -517,18 +541,20 @@ impl Recorded<'_, '_> {
         else {
             return Ok(());
         };
+        let reticle = frame.pointing.alignment.reticle_px(&pinhole, frame.tier);
         if holds(&self.tracker, frame.tier) {
             let uavs = self
                 .uavs
                 .iter()
-                .filter(|(_, _, _, status)| **status == UavStatus::Flying)
+                .filter(|(_, _, _, status, _)| **status == UavStatus::Flying)
                 .map(|(uav, flight, ..)| (uav, flight));
             let target = followed(&self.tracker, self.clock.t_s(), frame.pose.r_enu_m, uavs);
-            if let Some(seen) = frame.truth.iter().find(|seen| Some(seen.uav) == target) {
+            let seen = frame.truth.iter().find(|seen| Some(seen.uav) == target);
+            if let Some(seen) = seen.filter(|seen| !seen.distractor) {
                 let miss = proto::MissDistance {
                     camera: frame.tier.name().into(),
                     exposure_tick: tick,
-                    miss_px: pinhole.centre_px().distance(seen.aim_px.into()),
+                    miss_px: reticle.distance(seen.aim_px.into()),
                 };
                 recorder.own(tick, &miss)?;
             }
@@ -569,7 +595,8 @@ impl Recorded<'_, '_> {
                     colour: [0.0, 0.62, 0.45, 1.0],
                 })
                 .collect();
-            recorder.image_annotations(tick, frame.tick, camera, &boxes, [cx, cy])?;
+            let mark = [reticle.x - dx, reticle.y - dy];
+            recorder.image_annotations(tick, frame.tick, camera, &boxes, mark)?;
         }
         Ok(())
     }

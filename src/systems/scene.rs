@@ -34,9 +34,9 @@ pub struct StationOrigin;
 #[derive(Component, Clone, Copy, Debug)]
 pub struct UavBody(pub usize);
 
-/// Marks a rotor: scenario index of the UAV and number of the rotor.
+/// Marks a rotor or wing: scenario index of the UAV, number of the rotor, attitude at phase 0.
 #[derive(Component, Clone, Copy, Debug)]
-pub struct UavRotor(pub usize, pub usize);
+pub struct UavRotor(pub usize, pub usize, pub Quat);
 
 /// The materials and meshes of the scene that later systems change.
 #[derive(Resource)]

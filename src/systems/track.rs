@@ -1,25 +1,37 @@
 //! Detections that have arrived become tracks, and tracks move the state machine.
 
+use crate::components::beam::BeamState;
 use crate::components::camera::{PixelRect, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::station::{Mount, Optics};
 use crate::components::track::{
-    BoresightError, DetectionBatch, DetectionQueue, Tracker, TrackingState,
+    BoresightError, DetectionBatch, DetectionQueue, Operator, Tracker, TrackingState,
 };
-use crate::components::uav::{Flight, UavStatus};
+use crate::components::uav::{Flight, Uav, UavStatus};
 use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el};
 use crate::models::rng::Stream;
-use crate::models::tracking::{Look, Sighting, Track};
+use crate::models::threat::time_to_asset_s;
+use crate::models::tracking::{Look, Occlusion, Sighting, Track, separation_rad};
 use bevy::prelude::*;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
-/// How detections are used.
+/// How detections become tracks, and tracks targets.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 pub struct TrackerParams {
-    /// The paper's rule: the detection nearest to the image centre is the target, and the linear
-    /// map of eq. 8 its error. Otherwise identity comes from the track table.
-    pub paper: bool,
+    /// The paper's rule: whatever the detector sees nearest to the image centre is the target.
+    /// Otherwise identity comes from the track table.
+    pub nearest_to_centre: bool,
+    /// The linear map of eq. 8 from pixels to angles, for the paper's control laws.
+    pub linear_angles: bool,
+    /// Standard deviation of a detection's centre that the station counts on [px].
+    pub centre_sigma_px: f64,
+    /// Least share of the frames in which a detector must see what counts as a UAV.
+    pub min_quality: f64,
+    /// Another track must be nearer to the asset in time by this factor to become the target.
+    pub switch_ratio: f64,
+    /// What is protected [m].
+    pub r_asset_enu_m: DVec3,
     /// Precise errors up to this count as locked [px].
     pub lock_radius_px: f64,
     /// How long the lock must hold before the state is Engage [s].
@@ -28,13 +40,14 @@ pub struct TrackerParams {
     pub break_radius_px: f64,
 }
 
-/// Standard deviation of a detection's centre [px], of the pointing knowledge [rad].
-const CENTRE_SIGMA_PX: f64 = 0.5;
-const POINTING_SIGMA_RAD: f64 = 5e-6;
+/// Standard deviation of the pointing knowledge [rad].
+const POINTING_SIGMA_RAD: f64 = 1e-6;
 /// Hits that confirm a target to the next camera.
 const CONFIRM_HITS: u32 = 4;
 /// Hits after which a search track may become the target.
 const CANDIDATE_HITS: u32 = 6;
+/// Hits of the search camera that bring a lost target back.
+const REFIND_HITS: u32 = 3;
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
 /// still, a flickering facade does not move far.
 const MOVING_RADPS: f64 = 1.0e-3;
@@ -46,6 +59,20 @@ const LOSE_AFTER_S: f64 = 0.25;
 /// Time the coarse camera has to confirm a candidate [s], and a lost target to come back.
 const ACQUIRE_TIMEOUT_S: f64 = 3.0;
 const LOST_TIMEOUT_S: f64 = 3.0;
+/// How long another track must have been the greater threat before it becomes the target [s].
+const RIVAL_S: f64 = 1.0;
+/// A held target that the detector sees in less than this share of `min_quality` is none.
+const DOUBT: f64 = 0.6;
+/// Time for which it must have been held before it is doubted [s].
+const DOUBT_AFTER_S: f64 = 1.0;
+/// A target that has been fired at and sinks this fast [m/s] for this long [s] has been dealt with.
+const FALLING_MPS: f64 = 6.0;
+const FALLING_S: f64 = 0.3;
+/// Foresight of occlusions [s], and how often it is renewed [Hz].
+const FORESIGHT_S: f64 = 4.0;
+const FORESIGHT_HZ: u32 = 10;
+/// An operator points at a UAV's picture; the track must be this close to it [rad].
+const DESIGNATION_RAD: f64 = 3e-3;
 /// Horizon of backstop checks [m].
 const FAR_M: f64 = 20_000.0;
 
@@ -63,42 +90,51 @@ pub fn associate(
             continue;
         };
         let pose = batch.pointing.believed_pose(mount.r_enu_m, batch.tier);
-        let sightings = sightings(batch, camera, &pose);
+        let sightings = sightings(batch, camera, &pose, params.centre_sigma_px);
         let tier = batch.tier as usize;
-        let searching = match tracker.state {
-            TrackingState::Search => batch.tier == Tier::Search,
-            TrackingState::Lost => batch.tier == Tier::Coarse,
-            _ => false,
-        };
         let in_view = |az_el: DVec2| sees(camera, &pose, batch.rect, az_el);
         let look = Look {
             tier,
             t_s: clock.at_s(batch.exposure_tick),
             sightings: &sightings,
             in_view: &in_view,
-            start_tracks: searching,
+            // The precise camera sees what it was turned to: a track already.
+            start_tracks: batch.tier != Tier::Precise,
         };
-        let assigned = tracker.table.update(&look);
-        let held = matches!(
-            tracker.state,
-            TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
-        );
-        let chosen = if params.paper && held && batch.tier != Tier::Search {
-            nearest_to_centre(batch, camera)
+        let blind = params.nearest_to_centre
+            && batch.tier != Tier::Search
+            && !matches!(
+                tracker.state,
+                TrackingState::Search | TrackingState::Acquire
+            );
+        let chosen = if blind {
+            let nearest = nearest_to_centre(batch, camera);
+            if let Some(target) = tracker.target {
+                let sighting = nearest.map(|index| &sightings[index]);
+                tracker.table.force(target, &look, sighting);
+            }
+            nearest
         } else {
+            let assigned = tracker.table.update(&look);
             tracker
                 .target
                 .and_then(|target| assigned.iter().position(|id| *id == Some(target)))
         };
         if let Some(index) = chosen {
             tracker.hits_in_state[tier] += 1;
-            tracker.error[tier] = Some(boresight_error(batch, index, camera, params.paper));
+            let error = boresight_error(batch, index, camera, params.linear_angles);
+            tracker.error[tier] = Some(error);
         }
     }
 }
 
 /// The directions of a batch's detections.
-fn sightings(batch: &DetectionBatch, camera: &SensorCamera, pose: &Pose) -> Vec<Sighting> {
+fn sightings(
+    batch: &DetectionBatch,
+    camera: &SensorCamera,
+    pose: &Pose,
+    centre_sigma_px: f64,
+) -> Vec<Sighting> {
     let ifov_rad = camera.pinhole.ifov_rad();
     batch
         .detections
@@ -108,7 +144,7 @@ fn sightings(batch: &DetectionBatch, camera: &SensorCamera, pose: &Pose) -> Vec<
             let [x0, y0, x1, y1] = detection.box_px;
             Sighting {
                 az_el_rad: los_to_az_el(pose.q_enu_cam * ray_cam),
-                sigma_rad: (CENTRE_SIGMA_PX * ifov_rad).hypot(POINTING_SIGMA_RAD),
+                sigma_rad: (centre_sigma_px * ifov_rad).hypot(POINTING_SIGMA_RAD),
                 size_rad: (x1 - x0).max(y1 - y0) * ifov_rad,
                 score: detection.score,
             }
@@ -147,15 +183,171 @@ fn boresight_error(
     let detection = &batch.detections[index];
     let px: DVec2 = detection.centre_px().into();
     let [x0, y0, x1, y1] = detection.box_px;
-    BoresightError {
-        exposure_tick: batch.exposure_tick,
-        angle_rad: if linear {
+    // What is to be brought to the target is the laser's axis, not the image's centre.
+    let reticle_px = batch
+        .pointing
+        .alignment
+        .reticle_px(&camera.pinhole, batch.tier);
+    let angles = |px| {
+        if linear {
             camera.pinhole.angles_linear(px)
         } else {
             camera.pinhole.angles(px)
-        },
-        distance_px: px.distance(camera.pinhole.centre_px()),
+        }
+    };
+    BoresightError {
+        exposure_tick: batch.exposure_tick,
+        angle_rad: angles(px) - angles(reticle_px),
+        distance_px: px.distance(reticle_px),
         half_side_px: 0.5 * (x1 - x0).min(y1 - y0),
+    }
+}
+
+/// Foresees when buildings will hide the tracks whose range is known.
+pub fn foresee(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    mount: Single<&Mount>,
+    mut tracker: ResMut<Tracker>,
+) {
+    let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
+    if !clock.tick.is_multiple_of(every) {
+        return;
+    }
+    let t_s = clock.t_s();
+    let dsm = &environment.city.dsm;
+    for track in &mut tracker.table.tracks {
+        let was = track.occlusion;
+        let next = track.foresee_occlusion(dsm, mount.r_enu_m, t_s, FORESIGHT_S);
+        track.occlusion = match (was, next) {
+            // It is behind the building since it went there, not since the last look ahead.
+            (Some(was), Some(next)) if was.hides(t_s) && next.hides(t_s) => Some(Occlusion {
+                enter_s: was.enter_s,
+                ..next
+            }),
+            // What is over is kept until there is something new: the way out is looked up there.
+            (Some(was), None) if track.seen_s() < was.enter_s => Some(was),
+            (_, next) => next,
+        };
+    }
+}
+
+/// Carries out the operator's orders: the track nearest to the UAV pointed at becomes the target.
+pub fn obey(
+    clock: Res<SimClock>,
+    mount: Single<&Mount>,
+    uavs: Query<(&Uav, &Flight)>,
+    mut operator: ResMut<Operator>,
+    mut tracker: ResMut<Tracker>,
+) {
+    let Some(order) = operator.orders.get(operator.next) else {
+        return;
+    };
+    if clock.tick < order.tick {
+        return;
+    }
+    // A later order that has come due replaces one that still waits for a track.
+    let newer = operator.orders.get(operator.next + 1);
+    if newer.is_some_and(|newer| clock.tick >= newer.tick) {
+        operator.next += 1;
+        return;
+    }
+    let Some(index) = order.designate else {
+        tracker.designated = false;
+        operator.next += 1;
+        return;
+    };
+    let Some((uav, flight)) = uavs.iter().find(|(uav, _)| uav.index == index) else {
+        operator.next += 1;
+        return;
+    };
+    let at = los_to_az_el(flight.aim_enu_m() - mount.r_enu_m);
+    let distance =
+        |track: &Track| separation_rad(track.filter.predicted(clock.t_s()).az_el_rad(), at);
+    let nearest = tracker
+        .table
+        .tracks
+        .iter()
+        .filter(|track| track.total_hits() >= CONFIRM_HITS && distance(track) < DESIGNATION_RAD)
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .map(|track| track.id);
+    if let Some(id) = nearest {
+        if tracker.target != Some(id) {
+            let reason = format!("operator designates {} (track {id})", uav.name);
+            tracker.acquire(clock.tick, id, reason);
+        }
+        tracker.designated = true;
+        operator.next += 1;
+    }
+}
+
+/// What the state machine looks at.
+struct Situation<'a> {
+    tick: u64,
+    clock: &'a SimClock,
+    params: &'a TrackerParams,
+    environment: &'a Environment,
+    r_station_enu_m: DVec3,
+}
+
+impl Situation<'_> {
+    fn t_s(&self) -> f64 {
+        self.clock.at_s(self.tick)
+    }
+
+    /// Time without a hit of the target by a camera [s].
+    fn silent_s(&self, tracker: &Tracker, tier: Tier) -> f64 {
+        tracker.error[tier as usize].map_or(f64::INFINITY, |error| {
+            self.clock.at_s(self.tick - error.exposure_tick)
+        })
+    }
+
+    /// Time in which a track could be at the asset [s].
+    fn threat_s(&self, track: &Track) -> f64 {
+        let (r_enu_m, v_enu_mps) = track.position_enu(self.r_station_enu_m, self.t_s());
+        time_to_asset_s(r_enu_m, v_enu_mps, self.params.r_asset_enu_m)
+    }
+
+    /// The most threatening track that looks like a UAV, and why it does.
+    fn candidate(&self, tracker: &Tracker) -> Option<(u32, f64, String)> {
+        tracker
+            .table
+            .tracks
+            .iter()
+            .filter(|track| !tracker.rejected.contains(&track.id))
+            .filter_map(|track| {
+                let reason = self.candidate_reason(track)?;
+                Some((track.id, self.threat_s(track), reason))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)))
+    }
+
+    /// Why a track may be a UAV: the detector sees it in most frames, and it moves or stands in
+    /// clear sky.
+    fn candidate_reason(&self, track: &Track) -> Option<String> {
+        let quality = track.filter.quality();
+        if track.total_hits() < CANDIDATE_HITS || quality < self.params.min_quality {
+            return None;
+        }
+        if track.misses > 0 && self.t_s() - track.seen_s() > LOSE_AFTER_S {
+            return None;
+        }
+        let (rate_radps, sigmas) = track.motion(self.t_s());
+        let seen = format!("seen in {:.0} % of its frames", 100.0 * quality);
+        if rate_radps > MOVING_RADPS && sigmas > MOVING_SIGMAS {
+            return Some(format!("moves at {:.1} mrad/s, {seen}", 1e3 * rate_radps));
+        }
+        let below =
+            track.filter.predicted(self.t_s()).az_el_rad() - DVec2::new(0.0, SKY_MARGIN_RAD);
+        let sky = self
+            .environment
+            .city
+            .dsm
+            .first_hit(self.r_station_enu_m, az_el_to_los(below), FAR_M)
+            .is_none();
+        // What does not move must be looked at longer.
+        (sky && track.total_hits() >= 2 * CANDIDATE_HITS)
+            .then(|| format!("stands in clear sky, {seen}"))
     }
 }
 
@@ -164,163 +356,220 @@ pub fn decide(
     clock: Res<SimClock>,
     params: Res<TrackerParams>,
     environment: Res<Environment>,
-    mount: Single<&Mount>,
+    station: Single<(&Mount, &BeamState)>,
     mut tracker: ResMut<Tracker>,
 ) {
+    let (mount, beam) = *station;
     let tracker = &mut *tracker;
     let tick = clock.tick;
-    let in_state_s = clock.at_s(tick - tracker.since_tick);
-    let silent_s = |tracker: &Tracker, tier: Tier| {
-        tracker.error[tier as usize].map_or(f64::INFINITY, |error| {
-            clock.at_s(tick - error.exposure_tick)
-        })
+    let now = Situation {
+        tick,
+        clock: &clock,
+        params: &params,
+        environment: &environment,
+        r_station_enu_m: mount.r_enu_m,
     };
-    // The paper has no track to extrapolate: it knows its target only by what it sees.
-    let gone = !params.paper && tracker.target_track().is_none();
-    match tracker.state {
-        TrackingState::Search => {
-            let candidate = tracker
-                .table
-                .tracks
-                .iter()
-                .filter(|track| !tracker.rejected.contains(&track.id))
-                .filter_map(|track| {
-                    Some((
-                        track,
-                        candidate_reason(track, clock.t_s(), &environment, &mount)?,
-                    ))
-                })
-                .max_by_key(|(track, _)| (track.total_hits(), std::cmp::Reverse(track.id)))
-                .map(|(track, reason)| (track.id, reason));
-            if let Some((id, reason)) = candidate {
-                tracker.target = Some(id);
-                tracker.error = [None; 3];
-                tracker.range_m = None;
-                tracker.change(tick, TrackingState::Acquire, reason);
-            }
+    if tracker.state == TrackingState::Search {
+        if let Some((id, threat_s, reason)) = now.candidate(tracker) {
+            let reason = format!("track {id} {reason}, could arrive in {threat_s:.0} s");
+            tracker.acquire(tick, id, reason);
         }
+        return;
+    }
+    let Some(track) = tracker.target_track() else {
+        tracker.give_up(tick, false, "no camera saw the target any more");
+        return;
+    };
+    if falls(track, tracker.range_m, clock.t_s())
+        && (tracker.falling_since.is_some() || beam.dwell_s > 0.0)
+    {
+        let since = *tracker.falling_since.get_or_insert(tick);
+        if clock.at_s(tick - since) > FALLING_S {
+            tracker.give_up(tick, true, "the target falls");
+            return;
+        }
+    } else {
+        tracker.falling_since = None;
+    }
+    hold(&now, tracker);
+    if !params.nearest_to_centre
+        && !tracker.designated
+        && matches!(
+            tracker.state,
+            TrackingState::Coarse | TrackingState::Precise
+        )
+    {
+        compare(&now, tracker);
+    }
+}
+
+/// Whether a ranged track sinks as no UAV with running rotors does.
+fn falls(track: &Track, range_m: Option<f64>, t_s: f64) -> bool {
+    let los = track.filter.predicted(t_s);
+    range_m.is_some_and(|range_m| -los.el_rate_radps * range_m * los.el_rad.cos() > FALLING_MPS)
+}
+
+/// Steps the states that have a target.
+fn hold(now: &Situation, tracker: &mut Tracker) {
+    let (tick, params) = (now.tick, now.params);
+    let in_state_s = now.clock.at_s(tick - tracker.since_tick);
+    let Some(track) = tracker.target_track() else {
+        return;
+    };
+    let (id, quality) = (track.id, track.filter.quality());
+    let hidden = track.hidden(now.t_s());
+    // The paper's rule has no track to judge by.
+    let judged = !params.nearest_to_centre;
+    let convincing = !judged || quality >= params.min_quality;
+    let hits = tracker.hits_in_state;
+    match tracker.state {
+        TrackingState::Search => {}
         TrackingState::Acquire => {
-            if tracker.hits_in_state[Tier::Coarse as usize] >= CONFIRM_HITS {
-                let reason = format!("coarse camera confirms with {CONFIRM_HITS} hits");
+            if hits[Tier::Coarse as usize] >= CONFIRM_HITS && convincing {
+                let reason = format!(
+                    "coarse camera confirms with {CONFIRM_HITS} hits, seen in {:.0} % of the frames",
+                    100.0 * quality
+                );
                 tracker.change(tick, TrackingState::Coarse, reason);
-            } else if gone || in_state_s > ACQUIRE_TIMEOUT_S {
-                tracker.rejected.extend(tracker.target.take());
+            } else if in_state_s > ACQUIRE_TIMEOUT_S {
                 let reason = format!(
                     "coarse camera saw the candidate {} times in {in_state_s:.1} s",
-                    tracker.hits_in_state[Tier::Coarse as usize]
+                    hits[Tier::Coarse as usize]
                 );
-                tracker.change(tick, TrackingState::Search, reason);
+                tracker.give_up(tick, true, reason);
             }
         }
+        TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
+            if judged
+                && !hidden
+                && in_state_s > DOUBT_AFTER_S
+                && now.t_s() - track.seen_s() < LOSE_AFTER_S
+                && quality < DOUBT * params.min_quality =>
+        {
+            let reason = format!(
+                "track {id} is no UAV: the detector sees it in {:.0} % of the frames",
+                100.0 * quality
+            );
+            tracker.give_up(tick, true, reason);
+        }
         TrackingState::Coarse => {
-            if tracker.hits_in_state[Tier::Precise as usize] >= CONFIRM_HITS {
+            if hits[Tier::Precise as usize] >= CONFIRM_HITS {
                 let reason = format!("precise camera confirms with {CONFIRM_HITS} hits");
                 tracker.change(tick, TrackingState::Precise, reason);
-            } else if gone {
-                drop_target(tracker, tick);
-            } else if silent_s(tracker, Tier::Coarse) > LOSE_AFTER_S {
-                tracker.change(tick, TrackingState::Lost, lost_reason("coarse"));
+            } else if now.silent_s(tracker, Tier::Coarse) > LOSE_AFTER_S {
+                lose(now, tracker, "coarse");
             }
         }
         TrackingState::Precise | TrackingState::Engage => {
-            let error = tracker.error[Tier::Precise as usize];
-            if gone {
-                drop_target(tracker, tick);
-            } else if silent_s(tracker, Tier::Precise) > LOSE_AFTER_S {
-                let coarse_holds = silent_s(tracker, Tier::Coarse) <= LOSE_AFTER_S;
-                let to = if coarse_holds {
-                    TrackingState::Coarse
+            if now.silent_s(tracker, Tier::Precise) > LOSE_AFTER_S {
+                if now.silent_s(tracker, Tier::Coarse) <= LOSE_AFTER_S {
+                    let reason = format!("precise camera had no hit for {LOSE_AFTER_S} s");
+                    tracker.change(tick, TrackingState::Coarse, reason);
                 } else {
-                    TrackingState::Lost
-                };
-                tracker.change(tick, to, lost_reason("precise"));
-            } else if let Some(error) = error {
-                let radius_px = if tracker.state == TrackingState::Engage {
-                    params.break_radius_px
-                } else {
-                    params.lock_radius_px
-                };
-                if error.distance_px > radius_px {
-                    tracker.locked_since = None;
-                } else if tracker.locked_since.is_none() {
-                    tracker.locked_since = Some(tick);
+                    lose(now, tracker, "precise");
                 }
-                let locked_s = tracker
-                    .locked_since
-                    .map_or(0.0, |since| clock.at_s(tick - since));
-                if tracker.state == TrackingState::Precise && locked_s >= params.lock_dwell_s {
-                    let reason = format!(
-                        "precise error below {} px for {} s",
-                        params.lock_radius_px, params.lock_dwell_s
-                    );
-                    tracker.change(tick, TrackingState::Engage, reason);
-                } else if tracker.state == TrackingState::Engage && tracker.locked_since.is_none() {
-                    let reason = format!("precise error is {:.1} px", error.distance_px);
-                    tracker.change(tick, TrackingState::Precise, reason);
-                }
+            } else if let Some(error) = tracker.error[Tier::Precise as usize] {
+                lock(now, tracker, error.distance_px);
             }
         }
         TrackingState::Lost => {
-            let seen = tracker.hits_in_state[Tier::Coarse as usize]
-                + tracker.hits_in_state[Tier::Precise as usize];
-            if seen >= 2 {
-                tracker.change(tick, TrackingState::Coarse, "seen again");
-            } else if gone {
-                drop_target(tracker, tick);
-            } else if in_state_s > LOST_TIMEOUT_S {
-                tracker.target = None;
+            if hits[Tier::Coarse as usize] + hits[Tier::Precise as usize] >= 2 {
+                let reason = format!("track {id} seen again after {in_state_s:.2} s");
+                tracker.change(tick, TrackingState::Coarse, reason);
+            } else if hits[Tier::Search as usize] >= REFIND_HITS {
+                let reason = format!("search camera sees track {id} again after {in_state_s:.2} s");
+                tracker.change(tick, TrackingState::Acquire, reason);
+            } else if !hidden && in_state_s > LOST_TIMEOUT_S + hidden_s(track) {
                 let reason = format!("not seen again within {in_state_s:.1} s");
-                tracker.change(tick, TrackingState::Search, reason);
+                tracker.give_up(tick, false, reason);
             }
         }
     }
 }
 
-/// Goes back to the search when the target's track has run out of hits.
-fn drop_target(tracker: &mut Tracker, tick: u64) {
-    tracker.target = None;
-    tracker.change(
-        tick,
-        TrackingState::Search,
-        "no camera saw the target any more",
-    );
+/// How long the city hid a track that has come out again, or should have [s].
+fn hidden_s(track: &Track) -> f64 {
+    track
+        .occlusion
+        .and_then(|occlusion| Some(occlusion.exit_s? - occlusion.enter_s))
+        .map_or(0.0, |hidden_s| hidden_s.max(0.0))
 }
 
-fn lost_reason(camera: &str) -> String {
-    format!("{camera} camera had no hit for {LOSE_AFTER_S} s")
+/// Goes to Lost and says why, if the city explains it.
+fn lose(now: &Situation, tracker: &mut Tracker, camera: &str) {
+    let foreseen = tracker.target_track().and_then(|track| track.occlusion);
+    let reason = match foreseen.filter(|occlusion| occlusion.hides(now.t_s())) {
+        Some(occlusion) => match occlusion.exit_s {
+            Some(exit_s) => format!("behind a building, expected out at {exit_s:.2} s"),
+            None => "behind a building".into(),
+        },
+        None => format!("{camera} camera had no hit for {LOSE_AFTER_S} s"),
+    };
+    tracker.change(now.tick, TrackingState::Lost, reason);
 }
 
-/// Why a track may be a UAV: it moves, or it stands in clear sky.
-fn candidate_reason(
-    track: &Track,
-    t_s: f64,
-    environment: &Environment,
-    mount: &Mount,
-) -> Option<String> {
-    if track.total_hits() < CANDIDATE_HITS || track.misses > 0 {
-        return None;
+/// Follows the lock of the precise camera between Precise and Engage.
+fn lock(now: &Situation, tracker: &mut Tracker, distance_px: f64) {
+    let (tick, params) = (now.tick, now.params);
+    let engaged = tracker.state == TrackingState::Engage;
+    let radius_px = if engaged {
+        params.break_radius_px
+    } else {
+        params.lock_radius_px
+    };
+    if distance_px > radius_px {
+        tracker.locked_since = None;
+    } else if tracker.locked_since.is_none() {
+        tracker.locked_since = Some(tick);
     }
-    let (rate_radps, sigmas) = track.motion(t_s);
-    if rate_radps > MOVING_RADPS && sigmas > MOVING_SIGMAS {
-        return Some(format!(
-            "a candidate moves at {:.1} mrad/s",
-            1e3 * rate_radps
-        ));
+    match (engaged, tracker.locked_since) {
+        (false, Some(since)) if now.clock.at_s(tick - since) >= params.lock_dwell_s => {
+            let reason = format!(
+                "precise error below {} px for {} s",
+                params.lock_radius_px, params.lock_dwell_s
+            );
+            tracker.change(tick, TrackingState::Engage, reason);
+        }
+        (true, None) => {
+            let reason = format!("precise error is {distance_px:.1} px");
+            tracker.change(tick, TrackingState::Precise, reason);
+        }
+        _ => {}
     }
-    let below = track.filter.predicted(t_s).az_el_rad() - DVec2::new(0.0, SKY_MARGIN_RAD);
-    let sky = environment
-        .city
-        .dsm
-        .first_hit(mount.r_enu_m, az_el_to_los(below), FAR_M)
-        .is_none();
-    // What does not move must be looked at longer.
-    (sky && track.total_hits() >= 2 * CANDIDATE_HITS)
-        .then(|| "a candidate stands in clear sky".into())
+}
+
+/// Turns to another track that has been the greater threat for long enough.
+fn compare(now: &Situation, tracker: &mut Tracker) {
+    let Some(target) = tracker.target_track() else {
+        return;
+    };
+    let held_s = now.threat_s(target);
+    let greater = now.candidate(tracker).filter(|(id, threat_s, _)| {
+        *id != target.id && threat_s * now.params.switch_ratio < held_s
+    });
+    let Some((id, threat_s, _)) = greater else {
+        tracker.rival = None;
+        return;
+    };
+    match tracker.rival {
+        Some((rival, since)) if rival == id => {
+            if now.clock.at_s(now.tick - since) > RIVAL_S {
+                let reason = format!(
+                    "track {id} is the greater threat: it could arrive in {threat_s:.0} s, \
+                     the target in {held_s:.0} s"
+                );
+                tracker.acquire(now.tick, id, reason);
+            }
+        }
+        _ => tracker.rival = Some((id, now.tick)),
+    }
 }
 
 /// Pulses of the range finder a second, and the deviation of a range [m].
 const RANGE_HZ: u32 = 10;
 const RANGE_SIGMA_M: f64 = 0.5;
+/// A range with a smaller deviation than this is good enough to focus and to judge by [m].
+const RANGE_KNOWN_M: f64 = 10.0;
 /// Half of the range finder's field [rad].
 const RANGE_FIELD_RAD: f64 = 5e-4;
 
@@ -341,9 +590,13 @@ pub fn find_range(
         tracker.state,
         TrackingState::Precise | TrackingState::Engage
     );
-    if !held || !clock.tick.is_multiple_of(every) {
+    let t_s = clock.t_s();
+    if !clock.tick.is_multiple_of(every) {
         return;
     }
+    let Some(track) = tracker.target.and_then(|id| tracker.table.get_mut(id)) else {
+        return;
+    };
     let pose = optics.laser;
     let echo = uavs
         .iter()
@@ -352,7 +605,10 @@ pub fn find_range(
         .filter(|r_cam_m| r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z)
         .map(|r_cam_m| r_cam_m.length())
         .min_by(f64::total_cmp);
-    if let Some(range_m) = echo {
-        tracker.range_m = Some(range_m + RANGE_SIGMA_M * finder.0.normal());
+    if let Some(range_m) = echo.filter(|_| held) {
+        let measured_m = range_m + RANGE_SIGMA_M * finder.0.normal();
+        track.range.on_laser(measured_m, RANGE_SIGMA_M, t_s);
     }
+    let (range_m, sigma_m) = track.range.range_m(t_s);
+    tracker.range_m = (sigma_m < RANGE_KNOWN_M).then_some(range_m);
 }

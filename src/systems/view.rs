@@ -11,7 +11,7 @@ use crate::components::environment::Environment;
 use crate::components::record::History;
 use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::view::{
     FreeCamera, Insets, Pacing, StepSize, TargetChoice, Uploaded, WindowCamera, WindowFrame,
 };
@@ -371,16 +371,8 @@ fn choose_target(world: &mut World) {
     if tracker.table.get(id).is_none() || tracker.target == Some(id) {
         return;
     }
-    tracker.rejected.retain(|rejected| *rejected != id);
-    tracker.target = Some(id);
-    tracker.error = [None; 3];
-    tracker.range_m = None;
-    tracker.locked_since = None;
-    tracker.change(
-        tick,
-        TrackingState::Acquire,
-        format!("operator chose track {id}"),
-    );
+    tracker.designated = true;
+    tracker.acquire(tick, id, format!("operator chose track {id}"));
 }
 
 /// Takes the picture of the window once its time has come; true when it is saved.
@@ -578,7 +570,7 @@ pub fn draw_overlay(
     mut contexts: EguiContexts,
     camera: Res<FreeCamera>,
     station: Single<(&Mount, &BeamState)>,
-    uavs: Query<(&Uav, &Flight, &UavStatus)>,
+    uavs: Query<(&Uav, &Flight, &UavStatus, Option<&Distractor>)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     let painter = ctx.layer_painter(egui::LayerId::background());
@@ -595,7 +587,7 @@ pub fn draw_overlay(
             GREEN,
         );
     }
-    for (uav, flight, status) in &uavs {
+    for (uav, flight, status, distractor) in &uavs {
         let r_cam_m = camera.to_cam(flight.state.r_enu_m);
         if beam.firing
             && beam.aimed == Some(uav.index)
@@ -607,11 +599,14 @@ pub fn draw_overlay(
         let Some(at) = screen.at(r_cam_m) else {
             continue;
         };
-        let colour = status_colour(*status);
+        let (colour, word) = match distractor {
+            Some(distractor) => (GREY, distractor.kind.name()),
+            None => (status_colour(*status), status.name()),
+        };
         painter.circle_stroke(at, 12.0, Stroke::new(3.5, Color32::from_black_alpha(110)));
         painter.circle_stroke(at, 12.0, Stroke::new(1.8, colour));
         let range_m = flight.state.r_enu_m.distance(mount.r_enu_m);
-        let text = format!("{}  {range_m:.0} m  {}", uav.name, status.name());
+        let text = format!("{}  {range_m:.0} m  {word}", uav.name);
         rimmed(
             &painter,
             at + vec2(0.0, -17.0),
