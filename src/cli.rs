@@ -3,6 +3,7 @@
 use crate::components::clock::SimClock;
 use crate::components::record::History;
 use crate::components::track::Tracker;
+use crate::eval;
 use crate::models::uav::{UavKind, model};
 use crate::run::{self, Options, RunError};
 use crate::scenario::{self, Loaded, Scenario};
@@ -39,6 +40,9 @@ enum Command {
     View(ViewArgs),
     /// Check a scenario without running it.
     Check(ScenarioArgs),
+    /// Measure the tracking over many runs and write numbers, pictures and a page.
+    #[command(subcommand)]
+    Eval(EvalCommand),
     /// List the UAV models.
     Models,
     /// Say what this machine offers: graphics adapter, ONNX Runtime, threads.
@@ -49,6 +53,13 @@ enum Command {
         #[arg(long, default_value = "docs")]
         out: PathBuf,
     },
+}
+
+#[derive(Subcommand, Debug)]
+enum EvalCommand {
+    /// Acquisition, tracking and pointing: the paper's Table 2, the jitter budget, manoeuvres,
+    /// occlusion, several targets. Run it where the folder `scenarios` lies.
+    Tracking(eval::Arguments),
 }
 
 #[derive(Args, Debug)]
@@ -109,8 +120,8 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 threads: args.threads,
                 capture: !args.no_capture,
                 out: Some(args.out.clone()),
-                window: false,
                 log: true,
+                ..Options::default()
             };
             let finished = run_headless(&loaded, &options, true)?;
             say!("{}", summary::table(&finished.summary).trim_end());
@@ -151,6 +162,12 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             let loaded = args.load()?;
             run::check(&loaded)?;
             say!("{}: ok", loaded.path.display());
+            Ok(())
+        }
+        Command::Eval(EvalCommand::Tracking(args)) => {
+            let evaluation = eval::tracking(&args)?;
+            say!("{}", evaluation.text().trim_end());
+            say!("page  {}", args.out.join("tracking.html").display());
             Ok(())
         }
         Command::Models => {

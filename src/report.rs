@@ -288,7 +288,7 @@ fn encode_frames(frames: &[ContactFrame]) -> Result<Vec<Vec<u8>>, ReportError> {
 }
 
 /// Text made safe for HTML and SVG, in content and in quoted attributes.
-struct Escaped<'a>(&'a str);
+pub(crate) struct Escaped<'a>(pub(crate) &'a str);
 
 impl Display for Escaped<'_> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
@@ -309,11 +309,11 @@ impl Display for Escaped<'_> {
 }
 
 // Colours after Okabe and Ito, which the colour-blind can tell apart; the dark page lightens the blue.
-const STYLE: &str = "
+pub(crate) const STYLE: &str = "
 :root{color-scheme:light dark;--paper:#fff;--card:#f6f7f9;--ink:#16191d;--soft:#5a636e;--line:#d9dde3;
---s0:#0072b2;--s1:#d55e00;--good:#00795a;--bad:#b34700}
+--s0:#0072b2;--s1:#d55e00;--s2:#009e73;--good:#00795a;--bad:#b34700}
 @media(prefers-color-scheme:dark){:root{--paper:#12151a;--card:#1b2027;--ink:#e8ebef;--soft:#9aa5b1;
---line:#343c47;--s0:#56b4e9;--s1:#f0883e;--good:#2fbf94;--bad:#f0883e}}
+--line:#343c47;--s0:#56b4e9;--s1:#f0883e;--s2:#2fbf94;--good:#2fbf94;--bad:#f0883e}}
 *{box-sizing:border-box}
 body{margin:0 auto;max-width:76rem;padding:1.5rem clamp(.8rem,3vw,2.5rem) 4rem;background:var(--paper);
 color:var(--ink);font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}
@@ -501,7 +501,7 @@ fn miss_table(out: &mut String, data: &ReportData) -> fmt::Result {
 
 /// How a chart's values are mapped to its height.
 #[derive(Clone, Copy, PartialEq)]
-enum Scale {
+pub(crate) enum Scale {
     Linear,
     /// Linear from zero, with the unit's prefix chosen by size.
     Prefixed,
@@ -509,13 +509,13 @@ enum Scale {
     Log,
 }
 
-struct Chart<'a> {
-    title: &'a str,
-    unit: &'a str,
-    scale: Scale,
+pub(crate) struct Chart<'a> {
+    pub(crate) title: &'a str,
+    pub(crate) unit: &'a str,
+    pub(crate) scale: Scale,
     /// Name, empty for an only one, and samples.
-    series: &'a [(&'a str, &'a Series)],
-    limit: Option<(&'a str, f64)>,
+    pub(crate) series: &'a [(&'a str, &'a Series)],
+    pub(crate) limit: Option<(&'a str, f64)>,
 }
 
 // The drawing, in SVG units that are pixels when it is shown at its own width.
@@ -527,7 +527,7 @@ const TOP: f64 = 12.0;
 const BOTTOM: f64 = 38.0;
 
 impl Chart<'_> {
-    fn html(&self, out: &mut String, end_s: f64) -> fmt::Result {
+    pub(crate) fn html(&self, out: &mut String, end_s: f64) -> fmt::Result {
         let usable = |y: f64| y.is_finite() && (self.scale != Scale::Log || y > 0.0);
         let (low, high) = self
             .series
