@@ -760,7 +760,8 @@ fn station_wind(environment: &Environment, r_station_enu_m: DVec3) -> StationWin
         mean_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_agl_m),
         height_agl_m,
         air_density_kgpm3: environment.air_density_kgpm3,
-        gusts: DrydenGust::new(&environment.mean_wind, &mut rng),
+        gusts: DrydenGust::new(&environment.mean_wind, &mut rng)
+            .reaching(environment.weather.gust_mps),
         rng,
         torque_nm: [0.0; 2],
     }
