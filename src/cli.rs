@@ -3,6 +3,7 @@
 use crate::components::clock::SimClock;
 use crate::components::record::History;
 use crate::components::track::Tracker;
+use crate::eval;
 use crate::models::uav::{UavKind, model};
 use crate::run::{self, Options, RunError};
 use crate::scenario::{self, Loaded, Scenario};
@@ -43,6 +44,9 @@ enum Command {
     /// Sweep the loops of a scenario's mount: margins, bandwidths, Bode and step plots, and the
     /// gains that follow.
     Tune(TuneArgs),
+    /// Measure the tracking over many runs and write numbers, pictures and a page.
+    #[command(subcommand)]
+    Eval(EvalCommand),
     /// List the UAV models.
     Models,
     /// Say what this machine offers: graphics adapter, ONNX Runtime, threads.
@@ -53,6 +57,13 @@ enum Command {
         #[arg(long, default_value = "docs")]
         out: PathBuf,
     },
+}
+
+#[derive(Subcommand, Debug)]
+enum EvalCommand {
+    /// Acquisition, tracking and pointing: the paper's Table 2, the jitter budget, manoeuvres,
+    /// occlusion, several targets. Run it where the folder `scenarios` lies.
+    Tracking(eval::Arguments),
 }
 
 #[derive(Args, Debug)]
@@ -125,8 +136,8 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 threads: args.threads,
                 capture: !args.no_capture,
                 out: Some(args.out.clone()),
-                window: false,
                 log: true,
+                ..Options::default()
             };
             let finished = run_headless(&loaded, &options, true)?;
             say!("{}", summary::table(&finished.summary).trim_end());
@@ -174,6 +185,12 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             say!("{}", tuning.table().trim_end());
             let page = tuning.write(&args.out)?;
             say!("page  {}", page.display());
+            Ok(())
+        }
+        Command::Eval(EvalCommand::Tracking(args)) => {
+            let evaluation = eval::tracking(&args)?;
+            say!("{}", evaluation.text().trim_end());
+            say!("page  {}", args.out.join("tracking.html").display());
             Ok(())
         }
         Command::Models => {

@@ -205,6 +205,9 @@ pub struct Options {
     pub window: bool,
     /// Whether Bevy's warnings go to standard error; a process can start its log once only.
     pub log: bool,
+    /// A city generated before, for runs without pictures; one with other parameters than the
+    /// scenario's is not used.
+    pub city: Option<Arc<City>>,
 }
 
 /// Where and when a run ends.
@@ -248,7 +251,7 @@ pub fn check(loaded: &Loaded) -> Result<(), RunError> {
     let scenario = &loaded.scenario;
     let file = loaded.path.display().to_string();
     detector(scenario, scenario.seed)?;
-    environment(scenario, &file, scenario.seed)?;
+    environment(scenario, &file, scenario.seed, None)?;
     for (index, uav) in scenario.uavs.iter().enumerate() {
         flight_plan(loaded, "uavs", index, &uav.trajectory)?;
     }
@@ -294,7 +297,9 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
         tick: 0,
         tick_hz: scenario.tick_hz,
     };
-    let environment = environment(scenario, &file, seed)?;
+    // Baked shadows depend on the sun, and only pictures show them.
+    let city = options.city.clone().filter(|_| !options.capture);
+    let environment = environment(scenario, &file, seed, city)?;
 
     let mut app = App::new();
     app.insert_resource(clock);
@@ -448,7 +453,12 @@ fn detector(scenario: &Scenario, seed: u64) -> Result<Detector, RunError> {
     })
 }
 
-fn environment(scenario: &Scenario, file: &str, seed: u64) -> Result<Environment, RunError> {
+fn environment(
+    scenario: &Scenario,
+    file: &str,
+    seed: u64,
+    city: Option<Arc<City>>,
+) -> Result<Environment, RunError> {
     let value = |what, why: String| RunError::Value {
         file: file.into(),
         what,
@@ -471,11 +481,17 @@ fn environment(scenario: &Scenario, file: &str, seed: u64) -> Result<Environment
     )
     .map_err(|error| value("time_utc", error.to_string()))?;
     let sun_dir_enu = sun.sun_dir_enu();
-    let mut city = City::generate(&scenario.city).map_err(|source| RunError::City {
-        file: file.into(),
-        source,
-    })?;
-    city.bake_shadows(sun_dir_enu);
+    let city = match city.filter(|city| city.params == scenario.city) {
+        Some(city) => city,
+        None => {
+            let mut city = City::generate(&scenario.city).map_err(|source| RunError::City {
+                file: file.into(),
+                source,
+            })?;
+            city.bake_shadows(sun_dir_enu);
+            Arc::new(city)
+        }
+    };
     let mean_height_m = city.buildings.iter().map(|b| b.height_m()).sum::<f64>()
         / (city.buildings.len().max(1)) as f64;
     let day = sun_dir_enu.z > 0.0;
@@ -502,7 +518,7 @@ fn environment(scenario: &Scenario, file: &str, seed: u64) -> Result<Environment
             GROUND_ALBEDO,
         ),
         site,
-        city: Arc::new(city),
+        city,
         weather,
         mean_wind,
         sun_dir_enu,
@@ -736,8 +752,11 @@ fn boresights(
             let mut rng = Stream::new(seed, i as u64, "calibration");
             let centroids =
                 calibration::measure(pinhole, truth.0[i], CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
-            known.0[i] =
-                calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?.rotation_rad;
+            let found = calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?;
+            known.rotation_rad[i] = found.rotation_rad;
+            known.sigma_rad[i] = found.standard_error_rad.truncate().max_element();
+        } else {
+            known.sigma_rad[i] = share * sigma_rad;
         }
     }
     Ok((truth, known))
@@ -753,7 +772,8 @@ fn station_wind(environment: &Environment, r_station_enu_m: DVec3) -> StationWin
         mean_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_agl_m),
         height_agl_m,
         air_density_kgpm3: environment.air_density_kgpm3,
-        gusts: DrydenGust::new(&environment.mean_wind, &mut rng),
+        gusts: DrydenGust::new(&environment.mean_wind, &mut rng)
+            .reaching(environment.weather.gust_mps),
         rng,
         torque_nm: [0.0; 2],
     }

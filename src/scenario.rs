@@ -300,6 +300,7 @@ pub struct Mount {
     /// mode stays.
     pub friction: bool,
     /// First structural mode of either axis, of the load on the locked rotor; 0 is a rigid axis.
+    /// The tuned law's gain sets off a mode below some 12 Hz.
     pub structural_mode_hz: f64,
     /// Backlash of either axis, stop to stop; a direct drive has none.
     pub backlash_urad: f64,
@@ -2305,9 +2306,9 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         let weather = |sets: &[&str]| with(sets).weather.resolved().unwrap();
         let dry = weather(&[]);
         assert_eq!((dry.visibility_m, dry.precipitation_mmph), (20_000.0, 0.0));
-        // 5 mm/h of rain, 0.72838 /km, beside the haze of 20 km.
+        // 5 mm/h of rain, 0.72835 /km, beside the haze of 20 km.
         let rain = weather(&["weather.precipitation_mmph=5"]);
-        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72838);
+        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72835);
         assert!((rain.visibility_m - expected_m).abs() < 0.1, "{rain:?}");
         assert!(!rain.snow);
         let snow = weather(&["weather.precipitation_mmph=5", "weather.temperature_c=-5"]);
@@ -2318,7 +2319,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         let metar = "weather.metar='LSZH 200850Z 24005KT 4000 RA OVC010 09/08 Q1020'";
         assert_eq!(weather(&[metar]).visibility_m, 4000.0);
         let dried = weather(&[metar, "weather.precipitation_mmph=0"]);
-        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72838);
+        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72835);
         assert!(
             (dried.visibility_m / expected_m - 1.0).abs() < 1e-4,
             "{dried:?}"
@@ -2389,6 +2390,12 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert!(
             add("[station.mount]\nbase_motion = 'boat'")
                 .starts_with("s.toml:18: station.mount.base_motion: expected \"quiet\"")
+        );
+        let psd = "[station.mount]\nbase_motion = { psd = [[1.0, 1e-9], [500.0, 1e-12]] }";
+        assert!(add(psd).starts_with("s.toml:18: station.mount.base_motion.psd: found 500, must"));
+        assert!(
+            add("[station.mount]\nstructural_mode_hz = 0\nbacklash_urad = 20")
+                .starts_with("s.toml:19: station.mount.backlash_urad: needs a spring")
         );
         assert_eq!(
             error(&format!("tick_hz = 1000\n{GOOD}"), &[]),

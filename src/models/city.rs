@@ -215,7 +215,8 @@ pub struct City {
     /// Ground albedo over the built square, with the shadows last baked.
     pub ground_map: GroundMap,
     unshaded: GroundMap,
-    params: CityParams,
+    /// What it was generated from.
+    pub params: CityParams,
     river: Option<River>,
 }
 

@@ -41,8 +41,8 @@ const HISTORY: usize = 8;
 pub const MODES: usize = 3;
 /// Longest step of extrapolation within which the mode does not switch [s].
 const STEP_S: f64 = 0.1;
-/// Measurements in a row outside the gate, but along one line, that restart the filter.
-const RESTART_AFTER: usize = 3;
+/// Measurements in a row outside the gate, but near each other, that are believed after all.
+const REACQUIRE_AFTER: u32 = 3;
 
 /// A filter parameter out of its range.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -228,10 +228,11 @@ pub struct LosFilter {
     /// Accepted measurements, oldest first, in exposure order; `len` of them.
     history: [Entry; HISTORY],
     len: usize,
-    /// Measurements since the newest accepted one that the gate refused and that fit each other;
-    /// `refused_len` of them.
-    refused: [Sight; RESTART_AFTER],
-    refused_len: usize,
+    /// Time of the newest measurement that passed the gate [s], the newest one that did not since
+    /// then, and how many in a row did not and fit each other.
+    gated_t_s: f64,
+    refused: Option<Sight>,
+    refusals: u32,
     quality: f64,
     scored_t_s: f64,
 }
@@ -558,8 +559,9 @@ impl LosFilter {
             params,
             history: [entry; HISTORY],
             len: 1,
-            refused: [sight; RESTART_AFTER],
-            refused_len: 0,
+            gated_t_s: t_s,
+            refused: None,
+            refusals: 0,
             quality: 1.0,
             scored_t_s: t_s,
         })
@@ -618,10 +620,10 @@ impl LosFilter {
     /// Offers the measurement of the exposure at `t_exposure_s` (azimuth x, elevation y [rad], of
     /// standard deviation `sigma_rad` on the sky), and scores the frame.
     ///
-    /// A measurement passes the gate on its normalised innovation against the modes' mixture. Three
-    /// in a row that do not, but that fit one straight flight and could be reached since the newest
-    /// accepted one by a target of unknown rate (`initial_rate_sigma_radps`), mean that the model is
-    /// wrong and not the measurements: the filter restarts on them, and the third is accepted.
+    /// A measurement passes the gate on its normalised innovation against the modes' mixture. When
+    /// three in a row do not, but follow each other and the last one that did at a rate that a target
+    /// may have (`initial_rate_sigma_radps`), it is the model that is wrong: from the third on they
+    /// are accepted, until one passes the gate again.
     pub fn update(&mut self, az_el_rad: DVec2, sigma_rad: f64, t_exposure_s: f64) -> Gating {
         let sight = Sight {
             t_s: t_exposure_s,
@@ -637,20 +639,15 @@ impl LosFilter {
         let mut axes = self.params.advance(&before.axes, dt_s);
         let combined = axes.each_ref().map(Belief::combined);
         let nis = normalised_innovation(&combined, &sight, 0.0);
-        if nis.is_nan() || nis > self.params.gate_nis {
-            let reach_rad = self.params.initial_rate_sigma_radps * dt_s;
-            let in_reach =
-                normalised_innovation(&combined, &sight, reach_rad) <= self.params.gate_nis;
-            if in_reach && at == self.len && self.refuse(sight) {
-                self.score(1.0, t_exposure_s);
-                return Gating::Accepted { nis };
-            }
+        if nis <= self.params.gate_nis {
+            self.gated_t_s = self.gated_t_s.max(t_exposure_s);
+            (self.refused, self.refusals) = (None, 0);
+        } else if nis.is_nan() || at < self.len || !self.reacquires(&sight, &combined) {
             self.score(0.0, t_exposure_s);
             return Gating::Rejected { nis };
         }
         correct(&mut axes, &combined, &sight);
         self.insert(at, Entry { axes, sight });
-        self.refused_len = 0;
         self.score(1.0, t_exposure_s);
         Gating::Accepted { nis }
     }
@@ -666,37 +663,22 @@ impl LosFilter {
         self.quality = hit + (self.quality - hit) * (-step_s / self.params.quality_tau_s).exp();
     }
 
-    /// Remembers a refused sight; restarts the filter on the refused ones when there are enough.
-    fn refuse(&mut self, sight: Sight) -> bool {
-        self.refused[self.refused_len] = sight;
-        self.refused_len += 1;
-        let mut entries = self.history;
-        for (n, sight) in self.refused[..self.refused_len].iter().enumerate() {
-            let mut axes = self.params.begin(sight);
-            if n > 0 {
-                let before = &entries[n - 1];
-                let dt_s = sight.t_s - before.sight.t_s;
-                axes = self.params.advance(&before.axes, dt_s.max(0.0));
-                let combined = axes.each_ref().map(Belief::combined);
-                let nis = normalised_innovation(&combined, sight, 0.0);
-                if dt_s < 0.0 || nis > self.params.gate_nis {
-                    // Fits none so far: the first of a new line.
-                    self.refused[0] = self.refused[self.refused_len - 1];
-                    self.refused_len = 1;
-                    return false;
-                }
-                correct(&mut axes, &combined, sight);
-            }
-            let sight = *sight;
-            entries[n] = Entry { axes, sight };
-        }
-        if self.refused_len < RESTART_AFTER {
-            return false;
-        }
-        self.history = entries;
-        self.len = RESTART_AFTER;
-        self.refused_len = 0;
-        true
+    /// Whether to believe a sight that the gate refused: see [`LosFilter::update`].
+    fn reacquires(&mut self, sight: &Sight, combined: &[Axis; 2]) -> bool {
+        let reach = |from_s: f64| self.params.initial_rate_sigma_radps * (sight.t_s - from_s);
+        let gate = self.params.gate_nis;
+        let before = self.refused.replace(*sight);
+        let fits = before.is_some_and(|before| {
+            let noise = before.sigma_rad.hypot(reach(before.t_s));
+            let axes = [before.az_el_rad.x, before.az_el_rad.y].map(|angle| Axis {
+                x: [angle, 0.0, 0.0],
+                ..Axis::ZERO
+            });
+            sight.t_s >= before.t_s && normalised_innovation(&axes, sight, noise) <= gate
+        });
+        self.refusals = if fits { self.refusals + 1 } else { 1 };
+        self.refusals >= REACQUIRE_AFTER
+            && normalised_innovation(combined, sight, reach(self.gated_t_s)) <= gate
     }
 
     /// Puts an entry at index `at` (≥ 1) and replays the later ones.
@@ -1269,7 +1251,7 @@ mod tests {
     }
 
     #[test]
-    fn three_refused_sights_on_one_line_restart_the_filter() {
+    fn three_refused_sights_that_fit_each_other_are_believed() {
         let z = DVec2::new(0.5, 0.2);
         // A turn that no mode holds: 20 mrad/s from one frame to the next.
         let turned = |k: u32| {
@@ -1280,26 +1262,25 @@ mod tests {
             matches!(filter.update(z, SIGMA, t), Gating::Accepted { .. })
         };
         let mut filter = settled(z);
-        let taken = [1, 2, 3, 4, 5, 6].map(|k| offer(&mut filter, turned(k)));
-        assert_eq!(taken, [false, false, true, true, true, true]);
-        let error = filter.predicted(2.0 + 6.0 * DT).az_el_rad() - turned(6).0;
-        assert!(error.length() < 2.0 * SIGMA, "{error}");
+        for k in 1..=60 {
+            // Later ones it overshoots, and must pass the gate anew.
+            let taken = offer(&mut filter, turned(k));
+            assert!(taken == (k >= 3) || k > 10, "{k}");
+        }
+        let error = filter.predicted(2.5).az_el_rad() - turned(60).0;
+        assert!(error.length() < SIGMA, "{error}");
 
         // Sights here and there are clutter, and a jump that no rate explains is something else.
         let mut filter = settled(z);
         for k in 1..=12 {
             let side = [1e-3, -7e-4, 4e-4][k as usize % 3];
-            assert!(!offer(
-                &mut filter,
-                (z + DVec2::new(0.0, side), 2.0 + f64::from(k) * DT)
-            ));
+            let clutter = z + DVec2::new(0.0, side);
+            assert!(!offer(&mut filter, (clutter, 2.0 + f64::from(k) * DT)));
         }
         let mut filter = settled(z);
         for k in 1..=6 {
-            assert!(!offer(
-                &mut filter,
-                (z + DVec2::new(0.0, 0.1), 2.0 + f64::from(k) * DT)
-            ));
+            let jumped = z + DVec2::new(0.0, 0.1);
+            assert!(!offer(&mut filter, (jumped, 2.0 + f64::from(k) * DT)));
         }
     }
 

@@ -10,9 +10,11 @@ use crate::components::track::{
 };
 use crate::components::uav::{Flight, Uav, UavStatus};
 use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el};
+use crate::models::radar::Cue;
 use crate::models::rng::Stream;
 use crate::models::threat::time_to_asset_s;
 use crate::models::tracking::{Look, Occlusion, Sighting, Track, separation_rad};
+use crate::systems::control::Radar;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -136,6 +138,8 @@ fn sightings(
     centre_sigma_px: f64,
 ) -> Vec<Sighting> {
     let ifov_rad = camera.pinhole.ifov_rad();
+    let boresight_rad = batch.pointing.alignment.sigma_rad[batch.tier as usize];
+    let pointing_rad = POINTING_SIGMA_RAD.hypot(boresight_rad);
     batch
         .detections
         .iter()
@@ -144,7 +148,7 @@ fn sightings(
             let [x0, y0, x1, y1] = detection.box_px;
             Sighting {
                 az_el_rad: los_to_az_el(pose.q_enu_cam * ray_cam),
-                sigma_rad: (centre_sigma_px * ifov_rad).hypot(POINTING_SIGMA_RAD),
+                sigma_rad: (centre_sigma_px * ifov_rad).hypot(pointing_rad),
                 size_rad: (x1 - x0).max(y1 - y0) * ifov_rad,
                 score: detection.score,
             }
@@ -359,6 +363,7 @@ pub fn decide(
     clock: Res<SimClock>,
     params: Res<TrackerParams>,
     environment: Res<Environment>,
+    radar: Res<Radar>,
     station: Single<(&Mount, &BeamState)>,
     mut tracker: ResMut<Tracker>,
 ) {
@@ -376,6 +381,9 @@ pub fn decide(
         if let Some((id, threat_s, reason)) = now.candidate(tracker) {
             let reason = format!("track {id} {reason}, could arrive in {threat_s:.0} s");
             tracker.acquire(tick, id, reason);
+            if let (Some(cue), Some(track)) = (radar.cue(now.t_s()), tracker.table.get_mut(id)) {
+                take_radar_range(&cue, track, now.t_s());
+            }
         }
         return;
     }
@@ -403,6 +411,15 @@ pub fn decide(
         )
     {
         compare(&now, tracker);
+    }
+}
+
+/// The range of a cue goes to a track in the same direction.
+fn take_radar_range(cue: &Cue, track: &mut Track, t_s: f64) {
+    const GATE_SIGMAS: f64 = 3.0;
+    let at = track.filter.predicted(t_s).az_el_rad();
+    if separation_rad(at, cue.az_el_rad) < GATE_SIGMAS * cue.sigma_rad.max_element() {
+        track.ranged(cue.range_m, cue.range_sigma_m, t_s);
     }
 }
 

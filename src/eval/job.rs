@@ -1,0 +1,431 @@
+//! One run of an evaluation: a scenario with changes and a seed, watched tick by tick against the truth.
+
+use super::mot::Square;
+use super::statistics::{Hold, Lock, Sums, lock};
+use crate::components::beam::BeamState;
+use crate::components::camera::{Frames, SensorCamera, Tier};
+use crate::components::clock::SimClock;
+use crate::components::environment::Environment;
+use crate::components::record::{History, KeptFrame};
+use crate::components::station::{Mount, MountCommand, Optics};
+use crate::components::track::{Tracker, TrackingState};
+use crate::components::uav::{Flight, Uav};
+use crate::models::city::City;
+use crate::models::dsm::LineOfSight;
+use crate::models::kinematics::{Pose, az_el_to_los, error_angles, los_to_az_el};
+use crate::models::tracking::separation_rad;
+use crate::report::Series;
+use crate::run::{self, Options, RunError};
+use crate::scenario::Scenario;
+use bevy::prelude::*;
+use glam::DVec2;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A run to be made.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Job {
+    /// The scenario file.
+    pub scenario: PathBuf,
+    /// Changes, as `--set` takes them.
+    pub set: Vec<String>,
+    /// Seed.
+    pub seed: u64,
+    /// Whether cameras render.
+    pub capture: bool,
+}
+
+impl Job {
+    /// A run without pictures of a scenario of the folder `scenarios`.
+    pub fn blind(scenario: &str, set: &[&[&str]], seed: u64) -> Self {
+        Self {
+            scenario: PathBuf::from("scenarios").join(scenario),
+            set: set.concat().iter().map(ToString::to_string).collect(),
+            seed,
+            capture: false,
+        }
+    }
+
+    /// Why this job's scenario or changes are no good, if they are not.
+    pub fn refused(&self) -> Option<String> {
+        Scenario::load(&self.scenario, &self.set)
+            .err()
+            .map(|error| error.to_string().lines().next().unwrap_or_default().into())
+    }
+
+    /// The command that makes this run.
+    pub fn command(&self) -> String {
+        let set = self.set.iter().map(|set| format!(" --set '{set}'"));
+        format!(
+            "boresight run {} --seed {}{}{}",
+            self.scenario.display(),
+            self.seed,
+            if self.capture { "" } else { " --no-capture" },
+            set.collect::<String>()
+        )
+    }
+}
+
+/// Time after the first precise lock from which the pointing counts as settled [s].
+pub const SETTLE_S: f64 = 1.0;
+/// A UAV further from the claimed line of sight than this is not what is held [rad].
+const ON_RAD: f64 = 1e-3;
+/// A track is confirmed from this many hits on, and while the last one is this fresh [s].
+const CONFIRMED_HITS: u32 = 6;
+const FRESH_S: f64 = 0.25;
+/// Part of the mirror's stroke beyond which its command counts as saturated.
+const SATURATED: f64 = 0.999;
+
+/// A UAV at the instant of a look, in the coarse camera's full-sensor pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// Its index in the scenario.
+    pub uav: usize,
+    /// About its aim point.
+    pub square: Square,
+    /// Whether the line of sight to it is clear.
+    pub clear: bool,
+    /// Whether its aim point falls on the sensor.
+    pub inside: bool,
+}
+
+/// Truth and tracks at an instant of the coarse camera's clock.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Look {
+    /// The UAVs in front of the camera.
+    pub uavs: Vec<Seen>,
+    /// Confirmed tracks: identity and where they are believed.
+    pub tracks: Vec<(u32, Square)>,
+    /// The locked object.
+    pub locked: Option<(u32, Square)>,
+}
+
+/// What one run showed.
+#[derive(Default)]
+pub struct Observed {
+    /// Time of the first Coarse state [s].
+    pub acquired_s: Option<f64>,
+    /// Whether the first Coarse state was on a UAV.
+    pub acquired_uav: bool,
+    /// Time of the first Precise state [s].
+    pub precise_s: Option<f64>,
+    /// State at the end.
+    pub state: &'static str,
+    /// Miss distance of the coarse and precise camera [px], from the run's history.
+    pub miss_px: [Series; 2],
+    /// Error of the laser's axis from the first UAV's aim point [rad], every tick, settled, while
+    /// a precise track is claimed.
+    pub los_rad: Sums,
+    /// The same of the beam's centre, which wander and jitter move [rad].
+    pub beam_rad: Sums,
+    /// Settled ticks, those with a precise track, those of them with the mirror at its stop.
+    pub ticks: [u64; 3],
+    /// Intervals in which the first UAV was hidden [s].
+    pub hidden_s: Vec<[f64; 2]>,
+    /// Identity of the target and time, at every change.
+    pub targets: Vec<(f64, Option<u32>)>,
+    /// Coarse, precise or engaged on the first UAV with a hit of the last quarter of a second, sampled at the
+    /// coarse camera's rate: time [s], identity, whether precise.
+    pub on_first: Vec<(f64, u32, bool)>,
+    /// What is held, at the coarse camera's rate.
+    pub holds: Vec<Hold>,
+    /// What became of the first lock.
+    pub lock: Lock,
+    /// From the first Coarse state on, at the coarse camera's rate.
+    pub looks: Vec<Look>,
+    /// Last picture of each camera.
+    pub pictures: Vec<KeptFrame>,
+    /// Size [px] and rate [Hz] of the coarse camera.
+    pub coarse: ([u32; 2], u32),
+    /// Angle of a pixel of the precise camera [rad].
+    pub precise_ifov_rad: f64,
+    /// Distance of the first UAV at the end [m].
+    pub range_m: f64,
+}
+
+impl Observed {
+    /// The first miss distances of a camera after the first precise lock [px].
+    pub fn after_lock(&self, tier: usize, frames: usize) -> Series {
+        let from_s = self.precise_s.unwrap_or(f64::INFINITY);
+        let series = self.miss_px[tier].iter();
+        series
+            .filter(|(t_s, _)| *t_s >= from_s)
+            .take(frames)
+            .copied()
+            .collect()
+    }
+
+    /// The interval in which the first UAV was hidden, if there was just one.
+    pub fn occlusion_s(&self) -> Option<[f64; 2]> {
+        match self.hidden_s[..] {
+            [only] => Some(only),
+            _ => None,
+        }
+    }
+}
+
+/// Makes a run to its end.
+pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError> {
+    let loaded = Scenario::load(&job.scenario, &job.set)?;
+    let options = Options {
+        seed: Some(job.seed),
+        capture: job.capture,
+        city,
+        ..Options::default()
+    };
+    let mut app = run::build(&loaded, &options)?;
+    let world = app.world_mut();
+    let mut watch = Watch::new(world, loaded.scenario.uavs.len());
+    loop {
+        let over = run::step(world)?;
+        watch.look(world);
+        if over {
+            break;
+        }
+    }
+    Ok(watch.conclude(world))
+}
+
+type Station = (
+    &'static Mount,
+    &'static MountCommand,
+    &'static Optics,
+    &'static BeamState,
+);
+
+struct Watch {
+    seen: Observed,
+    uavs: QueryState<(&'static Uav, &'static Flight)>,
+    station: QueryState<Station>,
+    cameras: [Option<SensorCamera>; 3],
+    hidden: bool,
+    /// Number of UAVs: what has a higher index is a bird or a balloon.
+    count: usize,
+}
+
+impl Watch {
+    fn new(world: &mut World, count: usize) -> Self {
+        let mut cameras = [None, None, None];
+        for camera in world.query::<&SensorCamera>().iter(world) {
+            cameras[camera.tier as usize] = Some(camera.clone());
+        }
+        Self {
+            seen: Observed::default(),
+            uavs: world.query(),
+            station: world.query(),
+            cameras,
+            hidden: false,
+            count,
+        }
+    }
+
+    fn look(&mut self, world: &World) {
+        let clock = world.resource::<SimClock>();
+        let tracker = world.resource::<Tracker>();
+        let t_s = clock.t_s();
+        let (Ok((mount, command, optics, beam)), Some(coarse)) =
+            (self.station.single(world), &self.cameras[1])
+        else {
+            return;
+        };
+        let seen = &mut self.seen;
+        let held = matches!(
+            tracker.state,
+            TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
+        );
+        let precise = held && tracker.state != TrackingState::Coarse;
+        if seen.targets.last().map_or(Some(None), |last| Some(last.1)) != Some(tracker.target) {
+            seen.targets.push((t_s, tracker.target));
+        }
+        if precise && seen.precise_s.is_none() {
+            seen.precise_s = Some(t_s);
+        }
+        let mut uavs: Vec<(usize, &Flight)> = self
+            .uavs
+            .iter(world)
+            .map(|(uav, flight)| (uav.index, flight))
+            .collect();
+        uavs.sort_unstable_by_key(|(index, _)| *index);
+
+        if let (Some((_, flight)), Some(precise_s)) = (uavs.first(), seen.precise_s)
+            && t_s >= precise_s + SETTLE_S
+        {
+            let los_enu = flight.aim_enu_m() - optics.laser.r_enu_m;
+            seen.range_m = los_enu.length();
+            seen.ticks[0] += 1;
+            if precise {
+                seen.ticks[1] += 1;
+                let error = error_angles(optics.laser.q_enu_cam, los_enu).length();
+                seen.los_rad.push(error);
+                if beam.aimed == Some(0) {
+                    seen.beam_rad.push(beam.offset_m / seen.range_m);
+                }
+                let limit = SATURATED * mount.mirror_params.stroke_rad;
+                let at_stop = command.mirror_rad.abs().max_element() >= limit;
+                seen.ticks[2] += u64::from(at_stop);
+            }
+        }
+        if !clock.tick.is_multiple_of(coarse.period_ticks) {
+            return;
+        }
+
+        let dsm = &world.resource::<Environment>().city.dsm;
+        let clear = |flight: &Flight| {
+            dsm.line_of_sight(mount.r_enu_m, flight.aim_enu_m()) == LineOfSight::Clear
+        };
+        let step_s = clock.at_s(coarse.period_ticks);
+        if let Some((_, flight)) = uavs.first() {
+            let hidden = !clear(flight);
+            match seen.hidden_s.last_mut() {
+                Some(last) if hidden && self.hidden => last[1] = t_s + step_s,
+                _ if hidden => seen.hidden_s.push([t_s, t_s + step_s]),
+                _ => {}
+            }
+            self.hidden = hidden;
+        }
+
+        // Who is on the claimed line of sight: the nearest of all that fly, if it is a UAV.
+        let target = tracker.target_track();
+        let on = target.and_then(|track| {
+            let los = track.filter.predicted(t_s).az_el_rad();
+            uavs.iter()
+                .map(|(index, flight)| {
+                    let at = los_to_az_el(flight.aim_enu_m() - mount.r_enu_m);
+                    (separation_rad(los, at), *index)
+                })
+                .filter(|(separation, _)| *separation < ON_RAD)
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+                .map(|(_, index)| index)
+                .filter(|index| *index < self.count)
+        });
+        seen.holds.push(Hold { t_s, held, on });
+        let fresh = target.is_some_and(|track| track.filter.coast_s(t_s) < FRESH_S);
+        if let (true, true, Some(0), Some(id)) = (held, fresh, on, tracker.target) {
+            seen.on_first.push((t_s, id, precise));
+        }
+        if held && seen.acquired_s.is_none() {
+            seen.acquired_s = Some(t_s);
+            seen.acquired_uav = on.is_some();
+        }
+        if seen.acquired_s.is_none() {
+            return;
+        }
+
+        let frames = world.resource::<Frames>();
+        let exposed = frames.0.iter().find(|frame| frame.tier == Tier::Coarse);
+        let pose = optics.camera(Tier::Coarse);
+        let believed = optics.pointing.believed_pose(mount.r_enu_m, Tier::Coarse);
+        let project =
+            |pose: &Pose, dir_enu| coarse.pinhole.project(pose.q_enu_cam.inverse() * dir_enu);
+        let square = |px: DVec2, side: f64| [px.x, px.y, side];
+        let only_uavs = uavs.iter().filter(|(index, _)| *index < self.count);
+        let uavs = only_uavs.filter_map(|(index, flight)| {
+            let to_uav_m = flight.aim_enu_m() - pose.r_enu_m;
+            let px = project(&pose, to_uav_m)?;
+            let boxed = exposed.and_then(|frame| {
+                let [x0, y0, x1, y1] = frame.truth.iter().find(|s| s.uav == *index)?.box_px;
+                Some((x1 - x0).max(y1 - y0))
+            });
+            Some(Seen {
+                uav: *index,
+                square: square(px, boxed.unwrap_or(0.0)),
+                clear: clear(flight),
+                inside: coarse.pinhole.contains(px),
+            })
+        });
+        let place = |track: &crate::models::tracking::Track| {
+            let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
+            let px = project(&believed, los_enu)?;
+            let side = track.size_rad / coarse.pinhole.ifov_rad();
+            Some((track.id, square(px, side)))
+        };
+        let confirmed = |track: &&crate::models::tracking::Track| {
+            track.total_hits() >= CONFIRMED_HITS && track.filter.coast_s(t_s) < FRESH_S
+        };
+        seen.looks.push(Look {
+            uavs: uavs.collect(),
+            tracks: tracker
+                .table
+                .tracks
+                .iter()
+                .filter(confirmed)
+                .filter_map(place)
+                .filter(|(_, [x, y, _])| coarse.pinhole.contains(DVec2::new(*x, *y)))
+                .collect(),
+            locked: target.filter(|_| held).and_then(place),
+        });
+    }
+
+    fn conclude(mut self, world: &mut World) -> Observed {
+        let clock = *world.resource::<SimClock>();
+        self.seen.state = world.resource::<Tracker>().state.name();
+        let mut history = world.resource_mut::<History>();
+        self.seen.miss_px = [Tier::Coarse, Tier::Precise]
+            .map(|tier| std::mem::take(&mut history.miss_px[tier as usize]));
+        self.seen.pictures = std::mem::take(&mut history.latest)
+            .into_iter()
+            .flatten()
+            .collect();
+        if let [_, Some(coarse), Some(precise)] = &self.cameras {
+            let pinhole = &coarse.pinhole;
+            let rate_hz = u64::from(clock.tick_hz) / coarse.period_ticks.max(1);
+            self.seen.coarse = ([pinhole.width_px, pinhole.height_px], rate_hz as u32);
+            self.seen.precise_ifov_rad = precise.pinhole.ifov_rad();
+        }
+        self.seen.lock = lock(&self.seen.holds);
+        self.seen
+    }
+}
+
+/// Makes all runs, those without pictures on all cores, and returns what they showed in the order
+/// of the jobs; `reduce` keeps what is wanted of each.
+pub fn all<T: Send>(
+    label: &str,
+    jobs: &[Job],
+    city: &Arc<City>,
+    reduce: impl Fn(&Job, Observed) -> Result<T, RunError> + Sync,
+) -> Result<Vec<T>, RunError> {
+    let rendered = jobs.iter().any(|job| job.capture);
+    // Rendered runs share one graphics device and spread their work themselves.
+    let threads = if rendered {
+        1
+    } else {
+        std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+    };
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let slots: Vec<Mutex<Option<Result<T, RunError>>>> =
+        jobs.iter().map(|_| Mutex::new(None)).collect();
+    let work = || {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let (Some(job), Some(slot)) = (jobs.get(index), slots.get(index)) else {
+                break;
+            };
+            let result = observe(job, Some(city.clone())).and_then(|seen| reduce(job, seen));
+            if result.is_err() {
+                // What has not begun need not begin.
+                next.store(jobs.len(), Ordering::Relaxed);
+            }
+            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            if done.is_multiple_of(20) || done == jobs.len() || rendered {
+                super::progress(&format!("{label}: {done} of {} runs", jobs.len()));
+            }
+        }
+    };
+    if threads == 1 {
+        work();
+    } else {
+        std::thread::scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(work);
+            }
+        });
+    }
+    slots
+        .into_iter()
+        .filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner))
+        .collect()
+}
