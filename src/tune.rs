@@ -239,8 +239,10 @@ impl Tuning {
         let show = |x: f64| {
             if x.is_nan() {
                 "-".into()
+            } else if x.abs() < 0.1 {
+                format!("{x:.3e}")
             } else {
-                format!("{x:.4e}")
+                format!("{x:.3}")
             }
         };
         let derived = gains(&PointingLaw::Tuned(self.derived.law));
@@ -313,7 +315,7 @@ impl Tuning {
             out,
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
-             <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<header>\n\
+             <title>{title}</title>\n<style>{STYLE}.name{{white-space:nowrap}}</style>\n</head>\n<body>\n<header>\n\
              <h1>{title}</h1>\n<p class=\"meta\"><span>Axis <code>{axis}</code></span>\
              <span>Latency <code>{:.1} ms</code></span><span>Version <code>{}</code></span></p>\n\
              </header>\n<h2>Margins</h2>\n<div class=\"scroll\"><table>\n<tr><th>Loop</th>\
@@ -326,7 +328,7 @@ impl Tuning {
             title = Escaped(&title),
         )?;
         for [name, rest @ ..] in self.loops.iter().map(cells) {
-            write!(out, "<tr><td>{}</td>", Escaped(&name))?;
+            write!(out, "<tr><td class=\"name\">{}</td>", Escaped(&name))?;
             for cell in rest {
                 write!(out, "<td class=\"n\">{}</td>", Escaped(&cell))?;
             }
@@ -364,7 +366,7 @@ impl Tuning {
 fn cells(measured: &LoopMeasurement) -> [String; 9] {
     let margin = |margin: Option<Margin>, unit: &str| {
         margin.map_or("-".into(), |m| {
-            format!("{:.1} {unit} {:.3} Hz", m.value, m.frequency_hz)
+            format!("{:.1} {unit} {:.1} Hz", m.value, m.frequency_hz)
         })
     };
     let figure =
@@ -378,7 +380,10 @@ fn cells(measured: &LoopMeasurement) -> [String; 9] {
         format!("{:.2}", measured.margins.peak_sensitivity),
         figure(|s| format!("{:.1} ms", 1e3 * s.rise_s)),
         figure(|s| format!("{:.0} %", 1e2 * s.overshoot)),
-        figure(|s| format!("{:.0} ms", 1e3 * s.settling_s)),
+        figure(|s| {
+            s.settling_s
+                .map_or("-".into(), |t| format!("{:.1} ms", 1e3 * t))
+        }),
     ]
 }
 
@@ -430,7 +435,7 @@ fn loop_charts(out: &mut String, measured: &LoopMeasurement) -> fmt::Result {
     let end_s = step.last().map_or(0.0, |last| last.0);
     Chart {
         title: "Step response",
-        unit: "of the step",
+        unit: "share",
         scale: Scale::Linear,
         series: &[("", &step)],
         limit: Some(("step", 1.0)),

@@ -208,8 +208,8 @@ pub struct StepFigures {
     pub rise_s: f64,
     /// Highest excess over the final value, as a share of it.
     pub overshoot: f64,
-    /// Time after which it stays within 2 % of the final value [s].
-    pub settling_s: f64,
+    /// Time after which it stays within 2 % of the final value [s]; none if it does not by the end.
+    pub settling_s: Option<f64>,
 }
 
 /// Figures of a response to a step at time zero, sampled at the ends of ticks of `dt_s`, that has
@@ -229,7 +229,8 @@ pub fn step_figures(samples: &[f64], last: f64, dt_s: f64) -> Option<StepFigures
     Some(StepFigures {
         rise_s,
         overshoot: overshoot.max(0.0),
-        settling_s: outside.map_or(0.0, |k| (k + 1) as f64 * dt_s),
+        settling_s: (outside.map_or(0, |k| k + 1) < samples.len())
+            .then(|| outside.map_or(0.0, |k| (k + 1) as f64 * dt_s)),
     })
 }
 
@@ -357,7 +358,7 @@ mod tests {
         let tau = 0.1;
         let first = step_figures(&samples(&|t| 2.0 - 2.0 * (-t / tau).exp()), 2.0, dt).unwrap();
         assert!((first.rise_s / (tau * 9f64.ln()) - 1.0).abs() < 1e-4);
-        assert!((first.settling_s / (tau * 50f64.ln()) - 1.0).abs() < 1e-3);
+        assert!((first.settling_s.unwrap() / (tau * 50f64.ln()) - 1.0).abs() < 1e-3);
         assert_eq!(first.overshoot, 0.0);
         // Overshoot e^{−πζ/√(1−ζ²)}.
         let (w, z) = (20.0, 0.5f64);
@@ -368,5 +369,9 @@ mod tests {
         let expected = (-std::f64::consts::PI * z / (1.0 - z * z).sqrt()).exp();
         assert!((figures.overshoot - expected).abs() < 1e-5);
         assert!(step_figures(&[0.0, 0.1], 1.0, dt).is_none());
+        assert_eq!(
+            step_figures(&[0.0, 0.95], 1.0, dt).unwrap().settling_s,
+            None
+        );
     }
 }

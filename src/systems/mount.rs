@@ -37,6 +37,13 @@ pub fn turn(
     let rate_radps = base_rate_on_axes(gimbal.azimuth.angle_rad, base.rate_radps());
     let inertia = [params.azimuth.inertia_kg_m2, params.elevation.inertia_kg_m2];
     let mut torque_nm = [0, 1].map(|i| -inertia[i] * (rate_radps[i] - base_rate_radps[i]) / dt_s);
+    // That torque is held over the tick, so it moves the load by the mean of the base's rates; what
+    // the base really turned is a little different, and inertia leaves the load behind by that.
+    let turned_rad = base_rate_on_axes(gimbal.azimuth.angle_rad, base.tilt_rad() - before_rad);
+    let slip_rad =
+        [0, 1].map(|i| 0.5 * dt_s * (rate_radps[i] + base_rate_radps[i]) - turned_rad[i]);
+    gimbal.azimuth.angle_rad += slip_rad[0];
+    gimbal.elevation.angle_rad += slip_rad[1];
     *base_rate_radps = rate_radps;
     if let Some(wind) = wind {
         // The air passes a station that stands still.
