@@ -9,6 +9,7 @@ use crate::components::track::{
     BoresightError, DetectionBatch, DetectionQueue, Operator, Tracker, TrackingState,
 };
 use crate::components::uav::{Flight, Uav, UavStatus};
+use crate::models::dsm::LineOfSight;
 use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el};
 use crate::models::radar::Cue;
 use crate::models::rng::Stream;
@@ -600,6 +601,7 @@ pub struct RangeFinder(pub Stream);
 /// Ranges the UAV on the laser's axis, while the precise camera holds a target.
 pub fn find_range(
     clock: Res<SimClock>,
+    environment: Res<Environment>,
     optics: Single<&Optics>,
     uavs: Query<(&Flight, &UavStatus)>,
     mut finder: ResMut<RangeFinder>,
@@ -621,11 +623,16 @@ pub fn find_range(
     let echo = uavs
         .iter()
         .filter(|(_, status)| **status == UavStatus::Flying)
-        .map(|(flight, _)| pose.q_enu_cam.inverse() * (flight.aim_enu_m() - pose.r_enu_m))
-        .filter(|r_cam_m| r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z)
-        .map(|r_cam_m| r_cam_m.length())
-        .min_by(f64::total_cmp);
-    if let Some(range_m) = echo.filter(|_| held) {
+        .map(|(flight, _)| flight.aim_enu_m())
+        .filter(|r_enu_m| {
+            let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+            r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z
+                && environment.line_of_sight(pose.r_enu_m, *r_enu_m) == LineOfSight::Clear
+        })
+        .map(|r_enu_m| r_enu_m.distance(pose.r_enu_m))
+        .min_by(f64::total_cmp)
+        .filter(|_| held);
+    if let Some(range_m) = echo {
         let measured_m = range_m + RANGE_SIGMA_M * finder.0.normal();
         track.ranged(measured_m, RANGE_SIGMA_M, t_s);
     }
