@@ -2350,11 +2350,11 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         };
         assert!(
             distractor("one", "bird", "trajectory.speed_mps = 9")
-                .starts_with("s.toml:17: distractors[0].name: the name 'one' is taken")
+                .starts_with("s.toml:18: distractors[0].name: the name 'one' is taken")
         );
         assert!(
             distractor("gull", "brid", "trajectory.speed_mps = 9").starts_with(
-                "s.toml:18: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
+                "s.toml:19: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
             )
         );
         assert!(
@@ -2488,7 +2488,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             error(GOOD, &["seed=3", "detctor.kind=truth"]),
             "s.toml: --set detctor.kind=truth: detctor: unknown key - did you mean 'detector'? \
              expected one of name, description, seed, duration_s, tick_hz, site, time_utc, weather, \
-             turbulence, city, station, search, uavs, detector, controller, engage, record"
+             turbulence, city, station, search, uavs, distractors, detector, controller, engage, record"
         );
         assert_eq!(
             error(GOOD, &["uavs.1.model=fpv5"]),
