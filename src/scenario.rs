@@ -873,6 +873,9 @@ pub struct Tracker {
     pub centre_sigma_px: Option<f64>,
     /// Least share of its frames in which the detector must see a track for it to be a UAV.
     pub min_quality: f64,
+    /// Least mean score of a track's detections for it to be a UAV; absent: 0.72 for the truth
+    /// detector, half way between its scores of UAVs and of distractors, and 0 for an ONNX model.
+    pub min_score: Option<f64>,
     /// Another track becomes the target when it could reach the asset sooner by this factor.
     pub switch_ratio: f64,
     /// The protected asset, east, north, up from the site; absent: the station itself.
@@ -885,6 +888,7 @@ impl Default for Tracker {
             rule: None,
             centre_sigma_px: None,
             min_quality: 0.6,
+            min_score: None,
             switch_ratio: 1.5,
             asset_enu_m: None,
         }
@@ -1880,6 +1884,7 @@ impl Tracker {
     fn check(&self, check: &mut Check) {
         check.maybe_within("tracker.centre_sigma_px", self.centre_sigma_px, 0.01..=20.0);
         check.within("tracker.min_quality", self.min_quality, FRACTION);
+        check.maybe_within("tracker.min_score", self.min_score, FRACTION);
         check.within("tracker.switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
     }
 }
