@@ -16,13 +16,15 @@ use crate::models::calibration;
 use crate::models::camera::Pinhole;
 use crate::models::city::City;
 use crate::models::detection::TruthErrors;
+use crate::models::estimation::LosFilterParams;
 use crate::models::geodesy::{Geodetic, SiteFrame};
 use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
 use crate::models::interlock::KeepOut;
+use crate::models::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::pid::PaperLaw;
-use crate::models::pointing::TunedPointing;
+use crate::models::pointing::{HandOver, PointingLaw, TunedPointing};
 use crate::models::radar::RadarErrors;
 use crate::models::rng::Stream;
 use crate::models::search::{SETTLE_S, Sector, SlewLimits, coverage_time_s};
@@ -45,7 +47,7 @@ use crate::scenario::{
     IntensityModel, Loaded, Scenario, ScenarioError,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
-use crate::systems::control::{Controller, PaperController, Radar, SearchScan};
+use crate::systems::control::{Controller, PaperController, PointingController, Radar, SearchScan};
 use crate::systems::detect::Detector;
 use crate::systems::engage::{Burst, Interlocks, Rules};
 use crate::systems::mount::optics_of;
@@ -683,7 +685,17 @@ fn shown(world: &mut World, index: usize, mesh: Arc<UavMesh>, state: &Multirotor
     UavShape::new(mesh)
 }
 
-fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
+/// The mirror of a scenario's mount.
+pub(crate) fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
+    MirrorParams {
+        natural_frequency_hz: mount.mirror_bandwidth_hz,
+        stroke_rad: mount.mirror_range_mrad * 1e-3,
+        ..default()
+    }
+}
+
+/// The gimbal of a scenario's mount, commanded every `dt_s`.
+pub(crate) fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
     let default = GimbalParams::default();
     let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
         let structure = axis
@@ -947,11 +959,7 @@ fn spawn_station(
     params
         .validate()
         .map_err(|error| value("station.mount", error.to_string()))?;
-    let mirror_params = MirrorParams {
-        natural_frequency_hz: station.mount.mirror_bandwidth_hz,
-        stroke_rad: station.mount.mirror_range_mrad * 1e-3,
-        ..default()
-    };
+    let mirror_params = mirror_params(&station.mount);
     let mirror = Mirror::new(&mirror_params, dt_s)
         .map_err(|error| value("station.mount", error.to_string()))?;
     let mut rng = Stream::new(seed, 0, "base motion");
@@ -998,7 +1006,7 @@ fn spawn_station(
     ));
     world.insert_resource(scan);
     world.insert_resource(radar);
-    world.insert_resource(controller(scenario, &mirror_params, dt_s));
+    world.insert_resource(controller(scenario, file, &params, &mirror_params, dt_s)?);
     let engage = &scenario.engage;
     world.insert_resource(tracker_params(scenario, r_station_enu_m));
     world.insert_resource(operator(scenario, clock));
@@ -1025,7 +1033,7 @@ fn spawn_station(
     Ok(())
 }
 
-fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
+pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
     let scenario::Tracker {
         rule,
         centre_sigma_px,
@@ -1103,9 +1111,36 @@ fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
     }
 }
 
-fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controller {
-    match scenario.controller.preset {
-        ControllerPreset::Tuned => Controller::Tuned(TunedPointing::recommended(mirror, dt_s)),
+/// The controller of a scenario for its mount.
+pub(crate) fn controller(
+    scenario: &Scenario,
+    file: &str,
+    gimbal: &GimbalParams,
+    mirror: &MirrorParams,
+    dt_s: f64,
+) -> Result<Controller, RunError> {
+    let refused = |error: String| RunError::Value {
+        file: file.into(),
+        what: "controller",
+        why: error,
+    };
+    let pointing = |law| {
+        Controller::Pointing(Box::new(PointingController {
+            law,
+            hand_over: HandOver::new(mirror.stroke_rad, dt_s),
+        }))
+    };
+    Ok(match scenario.controller.preset {
+        ControllerPreset::Tuned => pointing(PointingLaw::Tuned(
+            TunedPointing::recommended(gimbal, mirror, dt_s)
+                .map_err(|error| refused(error.to_string()))?,
+        )),
+        ControllerPreset::Lqg => {
+            let tau_s = LosFilterParams::default().accel_tau_s;
+            let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), dt_s)
+                .map_err(|error| refused(error.to_string()))?;
+            pointing(PointingLaw::Lqg(law, LqgMemory::default()))
+        }
         ControllerPreset::Paper => {
             let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
                 Some(gains) => PaperLaw {
@@ -1121,7 +1156,7 @@ fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controll
                 law(PaperLaw::PRECISE, scenario.controller.precise),
             )))
         }
-    }
+    })
 }
 
 /// Creates the output folder and the recording in it.

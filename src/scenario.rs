@@ -934,9 +934,11 @@ pub struct Controller {
 pub enum ControllerPreset {
     /// The paper's equations 8 to 10 with its printed gains and its linear pixel-to-angle map.
     Paper,
-    /// Exact pixel-to-angle map, gains tuned for this mount.
+    /// Exact pixel-to-angle map, prediction over the latency, gains tuned for this mount.
     #[default]
     Tuned,
+    /// As tuned, with one optimal regulator for gimbal and mirror.
+    Lqg,
 }
 
 /// Gains of one proportional-integral-derivative loop.
