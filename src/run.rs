@@ -1038,21 +1038,23 @@ pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> Tra
         rule,
         centre_sigma_px,
         min_quality,
+        min_score,
         switch_ratio,
         asset_enu_m,
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.preset == ControllerPreset::Paper;
-    let specified_px = match scenario.detector.kind {
-        DetectorKind::Onnx => 0.5, // [px]
+    let (specified_px, least_score) = match scenario.detector.kind {
+        DetectorKind::Onnx => (0.5, 0.0), // [px], score
         // A filter that counts on no error at all would trust nothing else.
-        DetectorKind::Truth => scenario.detector.truth.noise_px.max(0.02),
+        DetectorKind::Truth => (scenario.detector.truth.noise_px.max(0.02), 0.72),
     };
     TrackerParams {
         nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
         linear_angles: paper,
         centre_sigma_px: centre_sigma_px.unwrap_or(specified_px),
         min_quality,
+        min_score: min_score.unwrap_or(least_score),
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
         lock_radius_px: engage.lock_radius_px,

@@ -873,6 +873,9 @@ pub struct Tracker {
     pub centre_sigma_px: Option<f64>,
     /// Least share of its frames in which the detector must see a track for it to be a UAV.
     pub min_quality: f64,
+    /// Least mean score of a track's detections for it to be a UAV; absent: 0.72 for the truth
+    /// detector, half way between its scores of UAVs and of distractors, and 0 for an ONNX model.
+    pub min_score: Option<f64>,
     /// Another track becomes the target when it could reach the asset sooner by this factor.
     pub switch_ratio: f64,
     /// The protected asset, east, north, up from the site; absent: the station itself.
@@ -885,6 +888,7 @@ impl Default for Tracker {
             rule: None,
             centre_sigma_px: None,
             min_quality: 0.6,
+            min_score: None,
             switch_ratio: 1.5,
             asset_enu_m: None,
         }
@@ -1882,6 +1886,7 @@ impl Tracker {
     fn check(&self, check: &mut Check) {
         check.maybe_within("tracker.centre_sigma_px", self.centre_sigma_px, 0.01..=20.0);
         check.within("tracker.min_quality", self.min_quality, FRACTION);
+        check.maybe_within("tracker.min_score", self.min_score, FRACTION);
         check.within("tracker.switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
     }
 }
@@ -2352,11 +2357,11 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         };
         assert!(
             distractor("one", "bird", "trajectory.speed_mps = 9")
-                .starts_with("s.toml:17: distractors[0].name: the name 'one' is taken")
+                .starts_with("s.toml:18: distractors[0].name: the name 'one' is taken")
         );
         assert!(
             distractor("gull", "brid", "trajectory.speed_mps = 9").starts_with(
-                "s.toml:18: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
+                "s.toml:19: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
             )
         );
         assert!(
@@ -2490,7 +2495,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             error(GOOD, &["seed=3", "detctor.kind=truth"]),
             "s.toml: --set detctor.kind=truth: detctor: unknown key - did you mean 'detector'? \
              expected one of name, description, seed, duration_s, tick_hz, site, time_utc, weather, \
-             turbulence, city, station, search, uavs, detector, controller, engage, record"
+             turbulence, city, station, search, uavs, distractors, detector, controller, engage, record"
         );
         assert_eq!(
             error(GOOD, &["uavs.1.model=fpv5"]),

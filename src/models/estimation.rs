@@ -41,6 +41,8 @@ const HISTORY: usize = 8;
 pub const MODES: usize = 3;
 /// Longest step of extrapolation within which the mode does not switch [s].
 const STEP_S: f64 = 0.1;
+/// Steps of an extrapolation at most; longer ones are then as long as they must be.
+const MAX_STEPS: f64 = 100.0;
 /// Measurements in a row outside the gate, but near each other, that are believed after all.
 const REACQUIRE_AFTER: u32 = 3;
 
@@ -280,7 +282,7 @@ const NOISE_SERIES: [[f64; NOISE_TERMS]; 6] = {
                 two - 2.0,
                 -two,
             ][i];
-            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
             series[i][term] = sign * derivative / factorial;
             term += 1;
         }
@@ -394,7 +396,7 @@ impl LosFilterParams {
     /// Steps of equal length that extrapolate over `dt_s` ≥ 0: their number, the probability κ to
     /// stay in a mode, Singer's model.
     fn steps(&self, dt_s: f64) -> (usize, f64, Singer) {
-        let steps = (dt_s / STEP_S).ceil().max(1.0);
+        let steps = (dt_s / STEP_S).ceil().clamp(1.0, MAX_STEPS);
         let step_s = dt_s / steps;
         (
             steps as usize,
@@ -416,7 +418,7 @@ impl LosFilterParams {
                     let stays = kept * axis.probability[j];
                     let probability = stays + (1.0 - kept) * shares[j];
                     // Interaction: who is in mode j now was in it before, or drew it anew.
-                    let own = stays / probability;
+                    let own = stays / probability.max(f64::MIN_POSITIVE);
                     let mixed = Axis::mixture([own, 1.0 - own], [&axis.modes[j], combined]);
                     axis.probability[j] = probability;
                     axis.modes[j] = model.advance(&mixed, variances[j] * scale * scale);
@@ -1253,6 +1255,14 @@ mod tests {
     #[test]
     fn three_refused_sights_that_fit_each_other_are_believed() {
         let z = DVec2::new(0.5, 0.2);
+        // Two cameras of one exposure time, one of them far off: nothing divides by zero.
+        let mut filter = settled(z);
+        for (side, sigma) in [(0.0, 1e-9), (0.01, 1.0), (0.0, SIGMA)] {
+            filter.update(z + DVec2::new(side, 0.0), sigma, 2.0);
+        }
+        assert!(filter.predicted(2.0).sigma_rad().is_finite());
+        assert!(filter.predicted(1e9).sigma_rad().is_finite());
+
         // A turn that no mode holds: 20 mrad/s from one frame to the next.
         let turned = |k: u32| {
             let t_s = f64::from(k) * DT;

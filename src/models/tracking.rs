@@ -87,7 +87,7 @@ pub struct Track {
     pub last_hit_s: [Option<f64>; 3],
     /// Larger side of its box [rad], smoothed.
     pub size_rad: f64,
-    /// Score of its detections, smoothed.
+    /// Mean score of its detections, of the last twenty or so.
     pub score: f64,
     /// The next time that the city hides it, as far as is foreseen.
     pub occlusion: Option<Occlusion>,
@@ -265,8 +265,9 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 /// Time within which a young track must gather hits: one a miss [s], at most until it counts as
 /// established.
 const ESTABLISHED_HITS: u32 = 30;
-/// Share of the newest sighting in a track's smoothed size and score.
+/// Share of the newest sighting in a track's smoothed size, and the least in its score.
 const SMOOTHING: f64 = 0.2;
+const LEAST_SCORE_SHARE: f64 = 0.05;
 
 impl TrackTable {
     /// The track of an identity.
@@ -529,7 +530,9 @@ impl Track {
         self.last_hit_s[look.tier] = Some(look.t_s);
         self.misses = 0;
         self.size_rad += SMOOTHING * (sighting.size_rad - self.size_rad);
-        self.score += SMOOTHING * (sighting.score - self.score);
+        // The mean of the first ones, so that a candidate is judged by more than its last frame.
+        let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
+        self.score += share * (sighting.score - self.score);
         // A box's side is good to about two standard deviations of its centre.
         let sigma_rel = 2.0 * sighting.sigma_rad / sighting.size_rad.max(sighting.sigma_rad);
         self.range.on_size(sighting.size_rad, sigma_rel, look.t_s);

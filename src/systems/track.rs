@@ -9,6 +9,7 @@ use crate::components::track::{
     BoresightError, DetectionBatch, DetectionQueue, Operator, Tracker, TrackingState,
 };
 use crate::components::uav::{Flight, Uav, UavStatus};
+use crate::models::dsm::LineOfSight;
 use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el};
 use crate::models::radar::Cue;
 use crate::models::rng::Stream;
@@ -30,6 +31,8 @@ pub struct TrackerParams {
     pub centre_sigma_px: f64,
     /// Least share of the frames in which a detector must see what counts as a UAV.
     pub min_quality: f64,
+    /// Least mean score of its detections.
+    pub min_score: f64,
     /// Another track must be nearer to the asset in time by this factor to become the target.
     pub switch_ratio: f64,
     /// What is protected [m].
@@ -40,6 +43,13 @@ pub struct TrackerParams {
     pub lock_dwell_s: f64,
     /// A precise error beyond this ends Engage [px].
     pub break_radius_px: f64,
+}
+
+impl TrackerParams {
+    /// Whether the detector is sure enough that a track is a UAV.
+    fn convinced(&self, track: &Track) -> bool {
+        track.filter.quality() >= self.min_quality && track.score >= self.min_score
+    }
 }
 
 /// Standard deviation of the pointing knowledge [rad].
@@ -63,8 +73,10 @@ const ACQUIRE_TIMEOUT_S: f64 = 3.0;
 const LOST_TIMEOUT_S: f64 = 3.0;
 /// How long another track must have been the greater threat before it becomes the target [s].
 const RIVAL_S: f64 = 1.0;
-/// A held target that the detector sees in less than this share of `min_quality` is none.
-const DOUBT: f64 = 0.6;
+/// A held target that falls short of `min_quality` by this factor, or of `min_score` by this much,
+/// is none.
+const DOUBT_QUALITY: f64 = 0.6;
+const DOUBT_SCORE: f64 = 0.05;
 /// Time for which it must have been held before it is doubted [s].
 const DOUBT_AFTER_S: f64 = 1.0;
 /// A target that has been fired at and sinks this fast [m/s] for this long [s] has been dealt with.
@@ -333,7 +345,7 @@ impl Situation<'_> {
     /// clear sky.
     fn candidate_reason(&self, track: &Track) -> Option<String> {
         let quality = track.filter.quality();
-        if track.total_hits() < CANDIDATE_HITS || quality < self.params.min_quality {
+        if track.total_hits() < CANDIDATE_HITS || !self.params.convinced(track) {
             return None;
         }
         if track.misses > 0 && self.t_s() - track.seen_s() > LOSE_AFTER_S {
@@ -436,11 +448,11 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
     let Some(track) = tracker.target_track() else {
         return;
     };
-    let (id, quality) = (track.id, track.filter.quality());
+    let (id, quality, score) = (track.id, track.filter.quality(), track.score);
     let hidden = track.hidden(now.t_s());
     // The paper's rule has no track to judge by.
     let judged = !params.nearest_to_centre;
-    let convincing = !judged || quality >= params.min_quality;
+    let convincing = !judged || params.convinced(track);
     let hits = tracker.hits_in_state;
     match tracker.state {
         TrackingState::Search => {}
@@ -464,10 +476,12 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                 && !hidden
                 && in_state_s > DOUBT_AFTER_S
                 && now.t_s() - track.seen_s() < LOSE_AFTER_S
-                && quality < DOUBT * params.min_quality =>
+                && (quality < DOUBT_QUALITY * params.min_quality
+                    || score < params.min_score - DOUBT_SCORE) =>
         {
             let reason = format!(
-                "track {id} is no UAV: the detector sees it in {:.0} % of the frames",
+                "track {id} is no UAV: the detector sees it in {:.0} % of the frames, with a mean \
+                 score of {score:.2}",
                 100.0 * quality
             );
             tracker.give_up(tick, true, reason);
@@ -600,6 +614,7 @@ pub struct RangeFinder(pub Stream);
 /// Ranges the UAV on the laser's axis, while the precise camera holds a target.
 pub fn find_range(
     clock: Res<SimClock>,
+    environment: Res<Environment>,
     optics: Single<&Optics>,
     uavs: Query<(&Flight, &UavStatus)>,
     mut finder: ResMut<RangeFinder>,
@@ -621,11 +636,16 @@ pub fn find_range(
     let echo = uavs
         .iter()
         .filter(|(_, status)| **status == UavStatus::Flying)
-        .map(|(flight, _)| pose.q_enu_cam.inverse() * (flight.aim_enu_m() - pose.r_enu_m))
-        .filter(|r_cam_m| r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z)
-        .map(|r_cam_m| r_cam_m.length())
-        .min_by(f64::total_cmp);
-    if let Some(range_m) = echo.filter(|_| held) {
+        .map(|(flight, _)| flight.aim_enu_m())
+        .filter(|r_enu_m| {
+            let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+            r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z
+                && environment.line_of_sight(pose.r_enu_m, *r_enu_m) == LineOfSight::Clear
+        })
+        .map(|r_enu_m| r_enu_m.distance(pose.r_enu_m))
+        .min_by(f64::total_cmp)
+        .filter(|_| held);
+    if let Some(range_m) = echo {
         let measured_m = range_m + RANGE_SIGMA_M * finder.0.normal();
         track.ranged(measured_m, RANGE_SIGMA_M, t_s);
     }
