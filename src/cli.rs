@@ -9,6 +9,7 @@ use crate::run::{self, Options, RunError};
 use crate::scenario::{self, Loaded, Scenario};
 use crate::summary::{self, Finished};
 use crate::systems::view;
+use crate::tune;
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -40,6 +41,9 @@ enum Command {
     View(ViewArgs),
     /// Check a scenario without running it.
     Check(ScenarioArgs),
+    /// Sweep the loops of a scenario's mount: margins, bandwidths, Bode and step plots, and the
+    /// gains that follow.
+    Tune(TuneArgs),
     /// Measure the tracking over many runs and write numbers, pictures and a page.
     #[command(subcommand)]
     Eval(EvalCommand),
@@ -110,6 +114,18 @@ struct ViewArgs {
     screenshot: Option<Vec<String>>,
 }
 
+#[derive(Args, Debug)]
+struct TuneArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Axis of the gimbal.
+    #[arg(long, value_enum, default_value = "azimuth")]
+    axis: tune::AxisName,
+    /// Folder for tune.json and tune.html.
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+}
+
 /// Carries out a command line.
 pub fn run(cli: Cli) -> Result<(), RunError> {
     match cli.command {
@@ -162,6 +178,13 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             let loaded = args.load()?;
             run::check(&loaded)?;
             say!("{}: ok", loaded.path.display());
+            Ok(())
+        }
+        Command::Tune(args) => {
+            let tuning = tune::Tuning::measure(&args.scenario.load()?, args.axis)?;
+            say!("{}", tuning.table().trim_end());
+            let page = tuning.write(&args.out)?;
+            say!("page  {}", page.display());
             Ok(())
         }
         Command::Eval(EvalCommand::Tracking(args)) => {

@@ -14,3 +14,4 @@ pub mod run;
 pub mod scenario;
 pub mod summary;
 pub mod systems;
+pub mod tune;

@@ -446,8 +446,9 @@ fn page_html(out: &mut String, data: &ReportData, jpegs: &[Vec<u8>]) -> fmt::Res
         },
     ];
     let end_s = end_of_run_s(data);
+    let across = Across::time("simulated time [s]", end_s);
     for chart in &charts {
-        chart.html(out, end_s)?;
+        chart.html(out, &across)?;
     }
     out.push_str("</div>\n<h2>States</h2>\n");
     states_html(out, &data.states, end_s)?;
@@ -518,6 +519,33 @@ pub(crate) struct Chart<'a> {
     pub(crate) limit: Option<(&'a str, f64)>,
 }
 
+/// What a chart's values are drawn over.
+pub(crate) struct Across<'a> {
+    label: &'a str,
+    axis: Axis,
+}
+
+impl<'a> Across<'a> {
+    /// Time from zero [s].
+    pub(crate) fn time(label: &'a str, end_s: f64) -> Self {
+        let axis = Axis {
+            log: false,
+            low: 0.0,
+            high: end_s.max(f64::MIN_POSITIVE),
+            ticks: linear_ticks(0.0, end_s, 6),
+        };
+        Self { label, axis }
+    }
+
+    /// Frequency, logarithmic [Hz].
+    pub(crate) fn frequency(low_hz: f64, high_hz: f64) -> Self {
+        Self {
+            label: "frequency [Hz]",
+            axis: Axis::log(low_hz, high_hz),
+        }
+    }
+}
+
 // The drawing, in SVG units that are pixels when it is shown at its own width.
 const WIDTH: f64 = 480.0;
 const HEIGHT: f64 = 230.0;
@@ -527,7 +555,7 @@ const TOP: f64 = 12.0;
 const BOTTOM: f64 = 38.0;
 
 impl Chart<'_> {
-    pub(crate) fn html(&self, out: &mut String, end_s: f64) -> fmt::Result {
+    pub(crate) fn html(&self, out: &mut String, across: &Across) -> fmt::Result {
         let usable = |y: f64| y.is_finite() && (self.scale != Scale::Log || y > 0.0);
         let (low, high) = self
             .series
@@ -574,12 +602,12 @@ impl Chart<'_> {
             return Ok(());
         }
         let axis = Axis::new(self.scale, low / factor, high / factor);
-        let x_of = |t: f64| LEFT + t / end_s.max(f64::MIN_POSITIVE) * (WIDTH - LEFT - RIGHT);
+        let x_of = |t: f64| LEFT + across.axis.place(t) * (WIDTH - LEFT - RIGHT);
         let y_of = |y: f64| HEIGHT - BOTTOM - axis.place(y) * (HEIGHT - TOP - BOTTOM);
         writeln!(
             out,
-            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{} over time\">",
-            self.title
+            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{} over {}\">",
+            self.title, across.label
         )?;
         for (y, label) in &axis.ticks {
             let py = y_of(*y);
@@ -593,8 +621,8 @@ impl Chart<'_> {
             )?;
         }
         let floor = HEIGHT - BOTTOM;
-        for (t, label) in linear_ticks(0.0, end_s, 6) {
-            let px = x_of(t);
+        for (t, label) in &across.axis.ticks {
+            let px = x_of(*t);
             writeln!(
                 out,
                 "<line class=\"grid\" x1=\"{px:.1}\" x2=\"{px:.1}\" y1=\"{floor}\" y2=\"{}\"/>\
@@ -605,9 +633,10 @@ impl Chart<'_> {
         }
         writeln!(
             out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">simulated time [s]</text>",
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
             (LEFT + WIDTH - RIGHT) / 2.0,
-            HEIGHT - 4.0
+            HEIGHT - 4.0,
+            across.label
         )?;
         if let Some((_, y)) = self.limit {
             let py = y_of(y / factor);

@@ -16,13 +16,15 @@ use crate::models::calibration;
 use crate::models::camera::Pinhole;
 use crate::models::city::City;
 use crate::models::detection::TruthErrors;
+use crate::models::estimation::LosFilterParams;
 use crate::models::geodesy::{Geodetic, SiteFrame};
 use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
 use crate::models::interlock::KeepOut;
+use crate::models::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::pid::PaperLaw;
-use crate::models::pointing::TunedPointing;
+use crate::models::pointing::{HandOver, PointingLaw, TunedPointing};
 use crate::models::radar::RadarErrors;
 use crate::models::rng::Stream;
 use crate::models::search::{SETTLE_S, Sector, SlewLimits, coverage_time_s};
@@ -45,7 +47,7 @@ use crate::scenario::{
     IntensityModel, Loaded, Scenario, ScenarioError,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
-use crate::systems::control::{Controller, PaperController, Radar, SearchScan};
+use crate::systems::control::{Controller, PaperController, PointingController, Radar, SearchScan};
 use crate::systems::detect::Detector;
 use crate::systems::engage::{Burst, Interlocks, Rules};
 use crate::systems::mount::optics_of;
@@ -683,7 +685,17 @@ fn shown(world: &mut World, index: usize, mesh: Arc<UavMesh>, state: &Multirotor
     UavShape::new(mesh)
 }
 
-fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
+/// The mirror of a scenario's mount.
+pub(crate) fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
+    MirrorParams {
+        natural_frequency_hz: mount.mirror_bandwidth_hz,
+        stroke_rad: mount.mirror_range_mrad * 1e-3,
+        ..default()
+    }
+}
+
+/// The gimbal of a scenario's mount, commanded every `dt_s`.
+pub(crate) fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
     let default = GimbalParams::default();
     let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
         let structure = axis
@@ -740,8 +752,11 @@ fn boresights(
             let mut rng = Stream::new(seed, i as u64, "calibration");
             let centroids =
                 calibration::measure(pinhole, truth.0[i], CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
-            known.0[i] =
-                calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?.rotation_rad;
+            let found = calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?;
+            known.rotation_rad[i] = found.rotation_rad;
+            known.sigma_rad[i] = found.standard_error_rad.truncate().max_element();
+        } else {
+            known.sigma_rad[i] = share * sigma_rad;
         }
     }
     Ok((truth, known))
@@ -757,7 +772,8 @@ fn station_wind(environment: &Environment, r_station_enu_m: DVec3) -> StationWin
         mean_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_agl_m),
         height_agl_m,
         air_density_kgpm3: environment.air_density_kgpm3,
-        gusts: DrydenGust::new(&environment.mean_wind, &mut rng),
+        gusts: DrydenGust::new(&environment.mean_wind, &mut rng)
+            .reaching(environment.weather.gust_mps),
         rng,
         torque_nm: [0.0; 2],
     }
@@ -807,7 +823,7 @@ fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
         settle_s: SETTLE_S,
     };
     format!(
-        "{} of {} gazes, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
+        "{} pattern, gazes: {}, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
         scan.pattern.name(),
         scan.gazes_rad.len(),
         scan.area.width_rad.to_degrees(),
@@ -943,11 +959,7 @@ fn spawn_station(
     params
         .validate()
         .map_err(|error| value("station.mount", error.to_string()))?;
-    let mirror_params = MirrorParams {
-        natural_frequency_hz: station.mount.mirror_bandwidth_hz,
-        stroke_rad: station.mount.mirror_range_mrad * 1e-3,
-        ..default()
-    };
+    let mirror_params = mirror_params(&station.mount);
     let mirror = Mirror::new(&mirror_params, dt_s)
         .map_err(|error| value("station.mount", error.to_string()))?;
     let mut rng = Stream::new(seed, 0, "base motion");
@@ -994,7 +1006,7 @@ fn spawn_station(
     ));
     world.insert_resource(scan);
     world.insert_resource(radar);
-    world.insert_resource(controller(scenario, &mirror_params, dt_s));
+    world.insert_resource(controller(scenario, file, &params, &mirror_params, dt_s)?);
     let engage = &scenario.engage;
     world.insert_resource(tracker_params(scenario, r_station_enu_m));
     world.insert_resource(operator(scenario, clock));
@@ -1021,26 +1033,28 @@ fn spawn_station(
     Ok(())
 }
 
-fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
+pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
     let scenario::Tracker {
         rule,
         centre_sigma_px,
         min_quality,
+        min_score,
         switch_ratio,
         asset_enu_m,
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.preset == ControllerPreset::Paper;
-    let specified_px = match scenario.detector.kind {
-        DetectorKind::Onnx => 0.5, // [px]
+    let (specified_px, least_score) = match scenario.detector.kind {
+        DetectorKind::Onnx => (0.5, 0.0), // [px], score
         // A filter that counts on no error at all would trust nothing else.
-        DetectorKind::Truth => scenario.detector.truth.noise_px.max(0.02),
+        DetectorKind::Truth => (scenario.detector.truth.noise_px.max(0.02), 0.72),
     };
     TrackerParams {
         nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
         linear_angles: paper,
         centre_sigma_px: centre_sigma_px.unwrap_or(specified_px),
         min_quality,
+        min_score: min_score.unwrap_or(least_score),
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
         lock_radius_px: engage.lock_radius_px,
@@ -1097,9 +1111,36 @@ fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
     }
 }
 
-fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controller {
-    match scenario.controller.preset {
-        ControllerPreset::Tuned => Controller::Tuned(TunedPointing::recommended(mirror, dt_s)),
+/// The controller of a scenario for its mount.
+pub(crate) fn controller(
+    scenario: &Scenario,
+    file: &str,
+    gimbal: &GimbalParams,
+    mirror: &MirrorParams,
+    dt_s: f64,
+) -> Result<Controller, RunError> {
+    let refused = |error: String| RunError::Value {
+        file: file.into(),
+        what: "controller",
+        why: error,
+    };
+    let pointing = |law| {
+        Controller::Pointing(Box::new(PointingController {
+            law,
+            hand_over: HandOver::new(mirror.stroke_rad, dt_s),
+        }))
+    };
+    Ok(match scenario.controller.preset {
+        ControllerPreset::Tuned => pointing(PointingLaw::Tuned(
+            TunedPointing::recommended(gimbal, mirror, dt_s)
+                .map_err(|error| refused(error.to_string()))?,
+        )),
+        ControllerPreset::Lqg => {
+            let tau_s = LosFilterParams::default().accel_tau_s;
+            let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), dt_s)
+                .map_err(|error| refused(error.to_string()))?;
+            pointing(PointingLaw::Lqg(law, LqgMemory::default()))
+        }
         ControllerPreset::Paper => {
             let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
                 Some(gains) => PaperLaw {
@@ -1115,7 +1156,7 @@ fn controller(scenario: &Scenario, mirror: &MirrorParams, dt_s: f64) -> Controll
                 law(PaperLaw::PRECISE, scenario.controller.precise),
             )))
         }
-    }
+    })
 }
 
 /// Creates the output folder and the recording in it.

@@ -300,6 +300,7 @@ pub struct Mount {
     /// mode stays.
     pub friction: bool,
     /// First structural mode of either axis, of the load on the locked rotor; 0 is a rigid axis.
+    /// The tuned law's gain sets off a mode below some 12 Hz.
     pub structural_mode_hz: f64,
     /// Backlash of either axis, stop to stop; a direct drive has none.
     pub backlash_urad: f64,
@@ -872,6 +873,9 @@ pub struct Tracker {
     pub centre_sigma_px: Option<f64>,
     /// Least share of its frames in which the detector must see a track for it to be a UAV.
     pub min_quality: f64,
+    /// Least mean score of a track's detections for it to be a UAV; absent: 0.72 for the truth
+    /// detector, half way between its scores of UAVs and of distractors, and 0 for an ONNX model.
+    pub min_score: Option<f64>,
     /// Another track becomes the target when it could reach the asset sooner by this factor.
     pub switch_ratio: f64,
     /// The protected asset, east, north, up from the site; absent: the station itself.
@@ -884,6 +888,7 @@ impl Default for Tracker {
             rule: None,
             centre_sigma_px: None,
             min_quality: 0.6,
+            min_score: None,
             switch_ratio: 1.5,
             asset_enu_m: None,
         }
@@ -929,9 +934,11 @@ pub struct Controller {
 pub enum ControllerPreset {
     /// The paper's equations 8 to 10 with its printed gains and its linear pixel-to-angle map.
     Paper,
-    /// Exact pixel-to-angle map, gains tuned for this mount.
+    /// Exact pixel-to-angle map, prediction over the latency, gains tuned for this mount.
     #[default]
     Tuned,
+    /// As tuned, with one optimal regulator for gimbal and mirror.
+    Lqg,
 }
 
 /// Gains of one proportional-integral-derivative loop.
@@ -1879,6 +1886,7 @@ impl Tracker {
     fn check(&self, check: &mut Check) {
         check.maybe_within("tracker.centre_sigma_px", self.centre_sigma_px, 0.01..=20.0);
         check.within("tracker.min_quality", self.min_quality, FRACTION);
+        check.maybe_within("tracker.min_score", self.min_score, FRACTION);
         check.within("tracker.switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
     }
 }
@@ -2303,9 +2311,9 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         let weather = |sets: &[&str]| with(sets).weather.resolved().unwrap();
         let dry = weather(&[]);
         assert_eq!((dry.visibility_m, dry.precipitation_mmph), (20_000.0, 0.0));
-        // 5 mm/h of rain, 0.72838 /km, beside the haze of 20 km.
+        // 5 mm/h of rain, 0.72835 /km, beside the haze of 20 km.
         let rain = weather(&["weather.precipitation_mmph=5"]);
-        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72838);
+        let expected_m = 3912.0 / (3.912 / 20.0 + 0.72835);
         assert!((rain.visibility_m - expected_m).abs() < 0.1, "{rain:?}");
         assert!(!rain.snow);
         let snow = weather(&["weather.precipitation_mmph=5", "weather.temperature_c=-5"]);
@@ -2316,7 +2324,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         let metar = "weather.metar='LSZH 200850Z 24005KT 4000 RA OVC010 09/08 Q1020'";
         assert_eq!(weather(&[metar]).visibility_m, 4000.0);
         let dried = weather(&[metar, "weather.precipitation_mmph=0"]);
-        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72838);
+        let expected_m = 3912.0 / (3.912 / 4.0 - 0.72835);
         assert!(
             (dried.visibility_m / expected_m - 1.0).abs() < 1e-4,
             "{dried:?}"
@@ -2349,11 +2357,11 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         };
         assert!(
             distractor("one", "bird", "trajectory.speed_mps = 9")
-                .starts_with("s.toml:17: distractors[0].name: the name 'one' is taken")
+                .starts_with("s.toml:18: distractors[0].name: the name 'one' is taken")
         );
         assert!(
             distractor("gull", "brid", "trajectory.speed_mps = 9").starts_with(
-                "s.toml:18: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
+                "s.toml:19: distractors[0].kind: unknown kind 'brid' - did you mean 'bird'?"
             )
         );
         assert!(
@@ -2387,6 +2395,12 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         assert!(
             add("[station.mount]\nbase_motion = 'boat'")
                 .starts_with("s.toml:18: station.mount.base_motion: expected \"quiet\"")
+        );
+        let psd = "[station.mount]\nbase_motion = { psd = [[1.0, 1e-9], [500.0, 1e-12]] }";
+        assert!(add(psd).starts_with("s.toml:18: station.mount.base_motion.psd: found 500, must"));
+        assert!(
+            add("[station.mount]\nstructural_mode_hz = 0\nbacklash_urad = 20")
+                .starts_with("s.toml:19: station.mount.backlash_urad: needs a spring")
         );
         assert_eq!(
             error(&format!("tick_hz = 1000\n{GOOD}"), &[]),
@@ -2426,7 +2440,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             let zone = format!("[engage]\nkeep_out = [{{ name = 'c', {broken} }}]");
             let message = error(&format!("{GOOD}{zone}"), &[]);
             assert!(
-                message.starts_with("s.toml:19: engage.keep_out[0]: give either azimuth_deg"),
+                message.starts_with("s.toml:18: engage.keep_out[0]: give either azimuth_deg"),
                 "{message}"
             );
         }
@@ -2481,7 +2495,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             error(GOOD, &["seed=3", "detctor.kind=truth"]),
             "s.toml: --set detctor.kind=truth: detctor: unknown key - did you mean 'detector'? \
              expected one of name, description, seed, duration_s, tick_hz, site, time_utc, weather, \
-             turbulence, city, station, search, uavs, detector, controller, engage, record"
+             turbulence, city, station, search, uavs, distractors, detector, controller, engage, record"
         );
         assert_eq!(
             error(GOOD, &["uavs.1.model=fpv5"]),

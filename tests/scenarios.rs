@@ -682,7 +682,7 @@ fn distractors_are_recorded_and_never_counted() {
 [[distractors]]
 name = "gull"
 kind = "bird"
-trajectory = { kind = "orbit", centre_enu_m = [-150.0, 150.0, 90.0], radius_m = 30.0, speed_mps = 11.0 }
+trajectory = { kind = "orbit", centre_enu_m = [-150.0, 150.0, 90.0], radius_m = 6.0, speed_mps = 6.0 }
 
 [[distractors]]
 name = "party"
@@ -726,7 +726,7 @@ trajectory = { kind = "hover", position_enu_m = [-150.0, 150.0, 90.0] }
     assert!(gulls.len() > 100 && gulls.iter().all(|state| state.status == "bird"));
     for state in gulls {
         let out = at(state) - DVec3::new(-150.0, 150.0, 90.0);
-        assert!((out.truncate().length() - 30.0).abs() < 1e-6, "{out}");
+        assert!((out.truncate().length() - 6.0).abs() < 1e-6, "{out}");
         assert!(out.z.abs() < 0.03, "{out}");
     }
     let party: Vec<_> = of("party").collect();
@@ -926,6 +926,49 @@ fn a_rendered_uav_is_where_the_truth_has_it() {
     );
     assert!(pictures_px.len() >= 10, "{} pictures", pictures_px.len());
     assert!(shift_px.length() < 0.33, "{shift_px}");
+}
+
+#[test]
+fn a_rendered_bird_is_where_the_truth_has_it() {
+    let _one = rendering();
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let overrides = [
+        "detector.kind=truth",
+        "detector.truth.distractor_rate=1",
+        "engage.authorised=false",
+        "station.position_enu_m=[0, 0, 48]",
+        "search.pattern=stare",
+        "uavs=[]",
+        "distractors=[{ name = 'gull', kind = 'bird', trajectory = { kind = 'hover', \
+         position_enu_m = [-105.5, 105.5, 63.7], heading_deg = 30 } }]",
+    ];
+    let loaded = Scenario::load(&path, &overrides.map(String::from)).unwrap();
+    let all = rendered(&loaded, 0.6);
+    assert!(all.len() > 20, "{} frames", all.len());
+    let mut heights_px = Vec::new();
+    for seen in &all {
+        assert!(seen.geometric.distractor);
+        let truth = &seen.rendered;
+        assert!(truth.visible_fraction > 0.9, "{}", truth.visible_fraction);
+        let (id, projected) = (truth.box_px.unwrap(), seen.geometric.box_px);
+        for edge in 0..4 {
+            let outward = if edge < 2 {
+                projected[edge] - id[edge]
+            } else {
+                id[edge] - projected[edge]
+            };
+            // A wing's chord is left out of the sweep that its tip goes through.
+            assert!(outward < 1.5, "{id:?} leaves {projected:?}");
+            assert!((id[edge] - seen.fine_box_px[edge]).abs() < 3.0);
+        }
+        if seen.frame.tier.name() == "stv" {
+            heights_px.push(id[3] - id[1]);
+        }
+    }
+    // The wings beat.
+    let most = heights_px.iter().copied().fold(0.0, f64::max);
+    let least = heights_px.iter().copied().fold(f64::MAX, f64::min);
+    assert!(most > 1.5 * least, "{heights_px:?}");
 }
 
 /// A place behind a building of the demo's city, well below the line to its roof.

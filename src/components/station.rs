@@ -122,7 +122,7 @@ impl Pointing {
             az,
             el,
             mirror_rad,
-            self.alignment.0[tier as usize],
+            self.alignment.rotation_rad[tier as usize],
         )
     }
 }
@@ -145,17 +145,21 @@ impl Optics {
     }
 }
 
-/// What the station holds for the boresights of its cameras [rad]: rotation vectors against the
-/// laser in camera axes, in the order of [`Tier::ALL`].
+/// What the station holds for the boresights of its cameras, in the order of [`Tier::ALL`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Alignment(pub [DVec3; 3]);
+pub struct Alignment {
+    /// Rotation vectors against the laser in camera axes [rad].
+    pub rotation_rad: [DVec3; 3],
+    /// Their standard errors across the line of sight, per axis [rad].
+    pub sigma_rad: [f64; 3],
+}
 
 impl Alignment {
     /// Where a camera of `tier` would show the laser's axis [px], by what the station knows; for
     /// the cameras on the gimbal with the mirror at its centre.
     pub fn reticle_px(&self, pinhole: &Pinhole, tier: Tier) -> DVec2 {
         pinhole
-            .project(exp_so3(-self.0[tier as usize]) * DVec3::Z)
+            .project(exp_so3(-self.rotation_rad[tier as usize]) * DVec3::Z)
             .unwrap_or(pinhole.centre_px())
     }
 }
@@ -179,7 +183,10 @@ mod tests {
             (DVec3::ZERO, DVec2::new(30e-6, 40e-6)),
             (truth, DVec2::ZERO),
         ] {
-            let alignment = Alignment([DVec3::ZERO, DVec3::ZERO, known]);
+            let alignment = Alignment {
+                rotation_rad: [DVec3::ZERO, DVec3::ZERO, known],
+                ..default()
+            };
             let at = DVec2::new(0.4, 0.2);
             let pose = |misalignment| {
                 boresight_chain(

@@ -3,7 +3,7 @@
 use super::statistics::DWELL_S;
 use super::{Evaluation, Manoeuvre, Pointing, Table2, mot};
 use crate::recording::encode_jpeg;
-use crate::report::{Chart, Escaped, MissStats, STYLE, Scale, Series};
+use crate::report::{Across, Chart, Escaped, MissStats, STYLE, Scale, Series};
 use crate::run::RunError;
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use std::fmt::{self, Write as _};
@@ -265,7 +265,7 @@ fn table2(out: &mut String, pictures: &mut Pictures, evaluation: &Evaluation) ->
                 series: &series,
                 limit: None,
             };
-            chart.html(&mut figure, end_s)?;
+            chart.html(&mut figure, &Across::time("simulated time [s]", end_s))?;
             let name = format!("{}-{}-{}-{camera}.svg", row.cameras, row.uav, row.detector);
             pictures.extend(standalone(&chart, &figure).map(|svg| (name, svg)));
             out.push_str(&figure);

@@ -214,6 +214,27 @@ mod tests {
     }
 
     #[test]
+    fn eq_8_exact_versus_linear_is_the_closed_form() {
+        // At the share s of the half width: exact atan(s tan(h/2)), linear s h/2.
+        for (hfov_deg, half_way_error_deg) in [(30.0, 0.1307), (120.0, 10.8934)] {
+            let camera = Pinhole::from_hfov(640, 480, hfov_deg * DEGREE).unwrap();
+            let half = 0.5 * hfov_deg * DEGREE;
+            for share in [-0.9, -0.3, 0.1, 0.5, 0.8] {
+                let px = camera.centre_px() + DVec2::new(320.0 * share, 0.0);
+                let error = camera.angles(px).x - camera.angles_linear(px).x;
+                let expected = (share * half.tan()).atan() - share * half;
+                assert!((error - expected).abs() < 1e-14, "{hfov_deg} {share}");
+                if share == 0.5 {
+                    assert!(
+                        (error / DEGREE - half_way_error_deg).abs() < 1e-4,
+                        "{error}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
     fn linear_eq_8_holds_in_a_narrow_field_and_fails_in_a_wide_one() {
         // Half way to the edge: exact atan(½ tan(h/2)), linear h/4.
         let half_way = |camera: &Pinhole| {

@@ -721,7 +721,8 @@ impl Plant {
 mod tests {
     use super::*;
     use crate::models::estimation::LosState;
-    use crate::models::pointing::{PointingInput, TunedPointing};
+    use crate::models::mirror::MirrorParams;
+    use crate::models::pointing::{HandOver, PointingInput, TunedPointing};
 
     const DT: f64 = 1.0 / 960.0;
 
@@ -1174,6 +1175,8 @@ mod tests {
             },
             gimbal_az_el_rad: state.encoder_az_el_rad(),
             gimbal_rates_radps: state.gyro_rates_radps(),
+            mirror_rad: DVec2::ZERO,
+            mirror_rates_radps: DVec2::ZERO,
             base_tilt_rad: DVec3::ZERO,
             base_rate_radps: DVec3::ZERO,
         }
@@ -1196,10 +1199,13 @@ mod tests {
         };
         let (hunt_rad, reversals) = hunting(&params, pid);
         assert!(hunt_rad > 1e-3 && reversals > 20, "{hunt_rad} {reversals}");
+        let mirror = MirrorParams::default();
+        let law = TunedPointing::recommended(&params, &mirror, DT).unwrap();
         let cascade = |params: GimbalParams| {
+            let mut hand_over = HandOver::new(mirror.stroke_rad, DT);
             hunting(&params, |state| {
                 // A still target through the tuned law.
-                let output = TunedPointing::default().command(&params, &input(state));
+                let output = law.command(&mut hand_over, &params, &input(state));
                 let [az, el] = output.gimbal.rate_radps;
                 state.elevation.torque_nm =
                     servo_torque(&mut state.elevation, &params.elevation, el, DT);

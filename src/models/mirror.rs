@@ -157,7 +157,7 @@ mod tests {
     use super::*;
     use crate::models::estimation::LosState;
     use crate::models::gimbal::{self, GimbalParams, GimbalState};
-    use crate::models::pointing::{PointingInput, TunedPointing};
+    use crate::models::pointing::{HandOver, PointingInput, TunedPointing};
     use glam::DVec3;
 
     const DT: f64 = 1.0 / 960.0;
@@ -223,11 +223,14 @@ mod tests {
     #[test]
     fn a_constant_offset_bleeds_from_the_mirror_into_the_gimbal() {
         let (gimbal, offset_rad) = (GimbalParams::default(), 2e-3);
-        let law = TunedPointing::default();
+        let params = MirrorParams::default();
+        let law = TunedPointing::recommended(&gimbal, &params, DT).unwrap();
+        let mut hand_over = HandOver::new(params.stroke_rad, DT);
         let mut state = GimbalState::default();
         let mut mirror = Mirror::new(&MirrorParams::default(), DT).unwrap();
         for k in 1..=960 * 2 {
             let output = law.command(
+                &mut hand_over,
                 &gimbal,
                 &PointingInput {
                     los: LosState {
@@ -242,6 +245,8 @@ mod tests {
                     },
                     gimbal_az_el_rad: state.encoder_az_el_rad(),
                     gimbal_rates_radps: state.gyro_rates_radps(),
+                    mirror_rad: mirror.deflection_rad(),
+                    mirror_rates_radps: mirror.rate_radps(),
                     base_tilt_rad: DVec3::ZERO,
                     base_rate_radps: DVec3::ZERO,
                 },

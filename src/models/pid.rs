@@ -1,4 +1,4 @@
-//! PID laws: a general one with anti-windup, and the paper's (eqs. 9 and 10).
+//! The paper's PID laws (eqs. 9 and 10).
 //!
 //! Signs: a tracking error is the target's angle from the boresight, x right and y down positive
 //! (see [`crate::models::camera`]), so `u` has the sign of the turn that removes it. In the printed
@@ -6,9 +6,11 @@
 //! u_x about its y axis, no roll. About `cam` (y down) a positive turn about x looks *up*, so the
 //! rotation vector used here is (−u_y, u_x, 0).
 //!
-//! The paper sets the camera's attitude directly, without dynamics. Boresight hands the same
-//! increment to a real servo: [`increment_to_axis_rates`] times the frame rate is the rate command
-//! that makes the increment happen within one frame.
+//! The paper sets the camera's attitude directly, without dynamics. Boresight computes that very
+//! attitude, by the printed quaternion update, and gives it to real servos: of eq. 9 the gimbal gets
+//! the rates that reach it within one frame ([`coarse_axis_rates`]), of eq. 10 the mirror the
+//! deflection that looks there ([`precise_mirror`]). An update may also roll the camera a little about
+//! its axis; a two-axis mount cannot follow that, and the boresight does not need it.
 //!
 //! The paper prints no unit for the error; eqs. 9 and 10 are used in radians. Note that eq. 10
 //! multiplies by Δt in its attitude update while eq. 9 does not: with Δt in seconds the precise loop
@@ -19,50 +21,8 @@ use glam::{DQuat, DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::models::kinematics::exp_so3;
-
-/// Gains and limits of a general PID controller.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
-pub struct PidParams {
-    /// Proportional gain [output/input].
-    pub kp: f64,
-    /// Integral gain [output/(input s)].
-    pub ki_per_s: f64,
-    /// Derivative gain, acting on the measurement [output s/input].
-    pub kd_s: f64,
-    /// Time constant of the derivative's first-order filter [s]; zero for the bare difference.
-    pub derivative_tau_s: f64,
-    /// Output limit to each side.
-    pub output_limit: f64,
-}
-
-/// A general PID controller: derivative on the filtered measurement, conditional integration.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pid {
-    integral: f64,
-    filtered: Option<f64>,
-}
-
-impl Pid {
-    /// One step of `dt_s`; returns the limited output.
-    pub fn step(&mut self, params: &PidParams, setpoint: f64, measurement: f64, dt_s: f64) -> f64 {
-        let error = setpoint - measurement;
-        let before = self.filtered.unwrap_or(measurement);
-        // e^{−dt/τ} → 0 as τ → 0: the bare difference is the same formula.
-        let blend = -(-dt_s / params.derivative_tau_s.max(f64::MIN_POSITIVE)).exp_m1();
-        let filtered = before + blend * (measurement - before);
-        self.filtered = Some(filtered);
-        let grown = self.integral + params.ki_per_s * error * dt_s;
-        let rest = params.kp * error - params.kd_s * (filtered - before) / dt_s;
-        let wanted = rest + grown;
-        let output = wanted.min(params.output_limit).max(-params.output_limit);
-        // Integrate unless saturated in the direction the error pushes.
-        if output == wanted || params.ki_per_s * error * (wanted - output) < 0.0 {
-            self.integral = grown;
-        }
-        output
-    }
-}
+use crate::models::kinematics::{boresight_chain, exp_so3, los_to_az_el, wrap_pi};
+use crate::models::pointing::deflection_to;
 
 /// The saturation function of eq. 10, per component.
 pub fn sat(e: DVec2, limit: f64) -> DVec2 {
@@ -137,18 +97,31 @@ pub fn precise_attitude_update(q_enu_cam: DQuat, u_radps: DVec2, dt_s: f64) -> D
     (q_enu_cam + q_enu_cam * DQuat::from_xyzw(half.x, half.y, half.z, 0.0)).normalize()
 }
 
-/// Gimbal rates [azimuth, elevation] [rad/s] that perform the attitude increment `u_rad` (x right,
-/// y down) once per frame: azimuth turns by u_x/cos el and elevation by −u_y.
-pub fn increment_to_axis_rates(u_rad: DVec2, frame_rate_hz: f64, el_rad: f64) -> [f64; 2] {
-    // Near the zenith azimuth loses its grip; 85° is the mount's upper stop.
-    let cos_el = el_rad.cos().max(0.05);
-    [u_rad.x * frame_rate_hz / cos_el, -u_rad.y * frame_rate_hz]
+/// Gimbal rates, azimuth (x) and elevation (y) [rad/s], that turn the coarse camera from where it is
+/// to eq. 9's new attitude within one frame; `u_rad` is x right, y down.
+pub fn coarse_axis_rates(az_el_rad: DVec2, u_rad: DVec2, frame_rate_hz: f64) -> DVec2 {
+    let updated = coarse_attitude_update(look(az_el_rad, DVec2::ZERO), u_rad);
+    let turn = los_to_az_el(updated * DVec3::Z) - az_el_rad;
+    DVec2::new(wrap_pi(turn.x), turn.y) * frame_rate_hz
+}
+
+/// Mirror deflection, right (x) and up (y) [rad], with which the precise camera looks along eq. 10's
+/// new attitude; `u_radps` is x right, y down.
+pub fn precise_mirror(az_el_rad: DVec2, mirror_rad: DVec2, u_radps: DVec2, dt_s: f64) -> DVec2 {
+    let updated = precise_attitude_update(look(az_el_rad, mirror_rad), u_radps, dt_s);
+    deflection_to(updated * DVec3::Z, az_el_rad)
+}
+
+/// Attitude of a camera on a level base.
+fn look(az_el_rad: DVec2, mirror_rad: DVec2) -> DQuat {
+    let [az, el] = az_el_rad.to_array();
+    boresight_chain(DVec3::ZERO, DVec3::ZERO, az, el, mirror_rad, DVec3::ZERO).q_enu_cam
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::kinematics::{boresight_chain, error_angles};
+    use crate::models::kinematics::error_angles;
 
     #[test]
     fn paper_law_is_eqs_9_and_10() {
@@ -181,8 +154,7 @@ mod tests {
 
     #[test]
     fn attitude_updates_turn_towards_the_target_and_agree_to_third_order() {
-        let q =
-            boresight_chain(DVec3::ZERO, DVec3::ZERO, 0.4, 0.3, DVec2::ZERO, DVec3::ZERO).q_enu_cam;
+        let q = look(DVec2::new(0.4, 0.3), DVec2::ZERO);
         // A target 2 mrad right and 1 mrad down leaves no error after its own increment.
         let u = DVec2::new(2e-3, 1e-3);
         let target = q * DVec3::new(u.x.tan(), u.y.tan(), 1.0).normalize();
@@ -201,71 +173,26 @@ mod tests {
     }
 
     #[test]
-    fn increments_become_rates_that_perform_them() {
-        let (az, el, hz) = (0.2, 0.5, 60.0);
-        let u = DVec2::new(1e-3, -2e-3);
-        let [az_rate, el_rate] = increment_to_axis_rates(u, hz, el);
-        let look = |az, el| {
-            boresight_chain(DVec3::ZERO, DVec3::ZERO, az, el, DVec2::ZERO, DVec3::ZERO).q_enu_cam
-        };
-        let after = look(az + az_rate / hz, el + el_rate / hz) * DVec3::Z;
-        assert!((error_angles(look(az, el), after) - u).length() < 3e-6);
-    }
+    fn servos_are_sent_to_the_printed_attitudes() {
+        let (at, hz) = (DVec2::new(0.2, 0.5), 60.0);
+        // Large enough that a linear split over the axes would miss by 4 mrad.
+        let u = DVec2::new(0.1, -0.05);
+        let rates = coarse_axis_rates(at, u, hz);
+        let wanted = coarse_attitude_update(look(at, DVec2::ZERO), u);
+        let reached = look(at + rates / hz, DVec2::ZERO);
+        assert!((reached * DVec3::Z - wanted * DVec3::Z).length() < 1e-14);
+        let linear = DVec2::new(u.x / at.y.cos(), -u.y) * hz;
+        assert!((rates - linear).length() / hz > 4e-3);
+        // To first order it is that split.
+        let small = coarse_axis_rates(at, 1e-4 * u, hz) - 1e-4 * linear;
+        assert!(small.length() / hz < 1e-9);
 
-    #[test]
-    fn pid_unwinds_at_once_and_filters_the_measurement() {
-        let params = PidParams {
-            kp: 2.0,
-            ki_per_s: 5.0,
-            kd_s: 0.0,
-            derivative_tau_s: 0.0,
-            output_limit: 1.0,
-        };
-        let mut pid = Pid::default();
-        for _ in 0..1000 {
-            assert_eq!(pid.step(&params, 10.0, 0.0, 0.01), 1.0);
-        }
-        // No windup: the first small negative error takes the output off the limit.
-        assert!(pid.step(&params, -0.1, 0.0, 0.01) < 0.0);
-
-        // A ramp of slope 3 through the derivative filter: −kd·3·(1 − e^{−t/τ}).
-        let params = PidParams {
-            kp: 0.0,
-            ki_per_s: 0.0,
-            kd_s: 0.5,
-            derivative_tau_s: 0.1,
-            output_limit: 100.0,
-        };
-        let (mut pid, dt) = (Pid::default(), 1e-4);
-        let mut output = 0.0;
-        for k in 0..=1000 {
-            output = pid.step(&params, 0.0, 3.0 * f64::from(k) * dt, dt);
-        }
-        let expected = -1.5 * (1.0 - (-1.0f64).exp());
-        assert!((output - expected).abs() < 1e-3, "{output}");
-    }
-
-    #[test]
-    fn pid_on_a_first_order_plant_reaches_the_setpoint() {
-        // x' = u − x with Kp = 2, Ki = 4: poles of s² + 3s + 4, no steady error.
-        let params = PidParams {
-            kp: 2.0,
-            ki_per_s: 4.0,
-            kd_s: 0.0,
-            derivative_tau_s: 0.0,
-            output_limit: 10.0,
-        };
-        let (mut pid, mut x, dt) = (Pid::default(), 0.0, 1e-4);
-        for k in 1..=100_000 {
-            let u = pid.step(&params, 1.0, x, dt);
-            x += dt * (u - x);
-            if k == 5000 {
-                // Closed form at t = 0.5: y = 1 − e^{−1.5t}(cos wt − (0.5/w) sin wt), w = √7/2.
-                let w = 7f64.sqrt() / 2.0;
-                let y = 1.0 - (-0.75f64).exp() * ((0.5 * w).cos() - 0.5 / w * (0.5 * w).sin());
-                assert!((x - y).abs() < 1e-3, "{x} {y}");
-            }
-        }
-        assert!((x - 1.0).abs() < 1e-6);
+        let (mirror, dt) = (DVec2::new(1e-3, -2e-3), 1.0 / 120.0);
+        let u = DVec2::new(0.03, -0.06);
+        let set = precise_mirror(at, mirror, u, dt);
+        let wanted = precise_attitude_update(look(at, mirror), u, dt);
+        assert!((look(at, set) * DVec3::Z - wanted * DVec3::Z).length() < 1e-14);
+        // The image's down is the mirror's −y.
+        assert!((set - mirror - DVec2::new(u.x, -u.y) * dt).length() < 1e-8);
     }
 }

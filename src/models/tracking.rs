@@ -12,7 +12,7 @@ use crate::models::estimation::{Gating, LosFilter, LosFilterParams, LosState};
 use crate::models::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::ranging::Ranging;
 use glam::{DVec2, DVec3};
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 /// A detection as a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +87,7 @@ pub struct Track {
     pub last_hit_s: [Option<f64>; 3],
     /// Larger side of its box [rad], smoothed.
     pub size_rad: f64,
-    /// Score of its detections, smoothed.
+    /// Mean score of its detections, of the last twenty or so.
     pub score: f64,
     /// The next time that the city hides it, as far as is foreseen.
     pub occlusion: Option<Occlusion>,
@@ -126,13 +126,23 @@ impl Track {
     }
 
     /// Estimated position [m] and velocity [m/s] at `t_s`, seen from `r_station_enu_m`.
-    pub fn position_enu(&self, r_station_enu_m: DVec3, t_s: f64) -> (DVec3, DVec3) {
+    pub fn position_enu(&self, r_station_enu_m: DVec3, t_s: f64) -> Option<(DVec3, DVec3)> {
         let (d_enu, d_dot_enu) = self.filter.predicted(t_s).direction_enu();
-        let (range_m, _) = self.range.range_m(t_s);
-        (
+        let (range_m, _) = self.range.range_m(t_s)?;
+        let closing_mps = self.range.closing_mps(t_s)?;
+        Some((
             r_station_enu_m + range_m * d_enu,
-            range_m * d_dot_enu - self.range.closing_mps(t_s) * d_enu,
-        )
+            range_m * d_dot_enu - closing_mps * d_enu,
+        ))
+    }
+
+    /// Takes in a measured range [m] with its standard deviation [m]; the manoeuvres that the
+    /// filter expects on the sky follow from it.
+    pub fn ranged(&mut self, range_m: f64, sigma_m: f64, t_s: f64) {
+        self.range.on_laser(range_m, sigma_m, t_s);
+        if let Some((range_m, _)) = self.range.range_m(t_s) {
+            self.filter.set_range_m(range_m);
+        }
     }
 
     /// Foresees when the city will next hide this track from `r_station_enu_m`, up to `horizon_s`
@@ -149,12 +159,12 @@ impl Track {
     ) -> Option<Occlusion> {
         const STEP_S: f64 = 0.1;
         const LARGEST_SPREAD: f64 = 0.1; // of the range
-        let (range_m, sigma_m) = self.range.range_m(t_s);
+        let (range_m, sigma_m) = self.range.range_m(t_s)?;
         if sigma_m > LARGEST_SPREAD * range_m {
             return None;
         }
         // Over seconds a straight flight is a better guess than constant rates of the angles.
-        let (r_enu_m, v_enu_mps) = self.position_enu(r_station_enu_m, t_s);
+        let (r_enu_m, v_enu_mps) = self.position_enu(r_station_enu_m, t_s)?;
         let ahead = |at_s: f64| r_enu_m + v_enu_mps * (at_s - t_s);
         let blocked =
             |at_s: f64| dsm.line_of_sight(r_station_enu_m, ahead(at_s)) != LineOfSight::Clear;
@@ -255,8 +265,9 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 /// Time within which a young track must gather hits: one a miss [s], at most until it counts as
 /// established.
 const ESTABLISHED_HITS: u32 = 30;
-/// Share of the newest sighting in a track's smoothed size and score.
+/// Share of the newest sighting in a track's smoothed size, and the least in its score.
 const SMOOTHING: f64 = 0.2;
+const LEAST_SCORE_SHARE: f64 = 0.05;
 
 impl TrackTable {
     /// The track of an identity.
@@ -397,6 +408,8 @@ impl TrackTable {
     fn continued_by(&self, young: usize, t_s: f64) -> Option<usize> {
         const SILENT_S: f64 = 0.2;
         const YOUNG_HITS: std::ops::Range<u32> = 6..ESTABLISHED_HITS;
+        // Rms acceleration while nobody sees it [m/s²].
+        const UNSEEN_MPS2: f64 = 2.0;
         // Chi-squared of four degrees of freedom, 99.9 %.
         const GATE: f64 = 18.5;
         let fresh = &self.tracks[young];
@@ -414,6 +427,14 @@ impl TrackTable {
                 continue;
             }
             let a = track.filter.predicted(t_s);
+            // What it may have done unseen, on top of what the filter thinks likely.
+            let unseen_s = fresh.started_s - seen_s;
+            let range_m = track
+                .range
+                .range_m(t_s)
+                .map_or(1_000.0, |(range_m, _)| range_m);
+            let agility = UNSEEN_MPS2 / range_m * Vector2::new(0.5 * unseen_s * unseen_s, unseen_s);
+            let agility = Matrix2::from_diagonal(&agility.component_mul(&agility));
             let differences = [
                 [
                     wrap_pi(b.az_rad - a.az_rad),
@@ -424,7 +445,7 @@ impl TrackTable {
             let distance2: f64 = (0..2)
                 .map(|axis| {
                     let sum = a.covariance[axis] + b.covariance[axis];
-                    let sum = sum.fixed_view::<2, 2>(0, 0).into_owned();
+                    let sum = sum.fixed_view::<2, 2>(0, 0) + agility;
                     let d = Vector2::from(differences[axis]);
                     sum.try_inverse()
                         .map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))
@@ -470,12 +491,13 @@ impl TrackTable {
             score,
         } = *sighting;
         let filter = LosFilter::start(self.params.filter, az_el_rad, sigma_rad, look.t_s).ok()?;
+        let range = Ranging::new(self.params.span_m, self.params.span_sigma_rel).ok()?;
         let id = self.next_id;
         self.next_id += 1;
         let mut track = Track {
             id,
             filter,
-            range: Ranging::new(self.params.span_m, self.params.span_sigma_rel),
+            range,
             hits: [0; 3],
             misses: 0,
             started_s: look.t_s,
@@ -508,7 +530,9 @@ impl Track {
         self.last_hit_s[look.tier] = Some(look.t_s);
         self.misses = 0;
         self.size_rad += SMOOTHING * (sighting.size_rad - self.size_rad);
-        self.score += SMOOTHING * (sighting.score - self.score);
+        // The mean of the first ones, so that a candidate is judged by more than its last frame.
+        let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
+        self.score += share * (sighting.score - self.score);
         // A box's side is good to about two standard deviations of its centre.
         let sigma_rel = 2.0 * sighting.sigma_rad / sighting.size_rad.max(sighting.sigma_rad);
         self.range.on_size(sighting.size_rad, sigma_rel, look.t_s);
@@ -634,22 +658,20 @@ mod tests {
             let exact = Sighting {
                 az_el_rad,
                 sigma_rad: 1e-6,
-                ..sighting(0.0, 0.0)
+                size_rad: 0.35 / at(t).distance(eye),
+                score: 0.9,
             };
             table.update(&look(t, &[exact]));
         }
         let track = &mut table.tracks[0];
-        assert!(
-            track.foresee_occlusion(&dsm, eye, 1.0, 4.0).is_none(),
-            "no range yet"
-        );
-        let range_m = at(1.0).distance(eye);
-        for i in 0..20 {
-            let t = 0.9 + f64::from(i) * 5e-3;
-            track.range.on_laser(at(t).distance(eye), 0.01, t);
+        let foreseen = track.foresee_occlusion(&dsm, eye, 1.0, 4.0);
+        assert!(foreseen.is_none(), "its range is not known yet");
+        // Laser samples of the same second teach range and closing speed.
+        for i in 0..=100 {
+            let t = 1.0 + f64::from(i) * 2e-3;
+            track.ranged(at(t).distance(eye), 0.05, t);
         }
-        assert!((track.range.range_m(1.0).0 - range_m).abs() < 0.5);
-        let seen = track.foresee_occlusion(&dsm, eye, 1.0, 4.0).unwrap();
+        let seen = track.foresee_occlusion(&dsm, eye, 1.2, 4.0).unwrap();
         // Hidden while x / 200 lies between 50/101 and 60/100: from 99.0 to 120 m.
         let (enter, exit) = ((200.0 * 50.0 / 101.0 - 80.0) / 10.0, 4.0);
         assert!((seen.enter_s - enter).abs() < 0.02, "{seen:?} {enter}");

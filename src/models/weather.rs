@@ -727,12 +727,12 @@ mod tests {
 
     #[test]
     fn a_reported_visibility_holds_the_precipitation() {
-        // 5 mm/h of rain: 1.076 · 5^0.67 = 3.1633 dB/km = 0.72838 /km of the 0.978 /km at 4 km.
+        // 5 mm/h of rain: 1.076 · 5^0.67 = 3.1632 dB/km = 0.72835 /km of the 0.978 /km at 4 km.
         let rain = read("LSZH 171220Z 24012KT 4000 RA OVC010 05/04 Q1008");
         near(rain.visibility_m, 4000.0);
         near(1e4 * rain.extinction_per_m(550e-9), 9.78);
         // What is left is aerosol of 15.67 km: only that part thins out at 1064 nm, by Kim's 1.3.
-        let expected = 0.72838e-3 + (0.978e-3 - 0.72838e-3) * (1064.0_f64 / 550.0).powf(-1.3);
+        let expected = 0.72835e-3 + (0.978e-3 - 0.72835e-3) * (1064.0_f64 / 550.0).powf(-1.3);
         let got = rain.extinction_per_m(1064e-9);
         assert!((got / expected - 1.0).abs() < 1e-4, "{got} {expected}");
         // More rain than the visibility has room for takes all of it and no more.

@@ -174,10 +174,9 @@ pub fn count_distractors(
         // A disc as large as the mean silhouette of its bounding box seen from the side.
         let [_, width_m, height_m] = uav.size_m;
         let radius_m = (width_m * height_m / PI).sqrt();
-        let dsm = &environment.city.dsm;
         r_cam_m.z > 0.0
             && r_cam_m.truncate().length() < radius_m
-            && dsm.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear
+            && environment.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear
     });
     if hit {
         beam.distractor_s += clock.dt_s();

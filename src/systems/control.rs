@@ -6,8 +6,8 @@ use crate::components::station::{Mount, MountCommand, Optics};
 use crate::components::track::{Tracker, TrackingState};
 use crate::components::uav::{Flight, Uav, UavStatus};
 use crate::models::kinematics::az_el_to_los;
-use crate::models::pid::{PaperLaw, PaperPid, increment_to_axis_rates};
-use crate::models::pointing::{PointingInput, TunedPointing};
+use crate::models::pid::{PaperLaw, PaperPid, coarse_axis_rates, precise_mirror};
+use crate::models::pointing::{HandOver, PointingInput, PointingLaw};
 use crate::models::radar::{Cue, Plot, RadarErrors, RadarTrack};
 use crate::models::rng::Stream;
 use crate::models::search::{SearchPattern, Sector};
@@ -20,8 +20,17 @@ use std::collections::VecDeque;
 pub enum Controller {
     /// Eqs. 8 to 10 as printed, frame by frame.
     Paper(Box<PaperController>),
-    /// Prediction, rate feed-forward, mirror on the residual.
-    Tuned(TunedPointing),
+    /// Prediction, rate feed-forward, mirror on the residual: tuned loops or an optimal regulator.
+    Pointing(Box<PointingController>),
+}
+
+/// A pointing law and what carries it over from one stage to the next.
+#[derive(Clone, Debug)]
+pub struct PointingController {
+    /// The law.
+    pub law: PointingLaw,
+    /// Keeps commands from jumping.
+    pub hand_over: HandOver,
 }
 
 /// Laws and memory of the paper's two loops.
@@ -250,27 +259,25 @@ pub fn command_mount(
     station: Single<(&Mount, &mut MountCommand)>,
 ) {
     let (mount, mut command) = station.into_inner();
-    match tracker.state {
-        TrackingState::Search => {
-            let gaze = search(&clock, &tracker, &radar, &mut scan, mount);
-            command.gimbal = mount.params.position_command(&mount.gimbal, gaze);
-            command.mirror_rad = DVec2::ZERO;
+    let gaze = (tracker.state == TrackingState::Search)
+        .then(|| search(&clock, &tracker, &radar, &mut scan, mount));
+    match &mut *controller {
+        Controller::Pointing(pointing) => {
+            point(&clock, &tracker, gaze, pointing, mount, &mut command)
         }
-        _ => match &mut *controller {
-            Controller::Tuned(law) => point(&clock, &tracker, law, mount, &mut command),
-            Controller::Paper(paper) => {
-                if tracker.state == TrackingState::Acquire {
-                    // The paper is silent on acquisition: the mount turns to the candidate.
-                    if let Some(track) = tracker.target_track() {
-                        let los = track.filter.predicted(clock.t_s()).az_el_rad();
-                        command.gimbal = mount.params.position_command(&mount.gimbal, los);
-                        command.mirror_rad = DVec2::ZERO;
-                    }
-                } else {
-                    steer_paper(&clock, &tracker, &cameras, paper, mount, &mut command);
-                }
+        Controller::Paper(paper) => {
+            // The paper is silent on acquisition: the mount turns to the candidate.
+            let acquired = tracker
+                .target_track()
+                .filter(|_| tracker.state == TrackingState::Acquire)
+                .map(|track| track.filter.predicted(clock.t_s()).az_el_rad());
+            if let Some(to) = gaze.or(acquired) {
+                command.gimbal = mount.params.position_command(&mount.gimbal, to);
+                command.mirror_rad = DVec2::ZERO;
+            } else if tracker.state != TrackingState::Acquire {
+                steer_paper(&clock, &tracker, &cameras, paper, mount, &mut command);
             }
-        },
+        }
     }
 }
 
@@ -313,49 +320,35 @@ fn search(
     scan.gazes_rad[scan.index].into()
 }
 
-/// The tuned law on the target's predicted line of sight; without a track the mount stands still.
+/// The law on the target's predicted line of sight; otherwise the mount turns to a gaze, or stops.
 fn point(
     clock: &SimClock,
     tracker: &Tracker,
-    law: &TunedPointing,
+    gaze: Option<DVec2>,
+    pointing: &mut PointingController,
     mount: &Mount,
     command: &mut MountCommand,
 ) {
-    let Some(track) = tracker.target_track() else {
-        *command = MountCommand::default();
-        return;
-    };
-    let output = law.command(
-        &mount.params,
-        &PointingInput {
-            los: track.filter.predicted(clock.t_s() + law.lead_s),
-            gimbal_az_el_rad: mount.measured_az_el_rad(),
+    let PointingController { law, hand_over } = pointing;
+    let gimbal_az_el_rad = mount.measured_az_el_rad();
+    let track = tracker.target_track().filter(|_| gaze.is_none());
+    let output = if let Some(track) = track {
+        let input = PointingInput {
+            los: track.filter.predicted(clock.t_s() + law.lead_s()),
+            gimbal_az_el_rad,
             gimbal_rates_radps: mount.measured_rates_radps(),
+            mirror_rad: mount.mirror.deflection_rad(),
+            mirror_rates_radps: mount.mirror.rate_radps(),
             base_tilt_rad: mount.gyro.tilt_enu_rad,
             base_rate_radps: mount.gyro.rate_enu_radps,
-        },
-    );
-    // Far off target (a slew), the proportional law would overrun: brake as a position servo.
-    let error = mount.params.error_rad(
-        track.filter.predicted(clock.t_s()).az_el_rad(),
-        mount.measured_az_el_rad(),
-    );
-    const SLEW_RAD: f64 = 0.02;
-    let target = track.filter.predicted(clock.t_s() + law.lead_s);
-    let rates_radps = DVec2::new(target.az_rate_radps, target.el_rate_radps);
-    let keyhole = mount
-        .params
-        .keyhole_azimuth(target.az_el_rad(), rates_radps);
-    if error.length() > SLEW_RAD || keyhole.is_some() {
-        command.gimbal =
-            mount
-                .params
-                .catch_up_command(&mount.gimbal, target.az_el_rad(), rates_radps);
-        command.mirror_rad = DVec2::ZERO;
+        };
+        law.command(hand_over, &mount.params, &input)
     } else {
-        command.gimbal = output.gimbal;
-        command.mirror_rad = output.mirror_rad;
-    }
+        law.rest();
+        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, gaze)
+    };
+    command.gimbal = output.gimbal;
+    command.mirror_rad = output.mirror_rad;
 }
 
 /// Eqs. 9 and 10: each new frame of a camera turns its attitude by the law's increment.
@@ -384,16 +377,16 @@ fn steer_paper(
             let u = paper
                 .coarse
                 .step(&paper.coarse_law, error.angle_rad, frame_s);
-            let elevation_rad = mount.measured_az_el_rad().y;
-            paper.rates_radps = increment_to_axis_rates(u, 1.0 / frame_s, elevation_rad);
+            paper.rates_radps =
+                coarse_axis_rates(mount.measured_az_el_rad(), u, 1.0 / frame_s).to_array();
         } else {
             let u = paper
                 .precise
                 .step(&paper.precise_law, error.angle_rad, frame_s);
-            // Eq. 10's update is a rate times the frame time; the image's down is the mirror's -y.
             let limit = DVec2::splat(mount.mirror_params.stroke_rad);
-            let step = DVec2::new(u.x, -u.y) * frame_s;
-            command.mirror_rad = (command.mirror_rad + step).clamp(-limit, limit);
+            command.mirror_rad =
+                precise_mirror(mount.measured_az_el_rad(), command.mirror_rad, u, frame_s)
+                    .clamp(-limit, limit);
         }
     }
     command.gimbal.rate_radps = paper.rates_radps;

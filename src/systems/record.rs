@@ -271,6 +271,15 @@ fn transform<'a>(child: &'a str, r_enu_m: DVec3, q: DQuat) -> FrameTransform<'a>
     }
 }
 
+/// A UAV or distractor as it is recorded.
+type Flying = (
+    &'static Uav,
+    &'static Flight,
+    Option<&'static HeatedSkin>,
+    &'static UavStatus,
+    Option<&'static Distractor>,
+);
+
 /// Everything that a tick may record.
 #[derive(bevy::ecs::system::SystemParam)]
 pub struct Recorded<'w, 's> {
@@ -291,17 +300,7 @@ pub struct Recorded<'w, 's> {
             &'static BeamState,
         ),
     >,
-    uavs: Query<
-        'w,
-        's,
-        (
-            &'static Uav,
-            &'static Flight,
-            Option<&'static HeatedSkin>,
-            &'static UavStatus,
-            Option<&'static Distractor>,
-        ),
-    >,
+    uavs: Query<'w, 's, Flying>,
     cameras: Query<'w, 's, &'static SensorCamera>,
 }
 

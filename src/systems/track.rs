@@ -9,10 +9,13 @@ use crate::components::track::{
     BoresightError, DetectionBatch, DetectionQueue, Operator, Tracker, TrackingState,
 };
 use crate::components::uav::{Flight, Uav, UavStatus};
+use crate::models::dsm::LineOfSight;
 use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el};
+use crate::models::radar::Cue;
 use crate::models::rng::Stream;
 use crate::models::threat::time_to_asset_s;
 use crate::models::tracking::{Look, Occlusion, Sighting, Track, separation_rad};
+use crate::systems::control::Radar;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -28,6 +31,8 @@ pub struct TrackerParams {
     pub centre_sigma_px: f64,
     /// Least share of the frames in which a detector must see what counts as a UAV.
     pub min_quality: f64,
+    /// Least mean score of its detections.
+    pub min_score: f64,
     /// Another track must be nearer to the asset in time by this factor to become the target.
     pub switch_ratio: f64,
     /// What is protected [m].
@@ -38,6 +43,13 @@ pub struct TrackerParams {
     pub lock_dwell_s: f64,
     /// A precise error beyond this ends Engage [px].
     pub break_radius_px: f64,
+}
+
+impl TrackerParams {
+    /// Whether the detector is sure enough that a track is a UAV.
+    fn convinced(&self, track: &Track) -> bool {
+        track.filter.quality() >= self.min_quality && track.score >= self.min_score
+    }
 }
 
 /// Standard deviation of the pointing knowledge [rad].
@@ -61,8 +73,10 @@ const ACQUIRE_TIMEOUT_S: f64 = 3.0;
 const LOST_TIMEOUT_S: f64 = 3.0;
 /// How long another track must have been the greater threat before it becomes the target [s].
 const RIVAL_S: f64 = 1.0;
-/// A held target that the detector sees in less than this share of `min_quality` is none.
-const DOUBT: f64 = 0.6;
+/// A held target that falls short of `min_quality` by this factor, or of `min_score` by this much,
+/// is none.
+const DOUBT_QUALITY: f64 = 0.6;
+const DOUBT_SCORE: f64 = 0.05;
 /// Time for which it must have been held before it is doubted [s].
 const DOUBT_AFTER_S: f64 = 1.0;
 /// A target that has been fired at and sinks this fast [m/s] for this long [s] has been dealt with.
@@ -136,6 +150,8 @@ fn sightings(
     centre_sigma_px: f64,
 ) -> Vec<Sighting> {
     let ifov_rad = camera.pinhole.ifov_rad();
+    let boresight_rad = batch.pointing.alignment.sigma_rad[batch.tier as usize];
+    let pointing_rad = POINTING_SIGMA_RAD.hypot(boresight_rad);
     batch
         .detections
         .iter()
@@ -144,7 +160,7 @@ fn sightings(
             let [x0, y0, x1, y1] = detection.box_px;
             Sighting {
                 az_el_rad: los_to_az_el(pose.q_enu_cam * ray_cam),
-                sigma_rad: (centre_sigma_px * ifov_rad).hypot(POINTING_SIGMA_RAD),
+                sigma_rad: (centre_sigma_px * ifov_rad).hypot(pointing_rad),
                 size_rad: (x1 - x0).max(y1 - y0) * ifov_rad,
                 score: detection.score,
             }
@@ -304,8 +320,11 @@ impl Situation<'_> {
 
     /// Time in which a track could be at the asset [s].
     fn threat_s(&self, track: &Track) -> f64 {
-        let (r_enu_m, v_enu_mps) = track.position_enu(self.r_station_enu_m, self.t_s());
-        time_to_asset_s(r_enu_m, v_enu_mps, self.params.r_asset_enu_m)
+        track
+            .position_enu(self.r_station_enu_m, self.t_s())
+            .map_or(f64::INFINITY, |(r_enu_m, v_enu_mps)| {
+                time_to_asset_s(r_enu_m, v_enu_mps, self.params.r_asset_enu_m)
+            })
     }
 
     /// The most threatening track that looks like a UAV, and why it does.
@@ -326,7 +345,7 @@ impl Situation<'_> {
     /// clear sky.
     fn candidate_reason(&self, track: &Track) -> Option<String> {
         let quality = track.filter.quality();
-        if track.total_hits() < CANDIDATE_HITS || quality < self.params.min_quality {
+        if track.total_hits() < CANDIDATE_HITS || !self.params.convinced(track) {
             return None;
         }
         if track.misses > 0 && self.t_s() - track.seen_s() > LOSE_AFTER_S {
@@ -356,6 +375,7 @@ pub fn decide(
     clock: Res<SimClock>,
     params: Res<TrackerParams>,
     environment: Res<Environment>,
+    radar: Res<Radar>,
     station: Single<(&Mount, &BeamState)>,
     mut tracker: ResMut<Tracker>,
 ) {
@@ -373,6 +393,9 @@ pub fn decide(
         if let Some((id, threat_s, reason)) = now.candidate(tracker) {
             let reason = format!("track {id} {reason}, could arrive in {threat_s:.0} s");
             tracker.acquire(tick, id, reason);
+            if let (Some(cue), Some(track)) = (radar.cue(now.t_s()), tracker.table.get_mut(id)) {
+                take_radar_range(&cue, track, now.t_s());
+            }
         }
         return;
     }
@@ -403,6 +426,15 @@ pub fn decide(
     }
 }
 
+/// The range of a cue goes to a track in the same direction.
+fn take_radar_range(cue: &Cue, track: &mut Track, t_s: f64) {
+    const GATE_SIGMAS: f64 = 3.0;
+    let at = track.filter.predicted(t_s).az_el_rad();
+    if separation_rad(at, cue.az_el_rad) < GATE_SIGMAS * cue.sigma_rad.max_element() {
+        track.ranged(cue.range_m, cue.range_sigma_m, t_s);
+    }
+}
+
 /// Whether a ranged track sinks as no UAV with running rotors does.
 fn falls(track: &Track, range_m: Option<f64>, t_s: f64) -> bool {
     let los = track.filter.predicted(t_s);
@@ -416,11 +448,11 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
     let Some(track) = tracker.target_track() else {
         return;
     };
-    let (id, quality) = (track.id, track.filter.quality());
+    let (id, quality, score) = (track.id, track.filter.quality(), track.score);
     let hidden = track.hidden(now.t_s());
     // The paper's rule has no track to judge by.
     let judged = !params.nearest_to_centre;
-    let convincing = !judged || quality >= params.min_quality;
+    let convincing = !judged || params.convinced(track);
     let hits = tracker.hits_in_state;
     match tracker.state {
         TrackingState::Search => {}
@@ -444,10 +476,12 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                 && !hidden
                 && in_state_s > DOUBT_AFTER_S
                 && now.t_s() - track.seen_s() < LOSE_AFTER_S
-                && quality < DOUBT * params.min_quality =>
+                && (quality < DOUBT_QUALITY * params.min_quality
+                    || score < params.min_score - DOUBT_SCORE) =>
         {
             let reason = format!(
-                "track {id} is no UAV: the detector sees it in {:.0} % of the frames",
+                "track {id} is no UAV: the detector sees it in {:.0} % of the frames, with a mean \
+                 score of {score:.2}",
                 100.0 * quality
             );
             tracker.give_up(tick, true, reason);
@@ -580,6 +614,7 @@ pub struct RangeFinder(pub Stream);
 /// Ranges the UAV on the laser's axis, while the precise camera holds a target.
 pub fn find_range(
     clock: Res<SimClock>,
+    environment: Res<Environment>,
     optics: Single<&Optics>,
     uavs: Query<(&Flight, &UavStatus)>,
     mut finder: ResMut<RangeFinder>,
@@ -601,14 +636,21 @@ pub fn find_range(
     let echo = uavs
         .iter()
         .filter(|(_, status)| **status == UavStatus::Flying)
-        .map(|(flight, _)| pose.q_enu_cam.inverse() * (flight.aim_enu_m() - pose.r_enu_m))
-        .filter(|r_cam_m| r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z)
-        .map(|r_cam_m| r_cam_m.length())
-        .min_by(f64::total_cmp);
-    if let Some(range_m) = echo.filter(|_| held) {
+        .map(|(flight, _)| flight.aim_enu_m())
+        .filter(|r_enu_m| {
+            let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+            r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z
+                && environment.line_of_sight(pose.r_enu_m, *r_enu_m) == LineOfSight::Clear
+        })
+        .map(|r_enu_m| r_enu_m.distance(pose.r_enu_m))
+        .min_by(f64::total_cmp)
+        .filter(|_| held);
+    if let Some(range_m) = echo {
         let measured_m = range_m + RANGE_SIGMA_M * finder.0.normal();
-        track.range.on_laser(measured_m, RANGE_SIGMA_M, t_s);
+        track.ranged(measured_m, RANGE_SIGMA_M, t_s);
     }
-    let (range_m, sigma_m) = track.range.range_m(t_s);
-    tracker.range_m = (sigma_m < RANGE_KNOWN_M).then_some(range_m);
+    let known = track.range.range_m(t_s);
+    tracker.range_m = known
+        .filter(|(_, sigma_m)| *sigma_m < RANGE_KNOWN_M)
+        .map(|(range_m, _)| range_m);
 }
