@@ -22,8 +22,8 @@ warnings.filterwarnings("ignore")
 import trackeval  # noqa: E402
 
 
-def score(folder: Path, rule: str, sequences: list[str]) -> dict:
-    """Scores of one rule over some sequences below `folder` (a set's folder of the rule)."""
+def score(folder: Path, rule: str, sequences: list[str]) -> dict[str, dict]:
+    """Scores of one rule below `folder` (a set's folder of the rule), by scenario and over all."""
     config = {
         "PRINT_RESULTS": False,
         "PRINT_CONFIG": False,
@@ -45,27 +45,40 @@ def score(folder: Path, rule: str, sequences: list[str]) -> dict:
             "PRINT_CONFIG": False,
         }
     )
-    metrics = [
-        trackeval.metrics.HOTA(),
-        trackeval.metrics.CLEAR({"PRINT_CONFIG": False}),
-        trackeval.metrics.Identity({"PRINT_CONFIG": False}),
-    ]
-    results, _ = trackeval.Evaluator(config).evaluate([dataset], metrics)
-    combined = results["MotChallenge2DBox"][rule]["COMBINED_SEQ"]["pedestrian"]
-    hota, clear, identity = combined["HOTA"], combined["CLEAR"], combined["Identity"]
-    return {
-        "sequences": len(sequences),
-        "frames": int(clear["CLR_Frames"]),
-        "HOTA": float(np.mean(hota["HOTA"])),
-        "DetA": float(np.mean(hota["DetA"])),
-        "AssA": float(np.mean(hota["AssA"])),
-        "LocA": float(np.mean(hota["LocA"])),
-        "IDF1": float(identity["IDF1"]),
-        "MOTA": float(clear["MOTA"]),
-        "identity_switches": int(clear["IDSW"]),
-        "misses": int(clear["CLR_FN"]),
-        "false_positives": int(clear["CLR_FP"]),
+    metrics = {
+        "HOTA": trackeval.metrics.HOTA(),
+        "CLEAR": trackeval.metrics.CLEAR({"PRINT_CONFIG": False}),
+        "Identity": trackeval.metrics.Identity({"PRINT_CONFIG": False}),
     }
+    # TrackEval talks about its progress.
+    with contextlib.redirect_stdout(io.StringIO()):
+        results, _ = trackeval.Evaluator(config).evaluate([dataset], list(metrics.values()))
+    by_sequence = results["MotChallenge2DBox"][rule]
+    groups: dict[str, list[str]] = {}
+    for name in sequences:
+        groups.setdefault(name.rsplit("-", 1)[0], []).append(name)
+    groups["all scenarios"] = sequences
+    scores = {}
+    for scenario, names in groups.items():
+        combined = {
+            key: metric.combine_sequences({n: by_sequence[n]["pedestrian"][key] for n in names})
+            for key, metric in metrics.items()
+        }
+        hota, clear, identity = combined["HOTA"], combined["CLEAR"], combined["Identity"]
+        scores[scenario] = {
+            "sequences": len(names),
+            "frames": int(clear["CLR_Frames"]),
+            "HOTA": float(np.mean(hota["HOTA"])),
+            "DetA": float(np.mean(hota["DetA"])),
+            "AssA": float(np.mean(hota["AssA"])),
+            "LocA": float(np.mean(hota["LocA"])),
+            "IDF1": float(identity["IDF1"]),
+            "MOTA": float(clear["MOTA"]),
+            "identity_switches": int(clear["IDSW"]),
+            "misses": int(clear["CLR_FN"]),
+            "false_positives": int(clear["CLR_FP"]),
+        }
+    return scores
 
 
 def main() -> int:
@@ -77,12 +90,7 @@ def main() -> int:
     for folder in sorted(out.glob("mot/*/*")):
         which, rule = folder.parts[-2:]
         sequences = sorted(path.name for path in (folder / "gt").iterdir())
-        scenarios = sorted({name.rsplit("-", 1)[0] for name in sequences})
-        for scenario in [*scenarios, "all scenarios"]:
-            names = [n for n in sequences if scenario in (n.rsplit("-", 1)[0], "all scenarios")]
-            # TrackEval talks about its progress.
-            with contextlib.redirect_stdout(io.StringIO()):
-                scores = score(folder, rule, names)
+        for scenario, scores in score(folder, rule, sequences).items():
             rows.append({"set": which, "rule": rule, "scenario": scenario, **scores})
     if not rows:
         print(f"{out}: no folder mot/ with sequences; run `boresight eval tracking --out {out}`", file=sys.stderr)

@@ -177,7 +177,7 @@ pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError>
     };
     let mut app = run::build(&loaded, &options)?;
     let world = app.world_mut();
-    let mut watch = Watch::new(world, loaded.scenario.uavs.len());
+    let mut watch = Watch::new(world, &loaded.scenario);
     loop {
         let over = run::step(world)?;
         watch.look(world);
@@ -203,10 +203,12 @@ struct Watch {
     hidden: bool,
     /// Number of UAVs: what has a higher index is a bird or a balloon.
     count: usize,
+    /// Share of its frames in which the tracker wants to see what it calls a UAV.
+    min_quality: f64,
 }
 
 impl Watch {
-    fn new(world: &mut World, count: usize) -> Self {
+    fn new(world: &mut World, scenario: &Scenario) -> Self {
         let mut cameras = [None, None, None];
         for camera in world.query::<&SensorCamera>().iter(world) {
             cameras[camera.tier as usize] = Some(camera.clone());
@@ -217,7 +219,8 @@ impl Watch {
             station: world.query(),
             cameras,
             hidden: false,
-            count,
+            count: scenario.uavs.len(),
+            min_quality: scenario.tracker.min_quality,
         }
     }
 
@@ -342,7 +345,9 @@ impl Watch {
             Some((track.id, square(px, side)))
         };
         let confirmed = |track: &&crate::models::tracking::Track| {
-            track.total_hits() >= CONFIRMED_HITS && track.filter.coast_s(t_s) < FRESH_S
+            track.total_hits() >= CONFIRMED_HITS
+                && track.filter.coast_s(t_s) < FRESH_S
+                && track.filter.quality() >= self.min_quality
         };
         seen.looks.push(Look {
             uavs: uavs.collect(),
