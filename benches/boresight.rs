@@ -124,6 +124,7 @@ fn track_and_control(criterion: &mut Criterion) {
             (
                 track::associate,
                 track::find_range,
+                track::aim,
                 track::foresee,
                 track::obey,
                 track::decide,

@@ -1044,10 +1044,10 @@ pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> Tra
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.preset == ControllerPreset::Paper;
-    let (specified_px, least_score) = match scenario.detector.kind {
-        DetectorKind::Onnx => (0.5, 0.0), // [px], score
+    let (specified_px, least_score, aim) = match scenario.detector.kind {
+        DetectorKind::Onnx => (0.5, 0.0, Some(engage.aim)), // [px], score
         // A filter that counts on no error at all would trust nothing else.
-        DetectorKind::Truth => (scenario.detector.truth.noise_px.max(0.02), 0.72),
+        DetectorKind::Truth => (scenario.detector.truth.noise_px.max(0.02), 0.72, None),
     };
     TrackerParams {
         nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
@@ -1057,6 +1057,7 @@ pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> Tra
         min_score: min_score.unwrap_or(least_score),
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
+        aim,
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,

@@ -3,6 +3,8 @@
 use crate::components::camera::{PixelRect, Tier};
 use crate::components::station::Pointing;
 use crate::models::detection::Detection;
+use crate::models::estimation::LosState;
+use crate::models::kinematics::wrap_pi;
 use crate::models::tracking::{Track, TrackTable};
 use bevy::prelude::*;
 use glam::DVec2;
@@ -149,6 +151,9 @@ pub struct Tracker {
     pub locked_since: Option<u64>,
     /// Range of the target, once it is known well enough to focus at [m].
     pub range_m: Option<f64>,
+    /// Where the part aimed at is, from the middle of the target's picture: right (x) and up (y) on
+    /// the sky [rad].
+    pub aim_rad: DVec2,
     /// The target was designated by an operator: nothing else takes its place.
     pub designated: bool,
     /// Since when another track has been the greater threat, and which.
@@ -171,6 +176,7 @@ impl Default for Tracker {
             error: [None; 3],
             locked_since: None,
             range_m: None,
+            aim_rad: DVec2::ZERO,
             designated: false,
             rival: None,
             falling_since: None,
@@ -221,6 +227,14 @@ impl Tracker {
         self.falling_since = None;
         self.range_m = None;
         self.change(tick, TrackingState::Search, reason);
+    }
+
+    /// The line of sight to the part aimed at, predicted for `t_s`.
+    pub fn aim_los(&self, t_s: f64) -> Option<LosState> {
+        let mut los = self.target_track()?.filter.predicted(t_s);
+        los.az_rad = wrap_pi(los.az_rad + self.aim_rad.x / los.el_rad.cos().max(0.05));
+        los.el_rad += self.aim_rad.y;
+        Some(los)
     }
 
     /// The target's track.

@@ -14,6 +14,7 @@ impl Plugin for TrackPlugin {
             (
                 systems::associate,
                 systems::find_range,
+                systems::aim,
                 systems::foresee,
                 systems::obey,
                 systems::decide,

@@ -331,10 +331,10 @@ fn point(
 ) {
     let PointingController { law, hand_over } = pointing;
     let gimbal_az_el_rad = mount.measured_az_el_rad();
-    let track = tracker.target_track().filter(|_| gaze.is_none());
-    let output = if let Some(track) = track {
+    let aim = tracker.aim_los(clock.t_s() + law.lead_s());
+    let output = if let Some(los) = aim.filter(|_| gaze.is_none()) {
         let input = PointingInput {
-            los: track.filter.predicted(clock.t_s() + law.lead_s()),
+            los,
             gimbal_az_el_rad,
             gimbal_rates_radps: mount.measured_rates_radps(),
             mirror_rad: mount.mirror.deflection_rad(),

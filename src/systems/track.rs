@@ -10,11 +10,12 @@ use crate::components::track::{
 };
 use crate::components::uav::{Flight, Uav, UavStatus};
 use crate::models::dsm::LineOfSight;
-use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el};
+use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
 use crate::models::radar::Cue;
 use crate::models::rng::Stream;
 use crate::models::threat::time_to_asset_s;
 use crate::models::tracking::{Look, Occlusion, Sighting, Track, separation_rad};
+use crate::models::uav::{AimPart, aim_offset_enu_m};
 use crate::systems::control::Radar;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -37,6 +38,9 @@ pub struct TrackerParams {
     pub switch_ratio: f64,
     /// What is protected [m].
     pub r_asset_enu_m: DVec3,
+    /// The part aimed at, for a detector that boxes the whole UAV; `None` for one that boxes the
+    /// part itself.
+    pub aim: Option<AimPart>,
     /// Precise errors up to this count as locked [px].
     pub lock_radius_px: f64,
     /// How long the lock must hold before the state is Engage [s].
@@ -136,8 +140,9 @@ pub fn associate(
         };
         if let Some(index) = chosen {
             tracker.hits_in_state[tier] += 1;
-            let error = boresight_error(batch, index, camera, params.linear_angles);
-            tracker.error[tier] = Some(error);
+            let linear = params.linear_angles;
+            let aim_rad = tracker.aim_rad;
+            tracker.error[tier] = Some(boresight_error(batch, index, camera, linear, aim_rad));
         }
     }
 }
@@ -195,9 +200,12 @@ fn boresight_error(
     index: usize,
     camera: &SensorCamera,
     linear: bool,
+    aim_rad: DVec2,
 ) -> BoresightError {
     let detection = &batch.detections[index];
-    let px: DVec2 = detection.centre_px().into();
+    // Right and up on the sky is right and, in an image whose rows run down, up against them.
+    let aim_px = DVec2::new(aim_rad.x, -aim_rad.y) / camera.pinhole.ifov_rad();
+    let px = DVec2::from(detection.centre_px()) + aim_px;
     let [x0, y0, x1, y1] = detection.box_px;
     // What is to be brought to the target is the laser's axis, not the image's centre.
     let reticle_px = batch
@@ -217,6 +225,31 @@ fn boresight_error(
         distance_px: px.distance(reticle_px),
         half_side_px: 0.5 * (x1 - x0).min(y1 - y0),
     }
+}
+
+/// Finds where on the target's picture the part aimed at is expected.
+pub fn aim(
+    clock: Res<SimClock>,
+    params: Res<TrackerParams>,
+    mount: Single<&Mount>,
+    mut tracker: ResMut<Tracker>,
+) {
+    let (Some(part), Some(range_m)) = (params.aim, tracker.range_m) else {
+        tracker.aim_rad = DVec2::ZERO;
+        return;
+    };
+    let t_s = clock.t_s();
+    let placed = tracker.target_track().and_then(|track| {
+        let (r_enu_m, v_enu_mps) = track.position_enu(mount.r_enu_m, t_s)?;
+        let offset_enu_m = aim_offset_enu_m(part, track.size_rad * range_m, v_enu_mps);
+        let los = los_to_az_el(r_enu_m - mount.r_enu_m);
+        let shifted = los_to_az_el(r_enu_m + offset_enu_m - mount.r_enu_m);
+        Some(DVec2::new(
+            wrap_pi(shifted.x - los.x) * los.y.cos(),
+            shifted.y - los.y,
+        ))
+    });
+    tracker.aim_rad = placed.unwrap_or(DVec2::ZERO);
 }
 
 /// Foresees when buildings will hide the tracks whose range is known.
