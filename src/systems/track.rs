@@ -56,8 +56,9 @@ impl TrackerParams {
     }
 }
 
-/// Standard deviation of the pointing knowledge [rad].
-const POINTING_SIGMA_RAD: f64 = 1e-6;
+/// Standard deviation of the pointing knowledge [rad]: the drift of the base gyro within the
+/// memory of the filter.
+const POINTING_SIGMA_RAD: f64 = 5e-6;
 /// Hits that confirm a target to the next camera.
 const CONFIRM_HITS: u32 = 4;
 /// Hits after which a search track may become the target.
