@@ -51,7 +51,7 @@ pub struct TrackerParams {
 
 impl TrackerParams {
     /// Whether the detector is sure enough that a track is a UAV.
-    fn convinced(&self, track: &Track) -> bool {
+    pub fn convinced(&self, track: &Track) -> bool {
         track.filter.quality() >= self.min_quality && track.score >= self.min_score
     }
 }
