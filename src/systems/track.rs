@@ -87,7 +87,7 @@ const DOUBT_AFTER_S: f64 = 1.0;
 /// A target that has been fired at and sinks this fast [m/s] for this long [s] has been dealt with.
 const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
-/// Foresight of occlusions [s], and how often it is renewed [Hz].
+/// Foresight of occlusions [s]; how often it is renewed, and threats are compared [Hz].
 const FORESIGHT_S: f64 = 4.0;
 const FORESIGHT_HZ: u32 = 10;
 /// An operator points at a UAV's picture; the track must be this close to it [rad].
@@ -453,7 +453,9 @@ pub fn decide(
         tracker.falling_since = None;
     }
     hold(&now, tracker);
-    if !params.nearest_to_centre
+    let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
+    if clock.tick.is_multiple_of(every)
+        && !params.nearest_to_centre
         && !tracker.designated
         && matches!(
             tracker.state,
