@@ -448,14 +448,18 @@ pub fn decide(
         tracker.falling_since = None;
     }
     hold(&now, tracker);
+    // What is being fired at is not left for another.
     if !params.nearest_to_centre
         && !tracker.designated
+        && !beam.firing
         && matches!(
             tracker.state,
-            TrackingState::Coarse | TrackingState::Precise
+            TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
         )
     {
         compare(&now, tracker);
+    } else {
+        tracker.rival = None;
     }
 }
 
