@@ -535,9 +535,9 @@ fn a_uav_behind_a_building_is_waited_for_and_found_again() {
         there && change.to == TrackingState::Lost && change.reason.contains("behind a building")
     });
     assert!(foreseen, "{}", run.log());
-    // The laser's axis stays on the UAV that nothing sees: within 0.1 mrad, 6 cm there.
+    // The laser's axis stays on the UAV that nothing sees: within 0.2 mrad, 12 cm there.
     for moment in hidden {
-        assert!(moment.off_rad[0] < 1e-4, "{moment:?}");
+        assert!(moment.off_rad[0] < 2e-4, "{moment:?}");
         assert_ne!(moment.state, TrackingState::Search);
     }
     let known = run.before(from_s);
@@ -575,12 +575,15 @@ fn only_the_papers_rule_mistakes_uavs_that_cross() {
     assert!(ours == 0 && paper > 0, "{paper}, {ours}");
 }
 
+/// By the paper's rule, seed 4 follows a balloon for 3.3 s.
 #[test]
 fn a_uav_is_not_left_for_a_balloon() {
-    let run = watched("eval/suite_decoy", 1, &[]);
-    assert!(run.longest_on_another_s() <= 1.0, "{}", run.log());
-    let end = run.before(f64::MAX);
-    assert_eq!(end.on(), Some(0), "{end:?}");
+    for seed in [1, 4] {
+        let run = watched("eval/suite_decoy", seed, &[]);
+        assert!(run.longest_on_another_s() <= 1.0, "{}", run.log());
+        let end = run.before(f64::MAX);
+        assert_eq!(end.on(), Some(0), "{end:?}");
+    }
 }
 
 /// Someone who flies beside the demo's pair, a little further away, and so the lesser threat.
