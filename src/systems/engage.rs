@@ -76,9 +76,6 @@ pub struct Burst {
 
 /// How far a beam that misses is followed [m].
 const FAR_M: f64 = 20_000.0;
-/// A target that sinks faster than this has been neutralised as far as the station can tell
-/// [m/s]: no trajectory in the catalogue dives so with its rotors running.
-const FALLING_MPS: f64 = 6.0;
 /// Instants at which the line of sight ahead is checked.
 const LOOKS_AHEAD: u32 = 3;
 /// Hits that make a track an object to be spared: a false alarm seldom comes back.
@@ -168,7 +165,7 @@ pub fn decide_fire(
             {
                 reasons.push("another object in the beam");
             }
-            if -los.el_rate_radps * range_m * direction.truncate().length() > FALLING_MPS {
+            if tracker.falling_since.is_some() {
                 reasons.push("target falls");
             }
             command.focus_range_m = range_m;

@@ -51,13 +51,14 @@ pub struct TrackerParams {
 
 impl TrackerParams {
     /// Whether the detector is sure enough that a track is a UAV.
-    fn convinced(&self, track: &Track) -> bool {
+    pub fn convinced(&self, track: &Track) -> bool {
         track.filter.quality() >= self.min_quality && track.score >= self.min_score
     }
 }
 
-/// Standard deviation of the pointing knowledge [rad].
-const POINTING_SIGMA_RAD: f64 = 1e-6;
+/// Standard deviation of the pointing knowledge [rad]: the drift of the base gyro within the
+/// memory of the filter.
+const POINTING_SIGMA_RAD: f64 = 5e-6;
 /// Hits that confirm a target to the next camera.
 const CONFIRM_HITS: u32 = 4;
 /// Hits after which a search track may become the target.
@@ -241,7 +242,11 @@ pub fn aim(
     let t_s = clock.t_s();
     let placed = tracker.target_track().and_then(|track| {
         let (r_enu_m, v_enu_mps) = track.position_enu(mount.r_enu_m, t_s)?;
-        let offset_enu_m = aim_offset_enu_m(part, track.size_rad * range_m, v_enu_mps);
+        // A detection's centre follows the mass of the picture, as the body's centroid does, more
+        // than its outline: the parts are counted from the body.
+        let span_m = track.size_rad * range_m;
+        let offset_enu_m = aim_offset_enu_m(part, span_m, v_enu_mps)
+            - aim_offset_enu_m(AimPart::Body, span_m, v_enu_mps);
         let los = los_to_az_el(r_enu_m - mount.r_enu_m);
         let shifted = los_to_az_el(r_enu_m + offset_enu_m - mount.r_enu_m);
         Some(DVec2::new(
