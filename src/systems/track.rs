@@ -453,16 +453,24 @@ pub fn decide(
         tracker.falling_since = None;
     }
     hold(&now, tracker);
+<<<<<<< HEAD
     let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
     if clock.tick.is_multiple_of(every)
         && !params.nearest_to_centre
+=======
+    // What is being fired at is not left for another.
+    if !params.nearest_to_centre
+>>>>>>> fa9ad34572f05310a919375be45253e77fbd7d55
         && !tracker.designated
+        && !beam.firing
         && matches!(
             tracker.state,
-            TrackingState::Coarse | TrackingState::Precise
+            TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
         )
     {
         compare(&now, tracker);
+    } else {
+        tracker.rival = None;
     }
 }
 
