@@ -49,13 +49,6 @@ impl Job {
         }
     }
 
-    /// Why this job's scenario or changes are no good, if they are not.
-    pub fn refused(&self) -> Option<String> {
-        Scenario::load(&self.scenario, &self.set)
-            .err()
-            .map(|error| error.to_string().lines().next().unwrap_or_default().into())
-    }
-
     /// The command that makes this run.
     pub fn command(&self) -> String {
         let set = self.set.iter().map(|set| format!(" --set '{set}'"));

@@ -446,28 +446,6 @@ impl Bench {
         1..=if self.quick { quick } else { full }
     }
 
-    /// Whether a job's scenario and changes are accepted; notes why not.
-    fn accepts(&mut self, job: &Job) -> bool {
-        match job.refused() {
-            Some(why) => {
-                if !self.not_run.contains(&why) {
-                    self.not_run.push(why);
-                }
-                false
-            }
-            None => true,
-        }
-    }
-
-    /// The controllers this build offers.
-    fn controllers(&mut self, from: usize) -> Vec<(&'static str, &'static [&'static str])> {
-        CONTROLLERS[from..]
-            .iter()
-            .filter(|(_, set)| self.accepts(&Job::blind("eval/table2_urban.toml", &[set], 1)))
-            .copied()
-            .collect()
-    }
-
     fn table2(&mut self) -> Result<Vec<Table2>, RunError> {
         const UAVS: [(&str, &str, &str); 3] = [
             (
@@ -489,16 +467,17 @@ impl Bench {
         };
         let rendered = match run::adapter() {
             Ok(_) => true,
-            Err(error) => {
+            Err(error @ RunError::NoAdapter) => {
                 self.not_run.push(format!("table2 with onnx: {error}"));
                 false
             }
+            Err(error) => return Err(error),
         };
         let mut cases = Vec::new();
         for cameras in ["paper", "urban_1km"] {
             for (uav, paper_scenario, model) in UAVS {
                 for (detector, set) in [("truth", FIELD), ("onnx", RENDERED)] {
-                    for (controller, law) in self.controllers(0) {
+                    for (controller, law) in CONTROLLERS {
                         let capture = detector == "onnx";
                         let short = self.quick && (uav != "phantom4" || controller == "paper");
                         if capture && (!rendered || short) {
@@ -559,9 +538,9 @@ impl Bench {
         Ok(rows)
     }
 
-    fn precision(&mut self) -> Result<Vec<Precision>, RunError> {
+    fn precision(&self) -> Result<Vec<Precision>, RunError> {
         let mut rows = Vec::new();
-        for (controller, law) in self.controllers(0) {
+        for (controller, law) in CONTROLLERS {
             let jobs: Vec<Job> = self
                 .seeds(10, 2)
                 .map(|seed| Job::blind("eval/table2_urban.toml", &[FINE, law], seed))
@@ -577,9 +556,9 @@ impl Bench {
         Ok(rows)
     }
 
-    fn manoeuvre(&mut self, scenario: &str, hides: bool) -> Result<Vec<Manoeuvre>, RunError> {
+    fn manoeuvre(&self, scenario: &str, hides: bool) -> Result<Vec<Manoeuvre>, RunError> {
         let mut rows = Vec::new();
-        for (controller, law) in self.controllers(0) {
+        for (controller, law) in CONTROLLERS {
             let jobs: Vec<Job> = self
                 .seeds(20, 3)
                 .map(|seed| Job::blind(scenario, &[FIELD, law], seed))
@@ -614,7 +593,7 @@ impl Bench {
         Ok(rows)
     }
 
-    fn suite(&mut self) -> Result<Vec<Suite>, RunError> {
+    fn suite(&self) -> Result<Vec<Suite>, RunError> {
         const SCENARIOS: [(&str, &str); 6] = [
             ("crossing", "eval/suite_crossing.toml"),
             ("overtaking", "eval/suite_overtaking.toml"),
@@ -634,9 +613,6 @@ impl Bench {
                     .seeds(20, 2)
                     .map(|seed| Job::blind(file, &[set], seed))
                     .collect();
-                if !jobs.first().is_some_and(|job| self.accepts(job)) {
-                    continue;
-                }
                 let folder = self.out.join("mot");
                 let label = format!("{scenario}, {rule}");
                 let runs = all(&label, &jobs, &self.city, |job, seen| {
@@ -670,7 +646,7 @@ impl Bench {
         Ok(rows)
     }
 
-    fn search(&mut self) -> Result<Vec<Search>, RunError> {
+    fn search(&self) -> Result<Vec<Search>, RunError> {
         const PATTERNS: [(&str, &[&str]); 3] = [
             ("raster", &["search.pattern=raster"]),
             ("spiral", &["search.pattern=spiral"]),
@@ -690,9 +666,6 @@ impl Bench {
                     Job::blind("eval/search.toml", &[FIELD, &[&start, &length], set], seed)
                 })
                 .collect();
-            if !jobs.first().is_some_and(|job| self.accepts(job)) {
-                continue;
-            }
             let runs = all(
                 &format!("search, {pattern}"),
                 &jobs,
@@ -719,7 +692,7 @@ impl Bench {
         Ok(rows)
     }
 
-    fn budget(&mut self) -> Result<Vec<Budget>, RunError> {
+    fn budget(&self) -> Result<Vec<Budget>, RunError> {
         const SWITCHES: [(&str, &[&str]); 9] = [
             (
                 "detector noise and misses",
@@ -762,19 +735,15 @@ impl Bench {
         } else {
             "duration_s=14"
         }];
-        let switches: Vec<_> = SWITCHES
-            .into_iter()
-            .filter(|(_, set)| self.accepts(&Job::blind(FILE, &[set], 1)))
-            .collect();
         let mut rows = Vec::new();
-        for (controller, law) in self.controllers(1) {
+        for (controller, law) in CONTROLLERS.into_iter().skip(1) {
             for (detector, set) in [("field", FIELD), ("fine", FINE)] {
                 // All causes, none, then each left out, then each alone.
-                let everything: Vec<&[&str]> = switches.iter().map(|(_, off)| *off).collect();
+                let everything: Vec<&[&str]> = SWITCHES.iter().map(|(_, off)| *off).collect();
                 let mut groups: Vec<Vec<&[&str]>> = vec![vec![], everything];
-                groups.extend(switches.iter().map(|(_, off)| vec![*off]));
-                groups.extend((0..switches.len()).map(|kept| {
-                    let others = switches.iter().enumerate().filter(|(i, _)| *i != kept);
+                groups.extend(SWITCHES.iter().map(|(_, off)| vec![*off]));
+                groups.extend((0..SWITCHES.len()).map(|kept| {
+                    let others = SWITCHES.iter().enumerate().filter(|(i, _)| *i != kept);
                     others.map(|(_, (_, off))| *off).collect()
                 }));
                 let seeds = self.seeds(8, 2);
@@ -792,8 +761,8 @@ impl Bench {
                 let each = seeds.count();
                 let pooled: Vec<Pointing> = runs.chunks(each).map(Pointing::pooled).collect();
                 let rms = |index: usize| pooled.get(index).and_then(|pointing| pointing.rms_urad);
-                let count = switches.len();
-                let causes: Vec<Cause> = switches
+                let count = SWITCHES.len();
+                let causes: Vec<Cause> = SWITCHES
                     .iter()
                     .enumerate()
                     .map(|(i, (name, off))| Cause {
