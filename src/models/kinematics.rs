@@ -187,10 +187,7 @@ mod tests {
     #[test]
     fn a_long_chain_of_quaternion_increments_is_the_product_of_matrix_exponentials() {
         let mut rng = crate::models::rng::Stream::new(17, 0, "increments");
-        let mut vector = |scale: f64| {
-            let mut draw = || scale * rng.normal();
-            DVec3::new(draw(), draw(), draw())
-        };
+        let mut vector = |scale: f64| scale * rng.normal3();
         let (mut r, mut q) = (DVec3::ZERO, DQuat::IDENTITY);
         let mut product = Matrix4::<f64>::identity();
         for k in 1..=2000 {
