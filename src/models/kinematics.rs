@@ -127,6 +127,9 @@ pub fn error_angles(q_enu_cam: DQuat, dir_enu: DVec3) -> DVec2 {
     DVec2::new(d.x.atan2(d.z), d.y.atan2(d.z))
 }
 
+/// Standard gravity [m/s²] (3rd CGPM, 1901).
+pub const GRAVITY_MPS2: f64 = 9.80665;
+
 /// Angular velocity of the base (`enu` [rad/s]) about the gimbal's azimuth axis (clockwise) and
 /// elevation axis (up) at azimuth `az_rad`: what a gyro on each axis reads.
 pub fn base_rate_on_axes(az_rad: f64, omega_enu_radps: DVec3) -> [f64; 2] {
