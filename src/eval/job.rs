@@ -7,7 +7,7 @@ use crate::components::camera::{Frames, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::record::{History, KeptFrame};
-use crate::components::station::{Mount, MountCommand, Optics};
+use crate::components::station::{Mount, Optics};
 use crate::components::track::{Tracker, TrackingState};
 use crate::components::uav::{Flight, Uav};
 use crate::models::city::City;
@@ -49,13 +49,6 @@ impl Job {
         }
     }
 
-    /// Why this job's scenario or changes are no good, if they are not.
-    pub fn refused(&self) -> Option<String> {
-        Scenario::load(&self.scenario, &self.set)
-            .err()
-            .map(|error| error.to_string().lines().next().unwrap_or_default().into())
-    }
-
     /// The command that makes this run.
     pub fn command(&self) -> String {
         let set = self.set.iter().map(|set| format!(" --set '{set}'"));
@@ -76,8 +69,6 @@ const ON_RAD: f64 = 1e-3;
 /// A track is confirmed from this many hits on, and while the last one is this fresh [s].
 const CONFIRMED_HITS: u32 = 6;
 const FRESH_S: f64 = 0.25;
-/// Part of the mirror's stroke beyond which its command counts as saturated.
-const SATURATED: f64 = 0.999;
 
 /// A UAV at the instant of a look, in the coarse camera's full-sensor pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,6 +114,8 @@ pub struct Observed {
     pub beam_rad: Sums,
     /// Settled ticks, those with a precise track, those of them with the mirror at its stop.
     pub ticks: [u64; 3],
+    /// Ticks per second [Hz].
+    pub tick_hz: u32,
     /// Intervals in which the first UAV was hidden [s].
     pub hidden_s: Vec<[f64; 2]>,
     /// Identity of the target and time, at every change.
@@ -189,12 +182,7 @@ pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError>
     Ok(watch.conclude(world))
 }
 
-type Station = (
-    &'static Mount,
-    &'static MountCommand,
-    &'static Optics,
-    &'static BeamState,
-);
+type Station = (&'static Mount, &'static Optics, &'static BeamState);
 
 struct Watch {
     seen: Observed,
@@ -226,7 +214,7 @@ impl Watch {
         let clock = world.resource::<SimClock>();
         let tracker = world.resource::<Tracker>();
         let t_s = clock.t_s();
-        let (Ok((mount, command, optics, beam)), Some(coarse)) =
+        let (Ok((mount, optics, beam)), Some(coarse)) =
             (self.station.single(world), &self.cameras[1])
         else {
             return;
@@ -263,18 +251,16 @@ impl Watch {
                 if beam.aimed == Some(0) {
                     seen.beam_rad.push(beam.offset_m / seen.range_m);
                 }
-                let limit = SATURATED * mount.mirror_params.stroke_rad;
-                let at_stop = command.mirror_rad.abs().max_element() >= limit;
-                seen.ticks[2] += u64::from(at_stop);
+                seen.ticks[2] += u64::from(mount.mirror.at_stop());
             }
         }
         if !clock.tick.is_multiple_of(coarse.period_ticks) {
             return;
         }
 
-        let dsm = &world.resource::<Environment>().city.dsm;
+        let environment = world.resource::<Environment>();
         let clear = |flight: &Flight| {
-            dsm.line_of_sight(mount.r_enu_m, flight.aim_enu_m()) == LineOfSight::Clear
+            environment.line_of_sight(mount.r_enu_m, flight.aim_enu_m()) == LineOfSight::Clear
         };
         let step_s = clock.at_s(coarse.period_ticks);
         if let Some((_, flight)) = uavs.first() {
@@ -377,6 +363,7 @@ impl Watch {
             self.seen.coarse = ([pinhole.width_px, pinhole.height_px], rate_hz as u32);
             self.seen.precise_ifov_rad = precise.pinhole.ifov_rad();
         }
+        self.seen.tick_hz = clock.tick_hz;
         self.seen.lock = lock(&self.seen.holds);
         self.seen
     }

@@ -363,6 +363,7 @@ fn suite(out: &mut String, evaluation: &Evaluation) -> fmt::Result {
                 row.rule.into(),
                 row.locked.text(),
                 row.lost.text(),
+                row.failed.text(),
                 row.switches.to_string(),
                 number(Some(row.false_lock_s), 2),
             ]
@@ -375,6 +376,7 @@ fn suite(out: &mut String, evaluation: &Evaluation) -> fmt::Result {
             "rule",
             "runs with a lock",
             "locks lost",
+            "runs without a lock that lasts",
             "switches",
             "false lock [s a run]",
         ],

@@ -259,10 +259,6 @@ impl BaseMotion {
     }
 }
 
-fn normal3(rng: &mut Stream) -> DVec3 {
-    DVec3::new(rng.normal(), rng.normal(), rng.normal())
-}
-
 impl ModeState {
     fn new(mode: &TiltMode, dt_s: f64) -> Result<Self, SecondOrderError> {
         if let Some(bad) = mode
@@ -294,12 +290,12 @@ impl ModeState {
     }
 
     fn start(&mut self, rng: &mut Stream) {
-        self.x = normal3(rng);
-        self.v = self.stationary_rate_per_s * normal3(rng);
+        self.x = rng.normal3();
+        self.v = self.stationary_rate_per_s * rng.normal3();
     }
 
     fn advance(&mut self, rng: &mut Stream) {
-        let (n1, n2) = (normal3(rng), normal3(rng));
+        let (n1, n2) = (rng.normal3(), rng.normal3());
         let [[a, b], [c, d]] = self.transition;
         let [l11, l21, l22] = self.noise;
         let (x, v) = (self.x, self.v);

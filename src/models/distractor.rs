@@ -1,5 +1,6 @@
 //! What flies where a UAV might and is none: birds and balloons.
 
+use crate::models::kinematics::GRAVITY_MPS2;
 use crate::models::multirotor::Setpoint;
 use glam::{DMat3, DQuat, DVec3};
 use schemars::JsonSchema;
@@ -49,7 +50,6 @@ pub const WINGBEAT_HZ: f64 = 3.1; // [Hz]
 pub const WING_RAD: [f64; 2] = [0.14, 0.61]; // [rad]
 /// A latex balloon of three feet [m].
 pub const BALLOON_RADIUS_M: f64 = 0.457; // [m]
-const GRAVITY_MPS2: f64 = 9.80665; // [m/s^2]
 
 /// A bird at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]

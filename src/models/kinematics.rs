@@ -127,6 +127,9 @@ pub fn error_angles(q_enu_cam: DQuat, dir_enu: DVec3) -> DVec2 {
     DVec2::new(d.x.atan2(d.z), d.y.atan2(d.z))
 }
 
+/// Standard gravity [m/s²] (3rd CGPM, 1901).
+pub const GRAVITY_MPS2: f64 = 9.80665;
+
 /// Angular velocity of the base (`enu` [rad/s]) about the gimbal's azimuth axis (clockwise) and
 /// elevation axis (up) at azimuth `az_rad`: what a gyro on each axis reads.
 pub fn base_rate_on_axes(az_rad: f64, omega_enu_radps: DVec3) -> [f64; 2] {
@@ -187,10 +190,7 @@ mod tests {
     #[test]
     fn a_long_chain_of_quaternion_increments_is_the_product_of_matrix_exponentials() {
         let mut rng = crate::models::rng::Stream::new(17, 0, "increments");
-        let mut vector = |scale: f64| {
-            let mut draw = || scale * rng.normal();
-            DVec3::new(draw(), draw(), draw())
-        };
+        let mut vector = |scale: f64| scale * rng.normal3();
         let (mut r, mut q) = (DVec3::ZERO, DQuat::IDENTITY);
         let mut product = Matrix4::<f64>::identity();
         for k in 1..=2000 {

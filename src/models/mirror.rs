@@ -98,6 +98,10 @@ impl MirrorParams {
     }
 }
 
+/// Share of the stroke from which a command counts as one to the stop: controllers limit their
+/// commands to the stroke, but for rounding.
+const STOP_SHARE: f64 = 0.999;
+
 /// A fast steering mirror: line-of-sight deflection right (x, cross-elevation) and up (y).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mirror {
@@ -105,7 +109,7 @@ pub struct Mirror {
     stroke_rad: f64,
     deflection_rad: DVec2,
     rate_radps: DVec2,
-    saturated: bool,
+    at_stop: bool,
 }
 
 impl Mirror {
@@ -119,7 +123,7 @@ impl Mirror {
             stroke_rad: params.stroke_rad,
             deflection_rad: DVec2::ZERO,
             rate_radps: DVec2::ZERO,
-            saturated: false,
+            at_stop: false,
         })
     }
 
@@ -127,7 +131,7 @@ impl Mirror {
     pub fn step(&mut self, command_rad: DVec2) -> DVec2 {
         let limit = DVec2::splat(self.stroke_rad);
         let target = command_rad.clamp(-limit, limit);
-        self.saturated = target != command_rad;
+        self.at_stop = command_rad.abs().max_element() >= STOP_SHARE * self.stroke_rad;
         let offset = self.deflection_rad - target;
         let [[a, b], [c, d]] = self.transition;
         let rate = self.rate_radps;
@@ -141,9 +145,9 @@ impl Mirror {
         self.deflection_rad
     }
 
-    /// Whether the last command asked for more than the stroke, on either axis.
-    pub fn saturated(&self) -> bool {
-        self.saturated
+    /// Whether the last command asked for the end of the stroke or more, on either axis.
+    pub fn at_stop(&self) -> bool {
+        self.at_stop
     }
 
     /// Present line-of-sight rate [rad/s], right and up.
@@ -201,9 +205,11 @@ mod tests {
             mirror.step(DVec2::new(1.0, -1.0));
         }
         assert!((mirror.deflection_rad() - DVec2::new(5e-3, -5e-3)).length() < 1e-15);
-        assert!(mirror.saturated());
-        mirror.step(DVec2::splat(5e-3));
-        assert!(!mirror.saturated());
+        assert!(mirror.at_stop());
+        mirror.step(DVec2::new(0.0, -5e-3));
+        assert!(mirror.at_stop());
+        mirror.step(DVec2::splat(4.9e-3));
+        assert!(!mirror.at_stop());
         // A ramp sampled and held lags by 2ζ/ω + dt/2 on average over the tick; at the tick's end
         // the held command is one dt old.
         let mut mirror = Mirror::new(&params, DT).unwrap();

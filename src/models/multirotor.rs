@@ -5,13 +5,13 @@
 //! controller on SE(3) of Lee, Leok and McClamroch (CDC 2010), with the attitude error of Lee (ACC
 //! 2011), cascaded through a body-rate loop so that tilt, rate and speed limits have a place.
 
+use super::kinematics::GRAVITY_MPS2;
 use super::uav::UavModel;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// The most rotors an airframe may have.
 pub const MAX_ROTORS: usize = 8;
-const GRAVITY_MPS2: f64 = 9.80665; // [m/s^2]
 const SEA_LEVEL_DENSITY_KGPM3: f64 = 1.225; // [kg/m^3], ISA
 /// Static thrust and power coefficients of a small propeller (`T = C_T rho n^2 D^4`,
 /// `P = C_P rho n^3 D^5`), typical of the UIUC propeller data.

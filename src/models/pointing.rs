@@ -503,10 +503,6 @@ mod tests {
         mirror_peak: f64,
     }
 
-    fn normal3(rng: &mut Stream) -> DVec3 {
-        DVec3::new(rng.normal(), rng.normal(), rng.normal())
-    }
-
     fn closed_loop(mut law: Law, case: Case) -> Score {
         let params = GimbalParams::default();
         let mut base = BaseMotion::new(&BaseMotionParams::default(), DT).unwrap();
@@ -537,7 +533,7 @@ mod tests {
         for tick in 0..(case.seconds / DT) as usize {
             let t = tick as f64 * DT;
             let rate = base.rate_radps();
-            let gyro_rate = rate + normal3(&mut gyro_rng) * walk / DT.sqrt();
+            let gyro_rate = rate + gyro_rng.normal3() * walk / DT.sqrt();
             let (known_tilt, known_rate) = if use_gyro {
                 (tilt_est, gyro_rate)
             } else {
@@ -607,7 +603,7 @@ mod tests {
             // The world moves to t + dt.
             off_rate += (weave - 0.4 * off_rate - 0.04 * off) * DT;
             off += off_rate * DT;
-            weave = decay * weave + push * normal3(&mut weave_rng);
+            weave = decay * weave + push * weave_rng.normal3();
             // In the order of `systems::mount::turn`: the base first, then what hangs on it.
             let before = base.tilt_rad();
             // A rate-integrating gyro: exact increments plus angle random walk.

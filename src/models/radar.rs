@@ -47,7 +47,7 @@ impl RadarErrors {
     /// The plot of a target at `r_enu_m` [m] from the radar at `t_s` [s], with three standard
     /// normal numbers of `rng` as its errors.
     pub fn plot(&self, r_enu_m: DVec3, t_s: f64, rng: &mut Stream) -> Plot {
-        let noise = DVec3::new(rng.normal(), rng.normal(), rng.normal());
+        let noise = rng.normal3();
         let at = los_to_az_el(r_enu_m);
         let stretch = 1.0 / at.y.cos().max(0.05);
         Plot {
@@ -214,14 +214,13 @@ mod tests {
     fn normalised_errors(seed: u64) -> (f64, f64) {
         let mut rng = Stream::new(seed, 0, "test");
         let mut r = DVec3::new(-700.0, 650.0, 90.0);
-        let [e, n, u] = FIRST_VELOCITY_SIGMA_MPS;
-        let mut v = DVec3::new(e * rng.normal(), n * rng.normal(), u * rng.normal());
+        let mut v = DVec3::from(FIRST_VELOCITY_SIGMA_MPS) * rng.normal3();
         let mut track = RadarTrack::start(ERRORS, &ERRORS.plot(r, 0.0, &mut rng));
         let dt = 0.02; // [s]
         for i in 1..=375 {
             let t = f64::from(i) * dt;
             r += v * dt;
-            let kick = DVec3::new(rng.normal(), rng.normal(), rng.normal());
+            let kick = rng.normal3();
             v += kick * (ACCELERATION_PSD * dt).sqrt();
             if i % 50 == 0 {
                 track.update(&ERRORS.plot(r, t, &mut rng));

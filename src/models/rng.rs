@@ -4,6 +4,7 @@
 //! in: that is what makes a run repeat for any thread count. ChaCha8 is used as a counter-based
 //! generator; its key is filled from the triple by XXH3.
 
+use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -40,6 +41,12 @@ impl Stream {
     /// A standard normal number.
     pub fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.0)
+    }
+
+    /// A vector of three independent standard normal numbers.
+    pub fn normal3(&mut self) -> DVec3 {
+        let [x, y, z] = [(); 3].map(|()| self.normal());
+        DVec3::new(x, y, z)
     }
 
     /// 64 random bits.

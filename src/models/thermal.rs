@@ -6,6 +6,8 @@
 //! conduct little), constant properties, no latent heat and no ablation. Failure is the first time
 //! the temperature reaches the material's limit: loss of function, not perforation.
 
+use crate::models::kinematics::GRAVITY_MPS2;
+
 /// Stefan–Boltzmann constant [W/(m^2 K^4)] (CODATA 2018).
 const STEFAN_BOLTZMANN: f64 = 5.670374419e-8;
 /// Specific gas constant of dry air [J/(kg K)] (ICAO standard atmosphere).
@@ -15,8 +17,6 @@ const PRESSURE_PA: f64 = 101_325.0;
 /// Prandtl number of air near 300 K [-] (Incropera et al., Fundamentals of Heat and Mass Transfer,
 /// 7th ed., table A.4).
 const PRANDTL: f64 = 0.707;
-/// Standard gravity [m/s^2] (CGPM 1901).
-const GRAVITY: f64 = 9.80665;
 
 /// A skin as the laser sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -195,7 +195,8 @@ impl Skin {
             };
         let forced = nusselt * conductivity / self.length_m; // [W/(m^2 K)]
         // Vertical plate in still air, Nu = 0.59 Ra^(1/4) (McAdams; Incropera eq. 9.24).
-        let rayleigh = GRAVITY * excess.abs() * self.length_m.powi(3) * PRANDTL / (air_k * nu * nu);
+        let rayleigh =
+            GRAVITY_MPS2 * excess.abs() * self.length_m.powi(3) * PRANDTL / (air_k * nu * nu);
         let natural = 0.59 * rayleigh.sqrt().sqrt() * conductivity / self.length_m;
         // The natural coefficient goes as |T - Ta|^(1/4): its flux has 5/4 of its slope.
         let (convection, convection_slope) = if forced >= natural {

@@ -369,7 +369,7 @@ impl CompiledTrajectory {
     /// deviation `spread_m` (east and north, up) [m], begun up to `spread_s` [s] earlier.
     pub fn spread(self, spread_m: [f64; 2], spread_s: f64, rng: &mut Stream) -> Self {
         let [across_m, up_m] = spread_m;
-        let normal = DVec3::new(rng.normal(), rng.normal(), rng.normal());
+        let normal = rng.normal3();
         self.shifted(DVec3::new(across_m, across_m, up_m) * normal)
             .begun_earlier(spread_s * rng.uniform())
     }

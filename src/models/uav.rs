@@ -305,13 +305,14 @@ pub fn model(kind: UavKind) -> &'static UavModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::kinematics::GRAVITY_MPS2;
 
     #[test]
     fn drag_area_closes_the_balance_at_top_speed() {
         for kind in UavKind::ALL {
             let uav = model(kind);
             let drag_n = 0.5 * 1.225 * uav.drag_area_m2 * uav.v_max_mps.powi(2);
-            let lift_n = uav.mass_kg * 9.80665 * uav.max_tilt_rad.tan();
+            let lift_n = uav.mass_kg * GRAVITY_MPS2 * uav.max_tilt_rad.tan();
             // The Matrice 600's tabulated area is 1.1 % above its balance.
             assert!((drag_n / lift_n - 1.0).abs() < 0.015, "{}", uav.name);
         }

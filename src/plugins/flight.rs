@@ -1,6 +1,7 @@
 //! Flight, and Rapier for what falls.
 
 use crate::components::clock::SimClock;
+use crate::models::kinematics::GRAVITY_MPS2;
 use crate::plugins::tick::{Tick, TickSet};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
@@ -33,7 +34,7 @@ impl Plugin for FlightPlugin {
                         RapierContextInitialization::InitializeDefaultRapierContext {
                             integration_parameters: IntegrationParameters::default(),
                             rapier_configuration: RapierConfiguration {
-                                gravity: Vec3::NEG_Z * 9.806_65, // [m/s^2]
+                                gravity: Vec3::NEG_Z * GRAVITY_MPS2 as f32,
                                 ..RapierConfiguration::new(1.0)
                             },
                         },

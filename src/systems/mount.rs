@@ -28,8 +28,7 @@ pub fn turn(
     } = &mut *mount;
     let before_rad = base.tilt_rad();
     base.step(rng);
-    let mut white = || gyro.rng.normal();
-    let noise = DVec3::new(white(), white(), white()) * (gyro.angle_random_walk / dt_s.sqrt());
+    let noise = gyro.rng.normal3() * (gyro.angle_random_walk / dt_s.sqrt());
     gyro.rate_enu_radps = base.rate_radps() + noise;
     // A gyro integrates inside: what it gives is the turn itself, not a sample of the rate.
     gyro.tilt_enu_rad += base.tilt_rad() - before_rad + noise * dt_s;
