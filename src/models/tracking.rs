@@ -270,6 +270,8 @@ const ESTABLISHED_HITS: u32 = 30;
 /// Share of the newest sighting in a track's smoothed size, and the least in its score.
 const SMOOTHING: f64 = 0.2;
 const LEAST_SCORE_SHARE: f64 = 0.05;
+/// Squared distance up to which a sighting is offered to a track, over the gate's.
+const OFFERED: f64 = 4.0;
 
 impl TrackTable {
     /// The track of an identity.
@@ -308,7 +310,7 @@ impl TrackTable {
                 let up = sighting.az_el_rad.y - los.el_rad;
                 let variance = |sigma: f64| sigma * sigma + sighting.sigma_rad.powi(2);
                 let variances = [variance(spread.x), variance(spread.y)];
-                if up * up > gate * variances[1] {
+                if up * up > OFFERED * gate * variances[1] {
                     continue;
                 }
                 let right = wrap_pi(sighting.az_el_rad.x - los.az_rad) * cos_el;
@@ -318,9 +320,11 @@ impl TrackTable {
                 let cost = distance2
                     + (size * size).min(4.0)
                     + (variances[0] * variances[1] / sighting.sigma_rad.powi(4)).ln();
-                if distance2 < gate {
-                    // Inside the gate a pair is always better than two that stay alone.
-                    const ALONE: f64 = 60.0;
+                // The filter refuses what lies outside its gate, until it has refused three that
+                // fit each other: they are offered from twice as far.
+                if distance2 < OFFERED * gate {
+                    // Such a pair is always better than two that stay alone.
+                    const ALONE: f64 = 200.0;
                     pairs.push(Pair {
                         row,
                         column,
