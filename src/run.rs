@@ -19,7 +19,6 @@ use crate::models::detection::TruthErrors;
 use crate::models::estimation::LosFilterParams;
 use crate::models::geodesy::{Geodetic, SiteFrame};
 use crate::models::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
-use crate::models::interlock::KeepOut;
 use crate::models::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
@@ -1011,11 +1010,8 @@ fn spawn_station(
     world.insert_resource(tracker_params(scenario, r_station_enu_m));
     world.insert_resource(operator(scenario, clock));
     let keep_out = |zone: &scenario::KeepOut| {
-        let shape = zone.zone();
-        Ok(KeepOut {
-            name: zone.name.clone(),
-            zone: shape.ok_or_else(|| value("engage.keep_out", "has no shape".into()))?,
-        })
+        zone.zone()
+            .ok_or_else(|| value("engage.keep_out", "has no shape".into()))
     };
     world.insert_resource(Rules {
         authorised: engage.authorised,

@@ -21,7 +21,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::models::kinematics::{az_el_to_los, wrap_pi};
+use crate::models::kinematics::{az_el_to_los, base_rate_on_axes, wrap_pi};
 use crate::models::mirror::second_order_transition;
 use crate::models::rng::Stream;
 
@@ -403,6 +403,31 @@ impl GimbalState {
     /// Azimuth (x) and elevation (y) rates that the gyros read [rad/s].
     pub fn gyro_rates_radps(&self) -> DVec2 {
         DVec2::new(self.azimuth.gyro_radps, self.elevation.gyro_radps)
+    }
+
+    /// Torque on azimuth and elevation [N m] by which the load's inertia drags behind a base that
+    /// in the last `dt_s` [s] came to the rate `rate_enu_radps` [rad/s] and turned by
+    /// `turned_enu_rad` [rad]; `base_rate_radps` is its rate about the axes, brought up to date.
+    ///
+    /// The torque −J Δω/dt is held over the tick, so it moves the load by the mean of the base's
+    /// rates; what the base really turned is a little different, and inertia leaves the load behind
+    /// by that.
+    pub fn follow_base(
+        &mut self,
+        params: &GimbalParams,
+        base_rate_radps: &mut [f64; 2],
+        rate_enu_radps: DVec3,
+        turned_enu_rad: DVec3,
+        dt_s: f64,
+    ) -> [f64; 2] {
+        let on_axes = |enu| base_rate_on_axes(self.azimuth.angle_rad, enu);
+        let (rate, turned_rad) = (on_axes(rate_enu_radps), on_axes(turned_enu_rad));
+        let before = std::mem::replace(base_rate_radps, rate);
+        let slip_rad = [0, 1].map(|i| 0.5 * dt_s * (rate[i] + before[i]) - turned_rad[i]);
+        self.azimuth.angle_rad += slip_rad[0];
+        self.elevation.angle_rad += slip_rad[1];
+        let inertia = [params.azimuth.inertia_kg_m2, params.elevation.inertia_kg_m2];
+        [0, 1].map(|i| -inertia[i] * (rate[i] - before[i]) / dt_s)
     }
 
     /// Adds the gyros' noise over a tick of `dt_s` [s] to what they read.

@@ -7,16 +7,10 @@ use crate::models::estimation::LosState;
 use crate::models::kinematics::az_el_to_los;
 use crate::models::tracking::separation_rad;
 
-/// A region that the beam never enters.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KeepOut {
-    /// What is protected.
-    pub name: String,
-    /// Where it is.
-    pub zone: Zone,
-}
+/// How far a beam that misses is followed [m].
+pub const FAR_M: f64 = 20_000.0;
 
-/// Where a protected region is.
+/// A region that the beam never enters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Zone {
     /// A block of directions from the station.
@@ -87,8 +81,16 @@ pub fn segment_distance_m([a0, a1]: [DVec3; 2], [b0, b1]: [DVec3; 2]) -> f64 {
     (apart + along_a * s - along_b * t).length()
 }
 
-/// Range [m] at which the first of a narrow bundle of rays, `half_angle_rad` to the sides of and
-/// below a direction (azimuth, elevation), meets the surface within `far_m` [m].
+/// The narrow bundle of rays that stands for a beam, unit vectors [enu]: a direction (azimuth,
+/// elevation) and three `half_angle_rad` to the sides of and below it.
+pub fn bundle(az_el_rad: DVec2, half_angle_rad: f64) -> [DVec3; 4] {
+    let h = half_angle_rad;
+    [(0.0, 0.0), (h, 0.0), (-h, 0.0), (0.0, -h)]
+        .map(|(x, y)| az_el_to_los(az_el_rad + DVec2::new(x, y)))
+}
+
+/// Range [m] at which the first ray of the [`bundle`] about a direction (azimuth, elevation) meets
+/// the surface within `far_m` [m].
 pub fn bundle_hit_m(
     dsm: &Dsm,
     r_enu_m: DVec3,
@@ -96,13 +98,9 @@ pub fn bundle_hit_m(
     half_angle_rad: f64,
     far_m: f64,
 ) -> Option<f64> {
-    let h = half_angle_rad;
-    [(0.0, 0.0), (h, 0.0), (-h, 0.0), (0.0, -h)]
+    bundle(az_el_rad, half_angle_rad)
         .into_iter()
-        .filter_map(|(x, y)| {
-            let around = az_el_to_los(az_el_rad + DVec2::new(x, y));
-            dsm.first_hit(r_enu_m, around, far_m)
-        })
+        .filter_map(|ray_enu| dsm.first_hit(r_enu_m, ray_enu, far_m))
         .min_by(f64::total_cmp)
 }
 

@@ -523,6 +523,7 @@ mod tests {
 
         let mut state = GimbalState::at_rest(los_to_az_el(line(0.0)) + DVec2::new(1e-3, -5e-4));
         let mut tilt_est = base.step(&mut base_rng);
+        let mut base_axes_radps = base_rate_on_axes(state.azimuth.angle_rad, base.rate_radps());
         let mut frames: VecDeque<(f64, DVec2, DVec2)> = VecDeque::new();
         let mut filter: Option<LosFilter> = None;
         let mut pid = PaperPid::default();
@@ -607,18 +608,10 @@ mod tests {
             // In the order of `systems::mount::turn`: the base first, then what hangs on it.
             let before = base.tilt_rad();
             // A rate-integrating gyro: exact increments plus angle random walk.
-            tilt_est += base.step(&mut base_rng) - before + (gyro_rate - rate) * DT;
-            let turned = (base.rate_radps() - rate) / DT;
-            let [az, el] = base_rate_on_axes(state.azimuth.angle_rad, turned);
-            let reaction = [
-                -params.azimuth.inertia_kg_m2 * az,
-                -params.elevation.inertia_kg_m2 * el,
-            ];
-            let mean = 0.5 * DT * (rate + base.rate_radps());
-            let slip = mean - (base.tilt_rad() - before);
-            let [az, el] = base_rate_on_axes(state.azimuth.angle_rad, slip);
-            state.azimuth.angle_rad += az;
-            state.elevation.angle_rad += el;
+            let turned = base.step(&mut base_rng) - before;
+            tilt_est += turned + (gyro_rate - rate) * DT;
+            let reaction =
+                state.follow_base(&params, &mut base_axes_radps, base.rate_radps(), turned, DT);
             gimbal::step(&mut state, &params, &command, reaction, DT);
             state.add_gyro_noise(&params, &mut axis_rng, DT);
             mirror.step(mirror_command);

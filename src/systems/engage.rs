@@ -8,7 +8,7 @@ use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::dsm::HitKind;
 use crate::models::estimation::LosFilter;
-use crate::models::interlock::{KeepOut, bundle_hit_m, faces_sun, in_beam};
+use crate::models::interlock::{FAR_M, Zone, bundle, bundle_hit_m, faces_sun, in_beam};
 use crate::models::kinematics::az_el_to_los;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -19,7 +19,7 @@ pub struct Rules {
     /// Whether the laser may fire at all.
     pub authorised: bool,
     /// Protected regions.
-    pub keep_out: Vec<KeepOut>,
+    pub keep_out: Vec<Zone>,
     /// Least angle from a risen sun [rad].
     pub sun_exclusion_rad: f64,
     /// How far ahead the line of sight is checked [s].
@@ -75,8 +75,6 @@ pub struct Burst {
     pub exhausted: Option<u64>,
 }
 
-/// How far a beam that misses is followed [m].
-const FAR_M: f64 = 20_000.0;
 /// How often the way to the target, and behind it, is looked over [Hz]: far more often than
 /// anything comes up within the look ahead.
 const SURROUNDINGS_HZ: u32 = 120;
@@ -107,15 +105,9 @@ impl Way<'_> {
         {
             refused.push("line of sight blocked");
         }
-        for (x, y) in [
-            (0.0, 0.0),
-            (self.spread_rad, 0.0),
-            (-self.spread_rad, 0.0),
-            (0.0, -self.spread_rad),
-        ] {
-            let around = az_el_to_los(los.az_el_rad() + DVec2::new(x, y));
-            let dsm = &self.environment.city.dsm;
-            let hit = dsm.first_hit_kind(self.r_enu_m, around, FAR_M);
+        let dsm = &self.environment.city.dsm;
+        for ray_enu in bundle(los.az_el_rad(), self.spread_rad) {
+            let hit = dsm.first_hit_kind(self.r_enu_m, ray_enu, FAR_M);
             if let Some(reason) = self.rules.refusal(self.range_m, hit)
                 && !refused.contains(&reason)
             {
@@ -123,14 +115,13 @@ impl Way<'_> {
             }
         }
         let protected = |az_el_rad: DVec2| {
-            let mut zones = self.rules.keep_out.iter().map(|keep_out| keep_out.zone);
+            let mut zones = self.rules.keep_out.iter();
             zones.any(|zone| zone.meets(self.r_enu_m, az_el_rad, FAR_M))
         };
         if protected(los.az_el_rad()) {
             refused.push("keep-out zone");
         }
         // The laser must be off before the line of sight gets anywhere it must not fire.
-        let dsm = &self.environment.city.dsm;
         let mut ahead = (1..=LOOKS_AHEAD).map(|i| {
             let lead_s = self.rules.look_ahead_s * f64::from(i) / f64::from(LOOKS_AHEAD);
             filter.predicted(t_s + lead_s).az_el_rad()

@@ -4,7 +4,7 @@ use crate::components::camera::Tier;
 use crate::components::clock::SimClock;
 use crate::components::station::{Misalignment, Mount, MountCommand, Optics, Pointing};
 use crate::models::gimbal;
-use crate::models::kinematics::{base_rate_on_axes, boresight_chain};
+use crate::models::kinematics::boresight_chain;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -32,18 +32,9 @@ pub fn turn(
     gyro.rate_enu_radps = base.rate_radps() + noise;
     // A gyro integrates inside: what it gives is the turn itself, not a sample of the rate.
     gyro.tilt_enu_rad += base.tilt_rad() - before_rad + noise * dt_s;
-    // A base that turns under an axis drags it along by the load's inertia.
-    let rate_radps = base_rate_on_axes(gimbal.azimuth.angle_rad, base.rate_radps());
-    let inertia = [params.azimuth.inertia_kg_m2, params.elevation.inertia_kg_m2];
-    let mut torque_nm = [0, 1].map(|i| -inertia[i] * (rate_radps[i] - base_rate_radps[i]) / dt_s);
-    // That torque is held over the tick, so it moves the load by the mean of the base's rates; what
-    // the base really turned is a little different, and inertia leaves the load behind by that.
-    let turned_rad = base_rate_on_axes(gimbal.azimuth.angle_rad, base.tilt_rad() - before_rad);
-    let slip_rad =
-        [0, 1].map(|i| 0.5 * dt_s * (rate_radps[i] + base_rate_radps[i]) - turned_rad[i]);
-    gimbal.azimuth.angle_rad += slip_rad[0];
-    gimbal.elevation.angle_rad += slip_rad[1];
-    *base_rate_radps = rate_radps;
+    let turned_rad = base.tilt_rad() - before_rad;
+    let mut torque_nm =
+        gimbal.follow_base(params, base_rate_radps, base.rate_radps(), turned_rad, dt_s);
     if let Some(wind) = wind {
         // The air passes a station that stands still.
         let gust = wind.gusts.step(dt_s, wind.height_agl_m, 0.0, &mut wind.rng);
