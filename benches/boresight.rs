@@ -46,7 +46,10 @@ fn demo(uavs: usize, overrides: &[&str]) -> Loaded {
         .expect("a string takes everything");
     }
     let first = format!("uavs.0.trajectory={}", orbit(0));
-    let overrides: Vec<&str> = overrides.iter().copied().chain([&first[..]]).collect();
+    let overrides: Vec<&str> = [&first[..]]
+        .into_iter()
+        .chain(overrides.iter().copied())
+        .collect();
     let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
     let scenario = Scenario::parse(&text, DEMO, &overrides).expect("the demo is valid");
     Loaded {
@@ -98,11 +101,28 @@ fn ticks(criterion: &mut Criterion) {
 fn track_and_control(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("track and control");
     for uavs in [1, 100] {
-        let loaded = demo(uavs, &["detector.kind=truth", "engage.authorised=false"]);
+        // Side by side in the coarse camera's field, so that every one of them has a track.
+        let hover = |i: usize| {
+            let (east_m, up_m) = (-707.0 - 3.0 * (i % 10) as f64, 90.0 + 3.0 * (i / 10) as f64);
+            format!(
+                "uavs.{i}.trajectory={{ kind = \"hover\", position_enu_m = [{east_m}, 707.0, {up_m}] }}"
+            )
+        };
+        let mut overrides = vec![
+            "detector.kind=truth".to_owned(),
+            "engage.authorised=false".to_owned(),
+            "station.cameras.coarse.readout=full".to_owned(),
+        ];
+        overrides.extend((0..uavs).map(hover));
+        let overrides: Vec<&str> = overrides.iter().map(String::as_str).collect();
+        let loaded = demo(uavs, &overrides);
         let mut app = run::build(&loaded, &Options::default()).expect("the demo builds");
         let world = app.world_mut();
         while world.resource::<Tracker>().state != TrackingState::Precise {
             assert!(!run::step(world).expect("a tick"), "nothing is held");
+        }
+        for _ in 0..world.resource::<SimClock>().tick_hz {
+            run::step(world).expect("a tick");
         }
         let (clock, tracker) = (
             *world.resource::<SimClock>(),

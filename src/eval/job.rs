@@ -17,6 +17,7 @@ use crate::models::tracking::separation_rad;
 use crate::report::Series;
 use crate::run::{self, Options, RunError};
 use crate::scenario::Scenario;
+use crate::systems::track::TrackerParams;
 use bevy::prelude::*;
 use glam::DVec2;
 use serde::Serialize;
@@ -203,8 +204,6 @@ struct Watch {
     hidden: bool,
     /// Number of UAVs: what has a higher index is a bird or a balloon.
     count: usize,
-    /// Share of its frames in which the tracker wants to see what it calls a UAV.
-    min_quality: f64,
 }
 
 impl Watch {
@@ -220,7 +219,6 @@ impl Watch {
             cameras,
             hidden: false,
             count: scenario.uavs.len(),
-            min_quality: scenario.tracker.min_quality,
         }
     }
 
@@ -347,7 +345,7 @@ impl Watch {
         let confirmed = |track: &&crate::models::tracking::Track| {
             track.total_hits() >= CONFIRMED_HITS
                 && track.filter.coast_s(t_s) < FRESH_S
-                && track.filter.quality() >= self.min_quality
+                && world.resource::<TrackerParams>().convinced(track)
         };
         seen.looks.push(Look {
             uavs: uavs.collect(),

@@ -7,10 +7,11 @@ use crate::components::environment::Environment;
 use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::dsm::HitKind;
+use crate::models::estimation::LosFilter;
 use crate::models::interlock::{KeepOut, bundle_hit_m, faces_sun, in_beam};
 use crate::models::kinematics::az_el_to_los;
 use bevy::prelude::*;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 /// The rules of engagement of a run.
 #[derive(Resource, Clone, Debug)]
@@ -76,13 +77,75 @@ pub struct Burst {
 
 /// How far a beam that misses is followed [m].
 const FAR_M: f64 = 20_000.0;
-/// A target that sinks faster than this has been neutralised as far as the station can tell
-/// [m/s]: no trajectory in the catalogue dives so with its rotors running.
-const FALLING_MPS: f64 = 6.0;
+/// How often the way to the target, and behind it, is looked over [Hz]: far more often than
+/// anything comes up within the look ahead.
+const SURROUNDINGS_HZ: u32 = 120;
 /// Instants at which the line of sight ahead is checked.
 const LOOKS_AHEAD: u32 = 3;
 /// Hits that make a track an object to be spared: a false alarm seldom comes back.
 const OBJECT_HITS: u32 = 3;
+
+/// The way to a target and on behind it.
+struct Way<'a> {
+    rules: &'a Rules,
+    environment: &'a Environment,
+    r_enu_m: DVec3,
+    range_m: f64,
+    /// Half angle of the bundle of rays that stands for the beam [rad].
+    spread_rad: f64,
+}
+
+impl Way<'_> {
+    /// Adds what forbids to fire along the line of sight of `filter`, now and within the look
+    /// ahead.
+    fn look(&self, filter: &LosFilter, t_s: f64, refused: &mut Vec<&'static str>) {
+        let los = filter.predicted(t_s);
+        let direction = az_el_to_los(los.az_el_rad());
+        if self
+            .environment
+            .in_cloud(self.r_enu_m + self.range_m * direction)
+        {
+            refused.push("line of sight blocked");
+        }
+        for (x, y) in [
+            (0.0, 0.0),
+            (self.spread_rad, 0.0),
+            (-self.spread_rad, 0.0),
+            (0.0, -self.spread_rad),
+        ] {
+            let around = az_el_to_los(los.az_el_rad() + DVec2::new(x, y));
+            let dsm = &self.environment.city.dsm;
+            let hit = dsm.first_hit_kind(self.r_enu_m, around, FAR_M);
+            if let Some(reason) = self.rules.refusal(self.range_m, hit)
+                && !refused.contains(&reason)
+            {
+                refused.push(reason);
+            }
+        }
+        let protected = |az_el_rad: DVec2| {
+            let mut zones = self.rules.keep_out.iter().map(|keep_out| keep_out.zone);
+            zones.any(|zone| zone.meets(self.r_enu_m, az_el_rad, FAR_M))
+        };
+        if protected(los.az_el_rad()) {
+            refused.push("keep-out zone");
+        }
+        // The laser must be off before the line of sight gets anywhere it must not fire.
+        let dsm = &self.environment.city.dsm;
+        let mut ahead = (1..=LOOKS_AHEAD).map(|i| {
+            let lead_s = self.rules.look_ahead_s * f64::from(i) / f64::from(LOOKS_AHEAD);
+            filter.predicted(t_s + lead_s).az_el_rad()
+        });
+        if ahead
+            .clone()
+            .any(|at| bundle_hit_m(dsm, self.r_enu_m, at, self.spread_rad, self.range_m).is_some())
+        {
+            refused.push("line of sight will be blocked");
+        }
+        if ahead.any(protected) {
+            refused.push("keep-out zone ahead");
+        }
+    }
+}
 
 /// Checks every interlock and sets the firing command for the next tick.
 pub fn decide_fire(
@@ -93,6 +156,8 @@ pub fn decide_fire(
     cameras: Query<&SensorCamera>,
     mut interlocks: ResMut<Interlocks>,
     mut burst: ResMut<Burst>,
+    // What forbids to fire at the track of this identity, as of the last look around.
+    mut surroundings: Local<(Option<u32>, Vec<&'static str>)>,
     station: Single<(&Mount, &mut FireCommand)>,
 ) {
     let (mount, mut command) = station.into_inner();
@@ -109,50 +174,32 @@ pub fn decide_fire(
     {
         reasons.push("aim point outside the target");
     }
+    if tracker.state != TrackingState::Engage {
+        surroundings.0 = None;
+    }
     match (tracker.target_track(), tracker.range_m) {
         (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
             let los = track.filter.predicted(clock.t_s());
             let direction = az_el_to_los(los.az_el_rad());
-            // The beam's whole width must be clear: look around the line by half a pixel field.
-            let spread = cameras
-                .iter()
-                .find(|camera| camera.tier == Tier::Precise)
-                .map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad());
-            if environment.in_cloud(mount.r_enu_m + range_m * direction) {
-                reasons.push("line of sight blocked");
+            let every = u64::from((clock.tick_hz / SURROUNDINGS_HZ).max(1));
+            if surroundings.0 != Some(track.id) || clock.tick.is_multiple_of(every) {
+                surroundings.0 = Some(track.id);
+                surroundings.1.clear();
+                // The beam's whole width must be clear: look around the line by some pixels.
+                let spread = cameras
+                    .iter()
+                    .find(|camera| camera.tier == Tier::Precise)
+                    .map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad());
+                let way = Way {
+                    rules: &rules,
+                    environment: &environment,
+                    r_enu_m: mount.r_enu_m,
+                    range_m,
+                    spread_rad: spread,
+                };
+                way.look(&track.filter, clock.t_s(), &mut surroundings.1);
             }
-            for (x, y) in [(0.0, 0.0), (spread, 0.0), (-spread, 0.0), (0.0, -spread)] {
-                let around = az_el_to_los(los.az_el_rad() + DVec2::new(x, y));
-                let dsm = &environment.city.dsm;
-                let hit = dsm.first_hit_kind(mount.r_enu_m, around, FAR_M);
-                if let Some(reason) = rules.refusal(range_m, hit)
-                    && !reasons.contains(&reason)
-                {
-                    reasons.push(reason);
-                }
-            }
-            let protected = |az_el_rad: DVec2| {
-                let mut zones = rules.keep_out.iter().map(|keep_out| keep_out.zone);
-                zones.any(|zone| zone.meets(mount.r_enu_m, az_el_rad, FAR_M))
-            };
-            if protected(los.az_el_rad()) {
-                reasons.push("keep-out zone");
-            }
-            // The laser must be off before the line of sight gets anywhere it must not fire.
-            let dsm = &environment.city.dsm;
-            let mut ahead = (1..=LOOKS_AHEAD).map(|i| {
-                let lead_s = rules.look_ahead_s * f64::from(i) / f64::from(LOOKS_AHEAD);
-                track.filter.predicted(clock.t_s() + lead_s).az_el_rad()
-            });
-            if ahead
-                .clone()
-                .any(|at| bundle_hit_m(dsm, mount.r_enu_m, at, spread, range_m).is_some())
-            {
-                reasons.push("line of sight will be blocked");
-            }
-            if ahead.any(protected) {
-                reasons.push("keep-out zone ahead");
-            }
+            reasons.extend(&surroundings.1);
             if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
                 reasons.push("sun behind the target");
             }
@@ -168,7 +215,7 @@ pub fn decide_fire(
             {
                 reasons.push("another object in the beam");
             }
-            if -los.el_rate_radps * range_m * direction.truncate().length() > FALLING_MPS {
+            if tracker.falling_since.is_some() {
                 reasons.push("target falls");
             }
             command.focus_range_m = range_m;

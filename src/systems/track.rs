@@ -51,7 +51,7 @@ pub struct TrackerParams {
 
 impl TrackerParams {
     /// Whether the detector is sure enough that a track is a UAV.
-    fn convinced(&self, track: &Track) -> bool {
+    pub fn convinced(&self, track: &Track) -> bool {
         track.filter.quality() >= self.min_quality && track.score >= self.min_score
     }
 }
@@ -87,7 +87,7 @@ const DOUBT_AFTER_S: f64 = 1.0;
 /// A target that has been fired at and sinks this fast [m/s] for this long [s] has been dealt with.
 const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
-/// Foresight of occlusions [s], and how often it is renewed [Hz].
+/// Foresight of occlusions [s]; how often it is renewed, and threats are compared [Hz].
 const FORESIGHT_S: f64 = 4.0;
 const FORESIGHT_HZ: u32 = 10;
 /// An operator points at a UAV's picture; the track must be this close to it [rad].
@@ -242,7 +242,11 @@ pub fn aim(
     let t_s = clock.t_s();
     let placed = tracker.target_track().and_then(|track| {
         let (r_enu_m, v_enu_mps) = track.position_enu(mount.r_enu_m, t_s)?;
-        let offset_enu_m = aim_offset_enu_m(part, track.size_rad * range_m, v_enu_mps);
+        // A detection's centre follows the mass of the picture, as the body's centroid does, more
+        // than its outline: the parts are counted from the body.
+        let span_m = track.size_rad * range_m;
+        let offset_enu_m = aim_offset_enu_m(part, span_m, v_enu_mps)
+            - aim_offset_enu_m(AimPart::Body, span_m, v_enu_mps);
         let los = los_to_az_el(r_enu_m - mount.r_enu_m);
         let shifted = los_to_az_el(r_enu_m + offset_enu_m - mount.r_enu_m);
         Some(DVec2::new(
@@ -449,7 +453,9 @@ pub fn decide(
         tracker.falling_since = None;
     }
     hold(&now, tracker);
-    if !params.nearest_to_centre
+    let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
+    if clock.tick.is_multiple_of(every)
+        && !params.nearest_to_centre
         && !tracker.designated
         && matches!(
             tracker.state,
