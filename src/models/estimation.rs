@@ -86,7 +86,7 @@ pub struct LosFilterParams {
 
 impl Default for LosFilterParams {
     /// For a small multirotor near 1 km at up to 20 m/s: straight flight in gusts, manoeuvres of some
-    /// 2 m/s² held for two seconds, now and then a hard one. The gate passes 99.97 % of true
+    /// 2 m/s² held for some seconds, now and then a hard one. The gate passes 99.97 % of true
     /// measurements.
     fn default() -> Self {
         Self {
