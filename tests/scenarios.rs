@@ -1370,6 +1370,8 @@ fn a_rendered_bird_is_where_the_truth_has_it() {
     let overrides = [
         "detector.kind=truth",
         "detector.truth.distractor_rate=1",
+        // Taken for a UAV, so that every camera turns to it.
+        "tracker.min_score=0",
         "engage.authorised=false",
         "station.position_enu_m=[0, 0, 48]",
         "search.pattern=stare",

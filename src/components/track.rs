@@ -141,8 +141,8 @@ pub struct Tracker {
     pub since_tick: u64,
     /// Identity of the target's track.
     pub target: Option<u32>,
-    /// Tracks that the coarse camera did not confirm.
-    pub rejected: Vec<u32>,
+    /// Tracks that turned out to be no target, and since when.
+    pub rejected: Vec<(u32, u64)>,
     /// Hits of the target by each camera since the last change of state.
     pub hits_in_state: [u32; 3],
     /// Last measured error of the target from each camera's boresight.
@@ -158,7 +158,11 @@ pub struct Tracker {
     pub designated: bool,
     /// Since when another track has been the greater threat, and which.
     pub rival: Option<(u32, u64)>,
-    /// Since when the target has been falling.
+    /// Whether the range finder had an echo of the target.
+    pub lased: bool,
+    /// Whether the laser has been fired while it was the target.
+    pub fired: bool,
+    /// Since when the target, fired at, has been falling.
     pub falling_since: Option<u64>,
     /// Every change so far.
     pub changes: Vec<StateChange>,
@@ -179,6 +183,8 @@ impl Default for Tracker {
             aim_rad: DVec2::ZERO,
             designated: false,
             rival: None,
+            lased: false,
+            fired: false,
             falling_since: None,
             changes: vec![StateChange {
                 tick: 0,
@@ -208,11 +214,8 @@ impl Tracker {
     /// Takes up a target and turns to it.
     pub fn acquire(&mut self, tick: u64, id: u32, reason: impl Into<String>) {
         self.target = Some(id);
-        self.rejected.retain(|rejected| *rejected != id);
-        self.error = [None; 3];
-        self.range_m = None;
-        self.rival = None;
-        self.falling_since = None;
+        self.rejected.retain(|(rejected, _)| *rejected != id);
+        self.forget();
         self.change(tick, TrackingState::Acquire, reason);
     }
 
@@ -220,13 +223,38 @@ impl Tracker {
     pub fn give_up(&mut self, tick: u64, reject: bool, reason: impl Into<String>) {
         let target = self.target.take();
         if reject {
-            self.rejected.extend(target);
+            self.rejected.extend(target.map(|id| (id, tick)));
         }
         self.designated = false;
-        self.rival = None;
-        self.falling_since = None;
-        self.range_m = None;
+        self.forget();
         self.change(tick, TrackingState::Search, reason);
+    }
+
+    /// Forgets what was known of the former target.
+    fn forget(&mut self) {
+        self.error = [None; 3];
+        self.range_m = None;
+        self.aim_rad = DVec2::ZERO;
+        self.rival = None;
+        self.lased = false;
+        self.fired = false;
+        self.falling_since = None;
+    }
+
+    /// Takes over the identities that the table has joined to older ones.
+    pub fn follow_joined(&mut self) {
+        for (young, old) in &self.table.joined {
+            let rename = |id: &mut u32| {
+                if id == young {
+                    *id = *old;
+                }
+            };
+            // The young track has been judged on its own: what was held against the old is over.
+            self.rejected.retain(|(id, _)| id != old);
+            self.target.iter_mut().for_each(rename);
+            self.rival.iter_mut().for_each(|(id, _)| rename(id));
+            self.rejected.iter_mut().for_each(|(id, _)| rename(id));
+        }
     }
 
     /// The line of sight to the part aimed at, predicted for `t_s`.

@@ -169,7 +169,7 @@ struct Line {
 #[allow(clippy::large_enum_variant)]
 enum Source {
     Modes {
-        modes: [ModeState; 3],
+        modes: Box<[ModeState; 3]>,
         started: bool,
     },
     Lines(Vec<Line>),
@@ -183,11 +183,11 @@ impl BaseMotion {
     /// A base motion to be stepped every `dt_s`.
     pub fn new(params: &BaseMotionParams, dt_s: f64) -> Result<Self, SecondOrderError> {
         Ok(Self(Source::Modes {
-            modes: [
+            modes: Box::new([
                 ModeState::new(&params.sway, dt_s)?,
                 ModeState::new(&params.mast, dt_s)?,
                 ModeState::new(&params.broadband, dt_s)?,
-            ],
+            ]),
             started: false,
         }))
     }
@@ -220,7 +220,7 @@ impl BaseMotion {
     pub fn step(&mut self, rng: &mut Stream) -> DVec3 {
         match &mut self.0 {
             Source::Modes { modes, started } => {
-                for mode in modes {
+                for mode in modes.iter_mut() {
                     if *started {
                         mode.advance(rng);
                     } else {

@@ -602,13 +602,17 @@ impl LosFilter {
         self.quality
     }
 
-    /// The line of sight extrapolated to `t_s` (not before the newest exposure; an earlier time
-    /// gives the newest estimate): mean of the modes, and covariance with their spread.
+    /// The line of sight extrapolated to `t_s` from the newest exposure before it (a time before
+    /// the oldest one kept gives that one's estimate): mean of the modes, and covariance with their
+    /// spread.
     pub fn predicted(&self, t_s: f64) -> LosState {
-        let dt_s = self.coast_s(t_s).max(0.0);
-        let [az, el] = self.params.extrapolate(&self.newest().axes, dt_s);
+        let known = &self.history[..self.len];
+        let later = known.partition_point(|entry| entry.sight.t_s <= t_s);
+        let from = &known[later.saturating_sub(1)];
+        let dt_s = (t_s - from.sight.t_s).max(0.0);
+        let [az, el] = self.params.extrapolate(&from.axes, dt_s);
         LosState {
-            t_s: self.t_s() + dt_s,
+            t_s: from.sight.t_s + dt_s,
             az_rad: wrap_pi(az.x[0]),
             el_rad: el.x[0],
             az_rate_radps: az.x[1],

@@ -253,6 +253,8 @@ pub struct TrackTable {
     pub params: TableParams,
     /// The tracks.
     pub tracks: Vec<Track>,
+    /// Identities that the last frame ended, each with the older one that it turned out to be.
+    pub joined: Vec<(u32, u32)>,
     next_id: u32,
 }
 
@@ -268,6 +270,8 @@ const ESTABLISHED_HITS: u32 = 30;
 /// Share of the newest sighting in a track's smoothed size, and the least in its score.
 const SMOOTHING: f64 = 0.2;
 const LEAST_SCORE_SHARE: f64 = 0.05;
+/// Squared distance up to which a sighting is offered to a track, over the gate's.
+const OFFERED: f64 = 4.0;
 
 impl TrackTable {
     /// The track of an identity.
@@ -306,7 +310,7 @@ impl TrackTable {
                 let up = sighting.az_el_rad.y - los.el_rad;
                 let variance = |sigma: f64| sigma * sigma + sighting.sigma_rad.powi(2);
                 let variances = [variance(spread.x), variance(spread.y)];
-                if up * up > gate * variances[1] {
+                if up * up > OFFERED * gate * variances[1] {
                     continue;
                 }
                 let right = wrap_pi(sighting.az_el_rad.x - los.az_rad) * cos_el;
@@ -316,9 +320,11 @@ impl TrackTable {
                 let cost = distance2
                     + (size * size).min(4.0)
                     + (variances[0] * variances[1] / sighting.sigma_rad.powi(4)).ln();
-                if distance2 < gate {
-                    // Inside the gate a pair is always better than two that stay alone.
-                    const ALONE: f64 = 60.0;
+                // The filter refuses what lies outside its gate, until it has refused three that
+                // fit each other: they are offered from twice as far.
+                if distance2 < OFFERED * gate {
+                    // Such a pair is always better than two that stay alone.
+                    const ALONE: f64 = 200.0;
                     pairs.push(Pair {
                         row,
                         column,
@@ -329,14 +335,15 @@ impl TrackTable {
         }
         let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
         for (row, column) in chosen.into_iter().enumerate() {
-            let hit = column.is_some_and(|column| {
-                let hit = self.tracks[row].take(look, &look.sightings[column]);
-                if hit {
-                    assigned[column] = Some(self.tracks[row].id);
-                }
-                hit
-            });
             let track = &mut self.tracks[row];
+            let hit = column.is_some_and(|column| {
+                let gating = track.take(look, &look.sightings[column]);
+                let refused = matches!(gating, Gating::Rejected { .. });
+                if !refused {
+                    assigned[column] = Some(track.id);
+                }
+                !refused
+            });
             if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
                 track.misses += 1;
                 track.filter.miss(look.t_s);
@@ -378,6 +385,7 @@ impl TrackTable {
     /// Joins to every established track that has gone silent the young track that continues it
     /// best: begun since, and near it in direction and rate. The older identity goes on.
     fn stitch(&mut self, t_s: f64, assigned: &mut [Option<u32>]) {
+        self.joined.clear();
         let mut young = 0;
         while young < self.tracks.len() {
             match self.continued_by(young, t_s) {
@@ -385,6 +393,7 @@ impl TrackTable {
                     let fresh = self.tracks.remove(young);
                     // It began later, so it stood behind the one it continues.
                     let track = &mut self.tracks[old];
+                    self.joined.push((fresh.id, track.id));
                     for id in assigned.iter_mut().filter(|id| **id == Some(fresh.id)) {
                         *id = Some(track.id);
                     }
@@ -435,6 +444,8 @@ impl TrackTable {
                 .map_or(1_000.0, |(range_m, _)| range_m);
             let agility = UNSEEN_MPS2 / range_m * Vector2::new(0.5 * unseen_s * unseen_s, unseen_s);
             let agility = Matrix2::from_diagonal(&agility.component_mul(&agility));
+            // An azimuth turns faster than the sky by 1/cos(el).
+            let scales = [1.0 / a.el_rad.cos().max(0.05), 1.0];
             let differences = [
                 [
                     wrap_pi(b.az_rad - a.az_rad),
@@ -445,7 +456,8 @@ impl TrackTable {
             let distance2: f64 = (0..2)
                 .map(|axis| {
                     let sum = a.covariance[axis] + b.covariance[axis];
-                    let sum = sum.fixed_view::<2, 2>(0, 0) + agility;
+                    let sum =
+                        sum.fixed_view::<2, 2>(0, 0) + agility * (scales[axis] * scales[axis]);
                     let d = Vector2::from(differences[axis]);
                     sum.try_inverse()
                         .map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))
@@ -472,7 +484,7 @@ impl TrackTable {
                 track.misses += 1;
                 track.filter.miss(look.t_s);
             }
-            Some(sighting) if !track.take(look, sighting) => {
+            Some(sighting) if matches!(track.take(look, sighting), Gating::Rejected { .. }) => {
                 let (at, sigma) = (sighting.az_el_rad, sighting.sigma_rad);
                 if let Ok(fresh) = LosFilter::start(filter, at, sigma, look.t_s) {
                     track.filter = fresh;
@@ -513,21 +525,21 @@ impl TrackTable {
 }
 
 impl Track {
-    /// Offers a sighting to the filter; false if its gate says no.
-    fn take(&mut self, look: &Look, sighting: &Sighting) -> bool {
+    /// Offers a sighting to the filter. One that comes too late for it is seen all the same.
+    fn take(&mut self, look: &Look, sighting: &Sighting) -> Gating {
         let gating = self
             .filter
             .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
-        let accepted = matches!(gating, Gating::Accepted { .. });
-        if accepted {
+        if !matches!(gating, Gating::Rejected { .. }) {
             self.record(look, sighting);
         }
-        accepted
+        gating
     }
 
     fn record(&mut self, look: &Look, sighting: &Sighting) {
         self.hits[look.tier] += 1;
-        self.last_hit_s[look.tier] = Some(look.t_s);
+        let last_s = &mut self.last_hit_s[look.tier];
+        *last_s = Some(last_s.map_or(look.t_s, |last_s| last_s.max(look.t_s)));
         self.misses = 0;
         self.size_rad += SMOOTHING * (sighting.size_rad - self.size_rad);
         // The mean of the first ones, so that a candidate is judged by more than its last frame.

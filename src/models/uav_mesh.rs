@@ -81,7 +81,7 @@ impl UavMesh {
             .fold(0.0, f64::max);
         let sweeps = self.rotors.iter().flat_map(|mount| {
             let [from, to] = mount.sweep_rad;
-            (0..SWEEP_POINTS).map(move |i| {
+            (0..=SWEEP_POINTS).map(move |i| {
                 let angle = from + (to - from) * f64::from(i) / f64::from(SWEEP_POINTS);
                 let tip = blade_m * DVec2::from_angle(angle).extend(0.0);
                 mount.hub_body_m + mount.q_body_hub * tip

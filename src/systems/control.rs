@@ -4,7 +4,7 @@ use crate::components::camera::{Readout, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::station::{Mount, MountCommand, Optics};
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Flight, Uav, UavStatus};
+use crate::components::uav::{Distractor, Flight, Uav, UavStatus};
 use crate::models::kinematics::az_el_to_los;
 use crate::models::pid::{PaperLaw, PaperPid, coarse_axis_rates, precise_mirror};
 use crate::models::pointing::{HandOver, PointingInput, PointingLaw};
@@ -48,6 +48,8 @@ pub struct PaperController {
     pub used_tick: [Option<u64>; 2],
     /// Rates that perform the last coarse increment [rad/s].
     pub rates_radps: [f64; 2],
+    /// The track that the loops have been closed on.
+    pub target: Option<u32>,
 }
 
 impl PaperController {
@@ -60,6 +62,7 @@ impl PaperController {
             precise: PaperPid::default(),
             used_tick: [None; 2],
             rates_radps: [0.0; 2],
+            target: None,
         }
     }
 }
@@ -224,7 +227,7 @@ impl Radar {
 pub fn track_by_radar(
     clock: Res<SimClock>,
     mount: Single<&Mount>,
-    uavs: Query<(&Uav, &Flight, &UavStatus)>,
+    uavs: Query<(&Uav, &Flight, &UavStatus), Without<Distractor>>,
     mut radar: ResMut<Radar>,
 ) {
     if radar.errors.is_none() {
@@ -360,6 +363,11 @@ fn steer_paper(
     mount: &Mount,
     command: &mut MountCommand,
 ) {
+    // What one target has taught is no use on another.
+    if paper.target != tracker.target {
+        *paper = PaperController::new(paper.coarse_law, paper.precise_law);
+        paper.target = tracker.target;
+    }
     for tier in [Tier::Coarse, Tier::Precise] {
         let slot = tier as usize - Tier::Coarse as usize;
         let Some(error) = tracker.error[tier as usize] else {

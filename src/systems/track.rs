@@ -14,7 +14,7 @@ use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
 use crate::models::radar::Cue;
 use crate::models::rng::Stream;
 use crate::models::threat::time_to_asset_s;
-use crate::models::tracking::{Look, Occlusion, Sighting, Track, separation_rad};
+use crate::models::tracking::{Look, Occlusion, Sighting, Track, TrackTable, separation_rad};
 use crate::models::uav::{AimPart, aim_offset_enu_m};
 use crate::systems::control::Radar;
 use bevy::prelude::*;
@@ -63,7 +63,8 @@ const POINTING_SIGMA_RAD: f64 = 5e-6;
 const CONFIRM_HITS: u32 = 4;
 /// Hits after which a search track may become the target.
 const CANDIDATE_HITS: u32 = 6;
-/// Hits of the search camera that bring a lost target back.
+/// Hits of the coarse camera that bring a lost target back, and of the search camera.
+const AGAIN_HITS: u32 = 2;
 const REFIND_HITS: u32 = 3;
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
 /// still, a flickering facade does not move far.
@@ -73,6 +74,8 @@ const MOVING_SIGMAS: f64 = 6.0;
 const SKY_MARGIN_RAD: f64 = 4e-3;
 /// Time without a hit after which a camera has lost the target [s].
 const LOSE_AFTER_S: f64 = 0.25;
+/// Time for which a track that was given up as no target is left alone [s].
+const REJECTED_S: f64 = 10.0;
 /// Time the coarse camera has to confirm a candidate [s], and a lost target to come back.
 const ACQUIRE_TIMEOUT_S: f64 = 3.0;
 const LOST_TIMEOUT_S: f64 = 3.0;
@@ -135,6 +138,7 @@ pub fn associate(
             nearest
         } else {
             let assigned = tracker.table.update(&look);
+            tracker.follow_joined();
             tracker
                 .target
                 .and_then(|target| assigned.iter().position(|id| *id == Some(target)))
@@ -279,8 +283,8 @@ pub fn foresee(
                 enter_s: was.enter_s,
                 ..next
             }),
-            // What is over is kept until there is something new: the way out is looked up there.
-            (Some(was), None) if track.seen_s() < was.enter_s => Some(was),
+            // What is over is kept until the track is seen again: the way out is looked up there.
+            (Some(was), None) if was.enter_s <= t_s && track.seen_s() < was.enter_s => Some(was),
             (_, next) => next,
         };
     }
@@ -356,6 +360,13 @@ impl Situation<'_> {
         })
     }
 
+    /// Speed with which a track loses height [m/s].
+    fn sink_mps(&self, track: &Track) -> f64 {
+        track
+            .position_enu(self.r_station_enu_m, self.t_s())
+            .map_or(0.0, |(_, v_enu_mps)| -v_enu_mps.z)
+    }
+
     /// Time in which a track could be at the asset [s].
     fn threat_s(&self, track: &Track) -> f64 {
         track
@@ -371,7 +382,7 @@ impl Situation<'_> {
             .table
             .tracks
             .iter()
-            .filter(|track| !tracker.rejected.contains(&track.id))
+            .filter(|track| tracker.rejected.iter().all(|(id, _)| *id != track.id))
             .filter_map(|track| {
                 let reason = self.candidate_reason(track)?;
                 Some((track.id, self.threat_s(track), reason))
@@ -402,9 +413,7 @@ impl Situation<'_> {
             .dsm
             .first_hit(self.r_station_enu_m, az_el_to_los(below), FAR_M)
             .is_none();
-        // What does not move must be looked at longer.
-        (sky && track.total_hits() >= 2 * CANDIDATE_HITS)
-            .then(|| format!("stands in clear sky, {seen}"))
+        sky.then(|| format!("stands in clear sky, {seen}"))
     }
 }
 
@@ -420,6 +429,10 @@ pub fn decide(
     let (mount, beam) = *station;
     let tracker = &mut *tracker;
     let tick = clock.tick;
+    let kept_ticks = clock.ticks_of(REJECTED_S);
+    tracker
+        .rejected
+        .retain(|(_, since)| tick < since + kept_ticks);
     let now = Situation {
         tick,
         clock: &clock,
@@ -431,8 +444,8 @@ pub fn decide(
         if let Some((id, threat_s, reason)) = now.candidate(tracker) {
             let reason = format!("track {id} {reason}, could arrive in {threat_s:.0} s");
             tracker.acquire(tick, id, reason);
-            if let (Some(cue), Some(track)) = (radar.cue(now.t_s()), tracker.table.get_mut(id)) {
-                take_radar_range(&cue, track, now.t_s());
+            if let Some(cue) = radar.cue(now.t_s()) {
+                take_radar_range(&cue, &mut tracker.table, id, now.t_s());
             }
         }
         return;
@@ -441,9 +454,9 @@ pub fn decide(
         tracker.give_up(tick, false, "no camera saw the target any more");
         return;
     };
-    if falls(track, tracker.range_m, clock.t_s())
-        && (tracker.falling_since.is_some() || beam.dwell_s > 0.0)
-    {
+    let sinks = tracker.lased && now.sink_mps(track) > FALLING_MPS;
+    tracker.fired |= beam.firing;
+    if sinks && tracker.fired {
         let since = *tracker.falling_since.get_or_insert(tick);
         if clock.at_s(tick - since) > FALLING_S {
             tracker.give_up(tick, true, "the target falls");
@@ -453,14 +466,9 @@ pub fn decide(
         tracker.falling_since = None;
     }
     hold(&now, tracker);
-<<<<<<< HEAD
     let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
-    if clock.tick.is_multiple_of(every)
-        && !params.nearest_to_centre
-=======
     // What is being fired at is not left for another.
     if !params.nearest_to_centre
->>>>>>> fa9ad34572f05310a919375be45253e77fbd7d55
         && !tracker.designated
         && !beam.firing
         && matches!(
@@ -468,25 +476,27 @@ pub fn decide(
             TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
         )
     {
-        compare(&now, tracker);
+        if clock.tick.is_multiple_of(every) {
+            compare(&now, tracker);
+        }
     } else {
         tracker.rival = None;
     }
 }
 
-/// The range of a cue goes to a track in the same direction.
-fn take_radar_range(cue: &Cue, track: &mut Track, t_s: f64) {
+/// The range of a cue goes to the track that it points at, if there is only one.
+fn take_radar_range(cue: &Cue, table: &mut TrackTable, id: u32, t_s: f64) {
     const GATE_SIGMAS: f64 = 3.0;
-    let at = track.filter.predicted(t_s).az_el_rad();
-    if separation_rad(at, cue.az_el_rad) < GATE_SIGMAS * cue.sigma_rad.max_element() {
+    let gate_rad = GATE_SIGMAS * cue.sigma_rad.max_element();
+    let mut near = table.tracks.iter_mut().filter(|track| {
+        let at = track.filter.predicted(t_s).az_el_rad();
+        track.total_hits() >= CONFIRM_HITS && separation_rad(at, cue.az_el_rad) < gate_rad
+    });
+    if let (Some(track), None) = (near.next(), near.next())
+        && track.id == id
+    {
         track.ranged(cue.range_m, cue.range_sigma_m, t_s);
     }
-}
-
-/// Whether a ranged track sinks as no UAV with running rotors does.
-fn falls(track: &Track, range_m: Option<f64>, t_s: f64) -> bool {
-    let los = track.filter.predicted(t_s);
-    range_m.is_some_and(|range_m| -los.el_rate_radps * range_m * los.el_rad.cos() > FALLING_MPS)
 }
 
 /// Steps the states that have a target.
@@ -511,12 +521,14 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                     100.0 * quality
                 );
                 tracker.change(tick, TrackingState::Coarse, reason);
-            } else if in_state_s > ACQUIRE_TIMEOUT_S {
+            } else if !hidden && in_state_s > ACQUIRE_TIMEOUT_S + hidden_s(track) {
+                // What the precise camera has seen is a UAV, wherever it is now.
+                let reject = track.hits[Tier::Precise as usize] < CONFIRM_HITS;
                 let reason = format!(
                     "coarse camera saw the candidate {} times in {in_state_s:.1} s",
                     hits[Tier::Coarse as usize]
                 );
-                tracker.give_up(tick, true, reason);
+                tracker.give_up(tick, reject, reason);
             }
         }
         TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
@@ -555,9 +567,11 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
             }
         }
         TrackingState::Lost => {
-            if hits[Tier::Coarse as usize] + hits[Tier::Precise as usize] >= 2 {
-                let reason = format!("track {id} seen again after {in_state_s:.2} s");
+            let reason = format!("track {id} seen again after {in_state_s:.2} s");
+            if hits[Tier::Coarse as usize] >= AGAIN_HITS {
                 tracker.change(tick, TrackingState::Coarse, reason);
+            } else if hits[Tier::Precise as usize] >= CONFIRM_HITS {
+                tracker.change(tick, TrackingState::Precise, reason);
             } else if hits[Tier::Search as usize] >= REFIND_HITS {
                 let reason = format!("search camera sees track {id} again after {in_state_s:.2} s");
                 tracker.change(tick, TrackingState::Acquire, reason);
@@ -698,7 +712,9 @@ pub fn find_range(
         track.ranged(measured_m, RANGE_SIGMA_M, t_s);
     }
     let known = track.range.range_m(t_s);
+    tracker.lased |= echo.is_some();
+    // A radar's range alone, which may be another's, is not good enough to fire by.
     tracker.range_m = known
-        .filter(|(_, sigma_m)| *sigma_m < RANGE_KNOWN_M)
+        .filter(|(_, sigma_m)| tracker.lased && *sigma_m < RANGE_KNOWN_M)
         .map(|(range_m, _)| range_m);
 }
