@@ -165,6 +165,8 @@ struct Line {
 }
 
 #[derive(Clone, Debug, PartialEq)]
+// A run has one of them: its size does not matter.
+#[allow(clippy::large_enum_variant)]
 enum Source {
     Modes {
         modes: Box<[ModeState; 3]>,

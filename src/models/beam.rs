@@ -165,15 +165,6 @@ pub fn power_in_bucket_w(power_w: f64, w_m: f64, offset_m: f64, bucket_radius_m:
     power_w * sum / (half_nodes as f64 * 2.0 * sigma * sigma)
 }
 
-/// Radius [m] of the time-averaged spot of a beam of radius `w_m` [m] that jitters by
-/// `axis_rms_rad` [rad, rms about each axis] at `range_m` [m]: w² + 4 σ² R².
-///
-/// A Gaussian spot has the variance w²/4 about each axis; an independent Gaussian jitter adds its
-/// own, (σR)².
-pub fn jitter_averaged_radius_m(w_m: f64, axis_rms_rad: f64, range_m: f64) -> f64 {
-    w_m.hypot(2.0 * axis_rms_rad * range_m)
-}
-
 /// Correlation time of beam wander [s]: the transit of the beam's diameter at the exit by the
 /// transverse wind `v_perp_mps` [m/s] (frozen flow); infinite in still air.
 pub fn wander_correlation_time_s(aperture_radius_m: f64, v_perp_mps: f64) -> f64 {
@@ -194,6 +185,15 @@ mod tests {
             (value / expected - 1.0).abs() < relative,
             "{value} against {expected}"
         );
+    }
+
+    /// Radius [m] of the time-averaged spot of a beam of radius `w_m` [m] that jitters by
+    /// `axis_rms_rad` [rad, rms about each axis] at `range_m` [m]: w² + 4 σ² R².
+    ///
+    /// A Gaussian spot has the variance w²/4 about each axis; an independent Gaussian jitter adds its
+    /// own, (σR)².
+    fn jitter_averaged_radius_m(w_m: f64, axis_rms_rad: f64, range_m: f64) -> f64 {
+        w_m.hypot(2.0 * axis_rms_rad * range_m)
     }
 
     fn laser() -> Laser {

@@ -20,12 +20,6 @@ pub enum CameraError {
     /// A horizontal field of view outside (0, pi).
     #[error("horizontal field of view {0} rad is not in (0, pi)")]
     FieldOfView(f64),
-    /// A focal length or a pixel pitch that is not a positive finite number.
-    #[error("focal length {focal_length_m} m over pixel pitch {pixel_pitch_m} m is not positive")]
-    Optics {
-        focal_length_m: f64,
-        pixel_pitch_m: f64,
-    },
 }
 
 /// An ideal pinhole camera: square pixels, principal point at the image centre, no distortion.
@@ -55,33 +49,6 @@ impl Pinhole {
             width_px,
             height_px,
             focal_px: 0.5 * f64::from(width_px) / (0.5 * hfov_rad).tan(),
-        })
-    }
-
-    /// The camera of a lens of `focal_length_m` on a detector of `pixel_pitch_m` [m].
-    pub fn from_optics(
-        focal_length_m: f64,
-        pixel_pitch_m: f64,
-        width_px: u32,
-        height_px: u32,
-    ) -> Result<Self, CameraError> {
-        if width_px == 0 || height_px == 0 {
-            return Err(CameraError::Empty {
-                width_px,
-                height_px,
-            });
-        }
-        let focal_px = focal_length_m / pixel_pitch_m;
-        if !(focal_length_m > 0.0 && pixel_pitch_m > 0.0 && focal_px.is_finite()) {
-            return Err(CameraError::Optics {
-                focal_length_m,
-                pixel_pitch_m,
-            });
-        }
-        Ok(Self {
-            width_px,
-            height_px,
-            focal_px,
         })
     }
 
@@ -175,15 +142,12 @@ mod tests {
     const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
     #[test]
-    fn field_of_view_round_trips_and_the_lens_form_agrees() {
+    fn field_of_view_round_trips() {
         let wide = Pinhole::from_hfov(640, 480, 120.0 * DEGREE).unwrap();
         // tan 60° = √3.
         assert!((wide.focal_px - 320.0 / 3f64.sqrt()).abs() < 1e-10);
         assert!((wide.hfov_rad() - 120.0 * DEGREE).abs() < 1e-14);
         assert!((wide.vfov_rad() - 2.0 * (0.75 * 3f64.sqrt()).atan()).abs() < 1e-14);
-        // A 1.0 m lens on 27.27 µm pixels is 27.27 µrad a pixel.
-        let lens = Pinhole::from_optics(1.0, 27.27e-6, 640, 480).unwrap();
-        assert!((lens.ifov_rad() - 27.27e-6).abs() < 1e-14);
     }
 
     #[test]
@@ -259,10 +223,8 @@ mod tests {
     #[test]
     fn bad_cameras_are_refused() {
         assert!(Pinhole::from_hfov(0, 480, 1.0).is_err());
+        assert!(Pinhole::from_hfov(640, 0, 1.0).is_err());
         assert!(Pinhole::from_hfov(640, 480, std::f64::consts::PI).is_err());
         assert!(Pinhole::from_hfov(640, 480, f64::NAN).is_err());
-        assert!(Pinhole::from_optics(0.05, 0.0, 640, 480).is_err());
-        assert!(Pinhole::from_optics(-0.05, -5e-6, 640, 480).is_err());
-        assert!(Pinhole::from_optics(0.05, 5e-6, 640, 0).is_err());
     }
 }

@@ -279,23 +279,6 @@ impl GimbalParams {
         }
     }
 
-    /// The command that catches up with a target at `az_el_rad` [rad] that moves at `rates_radps`
-    /// [rad/s], and leads the azimuth through the keyhole at the zenith.
-    pub fn catch_up_command(
-        &self,
-        state: &GimbalState,
-        az_el_rad: DVec2,
-        rates_radps: DVec2,
-    ) -> GimbalCommand {
-        let [az, az_rate] = self
-            .keyhole_azimuth(az_el_rad, rates_radps)
-            .unwrap_or([az_el_rad.x, rates_radps.x]);
-        let mut command = self.position_command(state, DVec2::new(az, az_el_rad.y));
-        command.rate_radps[0] += az_rate;
-        command.rate_radps[1] += rates_radps.y;
-        command
-    }
-
     /// Azimuth [rad] and its rate [rad/s] to follow instead of the target's while it passes so near
     /// the zenith that its azimuth turns faster than the axis can; `None` elsewhere.
     ///
@@ -1312,14 +1295,11 @@ mod tests {
             for k in 0..960 * 20 {
                 let t = f64::from(k) * DT - 10.0;
                 let (az_el, rates) = at(t);
-                let command = if keyhole {
-                    params.catch_up_command(&state, az_el, rates)
-                } else {
-                    let mut command = params.position_command(&state, az_el);
-                    command.rate_radps[0] += rates.x;
-                    command.rate_radps[1] += rates.y;
-                    command
-                };
+                let lead = params.keyhole_azimuth(az_el, rates).filter(|_| keyhole);
+                let [az, az_rate] = lead.unwrap_or([az_el.x, rates.x]);
+                let mut command = params.position_command(&state, DVec2::new(az, az_el.y));
+                command.rate_radps[0] += az_rate;
+                command.rate_radps[1] += rates.y;
                 step(&mut state, &params, &command, [0.0; 2], DT);
                 assert!(state.azimuth.rate_radps.abs() < 1.05 * params.azimuth.rate_limit_radps);
                 let los = az_el_to_los(at(t + DT).0);

@@ -91,9 +91,10 @@ impl Default for MirrorParams {
     }
 }
 
+#[cfg(test)]
 impl MirrorParams {
     /// Delay [s] of the mirror behind a steadily moving command: 2ζ/ω.
-    pub fn delay_s(&self) -> f64 {
+    pub(crate) fn delay_s(&self) -> f64 {
         2.0 * self.damping / (TAU * self.natural_frequency_hz)
     }
 }

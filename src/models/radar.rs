@@ -169,11 +169,6 @@ impl RadarTrack {
             range_sigma_m: sigma_m(sin_az * cos_el, cos_az * cos_el, sin_el),
         }
     }
-
-    /// Slant range at `t_s` [m].
-    pub fn range_m(&self, t_s: f64) -> f64 {
-        self.cue(t_s).range_m
-    }
 }
 
 #[cfg(test)]
@@ -266,6 +261,6 @@ mod tests {
         let truth = r0 + v * 6.3;
         let cue = track.cue(6.3);
         assert!(cue.az_el_rad.distance(los_to_az_el(truth)) < 1e-4);
-        assert!((track.range_m(6.3) - truth.length()).abs() < 0.1);
+        assert!((cue.range_m - truth.length()).abs() < 0.1);
     }
 }

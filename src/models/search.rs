@@ -1,5 +1,6 @@
 //! Search patterns: the gazes of a step-and-stare scan over a sector, how long they take and how
-//! likely they find a target.
+//! likely they find a target. The probabilities are for planning a search with the library; a run
+//! measures its own.
 
 use crate::models::kinematics::wrap_pi;
 use glam::DVec2;

@@ -20,21 +20,6 @@ pub struct SunError {
     reason: String,
 }
 
-/// The phases of the day by the sun's apparent elevation (0, -6, -12 and -18 deg).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum DayPhase {
-    /// The sun's centre stands above the horizon.
-    Day,
-    /// Civil twilight.
-    Civil,
-    /// Nautical twilight.
-    Nautical,
-    /// Astronomical twilight.
-    Astronomical,
-    /// Night.
-    Night,
-}
-
 /// The sun as seen from a site, refraction included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sun {
@@ -80,17 +65,6 @@ impl Sun {
         let (sin_el, cos_el) = self.elevation_rad.sin_cos();
         DVec3::new(sin_az * cos_el, cos_az * cos_el, sin_el)
     }
-
-    /// The phase of the day.
-    pub fn phase(&self) -> DayPhase {
-        match self.elevation_rad.to_degrees() {
-            el if el >= 0.0 => DayPhase::Day,
-            el if el >= -6.0 => DayPhase::Civil,
-            el if el >= -12.0 => DayPhase::Nautical,
-            el if el >= -18.0 => DayPhase::Astronomical,
-            _ => DayPhase::Night,
-        }
-    }
 }
 
 #[cfg(test)]
@@ -113,31 +87,12 @@ mod tests {
         // by less than 3e-5 deg.
         assert!((90.0 - sun.elevation_rad.to_degrees() - 50.11162).abs() < 1e-4);
         assert!((sun.azimuth_rad.to_degrees() - 194.34024).abs() < 1e-4);
-        assert_eq!(sun.phase(), DayPhase::Day);
         let dir = sun.sun_dir_enu();
         assert!((dir.length() - 1.0).abs() < 1e-15);
         // South by south-west, well up.
         assert!(
             dir.x < 0.0 && dir.y < 0.0 && (dir.z - 50.11162_f64.to_radians().cos()).abs() < 1e-5
         );
-    }
-
-    #[test]
-    fn the_phases_follow_one_another_through_the_evening() {
-        // Sunset in Golden that day was near 23:20 UTC; the sun then sinks about 11 deg an hour.
-        let phases: Vec<DayPhase> = (0..180)
-            .map(|minute| {
-                let start: DateTime<Utc> = "2003-10-17T23:00:00Z".parse().unwrap();
-                let utc = start + chrono::TimeDelta::minutes(minute);
-                Sun::new(&utc, golden(), 82_000.0, 284.15).unwrap().phase()
-            })
-            .collect();
-        assert!(phases.is_sorted());
-        assert_eq!(phases.first(), Some(&DayPhase::Day));
-        assert_eq!(phases.last(), Some(&DayPhase::Night));
-        // Civil twilight lasts about half an hour at this latitude.
-        let civil = phases.iter().filter(|p| **p == DayPhase::Civil).count();
-        assert!((22..=35).contains(&civil), "{civil} min");
     }
 
     #[test]

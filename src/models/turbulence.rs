@@ -184,7 +184,8 @@ impl GammaGamma {
     }
 
     /// Scintillation index, the variance of the mean-one irradiance [-].
-    pub fn scintillation_index(&self) -> f64 {
+    #[cfg(test)]
+    fn scintillation_index(&self) -> f64 {
         1.0 / self.alpha + 1.0 / self.beta + 1.0 / (self.alpha * self.beta)
     }
 }

@@ -137,7 +137,8 @@ impl UavModel {
 /// UAV of span `span_m` [m], the silhouette's width, that flies level along `v_enu_mps` [m/s, enu].
 ///
 /// The station does not know the model: the fractions are means over the catalogue, whose
-/// models lie up to 0.18 of the span off them (see the tests of the meshes). Too slow to have a course, nothing but the height is known.
+/// models lie up to 0.18 of the span off them (see the tests of the meshes). Too slow to have a
+/// course, nothing but the height is known.
 pub fn aim_offset_enu_m(part: AimPart, span_m: f64, v_enu_mps: DVec3) -> DVec3 {
     // Forward, left, up over the span.
     let fraction = match part {
