@@ -10,6 +10,7 @@ use crate::components::track::{
 };
 use crate::components::uav::{Flight, Uav, UavStatus};
 use crate::models::dsm::LineOfSight;
+use crate::models::interlock::FAR_M;
 use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
 use crate::models::radar::Cue;
 use crate::models::rng::Stream;
@@ -95,8 +96,6 @@ const FORESIGHT_S: f64 = 4.0;
 const FORESIGHT_HZ: u32 = 10;
 /// An operator points at a UAV's picture; the track must be this close to it [rad].
 const DESIGNATION_RAD: f64 = 3e-3;
-/// Horizon of backstop checks [m].
-const FAR_M: f64 = 20_000.0;
 
 /// Updates the track table with the batches that arrived in this tick.
 pub fn associate(
