@@ -2495,7 +2495,7 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
             error(GOOD, &["seed=3", "detctor.kind=truth"]),
             "s.toml: --set detctor.kind=truth: detctor: unknown key - did you mean 'detector'? \
              expected one of name, description, seed, duration_s, tick_hz, site, time_utc, weather, \
-             turbulence, city, station, search, uavs, distractors, detector, controller, engage, record"
+             turbulence, city, station, search, uavs, distractors, detector, tracker, operator, controller, engage, record"
         );
         assert_eq!(
             error(GOOD, &["uavs.1.model=fpv5"]),
