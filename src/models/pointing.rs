@@ -447,6 +447,8 @@ mod tests {
     }
 
     /// How the closed loop below is controlled.
+    // A handful live at a time, in tests.
+    #[allow(clippy::large_enum_variant)]
     #[derive(Clone, Copy)]
     enum Law {
         /// The paper's PID on the delayed error, per frame, through the gimbal's servo.
