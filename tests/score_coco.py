@@ -9,6 +9,7 @@ import contextlib
 import io
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 from pycocotools.coco import COCO
@@ -62,9 +63,8 @@ def generate(rng):
 
 
 def score(truth, found):
-    """AP of every band by pycocotools, -1 without boxes."""
-    gt = COCO()
-    gt.dataset = {
+    """Scores of the random set."""
+    dataset = {
         "images": [{"id": i + 1, "width": SIZE[0], "height": SIZE[1]} for i in range(IMAGES)],
         "categories": [{"id": 1, "name": "uav"}],
         "annotations": [
@@ -79,13 +79,21 @@ def score(truth, found):
             for i, (image, box, ignored) in enumerate(truth)
         ],
     }
-    gt.createIndex()
-    dt = gt.loadRes(
+    return evaluate(
+        dataset,
         [
             {"image_id": image, "category_id": 1, "bbox": box, "score": s}
             for image, box, s in found
-        ]
+        ],
     )
+
+
+def evaluate(dataset, found):
+    """AP of every band by pycocotools, -1 without boxes."""
+    gt = COCO()
+    gt.dataset = dataset
+    gt.createIndex()
+    dt = gt.loadRes(found)
     run = COCOeval(gt, dt, "bbox")
     run.params.areaRng = [list(band) for band in BANDS.values()]
     run.params.areaRngLbl = list(BANDS)
@@ -107,7 +115,33 @@ def score(truth, found):
     } | {"precision50": [round(float(p), 9) for p in precision[0, :, 0, 0, 2]]}
 
 
+def compare(out):
+    """Prints AP of an evaluation and of pycocotools, and whether they agree to 1e-3."""
+    ours = json.loads((out / "detector.json").read_text())
+    dataset = json.loads(Path(ours["data"]).read_text())
+    ids = {c["id"] for c in dataset["categories"] if c["name"] in ours["categories"]}
+    boxes = [a for a in dataset["annotations"] if a["category_id"] in ids]
+    for i, box in enumerate(boxes):
+        ignored = box.get("iscrowd") or box.get("ignore") or not box.get("tight", True)
+        area = box.get("area", box["bbox"][2] * box["bbox"][3])
+        box.update(id=i + 1, category_id=min(ids), iscrowd=int(bool(ignored)), area=area)
+    dataset["annotations"] = boxes
+    with contextlib.redirect_stdout(io.StringIO()):
+        theirs = evaluate(dataset, json.loads((out / "detections.json").read_text()))
+    pairs = [("all", {"ap50": ours["map50"], "ap50_95": ours["map50_95"]})]
+    pairs += zip(list(BANDS)[1:], ours["ap_by_size"].values())
+    worst = 0.0
+    for name, band in pairs:
+        for key in ("ap50", "ap50_95"):
+            value = -1.0 if band[key] is None else band[key]
+            worst = max(worst, abs(value - theirs[name][key]))
+            print(f"{name:8} {key:8} {value:9.6f} {theirs[name][key]:9.6f}")
+    sys.exit(f"differ by {worst:.2g}" if worst > 1e-3 else 0)
+
+
 def main():
+    if len(sys.argv) > 1:
+        compare(Path(sys.argv[1]))
     truth, found = generate(np.random.default_rng(20240611))
     with contextlib.redirect_stdout(io.StringIO()):
         scored = score(truth, found)

@@ -101,7 +101,8 @@ struct File {
 /// A picture of the set.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 pub struct Picture {
-    id: i64,
+    /// Its id in the file.
+    pub id: i64,
     /// Its file's name, perhaps with folders.
     pub file_name: String,
     /// Width [px].
@@ -281,8 +282,8 @@ pub struct Coco {
     pub pictures: Vec<Picture>,
     /// Boxes of the chosen categories [px], in the order of `pictures`.
     pub truth: Vec<Vec<Truth>>,
-    /// Names of the chosen categories.
-    pub categories: Vec<String>,
+    /// Ids and names of the chosen categories.
+    pub categories: BTreeMap<i64, String>,
     folders: Vec<PathBuf>,
 }
 
@@ -322,7 +323,7 @@ impl Coco {
             file,
             pictures: content.pictures,
             truth,
-            categories: chosen.into_values().collect(),
+            categories: chosen,
         })
     }
 
@@ -523,7 +524,7 @@ mod tests {
             write(root.path(), &format!("{folder}/b.png"), &png(false));
             write(root.path(), &format!("{folder}/a.jpg"), &jpeg);
             let coco = Coco::load(root.path(), &[]).expect("a set");
-            assert_eq!(coco.categories, ["Drone"]);
+            assert_eq!(coco.categories, BTreeMap::from([(1, "Drone".to_string())]));
             let files: Vec<_> = coco.pictures.iter().map(|p| p.file_name.as_str()).collect();
             assert_eq!(files, ["a.jpg", "b.png"], "in the order of the ids");
             let ignored: Vec<Vec<bool>> = (coco.truth.iter())

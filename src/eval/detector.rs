@@ -28,7 +28,7 @@ pub struct Arguments {
     /// annotations/*.json. Pictures (PNG, JPEG) lie beside it, in images/ or in frames/.
     #[arg(long)]
     pub data: PathBuf,
-    /// Folder for detector.json, detector.html and the pictures.
+    /// Folder for detector.json, detector.html, its chart and detections.json.
     #[arg(long, default_value = "out/eval")]
     pub out: PathBuf,
     /// Category that counts; may be repeated (default: the only one, or uav and drone).
@@ -239,7 +239,7 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
         ),
         model: arguments.model.clone(),
         data: coco.file.clone(),
-        categories: coco.categories.clone(),
+        categories: coco.categories.values().cloned().collect(),
         images: images.len(),
         boxes: half.boxes,
         ignored: coco.truth.iter().flatten().filter(|t| t.ignored).count(),
@@ -445,6 +445,34 @@ impl Evaluation {
     }
 }
 
+/// A detection as `pycocotools` loads it.
+#[derive(Serialize)]
+struct Found {
+    image_id: i64,
+    category_id: i64,
+    /// x, y, width, height [px].
+    bbox: [f64; 4],
+    score: f64,
+}
+
+/// All detections in COCO's format of results, under the first of the categories that count.
+fn results(coco: &Coco, images: &[Image]) -> Result<String, serde_json::Error> {
+    let category_id = coco.categories.keys().next().copied().unwrap_or_default();
+    let found: Vec<Found> = (coco.pictures.iter().zip(images))
+        .flat_map(|(picture, image)| image.found.iter().map(|found| (picture.id, found)))
+        .map(|(image_id, found)| {
+            let [x0, y0, x1, y1] = found.box_px;
+            Found {
+                image_id,
+                category_id,
+                bbox: [x0, y0, x1 - x0, y1 - y0],
+                score: found.score,
+            }
+        })
+        .collect();
+    serde_json::to_string(&found)
+}
+
 fn write(
     arguments: &Arguments,
     coco: &Coco,
@@ -454,6 +482,7 @@ fn write(
     let out = &arguments.out;
     let text = serde_json::to_string_pretty(evaluation)? + "\n";
     mot::put(&out.join("detector.json"), &text)?;
+    mot::put(&out.join("detections.json"), &results(coco, images)?)?;
     let crops = (evaluation.worst.iter())
         .map(|worst| Crop::of(coco, worst))
         .collect::<Result<Vec<_>, _>>()?;
