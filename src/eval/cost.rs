@@ -78,8 +78,7 @@ fn run(
     scratch: &Path,
 ) -> Result<String, Box<dyn std::error::Error>> {
     let [width, height] = size_px.map(|side| side as usize);
-    let mut session = Session::builder(environment()?)
-        .map_err(ort::Error::from)?
+    let mut session = Session::builder(environment()?)?
         .with_optimization_level(GraphOptimizationLevel::Disable)
         .map_err(|error| error.to_string())?
         .with_profiling(scratch)

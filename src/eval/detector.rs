@@ -5,8 +5,7 @@ use super::page::{note, number, standalone, table};
 use super::{cost, mot, progress};
 use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::detection_metrics::{
-    ALL, BANDS, Band, Criterion, Image, Mark, Matching, Truth, iou_thresholds,
-    mean_average_precision, recall_level,
+    ALL, BANDS, Band, Criterion, Image, Mark, Matching, Truth, mean_average_precision, recall_level,
 };
 use crate::recording::encode_jpeg;
 use crate::report::{Across, Chart, Escaped, MissStats, STYLE, Scale, Series};
@@ -15,6 +14,7 @@ use base64::{Engine as _, prelude::BASE64_STANDARD};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::{self, Write as _};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -36,7 +36,7 @@ pub struct Arguments {
     pub category: Vec<String>,
     /// Threads of the model (default: all cores).
     #[arg(long)]
-    pub threads: Option<usize>,
+    pub threads: Option<NonZeroUsize>,
 }
 
 /// The rate at which the recall is given [false alarms a frame].
@@ -202,8 +202,8 @@ pub struct Worst {
 /// Carries out the evaluation and writes what it leaves.
 pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let coco = Coco::load(&arguments.data, &arguments.category)?;
-    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let threads = arguments.threads.unwrap_or(cores);
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let threads = arguments.threads.unwrap_or_else(cores).get();
     let mut model = OnnxDetector::load(&arguments.model, threads)?;
     let out = &arguments.out;
     // A folder that cannot be written is told before the work.
@@ -222,8 +222,7 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
 
     let half = Matching::of(&images, Criterion::Iou(0.5), ALL);
     let centre = Matching::of(&images, Criterion::Centre, ALL);
-    let strict = iou_thresholds().nth(5).map_or(0.75, |iou| iou);
-    let strict = Matching::of(&images, Criterion::Iou(strict), ALL);
+    let strict = Matching::of(&images, Criterion::Iou(0.75), ALL);
     let curve = |matching: &Matching| matching.precision().map_or(Vec::new(), |p| p.to_vec());
     let recall = half.recall_at(FPPI);
     let [tiny, small, medium, large] = BANDS.map(|band| Size::of(&images, band));
@@ -355,7 +354,7 @@ fn worst(
         .collect()
 }
 
-fn percent(value: Option<f64>) -> String {
+fn share(value: Option<f64>) -> String {
     number(value, 4)
 }
 
@@ -365,8 +364,8 @@ impl Evaluation {
         let size = |size: &Size| {
             format!(
                 "{} / {} ({} boxes)",
-                percent(size.ap50),
-                percent(size.ap50_95),
+                share(size.ap50),
+                share(size.ap50_95),
                 size.boxes
             )
         };
@@ -390,8 +389,8 @@ impl Evaluation {
                 "boxes",
                 format!("{}, {} regions ignored", self.boxes, self.ignored),
             ),
-            ("mAP@50", percent(self.map50)),
-            ("mAP@50–95", percent(self.map50_95)),
+            ("mAP@50", share(self.map50)),
+            ("mAP@50–95", share(self.map50_95)),
             (
                 "AP@50 / 50–95 below 8 px",
                 size(&self.ap_by_size.below_8_px),
@@ -403,7 +402,7 @@ impl Evaluation {
                 "recall at 0.1 false alarms a frame",
                 format!(
                     "{} from a score of {} on",
-                    percent(self.recall_at_fppi_0_1),
+                    share(self.recall_at_fppi_0_1),
                     number(self.score_at_fppi_0_1, 3)
                 ),
             ),
@@ -411,10 +410,10 @@ impl Evaluation {
                 "miss distance: mean / rms / median",
                 miss(&self.miss_distance_px),
             ),
-            ("centre in the box: AP", percent(self.centre_hit.ap)),
+            ("centre in the box: AP", share(self.centre_hit.ap)),
             (
                 "its recall at 0.1 false alarms a frame",
-                percent(self.centre_hit.recall_at_fppi_0_1),
+                share(self.centre_hit.recall_at_fppi_0_1),
             ),
             (
                 "its miss distance: mean / rms / median",
@@ -576,8 +575,8 @@ impl Crop {
         }
         let [x0, y0, x1, y1] = worst.box_px;
         let score = match (worst.kind, worst.score) {
-            ("missed", Some(score)) => format!("found with a score of {score:.2} only"),
-            ("missed", None) => "not found at any score".into(),
+            ("missed", Some(score)) => format!("matched with a score of {score:.2} only"),
+            ("missed", None) => "no match at any score".into(),
             (_, score) => format!("score {}", number(score, 2)),
         };
         writeln!(
@@ -621,7 +620,9 @@ fn html(
         "Average precision as pycocotools gives it: 101 recalls, at most 100 detections a picture. Sizes are roots of \
          the boxes' areas. Detections in ignored regions count neither for nor against.",
     )?;
-    out.push_str("<h2>Precision over recall</h2>\n<div class=\"charts\">\n");
+    out.push_str(
+        "<h2>Precision over recall</h2>\n<div class=\"charts\" style=\"max-width:44rem\">\n",
+    );
     let pr = &evaluation.precision_recall;
     let series = |precision: &[f64]| -> Series {
         (pr.recall.iter().copied())
