@@ -64,6 +64,8 @@ enum EvalCommand {
     /// Acquisition, tracking and pointing: the paper's Table 2, the jitter budget, manoeuvres,
     /// occlusion, several targets. Run it where the folder `scenarios` lies.
     Tracking(eval::Arguments),
+    /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
+    Detector(eval::detector::Arguments),
 }
 
 #[derive(Args, Debug)]
@@ -191,6 +193,12 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             let evaluation = eval::tracking(&args)?;
             say!("{}", evaluation.text().trim_end());
             say!("page  {}", args.out.join("tracking.html").display());
+            Ok(())
+        }
+        Command::Eval(EvalCommand::Detector(args)) => {
+            let evaluation = eval::detector::detector(&args)?;
+            say!("{}", evaluation.text().trim_end());
+            say!("page  {}", args.out.join("detector.html").display());
             Ok(())
         }
         Command::Models => {

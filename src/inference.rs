@@ -100,7 +100,7 @@ pub fn runtime_path() -> Result<PathBuf, DetectorError> {
 }
 
 /// The process-wide runtime: ONNX Runtime can be loaded once only.
-fn environment() -> Result<&'static ort::environment::Environment, DetectorError> {
+pub(crate) fn environment() -> Result<&'static ort::environment::Environment, DetectorError> {
     static ENVIRONMENT: OnceLock<Result<ort::environment::Environment, String>> = OnceLock::new();
     let path = runtime_path()?;
     ENVIRONMENT
@@ -272,6 +272,6 @@ impl OnnxDetector {
 }
 
 /// Runtime messages run over several lines; the first says what is wrong.
-fn first_line(text: &str) -> String {
+pub(crate) fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().trim().to_string()
 }

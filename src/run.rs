@@ -112,6 +112,9 @@ pub enum RunError {
     /// The detector.
     #[error(transparent)]
     Detector(#[from] DetectorError),
+    /// Annotated pictures.
+    #[error(transparent)]
+    Coco(#[from] crate::eval::coco::CocoError),
     /// The recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),

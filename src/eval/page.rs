@@ -56,13 +56,13 @@ fn pictures_of(row: &Table2) -> Result<Vec<(String, Vec<u8>)>, RunError> {
         .collect()
 }
 
-fn number(value: Option<f64>, decimals: usize) -> String {
+pub(super) fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or("–".into(), |value| format!("{value:.decimals$}"))
 }
 
 /// A table: its head, and rows of cells as text; cells after the first that begin with a digit, a
 /// sign or a dash stand right.
-fn table(out: &mut String, head: &[&str], rows: &[Vec<String>]) -> fmt::Result {
+pub(super) fn table(out: &mut String, head: &[&str], rows: &[Vec<String>]) -> fmt::Result {
     out.push_str("<div class=\"scroll\"><table>\n<tr>");
     for cell in head {
         write!(out, "<th>{}</th>", Escaped(cell))?;
@@ -83,12 +83,12 @@ fn table(out: &mut String, head: &[&str], rows: &[Vec<String>]) -> fmt::Result {
     Ok(())
 }
 
-fn note(out: &mut String, text: &str) -> fmt::Result {
+pub(super) fn note(out: &mut String, text: &str) -> fmt::Result {
     writeln!(out, "<p class=\"note\">{}</p>", Escaped(text))
 }
 
 /// The drawing of a chart as a file of its own, with title and key in it.
-fn standalone(chart: &Chart, figure: &str) -> Option<String> {
+pub(super) fn standalone(chart: &Chart, figure: &str) -> Option<String> {
     let drawing = &figure[figure.find("<svg")?..figure.find("</svg>")? + 6];
     let (_, body) = drawing.split_once('>')?;
     let style = STYLE.replace(".charts ", "");

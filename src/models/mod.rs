@@ -8,6 +8,7 @@ pub mod calibration;
 pub mod camera;
 pub mod city;
 pub mod detection;
+pub mod detection_metrics;
 pub mod distractor;
 pub mod dsm;
 pub mod estimation;

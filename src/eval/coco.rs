@@ -1,0 +1,646 @@
+//! Annotated pictures in COCO's format, from the folder layouts in use.
+
+use crate::models::detection_metrics::Truth;
+use png::ColorType;
+use serde::{Deserialize, Deserializer};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions};
+
+/// The layouts that `Coco::load` takes, for messages.
+const LAYOUTS: &str = "give the JSON file itself, or a folder that holds annotations.json, one other .json \
+     file, or annotations/ with one .json file";
+
+/// Most bytes of a decoded picture, so that a damaged head asks for no more memory than there is.
+const MAX_BYTES: usize = 1 << 30; // [byte]
+
+/// Why a set of annotated pictures cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CocoError {
+    /// A file or folder cannot be read.
+    #[error("{path}: cannot be read ({why}); {LAYOUTS}")]
+    Unreadable {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        why: String,
+    },
+    /// There is no annotation file, or more than one.
+    #[error("{path}: {why}; {LAYOUTS}")]
+    Layout {
+        /// The folder.
+        path: PathBuf,
+        /// What was found.
+        why: String,
+    },
+    /// The file is no JSON or not of COCO's form.
+    #[error("{path}: {source}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: ContentError,
+    },
+    /// The categories that count are not named.
+    #[error("{path}: categories: {why}; name those that count with --category")]
+    Category {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        why: String,
+    },
+    /// A picture is missing or not one.
+    #[error("{path}: {why}; a PNG or JPEG file of this name must lie {}", beside(.looked))]
+    Picture {
+        /// The picture.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+        /// Folders in which it was looked for.
+        looked: Vec<PathBuf>,
+    },
+}
+
+fn beside(looked: &[PathBuf]) -> String {
+    let folders: Vec<_> = looked.iter().map(|f| f.display().to_string()).collect();
+    match folders.len() {
+        0 => "there".into(),
+        _ => format!("in {}", folders.join(" or ")),
+    }
+}
+
+/// What is wrong in an annotation file.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ContentError {
+    /// No JSON, a key missing or of another type.
+    #[error("{0}; expected COCO's keys images, annotations and categories")]
+    Json(String),
+    /// A value that cannot be.
+    #[error("{list}[{index}].{key}: {why}")]
+    Value {
+        /// List of the file.
+        list: &'static str,
+        /// Index in it.
+        index: usize,
+        /// Key in the entry.
+        key: &'static str,
+        /// What is wrong, and what would be right.
+        why: String,
+    },
+}
+
+/// A file as it is.
+#[derive(Debug, Deserialize)]
+struct File {
+    images: Vec<Picture>,
+    annotations: Vec<Annotation>,
+    categories: Vec<Category>,
+}
+
+/// A picture of the set.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+pub struct Picture {
+    /// Its id in the file.
+    pub id: i64,
+    /// Its file's name, perhaps with folders.
+    pub file_name: String,
+    /// Width [px].
+    pub width: u32,
+    /// Height [px].
+    pub height: u32,
+}
+
+#[derive(Debug, Deserialize)]
+struct Annotation {
+    image_id: i64,
+    category_id: i64,
+    bbox: [f64; 4],
+    area: Option<f64>,
+    #[serde(default, deserialize_with = "flag")]
+    iscrowd: bool,
+    #[serde(default, deserialize_with = "flag")]
+    ignore: bool,
+    #[serde(default = "yes", deserialize_with = "flag")]
+    tight: bool,
+}
+
+#[derive(Debug, Deserialize)]
+struct Category {
+    id: i64,
+    name: String,
+    #[serde(default)]
+    supercategory: Option<String>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// Files have flags as `true` and as 1.
+fn flag<'de, D: Deserializer<'de>>(from: D) -> Result<bool, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected true, false, 1 or 0")]
+    enum Flag {
+        Bool(bool),
+        Number(u8),
+    }
+    match Flag::deserialize(from)? {
+        Flag::Bool(flag) => Ok(flag),
+        Flag::Number(number @ 0..=1) => Ok(number == 1),
+        Flag::Number(_) => Err(serde::de::Error::custom("expected true, false, 1 or 0")),
+    }
+}
+
+/// The content of an annotation file, checked.
+#[derive(Debug)]
+pub struct Content {
+    /// Pictures in the order of their ids.
+    pub pictures: Vec<Picture>,
+    /// Category and box of every annotation, in the order of `pictures`.
+    boxes: Vec<Vec<(i64, Truth)>>,
+    categories: Vec<Category>,
+}
+
+impl Content {
+    /// Reads the text of an annotation file. Annotations with `iscrowd`, `ignore` or
+    /// `tight: false` become regions that are ignored.
+    pub fn parse(text: &str) -> Result<Self, ContentError> {
+        let mut file: File =
+            serde_json::from_str(text).map_err(|error| ContentError::Json(error.to_string()))?;
+        let wrong = |list, index, key, why: String| ContentError::Value {
+            list,
+            index,
+            key,
+            why,
+        };
+        let mut categories = BTreeSet::new();
+        for (i, category) in file.categories.iter().enumerate() {
+            if !categories.insert(category.id) {
+                let why = format!("{} is given twice", category.id);
+                return Err(wrong("categories", i, "id", why));
+            }
+        }
+        let mut seen = BTreeSet::new();
+        for (i, picture) in file.images.iter().enumerate() {
+            if picture.width == 0 || picture.height == 0 {
+                let why = "0, must be the picture's size in pixels".into();
+                return Err(wrong("images", i, "width, height", why));
+            }
+            if picture.file_name.is_empty() {
+                return Err(wrong("images", i, "file_name", "is empty".into()));
+            }
+            if !seen.insert(picture.id) {
+                let why = format!("{} is given twice", picture.id);
+                return Err(wrong("images", i, "id", why));
+            }
+        }
+        file.images.sort_by_key(|picture| picture.id);
+        let places: BTreeMap<i64, usize> = (file.images.iter().enumerate())
+            .map(|(place, picture)| (picture.id, place))
+            .collect();
+        let mut boxes = vec![Vec::new(); file.images.len()];
+        for (i, annotation) in file.annotations.iter().enumerate() {
+            let wrong = |key, why: String| wrong("annotations", i, key, why);
+            let Some(&place) = places.get(&annotation.image_id) else {
+                let why = format!("{} is no id in images", annotation.image_id);
+                return Err(wrong("image_id", why));
+            };
+            if !categories.contains(&annotation.category_id) {
+                let why = format!("{} is no id in categories", annotation.category_id);
+                return Err(wrong("category_id", why));
+            }
+            let [x, y, width, height] = annotation.bbox;
+            let corner = [x + width, y + height];
+            if !(width > 0.0 && height > 0.0 && corner.iter().all(|c| c.is_finite())) {
+                let why = format!(
+                    "[{x}, {y}, {width}, {height}], must be x, y, width and height with sides \
+                     above 0 px"
+                );
+                return Err(wrong("bbox", why));
+            }
+            let area_px2 = annotation.area.unwrap_or(width * height);
+            if area_px2 < 0.0 || area_px2.is_nan() {
+                return Err(wrong("area", format!("{area_px2}, must be at least 0 px²")));
+            }
+            let truth = Truth {
+                box_px: [x, y, corner[0], corner[1]],
+                area_px2,
+                ignored: annotation.iscrowd || annotation.ignore || !annotation.tight,
+            };
+            boxes[place].push((annotation.category_id, truth));
+        }
+        Ok(Self {
+            pictures: file.images,
+            boxes,
+            categories: file.categories,
+        })
+    }
+
+    /// The ids of the categories called `names`, by name or by the group above; without names, the
+    /// only category or those called UAV or drone. Else, what there is.
+    fn chosen(&self, names: &[String]) -> Result<BTreeMap<i64, String>, String> {
+        let is = |category: &Category, name: &str| {
+            let above = category.supercategory.as_deref();
+            category.name.eq_ignore_ascii_case(name)
+                || above.is_some_and(|above| above.eq_ignore_ascii_case(name))
+        };
+        let there = || {
+            let names: Vec<_> = self.categories.iter().map(|c| c.name.as_str()).collect();
+            names.join(", ")
+        };
+        if let Some(name) = (names.iter()).find(|name| !self.categories.iter().any(|c| is(c, name)))
+        {
+            return Err(format!("there is no '{name}' among {}", there()));
+        }
+        let only = names.is_empty() && self.categories.len() == 1;
+        let chosen: BTreeMap<i64, String> = (self.categories.iter())
+            .filter(|category| {
+                only || match names {
+                    [] => is(category, "uav") || is(category, "drone"),
+                    names => names.iter().any(|name| is(category, name)),
+                }
+            })
+            .map(|category| (category.id, category.name.clone()))
+            .collect();
+        if chosen.is_empty() {
+            return Err(format!(
+                "which of them are targets is not clear ({})",
+                there()
+            ));
+        }
+        Ok(chosen)
+    }
+}
+
+/// A set of annotated pictures.
+#[derive(Debug)]
+pub struct Coco {
+    /// The annotation file.
+    pub file: PathBuf,
+    /// Pictures in the order of their ids.
+    pub pictures: Vec<Picture>,
+    /// Boxes of the chosen categories [px], in the order of `pictures`.
+    pub truth: Vec<Vec<Truth>>,
+    /// Ids and names of the chosen categories.
+    pub categories: BTreeMap<i64, String>,
+    folders: Vec<PathBuf>,
+}
+
+impl Coco {
+    /// Reads the annotations at `path`, a JSON file or a folder, with the boxes of the
+    /// `categories` named. Boxes of other categories do not exist: a detection there is a false
+    /// alarm. No picture is opened yet.
+    pub fn load(path: &Path, categories: &[String]) -> Result<Self, CocoError> {
+        let file = annotation_file(path)?;
+        let text = std::fs::read_to_string(&file).map_err(|error| unreadable(&file, &error))?;
+        let content = Content::parse(&text).map_err(|source| CocoError::Content {
+            path: file.clone(),
+            source,
+        })?;
+        if content.pictures.is_empty() {
+            return Err(CocoError::Layout {
+                path: file,
+                why: "it lists no images".into(),
+            });
+        }
+        let chosen = content
+            .chosen(categories)
+            .map_err(|why| CocoError::Category {
+                path: file.clone(),
+                why,
+            })?;
+        let truth = (content.boxes.into_iter())
+            .map(|boxes| {
+                (boxes.into_iter())
+                    .filter(|(category, _)| chosen.contains_key(category))
+                    .map(|(_, truth)| truth)
+                    .collect()
+            })
+            .collect();
+        Ok(Self {
+            folders: picture_folders(&file),
+            file,
+            pictures: content.pictures,
+            truth,
+            categories: chosen,
+        })
+    }
+
+    /// Rows of red, green, blue bytes of picture `index`; none for an index beyond the last.
+    pub fn rgb8(&self, index: usize) -> Result<Vec<u8>, CocoError> {
+        let Some(picture) = self.pictures.get(index) else {
+            return Ok(Vec::new());
+        };
+        let found = (self.folders.iter())
+            .map(|folder| folder.join(&picture.file_name))
+            .find(|path| path.is_file());
+        let Some(path) = found else {
+            return Err(CocoError::Picture {
+                path: PathBuf::from(&picture.file_name),
+                why: "not found".into(),
+                looked: self.folders.clone(),
+            });
+        };
+        let wrong = |why: String| CocoError::Picture {
+            path: path.clone(),
+            why,
+            looked: Vec::new(),
+        };
+        let bytes = std::fs::read(&path).map_err(|error| wrong(error.to_string()))?;
+        let (rgb8, size_px) = decode(&bytes).map_err(wrong)?;
+        let expected = [picture.width, picture.height];
+        if size_px != expected {
+            return Err(wrong(format!(
+                "it is {} × {} px, but images[].width and height say {} × {}",
+                size_px[0], size_px[1], expected[0], expected[1]
+            )));
+        }
+        Ok(rgb8)
+    }
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> CocoError {
+    CocoError::Unreadable {
+        path: path.into(),
+        why: error.to_string(),
+    }
+}
+
+/// The annotation file at or in `path`.
+fn annotation_file(path: &Path) -> Result<PathBuf, CocoError> {
+    let about = std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
+    if !about.is_dir() {
+        return Ok(path.into());
+    }
+    let usual = path.join("annotations.json");
+    if usual.is_file() {
+        return Ok(usual);
+    }
+    for folder in [path.to_path_buf(), path.join("annotations")] {
+        if !folder.is_dir() {
+            continue;
+        }
+        let entries = std::fs::read_dir(&folder).map_err(|error| unreadable(&folder, &error))?;
+        let mut files: Vec<PathBuf> = (entries.flatten())
+            .map(|entry| entry.path())
+            .filter(|path| path.is_file() && path.extension().is_some_and(|e| e == "json"))
+            .collect();
+        files.sort();
+        match files.len() {
+            0 => {}
+            1 => return Ok(files.swap_remove(0)),
+            n => {
+                return Err(CocoError::Layout {
+                    path: folder,
+                    why: format!("it holds {n} .json files"),
+                });
+            }
+        }
+    }
+    Err(CocoError::Layout {
+        path: path.into(),
+        why: "it holds no annotation file".into(),
+    })
+}
+
+/// Where the pictures of an annotation file are looked for: beside it, in `images` or `frames`
+/// there, and for `annotations/instances_val.json` in `val` and `images/val` beside
+/// `annotations` too.
+fn picture_folders(file: &Path) -> Vec<PathBuf> {
+    let here = file.parent().unwrap_or(Path::new(""));
+    let mut roots = vec![here];
+    if here.file_name().is_some_and(|name| name == "annotations") {
+        roots.extend(here.parent());
+    }
+    let stem = file.file_stem().and_then(|stem| stem.to_str());
+    let part = stem
+        .and_then(|stem| stem.rsplit_once('_'))
+        .map(|(_, part)| part);
+    let mut folders: Vec<PathBuf> = (roots.into_iter())
+        .flat_map(|root| {
+            let mut folders = vec![root.into(), root.join("images"), root.join("frames")];
+            folders.extend(part.map(|part| root.join(part)));
+            folders.extend(part.map(|part| root.join("images").join(part)));
+            folders
+        })
+        .collect();
+    folders.retain(|folder| folder.as_os_str().is_empty() || folder.is_dir());
+    folders
+}
+
+/// Rows of red, green, blue bytes and the size of a PNG or JPEG file.
+fn decode(bytes: &[u8]) -> Result<(Vec<u8>, [u32; 2]), String> {
+    if bytes.starts_with(b"\x89PNG") {
+        return decode_png(bytes).map_err(|error| error.to_string());
+    }
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let rgb8 = decoder.decode().map_err(|error| error.to_string())?;
+    let (width, height) = decoder.dimensions().ok_or("it has no size")?;
+    if rgb8.len() != 3 * width * height {
+        return Err("its colours are not red, green and blue".into());
+    }
+    Ok((rgb8, [width as u32, height as u32]))
+}
+
+fn decode_png(bytes: &[u8]) -> Result<(Vec<u8>, [u32; 2]), png::DecodingError> {
+    let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+    decoder.set_transformations(png::Transformations::normalize_to_color8());
+    let mut reader = decoder.read_info()?;
+    let size = reader
+        .output_buffer_size()
+        .filter(|&size| size <= MAX_BYTES)
+        .ok_or(png::DecodingError::LimitsExceeded)?;
+    let mut data = vec![0; size];
+    let info = reader.next_frame(&mut data)?;
+    data.truncate(info.buffer_size());
+    let rgb8 = match info.color_type {
+        ColorType::Rgb | ColorType::Indexed => data,
+        ColorType::Rgba => data
+            .chunks_exact(4)
+            .flat_map(|p| [p[0], p[1], p[2]])
+            .collect(),
+        ColorType::Grayscale => data.iter().flat_map(|&grey| [grey; 3]).collect(),
+        ColorType::GrayscaleAlpha => data.chunks_exact(2).flat_map(|p| [p[0]; 3]).collect(),
+    };
+    Ok((rgb8, [info.width, info.height]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const GOOD: &str = r#"{"images": [
+            {"id": 4, "file_name": "b.png", "width": 3, "height": 2},
+            {"id": 2, "file_name": "a.jpg", "width": 16, "height": 8}],
+        "annotations": [
+            {"id": 1, "image_id": 4, "category_id": 1, "bbox": [1, 0, 2, 1], "tight": true},
+            {"id": 2, "image_id": 4, "category_id": 1, "bbox": [0, 0, 2, 1], "area": 1.5, "iscrowd": 1},
+            {"id": 3, "image_id": 2, "category_id": 1, "bbox": [0, 0, 2, 1], "tight": false},
+            {"id": 4, "image_id": 2, "category_id": 2, "bbox": [0, 0, 2, 1]}],
+        "categories": [{"id": 1, "name": "Drone"}, {"id": 2, "name": "bird"}]}"#;
+
+    fn write(folder: &Path, name: &str, bytes: &[u8]) {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        std::fs::write(path, bytes).expect("written");
+    }
+
+    fn png(grey: bool) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 3, 2);
+        encoder.set_color(if grey {
+            ColorType::Grayscale
+        } else {
+            ColorType::Rgba
+        });
+        let data: &[u8] = if grey {
+            &[1, 2, 3, 4, 5, 6]
+        } else {
+            &[
+                9, 8, 7, 255, 9, 8, 7, 255, 9, 8, 7, 255, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0,
+            ]
+        };
+        let mut writer = encoder.write_header().expect("a header");
+        writer.write_image_data(data).expect("data");
+        writer.finish().expect("an end");
+        bytes
+    }
+
+    #[test]
+    fn layouts_and_flags_are_read() {
+        let jpeg = crate::recording::encode_jpeg(&[200; 16 * 8 * 3], 16, 8, 90).expect("a JPEG");
+        for (file, folder) in [
+            ("annotations.json", "."),
+            ("labels.json", "images"),
+            ("annotations/instances_val.json", "images/val"),
+            ("annotations/instances_val.json", "val"),
+            ("annotations.json", "frames"),
+        ] {
+            let root = tempfile::tempdir().expect("a folder");
+            write(root.path(), file, GOOD.as_bytes());
+            write(root.path(), &format!("{folder}/b.png"), &png(false));
+            write(root.path(), &format!("{folder}/a.jpg"), &jpeg);
+            let coco = Coco::load(root.path(), &[]).expect("a set");
+            assert_eq!(coco.categories, BTreeMap::from([(1, "Drone".to_string())]));
+            let files: Vec<_> = coco.pictures.iter().map(|p| p.file_name.as_str()).collect();
+            assert_eq!(files, ["a.jpg", "b.png"], "in the order of the ids");
+            let ignored: Vec<Vec<bool>> = (coco.truth.iter())
+                .map(|truth| truth.iter().map(|t| t.ignored).collect())
+                .collect();
+            assert_eq!(ignored, [vec![true], vec![false, true]]);
+            assert_eq!(coco.truth[1][0].box_px, [1.0, 0.0, 3.0, 1.0]);
+            assert_eq!(coco.truth[1][1].area_px2, 1.5);
+            let rgb8 = coco.rgb8(1).expect("a picture");
+            assert_eq!(
+                (rgb8.len(), &rgb8[..3], &rgb8[15..]),
+                (18, &[9, 8, 7][..], &[1, 2, 3][..])
+            );
+            let grey = coco.rgb8(0).expect("a picture");
+            assert!(grey.len() == 16 * 8 * 3 && grey.iter().all(|&c| c.abs_diff(200) < 4));
+        }
+        assert_eq!(
+            decode(&png(true)).expect("a picture").0[..6],
+            [1, 1, 1, 2, 2, 2]
+        );
+    }
+
+    #[test]
+    fn errors_name_the_place_and_the_mend() {
+        let told = |text: &str| {
+            Content::parse(text)
+                .err()
+                .map_or_else(String::new, |e| e.to_string())
+        };
+        for (from, to, expected) in [
+            (
+                "\"bbox\": [1, 0, 2, 1]",
+                "\"bbox\": [1, 0, 0, 1]",
+                "annotations[0].bbox",
+            ),
+            (
+                "\"image_id\": 2",
+                "\"image_id\": 3",
+                "annotations[2].image_id: 3 is no id",
+            ),
+            (
+                "\"category_id\": 2",
+                "\"category_id\": 3",
+                "annotations[3].category_id",
+            ),
+            (
+                "\"id\": 4, \"file",
+                "\"id\": 2, \"file",
+                "images[1].id: 2 is given twice",
+            ),
+            ("\"width\": 3", "\"width\": 0", "images[0].width"),
+            ("\"tight\": false", "\"tight\": 2", "true, false, 1 or 0"),
+            ("\"height\": 2", "\"hight\": 2", "missing field `height`"),
+        ] {
+            let text = GOOD.replace(from, to);
+            assert_ne!(text, GOOD, "{from}");
+            assert!(told(&text).contains(expected), "{to}: {}", told(&text));
+        }
+        let root = tempfile::tempdir().expect("a folder");
+        let failed = |names: &[&str]| {
+            let names: Vec<String> = names.iter().map(ToString::to_string).collect();
+            Coco::load(root.path(), &names)
+                .expect_err("refused")
+                .to_string()
+        };
+        assert!(
+            failed(&[]).contains("no annotation file"),
+            "{}",
+            failed(&[])
+        );
+        write(root.path(), "a.json", GOOD.as_bytes());
+        assert!(failed(&["kite"]).contains("no 'kite' among Drone, bird"));
+        let coco = Coco::load(root.path(), &["bird".into()]).expect("a set");
+        assert_eq!(coco.truth[0].len(), 1);
+        assert!(
+            coco.rgb8(0)
+                .expect_err("none")
+                .to_string()
+                .contains("a.jpg: not found")
+        );
+        write(root.path(), "a.jpg", &png(true));
+        let why = coco.rgb8(0).expect_err("another size").to_string();
+        assert!(why.contains("3 × 2 px, but"), "{why}");
+        write(root.path(), "a.jpg", b"no picture");
+        assert!(coco.rgb8(0).is_err());
+        write(
+            root.path(),
+            "a.json",
+            GOOD.replace("Drone", "kite").as_bytes(),
+        );
+        assert!(failed(&[]).contains("--category"), "{}", failed(&[]));
+        write(root.path(), "b.json", b"{}");
+        assert!(failed(&[]).contains("2 .json files"), "{}", failed(&[]));
+    }
+
+    proptest! {
+        /// Any text is read or refused; so is a good file with a piece put in anywhere.
+        #[test]
+        fn any_text_is_read_or_refused(text in ".*", at in 0..GOOD.len(), cut in 0..40_usize) {
+            let _ = Content::parse(&text);
+            let end = (at + cut).min(GOOD.len());
+            let spoiled = format!("{}{text}{}", &GOOD[..at], &GOOD[end..]);
+            let _ = Content::parse(&spoiled);
+            let _ = Content::parse(&format!("{}{}", &GOOD[..at], &GOOD[end..]));
+        }
+
+        /// Any bytes are a picture or refused.
+        #[test]
+        fn any_bytes_are_a_picture_or_refused(
+            bytes in prop::collection::vec(any::<u8>(), 0..200), at in 0..60_usize,
+        ) {
+            let _ = decode(&bytes);
+            let mut png = png(true);
+            let n = png.len();
+            png[at % n] ^= bytes.first().copied().unwrap_or(1);
+            let _ = decode(&png);
+        }
+    }
+}
