@@ -124,6 +124,21 @@ pub struct LosState {
 }
 
 impl LosState {
+    /// A line of sight that stands still, known exactly.
+    #[cfg(test)]
+    pub fn still(az_el_rad: DVec2) -> Self {
+        Self {
+            t_s: 0.0,
+            az_rad: az_el_rad.x,
+            el_rad: az_el_rad.y,
+            az_rate_radps: 0.0,
+            el_rate_radps: 0.0,
+            az_accel_radps2: 0.0,
+            el_accel_radps2: 0.0,
+            covariance: [Matrix3::zeros(); 2],
+        }
+    }
+
     /// Azimuth (x) and elevation (y) [rad].
     pub fn az_el_rad(&self) -> DVec2 {
         DVec2::new(self.az_rad, self.el_rad)

@@ -729,7 +729,7 @@ impl Plant {
 mod tests {
     use super::*;
     use crate::models::estimation::LosState;
-    use crate::models::mirror::MirrorParams;
+    use crate::models::mirror::{Mirror, MirrorParams};
     use crate::models::pointing::{HandOver, PointingInput, TunedPointing};
 
     const DT: f64 = 1.0 / 960.0;
@@ -1169,27 +1169,6 @@ mod tests {
         (high - low, reversals)
     }
 
-    fn input(state: &GimbalState) -> PointingInput {
-        PointingInput {
-            los: LosState {
-                t_s: 0.0,
-                az_rad: 0.0,
-                el_rad: 0.3,
-                az_rate_radps: 0.0,
-                el_rate_radps: 0.0,
-                az_accel_radps2: 0.0,
-                el_accel_radps2: 0.0,
-                covariance: [nalgebra::Matrix3::zeros(); 2],
-            },
-            gimbal_az_el_rad: state.encoder_az_el_rad(),
-            gimbal_rates_radps: state.gyro_rates_radps(),
-            mirror_rad: DVec2::ZERO,
-            mirror_rates_radps: DVec2::ZERO,
-            base_tilt_rad: DVec3::ZERO,
-            base_rate_radps: DVec3::ZERO,
-        }
-    }
-
     #[test]
     fn friction_limit_cycle_hunts_under_a_plain_pid_and_not_under_the_tuned_cascade() {
         let params = GimbalParams::default();
@@ -1210,10 +1189,16 @@ mod tests {
         let mirror = MirrorParams::default();
         let law = TunedPointing::recommended(&params, &mirror, DT).unwrap();
         let cascade = |params: GimbalParams| {
+            let los = LosState::still(DVec2::new(0.0, 0.3));
+            let centred = Mirror::new(&mirror, DT).unwrap();
             let mut hand_over = HandOver::new(mirror.stroke_rad, DT);
             hunting(&params, |state| {
                 // A still target through the tuned law.
-                let output = law.command(&mut hand_over, &params, &input(state));
+                let output = law.command(
+                    &mut hand_over,
+                    &params,
+                    &PointingInput::sensed(los, state, &centred),
+                );
                 let [az, el] = output.gimbal.rate_radps;
                 state.elevation.torque_nm =
                     servo_torque(&mut state.elevation, &params.elevation, el, DT);

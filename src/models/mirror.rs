@@ -163,7 +163,6 @@ mod tests {
     use crate::models::estimation::LosState;
     use crate::models::gimbal::{self, GimbalParams, GimbalState};
     use crate::models::pointing::{HandOver, PointingInput, TunedPointing};
-    use glam::DVec3;
 
     const DT: f64 = 1.0 / 960.0;
 
@@ -239,24 +238,11 @@ mod tests {
             let output = law.command(
                 &mut hand_over,
                 &gimbal,
-                &PointingInput {
-                    los: LosState {
-                        t_s: 0.0,
-                        az_rad: offset_rad,
-                        el_rad: 0.0,
-                        az_rate_radps: 0.0,
-                        el_rate_radps: 0.0,
-                        az_accel_radps2: 0.0,
-                        el_accel_radps2: 0.0,
-                        covariance: [nalgebra::Matrix3::zeros(); 2],
-                    },
-                    gimbal_az_el_rad: state.encoder_az_el_rad(),
-                    gimbal_rates_radps: state.gyro_rates_radps(),
-                    mirror_rad: mirror.deflection_rad(),
-                    mirror_rates_radps: mirror.rate_radps(),
-                    base_tilt_rad: DVec3::ZERO,
-                    base_rate_radps: DVec3::ZERO,
-                },
+                &PointingInput::sensed(
+                    LosState::still(DVec2::new(offset_rad, 0.0)),
+                    &state,
+                    &mirror,
+                ),
             );
             gimbal::step(&mut state, &gimbal, &output.gimbal, [0.0; 2], DT);
             let deflection_rad = mirror.step(output.mirror_rad).x;

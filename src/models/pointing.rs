@@ -28,10 +28,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::models::estimation::LosState;
-use crate::models::gimbal::{GimbalCommand, GimbalParams};
+use crate::models::gimbal::{GimbalCommand, GimbalParams, GimbalState};
 use crate::models::kinematics::{exp_so3, los_to_az_el};
 use crate::models::lqg::{LqgMemory, LqgPointing};
-use crate::models::mirror::MirrorParams;
+use crate::models::mirror::{Mirror, MirrorParams};
 use crate::models::tuning::{Plant, TuningError, derive};
 
 /// Gains of the tuned pointing law.
@@ -64,6 +64,21 @@ pub struct PointingInput {
     pub base_tilt_rad: DVec3,
     /// Angular velocity of the base from the gyro, in `enu` [rad/s]; zero without a gyro.
     pub base_rate_radps: DVec3,
+}
+
+impl PointingInput {
+    /// What the sensors of gimbal and mirror say, on a base at rest.
+    pub fn sensed(los: LosState, gimbal: &GimbalState, mirror: &Mirror) -> Self {
+        Self {
+            los,
+            gimbal_az_el_rad: gimbal.encoder_az_el_rad(),
+            gimbal_rates_radps: gimbal.gyro_rates_radps(),
+            mirror_rad: mirror.deflection_rad(),
+            mirror_rates_radps: mirror.rate_radps(),
+            base_tilt_rad: DVec3::ZERO,
+            base_rate_radps: DVec3::ZERO,
+        }
+    }
 }
 
 /// Commands for one tick.
@@ -346,7 +361,6 @@ mod tests {
     use crate::models::mirror::Mirror;
     use crate::models::pid::{PaperLaw, PaperPid, coarse_axis_rates};
     use crate::models::rng::Stream;
-    use nalgebra::Matrix3;
     use std::collections::VecDeque;
 
     const DT: f64 = 1.0 / 960.0;
@@ -362,19 +376,6 @@ mod tests {
         PointingLaw::Lqg(law, LqgMemory::default())
     }
 
-    fn still(az_el: DVec2) -> LosState {
-        LosState {
-            t_s: 0.0,
-            az_rad: az_el.x,
-            el_rad: az_el.y,
-            az_rate_radps: 0.0,
-            el_rate_radps: 0.0,
-            az_accel_radps2: 0.0,
-            el_accel_radps2: 0.0,
-            covariance: [Matrix3::zeros(); 2],
-        }
-    }
-
     #[test]
     fn mirror_command_puts_the_boresight_on_the_line_of_sight() {
         let law = tuned_law();
@@ -382,7 +383,7 @@ mod tests {
         let mut mirror = Mirror::new(&MirrorParams::default(), DT).unwrap();
         mirror.step(DVec2::new(1e-3, -1e-3));
         let input = PointingInput {
-            los: still(DVec2::new(0.703, 0.902)),
+            los: LosState::still(DVec2::new(0.703, 0.902)),
             gimbal_az_el_rad: DVec2::new(0.70, 0.90),
             gimbal_rates_radps: DVec2::ZERO,
             mirror_rad: mirror.deflection_rad(),
@@ -417,7 +418,7 @@ mod tests {
             gimbal_gain_per_s: 0.0,
             ..tuned_law()
         };
-        let mut los = still(DVec2::new(-0.4, 0.8));
+        let mut los = LosState::still(DVec2::new(-0.4, 0.8));
         (los.az_rate_radps, los.el_rate_radps) = (0.05, -0.03);
         let tilt = DVec3::new(2e-3, 1e-3, -3e-3);
         let omega = DVec3::new(0.02, -0.04, 0.03);
@@ -589,13 +590,9 @@ mod tests {
                     (los.az_rate_radps, los.el_rate_radps) = (0.0, 0.0);
                 }
                 let input = PointingInput {
-                    los,
-                    gimbal_az_el_rad: state.encoder_az_el_rad(),
-                    gimbal_rates_radps: state.gyro_rates_radps(),
-                    mirror_rad: mirror.deflection_rad(),
-                    mirror_rates_radps: mirror.rate_radps(),
                     base_tilt_rad: known_tilt,
                     base_rate_radps: known_rate,
+                    ..PointingInput::sensed(los, &state, &mirror)
                 };
                 let output = tuned.law.command(&mut hand_over, &params, &input);
                 command = output.gimbal;
@@ -801,17 +798,9 @@ mod tests {
             let t = tick as f64 * DT;
             let at = |t: f64| gaze + DVec2::new(0.3 + 0.02 * t, 0.2 - 0.01 * t);
             let output = if (0.5..3.5).contains(&t) {
-                let mut los = still(at(t + law.lead_s()));
+                let mut los = LosState::still(at(t + law.lead_s()));
                 (los.az_rate_radps, los.el_rate_radps) = (0.02, -0.01);
-                let input = PointingInput {
-                    los,
-                    gimbal_az_el_rad: state.encoder_az_el_rad(),
-                    gimbal_rates_radps: state.gyro_rates_radps(),
-                    mirror_rad: mirror.deflection_rad(),
-                    mirror_rates_radps: mirror.rate_radps(),
-                    base_tilt_rad: DVec3::ZERO,
-                    base_rate_radps: DVec3::ZERO,
-                };
+                let input = PointingInput::sensed(los, &state, &mirror);
                 law.command(&mut hand_over, &params, &input)
             } else {
                 law.rest();

@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use crate::models::estimation::{LosFilter, LosFilterError, LosFilterParams};
 use crate::models::frequency::{
@@ -264,15 +264,7 @@ fn pointing_loop(
             let output = law.command(
                 &mut hand_over,
                 &gimbal,
-                &PointingInput {
-                    los: track.predicted(t_s + law.lead_s()),
-                    gimbal_az_el_rad: state.encoder_az_el_rad(),
-                    gimbal_rates_radps: state.gyro_rates_radps(),
-                    mirror_rad: mirror.deflection_rad(),
-                    mirror_rates_radps: mirror.rate_radps(),
-                    base_tilt_rad: DVec3::ZERO,
-                    base_rate_radps: DVec3::ZERO,
-                },
+                &PointingInput::sensed(track.predicted(t_s + law.lead_s()), &state, mirror),
             );
             gimbal::step(&mut state, &gimbal, &output.gimbal, [0.0; 2], dt_s);
             mirror.step(output.mirror_rad);

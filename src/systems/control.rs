@@ -337,13 +337,9 @@ fn point(
     let aim = tracker.aim_los(clock.t_s() + law.lead_s());
     let output = if let Some(los) = aim.filter(|_| gaze.is_none()) {
         let input = PointingInput {
-            los,
-            gimbal_az_el_rad,
-            gimbal_rates_radps: mount.measured_rates_radps(),
-            mirror_rad: mount.mirror.deflection_rad(),
-            mirror_rates_radps: mount.mirror.rate_radps(),
             base_tilt_rad: mount.gyro.tilt_enu_rad,
             base_rate_radps: mount.gyro.rate_enu_radps,
+            ..PointingInput::sensed(los, &mount.gimbal, &mount.mirror)
         };
         law.command(hand_over, &mount.params, &input)
     } else {
