@@ -138,6 +138,10 @@ pub struct Weather {
     /// Height of the cloud base above the ground at the site's altitude. Under a cover of 7/8 or more
     /// nothing above it is seen or lit; absent without a METAR: the clouds are above everything.
     pub cloud_base_m: Option<f64>,
+    /// Whether the covered fraction of the sky shows as clouds rather than as their mean light; they
+    /// look broken below a full cover and mottled under it.
+    #[serde(default)]
+    pub cloud_texture: bool,
     /// Precipitation as water, snow below 1 °C, else rain; 0 without a METAR.
     pub precipitation_mmph: Option<f64>,
 }
