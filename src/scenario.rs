@@ -68,7 +68,7 @@ pub struct Scenario {
     /// The UAVs; none makes a false-alarm run.
     #[serde(default)]
     pub uavs: Vec<Uav>,
-    /// Birds and balloons, which a detector may take for UAVs.
+    /// Birds, balloons, aeroplanes and leaves, which a detector may take for UAVs.
     #[serde(default)]
     pub distractors: Vec<Distractor>,
     /// What finds UAVs in the images.
@@ -756,7 +756,7 @@ pub struct Uav {
     pub spread_s: f64,
 }
 
-/// A bird or balloon: every camera sees it, no success counts it.
+/// A bird, balloon, aeroplane or leaf: every camera sees it, no success counts it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Distractor {
@@ -764,8 +764,8 @@ pub struct Distractor {
     pub name: String,
     /// What it is.
     pub kind: DistractorKind,
-    /// Where it flies; a balloon's is relative to the air, so that one that hovers drifts with the
-    /// wind.
+    /// Where it flies; a balloon's or leaf's is relative to the air, so that one that hovers drifts
+    /// with the wind.
     pub trajectory: Trajectory,
     /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
     /// north, up [m].
@@ -848,7 +848,7 @@ pub struct TruthErrors {
     pub noise_px: f64,
     /// Chance that a visible UAV is missed in a frame, 0 to 1.
     pub miss_rate: f64,
-    /// Chance that a visible bird or balloon is reported as a UAV in a frame, 0 to 1.
+    /// Chance that a visible distractor is reported as a UAV in a frame, 0 to 1.
     pub distractor_rate: f64,
     /// Mean number of false alarms in a frame.
     pub false_alarms_per_frame: f64,

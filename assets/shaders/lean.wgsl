@@ -46,6 +46,7 @@ struct Fragment {
 const KIND_FACADE_RESIDENTIAL: f32 = 1.0;
 const KIND_FACADE_OFFICE: f32 = 2.0;
 const KIND_GROUND: f32 = 3.0;
+const KIND_FOLIAGE: f32 = 4.0;
 const KIND_WATER: f32 = 5.0;
 const KIND_SKY: f32 = 9.0;
 
@@ -198,6 +199,13 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
         let lit = step(0.8, chance);
         emitted += glass * lit * light.night.x * vec3(1.0, 0.78, 0.5);
         albedo *= 1.0 - 0.85 * glass;
+    } else if kind == KIND_FOLIAGE && in.uv.y > 0.0 {
+        // Clumps of leaves, where the woods' meshes give metres along the crown.
+        let fine = clamp(2.0 - 2.5 * max(width.x, width.y), 0.0, 1.0);
+        if fine > 0.0 {
+            let clumps = 0.6 * noise(in.uv * 1.3) + 0.4 * noise(in.uv * 3.7);
+            albedo *= mix(1.0, 0.3 + 1.4 * clumps, fine);
+        }
     } else if kind == KIND_WATER {
         let mirrored = reflect(dir, normal);
         let fresnel = 0.02 + 0.98 * pow(1.0 - clamp(dot(-dir, normal), 0.0, 1.0), 5.0);
