@@ -188,7 +188,7 @@ fn only(world: &mut World, tier: Tier, readout: Readout) -> (Entity, [u32; 2]) {
             *state = readout;
             let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
             chosen = Some(match (readout, camera.window_px, views.window) {
-                (Readout::Around(_), Some(side), Some(view)) => (view, [side; 2]),
+                (Readout::Around { .. }, Some(side), Some(view)) => (view, [side; 2]),
                 _ => (views.full, sensor_px),
             });
         }
@@ -216,7 +216,10 @@ fn frames(criterion: &mut Criterion) {
         .sample_size(10)
         .measurement_time(Duration::from_secs(3));
     group.warm_up_time(Duration::from_millis(500));
-    let around = Readout::Around([320.0, 240.0]);
+    let around = Readout::Around {
+        centre_px: [320.0, 240.0],
+        target_px: 20.0,
+    };
     for (name, tier, readout) in [
         ("precise 640x480", Tier::Precise, Readout::Full),
         ("precise 256x256", Tier::Precise, around),

@@ -214,6 +214,7 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let bytes = std::fs::read(&arguments.model).map_err(|error| DetectorError::Unreadable {
         path: arguments.model.clone(),
         why: error.to_string(),
+        named_in: "--model",
     })?;
     let area = |picture: &&Picture| u64::from(picture.width) * u64::from(picture.height);
     let largest = coco.pictures.iter().max_by_key(area);

@@ -307,7 +307,11 @@ mod tests {
     use serde_json::Value;
 
     fn detection(box_px: [f64; 4], score: f64) -> Detection {
-        Detection { box_px, score }
+        Detection {
+            box_px,
+            score,
+            label: 0,
+        }
     }
 
     fn truth(box_px: [f64; 4]) -> Truth {
