@@ -266,9 +266,10 @@ fn frames(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Milliseconds per inference of the shipped model, on a picture with noise.
+/// Milliseconds per inference of the default model, on a picture with noise.
 fn inference(criterion: &mut Criterion) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/saliency.onnx");
+    let model = boresight::scenario::Detector::default().onnx_model;
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(model);
     let mut detector = OnnxDetector::load(&path, 2).expect("the shipped model");
     let mut group = criterion.benchmark_group("inference");
     group
