@@ -294,27 +294,36 @@ fn inference(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Where the time of a short camera run goes; printed, since it is one run and no distribution.
+/// Where the time of a short camera run goes, with the detector on its own thread and without;
+/// printed, since it is one run each and no distribution.
 fn shares(_: &mut Criterion) {
     let loaded = demo(1, &["duration_s=2"]);
     let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
-    let options = Options {
-        capture: true,
-        out: Some(folder.clone()),
-        ..Options::default()
-    };
-    let finished = cli::run_headless(&loaded, &options, false).expect("a run");
+    for one_thread in [true, false] {
+        let options = Options {
+            capture: true,
+            one_thread,
+            out: Some(folder.clone()),
+            ..Options::default()
+        };
+        let finished = cli::run_headless(&loaded, &options, false).expect("a run");
+        let share = finished.summary.share;
+        println!(
+            "shares of 2 s of urban_intercept, recorded, detector {}: rendering {:.1} %, waiting for \
+             inference {:.1} %, other {:.1} %; real-time factor {:.3}",
+            if one_thread {
+                "within the tick"
+            } else {
+                "on its thread"
+            },
+            100.0 * share.render,
+            100.0 * share.inference,
+            100.0 * share.other,
+            finished.summary.real_time_factor
+        );
+    }
     // What is left behind in the temporary folder harms nobody.
     let _ = std::fs::remove_dir_all(folder);
-    let share = finished.summary.share;
-    println!(
-        "shares of 2 s of urban_intercept, recorded: rendering {:.1} %, inference {:.1} %, \
-         other {:.1} %; real-time factor {:.3}",
-        100.0 * share.render,
-        100.0 * share.inference,
-        100.0 * share.other,
-        finished.summary.real_time_factor
-    );
 }
 
 criterion_group!(benches, ticks, track_and_control, frames, inference, shares);

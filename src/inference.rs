@@ -36,7 +36,7 @@ pub enum DetectorError {
     },
     /// The model file cannot be read.
     #[error(
-        "detector model {path}: cannot be read ({why}); name an existing .onnx file in {named_in}"
+        "detector model {path}: cannot be read ({why}); name an existing .onnx file with {named_in}"
     )]
     Unreadable {
         /// The model file.
