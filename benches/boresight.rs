@@ -188,7 +188,7 @@ fn only(world: &mut World, tier: Tier, readout: Readout) -> (Entity, [u32; 2]) {
             *state = readout;
             let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
             chosen = Some(match (readout, camera.window_px, views.window) {
-                (Readout::Around(_), Some(side), Some(view)) => (view, [side; 2]),
+                (Readout::Around { .. }, Some(side), Some(view)) => (view, [side; 2]),
                 _ => (views.full, sensor_px),
             });
         }
@@ -216,7 +216,10 @@ fn frames(criterion: &mut Criterion) {
         .sample_size(10)
         .measurement_time(Duration::from_secs(3));
     group.warm_up_time(Duration::from_millis(500));
-    let around = Readout::Around([320.0, 240.0]);
+    let around = Readout::Around {
+        centre_px: [320.0, 240.0],
+        target_px: 20.0,
+    };
     for (name, tier, readout) in [
         ("precise 640x480", Tier::Precise, Readout::Full),
         ("precise 256x256", Tier::Precise, around),
@@ -263,9 +266,10 @@ fn frames(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Milliseconds per inference of the shipped model, on a picture with noise.
+/// Milliseconds per inference of the default model, on a picture with noise.
 fn inference(criterion: &mut Criterion) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/saliency.onnx");
+    let model = boresight::scenario::Detector::default().onnx_model;
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(model);
     let mut detector = OnnxDetector::load(&path, 2).expect("the shipped model");
     let mut group = criterion.benchmark_group("inference");
     group
@@ -290,27 +294,36 @@ fn inference(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Where the time of a short camera run goes; printed, since it is one run and no distribution.
+/// Where the time of a short camera run goes, with the detector on its own thread and without;
+/// printed, since it is one run each and no distribution.
 fn shares(_: &mut Criterion) {
     let loaded = demo(1, &["duration_s=2"]);
     let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
-    let options = Options {
-        capture: true,
-        out: Some(folder.clone()),
-        ..Options::default()
-    };
-    let finished = cli::run_headless(&loaded, &options, false).expect("a run");
+    for one_thread in [true, false] {
+        let options = Options {
+            capture: true,
+            one_thread,
+            out: Some(folder.clone()),
+            ..Options::default()
+        };
+        let finished = cli::run_headless(&loaded, &options, false).expect("a run");
+        let share = finished.summary.share;
+        println!(
+            "shares of 2 s of urban_intercept, recorded, detector {}: rendering {:.1} %, waiting for \
+             inference {:.1} %, other {:.1} %; real-time factor {:.3}",
+            if one_thread {
+                "within the tick"
+            } else {
+                "on its thread"
+            },
+            100.0 * share.render,
+            100.0 * share.inference,
+            100.0 * share.other,
+            finished.summary.real_time_factor
+        );
+    }
     // What is left behind in the temporary folder harms nobody.
     let _ = std::fs::remove_dir_all(folder);
-    let share = finished.summary.share;
-    println!(
-        "shares of 2 s of urban_intercept, recorded: rendering {:.1} %, inference {:.1} %, \
-         other {:.1} %; real-time factor {:.3}",
-        100.0 * share.render,
-        100.0 * share.inference,
-        100.0 * share.other,
-        finished.summary.real_time_factor
-    );
 }
 
 criterion_group!(benches, ticks, track_and_control, frames, inference, shares);

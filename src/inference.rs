@@ -1,15 +1,21 @@
 //! ONNX detectors through ONNX Runtime, loaded at run time.
 //!
-//! A model takes `image`, f32 `[1, 3, H, W]`, RGB 0 to 1, native resolution, any H and W, and
-//! gives `boxes` f32 `[N, 4]` (x0, y0, x1, y1 in input pixels), `scores` f32 `[N]` and `labels`
-//! i64 `[N]`; its metadata says `boresight.interface = 1`.
+//! A model takes `image`, f32 `[1, 3, H, W]`, RGB 0 to 1, native resolution, and gives `boxes` f32
+//! `[N, 4]` (x0, y0, x1, y1 in input pixels), `scores` f32 `[N]` and `labels` i64 `[N]`; its metadata
+//! says `boresight.interface = 1`, which `classes` there are and how pictures are padded
+//! (training/README.md).
 
-use crate::models::detection::Detection;
+use crate::models::camera::PixelRect;
+use crate::models::detection::{Detection, Padding, planes};
+use crate::scenario::Provider;
+use bevy::platform::cell::SyncCell;
 use ort::ep::{CUDA, ExecutionProvider, TensorRT};
-use ort::session::Session;
-use ort::value::{TensorElementType, TensorRef, ValueType};
+use ort::session::{Session, builder::SessionBuilder};
+use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock, mpsc};
+use std::thread::JoinHandle;
 
 /// Why a detector cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -30,13 +36,15 @@ pub enum DetectorError {
     },
     /// The model file cannot be read.
     #[error(
-        "detector model {path}: cannot be read ({why}); name an existing .onnx file in detector.onnx_model"
+        "detector model {path}: cannot be read ({why}); name an existing .onnx file with {named_in}"
     )]
     Unreadable {
         /// The model file.
         path: PathBuf,
         /// What the system said.
         why: String,
+        /// The argument or key that named it.
+        named_in: &'static str,
     },
     /// The file is no model that the runtime takes.
     #[error("detector model {path}: not a usable ONNX model ({why}); export it again (opset 17)")]
@@ -46,6 +54,35 @@ pub enum DetectorError {
         /// What the runtime said.
         why: String,
     },
+    /// The model needs a later runtime.
+    #[error(
+        "detector model {path}: its {what} {has} is newer than the {most} that the loaded ONNX \
+         Runtime knows; export it with opset 17 and IR version 8"
+    )]
+    TooNew {
+        /// The model file.
+        path: PathBuf,
+        /// Which version it is about.
+        what: &'static str,
+        /// The model's.
+        has: u32,
+        /// The runtime's last.
+        most: u32,
+    },
+    /// The runtime has no such execution provider, or it does not start.
+    #[error(
+        "execution provider {provider}: {why}; set ORT_DYLIB_PATH to an ONNX Runtime that has it, \
+         or detector.provider to \"cpu\""
+    )]
+    Provider {
+        /// Its name.
+        provider: Provider,
+        /// What is missing.
+        why: String,
+    },
+    /// The thread of the detector has ended; it does so only when it panics.
+    #[error("the detector's thread has ended")]
+    Ended,
     /// The model does not have the documented inputs and outputs.
     #[error("detector model {path}: {why}; see the interface in training/README.md")]
     Interface {
@@ -60,7 +97,21 @@ pub enum DetectorError {
 pub struct OnnxDetector {
     session: Session,
     path: PathBuf,
+    classes: Vec<String>,
+    score_threshold: f64,
+    padding: Padding,
     planes: Vec<f32>,
+}
+
+/// How a model is loaded.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup {
+    /// Threads of its operations.
+    pub threads: usize,
+    /// What runs it.
+    pub provider: Provider,
+    /// The argument or key that names its file, for errors.
+    pub named_in: &'static str,
 }
 
 /// Version of the interface that this build speaks.
@@ -130,85 +181,83 @@ pub fn providers() -> Result<Vec<&'static str>, DetectorError> {
 }
 
 impl OnnxDetector {
-    /// Loads and checks the model at `path`, which then runs on `threads` threads.
+    /// Loads and checks the model at `path`, named by `--model`, which then runs on `threads`
+    /// threads of the CPU.
     pub fn load(path: &Path, threads: usize) -> Result<Self, DetectorError> {
+        let setup = Setup {
+            threads,
+            provider: Provider::Cpu,
+            named_in: "--model",
+        };
+        Self::load_with(path, &setup)
+    }
+
+    /// Loads and checks the model at `path`.
+    pub fn load_with(path: &Path, setup: &Setup) -> Result<Self, DetectorError> {
         let unreadable = |error: std::io::Error| DetectorError::Unreadable {
             path: path.into(),
             why: error.to_string(),
+            named_in: setup.named_in,
         };
         if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
             return Err(unreadable(std::io::ErrorKind::IsADirectory.into()));
         }
         std::fs::File::open(path).map_err(unreadable)?;
-        let environment = environment()?;
-        let broken = |why: String| DetectorError::Broken {
-            path: path.into(),
-            why: first_line(&why),
-        };
-        let session = Session::builder(environment)
-            .map_err(|error| broken(error.to_string()))?
-            .with_intra_threads(threads)
-            .map_err(|error| broken(error.to_string()))?
-            // Idle threads that spin would take the renderer's cores.
-            .with_intra_op_spinning(false)
-            .map_err(|error| broken(error.to_string()))?
+        let session = session(setup)?
             .commit_from_file(path)
-            .map_err(|error| broken(error.to_string()))?;
+            .map_err(|error| refused(path, &error.to_string()))?;
+        let wrong = |why| DetectorError::Interface {
+            path: path.into(),
+            why,
+        };
+        let (classes, score_threshold, padding) = interface(&session).map_err(wrong)?;
         let mut detector = Self {
             session,
             path: path.into(),
+            classes,
+            score_threshold,
+            padding,
             planes: Vec::new(),
         };
-        detector.check_interface()?;
         // A grey frame shows a model that answers nonsense before the run starts.
-        detector.detect(&[128; 128 * 128 * 3], [128, 128], &mut Vec::new())?;
+        const PROBE_PX: u32 = 128;
+        let fixed_px = detector.padding.fixed_px;
+        let probe_px = fixed_px.map(|side| side.map_or(PROBE_PX, |side| side.min(PROBE_PX)));
+        let grey = vec![128; 3 * (probe_px[0] * probe_px[1]) as usize];
+        detector.detect(&grey, probe_px, &mut Vec::new())?;
         Ok(detector)
     }
 
-    fn interface_error(&self, why: impl Into<String>) -> DetectorError {
-        DetectorError::Interface {
-            path: self.path.clone(),
-            why: why.into(),
-        }
+    /// Names of the classes; labels are indices into them.
+    pub fn classes(&self) -> &[String] {
+        &self.classes
     }
 
-    fn check_interface(&self) -> Result<(), DetectorError> {
-        let version = self
-            .session
-            .metadata()
-            .ok()
-            .and_then(|metadata| metadata.custom("boresight.interface"));
-        if version.as_deref() != Some(INTERFACE) {
-            return Err(self.interface_error(format!(
-                "metadata boresight.interface is {}, expected {INTERFACE}",
-                version.as_deref().unwrap_or("missing")
-            )));
+    /// Score from which on its maker recommends to believe a detection.
+    pub fn score_threshold(&self) -> f64 {
+        self.score_threshold
+    }
+
+    /// Width and height of its input for a picture of `size_px`; an error for a picture larger than
+    /// it takes.
+    pub fn input_px(&self, size_px: [u32; 2]) -> Result<[u32; 2], DetectorError> {
+        self.padding.input_px(size_px).ok_or_else(|| {
+            let [width, height] = self
+                .padding
+                .fixed_px
+                .map(|side| side.map_or_else(|| "any".into(), |side| side.to_string()));
+            let [w, h] = size_px;
+            self.interface_error(format!(
+                "it takes pictures of at most {width} x {height} px, not {w} x {h}"
+            ))
+        })
+    }
+
+    fn interface_error(&self, why: String) -> DetectorError {
+        DetectorError::Interface {
+            path: self.path.clone(),
+            why,
         }
-        let names = |outlets: &[ort::value::Outlet]| {
-            outlets
-                .iter()
-                .map(|outlet| outlet.name().to_string())
-                .collect::<Vec<_>>()
-        };
-        let inputs = self.session.inputs();
-        let image_ok = inputs.len() == 1
-            && inputs[0].name() == "image"
-            && matches!(inputs[0].dtype(), ValueType::Tensor { ty: TensorElementType::Float32, shape, .. } if shape.len() == 4);
-        if !image_ok {
-            return Err(self.interface_error(format!(
-                "its inputs are {:?}, expected one input `image`, f32 [1, 3, H, W]",
-                names(inputs)
-            )));
-        }
-        let outputs = names(self.session.outputs());
-        for wanted in ["boxes", "scores", "labels"] {
-            if !outputs.iter().any(|name| name == wanted) {
-                return Err(self.interface_error(format!(
-                    "it has no output `{wanted}` (outputs are {outputs:?})"
-                )));
-            }
-        }
-        Ok(())
     }
 
     /// Appends the detections in an 8-bit RGB image of width and height `size_px`, in the
@@ -219,24 +268,33 @@ impl OnnxDetector {
         size_px: [u32; 2],
         out: &mut Vec<Detection>,
     ) -> Result<(), DetectorError> {
-        let [width, height] = size_px.map(|n| n as usize);
-        let area = width * height;
-        self.planes.resize(3 * area, 0.0);
-        let (red, rest) = self.planes.split_at_mut(area);
-        let (green, blue) = rest.split_at_mut(area);
-        for (i, pixel) in rgb8.chunks_exact(3).enumerate().take(area) {
-            red[i] = f32::from(pixel[0]) / 255.0;
-            green[i] = f32::from(pixel[1]) / 255.0;
-            blue[i] = f32::from(pixel[2]) / 255.0;
-        }
+        let whole = PixelRect {
+            offset_px: [0, 0],
+            size_px,
+        };
+        self.detect_in(rgb8, size_px[0], whole, out)
+    }
+
+    /// Appends the detections in the part `look` of an 8-bit RGB image with rows of `width_px`
+    /// pixels, in pixels of that part, most confident first.
+    pub fn detect_in(
+        &mut self,
+        rgb8: &[u8],
+        width_px: u32,
+        look: PixelRect,
+        out: &mut Vec<Detection>,
+    ) -> Result<(), DetectorError> {
+        let input_px = self.input_px(look.size_px)?;
+        planes(rgb8, width_px, look, input_px, &mut self.planes);
+        let [width, height] = input_px.map(|n| n as usize);
         let path = &self.path;
         let broken = |error: ort::Error| DetectorError::Broken {
             path: path.clone(),
             why: first_line(&error.to_string()),
         };
-        let wrong = |why: &str| DetectorError::Interface {
+        let wrong = |why: String| DetectorError::Interface {
             path: path.clone(),
-            why: why.to_string(),
+            why,
         };
         let image = TensorRef::from_array_view(([1usize, 3, height, width], &self.planes[..]))
             .map_err(broken)?;
@@ -250,20 +308,42 @@ impl OnnxDetector {
         let (_, scores) = outputs["scores"]
             .try_extract_tensor::<f32>()
             .map_err(broken)?;
-        if shape.len() != 2 || shape[1] != 4 || boxes.len() != 4 * scores.len() {
-            return Err(wrong("boxes are not [N, 4] with one score each"));
+        let (_, labels) = outputs["labels"]
+            .try_extract_tensor::<i64>()
+            .map_err(broken)?;
+        let n = scores.len();
+        if shape.len() != 2 || shape[1] != 4 || boxes.len() != 4 * n || labels.len() != n {
+            return Err(wrong(
+                "boxes are not [N, 4] with one score and one label each".into(),
+            ));
         }
         if boxes.iter().chain(scores).any(|x| !x.is_finite()) {
-            return Err(wrong("it gives boxes or scores that are not finite"));
+            return Err(wrong("it gives boxes or scores that are not finite".into()));
+        }
+        let classes = self.classes.len();
+        let class = |label: i64| {
+            u32::try_from(label)
+                .ok()
+                .filter(|&i| (i as usize) < classes)
+        };
+        if let Some(label) = labels.iter().find(|label| class(**label).is_none()) {
+            return Err(wrong(format!(
+                "it gives the label {label}, but `classes` has {classes} names, counted from 0"
+            )));
         }
         let first = out.len();
+        let size_px = look.size_px.map(f64::from);
         out.extend(
-            boxes
-                .chunks_exact(4)
-                .zip(scores)
-                .map(|(b, score)| Detection {
+            (boxes.chunks_exact(4).zip(scores).zip(labels))
+                .map(|((b, score), label)| Detection {
                     box_px: [b[0], b[1], b[2], b[3]].map(f64::from),
                     score: f64::from(*score),
+                    label: class(*label).unwrap_or_default(),
+                })
+                // The padding is no part of the picture.
+                .filter(|found| {
+                    let [x, y] = found.centre_px();
+                    x <= size_px[0] && y <= size_px[1]
                 }),
         );
         out[first..].sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -271,7 +351,532 @@ impl OnnxDetector {
     }
 }
 
+/// A session about to load a model.
+fn session(setup: &Setup) -> Result<SessionBuilder, DetectorError> {
+    let environment = environment()?;
+    let provider = setup.provider;
+    let unprovided = |why: String| DetectorError::Provider { provider, why };
+    let wanted = match provider {
+        Provider::Cpu => Vec::new(),
+        Provider::Cuda => vec![CUDA::default().build().error_on_failure()],
+        Provider::Tensorrt => vec![
+            TensorRT::default().build().error_on_failure(),
+            CUDA::default().build().error_on_failure(),
+        ],
+    };
+    let there = providers()?;
+    if !there.contains(&provider.runtime_name()) {
+        return Err(unprovided(format!(
+            "the loaded ONNX Runtime has {} only",
+            there.join(" and ")
+        )));
+    }
+    let inner = || -> ort::Result<SessionBuilder> {
+        Ok(Session::builder(environment)?
+            .with_intra_threads(setup.threads)?
+            // Idle threads that spin would take the renderer's cores.
+            .with_intra_op_spinning(false)?)
+    };
+    let path = runtime_path()?;
+    let builder = inner().map_err(|error| DetectorError::Runtime {
+        path,
+        why: first_line(&error.to_string()),
+    })?;
+    builder
+        .with_execution_providers(wanted)
+        .map_err(|error| unprovided(first_line(&error.to_string())))
+}
+
+/// Why the runtime does not take a model, from what it says.
+fn refused(path: &Path, message: &str) -> DetectorError {
+    let number = |words: &str| -> Option<u32> {
+        let (_, rest) = message.split_once(words)?;
+        let digits = rest.split(|c: char| !c.is_ascii_digit()).next()?;
+        digits.parse().ok()
+    };
+    let versions = [
+        ("opset", "Opset ", "is till opset "),
+        (
+            "IR version",
+            "model IR version: ",
+            "max supported IR version: ",
+        ),
+    ];
+    for (what, has, most) in versions {
+        if let (Some(has), Some(most)) = (number(has), number(most)) {
+            return DetectorError::TooNew {
+                path: path.into(),
+                what,
+                has,
+                most,
+            };
+        }
+    }
+    DetectorError::Broken {
+        path: path.into(),
+        why: first_line(message),
+    }
+}
+
+/// Classes, recommended threshold and padding of a model that keeps to the interface; otherwise what
+/// differs.
+fn interface(session: &Session) -> Result<(Vec<String>, f64, Padding), String> {
+    let metadata = session.metadata().map_err(|error| error.to_string())?;
+    let text = |key: &str| metadata.custom(key);
+    let key = "boresight.interface";
+    entry(key, text(key), INTERFACE, |found| {
+        (found == INTERFACE).then_some(())
+    })?;
+    let key = "preprocess";
+    entry(key, text(key), "native", |found| {
+        (found == "native").then_some(())
+    })?;
+    let key = "classes";
+    let classes = entry(key, text(key), "a JSON list of different names", |found| {
+        let names: Vec<String> = serde_json::from_str(found).ok()?;
+        let good = |i: usize| !names[i].is_empty() && !names[..i].contains(&names[i]);
+        (!names.is_empty() && (0..names.len()).all(good)).then_some(names)
+    })?;
+    let side = |found: &str| found.parse().ok().filter(|side| (1..=8192).contains(side));
+    let [stride_px, min_side_px] = {
+        let side = |key| entry(key, text(key), "1 to 8192 px", side);
+        [side("stride")?, side("min_side_px")?]
+    };
+    let key = "score_threshold";
+    let score_threshold = entry(key, text(key), "a number from 0 to 1", |found| {
+        let score: f64 = found.parse().ok()?;
+        (0.0..=1.0).contains(&score).then_some(score)
+    })?;
+
+    let list = |outlets: &[Outlet]| {
+        let outlets: Vec<_> = (outlets.iter())
+            .map(|outlet| format!("`{}`, {}", outlet.name(), spelt(outlet.dtype())))
+            .collect();
+        outlets.join("; ")
+    };
+    let inputs = session.inputs();
+    let image = (inputs.first())
+        .filter(|image| inputs.len() == 1 && image.name() == "image")
+        .filter(|image| fits(image.dtype(), TensorElementType::Float32, &[1, 3, -1, -1]))
+        .ok_or_else(|| {
+            format!(
+                "its inputs are {}; expected one input `image`, f32 [1, 3, H, W]",
+                list(inputs)
+            )
+        })?;
+    let outputs = session.outputs();
+    for (name, element, shape, expected) in [
+        (
+            "boxes",
+            TensorElementType::Float32,
+            &[-1, 4][..],
+            "f32 [N, 4]",
+        ),
+        ("scores", TensorElementType::Float32, &[-1], "f32 [N]"),
+        ("labels", TensorElementType::Int64, &[-1], "i64 [N]"),
+    ] {
+        let found = outputs.iter().find(|outlet| outlet.name() == name);
+        if !found.is_some_and(|outlet| fits(outlet.dtype(), element, shape)) {
+            return Err(format!(
+                "its outputs are {}; expected an output `{name}`, {expected}",
+                list(outputs)
+            ));
+        }
+    }
+    let fixed = |axis: usize| match image.dtype() {
+        ValueType::Tensor { shape, .. } => u32::try_from(shape[axis]).ok(),
+        _ => None,
+    };
+    let padding = Padding {
+        stride_px,
+        min_side_px,
+        fixed_px: [fixed(3), fixed(2)],
+    };
+    Ok((classes, score_threshold, padding))
+}
+
+/// A value of the model's metadata.
+fn entry<T>(
+    key: &str,
+    found: Option<String>,
+    expected: &str,
+    read: impl Fn(&str) -> Option<T>,
+) -> Result<T, String> {
+    let found = found.as_deref();
+    (found.and_then(read)).ok_or_else(|| {
+        let found = found.unwrap_or("missing");
+        format!("its metadata {key} is {found}, expected {expected}")
+    })
+}
+
+/// Whether a declared tensor can be of this type and shape, where -1 is any size. Outputs may be
+/// declared without a shape.
+fn fits(declared: &ValueType, element: TensorElementType, wanted: &[i64]) -> bool {
+    let ValueType::Tensor { ty, shape, .. } = declared else {
+        return false;
+    };
+    let side = |(&found, &wanted): (&i64, &i64)| found == -1 || wanted == -1 || found == wanted;
+    let same = shape.len() == wanted.len() && shape.iter().zip(wanted).all(side);
+    *ty == element && (same || shape.is_empty() && wanted.len() < 4)
+}
+
+/// A declared type as errors spell it.
+fn spelt(declared: &ValueType) -> String {
+    let ValueType::Tensor {
+        ty,
+        shape,
+        dimension_symbols,
+    } = declared
+    else {
+        return declared.to_string();
+    };
+    let sides: Vec<String> = (shape.iter().enumerate())
+        .map(|(i, side)| match dimension_symbols.get(i) {
+            _ if *side >= 0 => side.to_string(),
+            Some(name) if !name.is_empty() => name.clone(),
+            _ => "?".into(),
+        })
+        .collect();
+    format!("{ty} [{}]", sides.join(", "))
+}
+
+/// A picture for the detector to look at.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// 8-bit RGB rows.
+    pub rgb8: Arc<Vec<u8>>,
+    /// Pixels of a row.
+    pub width_px: u32,
+    /// The part to look at, in pixels of the picture.
+    pub look: PixelRect,
+}
+
+/// The detections in a picture, in pixels of the part that was looked at.
+pub type Answer = Result<Vec<Detection>, DetectorError>;
+
+/// A model at work: pictures are submitted, and answers fetched in the same order. What is answered
+/// does not depend on whether a thread of its own does it, only when.
+pub struct Inference {
+    classes: Vec<String>,
+    worker: Worker,
+}
+
+enum Worker {
+    /// Works while the caller renders the next frames.
+    Thread {
+        pictures: Option<mpsc::Sender<Picture>>,
+        answers: SyncCell<mpsc::Receiver<Answer>>,
+        thread: Option<JoinHandle<()>>,
+    },
+    /// Works in `submit`.
+    Caller {
+        model: Box<OnnxDetector>,
+        answers: VecDeque<Answer>,
+    },
+}
+
+fn look(model: &mut OnnxDetector, picture: &Picture) -> Answer {
+    let mut found = Vec::new();
+    model.detect_in(&picture.rgb8, picture.width_px, picture.look, &mut found)?;
+    Ok(found)
+}
+
+impl Inference {
+    /// Puts a model to work on a thread of its own.
+    pub fn on_thread(mut model: OnnxDetector) -> std::io::Result<Self> {
+        let classes = model.classes.clone();
+        let (pictures, to_see) = mpsc::channel::<Picture>();
+        let (answer, answers) = mpsc::channel();
+        let thread = std::thread::Builder::new()
+            .name("detector".into())
+            .spawn(move || {
+                for picture in to_see {
+                    // Nobody waits for the answer when the run is over.
+                    if answer.send(look(&mut model, &picture)).is_err() {
+                        break;
+                    }
+                }
+            })?;
+        Ok(Self {
+            classes,
+            worker: Worker::Thread {
+                pictures: Some(pictures),
+                answers: SyncCell::new(answers),
+                thread: Some(thread),
+            },
+        })
+    }
+
+    /// Puts a model to work on the caller's thread.
+    pub fn on_caller(model: OnnxDetector) -> Self {
+        Self {
+            classes: model.classes.clone(),
+            worker: Worker::Caller {
+                model: Box::new(model),
+                answers: VecDeque::new(),
+            },
+        }
+    }
+
+    /// Names of the classes.
+    pub fn classes(&self) -> &[String] {
+        &self.classes
+    }
+
+    /// Hands in a picture.
+    pub fn submit(&mut self, picture: Picture) {
+        match &mut self.worker {
+            // A thread that has ended is told by `next`.
+            Worker::Thread { pictures, .. } => {
+                if let Some(pictures) = pictures {
+                    let _ = pictures.send(picture);
+                }
+            }
+            Worker::Caller { model, answers } => answers.push_back(look(model, &picture)),
+        }
+    }
+
+    /// Waits for the answer to the earliest picture that has not been fetched yet.
+    pub fn fetch(&mut self) -> Answer {
+        match &mut self.worker {
+            Worker::Thread { answers, .. } => {
+                answers.get().recv().unwrap_or(Err(DetectorError::Ended))
+            }
+            Worker::Caller { answers, .. } => {
+                answers.pop_front().unwrap_or(Err(DetectorError::Ended))
+            }
+        }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        if let Worker::Thread {
+            pictures, thread, ..
+        } = self
+        {
+            // The runtime must not be torn down under a thread that uses it.
+            drop(pictures.take());
+            if let Some(thread) = thread.take() {
+                let _ = thread.join();
+            }
+        }
+    }
+}
+
 /// Runtime messages run over several lines; the first says what is wrong.
 pub(crate) fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().trim().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn test_model(name: &str) -> PathBuf {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/models");
+        folder.join(format!("{name}.onnx"))
+    }
+
+    /// The models are those of training/make_broken_models.py.
+    #[test]
+    fn a_model_that_differs_from_the_interface_is_refused_with_its_fault() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("empty.onnx"), "").expect("written");
+        std::fs::write(folder.path().join("text.onnx"), "no model").expect("written");
+        let cases: [(PathBuf, &[&str]); 25] = [
+            (test_model("absent"), &["cannot be read", "--model"]),
+            (folder.path().into(), &["directory", "--model"]),
+            (
+                folder.path().join("empty.onnx"),
+                &["not a usable ONNX model"],
+            ),
+            (
+                folder.path().join("text.onnx"),
+                &["not a usable ONNX model"],
+            ),
+            (
+                test_model("truncated"),
+                &["not a usable ONNX model", "opset 17"],
+            ),
+            (
+                test_model("wrong_inputs"),
+                &["`pixels`, f32 [1, length]", "expected one input `image`"],
+            ),
+            (
+                test_model("input_rank"),
+                &["`image`, f32 [3, height, width]"],
+            ),
+            (
+                test_model("input_type"),
+                &["`image`, u8 [1, 3", "f32 [1, 3, H, W]"],
+            ),
+            (test_model("input_channels"), &["f32 [1, 1, height, width]"]),
+            (
+                test_model("output_name"),
+                &["`bboxes`", "an output `boxes`"],
+            ),
+            (test_model("output_type"), &["`labels`, i32 [1]", "i64 [N]"]),
+            (
+                test_model("output_shape"),
+                &["`boxes`, f32 [1, 5]", "f32 [N, 4]"],
+            ),
+            (
+                test_model("interface_missing"),
+                &["boresight.interface is missing"],
+            ),
+            (
+                test_model("interface_other"),
+                &["boresight.interface is 2, expected 1"],
+            ),
+            (
+                test_model("preprocess"),
+                &["preprocess is letterbox, expected native"],
+            ),
+            (test_model("classes_missing"), &["classes is missing"]),
+            (test_model("classes_empty"), &["classes is [], expected"]),
+            (test_model("classes_twice"), &["different names"]),
+            (test_model("stride"), &["stride is 0"]),
+            (test_model("min_side"), &["min_side_px is wide"]),
+            (test_model("threshold"), &["score_threshold is 1.5"]),
+            (test_model("label"), &["label 1", "1 names"]),
+            (test_model("opset"), &["opset 99 is newer", "opset 17"]),
+            (test_model("ir_version"), &["IR version 99 is newer"]),
+            (test_model("nan"), &["not finite"]),
+        ];
+        for (path, wanted) in cases {
+            let Err(error) = OnnxDetector::load(&path, 1) else {
+                panic!("{} is taken", path.display());
+            };
+            let text = error.to_string();
+            let file = path.display().to_string();
+            assert!(text.contains(&file) && text.lines().count() == 1, "{text}");
+            for words in wanted {
+                assert!(text.contains(words), "{file}: no '{words}' in {text}");
+            }
+        }
+    }
+
+    #[test]
+    fn labels_padding_and_sizes_are_those_of_the_model() {
+        let mut model = OnnxDetector::load(&test_model("good"), 1).expect("a model");
+        assert_eq!(model.classes(), ["fpv", "quadcopter"]);
+        let mut found = Vec::new();
+        model
+            .detect(&[0; 3 * 35 * 17], [35, 17], &mut found)
+            .expect("an answer");
+        assert_eq!((found.len(), found[0].label), (1, 1));
+        assert_eq!(found[0].box_px, [8.0, 8.0, 16.0, 16.0]);
+        // Its box lies beyond this picture, in the padding.
+        found.clear();
+        model
+            .detect(&[0; 3 * 11 * 11], [11, 11], &mut found)
+            .expect("an answer");
+        assert!(found.is_empty());
+
+        let mut model = OnnxDetector::load(&test_model("fixed_size"), 1).expect("a model");
+        assert_eq!(model.input_px([150, 100]).expect("a size"), [200, 100]);
+        let grey = vec![9; 3 * 150 * 70];
+        model
+            .detect(&grey, [150, 70], &mut found)
+            .expect("an answer");
+        let error = model
+            .input_px([150, 101])
+            .expect_err("too large")
+            .to_string();
+        assert!(
+            error.contains("at most 200 x 100 px, not 150 x 101"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_number_that_is_none_in_a_later_picture_is_an_error() {
+        let mut model = OnnxDetector::load(&test_model("nan_later"), 1).expect("a model");
+        let mut picture = vec![40; 3 * 64 * 64];
+        let mut found = Vec::new();
+        model
+            .detect(&picture, [64, 64], &mut found)
+            .expect("an answer");
+        picture[0] = 41;
+        let error = model
+            .detect(&picture, [64, 64], &mut found)
+            .expect_err("refused");
+        assert!(error.to_string().contains("not finite"), "{error}");
+    }
+
+    #[test]
+    fn a_provider_that_the_runtime_lacks_is_refused() {
+        let there = providers().expect("a runtime");
+        for provider in [Provider::Cuda, Provider::Tensorrt] {
+            let setup = Setup {
+                threads: 1,
+                provider,
+                named_in: "detector.onnx_model",
+            };
+            if there.contains(&provider.runtime_name()) {
+                continue;
+            }
+            let Err(error) = OnnxDetector::load_with(&test_model("good"), &setup) else {
+                panic!("{provider} is taken");
+            };
+            let text = error.to_string();
+            let name = provider.runtime_name();
+            assert!(
+                text.contains(name) && text.contains("detector.provider"),
+                "{text}"
+            );
+        }
+    }
+
+    /// Answers come in the order of the pictures, and are the same from either worker.
+    #[test]
+    fn a_thread_of_its_own_answers_as_the_caller_does() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/saliency.onnx");
+        let load = || OnnxDetector::load(&path, 2).expect("the shipped model");
+        let mut workers = [
+            Inference::on_thread(load()).expect("a thread"),
+            Inference::on_caller(load()),
+        ];
+        let pictures: Vec<Picture> = (0..6_u32)
+            .map(|i| {
+                let disc = |at: u32| {
+                    let (x, y) = (at % 200, at / 200);
+                    (x.abs_diff(60 + 12 * i).pow(2) + y.abs_diff(70).pow(2) < 20) as u8
+                };
+                let noise = |at: u32| (at.wrapping_mul(2_654_435_761) >> 20 & 3) as u8;
+                Picture {
+                    rgb8: Arc::new(
+                        (0..200 * 150)
+                            .flat_map(|at| [160 + noise(at) - 70 * disc(at); 3])
+                            .collect(),
+                    ),
+                    width_px: 200,
+                    look: PixelRect {
+                        offset_px: [20, 10],
+                        size_px: [150, 120],
+                    },
+                }
+            })
+            .collect();
+        let answers = workers.each_mut().map(|worker| {
+            for picture in &pictures {
+                worker.submit(picture.clone());
+            }
+            let answers: Vec<Vec<Detection>> = (pictures.iter())
+                .map(|_| worker.fetch().expect("an answer"))
+                .collect();
+            answers
+        });
+        assert_eq!(answers[0], answers[1]);
+        for (i, found) in answers[0].iter().enumerate() {
+            // The disc's middle in the part that was looked at.
+            let [x, y] = found[0].centre_px();
+            assert!(found[0].score > 0.5, "{i}: {found:?}");
+            assert!(
+                (x - (40.5 + 12.0 * i as f64)).hypot(y - 60.5) < 0.5,
+                "{i}: {x} {y}"
+            );
+        }
+    }
 }

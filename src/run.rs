@@ -9,7 +9,7 @@ use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform};
 use crate::components::station::{Alignment, Gyro, Misalignment, Mount, MountCommand, StationWind};
 use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
 use crate::components::uav::{Air, Distractor, Flight, Guidance, HeatedSkin, Uav, UavStatus};
-use crate::inference::{DetectorError, OnnxDetector};
+use crate::inference::{DetectorError, Inference, OnnxDetector, Setup};
 use crate::models::atmosphere::air_density_kgpm3;
 use crate::models::beam::Laser;
 use crate::models::calibration;
@@ -136,6 +136,9 @@ pub enum RunError {
          --set detector.kind=truth"
     )]
     NeedsImages,
+    /// The detector's thread.
+    #[error("cannot start the detector's thread: {0}")]
+    Thread(std::io::Error),
     /// No graphics adapter.
     #[error(
         "no Vulkan adapter found: install a driver (on Debian and Ubuntu \
@@ -188,7 +191,7 @@ impl Failure {
 pub struct Stopwatch {
     /// Rendering, readback and image formation.
     pub render: Duration,
-    /// The detector.
+    /// Waiting for the detector, which works while the next frames are rendered.
     pub inference: Duration,
 }
 
@@ -199,6 +202,9 @@ pub struct Options {
     pub seed: Option<u64>,
     /// Worker threads; the machine's cores by default. It changes no result.
     pub threads: Option<usize>,
+    /// Whether the detector works within the tick rather than on a thread of its own; it changes no
+    /// result.
+    pub one_thread: bool,
     /// Whether cameras render.
     pub capture: bool,
     /// Folder for recording, summary and report; none writes nothing.
@@ -252,7 +258,7 @@ pub fn adapter() -> Result<wgpu::AdapterInfo, RunError> {
 pub fn check(loaded: &Loaded) -> Result<(), RunError> {
     let scenario = &loaded.scenario;
     let file = loaded.path.display().to_string();
-    detector(scenario, scenario.seed)?;
+    detector(scenario, scenario.seed, false)?;
     environment(scenario, &file, scenario.seed, None)?;
     for (index, uav) in scenario.uavs.iter().enumerate() {
         flight_plan(loaded, "uavs", index, &uav.trajectory)?;
@@ -291,7 +297,7 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
     if needs_images && !options.capture {
         return Err(RunError::NeedsImages);
     }
-    let detector = detector(scenario, seed)?;
+    let detector = detector(scenario, seed, !options.one_thread)?;
     if options.capture {
         adapter()?;
     }
@@ -434,17 +440,34 @@ fn add_bevy(app: &mut App, options: &Options) {
     );
 }
 
-fn detector(scenario: &Scenario, seed: u64) -> Result<Detector, RunError> {
-    Ok(match scenario.detector.kind {
-        DetectorKind::Onnx => Detector::Onnx {
-            model: Box::new(OnnxDetector::load(
-                &scenario.detector.onnx_model,
-                INFERENCE_THREADS,
-            )?),
-            score_threshold: scenario.detector.score_threshold,
-        },
+/// The detector of a scenario; a network works on a thread of its own if `threaded`.
+fn detector(scenario: &Scenario, seed: u64, threaded: bool) -> Result<Detector, RunError> {
+    let settings = &scenario.detector;
+    Ok(match settings.kind {
+        DetectorKind::Onnx => {
+            let setup = Setup {
+                threads: INFERENCE_THREADS,
+                provider: settings.provider,
+                named_in: "detector.onnx_model",
+            };
+            let model = OnnxDetector::load_with(&settings.onnx_model, &setup)?;
+            for camera in &scenario.station.cameras.resolved() {
+                model.input_px([camera.width_px, camera.height_px])?;
+            }
+            let recommended = model.score_threshold();
+            let inference = if threaded {
+                Inference::on_thread(model).map_err(RunError::Thread)?
+            } else {
+                Inference::on_caller(model)
+            };
+            Detector::Onnx {
+                inference: Box::new(inference),
+                score_threshold: settings.score_threshold.unwrap_or(recommended),
+                roi_px: Some(settings.roi_px).filter(|side| *side > 0),
+            }
+        }
         DetectorKind::Truth => {
-            let errors = &scenario.detector.truth;
+            let errors = &settings.truth;
             Detector::Truth {
                 errors: TruthErrors {
                     noise_px: errors.noise_px,
@@ -1182,6 +1205,7 @@ fn recording(
         jpeg_quality: record.jpeg_quality,
         images_seen: [0; 3],
         changes_logged: 0,
+        unmarked: Vec::new(),
     };
     let (Some(out), Some(tick_hz)) = (&options.out, NonZeroU32::new(scenario.tick_hz)) else {
         return Ok(recording);

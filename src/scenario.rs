@@ -813,8 +813,13 @@ pub struct Detector {
     pub kind: DetectorKind,
     /// The ONNX file, relative to the working directory.
     pub onnx_model: PathBuf,
-    /// Detections with a lower score are dropped, 0 to 1.
-    pub score_threshold: f64,
+    /// What runs the network; the loaded ONNX Runtime must have it.
+    pub provider: Provider,
+    /// Detections with a lower score are dropped, 0 to 1; absent: the score that the model recommends.
+    pub score_threshold: Option<f64>,
+    /// Side of the square around the predicted target in which the network looks while a camera
+    /// follows it; 0: in all that the camera reads out.
+    pub roi_px: u32,
     /// Errors of the truth detector.
     pub truth: TruthErrors,
 }
@@ -824,7 +829,9 @@ impl Default for Detector {
         Self {
             kind: DetectorKind::Onnx,
             onnx_model: PathBuf::from("assets/models/saliency.onnx"),
-            score_threshold: 0.5,
+            provider: Provider::Cpu,
+            score_threshold: None,
+            roi_px: 256,
             truth: TruthErrors::default(),
         }
     }
@@ -838,6 +845,35 @@ pub enum DetectorKind {
     Onnx,
     /// True positions with noise, misses and false alarms; needs no images.
     Truth,
+}
+
+/// Execution provider of ONNX Runtime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Provider {
+    /// The processor; the only one whose results are the same on every machine.
+    Cpu,
+    /// An NVIDIA GPU through CUDA.
+    Cuda,
+    /// An NVIDIA GPU through TensorRT, with CUDA for what that does not take.
+    Tensorrt,
+}
+
+impl Provider {
+    /// Its name in ONNX Runtime.
+    pub fn runtime_name(self) -> &'static str {
+        match self {
+            Self::Cpu => "CPU",
+            Self::Cuda => "CUDA",
+            Self::Tensorrt => "TensorRT",
+        }
+    }
+}
+
+impl std::fmt::Display for Provider {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.runtime_name())
+    }
 }
 
 /// Errors of the truth detector.
@@ -1870,7 +1906,13 @@ impl SearchSector {
 
 impl Detector {
     fn check(&self, check: &mut Check) {
-        check.within("detector.score_threshold", self.score_threshold, FRACTION);
+        check.maybe_within("detector.score_threshold", self.score_threshold, FRACTION);
+        let roi_px = self.roi_px;
+        check.that(
+            roi_px == 0 || (16..=8192).contains(&roi_px),
+            "detector.roi_px",
+            || format!("found {roi_px}, must be 0 or from 16 to 8192"),
+        );
         let truth = &self.truth;
         check.within("detector.truth.noise_px", truth.noise_px, 0.0..=100.0);
         check.within("detector.truth.miss_rate", truth.miss_rate, FRACTION);

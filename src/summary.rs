@@ -15,6 +15,7 @@ use crate::report::{
 };
 use crate::run::{Options, RunError, Stopwatch, VERSION};
 use crate::scenario::Loaded;
+use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
@@ -140,7 +141,15 @@ pub fn finish(
             other: (1.0 - render - inference).max(0.0),
         },
     };
-    let report = report(loaded, &summary, history, tracker, failure_temperature_k);
+    let detector = world.resource::<Detector>();
+    let report = report(
+        loaded,
+        &summary,
+        history,
+        tracker,
+        detector,
+        failure_temperature_k,
+    );
     Finished { summary, report }
 }
 
@@ -236,6 +245,7 @@ fn report(
     summary: &Summary,
     history: &History,
     tracker: &Tracker,
+    detector: &Detector,
     failure_temperature_k: Option<f64>,
 ) -> ReportData {
     let hz = f64::from(loaded.scenario.tick_hz);
@@ -264,7 +274,7 @@ fn report(
             let boxes = frame.detections.iter().map(|detection| {
                 let [x0, y0, x1, y1] = detection.box_px;
                 ContactBox {
-                    label: format!("{:.2}", detection.score),
+                    label: detector.caption(detection),
                     rect_px: [x0 - dx, y0 - dy, x1 - dx, y1 - dy],
                     colour: [0, 158, 115],
                 }

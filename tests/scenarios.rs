@@ -10,8 +10,11 @@ use boresight::components::camera::{
 };
 use boresight::components::clock::SimClock;
 use boresight::components::environment::Environment;
+use boresight::components::record::StateHash;
 use boresight::components::station::{Mount, Optics};
-use boresight::components::track::{StateChange, Tracker, TrackingState};
+use boresight::components::track::{
+    DetectionBatch, DetectionQueue, StateChange, Tracker, TrackingState,
+};
 use boresight::components::uav::{Flight, Uav};
 use boresight::models::camera::Pinhole;
 use boresight::models::city::{City, CityParams};
@@ -871,6 +874,51 @@ fn the_network_sees_the_same_on_one_thread_and_on_eight() {
     assert_eq!(one.hash(), eight.hash());
 }
 
+/// The detector's thread works while the next frames are rendered, and what a run does with what it
+/// finds is the same as without it; here in regions of 160 px of cameras that have no window.
+#[test]
+fn a_thread_for_the_network_changes_no_state() {
+    let _one = rendering();
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let overrides = [
+        "search.pattern=stare",
+        "search.cue.sigma_deg=0.05",
+        "station.cameras.coarse.readout=full",
+        "station.cameras.precise.readout=full",
+        "detector.roi_px=160",
+        "engage.authorised=false",
+    ];
+    let loaded = Scenario::load(&path, &overrides.map(String::from)).unwrap();
+    let run = |one_thread| {
+        let options = Options {
+            capture: true,
+            one_thread,
+            ..Options::default()
+        };
+        let mut app = run::build(&loaded, &options).unwrap();
+        let world = app.world_mut();
+        let (mut hashes, mut regions) = (Vec::new(), 0);
+        for _ in 0..(2.5 * f64::from(loaded.scenario.tick_hz)) as u64 {
+            run::step(world).unwrap();
+            hashes.push(world.resource::<StateHash>().0);
+            let arrived = &world.resource::<DetectionQueue>().arrived;
+            let region = |batch: &&DetectionBatch| batch.rect.size_px == [160; 2];
+            regions += arrived.iter().filter(region).count();
+            assert!(
+                world
+                    .resource::<Frames>()
+                    .0
+                    .iter()
+                    .all(|f| f.rect.size_px == [640, 480])
+            );
+        }
+        (hashes, regions)
+    };
+    let (with, without) = (run(false), run(true));
+    assert_eq!(with, without);
+    assert!(with.1 > 20, "{} regions", with.1);
+}
+
 // ---- Bad input -------------------------------------------------------------------------------
 
 /// Asserts that a command ends with 2 and one line that says `wanted`.
@@ -1027,6 +1075,7 @@ fn a_bad_recorded_flight_is_one_error_that_names_the_row() {
 
 #[test]
 fn a_bad_detector_model_is_one_error_that_names_the_file() {
+    let _one = rendering();
     let folder = TempDir::new().unwrap();
     let run = |model: &str| {
         let mut command = boresight();
@@ -1049,6 +1098,18 @@ fn a_bad_detector_model_is_one_error_that_names_the_file() {
             "expected one input `image`",
         ),
         ("tests/data/models/nan.onnx", "not finite"),
+        ("tests/data/models/opset.onnx", "opset 99 is newer"),
+        (
+            "tests/data/models/classes_empty.onnx",
+            "a JSON list of different names",
+        ),
+        ("tests/data/models/output_type.onnx", "i64 [N]"),
+        (
+            "tests/data/models/fixed_size.onnx",
+            "at most 200 x 100 px, not 640 x 480",
+        ),
+        // It answers the probe, but not the first frame.
+        ("tests/data/models/nan_later.onnx", "not finite"),
     ] {
         refused(&mut run(model), &["detector model", model, wanted]);
     }

@@ -60,8 +60,14 @@ pub enum Readout {
     Off,
     /// The whole sensor.
     Full,
-    /// The window of the camera around this pixel.
-    Around([f64; 2]),
+    /// What is around the predicted target: the window of a camera that has one, and there the
+    /// detector's region.
+    Around {
+        /// Where the target is expected [px].
+        centre_px: [f64; 2],
+        /// How large it is expected to be [px].
+        target_px: f64,
+    },
 }
 
 /// Where a UAV is in a frame, from the truth of the very same tick.

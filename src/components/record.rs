@@ -25,6 +25,21 @@ pub struct Recording {
     pub images_seen: [u64; 3],
     /// State changes already logged.
     pub changes_logged: usize,
+    /// Images kept whose detections have not arrived yet.
+    pub unmarked: Vec<Unmarked>,
+}
+
+/// An image in the recording that lacks its boxes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unmarked {
+    /// The camera.
+    pub tier: Tier,
+    /// Tick of the exposure.
+    pub tick: u64,
+    /// Upper left corner on the sensor [px].
+    pub offset_px: [u32; 2],
+    /// The laser's axis in the image's own pixels.
+    pub reticle_px: [f64; 2],
 }
 
 /// A picture kept for the report.
@@ -32,7 +47,9 @@ pub struct Recording {
 pub struct KeptFrame {
     /// The camera.
     pub tier: Tier,
-    /// Time of the exposure [s].
+    /// Tick of the exposure.
+    pub tick: u64,
+    /// Its time [s].
     pub t_s: f64,
     /// Width and height [px].
     pub size_px: [u32; 2],
@@ -40,7 +57,7 @@ pub struct KeptFrame {
     pub rgb8: std::sync::Arc<Vec<u8>>,
     /// Upper left corner on the sensor [px].
     pub offset_px: [u32; 2],
-    /// Detections known for this exposure when it was taken, in sensor pixels.
+    /// What the detector found in it, in sensor pixels.
     pub detections: Vec<Detection>,
     /// Boresight on the sensor [px].
     pub centre_px: [f64; 2],
@@ -64,7 +81,9 @@ pub struct History {
     pub los_error_urad: Vec<(f64, f64)>,
     /// Pictures for the contact sheet.
     pub frames: Vec<KeptFrame>,
-    /// Last picture of each camera, for a window to show.
+    /// Pictures whose detections have not arrived yet.
+    pub coming: Vec<KeptFrame>,
+    /// Last picture of each camera whose detections have arrived, for a window to show.
     pub latest: [Option<KeptFrame>; 3],
     /// Time at which each UAV was neutralised [s], by scenario index.
     pub neutralised_s: Vec<Option<f64>>,

@@ -21,10 +21,17 @@ pub struct DetectionBatch {
     pub available_tick: u64,
     /// The station's pointing at the exposure, as it knew it.
     pub pointing: Pointing,
-    /// The pixels that were read out.
+    /// The pixels in which the detector looked.
     pub rect: PixelRect,
     /// Detections above the threshold, in full-sensor pixels.
     pub detections: Vec<Detection>,
+}
+
+impl DetectionBatch {
+    /// What tells it from others.
+    pub fn key(&self) -> (u64, Tier) {
+        (self.exposure_tick, self.tier)
+    }
 }
 
 /// Batches that wait out their latency.
@@ -32,6 +39,9 @@ pub struct DetectionBatch {
 pub struct DetectionQueue {
     /// Ordered by (available tick, exposure tick, tier).
     pub waiting: VecDeque<DetectionBatch>,
+    /// Keys of those whose detections are not known yet, in the order in which the detector got
+    /// their frames.
+    pub pending: VecDeque<(u64, Tier)>,
     /// The batches that arrived in this tick.
     pub arrived: Vec<DetectionBatch>,
 }
@@ -42,6 +52,24 @@ impl DetectionQueue {
         let key = |b: &DetectionBatch| (b.available_tick, b.exposure_tick, b.tier);
         let at = self.waiting.partition_point(|b| key(b) <= key(&batch));
         self.waiting.insert(at, batch);
+    }
+
+    /// Whether a batch that is available at `tick` still lacks its detections.
+    pub fn wants_answer(&self, tick: u64) -> bool {
+        (self.waiting.iter())
+            .take_while(|batch| batch.available_tick <= tick)
+            .any(|batch| self.pending.contains(&batch.key()))
+    }
+
+    /// Puts the detector's next answer, in pixels of the part that it looked at, into its batch.
+    pub fn answered(&mut self, found: Vec<Detection>) {
+        let Some(key) = self.pending.pop_front() else {
+            return;
+        };
+        if let Some(batch) = self.waiting.iter_mut().find(|batch| batch.key() == key) {
+            let offset_px = batch.rect.offset_px;
+            batch.detections = found.iter().map(|d| d.shifted(offset_px)).collect();
+        }
     }
 
     /// Moves what is available at `tick` to `arrived`.

@@ -109,6 +109,24 @@ pub struct Picture {
     pub width: u32,
     /// Height [px].
     pub height: u32,
+    /// The scene or clip that it is of, where the file says so.
+    #[serde(default, deserialize_with = "name")]
+    pub scene: Option<String>,
+}
+
+impl Picture {
+    /// What pictures of one scene share: its name, or the file's name without the number at its end.
+    pub fn clip(&self) -> &str {
+        if let Some(scene) = &self.scene {
+            return scene;
+        }
+        let stem = (self.file_name.rsplit_once('.')).map_or(&*self.file_name, |(stem, _)| stem);
+        let clip = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+        match clip.trim_end_matches(['_', '-', '.']) {
+            "" => &self.file_name,
+            clip => clip,
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -151,6 +169,18 @@ fn flag<'de, D: Deserializer<'de>>(from: D) -> Result<bool, D::Error> {
         Flag::Number(_) => Err(serde::de::Error::custom("expected true, false, 1 or 0")),
     }
 }
+
+/// Files name scenes by text or by number; anything else names none.
+fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
+    Ok(match serde_json::Value::deserialize(from)? {
+        serde_json::Value::String(name) => Some(name),
+        serde_json::Value::Number(number) => Some(number.to_string()),
+        _ => None,
+    })
+}
+
+/// Categories that count unless others are named: a UAV as such, and the paper's three classes.
+const UAVS: [&str; 5] = ["uav", "drone", "fpv", "quadcopter", "hexacopter"];
 
 /// The content of an annotation file, checked.
 #[derive(Debug)]
@@ -238,7 +268,7 @@ impl Content {
     }
 
     /// The ids of the categories called `names`, by name or by the group above; without names, the
-    /// only category or those called UAV or drone. Else, what there is.
+    /// only category or those that are UAVs by their names. Else, what there is.
     fn chosen(&self, names: &[String]) -> Result<BTreeMap<i64, String>, String> {
         let is = |category: &Category, name: &str| {
             let above = category.supercategory.as_deref();
@@ -257,7 +287,7 @@ impl Content {
         let chosen: BTreeMap<i64, String> = (self.categories.iter())
             .filter(|category| {
                 only || match names {
-                    [] => is(category, "uav") || is(category, "drone"),
+                    [] => UAVS.iter().any(|name| is(category, name)),
                     names => names.iter().any(|name| is(category, name)),
                 }
             })
@@ -282,6 +312,8 @@ pub struct Coco {
     pub pictures: Vec<Picture>,
     /// Boxes of the chosen categories [px], in the order of `pictures`.
     pub truth: Vec<Vec<Truth>>,
+    /// Category of each of these boxes.
+    pub category: Vec<Vec<i64>>,
     /// Ids and names of the chosen categories.
     pub categories: BTreeMap<i64, String>,
     folders: Vec<PathBuf>,
@@ -310,21 +342,28 @@ impl Coco {
                 path: file.clone(),
                 why,
             })?;
-        let truth = (content.boxes.into_iter())
+        let (category, truth) = (content.boxes.into_iter())
             .map(|boxes| {
                 (boxes.into_iter())
                     .filter(|(category, _)| chosen.contains_key(category))
-                    .map(|(_, truth)| truth)
-                    .collect()
+                    .unzip()
             })
-            .collect();
+            .unzip();
         Ok(Self {
             folders: picture_folders(&file),
             file,
             pictures: content.pictures,
             truth,
+            category,
             categories: chosen,
         })
+    }
+
+    /// Keeps the first `count` pictures.
+    pub fn truncate(&mut self, count: usize) {
+        self.pictures.truncate(count);
+        self.truth.truncate(count);
+        self.category.truncate(count);
     }
 
     /// Rows of red, green, blue bytes of picture `index`; none for an index beyond the last.
@@ -545,6 +584,22 @@ mod tests {
             decode(&png(true)).expect("a picture").0[..6],
             [1, 1, 1, 2, 2, 2]
         );
+    }
+
+    #[test]
+    fn pictures_of_one_clip_share_its_name() {
+        let clip = |file: &str, scene: &str| {
+            let text = format!(
+                r#"{{"id": 1, "file_name": "{file}", "width": 1, "height": 1, "scene": {scene}}}"#
+            );
+            let picture: Picture = serde_json::from_str(&text).expect("a picture");
+            picture.clip().to_string()
+        };
+        assert_eq!(clip("V_DRONE_001_0015.jpg", "null"), "V_DRONE_001");
+        assert_eq!(clip("a/img1/000001.png", "null"), "a/img1/");
+        assert_eq!(clip("000001.png", "null"), "000001.png");
+        assert_eq!(clip("x_1.png", "17"), "17");
+        assert_eq!(clip("x_1.png", "\"s3\""), "s3");
     }
 
     #[test]

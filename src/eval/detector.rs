@@ -31,9 +31,17 @@ pub struct Arguments {
     /// Folder for detector.json, detector.html, its chart and detections.json.
     #[arg(long, default_value = "out/eval")]
     pub out: PathBuf,
-    /// Category that counts; may be repeated (default: the only one, or uav and drone).
+    /// Category that counts; may be repeated (default: the only one, or those named uav, drone, fpv,
+    /// quadcopter or hexacopter).
     #[arg(long, value_name = "NAME")]
     pub category: Vec<String>,
+    /// Score from which on detections count for the figures at a threshold (default: the one that
+    /// the model recommends).
+    #[arg(long)]
+    pub threshold: Option<f64>,
+    /// Look at the first so many pictures only.
+    #[arg(long)]
+    pub frames: Option<NonZeroUsize>,
     /// Threads of the model (default: all cores).
     #[arg(long)]
     pub threads: Option<NonZeroUsize>,
@@ -78,6 +86,15 @@ pub struct Evaluation {
     pub score_at_fppi_0_1: Option<f64>,
     /// Precision over recall.
     pub precision_recall: PrecisionRecall,
+    /// The score of `--threshold`, or the one that the model recommends.
+    pub threshold: f64,
+    /// Recall of the detections from that score on, IoU of 0.5.
+    pub recall_at_threshold: Option<f64>,
+    /// False alarms a frame among them.
+    pub false_alarms_per_frame: f64,
+    /// Share of the boxes hit at an IoU of 0.5 whose category the detection's class names; null if
+    /// model or categories have one class only.
+    pub class_accuracy: Option<f64>,
     /// Distance of the centres of detections and boxes that match at an IoU of 0.5.
     pub miss_distance_px: Miss,
     /// The same with the centre in the box as match, for loosely drawn boxes.
@@ -86,7 +103,7 @@ pub struct Evaluation {
     pub params: Option<u64>,
     /// Operations of the largest picture, 10⁹; null if they could not be counted.
     pub gflops: Option<f64>,
-    /// Width and height of that picture [px].
+    /// Width and height of the model's input for that picture [px].
     pub gflops_size_px: [u32; 2],
     /// Why there are no GFLOPs.
     pub gflops_missing: Option<String>,
@@ -180,6 +197,10 @@ pub struct CentreHit {
     pub ap: Option<f64>,
     /// Largest recall with at most 0.1 false alarms a frame.
     pub recall_at_fppi_0_1: Option<f64>,
+    /// Recall at the threshold.
+    pub recall_at_threshold: Option<f64>,
+    /// False alarms a frame there.
+    pub false_alarms_per_frame: f64,
     /// Miss distance.
     pub miss_distance_px: Miss,
 }
@@ -201,7 +222,16 @@ pub struct Worst {
 
 /// Carries out the evaluation and writes what it leaves.
 pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
-    let coco = Coco::load(&arguments.data, &arguments.category)?;
+    let mut coco = Coco::load(&arguments.data, &arguments.category)?;
+    coco.truncate(arguments.frames.map_or(usize::MAX, NonZeroUsize::get));
+    if let Some(threshold) = arguments.threshold
+        && !(0.0..=1.0).contains(&threshold)
+    {
+        return Err(RunError::Argument {
+            argument: "--threshold",
+            why: format!("found {threshold}, must be from 0 to 1"),
+        });
+    }
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let threads = arguments.threads.unwrap_or_else(cores).get();
     let mut model = OnnxDetector::load(&arguments.model, threads)?;
@@ -214,11 +244,13 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let bytes = std::fs::read(&arguments.model).map_err(|error| DetectorError::Unreadable {
         path: arguments.model.clone(),
         why: error.to_string(),
+        named_in: "--model",
     })?;
     let area = |picture: &&Picture| u64::from(picture.width) * u64::from(picture.height);
     let largest = coco.pictures.iter().max_by_key(area);
     let size_px = largest.map_or([0, 0], |picture| [picture.width, picture.height]);
-    let gflops = cost::gflops(&arguments.model, size_px, &out.join("detector-profile"));
+    let input_px = model.input_px(size_px)?;
+    let gflops = cost::gflops(&arguments.model, input_px, &out.join("detector-profile"));
 
     let half = Matching::of(&images, Criterion::Iou(0.5), ALL);
     let centre = Matching::of(&images, Criterion::Centre, ALL);
@@ -226,13 +258,22 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let curve = |matching: &Matching| matching.precision().map_or(Vec::new(), |p| p.to_vec());
     let recall = half.recall_at(FPPI);
     let [tiny, small, medium, large] = BANDS.map(|band| Size::of(&images, band));
-    let categories: String = (arguments.category.iter())
+    let threshold = arguments.threshold.unwrap_or(model.score_threshold());
+    let (recall_there, alarms_there) = half.at_score(threshold);
+    let (centre_recall_there, centre_alarms_there) = centre.at_score(threshold);
+    let mut options: String = (arguments.category.iter())
         .map(|name| format!(" --category {name}"))
         .collect();
+    if let Some(threshold) = arguments.threshold {
+        options += &format!(" --threshold {threshold}");
+    }
+    if let Some(frames) = arguments.frames {
+        options += &format!(" --frames {frames}");
+    }
     let evaluation = Evaluation {
         version: run::VERSION,
         command: format!(
-            "boresight eval detector --model {} --data {}{categories} --threads {threads}",
+            "boresight eval detector --model {} --data {}{options} --threads {threads}",
             arguments.model.display(),
             arguments.data.display()
         ),
@@ -260,16 +301,22 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
             iou_0_75: curve(&strict),
             centre: curve(&centre),
         },
+        threshold,
+        recall_at_threshold: recall_there,
+        false_alarms_per_frame: alarms_there,
+        class_accuracy: class_accuracy(&coco, model.classes(), &images, &half),
         miss_distance_px: Miss::of(&half, &images),
         centre_hit: CentreHit {
             ap: centre.average_precision(),
             recall_at_fppi_0_1: centre.recall_at(FPPI).map(|(recall, _)| recall),
+            recall_at_threshold: centre_recall_there,
+            false_alarms_per_frame: centre_alarms_there,
             miss_distance_px: Miss::of(&centre, &images),
         },
         params: cost::parameters(&bytes),
         gflops_missing: gflops.as_ref().err().map(ToString::to_string),
         gflops: gflops.ok(),
-        gflops_size_px: size_px,
+        gflops_size_px: input_px,
         frames_per_s: images.len() as f64 / seconds.max(f64::MIN_POSITIVE),
         frame_ms_median: times_ms.map(|s| s.p50),
         threads,
@@ -310,8 +357,33 @@ fn detect(model: &mut OnnxDetector, coco: &Coco) -> Result<(Vec<Image>, Vec<Dura
     Ok((images, times))
 }
 
+/// Share of the boxes hit whose category is what the detection's class is called; `None` without
+/// hits, or if model or categories leave no choice.
+fn class_accuracy(
+    coco: &Coco,
+    classes: &[String],
+    images: &[Image],
+    matching: &Matching,
+) -> Option<f64> {
+    if classes.len() < 2 || coco.categories.len() < 2 {
+        return None;
+    }
+    let right: Vec<bool> = (matching.marks.iter())
+        .filter(|mark| mark.is_hit())
+        .filter_map(|mark| {
+            let found = images.get(mark.image)?.found.get(mark.found)?;
+            let category = coco.category.get(mark.image)?.get(mark.hit?)?;
+            let name = coco.categories.get(category)?;
+            let class = classes.get(found.label as usize)?;
+            Some(class.eq_ignore_ascii_case(name))
+        })
+        .collect();
+    let hits = right.iter().filter(|right| **right).count();
+    (!right.is_empty()).then(|| hits as f64 / right.len() as f64)
+}
+
 /// What goes most wrong at the score of `recall`: the largest boxes missed there, and the most
-/// confident false alarms.
+/// confident false alarms; one of each a scene or clip, whose pictures resemble each other.
 fn worst(
     coco: &Coco,
     images: &[Image],
@@ -349,9 +421,16 @@ fn worst(
                 Some(mark.score),
             ))
         });
-    (missed.into_iter().map(|(_, worst)| worst).take(PICTURES))
-        .chain(alarms.take(PICTURES))
-        .collect()
+    let clip = |worst: &Worst| (coco.pictures.get(worst.image)).map(Picture::clip);
+    let mut shown: Vec<Worst> = Vec::new();
+    for worst in missed.into_iter().map(|(_, worst)| worst).chain(alarms) {
+        let same = |other: &&Worst| other.kind == worst.kind;
+        let new = (shown.iter().filter(same)).all(|other| clip(other) != clip(&worst));
+        if new && shown.iter().filter(same).count() < PICTURES {
+            shown.push(worst);
+        }
+    }
+    shown
 }
 
 fn share(value: Option<f64>) -> String {
@@ -407,6 +486,16 @@ impl Evaluation {
                 ),
             ),
             (
+                "recall / false alarms a frame at the threshold",
+                format!(
+                    "{} / {:.3} from a score of {} on",
+                    share(self.recall_at_threshold),
+                    self.false_alarms_per_frame,
+                    self.threshold
+                ),
+            ),
+            ("class right where hit", share(self.class_accuracy)),
+            (
                 "miss distance: mean / rms / median",
                 miss(&self.miss_distance_px),
             ),
@@ -414,6 +503,14 @@ impl Evaluation {
             (
                 "its recall at 0.1 false alarms a frame",
                 share(self.centre_hit.recall_at_fppi_0_1),
+            ),
+            (
+                "its recall / false alarms at the threshold",
+                format!(
+                    "{} / {:.3}",
+                    share(self.centre_hit.recall_at_threshold),
+                    self.centre_hit.false_alarms_per_frame
+                ),
             ),
             (
                 "its miss distance: mean / rms / median",
@@ -439,7 +536,7 @@ impl Evaluation {
     /// The figures as lines of text.
     pub fn text(&self) -> String {
         (self.rows().iter())
-            .map(|(name, value)| format!("{name:<40} {value}\n"))
+            .map(|(name, value)| format!("{name:<48} {value}\n"))
             .collect()
     }
 }
@@ -652,12 +749,12 @@ fn html(
         (
             "missed",
             "Worst misses",
-            "The largest boxes that are missed at 0.1 false alarms a frame.",
+            "The largest boxes that are missed at 0.1 false alarms a frame, one a scene.",
         ),
         (
             "false_alarm",
             "Worst false alarms",
-            "The most confident detections that match no box at an IoU of 0.5.",
+            "The most confident detections that match no box at an IoU of 0.5, one a scene.",
         ),
     ] {
         writeln!(out, "<h2>{title}</h2>")?;
@@ -681,4 +778,164 @@ fn html(
     }
     out.push_str("</body>\n</html>\n");
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inference::OnnxDetector;
+    use crate::models::detection::Detection;
+    use serde_json::{Value, json};
+    use std::path::Path;
+
+    fn model(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+    }
+
+    /// A grey picture with soft dark discs: centre and radius [px].
+    fn picture(size_px: [u32; 2], discs: &[[f64; 3]]) -> Vec<u8> {
+        let [width, height] = size_px;
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Grayscale);
+        let data: Vec<u8> = (0..width * height)
+            .map(|i| {
+                let (x, y) = (f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
+                // Three grey levels of noise, or the detector's thresholds on it would be zero.
+                let noise = f64::from(i.wrapping_mul(2_654_435_761) >> 16 & 3);
+                let dark: f64 = (discs.iter())
+                    .map(|[cx, cy, r]| (r + 0.5 - (x - cx).hypot(y - cy)).clamp(0.0, 1.0))
+                    .sum();
+                (170.0 + noise - 90.0 * dark) as u8
+            })
+            .collect();
+        let mut writer = encoder.write_header().expect("a header");
+        writer.write_image_data(&data).expect("data");
+        writer.finish().expect("an end");
+        bytes
+    }
+
+    /// Two pictures of odd sizes, one of them smaller than the model's least input, with one disc
+    /// each, and one with a disc in an ignored region and a second category.
+    fn folder() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        let sizes = [[203_u32, 151], [61, 47], [128, 128]];
+        let discs = [[70.0, 60.0, 5.0], [30.0, 22.0, 3.0], [60.0, 64.0, 4.0]];
+        let (mut images, mut annotations) = (Vec::new(), Vec::new());
+        for (i, ([width, height], [x, y, r])) in sizes.into_iter().zip(discs).enumerate() {
+            let name = format!("s{i}_0001.png");
+            let bytes = picture([width, height], &[[x, y, r]]);
+            std::fs::write(folder.path().join(&name), bytes).expect("written");
+            images.push(json!({"id": i, "file_name": name, "width": width, "height": height}));
+            annotations.push(json!({
+                "id": i, "image_id": i, "category_id": 1 + i % 2, "tight": i != 2,
+                "bbox": [x - r, y - r, 2.0 * r, 2.0 * r]
+            }));
+        }
+        let text = json!({
+            "images": images, "annotations": annotations,
+            "categories": [{"id": 1, "name": "uav"}, {"id": 2, "name": "fpv"}]
+        });
+        std::fs::write(folder.path().join("annotations.json"), text.to_string()).expect("written");
+        folder
+    }
+
+    /// From pictures to `detector.json`, with the shipped model.
+    #[test]
+    fn a_small_set_is_evaluated_end_to_end() {
+        let folder = folder();
+        let out = folder.path().join("out");
+        let mut arguments = Arguments {
+            model: model("assets/models/saliency.onnx"),
+            data: folder.path().into(),
+            out: out.clone(),
+            category: Vec::new(),
+            threshold: None,
+            frames: None,
+            threads: NonZeroUsize::new(1),
+        };
+        let evaluation = detector(&arguments).expect("an evaluation");
+        assert_eq!((evaluation.images, evaluation.boxes), (3, 2));
+        assert_eq!(evaluation.ignored, 1);
+        assert_eq!(evaluation.threshold, 0.5, "the model's own");
+        assert_eq!(evaluation.recall_at_threshold, Some(1.0));
+        assert_eq!(evaluation.false_alarms_per_frame, 0.0);
+        assert_eq!(evaluation.map50, Some(1.0));
+        assert_eq!(evaluation.class_accuracy, None, "one class");
+        let miss_px = evaluation.miss_distance_px.mean.expect("hits");
+        assert!(miss_px < 0.5, "{miss_px}");
+        let text = std::fs::read_to_string(out.join("detector.json")).expect("a file");
+        let json: Value = serde_json::from_str(&text).expect("JSON");
+        for key in [
+            "map50",
+            "map50_95",
+            "ap_by_size",
+            "recall_at_fppi_0_1",
+            "precision_recall",
+            "miss_distance_px",
+            "params",
+            "gflops",
+            "frames_per_s",
+            "class_accuracy",
+            "threshold",
+            "recall_at_threshold",
+            "false_alarms_per_frame",
+        ] {
+            assert!(json.get(key).is_some(), "{key}");
+        }
+        assert!(out.join("detector.html").is_file() && out.join("detections.json").is_file());
+
+        arguments.frames = NonZeroUsize::new(1);
+        arguments.threshold = Some(1.0);
+        let evaluation = detector(&arguments).expect("an evaluation");
+        assert_eq!((evaluation.images, evaluation.boxes), (1, 1));
+        assert_eq!(evaluation.recall_at_threshold, Some(0.0));
+        assert!(evaluation.command.contains("--threshold 1 --frames 1"));
+        arguments.threshold = Some(1.5);
+        let error = detector(&arguments).expect_err("refused").to_string();
+        assert!(error.contains("--threshold"), "{error}");
+        arguments.threshold = None;
+        arguments.model = model("absent.onnx");
+        let error = detector(&arguments).expect_err("refused").to_string();
+        assert!(
+            error.contains("absent.onnx") && error.contains("--model"),
+            "{error}"
+        );
+    }
+
+    /// Names decide, and hits alone count.
+    #[test]
+    fn classes_are_compared_by_name() {
+        let folder = folder();
+        let coco = Coco::load(folder.path(), &[]).expect("a set");
+        let classes = ["fpv", "uav"].map(String::from);
+        let found = |box_px, label| Detection {
+            box_px,
+            score: 0.9,
+            label,
+        };
+        let images: Vec<Image> = (coco.truth.iter())
+            .map(|truth| Image {
+                truth: truth.clone(),
+                // `fpv`, right for the second picture only; a miss; the third lies in an ignored box.
+                found: vec![found(truth[0].box_px, 0), found([0.0, 0.0, 5.0, 5.0], 1)],
+            })
+            .collect();
+        let half = Matching::of(&images, Criterion::Iou(0.5), ALL);
+        assert_eq!(class_accuracy(&coco, &classes, &images, &half), Some(0.5));
+        assert_eq!(class_accuracy(&coco, &classes[..1], &images, &half), None);
+        assert_eq!(half.at_score(0.5), (Some(1.0), 1.0));
+        assert_eq!(half.at_score(0.95), (Some(0.0), 0.0));
+        let worst = worst(&coco, &images, &half, half.recall_at(FPPI));
+        assert_eq!(worst.iter().filter(|w| w.kind == "missed").count(), 2);
+    }
+
+    /// The classes that a model names are those that it is compared by.
+    #[test]
+    fn a_model_says_its_classes_and_threshold() {
+        let model = OnnxDetector::load(&model("assets/models/saliency.onnx"), 1).expect("a model");
+        assert_eq!(model.classes(), ["uav"]);
+        assert_eq!(model.score_threshold(), 0.5);
+        assert_eq!(model.input_px([61, 47]).expect("a size"), [64, 64]);
+    }
 }

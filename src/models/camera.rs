@@ -133,6 +133,18 @@ impl PixelRect {
             size_px: [width, height],
         }
     }
+
+    /// The part of `self` around `centre_px` that a square of `side_px` shows.
+    pub fn around(self, centre_px: [f64; 2], side_px: u32) -> Self {
+        let [dx, dy] = self.offset_px;
+        let centre_px = [centre_px[0] - f64::from(dx), centre_px[1] - f64::from(dy)];
+        let part = Self::window(self.size_px, centre_px, side_px);
+        let [x, y] = part.offset_px;
+        Self {
+            offset_px: [dx + x, dy + y],
+            ..part
+        }
+    }
 }
 
 #[cfg(test)]
@@ -140,6 +152,17 @@ mod tests {
     use super::*;
 
     const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+    #[test]
+    fn a_part_of_a_window_stays_in_it() {
+        let window = PixelRect::window([640, 480], [600.0, 100.0], 256);
+        assert_eq!(window.offset_px, [384, 0]);
+        let part = window.around([600.0, 100.0], 64);
+        assert_eq!((part.offset_px, part.size_px), ([568, 68], [64, 64]));
+        let part = window.around([1e9, -1e9], 64);
+        assert_eq!(part.offset_px, [576, 0]);
+        assert_eq!(window.around([600.0, 100.0], 300), window);
+    }
 
     #[test]
     fn field_of_view_round_trips() {

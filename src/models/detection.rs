@@ -1,5 +1,6 @@
-//! What a detector says, and the detector that is made of truth and set errors.
+//! What a detector is given and what it says, and the detector that is made of truth and set errors.
 
+use crate::models::camera::PixelRect;
 use crate::models::rng::Stream;
 
 /// One detection in full-sensor pixels.
@@ -9,6 +10,8 @@ pub struct Detection {
     pub box_px: [f64; 4],
     /// Confidence, 0 to 1.
     pub score: f64,
+    /// Index of its most likely class among those of the detector.
+    pub label: u32,
 }
 
 impl Detection {
@@ -25,6 +28,55 @@ impl Detection {
         Self {
             box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
             ..*self
+        }
+    }
+}
+
+/// How a picture becomes a network's input: at native resolution, padded with zeros at the right
+/// and at the bottom (`preprocess = native` in training/README.md). Boxes keep their pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Padding {
+    /// Width and height of the input are multiples of this [px].
+    pub stride_px: u32,
+    /// Least width and height of the input [px].
+    pub min_side_px: u32,
+    /// Width and height, each where the network takes no other [px].
+    pub fixed_px: [Option<u32>; 2],
+}
+
+impl Padding {
+    /// Width and height of the input for a picture of `size_px`; `None` for a picture larger than
+    /// the network takes.
+    pub fn input_px(&self, size_px: [u32; 2]) -> Option<[u32; 2]> {
+        let side = |axis: usize| match self.fixed_px[axis] {
+            Some(fixed) => (size_px[axis] <= fixed).then_some(fixed),
+            None => size_px[axis]
+                .max(self.min_side_px)
+                .checked_next_multiple_of(self.stride_px.max(1)),
+        };
+        Some([side(0)?, side(1)?])
+    }
+}
+
+/// The red, green and blue plane, 0 to 1, of the part `look` of a picture with rows of `width_px`
+/// RGB pixels, padded with zeros to `input_px`. What of `look` the picture does not hold is zero.
+pub fn planes(rgb8: &[u8], width_px: u32, look: PixelRect, input_px: [u32; 2], out: &mut Vec<f32>) {
+    let [left, top] = look.offset_px.map(|x| x as usize);
+    let [width, height] = look.size_px.map(|x| x as usize);
+    let [across, down] = input_px.map(|x| x as usize);
+    let area = across * down;
+    out.clear();
+    out.resize(3 * area, 0.0);
+    let (red, rest) = out.split_at_mut(area);
+    let (green, blue) = rest.split_at_mut(area);
+    let rows = rgb8.chunks_exact(3 * width_px.max(1) as usize).skip(top);
+    for (y, row) in rows.take(height.min(down)).enumerate() {
+        let pixels = row.chunks_exact(3).skip(left).take(width.min(across));
+        for (x, pixel) in pixels.enumerate() {
+            let at = y * across + x;
+            red[at] = f32::from(pixel[0]) / 255.0;
+            green[at] = f32::from(pixel[1]) / 255.0;
+            blue[at] = f32::from(pixel[2]) / 255.0;
         }
     }
 }
@@ -100,6 +152,7 @@ pub fn detect_truth(
         out.push(Detection {
             box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
             score: (mean + sigma * rng.normal()).clamp(0.0, 1.0),
+            label: 0,
         });
     }
     let mut rng = Stream::new(key, 0, "false alarms");
@@ -110,6 +163,7 @@ pub fn detect_truth(
         out.push(Detection {
             box_px: [x - half, y - half, x + half, y + half],
             score: rng.range(0.5, 0.9),
+            label: 0,
         });
     }
 }
@@ -148,6 +202,76 @@ mod tests {
         box_px: [300.0, 100.0, 310.0, 108.0],
         distractor: true,
     };
+
+    #[derive(serde::Deserialize)]
+    struct Golden {
+        stride: u32,
+        min_side_px: u32,
+        width: u32,
+        height: u32,
+        rgb: Vec<u8>,
+        padded_width: u32,
+        padded_height: u32,
+        planes: Vec<f32>,
+    }
+
+    /// The file that the Python side of the rule is held to as well.
+    #[test]
+    fn the_golden_picture_is_padded_as_in_training() {
+        let text = include_str!("../../tests/data/preprocess.json");
+        let golden: Golden = serde_json::from_str(text).unwrap();
+        let padding = Padding {
+            stride_px: golden.stride,
+            min_side_px: golden.min_side_px,
+            fixed_px: [None; 2],
+        };
+        let size_px = [golden.width, golden.height];
+        let input_px = padding.input_px(size_px).unwrap();
+        assert_eq!(input_px, [golden.padded_width, golden.padded_height]);
+        let whole = PixelRect {
+            offset_px: [0, 0],
+            size_px,
+        };
+        // What the buffer held before must not show.
+        let mut out = vec![7.0; 5];
+        planes(&golden.rgb, golden.width, whole, input_px, &mut out);
+        assert_eq!(out.len(), golden.planes.len());
+        for (i, (found, wanted)) in out.iter().zip(&golden.planes).enumerate() {
+            assert!((found - wanted).abs() <= 1e-6, "{i}: {found}, not {wanted}");
+        }
+        // A part of the picture is what the picture holds there.
+        let look = PixelRect {
+            offset_px: [3, 2],
+            size_px: [golden.width - 4, golden.height - 2],
+        };
+        let mut part = Vec::new();
+        planes(&golden.rgb, golden.width, look, input_px, &mut part);
+        let [across, down] = input_px.map(|x| x as usize);
+        for (i, found) in part.iter().enumerate() {
+            let (plane, y, x) = (i / (across * down), i / across % down, i % across);
+            let inside = x < look.size_px[0] as usize && y < look.size_px[1] as usize;
+            let wanted = if inside {
+                out[(plane * down + y + 2) * across + x + 3]
+            } else {
+                0.0
+            };
+            assert_eq!(*found, wanted, "{plane} {y} {x}");
+        }
+    }
+
+    #[test]
+    fn inputs_are_multiples_of_the_stride_and_large_enough() {
+        let padding = Padding {
+            stride_px: 32,
+            min_side_px: 100,
+            fixed_px: [None, Some(512)],
+        };
+        assert_eq!(padding.input_px([640, 480]), Some([640, 512]));
+        assert_eq!(padding.input_px([641, 512]), Some([672, 512]));
+        assert_eq!(padding.input_px([1, 1]), Some([128, 512]));
+        assert_eq!(padding.input_px([640, 513]), None);
+        assert_eq!(padding.input_px([u32::MAX, 1]), None);
+    }
 
     #[test]
     fn distractors_are_reported_at_their_rate_with_lower_scores() {

@@ -278,6 +278,20 @@ impl Matching {
         Some((best.0 as f64 / self.boxes as f64, best.1))
     }
 
+    /// Recall of the detections from `score` on, `None` without boxes, and their false alarms an
+    /// image.
+    pub fn at_score(&self, score: f64) -> (Option<f64>, f64) {
+        let counted = |which: fn(&Mark) -> bool| {
+            let marks = self.marks.iter().filter(|mark| mark.score >= score);
+            marks.filter(|mark| which(mark)).count() as f64
+        };
+        let recall = counted(Mark::is_hit) / self.boxes as f64;
+        (
+            (self.boxes > 0).then_some(recall),
+            counted(Mark::is_false_alarm) / self.images.max(1) as f64,
+        )
+    }
+
     /// Distance between the centres of each hit and its box [px], eq. 12's summands.
     pub fn miss_distances_px<'a>(&'a self, images: &'a [Image]) -> impl Iterator<Item = f64> + 'a {
         self.marks
@@ -307,7 +321,11 @@ mod tests {
     use serde_json::Value;
 
     fn detection(box_px: [f64; 4], score: f64) -> Detection {
-        Detection { box_px, score }
+        Detection {
+            box_px,
+            score,
+            label: 0,
+        }
     }
 
     fn truth(box_px: [f64; 4]) -> Truth {

@@ -179,7 +179,9 @@ pub fn expose(
         };
         let rect = match (readout, camera.window_px) {
             (Readout::Off, _) => continue,
-            (Readout::Around(centre), Some(side)) => PixelRect::window(sensor_px, *centre, side),
+            (Readout::Around { centre_px, .. }, Some(side)) => {
+                PixelRect::window(sensor_px, *centre_px, side)
+            }
             _ => full,
         };
         if !clock.tick.is_multiple_of(camera.period_ticks) {

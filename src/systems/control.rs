@@ -11,6 +11,7 @@ use crate::models::pointing::{HandOver, PointingInput, PointingLaw};
 use crate::models::radar::{Cue, Plot, RadarErrors, RadarTrack};
 use crate::models::rng::Stream;
 use crate::models::search::{SearchPattern, Sector};
+use crate::systems::detect::Detector;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::collections::VecDeque;
@@ -414,6 +415,7 @@ fn held(state: TrackingState) -> bool {
 pub fn choose_readouts(
     clock: Res<SimClock>,
     tracker: Res<Tracker>,
+    detector: Res<Detector>,
     station: Single<(&Mount, &Optics)>,
     mut cameras: Query<(&SensorCamera, &mut Readout)>,
 ) {
@@ -438,18 +440,20 @@ pub fn choose_readouts(
                 Readout::Full
             }
             (state, tier)
-                if camera.window_px.is_some()
+                if camera.window_px.or(detector.roi_px()).is_some()
                     && (tier == Tier::Coarse && held(state)
                         || matches!(state, TrackingState::Precise | TrackingState::Engage)) =>
             {
-                let px = track.and_then(|track| {
+                let around = track.and_then(|track| {
                     let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
                     let los = track.filter.predicted(clock.t_s()).az_el_rad();
-                    camera
-                        .pinhole
-                        .project(pose.q_enu_cam.inverse() * az_el_to_los(los))
+                    let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(los);
+                    Some(Readout::Around {
+                        centre_px: camera.pinhole.project(ray_cam)?.to_array(),
+                        target_px: track.size_rad / camera.pinhole.ifov_rad(),
+                    })
                 });
-                px.map_or(Readout::Full, |px| Readout::Around(px.to_array()))
+                around.unwrap_or(Readout::Full)
             }
             _ => Readout::Full,
         };

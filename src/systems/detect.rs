@@ -1,9 +1,9 @@
 //! Frames become detections, which wait out readout and inference.
 
-use crate::components::camera::{Frame, Frames, PixelRect, SensorCamera};
+use crate::components::camera::{Frame, Frames, PixelRect, Readout, SensorCamera};
 use crate::components::clock::SimClock;
 use crate::components::track::{DetectionBatch, DetectionQueue};
-use crate::inference::{DetectorError, OnnxDetector};
+use crate::inference::{Inference, Picture};
 use crate::models::detection::{Candidate, Detection, TruthErrors, detect_truth};
 use crate::models::rng::Stream;
 use crate::run::{Failure, Stopwatch};
@@ -15,10 +15,12 @@ use std::time::Instant;
 pub enum Detector {
     /// A network on the rendered image.
     Onnx {
-        /// The loaded model.
-        model: Box<OnnxDetector>,
+        /// The model at work.
+        inference: Box<Inference>,
         /// Scores below this are dropped.
         score_threshold: f64,
+        /// Side of the square around the predicted target in which it looks for that [px].
+        roi_px: Option<u32>,
     },
     /// The geometric truth with set errors; needs no image.
     Truth {
@@ -29,91 +31,145 @@ pub enum Detector {
     },
 }
 
+/// A target must not be larger than this share of the region in which the network looks for it, or
+/// the network looks in all that was read out: it wants surroundings, and the prediction errs.
+const LARGEST_SHARE: f64 = 0.5;
+
 impl Detector {
-    /// Whether frames must be rendered for it.
-    pub fn needs_images(&self) -> bool {
-        matches!(self, Detector::Onnx { .. })
+    /// Side of the square in which it looks for a predicted target [px], if it does so at all.
+    pub fn roi_px(&self) -> Option<u32> {
+        match self {
+            Detector::Onnx { roi_px, .. } => *roi_px,
+            Detector::Truth { .. } => None,
+        }
     }
 
-    /// The detections in `frame`, in full-sensor pixels.
-    pub fn detect(
-        &mut self,
-        frame: &Frame,
-        sensor_px: [u32; 2],
-    ) -> Result<Vec<Detection>, DetectorError> {
-        let mut found = Vec::new();
-        match self {
-            Detector::Onnx {
-                model,
-                score_threshold,
-            } => {
-                if let Some(rgb8) = &frame.rgb8 {
-                    model.detect(rgb8, frame.rect.size_px, &mut found)?;
-                }
-                found.retain(|detection| detection.score >= *score_threshold);
-                for detection in &mut found {
-                    *detection = detection.shifted(frame.rect.offset_px);
-                }
-            }
-            Detector::Truth { errors, seed } => {
-                // Control work wants a detector whose only errors are the set ones: the box is
-                // centred on the aim point, whatever the gear below it or the rotors above.
-                let candidates = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
-                    let [x0, y0, x1, y1] = seen.box_px;
-                    let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
-                    let [x, y] = seen.aim_px;
-                    Candidate {
-                        index: seen.uav,
-                        box_px: [x - half_x, y - half_y, x + half_x, y + half_y],
-                        distractor: seen.distractor,
-                    }
-                });
-                // Sensor noise has a key of the same parts: another seed keeps the two apart.
-                let key = Stream::new(!*seed, frame.tick, frame.tier.name()).bits();
-                let PixelRect { offset_px, size_px } = frame.rect;
-                detect_truth(
-                    candidates, errors, offset_px, size_px, sensor_px, key, &mut found,
-                );
-            }
+    /// The part of the pixels `rect` in which it looks.
+    pub fn look(&self, readout: &Readout, rect: PixelRect) -> PixelRect {
+        match (readout, self.roi_px()) {
+            (
+                Readout::Around {
+                    centre_px,
+                    target_px,
+                },
+                Some(side),
+            ) if *target_px <= LARGEST_SHARE * f64::from(side) => rect.around(*centre_px, side),
+            _ => rect,
         }
-        Ok(found)
+    }
+
+    /// Name of the class of a detection.
+    pub fn class(&self, detection: &Detection) -> &str {
+        match self {
+            Detector::Onnx { inference, .. } => inference
+                .classes()
+                .get(detection.label as usize)
+                .map_or("uav", String::as_str),
+            Detector::Truth { .. } => "uav",
+        }
+    }
+
+    /// What a picture's box is labelled with: the score, and the class where there are several.
+    pub fn caption(&self, detection: &Detection) -> String {
+        match self {
+            Detector::Onnx { inference, .. } if inference.classes().len() > 1 => {
+                format!("{} {:.2}", self.class(detection), detection.score)
+            }
+            _ => format!("{:.2}", detection.score),
+        }
     }
 }
 
-/// Runs the detector on every frame of this tick and releases what has become available.
+/// The detections of the truth detector in `frame`, in full-sensor pixels.
+fn truth(errors: &TruthErrors, seed: u64, frame: &Frame, sensor_px: [u32; 2]) -> Vec<Detection> {
+    // Control work wants a detector whose only errors are the set ones: the box is
+    // centred on the aim point, whatever the gear below it or the rotors above.
+    let candidates = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
+        let [x0, y0, x1, y1] = seen.box_px;
+        let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
+        let [x, y] = seen.aim_px;
+        Candidate {
+            index: seen.uav,
+            box_px: [x - half_x, y - half_y, x + half_x, y + half_y],
+            distractor: seen.distractor,
+        }
+    });
+    // Sensor noise has a key of the same parts: another seed keeps the two apart.
+    let key = Stream::new(!seed, frame.tick, frame.tier.name()).bits();
+    let PixelRect { offset_px, size_px } = frame.rect;
+    let mut found = Vec::new();
+    detect_truth(
+        candidates, errors, offset_px, size_px, sensor_px, key, &mut found,
+    );
+    found
+}
+
+/// Hands every frame of this tick to the detector and releases what has become available. A network
+/// has until then to answer; only what is still missing at that tick is waited for.
 pub fn detect(
     clock: Res<SimClock>,
     frames: Res<Frames>,
-    cameras: Query<&SensorCamera>,
+    cameras: Query<(&SensorCamera, &Readout)>,
     mut detector: ResMut<Detector>,
     mut queue: ResMut<DetectionQueue>,
     mut stopwatch: ResMut<Stopwatch>,
     mut failure: ResMut<Failure>,
 ) {
+    let started = Instant::now();
     for frame in &frames.0 {
-        let Some(camera) = cameras.iter().find(|camera| camera.tier == frame.tier) else {
+        let of_frame = |(camera, _): &(&SensorCamera, &Readout)| camera.tier == frame.tier;
+        let Some((camera, readout)) = cameras.iter().find(of_frame) else {
             continue;
         };
         let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
-        let started = Instant::now();
-        let detections = match detector.detect(frame, sensor_px) {
-            Ok(detections) => detections,
-            Err(error) => {
-                failure.set(error);
-                continue;
-            }
-        };
-        if detector.needs_images() {
-            stopwatch.inference += started.elapsed();
-        }
-        queue.push(DetectionBatch {
+        let mut batch = DetectionBatch {
             tier: frame.tier,
             exposure_tick: frame.tick,
             available_tick: frame.tick + camera.latency_ticks,
             pointing: frame.pointing,
-            rect: frame.rect,
-            detections,
-        });
+            rect: detector.look(readout, frame.rect),
+            detections: Vec::new(),
+        };
+        match (&mut *detector, &frame.rgb8) {
+            (Detector::Onnx { inference, .. }, Some(rgb8)) => {
+                let [left, top] = frame.rect.offset_px;
+                let [x, y] = batch.rect.offset_px;
+                inference.submit(Picture {
+                    rgb8: rgb8.clone(),
+                    width_px: frame.rect.size_px[0],
+                    look: PixelRect {
+                        offset_px: [x - left, y - top],
+                        ..batch.rect
+                    },
+                });
+                queue.pending.push_back(batch.key());
+            }
+            (Detector::Onnx { .. }, None) => {}
+            (Detector::Truth { errors, seed }, _) => {
+                batch.detections = truth(errors, *seed, frame, sensor_px);
+            }
+        }
+        queue.push(batch);
+    }
+    if let Detector::Onnx {
+        inference,
+        score_threshold,
+        ..
+    } = &mut *detector
+    {
+        while queue.wants_answer(clock.tick) {
+            match inference.fetch() {
+                Ok(mut found) => {
+                    found.retain(|detection| detection.score >= *score_threshold);
+                    queue.answered(found);
+                }
+                Err(error) => {
+                    failure.set(error);
+                    queue.answered(Vec::new());
+                }
+            }
+        }
+        stopwatch.inference += started.elapsed();
     }
     queue.release(clock.tick);
 }
@@ -157,14 +213,11 @@ mod tests {
         };
         let pinhole = Pinhole::from_hfov(1280, 960, 0.35).unwrap();
         let sensor_px = [pinhole.width_px, pinhole.height_px];
-        let mut detector = Detector::Truth {
-            errors: TruthErrors {
-                noise_px: 0.0,
-                miss_rate: 0.0,
-                distractor_rate: 0.0,
-                false_alarms_per_frame: 0.0,
-            },
-            seed: 1,
+        let errors = TruthErrors {
+            noise_px: 0.0,
+            miss_rate: 0.0,
+            distractor_rate: 0.0,
+            false_alarms_per_frame: 0.0,
         };
         for part in [AimPart::Battery, AimPart::RotorHub, AimPart::Camera] {
             let mut flight = Flight {
@@ -198,7 +251,7 @@ mod tests {
                     truth: vec![seen],
                     rgb8: None,
                 };
-                let found = detector.detect(&frame, sensor_px).unwrap();
+                let found = super::truth(&errors, 1, &frame, sensor_px);
                 assert_eq!(found.len(), 1, "{part:?} tick {tick}");
                 // The part's projection, worked out by hand.
                 let at_px = |r_enu_m: DVec3| {

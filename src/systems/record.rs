@@ -3,7 +3,7 @@
 use crate::components::beam::{BeamState, FireCommand, LaserSource};
 use crate::components::camera::{Frame, Frames, SensorCamera, Tier};
 use crate::components::clock::SimClock;
-use crate::components::record::{History, KeptFrame, Recording, StateHash};
+use crate::components::record::{History, KeptFrame, Recording, StateHash, Unmarked};
 use crate::components::station::{Mount, MountCommand, Optics};
 use crate::components::track::{DetectionBatch, DetectionQueue, Tracker, TrackingState};
 use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
@@ -14,6 +14,7 @@ use crate::recording::{
     encode_jpeg, proto,
 };
 use crate::run::{Failure, RunError};
+use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
@@ -191,35 +192,35 @@ pub fn keep_history(
             history.miss_px[frame.tier as usize].push((t_s, reticle.distance(seen.aim_px.into())));
         }
         if let Some(rgb8) = &frame.rgb8 {
-            let batch = queue
-                .arrived
-                .iter()
-                .chain(&queue.waiting)
-                .find(|batch| batch.tier == frame.tier && batch.exposure_tick == frame.tick);
-            let kept = KeptFrame {
+            history.coming.push(KeptFrame {
                 tier: frame.tier,
+                tick: frame.tick,
                 t_s,
                 size_px: frame.rect.size_px,
                 rgb8: rgb8.clone(),
                 offset_px: frame.rect.offset_px,
-                detections: batch
-                    .map(|batch| batch.detections.clone())
-                    .unwrap_or_default(),
+                detections: Vec::new(),
                 centre_px: reticle.to_array(),
                 state: tracker.state.name(),
-            };
-            let last = history
-                .frames
-                .iter()
-                .rev()
-                .find(|last| last.tier == frame.tier);
-            let wanted =
-                last.is_none_or(|last| last.state != kept.state || t_s - last.t_s >= KEEP_EVERY_S);
-            if wanted && history.frames.len() < KEEP_MOST {
-                history.frames.push(kept.clone());
-            }
-            history.latest[frame.tier as usize] = Some(kept);
+            });
         }
+    }
+    for batch in &queue.arrived {
+        let of_batch = |kept: &KeptFrame| (kept.tick, kept.tier) == batch.key();
+        let Some(at) = history.coming.iter().position(of_batch) else {
+            continue;
+        };
+        let mut kept = history.coming.remove(at);
+        kept.detections.clone_from(&batch.detections);
+        let last = (history.frames.iter().rev()).find(|last| last.tier == kept.tier);
+        let wanted =
+            last.is_none_or(|last| last.state != kept.state || kept.t_s - last.t_s >= KEEP_EVERY_S);
+        if wanted && history.frames.len() < KEEP_MOST {
+            let at = history.frames.partition_point(|f| f.tick <= kept.tick);
+            history.frames.insert(at, kept.clone());
+        }
+        let tier = kept.tier as usize;
+        history.latest[tier] = Some(kept);
     }
 }
 
@@ -287,6 +288,7 @@ pub struct Recorded<'w, 's> {
     hash: Res<'w, StateHash>,
     frames: Res<'w, Frames>,
     queue: Res<'w, DetectionQueue>,
+    detector: Res<'w, Detector>,
     tracker: Res<'w, Tracker>,
     interlocks: Res<'w, Interlocks>,
     station: Single<
@@ -344,6 +346,7 @@ impl Recorded<'_, '_> {
         }
         for batch in &self.queue.arrived {
             self.write_detections(recorder, tick, batch)?;
+            self.mark(recorder, recording, batch)?;
         }
         Ok(())
     }
@@ -576,28 +579,43 @@ impl Recorded<'_, '_> {
             let k_px = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
             recorder.camera_calibration(tick, camera, w, h, k_px)?;
             recorder.compressed_image(tick, camera, jpeg)?;
-            let batch = self
-                .queue
-                .arrived
-                .iter()
-                .chain(&self.queue.waiting)
-                .find(|batch| batch.tier == frame.tier && batch.exposure_tick == frame.tick);
-            let boxes: Vec<_> = batch
-                .into_iter()
-                .flat_map(|batch| &batch.detections)
-                .map(|detection| BoxAnnotation {
-                    label: "uav",
-                    rect_px: {
-                        let [x0, y0, x1, y1] = detection.box_px;
-                        [x0 - dx, y0 - dy, x1 - dx, y1 - dy]
-                    },
-                    colour: [0.0, 0.62, 0.45, 1.0],
-                })
-                .collect();
-            let mark = [reticle.x - dx, reticle.y - dy];
-            recorder.image_annotations(tick, frame.tick, camera, &boxes, mark)?;
+            recording.unmarked.push(Unmarked {
+                tier: frame.tier,
+                tick,
+                offset_px: frame.rect.offset_px,
+                reticle_px: [reticle.x - dx, reticle.y - dy],
+            });
         }
         Ok(())
+    }
+
+    /// Marks the recorded image of a batch that has arrived, if there is one.
+    fn mark(
+        &self,
+        recorder: &mut Recorder,
+        recording: &mut Recording,
+        batch: &DetectionBatch,
+    ) -> Result<(), RecordingError> {
+        let of_batch = |image: &Unmarked| (image.tick, image.tier) == batch.key();
+        let Some(at) = recording.unmarked.iter().position(of_batch) else {
+            return Ok(());
+        };
+        let image = recording.unmarked.remove(at);
+        let [dx, dy] = image.offset_px.map(f64::from);
+        let boxes: Vec<_> = batch
+            .detections
+            .iter()
+            .map(|detection| BoxAnnotation {
+                label: self.detector.class(detection),
+                rect_px: {
+                    let [x0, y0, x1, y1] = detection.box_px;
+                    [x0 - dx, y0 - dy, x1 - dx, y1 - dy]
+                },
+                colour: [0.0, 0.62, 0.45, 1.0],
+            })
+            .collect();
+        let (now, camera) = (self.clock.tick, camera_of(batch.tier));
+        recorder.image_annotations(now, image.tick, camera, &boxes, image.reticle_px)
     }
 
     fn write_detections(
@@ -612,7 +630,7 @@ impl Recorded<'_, '_> {
             .map(|detection| proto::Detection {
                 r#box: Some(box_of(detection.box_px)),
                 score: detection.score,
-                label: "uav".into(),
+                label: self.detector.class(detection).into(),
             })
             .collect();
         recorder.own(

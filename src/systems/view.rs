@@ -22,6 +22,7 @@ use crate::run::{self, Options, RunError};
 use crate::scenario::Loaded;
 use crate::summary::{self, Finished};
 use crate::systems::capture::{bevy_attitude, sync_scene};
+use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;
 use crate::systems::render::Renderer;
 use crate::systems::scene::{self, SceneHandles};
@@ -925,6 +926,7 @@ pub fn draw_insets(
     mut contexts: EguiContexts,
     history: Res<History>,
     insets: Res<Insets>,
+    detector: Res<Detector>,
     cameras: Query<(&SensorCamera, &Readout)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
@@ -939,7 +941,12 @@ pub fn draw_insets(
             let camera = cameras.iter().find(|(camera, _)| camera.tier == tier);
             let readout = match camera.map(|(_, readout)| *readout) {
                 Some(Readout::Full) => "full frame",
-                Some(Readout::Around(_)) => "window",
+                Some(Readout::Around { .. })
+                    if camera.is_some_and(|(c, _)| c.window_px.is_none()) =>
+                {
+                    "full frame, region"
+                }
+                Some(Readout::Around { .. }) => "window",
                 Some(Readout::Off) | None => "off",
             };
             let latest = history.latest[tier as usize].as_ref();
@@ -991,7 +998,7 @@ pub fn draw_insets(
                 painter.text(
                     found.right_top() + vec2(3.0, 0.0),
                     Align2::LEFT_CENTER,
-                    format!("{:.2}", detection.score),
+                    detector.caption(detection),
                     FontId::proportional(11.0),
                     GREEN,
                 );
