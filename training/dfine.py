@@ -368,7 +368,7 @@ class DFineDetector(nn.Module):
         p2 = "-p2" in name
         self.name = name
         self.stride = 8 if p2 else 32
-        self.min_side_px = 64
+        self.min_side_px = 64 if p2 else 160  # at least as many proposals as queries
         self.fixed_size = FIXED_SIZE
         config = configuration(p2, num_classes)
         self.canvas = Canvas(mean_object_px)
@@ -446,13 +446,14 @@ class DFineDetector(nn.Module):
         """A copy for export: evaluation mode, each RepVGG block (3x3 + 1x1) as one 3x3 convolution, no criterion."""
         copied = copy.deepcopy(self).eval()
         copied.criterion = None
-        for block in copied.modules():
-            if isinstance(block, DFineRepVggBlock):
-                (k3, b3), (k1, b1) = fold(block.conv1), fold(block.conv2)
-                conv = nn.Conv2d(k3.shape[1], k3.shape[0], 3, padding=1)
-                conv.weight.copy_(k3 + F.pad(k1, (1, 1, 1, 1)))
-                conv.bias.copy_(b3 + b1)
-                block.forward = nn.Sequential(conv, block.activation).forward
+        for parent in list(copied.modules()):
+            for name, block in parent.named_children():
+                if isinstance(block, DFineRepVggBlock):
+                    (k3, b3), (k1, b1) = fold(block.conv1), fold(block.conv2)
+                    conv = nn.Conv2d(k3.shape[1], k3.shape[0], 3, padding=1)
+                    conv.weight.copy_(k3 + F.pad(k1, (1, 1, 1, 1)))
+                    conv.bias.copy_(b3 + b1)
+                    setattr(parent, name, nn.Sequential(conv, block.activation))
         return copied
 
 
