@@ -1,0 +1,190 @@
+"""Plain convolutional detectors: `BoresightP2`, made for the speed of one CPU thread.
+
+Every model here keeps to the protocol of `models.py`: `loss(images, targets)`, `decode(images)`, `name`, `stride`,
+`min_side_px`, `fixed_size`.
+"""
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+DETECTIONS = 64  # rows that `decode` returns
+Target = dict[str, Tensor]
+
+
+def conv(c_in: int, c_out: int, kernel: int = 3, stride: int = 1, act: nn.Module | None = None) -> nn.Sequential:
+    """Convolution, batch normalisation (folded at export), activation (ReLU unless given)."""
+    return nn.Sequential(
+        nn.Conv2d(c_in, c_out, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(c_out, eps=1e-3, momentum=0.03),
+        nn.ReLU(inplace=True) if act is None else act,
+    )
+
+
+class Residual(nn.Module):
+    """Two 3x3 convolutions and a short cut."""
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.a, self.b = conv(channels, channels), conv(channels, channels, act=nn.Identity())
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(x + self.b(self.a(x)))
+
+
+def box_iou_terms(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """IoU, and squared centre distance over the squared diagonal of the common hull (DIoU: Zheng et al. 2020),
+    of boxes x0, y0, x1, y1 row by row."""
+    low, high = torch.maximum(a[..., :2], b[..., :2]), torch.minimum(a[..., 2:], b[..., 2:])
+    inner = (high - low).clamp(min=0).prod(-1)
+    union = (a[..., 2:] - a[..., :2]).prod(-1) + (b[..., 2:] - b[..., :2]).prod(-1) - inner
+    hull = torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])
+    shift = (a[..., :2] + a[..., 2:] - b[..., :2] - b[..., 2:]) / 2
+    return inner / union.clamp(min=1e-6), shift.pow(2).sum(-1) / hull.pow(2).sum(-1).clamp(min=1e-6)
+
+
+def nwd(a: Tensor, b: Tensor, c_px: float | Tensor) -> Tensor:
+    """Normalised Wasserstein distance of boxes x0, y0, x1, y1 as Gaussians (Wang et al. 2021): 1 is identity."""
+    centre = (a[..., :2] + a[..., 2:] - b[..., :2] - b[..., 2:]) / 2
+    half = (a[..., 2:] - a[..., :2] - b[..., 2:] + b[..., :2]) / 2
+    return torch.exp(-(centre.pow(2).sum(-1) + half.pow(2).sum(-1) + 1e-6).sqrt() / c_px)
+
+
+def suppress(boxes: Tensor, scores: Tensor, overlap: float) -> Tensor:
+    """Scores with those of boxes that overlap a better one (IoU above `overlap`) set to 0; traceable, one pass."""
+    low, high = torch.maximum(boxes[:, None, :2], boxes[None, :, :2]), torch.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+    inner = (high - low).clamp(min=0).prod(-1)
+    area = (boxes[:, 2:] - boxes[:, :2]).prod(-1)
+    same = inner > overlap * (area[:, None] + area[None] - inner)
+    rank = torch.arange(boxes.shape[0], device=boxes.device)
+    beaten = (same & (rank[None] < rank[:, None])).to(scores.dtype).amax(1)
+    return scores * (1 - beaten)
+
+
+class BoresightP2(nn.Module):
+    """One head at 1/4 resolution: heat map of target centres, centre offset and log size, class.
+
+    Stem and one block at 1/4; cheap branches at 1/8, 1/16 and 1/32 give context (receptive field above 300 px) and
+    come back by upsampling and adding.
+    """
+
+    stride, min_side_px, fixed_size = 32, 64, None
+    cell = 4  # [px] of the head's grid
+
+    def __init__(self, name: str = "boresight-p2", num_classes: int = 3, width: int = 32):
+        super().__init__()
+        self.name, self.num_classes = name, num_classes
+        w, d = width, 2 * width
+        self.stem = nn.Sequential(conv(3, w // 2, 3, 2), conv(w // 2, w, 3, 2), Residual(w))
+        self.down3 = nn.Sequential(conv(w, d, 3, 2), Residual(d))
+        self.down4 = nn.Sequential(conv(d, d, 3, 2), Residual(d))
+        self.down5 = nn.Sequential(conv(d, d, 3, 2), Residual(d))
+        self.lateral4, self.fuse4 = conv(d, d, 1, act=nn.Identity()), conv(d, d)
+        self.lateral3, self.fuse3 = conv(d, d, 1, act=nn.Identity()), conv(d, d)
+        self.lateral2, self.fuse2 = conv(d, w, 1, act=nn.Identity()), conv(w, w)
+        self.head = conv(w, d)
+        self.out = nn.Conv2d(d, 1 + 4 + num_classes, 1)
+        nn.init.normal_(self.out.weight, std=0.01)
+        with torch.no_grad():
+            self.out.bias.zero_()
+            self.out.bias[0] = -4.6  # prior of 1 % for a cell to hold a centre
+            self.out.bias[3:5] = math.log(12.0 / self.cell)  # log of the size in cells
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Raw maps [B, 1 + 4 + classes, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells], classes."""
+        p2 = self.stem(images - 0.5)
+        p3 = self.down3(p2)
+        p4 = self.down4(p3)
+        p5 = self.down5(p4)
+        p4 = self.fuse4(F.relu(p4 + self.up(self.lateral4(p5))))
+        p3 = self.fuse3(F.relu(p3 + self.up(self.lateral3(p4))))
+        p2 = self.fuse2(F.relu(p2 + self.up(self.lateral2(p3))))
+        return self.out(self.head(p2))
+
+    @staticmethod
+    def up(x: Tensor) -> Tensor:
+        return F.interpolate(x, scale_factor=2.0, mode="nearest")
+
+    def boxes(self, raw: Tensor, x: Tensor, y: Tensor) -> Tensor:
+        """Boxes [n,4] in pixels of raw rows [n, >=5] at cells (x, y)."""
+        centre = torch.stack([x + 0.5, y + 0.5], -1) + raw[:, 1:3]
+        half = raw[:, 3:5].clamp(-3.0, 4.5).exp() / 2
+        return torch.cat([centre - half, centre + half], -1) * self.cell
+
+    def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
+        """Penalty-reduced focal loss of the heat map (CenterNet: Zhou et al. 2019), DIoU + NWD of the boxes at the
+        cells about each centre, cross entropy of the classes."""
+        raw = self(images).float()
+        batch, _, rows, cols = raw.shape
+        device = raw.device
+        heat = torch.zeros(batch, rows, cols)
+        care = torch.ones(batch, rows, cols)
+        picks: list[Tensor] = []  # image, y, x, target index
+        weights: list[Tensor] = []
+        all_boxes, all_labels, offset = [], [], 0
+        for b, target in enumerate(targets):
+            for box in target.get("ignore", torch.zeros(0, 4)).tolist():
+                x0, y0 = (max(0, math.floor(v / self.cell) - 1) for v in box[:2])
+                x1, y1 = (math.ceil(v / self.cell) + 1 for v in box[2:])
+                care[b, y0:y1, x0:x1] = 0
+            for box, label in zip(target["boxes"].tolist(), target["labels"].tolist()):
+                cx, cy = (box[0] + box[2]) / 2 / self.cell, (box[1] + box[3]) / 2 / self.cell
+                ix, iy = min(max(int(cx), 0), cols - 1), min(max(int(cy), 0), rows - 1)
+                size = math.sqrt(max(box[2] - box[0], 1) * max(box[3] - box[1], 1)) / self.cell
+                sigma = max(0.6, 0.16 * size)
+                reach = math.ceil(3 * sigma)
+                x0, x1, y0, y1 = max(0, ix - reach), min(cols, ix + reach + 1), max(0, iy - reach), min(rows, iy + reach + 1)
+                xs, ys = torch.arange(x0, x1), torch.arange(y0, y1)
+                bump = torch.exp(-((xs + 0.5 - cx) ** 2 + (ys[:, None] + 0.5 - cy) ** 2) / (2 * sigma**2))
+                patch = heat[b, y0:y1, x0:x1]
+                torch.maximum(patch, bump, out=patch)
+                heat[b, iy, ix] = 1
+                care[b, iy, ix] = 1
+                near = ((xs - ix).abs() <= 1)[None] & ((ys - iy).abs() <= 1)[:, None] & (bump > 0.2)
+                near[iy - y0, ix - x0] = True
+                yy, xx = near.nonzero(as_tuple=True)
+                w = bump[yy, xx].clamp(min=0.2)
+                picks.append(torch.stack([torch.full_like(yy, b), yy + y0, xx + x0, torch.full_like(yy, offset)], 1))
+                weights.append(w / w.sum())
+                all_boxes.append(box)
+                all_labels.append(label)
+                offset += 1
+        heat, care = heat.to(device), care.to(device)
+        logit = raw[:, 0]
+        p = logit.sigmoid()
+        positive = heat == 1
+        loss_pos = -((1 - p) ** 2 * F.logsigmoid(logit))[positive].sum()
+        loss_neg = -((1 - heat) ** 4 * p**2 * F.logsigmoid(-logit) * care * ~positive).sum()
+        count = max(offset, 1)
+        # Per batch, not per image: pictures without a target still teach.
+        losses = {"heat": (loss_pos + loss_neg) / max(count, batch / 4)}
+        if offset:
+            pick, weight = torch.cat(picks).to(device), torch.cat(weights).to(device)
+            truth = torch.tensor(all_boxes, device=device)[pick[:, 3]]
+            rows_raw = raw[pick[:, 0], :, pick[:, 1], pick[:, 2]]
+            predicted = self.boxes(rows_raw, pick[:, 2].float(), pick[:, 1].float())
+            iou, apart = box_iou_terms(predicted, truth)
+            scale = (truth[:, 2:] - truth[:, :2]).prod(-1).clamp(min=9).sqrt()
+            losses["box"] = (weight * (1 - iou + apart)).sum() / count
+            losses["nwd"] = (weight * (1 - nwd(predicted, truth, 0.5 * scale))).sum() / count
+            labels = torch.tensor(all_labels, device=device)[pick[:, 3]]
+            losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:], labels, reduction="none")).sum() / count
+            losses["total"] = losses["heat"] + 1.5 * losses["box"] + 1.0 * losses["nwd"] + 0.3 * losses["class"]
+        else:
+            losses["total"] = losses["heat"] + 0 * raw[:, 1:].sum()
+        return losses
+
+    def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes [N,4] px, scores [N] falling, labels int64 [N] of one picture: peaks of the heat map, best first."""
+        raw = self(images)
+        cols = raw.shape[3]
+        p = raw[:, :1].sigmoid()
+        peak = p * (p == F.max_pool2d(p, 3, 1, 1)).to(p.dtype)
+        scores, index = peak.reshape(-1).topk(DETECTIONS)
+        rows_raw = raw[0].flatten(1).index_select(1, index).transpose(0, 1)
+        y = torch.div(index, cols, rounding_mode="floor")
+        boxes = self.boxes(rows_raw, (index - y * cols).to(raw.dtype), y.to(raw.dtype))
+        scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
+        return boxes[order], scores, rows_raw[:, 5:].argmax(1)[order]
