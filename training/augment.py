@@ -25,13 +25,17 @@ def noise(rng: Rng, shape: tuple[int, ...]) -> np.ndarray:
 
 def texture(rng: Rng, h: int, w: int, coarse: int, fine: int, fall: float = 0.6) -> np.ndarray:
     """Fractal noise [h,w], about -1..1, octaves from `coarse` to `fine` pixels, amplitudes falling by `fall`."""
-    out, amplitude, total, cell = np.zeros((h, w), np.float32), 1.0, 0.0, float(coarse)
-    while cell >= fine:
-        grid = noise(rng, (int(h / cell) + 3, int(w / cell) + 3))
-        big = cv2.resize(grid, None, fx=cell, fy=cell, interpolation=cv2.INTER_CUBIC if cell > 2 else cv2.INTER_LINEAR)
-        out += amplitude * big[:h, :w]
-        total, amplitude, cell = total + amplitude**2, amplitude * fall, cell / 2
-    return out / (1.7 * math.sqrt(total or 1))
+    cells = [coarse]
+    while cells[-1] >= 2 * fine:
+        cells.append(cells[-1] // 2)
+    out, amplitude, total = np.zeros((1, 1), np.float32), 1.0, 0.0
+    for cell in cells:  # each octave on the enlarged sum of the coarser ones
+        shape = (-(-h // cell) + 1, -(-w // cell) + 1)
+        out = cv2.resize(out, shape[::-1], interpolation=cv2.INTER_CUBIC) + amplitude * noise(rng, shape)
+        total, amplitude = total + amplitude**2, amplitude * fall
+    if cells[-1] > 1:
+        out = cv2.resize(out, None, fx=cells[-1], fy=cells[-1], interpolation=cv2.INTER_CUBIC)
+    return out[:h, :w] / (1.7 * math.sqrt(total))
 
 
 def colour(rng: Rng, low: float, high: float, tint: float = 12.0) -> np.ndarray:
@@ -146,7 +150,7 @@ class Sprite:
     """Polygons painted finely on a transparent canvas; coordinates in sprite units, canvas `side` units wide."""
 
     def __init__(self, size_px: float, side: float = 2.4):
-        self.fine = int(np.clip(480 / max(size_px, 1), 4, 16)) // 4 * 4
+        self.fine = 8 if size_px < 30 else 4
         pixels = math.ceil(size_px * side / 2) + 4
         self.n = pixels * self.fine
         self.scale = size_px / 2 * self.fine  # sprite units to fine samples: a unit is half the nominal size
@@ -179,9 +183,9 @@ class Sprite:
         """Pixels [n,n,4], premultiplied by their coverage, and the tight box of the columns and rows with at least
         `COVERED` px of coverage; None where there is none."""
         rgba = self.canvas
-        rgba[..., :3] *= rgba[..., 3:]
-        alpha = rgba[..., 3]
-        cols, rows = ((alpha.sum(axis) / self.fine >= COVERED).nonzero()[0] for axis in (0, 1))
+        alpha = rgba[..., 3].copy()
+        cols, rows = ((cv2.reduce(alpha, axis, cv2.REDUCE_SUM).ravel() >= COVERED * self.fine).nonzero()[0] for axis in (0, 1))
+        rgba[..., :3] *= alpha[..., None]
         small = cv2.resize(rgba, None, fx=1 / self.fine, fy=1 / self.fine, interpolation=cv2.INTER_AREA)
         if len(cols) == 0 or len(rows) == 0:
             return small, None
@@ -463,7 +467,13 @@ def add_uavs(rng: Rng, picture: np.ndarray, count: int, boxes: np.ndarray, label
             continue
         if overlap(seen + (-4, -4, 4, 4), boxes) > 0:
             continue
+        y0, x0, y1, x1 = max(y, 0), max(x, 0), y + sprite.shape[0], x + sprite.shape[1]
+        part = picture[y0:y1, x0:x1]
+        before = part.copy()
         paste(picture, sprite, x, y)
+                if np.abs((part - before) @ LUMA).max() < max(12, 1.2 * float((before @ LUMA).std())):  # nobody could tell it apart
+            part[:] = before
+            continue
         boxes, labels = np.concatenate([boxes, seen[None]]), np.concatenate([labels, [label]])
     return boxes.astype(np.float32), labels.astype(np.int64)
 

@@ -15,11 +15,13 @@ import signal
 import time
 from pathlib import Path
 
-import torch
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # waiting threads leave the cores to the picture worker
 
-import models
-from data import Crops, Frames, loader
-from plot import curves
+import torch  # noqa: E402
+
+import models  # noqa: E402
+from data import Crops, Frames, loader  # noqa: E402
+from plot import curves  # noqa: E402
 
 
 def arguments() -> argparse.Namespace:
@@ -173,7 +175,7 @@ def main() -> None:
             for k, v in model.state_dict().items():
                 average[k].lerp_(v, 1 - keep) if v.is_floating_point() else average[k].copy_(v)
         for k, v in losses.items():
-            sums[k] = sums.get(k, 0.0) + float(v)
+            sums[k] = sums.get(k, 0.0) + float(v.detach())
         stop = stop or time.monotonic() - begin > args.time_limit * 60
         if step % args.log_every == 0:
             seconds = spent_s + time.monotonic() - begin
