@@ -471,7 +471,7 @@ def add_uavs(rng: Rng, picture: np.ndarray, count: int, boxes: np.ndarray, label
         part = picture[y0:y1, x0:x1]
         before = part.copy()
         paste(picture, sprite, x, y)
-                if np.abs((part - before) @ LUMA).max() < max(12, 1.2 * float((before @ LUMA).std())):  # nobody could tell it apart
+        if np.abs((part - before) @ LUMA).max() < max(12, 1.2 * float((before @ LUMA).std())):  # nobody could tell it apart
             part[:] = before
             continue
         boxes, labels = np.concatenate([boxes, seen[None]]), np.concatenate([labels, [label]])
