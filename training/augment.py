@@ -12,7 +12,7 @@ import numpy as np
 cv2.setNumThreads(0)  # the picture worker has one core; OpenCV's pool would fight the training threads
 Rng = np.random.Generator
 NOISE = np.random.default_rng(7).standard_normal(1 << 21, dtype=np.float32)  # drawing afresh costs more than all else
-COVERED = 0.1  # [px] least coverage of a column or row that belongs to a target's box (the data set's rule)
+COVERED = 0.1  # [px^2] least of a target in a column or row of pixels inside its box (the data set's rule)
 LUMA = np.array([0.299, 0.587, 0.114], np.float32)  # ITU-R BT.601
 
 
@@ -147,7 +147,7 @@ def background(rng: Rng, size: int) -> np.ndarray:
 
 
 class Sprite:
-    """Polygons painted finely on a transparent canvas; coordinates in sprite units, canvas `side` units wide."""
+    """Polygons painted finely on a transparent canvas, premultiplied; in sprite units, canvas `side` units wide."""
 
     def __init__(self, size_px: float, side: float = 2.4):
         self.fine = 8 if size_px < 30 else 4
@@ -180,16 +180,21 @@ class Sprite:
         cv2.polylines(self.canvas, [self.xy(points)], False, (*map(float, rgb), 1.0), thickness, cv2.LINE_8, 4)
 
     def down(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """Pixels [n,n,4], premultiplied by their coverage, and the tight box of the columns and rows with at least
-        `COVERED` px of coverage; None where there is none."""
-        rgba = self.canvas
-        alpha = rgba[..., 3].copy()
-        cols, rows = ((cv2.reduce(alpha, axis, cv2.REDUCE_SUM).ravel() >= COVERED * self.fine).nonzero()[0] for axis in (0, 1))
-        rgba[..., :3] *= alpha[..., None]
-        small = cv2.resize(rgba, None, fx=1 / self.fine, fy=1 / self.fine, interpolation=cv2.INTER_AREA)
-        if len(cols) == 0 or len(rows) == 0:
-            return small, None
-        return small, np.array([cols[0], rows[0], cols[-1] + 1, rows[-1] + 1], np.float32) / self.fine
+        """Pixels [n,n,4], premultiplied, and the tight box, None if it has none: the columns and
+        rows of pixels with `COVERED` of it in them, to the fine sample within the outermost."""
+        alpha = self.canvas[..., 3]
+        small = cv2.resize(self.canvas, None, fx=1 / self.fine, fy=1 / self.fine, interpolation=cv2.INTER_AREA)
+        spans = []
+        for axis in (0, 1):
+            fine = cv2.reduce(alpha, axis, cv2.REDUCE_SUM).ravel()
+            good = (fine.reshape(-1, self.fine).sum(1) >= COVERED * self.fine**2).nonzero()[0]
+            if len(good) == 0:
+                return small, None
+            lit = fine > 0  # the first and last fine sample within those pixels
+            first, last = good[0] * self.fine, (good[-1] + 1) * self.fine
+            spans.append((first + lit[first:last].argmax(), last - lit[first:last][::-1].argmax()))
+        (x0, x1), (y0, y1) = spans
+        return small, np.array([x0, y0, x1, y1], np.float32) / self.fine
 
 
 def rotation(rng: Rng, tilt_rad: float) -> np.ndarray:
@@ -397,7 +402,6 @@ def twig(rng: Rng, size: int, tone: np.ndarray) -> np.ndarray:
             y, reach = rng.uniform(max(top, 0), size), rng.uniform(5, 60)
             draw(np.array([[x - reach * rng.random(), y], [x + reach, y + rng.normal(0, 3)]]), rng.uniform(0.6, 4))
     out = cv2.resize(canvas, (size, size), interpolation=cv2.INTER_AREA)
-    out[..., :3] *= out[..., 3:]
     if rng.random() < 0.3:
         out = cv2.GaussianBlur(out, (0, 0), rng.uniform(0.5, 3))
     return cv2.rotate(out, cv2.ROTATE_90_CLOCKWISE) if rng.random() < 0.2 else out

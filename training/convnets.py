@@ -188,3 +188,194 @@ class BoresightP2(nn.Module):
         boxes = self.boxes(rows_raw, (index - y * cols).to(raw.dtype), y.to(raw.dtype))
         scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
         return boxes[order], scores, rows_raw[:, 5:].argmax(1)[order]
+
+
+# --- the baseline --------------------------------------------------------------------------------------------------
+
+
+class Bottleneck(nn.Module):
+    """Two 3x3 convolutions, with a short cut where asked."""
+
+    def __init__(self, channels: int, short_cut: bool):
+        super().__init__()
+        self.a, self.b, self.short_cut = silu(channels, channels), silu(channels, channels), short_cut
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = self.b(self.a(x))
+        return x + y if self.short_cut else y
+
+
+class Elan(nn.Module):
+    """Cross-stage partial block whose every bottleneck is aggregated (CSPNet: Wang et al. 2020; ELAN: 2022)."""
+
+    def __init__(self, c_in: int, c_out: int, depth: int, short_cut: bool = True):
+        super().__init__()
+        half = c_out // 2
+        self.enter, self.leave = silu(c_in, 2 * half, 1), silu((2 + depth) * half, c_out, 1)
+        self.blocks = nn.ModuleList(Bottleneck(half, short_cut) for _ in range(depth))
+
+    def forward(self, x: Tensor) -> Tensor:
+        parts = list(self.enter(x).chunk(2, 1))
+        for block in self.blocks:
+            parts.append(block(parts[-1]))
+        return self.leave(torch.cat(parts, 1))
+
+
+class PyramidPool(nn.Module):
+    """Spatial pyramid pooling by three 5x5 maxima in a row (He et al. 2015)."""
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.enter, self.leave = silu(channels, channels // 2, 1), silu(2 * channels, channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        parts = [self.enter(x)]
+        for _ in range(3):
+            parts.append(F.max_pool2d(parts[-1], 5, 1, 2))
+        return self.leave(torch.cat(parts, 1))
+
+
+def silu(c_in: int, c_out: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    return conv(c_in, c_out, kernel, stride, nn.SiLU(inplace=True))
+
+
+class YoloN(nn.Module):
+    """A YOLO-n-class baseline written from the papers: cross-stage partial backbone, path aggregation (PANet: Liu et
+    al. 2018), anchor-free decoupled heads at 1/8, 1/16 and 1/32, box sides as distributions (GFL: Li et al. 2020),
+    task-aligned assignment (TOOD: Feng et al. 2021), loss weights of PP-YOLOE (Xu et al. 2022)."""
+
+    stride, min_side_px, fixed_size = 32, 64, None
+    cells = (8, 16, 32)  # [px]
+    bins = 16  # of a side's distribution [cells]
+    candidates = 128  # that enter suppression in `decode`
+
+    def __init__(self, name: str = "yolo-n", num_classes: int = 3):
+        super().__init__()
+        self.name, self.num_classes = name, num_classes
+        w = (16, 32, 64, 128, 256)
+        self.p2 = nn.Sequential(silu(3, w[0], 3, 2), silu(w[0], w[1], 3, 2), Elan(w[1], w[1], 1))
+        self.p3 = nn.Sequential(silu(w[1], w[2], 3, 2), Elan(w[2], w[2], 2))
+        self.p4 = nn.Sequential(silu(w[2], w[3], 3, 2), Elan(w[3], w[3], 2))
+        self.p5 = nn.Sequential(silu(w[3], w[4], 3, 2), Elan(w[4], w[4], 1), PyramidPool(w[4]))
+        self.up4, self.up3 = Elan(w[4] + w[3], w[3], 1, False), Elan(w[3] + w[2], w[2], 1, False)
+        self.to4, self.down4 = silu(w[2], w[2], 3, 2), Elan(w[2] + w[3], w[3], 1, False)
+        self.to5, self.down5 = silu(w[3], w[3], 3, 2), Elan(w[3] + w[4], w[4], 1, False)
+        self.sides, self.kinds = nn.ModuleList(), nn.ModuleList()
+        for k, channels in enumerate(w[2:]):
+            sides = nn.Conv2d(64, 4 * self.bins, 1)
+            kinds = nn.Conv2d(64, num_classes, 1)
+            with torch.no_grad():
+                # Short sides first: a flat distribution would start with boxes of 15 cells, far from any target.
+                sides.bias.copy_(-0.7 * torch.arange(self.bins).float().repeat(4))
+                kinds.bias.fill_(math.log(5 / num_classes / (640 / self.cells[k]) ** 2))
+            self.sides.append(nn.Sequential(silu(channels, 64), silu(64, 64), sides))
+            self.kinds.append(nn.Sequential(silu(channels, 64, 1), depthwise(64), silu(64, 64, 1), depthwise(64), kinds))
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Side logits [B,A,4,bins], class logits [B,A,classes], cell centres and pitch [A,3] px."""
+        p3 = self.p3(self.p2(images))
+        p4 = self.p4(p3)
+        p5 = self.p5(p4)
+        n4 = self.up4(torch.cat([F.interpolate(p5, scale_factor=2.0), p4], 1))
+        n3 = self.up3(torch.cat([F.interpolate(n4, scale_factor=2.0), p3], 1))
+        n4 = self.down4(torch.cat([self.to4(n3), n4], 1))
+        n5 = self.down5(torch.cat([self.to5(n4), p5], 1))
+        sides, kinds, grid = [], [], []
+        for x, side, kind, cell in zip((n3, n4, n5), self.sides, self.kinds, self.cells):
+            sides.append(side(x).flatten(2).transpose(1, 2))
+            kinds.append(kind(x).flatten(2).transpose(1, 2))
+            rows, cols = x.shape[2], x.shape[3]
+            index = torch.arange(rows * cols, device=x.device)
+            row = torch.div(index, cols, rounding_mode="floor")
+            col = index - row * cols
+            grid.append(torch.stack([(col + 0.5) * cell, (row + 0.5) * cell, torch.full_like(col, cell).float()], 1))
+        side = torch.cat(sides, 1)
+        return side.reshape(side.shape[0], -1, 4, self.bins), torch.cat(kinds, 1), torch.cat(grid)
+
+    def boxes(self, sides: Tensor, grid: Tensor) -> Tensor:
+        """Boxes [...,A,4] in pixels: mean of each side's distribution about the cell's middle."""
+        reach = sides.softmax(-1) @ torch.arange(self.bins, dtype=sides.dtype, device=sides.device)
+        reach = reach * grid[:, 2:]
+        return torch.cat([grid[:, :2] - reach[..., :2], grid[:, :2] + reach[..., 2:]], -1)
+
+    @torch.no_grad()
+    def assign(self, predicted: Tensor, prob: Tensor, grid: Tensor, truth: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+        """Index of the target of each cell, -1 for none, and its wanted score, for one picture."""
+        # A target smaller than a cell would hold no cell's middle: each is taken to be a cell wide at least.
+        middle, half = (truth[:, :2] + truth[:, 2:]) / 2, (truth[:, 2:] - truth[:, :2]) / 2
+        half = torch.maximum(half[:, None], grid[None, :, 2:] / 2)
+        inside = ((grid[None, :, :2] - middle[:, None]).abs() <= half).all(-1)
+        iou, _ = box_iou_terms(predicted[None].expand(len(truth), -1, -1), truth[:, None].expand(-1, len(grid), -1))
+        score = prob[:, labels].T
+        metric = score * iou.pow(6) + 1e-12  # alpha 1, beta 6 (TOOD)
+        metric = metric * inside
+        chosen = torch.zeros_like(inside)
+        chosen.scatter_(1, metric.topk(min(13, metric.shape[1]), 1).indices, True)
+        chosen &= inside
+        rank = torch.where(chosen, iou + 1e-3, torch.zeros_like(iou))  # a cell of several targets: the best fit
+        best, owner = rank.max(0)
+        owner = torch.where(best > 0, owner, torch.full_like(owner, -1))
+        own = chosen & (owner[None] == torch.arange(len(truth), device=truth.device)[:, None])
+        metric, fit = metric * own, (iou * own).amax(1, keepdim=True)
+        wanted = metric / metric.amax(1, keepdim=True).clamp(min=1e-12) * fit.clamp(min=0.1)
+        return owner, wanted.amax(0)
+
+    def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
+        """Binary cross entropy towards the aligned scores; CIoU and distribution focal loss of the assigned cells."""
+        sides, kinds, grid = self(images)
+        sides, kinds = sides.float(), kinds.float()
+        boxes, prob = self.boxes(sides, grid), kinds.sigmoid()
+        wanted = torch.zeros_like(kinds)
+        care = torch.ones_like(kinds[..., :1])
+        taken: list[tuple[Tensor, ...]] = []
+        for b, target in enumerate(targets):
+            ignore = target.get("ignore", torch.zeros(0, 4)).to(grid.device)
+            if len(ignore):
+                inside = ((grid[None, :, :2] > ignore[:, None, :2] - 4) & (grid[None, :, :2] < ignore[:, None, 2:] + 4)).all(-1)
+                care[b, inside.any(0)] = 0
+            truth, labels = target["boxes"].to(grid.device), target["labels"].to(grid.device)
+            if not len(truth):
+                continue
+            owner, score = self.assign(boxes[b].detach(), prob[b].detach(), grid, truth, labels)
+            cell = (owner >= 0).nonzero()[:, 0]
+            wanted[b, cell, labels[owner[cell]]] = score[cell]
+            care[b, cell] = 1
+            taken.append((sides[b, cell], boxes[b, cell], grid[cell], truth[owner[cell]], score[cell]))
+        total = wanted.sum().clamp(min=1)
+        losses = {"class": (F.binary_cross_entropy_with_logits(kinds, wanted, reduction="none") * care).sum() / total}
+        if taken:
+            side, box, at, truth, score = (torch.cat(x) for x in zip(*taken))
+            iou, apart = box_iou_terms(box, truth)
+            a, b = box[:, 2:] - box[:, :2], truth[:, 2:] - truth[:, :2]
+            shape = (torch.atan2(b[:, 0], b[:, 1]) - torch.atan2(a[:, 0], a[:, 1].clamp(min=1e-6))).pow(2) * 4 / math.pi**2
+            weight = (shape / (1 - iou + shape + 1e-6)).detach()
+            losses["box"] = ((1 - iou + apart + weight * shape) * score).sum() / total  # CIoU: Zheng et al. 2020
+            reach = torch.cat([at[:, :2] - truth[:, :2], truth[:, 2:] - at[:, :2]], 1) / at[:, 2:]
+            reach = reach.clamp(0, self.bins - 1.01)
+            low = reach.long()
+            up = reach - low
+            log = side.log_softmax(-1)
+            dfl = -(log.gather(-1, low[..., None])[..., 0] * (1 - up) + log.gather(-1, low[..., None] + 1)[..., 0] * up)
+            losses["distribution"] = (dfl.mean(-1) * score).sum() / total
+            losses["total"] = losses["class"] + 2.5 * losses["box"] + 0.5 * losses["distribution"]
+        else:
+            losses["total"] = losses["class"] + 0 * sides.sum()
+        return losses
+
+    def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes [N,4] px, scores [N] falling, labels int64 [N] of one picture, overlapping ones suppressed."""
+        sides, kinds, grid = self(images)
+        prob = kinds[0].sigmoid()
+        scores, index = (1 - (1 - prob).prod(-1)).topk(self.candidates)  # any class
+        boxes = self.boxes(sides[0].index_select(0, index), grid.index_select(0, index))
+        scores, order = suppress(boxes, scores, 0.5).topk(DETECTIONS)
+        return boxes[order], scores, kinds[0].index_select(0, index).argmax(1)[order]
+
+
+def depthwise(channels: int) -> nn.Sequential:
+    """A 3x3 convolution of each channel by itself."""
+    return nn.Sequential(
+        nn.Conv2d(channels, channels, 3, 1, 1, groups=channels, bias=False),
+        nn.BatchNorm2d(channels, eps=1e-3, momentum=0.03),
+        nn.SiLU(inplace=True),
+    )
