@@ -86,14 +86,17 @@ class BoresightP2(nn.Module):
         self.lateral2, self.fuse2 = conv(d, w, 1, act=nn.Identity()), conv(w, w)
         self.head = conv(w, d)
         self.out = nn.Conv2d(d, 1 + 4 + num_classes, 1)
+        self.aim = nn.Conv2d(d, 2, 1)
         nn.init.normal_(self.out.weight, std=0.01)
+        nn.init.zeros_(self.aim.weight)
         with torch.no_grad():
             self.out.bias.zero_()
             self.out.bias[0] = -4.6  # prior of 1 % for a cell to hold a centre
             self.out.bias[3:5] = math.log(12.0 / self.cell)  # log of the size in cells
 
     def forward(self, images: Tensor) -> Tensor:
-        """Raw maps [B, 1 + 4 + classes, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells], classes."""
+        """Raw maps [B, 1 + 4 + classes + 2, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
+        classes, aim point from the box's middle x, y [cells]."""
         p2 = self.stem(images - 0.5)
         p3 = self.down3(p2)
         p4 = self.down4(p3)
@@ -101,7 +104,8 @@ class BoresightP2(nn.Module):
         p4 = self.fuse4(F.relu(p4 + self.up(self.lateral4(p5))))
         p3 = self.fuse3(F.relu(p3 + self.up(self.lateral3(p4))))
         p2 = self.fuse2(F.relu(p2 + self.up(self.lateral2(p3))))
-        return self.out(self.head(p2))
+        seen = self.head(p2)
+        return torch.cat([self.out(seen), self.aim(seen)], 1)
 
     @staticmethod
     def up(x: Tensor) -> Tensor:
@@ -170,8 +174,14 @@ class BoresightP2(nn.Module):
             losses["box"] = (weight * (1 - iou + apart)).sum() / count
             losses["nwd"] = (weight * (1 - nwd(predicted, truth, 0.5 * scale))).sum() / count
             labels = torch.tensor(all_labels, device=device)[pick[:, 3]]
-            losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:], labels, reduction="none")).sum() / count
-            losses["total"] = losses["heat"] + 1.5 * losses["box"] + 1.0 * losses["nwd"] + 0.3 * losses["class"]
+            losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:-2], labels, reduction="none")).sum() / count
+            # Where a laser would aim is known of rendered targets only, and the middle itself has its own losses.
+            aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(device)[pick[:, 3]]
+            known = aims.isfinite().all(1)
+            middle = (predicted[:, :2] + predicted[:, 2:]).detach() / 2
+            miss = (middle + rows_raw[:, -2:] * self.cell - aims.nan_to_num()).abs().sum(-1) / scale
+            losses["aim"] = (weight * miss * known).sum() / count
+            losses["total"] = losses["heat"] + 1.5 * losses["box"] + losses["nwd"] + 0.3 * losses["class"] + losses["aim"]
         else:
             losses["total"] = losses["heat"] + 0 * raw[:, 1:].sum()
         return losses
@@ -187,7 +197,7 @@ class BoresightP2(nn.Module):
         y = torch.div(index, cols, rounding_mode="floor")
         boxes = self.boxes(rows_raw, (index - y * cols).to(raw.dtype), y.to(raw.dtype))
         scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
-        return boxes[order], scores, rows_raw[:, 5:].argmax(1)[order]
+        return boxes[order], scores, rows_raw[:, 5:-2].argmax(1)[order]
 
 
 # --- the baseline --------------------------------------------------------------------------------------------------

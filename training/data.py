@@ -5,6 +5,7 @@ Sample i of epoch e depends on (seed, e, i) and the folder alone, whoever draws 
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,6 +42,7 @@ class Frames:
         boxes: list[list[list[float]]] = [[] for _ in images]
         labels: list[list[int]] = [[] for _ in images]
         ignore: list[list[list[float]]] = [[] for _ in images]
+        aims: list[list[list[float]]] = [[] for _ in images]
         for a in coco["annotations"]:
             x, y, w, h = a["bbox"]
             k = rows[a["image_id"]]
@@ -49,8 +51,10 @@ class Frames:
             else:
                 boxes[k].append([x, y, x + w, y + h])
                 labels[k].append(index[a["category_id"]])
+                aims[k].append(a.get("aim", [math.nan, math.nan]))
         self.boxes = [np.array(b, np.float32).reshape(-1, 4) for b in boxes]
         self.ignore = [np.array(b, np.float32).reshape(-1, 4) for b in ignore]
+        self.aims = [np.array(b, np.float32).reshape(-1, 2) for b in aims]
         self.labels = [np.array(b, np.int64) for b in labels]
         self.targets = [(k, j) for k, b in enumerate(boxes) for j in range(len(b))]
         sizes = [h * w * c for h, w, c in self.shapes]
@@ -112,17 +116,22 @@ class Crops(Dataset):
         rng = np.random.default_rng([self.seed, epoch, i])
         if rng.random() < self.procedural:
             picture, boxes, labels, ignore = self.invent(rng)
+            aims = np.zeros((0, 2), np.float32)
         else:
-            picture, boxes, labels, ignore = self.cut(rng, epoch, i)
+            picture, boxes, labels, ignore, aims = self.cut(rng, epoch, i)
+        # Procedural UAVs come after the rendered ones; nobody says where to aim at them.
+        aims = np.concatenate([aims, np.full((len(boxes) - len(aims), 2), np.nan, np.float32)])
         augment.add_clutter(rng, picture, np.concatenate([boxes, ignore]))
         picture = augment.lens(rng, augment.exposure(rng, picture))
         picture = augment.camera(rng, picture)
         if rng.random() < 0.5:
             picture, boxes, ignore = np.ascontiguousarray(picture[:, ::-1]), augment.mirror(boxes, self.size), augment.mirror(ignore, self.size)
+            aims = aims * (-1, 1) + (self.size, 0)
         return torch.from_numpy(picture), {
             "boxes": torch.from_numpy(boxes.astype(np.float32)),
             "labels": torch.from_numpy(labels.astype(np.int64)),
             "ignore": torch.from_numpy(ignore.astype(np.float32)),
+            "aims": torch.from_numpy(aims.astype(np.float32)),
         }
 
     def invent(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -132,8 +141,11 @@ class Crops(Dataset):
         boxes, labels = augment.add_uavs(rng, picture, count, np.zeros((0, 4), np.float32), np.zeros(0, np.int64))
         return picture, boxes, labels, np.zeros((0, 4), np.float32)
 
-    def cut(self, rng: np.random.Generator, epoch: int, i: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """A crop of a rendered frame, resampled by 0.6 to 1.6: about a target, or away from all."""
+    def cut(self, rng: np.random.Generator, epoch: int, i: int) -> tuple[np.ndarray, ...]:
+        """A crop of a rendered frame, resampled by 0.6 to 1.6: about a target, or away from all.
+
+        Picture, boxes, labels, regions to ignore, and the aim points of the rendered ones, which come first.
+        """
         frames = self.frames
         negative = rng.random() < self.negatives
         if self.order[0] != epoch:
@@ -168,12 +180,13 @@ class Crops(Dataset):
             picture = cv2.resize(picture, (self.size, self.size), interpolation=method)
         factor = self.size / side
         move = lambda b: (b - np.array([x, y, x, y], np.float32)) * factor  # noqa: E731
-        boxes, labels, ignore = clip_boxes(move(boxes), labels, np.clip(move(ignore), 0, self.size), self.size)
+        boxes, kept, ignore = clip_boxes(move(boxes), np.arange(len(boxes)), np.clip(move(ignore), 0, self.size), self.size)
+        labels, aims = labels[kept], (frames.aims[k][kept] - (x, y)) * factor
         picture = picture.astype(np.float32)
         if rng.random() < 0.15:  # a procedural UAV before the rendered background
             boxes, labels = augment.add_uavs(rng, picture, 1, np.concatenate([boxes, ignore]), np.concatenate([labels, np.full(len(ignore), -1)]))
             boxes, labels = boxes[labels >= 0], labels[labels >= 0]
-        return picture, boxes, labels, ignore
+        return picture, boxes, labels, ignore, aims
 
 
 class Run(Sampler[int]):
