@@ -161,15 +161,17 @@ class Crops(Dataset):
         side = min(round(self.size / scale), h, w)
         source = frames.picture(k)
         if negative:
-            best = (-1.0, 0, 0)
-            # The busiest of three windows, half of the time: clutter teaches more than empty sky.
-            for _ in range(3 if rng.random() < 0.5 else 1):
+            # Six windows: one without a target; half of the time the busiest such, as clutter teaches more than sky.
+            hard, best = rng.random() < 0.5, (False, 0.0, 0, 0)
+            for _ in range(6):
                 x, y = int(rng.integers(0, w - side + 1)), int(rng.integers(0, h - side + 1))
+                clear = augment.overlap(np.array([x, y, x + side, y + side], float), boxes) == 0
                 view = source[y : y + side : 4, x : x + side : 4, 1].astype(np.float32)
-                busy = float(np.abs(np.diff(view, axis=0)).mean() + np.abs(np.diff(view, axis=1)).mean())
-                hit = augment.overlap(np.array([x, y, x + side, y + side], float), boxes) > 0
-                best = max(best, (busy - 1000 * hit, x, y))
-            _, x, y = best
+                busy = float(np.abs(np.diff(view, axis=0)).mean() + np.abs(np.diff(view, axis=1)).mean()) if hard else 0.0
+                best = max(best, (clear, busy, x, y))
+                if clear and not hard:
+                    break
+            _, _, x, y = best
         else:
             cx, cy = (boxes[j, :2] + boxes[j, 2:]) / 2
             x = int(np.clip(cx - rng.uniform(0.03, 0.97) * side, 0, w - side))

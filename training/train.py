@@ -113,6 +113,7 @@ def main() -> None:
     recipe = {k: getattr(args, k) for k in ("model", "steps", "batch", "seed", "lr", "decay", "warm_up", "ema", "clip", "procedural")}
     recipe["data"] = "none" if frames is None else frames.digest
     first, spent_s, last = 0, 0.0, args.out / "last.pt"
+    sums: dict[str, float] = {}  # of the losses since the last row of the log
     if args.resume and last.exists():
         state = torch.load(last, map_location="cpu", weights_only=True)
         if state["recipe"] != recipe:
@@ -121,7 +122,7 @@ def main() -> None:
         model.load_state_dict(state["model"])
         optimizer.load_state_dict(state["optimizer"])
         average = {k: v.to(args.device) for k, v in state["ema"].items()}
-        first, spent_s = state["step"], state["seconds"]
+        first, spent_s, sums = state["step"], state["seconds"], state["sums"]
         print(f"{last}: goes on from step {first}")
     elif last.exists():
         raise SystemExit(f"{last} exists: give --resume to go on, or another --out")
@@ -137,12 +138,11 @@ def main() -> None:
     begin = time.monotonic()
     log_path = args.out / "log.csv"
     log = rows_before(log_path, first)
-    sums: dict[str, float] = {}
     waited = 0.0
 
     def checkpoint(step: int) -> None:
         save(last, {
-            "model": model.state_dict(), "ema": average, "optimizer": optimizer.state_dict(), "step": step,
+            "model": model.state_dict(), "ema": average, "optimizer": optimizer.state_dict(), "step": step, "sums": sums,
             "seconds": spent_s + time.monotonic() - begin, "recipe": recipe, "classes": classes,
             "machine": f"{platform.machine()}, {args.threads} threads, {args.device}",
         })  # fmt: skip
@@ -186,7 +186,6 @@ def main() -> None:
             share = 100 * waited / (time.monotonic() - begin)
             parts = " ".join(f"{k} {float(row[k]):.3f}" for k in sums)
             print(f"step {step}: {parts}; {each_ms:.1f} ms a crop, {share:.0f} % waiting for pictures", flush=True)
-        if step % args.log_every == 0:
             sums = {}
         if step % args.save_every == 0 or step == args.steps or stop:
             checkpoint(step)
