@@ -1,0 +1,391 @@
+"""Plain convolutional detectors: `BoresightP2`, made for the speed of one CPU thread.
+
+Every model here keeps to the protocol of `models.py`: `loss(images, targets)`, `decode(images)`, `name`, `stride`,
+`min_side_px`, `fixed_size`.
+"""
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+DETECTIONS = 64  # rows that `decode` returns
+Target = dict[str, Tensor]
+
+
+def conv(c_in: int, c_out: int, kernel: int = 3, stride: int = 1, act: nn.Module | None = None) -> nn.Sequential:
+    """Convolution, batch normalisation (folded at export), activation (ReLU unless given)."""
+    return nn.Sequential(
+        nn.Conv2d(c_in, c_out, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(c_out, eps=1e-3, momentum=0.03),
+        nn.ReLU(inplace=True) if act is None else act,
+    )
+
+
+class Residual(nn.Module):
+    """Two 3x3 convolutions and a short cut."""
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.a, self.b = conv(channels, channels), conv(channels, channels, act=nn.Identity())
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(x + self.b(self.a(x)))
+
+
+def box_iou_terms(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    """IoU, and squared centre distance over the squared diagonal of the common hull (DIoU: Zheng et al. 2020),
+    of boxes x0, y0, x1, y1 row by row."""
+    low, high = torch.maximum(a[..., :2], b[..., :2]), torch.minimum(a[..., 2:], b[..., 2:])
+    inner = (high - low).clamp(min=0).prod(-1)
+    union = (a[..., 2:] - a[..., :2]).prod(-1) + (b[..., 2:] - b[..., :2]).prod(-1) - inner
+    hull = torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])
+    shift = (a[..., :2] + a[..., 2:] - b[..., :2] - b[..., 2:]) / 2
+    return inner / union.clamp(min=1e-6), shift.pow(2).sum(-1) / hull.pow(2).sum(-1).clamp(min=1e-6)
+
+
+def nwd(a: Tensor, b: Tensor, c_px: float | Tensor) -> Tensor:
+    """Normalised Wasserstein distance of boxes x0, y0, x1, y1 as Gaussians (Wang et al. 2021): 1 is identity."""
+    centre = (a[..., :2] + a[..., 2:] - b[..., :2] - b[..., 2:]) / 2
+    half = (a[..., 2:] - a[..., :2] - b[..., 2:] + b[..., :2]) / 2
+    return torch.exp(-(centre.pow(2).sum(-1) + half.pow(2).sum(-1) + 1e-6).sqrt() / c_px)
+
+
+def suppress(boxes: Tensor, scores: Tensor, overlap: float) -> Tensor:
+    """Scores with those of boxes that overlap a better one (IoU above `overlap`) set to 0; traceable, one pass."""
+    low, high = torch.maximum(boxes[:, None, :2], boxes[None, :, :2]), torch.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+    inner = (high - low).clamp(min=0).prod(-1)
+    area = (boxes[:, 2:] - boxes[:, :2]).prod(-1)
+    same = inner > overlap * (area[:, None] + area[None] - inner)
+    rank = torch.arange(boxes.shape[0], device=boxes.device)
+    beaten = (same & (rank[None] < rank[:, None])).to(scores.dtype).amax(1)
+    return scores * (1 - beaten)
+
+
+class BoresightP2(nn.Module):
+    """One head at 1/4 resolution: heat map of target centres, centre offset and log size, class.
+
+    Stem and one block at 1/4; cheap branches at 1/8, 1/16 and 1/32 give context (receptive field above 300 px) and
+    come back by upsampling and adding.
+    """
+
+    stride, min_side_px, fixed_size = 32, 64, None
+    cell = 4  # [px] of the head's grid
+
+    def __init__(self, name: str = "boresight-p2", num_classes: int = 3, width: int = 32):
+        super().__init__()
+        self.name, self.num_classes = name, num_classes
+        w, d = width, 2 * width
+        self.stem = nn.Sequential(conv(3, w // 2, 3, 2), conv(w // 2, w, 3, 2), Residual(w))
+        self.down3 = nn.Sequential(conv(w, d, 3, 2), Residual(d))
+        self.down4 = nn.Sequential(conv(d, d, 3, 2), Residual(d))
+        self.down5 = nn.Sequential(conv(d, d, 3, 2), Residual(d))
+        self.lateral4, self.fuse4 = conv(d, d, 1, act=nn.Identity()), conv(d, d)
+        self.lateral3, self.fuse3 = conv(d, d, 1, act=nn.Identity()), conv(d, d)
+        self.lateral2, self.fuse2 = conv(d, w, 1, act=nn.Identity()), conv(w, w)
+        self.head = conv(w, d)
+        self.out = nn.Conv2d(d, 1 + 4 + num_classes, 1)
+        self.aim = nn.Conv2d(d, 2, 1)
+        nn.init.normal_(self.out.weight, std=0.01)
+        nn.init.zeros_(self.aim.weight)
+        with torch.no_grad():
+            self.out.bias.zero_()
+            self.out.bias[0] = -4.6  # prior of 1 % for a cell to hold a centre
+            self.out.bias[3:5] = math.log(12.0 / self.cell)  # log of the size in cells
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Raw maps [B, 1 + 4 + classes + 2, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
+        classes, aim point from the box's middle x, y [cells]."""
+        p2 = self.stem(images - 0.5)
+        p3 = self.down3(p2)
+        p4 = self.down4(p3)
+        p5 = self.down5(p4)
+        p4 = self.fuse4(F.relu(p4 + self.up(self.lateral4(p5))))
+        p3 = self.fuse3(F.relu(p3 + self.up(self.lateral3(p4))))
+        p2 = self.fuse2(F.relu(p2 + self.up(self.lateral2(p3))))
+        seen = self.head(p2)
+        return torch.cat([self.out(seen), self.aim(seen)], 1)
+
+    @staticmethod
+    def up(x: Tensor) -> Tensor:
+        return F.interpolate(x, scale_factor=2.0, mode="nearest")
+
+    def boxes(self, raw: Tensor, x: Tensor, y: Tensor) -> Tensor:
+        """Boxes [n,4] in pixels of raw rows [n, >=5] at cells (x, y)."""
+        centre = torch.stack([x + 0.5, y + 0.5], -1) + raw[:, 1:3]
+        half = raw[:, 3:5].clamp(-3.0, 4.5).exp() / 2
+        return torch.cat([centre - half, centre + half], -1) * self.cell
+
+    def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
+        """Penalty-reduced focal loss of the heat map (CenterNet: Zhou et al. 2019), DIoU + NWD of the boxes at the
+        cells about each centre, cross entropy of the classes."""
+        raw = self(images).float()
+        batch, _, rows, cols = raw.shape
+        device = raw.device
+        heat = torch.zeros(batch, rows, cols)
+        care = torch.ones(batch, rows, cols)
+        picks: list[Tensor] = []  # image, y, x, target index
+        weights: list[Tensor] = []
+        all_boxes, all_labels, offset = [], [], 0
+        for b, target in enumerate(targets):
+            for box in target.get("ignore", torch.zeros(0, 4)).tolist():
+                x0, y0 = (max(0, math.floor(v / self.cell) - 1) for v in box[:2])
+                x1, y1 = (math.ceil(v / self.cell) + 1 for v in box[2:])
+                care[b, y0:y1, x0:x1] = 0
+            for box, label in zip(target["boxes"].tolist(), target["labels"].tolist()):
+                cx, cy = (box[0] + box[2]) / 2 / self.cell, (box[1] + box[3]) / 2 / self.cell
+                ix, iy = min(max(int(cx), 0), cols - 1), min(max(int(cy), 0), rows - 1)
+                size = math.sqrt(max(box[2] - box[0], 1) * max(box[3] - box[1], 1)) / self.cell
+                sigma = max(0.6, 0.16 * size)
+                reach = math.ceil(3 * sigma)
+                x0, x1, y0, y1 = max(0, ix - reach), min(cols, ix + reach + 1), max(0, iy - reach), min(rows, iy + reach + 1)
+                xs, ys = torch.arange(x0, x1), torch.arange(y0, y1)
+                bump = torch.exp(-((xs + 0.5 - cx) ** 2 + (ys[:, None] + 0.5 - cy) ** 2) / (2 * sigma**2))
+                patch = heat[b, y0:y1, x0:x1]
+                torch.maximum(patch, bump, out=patch)
+                heat[b, iy, ix] = 1
+                care[b, iy, ix] = 1
+                near = ((xs - ix).abs() <= 1)[None] & ((ys - iy).abs() <= 1)[:, None] & (bump > 0.2)
+                near[iy - y0, ix - x0] = True
+                yy, xx = near.nonzero(as_tuple=True)
+                w = bump[yy, xx].clamp(min=0.2)
+                picks.append(torch.stack([torch.full_like(yy, b), yy + y0, xx + x0, torch.full_like(yy, offset)], 1))
+                weights.append(w / w.sum())
+                all_boxes.append(box)
+                all_labels.append(label)
+                offset += 1
+        heat, care = heat.to(device), care.to(device)
+        logit = raw[:, 0]
+        p = logit.sigmoid()
+        positive = heat == 1
+        loss_pos = -((1 - p) ** 2 * F.logsigmoid(logit))[positive].sum()
+        loss_neg = -((1 - heat) ** 4 * p**2 * F.logsigmoid(-logit) * care * ~positive).sum()
+        count = max(offset, 1)
+        # Per batch, not per image: pictures without a target still teach.
+        losses = {"heat": (loss_pos + loss_neg) / max(count, batch / 4)}
+        if offset:
+            pick, weight = torch.cat(picks).to(device), torch.cat(weights).to(device)
+            truth = torch.tensor(all_boxes, device=device)[pick[:, 3]]
+            rows_raw = raw[pick[:, 0], :, pick[:, 1], pick[:, 2]]
+            predicted = self.boxes(rows_raw, pick[:, 2].float(), pick[:, 1].float())
+            iou, apart = box_iou_terms(predicted, truth)
+            scale = (truth[:, 2:] - truth[:, :2]).prod(-1).clamp(min=9).sqrt()
+            losses["box"] = (weight * (1 - iou + apart)).sum() / count
+            losses["nwd"] = (weight * (1 - nwd(predicted, truth, 0.5 * scale))).sum() / count
+            labels = torch.tensor(all_labels, device=device)[pick[:, 3]]
+            losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:-2], labels, reduction="none")).sum() / count
+            # Where a laser would aim is known of rendered targets only, and the middle itself has its own losses.
+            aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(device)[pick[:, 3]]
+            known = aims.isfinite().all(1)
+            middle = (predicted[:, :2] + predicted[:, 2:]).detach() / 2
+            miss = (middle + rows_raw[:, -2:] * self.cell - aims.nan_to_num()).abs().sum(-1) / scale
+            losses["aim"] = (weight * miss * known).sum() / count
+            losses["total"] = losses["heat"] + 1.5 * losses["box"] + losses["nwd"] + 0.3 * losses["class"] + losses["aim"]
+        else:
+            losses["total"] = losses["heat"] + 0 * raw[:, 1:].sum()
+        return losses
+
+    def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes [N,4] px, scores [N] falling, labels int64 [N] of one picture: peaks of the heat map, best first."""
+        raw = self(images)
+        cols = raw.shape[3]
+        p = raw[:, :1].sigmoid()
+        peak = p * (p == F.max_pool2d(p, 3, 1, 1)).to(p.dtype)
+        scores, index = peak.reshape(-1).topk(DETECTIONS)
+        rows_raw = raw[0].flatten(1).index_select(1, index).transpose(0, 1)
+        y = torch.div(index, cols, rounding_mode="floor")
+        boxes = self.boxes(rows_raw, (index - y * cols).to(raw.dtype), y.to(raw.dtype))
+        scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
+        return boxes[order], scores, rows_raw[:, 5:-2].argmax(1)[order]
+
+
+# --- the baseline --------------------------------------------------------------------------------------------------
+
+
+class Bottleneck(nn.Module):
+    """Two 3x3 convolutions, with a short cut where asked."""
+
+    def __init__(self, channels: int, short_cut: bool):
+        super().__init__()
+        self.a, self.b, self.short_cut = silu(channels, channels), silu(channels, channels), short_cut
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = self.b(self.a(x))
+        return x + y if self.short_cut else y
+
+
+class Elan(nn.Module):
+    """Cross-stage partial block whose every bottleneck is aggregated (CSPNet: Wang et al. 2020; ELAN: 2022)."""
+
+    def __init__(self, c_in: int, c_out: int, depth: int, short_cut: bool = True):
+        super().__init__()
+        half = c_out // 2
+        self.enter, self.leave = silu(c_in, 2 * half, 1), silu((2 + depth) * half, c_out, 1)
+        self.blocks = nn.ModuleList(Bottleneck(half, short_cut) for _ in range(depth))
+
+    def forward(self, x: Tensor) -> Tensor:
+        parts = list(self.enter(x).chunk(2, 1))
+        for block in self.blocks:
+            parts.append(block(parts[-1]))
+        return self.leave(torch.cat(parts, 1))
+
+
+class PyramidPool(nn.Module):
+    """Spatial pyramid pooling by three 5x5 maxima in a row (He et al. 2015)."""
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.enter, self.leave = silu(channels, channels // 2, 1), silu(2 * channels, channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        parts = [self.enter(x)]
+        for _ in range(3):
+            parts.append(F.max_pool2d(parts[-1], 5, 1, 2))
+        return self.leave(torch.cat(parts, 1))
+
+
+def silu(c_in: int, c_out: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    return conv(c_in, c_out, kernel, stride, nn.SiLU(inplace=True))
+
+
+class YoloN(nn.Module):
+    """A YOLO-n-class baseline written from the papers: cross-stage partial backbone, path aggregation (PANet: Liu et
+    al. 2018), anchor-free decoupled heads at 1/8, 1/16 and 1/32, box sides as distributions (GFL: Li et al. 2020),
+    task-aligned assignment (TOOD: Feng et al. 2021), loss weights of PP-YOLOE (Xu et al. 2022)."""
+
+    stride, min_side_px, fixed_size = 32, 64, None
+    cells = (8, 16, 32)  # [px]
+    bins = 16  # of a side's distribution [cells]
+    candidates = 128  # that enter suppression in `decode`
+
+    def __init__(self, name: str = "yolo-n", num_classes: int = 3):
+        super().__init__()
+        self.name, self.num_classes = name, num_classes
+        w = (16, 32, 64, 128, 256)
+        self.p2 = nn.Sequential(silu(3, w[0], 3, 2), silu(w[0], w[1], 3, 2), Elan(w[1], w[1], 1))
+        self.p3 = nn.Sequential(silu(w[1], w[2], 3, 2), Elan(w[2], w[2], 2))
+        self.p4 = nn.Sequential(silu(w[2], w[3], 3, 2), Elan(w[3], w[3], 2))
+        self.p5 = nn.Sequential(silu(w[3], w[4], 3, 2), Elan(w[4], w[4], 1), PyramidPool(w[4]))
+        self.up4, self.up3 = Elan(w[4] + w[3], w[3], 1, False), Elan(w[3] + w[2], w[2], 1, False)
+        self.to4, self.down4 = silu(w[2], w[2], 3, 2), Elan(w[2] + w[3], w[3], 1, False)
+        self.to5, self.down5 = silu(w[3], w[3], 3, 2), Elan(w[3] + w[4], w[4], 1, False)
+        self.sides, self.kinds = nn.ModuleList(), nn.ModuleList()
+        for k, channels in enumerate(w[2:]):
+            sides = nn.Conv2d(64, 4 * self.bins, 1)
+            kinds = nn.Conv2d(64, num_classes, 1)
+            with torch.no_grad():
+                # Short sides first: a flat distribution would start with boxes of 15 cells, far from any target.
+                sides.bias.copy_(-0.7 * torch.arange(self.bins).float().repeat(4))
+                kinds.bias.fill_(math.log(5 / num_classes / (640 / self.cells[k]) ** 2))
+            self.sides.append(nn.Sequential(silu(channels, 64), silu(64, 64), sides))
+            self.kinds.append(nn.Sequential(silu(channels, 64, 1), depthwise(64), silu(64, 64, 1), depthwise(64), kinds))
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Side logits [B,A,4,bins], class logits [B,A,classes], cell centres and pitch [A,3] px."""
+        p3 = self.p3(self.p2(images))
+        p4 = self.p4(p3)
+        p5 = self.p5(p4)
+        n4 = self.up4(torch.cat([F.interpolate(p5, scale_factor=2.0), p4], 1))
+        n3 = self.up3(torch.cat([F.interpolate(n4, scale_factor=2.0), p3], 1))
+        n4 = self.down4(torch.cat([self.to4(n3), n4], 1))
+        n5 = self.down5(torch.cat([self.to5(n4), p5], 1))
+        sides, kinds, grid = [], [], []
+        for x, side, kind, cell in zip((n3, n4, n5), self.sides, self.kinds, self.cells):
+            sides.append(side(x).flatten(2).transpose(1, 2))
+            kinds.append(kind(x).flatten(2).transpose(1, 2))
+            rows, cols = x.shape[2], x.shape[3]
+            index = torch.arange(rows * cols, device=x.device)
+            row = torch.div(index, cols, rounding_mode="floor")
+            col = index - row * cols
+            grid.append(torch.stack([(col + 0.5) * cell, (row + 0.5) * cell, torch.full_like(col, cell).float()], 1))
+        side = torch.cat(sides, 1)
+        return side.reshape(side.shape[0], -1, 4, self.bins), torch.cat(kinds, 1), torch.cat(grid)
+
+    def boxes(self, sides: Tensor, grid: Tensor) -> Tensor:
+        """Boxes [...,A,4] in pixels: mean of each side's distribution about the cell's middle."""
+        reach = sides.softmax(-1) @ torch.arange(self.bins, dtype=sides.dtype, device=sides.device)
+        reach = reach * grid[:, 2:]
+        return torch.cat([grid[:, :2] - reach[..., :2], grid[:, :2] + reach[..., 2:]], -1)
+
+    @torch.no_grad()
+    def assign(self, predicted: Tensor, prob: Tensor, grid: Tensor, truth: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+        """Index of the target of each cell, -1 for none, and its wanted score, for one picture."""
+        # A target smaller than a cell would hold no cell's middle: each is taken to be a cell wide at least.
+        middle, half = (truth[:, :2] + truth[:, 2:]) / 2, (truth[:, 2:] - truth[:, :2]) / 2
+        half = torch.maximum(half[:, None], grid[None, :, 2:] / 2)
+        inside = ((grid[None, :, :2] - middle[:, None]).abs() <= half).all(-1)
+        iou, _ = box_iou_terms(predicted[None].expand(len(truth), -1, -1), truth[:, None].expand(-1, len(grid), -1))
+        score = prob[:, labels].T
+        metric = score * iou.pow(6) + 1e-12  # alpha 1, beta 6 (TOOD)
+        metric = metric * inside
+        chosen = torch.zeros_like(inside)
+        chosen.scatter_(1, metric.topk(min(13, metric.shape[1]), 1).indices, True)
+        chosen &= inside
+        rank = torch.where(chosen, iou + 1e-3, torch.zeros_like(iou))  # a cell of several targets: the best fit
+        best, owner = rank.max(0)
+        owner = torch.where(best > 0, owner, torch.full_like(owner, -1))
+        own = chosen & (owner[None] == torch.arange(len(truth), device=truth.device)[:, None])
+        metric, fit = metric * own, (iou * own).amax(1, keepdim=True)
+        wanted = metric / metric.amax(1, keepdim=True).clamp(min=1e-12) * fit.clamp(min=0.1)
+        return owner, wanted.amax(0)
+
+    def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
+        """Binary cross entropy towards the aligned scores; CIoU and distribution focal loss of the assigned cells."""
+        sides, kinds, grid = self(images)
+        sides, kinds = sides.float(), kinds.float()
+        boxes, prob = self.boxes(sides, grid), kinds.sigmoid()
+        wanted = torch.zeros_like(kinds)
+        care = torch.ones_like(kinds[..., :1])
+        taken: list[tuple[Tensor, ...]] = []
+        for b, target in enumerate(targets):
+            ignore = target.get("ignore", torch.zeros(0, 4)).to(grid.device)
+            if len(ignore):
+                inside = ((grid[None, :, :2] > ignore[:, None, :2] - 4) & (grid[None, :, :2] < ignore[:, None, 2:] + 4)).all(-1)
+                care[b, inside.any(0)] = 0
+            truth, labels = target["boxes"].to(grid.device), target["labels"].to(grid.device)
+            if not len(truth):
+                continue
+            owner, score = self.assign(boxes[b].detach(), prob[b].detach(), grid, truth, labels)
+            cell = (owner >= 0).nonzero()[:, 0]
+            wanted[b, cell, labels[owner[cell]]] = score[cell]
+            care[b, cell] = 1
+            taken.append((sides[b, cell], boxes[b, cell], grid[cell], truth[owner[cell]], score[cell]))
+        total = wanted.sum().clamp(min=1)
+        losses = {"class": (F.binary_cross_entropy_with_logits(kinds, wanted, reduction="none") * care).sum() / total}
+        if taken:
+            side, box, at, truth, score = (torch.cat(x) for x in zip(*taken))
+            iou, apart = box_iou_terms(box, truth)
+            a, b = box[:, 2:] - box[:, :2], truth[:, 2:] - truth[:, :2]
+            shape = (torch.atan2(b[:, 0], b[:, 1]) - torch.atan2(a[:, 0], a[:, 1].clamp(min=1e-6))).pow(2) * 4 / math.pi**2
+            weight = (shape / (1 - iou + shape + 1e-6)).detach()
+            losses["box"] = ((1 - iou + apart + weight * shape) * score).sum() / total  # CIoU: Zheng et al. 2020
+            reach = torch.cat([at[:, :2] - truth[:, :2], truth[:, 2:] - at[:, :2]], 1) / at[:, 2:]
+            reach = reach.clamp(0, self.bins - 1.01)
+            low = reach.long()
+            up = reach - low
+            log = side.log_softmax(-1)
+            dfl = -(log.gather(-1, low[..., None])[..., 0] * (1 - up) + log.gather(-1, low[..., None] + 1)[..., 0] * up)
+            losses["distribution"] = (dfl.mean(-1) * score).sum() / total
+            losses["total"] = losses["class"] + 2.5 * losses["box"] + 0.5 * losses["distribution"]
+        else:
+            losses["total"] = losses["class"] + 0 * sides.sum()
+        return losses
+
+    def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes [N,4] px, scores [N] falling, labels int64 [N] of one picture, overlapping ones suppressed."""
+        sides, kinds, grid = self(images)
+        prob = kinds[0].sigmoid()
+        scores, index = (1 - (1 - prob).prod(-1)).topk(self.candidates)  # any class
+        boxes = self.boxes(sides[0].index_select(0, index), grid.index_select(0, index))
+        scores, order = suppress(boxes, scores, 0.5).topk(DETECTIONS)
+        return boxes[order], scores, kinds[0].index_select(0, index).argmax(1)[order]
+
+
+def depthwise(channels: int) -> nn.Sequential:
+    """A 3x3 convolution of each channel by itself."""
+    return nn.Sequential(
+        nn.Conv2d(channels, channels, 3, 1, 1, groups=channels, bias=False),
+        nn.BatchNorm2d(channels, eps=1e-3, momentum=0.03),
+        nn.SiLU(inplace=True),
+    )

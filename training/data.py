@@ -1,0 +1,221 @@
+"""Training samples: random crops of a rendered COCO folder, and procedural pictures.
+
+Sample i of epoch e depends on (seed, e, i) and the folder alone, whoever draws it and in which order.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+import augment
+
+CROP = 256  # [px]
+KEPT = 0.6  # least part of a box inside the crop for it to count; a lesser rest is neither target nor background
+LEAST_PX = 2.5  # resampling shrinks no target below this long side
+
+
+class Frames:
+    """A split of a COCO folder: pictures as raw bytes in one memory-mapped file beside it, made at first use.
+
+    Decoding costs more than all augmentation, and 8,000 frames in RAM are 7 GB; the page cache keeps what fits.
+    """
+
+    def __init__(self, folder: Path):
+        source = folder / "annotations.json"
+        if not source.is_file():
+            raise FileNotFoundError(f"{source}: no such file; `boresight dataset` makes it, or give --data none")
+        text = source.read_bytes()
+        coco = json.loads(text)
+        self.names = [c["name"] for c in sorted(coco["categories"], key=lambda c: c["id"])]
+        index = {c["id"]: k for k, c in enumerate(sorted(coco["categories"], key=lambda c: c["id"]))}
+        images = sorted(coco["images"], key=lambda i: i["id"])
+        rows = {image["id"]: k for k, image in enumerate(images)}
+        self.files = [folder / "images" / i["file_name"] if (folder / "images" / i["file_name"]).exists() else folder / i["file_name"] for i in images]
+        self.shapes = [(i["height"], i["width"], 3) for i in images]
+        boxes: list[list[list[float]]] = [[] for _ in images]
+        labels: list[list[int]] = [[] for _ in images]
+        ignore: list[list[list[float]]] = [[] for _ in images]
+        aims: list[list[list[float]]] = [[] for _ in images]
+        for a in coco["annotations"]:
+            x, y, w, h = a["bbox"]
+            k = rows[a["image_id"]]
+            if a.get("iscrowd") or a.get("ignore") or a.get("tight") is False:
+                ignore[k].append([x, y, x + w, y + h])
+            else:
+                boxes[k].append([x, y, x + w, y + h])
+                labels[k].append(index[a["category_id"]])
+                aims[k].append(a.get("aim", [math.nan, math.nan]))
+        self.boxes = [np.array(b, np.float32).reshape(-1, 4) for b in boxes]
+        self.ignore = [np.array(b, np.float32).reshape(-1, 4) for b in ignore]
+        self.aims = [np.array(b, np.float32).reshape(-1, 2) for b in aims]
+        self.labels = [np.array(b, np.int64) for b in labels]
+        self.targets = [(k, j) for k, b in enumerate(boxes) for j in range(len(b))]
+        sizes = [h * w * c for h, w, c in self.shapes]
+        self.starts = np.concatenate([[0], np.cumsum(sizes)])
+        self.digest = hashlib.sha256(text).hexdigest()
+        self.pixels = self.cache(folder / "pixels.cache")
+        self.empty = [k for k, b in enumerate(boxes) if not b and not ignore[k]]
+
+    def cache(self, path: Path) -> np.ndarray:
+        """The memory-mapped pixels, decoded anew where they belong to other annotations."""
+        stamp = path.with_suffix(".json")
+        if not (path.exists() and stamp.exists() and json.loads(stamp.read_text()).get("annotations") == self.digest):
+            stamp.unlink(missing_ok=True)
+            with path.open("wb") as out:
+                for k, (file, shape) in enumerate(zip(self.files, self.shapes)):
+                    picture = cv2.imread(str(file), cv2.IMREAD_COLOR)
+                    if picture is None or picture.shape != shape:
+                        raise ValueError(f"{file}: not a picture of {shape[1]} x {shape[0]}, as annotations.json says")
+                    out.write(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).tobytes())
+                    if k % 1000 == 999:
+                        print(f"decoded {k + 1} of {len(self.files)} pictures", flush=True)
+            stamp.write_text(json.dumps({"annotations": self.digest}))
+        return np.memmap(path, np.uint8, "r", shape=(int(self.starts[-1]),))
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def picture(self, k: int) -> np.ndarray:
+        """Picture k, uint8 [H,W,3] RGB, a view of the file."""
+        return self.pixels[self.starts[k] : self.starts[k + 1]].reshape(self.shapes[k])
+
+
+def clip_boxes(boxes: np.ndarray, labels: np.ndarray, ignore: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Boxes clipped to a crop; those with less than `KEPT` inside, or under 2 px, become regions to ignore."""
+    if not len(boxes):
+        return boxes, labels, ignore
+    seen = np.clip(boxes, 0, size)
+    side = seen[:, 2:] - seen[:, :2]
+    area = side.prod(1)
+    good = (area >= KEPT * (boxes[:, 2:] - boxes[:, :2]).prod(1)) & (side.max(1) >= 2) & (side.min(1) >= 1)
+    rest = seen[~good & (area > 0)]
+    return seen[good], labels[good], np.concatenate([ignore, rest]).astype(np.float32)
+
+
+class Crops(Dataset):
+    """Samples by global number n: epoch n // length, sample n % length."""
+
+    def __init__(self, frames: Frames | None, seed: int, procedural: float = 0.15, negatives: float = 0.27, size: int = CROP):
+        self.frames, self.seed, self.negatives, self.size = frames, seed, negatives, size
+        self.procedural = procedural if frames is not None and frames.targets else 1.0
+        self.length = len(frames.targets) if frames is not None and frames.targets else 10_000
+        self.order: tuple[int, np.ndarray] = (-1, np.zeros(0, np.int64))
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __getitem__(self, n: int) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
+        epoch, i = divmod(n, self.length)
+        rng = np.random.default_rng([self.seed, epoch, i])
+        if rng.random() < self.procedural:
+            picture, boxes, labels, ignore = self.invent(rng)
+            aims = np.zeros((0, 2), np.float32)
+        else:
+            picture, boxes, labels, ignore, aims = self.cut(rng, epoch, i)
+        # Procedural UAVs come after the rendered ones; nobody says where to aim at them.
+        aims = np.concatenate([aims, np.full((len(boxes) - len(aims), 2), np.nan, np.float32)])
+        augment.add_clutter(rng, picture, np.concatenate([boxes, ignore]))
+        picture = augment.lens(rng, augment.exposure(rng, picture))
+        picture = augment.camera(rng, picture)
+        if rng.random() < 0.5:
+            picture, boxes, ignore = np.ascontiguousarray(picture[:, ::-1]), augment.mirror(boxes, self.size), augment.mirror(ignore, self.size)
+            aims = aims * (-1, 1) + (self.size, 0)
+        return torch.from_numpy(picture), {
+            "boxes": torch.from_numpy(boxes.astype(np.float32)),
+            "labels": torch.from_numpy(labels.astype(np.int64)),
+            "ignore": torch.from_numpy(ignore.astype(np.float32)),
+            "aims": torch.from_numpy(aims.astype(np.float32)),
+        }
+
+    def invent(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A procedural picture with UAVs, or with none."""
+        picture = augment.background(rng, self.size)
+        count = 0 if rng.random() < self.negatives else int(rng.choice([1, 2, 3], p=[0.7, 0.2, 0.1]))
+        boxes, labels = augment.add_uavs(rng, picture, count, np.zeros((0, 4), np.float32), np.zeros(0, np.int64))
+        return picture, boxes, labels, np.zeros((0, 4), np.float32)
+
+    def cut(self, rng: np.random.Generator, epoch: int, i: int) -> tuple[np.ndarray, ...]:
+        """A crop of a rendered frame, resampled by 0.6 to 1.6: about a target, or away from all.
+
+        Picture, boxes, labels, regions to ignore, and the aim points of the rendered ones, which come first.
+        """
+        frames = self.frames
+        negative = rng.random() < self.negatives
+        if self.order[0] != epoch:
+            self.order = (epoch, np.random.default_rng([self.seed, epoch]).permutation(self.length))
+        k, j = frames.targets[self.order[1][i]]
+        if negative and frames.empty and rng.random() < 0.5:
+            k = frames.empty[rng.integers(len(frames.empty))]
+        h, w, _ = frames.shapes[k]
+        boxes, labels, ignore = frames.boxes[k], frames.labels[k], frames.ignore[k]
+        scale = float(np.exp(rng.uniform(np.log(0.6), np.log(1.6))))
+        if not negative:
+            scale = max(scale, min(1.0, LEAST_PX / float((boxes[j, 2:] - boxes[j, :2]).max())))
+        side = min(round(self.size / scale), h, w)
+        source = frames.picture(k)
+        if negative:
+            # Six windows: one without a target; half of the time the busiest such, as clutter teaches more than sky.
+            hard, best = rng.random() < 0.5, (False, 0.0, 0, 0)
+            for _ in range(6):
+                x, y = int(rng.integers(0, w - side + 1)), int(rng.integers(0, h - side + 1))
+                clear = augment.overlap(np.array([x, y, x + side, y + side], float), boxes) == 0
+                view = source[y : y + side : 4, x : x + side : 4, 1].astype(np.float32)
+                busy = float(np.abs(np.diff(view, axis=0)).mean() + np.abs(np.diff(view, axis=1)).mean()) if hard else 0.0
+                best = max(best, (clear, busy, x, y))
+                if clear and not hard:
+                    break
+            _, _, x, y = best
+        else:
+            cx, cy = (boxes[j, :2] + boxes[j, 2:]) / 2
+            x = int(np.clip(cx - rng.uniform(0.03, 0.97) * side, 0, w - side))
+            y = int(np.clip(cy - rng.uniform(0.03, 0.97) * side, 0, h - side))
+        picture = source[y : y + side, x : x + side]
+        if side != self.size:
+            method = cv2.INTER_AREA if side > self.size else [cv2.INTER_LINEAR, cv2.INTER_CUBIC][rng.integers(2)]
+            picture = cv2.resize(picture, (self.size, self.size), interpolation=method)
+        factor = self.size / side
+        move = lambda b: (b - np.array([x, y, x, y], np.float32)) * factor  # noqa: E731
+        boxes, kept, ignore = clip_boxes(move(boxes), np.arange(len(boxes)), np.clip(move(ignore), 0, self.size), self.size)
+        labels, aims = labels[kept], (frames.aims[k][kept] - (x, y)) * factor
+        picture = picture.astype(np.float32)
+        if rng.random() < 0.15:  # a procedural UAV before the rendered background
+            boxes, labels = augment.add_uavs(rng, picture, 1, np.concatenate([boxes, ignore]), np.concatenate([labels, np.full(len(ignore), -1)]))
+            boxes, labels = boxes[labels >= 0], labels[labels >= 0]
+        return picture, boxes, labels, ignore, aims
+
+
+class Run(Sampler[int]):
+    """Sample numbers first..last of a training run, so that a resumed run goes on where it stopped."""
+
+    def __init__(self, first: int, last: int):
+        self.first, self.last = first, last
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(self.first, self.last))
+
+    def __len__(self) -> int:
+        return self.last - self.first
+
+
+def collate(samples: list[tuple[torch.Tensor, dict]]) -> tuple[torch.Tensor, list[dict]]:
+    """Pictures uint8 [B,H,W,3] and their targets."""
+    return torch.stack([s[0] for s in samples]), [s[1] for s in samples]
+
+
+def worker_init(_: int) -> None:
+    torch.set_num_threads(1)
+
+
+def loader(crops: Crops, batch: int, first_step: int, last_step: int, workers: int) -> DataLoader:
+    """Batches of steps first..last."""
+    return DataLoader(
+        crops, batch, sampler=Run(first_step * batch, last_step * batch), num_workers=workers, collate_fn=collate,
+        worker_init_fn=worker_init, prefetch_factor=4 if workers else None,
+    )  # fmt: skip

@@ -1,0 +1,158 @@
+#!/usr/bin/env python3
+"""Writes a checkpoint of `train.py` as ONNX of model interface 1, and compares it with PyTorch."""
+
+import argparse
+import io
+import json
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import torch
+
+import models
+from data import Crops
+from preprocess import native
+
+OUTPUTS = ("boxes", "scores", "labels")
+SHAPES = ((480, 640), (256, 256), (512, 640), (97, 161))  # compared, (height, width)
+BOX_PX, SCORE = 0.05, 1e-3  # allowed between PyTorch and ONNX Runtime
+FAINT = 0.02  # detections below are not compared, but for the best five
+
+
+class Decoder(torch.nn.Module):
+    """`decode` as `forward`, which is what the exporter traces."""
+
+    def __init__(self, model: torch.nn.Module):
+        super().__init__()
+        self.model = model
+
+    def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        boxes, scores, labels = self.model.decode(image)
+        return boxes, scores, labels.to(torch.int64)
+
+
+def load(path: Path) -> tuple[torch.nn.Module, dict]:
+    """The averaged weights of a checkpoint, ready to infer, and the checkpoint."""
+    state = torch.load(path, map_location="cpu", weights_only=True)
+    model = models.build(state["recipe"]["model"], len(state["classes"]))
+    model.load_state_dict(state["ema"])
+    return model.eval(), state
+
+
+def to_onnx(model: torch.nn.Module, classes: list[str], threshold: float, description: str, training: dict) -> bytes:
+    """The model as ONNX, opset 17, batch normalisation folded, with the interface's metadata."""
+    height, width = model.fixed_size or (8 * model.stride, 10 * model.stride)
+    example = torch.zeros(1, 3, height, width)
+    with torch.no_grad():
+        count = model.decode(example)[1].shape[0]
+    dynamic = None if model.fixed_size else {"image": {2: "height", 3: "width"}}
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            Decoder(model).eval(), (example,), buffer, opset_version=17, dynamo=False, do_constant_folding=True,
+            input_names=["image"], output_names=list(OUTPUTS), dynamic_axes=dynamic,
+        )  # fmt: skip
+    graph = onnx.load_from_string(buffer.getvalue())
+    for node in graph.graph.node:  # where in the source a node came from is nobody's business
+        node.doc_string = ""
+    del graph.graph.value_info[:]
+    for value, shape in zip(graph.graph.output, ([count, 4], [count], [count])):
+        dims = value.type.tensor_type.shape
+        del dims.dim[:]
+        for side in shape:
+            dims.dim.add().dim_value = side
+    left = [n.name for n in graph.graph.node if n.op_type == "BatchNormalization"]
+    if left and not model.fixed_size:
+        raise RuntimeError(f"batch normalisation not folded: {', '.join(left)}")
+    graph.ir_version, graph.producer_name, graph.producer_version = 8, "boresight", ""
+    onnx.helper.set_model_props(
+        graph,
+        {
+            "boresight.interface": "1",
+            "classes": json.dumps(classes),
+            "preprocess": "native",
+            "stride": str(model.stride),
+            "min_side_px": str(model.min_side_px),
+            "score_threshold": f"{threshold:g}",
+            "description": description,
+            "training": json.dumps(training),
+        },
+    )
+    onnx.checker.check_model(graph, full_check=True)
+    return graph.SerializeToString(deterministic=True)
+
+
+def session(model: bytes, threads: int = 1) -> ort.InferenceSession:
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    return ort.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+
+
+def unmatched(one: list[np.ndarray], other: list[np.ndarray]) -> list[str]:
+    """Detections of `one` without a partner in `other`: the same box, score and label, in whatever order."""
+    free, missing = list(range(len(other[1]))), []
+    for k, (box, score, label) in enumerate(zip(*one)):
+        if score < FAINT and k >= 5:
+            continue
+        near = [
+            j for j in free
+            if abs(other[1][j] - score) < SCORE and other[2][j] == label and np.abs(other[0][j] - box).max() < BOX_PX
+        ]  # fmt: skip
+        if near:
+            free.remove(near[0])
+        else:
+            missing.append(f"box {np.round(box, 2).tolist()}, score {score:.4f}, label {label}")
+    return missing
+
+
+def compare(model: torch.nn.Module, graph: bytes, pictures: int = 3) -> int:
+    """Runs both on procedural pictures of several sizes; how many detections agreed, `RuntimeError` if one did not."""
+    runtime, agreed = session(graph), 0
+    shapes = [s for s in SHAPES if not model.fixed_size or (s[0] <= model.fixed_size[0] and s[1] <= model.fixed_size[1])]
+    for k in range(pictures):
+        crops = Crops(None, 1234 + k, negatives=0.0)
+        for high, wide in shapes:
+            tiles = [crops[n][0].numpy() for n in range(6)]
+            rgb = np.concatenate([np.concatenate(tiles[:3], 1), np.concatenate(tiles[3:], 1)])[:high, :wide]
+            image = native(rgb, model.stride, model.min_side_px, model.fixed_size)
+            with torch.no_grad():
+                ours = [x.numpy() for x in Decoder(model)(torch.from_numpy(image))]
+            theirs = runtime.run(list(OUTPUTS), {"image": image})
+            if not all(np.isfinite(x).all() for x in theirs) or (np.diff(theirs[1]) > 0).any():
+                raise RuntimeError(f"{wide} x {high}: an output is not finite or the scores do not fall")
+            wrong = unmatched(ours, theirs) + unmatched(theirs, ours)
+            if wrong:
+                raise RuntimeError(f"{wide} x {high}: PyTorch and ONNX Runtime differ: " + "; ".join(wrong[:3]))
+            agreed += max(5, int((ours[1] >= FAINT).sum()))
+    return agreed
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--threshold", type=float, default=0.5, help="recommended score threshold")
+    parser.add_argument("--description", default="")
+    args = parser.parse_args()
+    model, state = load(args.checkpoint)
+    recipe = state["recipe"]
+    training = {k: recipe[k] for k in ("model", "steps", "batch", "seed", "lr", "procedural", "data")}
+    training |= {"step": state["step"], "hours": round(state["seconds"] / 3600, 2), "machine": state["machine"]}
+    parameters = sum(p.numel() for p in model.parameters())
+    description = args.description or f"{model.name}: detector of small UAVs, {parameters / 1e6:.2f} M parameters."
+    graph = to_onnx(model, state["classes"], args.threshold, description, training)
+    agreed = compare(model, graph)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    part = args.out.with_suffix(".part")
+    part.write_bytes(graph)
+    os.replace(part, args.out)
+    print(f"{args.out}: {len(graph)} bytes, {parameters} parameters; {agreed} detections agree with PyTorch")
+
+
+if __name__ == "__main__":
+    main()

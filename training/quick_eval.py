@@ -1,0 +1,123 @@
+#!/usr/bin/env python3
+"""A quick look at a detector on a COCO folder while it trains; `boresight eval detector` gives the full figures.
+
+Classes are not told apart. Boxes with `tight: false` and `iscrowd` are regions to ignore.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+
+import export
+from preprocess import native
+
+
+def iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """IoU [n,m] of boxes x0, y0, x1, y1."""
+    side = np.minimum(a[:, None, 2:], b[None, :, 2:]) - np.maximum(a[:, None, :2], b[None, :, :2])
+    inner = np.clip(side, 0, None).prod(2)
+    return inner / np.maximum((a[:, 2:] - a[:, :2]).prod(1)[:, None] + (b[:, 2:] - b[:, :2]).prod(1)[None] - inner, 1e-9)
+
+
+def match(boxes: np.ndarray, scores: np.ndarray, truth: np.ndarray, ignore: np.ndarray, centre: bool) -> tuple[list, list]:
+    """(score, hit) of the detections that count, best first, and (score, centre error px) of the hits. A hit has IoU
+    >= 0.5, or its middle inside the true box (`centre`)."""
+    rows, errors, free = [], [], set(range(len(truth)))
+    overlaps = iou(boxes, truth)
+    middle, target = (boxes[:, :2] + boxes[:, 2:]) / 2, (truth[:, :2] + truth[:, 2:]) / 2
+    for k in np.argsort(-scores, kind="stable"):
+        inside = ((middle[k] >= truth[:, :2]) & (middle[k] <= truth[:, 2:])).all(1)
+        good = [j for j in free if (inside[j] if centre else overlaps[k, j] >= 0.5)]
+        if good:
+            j = max(good, key=lambda j: overlaps[k, j])
+            free.remove(j)
+            rows.append((scores[k], True))
+            errors.append((scores[k], float(np.linalg.norm(middle[k] - target[j]))))
+        elif not ((middle[k] >= ignore[:, :2] - 5) & (middle[k] <= ignore[:, 2:] + 5)).all(1).any():
+            rows.append((scores[k], False))
+    return rows, errors
+
+
+def summary(rows: list, errors: list, truths: int, frames: int) -> dict[str, float]:
+    """Average precision over 101 recalls, recall at 0.1 false alarms a frame, the threshold there, centre error."""
+    rows = sorted(rows, key=lambda r: -r[0])
+    hit = np.array([r[1] for r in rows], float)
+    true, false = np.cumsum(hit), np.cumsum(1 - hit)
+    recall, precision = true / max(truths, 1), true / np.maximum(true + false, 1)
+    envelope = np.maximum.accumulate(precision[::-1])[::-1] if len(rows) else precision
+    at = np.searchsorted(recall, np.linspace(0, 1, 101), side="left")
+    ap = float(np.mean([envelope[k] if k < len(envelope) else 0.0 for k in at]))
+    last = int((false <= 0.1 * frames).sum()) - 1
+    threshold = float(rows[last][0]) if last >= 0 else 1.0
+    kept = [e for s, e in errors if s >= threshold]
+    return {
+        "ap": ap,
+        "recall_at_fppi_0_1": float(recall[last]) if last >= 0 else 0.0,
+        "threshold_there": threshold,
+        "median_centre_error_px": float(np.median(kept)) if kept else float("nan"),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("model", type=Path, help="a .onnx file, or a checkpoint .pt")
+    parser.add_argument("--data", type=Path, required=True, help="folder with annotations.json")
+    parser.add_argument("--frames", type=int, default=0, help="so many frames at even distances; 0: all")
+    parser.add_argument("--threads", type=int, default=1)
+    args = parser.parse_args()
+    torch.set_num_threads(args.threads)
+    if args.model.suffix == ".onnx":
+        runtime = export.session(args.model.read_bytes(), args.threads)
+        meta = runtime.get_modelmeta().custom_metadata_map
+        stride, least = int(meta["stride"]), int(meta["min_side_px"])
+        high, wide = runtime.get_inputs()[0].shape[2:]
+        fixed = (high, wide) if isinstance(high, int) and isinstance(wide, int) else None
+        infer = lambda image: runtime.run(list(export.OUTPUTS), {"image": image})  # noqa: E731
+    else:
+        model, _ = export.load(args.model)
+        stride, least, fixed = model.stride, model.min_side_px, model.fixed_size
+        infer = lambda image: [x.numpy() for x in export.Decoder(model)(torch.from_numpy(image))]  # noqa: E731
+    coco = json.loads((args.data / "annotations.json").read_text())
+    images = coco["images"]
+    if args.frames and args.frames < len(images):
+        images = [images[k * len(images) // args.frames] for k in range(args.frames)]
+    truth: dict[int, list] = {i["id"]: [] for i in images}
+    ignore: dict[int, list] = {i["id"]: [] for i in images}
+    for a in coco["annotations"]:
+        if a["image_id"] in truth:
+            x, y, w, h = a["bbox"]
+            loose = a.get("tight") is False or a.get("iscrowd")
+            (ignore if loose else truth)[a["image_id"]].append([x, y, x + w, y + h])
+    found: dict[bool, tuple[list, list]] = {False: ([], []), True: ([], [])}
+    spent = 0.0
+    for image in images:
+        path = args.data / image["file_name"]
+        path = path if path.exists() else args.data / "images" / image["file_name"]
+        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        if picture is None:
+            raise SystemExit(f"{path}: no picture")
+        planes = native(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), stride, least, fixed)
+        begin = time.perf_counter()
+        with torch.no_grad():
+            boxes, scores, _ = infer(planes)
+        spent += time.perf_counter() - begin
+        good = scores > 0.005
+        t, g = (np.array(x[image["id"]], float).reshape(-1, 4) for x in (truth, ignore))
+        for centre, (rows, errors) in found.items():
+            r, e = match(boxes[good], scores[good], t, g, centre)
+            rows += r
+            errors += e
+    truths = sum(len(t) for t in truth.values())
+    out = {"frames": len(images), "targets": truths, "ms_a_frame": round(1000 * spent / max(len(images), 1), 1)}
+    for centre, name in ((False, "iou_0_5"), (True, "centre_inside")):
+        out[name] = {k: round(v, 4) for k, v in summary(*found[centre], truths, len(images)).items()}
+    print(json.dumps(out, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,260 @@
+"""Checks of the training package: `pytest training/test_training.py`, half a minute on two cores."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # spinning threads starve each other on a busy machine
+
+import torch  # noqa: E402
+
+import augment
+import export
+import models
+import quick_eval
+from convnets import nwd
+from data import Crops, Frames, clip_boxes, collate
+from preprocess import native
+
+HERE = Path(__file__).resolve().parent
+NETS = ("boresight-p2", "yolo-n")
+
+
+def planted(size: int = 96) -> tuple[torch.Tensor, list[dict]]:
+    """Two crops, each with one dark square and one bright bar on grey: images [2,3,H,W] and their targets."""
+    images, targets = torch.full((2, 3, size, size), 0.6), []
+    for k, (x, y) in enumerate(((30, 22), (60, 57))):
+        images[k, :, y : y + 8, x : x + 12] = 0.1
+        images[k, :, 80:84, 8:30] = 0.9
+        boxes = torch.tensor([[x, y, x + 12, y + 8], [8, 80, 30, 84]], dtype=torch.float32)
+        targets.append({"boxes": boxes, "labels": torch.tensor([1, 2])})
+    return images, targets
+
+
+@pytest.fixture(scope="module", params=NETS)
+def overfitted(request) -> tuple[torch.nn.Module, list[float]]:
+    torch.manual_seed(3)
+    torch.set_num_threads(1)
+    model = models.build(request.param)
+    optimizer = torch.optim.AdamW(model.parameters(), 4e-3)
+    images, targets = planted()
+    losses = []
+    for step in range(70):
+        for group in optimizer.param_groups:
+            group["lr"] = 4e-3 * min(1, (step + 1) / 10)
+        loss = model.loss(images, targets)["total"]
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), 10)
+        optimizer.step()
+        losses.append(float(loss.detach()))
+    for module in model.modules():  # 70 steps are few for running means of momentum 0.03
+        if isinstance(module, torch.nn.BatchNorm2d):
+            module.momentum = 0.5
+    with torch.no_grad():
+        for _ in range(10):
+            model(images)
+    return model.eval(), losses
+
+
+def test_overfits_and_finds_the_planted_targets(overfitted):
+    model, losses = overfitted
+    assert losses[-1] < 0.3 * losses[0]
+    images, targets = planted()
+    for k in range(2):
+        with torch.no_grad():
+            boxes, scores, labels = model.decode(images[k : k + 1])
+        assert (scores.diff() <= 0).all() and boxes.shape == (len(scores), 4)
+        for box, label in zip(targets[k]["boxes"], targets[k]["labels"]):
+            overlap = quick_eval.iou(boxes[:2].numpy(), box[None].numpy())[:, 0]
+            assert overlap.max() > 0.6
+            assert labels[int(overlap.argmax())] == label
+        assert scores[1] > 3 * scores[2]  # nothing else comes near
+
+
+def test_export_agrees_and_carries_the_interface(overfitted):
+    model, _ = overfitted
+    classes = list(models.CLASSES)
+    graph = export.to_onnx(model, classes, 0.4, "test", {"steps": 70})
+    session = export.session(graph)
+    meta = session.get_modelmeta().custom_metadata_map
+    assert meta["boresight.interface"] == "1" and json.loads(meta["classes"]) == classes
+    assert meta["preprocess"] == "native" and float(meta["score_threshold"]) == 0.4
+    assert [i.name for i in session.get_inputs()] == ["image"] and session.get_inputs()[0].shape[:2] == [1, 3]
+    assert [(o.name, o.type, len(o.shape)) for o in session.get_outputs()] == [
+        ("boxes", "tensor(float)", 2), ("scores", "tensor(float)", 1), ("labels", "tensor(int64)", 1),
+    ]  # fmt: skip
+    assert export.compare(model, graph, 1) > 0
+
+
+def test_compare_fails_loudly(overfitted):
+    model, _ = overfitted
+    graph = export.to_onnx(model, list(models.CLASSES), 0.4, "test", {})
+    with torch.no_grad():
+        for parameter in model.parameters():
+            parameter.mul_(1.02)
+    with pytest.raises(RuntimeError, match="differ"):
+        export.compare(model, graph, 1)
+
+
+def test_sizes_of_the_nets():
+    count = {n: sum(p.numel() for p in models.build(n).parameters()) / 1e6 for n in NETS}
+    assert 0.3 < count["boresight-p2"] < 0.6 and 2.6 < count["yolo-n"] < 2.9
+    with pytest.raises(ValueError, match="no model 'x'"):
+        models.build("x")
+
+
+@pytest.mark.parametrize("name", NETS)
+def test_pictures_without_targets_teach(name):
+    torch.manual_seed(1)
+    model = models.build(name)
+    nothing = {"boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}
+    loss = model.loss(torch.rand(2, 3, 64, 64), [nothing, nothing])["total"]
+    loss.backward()
+    assert torch.isfinite(loss) and all(p.grad is not None for p in model.parameters())
+
+
+def test_ignored_regions_do_not_teach():
+    torch.manual_seed(1)
+    model = models.build("boresight-p2")
+    with torch.no_grad():
+        model.out.bias[0] = 2.0  # sure of a target everywhere
+    nothing = {"boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}
+    all_of_it = nothing | {"ignore": torch.tensor([[0.0, 0.0, 64.0, 64.0]])}
+    image = torch.rand(1, 3, 64, 64)
+    assert model.loss(image, [nothing])["heat"] > 1
+    assert model.loss(image, [all_of_it])["heat"] == 0
+
+
+def test_nwd_of_worked_boxes():
+    a = torch.tensor([[10.0, 10.0, 20.0, 16.0]])
+    assert nwd(a, a, 10.0).item() == pytest.approx(1, abs=1e-3)
+    # Centre 3 right and 4 down, 4 px wider: sqrt(9 + 16 + 4) = 5.385.
+    b = torch.tensor([[11.0, 14.0, 25.0, 20.0]])
+    assert nwd(a, b, 10.0).item() == pytest.approx(np.exp(-0.5385), abs=1e-4)
+
+
+def test_samples_depend_on_their_number_alone():
+    one, two = Crops(None, 5), Crops(None, 5)
+    straight = [one[n] for n in (0, 1, 2)]
+    for n in (2, 0, 1):
+        picture, target = two[n]
+        assert torch.equal(picture, straight[n][0]) and torch.equal(target["boxes"], straight[n][1]["boxes"])
+    assert not torch.equal(Crops(None, 6)[0][0], straight[0][0])
+    images, targets = collate(straight)
+    assert images.shape == (3, 256, 256, 3) and images.dtype == torch.uint8 and len(targets) == 3
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A COCO folder of six 640 x 480 frames: a coloured rectangle of 9 x 5 px each but in the last."""
+    root = tmp_path_factory.mktemp("set") / "train"
+    (root / "images").mkdir(parents=True)
+    rng = np.random.default_rng(2)
+    images, annotations = [], []
+    for k in range(6):
+        picture = rng.integers(100, 120, (480, 640, 3), dtype=np.uint8)
+        if k < 5:
+            x, y = int(rng.integers(20, 600)), int(rng.integers(20, 440))
+            picture[y : y + 5, x : x + 9] = (0, 0, 255)
+            annotations.append({"id": k + 1, "image_id": k + 1, "category_id": 2, "bbox": [x, y, 9, 5], "aim": [x + 4.5, y + 2.5]})
+        cv2.imwrite(str(root / "images" / f"{k}.png"), picture[..., ::-1])
+        images.append({"id": k + 1, "file_name": f"images/{k}.png", "width": 640, "height": 480})
+    categories = [{"id": i + 1, "name": n} for i, n in enumerate(models.CLASSES)]
+    (root / "annotations.json").write_text(json.dumps({"images": images, "annotations": annotations, "categories": categories}))
+    return root.parent
+
+
+def test_crops_keep_the_box_on_its_target(folder):
+    frames = Frames(folder / "train")
+    crops = Crops(frames, 3, procedural=0.0, negatives=0.0)
+    seen = 0
+    for n in range(12):
+        rng = np.random.default_rng([3, *divmod(n, len(crops))])
+        rng.random()  # the draw between rendered and procedural
+        picture, boxes, labels, ignore, aims = crops.cut(rng, *divmod(n, len(crops)))
+        blue = (picture[..., 2] - picture[..., 0]) > 128
+        if labels.tolist() == [1]:  # not where a second, procedural UAV was put in
+            seen += 1
+            ys, xs = np.nonzero(blue)
+            drawn = np.array([xs.min(), ys.min(), xs.max() + 1, ys.max() + 1])
+            assert np.abs(boxes[0] - drawn).max() < 1.0
+            whole = np.ptp(boxes[0, [0, 2]]) > 1.5 * np.ptp(boxes[0, [1, 3]])  # not cut off by the crop
+            assert not whole or np.abs(aims[0] - (boxes[0, :2] + boxes[0, 2:]) / 2).max() < 0.5
+    assert seen >= 6
+    again = Frames(folder / "train")  # from the cache
+    assert np.array_equal(again.pixels, frames.pixels) and frames.empty == [5]
+    empty = Crops(frames, 3, procedural=0.0, negatives=1.0)
+    assert sum(len(empty[n][1]["boxes"]) for n in range(5)) <= 2  # only the pasted ones
+
+
+def test_cut_off_boxes_become_regions_to_ignore():
+    boxes = np.array([[10, 10, 20, 20], [-6, 30, 4, 36], [252, 40, 262, 50], [300, 0, 310, 9]], np.float32)
+    kept, labels, ignore = clip_boxes(boxes, np.arange(4), np.zeros((0, 4), np.float32), 256)
+    assert kept.tolist() == [[10, 10, 20, 20]] and labels.tolist() == [0]
+    assert ignore.tolist() == [[0, 30, 4, 36], [252, 40, 256, 50]]
+
+
+def test_sprite_box_is_tight():
+    rng = np.random.default_rng(4)
+    for size in (6, 14, 40):
+        for _ in range(10):
+            sprite, box, label = augment.uav(rng, size, np.array([10, 10, 10], np.float32))
+            alpha = sprite[..., 3]
+            x0, y0, x1, y1 = box
+            cols, rows = np.nonzero(alpha.sum(0) >= augment.COVERED)[0], np.nonzero(alpha.sum(1) >= augment.COVERED)[0]
+            assert cols[0] <= x0 < cols[0] + 1 and cols[-1] < x1 <= cols[-1] + 1
+            assert rows[0] <= y0 < rows[0] + 1 and rows[-1] < y1 <= rows[-1] + 1
+            assert label in (0, 1, 2) and alpha.max() <= 1 + 1e-5 and (sprite[..., :3] <= 255 * alpha[..., None] + 1e-2).all()
+
+
+def test_preprocess_keeps_the_golden_file():
+    golden = json.loads((HERE.parent / "tests/data/preprocess.json").read_text())
+    rgb = np.array(golden["rgb"], np.uint8).reshape(golden["height"], golden["width"], 3)
+    planes = native(rgb, golden["stride"], golden["min_side_px"])
+    assert planes.shape == (1, 3, golden["padded_height"], golden["padded_width"])
+    np.testing.assert_allclose(planes.ravel(), golden["planes"], atol=1e-6)
+    assert native(rgb, 8, 12, (24, 40)).shape == (1, 3, 24, 40)
+    with pytest.raises(ValueError, match="does not fit"):
+        native(rgb, 8, 12, (4, 40))
+
+
+def test_quick_eval_counts():
+    truth, nothing = np.array([[10.0, 10, 20, 20]]), np.zeros((0, 4))
+    boxes = np.array([[11.0, 10, 21, 20], [50, 50, 60, 60], [80, 80, 90, 90]])
+    rows, errors = quick_eval.match(boxes, np.array([0.9, 0.8, 0.7]), truth, np.array([[79.0, 79, 91, 91]]), False)
+    assert [hit for _, hit in rows] == [True, False] and errors == [(0.9, 1.0)]
+    assert quick_eval.summary(rows, errors, 1, 10)["ap"] == pytest.approx(1)
+    rows, _ = quick_eval.match(boxes[1:], np.array([0.8, 0.7]), truth, nothing, False)
+    assert quick_eval.summary(rows, [], 1, 10)["ap"] == 0
+
+
+def run(out: Path, *more: str) -> subprocess.CompletedProcess:
+    common = "--model boresight-p2 --steps 6 --batch 2 --threads 1 --workers 0 --save-every 3 --log-every 2 --device cpu"
+    command = [sys.executable, str(HERE / "train.py"), "--out", str(out), *common.split(), *more]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_resumed_equals_uninterrupted(tmp_path):
+    whole = run(tmp_path / "whole")
+    assert whole.returncode == 0, whole.stderr
+    halted = run(tmp_path / "parts", "--time-limit", "0")
+    assert halted.returncode == 0 and "stopped at step 1" in halted.stdout, halted.stdout + halted.stderr
+    assert run(tmp_path / "parts", "--resume").returncode == 0
+    a, b = (torch.load(tmp_path / n / "last.pt", weights_only=True) for n in ("whole", "parts"))
+    assert a["step"] == b["step"] == 6
+    for key in ("model", "ema"):
+        assert all(torch.equal(v, b[key][k]) for k, v in a[key].items())
+    logs = [[r.split(",")[0:2] + r.split(",")[3:] for r in (tmp_path / n / "log.csv").read_text().splitlines()] for n in ("whole", "parts")]
+    assert logs[0] == logs[1]  # but for the seconds
+    assert (tmp_path / "whole/curves.svg").read_text().startswith("<svg")
+    refused = run(tmp_path / "whole")
+    assert refused.returncode != 0 and "--resume" in refused.stderr
+    other = run(tmp_path / "whole", "--resume", "--lr", "1")
+    assert other.returncode != 0 and "another lr" in other.stderr

@@ -1,0 +1,201 @@
+#!/usr/bin/env python3
+"""Trains a detector on a rendered data set (`boresight dataset`), on procedural pictures, or on both.
+
+A run is a folder: `last.pt` (resumable), `log.csv`, `curves.svg`. Stopped by SIGTERM, SIGINT or `--time-limit` it
+saves first; `--resume` then goes on exactly as if it had not been stopped.
+"""
+
+import argparse
+import csv
+import json
+import math
+import os
+import platform
+import signal
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # waiting threads leave the cores to the picture worker
+
+import torch  # noqa: E402
+
+import models  # noqa: E402
+from data import Crops, Frames, loader  # noqa: E402
+from plot import curves  # noqa: E402
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", default="none", help="folder with train/annotations.json, or none: procedural only")
+    parser.add_argument("--model", default="boresight-p2", choices=models.NAMES)
+    parser.add_argument("--steps", type=int, default=10_000)
+    parser.add_argument("--batch", type=int, default=16)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--lr", type=float, default=2e-3)
+    parser.add_argument("--decay", type=float, default=1e-4, help="weight decay")
+    parser.add_argument("--warm-up", type=int, default=200, help="steps of linear warm-up")
+    parser.add_argument("--ema", type=float, default=0.999, help="decay of the averaged weights")
+    parser.add_argument("--clip", type=float, default=10.0, help="largest norm of the gradient")
+    parser.add_argument("--procedural", type=float, default=0.15, help="share of procedural pictures beside a data set")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--resume", action="store_true", help="go on from OUT/last.pt where there is one")
+    parser.add_argument("--init", type=Path, help="checkpoint whose averaged weights to start from")
+    parser.add_argument("--threads", type=int, default=max(1, (os.cpu_count() or 2)))
+    parser.add_argument("--workers", type=int, default=1, help="processes that make pictures; 0: in the training process")
+    parser.add_argument("--time-limit", type=float, default=math.inf, help="save and stop after so many minutes")
+    parser.add_argument("--save-every", type=int, default=500)
+    parser.add_argument("--log-every", type=int, default=50)
+    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    return parser.parse_args()
+
+
+def save(path: Path, state: dict) -> None:
+    """Writes beside the file, then renames: a kill leaves the old checkpoint whole."""
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        torch.save(state, file)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+def learning_rate(step: int, args: argparse.Namespace) -> float:
+    """Linear warm-up, then a cosine to 1 % of the peak."""
+    if step < args.warm_up:
+        return args.lr * (step + 1) / args.warm_up
+    t = (step - args.warm_up) / max(1, args.steps - args.warm_up)
+    return args.lr * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(t, 1))))
+
+
+def load_weights(model: torch.nn.Module, path: Path) -> None:
+    """Takes over every tensor whose name and shape fit."""
+    given, own = torch.load(path, map_location="cpu", weights_only=True)["ema"], model.state_dict()
+    fit = {k: v for k, v in given.items() if k in own and own[k].shape == v.shape}
+    if not fit:
+        raise SystemExit(f"{path}: no tensor fits {model.name}")
+    own.update(fit)
+    model.load_state_dict(own)
+    print(f"{path}: {len(fit)} of {len(own)} tensors taken over")
+
+
+def groups(model: torch.nn.Module, decay: float) -> list[dict]:
+    """Weights with decay; biases and normalisation without."""
+    named = [p for p in model.parameters() if p.requires_grad]
+    return [
+        {"params": [p for p in named if p.ndim > 1], "weight_decay": decay},
+        {"params": [p for p in named if p.ndim <= 1], "weight_decay": 0.0},
+    ]
+
+
+def rows_before(path: Path, step: int) -> list[dict]:
+    """Rows of an earlier log up to a step."""
+    if not path.exists():
+        return []
+    with path.open() as file:
+        return [row for row in csv.DictReader(file) if int(row["step"]) <= step]
+
+
+def main() -> None:
+    args = arguments()
+    torch.set_num_threads(args.threads)
+    torch.manual_seed(args.seed)
+    args.out.mkdir(parents=True, exist_ok=True)
+    frames = None if args.data == "none" else Frames(Path(args.data) / "train")
+    classes = list(models.CLASSES) if frames is None else frames.names
+    crops = Crops(frames, args.seed, args.procedural)
+    # Two million numbers a second pass through a 256 x 256 net: channels last halves its time on CPUs.
+    model = models.build(args.model, len(classes)).to(args.device, memory_format=torch.channels_last)
+    if args.init:
+        load_weights(model, args.init)
+    average = {k: v.detach().clone() for k, v in model.state_dict().items()}
+    optimizer = torch.optim.AdamW(groups(model, args.decay), args.lr)
+    # What decides the run's numbers; a resumed run must agree in these.
+    recipe = {k: getattr(args, k) for k in ("model", "steps", "batch", "seed", "lr", "decay", "warm_up", "ema", "clip", "procedural")}
+    recipe["data"] = "none" if frames is None else frames.digest
+    first, spent_s, last = 0, 0.0, args.out / "last.pt"
+    sums: dict[str, float] = {}  # of the losses since the last row of the log
+    if args.resume and last.exists():
+        state = torch.load(last, map_location="cpu", weights_only=True)
+        if state["recipe"] != recipe:
+            wrong = [k for k in recipe if state["recipe"].get(k) != recipe[k]]
+            raise SystemExit(f"{last}: made with another {', '.join(wrong)}; give the same or another --out")
+        model.load_state_dict(state["model"])
+        optimizer.load_state_dict(state["optimizer"])
+        average = {k: v.to(args.device) for k, v in state["ema"].items()}
+        first, spent_s, sums = state["step"], state["seconds"], state["sums"]
+        print(f"{last}: goes on from step {first}")
+    elif last.exists():
+        raise SystemExit(f"{last} exists: give --resume to go on, or another --out")
+
+    stop = False
+
+    def ask_stop(*_: object) -> None:
+        nonlocal stop
+        stop = True
+
+    for kind in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(kind, ask_stop)
+    begin = time.monotonic()
+    log_path = args.out / "log.csv"
+    log = rows_before(log_path, first)
+    waited = 0.0
+
+    def checkpoint(step: int) -> None:
+        save(last, {
+            "model": model.state_dict(), "ema": average, "optimizer": optimizer.state_dict(), "step": step, "sums": sums,
+            "seconds": spent_s + time.monotonic() - begin, "recipe": recipe, "classes": classes,
+            "machine": f"{platform.machine()}, {args.threads} threads, {args.device}",
+        })  # fmt: skip
+        fields = list(dict.fromkeys(k for row in log for k in row))
+        with log_path.open("w", newline="") as file:
+            writer = csv.DictWriter(file, fields, restval="")
+            writer.writeheader()
+            writer.writerows(log)
+        if log:
+            curves(log, args.out / "curves.svg", f"{args.model}, {step} of {args.steps} steps")
+
+    model.train()
+    step, mark = first, time.monotonic()
+    for pictures, targets in loader(crops, args.batch, first, args.steps, args.workers):
+        waited += time.monotonic() - mark
+        images = pictures.to(args.device).permute(0, 3, 1, 2).to(torch.float32).div_(255)  # channels last in memory
+        rate = learning_rate(step, args)
+        for group in optimizer.param_groups:
+            group["lr"] = rate
+        torch.manual_seed((args.seed << 32) + step)  # a model that draws (denoising queries) resumes exactly
+        losses = model.loss(images, targets)
+        optimizer.zero_grad(set_to_none=True)
+        losses["total"].backward()
+        norm = torch.nn.utils.clip_grad_norm_(model.parameters(), args.clip)
+        if torch.isfinite(norm):
+            optimizer.step()
+        step += 1
+        with torch.no_grad():
+            keep = min(args.ema, step / (step + 10))  # the first weights are not worth averaging
+            for k, v in model.state_dict().items():
+                average[k].lerp_(v, 1 - keep) if v.is_floating_point() else average[k].copy_(v)
+        for k, v in losses.items():
+            sums[k] = sums.get(k, 0.0) + float(v.detach())
+        stop = stop or time.monotonic() - begin > args.time_limit * 60
+        if step % args.log_every == 0:
+            seconds = spent_s + time.monotonic() - begin
+            row = {"step": step, "lr": f"{rate:.3e}", "seconds": f"{seconds:.1f}", "norm": f"{float(norm):.3f}"}
+            row |= {k: f"{v / args.log_every:.5f}" for k, v in sums.items()}
+            log.append(row)
+            each_ms = 1000 * (time.monotonic() - begin) / (step - first) / args.batch
+            share = 100 * waited / (time.monotonic() - begin)
+            parts = " ".join(f"{k} {float(row[k]):.3f}" for k in sums)
+            print(f"step {step}: {parts}; {each_ms:.1f} ms a crop, {share:.0f} % waiting for pictures", flush=True)
+            sums = {}
+        if step % args.save_every == 0 or step == args.steps or stop:
+            checkpoint(step)
+        if stop:
+            print(f"stopped at step {step}; --resume goes on")
+            break
+        mark = time.monotonic()
+    if step == args.steps:
+        print(json.dumps({"steps": step, "minutes": round((spent_s + time.monotonic() - begin) / 60, 1), "checkpoint": str(last)}))
+
+
+if __name__ == "__main__":
+    main()
