@@ -66,6 +66,8 @@ enum EvalCommand {
     Tracking(eval::Arguments),
     /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
     Detector(eval::detector::Arguments),
+    /// A detector and the tracker on real clips: MP4 files or folders of pictures.
+    Clip(eval::clip::Arguments),
 }
 
 #[derive(Args, Debug)]
@@ -199,6 +201,12 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             let evaluation = eval::detector::detector(&args)?;
             say!("{}", evaluation.text().trim_end());
             say!("page  {}", args.out.join("detector.html").display());
+            Ok(())
+        }
+        Command::Eval(EvalCommand::Clip(args)) => {
+            let evaluation = eval::clip::clip(&args)?;
+            say!("{}", evaluation.text().trim_end());
+            say!("page  {}", args.out.join("clip.html").display());
             Ok(())
         }
         Command::Models => {

@@ -15,3 +15,4 @@ pub mod scenario;
 pub mod summary;
 pub mod systems;
 pub mod tune;
+pub mod video;

@@ -830,7 +830,7 @@ fn means(series: &[(f64, f64)]) -> Vec<(f64, f64)> {
     out
 }
 
-fn states_html(out: &mut String, states: &[StateSpan], end_s: f64) -> fmt::Result {
+pub(crate) fn states_html(out: &mut String, states: &[StateSpan], end_s: f64) -> fmt::Result {
     if states.is_empty() {
         out.push_str("<p class=\"note\">no states</p>\n");
         return Ok(());

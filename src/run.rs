@@ -115,6 +115,9 @@ pub enum RunError {
     /// Annotated pictures.
     #[error(transparent)]
     Coco(#[from] crate::eval::coco::CocoError),
+    /// A clip.
+    #[error(transparent)]
+    Video(#[from] crate::video::VideoError),
     /// The recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),

@@ -469,7 +469,7 @@ fn picture_folders(file: &Path) -> Vec<PathBuf> {
 }
 
 /// Rows of red, green, blue bytes and the size of a PNG or JPEG file.
-fn decode(bytes: &[u8]) -> Result<(Vec<u8>, [u32; 2]), String> {
+pub(crate) fn decode(bytes: &[u8]) -> Result<(Vec<u8>, [u32; 2]), String> {
     if bytes.starts_with(b"\x89PNG") {
         return decode_png(bytes).map_err(|error| error.to_string());
     }

@@ -166,7 +166,7 @@ pub struct PrecisionRecall {
 }
 
 /// Miss distance of eq. 12 [px]; null without matches.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Miss {
     /// Mean.
     pub mean: Option<f64>,

@@ -13,7 +13,7 @@ use crate::components::uav::{Flight, Uav};
 use crate::models::city::City;
 use crate::models::dsm::LineOfSight;
 use crate::models::kinematics::{Pose, az_el_to_los, error_angles, los_to_az_el};
-use crate::models::tracking::separation_rad;
+use crate::models::tracking::{Track, separation_rad};
 use crate::report::Series;
 use crate::run::{self, Options, RunError};
 use crate::scenario::Scenario;
@@ -69,6 +69,13 @@ const ON_RAD: f64 = 1e-3;
 /// A track is confirmed from this many hits on, and while the last one is this fresh [s].
 const CONFIRMED_HITS: u32 = 6;
 const FRESH_S: f64 = 0.25;
+
+/// Whether a track is confirmed at `t_s`.
+pub fn confirmed(track: &Track, params: &TrackerParams, t_s: f64) -> bool {
+    track.total_hits() >= CONFIRMED_HITS
+        && track.filter.coast_s(t_s) < FRESH_S
+        && params.convinced(track)
+}
 
 /// A UAV at the instant of a look, in the coarse camera's full-sensor pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -322,24 +329,20 @@ impl Watch {
                 inside: coarse.pinhole.contains(px),
             })
         });
-        let place = |track: &crate::models::tracking::Track| {
+        let place = |track: &Track| {
             let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
             let px = project(&believed, los_enu)?;
             let side = track.size_rad / coarse.pinhole.ifov_rad();
             Some((track.id, square(px, side)))
         };
-        let confirmed = |track: &&crate::models::tracking::Track| {
-            track.total_hits() >= CONFIRMED_HITS
-                && track.filter.coast_s(t_s) < FRESH_S
-                && world.resource::<TrackerParams>().convinced(track)
-        };
+        let params = world.resource::<TrackerParams>();
         seen.looks.push(Look {
             uavs: uavs.collect(),
             tracks: tracker
                 .table
                 .tracks
                 .iter()
-                .filter(confirmed)
+                .filter(|track| confirmed(track, params, t_s))
                 .filter_map(place)
                 .filter(|(_, [x, y, _])| coarse.pinhole.contains(DVec2::new(*x, *y)))
                 .collect(),

@@ -3,6 +3,7 @@
 //! Every number comes from runs that `boresight run` repeats: the JSON names scenario, changes and
 //! seeds of each. The truth is only looked at, never fed back.
 
+pub mod clip;
 pub mod coco;
 pub mod cost;
 pub mod detector;

@@ -9,7 +9,8 @@ use crate::components::track::{
     BoresightError, DetectionBatch, DetectionQueue, Operator, Tracker, TrackingState,
 };
 use crate::components::uav::{Flight, Uav, UavStatus};
-use crate::models::dsm::LineOfSight;
+use crate::models::camera::Pinhole;
+use crate::models::dsm::{Dsm, LineOfSight};
 use crate::models::interlock::FAR_M;
 use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
 use crate::models::radar::Cue;
@@ -110,62 +111,85 @@ pub fn associate(
         let Some(camera) = cameras.iter().find(|camera| camera.tier == batch.tier) else {
             continue;
         };
-        let pose = batch.pointing.believed_pose(mount.r_enu_m, batch.tier);
-        let sightings = sightings(batch, camera, &pose, params.centre_sigma_px);
-        let tier = batch.tier as usize;
-        let in_view = |az_el: DVec2| sees(camera, &pose, batch.rect, az_el);
-        let look = Look {
-            tier,
-            t_s: clock.at_s(batch.exposure_tick),
-            sightings: &sightings,
-            in_view: &in_view,
-            // The precise camera sees what it was turned to: a track already.
-            start_tracks: batch.tier != Tier::Precise,
-        };
-        let blind = params.nearest_to_centre
-            && batch.tier != Tier::Search
-            && !matches!(
-                tracker.state,
-                TrackingState::Search | TrackingState::Acquire
-            );
-        let chosen = if blind {
-            let nearest = nearest_to_centre(batch, camera);
-            if let Some(target) = tracker.target {
-                let sighting = nearest.map(|index| &sightings[index]);
-                tracker.table.force(target, &look, sighting);
-            }
-            nearest
-        } else {
-            let assigned = tracker.table.update(&look);
-            tracker.follow_joined();
-            tracker
-                .target
-                .and_then(|target| assigned.iter().position(|id| *id == Some(target)))
-        };
-        if let Some(index) = chosen {
-            tracker.hits_in_state[tier] += 1;
-            let linear = params.linear_angles;
-            let aim_rad = tracker.aim_rad;
-            tracker.error[tier] = Some(boresight_error(batch, index, camera, linear, aim_rad));
-        }
+        let t_s = clock.at_s(batch.exposure_tick);
+        take_in(
+            &mut tracker,
+            &params,
+            batch,
+            &camera.pinhole,
+            mount.r_enu_m,
+            t_s,
+        );
     }
+}
+
+/// Updates the track table with one batch, exposed at `t_s` by a camera at `r_enu_m`; returns for
+/// each detection the track it went to (of the paper's rule, which knows no others, nothing).
+pub(crate) fn take_in(
+    tracker: &mut Tracker,
+    params: &TrackerParams,
+    batch: &DetectionBatch,
+    pinhole: &Pinhole,
+    r_enu_m: DVec3,
+    t_s: f64,
+) -> Vec<Option<u32>> {
+    let pose = batch.pointing.believed_pose(r_enu_m, batch.tier);
+    let sightings = sightings(batch, pinhole, &pose, params.centre_sigma_px);
+    let tier = batch.tier as usize;
+    let in_view = |az_el: DVec2| sees(pinhole, &pose, batch.rect, az_el);
+    let look = Look {
+        tier,
+        t_s,
+        sightings: &sightings,
+        in_view: &in_view,
+        // The precise camera sees what it was turned to: a track already.
+        start_tracks: batch.tier != Tier::Precise,
+    };
+    let blind = params.nearest_to_centre
+        && batch.tier != Tier::Search
+        && !matches!(
+            tracker.state,
+            TrackingState::Search | TrackingState::Acquire
+        );
+    let mut assigned = Vec::new();
+    let chosen = if blind {
+        let nearest = nearest_to_centre(batch, pinhole);
+        if let Some(target) = tracker.target {
+            let sighting = nearest.map(|index| &sightings[index]);
+            tracker.table.force(target, &look, sighting);
+        }
+        nearest
+    } else {
+        assigned = tracker.table.update(&look);
+        tracker.follow_joined();
+        tracker
+            .target
+            .and_then(|target| assigned.iter().position(|id| *id == Some(target)))
+    };
+    if let Some(index) = chosen {
+        tracker.hits_in_state[tier] += 1;
+        let linear = params.linear_angles;
+        let aim_rad = tracker.aim_rad;
+        tracker.error[tier] = Some(boresight_error(batch, index, pinhole, linear, aim_rad));
+    }
+    assigned
 }
 
 /// The directions of a batch's detections.
 fn sightings(
     batch: &DetectionBatch,
-    camera: &SensorCamera,
+    pinhole: &Pinhole,
     pose: &Pose,
     centre_sigma_px: f64,
 ) -> Vec<Sighting> {
-    let ifov_rad = camera.pinhole.ifov_rad();
+    let ifov_rad = pinhole.ifov_rad();
     let boresight_rad = batch.pointing.alignment.sigma_rad[batch.tier as usize];
     let pointing_rad = POINTING_SIGMA_RAD.hypot(boresight_rad);
     batch
         .detections
         .iter()
         .map(|detection| {
-            let ray_cam = camera.pinhole.ray(detection.centre_px().into());
+            let ray_cam = pinhole.ray(detection.centre_px().into());
             let [x0, y0, x1, y1] = detection.box_px;
             Sighting {
                 az_el_rad: los_to_az_el(pose.q_enu_cam * ray_cam),
@@ -178,11 +202,11 @@ fn sightings(
 }
 
 /// Whether a camera at `pose` sees a direction in the pixels it read out.
-fn sees(camera: &SensorCamera, pose: &Pose, rect: PixelRect, az_el_rad: DVec2) -> bool {
+fn sees(pinhole: &Pinhole, pose: &Pose, rect: PixelRect, az_el_rad: DVec2) -> bool {
     let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(az_el_rad);
     // A target whose centre is at the very edge is cut and may fairly be missed.
     const EDGE_PX: f64 = 4.0;
-    camera.pinhole.project(ray_cam).is_some_and(|px| {
+    pinhole.project(ray_cam).is_some_and(|px| {
         [px.x, px.y]
             .iter()
             .zip(rect.offset_px)
@@ -193,8 +217,8 @@ fn sees(camera: &SensorCamera, pose: &Pose, rect: PixelRect, az_el_rad: DVec2) -
     })
 }
 
-fn nearest_to_centre(batch: &DetectionBatch, camera: &SensorCamera) -> Option<usize> {
-    let centre = camera.pinhole.centre_px();
+fn nearest_to_centre(batch: &DetectionBatch, pinhole: &Pinhole) -> Option<usize> {
+    let centre = pinhole.centre_px();
     let distance = |i: &usize| centre.distance(batch.detections[*i].centre_px().into());
     (0..batch.detections.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
@@ -202,25 +226,22 @@ fn nearest_to_centre(batch: &DetectionBatch, camera: &SensorCamera) -> Option<us
 fn boresight_error(
     batch: &DetectionBatch,
     index: usize,
-    camera: &SensorCamera,
+    pinhole: &Pinhole,
     linear: bool,
     aim_rad: DVec2,
 ) -> BoresightError {
     let detection = &batch.detections[index];
     // Right and up on the sky is right and, in an image whose rows run down, up against them.
-    let aim_px = DVec2::new(aim_rad.x, -aim_rad.y) / camera.pinhole.ifov_rad();
+    let aim_px = DVec2::new(aim_rad.x, -aim_rad.y) / pinhole.ifov_rad();
     let px = DVec2::from(detection.centre_px()) + aim_px;
     let [x0, y0, x1, y1] = detection.box_px;
     // What is to be brought to the target is the laser's axis, not the image's centre.
-    let reticle_px = batch
-        .pointing
-        .alignment
-        .reticle_px(&camera.pinhole, batch.tier);
+    let reticle_px = batch.pointing.alignment.reticle_px(pinhole, batch.tier);
     let angles = |px| {
         if linear {
-            camera.pinhole.angles_linear(px)
+            pinhole.angles_linear(px)
         } else {
-            camera.pinhole.angles(px)
+            pinhole.angles(px)
         }
     };
     BoresightError {
@@ -339,12 +360,13 @@ pub fn obey(
 }
 
 /// What the state machine looks at.
-struct Situation<'a> {
-    tick: u64,
-    clock: &'a SimClock,
-    params: &'a TrackerParams,
-    environment: &'a Environment,
-    r_station_enu_m: DVec3,
+pub(crate) struct Situation<'a> {
+    pub(crate) tick: u64,
+    pub(crate) clock: &'a SimClock,
+    pub(crate) params: &'a TrackerParams,
+    /// The city's heights; none: there is only sky.
+    pub(crate) dsm: Option<&'a Dsm>,
+    pub(crate) r_station_enu_m: DVec3,
 }
 
 impl Situation<'_> {
@@ -406,12 +428,10 @@ impl Situation<'_> {
         }
         let below =
             track.filter.predicted(self.t_s()).az_el_rad() - DVec2::new(0.0, SKY_MARGIN_RAD);
-        let sky = self
-            .environment
-            .city
-            .dsm
-            .first_hit(self.r_station_enu_m, az_el_to_los(below), FAR_M)
-            .is_none();
+        let sky = self.dsm.is_none_or(|dsm| {
+            dsm.first_hit(self.r_station_enu_m, az_el_to_los(below), FAR_M)
+                .is_none()
+        });
         sky.then(|| format!("stands in clear sky, {seen}"))
     }
 }
@@ -427,25 +447,35 @@ pub fn decide(
 ) {
     let (mount, beam) = *station;
     let tracker = &mut *tracker;
-    let tick = clock.tick;
-    let kept_ticks = clock.ticks_of(REJECTED_S);
+    let now = Situation {
+        tick: clock.tick,
+        clock: &clock,
+        params: &params,
+        dsm: Some(&environment.city.dsm),
+        r_station_enu_m: mount.r_enu_m,
+    };
+    let searched = tracker.state == TrackingState::Search;
+    let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
+    step(&now, tracker, beam.firing, clock.tick.is_multiple_of(every));
+    if searched
+        && let Some(id) = tracker.target
+        && let Some(cue) = radar.cue(now.t_s())
+    {
+        take_radar_range(&cue, &mut tracker.table, id, now.t_s());
+    }
+}
+
+/// Moves the state machine by one look at the situation; `compares`: threats are weighed now.
+pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, compares: bool) {
+    let tick = now.tick;
+    let kept_ticks = now.clock.ticks_of(REJECTED_S);
     tracker
         .rejected
         .retain(|(_, since)| tick < since + kept_ticks);
-    let now = Situation {
-        tick,
-        clock: &clock,
-        params: &params,
-        environment: &environment,
-        r_station_enu_m: mount.r_enu_m,
-    };
     if tracker.state == TrackingState::Search {
         if let Some((id, threat_s, reason)) = now.candidate(tracker) {
             let reason = format!("track {id} {reason}, could arrive in {threat_s:.0} s");
             tracker.acquire(tick, id, reason);
-            if let Some(cue) = radar.cue(now.t_s()) {
-                take_radar_range(&cue, &mut tracker.table, id, now.t_s());
-            }
         }
         return;
     }
@@ -454,29 +484,28 @@ pub fn decide(
         return;
     };
     let sinks = tracker.lased && now.sink_mps(track) > FALLING_MPS;
-    tracker.fired |= beam.firing;
+    tracker.fired |= firing;
     if sinks && tracker.fired {
         let since = *tracker.falling_since.get_or_insert(tick);
-        if clock.at_s(tick - since) > FALLING_S {
+        if now.clock.at_s(tick - since) > FALLING_S {
             tracker.give_up(tick, true, "the target falls");
             return;
         }
     } else {
         tracker.falling_since = None;
     }
-    hold(&now, tracker);
-    let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
+    hold(now, tracker);
     // What is being fired at is not left for another.
-    if !params.nearest_to_centre
+    if !now.params.nearest_to_centre
         && !tracker.designated
-        && !beam.firing
+        && !firing
         && matches!(
             tracker.state,
             TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
         )
     {
-        if clock.tick.is_multiple_of(every) {
-            compare(&now, tracker);
+        if compares {
+            compare(now, tracker);
         }
     } else {
         tracker.rival = None;

@@ -1,0 +1,1599 @@
+//! `boresight eval clip`: a detector and the tracker on clips of real cameras.
+//!
+//! The tracker is that of a run, with its table, its filter and its states, fed with the clip as
+//! the frames of a coarse camera that stands still under an open sky. A nominal pinhole turns
+//! pixels into angles, for the filter's motion is one of angles. Latency is none.
+
+use super::coco::Coco;
+use super::detector::Miss;
+use super::page::{note, number, table};
+use super::{job, mot, progress};
+use crate::components::camera::{PixelRect, Tier};
+use crate::components::clock::SimClock;
+use crate::components::station::{Alignment, Pointing};
+use crate::components::track::{DetectionBatch, Tracker, TrackingState};
+use crate::inference::OnnxDetector;
+use crate::models::camera::Pinhole;
+use crate::models::detection::Detection;
+use crate::models::detection_metrics::{ALL, Criterion, Image, Matching, Truth};
+use crate::models::kinematics::{Pose, az_el_to_los};
+use crate::models::tracking::Track;
+use crate::recording::encode_jpeg;
+use crate::report::{
+    Across, Chart, Escaped, MissStats, STYLE, Scale, Series, StateSpan, states_html,
+};
+use crate::run::{self, RunError};
+use crate::scenario;
+use crate::systems::track::{Situation, TrackerParams, step, take_in};
+use crate::video::{Clip, Frame, Writer};
+use base64::{Engine as _, prelude::BASE64_STANDARD};
+use clap::Args;
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::{self, Write as _};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// What `boresight eval clip` is asked for.
+#[derive(Args, Clone, Debug)]
+pub struct Arguments {
+    /// Clips: MP4 or MOV files with H.264, or folders of numbered pictures (PNG, JPEG).
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// ONNX model with the interface of training/README.md.
+    #[arg(long)]
+    pub model: PathBuf,
+    /// Folder for clip.json, clip.html, overlay.mp4 and tracks.txt; of several clips, each has a
+    /// folder in it.
+    #[arg(long, default_value = "out/clip")]
+    pub out: PathBuf,
+    /// Detections with a lower score are dropped, 0 to 1.
+    #[arg(long, default_value_t = scenario::Detector::default().score_threshold)]
+    pub threshold: f64,
+    /// Truth: a list of {file, frames, boxes_xywh}, boxes by label for every frame; for folders of
+    /// pictures also COCO annotations.
+    #[arg(long, value_name = "JSON")]
+    pub boxes: Option<PathBuf>,
+    /// Label of the boxes that are UAVs; may be repeated (default: uav, drone and kinds of them,
+    /// but not bird, airplane, helicopter, balloon).
+    #[arg(long, value_name = "NAME")]
+    pub category: Vec<String>,
+    /// Horizontal field of view that the tracker counts on [deg].
+    #[arg(long, default_value_t = 1.0)]
+    pub fov_deg: f64,
+    /// Standard deviation of a detection's centre that the tracker counts on [px].
+    #[arg(long, default_value_t = 0.5)]
+    pub centre_sigma_px: f64,
+    /// Pictures a second of a folder [Hz].
+    #[arg(long, default_value_t = 30.0)]
+    pub rate_hz: f64,
+    /// Threads of the model (default: all cores).
+    #[arg(long)]
+    pub threads: Option<NonZeroUsize>,
+}
+
+/// Pictures of the contact sheet.
+const SHEET: usize = 24;
+/// Ticks of the tracker's clock a second: whole numbers of them for all usual rates.
+const TICK_HZ: u32 = 90_000;
+/// Labels of boxes that are UAVs, and of those that are none.
+const UAVS: [&str; 8] = [
+    "uav",
+    "drone",
+    "fpv",
+    "quadcopter",
+    "hexacopter",
+    "octocopter",
+    "multirotor",
+    "fixed_wing",
+];
+const OTHERS: [&str; 7] = [
+    "bird",
+    "airplane",
+    "aeroplane",
+    "plane",
+    "helicopter",
+    "balloon",
+    "kite",
+];
+
+/// What was measured, as `clip.json` has it; its keys do not change. A figure without truth to
+/// measure it by is null.
+#[derive(Clone, Debug, Serialize)]
+pub struct Figures {
+    /// Frames.
+    pub frames: usize,
+    /// Detections of at least the threshold.
+    pub detections: usize,
+    /// Boxes of UAVs.
+    pub boxes: Option<usize>,
+    /// Share of these boxes in which the centre of a detection lies.
+    pub recall: Option<f64>,
+    /// Share of these boxes that a detection meets with an IoU of 0.5; boxes may be loose.
+    pub recall_iou_0_5: Option<f64>,
+    /// Detections whose centre lies in no box of a UAV.
+    pub false_alarms: Option<usize>,
+    /// The same a frame.
+    pub false_alarms_per_frame: Option<f64>,
+    /// Further detections in a box that has one.
+    pub duplicates: Option<usize>,
+    /// Distance from the centres of the boxes [px].
+    pub miss_distance_px: MissDistances,
+    /// Share of the frames in which the tracker holds a target.
+    pub locked_share: f64,
+    /// Share of the frames with a UAV in which its box holds the target that the tracker holds.
+    pub on_target_share: Option<f64>,
+    /// Share of the frames in which the tracker holds a target that is in no box of a UAV.
+    pub false_lock_share: Option<f64>,
+    /// Frames over the time of decoding, detecting and tracking.
+    pub frames_per_s: f64,
+}
+
+/// Miss distances of eq. 12 [px].
+#[derive(Clone, Debug, Serialize)]
+pub struct MissDistances {
+    /// Centres of detections in a box.
+    pub detector: Miss,
+    /// Place of the held target in a box, as the filter has it with the frame's own detection.
+    pub tracker: Miss,
+}
+
+/// One clip.
+#[derive(Clone, Debug, Serialize)]
+pub struct ClipFigures {
+    /// The file or folder.
+    pub file: PathBuf,
+    /// Width and height [px].
+    pub size_px: [u32; 2],
+    /// Mean rate [Hz].
+    pub rate_hz: f64,
+    /// The figures.
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// Tracks that were confirmed, in the order of their identities.
+    pub tracks: Vec<TrackFigures>,
+    /// States of the tracker, in order.
+    pub states: Vec<State>,
+}
+
+/// A track.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrackFigures {
+    /// Identity.
+    pub id: u32,
+    /// Time of the first frame in which it was confirmed [s].
+    pub start: f64,
+    /// Time of the last [s].
+    pub end: f64,
+    /// Time between [s].
+    pub length: f64,
+    /// Frames in which it was confirmed.
+    pub frames: usize,
+    /// Mean score at its end.
+    pub score: f64,
+    /// Larger side of its box at its end [px].
+    pub size_px: f64,
+    /// Share of its frames in which it was in the box of a UAV.
+    pub on_uav_share: Option<f64>,
+}
+
+/// A stay in a state of the tracker.
+#[derive(Clone, Debug, Serialize)]
+pub struct State {
+    /// search, acquire, coarse (a target is held) or lost.
+    pub name: &'static str,
+    /// When it began [s].
+    pub start: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// What `clip.json` holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// Version of the program.
+    pub version: &'static str,
+    /// The command that repeats it.
+    pub command: String,
+    /// The model.
+    pub model: PathBuf,
+    /// The truth.
+    pub boxes_file: Option<PathBuf>,
+    /// Detections with a lower score are dropped.
+    pub threshold: f64,
+    /// Field of view that the tracker counts on [deg].
+    pub fov_deg: f64,
+    /// Standard deviation of a detection's centre that it counts on [px].
+    pub centre_sigma_px: f64,
+    /// Threads of the model, on the CPU.
+    pub threads: usize,
+    /// All clips together.
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// Each clip.
+    pub clips: Vec<ClipFigures>,
+}
+
+/// What figures are made of.
+#[derive(Default)]
+struct Tally {
+    /// Whether there is truth.
+    known: bool,
+    frames: usize,
+    detections: usize,
+    boxes: usize,
+    hits: usize,
+    hits_iou: usize,
+    false_alarms: usize,
+    duplicates: usize,
+    locked: usize,
+    with_uav: usize,
+    on_target: usize,
+    false_lock: usize,
+    detector_px: Vec<f64>,
+    tracker_px: Vec<f64>,
+    busy: Duration,
+}
+
+impl Tally {
+    fn add(&mut self, other: &Self) {
+        self.known |= other.known;
+        self.frames += other.frames;
+        self.detections += other.detections;
+        self.boxes += other.boxes;
+        self.hits += other.hits;
+        self.hits_iou += other.hits_iou;
+        self.false_alarms += other.false_alarms;
+        self.duplicates += other.duplicates;
+        self.locked += other.locked;
+        self.with_uav += other.with_uav;
+        self.on_target += other.on_target;
+        self.false_lock += other.false_lock;
+        self.detector_px.extend(&other.detector_px);
+        self.tracker_px.extend(&other.tracker_px);
+        self.busy += other.busy;
+    }
+
+    fn figures(&self) -> Figures {
+        let share =
+            |part: usize, of: usize| (self.known && of > 0).then(|| part as f64 / of as f64);
+        let count = |n: usize| self.known.then_some(n);
+        let miss = |px: &[f64]| {
+            let stats = MissStats::of(px.iter().copied());
+            Miss {
+                mean: stats.map(|s| s.mean),
+                rms: stats.map(|s| s.rms),
+                median: stats.map(|s| s.p50),
+                n: px.len(),
+            }
+        };
+        Figures {
+            frames: self.frames,
+            detections: self.detections,
+            boxes: count(self.boxes),
+            recall: share(self.hits, self.boxes),
+            recall_iou_0_5: share(self.hits_iou, self.boxes),
+            false_alarms: count(self.false_alarms),
+            false_alarms_per_frame: share(self.false_alarms, self.frames),
+            duplicates: count(self.duplicates),
+            miss_distance_px: MissDistances {
+                detector: miss(&self.detector_px),
+                tracker: miss(&self.tracker_px),
+            },
+            locked_share: self.locked as f64 / self.frames.max(1) as f64,
+            on_target_share: share(self.on_target, self.with_uav),
+            false_lock_share: share(self.false_lock, self.frames),
+            frames_per_s: self.frames as f64 / self.busy.as_secs_f64().max(f64::MIN_POSITIVE),
+        }
+    }
+}
+
+/// Carries out the evaluation and writes what it leaves.
+pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
+    let Arguments {
+        threshold, fov_deg, ..
+    } = *arguments;
+    within("--threshold", threshold, 0.0, 1.0)?;
+    within("--fov-deg", fov_deg, 0.01, 170.0)?;
+    within("--centre-sigma-px", arguments.centre_sigma_px, 0.01, 20.0)?;
+    within("--rate-hz", arguments.rate_hz, 0.1, 10_000.0)?;
+    let boxes = arguments.boxes.as_deref();
+    let truth = boxes
+        .map(|path| BoxFile::load(path, &arguments.category))
+        .transpose()?;
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let threads = arguments.threads.unwrap_or_else(cores).get();
+    let mut model = OnnxDetector::load(&arguments.model, threads)?;
+    // What cannot be read or written is told before the work.
+    for file in &arguments.files {
+        let clip = Clip::open(file, arguments.rate_hz)?;
+        if let Some(truth) = &truth {
+            truth.check(file, clip.frames())?;
+        }
+    }
+    mot::put(&arguments.out.join("clip.json"), "")?;
+    let head = |files: &[PathBuf]| Evaluation {
+        version: run::VERSION,
+        command: command(arguments, files, threads),
+        model: arguments.model.clone(),
+        boxes_file: arguments.boxes.clone(),
+        threshold,
+        fov_deg,
+        centre_sigma_px: arguments.centre_sigma_px,
+        threads,
+        figures: Tally::default().figures(),
+        clips: Vec::new(),
+    };
+    let several = arguments.files.len() > 1;
+    let names = folder_names(&arguments.files);
+    let mut all = Tally::default();
+    let mut clips = Vec::new();
+    for (file, name) in arguments.files.iter().zip(&names) {
+        let folder = if several {
+            arguments.out.join(name)
+        } else {
+            arguments.out.clone()
+        };
+        let played = play(&mut model, file, name, truth.as_ref(), arguments, &folder)?;
+        all.add(&played.tally);
+        clips.push(played.clip.clone());
+        let evaluation = Evaluation {
+            figures: played.clip.figures.clone(),
+            clips: vec![played.clip.clone()],
+            ..head(std::slice::from_ref(file))
+        };
+        let page = |page: &mut String| one_page(page, &evaluation, name, &played);
+        write(&folder, &evaluation, page)?;
+    }
+    let evaluation = Evaluation {
+        figures: all.figures(),
+        clips,
+        ..head(&arguments.files)
+    };
+    if several {
+        let page = |page: &mut String| all_page(page, &evaluation, &names);
+        write(&arguments.out, &evaluation, page)?;
+    }
+    Ok(evaluation)
+}
+
+fn within(argument: &'static str, value: f64, low: f64, high: f64) -> Result<(), RunError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(RunError::Argument {
+        argument,
+        why: format!("{value}, must be {low} to {high}"),
+    })
+}
+
+fn command(arguments: &Arguments, files: &[PathBuf], threads: usize) -> String {
+    let files: String = (files.iter())
+        .map(|file| format!(" {}", file.display()))
+        .collect();
+    let boxes = arguments.boxes.as_ref();
+    let boxes = boxes.map_or(String::new(), |b| format!(" --boxes {}", b.display()));
+    let categories: String = (arguments.category.iter())
+        .map(|name| format!(" --category {name}"))
+        .collect();
+    format!(
+        "boresight eval clip{files} --model {} --threshold {}{boxes}{categories} --fov-deg {} \
+         --centre-sigma-px {} --rate-hz {} --threads {threads}",
+        arguments.model.display(),
+        arguments.threshold,
+        arguments.fov_deg,
+        arguments.centre_sigma_px,
+        arguments.rate_hz
+    )
+}
+
+/// A folder for every clip: its name without ending, numbered where that is not unique.
+fn folder_names(files: &[PathBuf]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for file in files {
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+        let mut name = stem.to_string();
+        let mut number = 2;
+        while name.is_empty() || names.contains(&name) {
+            name = format!("{stem}-{number}");
+            number += 1;
+        }
+        names.push(name);
+    }
+    names
+}
+
+/// Boxes of a frame [px].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameTruth {
+    /// UAVs.
+    pub uavs: Vec<Truth>,
+    /// What is none: x0, y0, x1, y1.
+    pub others: Vec<[f64; 4]>,
+}
+
+/// Boxes of a clip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClipTruth {
+    /// Name of the clip's file, without folders.
+    pub file: String,
+    /// Boxes of each of its frames.
+    pub frames: Vec<FrameTruth>,
+}
+
+/// Why a list of boxes is none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BoxesError {
+    /// No JSON, a key missing or of another type.
+    #[error("{0}; expected a list of {{file, frames, boxes_xywh}}")]
+    Json(String),
+    /// A value that cannot be.
+    #[error("[{index}] ({file}): {why}")]
+    Value {
+        /// Index in the list.
+        index: usize,
+        /// The clip's file.
+        file: String,
+        /// What is wrong, and what would be right.
+        why: String,
+    },
+}
+
+/// A clip as the file has it.
+#[derive(Debug, Deserialize)]
+struct Listed {
+    file: String,
+    frames: usize,
+    boxes_xywh: Vec<BTreeMap<String, Vec<[f64; 4]>>>,
+}
+
+/// Reads a list of clips with their boxes; those labelled with one of `categories` are UAVs, or
+/// without categories those whose label says so.
+pub fn parse_boxes(text: &str, categories: &[String]) -> Result<Vec<ClipTruth>, BoxesError> {
+    let listed: Vec<Listed> =
+        serde_json::from_str(text).map_err(|error| BoxesError::Json(error.to_string()))?;
+    let is = |names: &[&str], label: &str| names.iter().any(|n| n.eq_ignore_ascii_case(label));
+    let mut clips: Vec<ClipTruth> = Vec::with_capacity(listed.len());
+    for (index, clip) in listed.into_iter().enumerate() {
+        let wrong = |why: String| BoxesError::Value {
+            index,
+            file: clip.file.clone(),
+            why,
+        };
+        if clip.boxes_xywh.len() != clip.frames {
+            let (found, frames) = (clip.boxes_xywh.len(), clip.frames);
+            return Err(wrong(format!(
+                "boxes_xywh has {found} entries, frames says {frames}"
+            )));
+        }
+        if clips.iter().any(|other| other.file == clip.file) {
+            return Err(wrong("the file is listed twice".into()));
+        }
+        let mut frames = vec![FrameTruth::default(); clip.frames];
+        for (i, (labels, frame)) in clip.boxes_xywh.iter().zip(&mut frames).enumerate() {
+            for (label, boxes) in labels {
+                let uav = if categories.is_empty() {
+                    is(&UAVS, label)
+                } else {
+                    categories.iter().any(|c| c.eq_ignore_ascii_case(label))
+                };
+                if !uav && categories.is_empty() && !is(&OTHERS, label) {
+                    return Err(wrong(format!(
+                        "frame {i}: whether '{label}' is a UAV is not clear; name the labels that \
+                         are with --category"
+                    )));
+                }
+                for [x, y, width, height] in boxes {
+                    let box_px = [*x, *y, x + width, y + height];
+                    if !(*width > 0.0 && *height > 0.0 && box_px.iter().all(|c| c.is_finite())) {
+                        return Err(wrong(format!(
+                            "frame {i}: the box [{x}, {y}, {width}, {height}] must be x, y, width \
+                             and height with sides above 0 px"
+                        )));
+                    }
+                    if uav {
+                        frame.uavs.push(Truth {
+                            box_px,
+                            area_px2: width * height,
+                            ignored: false,
+                        });
+                    } else {
+                        frame.others.push(box_px);
+                    }
+                }
+            }
+        }
+        clips.push(ClipTruth {
+            file: clip.file,
+            frames,
+        });
+    }
+    Ok(clips)
+}
+
+/// The truth of `--boxes`.
+enum BoxFile {
+    Clips(PathBuf, Vec<ClipTruth>),
+    Pictures(Coco),
+}
+
+impl BoxFile {
+    fn load(path: &Path, categories: &[String]) -> Result<Self, RunError> {
+        let wrong = |why: String| RunError::Argument {
+            argument: "--boxes",
+            why: format!("{}: {why}", path.display()),
+        };
+        if path.is_dir() {
+            return Ok(Self::Pictures(Coco::load(path, categories)?));
+        }
+        let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+        if text.trim_start().starts_with('{') {
+            return Ok(Self::Pictures(Coco::load(path, categories)?));
+        }
+        let clips = parse_boxes(&text, categories).map_err(|error| wrong(error.to_string()))?;
+        Ok(Self::Clips(path.into(), clips))
+    }
+
+    fn wrong(&self, why: String) -> RunError {
+        let path = match self {
+            Self::Clips(path, _) => path,
+            Self::Pictures(coco) => &coco.file,
+        };
+        RunError::Argument {
+            argument: "--boxes",
+            why: format!("{}: {why}", path.display()),
+        }
+    }
+
+    fn listed(&self, file: &Path) -> Result<&ClipTruth, RunError> {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let found = match self {
+            Self::Clips(_, clips) => clips.iter().find(|clip| clip.file == name),
+            Self::Pictures(_) => None,
+        };
+        found.ok_or_else(|| self.wrong(format!("it lists no boxes of '{name}'")))
+    }
+
+    /// Refuses a clip of which this file does not tell the truth.
+    fn check(&self, file: &Path, frames: usize) -> Result<(), RunError> {
+        if let Self::Pictures(_) = self {
+            return match file.is_dir() {
+                true => Ok(()),
+                false => Err(self.wrong(format!(
+                    "COCO annotations are of pictures, but {} is a video",
+                    file.display()
+                ))),
+            };
+        }
+        let listed = self.listed(file)?.frames.len();
+        if listed == frames {
+            return Ok(());
+        }
+        Err(self.wrong(format!(
+            "it lists {listed} frames of {}, which has {frames}",
+            file.display()
+        )))
+    }
+
+    /// The boxes of frame `index` of a clip.
+    fn of(&self, file: &Path, index: usize, frame: &Frame) -> Result<FrameTruth, RunError> {
+        let Self::Pictures(coco) = self else {
+            let frames = &self.listed(file)?.frames;
+            return Ok(frames.get(index).cloned().unwrap_or_default());
+        };
+        let path = frame.file.as_deref().unwrap_or(file);
+        let path = std::fs::canonicalize(path).unwrap_or(path.into());
+        let found = (coco.pictures.iter()).position(|p| path.ends_with(&p.file_name));
+        let uavs = found
+            .and_then(|at| coco.truth.get(at))
+            .ok_or_else(|| self.wrong(format!("it does not list {}", path.display())))?;
+        Ok(FrameTruth {
+            uavs: uavs.clone(),
+            others: Vec::new(),
+        })
+    }
+}
+
+/// The run's tracker at work on a clip.
+struct Follower {
+    clock: SimClock,
+    params: TrackerParams,
+    tracker: Tracker,
+    pinhole: Pinhole,
+    pointing: Pointing,
+    pose: Pose,
+}
+
+/// A track in a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Followed {
+    id: u32,
+    /// Where the filter has it [px].
+    px: DVec2,
+    /// Larger side of its box [px].
+    side_px: f64,
+    /// Its detection's box in this frame [px].
+    seen_px: Option<[f64; 4]>,
+    score: f64,
+}
+
+impl Follower {
+    fn new([width, height]: [u32; 2], arguments: &Arguments) -> Result<Self, RunError> {
+        let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians());
+        let pinhole = pinhole.map_err(|error| RunError::Argument {
+            argument: "--fov-deg",
+            why: error.to_string(),
+        })?;
+        let defaults = scenario::Tracker::default();
+        let pointing = Pointing {
+            az_el_rad: DVec2::ZERO,
+            mirror_rad: DVec2::ZERO,
+            base_tilt_rad: DVec3::ZERO,
+            alignment: Alignment::default(),
+        };
+        Ok(Self {
+            clock: SimClock {
+                tick: 0,
+                tick_hz: TICK_HZ,
+            },
+            params: TrackerParams {
+                nearest_to_centre: false,
+                linear_angles: false,
+                centre_sigma_px: arguments.centre_sigma_px,
+                min_quality: defaults.min_quality,
+                min_score: 0.0,
+                switch_ratio: defaults.switch_ratio,
+                r_asset_enu_m: DVec3::ZERO,
+                aim: None,
+                // There is no precise camera to lock.
+                lock_radius_px: 0.0,
+                lock_dwell_s: f64::INFINITY,
+                break_radius_px: 0.0,
+            },
+            tracker: Tracker::default(),
+            pinhole,
+            pointing,
+            pose: pointing.believed_pose(DVec3::ZERO, Tier::Coarse),
+        })
+    }
+
+    /// Takes a frame's detections in; returns the confirmed tracks in view.
+    fn look(&mut self, t_s: f64, detections: &[Detection]) -> Vec<Followed> {
+        let tick = (t_s * f64::from(TICK_HZ)).round() as u64;
+        self.clock.tick = tick;
+        let t_s = self.clock.t_s();
+        let (width, height) = (self.pinhole.width_px, self.pinhole.height_px);
+        let batch = DetectionBatch {
+            tier: Tier::Coarse,
+            exposure_tick: tick,
+            available_tick: tick,
+            pointing: self.pointing,
+            rect: PixelRect {
+                offset_px: [0, 0],
+                size_px: [width, height],
+            },
+            detections: detections.to_vec(),
+        };
+        let (tracker, params, pinhole) = (&mut self.tracker, &self.params, &self.pinhole);
+        let assigned = take_in(tracker, params, &batch, pinhole, DVec3::ZERO, t_s);
+        let now = Situation {
+            tick,
+            clock: &self.clock,
+            params,
+            dsm: None,
+            r_station_enu_m: DVec3::ZERO,
+        };
+        step(&now, tracker, false, true);
+        let found = |track: &Track| {
+            let index = assigned.iter().position(|id| *id == Some(track.id))?;
+            detections.get(index).map(|detection| detection.box_px)
+        };
+        (self.tracker.table.tracks.iter())
+            .filter(|track| job::confirmed(track, &self.params, t_s))
+            .filter_map(|track| {
+                let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
+                let px = (self.pinhole).project(self.pose.q_enu_cam.inverse() * los_enu)?;
+                Some(Followed {
+                    id: track.id,
+                    px,
+                    side_px: track.size_rad / self.pinhole.ifov_rad(),
+                    seen_px: found(track),
+                    score: track.score,
+                })
+            })
+            .filter(|followed| self.pinhole.contains(followed.px))
+            .collect()
+    }
+
+    /// The target that is held.
+    fn held(&self) -> Option<u32> {
+        let held = matches!(
+            self.tracker.state,
+            TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
+        );
+        self.tracker.target.filter(|_| held)
+    }
+}
+
+fn inside([x0, y0, x1, y1]: [f64; 4], px: DVec2) -> bool {
+    (x0..=x1).contains(&px.x) && (y0..=y1).contains(&px.y)
+}
+
+/// A clip that has been played.
+struct Played {
+    clip: ClipFigures,
+    tally: Tally,
+    curves: Curves,
+    end_s: f64,
+    sheet: Vec<Sheet>,
+}
+
+/// What is drawn over time.
+#[derive(Default)]
+struct Curves {
+    /// Miss distance of detector and tracker [px].
+    miss_px: [Series; 2],
+    /// Best score on a UAV (without truth: anywhere), and elsewhere.
+    score: [Series; 2],
+}
+
+/// A picture of the contact sheet.
+struct Sheet {
+    t_s: f64,
+    frame: usize,
+    caption: String,
+    jpeg: Vec<u8>,
+}
+
+/// What is gathered of a track while it lasts.
+#[derive(Clone, Copy)]
+struct Life {
+    start_s: f64,
+    end_s: f64,
+    frames: usize,
+    on_uav: usize,
+    last: Followed,
+}
+
+/// Plays a clip; writes its overlay and its tracks into `folder`.
+fn play(
+    model: &mut OnnxDetector,
+    file: &Path,
+    name: &str,
+    truth: Option<&BoxFile>,
+    arguments: &Arguments,
+    folder: &Path,
+) -> Result<Played, RunError> {
+    let mut clip = Clip::open(file, arguments.rate_hz)?;
+    let (count, rate_hz) = (clip.frames(), clip.rate_hz());
+    std::fs::create_dir_all(folder).map_err(|source| RunError::Output {
+        path: folder.into(),
+        source,
+    })?;
+    let mut tally = Tally {
+        known: truth.is_some(),
+        ..Tally::default()
+    };
+    let mut curves = Curves::default();
+    let mut images = Vec::with_capacity(count);
+    let mut lives: BTreeMap<u32, Life> = BTreeMap::new();
+    let mut trail: Vec<DVec2> = Vec::new();
+    let mut lines = String::new();
+    let mut sheet = Vec::new();
+    let mut at_work: Option<(Follower, Writer)> = None;
+    let (mut size_px, mut end_s) = ([0, 0], 0.0);
+    let mut shown = Instant::now();
+    for index in 0..count {
+        let started = Instant::now();
+        let Some(mut frame) = clip.next_frame()? else {
+            break;
+        };
+        let mut spent = started.elapsed();
+        (size_px, end_s) = (frame.size_px, frame.t_s);
+        let (follower, writer) = match &mut at_work {
+            Some(at_work) => at_work,
+            None => {
+                // Memory is set up at the first picture of a size.
+                model.detect(&frame.rgb8, frame.size_px, &mut Vec::new())?;
+                let overlay = folder.join("overlay.mp4");
+                at_work.insert((
+                    Follower::new(size_px, arguments)?,
+                    Writer::create(&overlay, size_px, rate_hz)?,
+                ))
+            }
+        };
+        let started = Instant::now();
+        let mut found = Vec::new();
+        model.detect(&frame.rgb8, frame.size_px, &mut found)?;
+        // Models with a fixed number of outputs fill the rest with empty boxes.
+        found.retain(|d| d.box_px[2] > d.box_px[0] && d.box_px[3] > d.box_px[1]);
+        let sure = found.partition_point(|d| d.score >= arguments.threshold);
+        let followed = follower.look(frame.t_s, &found[..sure]);
+        spent += started.elapsed();
+        tally.busy += spent;
+
+        let boxes = match truth {
+            Some(truth) => truth.of(file, index, &frame)?,
+            None => FrameTruth::default(),
+        };
+        let on_uav = |px: DVec2| (boxes.uavs.iter()).find(|t| !t.ignored && inside(t.box_px, px));
+        let best = |on: bool| {
+            let fits =
+                |d: &&Detection| !tally.known || on_uav(d.centre_px().into()).is_some() == on;
+            (found.iter().find(fits)).map_or(f64::NAN, |d| d.score)
+        };
+        curves.score[0].push((frame.t_s, best(true)));
+        if tally.known {
+            curves.score[1].push((frame.t_s, best(false)));
+        }
+
+        for (young, old) in &follower.tracker.table.joined {
+            if let Some(young) = lives.remove(young) {
+                let life = lives.entry(*old).or_insert(young);
+                life.start_s = life.start_s.min(young.start_s);
+            }
+        }
+        for track in &followed {
+            let life = lives.entry(track.id).or_insert(Life {
+                start_s: frame.t_s,
+                end_s: frame.t_s,
+                frames: 0,
+                on_uav: 0,
+                last: *track,
+            });
+            life.end_s = frame.t_s;
+            life.frames += 1;
+            life.on_uav += usize::from(on_uav(track.px).is_some());
+            life.last = *track;
+            mot_line(&mut lines, index, track);
+        }
+        let held = follower.held();
+        let target = followed.iter().find(|track| Some(track.id) == held);
+        let on = target.and_then(|target| on_uav(target.px).map(|truth| (target, truth)));
+        let has_uav = boxes.uavs.iter().any(|t| !t.ignored);
+        tally.locked += usize::from(target.is_some());
+        tally.with_uav += usize::from(has_uav);
+        tally.on_target += usize::from(on.is_some());
+        tally.false_lock += usize::from(target.is_some() && on.is_none());
+        let miss = on.map(|(target, truth)| target.px.distance(truth.centre_px().into()));
+        tally.tracker_px.extend(miss);
+        curves.miss_px[1].push((frame.t_s, miss.unwrap_or(f64::NAN)));
+        match target {
+            Some(target) => trail.push(target.px),
+            None => trail.clear(),
+        }
+
+        found.truncate(sure);
+        draw(&mut frame, &boxes, &found, &followed, held, &trail);
+        writer.push(&frame.rgb8, frame.size_px)?;
+        // Evenly spread over the clip: the frame in the middle of each share.
+        let shares = SHEET.min(count);
+        if (0..shares).any(|k| (2 * k + 1) * count / (2 * shares) == index) {
+            sheet.push(Sheet::of(&frame, index, &found, target)?);
+        }
+        images.push(Image {
+            truth: boxes.uavs,
+            found,
+        });
+        if shown.elapsed() > Duration::from_secs(2) || index + 1 == count {
+            shown = Instant::now();
+            progress(&format!("{name}: {} of {count} frames", index + 1));
+        }
+    }
+    let mut changes = Vec::new();
+    if let Some((follower, writer)) = at_work {
+        writer.finish(rate_hz)?;
+        changes = follower.tracker.changes;
+    }
+    mot::put(&folder.join("tracks.txt"), &lines)?;
+    tally.frames = images.len();
+    tally.detections = images.iter().map(|image| image.found.len()).sum();
+    curves.miss_px[0] = judge(&mut tally, &images, &curves.miss_px[1]);
+    let known = tally.known;
+    let tracks = lives.into_iter().map(|(id, life)| TrackFigures {
+        id,
+        start: life.start_s,
+        end: life.end_s,
+        length: life.end_s - life.start_s,
+        frames: life.frames,
+        score: life.last.score,
+        size_px: life.last.side_px,
+        on_uav_share: known.then(|| life.on_uav as f64 / life.frames as f64),
+    });
+    let states = changes.into_iter().map(|change| State {
+        name: change.to.name(),
+        start: change.tick as f64 / f64::from(TICK_HZ),
+        reason: change.reason,
+    });
+    Ok(Played {
+        clip: ClipFigures {
+            file: file.into(),
+            size_px,
+            rate_hz,
+            figures: tally.figures(),
+            tracks: tracks.collect(),
+            states: states.collect(),
+        },
+        tally,
+        curves,
+        end_s,
+        sheet,
+    })
+}
+
+/// Counts hits and false alarms of the detector; returns its miss distance in each frame.
+fn judge(tally: &mut Tally, images: &[Image], times: &Series) -> Series {
+    let mut series: Series = times.iter().map(|(t_s, _)| (*t_s, f64::NAN)).collect();
+    if !tally.known {
+        return series;
+    }
+    let centre = Matching::of(images, Criterion::Centre, ALL);
+    tally.boxes = centre.boxes;
+    for mark in &centre.marks {
+        let image = &images[mark.image];
+        let px = DVec2::from(image.found[mark.found].centre_px());
+        match mark.hit.map(|k| &image.truth[k]) {
+            Some(truth) if mark.is_hit() => {
+                let miss_px = px.distance(truth.centre_px().into());
+                tally.hits += 1;
+                tally.detector_px.push(miss_px);
+                series[mark.image].1 = series[mark.image].1.min(miss_px);
+            }
+            _ if !mark.is_false_alarm() => {}
+            _ if image.truth.iter().any(|truth| inside(truth.box_px, px)) => tally.duplicates += 1,
+            _ => tally.false_alarms += 1,
+        }
+    }
+    let half = Matching::of(images, Criterion::Iou(0.5), ALL);
+    tally.hits_iou = half.marks.iter().filter(|mark| mark.is_hit()).count();
+    series
+}
+
+/// A line in MOTChallenge's form: frame and identity from 1, left, top, width, height, score.
+fn mot_line(out: &mut String, index: usize, track: &Followed) {
+    let half = 0.5 * track.side_px;
+    let DVec2 { x, y } = track.px;
+    let [x0, y0, x1, y1] = (track.seen_px).unwrap_or([x - half, y - half, x + half, y + half]);
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        out,
+        "{},{},{x0:.3},{y0:.3},{:.3},{:.3},{:.4},-1,-1,-1",
+        index + 1,
+        track.id + 1,
+        x1 - x0,
+        y1 - y0,
+        track.score
+    );
+}
+
+const GREEN: [u8; 3] = [47, 230, 160];
+const WHITE: [u8; 3] = [255, 255, 255];
+const ORANGE: [u8; 3] = [255, 140, 30];
+const BLUE: [u8; 3] = [60, 160, 255];
+const PINK: [u8; 3] = [255, 70, 200];
+const COLOURS: &str = "Green: boxes of UAVs; white: boxes of what is none; orange: detections; blue: confirmed \
+     tracks; pink: the target that is held, with its way of the last two seconds and a cross where the \
+     filter has it.";
+
+/// Lines on a picture.
+struct Pen<'a> {
+    frame: &'a mut Frame,
+    /// Width of a line [px].
+    width: i64,
+}
+
+impl Pen<'_> {
+    /// Fills a rectangle, both corners included [px].
+    fn fill(&mut self, [x0, y0, x1, y1]: [i64; 4], colour: [u8; 3]) {
+        let [width, height] = self.frame.size_px.map(i64::from);
+        for y in y0.max(0)..=y1.min(height - 1) {
+            for x in x0.max(0)..=x1.min(width - 1) {
+                let at = 3 * (y * width + x) as usize;
+                self.frame.rgb8[at..at + 3].copy_from_slice(&colour);
+            }
+        }
+    }
+
+    /// The outline of a box, kept off it by `pad` pixels.
+    fn outline(&mut self, box_px: [f64; 4], pad: i64, colour: [u8; 3]) {
+        // A box far outside is drawn at the border.
+        let limit = |x: f64| x.clamp(-1e6, 1e6);
+        let [x0, y0] = [box_px[0], box_px[1]].map(|x| limit(x).floor() as i64 - pad);
+        let [x1, y1] = [box_px[2], box_px[3]].map(|x| limit(x).ceil() as i64 - 1 + pad);
+        let w = self.width - 1;
+        self.fill([x0 - w, y0 - w, x1 + w, y0], colour);
+        self.fill([x0 - w, y1, x1 + w, y1 + w], colour);
+        self.fill([x0 - w, y0 - w, x0, y1 + w], colour);
+        self.fill([x1, y0 - w, x1 + w, y1 + w], colour);
+    }
+
+    /// A straight line.
+    fn line(&mut self, from: DVec2, to: DVec2, colour: [u8; 3]) {
+        let steps = from.distance(to).ceil().clamp(1.0, 1e4) as usize;
+        for i in 0..=steps {
+            let at = from.lerp(to, i as f64 / steps as f64);
+            let (x, y) = (at.x as i64, at.y as i64);
+            let w = self.width - 1;
+            self.fill([x, y, x + w, y + w], colour);
+        }
+    }
+}
+
+/// Draws boxes, detections and tracks into a frame.
+fn draw(
+    frame: &mut Frame,
+    boxes: &FrameTruth,
+    found: &[Detection],
+    followed: &[Followed],
+    held: Option<u32>,
+    trail: &[DVec2],
+) {
+    let width = i64::from(frame.size_px[0].div_ceil(960));
+    let mut pen = Pen { frame, width };
+    for box_px in &boxes.others {
+        pen.outline(*box_px, 0, WHITE);
+    }
+    for truth in &boxes.uavs {
+        pen.outline(truth.box_px, 0, GREEN);
+    }
+    for detection in found {
+        pen.outline(detection.box_px, width, ORANGE);
+    }
+    for track in followed {
+        let half = 0.5 * track.side_px;
+        let DVec2 { x, y } = track.px;
+        let square = [x - half, y - half, x + half, y + half];
+        if Some(track.id) != held {
+            pen.outline(track.seen_px.unwrap_or(square), 3 * width, BLUE);
+            continue;
+        }
+        pen.outline(track.seen_px.unwrap_or(square), 4 * width, PINK);
+        for d in [DVec2::X, DVec2::Y] {
+            let (near, far) = (half + 6.0, half + 16.0);
+            for side in [-1.0, 1.0] {
+                let arm = side * width as f64 * d;
+                pen.line(track.px + near * arm, track.px + far * arm, PINK);
+            }
+        }
+    }
+    const TRAIL: usize = 60;
+    let recent = &trail[trail.len().saturating_sub(TRAIL)..];
+    for pair in recent.windows(2) {
+        pen.line(pair[0], pair[1], PINK);
+    }
+}
+
+impl Sheet {
+    fn of(
+        frame: &Frame,
+        index: usize,
+        found: &[Detection],
+        target: Option<&Followed>,
+    ) -> Result<Self, RunError> {
+        let [width, height] = frame.size_px;
+        let jpeg = encode_jpeg(&frame.rgb8, width as u16, height as u16, 80)
+            .map_err(|error| RunError::Image(error.to_string()))?;
+        let best = found.first().map_or("no detection".into(), |best| {
+            format!("{} detections, best {:.2}", found.len(), best.score)
+        });
+        let target = target.map_or("no target".into(), |t| format!("track {}", t.id));
+        Ok(Self {
+            t_s: frame.t_s,
+            frame: index,
+            caption: format!("{best}, {target}"),
+            jpeg,
+        })
+    }
+}
+
+fn percent(share: Option<f64>) -> String {
+    share.map_or("–".into(), |share| format!("{:.1} %", 100.0 * share))
+}
+
+fn miss(miss: &Miss) -> String {
+    format!(
+        "{} / {} / {} px ({})",
+        number(miss.mean, 2),
+        number(miss.rms, 2),
+        number(miss.median, 2),
+        miss.n
+    )
+}
+
+impl Figures {
+    /// The figures with their names.
+    fn rows(&self) -> Vec<(&'static str, String)> {
+        let count = |n: Option<usize>| n.map_or("–".into(), |n| n.to_string());
+        vec![
+            ("frames", self.frames.to_string()),
+            ("detections", self.detections.to_string()),
+            ("boxes of UAVs", count(self.boxes)),
+            ("recall", number(self.recall, 4)),
+            ("recall at an IoU of 0.5", number(self.recall_iou_0_5, 4)),
+            (
+                "false alarms a frame",
+                number(self.false_alarms_per_frame, 4),
+            ),
+            ("false alarms", count(self.false_alarms)),
+            ("further detections in a box", count(self.duplicates)),
+            (
+                "detector's miss distance: mean / rms / median",
+                miss(&self.miss_distance_px.detector),
+            ),
+            (
+                "tracker's miss distance: mean / rms / median",
+                miss(&self.miss_distance_px.tracker),
+            ),
+            ("target held", percent(Some(self.locked_share))),
+            (
+                "a UAV held, of frames with one",
+                percent(self.on_target_share),
+            ),
+            ("something else held", percent(self.false_lock_share)),
+            ("frames a second, CPU", format!("{:.1}", self.frames_per_s)),
+        ]
+    }
+}
+
+/// Head of the table of clips.
+const COLUMNS: [&str; 8] = [
+    "clip",
+    "frames",
+    "recall",
+    "false alarms a frame",
+    "UAV held",
+    "else held",
+    "detector mean [px]",
+    "tracker mean [px]",
+];
+
+impl Evaluation {
+    /// A row for each clip, and one for all.
+    fn summary(&self) -> Vec<Vec<String>> {
+        let row = |name: String, figures: &Figures| {
+            vec![
+                name,
+                figures.frames.to_string(),
+                number(figures.recall, 4),
+                number(figures.false_alarms_per_frame, 4),
+                percent(figures.on_target_share),
+                percent(figures.false_lock_share),
+                number(figures.miss_distance_px.detector.mean, 2),
+                number(figures.miss_distance_px.tracker.mean, 2),
+            ]
+        };
+        let names = folder_names(
+            &self
+                .clips
+                .iter()
+                .map(|c| c.file.clone())
+                .collect::<Vec<_>>(),
+        );
+        let clips = self.clips.iter().zip(names);
+        let mut rows: Vec<_> = clips.map(|(clip, name)| row(name, &clip.figures)).collect();
+        if rows.len() > 1 {
+            rows.push(row("all".into(), &self.figures));
+        }
+        rows
+    }
+
+    /// The figures as lines of text.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        if self.clips.len() > 1 {
+            let rows = self.summary();
+            let longest = rows.iter().map(|row| row[0].chars().count()).max();
+            let first = longest.unwrap_or(0).max(4);
+            let head = COLUMNS.map(String::from).to_vec();
+            for row in std::iter::once(&head).chain(&rows) {
+                let _ = write!(text, "{:<first$}", row[0]);
+                for (cell, name) in row.iter().zip(COLUMNS).skip(1) {
+                    let width = name.chars().count().max(8) + 2;
+                    let _ = write!(text, "{cell:>width$}");
+                }
+                text.push('\n');
+            }
+            text.push('\n');
+        }
+        for (name, value) in self.figures.rows() {
+            let _ = writeln!(text, "{name:<48} {value}");
+        }
+        text
+    }
+}
+
+fn write(
+    folder: &Path,
+    evaluation: &Evaluation,
+    html: impl Fn(&mut String) -> fmt::Result,
+) -> Result<(), RunError> {
+    let text = serde_json::to_string_pretty(evaluation)? + "\n";
+    mot::put(&folder.join("clip.json"), &text)?;
+    let mut page = String::new();
+    html(&mut page)
+        .map_err(std::io::Error::other)
+        .map_err(|source| RunError::Output {
+            path: folder.into(),
+            source,
+        })?;
+    mot::put(&folder.join("clip.html"), &page)
+}
+
+fn head(out: &mut String, evaluation: &Evaluation, title: &str) -> fmt::Result {
+    writeln!(
+        out,
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
+         <title>Boresight: {title}</title>\n<style>{STYLE}\
+         .sheet img,video{{width:100%;display:block;border-radius:6px}}</style>\n</head>\n<body>\n\
+         <header>\n<h1>{title}</h1>\n<p class=\"meta\"><span>Model <code>{}</code></span>\
+         <span>Threshold <code>{}</code></span><span>Truth <code>{}</code></span>\
+         <span>Version <code>{}</code></span><span><code>{}</code></span></p>\n</header>",
+        Escaped(&evaluation.model.display().to_string()),
+        evaluation.threshold,
+        Escaped(
+            &evaluation
+                .boxes_file
+                .as_ref()
+                .map_or("none".into(), |b| b.display().to_string())
+        ),
+        evaluation.version,
+        Escaped(&evaluation.command),
+        title = Escaped(title),
+    )
+}
+
+const MEANING: &str = "A detection hits when its centre lies in the box of a UAV; one in no such box is a false alarm. \
+     Boxes may be loose: the IoU then says little. The target that is held counts as a UAV when the place that \
+     the filter gives it lies in the box of one. Miss distances are those of hits, to the centre of the box.";
+
+fn figures_html(out: &mut String, figures: &Figures) -> fmt::Result {
+    out.push_str("<h2>Figures</h2>\n");
+    let rows: Vec<Vec<String>> = (figures.rows().into_iter())
+        .map(|(name, value)| vec![name.into(), value])
+        .collect();
+    table(out, &["figure", "value"], &rows)?;
+    note(out, MEANING)
+}
+
+/// The page of several clips.
+fn all_page(out: &mut String, evaluation: &Evaluation, names: &[String]) -> fmt::Result {
+    head(out, evaluation, "Clips")?;
+    out.push_str("<h2>Clips</h2>\n");
+    table(out, &COLUMNS, &evaluation.summary())?;
+    out.push_str("<p>Pages: ");
+    for name in names {
+        let name = Escaped(name);
+        write!(out, "<a href=\"{name}/clip.html\">{name}</a> ")?;
+    }
+    out.push_str("</p>\n");
+    figures_html(out, &evaluation.figures)?;
+    out.push_str("</body>\n</html>\n");
+    Ok(())
+}
+
+/// The page of one clip.
+fn one_page(out: &mut String, evaluation: &Evaluation, name: &str, played: &Played) -> fmt::Result {
+    head(out, evaluation, name)?;
+    let clip = &played.clip;
+    figures_html(out, &clip.figures)?;
+    out.push_str("<h2>Over time</h2>\n<div class=\"charts\">\n");
+    let across = Across::time("time [s]", played.end_s);
+    let [detector, tracker] = &played.curves.miss_px;
+    let miss = [("detector", detector), ("tracker", tracker)];
+    let [on, elsewhere] = &played.curves.score;
+    let both = [("on a UAV", on), ("elsewhere", elsewhere)];
+    let score: &[(&str, &Series)] = match evaluation.boxes_file {
+        Some(_) => &both,
+        None => &[("", on)],
+    };
+    for (title, unit, series) in [
+        ("Miss distance", "px", &miss[..]),
+        ("Best score", "1", score),
+    ] {
+        let chart = Chart {
+            title,
+            unit,
+            scale: Scale::Linear,
+            series,
+            limit: None,
+        };
+        chart.html(out, &across)?;
+    }
+    out.push_str("</div>\n<h2>States of the tracker</h2>\n");
+    let ends = (clip.states.iter().skip(1).map(|state| state.start)).chain([played.end_s]);
+    let spans: Vec<StateSpan> = (clip.states.iter().zip(ends))
+        .map(|(state, t1_s)| StateSpan {
+            t0_s: state.start,
+            t1_s,
+            name: state.name.into(),
+            reason: state.reason.clone(),
+        })
+        .collect();
+    states_html(out, &spans, played.end_s)?;
+    out.push_str("<h2>Confirmed tracks</h2>\n");
+    let rows: Vec<Vec<String>> = (clip.tracks.iter())
+        .map(|track| {
+            vec![
+                track.id.to_string(),
+                number(Some(track.start), 2),
+                number(Some(track.end), 2),
+                number(Some(track.length), 2),
+                track.frames.to_string(),
+                number(Some(track.score), 2),
+                number(Some(track.size_px), 1),
+                percent(track.on_uav_share),
+            ]
+        })
+        .collect();
+    let columns = [
+        "track",
+        "from [s]",
+        "to [s]",
+        "for [s]",
+        "frames",
+        "score",
+        "size [px]",
+        "on a UAV",
+    ];
+    table(out, &columns, &rows)?;
+    writeln!(
+        out,
+        "<h2>Pictures</h2>\n<p><a href=\"overlay.mp4\">overlay.mp4</a>, tracks in MOTChallenge's form: \
+         <a href=\"tracks.txt\">tracks.txt</a></p>"
+    )?;
+    note(out, COLOURS)?;
+    out.push_str("<div class=\"sheet\">\n");
+    for sheet in &played.sheet {
+        writeln!(
+            out,
+            "<figure><img alt=\"frame {0}\" src=\"data:image/jpeg;base64,{1}\"><figcaption><b>frame {0}</b>\
+             <span>{2:.2} s</span><span class=\"note\">{3}</span></figcaption></figure>",
+            sheet.frame,
+            BASE64_STANDARD.encode(&sheet.jpeg),
+            sheet.t_s,
+            Escaped(&sheet.caption)
+        )?;
+    }
+    out.push_str("</div>\n</body>\n</html>\n");
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const GOOD: &str = r#"[{"file": "a.mp4", "frames": 3, "boxes_xywh":
+        [{"drone": [[10, 20, 4, 6]], "bird": [[1, 1, 2, 2]]}, {}, {"Drone": []}]},
+        {"file": "b.mp4", "frames": 1, "boxes_xywh": [{"airplane": [[0.5, 0, 2, 1]]}]}]"#;
+
+    #[test]
+    fn boxes_are_read_by_label() {
+        let clips = parse_boxes(GOOD, &[]).unwrap();
+        assert_eq!((clips.len(), clips[0].frames.len()), (2, 3));
+        let [first, rest @ ..] = &clips[0].frames[..] else {
+            panic!("no frames");
+        };
+        assert_eq!(first.uavs[0].box_px, [10.0, 20.0, 14.0, 26.0]);
+        assert_eq!(first.others, [[1.0, 1.0, 3.0, 3.0]]);
+        assert!(rest.iter().all(|frame| *frame == FrameTruth::default()));
+        assert_eq!(clips[1].frames[0].others, [[0.5, 0.0, 2.5, 1.0]]);
+        let birds = parse_boxes(GOOD, &["bird".into()]).unwrap();
+        assert_eq!(birds[0].frames[0].others, [[10.0, 20.0, 14.0, 26.0]]);
+    }
+
+    #[test]
+    fn bad_boxes_are_told() {
+        for (from, to, expected) in [
+            (
+                "\"frames\": 3",
+                "\"frames\": 4",
+                "has 3 entries, frames says 4",
+            ),
+            ("b.mp4", "a.mp4", "listed twice"),
+            ("4, 6]", "0, 6]", "frame 0: the box [10, 20, 0, 6]"),
+            ("airplane", "thing", "'thing' is a UAV is not clear"),
+            ("\"frames\": 1,", "", "missing field `frames`"),
+            ("[0.5, 0, 2, 1]", "[0.5, 0, 2]", "expected a list of"),
+        ] {
+            let text = GOOD.replace(from, to);
+            assert_ne!(text, GOOD, "{from}");
+            let message = parse_boxes(&text, &[]).unwrap_err().to_string();
+            assert!(message.contains(expected), "{expected}: {message}");
+        }
+    }
+
+    proptest! {
+        /// Any text is read or refused; so is a good file with a piece put in anywhere.
+        #[test]
+        fn any_boxes_are_read_or_refused(text in ".*", at in 0..GOOD.len(), cut in 0..40_usize) {
+            let _ = parse_boxes(&text, &[]);
+            let end = (at + cut).min(GOOD.len());
+            let _ = parse_boxes(&format!("{}{text}{}", &GOOD[..at], &GOOD[end..]), &[]);
+        }
+
+        /// What is written is read back.
+        #[test]
+        fn boxes_are_read_as_written(
+            boxes in prop::collection::vec(
+                prop::collection::vec(
+                    (0.0..900.0, 0.0..900.0, 0.1..200.0, 0.1..200.0, any::<bool>()),
+                    0..4,
+                ),
+                0..20,
+            ),
+        ) {
+            let frames: Vec<serde_json::Value> = boxes.iter().map(|boxes| {
+                let of = |uav: bool| -> Vec<[f64; 4]> {
+                    boxes.iter().filter(|b| b.4 == uav).map(|b| [b.0, b.1, b.2, b.3]).collect()
+                };
+                serde_json::json!({"uav": of(true), "helicopter": of(false)})
+            }).collect();
+            let text = serde_json::json!(
+                [{"file": "x", "frames": frames.len(), "boxes_xywh": frames}]
+            ).to_string();
+            let clips = parse_boxes(&text, &[]).unwrap();
+            for (frame, boxes) in clips[0].frames.iter().zip(&boxes) {
+                let mut others = frame.others.iter();
+                let mut uavs = frame.uavs.iter().map(|truth| &truth.box_px);
+                for (x, y, w, h, uav) in boxes {
+                    let found = if *uav { uavs.next() } else { others.next() };
+                    prop_assert_eq!(found, Some(&[*x, *y, x + w, y + h]));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn folders_of_clips_have_names_of_their_own() {
+        let files = ["x/a.mp4", "y/a.mov", "b", "x/.."].map(PathBuf::from);
+        let names = folder_names(&files);
+        assert_eq!(names[..3], ["a", "a-2", "b"]);
+        assert!(!names[3].is_empty());
+    }
+
+    /// Truth in both boxes of the first frame, one detection in each of two places.
+    #[test]
+    fn hits_and_false_alarms_are_counted_by_the_centre() {
+        let truth = |box_px: [f64; 4]| Truth {
+            box_px,
+            area_px2: 100.0,
+            ignored: false,
+        };
+        let found = |x: f64, y: f64, score: f64| Detection {
+            box_px: [x - 2.0, y - 2.0, x + 2.0, y + 2.0],
+            score,
+        };
+        let images = [
+            Image {
+                truth: vec![
+                    truth([0.0, 0.0, 10.0, 10.0]),
+                    truth([50.0, 50.0, 60.0, 60.0]),
+                ],
+                // A hit 3 px off, a second one in the same box, one beside.
+                found: vec![
+                    found(8.0, 5.0, 0.9),
+                    found(5.0, 5.0, 0.8),
+                    found(30.0, 5.0, 0.7),
+                ],
+            },
+            Image {
+                truth: Vec::new(),
+                found: vec![found(1.0, 1.0, 0.6)],
+            },
+        ];
+        let mut tally = Tally {
+            known: true,
+            frames: 2,
+            ..Tally::default()
+        };
+        let series = judge(&mut tally, &images, &vec![(0.0, 0.0), (0.1, 0.0)]);
+        let figures = tally.figures();
+        assert_eq!(figures.recall, Some(0.5));
+        assert_eq!(
+            (figures.false_alarms, figures.duplicates),
+            (Some(2), Some(1))
+        );
+        assert_eq!(figures.false_alarms_per_frame, Some(1.0));
+        let centre = images[0].truth[0].centre_px();
+        assert_eq!(centre, [5.0, 5.0]);
+        // The most confident takes the box, though another is nearer.
+        assert_eq!(figures.miss_distance_px.detector.mean, Some(3.0));
+        assert_eq!(series[0].1, 3.0);
+        assert!(series[1].1.is_nan());
+    }
+
+    /// A dark blob of 12 × 7 px that moves at 60 px/s and 15 px/s over a slope of sky, in noise of
+    /// some grey levels.
+    fn blob_folder(folder: &Path, frames: usize) -> Vec<[f64; 2]> {
+        let (width, height) = (320_usize, 240_usize);
+        let mut rng = crate::models::rng::Stream::new(3, 0, "blob");
+        (0..frames)
+            .map(|k| {
+                let t_s = k as f64 / 30.0;
+                let centre = [60.0 + 60.0 * t_s, 160.0 - 15.0 * t_s];
+                let mut rgb8 = Vec::with_capacity(3 * width * height);
+                for j in 0..height {
+                    for i in 0..width {
+                        let dx = (i as f64 + 0.5 - centre[0]) / 6.0;
+                        let dy = (j as f64 + 0.5 - centre[1]) / 3.5;
+                        // Soft edges keep the centre at the fraction of a pixel.
+                        let cover = ((1.15 - dx.hypot(dy)) / 0.3).clamp(0.0, 1.0);
+                        let sky = 170.0 + 0.1 * j as f64 + 2.0 * rng.normal();
+                        let grey = sky + cover * (45.0 - sky);
+                        rgb8.extend([grey - 10.0, grey, grey + 12.0].map(|c| c as u8));
+                    }
+                }
+                let jpeg = encode_jpeg(&rgb8, width as u16, height as u16, 92).unwrap();
+                std::fs::write(folder.join(format!("{k:04}.jpg")), jpeg).unwrap();
+                centre
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_moving_blob_is_found_and_followed() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("blob");
+        std::fs::create_dir(&folder).unwrap();
+        let centres = blob_folder(&folder, 60);
+        let boxes: Vec<_> = (centres.iter())
+            .map(|[x, y]| serde_json::json!({"drone": [[x - 9.0, y - 7.0, 18.0, 14.0]]}))
+            .collect();
+        let list = serde_json::json!([{"file": "blob", "frames": 60, "boxes_xywh": boxes}]);
+        let truth = root.path().join("boxes.json");
+        std::fs::write(&truth, list.to_string()).unwrap();
+        let arguments = Arguments {
+            files: vec![folder],
+            model: Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/saliency.onnx"),
+            out: root.path().join("out"),
+            threshold: 0.5,
+            boxes: Some(truth),
+            category: Vec::new(),
+            fov_deg: 1.0,
+            centre_sigma_px: 0.5,
+            rate_hz: 30.0,
+            threads: NonZeroUsize::new(1),
+        };
+        let evaluation = clip(&arguments).unwrap();
+        let figures = &evaluation.figures;
+        assert_eq!(figures.frames, 60);
+        assert!(figures.recall > Some(0.95), "{figures:?}");
+        // Six frames make a candidate, four more confirm it.
+        assert!(figures.on_target_share > Some(0.8), "{figures:?}");
+        assert_eq!(figures.false_lock_share, Some(0.0));
+        let miss = &figures.miss_distance_px;
+        assert!(miss.detector.mean < Some(1.0), "{figures:?}");
+        assert!(miss.tracker.mean < Some(1.0), "{figures:?}");
+        let tracks = &evaluation.clips[0].tracks;
+        assert_eq!(tracks.len(), 1, "{tracks:?}");
+        assert!(tracks[0].length > 1.6 && tracks[0].on_uav_share > Some(0.95));
+        // What it leaves: the same figures, a film of as many frames, a line for each of the track.
+        let text = std::fs::read_to_string(arguments.out.join("clip.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(json["frames"], 60);
+        assert_eq!(json["clips"][0]["tracks"][0]["id"], tracks[0].id);
+        assert_eq!(json["miss_distance_px"]["tracker"]["n"], miss.tracker.n);
+        let overlay = Clip::open(&arguments.out.join("overlay.mp4"), 30.0).unwrap();
+        assert_eq!(overlay.frames(), 60);
+        let lines = std::fs::read_to_string(arguments.out.join("tracks.txt")).unwrap();
+        assert_eq!(lines.lines().count(), tracks[0].frames);
+        let page = std::fs::read_to_string(arguments.out.join("clip.html")).unwrap();
+        assert_eq!(page.matches("data:image/jpeg").count(), SHEET);
+        // Truth of other length, or of no such clip, is refused before the work.
+        for (frames, name, expected) in [
+            (59, "blob", "lists 59 frames"),
+            (60, "other", "lists no boxes of 'blob'"),
+        ] {
+            let list = serde_json::json!(
+                [{"file": name, "frames": frames, "boxes_xywh": &boxes[..frames]}]
+            );
+            std::fs::write(root.path().join("boxes.json"), list.to_string()).unwrap();
+            let message = clip(&arguments).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+}
