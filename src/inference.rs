@@ -312,13 +312,20 @@ impl OnnxDetector {
             .try_extract_tensor::<i64>()
             .map_err(broken)?;
         let n = scores.len();
+        let aims = match outputs.get("aims") {
+            Some(aims) => Some(aims.try_extract_tensor::<f32>().map_err(broken)?.1),
+            None => None,
+        };
+        if aims.is_some_and(|aims| aims.len() != 2 * n) {
+            return Err(wrong("aims are not [N, 2]".into()));
+        }
         if shape.len() != 2 || shape[1] != 4 || boxes.len() != 4 * n || labels.len() != n {
             return Err(wrong(
                 "boxes are not [N, 4] with one score and one label each".into(),
             ));
         }
-        if boxes.iter().chain(scores).any(|x| !x.is_finite()) {
-            return Err(wrong("it gives boxes or scores that are not finite".into()));
+        if boxes.iter().chain(scores).chain(aims.unwrap_or_default()).any(|x| !x.is_finite()) {
+            return Err(wrong("it gives boxes, scores or aims that are not finite".into()));
         }
         let classes = self.classes.len();
         let class = |label: i64| {
@@ -335,10 +342,17 @@ impl OnnxDetector {
         let size_px = look.size_px.map(f64::from);
         out.extend(
             (boxes.chunks_exact(4).zip(scores).zip(labels))
-                .map(|((b, score), label)| Detection {
-                    box_px: [b[0], b[1], b[2], b[3]].map(f64::from),
-                    score: f64::from(*score),
-                    label: class(*label).unwrap_or_default(),
+                .enumerate()
+                .map(|(i, ((b, score), label))| {
+                    let mut found = Detection::new(
+                        [b[0], b[1], b[2], b[3]].map(f64::from),
+                        f64::from(*score),
+                        class(*label).unwrap_or_default(),
+                    );
+                    if let Some(aims) = aims {
+                        found.aim_px = [aims[2 * i], aims[2 * i + 1]].map(f64::from);
+                    }
+                    found
                 })
                 // The padding is no part of the picture.
                 .filter(|found| {

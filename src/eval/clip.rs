@@ -1463,9 +1463,8 @@ mod tests {
             area_px2: 100.0,
             ignored: false,
         };
-        let found = |x: f64, y: f64, score: f64| Detection {
-            box_px: [x - 2.0, y - 2.0, x + 2.0, y + 2.0],
-            score,
+        let found = |x: f64, y: f64, score: f64| {
+            Detection::new([x - 2.0, y - 2.0, x + 2.0, y + 2.0], score, 0)
         };
         let images = [
             Image {

@@ -909,11 +909,7 @@ mod tests {
         let folder = folder();
         let coco = Coco::load(folder.path(), &[]).expect("a set");
         let classes = ["fpv", "uav"].map(String::from);
-        let found = |box_px, label| Detection {
-            box_px,
-            score: 0.9,
-            label,
-        };
+        let found = |box_px, label| Detection::new(box_px, 0.9, label);
         let images: Vec<Image> = (coco.truth.iter())
             .map(|truth| Image {
                 truth: truth.clone(),

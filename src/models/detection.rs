@@ -8,6 +8,8 @@ use crate::models::rng::Stream;
 pub struct Detection {
     /// x0, y0, x1, y1 [px].
     pub box_px: [f64; 4],
+    /// Where to aim [px]: the box's middle, unless the detector says better.
+    pub aim_px: [f64; 2],
     /// Confidence, 0 to 1.
     pub score: f64,
     /// Index of its most likely class among those of the detector.
@@ -15,6 +17,18 @@ pub struct Detection {
 }
 
 impl Detection {
+    /// A detection aimed at in its box's middle.
+    pub fn new(box_px: [f64; 4], score: f64, label: u32) -> Self {
+        let mut detection = Self {
+            box_px,
+            aim_px: [0.0; 2],
+            score,
+            label,
+        };
+        detection.aim_px = detection.centre_px();
+        detection
+    }
+
     /// Centre of the box [px].
     pub fn centre_px(&self) -> [f64; 2] {
         let [x0, y0, x1, y1] = self.box_px;
@@ -25,8 +39,10 @@ impl Detection {
     pub fn shifted(&self, offset_px: [u32; 2]) -> Self {
         let [dx, dy] = offset_px.map(f64::from);
         let [x0, y0, x1, y1] = self.box_px;
+        let [x, y] = self.aim_px;
         Self {
             box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
+            aim_px: [x + dx, y + dy],
             ..*self
         }
     }
@@ -149,22 +165,14 @@ pub fn detect_truth(
         if missed || !inside || (x1 - x0).max(y1 - y0) < MIN_SIDE_PX {
             continue;
         }
-        out.push(Detection {
-            box_px: [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
-            score: (mean + sigma * rng.normal()).clamp(0.0, 1.0),
-            label: 0,
-        });
+        out.push(Detection::new([x0 + dx, y0 + dy, x1 + dx, y1 + dy], (mean + sigma * rng.normal()).clamp(0.0, 1.0), 0));
     }
     let mut rng = Stream::new(key, 0, "false alarms");
     let share = f64::from(size_px[0] * size_px[1]) / f64::from(sensor_px[0] * sensor_px[1]);
     for _ in 0..rng.poisson(errors.false_alarms_per_frame * share) {
         let (x, y) = (rng.range(low[0], high[0]), rng.range(low[1], high[1]));
         let half = rng.range(1.5, 8.0);
-        out.push(Detection {
-            box_px: [x - half, y - half, x + half, y + half],
-            score: rng.range(0.5, 0.9),
-            label: 0,
-        });
+        out.push(Detection::new([x - half, y - half, x + half, y + half], rng.range(0.5, 0.9), 0));
     }
 }
 

@@ -321,11 +321,7 @@ mod tests {
     use serde_json::Value;
 
     fn detection(box_px: [f64; 4], score: f64) -> Detection {
-        Detection {
-            box_px,
-            score,
-            label: 0,
-        }
+        Detection::new(box_px, score, 0)
     }
 
     fn truth(box_px: [f64; 4]) -> Truth {

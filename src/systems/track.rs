@@ -189,7 +189,7 @@ fn sightings(
         .detections
         .iter()
         .map(|detection| {
-            let ray_cam = pinhole.ray(detection.centre_px().into());
+            let ray_cam = pinhole.ray(detection.aim_px.into());
             let [x0, y0, x1, y1] = detection.box_px;
             Sighting {
                 az_el_rad: los_to_az_el(pose.q_enu_cam * ray_cam),
@@ -219,7 +219,7 @@ fn sees(pinhole: &Pinhole, pose: &Pose, rect: PixelRect, az_el_rad: DVec2) -> bo
 
 fn nearest_to_centre(batch: &DetectionBatch, pinhole: &Pinhole) -> Option<usize> {
     let centre = pinhole.centre_px();
-    let distance = |i: &usize| centre.distance(batch.detections[*i].centre_px().into());
+    let distance = |i: &usize| centre.distance(batch.detections[*i].aim_px.into());
     (0..batch.detections.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
@@ -233,7 +233,7 @@ fn boresight_error(
     let detection = &batch.detections[index];
     // Right and up on the sky is right and, in an image whose rows run down, up against them.
     let aim_px = DVec2::new(aim_rad.x, -aim_rad.y) / pinhole.ifov_rad();
-    let px = DVec2::from(detection.centre_px()) + aim_px;
+    let px = DVec2::from(detection.aim_px) + aim_px;
     let [x0, y0, x1, y1] = detection.box_px;
     // What is to be brought to the target is the laser's axis, not the image's centre.
     let reticle_px = batch.pointing.alignment.reticle_px(pinhole, batch.tier);
