@@ -1970,11 +1970,7 @@ impl City {
         }
         for tree in &self.trees {
             let mesh = &mut built[tile_of(tree.base_enu_m.truncate())];
-            let first = mesh.positions.len();
-            add_tree(mesh, tree);
-            if self.params.forest_share > 0.0 {
-                add_leaves(mesh, first, tree);
-            }
+            add_tree(mesh, tree, self.params.forest_share > 0.0);
         }
         let mut chunks: Vec<MeshData> = (0..tiles * tiles)
             .map(|k| self.terrain_tile(middle(k % tiles), middle(k / tiles), tile_m))
@@ -2198,7 +2194,7 @@ impl City {
                             crown_radius_m: rng.range(2.8, 4.6),
                             variant: rng.uniform() as f32,
                         };
-                        add_tree(&mut chunks[sector], &tree);
+                        add_tree(&mut chunks[sector], &tree, false);
                     }
                 }
             }
@@ -2414,24 +2410,6 @@ fn add_canopy(mesh: &mut MeshData, low: DVec2, cell_m: f64, rng: &mut Stream) {
     }
 }
 
-/// Gives a tree's crown, from vertex `first` on, metres around and up it for the clumps of its leaves.
-fn add_leaves(mesh: &mut MeshData, first: usize, tree: &Tree) {
-    let foot = tree.base_enu_m - mesh.origin_enu_m;
-    // No two trees carry the same pattern.
-    let lie = DVec2::new(37.0, 91.0) * f64::from(tree.variant) + 1.0;
-    for k in first..mesh.positions.len() {
-        if mesh.surface[k][0] != Surface::Foliage as u8 as f32 {
-            continue;
-        }
-        let p = DVec3::from(mesh.positions[k].map(f64::from)) - foot;
-        // There and back again: a seam would show.
-        let around = p.y.atan2(p.x).abs() * tree.crown_radius_m;
-        mesh.uv[k] = (DVec2::new(around, p.z.max(0.0)) + lie)
-            .as_vec2()
-            .to_array();
-    }
-}
-
 /// Leaves' linear RGB albedo.
 fn leaf_albedo(tree: &Tree) -> [f32; 3] {
     let tint = tree.variant;
@@ -2455,11 +2433,12 @@ fn leaf_albedo(tree: &Tree) -> [f32; 3] {
     }
 }
 
-/// A tree: a trunk and a crown, or twigs, of some 10 to 90 triangles.
-fn add_tree(mesh: &mut MeshData, tree: &Tree) {
+/// A tree: a trunk and a crown, or twigs, of some 10 to 90 triangles. A `leafy` crown carries metres
+/// around and up it, from which the shader draws clumps of leaves.
+fn add_tree(mesh: &mut MeshData, tree: &Tree, leafy: bool) {
     match tree.kind {
-        TreeKind::Broadleaf | TreeKind::Autumn => add_broadleaf(mesh, tree),
-        TreeKind::Conifer => add_conifer(mesh, tree),
+        TreeKind::Broadleaf | TreeKind::Autumn => add_broadleaf(mesh, tree, leafy),
+        TreeKind::Conifer => add_conifer(mesh, tree, leafy),
         TreeKind::Bare => add_bare(mesh, tree),
     }
 }
@@ -2469,7 +2448,7 @@ const BARK: [f32; 3] = [0.09, 0.065, 0.045];
 
 /// Rings of a crown (height over the tree's, radius over the crown's), lumpy by the tree's own
 /// number: no two crowns are alike. Ambient light fades toward its foot.
-fn add_crown(mesh: &mut MeshData, tree: &Tree, sides: usize, profile: &[(f64, f64)]) {
+fn add_crown(mesh: &mut MeshData, tree: &Tree, leafy: bool, sides: usize, profile: &[(f64, f64)]) {
     let t = f64::from(tree.variant);
     let (foot, h, r) = (tree.base_enu_m, tree.height_m, tree.crown_radius_m);
     let leaves = Paint {
@@ -2501,13 +2480,27 @@ fn add_crown(mesh: &mut MeshData, tree: &Tree, sides: usize, profile: &[(f64, f6
     {
         c[3] = 0.35 + 0.65 * ((p[2] - foot_z) / h as f32).clamp(0.0, 1.0);
     }
+    if !leafy {
+        return;
+    }
+    // Around the crown there and back again, since a seam would show; no two trees alike.
+    let turn_back = sides.div_ceil(2);
+    let around = |k: usize| match k {
+        k if k <= turn_back => k as f64,
+        k => (turn_back * (sides - k)) as f64 / (sides - turn_back) as f64,
+    };
+    let side_m = std::f64::consts::TAU * r / sides as f64;
+    for (i, uv) in mesh.uv[first..].iter_mut().enumerate() {
+        let up_m = f64::from(mesh.positions[first + i][2] - foot_z).max(0.0);
+        *uv = [around(i % sides) * side_m + 37.0 * t, up_m + 91.0 * t + 1.0].map(|x| x as f32);
+    }
 }
 
 /// A trunk and a lumpy crown: 32 triangles.
-fn add_broadleaf(mesh: &mut MeshData, tree: &Tree) {
+fn add_broadleaf(mesh: &mut MeshData, tree: &Tree, leafy: bool) {
     let (foot, h) = (tree.base_enu_m, tree.height_m);
     if tree.inner {
-        return add_crown(mesh, tree, 5, &[(0.4, 0.8), (0.75, 0.9), (1.0, 0.0)]);
+        return add_crown(mesh, tree, leafy, 5, &[(0.4, 0.8), (0.75, 0.9), (1.0, 0.0)]);
     }
     mesh.frustum(
         (foot - DVec3::Z * 0.3, 0.035 * h),
@@ -2518,16 +2511,23 @@ fn add_broadleaf(mesh: &mut MeshData, tree: &Tree) {
     add_crown(
         mesh,
         tree,
+        leafy,
         6,
         &[(0.24, 0.0), (0.45, 0.95), (0.78, 0.8), (1.0, 0.0)],
     );
 }
 
 /// Two or three tiers of drooping branches about a trunk.
-fn add_conifer(mesh: &mut MeshData, tree: &Tree) {
+fn add_conifer(mesh: &mut MeshData, tree: &Tree, leafy: bool) {
     let (foot, h) = (tree.base_enu_m, tree.height_m);
     if tree.inner {
-        return add_crown(mesh, tree, 5, &[(0.3, 0.95), (0.66, 0.5), (1.0, 0.0)]);
+        return add_crown(
+            mesh,
+            tree,
+            leafy,
+            5,
+            &[(0.3, 0.95), (0.66, 0.5), (1.0, 0.0)],
+        );
     }
     mesh.frustum(
         (foot - DVec3::Z * 0.3, 0.016 * h),
@@ -2535,9 +2535,15 @@ fn add_conifer(mesh: &mut MeshData, tree: &Tree) {
         3,
         Paint::plain(BARK),
     );
-    add_crown(mesh, tree, 7, &[(0.08, 0.8), (0.13, 1.0), (0.5, 0.42)]);
-    add_crown(mesh, tree, 6, &[(0.42, 0.74), (0.75, 0.24)]);
-    add_crown(mesh, tree, 5, &[(0.68, 0.44), (1.0, 0.0)]);
+    add_crown(
+        mesh,
+        tree,
+        leafy,
+        7,
+        &[(0.08, 0.8), (0.13, 1.0), (0.5, 0.42)],
+    );
+    add_crown(mesh, tree, leafy, 6, &[(0.42, 0.74), (0.75, 0.24)]);
+    add_crown(mesh, tree, leafy, 5, &[(0.68, 0.44), (1.0, 0.0)]);
 }
 
 /// A trunk, its branches and twigs as blades that are seen from both sides.
@@ -2830,7 +2836,7 @@ mod tests {
         let per_tree = |kind| {
             let mut mesh = MeshData::new(DVec3::ZERO);
             let tree = a.trees.iter().find(|t| t.kind == kind && !t.inner);
-            tree.map(|t| add_tree(&mut mesh, t));
+            tree.map(|t| add_tree(&mut mesh, t, true));
             mesh.triangle_count()
         };
         for kind in [TreeKind::Broadleaf, TreeKind::Conifer, TreeKind::Bare] {
