@@ -17,7 +17,6 @@ other query positions and another pixels-per-logit slope (d cx = cx (1 - cx) W d
 boxes are normalised by one canvas, 640 x 512 px, in training and afterwards: a crop lies at a random place on it.
 """
 
-import copy
 import math
 
 import torch
@@ -34,7 +33,6 @@ from transformers.models.d_fine.modeling_d_fine import (
     DFineMLP,
     DFineModel,
     DFineRepNCSPELAN4,
-    DFineRepVggBlock,
     DFineSCDown,
     multi_scale_deformable_attention_v2,
 )
@@ -396,10 +394,11 @@ class DFineDetector(nn.Module):
         if not self.training:
             raise RuntimeError("D-FINE's decoder gives its intermediate layers in training mode only: call .train()")
         self.canvas.anywhere(tuple(images.shape[-2:]))
-        labels = [
-            {"boxes": self.canvas.normalise(t["boxes"].float().reshape(-1, 4)), "class_labels": t["labels"].long()}
-            for t in targets
-        ]
+        labels = []
+        for target in targets:
+            boxes = target["boxes"].to(images.device, torch.float32).reshape(-1, 4)
+            classes = target["labels"].to(images.device, torch.int64)
+            labels.append({"boxes": self.canvas.normalise(boxes), "class_labels": classes})
         out = self.model(images, labels=labels)
         meta = out.denoising_meta_values
         logits, boxes = out.intermediate_logits, out.intermediate_reference_points.clamp(0, 1)
@@ -440,28 +439,6 @@ class DFineDetector(nn.Module):
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         return self.decode(images)
-
-    @torch.no_grad()
-    def deploy(self) -> "DFineDetector":
-        """A copy for export: evaluation mode, each RepVGG block (3x3 + 1x1) as one 3x3 convolution, no criterion."""
-        copied = copy.deepcopy(self).eval()
-        copied.criterion = None
-        for parent in list(copied.modules()):
-            for name, block in parent.named_children():
-                if isinstance(block, DFineRepVggBlock):
-                    (k3, b3), (k1, b1) = fold(block.conv1), fold(block.conv2)
-                    conv = nn.Conv2d(k3.shape[1], k3.shape[0], 3, padding=1)
-                    conv.weight.copy_(k3 + F.pad(k1, (1, 1, 1, 1)))
-                    conv.bias.copy_(b3 + b1)
-                    setattr(parent, name, nn.Sequential(conv, block.activation))
-        return copied
-
-
-def fold(layer: DFineConvNormLayer) -> tuple[Tensor, Tensor]:
-    """Kernel and bias of a convolution with its batch normalisation."""
-    norm = layer.norm
-    scale = norm.weight / (norm.running_var + norm.eps).sqrt()
-    return layer.conv.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
 
 
 def build_dfine(name: str, num_classes: int = 3, mean_object_px: float = 14.0) -> DFineDetector:

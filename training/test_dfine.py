@@ -303,20 +303,19 @@ def test_onnx_gives_the_same_detections(name, tmp_path):
         for head in model.model.decoder.bbox_embed:  # so that the layers' boxes differ
             torch.nn.init.normal_(head.layers[-1].weight, std=0.05)
     path, image = tmp_path / "model.onnx", picture(*FIXED_SIZE)
-    deployed = model.deploy()
     names = ["boxes", "scores", "labels"]
     torch.onnx.export(
-        deployed, (image,), path, opset_version=17, dynamo=False, input_names=["image"], output_names=names
+        model, (image,), path, opset_version=17, dynamo=False, input_names=["image"], output_names=names
     )
     with torch.no_grad():
         reference = model.decode(image)
     boxes, scores, labels = reference
     assert boxes.shape == (QUERIES, 4) and labels.dtype == torch.int64 and (scores.diff() <= 0).all()
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    for other in (session.run(names, {"image": image.numpy()}), deployed(image)):
-        other = [np.asarray(x.detach() if isinstance(x, Tensor) else x) for x in other]
-        box_px, score, wrong = matched_sets(reference, other)
-        # Without training the proposals' scores nearly tie, and rounding brings in a few others of them.
-        agree = (box_px < 0.01) & (score < 1e-4)
-        assert agree.sum() >= 0.95 * QUERIES and wrong <= (~agree).sum()
-        assert (np.diff(other[1]) <= 0).all()
+    other = session.run(names, {"image": image.numpy()})
+    box_px, score, wrong = matched_sets(reference, other)
+    # Without training the proposals' scores nearly tie, and rounding brings in a few others of them.
+    agree = (box_px < 0.01) & (score < 1e-4)
+    print(f"\n{name}: {agree.sum()} of {QUERIES} agree, to {box_px[agree].max():.1e} px")
+    assert agree.sum() >= 0.95 * QUERIES and wrong <= (~agree).sum()
+    assert (np.diff(other[1]) <= 0).all()
