@@ -66,27 +66,26 @@ def suppress(boxes: Tensor, scores: Tensor, overlap: float) -> Tensor:
 class BoresightP2(nn.Module):
     """One head at 1/4 resolution: heat map of target centres, centre offset and log size, class.
 
-    Stem and one block at 1/4; cheap branches at 1/8, 1/16 and 1/32 give context (receptive field above 300 px) and
-    come back by upsampling and adding.
+    Memory traffic at 1/4 is what costs time on a CPU, so only the stem and one convolution of the head work there;
+    branches at 1/8, 1/16 and 1/32 think, and come back by upsampling and adding.
     """
 
     stride, min_side_px, fixed_size = 32, 64, None
     cell = 4  # [px] of the head's grid
 
-    def __init__(self, name: str = "boresight-p2", num_classes: int = 3, width: int = 32):
+    def __init__(self, name: str = "boresight-p2", num_classes: int = 3, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
         super().__init__()
         self.name, self.num_classes = name, num_classes
-        w, d = width, 2 * width
-        self.stem = nn.Sequential(conv(3, w // 2, 3, 2), conv(w // 2, w, 3, 2), Residual(w))
-        self.down3 = nn.Sequential(conv(w, d, 3, 2), Residual(d))
-        self.down4 = nn.Sequential(conv(d, d, 3, 2), Residual(d))
-        self.down5 = nn.Sequential(conv(d, d, 3, 2), Residual(d))
-        self.lateral4, self.fuse4 = conv(d, d, 1, act=nn.Identity()), conv(d, d)
-        self.lateral3, self.fuse3 = conv(d, d, 1, act=nn.Identity()), conv(d, d)
-        self.lateral2, self.fuse2 = conv(d, w, 1, act=nn.Identity()), conv(w, w)
-        self.head = conv(w, d)
-        self.out = nn.Conv2d(d, 1 + 4 + num_classes, 1)
-        self.aim = nn.Conv2d(d, 2, 1)
+        w1, w2, w3, w4 = widths  # at 1/2, 1/4, 1/8, and at 1/16 and 1/32
+        self.stem = nn.Sequential(conv(3, w1, 3, 2), conv(w1, w2, 3, 2))
+        self.down3 = nn.Sequential(conv(w2, w3, 3, 2), Residual(w3))
+        self.down4 = nn.Sequential(conv(w3, w4, 3, 2), Residual(w4))
+        self.down5 = nn.Sequential(conv(w4, w4, 3, 2), Residual(w4))
+        self.lateral4, self.fuse4 = conv(w4, w4, 1, act=nn.Identity()), conv(w4, w4)
+        self.lateral3, self.fuse3 = conv(w4, w3, 1, act=nn.Identity()), conv(w3, w3)
+        self.lateral2, self.head = conv(w3, w2, 1, act=nn.Identity()), conv(w2, head)
+        self.out = nn.Conv2d(head, 1 + 4 + num_classes, 1)
+        self.aim = nn.Conv2d(head, 2, 1)
         nn.init.normal_(self.out.weight, std=0.01)
         nn.init.zeros_(self.aim.weight)
         with torch.no_grad():
@@ -94,18 +93,17 @@ class BoresightP2(nn.Module):
             self.out.bias[0] = -4.6  # prior of 1 % for a cell to hold a centre
             self.out.bias[3:5] = math.log(12.0 / self.cell)  # log of the size in cells
 
-    def forward(self, images: Tensor) -> Tensor:
-        """Raw maps [B, 1 + 4 + classes + 2, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
-        classes, aim point from the box's middle x, y [cells]."""
-        p2 = self.stem(images - 0.5)
+    def forward(self, images: Tensor, aim: bool = False) -> Tensor:
+        """Raw maps [B, 1 + 4 + classes, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
+        classes; with `aim` two more, the aim point from the box's middle x, y [cells], which `decode` has no use for."""
+        p2 = self.stem(images)
         p3 = self.down3(p2)
         p4 = self.down4(p3)
         p5 = self.down5(p4)
         p4 = self.fuse4(F.relu(p4 + self.up(self.lateral4(p5))))
         p3 = self.fuse3(F.relu(p3 + self.up(self.lateral3(p4))))
-        p2 = self.fuse2(F.relu(p2 + self.up(self.lateral2(p3))))
-        seen = self.head(p2)
-        return torch.cat([self.out(seen), self.aim(seen)], 1)
+        seen = self.head(p2 + self.up(self.lateral2(p3)))
+        return torch.cat([self.out(seen), self.aim(seen)], 1) if aim else self.out(seen)
 
     @staticmethod
     def up(x: Tensor) -> Tensor:
@@ -120,7 +118,7 @@ class BoresightP2(nn.Module):
     def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
         """Penalty-reduced focal loss of the heat map (CenterNet: Zhou et al. 2019), DIoU + NWD of the boxes at the
         cells about each centre, cross entropy of the classes."""
-        raw = self(images).float()
+        raw = self(images, aim=True).float()
         batch, _, rows, cols = raw.shape
         device = raw.device
         heat = torch.zeros(batch, rows, cols)
@@ -197,7 +195,7 @@ class BoresightP2(nn.Module):
         y = torch.div(index, cols, rounding_mode="floor")
         boxes = self.boxes(rows_raw, (index - y * cols).to(raw.dtype), y.to(raw.dtype))
         scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
-        return boxes[order], scores, rows_raw[:, 5:-2].argmax(1)[order]
+        return boxes[order], scores, rows_raw[:, 5:].argmax(1)[order]
 
 
 # --- the baseline --------------------------------------------------------------------------------------------------

@@ -114,16 +114,21 @@ class Crops(Dataset):
     def __getitem__(self, n: int) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
         epoch, i = divmod(n, self.length)
         rng = np.random.default_rng([self.seed, epoch, i])
+        as_rendered = False
         if rng.random() < self.procedural:
             picture, boxes, labels, ignore = self.invent(rng)
             aims = np.zeros((0, 2), np.float32)
         else:
             picture, boxes, labels, ignore, aims = self.cut(rng, epoch, i)
+            as_rendered = rng.random() < 0.2  # the simulator's own pictures must stay familiar too
         # Procedural UAVs come after the rendered ones; nobody says where to aim at them.
         aims = np.concatenate([aims, np.full((len(boxes) - len(aims), 2), np.nan, np.float32)])
-        augment.add_clutter(rng, picture, np.concatenate([boxes, ignore]))
-        picture = augment.lens(rng, augment.exposure(rng, picture))
-        picture = augment.camera(rng, picture)
+        if as_rendered:
+            picture = np.clip(picture + 0.5, 0, 255).astype(np.uint8)
+        else:
+            augment.add_clutter(rng, picture, np.concatenate([boxes, ignore]))
+            picture = augment.lens(rng, augment.exposure(rng, picture))
+            picture = augment.camera(rng, picture)
         if rng.random() < 0.5:
             picture, boxes, ignore = np.ascontiguousarray(picture[:, ::-1]), augment.mirror(boxes, self.size), augment.mirror(ignore, self.size)
             aims = aims * (-1, 1) + (self.size, 0)
