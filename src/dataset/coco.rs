@@ -1,0 +1,144 @@
+//! The records of a set, and their COCO and YOLO forms.
+
+use super::CATEGORIES;
+use super::draw::{Background, Motion, Split};
+use crate::models::uav::UavKind;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+
+/// Everything about a scene that was made.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SceneRecord {
+    /// Its number.
+    pub scene: u32,
+    /// The part of the set that it belongs to.
+    pub split: Split,
+    /// What stands behind its targets.
+    pub background: Background,
+    /// Height of the sun [deg].
+    pub sun_elevation_deg: f64,
+    /// Meteorological visibility [m].
+    pub visibility_m: f64,
+    /// Covered share of the sky.
+    pub cloud_cover: f64,
+    /// The camera.
+    pub camera: Camera,
+    /// Its pictures.
+    pub images: Vec<Image>,
+}
+
+/// The camera of a scene.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Camera {
+    /// Horizontal field of view [deg].
+    pub hfov_deg: f64,
+    /// Where it stands [m, enu].
+    pub r_enu_m: [f64; 3],
+}
+
+/// A picture.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Image {
+    /// Its file, from the split's folder.
+    pub file_name: String,
+    /// Width [px].
+    pub width: u32,
+    /// Height [px].
+    pub height: u32,
+    /// How its UAVs fly.
+    pub motion: Motion,
+    /// Birds and the like in it.
+    pub distractors: usize,
+    /// Its UAVs.
+    pub annotations: Vec<Annotation>,
+}
+
+/// A UAV in a picture.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Annotation {
+    /// Its category.
+    pub category_id: u32,
+    /// Its model.
+    pub uav: UavKind,
+    /// x, y, width, height of what is seen of it [px].
+    pub bbox: [f64; 4],
+    /// Area of what is seen of it [px^2].
+    pub area: f64,
+    /// Distance [m].
+    pub range_m: f64,
+    /// Share of its silhouette that is seen.
+    pub visible_fraction: f64,
+    /// Contrast to its surroundings over the noise of a pixel.
+    pub contrast: f64,
+    /// Tells apart the UAVs of a scene.
+    pub track_id: u32,
+}
+
+/// The COCO file of some scenes.
+pub fn file(records: &[&SceneRecord]) -> Value {
+    let (mut images, mut annotations) = (Vec::new(), Vec::new());
+    for record in records {
+        for image in &record.images {
+            let id = images.len() + 1;
+            images.push(json!({
+                "id": id,
+                "file_name": image.file_name,
+                "width": image.width,
+                "height": image.height,
+                "scene": record.scene,
+                "background": record.background,
+                "motion": image.motion,
+                "distractors": image.distractors,
+                "camera": record.camera,
+                "sun_elevation_deg": record.sun_elevation_deg,
+                "visibility_m": record.visibility_m,
+            }));
+            for seen in &image.annotations {
+                annotations.push(json!({
+                    "id": annotations.len() + 1,
+                    "image_id": id,
+                    "category_id": seen.category_id,
+                    "bbox": seen.bbox,
+                    "area": seen.area,
+                    "iscrowd": 0,
+                    "uav": seen.uav,
+                    "range_m": seen.range_m,
+                    "visible_fraction": seen.visible_fraction,
+                    "contrast": seen.contrast,
+                    "track_id": seen.track_id,
+                }));
+            }
+        }
+    }
+    let categories = CATEGORIES.map(|(id, name)| {
+        json!({ "id": id, "name": name, "supercategory": "uav" })
+    });
+    json!({
+        "info": { "description": "UAVs rendered by Boresight" },
+        "categories": categories,
+        "images": images,
+        "annotations": annotations,
+    })
+}
+
+/// The YOLO file of a picture: its name and its lines of class, centre and size.
+pub fn yolo(image: &Image) -> (String, String) {
+    let stem = image.file_name.trim_start_matches("images/").trim_end_matches(".png");
+    let (width, height) = (f64::from(image.width), f64::from(image.height));
+    let mut lines = String::new();
+    for seen in &image.annotations {
+        let [x, y, w, h] = seen.bbox;
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            lines,
+            "{} {:.6} {:.6} {:.6} {:.6}",
+            seen.category_id - 1,
+            (x + 0.5 * w) / width,
+            (y + 0.5 * h) / height,
+            w / width,
+            h / height,
+        );
+    }
+    (format!("{stem}.txt"), lines)
+}
