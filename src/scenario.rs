@@ -1663,6 +1663,7 @@ fn check_city(city: &CityParams, check: &mut Check) {
     check.within("city.relief_m", city.relief_m, 0.0..=60.0);
     check.within("city.park_share", city.park_share, 0.0..=0.3);
     check.within("city.station_height_m", city.station_height_m, 30.0..=120.0);
+    check.within("city.forest_share", city.forest_share, FRACTION);
 }
 
 impl Weather {

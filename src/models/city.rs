@@ -6,7 +6,7 @@
 //! slabs, houses in gardens, halls. The same `Part`s make the meshes and the surface raster, so
 //! that what is seen and what blocks a sight line agree.
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -33,10 +33,14 @@ pub struct CityParams {
     pub river: bool,
     /// Share of the area given to the main park, 0..0.3.
     pub park_share: f64,
-    /// Most trees planted.
+    /// Most trees planted in a city; woods of `forest_share` have up to 15,000 of their own.
     pub max_trees: u32,
     /// Roof height of the station's tower [m].
     pub station_height_m: f64,
+    /// Share of the land under woods, 0..1. Above 0 there is open country in place of the city: woods,
+    /// fields, a road and a few houses, more of them with `building_density`; the station then has no
+    /// tower and stands on the open ground at the site point.
+    pub forest_share: f64,
 }
 
 impl Default for CityParams {
@@ -51,6 +55,7 @@ impl Default for CityParams {
             park_share: 0.04,
             max_trees: 2000,
             station_height_m: 45.0,
+            forest_share: 0.0,
         }
     }
 }
@@ -181,9 +186,26 @@ impl Building {
     }
 }
 
+/// What a tree is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TreeKind {
+    /// A broadleaf in leaf.
+    Broadleaf,
+    /// A broadleaf in autumn.
+    Autumn,
+    /// A broadleaf without leaves.
+    Bare,
+    /// A spruce or fir.
+    Conifer,
+}
+
 /// A tree.
 #[derive(Clone, Copy, Debug)]
 pub struct Tree {
+    /// What it is.
+    pub kind: TreeKind,
+    /// Whether it stands inside a wood, where only its top is seen.
+    pub inner: bool,
     /// Foot of the trunk [m].
     pub base_enu_m: DVec3,
     /// Height [m].
@@ -636,6 +658,8 @@ impl Plan<'_> {
         }
         let height_m = size * self.rng.range(7.0, 12.5);
         let tree = Tree {
+            kind: TreeKind::Broadleaf,
+            inner: false,
             base_enu_m: p.extend(self.ground_m(p)),
             height_m,
             crown_radius_m: height_m * self.rng.range(0.27, 0.4),
@@ -1421,6 +1445,303 @@ impl Plan<'_> {
     }
 }
 
+/// Spacing of the raster that tells wood from field [m].
+const STAND_CELL_M: f64 = 10.0;
+/// Most trees in the woods.
+const MAX_FOREST_TREES: f64 = 15_000.0;
+/// Ground around the site point that no tree stands on [m].
+const GLADE_M: f64 = 25.0;
+
+/// The time of year in the country, drawn once.
+#[derive(Clone, Copy)]
+struct Season {
+    /// Share of broadleaf trees that are bare, that are in autumn colours.
+    bare: f64,
+    autumn: f64,
+    /// Linear RGB albedo of most fields, dimmed and tinted from field to field.
+    fields: [[f32; 3]; 5],
+}
+
+const SUMMER: Season = Season {
+    bare: 0.02,
+    autumn: 0.0,
+    fields: [
+        [0.07, 0.12, 0.03],
+        [0.1, 0.15, 0.04],
+        [0.21, 0.18, 0.075],
+        [0.05, 0.095, 0.025],
+        [0.13, 0.14, 0.055],
+    ],
+};
+const WINTER: Season = Season {
+    bare: 0.9,
+    autumn: 0.05,
+    fields: [
+        [0.075, 0.11, 0.03],
+        [0.12, 0.095, 0.06],
+        [0.09, 0.07, 0.045],
+        [0.055, 0.095, 0.025],
+        [0.17, 0.15, 0.085],
+    ],
+};
+const AUTUMN: Season = Season {
+    bare: 0.3,
+    autumn: 0.45,
+    fields: [
+        [0.08, 0.1, 0.03],
+        [0.14, 0.1, 0.06],
+        [0.2, 0.16, 0.08],
+        [0.06, 0.095, 0.025],
+        [0.1, 0.075, 0.045],
+    ],
+};
+
+/// 8-bit sRGB of a linear albedo.
+fn srgb8(albedo: [f32; 3]) -> [u8; 3] {
+    albedo.map(|c| (255.0 * c.clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8)
+}
+
+impl Plan<'_> {
+    /// Open country: fields cut by a road, woods where a smooth field of numbers is highest, a few
+    /// farms. The ground about the site point stays open.
+    fn countryside(&mut self) {
+        let extent = self.params.extent_m;
+        let half = extent / 2.0;
+        let season = pick(&mut self.rng, &[SUMMER, WINTER, AUTUMN]);
+        // Fields, in one direction as land is parcelled out.
+        let axis = DVec2::from_angle(self.rng.range(0.0, 1.57));
+        let square = rectangle(DVec2::ZERO, DVec2::X, DVec2::splat(half)).to_vec();
+        let mut lots = Vec::new();
+        let strips = self.rng.range(90.0, 220.0);
+        let reach = half * 1.42;
+        let mut from = -reach;
+        while from < reach {
+            let width = strips * self.rng.range(0.7, 1.3);
+            let strip = clip(&square, axis * from, axis);
+            let strip = clip(&strip, axis * (from + width), -axis);
+            if strip.len() > 2 {
+                split_lots(strip, strips * strips * 1.6, &mut self.rng, &mut lots);
+            }
+            from += width;
+        }
+        for lot in &lots {
+            let tone = self.rng.range(0.75, 1.2);
+            let albedo = shaded(pick(&mut self.rng, &season.fields), tone);
+            self.paint(lot, srgb8(albedo));
+            // Tramlines or swaths, wider than a pixel of the map.
+            let along = main_axis(lot);
+            let rows = self.rng.uniform() < 0.5;
+            let [low, high] = span(lot, along.perp());
+            let step = self.rng.range(6.0, 14.0);
+            let mut at = low + step;
+            while rows && at < high - step {
+                let band = clip(lot, along.perp() * at, along.perp());
+                let band = clip(&band, along.perp() * (at + 1.4), -along.perp());
+                self.map
+                    .paint(extent, &band, srgb8(shaded(albedo, 0.72)), 0.8);
+                at += step;
+            }
+        }
+        // A road that bends past the site point.
+        let heading = DVec2::from_angle(self.rng.range(0.0, 6.3));
+        let aside = self.rng.range(28.0, 70.0);
+        let bend = self.rng.range(-40.0, 40.0);
+        let phase = self.rng.range(0.0, 6.3);
+        let road =
+            |s: f64| heading * s + heading.perp() * (aside + bend * (s / 170.0 + phase).sin());
+        let steps = (2.0 * reach / 20.0) as usize;
+        let point = |k: usize| road(-reach + 20.0 * k as f64);
+        let paved = self.rng.uniform() < 0.6;
+        let rgb = if paved {
+            [104, 104, 106]
+        } else {
+            [158, 142, 116]
+        };
+        for k in 0..steps {
+            let (a, b) = (point(k), point(k + 1));
+            self.map
+                .stroke(extent, [a, b + (b - a) * 0.02], 5.5, rgb, 1.0);
+        }
+        let road_m = |p: DVec2| {
+            let s = p.dot(heading);
+            (p - road(s)).dot(heading.perp()).abs()
+        };
+        // Farms stand along it.
+        let farms = (extent * extent * 1e-6 * (4.0 + 60.0 * self.params.building_density)) as usize;
+        let mut yards: Vec<DVec2> = Vec::new();
+        for _ in 0..farms {
+            let s = self.rng.range(-half, half);
+            let side = if self.rng.uniform() < 0.5 { 1.0 } else { -1.0 };
+            let at = road(s) + heading.perp() * side * self.rng.range(18.0, 45.0);
+            let clear = at.length() > 60.0 && yards.iter().all(|y| y.distance(at) > 26.0);
+            if clear && at.abs().max_element() < half - 20.0 && !self.wet(at, 8.0) {
+                self.farm(at, heading);
+                yards.push(at);
+            }
+        }
+        if self.river.is_some() {
+            self.river_banks();
+        }
+        self.woods(season, |p| {
+            road_m(p) < 7.0 || yards.iter().any(|y| y.distance(p) < 22.0)
+        });
+        // Lone trees and hedges between fields.
+        for lot in &lots {
+            for k in 0..lot.len() {
+                if self.rng.uniform() > 0.12 {
+                    continue;
+                }
+                let (a, b) = (lot[k], lot[(k + 1) % lot.len()]);
+                let count = (a.distance(b) / self.rng.range(9.0, 30.0)) as usize;
+                for i in 0..count {
+                    let p = a.lerp(b, (i as f64 + self.rng.uniform()) / count as f64);
+                    if p.length() > 1.5 * GLADE_M && road_m(p) > 7.0 {
+                        let height_m = self.rng.range(4.0, 15.0);
+                        self.plant_wild(p, [height_m, 0.0], season, false, false);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether a place lies within `margin_m` [m] of the river.
+    fn wet(&self, p: DVec2, margin_m: f64) -> bool {
+        let river = self.river.as_ref();
+        river.is_some_and(|r| r.offset_m(p).abs() < r.half_width_m + margin_m)
+    }
+
+    /// A house, often with a barn beside it.
+    fn farm(&mut self, at: DVec2, axis: DVec2) {
+        let house = DVec2::new(self.rng.range(5.5, 8.5), self.rng.range(4.0, 5.5));
+        let barn = DVec2::new(self.rng.range(8.0, 14.0), self.rng.range(5.0, 7.0));
+        let with_barn = self.rng.uniform() < 0.6;
+        let barn_walls = [[0.27, 0.05, 0.035], [0.2, 0.13, 0.08], [0.35, 0.34, 0.32]];
+        let wall = [
+            pick(&mut self.rng, &WALLS),
+            pick(&mut self.rng, &barn_walls),
+        ];
+        for (is_barn, center, half) in [(false, at, house), (true, at + axis * 24.0, barn)] {
+            if is_barn && !with_barn {
+                continue;
+            }
+            let eaves = if is_barn {
+                4.5
+            } else {
+                self.rng.range(3.2, 6.0)
+            };
+            let rise = half.y * self.rng.range(0.6, 0.95);
+            let (kind, surface) = if is_barn {
+                (BuildingKind::Industrial, Surface::Plain)
+            } else {
+                (BuildingKind::House, Surface::FacadeResidential)
+            };
+            let looks = [wall[usize::from(is_barn)], pick(&mut self.rng, &TILES)];
+            let outline = rectangle(center, axis, half).to_vec();
+            self.build(
+                kind,
+                surface,
+                looks,
+                vec![(outline, 0.0, eaves, Roof::Gable(rise))],
+                false,
+            );
+        }
+    }
+
+    /// The stands: a jittered grid of trees over the share of the land where the field of numbers is
+    /// highest; `free` says where none may stand.
+    fn woods(&mut self, season: Season, free: impl Fn(DVec2) -> bool) {
+        let extent = self.params.extent_m;
+        let half = extent / 2.0;
+        let n = (extent / STAND_CELL_M).ceil() as usize;
+        let lie = DVec2::new(self.rng.range(0.0, 60.0), self.rng.range(0.0, 60.0));
+        let clearing = self.rng.range(60.0, 150.0);
+        let fit = |noise: &Noise, p: DVec2| {
+            let open = 2.5 * (1.0 - smoothstep(0.35 * clearing, clearing, p.length()));
+            noise.at(p / 240.0 + lie) + 0.4 * noise.at(p / 75.0 + lie) - open
+        };
+        let field = HeightGrid::from_fn(DVec2::splat(-half), STAND_CELL_M, [n, n], |e, y| {
+            fit(&self.noise, DVec2::new(e, y))
+        });
+        let mut ranked = field.heights_m.clone();
+        ranked.sort_by(f32::total_cmp);
+        let open = ((1.0 - self.params.forest_share) * ranked.len() as f64) as usize;
+        let edge = ranked.get(open).map_or(f64::INFINITY, |&x| f64::from(x));
+        // The floor of the woods: litter and moss.
+        let floor = srgb8([0.05, 0.042, 0.022]);
+        let px = self.map.pixel_m(extent);
+        for row in 0..self.map.size_px {
+            let y = half - (row as f64 + 0.5) * px;
+            for column in 0..self.map.size_px {
+                let e = (column as f64 + 0.5) * px - half;
+                let alpha = smoothstep(-0.03, 0.03, field.bilinear_m(e, y) - edge) * 0.9;
+                if alpha > 0.0 {
+                    let pixel = &mut self.map.rgb[row * self.map.size_px + column];
+                    for (old, new) in pixel.iter_mut().zip(floor) {
+                        *old = (f64::from(*old) * (1.0 - alpha) + f64::from(new) * alpha) as u8;
+                    }
+                }
+            }
+        }
+        let area_m2 = self.params.forest_share * extent * extent;
+        let spacing = (area_m2 / MAX_FOREST_TREES).sqrt().max(6.0);
+        let count = (extent / spacing) as usize;
+        // A tree is inner when the field stays inside for the first rows around it.
+        let rows = 2.5 * spacing;
+        for k in 0..count * count {
+            let jitter = DVec2::new(self.rng.range(-0.45, 0.45), self.rng.range(-0.45, 0.45));
+            let at = DVec2::new((k % count) as f64, (k / count) as f64) + 0.5 + jitter;
+            let p = at * spacing - half;
+            let inside = |p: DVec2| field.bilinear_m(p.x, p.y) > edge;
+            if !inside(p) || p.length() < GLADE_M || free(p) {
+                continue;
+            }
+            let around = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].map(|d| p + d * rows);
+            let inner = around.iter().all(|&q| inside(q) && !free(q));
+            // Stands differ in age; single trees in them less.
+            let age = 0.5 + 0.5 * self.noise.at(p / 130.0 + DVec2::splat(13.0));
+            let height_m = (8.0 + 15.0 * age + 2.2 * self.rng.normal()).clamp(8.0, 25.0);
+            let conifer = self.noise.at(p / 160.0 + DVec2::new(3.0, 27.0));
+            let conifer = self.rng.uniform() < smoothstep(-0.3, 0.3, conifer);
+            // Crowns close the canopy, whatever the spacing.
+            self.plant_wild(p, [height_m, 0.52 * spacing], season, conifer, inner);
+        }
+    }
+
+    /// A tree of the woods and hedges; its crown has at least the given radius [m].
+    fn plant_wild(
+        &mut self,
+        p: DVec2,
+        [height_m, least_radius_m]: [f64; 2],
+        season: Season,
+        conifer: bool,
+        inner: bool,
+    ) {
+        let dice = self.rng.uniform();
+        let (slim, variant) = (self.rng.uniform(), self.rng.uniform() as f32);
+        if self.wet(p, 3.0) || p.abs().max_element() > self.params.extent_m / 2.0 - 6.0 {
+            return;
+        }
+        let kind = match dice {
+            _ if conifer => TreeKind::Conifer,
+            u if u < season.bare => TreeKind::Bare,
+            u if u < season.bare + season.autumn => TreeKind::Autumn,
+            _ => TreeKind::Broadleaf,
+        };
+        let width = match kind {
+            TreeKind::Conifer => 0.13 + 0.07 * slim,
+            _ => 0.2 + 0.13 * slim,
+        };
+        self.trees.push(Tree {
+            kind,
+            inner,
+            base_enu_m: p.extend(self.ground_m(p)),
+            height_m,
+            crown_radius_m: (height_m * width).max(least_radius_m),
+            variant,
+        });
+    }
+}
+
 /// Whether all points lie inside a simple outline (even-odd rule).
 fn all_inside(outline: &[DVec2], points: &[DVec2]) -> bool {
     points.iter().all(|p| {
@@ -1484,6 +1805,7 @@ impl City {
         within("relief_m", params.relief_m, 0.0, 60.0)?;
         within("park_share", params.park_share, 0.0, 0.3)?;
         within("station_height_m", params.station_height_m, 30.0, 120.0)?;
+        within("forest_share", params.forest_share, 0.0, 1.0)?;
 
         let extent = params.extent_m;
         let mut rng = Stream::new(params.seed, 0, "city-layout");
@@ -1505,8 +1827,12 @@ impl City {
             buildings: Vec::new(),
             trees: Vec::new(),
         };
-        plan.layout();
-        thin(&mut plan.trees, params.max_trees as usize);
+        if params.forest_share > 0.0 {
+            plan.countryside();
+        } else {
+            plan.layout();
+            thin(&mut plan.trees, params.max_trees as usize);
+        }
 
         let half = extent / 2.0;
         let corner = DVec2::splat(-half);
@@ -1820,6 +2146,14 @@ impl City {
                 if ring_half > half {
                     continue;
                 }
+                if self.params.forest_share > 0.0 {
+                    let wooded = noise.at(center / 380.0 + DVec2::new(3.1, 8.7))
+                        > 0.5 - self.params.forest_share;
+                    if wooded && river_offset(center) > 70.0 + cell {
+                        add_canopy(&mut chunks[sector], low, cell, &mut rng);
+                    }
+                    continue;
+                }
                 let settled = noise.at(center / 420.0 + DVec2::splat(7.0)) > -0.1;
                 for _ in 0..if settled { 4 } else { 3 } {
                     let at = low + DVec2::new(rng.uniform(), rng.uniform()) * cell;
@@ -1852,6 +2186,8 @@ impl City {
                         add_part(&mut chunks[sector], &part, &house);
                     } else {
                         let tree = Tree {
+                            kind: TreeKind::Broadleaf,
+                            inner: false,
                             base_enu_m: at.extend(0.0),
                             height_m: rng.range(8.0, 15.0),
                             crown_radius_m: rng.range(2.8, 4.6),
@@ -2026,38 +2362,103 @@ fn add_part(mesh: &mut MeshData, part: &Part, building: &Building) {
     }
 }
 
-/// A trunk and a lumpy crown: 32 triangles.
-fn add_tree(mesh: &mut MeshData, tree: &Tree) {
-    const SIDES: usize = 6;
-    let t = f64::from(tree.variant);
-    let (foot, h, r) = (tree.base_enu_m, tree.height_m, tree.crown_radius_m);
-    let bark = Paint::plain([0.09, 0.065, 0.045]);
-    mesh.frustum(
-        (foot - DVec3::Z * 0.3, 0.035 * h),
-        (foot + DVec3::Z * 0.38 * h, 0.02 * h),
-        3,
-        bark,
-    );
-    let tint = t as f32;
-    let leaves = Paint {
-        albedo: [
+/// A wood seen from afar: a bumpy roof over a square of side `cell_m` [m], closed at its sides.
+fn add_canopy(mesh: &mut MeshData, low: DVec2, cell_m: f64, rng: &mut Stream) {
+    let n = (cell_m / 9.0).ceil() as usize; // crowns of 9 m
+    let step = cell_m / n as f64;
+    let mean_m = rng.range(12.0, 18.0);
+    let tone = rng.range(0.6, 1.3);
+    let top: Vec<DVec3> = (0..=n)
+        .flat_map(|j| (0..=n).map(move |i| DVec2::new(i as f64, j as f64) * step))
+        .map(|p| (low + p).extend(mean_m * rng.range(0.6, 1.25)))
+        .collect();
+    let hues = [
+        [0.045, 0.075, 0.022],
+        [0.03, 0.05, 0.022],
+        [0.075, 0.06, 0.04],
+    ];
+    let mut paint = || Paint {
+        surface: Surface::Foliage,
+        ..Paint::plain(shaded(pick(rng, &hues), tone))
+    };
+    let at = |i: usize, j: usize| top[j * (n + 1) + i];
+    let ground = |p: DVec3| p.truncate().extend(-2.0);
+    for j in 0..n {
+        for i in 0..n {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            let paint = paint();
+            mesh.face(&[a, b, c], paint);
+            mesh.face(&[a, c, d], paint);
+        }
+    }
+    for k in 0..n {
+        let sides = [
+            (at(k, 0), at(k + 1, 0)),
+            (at(n, k), at(n, k + 1)),
+            (at(n - k, n), at(n - k - 1, n)),
+            (at(0, n - k), at(0, n - k - 1)),
+        ];
+        for (a, b) in sides {
+            let ao = [0.4, 0.4, 1.0, 1.0];
+            mesh.face_with(&[ground(a), ground(b), b, a], &[[0.0; 2]; 4], &ao, paint());
+        }
+    }
+}
+
+/// Leaves' linear RGB albedo.
+fn leaf_albedo(tree: &Tree) -> [f32; 3] {
+    let tint = tree.variant;
+    match tree.kind {
+        TreeKind::Broadleaf => [
             0.045 + 0.05 * tint,
             0.085 + 0.045 * tint,
             0.025 + 0.012 * tint,
         ],
+        TreeKind::Autumn => [0.11 + 0.12 * tint, 0.075 + 0.03 * tint, 0.02],
+        TreeKind::Conifer => [
+            0.02 + 0.02 * tint,
+            0.038 + 0.028 * tint,
+            0.018 + 0.01 * tint,
+        ],
+        TreeKind::Bare => [
+            0.07 + 0.035 * tint,
+            0.055 + 0.025 * tint,
+            0.042 + 0.02 * tint,
+        ],
+    }
+}
+
+/// A tree: a trunk and a crown, or twigs, of some 10 to 90 triangles.
+fn add_tree(mesh: &mut MeshData, tree: &Tree) {
+    match tree.kind {
+        TreeKind::Broadleaf | TreeKind::Autumn => add_broadleaf(mesh, tree),
+        TreeKind::Conifer => add_conifer(mesh, tree),
+        TreeKind::Bare => add_bare(mesh, tree),
+    }
+}
+
+/// Bark of a trunk.
+const BARK: [f32; 3] = [0.09, 0.065, 0.045];
+
+/// Rings of a crown (height over the tree's, radius over the crown's), lumpy by the tree's own
+/// number: no two crowns are alike. Ambient light fades toward its foot.
+fn add_crown(mesh: &mut MeshData, tree: &Tree, sides: usize, profile: &[(f64, f64)]) {
+    let t = f64::from(tree.variant);
+    let (foot, h, r) = (tree.base_enu_m, tree.height_m, tree.crown_radius_m);
+    let leaves = Paint {
+        albedo: leaf_albedo(tree),
         surface: Surface::Foliage,
         variant: tree.variant,
     };
     let first = mesh.positions.len();
-    let rings: Vec<Vec<DVec3>> = [(0.24, 0.0), (0.45, 0.95), (0.78, 0.8), (1.0, 0.0)]
+    let rings: Vec<Vec<DVec3>> = profile
         .iter()
         .enumerate()
         .map(|(level, &(z, radius))| {
-            (0..SIDES)
+            (0..sides)
                 .map(|k| {
-                    // Lumps from the tree's own number: no two crowns are alike.
                     let lump = (t * 57.0 + (k * (level + 3)) as f64 * 2.4).sin();
-                    let angle = std::f64::consts::TAU * (k as f64 / SIDES as f64 + t);
+                    let angle = std::f64::consts::TAU * (k as f64 / sides as f64 + t);
                     let ring = DVec2::from_angle(angle) * r * radius * (1.0 + 0.16 * lump);
                     let sag = if radius > 0.0 { 0.03 * lump } else { 0.0 };
                     foot + ring.extend(h * (z + sag))
@@ -2072,6 +2473,80 @@ fn add_tree(mesh: &mut MeshData, tree: &Tree) {
         .zip(&mut mesh.colors[first..])
     {
         c[3] = 0.35 + 0.65 * ((p[2] - foot_z) / h as f32).clamp(0.0, 1.0);
+    }
+}
+
+/// A trunk and a lumpy crown: 32 triangles.
+fn add_broadleaf(mesh: &mut MeshData, tree: &Tree) {
+    let (foot, h) = (tree.base_enu_m, tree.height_m);
+    if tree.inner {
+        return add_crown(mesh, tree, 5, &[(0.4, 0.8), (0.75, 0.9), (1.0, 0.0)]);
+    }
+    mesh.frustum(
+        (foot - DVec3::Z * 0.3, 0.035 * h),
+        (foot + DVec3::Z * 0.38 * h, 0.02 * h),
+        3,
+        Paint::plain(BARK),
+    );
+    add_crown(
+        mesh,
+        tree,
+        6,
+        &[(0.24, 0.0), (0.45, 0.95), (0.78, 0.8), (1.0, 0.0)],
+    );
+}
+
+/// Two or three tiers of drooping branches about a trunk.
+fn add_conifer(mesh: &mut MeshData, tree: &Tree) {
+    let (foot, h) = (tree.base_enu_m, tree.height_m);
+    if tree.inner {
+        return add_crown(mesh, tree, 5, &[(0.3, 0.95), (0.66, 0.5), (1.0, 0.0)]);
+    }
+    mesh.frustum(
+        (foot - DVec3::Z * 0.3, 0.016 * h),
+        (foot + DVec3::Z * 0.2 * h, 0.013 * h),
+        3,
+        Paint::plain(BARK),
+    );
+    add_crown(mesh, tree, 7, &[(0.08, 0.8), (0.13, 1.0), (0.5, 0.42)]);
+    add_crown(mesh, tree, 6, &[(0.42, 0.74), (0.75, 0.24)]);
+    add_crown(mesh, tree, 5, &[(0.68, 0.44), (1.0, 0.0)]);
+}
+
+/// A trunk, its branches and twigs as blades that are seen from both sides.
+fn add_bare(mesh: &mut MeshData, tree: &Tree) {
+    let t = f64::from(tree.variant);
+    let (foot, h, r) = (tree.base_enu_m, tree.height_m, tree.crown_radius_m);
+    let wood = Paint::plain(leaf_albedo(tree));
+    let up = DVec3::Z;
+    mesh.frustum(
+        (foot - up * 0.3, 0.017 * h),
+        (foot + up * 0.8 * h, 0.005 * h),
+        3,
+        wood,
+    );
+    let mut blade = |from: DVec3, to: DVec3, width_m: f64, side: DVec3| {
+        let across = (to - from).cross(side).normalize_or(side) * width_m / 2.0;
+        mesh.face(&[from - across, from + across, to], wood);
+        mesh.face(&[from + across, from - across, to], wood);
+    };
+    const GOLDEN_RAD: f64 = 2.399_963; // [rad]
+    let branches = if tree.inner { 5 } else { 11 };
+    for k in 0..branches {
+        let share = (k as f64 + 0.5) / branches as f64;
+        let out = DVec2::from_angle(GOLDEN_RAD * k as f64 + 6.3 * t).extend(0.0);
+        let from = foot + up * h * (0.28 + 0.45 * share);
+        // The crown's outline is an egg: widest at half height.
+        let reach = r * (1.0 - (share - 0.35).powi(2) * 1.4);
+        let rise = h * (0.16 + 0.12 * share + 0.05 * (t * 40.0 + k as f64).sin());
+        let to = from + out * reach + up * rise;
+        let side = out.cross(up);
+        blade(from, to, 0.012 * h, side);
+        for (along, turn) in [(0.45, 0.8), (0.7, -0.8)] {
+            let twig = DQuat::from_rotation_z(turn) * out * 0.45 * reach + up * 0.13 * h;
+            let knot = from.lerp(to, along);
+            blade(knot, knot + twig, 0.008 * h, up);
+        }
     }
 }
 
@@ -2230,6 +2705,102 @@ mod tests {
             let city = City::generate(&params).unwrap();
             assert!(!city.chunks().is_empty());
             assert!(city.trees.len() <= 100);
+        }
+    }
+
+    fn country(forest_share: f64, seed: u64) -> City {
+        City::generate(&CityParams {
+            forest_share,
+            seed,
+            extent_m: 1200.0,
+            building_density: 0.0,
+            river: seed % 2 == 1,
+            ..CityParams::default()
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn woods_cover_their_share_around_an_open_site() {
+        for (share, seed) in [(0.25, 1), (0.5, 2), (0.7, 3), (0.5, 4)] {
+            let city = country(share, seed);
+            let (mut wooded, mut land) = (0, 0);
+            for k in 0..100 * 100 {
+                let p = DVec2::new((k % 100) as f64, (k / 100) as f64) * 11.5 - 570.0;
+                let river = city.river.as_ref();
+                if river.is_some_and(|r| r.offset_m(p).abs() < r.half_width_m + 10.0) {
+                    continue;
+                }
+                land += 1;
+                let above_m = city.dsm.surface_m(p.x, p.y) - city.dsm.terrain_m(p.x, p.y);
+                wooded += usize::from(above_m > 3.0);
+            }
+            let cover = f64::from(wooded as u32) / f64::from(land);
+            // Crowns of a stand leave gaps, and stand over its edge.
+            println!("share {share}: covered {cover}, {} trees", city.trees.len());
+            assert!(
+                (0.65 * share..1.15 * share).contains(&cover),
+                "{share}: {cover}"
+            );
+            assert!(
+                (1_000..17_000).contains(&city.trees.len()),
+                "{}",
+                city.trees.len()
+            );
+            let near = |t: &Tree| t.base_enu_m.truncate().length() < GLADE_M;
+            assert!(!city.trees.iter().any(near));
+            assert!(
+                city.trees
+                    .iter()
+                    .all(|t| (3.9..=25.0).contains(&t.height_m))
+            );
+            let kinds = |kind| city.trees.iter().filter(|t| t.kind == kind).count();
+            assert!(kinds(TreeKind::Conifer) > 100 && kinds(TreeKind::Conifer) < city.trees.len());
+            // A few farms and no tower.
+            assert!(
+                (1..25).contains(&city.buildings.len()),
+                "{}",
+                city.buildings.len()
+            );
+            assert!(city.station_enu_m().z < 5.0);
+        }
+    }
+
+    #[test]
+    fn tree_lines_stand_behind_fields() {
+        let city = country(0.45, 5);
+        let eye = DVec3::new(0.0, 0.0, city.dsm.terrain_m(0.0, 0.0) + 4.0);
+        // Nearest ground that a level line of sight a little up runs into.
+        let hidden = (0..360)
+            .filter(|deg| {
+                let (sin, cos) = f64::from(*deg).to_radians().sin_cos();
+                let far = eye + DVec3::new(500.0 * sin, 500.0 * cos, 8.0);
+                let near = eye + DVec3::new(24.0 * sin, 24.0 * cos, 0.0);
+                assert_eq!(city.dsm.line_of_sight(eye, near), LineOfSight::Clear);
+                city.dsm.line_of_sight(eye, far) != LineOfSight::Clear
+            })
+            .count();
+        assert!(hidden > 250, "{hidden} of 360 bearings end on trees");
+    }
+
+    #[test]
+    fn woods_repeat_for_a_seed_within_the_triangle_budget() {
+        let started = std::time::Instant::now();
+        let (a, b) = (country(0.6, 7), country(0.6, 7));
+        println!("{:.2} s each", started.elapsed().as_secs_f64() / 2.0);
+        assert_eq!(a.ground_map, b.ground_map);
+        assert_eq!(a.dsm.surface(), b.dsm.surface());
+        let total: usize = a.chunks().iter().map(MeshData::triangle_count).sum();
+        println!("{} trees, {total} triangles", a.trees.len());
+        assert!(total < 900_000, "{total}");
+        let per_tree = |kind| {
+            let mut mesh = MeshData::new(DVec3::ZERO);
+            let tree = a.trees.iter().find(|t| t.kind == kind && !t.inner);
+            tree.map(|t| add_tree(&mut mesh, t));
+            mesh.triangle_count()
+        };
+        for kind in [TreeKind::Broadleaf, TreeKind::Conifer, TreeKind::Bare] {
+            assert!(per_tree(kind) < 100, "{kind:?}: {}", per_tree(kind));
         }
     }
 }

@@ -11,6 +11,7 @@ use glam::{DAffine3, DQuat, DVec2, DVec3};
 
 use crate::models::distractor::{BALLOON_RADIUS_M, BIRD_SPAN_M, DistractorKind, WING_RAD};
 use crate::models::mesh::{MeshData, Paint};
+use crate::models::rng::Stream;
 use crate::models::uav::{AimPart, UavKind, UavModel, model};
 
 /// Where a propeller, or a bird's wing, sits.
@@ -33,7 +34,7 @@ pub struct UavMesh {
     pub body: MeshData,
     /// Hubs, in the order of the flight model's rotors.
     pub rotors: Vec<RotorMount>,
-    /// The two-blade propeller of a counter-clockwise rotor about its hub, axis z [m].
+    /// The propeller of a counter-clockwise rotor about its hub, axis z [m].
     pub rotor: MeshData,
 }
 
@@ -104,25 +105,244 @@ const SILVER: [f32; 3] = [0.5, 0.5, 0.51];
 const WHITE: [f32; 3] = [0.78, 0.78, 0.76];
 const LENS: [f32; 3] = [0.012, 0.014, 0.025];
 const RED: [f32; 3] = [0.5, 0.03, 0.02];
+const ORANGE: [f32; 3] = [0.55, 0.17, 0.02];
+const YELLOW: [f32; 3] = [0.6, 0.4, 0.03];
+const BLUE: [f32; 3] = [0.02, 0.04, 0.16];
+const GREEN: [f32; 3] = [0.06, 0.22, 0.05];
+const CARDBOARD: [f32; 3] = [0.36, 0.23, 0.12];
 
-/// The body, hubs and propeller of a UAV.
+/// Paint of an airframe: linear RGB albedo of its parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coat {
+    /// Hull.
+    pub shell: [f32; 3],
+    /// Arms in front and behind.
+    pub arms: [[f32; 3]; 2],
+    /// Landing gear.
+    pub gear: [f32; 3],
+    /// Lower half of the motors.
+    pub motor: [f32; 3],
+    /// Propellers.
+    pub blades: [f32; 3],
+}
+
+/// What the arms and the hull are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// As the maker of the model builds them.
+    Maker,
+    /// A self-built frame on the model's hubs: two plates, battery and receiver dome between deep
+    /// ribbed arms that end in feet.
+    Ribbed,
+}
+
+/// What a UAV carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Payload {
+    /// Nothing.
+    None,
+    /// A box below the hull.
+    Box,
+    /// A lying cylinder below the hull.
+    Cylinder,
+    /// A large gimbal camera below the hull.
+    Camera,
+    /// A parcel on a line.
+    Parcel,
+}
+
+/// What a UAV lands on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gear {
+    /// What the frame has, lowered.
+    Lowered,
+    /// Nothing: retracted or taken off.
+    Raised,
+    /// Two skids on raked struts.
+    Skids,
+    /// A thin leg below each motor.
+    Legs,
+}
+
+/// How one UAV of a model is painted and fitted out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Paint; None: the maker's.
+    pub coat: Option<Coat>,
+    /// Arms and hull.
+    pub frame: Frame,
+    /// What it carries.
+    pub payload: Payload,
+    /// What it lands on.
+    pub gear: Gear,
+    /// Blades of a propeller.
+    pub blades: u32,
+    /// Whether rings guard the propellers.
+    pub guards: bool,
+    /// Whether a positioning receiver stands on a mast.
+    pub mast: bool,
+    /// Whether two rod antennas stick out at the back.
+    pub antennas: bool,
+    /// Its size over the model's published one.
+    pub scale: f64,
+}
+
+impl Look {
+    /// The model as the catalogue publishes it.
+    pub fn standard() -> Self {
+        Self {
+            coat: None,
+            frame: Frame::Maker,
+            payload: Payload::None,
+            gear: Gear::Lowered,
+            blades: 2,
+            guards: false,
+            mast: false,
+            antennas: false,
+            scale: 1.0,
+        }
+    }
+
+    /// A look drawn from `rng`. The shares are assumptions: a third stay as the maker paints them,
+    /// a third fly a self-built frame, most carry nothing; sizes lie within 8 % of the published.
+    pub fn drawn(rng: &mut Stream) -> Self {
+        let coat = (rng.uniform() > 0.33).then(|| Coat::drawn(rng));
+        let frame = if rng.uniform() < 0.35 {
+            Frame::Ribbed
+        } else {
+            Frame::Maker
+        };
+        let payload = match rng.uniform() {
+            u if u < 0.64 => Payload::None,
+            u if u < 0.74 => Payload::Box,
+            u if u < 0.80 => Payload::Cylinder,
+            u if u < 0.92 => Payload::Camera,
+            _ => Payload::Parcel,
+        };
+        let gear = match rng.uniform() {
+            u if u < 0.55 => Gear::Lowered,
+            u if u < 0.75 => Gear::Raised,
+            u if u < 0.88 => Gear::Skids,
+            _ => Gear::Legs,
+        };
+        Self {
+            coat,
+            frame,
+            payload,
+            gear,
+            blades: if rng.uniform() < 0.82 { 2 } else { 3 },
+            guards: rng.uniform() < 0.08,
+            mast: rng.uniform() < 0.2,
+            antennas: rng.uniform() < 0.25,
+            scale: rng.range(0.92, 1.08),
+        }
+    }
+}
+
+impl Coat {
+    /// The maker's paint.
+    fn of(kind: UavKind) -> Self {
+        let plain = |shell: [f32; 3], arm: [f32; 3], gear, motor| Self {
+            shell,
+            arms: [arm; 2],
+            gear,
+            motor,
+            blades: CARBON,
+        };
+        let trim = |c: [f32; 3]| c.map(|c| c * 0.75);
+        match kind {
+            UavKind::Phantom4 => plain(WHITE, WHITE, WHITE, SILVER),
+            UavKind::Mavic2 => plain(DARK, trim(DARK), trim(DARK), DARK),
+            UavKind::MavicAir => plain(WHITE, trim(WHITE), trim(WHITE), DARK),
+            UavKind::Matrice200 | UavKind::Matrice600 => plain(DARK, CARBON, CARBON, SILVER),
+            UavKind::Fpv5 => plain(CARBON, CARBON, CARBON, [0.04, 0.12, 0.42]),
+        }
+    }
+
+    /// One or two colours, and propellers of their own.
+    fn drawn(rng: &mut Stream) -> Self {
+        const COLOURS: [[f32; 3]; 14] = [
+            WHITE, WHITE, WHITE, SILVER, GREY, GREY, DARK, DARK, BLACK, CARBON, BLUE, ORANGE, RED,
+            YELLOW,
+        ];
+        let colour = |rng: &mut Stream| {
+            let at = (rng.uniform() * COLOURS.len() as f64) as usize;
+            let tone = rng.range(0.8, 1.15) as f32;
+            COLOURS[at.min(COLOURS.len() - 1)].map(|c| (c * tone).min(0.85))
+        };
+        let shell = colour(rng);
+        let second = if rng.uniform() < 0.5 {
+            CARBON
+        } else {
+            colour(rng)
+        };
+        let front = if rng.uniform() < 0.45 { shell } else { second };
+        // Pilots of self-built frames tell front from back by the colour of the arms.
+        let rear = if rng.uniform() < 0.25 {
+            colour(rng)
+        } else {
+            front
+        };
+        Self {
+            shell,
+            arms: [front, rear],
+            gear: if rng.uniform() < 0.5 { second } else { shell },
+            motor: if rng.uniform() < 0.5 { SILVER } else { BLACK },
+            blades: match rng.uniform() {
+                u if u < 0.72 => CARBON,
+                u if u < 0.82 => GREY,
+                u if u < 0.9 => WHITE,
+                _ => colour(rng),
+            },
+        }
+    }
+
+    fn arm(&self, hub: DVec2) -> Paint {
+        Paint::plain(self.arms[usize::from(hub.x < 0.0)])
+    }
+}
+
+/// The body, hubs and propeller of a UAV as its maker publishes it.
 pub fn uav_mesh(kind: UavKind) -> UavMesh {
+    uav_mesh_look(kind, &Look::standard())
+}
+
+/// The body, hubs and propeller of a UAV of a given look. Its payload and gear count to no other
+/// model: the flight model knows nothing of them.
+pub fn uav_mesh_look(kind: UavKind, look: &Look) -> UavMesh {
     let uav = model(kind);
     let hubs = hub_plan_m(uav);
-    let mut body = MeshData::new(DVec3::ZERO);
-    let hub_z_m = match kind {
-        UavKind::Phantom4 => phantom(&mut body, &hubs, motor_radius_m(uav), uav),
-        UavKind::Mavic2 => mavic(&mut body, &hubs, motor_radius_m(uav), uav, DARK),
-        UavKind::MavicAir => mavic(&mut body, &hubs, motor_radius_m(uav), uav, WHITE),
-        UavKind::Matrice200 => matrice_200(&mut body, &hubs, uav),
-        UavKind::Matrice600 => matrice_600(&mut body, &hubs, uav),
-        UavKind::Fpv5 => racer(&mut body, &hubs, motor_radius_m(uav), uav),
+    let coat = look.coat.unwrap_or_else(|| Coat::of(kind));
+    let dress = Dress {
+        coat,
+        lowered: look.gear == Gear::Lowered,
     };
+    let mut body = MeshData::new(DVec3::ZERO);
+    let hub_z_m = match (look.frame, kind) {
+        (Frame::Ribbed, _) => ribbed(&mut body, &hubs, motor_radius_m(uav), uav, &dress),
+        (_, UavKind::Phantom4) => phantom(&mut body, &hubs, motor_radius_m(uav), uav, &dress),
+        (_, UavKind::Mavic2 | UavKind::MavicAir) => {
+            mavic(&mut body, &hubs, motor_radius_m(uav), uav, &dress)
+        }
+        (_, UavKind::Matrice200) => matrice_200(&mut body, &hubs, uav, &dress),
+        (_, UavKind::Matrice600) => matrice_600(&mut body, &hubs, uav, &dress),
+        (_, UavKind::Fpv5) => racer(&mut body, &hubs, motor_radius_m(uav), uav, &dress),
+    };
+    fit_out(&mut body, &hubs, &hub_z_m, uav, look, &coat);
+    let mut rotor = propeller(uav.propeller_diameter_m / 2.0, look.blades, coat.blades);
+    if look.scale != 1.0 {
+        let scale = DAffine3::from_scale(DVec3::splat(look.scale));
+        for mesh in [&mut body, &mut rotor] {
+            let mut scaled = MeshData::new(DVec3::ZERO);
+            scaled.append(mesh, scale);
+            *mesh = scaled;
+        }
+    }
     let rotors = hubs
         .iter()
         .enumerate()
         .map(|(i, hub)| RotorMount {
-            hub_body_m: hub.extend(hub_z_m[i]),
+            hub_body_m: hub.extend(hub_z_m[i]) * look.scale,
             q_body_hub: DQuat::IDENTITY,
             sweep_rad: [0.0, TAU],
             clockwise: i % 2 == 0,
@@ -131,8 +351,15 @@ pub fn uav_mesh(kind: UavKind) -> UavMesh {
     UavMesh {
         body,
         rotors,
-        rotor: propeller(uav.propeller_diameter_m / 2.0),
+        rotor,
     }
+}
+
+/// What an airframe is told of its look.
+struct Dress {
+    coat: Coat,
+    /// Whether its own landing gear is down.
+    lowered: bool,
 }
 
 /// What a rotor adds to the wheelbase on both sides together [m]: the m that solves
@@ -271,8 +498,8 @@ fn camera(mesh: &mut MeshData, at: DVec3, radius: f64, albedo: [f32; 3]) {
     );
 }
 
-/// A two-blade propeller: twisted thin blades of constant pitch, 0.5 of the diameter.
-fn propeller(radius: f64) -> MeshData {
+/// A propeller: twisted thin blades of constant pitch, 0.5 of the diameter.
+fn propeller(radius: f64, blades: u32, albedo: [f32; 3]) -> MeshData {
     let mut blade = MeshData::new(DVec3::ZERO);
     let pitch_m = 0.5 * 2.0 * radius;
     let rings: Vec<Vec<DVec3>> = [
@@ -292,10 +519,12 @@ fn propeller(radius: f64) -> MeshData {
         section(DVec3::X * r * radius, along * half, up * thick, 2.0, 6)
     })
     .collect();
-    blade.loft(&rings, Paint::plain(CARBON));
+    blade.loft(&rings, Paint::plain(albedo));
     let mut rotor = MeshData::new(DVec3::ZERO);
-    rotor.append(&blade, DAffine3::IDENTITY);
-    rotor.append(&blade, DAffine3::from_rotation_z(PI));
+    for k in 0..blades {
+        let turn_rad = TAU * f64::from(k) / f64::from(blades);
+        rotor.append(&blade, DAffine3::from_rotation_z(turn_rad));
+    }
     let (low, high) = (DVec3::Z * -0.03 * radius, DVec3::Z * 0.05 * radius);
     rotor.frustum(
         (low, 0.09 * radius),
@@ -308,15 +537,22 @@ fn propeller(radius: f64) -> MeshData {
 
 // ---- Airframes: each returns the height of its hubs -------------------------------------------
 
-fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) -> Vec<f64> {
+fn phantom(
+    mesh: &mut MeshData,
+    hubs: &[DVec2],
+    motor_m: f64,
+    uav: &UavModel,
+    dress: &Dress,
+) -> Vec<f64> {
     let height = uav.size_m[2];
-    let white = Paint::plain(WHITE);
+    let coat = &dress.coat;
+    let gear = Paint::plain(coat.gear);
     let (top, foot) = (0.28 * height, -0.72 * height);
     #[rustfmt::skip]
     hull_up(mesh, DVec2::ZERO, &[
         [-0.034, 0.045, 0.035], [-0.026, 0.074, 0.056], [-0.006, 0.087, 0.066],
         [0.014, 0.084, 0.063], [0.032, 0.062, 0.046], [0.042, 0.03, 0.024],
-    ], 2.8, white);
+    ], 2.8, Paint::plain(coat.shell));
     for &hub in hubs {
         let out = hub.normalize();
         arm(
@@ -324,15 +560,15 @@ fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) ->
             (out * 0.035).extend(0.002),
             hub.extend(0.016),
             [[0.042, 0.026], [0.019, 0.013]],
-            white,
+            coat.arm(hub),
         );
         mesh.frustum(
             (hub.extend(0.0), motor_m * 0.8),
             (hub.extend(0.032), motor_m),
             12,
-            white,
+            coat.arm(hub),
         );
-        motor(mesh, hub, [0.032, top], motor_m, SILVER);
+        motor(mesh, hub, [0.032, top], motor_m, coat.motor);
         let lamp = if hub.x > 0.0 { RED } else { [0.25, 0.5, 0.2] };
         block(
             mesh,
@@ -341,7 +577,7 @@ fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) ->
             lamp,
         );
     }
-    for y in [-1.0, 1.0] {
+    for &y in dress.sides() {
         let foot_at = |x: f64| DVec3::new(x, y * 0.083, foot + 0.006);
         for x in [-1.0, 1.0] {
             let hip = DVec3::new(x * 0.045, y * 0.05, -0.018);
@@ -350,10 +586,10 @@ fn phantom(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) ->
                 hip,
                 foot_at(x * 0.062),
                 [[0.009, 0.007], [0.006, 0.006]],
-                white,
+                gear,
             );
         }
-        tube(mesh, foot_at(-0.078), foot_at(0.078), 0.006, white);
+        tube(mesh, foot_at(-0.078), foot_at(0.078), 0.006, gear);
     }
     camera(mesh, uav.camera_body_m, 0.024, GREY);
     block(mesh, uav.battery_body_m, [0.05, 0.075, 0.036], SILVER);
@@ -371,11 +607,11 @@ fn mavic(
     hubs: &[DVec2],
     motor_m: f64,
     uav: &UavModel,
-    albedo: [f32; 3],
+    dress: &Dress,
 ) -> Vec<f64> {
     let [l, w, h] = uav.size_m;
-    let paint = Paint::plain(albedo);
-    let trim = Paint::plain(albedo.map(|c| c * 0.75));
+    let coat = &dress.coat;
+    let paint = Paint::plain(coat.shell);
     let (top, foot) = (0.42 * h, -0.58 * h);
     #[rustfmt::skip]
     hull_forward(mesh, &[
@@ -388,11 +624,12 @@ fn mavic(
         mesh,
         uav.battery_body_m,
         [0.34 * l, 0.26 * w, 0.14 * h],
-        albedo.map(|c| c * 0.85),
+        coat.shell.map(|c| c * 0.85),
     );
     let mut heights = Vec::with_capacity(hubs.len());
     for &hub in hubs {
         let front = hub.x > 0.0;
+        let trim = coat.arm(hub);
         // Front arms swing out at shoulder height, rear arms fold under the hull.
         let (root, z, hub_top) = if front {
             (
@@ -420,15 +657,17 @@ fn mavic(
             12,
             trim,
         );
-        motor(mesh, hub, [z + 0.1 * h, hub_top], motor_m, DARK);
+        motor(mesh, hub, [z + 0.1 * h, hub_top], motor_m, coat.motor);
         let leg = if front { foot } else { -0.5 * h };
-        arm(
-            mesh,
-            hub.extend(z),
-            hub.extend(leg),
-            [[0.022 * l, 0.03 * l], [0.012 * l, 0.018 * l]],
-            trim,
-        );
+        if dress.lowered {
+            arm(
+                mesh,
+                hub.extend(z),
+                hub.extend(leg),
+                [[0.022 * l, 0.03 * l], [0.012 * l, 0.018 * l]],
+                Paint::plain(coat.gear),
+            );
+        }
         heights.push(hub_top);
     }
     camera(mesh, uav.camera_body_m, 0.2 * h, DARK);
@@ -447,10 +686,12 @@ fn mavic(
     heights
 }
 
-fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> {
+fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel, dress: &Dress) -> Vec<f64> {
     let height = uav.size_m[2];
-    let dark = Paint::plain(DARK);
+    let coat = &dress.coat;
+    let dark = Paint::plain(coat.shell);
     let carbon = Paint::plain(CARBON);
+    let gear = Paint::plain(coat.gear);
     let (top, foot) = (0.27 * height, -0.73 * height);
     #[rustfmt::skip]
     hull_forward(mesh, &[
@@ -465,28 +706,15 @@ fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
             [0.09, 0.062, 0.07],
             GREY,
         );
-        let knee = DVec3::new(-0.02, y * 0.13, foot + 0.012);
-        tube(
-            mesh,
-            DVec3::new(-0.02, y * 0.06, -0.03),
-            knee,
-            0.011,
-            carbon,
-        );
-        tube(
-            mesh,
-            knee - DVec3::X * 0.15,
-            knee + DVec3::X * 0.15,
-            0.008,
-            carbon,
-        );
-        for x in [-0.13, 0.13] {
-            tube(
+        if dress.lowered {
+            let knee = DVec3::new(-0.02, y * 0.13, foot + 0.012);
+            let hip = DVec3::new(-0.02, y * 0.06, -0.03);
+            skid(
                 mesh,
-                knee + DVec3::X * (x - 0.03),
-                knee + DVec3::X * (x + 0.03),
-                0.012,
-                Paint::plain(BLACK),
+                [hip, knee],
+                [0.011, 0.008, 0.012],
+                [0.15, 0.13, 0.03],
+                gear,
             );
         }
         // Antennas of the positioning receivers.
@@ -513,7 +741,7 @@ fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
             (out * 0.12).extend(0.018),
             hub.extend(0.03),
             0.0145,
-            carbon,
+            coat.arm(hub),
         );
         mesh.frustum(
             (hub.extend(0.008), 0.024),
@@ -521,7 +749,7 @@ fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
             12,
             dark,
         );
-        motor(mesh, hub, [0.046, 0.078], 0.029, SILVER);
+        motor(mesh, hub, [0.046, 0.078], 0.029, coat.motor);
         let lamp = if hub.x > 0.0 { RED } else { [0.1, 0.45, 0.1] };
         block(mesh, hub.extend(0.004), [0.02, 0.02, 0.01], lamp);
     }
@@ -536,9 +764,10 @@ fn matrice_200(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
     vec![0.078; hubs.len()]
 }
 
-fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> {
+fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel, dress: &Dress) -> Vec<f64> {
     let height = uav.size_m[2];
-    let dark = Paint::plain(DARK);
+    let coat = &dress.coat;
+    let dark = Paint::plain(coat.shell);
     let carbon = Paint::plain(CARBON);
     let (top, foot) = (0.25 * height, -0.75 * height);
     #[rustfmt::skip]
@@ -553,7 +782,7 @@ fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
             (out * 0.13).extend(0.005),
             hub.extend(0.02),
             0.0135,
-            carbon,
+            coat.arm(hub),
         );
         // The folding joint, and a battery between each pair of arms.
         tube(
@@ -572,7 +801,7 @@ fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
             hub,
             [-0.008, 0.068],
             0.038,
-            if hub.x > 0.1 { RED } else { SILVER },
+            if hub.x > 0.1 { RED } else { coat.motor },
         );
     }
     // Three receivers on masts.
@@ -587,31 +816,17 @@ fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
         );
     }
     // Retractable gear, lowered.
-    for y in [-1.0, 1.0] {
+    for &y in dress.sides() {
         let knee = DVec3::new(0.0, y * 0.33, foot + 0.012);
-        tube(
+        let hip = DVec3::new(0.0, y * 0.14, -0.035);
+        let gear = Paint::plain(coat.gear);
+        skid(
             mesh,
-            DVec3::new(0.0, y * 0.14, -0.035),
-            knee,
-            0.0125,
-            carbon,
+            [hip, knee],
+            [0.0125, 0.01, 0.012],
+            [0.24, 0.2, 0.04],
+            gear,
         );
-        tube(
-            mesh,
-            knee - DVec3::X * 0.24,
-            knee + DVec3::X * 0.24,
-            0.01,
-            carbon,
-        );
-        for x in [-0.2, 0.2] {
-            tube(
-                mesh,
-                knee + DVec3::X * (x - 0.04),
-                knee + DVec3::X * (x + 0.04),
-                0.012,
-                Paint::plain(BLACK),
-            );
-        }
     }
     // A three-axis gimbal with a cinema camera.
     tube(
@@ -646,9 +861,15 @@ fn matrice_600(mesh: &mut MeshData, hubs: &[DVec2], uav: &UavModel) -> Vec<f64> 
     vec![0.068; hubs.len()]
 }
 
-fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) -> Vec<f64> {
+fn racer(
+    mesh: &mut MeshData,
+    hubs: &[DVec2],
+    motor_m: f64,
+    uav: &UavModel,
+    dress: &Dress,
+) -> Vec<f64> {
     let height = uav.size_m[2];
-    let carbon = Paint::plain(CARBON);
+    let coat = &dress.coat;
     let low = -0.3 * height;
     let top = low + height;
     let deck = low + 0.005; // [m], the plate's thickness
@@ -659,10 +880,10 @@ fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) -> V
         beam.cuboid(
             DVec3::new(0.0, -0.0065, low),
             DVec3::new(length, 0.0065, deck),
-            carbon,
+            coat.arm(hub),
         );
         mesh.append(&beam, DAffine3::from_rotation_z(axis.to_angle()));
-        motor(mesh, hub, [deck, deck + 0.02], motor_m, [0.04, 0.12, 0.42]);
+        motor(mesh, hub, [deck, deck + 0.02], motor_m, coat.motor);
         let controller = (axis * hub.length() * 0.55).extend(deck + 0.0025);
         block(mesh, controller, [0.022, 0.014, 0.005], [0.02, 0.1, 0.05]);
     }
@@ -670,14 +891,14 @@ fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) -> V
         mesh,
         DVec3::new(0.0, 0.0, deck),
         [0.13, 0.038, 0.004],
-        CARBON,
+        coat.shell,
     );
     let upper = deck + 0.022;
     block(
         mesh,
         DVec3::new(-0.005, 0.0, upper),
         [0.12, 0.032, 0.003],
-        CARBON,
+        coat.shell,
     );
     for x in [-0.055, 0.045] {
         for y in [-0.013, 0.013] {
@@ -743,6 +964,259 @@ fn racer(mesh: &mut MeshData, hubs: &[DVec2], motor_m: f64, uav: &UavModel) -> V
         Paint::plain(BLACK),
     );
     vec![deck + 0.02; hubs.len()]
+}
+
+/// A self-built frame on the model's hubs, as the 450 and 550 mm kits are: sizes in units of a 450 mm
+/// diagonal, of which one with slender arms stays short.
+fn ribbed(
+    mesh: &mut MeshData,
+    hubs: &[DVec2],
+    motor_m: f64,
+    uav: &UavModel,
+    dress: &Dress,
+) -> Vec<f64> {
+    let coat = &dress.coat;
+    let unit = uav.diagonal_m / 0.45;
+    let motor_m = motor_m.clamp(0.3 * 0.014 * unit, 0.014 * unit);
+    let dark = Paint::plain(BLACK);
+    for z in [-0.022, 0.020] {
+        hull_up(
+            mesh,
+            DVec2::ZERO,
+            &[
+                [z * unit, 0.062 * unit, 0.055 * unit],
+                [(z + 0.004) * unit, 0.062 * unit, 0.055 * unit],
+            ],
+            3.0,
+            dark,
+        );
+    }
+    // Battery between or on the plates, controller and receiver dome above.
+    block(
+        mesh,
+        DVec3::new(0.0, 0.0, 0.0),
+        [0.12 * unit, 0.042 * unit, 0.036 * unit],
+        DARK,
+    );
+    #[rustfmt::skip]
+    hull_up(mesh, DVec2::ZERO, &[
+        [0.024 * unit, 0.05 * unit, 0.042 * unit], [0.045 * unit, 0.044 * unit, 0.036 * unit],
+        [0.058 * unit, 0.022 * unit, 0.018 * unit],
+    ], 2.4, Paint::plain(coat.shell));
+    let top = 0.046 * unit;
+    for &hub in hubs {
+        let out = hub.normalize();
+        let paint = coat.arm(hub);
+        let (root, tip) = (out * 0.045 * unit, hub);
+        let slim = |w: f64, h: f64| [w * unit, h * unit];
+        // A flat top rail, a lower one that sweeps up to it, and the end that goes down to a foot.
+        arm(
+            mesh,
+            root.extend(0.014 * unit),
+            tip.extend(0.014 * unit),
+            [slim(0.017, 0.006), slim(0.013, 0.006)],
+            paint,
+        );
+        arm(
+            mesh,
+            root.extend(-0.018 * unit),
+            tip.extend(-0.008 * unit),
+            [slim(0.008, 0.006), slim(0.008, 0.006)],
+            paint,
+        );
+        arm(
+            mesh,
+            root.lerp(tip, 0.5).extend(-0.014 * unit),
+            root.lerp(tip, 0.62).extend(0.012 * unit),
+            [slim(0.005, 0.006), slim(0.005, 0.006)],
+            paint,
+        );
+        mesh.frustum(
+            (tip.extend(-0.02 * unit), 0.011 * unit),
+            (tip.extend(0.018 * unit), motor_m.max(0.012 * unit)),
+            8,
+            paint,
+        );
+        if dress.lowered {
+            let foot = (tip - out * 0.004 * unit).extend(-0.075 * unit);
+            arm(
+                mesh,
+                tip.extend(-0.016 * unit),
+                foot,
+                [slim(0.011, 0.008), slim(0.007, 0.006)],
+                Paint::plain(coat.gear),
+            );
+        }
+        motor(mesh, hub, [0.018 * unit, top], motor_m, coat.motor);
+        let controller = root.lerp(tip, 0.45).extend(0.0);
+        block(
+            mesh,
+            controller,
+            [0.024 * unit, 0.024 * unit, 0.01 * unit],
+            BLACK,
+        );
+    }
+    vec![top; hubs.len()]
+}
+
+impl Dress {
+    /// The sides on which the frame's own skids hang: both or none.
+    fn sides(&self) -> &'static [f64] {
+        if self.lowered { &[-1.0, 1.0] } else { &[] }
+    }
+}
+
+/// A strut from hip to knee and a rail along x with two soft pads: radii of strut, rail and pads;
+/// half length of the rail, place and half length of the pads [m].
+fn skid(
+    mesh: &mut MeshData,
+    [hip, knee]: [DVec3; 2],
+    [strut_m, rail_m, pad_radius_m]: [f64; 3],
+    [half_m, pad_at_m, pad_m]: [f64; 3],
+    paint: Paint,
+) {
+    tube(mesh, hip, knee, strut_m, paint);
+    let x = DVec3::X;
+    tube(mesh, knee - x * half_m, knee + x * half_m, rail_m, paint);
+    for at in [-pad_at_m, pad_at_m] {
+        let (from, to) = (knee + x * (at - pad_m), knee + x * (at + pad_m));
+        tube(mesh, from, to, pad_radius_m, Paint::plain(BLACK));
+    }
+}
+
+/// Gear, payload, guards, mast and antennas that the look adds to an airframe.
+fn fit_out(
+    mesh: &mut MeshData,
+    hubs: &[DVec2],
+    hub_z_m: &[f64],
+    uav: &UavModel,
+    look: &Look,
+    coat: &Coat,
+) {
+    if *look == Look::standard() {
+        return;
+    }
+    let unit = uav.diagonal_m / 0.35;
+    // Bottom and top of the hull, cameras included: what lies near the middle.
+    let (floor, roof) = mesh
+        .positions
+        .iter()
+        .map(|p| p.map(f64::from))
+        .filter(|p| p[0].hypot(p[1]) < 0.2 * uav.diagonal_m)
+        .fold((0.0, 0.0), |(low, high): (f64, f64), p| {
+            (low.min(p[2]), high.max(p[2]))
+        });
+    let gear = Paint::plain(coat.gear);
+    let low = hub_z_m.iter().copied().fold(0.0, f64::min);
+    match look.gear {
+        Gear::Lowered | Gear::Raised => {}
+        Gear::Skids => {
+            for y in [-1.0, 1.0] {
+                let hip = DVec3::new(0.0, y * 0.04, -0.01) * unit;
+                let knee = DVec3::new(
+                    0.0,
+                    y * 0.085 * unit,
+                    (floor - 0.02 * unit).min(-0.1 * unit),
+                );
+                let thin = [0.007, 0.0055, 0.008].map(|r| r * unit);
+                skid(
+                    mesh,
+                    [hip, knee],
+                    thin,
+                    [0.09, 0.07, 0.015].map(|x| x * unit),
+                    gear,
+                );
+            }
+        }
+        Gear::Legs => {
+            for &hub in hubs {
+                let from = (hub * 0.9).extend(low);
+                let to = (hub * 0.93).extend((low - 0.12 * unit).min(-0.07 * unit));
+                tube(mesh, from, to, 0.005 * unit, gear);
+            }
+        }
+    }
+    let hang = |depth: f64| DVec3::Z * (floor - depth * unit);
+    match look.payload {
+        Payload::None => {}
+        Payload::Box => block(
+            mesh,
+            hang(0.028),
+            [0.12, 0.09, 0.06].map(|x| x * unit),
+            CARDBOARD,
+        ),
+        Payload::Cylinder => mesh.frustum(
+            (hang(0.024) - DVec3::X * 0.085 * unit, 0.026 * unit),
+            (hang(0.024) + DVec3::X * 0.085 * unit, 0.026 * unit),
+            10,
+            Paint::plain(if coat.shell == WHITE { GREEN } else { SILVER }),
+        ),
+        Payload::Camera => {
+            tube(
+                mesh,
+                hang(-0.012),
+                hang(0.02),
+                0.012 * unit,
+                Paint::plain(GREY),
+            );
+            camera(
+                mesh,
+                hang(0.048) + DVec3::X * 0.02 * unit,
+                0.026 * unit,
+                BLACK,
+            );
+        }
+        Payload::Parcel => {
+            tube(
+                mesh,
+                hang(-0.012),
+                hang(0.2),
+                0.0018 * unit,
+                Paint::plain(GREY),
+            );
+            block(
+                mesh,
+                hang(0.235),
+                [0.1, 0.08, 0.075].map(|x| x * unit),
+                CARDBOARD,
+            );
+        }
+    }
+    if look.guards {
+        let reach = 1.07 * uav.propeller_diameter_m / 2.0;
+        let bar = Paint::plain(coat.gear);
+        const CORNERS: usize = 14;
+        for (&hub, &z) in hubs.iter().zip(hub_z_m) {
+            let at = |k: usize| {
+                let out = DVec2::from_angle(TAU * k as f64 / CORNERS as f64);
+                (hub + out * reach).extend(z)
+            };
+            for k in 0..CORNERS {
+                mesh.frustum((at(k), 0.004 * unit), (at(k + 1), 0.004 * unit), 4, bar);
+                if k % 5 == 0 {
+                    let below = hub.extend(z - 0.02 * unit);
+                    mesh.frustum((below, 0.0035 * unit), (at(k), 0.0035 * unit), 4, bar);
+                }
+            }
+        }
+    }
+    let back = |y: f64| DVec3::new(-0.05 * unit, y * unit, roof - 0.012 * unit);
+    if look.mast {
+        let tip = back(0.0) + DVec3::Z * 0.085 * unit;
+        tube(mesh, back(0.0), tip, 0.003 * unit, Paint::plain(CARBON));
+        mesh.frustum(
+            (tip, 0.028 * unit),
+            (tip + DVec3::Z * 0.01 * unit, 0.02 * unit),
+            10,
+            Paint::plain(coat.shell),
+        );
+    }
+    if look.antennas {
+        for y in [-0.025, 0.025] {
+            let tip = back(y) + DVec3::new(-0.05, y, 0.06) * unit;
+            tube(mesh, back(y), tip, 0.0025 * unit, Paint::plain(BLACK));
+        }
+    }
 }
 
 // ---- Distractors ------------------------------------------------------------------------------
@@ -1040,5 +1514,76 @@ mod tests {
         let outline = gull.outline_body_m();
         let top = outline.iter().map(|p| p.z).fold(f64::MIN, f64::max);
         assert!((0.3..0.55).contains(&top), "{top}");
+    }
+
+    #[test]
+    fn drawn_looks_repeat_and_keep_the_published_size() {
+        let mut changed = 0;
+        for (i, kind) in UavKind::ALL.into_iter().cycle().take(120).enumerate() {
+            let draw = || Look::drawn(&mut Stream::new(5, i as u64, "look"));
+            let look = draw();
+            assert_eq!(look, draw());
+            let uav = model(kind);
+            let (mesh, standard) = (uav_mesh_look(kind, &look), uav_mesh(kind));
+            changed += usize::from(mesh.body.colors != standard.body.colors);
+            assert!((0.92..1.08).contains(&look.scale));
+            assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.rotor.signed_volume_m3() > 0.0);
+            assert!(mesh.body.triangle_count() < 3200, "{kind:?} {look:?}");
+            // Hubs and propellers grow by the scale alone.
+            for (hub, reference) in mesh.rotors.iter().zip(&standard.rotors) {
+                let of = |r: &RotorMount| r.hub_body_m.truncate();
+                assert!((of(hub) - of(reference) * look.scale).length() < 1e-9);
+            }
+            let radius = uav.propeller_diameter_m / 2.0 * look.scale;
+            let [_, wide] = sizes_m(&mesh, radius);
+            let [_, published] = sizes_m(&standard, uav.propeller_diameter_m / 2.0);
+            let slack = if look.guards { 0.08 } else { 0.03 };
+            for (got, want) in [(wide.x, published.x), (wide.y, published.y)] {
+                let ratio = got / want / look.scale;
+                assert!(
+                    (0.97..1.0 + slack).contains(&ratio),
+                    "{kind:?} {look:?} {ratio}"
+                );
+            }
+            // What hangs from it and stands on it stays within twice its height and a line's length.
+            assert!(wide.z < look.scale * (2.2 * uav.size_m[2] + 0.95 * uav.diagonal_m));
+        }
+        assert!(changed > 90, "{changed}");
+        let standard = uav_mesh_look(UavKind::Phantom4, &Look::standard());
+        assert_eq!(
+            standard.body.positions,
+            uav_mesh(UavKind::Phantom4).body.positions
+        );
+    }
+
+    #[test]
+    fn looks_show_what_they_name() {
+        let lowest = |look: Look| {
+            let mesh = uav_mesh_look(UavKind::Phantom4, &look);
+            mesh.body.bounds_m().map_or(0.0, |(low, _)| low.z)
+        };
+        let standard = Look::standard();
+        let with = |gear, payload| {
+            lowest(Look {
+                gear,
+                payload,
+                ..standard
+            })
+        };
+        let raised = with(Gear::Raised, Payload::None);
+        assert!(raised > with(Gear::Lowered, Payload::None) + 0.02);
+        assert!(with(Gear::Skids, Payload::None) < raised - 0.01);
+        assert!(with(Gear::Raised, Payload::Box) < raised - 0.05);
+        assert!(with(Gear::Raised, Payload::Parcel) < raised - 0.2);
+        let three = uav_mesh_look(
+            UavKind::Fpv5,
+            &Look {
+                blades: 3,
+                ..standard
+            },
+        )
+        .rotor;
+        let two = uav_mesh(UavKind::Fpv5).rotor;
+        assert!(three.triangle_count() > two.triangle_count());
     }
 }
