@@ -16,7 +16,7 @@ use crate::models::rng::Stream;
 use crate::models::sensor::{SensorParams, Transfer};
 use crate::models::sky::Sky;
 use crate::models::uav::{UavClass, UavKind, model};
-use crate::models::uav_mesh::{UavMesh, distractor_mesh, uav_mesh};
+use crate::models::uav_mesh::{Look, UavMesh, distractor_mesh, uav_mesh_look};
 use crate::models::weather::Weather;
 use crate::models::wind::MeanWind;
 use crate::run::{self, RunError};
@@ -205,9 +205,8 @@ impl Scene {
         };
         let params = match background {
             Background::Forest => CityParams {
-                building_density: rng.range(0.0, 0.12),
-                park_share: 0.3,
-                max_trees: 6000,
+                forest_share: rng.range(0.25, 0.8),
+                building_density: rng.range(0.0, 0.15),
                 ..standard
             },
             Background::Sky | Background::Urban => CityParams {
@@ -255,21 +254,21 @@ impl Scene {
         let max_exposure_s = log_range([1.0 / 200.0, 1.0 / 50.0], &mut rng);
         let metered = rng.uniform() < 0.5;
 
-        let uavs = vec![
-            UavKind::Fpv5,
-            UavKind::Fpv5,
-            UavKind::Phantom4,
-            UavKind::Mavic2,
-            UavKind::MavicAir,
-            UavKind::Matrice200,
-            UavKind::Matrice600,
-            UavKind::Matrice600,
-        ];
+        // As many looks of every class, so that the pictures of a scene differ in them.
+        let uavs: Vec<UavKind> = (UavKind::ALL.into_iter())
+            .flat_map(|kind| match model(kind).class {
+                UavClass::Quadcopter => vec![kind; 2],
+                _ => vec![kind; 4],
+            })
+            .collect();
+        let mut rng = stream("dataset looks");
         let prop = |mesh: UavMesh, distractor| Prop {
             mesh: Arc::new(mesh),
             distractor,
         };
-        let mut props: Vec<_> = uavs.iter().map(|kind| prop(uav_mesh(*kind), None)).collect();
+        let mut props: Vec<_> = (uavs.iter())
+            .map(|kind| prop(uav_mesh_look(*kind, &Look::drawn(&mut rng)), None))
+            .collect();
         let others = [
             DistractorKind::Bird,
             DistractorKind::Bird,

@@ -26,6 +26,7 @@ use stage::Stage;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
 
 /// What `dataset` is told.
 #[derive(Args, Debug)]
@@ -135,12 +136,26 @@ pub fn dataset(arguments: &Arguments) -> Result<String, RunError> {
     let bar = bar(waiting.len() as u64);
     if !waiting.is_empty() {
         let mut stage = Stage::new(arguments.threads)?;
-        for index in waiting {
-            let (background, split) = plan[index as usize];
-            let scene = Scene::draw(&recipe, index, background)?;
-            make(&recipe, scene, split, &mut stage, out)?;
-            bar.inc(1);
-        }
+        // The next scene is generated while this one is rendered.
+        let (give, take) = sync_channel(1);
+        let (recipe, plan) = (&recipe, &plan);
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                for index in waiting {
+                    let (background, split) = plan[index as usize];
+                    let scene = Scene::draw(recipe, index, background);
+                    // Nobody listens after an error.
+                    if give.send((scene, split)).is_err() {
+                        break;
+                    }
+                }
+            });
+            for (scene, split) in take {
+                make(recipe, scene?, split, &mut stage, out)?;
+                bar.inc(1);
+            }
+            Ok::<_, RunError>(())
+        })?;
     }
     bar.finish_and_clear();
     merge(&recipe, &digest, &plan, out)
@@ -258,14 +273,30 @@ fn make(
         _ => Motion::ClimbDive,
     });
     let mut images = Vec::new();
-    for (number, motion) in motions.enumerate() {
-        let (mut image, rgb8) = still(recipe, &scene, number as u64, motion, stage)?;
-        let name = format!("s{:05}_{number:04}", scene.index);
-        image.file_name = format!("images/{name}.png");
-        let path = out.join(split.name()).join(&image.file_name);
-        write(&path, &png(&rgb8, size_px)?)?;
-        images.push(image);
-    }
+    let (give, take) = sync_channel::<(PathBuf, Vec<u8>)>(8);
+    std::thread::scope(|scope| {
+        let writer = scope.spawn(move || {
+            take.into_iter().try_for_each(|(path, rgb8)| {
+                write(&path, &png(&rgb8, size_px)?)?;
+                Ok::<_, RunError>(())
+            })
+        });
+        for (number, motion) in motions.enumerate() {
+            let (mut image, rgb8) = still(recipe, &scene, number as u64, motion, stage)?;
+            image.file_name = format!("images/s{:05}_{number:04}.png", scene.index);
+            let path = out.join(split.name()).join(&image.file_name);
+            images.push(image);
+            // The writer stops at its first error, which is told below.
+            if give.send((path, rgb8)).is_err() {
+                break;
+            }
+        }
+        drop(give);
+        match writer.join() {
+            Ok(result) => result,
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })?;
     let record = SceneRecord {
         scene: scene.index,
         split,
