@@ -1,4 +1,4 @@
-//! What flies where a UAV might and is none: birds and balloons.
+//! What flies where a UAV might and is none: birds, balloons, aeroplanes, leaves.
 
 use crate::models::kinematics::GRAVITY_MPS2;
 use crate::models::multirotor::Setpoint;
@@ -16,6 +16,11 @@ pub enum DistractorKind {
     /// A drifting party balloon: its trajectory is flown through the air, not over the ground, so
     /// that one that hovers drifts with the wind.
     Balloon,
+    /// A twin-jet airliner along its trajectory.
+    Aeroplane,
+    /// A leaf or scrap of paper that tumbles; its trajectory is flown through the air like a
+    /// balloon's.
+    Leaf,
 }
 
 impl DistractorKind {
@@ -24,6 +29,8 @@ impl DistractorKind {
         match self {
             Self::Bird => "bird",
             Self::Balloon => "balloon",
+            Self::Aeroplane => "aeroplane",
+            Self::Leaf => "leaf",
         }
     }
 
@@ -32,6 +39,8 @@ impl DistractorKind {
         match self {
             Self::Bird => [BIRD_LENGTH_M, BIRD_SPAN_M, 0.15], // [m]
             Self::Balloon => [2.0 * BALLOON_RADIUS_M; 3],
+            Self::Aeroplane => AIRLINER_SIZE_M,
+            Self::Leaf => LEAF_SIZE_M,
         }
     }
 }
@@ -48,6 +57,17 @@ pub const WINGBEAT_HZ: f64 = 3.1; // [Hz]
 /// Mean angle of the wings above the level, and how far they beat to both sides of it [rad]
 /// (assumption: cruising flight, 35 degrees).
 pub const WING_RAD: [f64; 2] = [0.14, 0.61]; // [rad]
+/// Length, span and height of a twin-jet airliner of the Airbus A320's size [m] (recalled from the
+/// maker's airport planning manual).
+pub const AIRLINER_SIZE_M: [f64; 3] = [37.6, 35.8, 11.8]; // [m]
+/// Length, span and height of a four-seat high-wing aeroplane of the Cessna 172's size [m] (recalled).
+pub const LIGHT_AIRCRAFT_SIZE_M: [f64; 3] = [8.3, 11.0, 2.7]; // [m]
+/// Length, width and bend of a large leaf [m] (assumption).
+pub const LEAF_SIZE_M: [f64; 3] = [0.16, 0.11, 0.03]; // [m]
+/// Turns a second of a tumbling leaf, about its length and about the vertical (assumption).
+pub const TUMBLE_HZ: [f64; 2] = [1.7, 0.4]; // [Hz]
+/// Angle of both wings above the level in a glide [rad] (assumption).
+pub const GLIDE_RAD: f64 = 0.10; // [rad]
 /// A latex balloon of three feet [m].
 pub const BALLOON_RADIUS_M: f64 = 0.457; // [m]
 
@@ -71,20 +91,37 @@ pub struct BirdPose {
 pub fn bird_pose(setpoint: &Setpoint, phase_rad: f64) -> BirdPose {
     let omega_radps = TAU * WINGBEAT_HZ;
     let (sin, cos) = phase_rad.sin_cos();
+    let heave = GRAVITY_MPS2 / (omega_radps * omega_radps) * DVec3::Z;
+    BirdPose {
+        r_enu_m: setpoint.r_enu_m - sin * heave,
+        v_enu_mps: setpoint.v_enu_mps - omega_radps * cos * heave,
+        q_enu_body: winged_attitude(setpoint),
+        wing_rad: wing_rad(phase_rad),
+    }
+}
+
+/// Angle of both wings above the level [rad], `phase_rad` [rad] into the wingbeat (0: wings up).
+pub fn wing_rad(phase_rad: f64) -> f64 {
+    WING_RAD[0] + WING_RAD[1] * phase_rad.cos()
+}
+
+/// Attitude (body to enu) of what flies on wings along `setpoint`: forward along the path, banked so
+/// that lift carries weight and turn; at rest it faces its heading.
+pub fn winged_attitude(setpoint: &Setpoint) -> DQuat {
     let heading = DVec3::new(setpoint.yaw_rad.sin(), setpoint.yaw_rad.cos(), 0.0);
     let forward = setpoint.v_enu_mps.try_normalize().unwrap_or(heading);
     let left = (setpoint.a_enu_mps2 + GRAVITY_MPS2 * DVec3::Z)
         .cross(forward)
         .try_normalize()
         .unwrap_or(DVec3::Z.cross(heading));
-    let axes = DMat3::from_cols(forward, left, forward.cross(left));
-    let heave = GRAVITY_MPS2 / (omega_radps * omega_radps) * DVec3::Z;
-    BirdPose {
-        r_enu_m: setpoint.r_enu_m - sin * heave,
-        v_enu_mps: setpoint.v_enu_mps - omega_radps * cos * heave,
-        q_enu_body: DQuat::from_mat3(&axes),
-        wing_rad: WING_RAD[0] + WING_RAD[1] * cos,
-    }
+    DQuat::from_mat3(&DMat3::from_cols(forward, left, forward.cross(left)))
+}
+
+/// Attitude (body to enu) of a tumbling leaf after `t_s` [s], from `phase_rad` [rad] on: it turns
+/// about its length, which turns about the vertical.
+pub fn tumbling_attitude(t_s: f64, phase_rad: f64) -> DQuat {
+    let [roll, yaw] = TUMBLE_HZ.map(|hz| TAU * hz * t_s + phase_rad);
+    DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(0.4) * DQuat::from_rotation_x(roll)
 }
 
 #[cfg(test)]
@@ -145,5 +182,22 @@ mod tests {
         };
         let forward = bird_pose(&still, 0.0).q_enu_body * DVec3::X;
         assert!((forward - DVec3::X).length() < 1e-12);
+    }
+
+    #[test]
+    fn a_leaf_turns_at_its_rates() {
+        let rate = |at: f64| {
+            let step_s = 1e-5;
+            let turn = tumbling_attitude(at, 0.7).inverse() * tumbling_attitude(at + step_s, 0.7);
+            turn.to_scaled_axis() / step_s
+        };
+        for t_s in [0.0, 0.3, 1.1] {
+            // The spin about its length and the part of the other turn along it.
+            let along = TAU * (TUMBLE_HZ[0] - TUMBLE_HZ[1] * 0.4_f64.sin());
+            assert!((rate(t_s).x - along).abs() < 1e-3, "{}", rate(t_s));
+            assert!(rate(t_s).length() < TAU * (TUMBLE_HZ[0] + TUMBLE_HZ[1]));
+        }
+        let turned = tumbling_attitude(0.2, 0.0) * DVec3::Z;
+        assert!(turned.dot(DVec3::Z) < 0.0, "{turned}");
     }
 }

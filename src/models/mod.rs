@@ -7,6 +7,7 @@ pub mod beam;
 pub mod calibration;
 pub mod camera;
 pub mod city;
+pub mod clutter;
 pub mod detection;
 pub mod detection_metrics;
 pub mod distractor;

@@ -1,6 +1,6 @@
 //! Parametric UAV bodies and propellers at the catalogue's published sizes, in body axes
-//! (forward-left-up) about the centre of the rotors' square or hexagon; and the birds and balloons
-//! taken for them.
+//! (forward-left-up) about the centre of the rotors' square or hexagon; and what is taken for them:
+//! birds, balloons, aeroplanes, leaves.
 //!
 //! The makers give a Phantom's, a Mavic's and the racer's size without propellers, the Matrices'
 //! with them turning: hub positions and hull sizes follow from that and from the diagonal.
@@ -9,7 +9,10 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
-use crate::models::distractor::{BALLOON_RADIUS_M, BIRD_SPAN_M, DistractorKind, WING_RAD};
+use crate::models::distractor::{
+    AIRLINER_SIZE_M, BALLOON_RADIUS_M, BIRD_LENGTH_M, BIRD_SPAN_M, DistractorKind, LEAF_SIZE_M,
+    LIGHT_AIRCRAFT_SIZE_M, WING_RAD,
+};
 use crate::models::mesh::{MeshData, Paint};
 use crate::models::rng::Stream;
 use crate::models::uav::{AimPart, UavKind, UavModel, model};
@@ -1224,33 +1227,134 @@ fn fit_out(
 /// Body and wings of a distractor; a bird's wings are its rotors.
 pub fn distractor_mesh(kind: DistractorKind) -> UavMesh {
     match kind {
-        DistractorKind::Bird => bird(),
-        DistractorKind::Balloon => balloon(),
+        DistractorKind::Bird => bird(&GULL),
+        DistractorKind::Balloon => balloon(BALLOON_RADIUS_M, RED),
+        DistractorKind::Aeroplane => solid(airliner(AIRLINER_SIZE_M, WHITE, BLUE)),
+        DistractorKind::Leaf => solid(leaf(LEAF_SIZE_M, [0.16, 0.1, 0.03])),
     }
 }
 
-/// A gull: body, bill, tail and two wings, alike fore and aft.
-fn bird() -> UavMesh {
+/// A distractor of drawn species, size and colour: gulls, crows and pigeons; balloons; airliners of
+/// 35 to 70 m and light aircraft; leaves and scraps of 5 to 35 cm.
+pub fn distractor_mesh_drawn(kind: DistractorKind, rng: &mut Stream) -> UavMesh {
+    let colours = [WHITE, WHITE, WHITE, SILVER, GREY, BLUE, RED, ORANGE, GREEN];
+    let pick = |rng: &mut Stream, of: &[[f32; 3]]| {
+        of[((rng.uniform() * of.len() as f64) as usize).min(of.len() - 1)]
+    };
+    match kind {
+        DistractorKind::Bird => {
+            let species = match rng.uniform() {
+                u if u < 0.4 => GULL,
+                u if u < 0.75 => CROW,
+                _ => PIGEON,
+            };
+            let size = rng.range(0.88, 1.12);
+            let tone = rng.range(0.7, 1.2) as f32;
+            bird(&Bird {
+                length_m: species.length_m * size,
+                span_m: species.span_m * size,
+                tones: species.tones.map(|c| c.map(|c| (c * tone).min(0.85))),
+                ..species
+            })
+        }
+        DistractorKind::Balloon => {
+            let colour = pick(rng, &[RED, BLUE, YELLOW, WHITE, GREEN, ORANGE, SILVER]);
+            balloon(rng.range(0.12, 0.5), colour)
+        }
+        DistractorKind::Aeroplane => {
+            let [shell, tail] = [pick(rng, &colours[..5]), pick(rng, &colours)];
+            if rng.uniform() < 0.6 {
+                let size = rng.range(35.0, 70.0) / AIRLINER_SIZE_M[0];
+                solid(airliner(AIRLINER_SIZE_M.map(|x| x * size), shell, tail))
+            } else {
+                let size = rng.range(0.85, 1.15);
+                solid(light_aircraft(
+                    LIGHT_AIRCRAFT_SIZE_M.map(|x| x * size),
+                    shell,
+                    tail,
+                ))
+            }
+        }
+        DistractorKind::Leaf => {
+            let length_m = 0.05 * 7.0_f64.powf(rng.uniform());
+            let width_m = length_m * rng.range(0.45, 0.9);
+            let autumn = [[0.16, 0.1, 0.03], [0.1, 0.06, 0.03], [0.28, 0.2, 0.04]];
+            let albedo = if rng.uniform() < 0.6 {
+                pick(rng, &autumn)
+            } else {
+                pick(rng, &colours)
+            };
+            solid(leaf([length_m, width_m, 0.2 * length_m], albedo))
+        }
+    }
+}
+
+/// A body without moving parts.
+fn solid(body: MeshData) -> UavMesh {
+    UavMesh {
+        body,
+        rotors: Vec::new(),
+        rotor: MeshData::new(DVec3::ZERO),
+    }
+}
+
+/// A species of bird.
+#[derive(Clone, Copy, Debug)]
+struct Bird {
+    length_m: f64,
+    span_m: f64,
+    /// Width of body and wings over the gull's.
+    breadth: f64,
+    /// Body, wings, wing tips and bill.
+    tones: [[f32; 3]; 4],
+}
+
+const GULL: Bird = Bird {
+    length_m: BIRD_LENGTH_M,
+    span_m: BIRD_SPAN_M,
+    breadth: 1.0,
+    tones: [WHITE, GREY, BLACK, YELLOW],
+};
+// Carrion crow and feral pigeon: length and span of the species' handbook ranges (recalled).
+const CROW: Bird = Bird {
+    length_m: 0.47,
+    span_m: 0.92,
+    breadth: 1.3,
+    tones: [BLACK, BLACK, BLACK, BLACK],
+};
+const PIGEON: Bird = Bird {
+    length_m: 0.33,
+    span_m: 0.67,
+    breadth: 1.25,
+    tones: [GREY, GREY, DARK, DARK],
+};
+
+/// A bird: body, bill, tail and two wings, alike fore and aft.
+fn bird(species: &Bird) -> UavMesh {
+    // The gull's own measures, in units of its length and span.
+    let (l, breadth) = (species.length_m / BIRD_LENGTH_M, species.breadth);
+    let b = l * breadth;
+    let [tone, feather, tip_tone, bill] = species.tones;
     let mut body = MeshData::new(DVec3::ZERO);
     #[rustfmt::skip]
-    hull_forward(&mut body, &[
+    let hull = [
         [-0.30, 0.07, 0.006, 0.01], [-0.17, 0.035, 0.03, 0.0], [-0.05, 0.07, 0.065, 0.0],
         [0.09, 0.07, 0.065, 0.0], [0.17, 0.04, 0.042, 0.01], [0.22, 0.045, 0.045, 0.015],
         [0.25, 0.025, 0.025, 0.015],
-    ], 2.0, Paint::plain(WHITE));
-    let yellow = Paint::plain([0.6, 0.4, 0.03]);
+    ].map(|[x, w, h, z]| [x * l, w * b, h * b, z * l]);
+    hull_forward(&mut body, &hull, 2.0, Paint::plain(tone));
     body.frustum(
-        (DVec3::new(0.245, 0.0, 0.012), 0.013),
-        (DVec3::new(0.30, 0.0, 0.004), 0.004),
+        (DVec3::new(0.245, 0.0, 0.012) * l, 0.013 * l),
+        (DVec3::new(0.30, 0.0, 0.004) * l, 0.004 * l),
         6,
-        yellow,
+        Paint::plain(bill),
     );
-    const SHOULDER_M: f64 = 0.04; // [m] to either side
-    let length_m = BIRD_SPAN_M / 2.0 - SHOULDER_M;
+    let shoulder_m = 0.04 * l; // to either side
+    let length_m = species.span_m / 2.0 - shoulder_m;
     let mut wing = MeshData::new(DVec3::ZERO);
     // Along x to the tip, thickness along y, chord along z.
     let ring = |r: f64, chord_m: f64| {
-        let half = 0.5 * chord_m;
+        let half = 0.5 * chord_m * b;
         section(
             DVec3::X * r * length_m,
             DVec3::Y * (0.08 * half),
@@ -1260,12 +1364,12 @@ fn bird() -> UavMesh {
         )
     };
     let feathers = [(0.0, 0.17), (0.25, 0.21), (0.5, 0.18), (0.8, 0.10)];
-    wing.loft(&feathers.map(|(r, c)| ring(r, c)), Paint::plain(GREY));
+    wing.loft(&feathers.map(|(r, c)| ring(r, c)), Paint::plain(feather));
     let tip = [(0.8, 0.10), (0.93, 0.05), (1.0, 0.01)];
-    wing.loft(&tip.map(|(r, c)| ring(r, c)), Paint::plain(BLACK));
+    wing.loft(&tip.map(|(r, c)| ring(r, c)), Paint::plain(tip_tone));
     // The hinge lies along the body: the wing's x points outward, a growing phase lifts it.
     let wings = [1.0, -1.0].map(|side| RotorMount {
-        hub_body_m: DVec3::new(0.06, side * SHOULDER_M, 0.035),
+        hub_body_m: DVec3::new(0.06 * l, side * shoulder_m, 0.035 * l),
         q_body_hub: DQuat::from_mat3(&glam::DMat3::from_cols(
             side * DVec3::Y,
             DVec3::Z,
@@ -1282,25 +1386,191 @@ fn bird() -> UavMesh {
 }
 
 /// A latex balloon with its knot.
-fn balloon() -> UavMesh {
+fn balloon(radius_m: f64, albedo: [f32; 3]) -> UavMesh {
     let mut body = MeshData::new(DVec3::ZERO);
-    body.icosphere(
-        DVec3::ZERO,
-        DVec3::splat(BALLOON_RADIUS_M),
-        3,
-        Paint::plain(RED),
-    );
+    let paint = Paint::plain(albedo);
+    body.icosphere(DVec3::ZERO, DVec3::splat(radius_m), 3, paint);
     body.frustum(
-        (DVec3::Z * -(BALLOON_RADIUS_M + 0.04), 0.03),
-        (DVec3::Z * -(BALLOON_RADIUS_M - 0.01), 0.012),
+        (DVec3::Z * -(radius_m + 0.04), 0.03),
+        (DVec3::Z * -(radius_m - 0.01), 0.012),
         8,
-        Paint::plain(RED),
+        paint,
     );
-    UavMesh {
-        body,
-        rotors: Vec::new(),
-        rotor: MeshData::new(DVec3::ZERO),
+    solid(body)
+}
+
+/// A wing or fin: thin elliptic sections (leading edge, chord) from root to tip.
+fn wing(mesh: &mut MeshData, ends: [(DVec3, f64); 2], thick: f64, up: DVec3, paint: Paint) {
+    let ring = |(lead, chord): (DVec3, f64)| {
+        let half = DVec3::X * chord / 2.0;
+        section(lead - half, half, up * thick * chord / 2.0, 2.0, 8)
+    };
+    // Rings run counter-clockwise about the direction from root to tip.
+    let along = ends[1].0 - ends[0].0;
+    let mut rings = ends.map(ring);
+    if DVec3::X.cross(up).dot(along) < 0.0 {
+        for ring in &mut rings {
+            ring.reverse();
+        }
     }
+    mesh.loft(&rings, paint);
+}
+
+/// A twin-jet airliner of length, span and height `size_m` [m], centred on its box's plan.
+fn airliner(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) -> MeshData {
+    let [l, span, h] = size_m;
+    let mut mesh = MeshData::new(DVec3::ZERO);
+    let r = 0.053 * l;
+    let (white, fin) = (Paint::plain(shell), Paint::plain(tail));
+    #[rustfmt::skip]
+    hull_forward(&mut mesh, &[
+        [-0.5 * l, 0.1 * r, 0.15 * r, 0.55 * r], [-0.4 * l, 0.55 * r, 0.6 * r, 0.35 * r],
+        [-0.2 * l, r, r, 0.0], [0.38 * l, r, r, 0.0], [0.45 * l, 0.75 * r, 0.75 * r, -0.1 * r],
+        [0.5 * l, 0.12 * r, 0.12 * r, -0.25 * r],
+    ], 2.0, white);
+    let silver = Paint::plain(SILVER);
+    for y in [-1.0, 1.0] {
+        let at = |x: f64, side: f64, z: f64| DVec3::new(x * l, y * side, z);
+        wing(
+            &mut mesh,
+            [
+                (at(0.12, 0.0, -0.5 * r), 0.2 * l),
+                (at(-0.12, span / 2.0, 0.035 * span - 0.5 * r), 0.045 * l),
+            ],
+            0.11,
+            DVec3::Z,
+            silver,
+        );
+        wing(
+            &mut mesh,
+            [
+                (at(-0.39, 0.0, 0.4 * r), 0.1 * l),
+                (at(-0.46, 0.17 * span, 0.6 * r), 0.035 * l),
+            ],
+            0.1,
+            DVec3::Z,
+            silver,
+        );
+        let engine = at(0.075, 0.16 * span, -1.15 * r);
+        mesh.frustum(
+            (engine - DVec3::X * 0.1 * l, 0.38 * r),
+            (engine, 0.55 * r),
+            12,
+            fin,
+        );
+    }
+    let top = h - 2.2 * r;
+    wing(
+        &mut mesh,
+        [
+            (DVec3::new(-0.35 * l, 0.0, 0.5 * r), 0.15 * l),
+            (DVec3::new(-0.455 * l, 0.0, top), 0.045 * l),
+        ],
+        0.1,
+        DVec3::Y,
+        fin,
+    );
+    mesh
+}
+
+/// A high-wing single with fixed gear of length, span and height `size_m` [m].
+fn light_aircraft(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) -> MeshData {
+    let [l, span, h] = size_m;
+    let mut mesh = MeshData::new(DVec3::ZERO);
+    let (white, trim) = (Paint::plain(shell), Paint::plain(tail));
+    #[rustfmt::skip]
+    hull_forward(&mut mesh, &[
+        [-0.47 * l, 0.008 * l, 0.02 * l, 0.02 * l], [-0.2 * l, 0.04 * l, 0.05 * l, 0.01 * l],
+        [0.02 * l, 0.065 * l, 0.085 * l, 0.02 * l], [0.22 * l, 0.065 * l, 0.08 * l, 0.015 * l],
+        [0.3 * l, 0.06 * l, 0.055 * l, -0.015 * l], [0.46 * l, 0.045 * l, 0.045 * l, -0.02 * l],
+    ], 2.8, white);
+    let (roof, belly) = (0.1 * l, -0.065 * l);
+    for y in [-1.0, 1.0] {
+        let at = |x: f64, side: f64, z: f64| DVec3::new(x * l, y * side, z);
+        wing(
+            &mut mesh,
+            [
+                (at(0.23, 0.0, roof), 0.19 * l),
+                (at(0.2, span / 2.0, roof + 0.015 * span), 0.14 * l),
+            ],
+            0.12,
+            DVec3::Z,
+            white,
+        );
+        wing(
+            &mut mesh,
+            [
+                (at(-0.34, 0.0, 0.02 * l), 0.13 * l),
+                (at(-0.37, 0.16 * span, 0.02 * l), 0.09 * l),
+            ],
+            0.1,
+            DVec3::Z,
+            trim,
+        );
+        let strut = at(0.12, 0.06 * l, belly);
+        tube(
+            &mut mesh,
+            strut,
+            at(0.13, 0.26 * span, roof),
+            0.006 * l,
+            white,
+        );
+        let wheel = at(0.09, 0.15 * l, 0.02 * l - 0.62 * h);
+        tube(
+            &mut mesh,
+            at(0.09, 0.05 * l, belly),
+            wheel,
+            0.007 * l,
+            white,
+        );
+        block(&mut mesh, wheel, [0.07 * l, 0.02 * l, 0.05 * l], BLACK);
+    }
+    let nose = DVec3::new(0.36 * l, 0.0, -0.05 * l);
+    let wheel = nose - DVec3::Z * 0.12 * l;
+    tube(&mut mesh, nose, wheel, 0.006 * l, white);
+    block(&mut mesh, wheel, [0.06 * l, 0.02 * l, 0.05 * l], BLACK);
+    // A blade in any position stands for the propeller.
+    let hub = DVec3::new(0.48 * l, 0.0, -0.02 * l);
+    block(&mut mesh, hub, [0.04 * l, 0.03 * l, 0.03 * l], tail);
+    block(&mut mesh, hub, [0.004 * l, 0.012 * l, 0.23 * l], DARK);
+    wing(
+        &mut mesh,
+        [
+            (DVec3::new(-0.3 * l, 0.0, 0.03 * l), 0.16 * l),
+            (DVec3::new(-0.42 * l, 0.0, 0.4 * h + 0.02 * l), 0.08 * l),
+        ],
+        0.1,
+        DVec3::Y,
+        trim,
+    );
+    mesh
+}
+
+/// A bent thin plate, pointed at both ends, of length, width and bend `size_m` [m].
+fn leaf(size_m: [f64; 3], albedo: [f32; 3]) -> MeshData {
+    let [length, width, bend] = size_m;
+    let mut mesh = MeshData::new(DVec3::ZERO);
+    let rings: Vec<Vec<DVec3>> = [
+        (-0.5, 0.06),
+        (-0.3, 0.7),
+        (-0.05, 1.0),
+        (0.25, 0.75),
+        (0.5, 0.06),
+    ]
+    .iter()
+    .map(|&(x, w): &(f64, f64)| {
+        section(
+            DVec3::new(x * length, 0.0, bend * (4.0 * x * x - 0.5)),
+            // Six corners at 30 degrees off the axis reach its cosine.
+            DVec3::Y * w * width / 3.0_f64.sqrt(),
+            DVec3::Z * 0.01 * length,
+            2.0,
+            6,
+        )
+    })
+    .collect();
+    mesh.loft(&rings, Paint::plain(albedo));
+    mesh
 }
 
 #[cfg(test)]
@@ -1585,5 +1855,66 @@ mod tests {
         .rotor;
         let two = uav_mesh(UavKind::Fpv5).rotor;
         assert!(three.triangle_count() > two.triangle_count());
+    }
+
+    #[test]
+    fn aeroplanes_and_leaves_have_their_sizes() {
+        let check = |mesh: &UavMesh, size_m: [f64; 3], slack: f64| {
+            let (low, high) = mesh.body.bounds_m().unwrap();
+            for (got, want) in (high - low).to_array().into_iter().zip(size_m) {
+                assert!((got / want - 1.0).abs() < slack, "{got} m against {want} m");
+            }
+            assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.rotors.is_empty());
+        };
+        for kind in [DistractorKind::Aeroplane, DistractorKind::Leaf] {
+            check(&distractor_mesh(kind), kind.size_m(), 0.12);
+        }
+        let cessna = light_aircraft(LIGHT_AIRCRAFT_SIZE_M, WHITE, RED);
+        check(&solid(cessna), LIGHT_AIRCRAFT_SIZE_M, 0.12);
+        for mesh in [
+            airliner(AIRLINER_SIZE_M, WHITE, RED),
+            light_aircraft(LIGHT_AIRCRAFT_SIZE_M, WHITE, RED),
+        ] {
+            let at = |v: &[[f32; 3]], i: u32| DVec3::from(v[i as usize].map(f64::from));
+            for t in mesh.indices.chunks_exact(3) {
+                let [a, b, c] = [t[0], t[1], t[2]].map(|i| at(&mesh.positions, i));
+                let face = (b - a).cross(c - a).normalize_or_zero();
+                for &i in t {
+                    assert!(face.dot(at(&mesh.normals, i)) > -0.2);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn drawn_distractors_vary_and_repeat() {
+        use DistractorKind::{Aeroplane, Balloon, Bird, Leaf};
+        for (kind, [least, most]) in [
+            (Bird, [0.5, 1.6]),
+            (Balloon, [0.2, 1.1]),
+            (Aeroplane, [7.0, 71.0]),
+            (Leaf, [0.02, 0.36]),
+        ] {
+            let mut widths = Vec::new();
+            for i in 0..40 {
+                let draw = || distractor_mesh_drawn(kind, &mut Stream::new(3, i, "distractor"));
+                let mesh = draw();
+                assert_eq!(mesh.body.positions, draw().body.positions);
+                assert!(mesh.body.signed_volume_m3() > 0.0, "{kind:?} {i}");
+                let outline = mesh.outline_body_m();
+                let across = |axis: DVec3| {
+                    let reach = outline.iter().map(|p| p.dot(axis));
+                    reach.clone().fold(f64::MIN, f64::max) - reach.fold(f64::MAX, f64::min)
+                };
+                let width = across(DVec3::Y).max(across(DVec3::X));
+                assert!((least..most).contains(&width), "{kind:?} {width} m");
+                widths.push(width);
+            }
+            let (low, high) = (
+                widths.iter().copied().fold(f64::MAX, f64::min),
+                widths.iter().copied().fold(0.0, f64::max),
+            );
+            assert!(high > 1.8 * low, "{kind:?}: {low} to {high} m");
+        }
     }
 }

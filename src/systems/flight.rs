@@ -7,7 +7,9 @@
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::uav::{Air, Distractor, Flight, Guidance, Uav, UavStatus};
-use crate::models::distractor::{DistractorKind, WINGBEAT_HZ, bird_pose};
+use crate::models::distractor::{
+    DistractorKind, WINGBEAT_HZ, bird_pose, tumbling_attitude, winged_attitude,
+};
 use crate::models::kinematics::exp_so3;
 use crate::models::multirotor::{self, MAX_ROTORS};
 use bevy::ecs::schedule::ScheduleLabel;
@@ -45,8 +47,8 @@ pub fn fly(
     }
 }
 
-/// Moves birds along their paths, wings beating, and balloons with the air around them. They pass
-/// through the city: nothing looks at them there.
+/// Moves birds and aeroplanes along their paths, and balloons and leaves with the air around them.
+/// They pass through the city: nothing looks at them there.
 pub fn drift(clock: Res<SimClock>, mut distractors: Query<(&mut Flight, &Distractor, &Air)>) {
     let (t_s, dt_s) = (clock.t_s(), clock.dt_s());
     for (mut flight, distractor, air) in &mut distractors {
@@ -61,9 +63,17 @@ pub fn drift(clock: Res<SimClock>, mut distractors: Query<(&mut Flight, &Distrac
                 state.q_enu_body = pose.q_enu_body;
                 state.rotor_phase_rad = [pose.wing_rad; MAX_ROTORS];
             }
-            DistractorKind::Balloon => {
+            DistractorKind::Aeroplane => {
+                state.r_enu_m = setpoint.r_enu_m;
+                state.v_enu_mps = setpoint.v_enu_mps;
+                state.q_enu_body = winged_attitude(&setpoint);
+            }
+            DistractorKind::Balloon | DistractorKind::Leaf => {
                 state.v_enu_mps = air.wind_enu_mps + setpoint.v_enu_mps;
                 state.r_enu_m += state.v_enu_mps * dt_s;
+                if distractor.kind == DistractorKind::Leaf {
+                    state.q_enu_body = tumbling_attitude(t_s, distractor.phase_rad);
+                }
             }
         }
     }

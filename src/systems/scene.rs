@@ -263,6 +263,21 @@ pub struct SceneContent<'a> {
     pub light: LightUniform,
 }
 
+/// Adds a structure to the spawned scene: its mesh at its origin, as it stands. None: no scene.
+pub fn add_structure(world: &mut World, data: &MeshData) -> Option<Entity> {
+    let handles = world.get_resource::<SceneHandles>()?;
+    let (site_grid, material) = (handles.site_grid, handles.solid.clone());
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh(data));
+    let at = place(&grid(), data.origin_enu_m, DQuat::IDENTITY);
+    let parts = (
+        Mesh3d(mesh),
+        MeshMaterial3d(material),
+        at,
+        ChildOf(site_grid),
+    );
+    Some(world.spawn(parts).id())
+}
+
 /// Builds the grids, the city and the sky.
 pub fn spawn(world: &mut World, content: &SceneContent) {
     let ground_map = world
