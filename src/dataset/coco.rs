@@ -65,6 +65,8 @@ pub struct Annotation {
     pub bbox: [f64; 4],
     /// Area of what is seen of it [px^2].
     pub area: f64,
+    /// Where the laser would aim: the projection of the body's middle [px].
+    pub aim: [f64; 2],
     /// Distance [m].
     pub range_m: f64,
     /// Share of its silhouette that is seen.
@@ -101,6 +103,7 @@ pub fn file(records: &[&SceneRecord]) -> Value {
                     "category_id": seen.category_id,
                     "bbox": seen.bbox,
                     "area": seen.area,
+                    "aim": seen.aim,
                     "iscrowd": 0,
                     "uav": seen.uav,
                     "range_m": seen.range_m,

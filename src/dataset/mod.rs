@@ -259,6 +259,7 @@ fn make(
         scene.r_camera_enu_m,
         size_px,
         &scene.props,
+        &scene.clutter,
     );
     let shares = &recipe.motions;
     let mut rng = Stream::new(recipe.seed, u64::from(scene.index), "dataset motions");
@@ -406,6 +407,7 @@ fn shoot(
             uav: kind,
             bbox: [x0, y0, x1 - x0, y1 - y0].map(|px| (1e3 * px).round() / 1e3),
             area: label.area_px,
+            aim: seen.aim_px.map(|px| (1e3 * px).round() / 1e3),
             range_m: seen.range_m,
             visible_fraction: label.visible_fraction,
             contrast,
