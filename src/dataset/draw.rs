@@ -6,17 +6,19 @@ use crate::components::environment::Environment;
 use crate::models::atmosphere::{Cn2Profile, air_density_kgpm3};
 use crate::models::camera::{Pinhole, PixelRect};
 use crate::models::city::{City, CityParams};
-use crate::models::distractor::DistractorKind;
+use crate::models::clutter::{ClutterKind, clutter_mesh};
+use crate::models::distractor::{DistractorKind, GLIDE_RAD, tumbling_attitude, wing_rad};
 use crate::models::dsm::LineOfSight;
 use crate::models::geodesy::{Geodetic, SiteFrame};
 use crate::models::kinematics::{Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi};
+use crate::models::mesh::MeshData;
 use crate::models::multirotor::MAX_ROTORS;
 use crate::models::raster;
 use crate::models::rng::Stream;
 use crate::models::sensor::{SensorParams, Transfer};
 use crate::models::sky::Sky;
 use crate::models::uav::{UavClass, UavKind, model};
-use crate::models::uav_mesh::{Look, UavMesh, distractor_mesh, uav_mesh_look};
+use crate::models::uav_mesh::{Look, UavMesh, distractor_mesh_drawn, uav_mesh_look};
 use crate::models::weather::Weather;
 use crate::models::wind::MeanWind;
 use crate::run::{self, RunError};
@@ -155,8 +157,12 @@ pub struct Scene {
     pub metered: bool,
     /// What may appear.
     pub props: Vec<Prop>,
-    /// The UAVs among them.
+    /// The UAVs among them, which come first.
     pub uavs: Vec<UavKind>,
+    /// Cranes, masts and the like, about the origin.
+    pub clutter: Vec<MeshData>,
+    /// Where their tops are [m].
+    tops_enu_m: Vec<DVec3>,
 }
 
 impl Scene {
@@ -270,12 +276,16 @@ impl Scene {
             .map(|kind| prop(uav_mesh_look(*kind, &Look::drawn(&mut rng)), None))
             .collect();
         let others = [
-            DistractorKind::Bird,
-            DistractorKind::Bird,
-            DistractorKind::Bird,
-            DistractorKind::Balloon,
+            (DistractorKind::Bird, 5),
+            (DistractorKind::Aeroplane, 2),
+            (DistractorKind::Balloon, 1),
+            (DistractorKind::Leaf, 1),
         ];
-        props.extend(others.map(|kind| prop(distractor_mesh(kind), Some(kind))));
+        for kind in others.iter().flat_map(|(kind, count)| vec![*kind; *count]) {
+            props.push(prop(distractor_mesh_drawn(kind, &mut rng), Some(kind)));
+        }
+        let mut rng = stream("dataset clutter");
+        let (clutter, tops_enu_m) = clutter(&city, background, r_camera_enu_m, &mut rng);
         let environment = Environment {
             site: SiteFrame::new(Geodetic {
                 latitude_rad: 47.3769f64.to_radians(),
@@ -313,8 +323,46 @@ impl Scene {
             metered,
             props,
             uavs,
+            clutter,
+            tops_enu_m,
         })
     }
+}
+
+/// Structures around the camera, and their tops: on the ground, antennas on whatever is highest.
+fn clutter(
+    city: &City,
+    background: Background,
+    r_camera_enu_m: DVec3,
+    rng: &mut Stream,
+) -> (Vec<MeshData>, Vec<DVec3>) {
+    const STRUCTURES: usize = 12;
+    let kinds = match background {
+        Background::Forest => &[ClutterKind::Mast, ClutterKind::Pylon][..],
+        _ => &ClutterKind::ALL,
+    };
+    let (mut meshes, mut tops) = (Vec::new(), Vec::new());
+    for _ in 0..STRUCTURES {
+        let kind = kinds[pick(kinds.len(), rng)];
+        let apart_m = log_range([35.0, 400.0], rng) * DVec2::from_angle(rng.range(0.0, TAU));
+        let at = r_camera_enu_m.truncate() + apart_m;
+        let mut mesh = clutter_mesh(kind, rng);
+        let ground_m = city.dsm.terrain_m(at.x, at.y);
+        let surface_m = city.dsm.surface_m(at.x, at.y);
+        let foot_m = match kind {
+            ClutterKind::Antenna => surface_m,
+            // No house stands on a crane.
+            _ if surface_m > ground_m + 1.0 => continue,
+            _ => ground_m,
+        };
+        let Some((low, high)) = mesh.bounds_m() else {
+            continue;
+        };
+        mesh.origin_enu_m = at.extend(foot_m);
+        tops.push(mesh.origin_enu_m + (0.5 * (low + high)).truncate().extend(high.z));
+        meshes.push(mesh);
+    }
+    (meshes, tops)
 }
 
 /// A place for a camera: in the open, with nothing close above the line of its feet.
@@ -546,48 +594,82 @@ fn skyline_rad(scene: &Scene, az_rad: f64) -> f64 {
     high
 }
 
+/// Where a target stands against the line between ground and sky.
+enum Place {
+    /// Before the ground.
+    Below,
+    /// Close above the line.
+    Above,
+    /// In the sky, with the line in the picture.
+    High,
+}
+
 /// The pose that shows a point at `range_m` in pixel `px` before the scene's background.
 fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) -> Option<Pose> {
     let pinhole = &scene.pinhole;
+    let dsm = &scene.environment.city.dsm;
     let roll_rad = rng.normal() * 1.5f64.to_radians();
-    let on_skyline = rng.uniform() < 0.5;
+    let place = match rng.uniform() {
+        u if u < 0.5 => Place::Below,
+        u if u < 0.75 => Place::Above,
+        _ => Place::High,
+    };
+    let top = (rng.uniform() < 0.15 && !scene.tops_enu_m.is_empty())
+        .then(|| scene.tops_enu_m[pick(scene.tops_enu_m.len(), rng)]);
+    let size_rad = size_px / pinhole.focal_px;
+    let (hfov_rad, vfov_rad) = (pinhole.hfov_rad(), pinhole.vfov_rad());
     for _ in 0..VIEW_TRIES {
-        let az_rad = rng.range(0.0, TAU);
+        let az_rad = match top {
+            Some(top) => {
+                let at = los_to_az_el(top - scene.r_camera_enu_m);
+                at.x + 0.4 * hfov_rad * rng.range(-1.0, 1.0)
+            }
+            None => rng.range(0.0, TAU),
+        };
         let skyline = skyline_rad(scene, az_rad);
-        let (pose, ok) = match scene.background {
-            Background::Sky => {
-                let half_rad = 0.5 * pinhole.hfov_rad();
-                let sides = [-half_rad, -0.5 * half_rad, 0.5 * half_rad, half_rad];
+        let pose = match (scene.background, &place) {
+            (Background::Sky, _) => {
+                let sides = [-0.5, -0.25, 0.25, 0.5];
                 let skyline = sides
-                    .map(|side| skyline_rad(scene, az_rad + side))
+                    .map(|side| skyline_rad(scene, az_rad + side * hfov_rad))
                     .into_iter()
                     .fold(skyline, f64::max);
                 // Low over the roofs is where UAVs are looked for.
                 let above_rad = -9f64.to_radians() * rng.uniform().max(1e-9).ln();
-                let el_rad = skyline + 0.55 * pinhole.vfov_rad() + above_rad;
-                let pose = looking(scene, az_rad, el_rad, roll_rad);
-                (pose, el_rad < 70f64.to_radians())
+                let low_rad = skyline + 0.55 * vfov_rad;
+                let el_rad = match top {
+                    Some(top) => {
+                        let at = los_to_az_el(top - scene.r_camera_enu_m);
+                        low_rad.max(at.y + 0.4 * vfov_rad * rng.range(-1.0, 1.0))
+                    }
+                    None => low_rad + above_rad,
+                };
+                looking(scene, az_rad, el_rad, roll_rad)
             }
-            _ => {
-                let size_rad = size_px / pinhole.focal_px;
-                let el_rad = if on_skyline {
-                    skyline + size_rad * rng.range(0.5, 6.0)
-                } else {
-                    let depth_rad = (0.5 * pinhole.vfov_rad()).min(0.15);
-                    skyline - size_rad * 0.5 - depth_rad * rng.uniform().powi(2)
-                };
-                let pose = shown_at(scene, az_rad, el_rad, roll_rad, px);
-                let dir = pose.q_enu_cam * pinhole.ray(px);
-                let dsm = &scene.environment.city.dsm;
-                let hit = dsm.first_hit(scene.r_camera_enu_m, dir, 8_000.0);
-                let fits = match hit {
-                    None => on_skyline,
-                    Some(hit_m) => !on_skyline && hit_m > 1.02 * range_m + 1.0,
-                };
-                (pose, fits && el_rad < 70f64.to_radians())
+            (_, Place::Below) => {
+                let depth_rad = (0.5 * vfov_rad).min(0.15);
+                let el_rad = skyline - size_rad * 0.5 - depth_rad * rng.uniform().powi(2);
+                shown_at(scene, az_rad, el_rad, roll_rad, px)
+            }
+            (_, Place::Above) => {
+                let el_rad = skyline + size_rad * rng.range(0.5, 6.0);
+                shown_at(scene, az_rad, el_rad, roll_rad, px)
+            }
+            (_, Place::High) => {
+                // The line lies in the lower half of the picture.
+                let el_rad = skyline + vfov_rad * rng.range(0.05, 0.45);
+                looking(scene, az_rad, el_rad, roll_rad)
             }
         };
-        if ok {
+        let dir = pose.q_enu_cam * pinhole.ray(px);
+        let hit = dsm.first_hit(scene.r_camera_enu_m, dir, 8_000.0);
+        let below = scene.background != Background::Sky && matches!(place, Place::Below);
+        let fits = match hit {
+            None => !below,
+            Some(hit_m) => below && hit_m > 1.02 * range_m + 1.0,
+        };
+        let up = (pose.q_enu_cam * DVec3::Z).z;
+        if fits && up < 70f64.to_radians().sin() {
             return Some(pose);
         }
     }
@@ -624,7 +706,7 @@ fn distractors(recipe: &Recipe, scene: &Scene, pose: &Pose, rng: &mut Stream) ->
     let pinhole = &scene.pinhole;
     let mut free: Vec<usize> = (scene.uavs.len()..scene.props.len()).collect();
     let mut placed = Vec::new();
-    for _ in 0..1 + pick(free.len(), rng) {
+    for _ in 0..1 + pick(4, rng) {
         let prop = free.swap_remove(pick(free.len(), rng));
         let Some(kind) = scene.props[prop].distractor else {
             continue;
@@ -633,16 +715,27 @@ fn distractors(recipe: &Recipe, scene: &Scene, pose: &Pose, rng: &mut Stream) ->
             rng.uniform() * f64::from(pinhole.width_px),
             rng.uniform() * f64::from(pinhole.height_px),
         );
-        let long_m = kind.size_m().into_iter().fold(0.0, f64::max);
-        let range_m = pinhole.focal_px * long_m / log_range(recipe.distractors.size_px, rng);
-        let q_enu_body = attitude(Motion::Level, rng);
-        let phase = rng.range(0.0, TAU);
-        let wing_rad = crate::models::distractor::WING_RAD;
+        let reach_m = (scene.props[prop].mesh.outline_body_m().iter())
+            .map(|p| p.length())
+            .fold(0.0, f64::max);
+        let size_px = log_range(recipe.distractors.size_px, rng);
+        let range_m = (2.0 * pinhole.focal_px * reach_m / size_px).clamp(3.0, 15_000.0);
+        let phase_rad = rng.range(0.0, TAU);
+        let (q_enu_body, wing_rad) = match kind {
+            DistractorKind::Leaf => (tumbling_attitude(rng.range(0.0, 10.0), phase_rad), 0.0),
+            DistractorKind::Bird if rng.uniform() < 0.3 => {
+                (attitude(Motion::Manoeuvre, rng), GLIDE_RAD)
+            }
+            DistractorKind::Bird => (attitude(Motion::ClimbDive, rng), wing_rad(phase_rad)),
+            DistractorKind::Aeroplane | DistractorKind::Balloon => {
+                (attitude(Motion::Level, rng), 0.0)
+            }
+        };
         let dir = pose.q_enu_cam * pinhole.ray(px);
         placed.push(Placed {
             prop,
-            body: (pose.r_enu_m + range_m.clamp(3.0, 5_000.0) * dir, q_enu_body),
-            phase_rad: [wing_rad[0] + wing_rad[1] * phase.cos(); MAX_ROTORS],
+            body: (pose.r_enu_m + range_m * dir, q_enu_body),
+            phase_rad: [wing_rad; MAX_ROTORS],
         });
     }
     placed

@@ -7,13 +7,14 @@ use crate::components::uav::{Flight, Uav};
 use crate::models::camera::{Pinhole, PixelRect};
 use crate::models::distractor::DistractorKind;
 use crate::models::kinematics::Pose;
+use crate::models::mesh::MeshData;
 use crate::models::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::sensor::{Sensor, SensorParams};
 use crate::models::uav_mesh::UavMesh;
 use crate::run::{self, Options, RunError};
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape, Shot};
 use crate::systems::render::{Renderer, spawn_sensor_view};
-use crate::systems::scene::SceneHandles;
+use crate::systems::scene::{self, SceneHandles};
 use bevy::prelude::*;
 use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
@@ -88,6 +89,7 @@ impl Stage {
         r_camera_enu_m: DVec3,
         size_px: [u32; 2],
         props: &[Prop],
+        clutter: &[MeshData],
     ) {
         let world = self.app.world_mut();
         if let Some(root) = self.root.take() {
@@ -116,6 +118,13 @@ impl Stage {
                 },
                 Shape::new(prop.mesh.clone()),
             ));
+        }
+        let solid = world.resource::<SceneHandles>().solid.clone();
+        for structure in clutter {
+            let mesh = world.resource_mut::<Assets<Mesh>>().add(scene::mesh(structure));
+            let at = scene::place(&scene::grid(), structure.origin_enu_m, DQuat::IDENTITY);
+            let material = MeshMaterial3d(solid.clone());
+            world.spawn((Mesh3d(mesh), material, at, ChildOf(site_grid)));
         }
         let views = SensorViews {
             full: spawn_sensor_view(world, site_grid, size_px, ANTIALIAS),
