@@ -316,6 +316,9 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
     let world = app.world_mut();
     if options.capture {
         spawn_scene(world, &environment, station_enu_m(scenario, &environment));
+        if scenario.weather.cloud_texture {
+            scene::set_clouds(world, environment.weather.cloud_cover, seed);
+        }
     }
     spawn_uavs(world, loaded, &environment)?;
     spawn_distractors(world, loaded, &environment)?;

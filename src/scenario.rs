@@ -68,7 +68,7 @@ pub struct Scenario {
     /// The UAVs; none makes a false-alarm run.
     #[serde(default)]
     pub uavs: Vec<Uav>,
-    /// Birds and balloons, which a detector may take for UAVs.
+    /// Birds, balloons, aeroplanes and leaves, which a detector may take for UAVs.
     #[serde(default)]
     pub distractors: Vec<Distractor>,
     /// What finds UAVs in the images.
@@ -138,6 +138,10 @@ pub struct Weather {
     /// Height of the cloud base above the ground at the site's altitude. Under a cover of 7/8 or more
     /// nothing above it is seen or lit; absent without a METAR: the clouds are above everything.
     pub cloud_base_m: Option<f64>,
+    /// Whether the covered fraction of the sky shows as clouds rather than as their mean light; they
+    /// look broken below a full cover and mottled under it.
+    #[serde(default)]
+    pub cloud_texture: bool,
     /// Precipitation as water, snow below 1 °C, else rain; 0 without a METAR.
     pub precipitation_mmph: Option<f64>,
 }
@@ -752,7 +756,7 @@ pub struct Uav {
     pub spread_s: f64,
 }
 
-/// A bird or balloon: every camera sees it, no success counts it.
+/// A bird, balloon, aeroplane or leaf: every camera sees it, no success counts it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Distractor {
@@ -760,8 +764,8 @@ pub struct Distractor {
     pub name: String,
     /// What it is.
     pub kind: DistractorKind,
-    /// Where it flies; a balloon's is relative to the air, so that one that hovers drifts with the
-    /// wind.
+    /// Where it flies; a balloon's or leaf's is relative to the air, so that one that hovers drifts
+    /// with the wind.
     pub trajectory: Trajectory,
     /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
     /// north, up [m].
@@ -844,7 +848,7 @@ pub struct TruthErrors {
     pub noise_px: f64,
     /// Chance that a visible UAV is missed in a frame, 0 to 1.
     pub miss_rate: f64,
-    /// Chance that a visible bird or balloon is reported as a UAV in a frame, 0 to 1.
+    /// Chance that a visible distractor is reported as a UAV in a frame, 0 to 1.
     pub distractor_rate: f64,
     /// Mean number of false alarms in a frame.
     pub false_alarms_per_frame: f64,

@@ -13,6 +13,7 @@ struct Light {
     ambient_ground: vec4<f32>,// illuminance of a downward face [klx]
     extinction: vec4<f32>,    // rgb [1/m]
     night: vec4<f32>,         // x: luminance of a lit window [kcd/m^2]
+    clouds: vec4<f32>,        // cover 0..1, scale, seed, strength 0..1 (0: none drawn)
     // Air-light as a polynomial in the cosine of the azimuth from the sun, rgb [kcd/m^2]
     airlight: array<vec4<f32>, 4>,
 }
@@ -45,6 +46,7 @@ struct Fragment {
 const KIND_FACADE_RESIDENTIAL: f32 = 1.0;
 const KIND_FACADE_OFFICE: f32 = 2.0;
 const KIND_GROUND: f32 = 3.0;
+const KIND_FOLIAGE: f32 = 4.0;
 const KIND_WATER: f32 = 5.0;
 const KIND_SKY: f32 = 9.0;
 
@@ -91,6 +93,63 @@ fn hash(p: vec2<f32>) -> f32 {
     return fract(sin(dot(p, vec2(12.9898, 78.233))) * 43758.547);
 }
 
+// A number in 0..1 for a lattice point, by integers alone: no trigonometry for a fragment to pay for.
+fn lattice(p: vec2<i32>) -> f32 {
+    var h = (u32(p.x) * 0x27d4eb2du) ^ (u32(p.y) * 0x165667b1u);
+    h = (h ^ (h >> 15u)) * 0x2c1b3c6du;
+    h = (h ^ (h >> 13u)) * 0x297a2d39u;
+    return f32(h >> 8u) * (1.0 / 16777216.0);
+}
+
+// Value noise in 0..1.
+fn noise(p: vec2<f32>) -> f32 {
+    let cell = floor(p);
+    let i = vec2<i32>(cell);
+    let f = p - cell;
+    let s = f * f * (3.0 - 2.0 * f);
+    let a = lattice(i);
+    let b = lattice(i + vec2(1, 0)) - a;
+    let c = lattice(i + vec2(0, 1)) - a;
+    let d = lattice(i + vec2(1, 1)) - a - b - c;
+    return a + b * s.x + c * s.y + d * s.x * s.y;
+}
+
+// Clouds on a plane over the site, blended over the sky's radiance; w: what they leave of the sun's
+// disc. Octaves end where a pixel holds more than half a cell.
+fn clouds(dir: vec3<f32>, radiance: vec3<f32>) -> vec4<f32> {
+    let cover = light.clouds.x;
+    let plane = dir.xy * (light.clouds.y / (max(dir.z, 0.0) + 0.07));
+    let width = max(length(fwidth(plane)), 1e-5);
+    var at = plane + light.clouds.z;
+    var density = 0.0;
+    var amplitude = 0.5;
+    var frequency = 1.0;
+    for (var octave = 0; octave < 7; octave++) {
+        let share = amplitude * clamp(2.0 - 4.0 * frequency * width, 0.0, 1.0);
+        if share <= 0.0 {
+            break;
+        }
+        density += share * (noise(at) - 0.5);
+        // A turn by 37 degrees hides the lattice.
+        at = 2.3 * vec2(0.8 * at.x - 0.6 * at.y, 0.6 * at.x + 0.8 * at.y) + 17.7;
+        frequency *= 2.3;
+        amplitude *= 0.5;
+    }
+    let floor_density = mix(0.3, -0.34, cover);
+    let thickness = smoothstep(floor_density, floor_density + 0.4, density);
+    let mask = smoothstep(floor_density, floor_density + 0.12, density)
+        * smoothstep(0.0, 0.09, dir.z) * light.clouds.w;
+    let facing = dot(dir, light.sun_dir.xyz);
+    let sunlit = light.sun.rgb / max(1.0 - cover, 0.1);
+    let edge = clamp(0.75 + 0.25 * facing - 0.7 * thickness, 0.08, 1.0)
+        + 0.5 * pow(max(facing, 0.0), 24.0) * (1.0 - thickness);
+    let grey = dot(light.ambient_sky.rgb, vec3(0.2126, 0.7152, 0.0722)) * 0.31830988;
+    let diffuse = mix(mix(vec3(grey), light.ambient_sky.rgb * 0.31830988, 0.4), radiance, cover * cover)
+        * clamp(1.0 - 0.9 * density, 0.6, 1.4);
+    let cloud = diffuse + sunlit * (0.2 * edge);
+    return vec4(mix(radiance, cloud, mask), 1.0 - mask * smoothstep(0.0, 0.3, thickness));
+}
+
 @fragment
 fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     let kind = in.surface.x;
@@ -99,7 +158,12 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     if kind == KIND_SKY {
         var radiance = sky(dir);
         // The sun's disc, 0.53 deg across; half floats end at 65504.
-        let disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
+        var disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
+        if light.clouds.w > 0.0 {
+            let clouded = clouds(dir, radiance);
+            radiance = clouded.rgb;
+            disc *= clouded.w;
+        }
         radiance += disc * min(light.sun.rgb * 15.0, vec3(30000.0));
         return vec4(radiance * view.exposure, 0.0);
     }
@@ -122,11 +186,26 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
         let glass = pulse(cell.x, w.x, side, 1.0 - side) * pulse(cell.y, w.y, sill, 0.86);
         // Glass mirrors the sky it faces; from below the horizon, its opposite street.
         let mirrored = reflect(dir, normal);
-        let reflected = sky(vec3(mirrored.xy, abs(mirrored.z))) * (0.10 + 0.25 * variant);
-        emitted += glass * reflected;
-        let lit = step(0.8, hash(floor(cell) + floor(variant * 97.0)));
+        var reflected = sky(vec3(mirrored.xy, abs(mirrored.z)));
+        let chance = hash(floor(cell) + floor(variant * 97.0));
+        // Panes hang up to 1.5 deg out of true: some flash the sun, spread over 1 deg by their waves.
+        if dot(mirrored, light.sun_dir.xyz) > 0.995 {
+            let tilt = fract(chance * vec3(91.7, 57.3, 233.1)) - 0.5;
+            let pane = normalize(normal + 0.052 * tilt);
+            let flash = smoothstep(0.99994, 0.99998, dot(reflect(dir, pane), light.sun_dir.xyz));
+            reflected += flash * light.sun.rgb * (15.0 / max(w.x * w.y, 1.0));
+        }
+        emitted += glass * reflected * (0.10 + 0.25 * variant);
+        let lit = step(0.8, chance);
         emitted += glass * lit * light.night.x * vec3(1.0, 0.78, 0.5);
         albedo *= 1.0 - 0.85 * glass;
+    } else if kind == KIND_FOLIAGE && in.uv.y > 0.0 {
+        // Clumps of leaves, where the woods' meshes give metres along the crown.
+        let fine = clamp(2.0 - 2.5 * max(width.x, width.y), 0.0, 1.0);
+        if fine > 0.0 {
+            let clumps = 0.6 * noise(in.uv * 1.3) + 0.4 * noise(in.uv * 3.7);
+            albedo *= mix(1.0, 0.3 + 1.4 * clumps, fine);
+        }
     } else if kind == KIND_WATER {
         let mirrored = reflect(dir, normal);
         let fresnel = 0.02 + 0.98 * pow(1.0 - clamp(dot(-dir, normal), 0.0, 1.0), 5.0);

@@ -33,6 +33,8 @@ pub struct LightUniform {
     pub extinction_per_m: Vec4,
     /// x: luminance of a lit window [kcd/m^2].
     pub night: Vec4,
+    /// Clouds drawn in the sky: cover 0..1, scale, seed, strength 0..1 (0: none).
+    pub clouds: Vec4,
     /// Air-light [kcd/m^2]: coefficients of a polynomial in the cosine of the azimuth from the sun.
     pub airlight_kcd_m2: [Vec4; 4],
 }

@@ -1969,7 +1969,12 @@ impl City {
             }
         }
         for tree in &self.trees {
-            add_tree(&mut built[tile_of(tree.base_enu_m.truncate())], tree);
+            let mesh = &mut built[tile_of(tree.base_enu_m.truncate())];
+            let first = mesh.positions.len();
+            add_tree(mesh, tree);
+            if self.params.forest_share > 0.0 {
+                add_leaves(mesh, first, tree);
+            }
         }
         let mut chunks: Vec<MeshData> = (0..tiles * tiles)
             .map(|k| self.terrain_tile(middle(k % tiles), middle(k / tiles), tile_m))
@@ -2387,8 +2392,10 @@ fn add_canopy(mesh: &mut MeshData, low: DVec2, cell_m: f64, rng: &mut Stream) {
         for i in 0..n {
             let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
             let paint = paint();
-            mesh.face(&[a, b, c], paint);
-            mesh.face(&[a, c, d], paint);
+            let uv = |p: DVec3| [p.x - low.x + 1.0, p.y - low.y + 1.0].map(|x| x as f32);
+            for [p, q, r] in [[a, b, c], [a, c, d]] {
+                mesh.face_with(&[p, q, r], &[uv(p), uv(q), uv(r)], &[1.0; 3], paint);
+            }
         }
     }
     for k in 0..n {
@@ -2400,8 +2407,28 @@ fn add_canopy(mesh: &mut MeshData, low: DVec2, cell_m: f64, rng: &mut Stream) {
         ];
         for (a, b) in sides {
             let ao = [0.4, 0.4, 1.0, 1.0];
-            mesh.face_with(&[ground(a), ground(b), b, a], &[[0.0; 2]; 4], &ao, paint());
+            let corners = [ground(a), ground(b), b, a];
+            let uv = corners.map(|p| [p.x - low.x + p.y - low.y, p.z + 3.0].map(|x| x as f32));
+            mesh.face_with(&corners, &uv, &ao, paint());
         }
+    }
+}
+
+/// Gives a tree's crown, from vertex `first` on, metres around and up it for the clumps of its leaves.
+fn add_leaves(mesh: &mut MeshData, first: usize, tree: &Tree) {
+    let foot = tree.base_enu_m - mesh.origin_enu_m;
+    // No two trees carry the same pattern.
+    let lie = DVec2::new(37.0, 91.0) * f64::from(tree.variant) + 1.0;
+    for k in first..mesh.positions.len() {
+        if mesh.surface[k][0] != Surface::Foliage as u8 as f32 {
+            continue;
+        }
+        let p = DVec3::from(mesh.positions[k].map(f64::from)) - foot;
+        // There and back again: a seam would show.
+        let around = p.y.atan2(p.x).abs() * tree.crown_radius_m;
+        mesh.uv[k] = (DVec2::new(around, p.z.max(0.0)) + lie)
+            .as_vec2()
+            .to_array();
     }
 }
 
@@ -2793,6 +2820,13 @@ mod tests {
         let total: usize = a.chunks().iter().map(MeshData::triangle_count).sum();
         println!("{} trees, {total} triangles", a.trees.len());
         assert!(total < 900_000, "{total}");
+        // Only woods carry coordinates for their leaves: a city's trees cost what they did.
+        let leaves = |city: &City, given: bool| {
+            let chunks = city.chunks();
+            let mut crowns = chunks.iter().flat_map(|c| c.surface.iter().zip(&c.uv));
+            crowns.all(|(s, uv)| s[0] != Surface::Foliage as u8 as f32 || (uv[1] > 0.0) == given)
+        };
+        assert!(leaves(&a, true) && leaves(&city(), false));
         let per_tree = |kind| {
             let mut mesh = MeshData::new(DVec3::ZERO);
             let tree = a.trees.iter().find(|t| t.kind == kind && !t.inner);

@@ -7,6 +7,7 @@
 use crate::components::render::{ATTRIBUTE_SURFACE, LeanMaterial, LightUniform};
 use crate::models::city::GroundMap;
 use crate::models::mesh::MeshData;
+use crate::models::rng::Stream;
 use crate::models::sky::Sky;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::NoFrustumCulling;
@@ -261,6 +262,23 @@ pub struct SceneContent<'a> {
     pub sun_dir_enu: DVec3,
     /// Illuminances and extinction; direction and air-light are filled in from the above.
     pub light: LightUniform,
+}
+
+/// Draws clouds over the share `cover` (0..1) of the spawned scene's sky, their lie by `seed`; they
+/// shade nothing but the sun's disc, since the sky's light is that of the mean cover already.
+pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
+    // Lengths of the cloud plane's base height to a cell of the coarsest noise (assumption).
+    const SCALE: f32 = 0.9;
+    let Some(handles) = world.get_resource::<SceneHandles>() else {
+        return;
+    };
+    let sky = handles.sky.clone();
+    let lie = Stream::new(seed, 0, "clouds").range(0.0, 500.0) as f32;
+    let strength = if cover > 0.0 { 1.0 } else { 0.0 };
+    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
+    if let Some(mut material) = materials.get_mut(&sky) {
+        material.light.clouds = Vec4::new(cover as f32, SCALE, lie, strength);
+    }
 }
 
 /// Adds a structure to the spawned scene: its mesh at its origin, as it stands. None: no scene.
