@@ -161,6 +161,8 @@ pub struct Scene {
     pub uavs: Vec<UavKind>,
     /// Cranes, masts and the like, about the origin.
     pub clutter: Vec<MeshData>,
+    /// The seed of its clouds; none: their mean light only.
+    pub clouds: Option<u64>,
     /// Where their tops are [m].
     tops_enu_m: Vec<DVec3>,
 }
@@ -284,6 +286,8 @@ impl Scene {
         for kind in others.iter().flat_map(|(kind, count)| vec![*kind; *count]) {
             props.push(prop(distractor_mesh_drawn(kind, &mut rng), Some(kind)));
         }
+        let mut rng = stream("dataset clouds");
+        let clouds = (rng.uniform() < 0.8).then(|| rng.bits());
         let mut rng = stream("dataset clutter");
         let (clutter, tops_enu_m) = clutter(&city, background, r_camera_enu_m, &mut rng);
         let environment = Environment {
@@ -324,6 +328,7 @@ impl Scene {
             props,
             uavs,
             clutter,
+            clouds,
             tops_enu_m,
         })
     }

@@ -260,6 +260,7 @@ fn make(
         size_px,
         &scene.props,
         &scene.clutter,
+        scene.clouds,
     );
     let shares = &recipe.motions;
     let mut rng = Stream::new(recipe.seed, u64::from(scene.index), "dataset motions");

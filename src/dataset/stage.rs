@@ -90,6 +90,7 @@ impl Stage {
         size_px: [u32; 2],
         props: &[Prop],
         clutter: &[MeshData],
+        clouds: Option<u64>,
     ) {
         let world = self.app.world_mut();
         if let Some(root) = self.root.take() {
@@ -101,6 +102,7 @@ impl Stage {
             }
         }
         run::spawn_scene(world, &environment, r_camera_enu_m);
+        let cloud_cover = environment.weather.cloud_cover;
         world.insert_resource(environment);
         let site_grid = world.resource::<SceneHandles>().site_grid;
         self.root = world.get::<ChildOf>(site_grid).map(|child| child.parent());
@@ -119,12 +121,11 @@ impl Stage {
                 Shape::new(prop.mesh.clone()),
             ));
         }
-        let solid = world.resource::<SceneHandles>().solid.clone();
         for structure in clutter {
-            let mesh = world.resource_mut::<Assets<Mesh>>().add(scene::mesh(structure));
-            let at = scene::place(&scene::grid(), structure.origin_enu_m, DQuat::IDENTITY);
-            let material = MeshMaterial3d(solid.clone());
-            world.spawn((Mesh3d(mesh), material, at, ChildOf(site_grid)));
+            scene::add_structure(world, structure);
+        }
+        if let Some(seed) = clouds {
+            scene::set_clouds(world, cloud_cover, seed);
         }
         let views = SensorViews {
             full: spawn_sensor_view(world, site_grid, size_px, ANTIALIAS),
