@@ -357,10 +357,7 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
 }
 
 /// Bevy with the plugins that `more` adds, started up, and its renderer where there is one.
-pub(crate) fn bevy_app(
-    options: &Options,
-    more: impl FnOnce(&mut App),
-) -> (App, Option<Renderer>) {
+pub(crate) fn bevy_app(options: &Options, more: impl FnOnce(&mut App)) -> (App, Option<Renderer>) {
     let mut app = App::new();
     add_bevy(&mut app, options);
     more(&mut app);

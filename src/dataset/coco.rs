@@ -6,6 +6,7 @@ use crate::models::uav::UavKind;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 
 /// Everything about a scene that was made.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -24,6 +25,8 @@ pub struct SceneRecord {
     pub cloud_cover: f64,
     /// The camera.
     pub camera: Camera,
+    /// Name of its clip, where it is one.
+    pub sequence: Option<String>,
     /// Its pictures.
     pub images: Vec<Image>,
 }
@@ -77,6 +80,11 @@ pub struct Annotation {
     pub track_id: u32,
 }
 
+/// To three decimals.
+fn milli(x: f64) -> f64 {
+    (1e3 * x).round() / 1e3
+}
+
 /// The COCO file of some scenes.
 pub fn file(records: &[&SceneRecord]) -> Value {
     let (mut images, mut annotations) = (Vec::new(), Vec::new());
@@ -89,6 +97,7 @@ pub fn file(records: &[&SceneRecord]) -> Value {
                 "width": image.width,
                 "height": image.height,
                 "scene": record.scene,
+                "sequence": record.sequence,
                 "background": record.background,
                 "motion": image.motion,
                 "distractors": image.distractors,
@@ -103,20 +112,19 @@ pub fn file(records: &[&SceneRecord]) -> Value {
                     "category_id": seen.category_id,
                     "bbox": seen.bbox,
                     "area": seen.area,
-                    "aim": seen.aim,
+                    "aim": seen.aim.map(milli),
                     "iscrowd": 0,
                     "uav": seen.uav,
-                    "range_m": seen.range_m,
-                    "visible_fraction": seen.visible_fraction,
-                    "contrast": seen.contrast,
+                    "range_m": milli(seen.range_m),
+                    "visible_fraction": milli(seen.visible_fraction),
+                    "contrast": milli(seen.contrast),
                     "track_id": seen.track_id,
                 }));
             }
         }
     }
-    let categories = CATEGORIES.map(|(id, name)| {
-        json!({ "id": id, "name": name, "supercategory": "uav" })
-    });
+    let categories =
+        CATEGORIES.map(|(id, name)| json!({ "id": id, "name": name, "supercategory": "uav" }));
     json!({
         "info": { "description": "UAVs rendered by Boresight" },
         "categories": categories,
@@ -125,9 +133,47 @@ pub fn file(records: &[&SceneRecord]) -> Value {
     })
 }
 
+/// Makes the folders of a clip; the one that cannot be made.
+pub fn sequence_folder(out: &Path, name: &str) -> Result<(), (PathBuf, std::io::Error)> {
+    ["img1", "gt"].into_iter().try_for_each(|part| {
+        let folder = out.join("sequences").join(name).join(part);
+        std::fs::create_dir_all(&folder).map_err(|error| (folder, error))
+    })
+}
+
+/// The truth and the description of a clip in MOTChallenge's form: frame and identity from 1, left,
+/// top, width, height, 1, class, visible share.
+pub fn mot(record: &SceneRecord, name: &str, rate_hz: f64) -> (String, String) {
+    let mut truth = String::new();
+    for (frame, image) in record.images.iter().enumerate() {
+        for seen in &image.annotations {
+            let [x, y, w, h] = seen.bbox;
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                truth,
+                "{},{},{x:.3},{y:.3},{w:.3},{h:.3},1,{},{:.3}",
+                frame + 1,
+                seen.track_id,
+                seen.category_id,
+                seen.visible_fraction
+            );
+        }
+    }
+    let [width, height] = (record.images.first()).map_or([0, 0], |i| [i.width, i.height]);
+    let about = format!(
+        "[Sequence]\nname={name}\nimDir=img1\nframeRate={rate_hz}\nseqLength={}\nimWidth={width}\n\
+         imHeight={height}\nimExt=.png\n",
+        record.images.len()
+    );
+    (truth, about)
+}
+
 /// The YOLO file of a picture: its name and its lines of class, centre and size.
 pub fn yolo(image: &Image) -> (String, String) {
-    let stem = image.file_name.trim_start_matches("images/").trim_end_matches(".png");
+    let stem = image
+        .file_name
+        .trim_start_matches("images/")
+        .trim_end_matches(".png");
     let (width, height) = (f64::from(image.width), f64::from(image.height));
     let mut lines = String::new();
     for seen in &image.annotations {

@@ -94,7 +94,7 @@ fn pick(count: usize, rng: &mut Stream) -> usize {
 }
 
 /// The index of one of `shares`, in their proportions.
-fn choose(shares: &[f64], rng: &mut Stream) -> usize {
+pub fn choose(shares: &[f64], rng: &mut Stream) -> usize {
     let mut rest = rng.uniform() * shares.iter().sum::<f64>();
     for (i, share) in shares.iter().enumerate() {
         rest -= share;
@@ -109,16 +109,20 @@ fn log_range([from, to]: [f64; 2], rng: &mut Stream) -> f64 {
     rng.range(from.ln(), to.ln()).exp()
 }
 
-/// Background and split of every scene of a recipe.
+/// Background and split of every scene of a recipe, those with clips last.
 pub fn plan(recipe: &Recipe) -> Vec<(Background, Split)> {
+    let mut plan = assign(recipe, recipe.scenes, "dataset backgrounds");
+    let clips = recipe.sequences.count;
+    plan.extend(assign(recipe, clips, "dataset clips' backgrounds"));
+    plan
+}
+
+fn assign(recipe: &Recipe, scenes: u32, purpose: &str) -> Vec<(Background, Split)> {
     let shares = &recipe.backgrounds;
-    let mut rng = Stream::new(recipe.seed, 0, "dataset backgrounds");
+    let mut rng = Stream::new(recipe.seed, 0, purpose);
     let kinds = [Background::Sky, Background::Forest, Background::Urban];
-    let backgrounds = quota(
-        recipe.scenes,
-        &[shares.sky, shares.forest, shares.urban],
-        &mut rng,
-    );
+    let shares = [shares.sky, shares.forest, shares.urban];
+    let backgrounds = quota(scenes, &shares, &mut rng);
     let mut splits = vec![Split::Train; backgrounds.len()];
     // Every background has its share of scenes to validate with; they are shuffled already.
     let mut owed = 0.0;
@@ -468,7 +472,11 @@ fn place_px(size_px: DVec2, rng: &mut Stream) -> DVec2 {
     if rng.uniform() < 0.125 {
         let axis = pick(2, rng);
         let depth = 0.03 * rng.uniform();
-        at[axis] = if rng.uniform() < 0.5 { depth } else { 1.0 - depth };
+        at[axis] = if rng.uniform() < 0.5 {
+            depth
+        } else {
+            1.0 - depth
+        };
     }
     at * size_px
 }
@@ -681,7 +689,8 @@ fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) 
     None
 }
 
-fn looking(scene: &Scene, az_rad: f64, el_rad: f64, roll_rad: f64) -> Pose {
+/// The pose with this boresight [rad].
+pub fn looking(scene: &Scene, az_rad: f64, el_rad: f64, roll_rad: f64) -> Pose {
     boresight_chain(
         scene.r_camera_enu_m,
         DVec3::ZERO,
@@ -694,13 +703,19 @@ fn looking(scene: &Scene, az_rad: f64, el_rad: f64, roll_rad: f64) -> Pose {
 
 /// The pose that shows a direction in pixel `px`.
 fn shown_at(scene: &Scene, az_rad: f64, el_rad: f64, roll_rad: f64, px: DVec2) -> Pose {
-    let mut at = DVec2::new(az_rad, el_rad);
+    let gaze = gaze_at(scene, DVec2::new(az_rad, el_rad), roll_rad, px);
+    looking(scene, gaze.x, gaze.y, roll_rad)
+}
+
+/// Azimuth and elevation of the boresight [rad] that show a direction `at` [rad] in pixel `px`.
+pub fn gaze_at(scene: &Scene, at: DVec2, roll_rad: f64, px: DVec2) -> DVec2 {
+    let mut gaze = at;
     for _ in 0..4 {
-        let pose = looking(scene, at.x, at.y, roll_rad);
+        let pose = looking(scene, gaze.x, gaze.y, roll_rad);
         let shown = los_to_az_el(pose.q_enu_cam * scene.pinhole.ray(px));
-        at += DVec2::new(wrap_pi(az_rad - shown.x), el_rad - shown.y);
+        gaze += DVec2::new(wrap_pi(at.x - shown.x), at.y - shown.y);
     }
-    looking(scene, at.x, at.y, roll_rad)
+    gaze
 }
 
 /// Birds and the like, anywhere in the picture.

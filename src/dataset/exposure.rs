@@ -25,9 +25,9 @@ pub fn luminance(pixels: &[u8], index: usize) -> f64 {
     (0..3).map(|c| LUMA[c] * channel(pixels, index, c)).sum()
 }
 
-/// The sensor's settings for a rendered frame.
-pub fn settings(scene: &Scene, pixels: &[u8], rng: &mut Stream) -> SensorParams {
-    let error = scene.exposure_error_stops + rng.range(-0.3, 0.3);
+/// The sensor's settings for a rendered frame, `more_stops` brighter than the scene's others.
+pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
+    let error = scene.exposure_error_stops + more_stops;
     let mut params = scene.sensor;
     let light_klx = scene.environment.sky.global_illuminance_klx();
     let metered_klx = {
@@ -39,7 +39,11 @@ pub fn settings(scene: &Scene, pixels: &[u8], rng: &mut Stream) -> SensorParams 
         // A picture is brighter on average than an 18 % grey: 30 %.
         PI * sum / count / 0.30
     };
-    let klx = if scene.metered { metered_klx } else { light_klx };
+    let klx = if scene.metered {
+        metered_klx
+    } else {
+        light_klx
+    };
     let wanted_s = auto_exposure(klx.max(1e-9), &params, f64::MAX) * error.exp2();
     params.exposure_s = wanted_s.clamp(1e-6, scene.max_exposure_s);
     let gain = (wanted_s / params.exposure_s).min(MAX_GAIN);
@@ -116,10 +120,7 @@ pub fn effects(
         let truth = &rendered.frame.truth;
         let at = match truth.first() {
             Some(seen) if rng.uniform() < 0.5 => DVec2::from_array(seen.aim_px),
-            _ => DVec2::new(
-                rng.uniform() * width as f64,
-                rng.uniform() * height as f64,
-            ),
+            _ => DVec2::new(rng.uniform() * width as f64, rng.uniform() * height as f64),
         };
         let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
         flare(pixels, width, at, params.white_e() / electrons, rng);

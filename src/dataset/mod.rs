@@ -10,19 +10,24 @@ mod draw;
 mod exposure;
 mod label;
 mod recipe;
+mod sequence;
 mod stage;
+mod statistics;
 
 pub use recipe::Recipe;
 
 use crate::models::raster;
 use crate::models::rng::Stream;
+use crate::models::sensor::{Sensor, SensorParams};
 use crate::models::uav::{UavClass, UavKind, model};
 use crate::run::{self, RunError};
+use crate::systems::capture;
 use clap::Args;
 use coco::{Annotation, Image, SceneRecord};
 use draw::{Motion, Scene, Split};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use stage::Stage;
+use stage::{Placed, Rendered, Stage};
+use statistics::Statistics;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -56,10 +61,12 @@ pub enum DatasetError {
         source: std::io::Error,
     },
     /// The recipe is no TOML, or has a key or a type that is not known.
-    #[error("{file}: {why}")]
+    #[error("{file}:{line}: {why}; docs/dataset.md lists the keys")]
     Recipe {
         /// The file.
         file: String,
+        /// The line, from 1.
+        line: usize,
         /// What is wrong and where.
         why: String,
     },
@@ -120,19 +127,23 @@ const DRAWS: u64 = 200;
 const RENDERS: u32 = 12;
 /// Boxes with a side below this are not told from noise [px].
 const MIN_SIDE_PX: f64 = 2.0;
+/// Draws of a clip before the scene is given up.
+const CLIP_DRAWS: u64 = 2_000;
+/// In clips, UAVs that show less of themselves than this are left out until they show again.
+const MIN_CLIP_VISIBLE: f64 = 0.1;
 
 /// Makes the set, or goes on with it; what to tell the user.
 pub fn dataset(arguments: &Arguments) -> Result<String, RunError> {
     let (recipe, text) = Recipe::load(&arguments.recipe)?;
-    let scenes = scenes(arguments.scenes.as_deref(), recipe.scenes)?;
+    let scenes = scenes(
+        arguments.scenes.as_deref(),
+        recipe.scenes + recipe.sequences.count,
+    )?;
     let out = &arguments.out;
     let digest = digest(&recipe)?;
     claim(out, &text, &digest)?;
     let plan = draw::plan(&recipe);
-    let waiting: Vec<u32> = scenes
-        .clone()
-        .filter(|index| !done(out, *index))
-        .collect();
+    let waiting: Vec<u32> = scenes.clone().filter(|index| !done(out, *index)).collect();
     let bar = bar(waiting.len() as u64);
     if !waiting.is_empty() {
         let mut stage = Stage::new(arguments.threads)?;
@@ -194,7 +205,10 @@ fn bar(scenes: u64) -> ProgressBar {
 fn digest(recipe: &Recipe) -> Result<String, RunError> {
     let json = serde_json::to_string(recipe)?;
     let text = format!("{FORMAT} {} {json}", run::VERSION);
-    Ok(format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes())))
+    Ok(format!(
+        "{:032x}",
+        xxhash_rust::xxh3::xxh3_128(text.as_bytes())
+    ))
 }
 
 fn output(path: &Path) -> impl Fn(std::io::Error) -> DatasetError + '_ {
@@ -222,7 +236,13 @@ fn claim(out: &Path, text: &str, digest: &str) -> Result<(), DatasetError> {
         }
         Err(_) => {}
     }
-    for folder in ["scenes", "train/images", "train/labels", "val/images", "val/labels"] {
+    for folder in [
+        "scenes",
+        "train/images",
+        "train/labels",
+        "val/images",
+        "val/labels",
+    ] {
         let folder = out.join(folder);
         std::fs::create_dir_all(&folder).map_err(output(&folder))?;
     }
@@ -245,7 +265,10 @@ fn done(out: &Path, scene: u32) -> bool {
     })
 }
 
-/// Renders a scene's stills and writes them, its record last.
+/// A picture on its way to its file.
+type Developed = (PathBuf, Vec<u8>);
+
+/// Renders a scene's pictures and writes them, its record last.
 fn make(
     recipe: &Recipe,
     scene: Scene,
@@ -262,40 +285,33 @@ fn make(
         &scene.clutter,
         scene.clouds,
     );
-    let shares = &recipe.motions;
-    let mut rng = Stream::new(recipe.seed, u64::from(scene.index), "dataset motions");
-    let motions = draw::quota(
-        recipe.stills,
-        &[shares.level, shares.manoeuvre, shares.climb_dive],
-        &mut rng,
-    );
-    let motions = motions.into_iter().map(|motion| match motion {
-        0 => Motion::Level,
-        1 => Motion::Manoeuvre,
-        _ => Motion::ClimbDive,
-    });
-    let mut images = Vec::new();
-    let (give, take) = sync_channel::<(PathBuf, Vec<u8>)>(8);
-    std::thread::scope(|scope| {
+    // Pictures are compressed and written while the next ones are rendered.
+    let (give, take) = sync_channel::<Developed>(8);
+    let images = std::thread::scope(|scope| {
         let writer = scope.spawn(move || {
             take.into_iter().try_for_each(|(path, rgb8)| {
                 write(&path, &png(&rgb8, size_px)?)?;
                 Ok::<_, RunError>(())
             })
         });
-        for (number, motion) in motions.enumerate() {
-            let (mut image, rgb8) = still(recipe, &scene, number as u64, motion, stage)?;
-            image.file_name = format!("images/s{:05}_{number:04}.png", scene.index);
-            let path = out.join(split.name()).join(&image.file_name);
-            images.push(image);
-            // The writer stops at its first error, which is told below.
-            if give.send((path, rgb8)).is_err() {
-                break;
-            }
-        }
+        let folder = out.join(split.name());
+        // The writer stops at its first error, which is told below.
+        let mut keep = |image: &Image, rgb8: Vec<u8>| {
+            let path = folder.join(&image.file_name);
+            give.send((path, rgb8)).is_ok()
+        };
+        let images = if scene.index < recipe.scenes {
+            stills(recipe, &scene, stage, &mut keep)
+        } else {
+            let number = scene.index - recipe.scenes;
+            let name = format!("c{number:04}");
+            coco::sequence_folder(out, &name)
+                .map_err(|(path, source)| DatasetError::Output { path, source })?;
+            clip(recipe, &scene, &name, stage, &mut keep)
+        };
         drop(give);
         match writer.join() {
-            Ok(result) => result,
+            Ok(result) => result.and(images),
             Err(panic) => std::panic::resume_unwind(panic),
         }
     })?;
@@ -310,11 +326,119 @@ fn make(
             hfov_deg: scene.pinhole.hfov_rad().to_degrees(),
             r_enu_m: scene.r_camera_enu_m.to_array(),
         },
+        sequence: (scene.index >= recipe.scenes)
+            .then(|| format!("c{:04}", scene.index - recipe.scenes)),
         images,
     };
     let path = record_path(out, scene.index);
     write(&path, &serde_json::to_vec(&record)?)?;
     Ok(())
+}
+
+fn motion(number: usize) -> Motion {
+    [Motion::Level, Motion::Manoeuvre, Motion::ClimbDive][number]
+}
+
+/// Renders a scene's stills.
+fn stills(
+    recipe: &Recipe,
+    scene: &Scene,
+    stage: &mut Stage,
+    keep: &mut impl FnMut(&Image, Vec<u8>) -> bool,
+) -> Result<Vec<Image>, RunError> {
+    let shares = &recipe.motions;
+    let mut rng = Stream::new(recipe.seed, u64::from(scene.index), "dataset motions");
+    let shares = [shares.level, shares.manoeuvre, shares.climb_dive];
+    let motions = draw::quota(recipe.stills, &shares, &mut rng);
+    let mut images = Vec::new();
+    for (number, kind) in motions.into_iter().enumerate() {
+        let (mut image, rgb8) = still(recipe, scene, number as u64, motion(kind), stage)?;
+        image.file_name = format!("images/s{:05}_{number:04}.png", scene.index);
+        let goes_on = keep(&image, rgb8);
+        images.push(image);
+        if !goes_on {
+            break;
+        }
+    }
+    Ok(images)
+}
+
+/// Renders a scene's clip.
+fn clip(
+    recipe: &Recipe,
+    scene: &Scene,
+    name: &str,
+    stage: &mut Stage,
+    keep: &mut impl FnMut(&Image, Vec<u8>) -> bool,
+) -> Result<Vec<Image>, RunError> {
+    let sequences = &recipe.sequences;
+    let shares = &recipe.motions;
+    let entity = u64::from(scene.index) << 32;
+    for attempt in 0..CLIP_DRAWS {
+        let mut rng = Stream::new(recipe.seed, entity | attempt, "dataset clip");
+        let motion = motion(draw::choose(
+            &[shares.level, shares.manoeuvre, shares.climb_dive],
+            &mut rng,
+        ));
+        let Some(mut clip) = sequence::draw(recipe, scene, motion, sequences.frames, &mut rng)
+        else {
+            continue;
+        };
+        let mut images = Vec::new();
+        for number in 1..=sequences.frames {
+            let still = clip.still(scene, motion);
+            let rendered = stage.render(
+                still.pose,
+                scene.pinhole,
+                &scene.sensor,
+                &scene.props,
+                &still.placed,
+            )?;
+            let params = exposure::settings(scene, &stage.scratch.pixels, 0.0);
+            let uavs = still.placed.iter().filter(|p| p.prop < scene.uavs.len());
+            let annotations: Vec<_> = uavs
+                .filter_map(|placed| annotation(scene, &rendered, stage, placed, &params))
+                .filter(|seen| seen.visible_fraction >= MIN_CLIP_VISIBLE)
+                .collect();
+            // A clip begins with something that can be seen.
+            let contrast = |seen: &Annotation| seen.contrast >= recipe.targets.min_contrast;
+            if number == 1 && !annotations.iter().all(contrast)
+                || annotations.is_empty() && number == 1
+            {
+                break;
+            }
+            let key = rng.bits();
+            let rgb8 = develop(&rendered, &params, key, stage)?;
+            let image = Image {
+                file_name: format!("../sequences/{name}/img1/{number:06}.png"),
+                width: scene.pinhole.width_px,
+                height: scene.pinhole.height_px,
+                motion,
+                distractors: still.placed.len() - annotations.len(),
+                annotations,
+            };
+            let goes_on = keep(&image, rgb8);
+            images.push(image);
+            if !goes_on {
+                break;
+            }
+            clip.advance(scene, 1.0 / sequences.rate_hz, &mut rng);
+        }
+        if !images.is_empty() {
+            return Ok(images);
+        }
+    }
+    Err(no_room(scene))
+}
+
+fn no_room(scene: &Scene) -> RunError {
+    RunError::Argument {
+        argument: "RECIPE",
+        why: format!(
+            "scene {} has no view as the recipe wants it; widen camera.hfov_deg or camera.height_m",
+            scene.index
+        ),
+    }
 }
 
 /// Draws and renders one still until its UAVs can be seen.
@@ -337,28 +461,19 @@ fn still(
         1
     };
     let mut renders = 0;
-    for draw in 0.. {
+    for draw in 0..2 * DRAWS {
         let mut rng = Stream::new(recipe.seed, entity | draw, "dataset still");
         let given_up = draw >= DRAWS || renders >= RENDERS;
         let wanted = if given_up { 0 } else { count };
         let Some(still) = draw::still(recipe, scene, wanted, motion, &mut rng) else {
-            if draw < 2 * DRAWS {
-                continue;
-            }
-            break;
+            continue;
         };
         renders += 1;
         if let Some(done) = shoot(recipe, scene, &still, stage, &mut rng)? {
             return Ok(done);
         }
     }
-    Err(RunError::Argument {
-        argument: "RECIPE",
-        why: format!(
-            "scene {} has no view as the recipe wants it; widen camera.hfov_deg or camera.height_m",
-            scene.index
-        ),
-    })
+    Err(no_room(scene))
 }
 
 /// Renders a still; `None` if one of its UAVs cannot be seen well enough.
@@ -377,50 +492,23 @@ fn shoot(
         &scene.props,
         &still.placed,
     )?;
-    let params = exposure::settings(scene, &stage.scratch.pixels, rng);
+    let params = exposure::settings(scene, &stage.scratch.pixels, rng.range(-0.3, 0.3));
     let mut annotations = Vec::new();
+    let targets = &recipe.targets;
     for placed in still.placed.iter().filter(|p| p.prop < scene.uavs.len()) {
-        let Some(seen) = (rendered.frame.truth.iter()).find(|seen| seen.uav == placed.prop) else {
-            return Ok(None);
-        };
-        let mesh = &scene.props[placed.prop].mesh;
-        let (pose, rect) = (&still.pose, rendered.frame.rect);
-        let (body, phases) = (placed.body, &placed.phase_rad);
-        let fine = raster::fine_silhouette(&pinhole, pose, body, phases, mesh, rect);
-        let own = raster::sampled_silhouette(&pinhole, pose, body, phases, mesh, rect, 4);
-        let share = label::visible_share(&rendered, &stage.scratch, placed.prop, &fine, &own);
-        let Some(label) = label::label(&fine, share) else {
-            return Ok(None);
-        };
-        let [x0, y0, x1, y1] = label.box_px;
-        let contrast =
-            exposure::contrast(&rendered, &stage.scratch.pixels, &fine, label.box_px, &params);
-        let targets = &recipe.targets;
-        if label.visible_fraction < targets.min_visible
-            || contrast < targets.min_contrast
-            || (x1 - x0).max(y1 - y0) < MIN_SIDE_PX
-        {
-            return Ok(None);
+        match annotation(scene, &rendered, stage, placed, &params) {
+            Some(seen)
+                if seen.visible_fraction >= targets.min_visible
+                    && seen.contrast >= targets.min_contrast =>
+            {
+                annotations.push(seen);
+            }
+            _ => return Ok(None),
         }
-        let kind = scene.uavs[placed.prop];
-        annotations.push(Annotation {
-            category_id: category(kind),
-            uav: kind,
-            bbox: [x0, y0, x1 - x0, y1 - y0].map(|px| (1e3 * px).round() / 1e3),
-            area: label.area_px,
-            aim: seen.aim_px.map(|px| (1e3 * px).round() / 1e3),
-            range_m: seen.range_m,
-            visible_fraction: label.visible_fraction,
-            contrast,
-            track_id: placed.prop as u32 + 1,
-        });
     }
     let pixels = &mut stage.scratch.pixels;
     exposure::effects(recipe, &rendered, &params, pixels, rng);
-    let sensor = crate::models::sensor::Sensor::new(&params)?;
-    let key = rng.bits();
-    let rgb8 =
-        crate::systems::capture::form_image(&rendered.frame, &sensor, key, &mut stage.scratch)?;
+    let rgb8 = develop(&rendered, &params, rng.bits(), stage)?;
     let image = Image {
         file_name: String::new(),
         width: pinhole.width_px,
@@ -430,6 +518,58 @@ fn shoot(
         annotations,
     };
     Ok(Some((image, rgb8)))
+}
+
+/// What is seen of a UAV in the frame rendered last; `None` if it is too little for a box.
+fn annotation(
+    scene: &Scene,
+    rendered: &Rendered,
+    stage: &Stage,
+    placed: &Placed,
+    params: &SensorParams,
+) -> Option<Annotation> {
+    let truth = &rendered.frame.truth;
+    let seen = truth.iter().find(|seen| seen.uav == placed.prop)?;
+    let mesh = &scene.props[placed.prop].mesh;
+    let (pinhole, pose, rect) = (&scene.pinhole, &rendered.frame.pose, rendered.frame.rect);
+    let (body, phases) = (placed.body, &placed.phase_rad);
+    let fine = raster::fine_silhouette(pinhole, pose, body, phases, mesh, rect);
+    let own = raster::sampled_silhouette(pinhole, pose, body, phases, mesh, rect, 4);
+    let share = label::visible_share(rendered, &stage.scratch, placed.prop, &fine, &own);
+    let label = label::label(&fine, share)?;
+    let [x0, y0, x1, y1] = label.box_px;
+    if (x1 - x0).max(y1 - y0) < MIN_SIDE_PX {
+        return None;
+    }
+    let pixels = &stage.scratch.pixels;
+    let kind = scene.uavs[placed.prop];
+    Some(Annotation {
+        category_id: category(kind),
+        uav: kind,
+        bbox: [x0, y0, x1 - x0, y1 - y0],
+        area: label.area_px,
+        aim: seen.aim_px,
+        range_m: seen.range_m,
+        visible_fraction: label.visible_fraction,
+        contrast: exposure::contrast(rendered, pixels, &fine, label.box_px, params),
+        track_id: placed.prop as u32 + 1,
+    })
+}
+
+/// The sensor's picture of the frame rendered last.
+fn develop(
+    rendered: &Rendered,
+    params: &SensorParams,
+    key: u64,
+    stage: &mut Stage,
+) -> Result<Vec<u8>, RunError> {
+    let sensor = Sensor::new(params)?;
+    Ok(capture::form_image(
+        &rendered.frame,
+        &sensor,
+        key,
+        &mut stage.scratch,
+    )?)
 }
 
 /// A picture as a PNG file.
@@ -472,8 +612,18 @@ fn merge(
         let folder = out.join(split.name());
         let of_split: Vec<_> = records.values().filter(|r| r.split == split).collect();
         let file = coco::file(&of_split);
-        write(&folder.join("annotations.json"), &serde_json::to_vec(&file)?)?;
+        write(
+            &folder.join("annotations.json"),
+            &serde_json::to_vec(&file)?,
+        )?;
         for record in &of_split {
+            if let Some(name) = &record.sequence {
+                let folder = out.join("sequences").join(name);
+                let (truth, about) = coco::mot(record, name, recipe.sequences.rate_hz);
+                write(&folder.join("gt/gt.txt"), truth.as_bytes())?;
+                write(&folder.join("seqinfo.ini"), about.as_bytes())?;
+                continue;
+            }
             for image in &record.images {
                 let (name, lines) = coco::yolo(image);
                 write(&folder.join("labels").join(name), lines.as_bytes())?;
@@ -493,12 +643,29 @@ fn merge(
             serde_json::json!({ "scenes": of_split.len(), "images": images, "annotations": boxes }),
         );
     }
+    let all: Vec<_> = records.values().collect();
+    if !all.is_empty() {
+        let parts = [Split::Train, Split::Val].map(|split| {
+            let of_split: Vec<_> = all.iter().copied().filter(|r| r.split == split).collect();
+            (split.name(), Statistics::of(&of_split))
+        });
+        let numbers = serde_json::json!({
+            "all": Statistics::of(&all),
+            parts[0].0: parts[0].1,
+            parts[1].0: parts[1].1,
+        });
+        let json = serde_json::to_vec_pretty(&numbers)?;
+        write(&out.join("statistics.json"), &json)?;
+        let page = statistics::page(&all, out, &recipe.description)?;
+        write(&out.join("statistics.html"), page.as_bytes())?;
+    }
     let about = serde_json::json!({
         "format": FORMAT,
         "program": run::VERSION,
         "recipe_digest": digest,
         "seed": recipe.seed,
         "scenes": recipe.scenes,
+        "sequences": recipe.sequences.count,
         "complete": records.len() == plan.len(),
         "counts": counts,
     });

@@ -16,6 +16,8 @@ pub struct Recipe {
     pub scenes: u32,
     /// Pictures a scene.
     pub stills: u32,
+    /// Clips, each in a scene of its own.
+    pub sequences: Sequences,
     /// Share of the scenes that are kept for validation.
     pub val_share: f64,
     /// Scenes by what stands behind the targets.
@@ -41,6 +43,7 @@ impl Default for Recipe {
             seed: 1,
             scenes: 334,
             stills: 24,
+            sequences: Sequences::default(),
             val_share: 0.15,
             backgrounds: Backgrounds::default(),
             motions: Motions::default(),
@@ -49,6 +52,28 @@ impl Default for Recipe {
             light: Light::default(),
             camera: Camera::default(),
             city: City::default(),
+        }
+    }
+}
+
+/// Clips.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sequences {
+    /// Number of clips.
+    pub count: u32,
+    /// Frames a clip.
+    pub frames: u32,
+    /// Frames a second.
+    pub rate_hz: f64,
+}
+
+impl Default for Sequences {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            frames: 60,
+            rate_hz: 30.0,
         }
     }
 }
@@ -269,9 +294,16 @@ impl Recipe {
 
     /// Reads and checks a recipe; `file` is named in errors.
     pub fn parse(text: &str, file: &str) -> Result<Self, DatasetError> {
-        let recipe: Self = toml::from_str(text).map_err(|error| DatasetError::Recipe {
-            file: file.into(),
-            why: error.to_string().trim_end().into(),
+        let recipe: Self = toml::from_str(text).map_err(|error| {
+            let at = error.span().map_or(0, |span| span.start.min(text.len()));
+            DatasetError::Recipe {
+                file: file.into(),
+                line: 1 + text.as_bytes()[..at]
+                    .iter()
+                    .filter(|b| **b == b'\n')
+                    .count(),
+                why: error.message().replace('\n', " "),
+            }
         })?;
         recipe.check().map_err(|(key, why)| DatasetError::Value {
             file: file.into(),
@@ -296,7 +328,10 @@ impl Recipe {
             if from <= to {
                 Ok(())
             } else {
-                Err((key, format!("{from} is above {to}; give the smaller one first")))
+                Err((
+                    key,
+                    format!("{from} is above {to}; give the smaller one first"),
+                ))
             }
         };
         let shares = |key, shares: &[f64]| {
@@ -309,8 +344,12 @@ impl Recipe {
                 Err((key, "all shares are 0; give one of them a value".into()))
             }
         };
-        number("scenes", f64::from(self.scenes), 1.0, 100_000.0)?;
+        number("scenes", f64::from(self.scenes), 0.0, 100_000.0)?;
         number("stills", f64::from(self.stills), 1.0, 4_000.0)?;
+        let q = &self.sequences;
+        number("sequences.count", f64::from(q.count), 0.0, 10_000.0)?;
+        number("sequences.frames", f64::from(q.frames), 1.0, 10_000.0)?;
+        number("sequences.rate_hz", q.rate_hz, 1.0, 1_000.0)?;
         number("val_share", self.val_share, 0.0, 0.9)?;
         let b = &self.backgrounds;
         shares("backgrounds", &[b.sky, b.forest, b.urban])?;
@@ -340,10 +379,20 @@ impl Recipe {
             number("camera.sizes_px", f64::from(*side), 64.0, 4096.0)?;
         }
         range("camera.hfov_deg", c.hfov_deg, 0.1, 120.0)?;
-        number("camera.ground_hfov_deg", c.ground_hfov_deg, 0.1, c.hfov_deg[1])?;
+        number(
+            "camera.ground_hfov_deg",
+            c.ground_hfov_deg,
+            0.1,
+            c.hfov_deg[1],
+        )?;
         range("camera.height_m", c.height_m, 1.5, 500.0)?;
         range("camera.blur_px", c.blur_px, 0.0, 10.0)?;
-        number("camera.exposure_error_stops", c.exposure_error_stops, 0.0, 4.0)?;
+        number(
+            "camera.exposure_error_stops",
+            c.exposure_error_stops,
+            0.0,
+            4.0,
+        )?;
         number("camera.motion_blur_share", c.motion_blur_share, 0.0, 1.0)?;
         number("camera.motion_blur_px", c.motion_blur_px, 0.0, 32.0)?;
         number("camera.flare_share", c.flare_share, 0.0, 1.0)?;

@@ -263,7 +263,10 @@ mod tests {
     fn overlap_counts_once() {
         let mut triangles = quad(DVec2::new(5.0, 5.0), DVec2::new(9.0, 9.0)).to_vec();
         triangles.extend(quad(DVec2::new(7.0, 5.0), DVec2::new(11.0, 9.0)));
-        assert_eq!(cover(&triangles, RECT, &SAMPLES_4).coverage().samples, 4.0 * 24.0);
+        assert_eq!(
+            cover(&triangles, RECT, &SAMPLES_4).coverage().samples,
+            4.0 * 24.0
+        );
     }
 
     #[test]
@@ -274,7 +277,10 @@ mod tests {
             for j in 0..20 {
                 let low = DVec2::new(20.0 + 0.05 * f64::from(i), 20.0 + 0.05 * f64::from(j));
                 let shape = quad(low, low + 3.0);
-                let centroid = cover(&shape, RECT, &SAMPLES_4).coverage().centroid_px().unwrap();
+                let centroid = cover(&shape, RECT, &SAMPLES_4)
+                    .coverage()
+                    .centroid_px()
+                    .unwrap();
                 worst = worst.max((DVec2::from_array(centroid) - low - 1.5).length());
             }
         }
