@@ -191,3 +191,70 @@ pub fn yolo(image: &Image) -> (String, String) {
     }
     (format!("{stem}.txt"), lines)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image() -> Image {
+        Image {
+            file_name: "images/s00001_0002.png".into(),
+            width: 200,
+            height: 100,
+            motion: Motion::Level,
+            distractors: 1,
+            annotations: vec![Annotation {
+                category_id: 2,
+                uav: UavKind::Mavic2,
+                bbox: [10.0, 20.0, 30.0, 10.0],
+                area: 120.0,
+                aim: [25.0, 25.0],
+                range_m: 300.0,
+                visible_fraction: 0.75,
+                contrast: 8.0,
+                track_id: 4,
+            }],
+        }
+    }
+
+    #[test]
+    fn yolo_counts_classes_from_0_and_gives_centre_and_size() {
+        let (name, lines) = yolo(&image());
+        assert_eq!(name, "s00001_0002.txt");
+        assert_eq!(lines, "1 0.125000 0.250000 0.150000 0.100000\n");
+    }
+
+    #[test]
+    fn mot_counts_frames_from_1() {
+        let record = SceneRecord {
+            scene: 1,
+            split: Split::Val,
+            background: Background::Urban,
+            sun_elevation_deg: 30.0,
+            visibility_m: 10_000.0,
+            cloud_cover: 0.5,
+            camera: Camera {
+                hfov_deg: 4.0,
+                r_enu_m: [0.0; 3],
+            },
+            sequence: Some("c0001".into()),
+            images: vec![image(), image()],
+        };
+        let (truth, about) = mot(&record, "c0001", 30.0);
+        let last = "2,4,10.000,20.000,30.000,10.000,1,2,0.750";
+        assert_eq!(truth.lines().last(), Some(last));
+        assert!(
+            about.contains("seqLength=2\nimWidth=200\nimHeight=100\n"),
+            "{about}"
+        );
+        assert!(
+            about.contains("name=c0001\nimDir=img1\nframeRate=30\n"),
+            "{about}"
+        );
+        let file = file(&[&record]);
+        assert_eq!(file["images"][1]["id"], 2);
+        assert_eq!(file["annotations"][1]["image_id"], 2);
+        assert_eq!(file["annotations"][1]["uav"], "mavic2");
+        assert_eq!(file["images"][0]["sequence"], "c0001");
+    }
+}

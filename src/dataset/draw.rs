@@ -760,3 +760,119 @@ fn distractors(recipe: &Recipe, scene: &Scene, pose: &Pose, rng: &mut Stream) ->
     }
     placed
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quotas_are_met_exactly_and_shuffled() {
+        let mut rng = Stream::new(1, 0, "test");
+        let picks = quota(200, &[0.45, 0.275, 0.275], &mut rng);
+        let count = |kind| picks.iter().filter(|pick| **pick == kind).count();
+        assert_eq!([count(0), count(1), count(2)], [90, 55, 55]);
+        assert!(picks.windows(2).filter(|w| w[0] != w[1]).count() > 60);
+        // Shares need not add up to 1, nor the count divide.
+        let picks = quota(7, &[2.0, 1.0], &mut rng);
+        assert_eq!(picks.iter().filter(|pick| **pick == 0).count(), 5);
+        assert!(quota(0, &[1.0], &mut rng).is_empty());
+    }
+
+    #[test]
+    fn every_background_has_its_share_to_validate_with() {
+        let recipe = Recipe {
+            scenes: 200,
+            val_share: 0.25,
+            ..Recipe::default()
+        };
+        let plan = plan(&recipe);
+        assert_eq!(plan.len(), 200);
+        for (kind, all) in [
+            (Background::Sky, 90.0),
+            (Background::Forest, 55.0),
+            (Background::Urban, 55.0),
+        ] {
+            let val = plan.iter().filter(|s| **s == (kind, Split::Val)).count() as f64;
+            assert!((val - 0.25 * all).abs() <= 1.0, "{kind:?}: {val}");
+        }
+        let none = Recipe {
+            val_share: 0.0,
+            ..recipe
+        };
+        assert!(
+            super::plan(&none)
+                .iter()
+                .all(|(_, split)| *split == Split::Train)
+        );
+    }
+
+    #[test]
+    fn attitudes_fit_the_way_to_fly() {
+        let mut rng = Stream::new(2, 0, "test");
+        for (motion, least_deg, most_deg) in [
+            (Motion::Level, 0.0, 8.0),
+            (Motion::Manoeuvre, 8.0, 40.0),
+            (Motion::ClimbDive, 0.0, 43.0),
+        ] {
+            for _ in 0..500 {
+                let up = attitude(motion, &mut rng) * DVec3::Z;
+                let tilt_deg = up.angle_between(DVec3::Z).to_degrees();
+                assert!(
+                    (least_deg - 1e-6..=most_deg + 1e-6).contains(&tilt_deg),
+                    "{motion:?}: {tilt_deg}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_uav_is_drawn_at_the_size_and_place_that_were_asked_for() {
+        let recipe = Recipe::default();
+        let scene = Scene::draw(&recipe, 3, Background::Sky).unwrap();
+        let mut rng = Stream::new(3, 0, "test");
+        let mut found = 0;
+        for _ in 0..40 {
+            let Some(target) = target(&recipe, &scene, Motion::Level, &mut rng) else {
+                continue;
+            };
+            // Within the picture, away from its borders.
+            let px = DVec2::new(0.4, 0.6)
+                * DVec2::new(
+                    f64::from(scene.pinhole.width_px),
+                    f64::from(scene.pinhole.height_px),
+                );
+            let direction = DVec2::new(0.7, 0.2);
+            let pose = shown_at(&scene, direction.x, direction.y, 0.03, px);
+            let placed = target.at(&scene.pinhole, &pose, px);
+            let r_cam_m = pose.q_enu_cam.inverse() * (placed.body.0 - pose.r_enu_m);
+            assert!((scene.pinhole.project(r_cam_m).unwrap() - px).length() < 1e-6);
+            let shown = los_to_az_el(placed.body.0 - pose.r_enu_m);
+            assert!((shown - direction).length() < 1e-5, "{shown}");
+            let masks = raster::fine_silhouette(
+                &scene.pinhole,
+                &pose,
+                placed.body,
+                &placed.phase_rad,
+                &scene.props[placed.prop].mesh,
+                PixelRect {
+                    offset_px: [0, 0],
+                    size_px: [scene.pinhole.width_px, scene.pinhole.height_px],
+                },
+            );
+            let Some(seen) = super::super::label::label(&masks, |_, _| 1.0) else {
+                continue;
+            };
+            let [x0, y0, x1, y1] = seen.box_px;
+            let long_px = (x1 - x0).max(y1 - y0);
+            // It is seen from another side than that it is measured from, and thin tips do not count.
+            let ratio = long_px / target.size_px;
+            assert!(
+                (0.4..1.6).contains(&ratio),
+                "{long_px} for {}",
+                target.size_px
+            );
+            found += 1;
+        }
+        assert!(found > 10, "{found}");
+    }
+}

@@ -53,8 +53,9 @@ pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
     params
 }
 
-/// What a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
-/// against their mean, softened by the blur, over the noise of a pixel.
+/// How a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
+/// against their mean, softened by the blur, over the noise of a pixel; white is white, however
+/// bright it is.
 pub fn contrast(
     rendered: &Rendered,
     pixels: &[u8],
@@ -71,7 +72,9 @@ pub fn contrast(
     };
     let rows = span(box_px[1], box_px[3], height);
     let columns = span(box_px[0], box_px[2], width);
-    let at = |x: u32, y: u32| luminance(pixels, (y * width as u32 + x) as usize);
+    let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
+    let white = params.white_e() / electrons;
+    let at = |x: u32, y: u32| luminance(pixels, (y * width as u32 + x) as usize).min(white);
     let (mut sum, mut count) = (0.0, 0.0);
     for y in rows.clone() {
         for x in columns.clone().filter(|x| masks.at(*x, y) == 0) {
@@ -93,7 +96,6 @@ pub fn contrast(
     }
     // A Gaussian blur spreads the light of a spot of this area over 4 pi sigma^2 more.
     let soft = area / (area + 4.0 * PI * params.blur_sigma_px.powi(2));
-    let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
     let rounding_e = params.white_e() / 4095.0;
     let noise_e =
         (electrons * around + params.read_noise_e.powi(2) + rounding_e.powi(2) / 12.0).sqrt();
@@ -207,5 +209,64 @@ fn flare(pixels: &mut [u8], width: usize, at: DVec2, white: f64, rng: &mut Strea
             own + (light * tint[c]) as f32
         });
         put(pixel, &rgb);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 31;
+    const HEIGHT: usize = 21;
+
+    fn frame(value: impl Fn(usize, usize) -> f32) -> Vec<u8> {
+        (0..WIDTH * HEIGHT)
+            .flat_map(|i| {
+                let v = value(i % WIDTH, i / WIDTH);
+                [v, 2.0 * v, 0.5 * v, 25.0].map(half::f16::from_f32)
+            })
+            .flat_map(half::f16::to_le_bytes)
+            .collect()
+    }
+
+    #[test]
+    fn a_smear_keeps_light_centroid_and_identities() {
+        let mut pixels = frame(|x, y| if (x, y) == (15, 10) { 100.0 } else { 0.0 });
+        let along = DVec2::new(3.0, -1.5);
+        smear(&mut pixels, WIDTH, HEIGHT, along);
+        let (mut sum, mut first, mut second) = (0.0, DVec2::ZERO, DVec2::ZERO);
+        for i in 0..WIDTH * HEIGHT {
+            let at = DVec2::new((i % WIDTH) as f64, (i / WIDTH) as f64) - DVec2::new(15.0, 10.0);
+            let v = channel(&pixels, i, 1);
+            sum += v;
+            first += v * at;
+            second += v * at * at;
+            assert_eq!(channel(&pixels, i, 3), 25.0);
+        }
+        assert!((sum / 200.0 - 1.0).abs() < 2e-3, "{sum}");
+        assert!((first / sum).length() < 0.01, "{}", first / sum);
+        // The variance of a uniform motion is length^2 / 12, and at most a quarter more for the
+        // division of its steps between pixels.
+        for (found, exact) in [(second.x / sum, 9.0 / 12.0), (second.y / sum, 2.25 / 12.0)] {
+            assert!(
+                (-0.01..0.26).contains(&(found - exact)),
+                "{found} for {exact}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_flare_only_adds_light_and_most_where_it_is() {
+        let mut pixels = frame(|_, _| 1.0);
+        let before = pixels.clone();
+        let mut rng = Stream::new(4, 0, "test");
+        flare(&mut pixels, WIDTH, DVec2::new(10.5, 5.5), 5.0, &mut rng);
+        let brightest = (0..WIDTH * HEIGHT)
+            .max_by(|a, b| luminance(&pixels, *a).total_cmp(&luminance(&pixels, *b)));
+        assert_eq!(brightest, Some(5 * WIDTH + 10));
+        for i in 0..WIDTH * HEIGHT {
+            assert!(luminance(&pixels, i) >= luminance(&before, i));
+            assert_eq!(channel(&pixels, i, 3), 25.0);
+        }
     }
 }

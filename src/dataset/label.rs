@@ -121,3 +121,61 @@ pub fn visible_share<'a>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::camera::PixelRect;
+
+    /// Masks of `size_px` pixels from (10, 20) on, from a test of sub-samples (eighths of a pixel).
+    fn masks(size_px: [u32; 2], covered: impl Fn(u32, u32) -> bool) -> Masks {
+        let [width, height] = size_px;
+        let pixel = |x: u32, y: u32| {
+            (0..64)
+                .filter(|bit| covered(8 * x + bit % 8, 8 * y + bit / 8))
+                .fold(0u64, |mask, bit| mask | 1 << bit)
+        };
+        Masks {
+            rect: PixelRect {
+                offset_px: [10, 20],
+                size_px,
+            },
+            masks: (0..width * height)
+                .map(|i| pixel(i % width, i / width))
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn edges_are_those_of_the_samples() {
+        // From 1.25 to 3.5 px across, from 0.5 to 2 px down.
+        let body = masks([5, 3], |x, y| (10..28).contains(&x) && (4..16).contains(&y));
+        let seen = label(&body, |_, _| 1.0).unwrap();
+        assert_eq!(seen.box_px, [11.25, 20.5, 13.5, 22.0]);
+        assert!((seen.area_px - 2.25 * 1.5).abs() < 1e-12);
+        assert_eq!(seen.visible_fraction, 1.0);
+    }
+
+    #[test]
+    fn a_blade_a_hair_wide_does_not_stretch_the_box() {
+        // A body of 2 px, and to its right a line of an eighth of a pixel with every second sample.
+        let thin = |x: u32, y: u32| y == 8 && x % 2 == 0 && (16..40).contains(&x);
+        let body = masks([5, 3], |x, y| (x < 16 && y < 16) || thin(x, y));
+        let seen = label(&body, |_, _| 1.0).unwrap();
+        assert_eq!(seen.box_px, [10.0, 20.0, 12.0, 22.0]);
+        // Nothing but the line is nothing.
+        assert_eq!(
+            label(&masks([5, 3], thin), |_, _| 1.0).map(|s| s.box_px),
+            None
+        );
+    }
+
+    #[test]
+    fn what_is_hidden_is_left_out() {
+        let body = masks([4, 2], |_, _| true);
+        let seen = label(&body, |x, _| if x < 13 { 1.0 } else { 0.02 }).unwrap();
+        assert_eq!(seen.box_px, [10.0, 20.0, 13.0, 22.0]);
+        assert!((seen.visible_fraction - (6.0 + 2.0 * 0.02) / 8.0).abs() < 1e-12);
+        assert_eq!(label(&body, |_, _| 0.0), None);
+    }
+}

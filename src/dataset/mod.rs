@@ -493,6 +493,8 @@ fn shoot(
         &still.placed,
     )?;
     let params = exposure::settings(scene, &stage.scratch.pixels, rng.range(-0.3, 0.3));
+    let pixels = &mut stage.scratch.pixels;
+    exposure::effects(recipe, &rendered, &params, pixels, rng);
     let mut annotations = Vec::new();
     let targets = &recipe.targets;
     for placed in still.placed.iter().filter(|p| p.prop < scene.uavs.len()) {
@@ -506,8 +508,6 @@ fn shoot(
             _ => return Ok(None),
         }
     }
-    let pixels = &mut stage.scratch.pixels;
-    exposure::effects(recipe, &rendered, &params, pixels, rng);
     let rgb8 = develop(&rendered, &params, rng.bits(), stage)?;
     let image = Image {
         file_name: String::new(),
