@@ -3,6 +3,7 @@
 use crate::components::clock::SimClock;
 use crate::components::record::History;
 use crate::components::track::Tracker;
+use crate::dataset;
 use crate::eval;
 use crate::models::uav::{UavKind, model};
 use crate::run::{self, Options, RunError};
@@ -47,6 +48,8 @@ enum Command {
     /// Measure the tracking over many runs and write numbers, pictures and a page.
     #[command(subcommand)]
     Eval(EvalCommand),
+    /// Render annotated pictures for training and testing detectors, from a recipe.
+    Dataset(dataset::Arguments),
     /// List the UAV models.
     Models,
     /// Say what this machine offers: graphics adapter, ONNX Runtime, threads.
@@ -207,6 +210,10 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             let evaluation = eval::clip::clip(&args)?;
             say!("{}", evaluation.text().trim_end());
             say!("page  {}", args.out.join("clip.html").display());
+            Ok(())
+        }
+        Command::Dataset(args) => {
+            say!("{}", dataset::dataset(&args)?.trim_end());
             Ok(())
         }
         Command::Models => {

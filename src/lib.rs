@@ -4,6 +4,7 @@
 
 pub mod cli;
 pub mod components;
+pub mod dataset;
 pub mod eval;
 pub mod inference;
 pub mod models;

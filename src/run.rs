@@ -118,6 +118,9 @@ pub enum RunError {
     /// A clip.
     #[error(transparent)]
     Video(#[from] crate::video::VideoError),
+    /// A set of annotated pictures that is being made.
+    #[error(transparent)]
+    Dataset(#[from] crate::dataset::DatasetError),
     /// The recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),
@@ -235,7 +238,7 @@ const AFTERMATH_S: f64 = 1.0;
 /// Threads of the detector: fixed, since the order of its sums must not depend on the machine.
 const INFERENCE_THREADS: usize = 2;
 /// Mean reflectance of the ground for the light it throws back up.
-const GROUND_ALBEDO: f64 = 0.18;
+pub(crate) const GROUND_ALBEDO: f64 = 0.18;
 /// Wavelengths of the red, green and blue channel [m].
 const CHANNELS_M: [f64; 3] = [610e-9, 550e-9, 465e-9];
 /// Distance for which the cameras' turbulence blur is taken [m].
@@ -312,22 +315,14 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
     let city = options.city.clone().filter(|_| !options.capture);
     let environment = environment(scenario, &file, seed, city)?;
 
-    let mut app = App::new();
-    app.insert_resource(clock);
-    add_bevy(&mut app, options);
-    app.add_plugins(SimulationPlugins);
-    if options.window {
-        app.add_plugins(crate::plugins::view::ViewPlugin);
-    }
-    while app.plugins_state() == bevy::app::PluginsState::Adding {
-        bevy::tasks::tick_global_task_pools_on_main_thread();
-    }
-    app.finish();
-    app.cleanup();
-    let renderer = Renderer::take(&mut app);
+    let (mut app, renderer) = bevy_app(options, |app| {
+        app.insert_resource(clock);
+        app.add_plugins(SimulationPlugins);
+        if options.window {
+            app.add_plugins(crate::plugins::view::ViewPlugin);
+        }
+    });
     let world = app.world_mut();
-    // Bevy's start-up systems run once, renderer or not.
-    world.run_schedule(Main);
     if options.capture {
         spawn_scene(world, &environment, station_enu_m(scenario, &environment));
         if scenario.weather.cloud_texture {
@@ -368,6 +363,22 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
     world.init_resource::<Stopwatch>();
     world.insert_resource(RangeFinder(Stream::new(seed, 0, "range finder")));
     Ok(app)
+}
+
+/// Bevy with the plugins that `more` adds, started up, and its renderer where there is one.
+pub(crate) fn bevy_app(options: &Options, more: impl FnOnce(&mut App)) -> (App, Option<Renderer>) {
+    let mut app = App::new();
+    add_bevy(&mut app, options);
+    more(&mut app);
+    while app.plugins_state() == bevy::app::PluginsState::Adding {
+        bevy::tasks::tick_global_task_pools_on_main_thread();
+    }
+    app.finish();
+    app.cleanup();
+    let renderer = Renderer::take(&mut app);
+    // Bevy's start-up systems run once, renderer or not.
+    app.world_mut().run_schedule(Main);
+    (app, renderer)
 }
 
 /// Bevy itself: the same plugins for every run; without capture there is no renderer behind them.
@@ -564,7 +575,7 @@ fn station_enu_m(scenario: &Scenario, environment: &Environment) -> DVec3 {
         .map_or_else(|| environment.city.station_enu_m(), DVec3::from_array)
 }
 
-fn spawn_scene(world: &mut World, environment: &Environment, r_station_enu_m: DVec3) {
+pub(crate) fn spawn_scene(world: &mut World, environment: &Environment, r_station_enu_m: DVec3) {
     let rgb = |[r, g, b]: [f64; 3]| Vec4::new(r as f32, g as f32, b as f32, 0.0);
     let sky = &environment.sky;
     let extinction = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));

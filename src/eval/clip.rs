@@ -49,9 +49,9 @@ pub struct Arguments {
     /// folder in it.
     #[arg(long, default_value = "out/clip")]
     pub out: PathBuf,
-    /// Detections with a lower score are dropped, 0 to 1.
-    #[arg(long, default_value_t = scenario::Detector::default().score_threshold)]
-    pub threshold: f64,
+    /// Detections with a lower score are dropped, 0 to 1; the model's own threshold by default.
+    #[arg(long)]
+    pub threshold: Option<f64>,
     /// Truth: a list of {file, frames, boxes_xywh}, boxes by label for every frame; for folders of
     /// pictures also COCO annotations.
     #[arg(long, value_name = "JSON")]
@@ -292,10 +292,8 @@ impl Tally {
 
 /// Carries out the evaluation and writes what it leaves.
 pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
-    let Arguments {
-        threshold, fov_deg, ..
-    } = *arguments;
-    within("--threshold", threshold, 0.0, 1.0)?;
+    let fov_deg = arguments.fov_deg;
+    within("--threshold", arguments.threshold.unwrap_or_default(), 0.0, 1.0)?;
     within("--fov-deg", fov_deg, 0.01, 170.0)?;
     within("--centre-sigma-px", arguments.centre_sigma_px, 0.01, 20.0)?;
     within("--rate-hz", arguments.rate_hz, 0.1, 10_000.0)?;
@@ -306,6 +304,11 @@ pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let threads = arguments.threads.unwrap_or_else(cores).get();
     let mut model = OnnxDetector::load(&arguments.model, threads)?;
+    let threshold = arguments.threshold.unwrap_or(model.score_threshold());
+    let arguments = &Arguments {
+        threshold: Some(threshold),
+        ..arguments.clone()
+    };
     // What cannot be read or written is told before the work.
     for file in &arguments.files {
         let clip = Clip::open(file, arguments.rate_hz)?;
@@ -316,7 +319,7 @@ pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
     mot::put(&arguments.out.join("clip.json"), "")?;
     let head = |files: &[PathBuf]| Evaluation {
         version: run::VERSION,
-        command: command(arguments, files, threads),
+        command: command(arguments, files, threads, threshold),
         model: arguments.model.clone(),
         boxes_file: arguments.boxes.clone(),
         threshold,
@@ -369,7 +372,12 @@ fn within(argument: &'static str, value: f64, low: f64, high: f64) -> Result<(),
     })
 }
 
-fn command(arguments: &Arguments, files: &[PathBuf], threads: usize) -> String {
+fn command(
+    arguments: &Arguments,
+    files: &[PathBuf],
+    threads: usize,
+    threshold: f64,
+) -> String {
     let files: String = (files.iter())
         .map(|file| format!(" {}", file.display()))
         .collect();
@@ -382,7 +390,7 @@ fn command(arguments: &Arguments, files: &[PathBuf], threads: usize) -> String {
         "boresight eval clip{files} --model {} --threshold {}{boxes}{categories} --fov-deg {} \
          --centre-sigma-px {} --rate-hz {} --threads {threads}",
         arguments.model.display(),
-        arguments.threshold,
+        threshold,
         arguments.fov_deg,
         arguments.centre_sigma_px,
         arguments.rate_hz
@@ -809,7 +817,7 @@ fn play(
         model.detect(&frame.rgb8, frame.size_px, &mut found)?;
         // Models with a fixed number of outputs fill the rest with empty boxes.
         found.retain(|d| d.box_px[2] > d.box_px[0] && d.box_px[3] > d.box_px[1]);
-        let sure = found.partition_point(|d| d.score >= arguments.threshold);
+        let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
         let followed = follower.look(frame.t_s, &found[..sure]);
         spent += started.elapsed();
         tally.busy += spent;
@@ -1549,7 +1557,7 @@ mod tests {
             files: vec![folder],
             model: Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/saliency.onnx"),
             out: root.path().join("out"),
-            threshold: 0.5,
+            threshold: Some(0.5),
             boxes: Some(truth),
             category: Vec::new(),
             fov_deg: 1.0,

@@ -13,6 +13,16 @@ const SAMPLES_4: [[f64; 2]; 4] = [
     [0.625, 0.875],
 ];
 const SAMPLES_1: [[f64; 2]; 1] = [[0.5, 0.5]];
+/// An 8 x 8 grid, row by row.
+const FINE: [[f64; 2]; 64] = {
+    let mut grid = [[0.0; 2]; 64];
+    let mut i = 0;
+    while i < 64 {
+        grid[i] = [((i % 8) as f64 + 0.5) / 8.0, ((i / 8) as f64 + 0.5) / 8.0];
+        i += 1;
+    }
+    grid
+};
 
 /// Samples counted over pixels: how many, where, and their bounding box.
 #[derive(Clone, Copy, Debug)]
@@ -70,11 +80,50 @@ pub fn silhouette(
     rect: PixelRect,
     antialias: u32,
 ) -> Coverage {
+    let masks = sampled_silhouette(pinhole, pose, body, rotor_phase_rad, shape, rect, antialias);
+    masks.coverage()
+}
+
+/// What [`silhouette`] gives, pixel by pixel.
+pub fn sampled_silhouette(
+    pinhole: &Pinhole,
+    pose: &Pose,
+    body: (DVec3, DQuat),
+    rotor_phase_rad: &[f64],
+    shape: &UavMesh,
+    rect: PixelRect,
+    antialias: u32,
+) -> Masks {
     let positions: &[[f64; 2]] = if antialias > 1 {
         &SAMPLES_4
     } else {
         &SAMPLES_1
     };
+    let triangles = triangles(pinhole, pose, body, rotor_phase_rad, shape);
+    cover(&triangles, rect, positions)
+}
+
+/// What [`sampled_silhouette`] gives with 8 x 8 samples a pixel.
+pub fn fine_silhouette(
+    pinhole: &Pinhole,
+    pose: &Pose,
+    body: (DVec3, DQuat),
+    rotor_phase_rad: &[f64],
+    shape: &UavMesh,
+    rect: PixelRect,
+) -> Masks {
+    let triangles = triangles(pinhole, pose, body, rotor_phase_rad, shape);
+    cover(&triangles, rect, &FINE)
+}
+
+/// The triangles of a UAV on the sensor [px]; a part that is not wholly in front is left out.
+fn triangles(
+    pinhole: &Pinhole,
+    pose: &Pose,
+    body: (DVec3, DQuat),
+    rotor_phase_rad: &[f64],
+    shape: &UavMesh,
+) -> Vec<[DVec2; 3]> {
     let q_cam_enu = pose.q_enu_cam.inverse();
     let r_cam_m = q_cam_enu * (body.0 - pose.r_enu_m);
     let q_cam_body = q_cam_enu * body.1;
@@ -95,7 +144,7 @@ pub fn silhouette(
         let hub_cam_m = r_cam_m + body_axes * mount.hub_body_m;
         parts.push((&shape.rotor.indices, project(&shape.rotor, axes, hub_cam_m)));
     }
-    let triangles: Vec<[DVec2; 3]> = parts
+    parts
         .iter()
         .filter_map(|(indices, points)| points.as_ref().map(|points| (indices, points)))
         .flat_map(|(indices, points)| {
@@ -103,12 +152,44 @@ pub fn silhouette(
                 .chunks_exact(3)
                 .map(|t| [0, 1, 2].map(|i| points[t[i] as usize]))
         })
-        .collect();
-    cover(&triangles, rect, positions)
+        .collect()
 }
 
-/// Pixels' sample masks of a union of triangles.
-fn cover(triangles: &[[DVec2; 3]], rect: PixelRect, positions: &[[f64; 2]]) -> Coverage {
+/// Which samples of each pixel a silhouette covers.
+#[derive(Clone, Debug)]
+pub struct Masks {
+    /// The pixels that hold it.
+    pub rect: PixelRect,
+    /// A bit a sample, pixels row by row.
+    pub masks: Vec<u64>,
+}
+
+impl Masks {
+    /// The covered samples of pixel `x`, `y` of the sensor.
+    pub fn at(&self, x: u32, y: u32) -> u64 {
+        let [left, top] = self.rect.offset_px;
+        let [width, height] = self.rect.size_px;
+        let inside = x >= left && y >= top && x - left < width && y - top < height;
+        if inside {
+            self.masks[((y - top) * width + (x - left)) as usize]
+        } else {
+            0
+        }
+    }
+
+    fn coverage(&self) -> Coverage {
+        let mut coverage = Coverage::default();
+        let ([left, top], width) = (self.rect.offset_px, self.rect.size_px[0]);
+        for (i, mask) in self.masks.iter().enumerate() {
+            let (x, y) = (i as u32 % width, i as u32 / width);
+            coverage.add(left + x, top + y, f64::from(mask.count_ones()));
+        }
+        coverage
+    }
+}
+
+/// Pixels' sample masks of a union of triangles, with up to 64 samples a pixel.
+fn cover(triangles: &[[DVec2; 3]], rect: PixelRect, positions: &[[f64; 2]]) -> Masks {
     let low = rect.offset_px.map(f64::from);
     let high = [0, 1].map(|i| low[i] + f64::from(rect.size_px[i]));
     let extent = triangles
@@ -120,7 +201,7 @@ fn cover(triangles: &[[DVec2; 3]], rect: PixelRect, positions: &[[f64; 2]]) -> C
     let y0 = extent.0.y.floor().clamp(low[1], high[1]) as u32;
     let y1 = extent.1.y.ceil().clamp(low[1], high[1]) as u32;
     let width = (x1 - x0) as usize;
-    let mut masks = vec![0u8; width * (y1 - y0) as usize];
+    let mut masks = vec![0u64; width * (y1 - y0) as usize];
     for [a, b, c] in triangles {
         let area = (*b - *a).perp_dot(*c - *a);
         if area == 0.0 {
@@ -145,12 +226,13 @@ fn cover(triangles: &[[DVec2; 3]], rect: PixelRect, positions: &[[f64; 2]]) -> C
             }
         }
     }
-    let mut coverage = Coverage::default();
-    for (i, mask) in masks.iter().enumerate() {
-        let (x, y) = (x0 + (i % width) as u32, y0 + (i / width) as u32);
-        coverage.add(x, y, f64::from(mask.count_ones()));
+    Masks {
+        rect: PixelRect {
+            offset_px: [x0, y0],
+            size_px: [x1 - x0, y1 - y0],
+        },
+        masks,
     }
-    coverage
 }
 
 #[cfg(test)]
@@ -171,7 +253,7 @@ mod tests {
     #[test]
     fn whole_pixels_are_exact() {
         let triangles = quad(DVec2::new(10.0, 20.0), DVec2::new(14.0, 23.0));
-        let coverage = cover(&triangles, RECT, &SAMPLES_4);
+        let coverage = cover(&triangles, RECT, &SAMPLES_4).coverage();
         assert_eq!(coverage.samples, 4.0 * 12.0);
         assert_eq!(coverage.box_px(), Some([10.0, 20.0, 14.0, 23.0]));
         assert_eq!(coverage.centroid_px(), Some([12.0, 21.5]));
@@ -181,7 +263,10 @@ mod tests {
     fn overlap_counts_once() {
         let mut triangles = quad(DVec2::new(5.0, 5.0), DVec2::new(9.0, 9.0)).to_vec();
         triangles.extend(quad(DVec2::new(7.0, 5.0), DVec2::new(11.0, 9.0)));
-        assert_eq!(cover(&triangles, RECT, &SAMPLES_4).samples, 4.0 * 24.0);
+        assert_eq!(
+            cover(&triangles, RECT, &SAMPLES_4).coverage().samples,
+            4.0 * 24.0
+        );
     }
 
     #[test]
@@ -192,7 +277,10 @@ mod tests {
             for j in 0..20 {
                 let low = DVec2::new(20.0 + 0.05 * f64::from(i), 20.0 + 0.05 * f64::from(j));
                 let shape = quad(low, low + 3.0);
-                let centroid = cover(&shape, RECT, &SAMPLES_4).centroid_px().unwrap();
+                let centroid = cover(&shape, RECT, &SAMPLES_4)
+                    .coverage()
+                    .centroid_px()
+                    .unwrap();
                 worst = worst.max((DVec2::from_array(centroid) - low - 1.5).length());
             }
         }

@@ -74,14 +74,14 @@ pub struct SensorParams {
 
 impl SensorParams {
     /// Photoelectrons per pixel for 1 kcd/m^2 of scene luminance in a second.
-    fn electrons_per_kcd_m2_s(&self) -> f64 {
+    pub fn electrons_per_kcd_m2_s(&self) -> f64 {
         let lux_per_kcd_m2 =
             1000.0 * std::f64::consts::PI * self.transmission / (4.0 * self.f_number.powi(2));
         lux_per_kcd_m2 * PHOTONS_PER_LUX_S_M2 * self.pixel_pitch_m.powi(2) * self.quantum_efficiency
     }
 
     /// Electrons of the brightest code.
-    fn white_e(&self) -> f64 {
+    pub fn white_e(&self) -> f64 {
         self.gain_e_per_dn
             .map_or(self.full_well_e, |gain| self.full_well_e.min(255.0 * gain))
     }

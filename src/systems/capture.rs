@@ -69,11 +69,11 @@ pub struct SensorViews {
 /// all thin arms and legs, and its centroid would be off by a third of a pixel. They are rendered
 /// [`MAGNIFY`] times enlarged and averaged into the frame.
 #[derive(Clone, Copy, Debug)]
-struct Patch {
+pub(crate) struct Patch {
     /// Scenario index of the UAV.
-    uav: usize,
+    pub(crate) uav: usize,
     /// Where the patch lies on the sensor.
-    rect: PixelRect,
+    pub(crate) rect: PixelRect,
 }
 
 /// Enlargement of a patch.
@@ -271,8 +271,10 @@ fn projected_box(
 /// What image formation keeps between frames.
 #[derive(Default)]
 pub struct ImageScratch {
-    pixels: Vec<u8>,
-    enlarged: Vec<u8>,
+    /// The frame: rows of half-float RGBA.
+    pub(crate) pixels: Vec<u8>,
+    /// Its enlarged patch.
+    pub(crate) enlarged: Vec<u8>,
     /// One a strip of rows.
     strips: [Scratch; STRIPS],
 }
@@ -375,70 +377,107 @@ fn render_with(
     renderer: &mut Renderer,
     scratch: &mut ImageScratch,
 ) -> Result<(), crate::run::RunError> {
-    sync_scene(world);
     let mut frames = std::mem::take(&mut world.resource_mut::<Frames>().0);
-    let digits = assign_digits(&frames);
+    let mut cameras = world.query::<(&SensorCamera, &SensorViews)>();
+    let shots: Vec<_> = frames
+        .iter()
+        .filter_map(|frame| {
+            let (camera, views) = cameras
+                .iter(world)
+                .find(|(camera, _)| camera.tier == frame.tier)?;
+            Some(Shot::new(frame, camera.clone(), views))
+        })
+        .collect();
+    let digits = draw(world, renderer, &frames, &shots);
+    let seed = world.resource::<Environment>().seed;
+    for (frame, shot) in frames.iter_mut().zip(&shots) {
+        read(world, renderer, frame, shot, &digits, scratch)?;
+        let key = Stream::new(seed, frame.tick, frame.tier.name()).bits();
+        let rgb8 = form_image(frame, &shot.camera.sensor, key, scratch)?;
+        frame.rgb8 = Some(Arc::new(rgb8));
+    }
+    world.resource_mut::<Frames>().0 = frames;
+    Ok(())
+}
+
+/// What renders one frame.
+pub(crate) struct Shot {
+    pub(crate) camera: SensorCamera,
+    view: Entity,
+    /// The small UAV of the frame and the view that enlarges it.
+    pub(crate) patch: Option<(Patch, Entity)>,
+}
+
+impl Shot {
+    /// The view of `views` that shows the rectangle of `frame`, and what is to be enlarged in it.
+    pub(crate) fn new(frame: &Frame, camera: SensorCamera, views: &SensorViews) -> Self {
+        let full = frame.rect.size_px == [camera.pinhole.width_px, camera.pinhole.height_px];
+        Self {
+            view: if full {
+                views.full
+            } else {
+                views.window.unwrap_or(views.full)
+            },
+            patch: Patch::of(frame).map(|patch| (patch, views.magnifier)),
+            camera,
+        }
+    }
+}
+
+/// Renders `frames` as `shots` say; the digits by which the UAVs are told apart, by their index.
+pub(crate) fn draw(
+    world: &mut World,
+    renderer: &mut Renderer,
+    frames: &[Frame],
+    shots: &[Shot],
+) -> Vec<u32> {
+    sync_scene(world);
+    let digits = assign_digits(frames);
     let mut tagged = world.query::<(AnyOf<(&UavBody, &UavRotor)>, &mut MeshTag)>();
     for ((body, rotor), mut tag) in tagged.iter_mut(world) {
         let uav = body.map(|b| b.0).or(rotor.map(|r| r.0));
         let digit = uav.and_then(|uav| digits.get(uav)).copied().unwrap_or(0);
         tag.set_if_neq(MeshTag(digit));
     }
-
-    let mut cameras = world.query::<(&SensorCamera, &SensorViews)>();
-    let setups: Vec<_> = frames
-        .iter()
-        .filter_map(|frame| {
-            let (camera, views) = cameras
-                .iter(world)
-                .find(|(camera, _)| camera.tier == frame.tier)?;
-            let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
-            let full = frame.rect.size_px == sensor_px;
-            let view = if full {
-                views.full
-            } else {
-                views.window.unwrap_or(views.full)
-            };
-            let patch = Patch::of(frame).map(|patch| (patch, views.magnifier));
-            Some((camera.clone(), view, patch))
-        })
-        .collect();
-    for (frame, (camera, view, patch)) in frames.iter().zip(&setups) {
+    for (frame, shot) in frames.iter().zip(shots) {
+        let pinhole = &shot.camera.pinhole;
         let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
-        aim_sensor_view(world, *view, projection(&camera.pinhole, frame.rect), at);
-        if let Some((patch, magnifier)) = patch {
-            let projection = projection(&magnified(&camera.pinhole), patch.magnified_rect());
-            aim_sensor_view(world, *magnifier, projection, at);
+        aim_sensor_view(world, shot.view, projection(pinhole, frame.rect), at);
+        if let Some((patch, magnifier)) = shot.patch {
+            let projection = projection(&magnified(pinhole), patch.magnified_rect());
+            aim_sensor_view(world, magnifier, projection, at);
         }
     }
     renderer.render(world);
-    let seed = world.resource::<Environment>().seed;
-    for (frame, (camera, view, patch)) in frames.iter_mut().zip(&setups) {
-        for view in [Some(*view), patch.map(|(_, magnifier)| magnifier)] {
+    for shot in shots {
+        for view in [Some(shot.view), shot.patch.map(|(_, magnifier)| magnifier)] {
             if let Some(mut view) = view.and_then(|view| world.get_mut::<Camera>(view)) {
                 view.is_active = false;
             }
         }
-        renderer.read(*view, frame.rect.size_px, &mut scratch.pixels)?;
-        count_identities(world, frame, camera, &digits, &scratch.pixels, None);
-        if let Some((patch, magnifier)) = patch {
-            let rect = patch.magnified_rect();
-            renderer.read(*magnifier, rect.size_px, &mut scratch.enlarged)?;
-            count_identities(
-                world,
-                frame,
-                camera,
-                &digits,
-                &scratch.enlarged,
-                Some(patch),
-            );
-            patch.blend(&scratch.enlarged, frame.rect, &mut scratch.pixels);
-        }
-        let key = Stream::new(seed, frame.tick, frame.tier.name()).bits();
-        let rgb8 = form_image(frame, &camera.sensor, key, scratch)?;
-        frame.rgb8 = Some(Arc::new(rgb8));
     }
-    world.resource_mut::<Frames>().0 = frames;
+    digits
+}
+
+/// Reads a frame that [`draw`] rendered: its truth, and its pixels into `scratch`.
+pub(crate) fn read(
+    world: &mut World,
+    renderer: &mut Renderer,
+    frame: &mut Frame,
+    shot: &Shot,
+    digits: &[u32],
+    scratch: &mut ImageScratch,
+) -> Result<(), crate::run::RunError> {
+    let camera = &shot.camera;
+    renderer.read(shot.view, frame.rect.size_px, &mut scratch.pixels)?;
+    count_identities(world, frame, camera, digits, &scratch.pixels, None);
+    if let Some((patch, magnifier)) = &shot.patch {
+        let rect = patch.magnified_rect();
+        renderer.read(*magnifier, rect.size_px, &mut scratch.enlarged)?;
+        let enlarged = &scratch.enlarged;
+        count_identities(world, frame, camera, digits, enlarged, Some(patch));
+        patch.blend(&scratch.enlarged, frame.rect, &mut scratch.pixels);
+    }
     Ok(())
 }
 
@@ -453,7 +492,7 @@ fn projection(pinhole: &Pinhole, rect: PixelRect) -> SensorProjection {
 }
 
 /// The sensor's 8-bit picture of a rendered frame.
-fn form_image(
+pub(crate) fn form_image(
     frame: &Frame,
     sensor: &sensor::Sensor,
     key: u64,
@@ -480,7 +519,7 @@ fn form_image(
 }
 
 /// Alpha of a pixel of half-float RGBA rows.
-fn alpha_at(pixels: &[u8], index: usize) -> f64 {
+pub(crate) fn alpha_at(pixels: &[u8], index: usize) -> f64 {
     half::f16::from_le_bytes([pixels[8 * index + 6], pixels[8 * index + 7]]).to_f64()
 }
 
@@ -600,7 +639,7 @@ fn count_identities(
 }
 
 /// How many samples of a pixel belong to a digit, given their base-5 sum.
-fn digit_of(sum: u32, digit: u32) -> u32 {
+pub(crate) fn digit_of(sum: u32, digit: u32) -> u32 {
     if digit == 0 {
         0
     } else {

@@ -1,0 +1,272 @@
+//! From rendered luminance to the picture: what moves and glares before the sensor, and exposure.
+
+use super::draw::Scene;
+use super::recipe::Recipe;
+use super::stage::Rendered;
+use crate::models::raster::Masks;
+use crate::models::rng::Stream;
+use crate::models::sensor::{SensorParams, auto_exposure};
+use glam::DVec2;
+use std::f64::consts::{PI, TAU};
+
+/// Luminance of linear sRGB.
+const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
+/// Most by which the gain is raised when the longest exposure does not do.
+const MAX_GAIN: f64 = 48.0;
+
+/// One channel of a pixel of half-float RGBA rows.
+fn channel(pixels: &[u8], index: usize, channel: usize) -> f64 {
+    let at = 8 * index + 2 * channel;
+    half::f16::from_le_bytes([pixels[at], pixels[at + 1]]).to_f64()
+}
+
+/// Luminance of a pixel of half-float RGBA rows [kcd/m^2].
+pub fn luminance(pixels: &[u8], index: usize) -> f64 {
+    (0..3).map(|c| LUMA[c] * channel(pixels, index, c)).sum()
+}
+
+/// The sensor's settings for a rendered frame, `more_stops` brighter than the scene's others.
+pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
+    let error = scene.exposure_error_stops + more_stops;
+    let mut params = scene.sensor;
+    let light_klx = scene.environment.sky.global_illuminance_klx();
+    let metered_klx = {
+        const EVERY: usize = 37; // [px]
+        let values = (0..pixels.len() / 8)
+            .step_by(EVERY)
+            .map(|index| luminance(pixels, index));
+        let (sum, count) = values.fold((0.0, 0.0), |(sum, n), l| (sum + l, n + 1.0));
+        // A picture is brighter on average than an 18 % grey: 30 %.
+        PI * sum / count / 0.30
+    };
+    let klx = if scene.metered {
+        metered_klx
+    } else {
+        light_klx
+    };
+    let wanted_s = auto_exposure(klx.max(1e-9), &params, f64::MAX) * error.exp2();
+    params.exposure_s = wanted_s.clamp(1e-6, scene.max_exposure_s);
+    let gain = (wanted_s / params.exposure_s).min(MAX_GAIN);
+    if gain > 1.0 {
+        params.gain_e_per_dn = Some(params.full_well_e / 255.0 / gain);
+    }
+    params
+}
+
+/// How a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
+/// against their mean, softened by the blur, over the noise of a pixel; white is white, however
+/// bright it is.
+pub fn contrast(
+    rendered: &Rendered,
+    pixels: &[u8],
+    masks: &Masks,
+    box_px: [f64; 4],
+    params: &SensorParams,
+) -> f64 {
+    let [width, height] = rendered.frame.rect.size_px.map(f64::from);
+    let long_px = (box_px[2] - box_px[0]).max(box_px[3] - box_px[1]);
+    let margin = (0.5 * long_px).max(3.0);
+    let span = |low: f64, high: f64, size: f64| {
+        let clip = |x: f64| x.clamp(0.0, size) as u32;
+        clip((low - margin).floor())..clip((high + margin).ceil())
+    };
+    let rows = span(box_px[1], box_px[3], height);
+    let columns = span(box_px[0], box_px[2], width);
+    let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
+    let white = params.white_e() / electrons;
+    let at = |x: u32, y: u32| luminance(pixels, (y * width as u32 + x) as usize).min(white);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for y in rows.clone() {
+        for x in columns.clone().filter(|x| masks.at(*x, y) == 0) {
+            sum += at(x, y);
+            count += 1.0;
+        }
+    }
+    if count == 0.0 {
+        return f64::INFINITY;
+    }
+    let around = sum / count;
+    let (mut square, mut area) = (0.0, 0.0);
+    for y in rows {
+        for x in columns.clone() {
+            let covered = f64::from(masks.at(x, y).count_ones()) / 64.0;
+            square += covered * (at(x, y) - around).powi(2);
+            area += covered;
+        }
+    }
+    // A Gaussian blur spreads the light of a spot of this area over 4 pi sigma^2 more.
+    let soft = area / (area + 4.0 * PI * params.blur_sigma_px.powi(2));
+    let rounding_e = params.white_e() / 4095.0;
+    let noise_e =
+        (electrons * around + params.read_noise_e.powi(2) + rounding_e.powi(2) / 12.0).sqrt();
+    (square / area.max(1e-9)).sqrt() * soft * electrons / noise_e
+}
+
+/// The camera's motion during the exposure and a laser's flare, drawn and put into the pixels.
+pub fn effects(
+    recipe: &Recipe,
+    rendered: &Rendered,
+    params: &SensorParams,
+    pixels: &mut [u8],
+    rng: &mut Stream,
+) {
+    let camera = &recipe.camera;
+    let [width, height] = rendered.frame.rect.size_px.map(|n| n as usize);
+    let (smears, flares) = (rng.uniform(), rng.uniform());
+    if smears < camera.motion_blur_share && camera.motion_blur_px > 0.0 {
+        let length_px = rng.range(0.5f64.min(camera.motion_blur_px), camera.motion_blur_px);
+        let along = length_px * DVec2::from_angle(rng.range(0.0, TAU));
+        smear(pixels, width, height, along);
+    }
+    if flares < camera.flare_share {
+        let truth = &rendered.frame.truth;
+        let at = match truth.first() {
+            Some(seen) if rng.uniform() < 0.5 => DVec2::from_array(seen.aim_px),
+            _ => DVec2::new(rng.uniform() * width as f64, rng.uniform() * height as f64),
+        };
+        let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
+        flare(pixels, width, at, params.white_e() / electrons, rng);
+    }
+}
+
+/// Smears the frame by a straight uniform motion of `along` [px]; identities stay.
+fn smear(pixels: &mut [u8], width: usize, height: usize, along: DVec2) {
+    const STEPS: i32 = 16;
+    let reach = (0.5 * along.abs().max_element()).ceil() as i32;
+    let side = (2 * reach + 2) as usize;
+    let mut kernel = vec![0.0f32; side * side];
+    for step in 0..STEPS {
+        let at = ((f64::from(step) + 0.5) / f64::from(STEPS) - 0.5) * along + f64::from(reach);
+        let (cell, rest) = (at.floor(), at - at.floor());
+        for (dx, wx) in [(0, 1.0 - rest.x), (1, rest.x)] {
+            for (dy, wy) in [(0, 1.0 - rest.y), (1, rest.y)] {
+                let index = (cell.y as usize + dy) * side + cell.x as usize + dx;
+                kernel[index] += (wx * wy / f64::from(STEPS)) as f32;
+            }
+        }
+    }
+    let taps: Vec<(i32, i32, f32)> = (0..side * side)
+        .filter(|i| kernel[*i] > 0.0)
+        .map(|i| {
+            let (x, y) = ((i % side) as i32 - reach, (i / side) as i32 - reach);
+            (x, y, kernel[i])
+        })
+        .collect();
+    let linear: Vec<f32> = pixels
+        .chunks_exact(8)
+        .flat_map(|pixel| {
+            [0, 2, 4].map(|at| half::f16::from_le_bytes([pixel[at], pixel[at + 1]]).to_f32())
+        })
+        .collect();
+    let (w, h) = (width as i32, height as i32);
+    let mut row = vec![0.0f32; 3 * width];
+    for y in 0..h {
+        row.fill(0.0);
+        for (dx, dy, weight) in &taps {
+            let from = (y + dy).clamp(0, h - 1) as usize * width;
+            for x in 0..w {
+                let source = 3 * (from + (x + dx).clamp(0, w - 1) as usize);
+                let sums = &mut row[3 * x as usize..3 * x as usize + 3];
+                for (sum, value) in sums.iter_mut().zip(&linear[source..source + 3]) {
+                    *sum += weight * value;
+                }
+            }
+        }
+        let line = &mut pixels[8 * y as usize * width..8 * (y as usize + 1) * width];
+        for (pixel, rgb) in line.chunks_exact_mut(8).zip(row.chunks_exact(3)) {
+            put(pixel, rgb);
+        }
+    }
+}
+
+fn put(pixel: &mut [u8], rgb: &[f32]) {
+    for (bytes, value) in pixel.chunks_exact_mut(2).zip(rgb) {
+        bytes.copy_from_slice(&half::f16::from_f32(value.min(65_000.0)).to_le_bytes());
+    }
+}
+
+/// A bright spot with bloom and veiling glare at `at` [px]; `white` is the luminance of the
+/// brightest code [kcd/m^2].
+fn flare(pixels: &mut [u8], width: usize, at: DVec2, white: f64, rng: &mut Stream) {
+    let tint = match (rng.uniform() * 3.0) as u32 {
+        0 => [1.0, 1.0, 1.0],
+        1 => [1.0, 0.72, 0.9],
+        _ => [0.75, 1.0, 0.7],
+    };
+    let spot_px = rng.range(0.5, 2.5);
+    let spot = white * rng.range(1.0, 12.0);
+    let bloom_px = rng.range(3.0, 14.0);
+    let bloom = white * rng.range(0.1, 0.8);
+    let veil = white * rng.range(0.0, 0.12);
+    for (index, pixel) in pixels.chunks_exact_mut(8).enumerate() {
+        let p = DVec2::new((index % width) as f64 + 0.5, (index / width) as f64 + 0.5);
+        let square = p.distance_squared(at);
+        let light = spot * (-0.5 * square / (spot_px * spot_px)).exp()
+            + bloom / (1.0 + square / (bloom_px * bloom_px)).powf(1.5)
+            + veil;
+        let rgb: [f32; 3] = std::array::from_fn(|c| {
+            let own = half::f16::from_le_bytes([pixel[2 * c], pixel[2 * c + 1]]).to_f32();
+            own + (light * tint[c]) as f32
+        });
+        put(pixel, &rgb);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 31;
+    const HEIGHT: usize = 21;
+
+    fn frame(value: impl Fn(usize, usize) -> f32) -> Vec<u8> {
+        (0..WIDTH * HEIGHT)
+            .flat_map(|i| {
+                let v = value(i % WIDTH, i / WIDTH);
+                [v, 2.0 * v, 0.5 * v, 25.0].map(half::f16::from_f32)
+            })
+            .flat_map(half::f16::to_le_bytes)
+            .collect()
+    }
+
+    #[test]
+    fn a_smear_keeps_light_centroid_and_identities() {
+        let mut pixels = frame(|x, y| if (x, y) == (15, 10) { 100.0 } else { 0.0 });
+        let along = DVec2::new(3.0, -1.5);
+        smear(&mut pixels, WIDTH, HEIGHT, along);
+        let (mut sum, mut first, mut second) = (0.0, DVec2::ZERO, DVec2::ZERO);
+        for i in 0..WIDTH * HEIGHT {
+            let at = DVec2::new((i % WIDTH) as f64, (i / WIDTH) as f64) - DVec2::new(15.0, 10.0);
+            let v = channel(&pixels, i, 1);
+            sum += v;
+            first += v * at;
+            second += v * at * at;
+            assert_eq!(channel(&pixels, i, 3), 25.0);
+        }
+        assert!((sum / 200.0 - 1.0).abs() < 2e-3, "{sum}");
+        assert!((first / sum).length() < 0.01, "{}", first / sum);
+        // The variance of a uniform motion is length^2 / 12, and at most a quarter more for the
+        // division of its steps between pixels.
+        for (found, exact) in [(second.x / sum, 9.0 / 12.0), (second.y / sum, 2.25 / 12.0)] {
+            assert!(
+                (-0.01..0.26).contains(&(found - exact)),
+                "{found} for {exact}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_flare_only_adds_light_and_most_where_it_is() {
+        let mut pixels = frame(|_, _| 1.0);
+        let before = pixels.clone();
+        let mut rng = Stream::new(4, 0, "test");
+        flare(&mut pixels, WIDTH, DVec2::new(10.5, 5.5), 5.0, &mut rng);
+        let brightest = (0..WIDTH * HEIGHT)
+            .max_by(|a, b| luminance(&pixels, *a).total_cmp(&luminance(&pixels, *b)));
+        assert_eq!(brightest, Some(5 * WIDTH + 10));
+        for i in 0..WIDTH * HEIGHT {
+            assert!(luminance(&pixels, i) >= luminance(&before, i));
+            assert_eq!(channel(&pixels, i, 3), 25.0);
+        }
+    }
+}

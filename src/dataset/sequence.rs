@@ -1,0 +1,204 @@
+//! Clips: UAVs fly by their autopilots, birds pass, and the camera follows loosely.
+
+use super::draw::{self, Motion, Scene, Still};
+use super::recipe::Recipe;
+use super::stage::Placed;
+use crate::models::distractor::{
+    DistractorKind, GLIDE_RAD, WINGBEAT_HZ, tumbling_attitude, wing_rad,
+};
+use crate::models::multirotor::{self, Airframe, MultirotorState};
+use crate::models::rng::Stream;
+use crate::models::trajectory::{CompiledTrajectory, Trajectory};
+use crate::models::uav::model;
+use glam::{DQuat, DVec2, DVec3};
+use std::f64::consts::TAU;
+
+/// Steps of the flight between two frames, no longer than those of the loop's clock.
+const STEP_S: f64 = 1.0 / 960.0; // [s]
+/// Time in which the camera's operator makes good an error [s].
+const FOLLOW_S: f64 = 0.7; // [s]
+
+/// A UAV on its way.
+struct Pilot {
+    plan: CompiledTrajectory,
+    airframe: Airframe,
+    state: MultirotorState,
+    prop: usize,
+}
+
+/// A clip as it goes on.
+pub struct Clip {
+    pilots: Vec<Pilot>,
+    others: Vec<(Placed, DistractorKind, DVec3, f64)>,
+    /// Azimuth and elevation of the boresight [rad].
+    gaze_rad: DVec2,
+    roll_rad: f64,
+    /// Where the first UAV is kept in the picture [px].
+    px: DVec2,
+    air_density_kgpm3: f64,
+    t_s: f64,
+}
+
+/// Draws a clip of `frames` frames; `None` if the scene has no room for what was drawn.
+pub fn draw(
+    recipe: &Recipe,
+    scene: &Scene,
+    motion: Motion,
+    frames: u32,
+    rng: &mut Stream,
+) -> Option<Clip> {
+    let count = 1 + (rng.uniform() * rng.uniform() * 3.0) as usize;
+    let still = draw::still(recipe, scene, count, motion, rng)?;
+    let clip = Clip::from(scene, &still, motion, rng)?;
+    // Flown once ahead: nobody may hit a house or be hidden by it all the time.
+    let duration_s = f64::from(frames) / recipe.sequences.rate_hz;
+    let surface = &scene.environment.city.dsm;
+    let free = clip.pilots.iter().all(|pilot| {
+        (0..=8).all(|k| {
+            let r = pilot.plan.sample(duration_s * f64::from(k) / 8.0).r_enu_m;
+            r.z > surface.surface_m(r.x, r.y) + 1.0
+        })
+    });
+    let seen = clip.pilots.first().is_some_and(|pilot| {
+        (0..=4).all(|k| {
+            let r = pilot.plan.sample(duration_s * f64::from(k) / 4.0).r_enu_m;
+            surface.line_of_sight(scene.r_camera_enu_m, r) == crate::models::dsm::LineOfSight::Clear
+        })
+    });
+    (free && seen).then_some(clip)
+}
+
+impl Clip {
+    fn from(scene: &Scene, still: &Still, motion: Motion, rng: &mut Stream) -> Option<Self> {
+        let pinhole = &scene.pinhole;
+        let density = scene.environment.air_density_kgpm3;
+        let (mut pilots, mut others) = (Vec::new(), Vec::new());
+        for placed in &still.placed {
+            let r_enu_m = placed.body.0;
+            if let Some(kind) = scene.props[placed.prop].distractor {
+                let forward = placed.body.1 * DVec3::X;
+                let drift = DVec2::from_angle(rng.range(0.0, TAU)).extend(0.0);
+                let v_enu_mps = match kind {
+                    DistractorKind::Bird => rng.range(7.0, 14.0) * forward,
+                    DistractorKind::Aeroplane => rng.range(50.0, 120.0) * forward,
+                    DistractorKind::Balloon => 2.0 * drift,
+                    DistractorKind::Leaf => 2.0 * drift - 1.2 * DVec3::Z,
+                };
+                others.push((*placed, kind, v_enu_mps, rng.range(0.0, TAU)));
+                continue;
+            }
+            let uav = model(scene.uavs[placed.prop]);
+            let range_m = r_enu_m.distance(still.pose.r_enu_m);
+            // Half a picture's width a second at most.
+            let width_m = f64::from(pinhole.width_px) * range_m / pinhole.focal_px;
+            let speed_mps = rng.range(0.3, 1.0) * (0.5 * width_m).min(0.8 * uav.v_max_mps);
+            let level = DVec2::from_angle(rng.range(0.0, TAU));
+            let climb = match motion {
+                Motion::ClimbDive => {
+                    rng.range(0.4, 1.2) * [1.0, -1.0][(rng.uniform() * 2.0) as usize]
+                }
+                _ => 0.1 * rng.range(-1.0, 1.0),
+            };
+            let velocity_enu_mps = (speed_mps * level.extend(climb).normalize()).to_array();
+            let start_enu_m = r_enu_m.to_array();
+            let plan = match motion {
+                Motion::Manoeuvre => Trajectory::Weave {
+                    start_enu_m,
+                    velocity_enu_mps,
+                    lateral_acceleration_mps2: rng.range(2.0, 6.0),
+                    period_s: rng.range(1.5, 4.0),
+                },
+                _ => Trajectory::Straight {
+                    start_enu_m,
+                    velocity_enu_mps,
+                },
+            };
+            let none = |_: &str| Err(std::io::Error::other("no recorded path"));
+            let plan = plan.compile(none).ok()?;
+            let airframe = Airframe::new(uav);
+            let mut state = plan.initial_state(&airframe, DVec3::ZERO, density);
+            state.rotor_phase_rad = placed.phase_rad;
+            pilots.push(Pilot {
+                plan,
+                airframe,
+                state,
+                prop: placed.prop,
+            });
+        }
+        let gaze_rad = crate::models::kinematics::los_to_az_el(still.pose.q_enu_cam * DVec3::Z);
+        // The roll that the boresight's own azimuth and elevation leave.
+        let flat = draw::looking(scene, gaze_rad.x, gaze_rad.y, 0.0);
+        let right = flat.q_enu_cam.inverse() * (still.pose.q_enu_cam * DVec3::X);
+        let to_first = pilots.first()?.state.r_enu_m - still.pose.r_enu_m;
+        Some(Self {
+            px: pinhole.project(still.pose.q_enu_cam.inverse() * to_first)?,
+            pilots,
+            others,
+            gaze_rad,
+            roll_rad: right.y.atan2(right.x),
+            air_density_kgpm3: density,
+            t_s: 0.0,
+        })
+    }
+
+    /// What the camera sees now.
+    pub fn still(&self, scene: &Scene, motion: Motion) -> Still {
+        let uavs = self.pilots.iter().map(|pilot| Placed {
+            prop: pilot.prop,
+            body: (pilot.state.r_enu_m, pilot.state.q_enu_body),
+            phase_rad: pilot.state.rotor_phase_rad,
+        });
+        let others = self
+            .others
+            .iter()
+            .map(|(placed, kind, v_enu_mps, phase_rad)| {
+                let (r_enu_m, q_start) = placed.body;
+                let mut now = *placed;
+                let mut q: DQuat = q_start;
+                match kind {
+                    DistractorKind::Leaf => q = tumbling_attitude(self.t_s, *phase_rad),
+                    DistractorKind::Bird if placed.phase_rad[0] != GLIDE_RAD => {
+                        let angle_rad = wing_rad(phase_rad + TAU * WINGBEAT_HZ * self.t_s);
+                        now.phase_rad.fill(angle_rad);
+                    }
+                    _ => {}
+                }
+                now.body = (r_enu_m + self.t_s * *v_enu_mps, q);
+                now
+            });
+        Still {
+            pose: draw::looking(scene, self.gaze_rad.x, self.gaze_rad.y, self.roll_rad),
+            motion,
+            placed: uavs.chain(others).collect(),
+        }
+    }
+
+    /// Goes on by a frame.
+    pub fn advance(&mut self, scene: &Scene, frame_s: f64, rng: &mut Stream) {
+        let steps = (frame_s / STEP_S).ceil();
+        let dt_s = frame_s / steps;
+        for k in 0..steps as u32 {
+            let t_s = self.t_s + f64::from(k) * dt_s;
+            for pilot in &mut self.pilots {
+                let setpoint = pilot.plan.sample(t_s);
+                let (airframe, state) = (&pilot.airframe, &mut pilot.state);
+                let density = self.air_density_kgpm3;
+                multirotor::step(airframe, state, &setpoint, DVec3::ZERO, density, dt_s);
+            }
+        }
+        self.t_s += frame_s;
+        if let Some(first) = self.pilots.first() {
+            let at =
+                crate::models::kinematics::los_to_az_el(first.state.r_enu_m - scene.r_camera_enu_m);
+            let wanted = draw::gaze_at(scene, at, self.roll_rad, self.px);
+            let share = -(-frame_s / FOLLOW_S).exp_m1();
+            let error = DVec2::new(
+                crate::models::kinematics::wrap_pi(wanted.x - self.gaze_rad.x),
+                wanted.y - self.gaze_rad.y,
+            );
+            // An unsteady hand: a third of a pixel from frame to frame.
+            let shake = DVec2::new(rng.normal(), rng.normal()) * 0.3 / scene.pinhole.focal_px;
+            self.gaze_rad += share * error + shake;
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! One Bevy app that shows one scene after the other and renders single frames of them.
+
+use crate::components::camera::{Frame, SensorCamera, Tier};
+use crate::components::environment::Environment;
+use crate::components::station::{Alignment, Pointing};
+use crate::components::uav::{Flight, Uav};
+use crate::models::camera::{Pinhole, PixelRect};
+use crate::models::distractor::DistractorKind;
+use crate::models::kinematics::Pose;
+use crate::models::mesh::MeshData;
+use crate::models::multirotor::{MAX_ROTORS, MultirotorState};
+use crate::models::sensor::{Sensor, SensorParams};
+use crate::models::uav_mesh::UavMesh;
+use crate::run::{self, Options, RunError};
+use crate::systems::capture::{self, ImageScratch, SensorViews, Shape, Shot};
+use crate::systems::render::{Renderer, spawn_sensor_view};
+use crate::systems::scene::{self, SceneHandles};
+use bevy::prelude::*;
+use glam::{DQuat, DVec2, DVec3};
+use std::sync::Arc;
+
+/// Samples a pixel of the renderer.
+const ANTIALIAS: u32 = 4;
+
+/// What may appear in a scene: its meshes, and whether it is annotated.
+#[derive(Clone)]
+pub struct Prop {
+    /// What it looks like.
+    pub mesh: Arc<UavMesh>,
+    /// The kind of one that is no UAV.
+    pub distractor: Option<DistractorKind>,
+}
+
+/// One place for a prop in a still.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// Its index among the scene's props.
+    pub prop: usize,
+    /// Position and attitude.
+    pub body: (DVec3, DQuat),
+    /// Phases of its rotors or wings [rad].
+    pub phase_rad: [f64; MAX_ROTORS],
+}
+
+/// The app and what it shows.
+pub struct Stage {
+    app: App,
+    renderer: Renderer,
+    /// Pixels of the frame rendered last.
+    pub scratch: ImageScratch,
+    root: Option<Entity>,
+    views: Option<SensorViews>,
+}
+
+/// A frame as rendered, before the sensor.
+pub struct Rendered {
+    /// Pose, and the annotated props' truth.
+    pub frame: Frame,
+    /// How it was rendered.
+    pub shot: Shot,
+    /// Identities by prop.
+    pub digits: Vec<u32>,
+}
+
+impl Stage {
+    /// An empty stage.
+    pub fn new(threads: Option<usize>) -> Result<Self, RunError> {
+        run::adapter()?;
+        let options = Options {
+            threads,
+            capture: true,
+            log: true,
+            ..Options::default()
+        };
+        let (app, renderer) = run::bevy_app(&options, |_| {});
+        Ok(Self {
+            app,
+            renderer: renderer.ok_or(RunError::NoAdapter)?,
+            scratch: ImageScratch::default(),
+            root: None,
+            views: None,
+        })
+    }
+
+    /// Replaces what is shown by another scene.
+    pub fn set(
+        &mut self,
+        environment: Environment,
+        r_camera_enu_m: DVec3,
+        size_px: [u32; 2],
+        props: &[Prop],
+        clutter: &[MeshData],
+        clouds: Option<u64>,
+    ) {
+        let world = self.app.world_mut();
+        if let Some(root) = self.root.take() {
+            world.entity_mut(root).despawn();
+            let mut old = world.query_filtered::<Entity, With<Uav>>();
+            let old: Vec<Entity> = old.iter(world).collect();
+            for entity in old {
+                world.despawn(entity);
+            }
+        }
+        run::spawn_scene(world, &environment, r_camera_enu_m);
+        let cloud_cover = environment.weather.cloud_cover;
+        world.insert_resource(environment);
+        let site_grid = world.resource::<SceneHandles>().site_grid;
+        self.root = world.get::<ChildOf>(site_grid).map(|child| child.parent());
+        for (index, prop) in props.iter().enumerate() {
+            capture::spawn_uav(world, index, &prop.mesh, (DVec3::ZERO, DQuat::IDENTITY));
+            world.spawn((
+                Uav {
+                    index,
+                    name: String::new(),
+                    size_m: [0.0; 3],
+                },
+                Flight {
+                    state: state((DVec3::ZERO, DQuat::IDENTITY), [0.0; MAX_ROTORS]),
+                    aim_body_m: prop.mesh.centroid_body_m(),
+                },
+                Shape::new(prop.mesh.clone()),
+            ));
+        }
+        for structure in clutter {
+            scene::add_structure(world, structure);
+        }
+        if let Some(seed) = clouds {
+            scene::set_clouds(world, cloud_cover, seed);
+        }
+        let views = SensorViews {
+            full: spawn_sensor_view(world, site_grid, size_px, ANTIALIAS),
+            window: None,
+            magnifier: spawn_sensor_view(
+                world,
+                site_grid,
+                [capture::MAGNIFY * capture::PATCH_PX; 2],
+                ANTIALIAS,
+            ),
+        };
+        // Where `settle` looks for them; a child of the scene, so that it goes with it.
+        world.spawn((views, ChildOf(site_grid)));
+        self.views = Some(views);
+        capture::settle(world, &mut self.renderer);
+    }
+
+    /// Renders what a camera sees of the props placed; the others are not there.
+    pub fn render(
+        &mut self,
+        pose: Pose,
+        pinhole: Pinhole,
+        params: &SensorParams,
+        props: &[Prop],
+        placed: &[Placed],
+    ) -> Result<Rendered, RunError> {
+        let world = self.app.world_mut();
+        let views = self.views.ok_or(RunError::NoAdapter)?;
+        let camera = SensorCamera {
+            tier: Tier::Search,
+            pinhole,
+            period_ticks: 1,
+            latency_ticks: 0,
+            sensor: Sensor::new(params)?,
+            window_px: None,
+            antialias: ANTIALIAS,
+        };
+        // Behind the camera, what is not placed is culled.
+        let away_enu_m = pose.r_enu_m - 500.0 * (pose.q_enu_cam * DVec3::Z);
+        let mut truth = Vec::new();
+        let mut uavs = world.query::<(&Uav, &mut Flight, &Shape)>();
+        for (uav, mut flight, shape) in uavs.iter_mut(world) {
+            let at = placed.iter().find(|placed| placed.prop == uav.index);
+            flight.state = match at {
+                Some(placed) => state(placed.body, placed.phase_rad),
+                None => state((away_enu_m, DQuat::IDENTITY), [0.0; MAX_ROTORS]),
+            };
+            if at.is_some()
+                && props[uav.index].distractor.is_none()
+                && let Some(mut seen) = capture::projected(&pinhole, &pose, &flight, shape)
+            {
+                seen.uav = uav.index;
+                truth.push(seen);
+            }
+        }
+        truth.sort_by_key(|seen| seen.uav);
+        let frame = Frame {
+            tier: Tier::Search,
+            tick: 0,
+            pose,
+            pointing: Pointing {
+                az_el_rad: DVec2::ZERO,
+                mirror_rad: DVec2::ZERO,
+                base_tilt_rad: DVec3::ZERO,
+                alignment: Alignment::default(),
+            },
+            rect: PixelRect {
+                offset_px: [0, 0],
+                size_px: [pinhole.width_px, pinhole.height_px],
+            },
+            truth,
+            rgb8: None,
+        };
+        let shots = [Shot::new(&frame, camera, &views)];
+        let mut frames = [frame];
+        let digits = capture::draw(world, &mut self.renderer, &frames, &shots);
+        let ([frame], [shot]) = (&mut frames, &shots);
+        let scratch = &mut self.scratch;
+        capture::read(world, &mut self.renderer, frame, shot, &digits, scratch)?;
+        let ([frame], [shot]) = (frames, shots);
+        Ok(Rendered {
+            frame,
+            shot,
+            digits,
+        })
+    }
+}
+
+fn state((r_enu_m, q_enu_body): (DVec3, DQuat), phase_rad: [f64; MAX_ROTORS]) -> MultirotorState {
+    MultirotorState {
+        r_enu_m,
+        v_enu_mps: DVec3::ZERO,
+        q_enu_body,
+        omega_body_radps: DVec3::ZERO,
+        rotor_speed_radps: [0.0; MAX_ROTORS],
+        rotor_phase_rad: phase_rad,
+        drag_estimate_enu_mps2: DVec3::ZERO,
+    }
+}
