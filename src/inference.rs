@@ -312,20 +312,20 @@ impl OnnxDetector {
             .try_extract_tensor::<i64>()
             .map_err(broken)?;
         let n = scores.len();
-        let aims = match outputs.get("aims") {
-            Some(aims) => Some(aims.try_extract_tensor::<f32>().map_err(broken)?.1),
+        let centres = match outputs.get("centres") {
+            Some(centres) => Some(centres.try_extract_tensor::<f32>().map_err(broken)?.1),
             None => None,
         };
-        if aims.is_some_and(|aims| aims.len() != 2 * n) {
-            return Err(wrong("aims are not [N, 2]".into()));
+        if centres.is_some_and(|centres| centres.len() != 2 * n) {
+            return Err(wrong("centres are not [N, 2]".into()));
         }
         if shape.len() != 2 || shape[1] != 4 || boxes.len() != 4 * n || labels.len() != n {
             return Err(wrong(
                 "boxes are not [N, 4] with one score and one label each".into(),
             ));
         }
-        if boxes.iter().chain(scores).chain(aims.unwrap_or_default()).any(|x| !x.is_finite()) {
-            return Err(wrong("it gives boxes, scores or aims that are not finite".into()));
+        if boxes.iter().chain(scores).chain(centres.unwrap_or_default()).any(|x| !x.is_finite()) {
+            return Err(wrong("it gives boxes, scores or centres that are not finite".into()));
         }
         let classes = self.classes.len();
         let class = |label: i64| {
@@ -349,8 +349,8 @@ impl OnnxDetector {
                         f64::from(*score),
                         class(*label).unwrap_or_default(),
                     );
-                    if let Some(aims) = aims {
-                        found.aim_px = [aims[2 * i], aims[2 * i + 1]].map(f64::from);
+                    if let Some(centres) = centres {
+                        found.aim_px = [centres[2 * i], centres[2 * i + 1]].map(f64::from);
                     }
                     found
                 })

@@ -93,9 +93,9 @@ class BoresightP2(nn.Module):
             self.out.bias[0] = -4.6  # prior of 1 % for a cell to hold a centre
             self.out.bias[3:5] = math.log(12.0 / self.cell)  # log of the size in cells
 
-    def forward(self, images: Tensor, aim: bool = False) -> Tensor:
-        """Raw maps [B, 1 + 4 + classes, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
-        classes; with `aim` two more, the aim point from the box's middle x, y [cells], which `decode` has no use for."""
+    def forward(self, images: Tensor) -> Tensor:
+        """Raw maps [B, 1 + 4 + classes + 2, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
+        classes, the body's middle from the box's x, y [cells]."""
         p2 = self.stem(images)
         p3 = self.down3(p2)
         p4 = self.down4(p3)
@@ -103,7 +103,7 @@ class BoresightP2(nn.Module):
         p4 = self.fuse4(F.relu(p4 + self.up(self.lateral4(p5))))
         p3 = self.fuse3(F.relu(p3 + self.up(self.lateral3(p4))))
         seen = self.head(p2 + self.up(self.lateral2(p3)))
-        return torch.cat([self.out(seen), self.aim(seen)], 1) if aim else self.out(seen)
+        return torch.cat([self.out(seen), self.aim(seen)], 1)
 
     @staticmethod
     def up(x: Tensor) -> Tensor:
@@ -118,7 +118,7 @@ class BoresightP2(nn.Module):
     def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
         """Penalty-reduced focal loss of the heat map (CenterNet: Zhou et al. 2019), DIoU + NWD of the boxes at the
         cells about each centre, cross entropy of the classes."""
-        raw = self(images, aim=True).float()
+        raw = self(images).float()
         batch, _, rows, cols = raw.shape
         device = raw.device
         heat = torch.zeros(batch, rows, cols)
@@ -173,7 +173,7 @@ class BoresightP2(nn.Module):
             losses["nwd"] = (weight * (1 - nwd(predicted, truth, 0.5 * scale))).sum() / count
             labels = torch.tensor(all_labels, device=device)[pick[:, 3]]
             losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:-2], labels, reduction="none")).sum() / count
-            # Where a laser would aim is known of rendered targets only, and the middle itself has its own losses.
+            # The body's middle is known of rendered targets only, and the box's has its own losses.
             aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(device)[pick[:, 3]]
             known = aims.isfinite().all(1)
             middle = (predicted[:, :2] + predicted[:, 2:]).detach() / 2
@@ -184,8 +184,9 @@ class BoresightP2(nn.Module):
             losses["total"] = losses["heat"] + 0 * raw[:, 1:].sum()
         return losses
 
-    def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Boxes [N,4] px, scores [N] falling, labels int64 [N] of one picture: peaks of the heat map, best first."""
+    def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Boxes [N,4] px, scores [N] falling, labels int64 [N], bodies' middles [N,2] px of one picture: peaks of the
+        heat map, best first."""
         raw = self(images)
         cols = raw.shape[3]
         p = raw[:, :1].sigmoid()
@@ -195,7 +196,8 @@ class BoresightP2(nn.Module):
         y = torch.div(index, cols, rounding_mode="floor")
         boxes = self.boxes(rows_raw, (index - y * cols).to(raw.dtype), y.to(raw.dtype))
         scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
-        return boxes[order], scores, rows_raw[:, 5:].argmax(1)[order]
+        middles = (boxes[:, :2] + boxes[:, 2:]) / 2 + rows_raw[:, -2:] * self.cell
+        return boxes[order], scores, rows_raw[:, 5:-2].argmax(1)[order], middles[order]
 
 
 # --- the baseline --------------------------------------------------------------------------------------------------

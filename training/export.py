@@ -17,7 +17,7 @@ import models
 from data import Crops
 from preprocess import native
 
-OUTPUTS = ("boxes", "scores", "labels")
+OUTPUTS = ("boxes", "scores", "labels", "centres")  # the last is optional
 SHAPES = ((480, 640), (256, 256), (512, 640), (97, 161))  # compared, (height, width)
 BOX_PX, SCORE = 0.05, 1e-3  # allowed between PyTorch and ONNX Runtime
 # Fainter detections are not compared, but for the best: on plateaus of equal heat (a saturated sky) the last bit decides
@@ -32,9 +32,9 @@ class Decoder(torch.nn.Module):
         super().__init__()
         self.model = model
 
-    def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        boxes, scores, labels = self.model.decode(image)
-        return boxes, scores, labels.to(torch.int64)
+    def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        boxes, scores, labels, *centres = self.model.decode(image)
+        return boxes, scores, labels.to(torch.int64), *centres
 
 
 def load(path: Path) -> tuple[torch.nn.Module, dict]:
@@ -50,20 +50,20 @@ def to_onnx(model: torch.nn.Module, classes: list[str], threshold: float, descri
     height, width = model.fixed_size or (8 * model.stride, 10 * model.stride)
     example = torch.zeros(1, 3, height, width)
     with torch.no_grad():
-        count = model.decode(example)[1].shape[0]
+        shapes = [list(output.shape) for output in model.decode(example)]
     dynamic = None if model.fixed_size else {"image": {2: "height", 3: "width"}}
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         torch.onnx.export(
             Decoder(model).eval(), (example,), buffer, opset_version=17, dynamo=False, do_constant_folding=True,
-            input_names=["image"], output_names=list(OUTPUTS), dynamic_axes=dynamic,
+            input_names=["image"], output_names=list(OUTPUTS[: len(shapes)]), dynamic_axes=dynamic,
         )  # fmt: skip
     graph = onnx.load_from_string(buffer.getvalue())
     for node in graph.graph.node:  # where in the source a node came from is nobody's business
         node.doc_string = ""
     del graph.graph.value_info[:]
-    for value, shape in zip(graph.graph.output, ([count, 4], [count], [count])):
+    for value, shape in zip(graph.graph.output, shapes):
         dims = value.type.tensor_type.shape
         del dims.dim[:]
         for side in shape:
@@ -98,12 +98,13 @@ def session(model: bytes, threads: int = 1) -> ort.InferenceSession:
 def unmatched(one: list[np.ndarray], other: list[np.ndarray]) -> list[str]:
     """Detections of `one` without a partner in `other`: the same box, score and label, in whatever order."""
     free, missing = list(range(len(other[1]))), []
-    for k, (box, score, label) in enumerate(zip(*one)):
+    for k, (box, score, label, *centre) in enumerate(zip(*one)):
         if score < FAINT and k > 0:
             continue
         near = [
             j for j in free
             if abs(other[1][j] - score) < SCORE and other[2][j] == label and np.abs(other[0][j] - box).max() < BOX_PX
+            and all(np.abs(other[3][j] - xy).max() < BOX_PX for xy in centre)
         ]  # fmt: skip
         if near:
             free.remove(near[0])
@@ -124,7 +125,7 @@ def compare(model: torch.nn.Module, graph: bytes, pictures: int = 3) -> int:
             image = native(rgb, model.stride, model.min_side_px, model.fixed_size)
             with torch.no_grad():
                 ours = [x.numpy() for x in Decoder(model)(torch.from_numpy(image))]
-            theirs = runtime.run(list(OUTPUTS), {"image": image})
+            theirs = runtime.run(None, {"image": image})
             if not all(np.isfinite(x).all() for x in theirs) or (np.diff(theirs[1]) > 0).any():
                 raise RuntimeError(f"{wide} x {high}: an output is not finite or the scores do not fall")
             wrong = unmatched(ours, theirs) + unmatched(theirs, ours)

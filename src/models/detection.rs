@@ -8,7 +8,7 @@ use crate::models::rng::Stream;
 pub struct Detection {
     /// x0, y0, x1, y1 [px].
     pub box_px: [f64; 4],
-    /// Where to aim [px]: the box's middle, unless the detector says better.
+    /// Middle of the body [px]: the box's, unless the detector says better.
     pub aim_px: [f64; 2],
     /// Confidence, 0 to 1.
     pub score: f64,
@@ -17,7 +17,7 @@ pub struct Detection {
 }
 
 impl Detection {
-    /// A detection aimed at in its box's middle.
+    /// A detection whose body has its middle in the box's.
     pub fn new(box_px: [f64; 4], score: f64, label: u32) -> Self {
         let mut detection = Self {
             box_px,
