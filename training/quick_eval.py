@@ -104,7 +104,7 @@ def main() -> None:
         planes = native(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), stride, least, fixed)
         begin = time.perf_counter()
         with torch.no_grad():
-            boxes, scores, _ = infer(planes)
+            boxes, scores, *_ = infer(planes)
         spent += time.perf_counter() - begin
         good = scores > 0.005
         t, g = (np.array(x[image["id"]], float).reshape(-1, 4) for x in (truth, ignore))
