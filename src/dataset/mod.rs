@@ -164,6 +164,10 @@ pub fn dataset(arguments: &Arguments) -> Result<String, RunError> {
             for (scene, split) in take {
                 make(recipe, scene?, split, &mut stage, out)?;
                 bar.inc(1);
+                if bar.is_hidden() && bar.position() % 10 == 0 {
+                    let total = bar.length().unwrap_or(0);
+                    eprintln!("{} of {total} scenes", bar.position());
+                }
             }
             Ok::<_, RunError>(())
         })?;
