@@ -45,7 +45,10 @@ pub enum VideoError {
         why: String,
     },
     /// A frame cannot be decoded.
-    #[error("clip {path}: frame {frame} cannot be decoded ({why})")]
+    #[error(
+        "clip {path}: frame {frame} cannot be decoded ({why}); copy the file again, or convert it \
+         with `ffmpeg -i IN -pix_fmt yuv420p OUT.mp4`"
+    )]
     Frame {
         /// The clip.
         path: PathBuf,
