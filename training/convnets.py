@@ -179,7 +179,7 @@ class BoresightP2(nn.Module):
             middle = (predicted[:, :2] + predicted[:, 2:]).detach() / 2
             miss = (middle + rows_raw[:, -2:] * self.cell - aims.nan_to_num()).abs().sum(-1) / scale
             losses["aim"] = (weight * miss * known).sum() / count
-            losses["total"] = losses["heat"] + 1.5 * losses["box"] + losses["nwd"] + 0.3 * losses["class"] + losses["aim"]
+            losses["total"] = losses["heat"] + 1.5 * losses["box"] + losses["nwd"] + 0.7 * losses["class"] + losses["aim"]
         else:
             losses["total"] = losses["heat"] + 0 * raw[:, 1:].sum()
         return losses
