@@ -324,8 +324,15 @@ impl OnnxDetector {
                 "boxes are not [N, 4] with one score and one label each".into(),
             ));
         }
-        if boxes.iter().chain(scores).chain(centres.unwrap_or_default()).any(|x| !x.is_finite()) {
-            return Err(wrong("it gives boxes, scores or centres that are not finite".into()));
+        if boxes
+            .iter()
+            .chain(scores)
+            .chain(centres.unwrap_or_default())
+            .any(|x| !x.is_finite())
+        {
+            return Err(wrong(
+                "it gives boxes, scores or centres that are not finite".into(),
+            ));
         }
         let classes = self.classes.len();
         let class = |label: i64| {

@@ -294,7 +294,12 @@ impl Tally {
 /// Carries out the evaluation and writes what it leaves.
 pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let fov_deg = arguments.fov_deg;
-    within("--threshold", arguments.threshold.unwrap_or_default(), 0.0, 1.0)?;
+    within(
+        "--threshold",
+        arguments.threshold.unwrap_or_default(),
+        0.0,
+        1.0,
+    )?;
     within("--fov-deg", fov_deg, 0.01, 170.0)?;
     within("--centre-sigma-px", arguments.centre_sigma_px, 0.01, 20.0)?;
     within("--rate-hz", arguments.rate_hz, 0.1, 10_000.0)?;
@@ -373,12 +378,7 @@ fn within(argument: &'static str, value: f64, low: f64, high: f64) -> Result<(),
     })
 }
 
-fn command(
-    arguments: &Arguments,
-    files: &[PathBuf],
-    threads: usize,
-    threshold: f64,
-) -> String {
+fn command(arguments: &Arguments, files: &[PathBuf], threads: usize, threshold: f64) -> String {
     let files: String = (files.iter())
         .map(|file| format!(" {}", file.display()))
         .collect();

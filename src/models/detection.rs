@@ -165,14 +165,22 @@ pub fn detect_truth(
         if missed || !inside || (x1 - x0).max(y1 - y0) < MIN_SIDE_PX {
             continue;
         }
-        out.push(Detection::new([x0 + dx, y0 + dy, x1 + dx, y1 + dy], (mean + sigma * rng.normal()).clamp(0.0, 1.0), 0));
+        out.push(Detection::new(
+            [x0 + dx, y0 + dy, x1 + dx, y1 + dy],
+            (mean + sigma * rng.normal()).clamp(0.0, 1.0),
+            0,
+        ));
     }
     let mut rng = Stream::new(key, 0, "false alarms");
     let share = f64::from(size_px[0] * size_px[1]) / f64::from(sensor_px[0] * sensor_px[1]);
     for _ in 0..rng.poisson(errors.false_alarms_per_frame * share) {
         let (x, y) = (rng.range(low[0], high[0]), rng.range(low[1], high[1]));
         let half = rng.range(1.5, 8.0);
-        out.push(Detection::new([x - half, y - half, x + half, y + half], rng.range(0.5, 0.9), 0));
+        out.push(Detection::new(
+            [x - half, y - half, x + half, y + half],
+            rng.range(0.5, 0.9),
+            0,
+        ));
     }
 }
 
