@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn a_blade_a_hair_wide_does_not_stretch_the_box() {
         // A body of 2 px, and to its right a line of an eighth of a pixel with every second sample.
-        let thin = |x: u32, y: u32| y == 8 && x % 2 == 0 && (16..40).contains(&x);
+        let thin = |x: u32, y: u32| y == 8 && x.is_multiple_of(2) && (16..40).contains(&x);
         let body = masks([5, 3], |x, y| (x < 16 && y < 16) || thin(x, y));
         let seen = label(&body, |_, _| 1.0).unwrap();
         assert_eq!(seen.box_px, [10.0, 20.0, 12.0, 22.0]);

@@ -181,7 +181,7 @@ pub fn dataset(arguments: &Arguments) -> Result<String, RunError> {
             for (scene, split) in take {
                 make(recipe, scene?, split, &mut stage, out)?;
                 bar.inc(1);
-                if bar.is_hidden() && bar.position() % 10 == 0 {
+                if bar.is_hidden() && bar.position().is_multiple_of(10) {
                     let total = bar.length().unwrap_or(0);
                     eprintln!("{} of {total} scenes", bar.position());
                 }
@@ -455,9 +455,7 @@ fn clip(
                 .collect();
             // A clip begins with something that can be seen.
             let contrast = |seen: &Annotation| seen.contrast >= recipe.targets.min_contrast;
-            if number == 1 && !annotations.iter().all(contrast)
-                || annotations.is_empty() && number == 1
-            {
+            if number == 1 && (annotations.is_empty() || !annotations.iter().all(contrast)) {
                 break;
             }
             let key = rng.bits();
