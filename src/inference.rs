@@ -699,6 +699,30 @@ mod tests {
         folder.join(format!("{name}.onnx"))
     }
 
+    #[test]
+    fn the_shipped_models_load() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
+        for (name, classes) in [
+            ("saliency", &["uav"][..]),
+            ("boresight-p2", &["fpv", "quadcopter", "hexacopter"]),
+        ] {
+            let path = folder.join(format!("{name}.onnx"));
+            let mut model = OnnxDetector::load(&path, 1).expect("a shipped model");
+            assert_eq!(model.classes(), classes);
+            // A black 12 px square before grey: both see it, where it is.
+            let mut rgb8 = vec![150; 160 * 120 * 3];
+            for at in (50..62).flat_map(|y| (70..82).map(move |x| 3 * (y * 160 + x))) {
+                rgb8[at..at + 3].fill(20);
+            }
+            let mut found = Vec::new();
+            model
+                .detect(&rgb8, [160, 120], &mut found)
+                .expect("an answer");
+            let [x, y] = found[0].aim_px;
+            assert!((x - 76.0).hypot(y - 56.0) < 4.0, "{name}: {:?}", found[0]);
+        }
+    }
+
     /// The models are those of training/make_broken_models.py.
     #[test]
     fn a_model_that_differs_from_the_interface_is_refused_with_its_fault() {
