@@ -6,6 +6,7 @@ Sample i of epoch e depends on (seed, e, i) and the folder alone, whoever draws 
 import hashlib
 import json
 import math
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -215,6 +216,7 @@ def collate(samples: list[tuple[torch.Tensor, dict]]) -> tuple[torch.Tensor, lis
 
 
 def worker_init(_: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the training process, which saves first
     torch.set_num_threads(1)
 
 
