@@ -144,7 +144,7 @@ def main() -> None:
     args = parser.parse_args()
     model, state = load(args.checkpoint)
     recipe = state["recipe"]
-    training = {k: recipe[k] for k in ("model", "steps", "batch", "seed", "lr", "procedural", "data")}
+    training = {k: recipe[k] for k in ("model", "steps", "batch", "crop", "bf16", "seed", "lr", "procedural", "data")}
     training |= {"step": state["step"], "hours": round(state["seconds"] / 3600, 2), "machine": state["machine"]}
     parameters = sum(p.numel() for p in model.parameters())
     description = args.description or f"{model.name}: detector of small UAVs, {parameters / 1e6:.2f} M parameters."

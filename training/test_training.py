@@ -1,5 +1,6 @@
 """Checks of the training package: `pytest training/test_training.py`, half a minute on two cores."""
 
+import argparse
 import json
 import os
 import subprocess
@@ -18,6 +19,7 @@ import augment
 import export
 import models
 import quick_eval
+import table1
 from convnets import nwd
 from data import Crops, Frames, clip_boxes, collate
 from preprocess import native
@@ -258,3 +260,26 @@ def test_resumed_equals_uninterrupted(tmp_path):
     assert refused.returncode != 0 and "--resume" in refused.stderr
     other = run(tmp_path / "whole", "--resume", "--lr", "1")
     assert other.returncode != 0 and "another lr" in other.stderr
+
+
+def test_trains_in_bfloat16_on_small_crops(tmp_path):
+    done = run(tmp_path / "half", "--bf16", "--crop", "128")
+    assert done.returncode == 0, done.stderr
+    state = torch.load(tmp_path / "half/last.pt", weights_only=True)
+    assert state["step"] == 6 and state["recipe"]["bf16"] and state["recipe"]["crop"] == 128
+    for v in state["ema"].values():  # weights stay in 32 bits
+        assert v.dtype in (torch.float32, torch.int64) and v.isfinite().all()
+
+
+def test_table_gives_mean_and_spread(tmp_path):
+    def result(row: str, seed: int, map50: float) -> dict:
+        return {"row": row, "seed": seed, "minutes": 2.0, "figures": {"map50": map50, "params": 350_000, "miss_distance_px": {"mean": None}}}
+
+    args = argparse.Namespace(rows=["yolo-n", "boresight-p2", "d-fine"])
+    text = table1.table([result("boresight-p2", 1, 0.5), result("yolo-n", 1, 0.25), result("boresight-p2", 2, 0.7)], args)
+    rows = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines()]
+    assert [r[0] for r in rows] == ["row", "---", "yolo-n", "boresight-p2"]  # in the order asked for; none without results
+    column = {name: k for k, name in enumerate(rows[0])}
+    assert rows[3][column["mAP@50"]] == "0.600 ± 0.141"  # sample standard deviation of 0.5 and 0.7: 0.1414
+    assert rows[2][column["mAP@50"]] == "0.250" and rows[3][column["seeds"]] == "2"
+    assert rows[3][column["M parameters"]] == "0.35" and rows[3][column["miss distance mean [px]"]] == "–"

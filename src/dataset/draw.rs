@@ -579,7 +579,7 @@ fn attitude(motion: Motion, rng: &mut Stream) -> DQuat {
     };
     match motion {
         Motion::Level => yaw * tilt(rng, 8.0, 0.0),
-        Motion::Manoeuvre => yaw * tilt(rng, 40.0, 8.0),
+        Motion::Manoeuvre => yaw * tilt(rng, 60.0, 8.0),
         Motion::ClimbDive => {
             let nose_rad = rng.range(-35.0, 35.0).to_radians();
             yaw * DQuat::from_rotation_y(nose_rad) * tilt(rng, 8.0, 0.0)
@@ -811,7 +811,7 @@ mod tests {
         let mut rng = Stream::new(2, 0, "test");
         for (motion, least_deg, most_deg) in [
             (Motion::Level, 0.0, 8.0),
-            (Motion::Manoeuvre, 8.0, 40.0),
+            (Motion::Manoeuvre, 8.0, 60.0),
             (Motion::ClimbDive, 0.0, 43.0),
         ] {
             for _ in 0..500 {
