@@ -19,9 +19,7 @@ use crate::models::detection_metrics::{ALL, Criterion, Image, Matching, Truth};
 use crate::models::kinematics::{Pose, az_el_to_los};
 use crate::models::tracking::Track;
 use crate::recording::encode_jpeg;
-use crate::report::{
-    Across, Chart, Escaped, MissStats, STYLE, Scale, Series, StateSpan, states_html,
-};
+use crate::report::{Across, Chart, Escaped, STYLE, Scale, Series, StateSpan, states_html};
 use crate::run::{self, RunError};
 use crate::scenario;
 use crate::systems::track::{Situation, TrackerParams, step, take_in};
@@ -261,15 +259,6 @@ impl Tally {
         let share =
             |part: usize, of: usize| (self.known && of > 0).then(|| part as f64 / of as f64);
         let count = |n: usize| self.known.then_some(n);
-        let miss = |px: &[f64]| {
-            let stats = MissStats::of(px.iter().copied());
-            Miss {
-                mean: stats.map(|s| s.mean),
-                rms: stats.map(|s| s.rms),
-                median: stats.map(|s| s.p50),
-                n: px.len(),
-            }
-        };
         Figures {
             frames: self.frames,
             detections: self.detections,
@@ -280,8 +269,8 @@ impl Tally {
             false_alarms_per_frame: share(self.false_alarms, self.frames),
             duplicates: count(self.duplicates),
             miss_distance_px: MissDistances {
-                detector: miss(&self.detector_px),
-                tracker: miss(&self.tracker_px),
+                detector: Miss::of(self.detector_px.iter().copied()),
+                tracker: Miss::of(self.tracker_px.iter().copied()),
             },
             locked_share: self.locked as f64 / self.frames.max(1) as f64,
             on_target_share: share(self.on_target, self.with_uav),
@@ -1137,16 +1126,6 @@ fn percent(share: Option<f64>) -> String {
     share.map_or("–".into(), |share| format!("{:.1} %", 100.0 * share))
 }
 
-fn miss(miss: &Miss) -> String {
-    format!(
-        "{} / {} / {} px ({})",
-        number(miss.mean, 2),
-        number(miss.rms, 2),
-        number(miss.median, 2),
-        miss.n
-    )
-}
-
 impl Figures {
     /// The figures with their names.
     fn rows(&self) -> Vec<(&'static str, String)> {
@@ -1165,11 +1144,11 @@ impl Figures {
             ("further detections in a box", count(self.duplicates)),
             (
                 "detector's miss distance: mean / rms / median",
-                miss(&self.miss_distance_px.detector),
+                self.miss_distance_px.detector.to_string(),
             ),
             (
                 "tracker's miss distance: mean / rms / median",
-                miss(&self.miss_distance_px.tracker),
+                self.miss_distance_px.tracker.to_string(),
             ),
             ("target held", percent(Some(self.locked_share))),
             (

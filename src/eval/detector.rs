@@ -179,14 +179,21 @@ pub struct Miss {
 }
 
 impl Miss {
-    fn of(matching: &Matching, images: &[Image]) -> Self {
-        let stats = MissStats::of(matching.miss_distances_px(images));
+    pub(super) fn of(px: impl IntoIterator<Item = f64>) -> Self {
+        let stats = MissStats::of(px);
         Self {
             mean: stats.map(|s| s.mean),
             rms: stats.map(|s| s.rms),
             median: stats.map(|s| s.p50),
             n: stats.map_or(0, |s| s.n),
         }
+    }
+}
+
+impl std::fmt::Display for Miss {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let [mean, rms, median] = [self.mean, self.rms, self.median].map(|px| number(px, 2));
+        write!(f, "{mean} / {rms} / {median} px ({} matches)", self.n)
     }
 }
 
@@ -305,13 +312,13 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
         recall_at_threshold: recall_there,
         false_alarms_per_frame: alarms_there,
         class_accuracy: class_accuracy(&coco, model.classes(), &images, &half),
-        miss_distance_px: Miss::of(&half, &images),
+        miss_distance_px: Miss::of(half.miss_distances_px(&images)),
         centre_hit: CentreHit {
             ap: centre.average_precision(),
             recall_at_fppi_0_1: centre.recall_at(FPPI).map(|(recall, _)| recall),
             recall_at_threshold: centre_recall_there,
             false_alarms_per_frame: centre_alarms_there,
-            miss_distance_px: Miss::of(&centre, &images),
+            miss_distance_px: Miss::of(centre.miss_distances_px(&images)),
         },
         params: cost::parameters(&bytes),
         gflops_missing: gflops.as_ref().err().map(ToString::to_string),
@@ -448,15 +455,6 @@ impl Evaluation {
                 size.boxes
             )
         };
-        let miss = |miss: &Miss| {
-            format!(
-                "{} / {} / {} px ({} matches)",
-                number(miss.mean, 2),
-                number(miss.rms, 2),
-                number(miss.median, 2),
-                miss.n
-            )
-        };
         let [width, height] = self.gflops_size_px;
         let gflops = match &self.gflops_missing {
             Some(why) => format!("not counted: {why}"),
@@ -497,7 +495,7 @@ impl Evaluation {
             ("class right where hit", share(self.class_accuracy)),
             (
                 "miss distance: mean / rms / median",
-                miss(&self.miss_distance_px),
+                self.miss_distance_px.to_string(),
             ),
             ("centre in the box: AP", share(self.centre_hit.ap)),
             (
@@ -514,7 +512,7 @@ impl Evaluation {
             ),
             (
                 "its miss distance: mean / rms / median",
-                miss(&self.centre_hit.miss_distance_px),
+                self.centre_hit.miss_distance_px.to_string(),
             ),
             (
                 "parameters",

@@ -69,22 +69,8 @@ impl Coverage {
     }
 }
 
-/// What a UAV at position and attitude `body` would cover of `rect` if nothing stood before it:
+/// What a UAV at position and attitude `body` would cover of `rect` if nothing stood before it, pixel by pixel:
 /// the union of its triangles, with `antialias` (1 or 4) samples a pixel.
-pub fn silhouette(
-    pinhole: &Pinhole,
-    pose: &Pose,
-    body: (DVec3, DQuat),
-    rotor_phase_rad: &[f64],
-    shape: &UavMesh,
-    rect: PixelRect,
-    antialias: u32,
-) -> Coverage {
-    let masks = sampled_silhouette(pinhole, pose, body, rotor_phase_rad, shape, rect, antialias);
-    masks.coverage()
-}
-
-/// What [`silhouette`] gives, pixel by pixel.
 pub fn sampled_silhouette(
     pinhole: &Pinhole,
     pose: &Pose,
@@ -177,7 +163,7 @@ impl Masks {
         }
     }
 
-    fn coverage(&self) -> Coverage {
+    pub fn coverage(&self) -> Coverage {
         let mut coverage = Coverage::default();
         let ([left, top], width) = (self.rect.offset_px, self.rect.size_px[0]);
         for (i, mask) in self.masks.iter().enumerate() {

@@ -617,7 +617,7 @@ fn count_identities(
             }
         }
         let state = &flight.state;
-        let whole = raster::silhouette(
+        let whole = raster::sampled_silhouette(
             &pinhole,
             &frame.pose,
             (state.r_enu_m, state.q_enu_body),
@@ -625,7 +625,8 @@ fn count_identities(
             &shape.mesh,
             rect,
             camera.antialias,
-        );
+        )
+        .coverage();
         seen.rendered = Some(RenderedTruth {
             box_px: visible.box_px().map(|px| px.map(|x| x / scale)),
             centroid_px: visible.centroid_px().map(|px| px.map(|x| x / scale)),
