@@ -1,4 +1,5 @@
-"""Plain convolutional detectors: `BoresightP2`, made for the speed of one CPU thread.
+"""Convolutional detectors: `BoresightP2`, made for the speed of one CPU thread, `BoresightP2Roi`, which looks a second
+time at what that one found, and the baseline `YoloN`.
 
 Every model here keeps to the protocol of `models.py`: `loss(images, targets)`, `decode(images)`, `name`, `stride`,
 `min_side_px`, `fixed_size`.
@@ -72,6 +73,7 @@ class BoresightP2(nn.Module):
 
     stride, min_side_px, fixed_size = 32, 64, None
     cell = 4  # [px] of the head's grid
+    tells_class = True  # the maps hold class and aim point, too
 
     def __init__(self, name: str = "boresight-p2", num_classes: int = 3, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
         super().__init__()
@@ -84,41 +86,52 @@ class BoresightP2(nn.Module):
         self.lateral4, self.fuse4 = conv(w4, w4, 1, act=nn.Identity()), conv(w4, w4)
         self.lateral3, self.fuse3 = conv(w4, w3, 1, act=nn.Identity()), conv(w3, w3)
         self.lateral2, self.head = conv(w3, w2, 1, act=nn.Identity()), conv(w2, head)
-        self.out = nn.Conv2d(head, 1 + 4 + num_classes, 1)
-        self.aim = nn.Conv2d(head, 2, 1)
+        self.out = nn.Conv2d(head, 1 + 4 + (num_classes if self.tells_class else 0), 1)
         nn.init.normal_(self.out.weight, std=0.01)
-        nn.init.zeros_(self.aim.weight)
         with torch.no_grad():
             self.out.bias.zero_()
             self.out.bias[0] = -4.6  # prior of 1 % for a cell to hold a centre
             self.out.bias[3:5] = math.log(12.0 / self.cell)  # log of the size in cells
+        if self.tells_class:
+            self.aim = nn.Conv2d(head, 2, 1)
+            nn.init.zeros_(self.aim.weight)
 
     def forward(self, images: Tensor) -> Tensor:
         """Raw maps [B, 1 + 4 + classes + 2, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
         classes, the body's middle from the box's x, y [cells]."""
-        p2 = self.stem(images)
+        return self.maps(self.features(images)[1])
+
+    def maps(self, seen: Tensor) -> Tensor:
+        return torch.cat([self.out(seen), self.aim(seen)], 1) if self.tells_class else self.out(seen)
+
+    def features(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        """What the stem sees at 1/2, and the head at 1/4."""
+        p1 = self.stem[0](images)
+        p2 = self.stem[1](p1)
         p3 = self.down3(p2)
         p4 = self.down4(p3)
         p5 = self.down5(p4)
         p4 = self.fuse4(F.relu(p4 + self.up(self.lateral4(p5))))
         p3 = self.fuse3(F.relu(p3 + self.up(self.lateral3(p4))))
-        seen = self.head(p2 + self.up(self.lateral2(p3)))
-        return torch.cat([self.out(seen), self.aim(seen)], 1)
+        return p1, self.head(p2 + self.up(self.lateral2(p3)))
 
     @staticmethod
     def up(x: Tensor) -> Tensor:
         return F.interpolate(x, scale_factor=2.0, mode="nearest")
 
     def boxes(self, raw: Tensor, x: Tensor, y: Tensor) -> Tensor:
-        """Boxes [n,4] in pixels of raw rows [n, >=5] at cells (x, y)."""
-        centre = torch.stack([x + 0.5, y + 0.5], -1) + raw[:, 1:3]
-        half = raw[:, 3:5].clamp(-3.0, 4.5).exp() / 2
+        """Boxes [...,4] in pixels of raw rows [..., >=5] at cells (x, y)."""
+        centre = torch.stack([x + 0.5, y + 0.5], -1) + raw[..., 1:3]
+        half = raw[..., 3:5].clamp(-3.0, 4.5).exp() / 2
         return torch.cat([centre - half, centre + half], -1) * self.cell
 
     def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
         """Penalty-reduced focal loss of the heat map (CenterNet: Zhou et al. 2019), DIoU + NWD of the boxes at the
         cells about each centre, cross entropy of the classes."""
-        raw = self(images).float()
+        return self.dense_loss(self(images).float(), targets)
+
+    def dense_loss(self, raw: Tensor, targets: list[Target]) -> dict[str, Tensor]:
+        """The loss of raw maps."""
         batch, _, rows, cols = raw.shape
         device = raw.device
         heat = torch.zeros(batch, rows, cols)
@@ -171,15 +184,17 @@ class BoresightP2(nn.Module):
             scale = (truth[:, 2:] - truth[:, :2]).prod(-1).clamp(min=9).sqrt()
             losses["box"] = (weight * (1 - iou + apart)).sum() / count
             losses["nwd"] = (weight * (1 - nwd(predicted, truth, 0.5 * scale))).sum() / count
-            labels = torch.tensor(all_labels, device=device)[pick[:, 3]]
-            losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:-2], labels, reduction="none")).sum() / count
-            # The body's middle is known of rendered targets only, and the box's has its own losses.
-            aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(device)[pick[:, 3]]
-            known = aims.isfinite().all(1)
-            middle = (predicted[:, :2] + predicted[:, 2:]).detach() / 2
-            miss = (middle + rows_raw[:, -2:] * self.cell - aims.nan_to_num()).abs().sum(-1) / scale
-            losses["aim"] = (weight * miss * known).sum() / count
-            losses["total"] = losses["heat"] + 1.5 * losses["box"] + losses["nwd"] + 0.7 * losses["class"] + losses["aim"]
+            losses["total"] = losses["heat"] + 1.5 * losses["box"] + losses["nwd"]
+            if self.tells_class:
+                labels = torch.tensor(all_labels, device=device)[pick[:, 3]]
+                losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:-2], labels, reduction="none")).sum() / count
+                # The body's middle is known of rendered targets only, and the box's has its own losses.
+                aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(device)[pick[:, 3]]
+                known = aims.isfinite().all(1)
+                middle = (predicted[:, :2] + predicted[:, 2:]).detach() / 2
+                miss = (middle + rows_raw[:, -2:] * self.cell - aims.nan_to_num()).abs().sum(-1) / scale
+                losses["aim"] = (weight * miss * known).sum() / count
+                losses["total"] = losses["total"] + 0.7 * losses["class"] + losses["aim"]
         else:
             losses["total"] = losses["heat"] + 0 * raw[:, 1:].sum()
         return losses
@@ -188,16 +203,143 @@ class BoresightP2(nn.Module):
         """Boxes [N,4] px, scores [N] falling, labels int64 [N], bodies' middles [N,2] px of one picture: peaks of the
         heat map, best first."""
         raw = self(images)
+        boxes, scores, rows_raw = self.peaks(raw, DETECTIONS)
+        scores, order = suppress(boxes[0], scores[0], 0.4).topk(DETECTIONS)
+        boxes, rows_raw = boxes[0], rows_raw[0]
+        middles = (boxes[:, :2] + boxes[:, 2:]) / 2 + rows_raw[:, -2:] * self.cell
+        return boxes[order], scores, rows_raw[:, 5:-2].argmax(1)[order], middles[order]
+
+    def peaks(self, raw: Tensor, count: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes [B,count,4] px, scores [B,count] falling and rows [B,count,channels] of the maps' highest peaks."""
         cols = raw.shape[3]
         p = raw[:, :1].sigmoid()
         peak = p * (p == F.max_pool2d(p, 3, 1, 1)).to(p.dtype)
-        scores, index = peak.reshape(-1).topk(DETECTIONS)
-        rows_raw = raw[0].flatten(1).index_select(1, index).transpose(0, 1)
+        scores, index = peak.flatten(1).topk(count)
+        rows = raw.flatten(2).gather(2, index[:, None].expand(-1, raw.shape[1], -1)).transpose(1, 2)
         y = torch.div(index, cols, rounding_mode="floor")
-        boxes = self.boxes(rows_raw, (index - y * cols).to(raw.dtype), y.to(raw.dtype))
-        scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
-        middles = (boxes[:, :2] + boxes[:, 2:]) / 2 + rows_raw[:, -2:] * self.cell
-        return boxes[order], scores, rows_raw[:, 5:-2].argmax(1)[order], middles[order]
+        return self.boxes(rows, (index - y * cols).to(raw.dtype), y.to(raw.dtype)), scores, rows
+
+
+class BoresightP2Roi(BoresightP2):
+    """`BoresightP2` whose maps hold only heat and box, and a second stage on what it found (as in Faster R-CNN: Ren et
+    al. 2015): 7 x 7 samples of the features at 1/2 and 1/4 about each peak, at the peak's own scale, give the quality
+    (expected IoU; the score), a better box, the class and the body's middle.
+
+    Box and class need more layers than a map at 1/4 may cost; on 32 peaks they cost next to nothing.
+    """
+
+    tells_class = False
+    peaks_kept = 32  # that get a second look
+    grid = 7  # samples a side
+    taught = 16  # peaks and jittered targets a picture that the second stage learns from
+
+    def __init__(self, name: str = "boresight-p2-roi", num_classes: int = 3, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
+        super().__init__(name, num_classes, widths, head)
+        # No normalisation: targets are commoner among what it learns from than among what it will see.
+        self.look = nn.Sequential(nn.Conv2d(widths[0] + head, 32, 3), nn.ReLU(inplace=True), nn.Conv2d(32, 32, 3), nn.ReLU(inplace=True))
+        self.think = nn.Linear(32 * (self.grid - 4) ** 2 + 4, 64)
+        self.say = nn.Linear(64, 1 + 4 + num_classes + 2)
+        nn.init.normal_(self.say.weight, std=0.01)
+        nn.init.zeros_(self.say.bias)
+
+    def second(self, features: tuple[Tensor, Tensor], boxes: Tensor, logits: Tensor, size: tuple[int, int]) -> tuple[Tensor, ...]:
+        """Quality logits [B,K], boxes [B,K,4] px, class logits [B,K,classes], middles [B,K,2] px of first boxes
+        [B,K,4] px with heat logits [B,K] in pictures of `size` (height, width)."""
+        middle, sides = (boxes[..., :2] + boxes[..., 2:]) / 2, boxes[..., 2:] - boxes[..., :2]
+        window = 1.6 * sides.amax(-1, keepdim=True) + 6  # [px]
+        steps = (torch.arange(self.grid, device=boxes.device) + 0.5) / self.grid - 0.5
+        at = 2 * (middle[..., None, :] + window[..., None] * steps[:, None]) / boxes.new_tensor([size[1], size[0]]) - 1
+        x, y = at[..., None, :, 0], at[..., :, None, 1]  # [B,K,1,7], [B,K,7,1]
+        where = torch.stack([x + 0 * y, y + 0 * x], -1).flatten(2, 3)  # [B,K,49,2]
+        near = torch.cat([F.grid_sample(f.float(), where, align_corners=False) for f in features], 1)  # [B,C,K,49]
+        near = near.transpose(1, 2).reshape(-1, near.shape[1], self.grid, self.grid)
+        context = torch.cat([(sides / window).clamp(min=0.01).log(), (window / 32).log(), logits[..., None] / 4], -1)
+        thought = F.relu(self.think(torch.cat([self.look(near).flatten(1), context.reshape(-1, 4)], 1)))
+        said = self.say(thought).float().reshape(boxes.shape[0], boxes.shape[1], -1)
+        middle = middle + 0.1 * window * said[..., 1:3]
+        half = sides / 2 * (0.2 * said[..., 3:5]).clamp(-2, 2).exp()
+        return said[..., 0], torch.cat([middle - half, middle + half], -1), said[..., 5:-2], middle + 0.1 * window * said[..., -2:]
+
+    def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
+        """The maps' loss, and of the second stage: quality focal loss towards the IoU reached (GFL: Li et al. 2020),
+        DIoU + NWD, cross entropy, the middle's miss."""
+        features = self.features(images)
+        raw = self.maps(features[1]).float()
+        losses = self.dense_loss(raw, targets)
+        boxes, owner, care = self.lessons(raw.detach(), targets)
+        wanted = torch.zeros_like(care)
+        # The stem learns from the maps alone: its gradient from a few samples would cost as much as the whole stage.
+        near = (features[0].detach(), features[1])
+        quality, refined, kinds, middles = self.second(near, boxes[..., :4], boxes[..., 4], images.shape[-2:])
+        hit = owner >= 0
+        count = max(int(hit.sum()), len(targets))
+        if hit.any():
+            truth = torch.cat([t["boxes"] for t in targets]).to(raw.device)[owner[hit]]
+            labels = torch.cat([t["labels"] for t in targets]).to(raw.device)[owner[hit]]
+            aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(raw.device)[owner[hit]]
+            iou, apart = box_iou_terms(refined[hit], truth)
+            wanted[hit] = iou.detach()
+            scale = (truth[:, 2:] - truth[:, :2]).prod(-1).clamp(min=9).sqrt()
+            losses["box2"] = (1 - iou + apart).sum() / count
+            losses["nwd2"] = (1 - nwd(refined[hit], truth, 0.5 * scale)).sum() / count
+            losses["class"] = F.cross_entropy(kinds[hit], labels, reduction="sum") / count
+            known = aims.isfinite().all(1)
+            losses["aim"] = ((middles[hit] - aims.nan_to_num()).abs().sum(-1) / scale * known).sum() / count
+            losses["total"] = losses["total"] + 1.5 * losses["box2"] + losses["nwd2"] + 0.7 * losses["class"] + losses["aim"]
+        p = quality.sigmoid()
+        focal = F.binary_cross_entropy_with_logits(quality, wanted, reduction="none") * (p - wanted).detach().square()
+        losses["quality"] = 4 * (focal * care).sum() / count
+        losses["total"] = losses["total"] + losses["quality"]
+        return losses
+
+    @torch.no_grad()
+    def lessons(self, raw: Tensor, targets: list[Target]) -> tuple[Tensor, Tensor, Tensor]:
+        """What the second stage learns from: first boxes and their heat logits [B,taught,5], the target each belongs
+        to (index over the batch, -1 for none) and 1 or, in regions to ignore, 0 [B,taught].
+
+        A quarter at most are targets, shifted and resized; the others are the highest peaks.
+        """
+        first, _, rows = self.peaks(raw, self.taught)
+        first = torch.cat([first, rows[..., :1]], -1)
+        owner = torch.full(first.shape[:2], -1, device=raw.device)
+        care = torch.ones(first.shape[:2], device=raw.device)
+        offset = 0
+        for b, target in enumerate(targets):
+            truth = target["boxes"].to(raw.device)
+            if len(truth):
+                shown = truth[torch.arange(min(self.taught // 4, 2 * len(truth)), device=raw.device) % len(truth)]
+                sides = shown[:, 2:] - shown[:, :2]
+                middle = (shown[:, :2] + shown[:, 2:]) / 2 + (0.12 * sides + 0.5) * torch.randn_like(sides)
+                half = sides / 2 * (0.25 * torch.randn_like(sides)).exp()
+                n = len(shown)
+                first[b, -n:, :4] = torch.cat([middle - half, middle + half], 1)
+                x, y = ((middle / self.cell).long().clamp(min=0)).unbind(1)
+                first[b, -n:, 4] = raw[b, 0, y.clamp(max=raw.shape[2] - 1), x.clamp(max=raw.shape[3] - 1)]
+            middle = (first[b, :, :2] + first[b, :, 2:4]) / 2
+            ignore = target.get("ignore", torch.zeros(0, 4)).to(raw.device)
+            if len(ignore):
+                inside = ((middle[:, None] > ignore[:, :2] - 4) & (middle[:, None] < ignore[:, 2:] + 4)).all(-1)
+                care[b, inside.any(1)] = 0
+            if len(truth):
+                apart = (middle[:, None] - (truth[:, :2] + truth[:, 2:]) / 2).norm(dim=-1)
+                reach = 0.35 * (truth[:, 2:] - truth[:, :2]).amax(-1) + 2  # [px]
+                best, which = (apart / reach).min(1)
+                owner[b] = torch.where(best <= 1, which + offset, owner[b])
+                care[b, best <= 1] = 1
+            offset += len(truth)
+        return first, owner, care
+
+    def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """As `BoresightP2.decode`, by the second look."""
+        features = self.features(images)
+        raw = self.maps(features[1])
+        first, _, rows = self.peaks(raw, self.peaks_kept)
+        quality, boxes, kinds, middles = self.second(features, first, rows[..., 0], images.shape[-2:])
+        scores, best = quality[0].sigmoid().topk(self.peaks_kept)
+        boxes = boxes[0][best]
+        scores, order = suppress(boxes, scores, 0.4).topk(self.peaks_kept)
+        best = best[order]
+        return boxes[order], scores, kinds[0].argmax(1)[best], middles[0][best]
 
 
 # --- the baseline --------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ A model is an `nn.Module` with
 from torch import nn
 
 CLASSES = ("fpv", "quadcopter", "hexacopter")
-NAMES = ("yolo-n", "d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam", "boresight-p2")
+NAMES = ("yolo-n", "d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam", "boresight-p2", "boresight-p2-roi")
 
 
 def build(name: str, num_classes: int = len(CLASSES), **kw) -> nn.Module:
@@ -24,4 +24,5 @@ def build(name: str, num_classes: int = len(CLASSES), **kw) -> nn.Module:
         return build_dfine(name, num_classes, **kw)
     import convnets
 
-    return {"boresight-p2": convnets.BoresightP2, "yolo-n": getattr(convnets, "YoloN", None)}[name](name, num_classes, **kw)
+    nets = {"boresight-p2": convnets.BoresightP2, "boresight-p2-roi": convnets.BoresightP2Roi, "yolo-n": convnets.YoloN}
+    return nets[name](name, num_classes, **kw)

@@ -70,8 +70,9 @@ def learning_rate(step: int, args: argparse.Namespace) -> float:
 
 
 def load_weights(model: torch.nn.Module, path: Path) -> None:
-    """Takes over every tensor whose name and shape fit."""
+    """Takes over every tensor whose name and shape fit, and the first rows of one that has more."""
     given, own = torch.load(path, map_location="cpu", weights_only=True)["ema"], model.state_dict()
+    given = {k: v[: len(own[k])] if k in own and own[k].ndim else v for k, v in given.items()}
     fit = {k: v for k, v in given.items() if k in own and own[k].shape == v.shape}
     if not fit:
         raise SystemExit(f"{path}: no tensor fits {model.name}")
