@@ -19,6 +19,7 @@ import augment
 
 CROP = 256  # [px]
 KEPT = 0.6  # least part of a box inside the crop for it to count; a lesser rest is neither target nor background
+HARD = 0.3  # share of crops about what was taken for a UAV, where that is known
 LEAST_PX = 2.5  # resampling shrinks no target below this long side
 
 
@@ -100,11 +101,25 @@ def clip_boxes(boxes: np.ndarray, labels: np.ndarray, ignore: np.ndarray, size: 
     return seen[good], labels[good], np.concatenate([ignore, rest]).astype(np.float32)
 
 
+def false_alarms(path: Path, frames: Frames) -> np.ndarray:
+    """The rows of a file by `mine.py` that belongs to these frames."""
+    found = json.loads(path.read_text())
+    if found["data"] != frames.digest:
+        raise ValueError(f"{path}: made from another data set; run mine.py again")
+    return np.array(found["boxes"], np.float32).reshape(-1, 6)
+
+
 class Crops(Dataset):
     """Samples by global number n: epoch n // length, sample n % length."""
 
-    def __init__(self, frames: Frames | None, seed: int, procedural: float = 0.15, negatives: float = 0.27, size: int = CROP):
+    def __init__(
+        self, frames: Frames | None, seed: int, procedural: float = 0.15, negatives: float = 0.27, size: int = CROP,
+        hard: np.ndarray | None = None,
+    ):  # fmt: skip
+        """`hard` [n,5+]: frame and box of what was taken for a UAV. Crops about such (`HARD` of all) then take the places
+        of some about targets and of three quarters of those away from all."""
         self.frames, self.seed, self.negatives, self.size = frames, seed, negatives, size
+        self.hard = hard if hard is not None and len(hard) else None
         self.procedural = procedural if frames is not None and frames.targets else 1.0
         self.length = len(frames.targets) if frames is not None and frames.targets else 10_000
         self.order: tuple[int, np.ndarray] = (-1, np.zeros(0, np.int64))
@@ -148,22 +163,27 @@ class Crops(Dataset):
         return picture, boxes, labels, np.zeros((0, 4), np.float32)
 
     def cut(self, rng: np.random.Generator, epoch: int, i: int) -> tuple[np.ndarray, ...]:
-        """A crop of a rendered frame, resampled by 0.6 to 1.6: about a target, or away from all.
+        """A crop of a rendered frame, resampled by 0.6 to 1.6: about a target or a false alarm, or away from all.
 
         Picture, boxes, labels, regions to ignore, and the aim points of the rendered ones, which come first.
         """
         frames = self.frames
-        negative = rng.random() < self.negatives
+        about_hard = self.hard is not None and rng.random() < HARD
+        negative = not about_hard and rng.random() < (self.negatives if self.hard is None else self.negatives / 4)
         if self.order[0] != epoch:
             self.order = (epoch, np.random.default_rng([self.seed, epoch]).permutation(self.length))
         k, j = frames.targets[self.order[1][i]]
+        about = frames.boxes[k][j]
         if negative and frames.empty and rng.random() < 0.5:
             k = frames.empty[rng.integers(len(frames.empty))]
+        if about_hard:
+            row = self.hard[rng.integers(len(self.hard))]
+            k, about = int(row[0]), row[1:5]
         h, w, _ = frames.shapes[k]
         boxes, labels, ignore = frames.boxes[k], frames.labels[k], frames.ignore[k]
         scale = float(np.exp(rng.uniform(np.log(0.6), np.log(1.6))))
         if not negative:
-            scale = max(scale, min(1.0, LEAST_PX / float((boxes[j, 2:] - boxes[j, :2]).max())))
+            scale = max(scale, min(1.0, LEAST_PX / float((about[2:] - about[:2]).max())))
         side = min(round(self.size / scale), h, w)
         source = frames.picture(k)
         if negative:
@@ -179,7 +199,7 @@ class Crops(Dataset):
                     break
             _, _, x, y = best
         else:
-            cx, cy = (boxes[j, :2] + boxes[j, 2:]) / 2
+            cx, cy = (about[:2] + about[2:]) / 2
             x = int(np.clip(cx - rng.uniform(0.03, 0.97) * side, 0, w - side))
             y = int(np.clip(cy - rng.uniform(0.03, 0.97) * side, 0, h - side))
         picture = source[y : y + side, x : x + side]

@@ -21,7 +21,7 @@ import models
 import quick_eval
 import table1
 from convnets import nwd
-from data import Crops, Frames, clip_boxes, collate
+from data import Crops, Frames, clip_boxes, collate, false_alarms
 from preprocess import native
 
 HERE = Path(__file__).resolve().parent
@@ -194,6 +194,26 @@ def test_crops_keep_the_box_on_its_target(folder):
     assert np.array_equal(again.pixels, frames.pixels) and frames.empty == [5]
     empty = Crops(frames, 3, procedural=0.0, negatives=1.0)
     assert sum(len(empty[n][1]["boxes"]) for n in range(5)) <= 2  # only the pasted ones
+
+
+def test_crops_about_false_alarms(folder, tmp_path):
+    frames = Frames(folder / "train")
+    file = tmp_path / "hard.json"
+    file.write_text(json.dumps({"data": frames.digest, "boxes": [[5, 300, 200, 308, 206, 0.5]]}))
+    hard = false_alarms(file, frames)
+    marked = frames.picture(5).copy()
+    marked[200:206, 300:308] = (255, 0, 0)
+    crops = Crops(frames, 3, procedural=0.0, hard=hard)
+    whole = frames.picture
+    frames.picture = lambda k: marked if k == 5 else whole(k)
+    shown = 0
+    for n in range(60):
+        picture, boxes, *_ = crops.cut(np.random.default_rng(n), 0, n % len(crops))
+        shown += bool(((picture[..., 0] - picture[..., 2]) > 128).any())
+    assert 10 <= shown <= 30  # 30 % of 60, give or take
+    file.write_text(json.dumps({"data": "another", "boxes": []}))
+    with pytest.raises(ValueError, match="another data set"):
+        false_alarms(file, frames)
 
 
 def test_cut_off_boxes_become_regions_to_ignore():

@@ -20,7 +20,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # waiting threads leave the
 import torch  # noqa: E402
 
 import models  # noqa: E402
-from data import Crops, Frames, loader  # noqa: E402
+from data import Crops, Frames, false_alarms, loader  # noqa: E402
 from plot import curves  # noqa: E402
 
 
@@ -37,6 +37,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--ema", type=float, default=0.999, help="decay of the averaged weights")
     parser.add_argument("--clip", type=float, default=10.0, help="largest norm of the gradient")
     parser.add_argument("--procedural", type=float, default=0.15, help="share of procedural pictures beside a data set")
+    parser.add_argument("--hard", type=Path, help="false alarms by mine.py, to be cut out more often")
     parser.add_argument("--crop", type=int, default=256, help="side of a training picture, a multiple of 64 [px]")
     parser.add_argument("--bf16", action="store_true", help="multiply in bfloat16: half the time where the CPU or GPU has it in hardware")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
@@ -105,7 +106,8 @@ def main() -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     frames = None if args.data == "none" else Frames(Path(args.data) / "train")
     classes = list(models.CLASSES) if frames is None else frames.names
-    crops = Crops(frames, args.seed, args.procedural, size=args.crop)
+    hard = false_alarms(args.hard, frames) if args.hard and frames else None
+    crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard)
     # Two million numbers a second pass through a 256 x 256 net: channels last halves its time on CPUs.
     model = models.build(args.model, len(classes)).to(args.device, memory_format=torch.channels_last)
     if args.init:
@@ -115,6 +117,7 @@ def main() -> None:
     # What decides the run's numbers; a resumed run must agree in these.
     recipe = {k: getattr(args, k) for k in ("model", "steps", "batch", "seed", "lr", "decay", "warm_up", "ema", "clip", "procedural", "crop", "bf16")}
     recipe["data"] = "none" if frames is None else frames.digest
+    recipe["hard"] = 0 if hard is None else len(hard)
     first, spent_s, last = 0, 0.0, args.out / "last.pt"
     sums: dict[str, float] = {}  # of the losses since the last row of the log
     if args.resume and last.exists():
