@@ -248,8 +248,8 @@ class BoresightP2Roi(BoresightP2):
         middle, sides = (boxes[..., :2] + boxes[..., 2:]) / 2, boxes[..., 2:] - boxes[..., :2]
         window = 1.6 * sides.amax(-1, keepdim=True) + 6  # [px]
         steps = (torch.arange(self.grid, device=boxes.device) + 0.5) / self.grid - 0.5
-        at = 2 * (middle[..., None, :] + window[..., None] * steps[:, None]) / boxes.new_tensor([size[1], size[0]]) - 1
-        x, y = at[..., None, :, 0], at[..., :, None, 1]  # [B,K,1,7], [B,K,7,1]
+        x = (2 * (middle[..., :1] + window * steps) / size[1] - 1)[..., None, :]  # [B,K,1,7]
+        y = (2 * (middle[..., 1:] + window * steps) / size[0] - 1)[..., None]  # [B,K,7,1]
         where = torch.stack([x + 0 * y, y + 0 * x], -1).flatten(2, 3)  # [B,K,49,2]
         near = torch.cat([F.grid_sample(f.float(), where, align_corners=False) for f in features], 1)  # [B,C,K,49]
         near = near.transpose(1, 2).reshape(-1, near.shape[1], self.grid, self.grid)
