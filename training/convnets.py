@@ -231,11 +231,11 @@ class BoresightP2Roi(BoresightP2):
     tells_class = False
     peaks_kept = 32  # that get a second look
     grid = 7  # samples a side
-    taught = 16  # peaks and jittered targets a picture that the second stage learns from
+    taught = 16  # highest peaks of a picture that the second stage learns from
 
     def __init__(self, name: str = "boresight-p2-roi", num_classes: int = 3, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
         super().__init__(name, num_classes, widths, head)
-        # No normalisation: targets are commoner among what it learns from than among what it will see.
+        # No normalisation: what a batch shows here is few and unlike what one frame will show.
         self.look = nn.Sequential(nn.Conv2d(widths[0] + head, 32, 3), nn.ReLU(inplace=True), nn.Conv2d(32, 32, 3), nn.ReLU(inplace=True))
         self.think = nn.Linear(32 * (self.grid - 4) ** 2 + 4, 64)
         self.say = nn.Linear(64, 1 + 4 + num_classes + 2)
@@ -266,11 +266,12 @@ class BoresightP2Roi(BoresightP2):
         features = self.features(images)
         raw = self.maps(features[1]).float()
         losses = self.dense_loss(raw, targets)
-        boxes, owner, care = self.lessons(raw.detach(), targets)
+        first, _, rows = self.peaks(raw.detach(), self.taught)
+        owner, care = self.owners(first, targets)
         wanted = torch.zeros_like(care)
         # The stem learns from the maps alone: its gradient from a few samples would cost as much as the whole stage.
         near = (features[0].detach(), features[1])
-        quality, refined, kinds, middles = self.second(near, boxes[..., :4], boxes[..., 4], images.shape[-2:])
+        quality, refined, kinds, middles = self.second(near, first, rows[..., 0], images.shape[-2:])
         hit = owner >= 0
         count = max(int(hit.sum()), len(targets))
         if hit.any():
@@ -293,30 +294,15 @@ class BoresightP2Roi(BoresightP2):
         return losses
 
     @torch.no_grad()
-    def lessons(self, raw: Tensor, targets: list[Target]) -> tuple[Tensor, Tensor, Tensor]:
-        """What the second stage learns from: first boxes and their heat logits [B,taught,5], the target each belongs
-        to (index over the batch, -1 for none) and 1 or, in regions to ignore, 0 [B,taught].
-
-        A quarter at most are targets, shifted and resized; the others are the highest peaks.
-        """
-        first, _, rows = self.peaks(raw, self.taught)
-        first = torch.cat([first, rows[..., :1]], -1)
-        owner = torch.full(first.shape[:2], -1, device=raw.device)
-        care = torch.ones(first.shape[:2], device=raw.device)
+    def owners(self, boxes: Tensor, targets: list[Target]) -> tuple[Tensor, Tensor]:
+        """The target near whose middle each box lies (index over the batch, -1 for none), and 1 or, in regions to
+        ignore, 0; both [B,K] for boxes [B,K,4] px."""
+        middles = (boxes[..., :2] + boxes[..., 2:]) / 2
+        owner = torch.full(boxes.shape[:2], -1, device=boxes.device)
+        care = torch.ones(boxes.shape[:2], device=boxes.device)
         offset = 0
-        for b, target in enumerate(targets):
-            truth = target["boxes"].to(raw.device)
-            if len(truth):
-                shown = truth[torch.arange(min(self.taught // 4, 2 * len(truth)), device=raw.device) % len(truth)]
-                sides = shown[:, 2:] - shown[:, :2]
-                middle = (shown[:, :2] + shown[:, 2:]) / 2 + (0.12 * sides + 0.5) * torch.randn_like(sides)
-                half = sides / 2 * (0.25 * torch.randn_like(sides)).exp()
-                n = len(shown)
-                first[b, -n:, :4] = torch.cat([middle - half, middle + half], 1)
-                x, y = ((middle / self.cell).long().clamp(min=0)).unbind(1)
-                first[b, -n:, 4] = raw[b, 0, y.clamp(max=raw.shape[2] - 1), x.clamp(max=raw.shape[3] - 1)]
-            middle = (first[b, :, :2] + first[b, :, 2:4]) / 2
-            ignore = target.get("ignore", torch.zeros(0, 4)).to(raw.device)
+        for b, (target, middle) in enumerate(zip(targets, middles)):
+            truth, ignore = (target.get(k, torch.zeros(0, 4)).to(boxes.device) for k in ("boxes", "ignore"))
             if len(ignore):
                 inside = ((middle[:, None] > ignore[:, :2] - 4) & (middle[:, None] < ignore[:, 2:] + 4)).all(-1)
                 care[b, inside.any(1)] = 0
@@ -327,7 +313,7 @@ class BoresightP2Roi(BoresightP2):
                 owner[b] = torch.where(best <= 1, which + offset, owner[b])
                 care[b, best <= 1] = 1
             offset += len(truth)
-        return first, owner, care
+        return owner, care
 
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """As `BoresightP2.decode`, by the second look."""
