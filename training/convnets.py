@@ -223,7 +223,7 @@ class BoresightP2(nn.Module):
 class BoresightP2Roi(BoresightP2):
     """`BoresightP2` whose maps hold only heat and box, and a second stage on what it found (as in Faster R-CNN: Ren et
     al. 2015): 7 x 7 samples of the features at 1/2 and 1/4 about each peak, at the peak's own scale, give the quality
-    (expected IoU; the score), a better box, the class and the body's middle.
+    (expected IoU), a better box, the class and the body's middle. The score is the geometric mean of heat and quality.
 
     Box and class need more layers than a map at 1/4 may cost; on 32 peaks they cost next to nothing.
     """
@@ -319,9 +319,9 @@ class BoresightP2Roi(BoresightP2):
         """As `BoresightP2.decode`, by the second look."""
         features = self.features(images)
         raw = self.maps(features[1])
-        first, _, rows = self.peaks(raw, self.peaks_kept)
+        first, heat, rows = self.peaks(raw, self.peaks_kept)
         quality, boxes, kinds, middles = self.second(features, first, rows[..., 0], images.shape[-2:])
-        scores, best = quality[0].sigmoid().topk(self.peaks_kept)
+        scores, best = (quality[0].sigmoid() * heat[0]).sqrt().topk(self.peaks_kept)
         boxes = boxes[0][best]
         scores, order = suppress(boxes, scores, 0.4).topk(self.peaks_kept)
         best = best[order]
