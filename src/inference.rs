@@ -704,7 +704,7 @@ mod tests {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
         for (name, classes) in [
             ("saliency", &["uav"][..]),
-            ("boresight-p2", &["fpv", "quadcopter", "hexacopter"]),
+            ("boresight-p2-roi", &["fpv", "quadcopter", "hexacopter"]),
         ] {
             let path = folder.join(format!("{name}.onnx"));
             let mut model = OnnxDetector::load(&path, 1).expect("a shipped model");

@@ -828,7 +828,7 @@ impl Default for Detector {
     fn default() -> Self {
         Self {
             kind: DetectorKind::Onnx,
-            onnx_model: PathBuf::from("assets/models/saliency.onnx"),
+            onnx_model: PathBuf::from("assets/models/boresight-p2-roi.onnx"),
             provider: Provider::Cpu,
             score_threshold: None,
             roi_px: 256,
