@@ -1292,7 +1292,7 @@ fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
                 .unwrap();
             let finer = |n: u32| FINER * n;
             let state = &flight.state;
-            let fine = raster::silhouette(
+            let fine = raster::sampled_silhouette(
                 &Pinhole {
                     width_px: finer(camera.pinhole.width_px),
                     height_px: finer(camera.pinhole.height_px),
@@ -1307,7 +1307,8 @@ fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
                     size_px: frame.rect.size_px.map(finer),
                 },
                 4,
-            );
+            )
+            .coverage();
             let coarser = |x: f64| x / f64::from(FINER);
             seen.push(Seen {
                 frame: frame.clone(),
