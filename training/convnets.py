@@ -102,6 +102,7 @@ class BoresightP2(nn.Module):
         return self.maps(self.features(images)[1])
 
     def maps(self, seen: Tensor) -> Tensor:
+        """Raw maps of what the head sees."""
         return torch.cat([self.out(seen), self.aim(seen)], 1) if self.tells_class else self.out(seen)
 
     def features(self, images: Tensor) -> tuple[Tensor, Tensor]:

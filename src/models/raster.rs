@@ -163,6 +163,7 @@ impl Masks {
         }
     }
 
+    /// Box, centroid and number of the samples.
     pub fn coverage(&self) -> Coverage {
         let mut coverage = Coverage::default();
         let ([left, top], width) = (self.rect.offset_px, self.rect.size_px[0]);
