@@ -1,8 +1,9 @@
 //! ONNX detectors through ONNX Runtime, loaded at run time.
 //!
 //! A model takes `image`, f32 `[1, 3, H, W]`, RGB 0 to 1, native resolution, and gives `boxes` f32
-//! `[N, 4]` (x0, y0, x1, y1 in input pixels), `scores` f32 `[N]` and `labels` i64 `[N]`; its metadata
-//! says `boresight.interface = 1`, which `classes` there are and how pictures are padded
+//! `[N, 4]` (x0, y0, x1, y1 in input pixels), `scores` f32 `[N]` and `labels` i64 `[N]`, or takes
+//! `[B, 3, H, W]` for any B and gives each with a leading B; its metadata says
+//! `boresight.interface = 1`, which `classes` there are and how pictures are padded
 //! (training/README.md).
 
 use crate::models::camera::PixelRect;
@@ -18,7 +19,7 @@ use std::sync::{Arc, OnceLock, mpsc};
 use std::thread::JoinHandle;
 
 /// Why a detector cannot be used.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 pub enum DetectorError {
     /// No ONNX Runtime library.
     #[error(
@@ -100,6 +101,8 @@ pub struct OnnxDetector {
     classes: Vec<String>,
     score_threshold: f64,
     padding: Padding,
+    /// Whether it takes several pictures at once.
+    batches: bool,
     planes: Vec<f32>,
 }
 
@@ -210,13 +213,19 @@ impl OnnxDetector {
             path: path.into(),
             why,
         };
-        let (classes, score_threshold, padding) = interface(&session).map_err(wrong)?;
+        let Interface {
+            classes,
+            score_threshold,
+            padding,
+            batches,
+        } = interface(&session).map_err(wrong)?;
         let mut detector = Self {
             session,
             path: path.into(),
             classes,
             score_threshold,
             padding,
+            batches,
             planes: Vec::new(),
         };
         // A grey frame shows a model that answers nonsense before the run starts.
@@ -272,20 +281,52 @@ impl OnnxDetector {
             offset_px: [0, 0],
             size_px,
         };
-        self.detect_in(rgb8, size_px[0], whole, out)
+        let view = View {
+            rgb8,
+            width_px: size_px[0],
+            look: whole,
+        };
+        out.extend(self.detect_all(&[view])?.into_iter().flatten());
+        Ok(())
     }
 
-    /// Appends the detections in the part `look` of an 8-bit RGB image with rows of `width_px`
-    /// pixels, in pixels of that part, most confident first.
-    pub fn detect_in(
+    /// The detections in each of several views, in pixels of its part, most confident first. Views of
+    /// the same input size are answered together where the model takes batches.
+    pub fn detect_all(&mut self, views: &[View]) -> Result<Vec<Vec<Detection>>, DetectorError> {
+        let sizes: Vec<[u32; 2]> = (views.iter())
+            .map(|view| self.input_px(view.look.size_px))
+            .collect::<Result<_, _>>()?;
+        let mut found = vec![Vec::new(); views.len()];
+        let mut left: Vec<usize> = (0..views.len()).collect();
+        while let Some(&first) = left.first() {
+            let alike = |i: &usize| *i == first || self.batches && sizes[*i] == sizes[first];
+            let (batch, rest): (Vec<usize>, Vec<usize>) = left.iter().partition(|i| alike(i));
+            let pictures: Vec<View> = batch.iter().map(|&i| views[i]).collect();
+            let answers = self.run(&pictures, sizes[first])?;
+            for (i, answer) in batch.into_iter().zip(answers) {
+                found[i] = answer;
+            }
+            left = rest;
+        }
+        Ok(found)
+    }
+
+    /// Runs the model once on views that all become `input_px`; a model that takes no batches gets
+    /// one.
+    fn run(
         &mut self,
-        rgb8: &[u8],
-        width_px: u32,
-        look: PixelRect,
-        out: &mut Vec<Detection>,
-    ) -> Result<(), DetectorError> {
-        let input_px = self.input_px(look.size_px)?;
-        planes(rgb8, width_px, look, input_px, &mut self.planes);
+        views: &[View],
+        input_px: [u32; 2],
+    ) -> Result<Vec<Vec<Detection>>, DetectorError> {
+        self.planes.clear();
+        for view in views {
+            let View {
+                rgb8,
+                width_px,
+                look,
+            } = *view;
+            planes(rgb8, width_px, look, input_px, &mut self.planes);
+        }
         let [width, height] = input_px.map(|n| n as usize);
         let path = &self.path;
         let broken = |error: ort::Error| DetectorError::Broken {
@@ -296,33 +337,34 @@ impl OnnxDetector {
             path: path.clone(),
             why,
         };
-        let image = TensorRef::from_array_view(([1usize, 3, height, width], &self.planes[..]))
-            .map_err(broken)?;
+        let shape = [views.len(), 3, height, width];
+        let image = TensorRef::from_array_view((shape, &self.planes[..])).map_err(broken)?;
         let outputs = self
             .session
             .run(ort::inputs!["image" => image])
             .map_err(broken)?;
-        let (shape, boxes) = outputs["boxes"]
-            .try_extract_tensor::<f32>()
-            .map_err(broken)?;
-        let (_, scores) = outputs["scores"]
-            .try_extract_tensor::<f32>()
-            .map_err(broken)?;
+        let numbers = |name: &str| outputs[name].try_extract_tensor::<f32>().map_err(broken);
+        let (shape, boxes) = numbers("boxes")?;
+        let (_, scores) = numbers("scores")?;
         let (_, labels) = outputs["labels"]
             .try_extract_tensor::<i64>()
             .map_err(broken)?;
         let n = scores.len();
         let centres = match outputs.get("centres") {
-            Some(centres) => Some(centres.try_extract_tensor::<f32>().map_err(broken)?.1),
+            Some(_) => Some(numbers("centres")?.1),
             None => None,
         };
+        let batch = if self.batches { "B, " } else { "" };
         if centres.is_some_and(|centres| centres.len() != 2 * n) {
-            return Err(wrong("centres are not [N, 2]".into()));
+            return Err(wrong(format!("centres are not [{batch}N, 2]")));
         }
-        if shape.len() != 2 || shape[1] != 4 || boxes.len() != 4 * n || labels.len() != n {
-            return Err(wrong(
-                "boxes are not [N, 4] with one score and one label each".into(),
-            ));
+        let rows = n / views.len();
+        let of_each = [views.len() as i64, rows as i64, 4];
+        let expected = &of_each[usize::from(!self.batches)..];
+        if shape[..] != *expected || boxes.len() != 4 * n || labels.len() != n {
+            return Err(wrong(format!(
+                "boxes are not [{batch}N, 4] with one score and one label each"
+            )));
         }
         if boxes
             .iter()
@@ -345,31 +387,44 @@ impl OnnxDetector {
                 "it gives the label {label}, but `classes` has {classes} names, counted from 0"
             )));
         }
-        let first = out.len();
-        let size_px = look.size_px.map(f64::from);
-        out.extend(
-            (boxes.chunks_exact(4).zip(scores).zip(labels))
-                .enumerate()
-                .map(|(i, ((b, score), label))| {
-                    let mut found = Detection::new(
-                        [b[0], b[1], b[2], b[3]].map(f64::from),
-                        f64::from(*score),
-                        class(*label).unwrap_or_default(),
-                    );
-                    if let Some(centres) = centres {
-                        found.aim_px = [centres[2 * i], centres[2 * i + 1]].map(f64::from);
-                    }
-                    found
-                })
+        let row = |i: usize| {
+            let b = &boxes[4 * i..];
+            let mut found = Detection::new(
+                [b[0], b[1], b[2], b[3]].map(f64::from),
+                f64::from(scores[i]),
+                class(labels[i]).unwrap_or_default(),
+            );
+            if let Some(centres) = centres {
+                found.aim_px = [centres[2 * i], centres[2 * i + 1]].map(f64::from);
+            }
+            found
+        };
+        let answers = views.iter().enumerate().map(|(k, view)| {
+            let size_px = view.look.size_px.map(f64::from);
+            let mut found: Vec<Detection> = (k * rows..(k + 1) * rows)
+                .map(row)
                 // The padding is no part of the picture.
                 .filter(|found| {
                     let [x, y] = found.centre_px();
                     x <= size_px[0] && y <= size_px[1]
-                }),
-        );
-        out[first..].sort_by(|a, b| b.score.total_cmp(&a.score));
-        Ok(())
+                })
+                .collect();
+            found.sort_by(|a, b| b.score.total_cmp(&a.score));
+            found
+        });
+        Ok(answers.collect())
     }
+}
+
+/// What a model looks at: a part of an 8-bit RGB picture.
+#[derive(Clone, Copy)]
+pub struct View<'a> {
+    /// The whole picture's rows.
+    pub rgb8: &'a [u8],
+    /// Pixels of a row.
+    pub width_px: u32,
+    /// The part, in pixels of the picture.
+    pub look: PixelRect,
 }
 
 /// A session about to load a model.
@@ -439,9 +494,16 @@ fn refused(path: &Path, message: &str) -> DetectorError {
     }
 }
 
-/// Classes, recommended threshold and padding of a model that keeps to the interface; otherwise what
-/// differs.
-fn interface(session: &Session) -> Result<(Vec<String>, f64, Padding), String> {
+/// What a model that keeps to the interface says of itself.
+struct Interface {
+    classes: Vec<String>,
+    score_threshold: f64,
+    padding: Padding,
+    batches: bool,
+}
+
+/// What the model says of itself, or in what it differs from the interface.
+fn interface(session: &Session) -> Result<Interface, String> {
     let metadata = session.metadata().map_err(|error| error.to_string())?;
     let text = |key: &str| metadata.custom(key);
     let key = "boresight.interface";
@@ -485,35 +547,44 @@ fn interface(session: &Session) -> Result<(Vec<String>, f64, Padding), String> {
                 list(inputs)
             )
         })?;
-    let outputs = session.outputs();
-    for (name, element, shape, expected) in [
-        (
-            "boxes",
-            TensorElementType::Float32,
-            &[-1, 4][..],
-            "f32 [N, 4]",
-        ),
-        ("scores", TensorElementType::Float32, &[-1], "f32 [N]"),
-        ("labels", TensorElementType::Int64, &[-1], "i64 [N]"),
-    ] {
-        let found = outputs.iter().find(|outlet| outlet.name() == name);
-        if !found.is_some_and(|outlet| fits(outlet.dtype(), element, shape)) {
-            return Err(format!(
-                "its outputs are {}; expected an output `{name}`, {expected}",
-                list(outputs)
-            ));
-        }
-    }
     let fixed = |axis: usize| match image.dtype() {
         ValueType::Tensor { shape, .. } => u32::try_from(shape[axis]).ok(),
         _ => None,
     };
+    let batches = fixed(0).is_none();
+    let outputs = session.outputs();
+    let (float, int) = (TensorElementType::Float32, TensorElementType::Int64);
+    for (name, element, shape, expected) in [
+        (
+            "boxes",
+            float,
+            &[-1, -1, 4][..],
+            ["f32 [N, 4]", "f32 [B, N, 4]"],
+        ),
+        ("scores", float, &[-1, -1], ["f32 [N]", "f32 [B, N]"]),
+        ("labels", int, &[-1, -1], ["i64 [N]", "i64 [B, N]"]),
+    ] {
+        let shape = &shape[usize::from(!batches)..];
+        let found = outputs.iter().find(|outlet| outlet.name() == name);
+        if !found.is_some_and(|outlet| fits(outlet.dtype(), element, shape)) {
+            return Err(format!(
+                "its outputs are {}; expected an output `{name}`, {}",
+                list(outputs),
+                expected[usize::from(batches)]
+            ));
+        }
+    }
     let padding = Padding {
         stride_px,
         min_side_px,
         fixed_px: [fixed(3), fixed(2)],
     };
-    Ok((classes, score_threshold, padding))
+    Ok(Interface {
+        classes,
+        score_threshold,
+        padding,
+        batches,
+    })
 }
 
 /// A value of the model's metadata.
@@ -561,7 +632,7 @@ fn spelt(declared: &ValueType) -> String {
     format!("{ty} [{}]", sides.join(", "))
 }
 
-/// A picture for the detector to look at.
+/// A picture for the detector to look at: a `View` that its thread can own.
 #[derive(Clone, Debug)]
 pub struct Picture {
     /// 8-bit RGB rows.
@@ -575,8 +646,8 @@ pub struct Picture {
 /// The detections in a picture, in pixels of the part that was looked at.
 pub type Answer = Result<Vec<Detection>, DetectorError>;
 
-/// A model at work: pictures are submitted, and answers fetched in the same order. What is answered
-/// does not depend on whether a thread of its own does it, only when.
+/// A model at work: the pictures of a tick are submitted together, and answers fetched in the same
+/// order. What is answered does not depend on whether a thread of its own does it, only when.
 pub struct Inference {
     classes: Vec<String>,
     worker: Worker,
@@ -585,36 +656,47 @@ pub struct Inference {
 enum Worker {
     /// Works while the caller renders the next frames.
     Thread {
-        pictures: Option<mpsc::Sender<Picture>>,
+        pictures: Option<mpsc::Sender<Vec<Picture>>>,
         answers: SyncCell<mpsc::Receiver<Answer>>,
         thread: Option<JoinHandle<()>>,
     },
     /// Works in `submit`.
     Caller {
         model: Box<OnnxDetector>,
-        answers: VecDeque<Answer>,
+        waiting: VecDeque<Answer>,
     },
 }
 
-fn look(model: &mut OnnxDetector, picture: &Picture) -> Answer {
-    let mut found = Vec::new();
-    model.detect_in(&picture.rgb8, picture.width_px, picture.look, &mut found)?;
-    Ok(found)
+/// An answer to each picture; an error is that of all.
+fn look(model: &mut OnnxDetector, pictures: &[Picture]) -> Vec<Answer> {
+    let views: Vec<View> = (pictures.iter())
+        .map(|picture| View {
+            rgb8: &picture.rgb8,
+            width_px: picture.width_px,
+            look: picture.look,
+        })
+        .collect();
+    match model.detect_all(&views) {
+        Ok(found) => found.into_iter().map(Ok).collect(),
+        Err(error) => vec![Err(error); pictures.len()],
+    }
 }
 
 impl Inference {
     /// Puts a model to work on a thread of its own.
     pub fn on_thread(mut model: OnnxDetector) -> std::io::Result<Self> {
         let classes = model.classes.clone();
-        let (pictures, to_see) = mpsc::channel::<Picture>();
+        let (pictures, to_see) = mpsc::channel::<Vec<Picture>>();
         let (answer, answers) = mpsc::channel();
         let thread = std::thread::Builder::new()
             .name("detector".into())
             .spawn(move || {
-                for picture in to_see {
-                    // Nobody waits for the answer when the run is over.
-                    if answer.send(look(&mut model, &picture)).is_err() {
-                        break;
+                for pictures in to_see {
+                    for found in look(&mut model, &pictures) {
+                        // Nobody waits for the answers when the run is over.
+                        if answer.send(found).is_err() {
+                            return;
+                        }
                     }
                 }
             })?;
@@ -634,7 +716,7 @@ impl Inference {
             classes: model.classes.clone(),
             worker: Worker::Caller {
                 model: Box::new(model),
-                answers: VecDeque::new(),
+                waiting: VecDeque::new(),
             },
         }
     }
@@ -644,16 +726,16 @@ impl Inference {
         &self.classes
     }
 
-    /// Hands in a picture.
-    pub fn submit(&mut self, picture: Picture) {
+    /// Hands in the pictures of a tick.
+    pub fn submit(&mut self, batch: Vec<Picture>) {
         match &mut self.worker {
-            // A thread that has ended is told by `next`.
+            // A thread that has ended is told by `fetch`.
             Worker::Thread { pictures, .. } => {
                 if let Some(pictures) = pictures {
-                    let _ = pictures.send(picture);
+                    let _ = pictures.send(batch);
                 }
             }
-            Worker::Caller { model, answers } => answers.push_back(look(model, &picture)),
+            Worker::Caller { model, waiting } => waiting.extend(look(model, &batch)),
         }
     }
 
@@ -663,8 +745,8 @@ impl Inference {
             Worker::Thread { answers, .. } => {
                 answers.get().recv().unwrap_or(Err(DetectorError::Ended))
             }
-            Worker::Caller { answers, .. } => {
-                answers.pop_front().unwrap_or(Err(DetectorError::Ended))
+            Worker::Caller { waiting, .. } => {
+                waiting.pop_front().unwrap_or(Err(DetectorError::Ended))
             }
         }
     }
@@ -729,7 +811,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::write(folder.path().join("empty.onnx"), "").expect("written");
         std::fs::write(folder.path().join("text.onnx"), "no model").expect("written");
-        let cases: [(PathBuf, &[&str]); 25] = [
+        let cases: [(PathBuf, &[&str]); 26] = [
             (test_model("absent"), &["cannot be read", "--model"]),
             (folder.path().into(), &["directory", "--model"]),
             (
@@ -765,6 +847,10 @@ mod tests {
             (
                 test_model("output_shape"),
                 &["`boxes`, f32 [1, 5]", "f32 [N, 4]"],
+            ),
+            (
+                test_model("output_batch"),
+                &["`boxes`, f32 [1, 4]", "f32 [B, N, 4]"],
             ),
             (
                 test_model("interface_missing"),
@@ -833,6 +919,65 @@ mod tests {
             error.contains("at most 200 x 100 px, not 150 x 101"),
             "{error}"
         );
+    }
+
+    /// The model's box is as high as the batch, and its score the picture's mean.
+    #[test]
+    fn views_of_one_size_are_answered_together_each_with_its_own() {
+        let mut model = OnnxDetector::load(&test_model("batches"), 1).expect("a model");
+        let views = [([70, 40], 51), ([100, 80], 102), ([70, 40], 153)];
+        let pictures = views.map(|([w, h], grey)| vec![grey; 3 * w * h]);
+        let views: Vec<View> = (views.iter().zip(&pictures))
+            .map(|(([w, h], _), rgb8)| View {
+                rgb8,
+                width_px: *w as u32,
+                look: PixelRect {
+                    offset_px: [0, 0],
+                    size_px: [*w as u32, *h as u32],
+                },
+            })
+            .collect();
+        let found = model.detect_all(&views).expect("answers");
+        let seen = |i: usize| (found[i][0].box_px[3], found[i][0].score, found[i].len());
+        // 40 rows are padded to 64.
+        for (i, height_px, score) in [(0, 2.0, 0.125), (1, 1.0, 0.4), (2, 2.0, 0.375)] {
+            let (high, mean, count) = seen(i);
+            assert_eq!((high, count), (height_px, 1), "{i}");
+            assert!((mean - score).abs() < 1e-6, "{i}: {mean}");
+        }
+        assert!(model.detect_all(&[]).expect("nothing").is_empty());
+    }
+
+    #[test]
+    fn the_default_detector_takes_batches_and_sees_what_it_sees_alone() {
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/boresight-p2-roi.onnx");
+        let mut model = OnnxDetector::load(&path, 1).expect("the shipped model");
+        assert!(model.batches);
+        let size_px = [128, 96];
+        let pictures = [30_usize, 60, 90].map(|left| {
+            let mut rgb8 = vec![150; 3 * 128 * 96];
+            for at in (40..52).flat_map(|y| (left..left + 12).map(move |x| 3 * (y * 128 + x))) {
+                rgb8[at..at + 3].fill(20);
+            }
+            rgb8
+        });
+        let views = pictures.each_ref().map(|rgb8| View {
+            rgb8,
+            width_px: 128,
+            look: PixelRect {
+                offset_px: [0, 0],
+                size_px,
+            },
+        });
+        let together = model.detect_all(&views).expect("answers");
+        for (rgb8, together) in pictures.iter().zip(together) {
+            let mut alone = Vec::new();
+            model.detect(rgb8, size_px, &mut alone).expect("an answer");
+            let (a, b) = (alone[0], together[0]);
+            assert!((a.score - b.score).abs() < 1e-4, "{a:?} {b:?}");
+            assert!((a.aim_px[0] - b.aim_px[0]).abs() < 1e-2, "{a:?} {b:?}");
+        }
     }
 
     #[test]
@@ -905,8 +1050,8 @@ mod tests {
             })
             .collect();
         let answers = workers.each_mut().map(|worker| {
-            for picture in &pictures {
-                worker.submit(picture.clone());
+            for pictures in pictures.chunks(2) {
+                worker.submit(pictures.to_vec());
             }
             let answers: Vec<Vec<Detection>> = (pictures.iter())
                 .map(|_| worker.fetch().expect("an answer"))

@@ -15,6 +15,12 @@ DETECTIONS = 64  # rows that `decode` returns
 Target = dict[str, Tensor]
 
 
+def together(targets: list[Target], key: str, device: torch.device) -> Tensor:
+    """A tensor of all targets of a batch, one after the other; `aims` that nobody knows are no numbers."""
+    unknown = lambda t: torch.full((len(t["boxes"]), 2), math.nan)  # noqa: E731
+    return torch.cat([t[key] if key in t or key != "aims" else unknown(t) for t in targets]).to(device)
+
+
 def conv(c_in: int, c_out: int, kernel: int = 3, stride: int = 1, act: nn.Module | None = None) -> nn.Sequential:
     """Convolution, batch normalisation (folded at export), activation (ReLU unless given)."""
     return nn.Sequential(
@@ -53,14 +59,21 @@ def nwd(a: Tensor, b: Tensor, c_px: float | Tensor) -> Tensor:
     return torch.exp(-(centre.pow(2).sum(-1) + half.pow(2).sum(-1) + 1e-6).sqrt() / c_px)
 
 
+def rows_at(rows: Tensor, index: Tensor) -> Tensor:
+    """Rows [B,K,...] of [B,N] or [B,N,C] at `index` [B,K]."""
+    return rows.gather(1, index if rows.ndim == 2 else index[..., None].expand(-1, -1, rows.shape[2]))
+
+
 def suppress(boxes: Tensor, scores: Tensor, overlap: float) -> Tensor:
-    """Scores with those of boxes that overlap a better one (IoU above `overlap`) set to 0; traceable, one pass."""
-    low, high = torch.maximum(boxes[:, None, :2], boxes[None, :, :2]), torch.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+    """Scores [B,N] with those of boxes [B,N,4] that overlap a better one (IoU above `overlap`) set to 0, where they fall
+    to begin with; traceable, one pass."""
+    one, other = boxes[:, :, None], boxes[:, None]
+    low, high = torch.maximum(one[..., :2], other[..., :2]), torch.minimum(one[..., 2:], other[..., 2:])
     inner = (high - low).clamp(min=0).prod(-1)
-    area = (boxes[:, 2:] - boxes[:, :2]).prod(-1)
-    same = inner > overlap * (area[:, None] + area[None] - inner)
-    rank = torch.arange(boxes.shape[0], device=boxes.device)
-    beaten = (same & (rank[None] < rank[:, None])).to(scores.dtype).amax(1)
+    area = (boxes[..., 2:] - boxes[..., :2]).prod(-1)
+    same = inner > overlap * (area[:, :, None] + area[:, None] - inner)
+    rank = torch.arange(boxes.shape[1], device=boxes.device)
+    beaten = (same & (rank[None] < rank[:, None])).to(scores.dtype).amax(2)
     return scores * (1 - beaten)
 
 
@@ -99,22 +112,21 @@ class BoresightP2(nn.Module):
     def forward(self, images: Tensor) -> Tensor:
         """Raw maps [B, 1 + 4 + classes + 2, H/4, W/4]: heat logit, offset x, y [cells], log width, height [cells],
         classes, the body's middle from the box's x, y [cells]."""
-        return self.maps(self.features(images)[1])
+        return self.maps(self.features(images))
 
     def maps(self, seen: Tensor) -> Tensor:
         """Raw maps of what the head sees."""
         return torch.cat([self.out(seen), self.aim(seen)], 1) if self.tells_class else self.out(seen)
 
-    def features(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        """What the stem sees at 1/2, and the head at 1/4."""
-        p1 = self.stem[0](images)
-        p2 = self.stem[1](p1)
+    def features(self, images: Tensor) -> Tensor:
+        """What the head sees at 1/4."""
+        p2 = self.stem(images)
         p3 = self.down3(p2)
         p4 = self.down4(p3)
         p5 = self.down5(p4)
         p4 = self.fuse4(F.relu(p4 + self.up(self.lateral4(p5))))
         p3 = self.fuse3(F.relu(p3 + self.up(self.lateral3(p4))))
-        return p1, self.head(p2 + self.up(self.lateral2(p3)))
+        return self.head(p2 + self.up(self.lateral2(p3)))
 
     @staticmethod
     def up(x: Tensor) -> Tensor:
@@ -139,13 +151,13 @@ class BoresightP2(nn.Module):
         care = torch.ones(batch, rows, cols)
         picks: list[Tensor] = []  # image, y, x, target index
         weights: list[Tensor] = []
-        all_boxes, all_labels, offset = [], [], 0
+        offset = 0
         for b, target in enumerate(targets):
             for box in target.get("ignore", torch.zeros(0, 4)).tolist():
                 x0, y0 = (max(0, math.floor(v / self.cell) - 1) for v in box[:2])
                 x1, y1 = (math.ceil(v / self.cell) + 1 for v in box[2:])
                 care[b, y0:y1, x0:x1] = 0
-            for box, label in zip(target["boxes"].tolist(), target["labels"].tolist()):
+            for box in target["boxes"].tolist():
                 cx, cy = (box[0] + box[2]) / 2 / self.cell, (box[1] + box[3]) / 2 / self.cell
                 ix, iy = min(max(int(cx), 0), cols - 1), min(max(int(cy), 0), rows - 1)
                 size = math.sqrt(max(box[2] - box[0], 1) * max(box[3] - box[1], 1)) / self.cell
@@ -164,8 +176,6 @@ class BoresightP2(nn.Module):
                 w = bump[yy, xx].clamp(min=0.2)
                 picks.append(torch.stack([torch.full_like(yy, b), yy + y0, xx + x0, torch.full_like(yy, offset)], 1))
                 weights.append(w / w.sum())
-                all_boxes.append(box)
-                all_labels.append(label)
                 offset += 1
         heat, care = heat.to(device), care.to(device)
         logit = raw[:, 0]
@@ -178,7 +188,7 @@ class BoresightP2(nn.Module):
         losses = {"heat": (loss_pos + loss_neg) / max(count, batch / 4)}
         if offset:
             pick, weight = torch.cat(picks).to(device), torch.cat(weights).to(device)
-            truth = torch.tensor(all_boxes, device=device)[pick[:, 3]]
+            truth, labels, aims = (together(targets, key, device)[pick[:, 3]] for key in ("boxes", "labels", "aims"))
             rows_raw = raw[pick[:, 0], :, pick[:, 1], pick[:, 2]]
             predicted = self.boxes(rows_raw, pick[:, 2].float(), pick[:, 1].float())
             iou, apart = box_iou_terms(predicted, truth)
@@ -187,10 +197,8 @@ class BoresightP2(nn.Module):
             losses["nwd"] = (weight * (1 - nwd(predicted, truth, 0.5 * scale))).sum() / count
             losses["total"] = losses["heat"] + 1.5 * losses["box"] + losses["nwd"]
             if self.tells_class:
-                labels = torch.tensor(all_labels, device=device)[pick[:, 3]]
                 losses["class"] = (weight * F.cross_entropy(rows_raw[:, 5:-2], labels, reduction="none")).sum() / count
                 # The body's middle is known of rendered targets only, and the box's has its own losses.
-                aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(device)[pick[:, 3]]
                 known = aims.isfinite().all(1)
                 middle = (predicted[:, :2] + predicted[:, 2:]).detach() / 2
                 miss = (middle + rows_raw[:, -2:] * self.cell - aims.nan_to_num()).abs().sum(-1) / scale
@@ -201,14 +209,12 @@ class BoresightP2(nn.Module):
         return losses
 
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Boxes [N,4] px, scores [N] falling, labels int64 [N], bodies' middles [N,2] px of one picture: peaks of the
-        heat map, best first."""
-        raw = self(images)
-        boxes, scores, rows_raw = self.peaks(raw, DETECTIONS)
-        scores, order = suppress(boxes[0], scores[0], 0.4).topk(DETECTIONS)
-        boxes, rows_raw = boxes[0], rows_raw[0]
-        middles = (boxes[:, :2] + boxes[:, 2:]) / 2 + rows_raw[:, -2:] * self.cell
-        return boxes[order], scores, rows_raw[:, 5:-2].argmax(1)[order], middles[order]
+        """Boxes [B,N,4] px, scores [B,N] falling, labels int64 [B,N], bodies' middles [B,N,2] px: peaks of the heat
+        map, best first."""
+        boxes, scores, rows = self.peaks(self(images), DETECTIONS)
+        middles = (boxes[..., :2] + boxes[..., 2:]) / 2 + rows[..., -2:] * self.cell
+        scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
+        return rows_at(boxes, order), scores, rows_at(rows[..., 5:-2].argmax(2), order), rows_at(middles, order)
 
     def peaks(self, raw: Tensor, count: int) -> tuple[Tensor, Tensor, Tensor]:
         """Boxes [B,count,4] px, scores [B,count] falling and rows [B,count,channels] of the maps' highest peaks."""
@@ -223,40 +229,57 @@ class BoresightP2(nn.Module):
 
 class BoresightP2Roi(BoresightP2):
     """`BoresightP2` whose maps hold only heat and box, and a second stage on what it found (as in Faster R-CNN: Ren et
-    al. 2015): 7 x 7 samples of the features at 1/2 and 1/4 about each peak, at the peak's own scale, give the quality
-    (expected IoU), a better box, the class and the body's middle. The score is the geometric mean of heat and quality.
+    al. 2015): the picture itself is sampled anew about each peak, at the peak's own scale, and a small network of its
+    own tells from it and from the features at 1/4 the quality (expected IoU), a better box, the class and the body's
+    middle. The score is the geometric mean of heat and quality.
 
-    Box and class need more layers than a map at 1/4 may cost; on 32 peaks they cost next to nothing.
+    A bird and a UAV of 12 px differ in details that no map at 1/4 can hold at its price; on 32 peaks they are cheap.
+    Rejected: sampling the stem's features at 7 x 7 points, which left birds the greater part of the false alarms.
     """
 
     tells_class = False
-    peaks_kept = 32  # that get a second look
-    grid = 7  # samples a side
-    taught = 16  # highest peaks of a picture that the second stage learns from
+    peaks_kept = 24  # that get a second look
+    grid = 24  # samples a side of the picture, and a quarter as many of the features
+    taught = 12  # highest peaks of a picture that the second stage learns from
 
     def __init__(self, name: str = "boresight-p2-roi", num_classes: int = 3, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
         super().__init__(name, num_classes, widths, head)
-        # No normalisation: what a batch shows here is few and unlike what one frame will show.
-        self.look = nn.Sequential(nn.Conv2d(widths[0] + head, 32, 3), nn.ReLU(inplace=True), nn.Conv2d(32, 32, 3), nn.ReLU(inplace=True))
-        self.think = nn.Linear(32 * (self.grid - 4) ** 2 + 4, 64)
-        self.say = nn.Linear(64, 1 + 4 + num_classes + 2)
+        self.view = nn.Sequential(conv(6, 32, 5, 2), Residual(32), conv(32, 48, 3, 2))
+        self.join = conv(48 + head, 64)
+        self.think = nn.Linear(64 * (self.grid // 8) ** 2 + 6, 96)
+        self.say = nn.Linear(96, 1 + 4 + num_classes + 2)
         nn.init.normal_(self.say.weight, std=0.01)
         nn.init.zeros_(self.say.bias)
 
-    def second(self, features: tuple[Tensor, Tensor], boxes: Tensor, logits: Tensor, size: tuple[int, int]) -> tuple[Tensor, ...]:
+    @staticmethod
+    def samples(maps: Tensor, corner: Tensor, window: Tensor, count: int, size: tuple[int, int]) -> Tensor:
+        """[B*K,C,count,count]: maps [B,C,h,w] over pictures of `size` (height, width) [px], sampled bilinearly at the
+        middles of count x count cells of square windows with upper left corners [B,K,2] and sides [B,K,1] px."""
+        steps = (torch.arange(count, device=corner.device) + 0.5) / count
+        x = (2 * (corner[..., :1] + window * steps) / size[1] - 1)[..., None, :]  # [B,K,1,count]
+        y = (2 * (corner[..., 1:] + window * steps) / size[0] - 1)[..., None]  # [B,K,count,1]
+        where = torch.stack([x + 0 * y, y + 0 * x], -1).flatten(2, 3)  # [B,K,count^2,2]
+        seen = F.grid_sample(maps.float(), where, align_corners=False).transpose(1, 2)  # [B,K,C,count^2]
+        return seen.reshape(-1, maps.shape[1], count, count)
+
+    def second(self, images: Tensor, features: Tensor, boxes: Tensor, logits: Tensor) -> tuple[Tensor, ...]:
         """Quality logits [B,K], boxes [B,K,4] px, class logits [B,K,classes], middles [B,K,2] px of first boxes
-        [B,K,4] px with heat logits [B,K] in pictures of `size` (height, width)."""
+        [B,K,4] px with heat logits [B,K] in pictures [B,3,H,W] with features at 1/4."""
+        size = images.shape[-2:]
         middle, sides = (boxes[..., :2] + boxes[..., 2:]) / 2, boxes[..., 2:] - boxes[..., :2]
         window = 1.6 * sides.amax(-1, keepdim=True) + 6  # [px]
-        steps = (torch.arange(self.grid, device=boxes.device) + 0.5) / self.grid - 0.5
-        x = (2 * (middle[..., :1] + window * steps) / size[1] - 1)[..., None, :]  # [B,K,1,7]
-        y = (2 * (middle[..., 1:] + window * steps) / size[0] - 1)[..., None]  # [B,K,7,1]
-        where = torch.stack([x + 0 * y, y + 0 * x], -1).flatten(2, 3)  # [B,K,49,2]
-        near = torch.cat([F.grid_sample(f.float(), where, align_corners=False) for f in features], 1)  # [B,C,K,49]
-        near = near.transpose(1, 2).reshape(-1, near.shape[1], self.grid, self.grid)
-        context = torch.cat([(sides / window).clamp(min=0.01).log(), (window / 32).log(), logits[..., None] / 4], -1)
-        thought = F.relu(self.think(torch.cat([self.look(near).flatten(1), context.reshape(-1, 4)], 1)))
-        said = self.say(thought).float().reshape(boxes.shape[0], boxes.shape[1], -1)
+        at = (middle - window / 2, window)
+        # Fine and, for targets of more than some 20 px, free of aliasing; both by the contrast of the fine view.
+        sharp, soft = self.samples(images, *at, self.grid, size), self.samples(F.avg_pool2d(images, 4), *at, self.grid, size)
+        level = sharp.mean((2, 3), keepdim=True)
+        contrast = ((sharp - level).square().mean((1, 2, 3), keepdim=True) + 1e-5).sqrt()
+        near = self.view(torch.cat([sharp - level, soft - level], 1) / contrast)
+        near = self.join(torch.cat([near, self.samples(features, *at, self.grid // 4, size)], 1))
+        near = F.max_pool2d(near, 2).flatten(1)
+        context = torch.cat([(sides / window).clamp(min=0.01).log(), (window / 32).log(), logits[..., None] / 4], -1).flatten(0, 1)
+        light = torch.cat([contrast.log() + 3, level.mean(1, keepdim=True)], 1).flatten(1)
+        said = self.say(F.relu(self.think(torch.cat([near, context, light], 1)))).float()
+        said = said.reshape(boxes.shape[0], boxes.shape[1], -1)
         middle = middle + 0.1 * window * said[..., 1:3]
         half = sides / 2 * (0.2 * said[..., 3:5]).clamp(-2, 2).exp()
         return said[..., 0], torch.cat([middle - half, middle + half], -1), said[..., 5:-2], middle + 0.1 * window * said[..., -2:]
@@ -265,20 +288,16 @@ class BoresightP2Roi(BoresightP2):
         """The maps' loss, and of the second stage: quality focal loss towards the IoU reached (GFL: Li et al. 2020),
         DIoU + NWD, cross entropy, the middle's miss."""
         features = self.features(images)
-        raw = self.maps(features[1]).float()
+        raw = self.maps(features).float()
         losses = self.dense_loss(raw, targets)
         first, _, rows = self.peaks(raw.detach(), self.taught)
         owner, care = self.owners(first, targets)
         wanted = torch.zeros_like(care)
-        # The stem learns from the maps alone: its gradient from a few samples would cost as much as the whole stage.
-        near = (features[0].detach(), features[1])
-        quality, refined, kinds, middles = self.second(near, first, rows[..., 0], images.shape[-2:])
+        quality, refined, kinds, middles = self.second(images, features, first, rows[..., 0])
         hit = owner >= 0
         count = max(int(hit.sum()), len(targets))
         if hit.any():
-            truth = torch.cat([t["boxes"] for t in targets]).to(raw.device)[owner[hit]]
-            labels = torch.cat([t["labels"] for t in targets]).to(raw.device)[owner[hit]]
-            aims = torch.cat([t.get("aims", torch.full((len(t["boxes"]), 2), math.nan)) for t in targets]).to(raw.device)[owner[hit]]
+            truth, labels, aims = (together(targets, key, raw.device)[owner[hit]] for key in ("boxes", "labels", "aims"))
             iou, apart = box_iou_terms(refined[hit], truth)
             wanted[hit] = iou.detach()
             scale = (truth[:, 2:] - truth[:, :2]).prod(-1).clamp(min=9).sqrt()
@@ -319,14 +338,13 @@ class BoresightP2Roi(BoresightP2):
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """As `BoresightP2.decode`, by the second look."""
         features = self.features(images)
-        raw = self.maps(features[1])
-        first, heat, rows = self.peaks(raw, self.peaks_kept)
-        quality, boxes, kinds, middles = self.second(features, first, rows[..., 0], images.shape[-2:])
-        scores, best = (quality[0].sigmoid() * heat[0]).sqrt().topk(self.peaks_kept)
-        boxes = boxes[0][best]
+        first, heat, rows = self.peaks(self.maps(features), self.peaks_kept)
+        quality, boxes, kinds, middles = self.second(images, features, first, rows[..., 0])
+        scores, best = (quality.sigmoid() * heat).sqrt().topk(self.peaks_kept)
+        boxes = rows_at(boxes, best)
         scores, order = suppress(boxes, scores, 0.4).topk(self.peaks_kept)
-        best = best[order]
-        return boxes[order], scores, kinds[0].argmax(1)[best], middles[0][best]
+        best = rows_at(best, order)
+        return rows_at(boxes, order), scores, rows_at(kinds.argmax(2), best), rows_at(middles, best)
 
 
 # --- the baseline --------------------------------------------------------------------------------------------------
@@ -432,10 +450,10 @@ class YoloN(nn.Module):
         return side.reshape(side.shape[0], -1, 4, self.bins), torch.cat(kinds, 1), torch.cat(grid)
 
     def boxes(self, sides: Tensor, grid: Tensor) -> Tensor:
-        """Boxes [...,A,4] in pixels: mean of each side's distribution about the cell's middle."""
+        """Boxes [B,A,4] in pixels: mean of each side's distribution about the middles of cells [A,3] or [B,A,3]."""
         reach = sides.softmax(-1) @ torch.arange(self.bins, dtype=sides.dtype, device=sides.device)
-        reach = reach * grid[:, 2:]
-        return torch.cat([grid[:, :2] - reach[..., :2], grid[:, :2] + reach[..., 2:]], -1)
+        reach = reach * grid[..., 2:]
+        return torch.cat([grid[..., :2] - reach[..., :2], grid[..., :2] + reach[..., 2:]], -1)
 
     @torch.no_grad()
     def assign(self, predicted: Tensor, prob: Tensor, grid: Tensor, truth: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
@@ -502,13 +520,13 @@ class YoloN(nn.Module):
         return losses
 
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Boxes [N,4] px, scores [N] falling, labels int64 [N] of one picture, overlapping ones suppressed."""
+        """Boxes [B,N,4] px, scores [B,N] falling, labels int64 [B,N], overlapping ones suppressed."""
         sides, kinds, grid = self(images)
-        prob = kinds[0].sigmoid()
-        scores, index = (1 - (1 - prob).prod(-1)).topk(self.candidates)  # any class
-        boxes = self.boxes(sides[0].index_select(0, index), grid.index_select(0, index))
+        scores, index = (1 - (1 - kinds.sigmoid()).prod(-1)).topk(self.candidates)  # any class
+        near = rows_at(sides.flatten(2), index).unflatten(2, (4, self.bins))
+        boxes = self.boxes(near, grid[index])
         scores, order = suppress(boxes, scores, 0.5).topk(DETECTIONS)
-        return boxes[order], scores, kinds[0].index_select(0, index).argmax(1)[order]
+        return rows_at(boxes, order), scores, rows_at(rows_at(kinds, index).argmax(2), order)
 
 
 def depthwise(channels: int) -> nn.Sequential:

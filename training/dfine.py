@@ -37,6 +37,8 @@ from transformers.models.d_fine.modeling_d_fine import (
     multi_scale_deformable_attention_v2,
 )
 
+from convnets import rows_at
+
 NAMES = ("d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam")
 FIXED_SIZE = (512, 640)  # [px] height and width of the canvas and of the exported input
 QUERIES = 100  # D-FINE has 300; a frame here holds few targets
@@ -426,16 +428,16 @@ class DFineDetector(nn.Module):
         return losses | {"total": sum(losses.values())}
 
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Boxes [N,4] xyxy in pixels, scores [N] falling and labels int64 [N] of one image [1,3,H,W], N = 100.
+        """Boxes [B,N,4] xyxy in pixels, scores [B,N] falling and labels int64 [B,N] of images [B,3,H,W], N = 100.
 
         The score is that of the likeliest class. Needs evaluation mode.
         """
         self.canvas.whole(tuple(int(side) for side in images.shape[-2:]))
         out = self.model(images)
-        scores, labels = out.intermediate_logits[0, -1].sigmoid().max(-1)
+        scores, labels = out.intermediate_logits[:, -1].sigmoid().max(-1)
         scores, order = scores.topk(QUERIES)
-        boxes = self.canvas.pixels(out.intermediate_reference_points[0, -1].clamp(0, 1))
-        return boxes[order], scores, labels[order]
+        boxes = self.canvas.pixels(out.intermediate_reference_points[:, -1].clamp(0, 1))
+        return rows_at(boxes, order), scores, rows_at(labels, order)
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         return self.decode(images)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the small faulty models that the Rust tests load, tests/data/models/*.onnx, and a good one of two classes."""
+"""Writes the small faulty models that the Rust tests load, tests/data/models/*.onnx, and good ones beside them."""
 
 import json
 from pathlib import Path
@@ -87,6 +87,39 @@ def model(
     return built.SerializeToString(deterministic=True)
 
 
+def batches():
+    """A model of [B,3,H,W]: one box a picture, as high as the batch, whose score is the picture's mean."""
+    constants = {"corner": np.array([8, 0, 16], np.float32), "kind": np.zeros((1, 1), np.int64)}
+    constants |= {"first": np.array([0], np.int64), "one": np.array([1], np.int64)}
+    nodes = [
+        helper.make_node("ReduceMean", ["image"], ["mean"], axes=[1, 2, 3], keepdims=0),
+        helper.make_node("Unsqueeze", ["mean", "one"], ["scores"]),
+        helper.make_node("Shape", ["image"], ["sides"]),
+        helper.make_node("Gather", ["sides", "first"], ["count"]),
+        helper.make_node("Cast", ["count"], ["height"], to=TensorProto.FLOAT),
+        helper.make_node("Concat", ["corner", "height"], ["box"], axis=0),
+        helper.make_node("Concat", ["count", "one", "one"], ["each"], axis=0),
+        helper.make_node("Expand", ["box", "each"], ["boxes"]),
+        helper.make_node("Concat", ["count", "one"], ["each_label"], axis=0),
+        helper.make_node("Expand", ["kind", "each_label"], ["labels"]),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "test",
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, ["batch", *IMAGE[1:]])],
+        [
+            helper.make_tensor_value_info("boxes", TensorProto.FLOAT, ["batch", 1, 4]),
+            helper.make_tensor_value_info("scores", TensorProto.FLOAT, ["batch", 1]),
+            helper.make_tensor_value_info("labels", TensorProto.INT64, ["batch", 1]),
+        ],
+        [numpy_helper.from_array(value, key) for key, value in constants.items()],
+    )
+    built = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8, producer_name="boresight")
+    helper.set_model_props(built, METADATA)
+    onnx.checker.check_model(built, full_check=True)
+    return built.SerializeToString(deterministic=True)
+
+
 def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     nan = model(score=np.nan)
@@ -100,6 +133,8 @@ def main():
         "input_channels": model(shape=[1, 1, "height", "width"]),
         "output_name": model(renamed={"boxes": "bboxes"}),
         "output_type": model(label_type=np.int32),
+        "output_batch": model(shape=["batch", *IMAGE[1:]]),
+        "batches": batches(),
         "output_shape": model(boxes=((8, 8, 16, 16, 1),)),
         "interface_missing": model(interface=None),
         "interface_other": model(interface="2"),

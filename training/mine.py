@@ -32,7 +32,8 @@ def main() -> None:
     runtime = export.session(export.to_onnx(model, state["classes"], 0.5, "", {}), args.threads)
     rows = []
     for k in range(len(frames)):
-        boxes, scores, *_ = runtime.run(None, {"image": native(frames.picture(k), model.stride, model.min_side_px, model.fixed_size)})
+        image = native(frames.picture(k), model.stride, model.min_side_px, model.fixed_size)
+        boxes, scores, *_ = (x[0] for x in runtime.run(None, {"image": image}))
         taken = np.concatenate([frames.boxes[k], frames.ignore[k]]) + np.array([-3, -3, 3, 3], np.float32)
         free = [j for j in range(len(boxes)) if scores[j] >= args.score and augment.overlap(boxes[j], taken) == 0]
         rows += [[k, *(round(float(v), 1) for v in boxes[j]), round(float(scores[j]), 3)] for j in free[:MOST]]

@@ -77,11 +77,12 @@ def main() -> None:
         stride, least = int(meta["stride"]), int(meta["min_side_px"])
         high, wide = runtime.get_inputs()[0].shape[2:]
         fixed = (high, wide) if isinstance(high, int) and isinstance(wide, int) else None
-        infer = lambda image: runtime.run(list(export.OUTPUTS), {"image": image})  # noqa: E731
+        bare = isinstance(runtime.get_inputs()[0].shape[0], int)  # interface 1: then the outputs have no batch axis
+        infer = lambda image: [x if bare else x[0] for x in runtime.run(None, {"image": image})]  # noqa: E731
     else:
         model, _ = export.load(args.model)
         stride, least, fixed = model.stride, model.min_side_px, model.fixed_size
-        infer = lambda image: [x.numpy() for x in export.Decoder(model)(torch.from_numpy(image))]  # noqa: E731
+        infer = lambda image: [x[0].numpy() for x in export.Decoder(model)(torch.from_numpy(image))]  # noqa: E731
     coco = json.loads((args.data / "annotations.json").read_text())
     images = coco["images"]
     if args.frames and args.frames < len(images):

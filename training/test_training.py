@@ -71,7 +71,7 @@ def test_overfits_and_finds_the_planted_targets(overfitted):
     images, targets = planted()
     for k in range(2):
         with torch.no_grad():
-            boxes, scores, labels = model.decode(images[k : k + 1])[:3]
+            boxes, scores, labels = (x[0] for x in model.decode(images[k : k + 1])[:3])
         assert (scores.diff() <= 0).all() and boxes.shape == (len(scores), 4)
         for box, label in zip(targets[k]["boxes"], targets[k]["labels"]):
             overlap = quick_eval.iou(boxes[:2].numpy(), box[None].numpy())[:, 0]
@@ -88,10 +88,10 @@ def test_export_agrees_and_carries_the_interface(overfitted):
     meta = session.get_modelmeta().custom_metadata_map
     assert meta["boresight.interface"] == "1" and json.loads(meta["classes"]) == classes
     assert meta["preprocess"] == "native" and float(meta["score_threshold"]) == 0.4
-    assert [i.name for i in session.get_inputs()] == ["image"] and session.get_inputs()[0].shape[:2] == [1, 3]
+    assert [i.name for i in session.get_inputs()] == ["image"] and session.get_inputs()[0].shape[:2] == ["batch", 3]
     outputs = [(o.name, o.type, len(o.shape)) for o in session.get_outputs()]
-    assert outputs[:3] == [("boxes", "tensor(float)", 2), ("scores", "tensor(float)", 1), ("labels", "tensor(int64)", 1)]
-    assert outputs[3:] == ([("centres", "tensor(float)", 2)] if model.name.startswith("boresight-p2") else [])
+    assert outputs[:3] == [("boxes", "tensor(float)", 3), ("scores", "tensor(float)", 2), ("labels", "tensor(int64)", 2)]
+    assert outputs[3:] == ([("centres", "tensor(float)", 3)] if model.name.startswith("boresight-p2") else [])
     assert export.compare(model, graph, 1) > 0
 
 

@@ -74,16 +74,17 @@ impl Padding {
     }
 }
 
-/// The red, green and blue plane, 0 to 1, of the part `look` of a picture with rows of `width_px`
-/// RGB pixels, padded with zeros to `input_px`. What of `look` the picture does not hold is zero.
+/// Appends the red, green and blue plane, 0 to 1, of the part `look` of a picture with rows of
+/// `width_px` RGB pixels, padded with zeros to `input_px`. What of `look` the picture does not hold
+/// is zero.
 pub fn planes(rgb8: &[u8], width_px: u32, look: PixelRect, input_px: [u32; 2], out: &mut Vec<f32>) {
     let [left, top] = look.offset_px.map(|x| x as usize);
     let [width, height] = look.size_px.map(|x| x as usize);
     let [across, down] = input_px.map(|x| x as usize);
     let area = across * down;
-    out.clear();
-    out.resize(3 * area, 0.0);
-    let (red, rest) = out.split_at_mut(area);
+    let first = out.len();
+    out.resize(first + 3 * area, 0.0);
+    let (red, rest) = out[first..].split_at_mut(area);
     let (green, blue) = rest.split_at_mut(area);
     let rows = rgb8.chunks_exact(3 * width_px.max(1) as usize).skip(top);
     for (y, row) in rows.take(height.min(down)).enumerate() {
@@ -248,9 +249,11 @@ mod tests {
             offset_px: [0, 0],
             size_px,
         };
-        // What the buffer held before must not show.
+        // What the buffer held before, the batch's earlier pictures, stays.
         let mut out = vec![7.0; 5];
         planes(&golden.rgb, golden.width, whole, input_px, &mut out);
+        assert_eq!(out[..5], [7.0; 5]);
+        let out = out.split_off(5);
         assert_eq!(out.len(), golden.planes.len());
         for (i, (found, wanted)) in out.iter().zip(&golden.planes).enumerate() {
             assert!((found - wanted).abs() <= 1e-6, "{i}: {found}, not {wanted}");

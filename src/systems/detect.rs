@@ -116,6 +116,7 @@ pub fn detect(
     mut failure: ResMut<Failure>,
 ) {
     let started = Instant::now();
+    let mut pictures = Vec::new();
     for frame in &frames.0 {
         let of_frame = |(camera, _): &(&SensorCamera, &Readout)| camera.tier == frame.tier;
         let Some((camera, readout)) = cameras.iter().find(of_frame) else {
@@ -130,11 +131,11 @@ pub fn detect(
             rect: detector.look(readout, frame.rect),
             detections: Vec::new(),
         };
-        match (&mut *detector, &frame.rgb8) {
-            (Detector::Onnx { inference, .. }, Some(rgb8)) => {
+        match (&*detector, &frame.rgb8) {
+            (Detector::Onnx { .. }, Some(rgb8)) => {
                 let [left, top] = frame.rect.offset_px;
                 let [x, y] = batch.rect.offset_px;
-                inference.submit(Picture {
+                pictures.push(Picture {
                     rgb8: rgb8.clone(),
                     width_px: frame.rect.size_px[0],
                     look: PixelRect {
@@ -157,6 +158,9 @@ pub fn detect(
         ..
     } = &mut *detector
     {
+        if !pictures.is_empty() {
+            inference.submit(pictures);
+        }
         while queue.wants_answer(clock.tick) {
             match inference.fetch() {
                 Ok(mut found) => {
