@@ -5,6 +5,7 @@ generator's state alone. Boxes are x0, y0, x1, y1 in pixels; pixel (i, j) covers
 """
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -342,6 +343,34 @@ def blob(rng: Rng, size_px: float, tone: np.ndarray) -> np.ndarray:
     return small * np.float32(rng.uniform(0.4, 1))
 
 
+def house(rng: Rng, size_px: float, tone: np.ndarray) -> np.ndarray:
+    """A far farmhouse, church or shed: blocks with roofs and windows, a tower, trunks before them."""
+    sprite = Sprite(size_px)
+    box = lambda x0, y0, x1, y1: np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])  # noqa: E731
+    wall = colour(rng, 130, 250, 10) if rng.random() < 0.6 else tone
+    roof, pane, base, x = colour(rng, 25, 170, 25), colour(rng, 10, 90, 8), rng.uniform(0.2, 0.6), -1.0
+    while x < 0.9:
+        end, top = min(x + rng.uniform(0.2, 1.2), 1.0), base - rng.uniform(0.1, 0.6)
+        sprite.fill(box(x, top, end, base), wall * rng.uniform(0.7, 1.05))
+        if rng.random() < 0.75:
+            ridge, inset = top - rng.uniform(0.06, 0.4), rng.uniform(0, 0.5) * (end - x)
+            gable = np.array([[x - 0.03, top], [end + 0.03, top], [end - inset, ridge], [x + inset, ridge]])
+            sprite.fill(gable, roof if rng.random() < 0.7 else wall * 0.9)
+        for at in np.linspace(x, end, int(rng.integers(0, 5)) + 2)[1:-1]:
+            half, y = rng.uniform(0.02, 0.06), rng.uniform(top, base)
+            sprite.fill(box(at - half, y - 1.5 * half, at + half, y + 1.5 * half), pane)
+        x = end + (rng.uniform(0, 0.4) if rng.random() < 0.3 else 0.0)
+    if rng.random() < 0.3:
+        at, half, top = rng.uniform(-0.9, 0.9), rng.uniform(0.06, 0.16), base - rng.uniform(0.5, 1.0)
+        sprite.fill(box(at - half, top, at + half, base), wall)
+        sprite.fill(np.array([[at - half, top], [at + half, top], [at, top - rng.uniform(0.1, 0.6)]]), roof)
+    trunk = colour(rng, 15, 110, 10)
+    for _ in range(int(rng.integers(0, 6))):
+        at = rng.uniform(-1, 1)
+        sprite.line(np.array([[at, -1.2], [at + rng.normal(0, 0.05), base]]), rng.uniform(0.02, 0.08), trunk)
+    return sprite.down()[0]
+
+
 def streak(rng: Rng, size_px: float, tone: np.ndarray) -> np.ndarray:
     """A thing too fast for the exposure, a scratch, a drop of rain."""
     sprite = Sprite(size_px)
@@ -483,24 +512,31 @@ def add_uavs(rng: Rng, picture: np.ndarray, count: int, boxes: np.ndarray, label
 
 
 def add_clutter(rng: Rng, picture: np.ndarray, boxes: np.ndarray) -> None:
-    """Things that are no UAV, in place, clear of the targets: birds, aeroplanes, blobs, streaks, twigs, wires."""
+    """Things that are no UAV, in place, clear of the targets: twigs, wires, houses, birds, aeroplanes, blobs, streaks."""
     h, w = picture.shape[:2]
+
+    def put(maker: Callable[[Rng, float, np.ndarray], np.ndarray], size: float) -> None:
+        cx, cy = rng.uniform(0, w), rng.uniform(0, h)
+        sprite = maker(rng, size, tone_against(rng, picture, cx, cy, size / 2 + 2, 0))
+        x, y = round(cx - sprite.shape[1] / 2), round(cy - sprite.shape[0] / 2)
+        if overlap(np.array([x, y, x + sprite.shape[1], y + sprite.shape[0]], float), boxes) < 0.02:
+            paste(picture, sprite, x, y)
+
     if rng.random() < 0.3:
         near = rng.uniform(5, 120) * rng.uniform(0.3, 1)
         lines = twig(rng, max(h, w), np.clip(near + rng.normal(0, 8, 3), 0, 255).astype(np.float32))[:h, :w]
         hidden = [lines[int(y0) : math.ceil(y1), int(x0) : math.ceil(x1), 3].mean() for x0, y0, x1, y1 in boxes]
         if max(hidden, default=0) < 0.12:
             paste(picture, lines, 0, 0)
+    if rng.random() < 0.25:
+        for _ in range(int(rng.integers(1, 4))):
+            put(house, float(np.clip(math.exp(rng.normal(math.log(26), 0.7)), 6, 120)))
     if rng.random() < 0.5:
         flock = int(rng.integers(2, 7)) if rng.random() < 0.12 else int(rng.integers(1, 4))
         makers, kind = (bird, bird, bird, aeroplane, blob, streak), int(rng.integers(6))
         size = float(np.clip(math.exp(rng.normal(math.log(14), 0.6)), 4, 80))
         for _ in range(flock):
-            cx, cy, s = rng.uniform(0, w), rng.uniform(0, h), size * rng.uniform(0.7, 1.3)
-            sprite = makers[kind](rng, s, tone_against(rng, picture, cx, cy, s / 2 + 2, 0))
-            x, y = round(cx - sprite.shape[1] / 2), round(cy - sprite.shape[0] / 2)
-            if overlap(np.array([x, y, x + sprite.shape[1], y + sprite.shape[0]], float), boxes) < 0.02:
-                paste(picture, sprite, x, y)
+            put(makers[kind], size * rng.uniform(0.7, 1.3))
             if flock < 4:
                 kind = int(rng.integers(6))
 
