@@ -781,6 +781,28 @@ mod tests {
         folder.join(format!("{name}.onnx"))
     }
 
+    /// A dark quadcopter from the side before grey, 160 x 120 px, 24 px wide, its middle at
+    /// `left_px` + 12, 54.5.
+    fn quadcopter(left_px: usize) -> Vec<u8> {
+        let mut rgb8 = vec![150; 160 * 120 * 3];
+        // Rotors, motors, arms, body, legs: rows and columns.
+        for (rows, columns) in [
+            (50..51, 0..8),
+            (50..51, 16..24),
+            (51..53, 3..5),
+            (51..53, 19..21),
+            (53..54, 3..21),
+            (52..57, 9..15),
+            (57..60, 9..10),
+            (57..60, 14..15),
+        ] {
+            for at in rows.flat_map(|y| columns.clone().map(move |x| 3 * (y * 160 + left_px + x))) {
+                rgb8[at..at + 3].fill(20);
+            }
+        }
+        rgb8
+    }
+
     #[test]
     fn the_shipped_models_load() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
@@ -791,17 +813,13 @@ mod tests {
             let path = folder.join(format!("{name}.onnx"));
             let mut model = OnnxDetector::load(&path, 1).expect("a shipped model");
             assert_eq!(model.classes(), classes);
-            // A black 12 px square before grey: both see it, where it is.
-            let mut rgb8 = vec![150; 160 * 120 * 3];
-            for at in (50..62).flat_map(|y| (70..82).map(move |x| 3 * (y * 160 + x))) {
-                rgb8[at..at + 3].fill(20);
-            }
             let mut found = Vec::new();
             model
-                .detect(&rgb8, [160, 120], &mut found)
+                .detect(&quadcopter(64), [160, 120], &mut found)
                 .expect("an answer");
             let [x, y] = found[0].aim_px;
-            assert!((x - 76.0).hypot(y - 56.0) < 4.0, "{name}: {:?}", found[0]);
+            assert!((x - 76.0).hypot(y - 54.5) < 3.0, "{name}: {:?}", found[0]);
+            assert!(found[0].score > 0.3, "{name}: {:?}", found[0]);
         }
     }
 
@@ -943,7 +961,7 @@ mod tests {
         for (i, height_px, score) in [(0, 2.0, 0.125), (1, 1.0, 0.4), (2, 2.0, 0.375)] {
             let (high, mean, count) = seen(i);
             assert_eq!((high, count), (height_px, 1), "{i}");
-            assert!((mean - score).abs() < 1e-6, "{i}: {mean}");
+            assert!((mean - score).abs() < 1e-4, "{i}: {mean}");
         }
         assert!(model.detect_all(&[]).expect("nothing").is_empty());
     }
@@ -954,17 +972,11 @@ mod tests {
             Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/boresight-p2-roi.onnx");
         let mut model = OnnxDetector::load(&path, 1).expect("the shipped model");
         assert!(model.batches);
-        let size_px = [128, 96];
-        let pictures = [30_usize, 60, 90].map(|left| {
-            let mut rgb8 = vec![150; 3 * 128 * 96];
-            for at in (40..52).flat_map(|y| (left..left + 12).map(move |x| 3 * (y * 128 + x))) {
-                rgb8[at..at + 3].fill(20);
-            }
-            rgb8
-        });
+        let size_px = [160, 120];
+        let pictures = [30, 64, 90].map(quadcopter);
         let views = pictures.each_ref().map(|rgb8| View {
             rgb8,
-            width_px: 128,
+            width_px: 160,
             look: PixelRect {
                 offset_px: [0, 0],
                 size_px,
@@ -975,6 +987,7 @@ mod tests {
             let mut alone = Vec::new();
             model.detect(rgb8, size_px, &mut alone).expect("an answer");
             let (a, b) = (alone[0], together[0]);
+            assert!(a.score > 0.3, "{a:?}");
             assert!((a.score - b.score).abs() < 1e-4, "{a:?} {b:?}");
             assert!((a.aim_px[0] - b.aim_px[0]).abs() < 1e-2, "{a:?} {b:?}");
         }
