@@ -381,7 +381,7 @@ def streak(rng: Rng, size_px: float, tone: np.ndarray) -> np.ndarray:
 
 
 def twig(rng: Rng, size: int, tone: np.ndarray) -> np.ndarray:
-    """Branches with or without leaves, wires, a pole, a lattice, a crane's jib: lines [size,size,4] over the crop."""
+    """Branches with or without leaves, wires, a pole, a lattice, a crane's jib, mastheads: lines [size,size,4] over the crop."""
     fine = 2
     canvas = np.zeros((size * fine, size * fine, 4), np.float32)
     ink = (*map(float, tone), 1.0)
@@ -389,7 +389,7 @@ def twig(rng: Rng, size: int, tone: np.ndarray) -> np.ndarray:
     def draw(points: np.ndarray, width: float) -> None:
         cv2.polylines(canvas, [np.round(points * fine * 16).astype(np.int32)], False, ink, max(1, round(width * fine)), cv2.LINE_AA, 4)
 
-    kind = rng.random()
+    kind = rng.uniform(0, 1.35)
     if kind < 0.45:  # branches
         for _ in range(int(rng.integers(1, 4))):
             point, heading = rng.uniform(0, size, 2), rng.uniform(0, 2 * math.pi)
@@ -415,7 +415,21 @@ def twig(rng: Rng, size: int, tone: np.ndarray) -> np.ndarray:
         y, gap = rng.uniform(0, size), rng.uniform(4, 30)
         for k in range(int(rng.integers(1, 6))):
             draw(np.stack([x, y + k * gap + slope * (x - size / 2) + sag * np.sin(x / size * math.pi)], 1), rng.uniform(0.4, 2))
-    if kind > 0.65:  # pole, mast or lattice
+    elif kind > 1:  # masts of boats and roofs with lamps, vanes, cups and aerials on top
+        for _ in range(int(rng.integers(1, 4))):
+            top = np.array([rng.uniform(0, size), rng.uniform(0, 0.85 * size)])
+            foot = np.array([top[0] + rng.normal(0, 0.02) * size, size + 5])
+            reach = math.exp(rng.normal(math.log(5), 0.5))  # [px]
+            draw(np.stack([top, foot]), rng.uniform(0.5, 3))
+            for _ in range(int(rng.integers(2, 7))):
+                middle = top + rng.uniform((-0.8, -0.6), (0.8, 0.2)) * reach
+                turn = rng.choice([0, math.pi / 2, rng.uniform(0, math.pi)], p=[0.5, 0.3, 0.2])
+                half = rng.uniform(0.15, 0.7) * reach * np.array([math.cos(turn), math.sin(turn)])
+                draw(np.stack([middle - half, middle + half]), rng.uniform(0.4, 1.8))
+            if rng.random() < 0.5:
+                for side in (-1, 1):
+                    draw(np.stack([top, foot + (side * rng.uniform(5, 40), 0)]), rng.uniform(0.3, 0.7))
+    if 0.65 < kind <= 1:  # pole, mast or lattice
         x, wide, top = rng.uniform(0, size), rng.uniform(1, 14), rng.uniform(-size, 0.8 * size)
         lean = rng.normal(0, 0.03) * size
         if rng.random() < 0.5:
@@ -522,7 +536,7 @@ def add_clutter(rng: Rng, picture: np.ndarray, boxes: np.ndarray) -> None:
         if overlap(np.array([x, y, x + sprite.shape[1], y + sprite.shape[0]], float), boxes) < 0.02:
             paste(picture, sprite, x, y)
 
-    if rng.random() < 0.3:
+    if rng.random() < 0.4:
         near = rng.uniform(5, 120) * rng.uniform(0.3, 1)
         lines = twig(rng, max(h, w), np.clip(near + rng.normal(0, 8, 3), 0, 255).astype(np.float32))[:h, :w]
         hidden = [lines[int(y0) : math.ceil(y1), int(x0) : math.ceil(x1), 3].mean() for x0, y0, x1, y1 in boxes]
