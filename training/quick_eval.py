@@ -77,7 +77,7 @@ def main() -> None:
         stride, least = int(meta["stride"]), int(meta["min_side_px"])
         high, wide = runtime.get_inputs()[0].shape[2:]
         fixed = (high, wide) if isinstance(high, int) and isinstance(wide, int) else None
-        bare = isinstance(runtime.get_inputs()[0].shape[0], int)  # interface 1: then the outputs have no batch axis
+        bare = isinstance(runtime.get_inputs()[0].shape[0], int)  # it takes one picture: no batch axis in its outputs
         infer = lambda image: [x if bare else x[0] for x in runtime.run(None, {"image": image})]  # noqa: E731
     else:
         model, _ = export.load(args.model)
