@@ -942,6 +942,7 @@ mod tests {
                         target: "uav-1".to_owned(),
                         los_covariance: vec![1e-10; 16],
                         quality: 0.9,
+                        class: "quadcopter".to_owned(),
                         ..Default::default()
                     },
                 )?;

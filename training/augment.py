@@ -545,10 +545,10 @@ def add_clutter(rng: Rng, picture: np.ndarray, boxes: np.ndarray) -> None:
     if rng.random() < 0.25:
         for _ in range(int(rng.integers(1, 4))):
             put(house, float(np.clip(math.exp(rng.normal(math.log(26), 0.7)), 6, 120)))
-    if rng.random() < 0.5:
-        flock = int(rng.integers(2, 7)) if rng.random() < 0.12 else int(rng.integers(1, 4))
+    if rng.random() < 0.6:
+        flock = int(rng.integers(3, 9)) if rng.random() < 0.2 else int(rng.integers(1, 4))
         makers, kind = (bird, bird, bird, aeroplane, blob, streak), int(rng.integers(6))
-        size = float(np.clip(math.exp(rng.normal(math.log(14), 0.6)), 4, 80))
+        size = float(np.clip(math.exp(rng.normal(math.log(11), 0.7)), 3, 80))
         for _ in range(flock):
             put(makers[kind], size * rng.uniform(0.7, 1.3))
             if flock < 4:

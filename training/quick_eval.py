@@ -89,12 +89,16 @@ def main() -> None:
         images = [images[k * len(images) // args.frames] for k in range(args.frames)]
     truth: dict[int, list] = {i["id"]: [] for i in images}
     ignore: dict[int, list] = {i["id"]: [] for i in images}
+    aims: dict[int, list] = {i["id"]: [] for i in images}  # bodies' middles, known of rendered pictures
     for a in coco["annotations"]:
         if a["image_id"] in truth:
             x, y, w, h = a["bbox"]
             loose = a.get("tight") is False or a.get("iscrowd")
             (ignore if loose else truth)[a["image_id"]].append([x, y, x + w, y + h])
+            if not loose and "aim" in a:
+                aims[a["image_id"]].append([x, y, x + w, y + h, *a["aim"]])
     found: dict[bool, tuple[list, list]] = {False: ([], []), True: ([], [])}
+    aimed: list[tuple[float, float]] = []  # [px] from a body's middle: the box's middle, the model's `centres`
     spent = 0.0
     for image in images:
         path = args.data / image["file_name"]
@@ -105,7 +109,7 @@ def main() -> None:
         planes = native(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), stride, least, fixed)
         begin = time.perf_counter()
         with torch.no_grad():
-            boxes, scores, *_ = infer(planes)
+            boxes, scores, _, *centres = infer(planes)
         spent += time.perf_counter() - begin
         good = scores > 0.005
         t, g = (np.array(x[image["id"]], float).reshape(-1, 4) for x in (truth, ignore))
@@ -113,10 +117,19 @@ def main() -> None:
             r, e = match(boxes[good], scores[good], t, g, centre)
             rows += r
             errors += e
+        for aim in aims[image["id"]] if centres else []:
+            hits = (scores > 0.1) & (iou(boxes, np.array([aim[:4]]))[:, 0] >= 0.5)
+            if hits.any():
+                k = int(hits.argmax())  # the best: scores fall
+                guesses = ((boxes[k, :2] + boxes[k, 2:]) / 2, centres[0][k])
+                aimed.append(tuple(float(np.linalg.norm(guess - aim[4:])) for guess in guesses))
     truths = sum(len(t) for t in truth.values())
     out = {"frames": len(images), "targets": truths, "ms_a_frame": round(1000 * spent / max(len(images), 1), 1)}
     for centre, name in ((False, "iou_0_5"), (True, "centre_inside")):
         out[name] = {k: round(v, 4) for k, v in summary(*found[centre], truths, len(images)).items()}
+    if aimed:
+        box, own = (np.array(aimed) ** 2).mean(0) ** 0.5
+        out["miss_of_body_middle_rms_px"] = {"box": round(float(box), 3), "centres": round(float(own), 3), "targets": len(aimed)}
     print(json.dumps(out, indent=1))
 
 

@@ -25,6 +25,8 @@ pub struct Sighting {
     pub size_rad: f64,
     /// Confidence of the detector.
     pub score: f64,
+    /// Index of its class among the detector's.
+    pub label: u32,
 }
 
 /// What one frame saw.
@@ -89,6 +91,8 @@ pub struct Track {
     pub size_rad: f64,
     /// Mean score of its detections, of the last twenty or so.
     pub score: f64,
+    /// Scores of its detections summed by class, the older ones fading.
+    votes: Vec<f64>,
     /// The next time that the city hides it, as far as is foreseen.
     pub occlusion: Option<Occlusion>,
 }
@@ -97,6 +101,18 @@ impl Track {
     /// Hits of all cameras.
     pub fn total_hits(&self) -> u32 {
         self.hits.iter().sum()
+    }
+
+    /// Index of the class that its detections speak for, among the detector's.
+    pub fn label(&self) -> u32 {
+        let best = |best: usize, class: usize| {
+            if self.votes[class] > self.votes[best] {
+                class
+            } else {
+                best
+            }
+        };
+        (0..self.votes.len()).fold(0, best) as u32
     }
 
     /// Time of the newest exposure that saw it [s].
@@ -267,7 +283,7 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 /// Time within which a young track must gather hits: one a miss [s], at most until it counts as
 /// established.
 const ESTABLISHED_HITS: u32 = 30;
-/// Share of the newest sighting in a track's smoothed size, and the least in its score.
+/// Share of the newest sighting in a track's smoothed size, and the least in its score and class.
 const SMOOTHING: f64 = 0.2;
 const LEAST_SCORE_SHARE: f64 = 0.05;
 /// Squared distance up to which a sighting is offered to a track, over the gate's.
@@ -501,6 +517,7 @@ impl TrackTable {
             sigma_rad,
             size_rad,
             score,
+            label: _,
         } = *sighting;
         let filter = LosFilter::start(self.params.filter, az_el_rad, sigma_rad, look.t_s).ok()?;
         let range = Ranging::new(self.params.span_m, self.params.span_sigma_rel).ok()?;
@@ -516,6 +533,7 @@ impl TrackTable {
             last_hit_s: [None; 3],
             size_rad,
             score,
+            votes: Vec::new(),
             occlusion: None,
         };
         track.record(look, sighting);
@@ -545,6 +563,14 @@ impl Track {
         // The mean of the first ones, so that a candidate is judged by more than its last frame.
         let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
         self.score += share * (sighting.score - self.score);
+        for votes in &mut self.votes {
+            *votes *= 1.0 - LEAST_SCORE_SHARE;
+        }
+        let class = sighting.label as usize;
+        if self.votes.len() <= class {
+            self.votes.resize(class + 1, 0.0);
+        }
+        self.votes[class] += sighting.score;
         // A box's side is good to about two standard deviations of its centre.
         let sigma_rel = 2.0 * sighting.sigma_rad / sighting.size_rad.max(sighting.sigma_rad);
         self.range.on_size(sighting.size_rad, sigma_rel, look.t_s);
@@ -562,6 +588,7 @@ mod tests {
             sigma_rad: 3e-5,
             size_rad: 3e-4,
             score: 0.9,
+            label: 0,
         }
     }
 
@@ -601,6 +628,30 @@ mod tests {
             table.update(&look(f64::from(i) / 30.0, &[]));
         }
         assert!(table.tracks.is_empty());
+    }
+
+    #[test]
+    fn a_track_is_of_the_class_its_detections_speak_for() {
+        let mut table = TrackTable::default();
+        // Two weak sightings for every strong one of another class; later ones outweigh the first.
+        let seen = |label: u32, score: f64| Sighting {
+            label,
+            score,
+            ..sighting(0.0, 0.0)
+        };
+        let mut t_s = 0.0;
+        let mut label = |next: Sighting| {
+            t_s += 1.0 / 30.0;
+            table.update(&look(t_s, &[next]));
+            table.tracks[0].label()
+        };
+        assert_eq!(label(seen(2, 0.3)), 2);
+        label(seen(2, 0.3));
+        assert_eq!(label(seen(0, 0.9)), 0);
+        for _ in 0..20 {
+            label(seen(1, 0.9));
+        }
+        assert_eq!(label(seen(0, 0.9)), 1);
     }
 
     #[test]
@@ -672,6 +723,7 @@ mod tests {
                 sigma_rad: 1e-6,
                 size_rad: 0.35 / at(t).distance(eye),
                 score: 0.9,
+                label: 0,
             };
             table.update(&look(t, &[exact]));
         }

@@ -58,12 +58,12 @@ impl Detector {
         }
     }
 
-    /// Name of the class of a detection.
-    pub fn class(&self, detection: &Detection) -> &str {
+    /// Name of the class with the index that detections and tracks carry.
+    pub fn class(&self, label: u32) -> &str {
         match self {
             Detector::Onnx { inference, .. } => inference
                 .classes()
-                .get(detection.label as usize)
+                .get(label as usize)
                 .map_or("uav", String::as_str),
             Detector::Truth { .. } => "uav",
         }
@@ -73,7 +73,7 @@ impl Detector {
     pub fn caption(&self, detection: &Detection) -> String {
         match self {
             Detector::Onnx { inference, .. } if inference.classes().len() > 1 => {
-                format!("{} {:.2}", self.class(detection), detection.score)
+                format!("{} {:.2}", self.class(detection.label), detection.score)
             }
             _ => format!("{:.2}", detection.score),
         }

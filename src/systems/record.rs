@@ -93,7 +93,7 @@ pub fn hash_state(
         put(&[batch.exposure_tick as f64, batch.tier as u8 as f64]);
         for detection in &batch.detections {
             put(&detection.box_px);
-            put(&[detection.score]);
+            put(&[detection.score, f64::from(detection.label)]);
         }
     }
     let mut hasher = Xxh3::new();
@@ -475,6 +475,7 @@ impl Recorded<'_, '_> {
                 track.los_covariance[4 * (2 * i + 1) + 2 * j + 1] = el[(i, j)];
             }
             track.quality = target.filter.quality();
+            track.class = self.detector.class(target.label()).into();
         }
         recorder.own(tick, &track)?;
         recorder.own(
@@ -606,7 +607,7 @@ impl Recorded<'_, '_> {
             .detections
             .iter()
             .map(|detection| BoxAnnotation {
-                label: self.detector.class(detection),
+                label: self.detector.class(detection.label),
                 rect_px: {
                     let [x0, y0, x1, y1] = detection.box_px;
                     [x0 - dx, y0 - dy, x1 - dx, y1 - dy]
@@ -630,7 +631,7 @@ impl Recorded<'_, '_> {
             .map(|detection| proto::Detection {
                 r#box: Some(box_of(detection.box_px)),
                 score: detection.score,
-                label: self.detector.class(detection).into(),
+                label: self.detector.class(detection.label).into(),
             })
             .collect();
         recorder.own(

@@ -196,6 +196,7 @@ fn sightings(
                 sigma_rad: (centre_sigma_px * ifov_rad).hypot(pointing_rad),
                 size_rad: (x1 - x0).max(y1 - y0) * ifov_rad,
                 score: detection.score,
+                label: detection.label,
             }
         })
         .collect()

@@ -652,6 +652,7 @@ pub fn draw_panel(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     tracker: Res<Tracker>,
+    detector: Res<Detector>,
     interlocks: Res<Interlocks>,
     mut pacing: ResMut<Pacing>,
     mut choice: ResMut<TargetChoice>,
@@ -680,7 +681,7 @@ pub fn draw_panel(
                     )
                 })
                 .collect();
-            targets(ui, &clock, &tracker, &known, &mut choice);
+            targets(ui, &clock, &tracker, &detector, &known, &mut choice);
             heading(ui, "UAVs");
             for (uav, _, status, skin) in &uavs {
                 ui.colored_label(
@@ -844,6 +845,7 @@ fn targets(
     ui: &mut egui::Ui,
     clock: &SimClock,
     tracker: &Tracker,
+    detector: &Detector,
     known: &[(&str, DVec2)],
     choice: &mut TargetChoice,
 ) {
@@ -863,7 +865,11 @@ fn targets(
             .map_or("unknown", |(_, name)| name);
         let [az_deg, el_deg] = az_el_rad.to_array().map(f64::to_degrees);
         let az_deg = az_deg.rem_euclid(360.0);
-        let text = format!("track {} {name}  {az_deg:.1}° {el_deg:.1}°", track.id);
+        let class = detector.class(track.label());
+        let text = format!(
+            "track {} {name}, {class}  {az_deg:.1}° {el_deg:.1}°",
+            track.id
+        );
         if ui.radio(tracker.target == Some(track.id), text).clicked() {
             choice.0 = Some(track.id);
         }
