@@ -81,6 +81,14 @@ pub enum DetectorError {
         /// What is missing.
         why: String,
     },
+    /// The runtime failed while the model ran.
+    #[error("detector model {path}: it cannot be run: {why}")]
+    Run {
+        /// The model file.
+        path: PathBuf,
+        /// What the runtime says.
+        why: String,
+    },
     /// The thread of the detector has ended; it does so only when it panics.
     #[error("the detector's thread has ended")]
     Ended,
@@ -228,12 +236,24 @@ impl OnnxDetector {
             batches,
             planes: Vec::new(),
         };
-        // A grey frame shows a model that answers nonsense before the run starts.
+        // Grey frames show a model that answers nonsense before the run starts; two of them, one that
+        // declares batches and takes single pictures only.
         const PROBE_PX: u32 = 128;
         let fixed_px = detector.padding.fixed_px;
         let probe_px = fixed_px.map(|side| side.map_or(PROBE_PX, |side| side.min(PROBE_PX)));
         let grey = vec![128; 3 * (probe_px[0] * probe_px[1]) as usize];
-        detector.detect(&grey, probe_px, &mut Vec::new())?;
+        let view = View {
+            rgb8: &grey,
+            width_px: probe_px[0],
+            look: PixelRect {
+                offset_px: [0, 0],
+                size_px: probe_px,
+            },
+        };
+        detector.detect_all(&[view])?;
+        if detector.batches {
+            detector.detect_all(&[view; 2])?;
+        }
         Ok(detector)
     }
 
@@ -339,10 +359,12 @@ impl OnnxDetector {
         };
         let shape = [views.len(), 3, height, width];
         let image = TensorRef::from_array_view((shape, &self.planes[..])).map_err(broken)?;
-        let outputs = self
-            .session
+        let outputs = (self.session)
             .run(ort::inputs!["image" => image])
-            .map_err(broken)?;
+            .map_err(|error| DetectorError::Run {
+                path: path.clone(),
+                why: first_line(&error.to_string()),
+            })?;
         let numbers = |name: &str| outputs[name].try_extract_tensor::<f32>().map_err(broken);
         let (shape, boxes) = numbers("boxes")?;
         let (_, scores) = numbers("scores")?;
@@ -376,6 +398,11 @@ impl OnnxDetector {
                 "it gives boxes, scores or centres that are not finite".into(),
             ));
         }
+        if let Some(score) = scores.iter().find(|score| !(0.0..=1.0).contains(*score)) {
+            return Err(wrong(format!(
+                "it gives the score {score}, expected 0 to 1"
+            )));
+        }
         let classes = self.classes.len();
         let class = |label: i64| {
             u32::try_from(label)
@@ -403,10 +430,12 @@ impl OnnxDetector {
             let size_px = view.look.size_px.map(f64::from);
             let mut found: Vec<Detection> = (k * rows..(k + 1) * rows)
                 .map(row)
-                // The padding is no part of the picture.
+                // The padding is no part of the picture; models with a fixed number of rows fill
+                // the rest with boxes without extent.
                 .filter(|found| {
+                    let [x0, y0, x1, y1] = found.box_px;
                     let [x, y] = found.centre_px();
-                    x <= size_px[0] && y <= size_px[1]
+                    x1 > x0 && y1 > y0 && x <= size_px[0] && y <= size_px[1]
                 })
                 .collect();
             found.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -502,6 +531,9 @@ struct Interface {
     batches: bool,
 }
 
+/// Sides of an input that memory holds [px].
+const SIDES_PX: std::ops::RangeInclusive<u32> = 1..=8192;
+
 /// What the model says of itself, or in what it differs from the interface.
 fn interface(session: &Session) -> Result<Interface, String> {
     let metadata = session.metadata().map_err(|error| error.to_string())?;
@@ -520,7 +552,7 @@ fn interface(session: &Session) -> Result<Interface, String> {
         let good = |i: usize| !names[i].is_empty() && !names[..i].contains(&names[i]);
         (!names.is_empty() && (0..names.len()).all(good)).then_some(names)
     })?;
-    let side = |found: &str| found.parse().ok().filter(|side| (1..=8192).contains(side));
+    let side = |found: &str| found.parse().ok().filter(|side| SIDES_PX.contains(side));
     let [stride_px, min_side_px] = {
         let side = |key| entry(key, text(key), "1 to 8192 px", side);
         [side("stride")?, side("min_side_px")?]
@@ -551,6 +583,15 @@ fn interface(session: &Session) -> Result<Interface, String> {
         ValueType::Tensor { shape, .. } => u32::try_from(shape[axis]).ok(),
         _ => None,
     };
+    if let Some(side) = [fixed(2), fixed(3)]
+        .into_iter()
+        .flatten()
+        .find(|side| !SIDES_PX.contains(side))
+    {
+        return Err(format!(
+            "its input `image` has a side of {side} px, expected 1 to 8192 px"
+        ));
+    }
     let batches = fixed(0).is_none();
     let outputs = session.outputs();
     let (float, int) = (TensorElementType::Float32, TensorElementType::Int64);
@@ -563,10 +604,19 @@ fn interface(session: &Session) -> Result<Interface, String> {
         ),
         ("scores", float, &[-1, -1], ["f32 [N]", "f32 [B, N]"]),
         ("labels", int, &[-1, -1], ["i64 [N]", "i64 [B, N]"]),
+        (
+            "centres",
+            float,
+            &[-1, -1, 2],
+            ["f32 [N, 2] or none", "f32 [B, N, 2] or none"],
+        ),
     ] {
         let shape = &shape[usize::from(!batches)..];
         let found = outputs.iter().find(|outlet| outlet.name() == name);
-        if !found.is_some_and(|outlet| fits(outlet.dtype(), element, shape)) {
+        let good = found.map_or(name == "centres", |outlet| {
+            fits(outlet.dtype(), element, shape)
+        });
+        if !good {
             return Err(format!(
                 "its outputs are {}; expected an output `{name}`, {}",
                 list(outputs),
@@ -829,7 +879,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::write(folder.path().join("empty.onnx"), "").expect("written");
         std::fs::write(folder.path().join("text.onnx"), "no model").expect("written");
-        let cases: [(PathBuf, &[&str]); 26] = [
+        let cases: [(PathBuf, &[&str]); 29] = [
             (test_model("absent"), &["cannot be read", "--model"]),
             (folder.path().into(), &["directory", "--model"]),
             (
@@ -885,6 +935,9 @@ mod tests {
             (test_model("classes_missing"), &["classes is missing"]),
             (test_model("classes_empty"), &["classes is [], expected"]),
             (test_model("classes_twice"), &["different names"]),
+            (test_model("side"), &["a side of 100000 px", "1 to 8192"]),
+            (test_model("batch_of_one"), &["boxes are not [B, N, 4]"]),
+            (test_model("score"), &["the score 1.5", "0 to 1"]),
             (test_model("stride"), &["stride is 0"]),
             (test_model("min_side"), &["min_side_px is wide"]),
             (test_model("threshold"), &["score_threshold is 1.5"]),

@@ -155,6 +155,14 @@ impl Clip {
         self.times_s.len()
     }
 
+    /// The pictures of a folder, in order; none of a video.
+    pub fn files(&self) -> &[PathBuf] {
+        match &self.source {
+            Source::Folder(files) => files,
+            Source::Mp4(_) => &[],
+        }
+    }
+
     /// Mean rate [Hz]; that of a single frame is taken as 30.
     pub fn rate_hz(&self) -> f64 {
         let last_s = self.times_s.last().copied().unwrap_or(0.0);

@@ -6,6 +6,7 @@ Sample i of epoch e depends on (seed, e, i) and the folder alone, whoever draws 
 import hashlib
 import json
 import math
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,6 +39,8 @@ class Frames:
         self.names = [c["name"] for c in sorted(coco["categories"], key=lambda c: c["id"])]
         index = {c["id"]: k for k, c in enumerate(sorted(coco["categories"], key=lambda c: c["id"]))}
         images = sorted(coco["images"], key=lambda i: i["id"])
+        if not images:
+            raise ValueError(f"{source}: it lists no pictures")
         rows = {image["id"]: k for k, image in enumerate(images)}
         self.files = [folder / "images" / i["file_name"] if (folder / "images" / i["file_name"]).exists() else folder / i["file_name"] for i in images]
         self.shapes = [(i["height"], i["width"], 3) for i in images]
@@ -67,10 +70,13 @@ class Frames:
 
     def cache(self, path: Path) -> np.ndarray:
         """The memory-mapped pixels, decoded anew where they belong to other annotations."""
-        stamp = path.with_suffix(".json")
-        if not (path.exists() and stamp.exists() and json.loads(stamp.read_text()).get("annotations") == self.digest):
+        stamp, size = path.with_suffix(".json"), int(self.starts[-1])
+        whole = path.exists() and path.stat().st_size == size and stamp.exists()
+        if not (whole and json.loads(stamp.read_text()).get("annotations") == self.digest):
             stamp.unlink(missing_ok=True)
-            with path.open("wb") as out:
+            # A file of its own: another process may be decoding, too.
+            part = path.with_suffix(f".{os.getpid()}.part")
+            with part.open("wb") as out:
                 for k, (file, shape) in enumerate(zip(self.files, self.shapes)):
                     picture = cv2.imread(str(file), cv2.IMREAD_COLOR)
                     if picture is None or picture.shape != shape:
@@ -78,8 +84,9 @@ class Frames:
                     out.write(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).tobytes())
                     if k % 1000 == 999:
                         print(f"decoded {k + 1} of {len(self.files)} pictures", flush=True)
+            part.replace(path)
             stamp.write_text(json.dumps({"annotations": self.digest}))
-        return np.memmap(path, np.uint8, "r", shape=(int(self.starts[-1]),))
+        return np.memmap(path, np.uint8, "r", shape=(size,))
 
     def __len__(self) -> int:
         return len(self.files)
@@ -236,7 +243,9 @@ def collate(samples: list[tuple[torch.Tensor, dict]]) -> tuple[torch.Tensor, lis
 
 
 def worker_init(_: int) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the training process, which saves first
+    # Signals to the group (Ctrl-C, `timeout`) are for the training process, which saves first; it ends its workers.
+    os.setpgrp()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
 
 

@@ -88,16 +88,17 @@ class Canvas:
         corners = center_to_corners_format(boxes) * scale - shift
         return torch.minimum(corners.clamp(min=0.0), boxes.new_tensor([fw, fh, fw, fh]))
 
-    def anchors(self, spatial_shapes, device="cpu", dtype=torch.float32, **_) -> tuple[Tensor, Tensor]:
+    def anchors(self, spatial_shapes, device="cpu", **_) -> tuple[Tensor, Tensor]:
         """Logits of the anchors [1, cells, 4] and which of them count: all, also those at the edge, where UAVs enter.
 
-        Takes the place of `DFineModel.generate_anchors`, whose anchors have a size relative to the image.
+        Takes the place of `DFineModel.generate_anchors`, whose anchors have a size relative to the image. Single
+        precision even where the features are bfloat16, which holds the canvas's positions to 2 px only.
         """
         (oy, ox), (h, w), (fh, fw) = self.offset, self.size, self.frame
         levels = []
         for level, (rows, columns) in enumerate((int(r), int(c)) for r, c in spatial_shapes):
-            y = (oy + (torch.arange(rows, dtype=dtype) + 0.5) * (fh / rows)) / h
-            x = (ox + (torch.arange(columns, dtype=dtype) + 0.5) * (fw / columns)) / w
+            y = (oy + (torch.arange(rows, dtype=torch.float32) + 0.5) * (fh / rows)) / h
+            x = (ox + (torch.arange(columns, dtype=torch.float32) + 0.5) * (fw / columns)) / w
             side = self.anchor_px * 2.0**level
             grid_y, grid_x = torch.meshgrid(y, x, indexing="ij")
             sides = [torch.full_like(grid_x, side / w), torch.full_like(grid_x, side / h)]
@@ -403,8 +404,9 @@ class DFineDetector(nn.Module):
             labels.append({"boxes": self.canvas.normalise(boxes), "class_labels": classes})
         out = self.model(images, labels=labels)
         meta = out.denoising_meta_values
-        logits, boxes = out.intermediate_logits, out.intermediate_reference_points.clamp(0, 1)
-        corners, references = out.intermediate_predicted_corners, out.initial_reference_points
+        # The losses are in single precision whatever the net multiplies in.
+        logits, boxes = out.intermediate_logits.float(), out.intermediate_reference_points.float().clamp(0, 1)
+        corners, references = out.intermediate_predicted_corners.float(), out.initial_reference_points.float()
 
         def decoder_heads(queries: slice) -> list[dict]:
             """The decoder's layers, then its first guess, which has no distribution."""
@@ -422,9 +424,10 @@ class DFineDetector(nn.Module):
             return [*layers, {"logits": logits[:, 0, queries], "pred_boxes": boxes[:, 0, queries]}]
 
         split = meta["dn_num_split"][0] if meta else 0
-        proposals = {"logits": out.enc_topk_logits, "pred_boxes": out.enc_topk_bboxes}
+        proposals = {"logits": out.enc_topk_logits.float(), "pred_boxes": out.enc_topk_bboxes.float()}
         denoising = decoder_heads(slice(0, split)) if meta else []
-        losses = self.criterion([*decoder_heads(slice(split, None)), proposals], denoising, meta, labels)
+        with torch.autocast(images.device.type, enabled=False):
+            losses = self.criterion([*decoder_heads(slice(split, None)), proposals], denoising, meta, labels)
         return losses | {"total": sum(losses.values())}
 
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:

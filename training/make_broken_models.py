@@ -87,15 +87,16 @@ def model(
     return built.SerializeToString(deterministic=True)
 
 
-def batches():
-    """A model of [B,3,H,W]: one box a picture, as high as the batch, whose score is the picture's mean."""
+def batches(answers_one=False):
+    """A model of [B,3,H,W]: one box a picture, as high as the batch, whose score is the picture's mean; or, with
+    `answers_one`, one that says it takes batches and gives the boxes of one picture."""
     constants = {"corner": np.array([8, 0, 16], np.float32), "kind": np.zeros((1, 1), np.int64)}
     constants |= {"first": np.array([0], np.int64), "one": np.array([1], np.int64)}
     nodes = [
         helper.make_node("ReduceMean", ["image"], ["mean"], axes=[1, 2, 3], keepdims=0),
         helper.make_node("Unsqueeze", ["mean", "one"], ["scores"]),
         helper.make_node("Shape", ["image"], ["sides"]),
-        helper.make_node("Gather", ["sides", "first"], ["count"]),
+        helper.make_node("Identity", ["one"], ["count"]) if answers_one else helper.make_node("Gather", ["sides", "first"], ["count"]),
         helper.make_node("Cast", ["count"], ["height"], to=TensorProto.FLOAT),
         helper.make_node("Concat", ["corner", "height"], ["box"], axis=0),
         helper.make_node("Concat", ["count", "one", "one"], ["each"], axis=0),
@@ -135,6 +136,7 @@ def main():
         "output_type": model(label_type=np.int32),
         "output_batch": model(shape=["batch", *IMAGE[1:]]),
         "batches": batches(),
+        "batch_of_one": batches(answers_one=True),
         "output_shape": model(boxes=((8, 8, 16, 16, 1),)),
         "interface_missing": model(interface=None),
         "interface_other": model(interface="2"),
@@ -142,10 +144,12 @@ def main():
         "classes_missing": model(classes=None),
         "classes_empty": model(classes="[]"),
         "classes_twice": model(classes=json.dumps(["uav", "uav"])),
+        "side": model(shape=[1, 3, 100_000, 100_000]),
         "stride": model(stride="0"),
         "min_side": model(min_side_px="wide"),
         "threshold": model(score_threshold="1.5"),
         "label": model(label=1),
+        "score": model(score=1.5),
         "opset": model(opset=99),
         "ir_version": model(ir_version=99),
         "nan": nan,

@@ -6,6 +6,7 @@ seed, so that a table of fewer seeds is whole.
 """
 
 import argparse
+import hashlib
 import json
 import shutil
 import statistics
@@ -42,11 +43,25 @@ def run(command: list, log: Path) -> None:
         raise SystemExit(f"{' '.join(map(str, command))}\nended with {code}; the end of {log}:\n" + "\n".join(log.read_text().splitlines()[-8:]))
 
 
+def checked(folder: Path, wanted: dict) -> dict:
+    """The checkpoint of a run that is finished and was made as wanted."""
+    state = torch.load(folder / "last.pt", map_location="cpu", weights_only=True)
+    other = [k for k, v in wanted.items() if state["recipe"].get(k) != v]
+    if other:
+        raise SystemExit(f"{folder}: made with another {', '.join(other)}; give the same, another --out, or remove it")
+    if state["step"] != wanted["steps"]:
+        raise SystemExit(f"{folder}: stopped at step {state['step']} of {wanted['steps']}; run the same command to go on")
+    return state
+
+
 def make(row: str, seed: int, args: argparse.Namespace) -> dict:
     """Trains, exports and evaluates a row with one seed, as far as it is not done yet."""
     folder = args.out / f"{row}-{seed}"
     result = folder / "eval" / "detector.json"
     settings = DFINE if row.startswith("d-fine") else PLAIN
+    digest = hashlib.sha256((args.data / "train" / "annotations.json").read_bytes()).hexdigest()
+    wanted = {"model": row, "seed": seed, "steps": args.crops // settings["batch"], "crop": args.crop, "bf16": args.bf16, "data": digest}
+    wanted |= {k.replace("-", "_"): v for k, v in settings.items()}
     if not result.exists():
         folder.mkdir(parents=True, exist_ok=True)
         options = [f"--{k}={v}" for k, v in settings.items()] + [f"--steps={args.crops // settings['batch']}"]
@@ -54,11 +69,12 @@ def make(row: str, seed: int, args: argparse.Namespace) -> dict:
         options += ["--bf16"] if args.bf16 else []
         model = folder / "model.onnx"
         run([sys.executable, HERE / "train.py", "--data", args.data, "--model", row, "--out", folder, "--resume", *options], folder / "log.txt")
+        checked(folder, wanted)
         run([sys.executable, HERE / "export.py", folder / "last.pt", "--out", model], folder / "log.txt")
         evaluate = [args.boresight, "eval", "detector", "--model", model, "--data", args.data / "val", "--threads", args.threads]
         run([*evaluate, "--out", folder / "eval.part"], folder / "log.txt")
         (folder / "eval.part").replace(folder / "eval")
-    state = torch.load(folder / "last.pt", map_location="cpu", weights_only=True)
+    state = checked(folder, wanted)
     figures = json.loads(result.read_text())
     return {"row": row, "seed": seed, "minutes": state["seconds"] / 60, "machine": state["machine"], "recipe": state["recipe"], "figures": figures}
 

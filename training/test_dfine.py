@@ -169,6 +169,24 @@ def test_boxes_and_anchors_mean_the_same_pixels_in_crops_and_frames():
         torch.testing.assert_close(centre_px[cells[0] + 1], torch.tensor([12.0, 4.0]), atol=1e-2, rtol=0)
 
 
+def test_positions_stay_whole_in_bfloat16():
+    # bfloat16 would round positions of 256 px and more to 2 or 4 px.
+    model = seeded("d-fine-nwd-p2")
+    seen = {}
+
+    def generate(*args, **options):
+        seen["anchors"], valid = anchors(*args, **options)
+        return seen["anchors"], valid
+
+    anchors, model.model.generate_anchors = model.model.generate_anchors, generate
+    images, targets = crops(model)
+    with torch.autocast("cpu", torch.bfloat16):
+        losses = model.train().loss(images, targets)
+    assert seen["anchors"].dtype == torch.float32
+    assert all(loss.dtype == torch.float32 and loss.isfinite() for loss in losses.values())
+    assert losses["ddf"] >= -1e-6  # a divergence
+
+
 def test_deformable_sampling_reads_the_same_features_in_a_crop():
     torch.manual_seed(4)
     canvas, stride = Canvas(14.0), 8

@@ -291,6 +291,24 @@ def test_trains_in_bfloat16_on_small_crops(tmp_path):
         assert v.dtype in (torch.float32, torch.int64) and v.isfinite().all()
 
 
+def test_settings_that_cannot_be_are_told(tmp_path):
+    for options, said in ((("--crop", "200"), "multiple of 64"), (("--crop", "896"), "832"), (("--hard", "x.json"), "--data")):
+        done = run(tmp_path / "run", *options)
+        assert done.returncode != 0 and said in done.stderr and "Traceback" not in done.stderr, done.stderr
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_row_counts_only_when_it_is_what_was_asked_for(tmp_path):
+    wanted = {"model": "yolo-n", "steps": 6, "seed": 1}
+    torch.save({"step": 3, "recipe": wanted}, tmp_path / "last.pt")
+    with pytest.raises(SystemExit, match="stopped at step 3 of 6"):
+        table1.checked(tmp_path, wanted)
+    torch.save({"step": 6, "recipe": wanted}, tmp_path / "last.pt")
+    assert table1.checked(tmp_path, wanted)["step"] == 6
+    with pytest.raises(SystemExit, match="another seed"):
+        table1.checked(tmp_path, wanted | {"seed": 2})
+
+
 def test_table_gives_mean_and_spread(tmp_path):
     def result(row: str, seed: int, map50: float) -> dict:
         return {"row": row, "seed": seed, "minutes": 2.0, "figures": {"map50": map50, "params": 350_000, "miss_distance_px": {"mean": None}}}

@@ -7,6 +7,7 @@ saves first; `--resume` then goes on exactly as if it had not been stopped.
 
 import argparse
 import csv
+import hashlib
 import json
 import math
 import os
@@ -22,6 +23,9 @@ import torch  # noqa: E402
 import models  # noqa: E402
 from data import Crops, Frames, false_alarms, loader  # noqa: E402
 from plot import curves  # noqa: E402
+
+
+LARGEST_CROP = 832  # [px] side that the bank of noise serves
 
 
 def arguments() -> argparse.Namespace:
@@ -103,13 +107,19 @@ def main() -> None:
     args = arguments()
     torch.set_num_threads(args.threads)
     torch.manual_seed(args.seed)
-    args.out.mkdir(parents=True, exist_ok=True)
-    frames = None if args.data == "none" else Frames(Path(args.data) / "train")
-    classes = list(models.CLASSES) if frames is None else frames.names
-    hard = false_alarms(args.hard, frames) if args.hard and frames else None
-    crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard)
+    classes = list(models.CLASSES)
     # Two million numbers a second pass through a 256 x 256 net: channels last halves its time on CPUs.
     model = models.build(args.model, len(classes)).to(args.device, memory_format=torch.channels_last)
+    if args.crop % 64 or not model.min_side_px <= args.crop <= LARGEST_CROP:
+        raise SystemExit(f"--crop {args.crop}: give a multiple of 64 from {-(-model.min_side_px // 64) * 64} to {LARGEST_CROP}")
+    frames = None if args.data == "none" else Frames(Path(args.data) / "train")
+    if frames and frames.names != classes:
+        raise SystemExit(f"{args.data}: its categories are {', '.join(frames.names)}; expected {', '.join(classes)}, as procedural UAVs have")
+    if args.hard and not frames:
+        raise SystemExit("--hard: false alarms are of a data set; give --data")
+    hard = false_alarms(args.hard, frames) if args.hard else None
+    crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard)
+    args.out.mkdir(parents=True, exist_ok=True)
     if args.init:
         load_weights(model, args.init)
     average = {k: v.detach().clone() for k, v in model.state_dict().items()}
@@ -117,7 +127,7 @@ def main() -> None:
     # What decides the run's numbers; a resumed run must agree in these.
     recipe = {k: getattr(args, k) for k in ("model", "steps", "batch", "seed", "lr", "decay", "warm_up", "ema", "clip", "procedural", "crop", "bf16")}
     recipe["data"] = "none" if frames is None else frames.digest
-    recipe["hard"] = 0 if hard is None else len(hard)
+    recipe["hard"] = "none" if hard is None else hashlib.sha256(hard.tobytes()).hexdigest()
     first, spent_s, last = 0, 0.0, args.out / "last.pt"
     sums: dict[str, float] = {}  # of the losses since the last row of the log
     if args.resume and last.exists():

@@ -121,7 +121,7 @@ pub enum DatasetError {
 const PART: usize = 24;
 
 /// Version of the folder's layout and of what is drawn: a change of either counts it up.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// The categories: number and name.
 pub const CATEGORIES: [(u32, &str); 3] = [(1, "fpv"), (2, "quadcopter"), (3, "hexacopter")];
@@ -465,7 +465,9 @@ fn clip(
                 width: scene.pinhole.width_px,
                 height: scene.pinhole.height_px,
                 motion,
-                distractors: still.placed.len() - annotations.len(),
+                distractors: (still.placed.iter())
+                    .filter(|p| p.prop >= scene.uavs.len())
+                    .count(),
                 annotations,
             };
             let goes_on = keep(&image, rgb8);

@@ -4,10 +4,10 @@
 //! the frames of a coarse camera that stands still under an open sky. A nominal pinhole turns
 //! pixels into angles, for the filter's motion is one of angles. Latency is none.
 
-use super::coco::Coco;
+use super::coco::{Coco, OTHERS, UAVS};
 use super::detector::Miss;
 use super::page::{note, number, table};
-use super::{job, mot, progress};
+use super::{job, mot, progress, quoted, threads, within};
 use crate::components::camera::{PixelRect, Tier};
 use crate::components::clock::SimClock;
 use crate::components::station::{Alignment, Pointing};
@@ -28,7 +28,7 @@ use base64::{Engine as _, prelude::BASE64_STANDARD};
 use clap::Args;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, btree_map::Entry};
 use std::fmt::{self, Write as _};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -73,30 +73,12 @@ pub struct Arguments {
     pub threads: Option<NonZeroUsize>,
 }
 
+/// Length of a held target's way that is drawn [s].
+const TRAIL_S: f64 = 2.0;
 /// Pictures of the contact sheet.
 const SHEET: usize = 24;
 /// Ticks of the tracker's clock a second: whole numbers of them for all usual rates.
 const TICK_HZ: u32 = 90_000;
-/// Labels of boxes that are UAVs, and of those that are none.
-const UAVS: [&str; 8] = [
-    "uav",
-    "drone",
-    "fpv",
-    "quadcopter",
-    "hexacopter",
-    "octocopter",
-    "multirotor",
-    "fixed_wing",
-];
-const OTHERS: [&str; 7] = [
-    "bird",
-    "airplane",
-    "aeroplane",
-    "plane",
-    "helicopter",
-    "balloon",
-    "kite",
-];
 
 /// What was measured, as `clip.json` has it; its keys do not change. A figure without truth to
 /// measure it by is null.
@@ -296,8 +278,7 @@ pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let truth = boxes
         .map(|path| BoxFile::load(path, &arguments.category))
         .transpose()?;
-    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let threads = arguments.threads.unwrap_or_else(cores).get();
+    let threads = threads(arguments.threads);
     let mut model = OnnxDetector::load(&arguments.model, threads)?;
     let threshold = arguments.threshold.unwrap_or(model.score_threshold());
     let arguments = &Arguments {
@@ -308,10 +289,10 @@ pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
     for file in &arguments.files {
         let clip = Clip::open(file, arguments.rate_hz)?;
         if let Some(truth) = &truth {
-            truth.check(file, clip.frames())?;
+            truth.check(file, &clip)?;
         }
     }
-    mot::put(&arguments.out.join("clip.json"), "")?;
+    mot::writable(&arguments.out.join("clip.json"))?;
     let head = |files: &[PathBuf]| Evaluation {
         version: run::VERSION,
         command: command(arguments, files, threads, threshold),
@@ -357,29 +338,21 @@ pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
     Ok(evaluation)
 }
 
-fn within(argument: &'static str, value: f64, low: f64, high: f64) -> Result<(), RunError> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(RunError::Argument {
-        argument,
-        why: format!("{value}, must be {low} to {high}"),
-    })
-}
-
 fn command(arguments: &Arguments, files: &[PathBuf], threads: usize, threshold: f64) -> String {
     let files: String = (files.iter())
-        .map(|file| format!(" {}", file.display()))
+        .map(|file| format!(" {}", quoted(file.display())))
         .collect();
     let boxes = arguments.boxes.as_ref();
-    let boxes = boxes.map_or(String::new(), |b| format!(" --boxes {}", b.display()));
+    let boxes = boxes.map_or(String::new(), |b| {
+        format!(" --boxes {}", quoted(b.display()))
+    });
     let categories: String = (arguments.category.iter())
-        .map(|name| format!(" --category {name}"))
+        .map(|name| format!(" --category {}", quoted(name)))
         .collect();
     format!(
         "boresight eval clip{files} --model {} --threshold {}{boxes}{categories} --fov-deg {} \
          --centre-sigma-px {} --rate-hz {} --threads {threads}",
-        arguments.model.display(),
+        quoted(arguments.model.display()),
         threshold,
         arguments.fov_deg,
         arguments.centre_sigma_px,
@@ -514,7 +487,8 @@ pub fn parse_boxes(text: &str, categories: &[String]) -> Result<Vec<ClipTruth>, 
 /// The truth of `--boxes`.
 enum BoxFile {
     Clips(PathBuf, Vec<ClipTruth>),
-    Pictures(Coco),
+    /// A set, and the index of each picture by its file.
+    Pictures(Coco, BTreeMap<PathBuf, usize>),
 }
 
 impl BoxFile {
@@ -523,12 +497,22 @@ impl BoxFile {
             argument: "--boxes",
             why: format!("{}: {why}", path.display()),
         };
+        let pictures = || -> Result<Self, RunError> {
+            let coco = Coco::load(path, categories)?;
+            // Pictures that are not there are of other clips.
+            let places = (coco.pictures.iter().enumerate())
+                .filter_map(|(i, picture)| {
+                    Some((std::fs::canonicalize(coco.path(picture).ok()?).ok()?, i))
+                })
+                .collect();
+            Ok(Self::Pictures(coco, places))
+        };
         if path.is_dir() {
-            return Ok(Self::Pictures(Coco::load(path, categories)?));
+            return pictures();
         }
         let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
         if text.trim_start().starts_with('{') {
-            return Ok(Self::Pictures(Coco::load(path, categories)?));
+            return pictures();
         }
         let clips = parse_boxes(&text, categories).map_err(|error| wrong(error.to_string()))?;
         Ok(Self::Clips(path.into(), clips))
@@ -537,7 +521,7 @@ impl BoxFile {
     fn wrong(&self, why: String) -> RunError {
         let path = match self {
             Self::Clips(path, _) => path,
-            Self::Pictures(coco) => &coco.file,
+            Self::Pictures(coco, _) => &coco.file,
         };
         RunError::Argument {
             argument: "--boxes",
@@ -549,21 +533,22 @@ impl BoxFile {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         let found = match self {
             Self::Clips(_, clips) => clips.iter().find(|clip| clip.file == name),
-            Self::Pictures(_) => None,
+            Self::Pictures(..) => None,
         };
         found.ok_or_else(|| self.wrong(format!("it lists no boxes of '{name}'")))
     }
 
     /// Refuses a clip of which this file does not tell the truth.
-    fn check(&self, file: &Path, frames: usize) -> Result<(), RunError> {
-        if let Self::Pictures(_) = self {
-            return match file.is_dir() {
-                true => Ok(()),
-                false => Err(self.wrong(format!(
+    fn check(&self, file: &Path, clip: &Clip) -> Result<(), RunError> {
+        let frames = clip.frames();
+        if let Self::Pictures(..) = self {
+            if clip.files().is_empty() {
+                return Err(self.wrong(format!(
                     "COCO annotations are of pictures, but {} is a video",
                     file.display()
-                ))),
-            };
+                )));
+            }
+            return (clip.files().iter()).try_for_each(|file| self.place(file).map(|_| ()));
         }
         let listed = self.listed(file)?.frames.len();
         if listed == frames {
@@ -575,20 +560,35 @@ impl BoxFile {
         )))
     }
 
+    /// The index of a picture in the set, by its file.
+    fn place(&self, file: &Path) -> Result<usize, RunError> {
+        let found = match self {
+            Self::Pictures(_, places) => {
+                (std::fs::canonicalize(file).ok()).and_then(|file| places.get(&file))
+            }
+            Self::Clips(..) => None,
+        };
+        found
+            .copied()
+            .ok_or_else(|| self.wrong(format!("it does not list {}", file.display())))
+    }
+
     /// The boxes of frame `index` of a clip.
     fn of(&self, file: &Path, index: usize, frame: &Frame) -> Result<FrameTruth, RunError> {
-        let Self::Pictures(coco) = self else {
+        let Self::Pictures(coco, _) = self else {
             let frames = &self.listed(file)?.frames;
             return Ok(frames.get(index).cloned().unwrap_or_default());
         };
-        let path = frame.file.as_deref().unwrap_or(file);
-        let path = std::fs::canonicalize(path).unwrap_or(path.into());
-        let found = (coco.pictures.iter()).position(|p| path.ends_with(&p.file_name));
-        let uavs = found
-            .and_then(|at| coco.truth.get(at))
-            .ok_or_else(|| self.wrong(format!("it does not list {}", path.display())))?;
+        let at = self.place(frame.file.as_deref().unwrap_or(file))?;
+        let (picture, [width, height]) = (&coco.pictures[at], frame.size_px);
+        if [picture.width, picture.height] != frame.size_px {
+            return Err(self.wrong(format!(
+                "{} is {width} × {height} px, but images[].width and height say {} × {}",
+                picture.file_name, picture.width, picture.height
+            )));
+        }
         Ok(FrameTruth {
-            uavs: uavs.clone(),
+            uavs: coco.truth[at].clone(),
             others: Vec::new(),
         })
     }
@@ -752,6 +752,8 @@ struct Life {
     end_s: f64,
     frames: usize,
     on_uav: usize,
+    /// Frames in a region to ignore, which speak neither for it nor against it.
+    ignored: usize,
     last: Followed,
 }
 
@@ -805,8 +807,6 @@ fn play(
         let started = Instant::now();
         let mut found = Vec::new();
         model.detect(&frame.rgb8, frame.size_px, &mut found)?;
-        // Models with a fixed number of outputs fill the rest with empty boxes.
-        found.retain(|d| d.box_px[2] > d.box_px[0] && d.box_px[3] > d.box_px[1]);
         let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
         let followed = follower.look(frame.t_s, &found[..sure]);
         spent += started.elapsed();
@@ -816,10 +816,21 @@ fn play(
             Some(truth) => truth.of(file, index, &frame)?,
             None => FrameTruth::default(),
         };
-        let on_uav = |px: DVec2| (boxes.uavs.iter()).find(|t| !t.ignored && inside(t.box_px, px));
-        let best = |on: bool| {
-            let fits =
-                |d: &&Detection| !tally.known || on_uav(d.centre_px().into()).is_some() == on;
+        let on = |px: DVec2, ignored: bool| {
+            (boxes.uavs.iter()).find(|t| t.ignored == ignored && inside(t.box_px, px))
+        };
+        let on_uav = |px: DVec2| on(px, false);
+        let elsewhere = |px: DVec2| on_uav(px).is_none() && on(px, true).is_none();
+        let best = |wanted: bool| {
+            let fits = |d: &&Detection| {
+                let px = d.centre_px().into();
+                !tally.known
+                    || if wanted {
+                        on_uav(px).is_some()
+                    } else {
+                        elsewhere(px)
+                    }
+            };
             (found.iter().find(fits)).map_or(f64::NAN, |d| d.score)
         };
         curves.score[0].push((frame.t_s, best(true)));
@@ -828,9 +839,20 @@ fn play(
         }
 
         for (young, old) in &follower.tracker.table.joined {
-            if let Some(young) = lives.remove(young) {
-                let life = lives.entry(*old).or_insert(young);
-                life.start_s = life.start_s.min(young.start_s);
+            let Some(young) = lives.remove(young) else {
+                continue;
+            };
+            match lives.entry(*old) {
+                Entry::Vacant(entry) => {
+                    entry.insert(young);
+                }
+                Entry::Occupied(entry) => {
+                    let life = entry.into_mut();
+                    life.start_s = life.start_s.min(young.start_s);
+                    life.frames += young.frames;
+                    life.on_uav += young.on_uav;
+                    life.ignored += young.ignored;
+                }
             }
         }
         for track in &followed {
@@ -839,23 +861,25 @@ fn play(
                 end_s: frame.t_s,
                 frames: 0,
                 on_uav: 0,
+                ignored: 0,
                 last: *track,
             });
             life.end_s = frame.t_s;
             life.frames += 1;
             life.on_uav += usize::from(on_uav(track.px).is_some());
+            life.ignored += usize::from(on_uav(track.px).is_none() && !elsewhere(track.px));
             life.last = *track;
             mot_line(&mut lines, index, track);
         }
         let held = follower.held();
         let target = followed.iter().find(|track| Some(track.id) == held);
-        let on = target.and_then(|target| on_uav(target.px).map(|truth| (target, truth)));
+        let hit = target.and_then(|target| on_uav(target.px).map(|truth| (target, truth)));
         let has_uav = boxes.uavs.iter().any(|t| !t.ignored);
         tally.locked += usize::from(target.is_some());
         tally.with_uav += usize::from(has_uav);
-        tally.on_target += usize::from(on.is_some());
-        tally.false_lock += usize::from(target.is_some() && on.is_none());
-        let miss = on.map(|(target, truth)| target.px.distance(truth.centre_px().into()));
+        tally.on_target += usize::from(hit.is_some());
+        tally.false_lock += usize::from(target.is_some_and(|target| elsewhere(target.px)));
+        let miss = hit.map(|(target, truth)| target.px.distance(truth.centre_px().into()));
         tally.tracker_px.extend(miss);
         curves.miss_px[1].push((frame.t_s, miss.unwrap_or(f64::NAN)));
         match target {
@@ -864,7 +888,15 @@ fn play(
         }
 
         found.truncate(sure);
-        draw(&mut frame, &boxes, &found, &followed, held, &trail);
+        let recent = trail.len().saturating_sub((TRAIL_S * rate_hz) as usize);
+        draw(
+            &mut frame,
+            &boxes,
+            &found,
+            &followed,
+            held,
+            &trail[recent..],
+        );
         writer.push(&frame.rgb8, frame.size_px)?;
         // Evenly spread over the clip: the frame in the middle of each share.
         let shares = SHEET.min(count);
@@ -904,7 +936,8 @@ fn play(
         frames: life.frames,
         score: life.last.score,
         size_px: life.last.side_px,
-        on_uav_share: known.then(|| life.on_uav as f64 / life.frames as f64),
+        on_uav_share: (known && life.frames > life.ignored)
+            .then(|| life.on_uav as f64 / (life.frames - life.ignored) as f64),
     });
     let states = changes.into_iter().map(|change| State {
         name: change.to.name(),
@@ -1062,9 +1095,7 @@ fn draw(
             }
         }
     }
-    const TRAIL: usize = 60;
-    let recent = &trail[trail.len().saturating_sub(TRAIL)..];
-    for pair in recent.windows(2) {
+    for pair in trail.windows(2) {
         pen.line(pair[0], pair[1], PINK);
     }
 }
@@ -1482,6 +1513,42 @@ mod tests {
         let names = folder_names(&files);
         assert_eq!(names[..3], ["a", "a-2", "b"]);
         assert!(!names[3].is_empty());
+    }
+
+    #[test]
+    fn pictures_find_their_own_boxes_whatever_other_folders_call_theirs() {
+        let root = tempfile::tempdir().expect("a folder");
+        let jpeg = encode_jpeg(&[90; 3 * 40 * 30], 40, 30, 90).expect("a picture");
+        for folder in ["a", "b"] {
+            let folder = root.path().join(folder);
+            std::fs::create_dir(&folder).expect("made");
+            std::fs::write(folder.join("0001.jpg"), &jpeg).expect("written");
+        }
+        let text = serde_json::json!({
+            "images": [{"id": 1, "file_name": "0001.jpg", "width": 40, "height": 30}],
+            "annotations": [{"image_id": 1, "category_id": 1, "bbox": [3, 4, 5, 6]}],
+            "categories": [{"id": 1, "name": "drone"}],
+        });
+        let boxes = root.path().join("b/boxes.json");
+        std::fs::write(&boxes, text.to_string()).expect("written");
+        let truth = BoxFile::load(&boxes, &[]).expect("boxes");
+        let clip = |folder: &str| {
+            let path = root.path().join(folder);
+            let clip = Clip::open(&path, 30.0).expect("a clip");
+            (path, clip)
+        };
+        let (path, other) = clip("a");
+        let error = truth.check(&path, &other).expect_err("refused").to_string();
+        assert!(error.contains("a/0001.jpg"), "{error}");
+        let (path, mut own) = clip("b");
+        truth.check(&path, &own).expect("its own");
+        let mut frame = own.next_frame().expect("read").expect("a frame");
+        let found = truth.of(&path, 0, &frame).expect("boxes");
+        assert_eq!(found.uavs[0].box_px, [3.0, 4.0, 8.0, 10.0]);
+        // Of another size than the annotations say.
+        frame.size_px = [41, 30];
+        let error = truth.of(&path, 0, &frame).expect_err("refused").to_string();
+        assert!(error.contains("41 × 30"), "{error}");
     }
 
     /// Truth in both boxes of the first frame, one detection in each of two places.

@@ -179,8 +179,27 @@ fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> 
     })
 }
 
-/// Categories that count unless others are named: a UAV as such, and the paper's three classes.
-const UAVS: [&str; 5] = ["uav", "drone", "fpv", "quadcopter", "hexacopter"];
+/// Categories that are UAVs unless others are named.
+pub const UAVS: [&str; 8] = [
+    "uav",
+    "drone",
+    "fpv",
+    "quadcopter",
+    "hexacopter",
+    "octocopter",
+    "multirotor",
+    "fixed_wing",
+];
+/// Categories that are none unless named.
+pub const OTHERS: [&str; 7] = [
+    "bird",
+    "airplane",
+    "aeroplane",
+    "plane",
+    "helicopter",
+    "balloon",
+    "kite",
+];
 
 /// The content of an annotation file, checked.
 #[derive(Debug)]
@@ -268,7 +287,8 @@ impl Content {
     }
 
     /// The ids of the categories called `names`, by name or by the group above; without names, the
-    /// only category or those that are UAVs by their names. Else, what there is.
+    /// only category, if it is not known to be none, or those that are UAVs by their names. Else, what
+    /// there is.
     fn chosen(&self, names: &[String]) -> Result<BTreeMap<i64, String>, String> {
         let is = |category: &Category, name: &str| {
             let above = category.supercategory.as_deref();
@@ -286,8 +306,9 @@ impl Content {
         let only = names.is_empty() && self.categories.len() == 1;
         let chosen: BTreeMap<i64, String> = (self.categories.iter())
             .filter(|category| {
-                only || match names {
-                    [] => UAVS.iter().any(|name| is(category, name)),
+                let any = |names: &[&str]| names.iter().any(|name| is(category, name));
+                match names {
+                    [] => any(&UAVS) || only && !any(&OTHERS),
                     names => names.iter().any(|name| is(category, name)),
                 }
             })
@@ -366,21 +387,24 @@ impl Coco {
         self.category.truncate(count);
     }
 
+    /// Where a picture's file is.
+    pub fn path(&self, picture: &Picture) -> Result<PathBuf, CocoError> {
+        (self.folders.iter())
+            .map(|folder| folder.join(&picture.file_name))
+            .find(|path| path.is_file())
+            .ok_or_else(|| CocoError::Picture {
+                path: PathBuf::from(&picture.file_name),
+                why: "not found".into(),
+                looked: self.folders.clone(),
+            })
+    }
+
     /// Rows of red, green, blue bytes of picture `index`; none for an index beyond the last.
     pub fn rgb8(&self, index: usize) -> Result<Vec<u8>, CocoError> {
         let Some(picture) = self.pictures.get(index) else {
             return Ok(Vec::new());
         };
-        let found = (self.folders.iter())
-            .map(|folder| folder.join(&picture.file_name))
-            .find(|path| path.is_file());
-        let Some(path) = found else {
-            return Err(CocoError::Picture {
-                path: PathBuf::from(&picture.file_name),
-                why: "not found".into(),
-                looked: self.folders.clone(),
-            });
-        };
+        let path = self.path(picture)?;
         let wrong = |why: String| CocoError::Picture {
             path: path.clone(),
             why,

@@ -49,16 +49,19 @@ pub fn parameters(onnx: &[u8]) -> Option<u64> {
 /// Operations of one picture of `size_px`, in 10⁹: two for each multiply and add of convolutions
 /// and matrix products, nothing for the rest. Shapes are those of one run of ONNX Runtime without
 /// its optimisations, so that models of any input size are counted; its profile goes to
-/// `scratch`, a file that is removed.
+/// `scratch`, a folder that is made and removed.
 pub fn gflops(path: &Path, size_px: [u32; 2], scratch: &Path) -> Result<f64, DetectorError> {
     let broken = |why: String| DetectorError::Broken {
         path: path.into(),
         why: first_line(&why),
     };
-    let profile = run(path, size_px, scratch).map_err(|error| broken(error.to_string()))?;
-    let text = std::fs::read_to_string(&profile);
+    let profiled = || -> Result<String, Box<dyn std::error::Error>> {
+        std::fs::create_dir_all(scratch)?;
+        Ok(std::fs::read_to_string(run(path, size_px, scratch)?)?)
+    };
+    let text = profiled();
     // Not a result; if it stays behind no harm is done.
-    let _ = std::fs::remove_file(&profile);
+    let _ = std::fs::remove_dir_all(scratch);
     let events: Value = serde_json::from_str(&text.map_err(|error| broken(error.to_string()))?)
         .map_err(|error| broken(error.to_string()))?;
     let nodes = events.as_array().map_or(&[][..], Vec::as_slice);
@@ -81,7 +84,7 @@ fn run(
     let mut session = Session::builder(environment()?)?
         .with_optimization_level(GraphOptimizationLevel::Disable)
         .map_err(|error| error.to_string())?
-        .with_profiling(scratch)
+        .with_profiling(scratch.join("profile"))
         .map_err(|error| error.to_string())?
         .commit_from_file(path)
         .map_err(|error| error.to_string())?;

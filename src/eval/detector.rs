@@ -2,10 +2,10 @@
 
 use super::coco::{Coco, Picture};
 use super::page::{note, number, standalone, table};
-use super::{cost, mot, progress};
+use super::{cost, mot, progress, quoted, threads, within};
 use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::detection_metrics::{
-    ALL, BANDS, Band, Criterion, Image, Mark, Matching, Truth, mean_average_precision, recall_level,
+    ALL, BANDS, Band, Criterion, Image, Matching, Truth, mean_average_precision, recall_level,
 };
 use crate::recording::encode_jpeg;
 use crate::report::{Across, Chart, Escaped, MissStats, STYLE, Scale, Series};
@@ -13,6 +13,7 @@ use crate::run::{self, RunError};
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use clap::Args;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -231,20 +232,21 @@ pub struct Worst {
 pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let mut coco = Coco::load(&arguments.data, &arguments.category)?;
     coco.truncate(arguments.frames.map_or(usize::MAX, NonZeroUsize::get));
-    if let Some(threshold) = arguments.threshold
-        && !(0.0..=1.0).contains(&threshold)
-    {
-        return Err(RunError::Argument {
-            argument: "--threshold",
-            why: format!("found {threshold}, must be from 0 to 1"),
-        });
-    }
-    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let threads = arguments.threads.unwrap_or_else(cores).get();
+    within(
+        "--threshold",
+        arguments.threshold.unwrap_or_default(),
+        0.0,
+        1.0,
+    )?;
+    let threads = threads(arguments.threads);
     let mut model = OnnxDetector::load(&arguments.model, threads)?;
     let out = &arguments.out;
-    // A folder that cannot be written is told before the work.
-    mot::put(&out.join("detector.json"), "")?;
+    // What cannot be read or written is told before the work.
+    mot::writable(&out.join("detector.json"))?;
+    for picture in &coco.pictures {
+        model.input_px([picture.width, picture.height])?;
+        coco.path(picture)?;
+    }
     let (images, times) = detect(&mut model, &coco)?;
     let times_ms = MissStats::of(times.iter().map(|time| 1e3 * time.as_secs_f64()));
     let seconds: f64 = times.iter().map(Duration::as_secs_f64).sum();
@@ -269,7 +271,7 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let (recall_there, alarms_there) = half.at_score(threshold);
     let (centre_recall_there, centre_alarms_there) = centre.at_score(threshold);
     let mut options: String = (arguments.category.iter())
-        .map(|name| format!(" --category {name}"))
+        .map(|name| format!(" --category {}", quoted(name)))
         .collect();
     if let Some(threshold) = arguments.threshold {
         options += &format!(" --threshold {threshold}");
@@ -281,8 +283,8 @@ pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
         version: run::VERSION,
         command: format!(
             "boresight eval detector --model {} --data {}{options} --threads {threads}",
-            arguments.model.display(),
-            arguments.data.display()
+            quoted(arguments.model.display()),
+            quoted(arguments.data.display())
         ),
         model: arguments.model.clone(),
         data: coco.file.clone(),
@@ -350,8 +352,6 @@ fn detect(model: &mut OnnxDetector, coco: &Coco) -> Result<(Vec<Image>, Vec<Dura
         let started = Instant::now();
         model.detect(&rgb8, size_px, &mut found)?;
         times.push(started.elapsed());
-        // Models with a fixed number of outputs fill the rest with empty boxes.
-        found.retain(|d| d.box_px[2] > d.box_px[0] && d.box_px[3] > d.box_px[1]);
         images.push(Image {
             truth: truth.clone(),
             found,
@@ -405,12 +405,13 @@ fn worst(
         score,
         image,
     };
-    let hit =
-        |image, k| (matching.marks.iter()).find(|mark| mark.image == image && mark.hit == Some(k));
+    let hits: BTreeMap<(usize, usize), f64> = (matching.marks.iter())
+        .filter_map(|mark| Some(((mark.image, mark.hit?), mark.score)))
+        .collect();
     let mut missed: Vec<(f64, Worst)> = (images.iter().enumerate())
         .flat_map(|(i, image)| image.truth.iter().enumerate().map(move |(k, t)| (i, k, t)))
         .filter(|(_, _, truth)| !truth.ignored)
-        .map(|(i, k, truth)| (i, truth, hit(i, k).map(|mark: &Mark| mark.score)))
+        .map(|(i, k, truth)| (i, truth, hits.get(&(i, k)).copied()))
         .filter(|(_, _, score)| score.is_none_or(|score| score < least))
         .map(|(i, truth, score): (usize, &Truth, _)| {
             (truth.area_px2, entry("missed", i, truth.box_px, score))

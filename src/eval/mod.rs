@@ -22,6 +22,7 @@ use job::{Job, Observed, all};
 use serde::Serialize;
 use statistics::{Lock, Rate, Sums};
 use std::io::Write as _;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -56,6 +57,34 @@ pub enum Section {
     Search,
     /// The line-of-sight error by cause.
     Budget,
+}
+
+/// A word of a command line, quoted where a shell would read it otherwise.
+fn quoted(word: impl std::fmt::Display) -> String {
+    let word = word.to_string();
+    let plain = |c: char| c.is_alphanumeric() || "/._-+,:=@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// Refuses a number that is not from `low` to `high`.
+fn within(argument: &'static str, value: f64, low: f64, high: f64) -> Result<(), RunError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(RunError::Argument {
+        argument,
+        why: format!("{value}, must be {low} to {high}"),
+    })
+}
+
+/// Threads of a model: `wanted`, or one a core.
+fn threads(wanted: Option<NonZeroUsize>) -> usize {
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    wanted.unwrap_or_else(cores).get()
 }
 
 /// One line on standard error; a closed pipe is no error.
@@ -431,7 +460,7 @@ pub fn tracking(arguments: &Arguments) -> Result<Evaluation, RunError> {
         quick: arguments.quick,
         ..Evaluation::default()
     };
-    mot::put(&arguments.out.join("tracking.json"), "")?;
+    mot::writable(&arguments.out.join("tracking.json"))?;
     for section in Section::value_variants() {
         if !arguments.only.is_empty() && !arguments.only.contains(section) {
             continue;

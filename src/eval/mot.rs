@@ -130,6 +130,22 @@ pub fn put(path: &Path, text: &str) -> Result<(), RunError> {
     std::fs::write(path, text).map_err(failed(path.into()))
 }
 
+/// Whether a file can be written, before the work; what stands in it stays.
+pub fn writable(path: &Path) -> Result<(), RunError> {
+    let failed = |path: PathBuf| move |source| RunError::Output { path, source };
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(failed(folder.into()))?;
+    }
+    let new = !path.exists();
+    (std::fs::OpenOptions::new().append(true).create(true))
+        .open(path)
+        .map_err(failed(path.into()))?;
+    if new {
+        std::fs::remove_file(path).map_err(failed(path.into()))?;
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
