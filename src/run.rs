@@ -10,7 +10,7 @@ use crate::components::station::{Alignment, Gyro, Misalignment, Mount, MountComm
 use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
 use crate::components::uav::{Air, Distractor, Flight, Guidance, HeatedSkin, Uav, UavStatus};
 use crate::inference::{DetectorError, Inference, OnnxDetector, Setup};
-use crate::models::atmosphere::air_density_kgpm3;
+use crate::models::atmosphere::{air_density_kgpm3, pressure_at_pa};
 use crate::models::beam::Laser;
 use crate::models::calibration;
 use crate::models::camera::Pinhole;
@@ -515,10 +515,11 @@ fn environment(
         longitude_rad: scenario.site.longitude_deg.to_radians(),
         height_m: scenario.site.altitude_m,
     });
+    let pressure_pa = pressure_at_pa(weather.pressure_pa, scenario.site.altitude_m);
     let sun = Sun::new(
         &scenario.time_utc,
         site.origin(),
-        weather.pressure_pa,
+        pressure_pa,
         weather.temperature_k,
     )
     .map_err(|error| value("time_utc", error.to_string()))?;
@@ -548,7 +549,7 @@ fn environment(
     .map_err(|error| value("weather", error.to_string()))?;
     Ok(Environment {
         air_density_kgpm3: air_density_kgpm3(
-            weather.pressure_pa,
+            pressure_pa,
             weather.temperature_k,
             weather.relative_humidity,
         ),

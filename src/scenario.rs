@@ -117,12 +117,13 @@ pub struct Site {
 pub struct Weather {
     /// An aerodrome report, verbatim.
     pub metar: Option<String>,
-    /// Mean wind speed 10 m above the ground; 3 without a METAR.
+    /// Mean wind speed 10 m above the ground, in a city above 0.7 of its mean building height; 3 without
+    /// a METAR, whose wind is taken as this.
     pub wind_speed_mps: Option<f64>,
     /// Direction the wind blows from, clockwise from north; 270 without a METAR.
     pub wind_from_deg: Option<f64>,
-    /// Gust speed 10 m above the ground, the highest mean over 3 s in ten minutes; absent: no gusts
-    /// beyond the turbulence of the mean wind.
+    /// Gust speed at the same height, the highest mean over 3 s in ten minutes; absent: no gusts beyond
+    /// the turbulence of the mean wind.
     pub gust_mps: Option<f64>,
     /// Meteorological visibility at 550 nm, through the precipitation too. Absent: the METAR's, or
     /// 20,000 of haze, with `precipitation_mmph` reckoned in.

@@ -35,11 +35,11 @@ pub struct LaserSource {
     pub path: Option<BeamPath>,
 }
 
-/// The air on a beam's path, good for ranges near the one it was made for.
+/// The air on a beam's path, good for a fraction of a second.
 #[derive(Clone, Copy, Debug)]
 pub struct BeamPath {
-    /// The range [m].
-    pub range_m: f64,
+    /// Index of the UAV at its end.
+    pub index: usize,
     /// Turbulence integrals.
     pub turbulence: PathTurbulence,
     /// Peak irradiance that steady thermal blooming leaves, 0 to 1.

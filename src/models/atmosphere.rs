@@ -79,6 +79,15 @@ const R_DRY: f64 = 8.314462618 / 28.96546e-3;
 /// Specific gas constant of water vapour [J/(kg K)], molar mass 18.01528 g/mol (CIPM-2007).
 const R_VAPOUR: f64 = 8.314462618 / 18.01528e-3;
 
+/// Pressure [Pa] at `altitude_m` [m] in the standard atmosphere whose pressure at sea level is
+/// `sea_level_pa` [Pa] (ICAO Doc 7488: 6.5 K/km below 11 km), as altimeters reckon it.
+pub fn pressure_at_pa(sea_level_pa: f64, altitude_m: f64) -> f64 {
+    const LAPSE_KPM: f64 = 6.5e-3; // [K/m]
+    const SEA_LEVEL_K: f64 = 288.15; // [K]
+    const EXPONENT: f64 = 5.255_88; // g M / (R LAPSE)
+    sea_level_pa * (1.0 - LAPSE_KPM / SEA_LEVEL_K * altitude_m).powf(EXPONENT)
+}
+
 /// Density [kg/m^3] of moist air at `pressure_pa` [Pa], `temperature_k` [K] and
 /// `relative_humidity` in 0..1.
 ///
@@ -165,6 +174,22 @@ mod tests {
         close(extinction_per_m(23e3, 1064e-9), 0.0721e-3, 1e-3);
         close(extinction_per_m(5e3, 1064e-9), 0.3687e-3, 2e-4);
         close(extinction_per_m(1e3, 1064e-9), 2.8126e-3, 2e-5);
+    }
+
+    #[test]
+    fn pressure_falls_as_in_the_standard_atmosphere() {
+        // ICAO Doc 7488, table 1 [Pa].
+        for (altitude_m, pressure_pa) in [
+            (-500.0, 107_478.0),
+            (0.0, 101_325.0),
+            (500.0, 95_461.0),
+            (1_000.0, 89_875.0),
+            (5_000.0, 54_020.0),
+            (9_000.0, 30_742.0),
+        ] {
+            // The table is by geopotential height up to a metre or so here.
+            close(pressure_at_pa(101_325.0, altitude_m), pressure_pa, 2e-3);
+        }
     }
 
     #[test]

@@ -537,7 +537,13 @@ impl Weather {
         /// Scattering of clean air at 550 nm and sea level [1/m] (Bucholtz, Appl. Opt. 34, 2765,
         /// 1995).
         const CLEAN_AIR_PER_M: f64 = 1.16e-5;
-        let air_per_m = self.aerosol_extinction_per_m(550e-9).max(CLEAN_AIR_PER_M);
+        let aerosol_per_m = self.aerosol_extinction_per_m(550e-9);
+        let air_per_m = if aerosol_per_m > 0.0 {
+            aerosol_per_m.max(CLEAN_AIR_PER_M)
+        } else {
+            // A shower hid more than was reported, and nothing is known of the air between its drops.
+            KOSCHMIEDER / OPEN_VISIBILITY_M
+        };
         let mut changed = Self {
             precipitation_mmph: rate_mmph,
             snow: self.temperature_k < 274.15, // [K]
@@ -768,6 +774,13 @@ mod tests {
             );
         }
         near(wet.with_precipitation(0.0).visibility_m, 8000.0);
+        // Moderate rain alone hides more than this report says: without it, open air, not the clearest.
+        let shower = read("LSZH 171220Z 24012KT 6000 RA 05/04 Q1008");
+        near(shower.aerosol_extinction_per_m(550e-9), 0.0);
+        near(
+            shower.with_precipitation(0.0).visibility_m,
+            OPEN_VISIBILITY_M,
+        );
         let cold = Weather {
             temperature_k: 270.0,
             ..dry

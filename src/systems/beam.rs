@@ -21,8 +21,9 @@ use std::f64::consts::PI;
 pub const BUCKET_RADIUS_M: f64 = 0.05;
 /// A UAV further off the beam's axis than this takes no part in it [rad].
 const AIM_CONE_RAD: f64 = 5e-3;
-/// Change of range after which the path's turbulence is integrated anew [m].
-const PATH_STEP_M: f64 = 10.0;
+/// How often the path's turbulence is integrated anew [Hz]: within a tenth of a second a UAV moves by
+/// metres, a hundredth of the path.
+const PATH_HZ: u32 = 10;
 /// Share of the aerosol's extinction that heats the air: urban aerosol of single-scattering albedo 0.9.
 const ABSORBED_SHARE: f64 = 0.1;
 /// Least transverse air speed on the path [m/s]: natural convection stirs still air.
@@ -48,7 +49,7 @@ pub fn propagate(
         ..default()
     };
     // The UAV whose aim point lies closest to the axis is the one the path is followed to.
-    let mut aimed: Option<(f64, usize, DVec3, DVec3)> = None;
+    let mut aimed: Option<(f64, usize, DVec3, DVec3)> = None; // angle, index, place, air over the beam
     for (uav, flight, air, status, mut skin, _) in &mut uavs {
         skin.irradiance_wpm2 = 0.0;
         let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
@@ -59,11 +60,11 @@ pub fn propagate(
                 angle,
                 uav.index,
                 r_cam_m,
-                flight.state.v_enu_mps - air.wind_enu_mps,
+                mean_air_over_beam_mps(air.wind_enu_mps, flight.state.v_enu_mps),
             ));
         }
     }
-    let Some((_, index, target_cam_m, v_relative_enu_mps)) = aimed else {
+    let Some((_, index, target_cam_m, v_air_enu_mps)) = aimed else {
         if command.fire {
             beam.energy_j += source.laser.power_w * dt_s;
         }
@@ -71,16 +72,18 @@ pub fn propagate(
     };
     let range_m = target_cam_m.length();
     let los_enu = (pose.q_enu_cam * target_cam_m) / range_m;
-    // The air slides across the path: half of it with the target, the rest with the wind.
-    let crosswind_mps = 0.5 * v_relative_enu_mps.reject_from_normalized(los_enu).length();
-    let path = renew_path(
-        &mut source,
-        &environment,
-        pose.r_enu_m,
-        los_enu,
-        range_m,
-        crosswind_mps.max(LEAST_CROSSWIND_MPS),
-    );
+    let crosswind_mps = v_air_enu_mps.reject_from_normalized(los_enu).length();
+    let due = (clock.tick).is_multiple_of(u64::from((clock.tick_hz / PATH_HZ).max(1)));
+    let path = match source.path {
+        Some(path) if path.index == index && !due => path,
+        _ => renew_path(
+            &mut source,
+            &environment,
+            pose.r_enu_m,
+            (index, los_enu * range_m),
+            crosswind_mps.max(LEAST_CROSSWIND_MPS),
+        ),
+    };
     let LaserSource {
         channel,
         wander,
@@ -183,27 +186,28 @@ pub fn count_distractors(
     }
 }
 
-/// The air on the path to `range_m`, worked out anew when the range has moved on.
+/// Velocity of the air relative to the beam [m/s], mean over the path: at a share t of the way the
+/// beam moves sideways with t times its target's velocity.
+fn mean_air_over_beam_mps(wind_enu_mps: DVec3, v_target_enu_mps: DVec3) -> DVec3 {
+    wind_enu_mps - 0.5 * v_target_enu_mps
+}
+
+/// Works out the air on the path to UAV `index` at `to_enu_m` [m] from the station.
 fn renew_path(
     source: &mut LaserSource,
     environment: &Environment,
     r_station_enu_m: DVec3,
-    los_enu: DVec3,
-    range_m: f64,
+    (index, to_enu_m): (usize, DVec3),
     crosswind_mps: f64,
 ) -> BeamPath {
-    if let Some(path) = source.path
-        && (path.range_m - range_m).abs() < PATH_STEP_M
-    {
-        return path;
-    }
+    let range_m = to_enu_m.length();
     let height_m = |r: DVec3| (r.z - environment.city.dsm.terrain_m(r.x, r.y)).max(1.0);
     let turbulence = PathTurbulence::new(
         &environment.cn2,
         &Path {
             length_m: range_m,
             h0_m: height_m(r_station_enu_m),
-            h1_m: height_m(r_station_enu_m + los_enu * range_m),
+            h1_m: height_m(r_station_enu_m + to_enu_m),
         },
         source.laser.wavelength_m,
     );
@@ -219,7 +223,7 @@ fn renew_path(
     let focus_m = source.focus_m.unwrap_or(range_m);
     let number = source.laser.distortion_number(range_m, focus_m, &air);
     let path = BeamPath {
-        range_m,
+        index,
         turbulence,
         blooming: blooming_factor(number),
     };
@@ -259,5 +263,27 @@ pub fn heat(
         if *status == UavStatus::Flying && skin.failed(material) {
             *status = UavStatus::Falling;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn air_slides_over_the_whole_of_a_still_beam_and_half_of_a_moving_one() {
+        let wind = DVec3::new(4.0, 0.0, 0.0);
+        assert_eq!(mean_air_over_beam_mps(wind, DVec3::ZERO), wind);
+        // Still air, a crossing target; and a target that drifts with the wind.
+        assert_eq!(mean_air_over_beam_mps(DVec3::ZERO, wind), -0.5 * wind);
+        assert_eq!(mean_air_over_beam_mps(wind, wind), 0.5 * wind);
+        // The mean of what each point of the path meets.
+        let v = DVec3::new(1.0, -6.0, 2.0);
+        let points = 1_000;
+        let mean = (0..points)
+            .map(|i| wind - (f64::from(i) + 0.5) / f64::from(points) * v)
+            .sum::<DVec3>()
+            / f64::from(points);
+        assert!((mean - mean_air_over_beam_mps(wind, v)).length() < 1e-12);
     }
 }

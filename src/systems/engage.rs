@@ -10,6 +10,7 @@ use crate::models::dsm::HitKind;
 use crate::models::estimation::LosFilter;
 use crate::models::interlock::{FAR_M, Zone, bundle, bundle_hit_m, faces_sun, in_beam};
 use crate::models::kinematics::az_el_to_los;
+use crate::models::tracking::Track;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -194,16 +195,27 @@ pub fn decide_fire(
             if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
                 reasons.push("sun behind the target");
             }
-            let beam_rad = rules.beam_radius_m / range_m;
-            let others = tracker
+            let mut others = tracker
                 .table
                 .tracks
                 .iter()
                 .filter(|other| other.id != track.id && other.total_hits() >= OBJECT_HITS);
-            if others
-                .map(|other| (other.filter.predicted(clock.t_s()), other.size_rad))
-                .any(|(other, size_rad)| in_beam(&los, &other, size_rad, beam_rad))
-            {
+            let t_s = clock.t_s();
+            // Nearer than the target the beam, as wide as at its exit, fills a larger angle.
+            let beam_rad = |other: &Track| {
+                let nearest_m = (other.range.range_m(t_s)).map_or(range_m, |(other_m, sigma_m)| {
+                    other_m * (-2.0 * sigma_m / other_m).exp()
+                });
+                rules.beam_radius_m / nearest_m.min(range_m)
+            };
+            if others.any(|other| {
+                in_beam(
+                    &los,
+                    &other.filter.predicted(t_s),
+                    other.size_rad,
+                    beam_rad(other),
+                )
+            }) {
                 reasons.push("another object in the beam");
             }
             if tracker.falling_since.is_some() {
