@@ -1017,7 +1017,7 @@ fn spawn_station(
     let mount = Mount {
         r_enu_m: r_station_enu_m,
         // The mount waits at the first gaze.
-        gimbal: GimbalState::at_rest(scan.gazes_rad[0].into()),
+        gimbal: GimbalState::at_rest(params.within_stops(scan.gazes_rad[0].into())),
         params,
         axis_gyro_rng: Stream::new(seed, 0, "axis gyros"),
         mirror_params,

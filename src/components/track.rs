@@ -132,6 +132,8 @@ pub struct StateChange {
 pub struct BoresightError {
     /// Tick of the exposure.
     pub exposure_tick: u64,
+    /// First tick in which the tracker knew it.
+    pub available_tick: u64,
     /// Right and down, by the controller's pixel-to-angle map [rad].
     pub angle_rad: DVec2,
     /// Distance [px].
@@ -188,8 +190,8 @@ pub struct Tracker {
     pub rival: Option<(u32, u64)>,
     /// Whether the range finder had an echo of the target.
     pub lased: bool,
-    /// Whether the laser has been fired while it was the target.
-    pub fired: bool,
+    /// How fast the target lost height when the laser was first fired at it [m/s].
+    pub sink_at_fire_mps: Option<f64>,
     /// Since when the target, fired at, has been falling.
     pub falling_since: Option<u64>,
     /// Every change so far.
@@ -212,7 +214,7 @@ impl Default for Tracker {
             designated: false,
             rival: None,
             lased: false,
-            fired: false,
+            sink_at_fire_mps: None,
             falling_since: None,
             changes: vec![StateChange {
                 tick: 0,
@@ -265,7 +267,7 @@ impl Tracker {
         self.aim_rad = DVec2::ZERO;
         self.rival = None;
         self.lased = false;
-        self.fired = false;
+        self.sink_at_fire_mps = None;
         self.falling_since = None;
     }
 

@@ -264,6 +264,16 @@ impl GimbalParams {
         )
     }
 
+    /// The angles [rad] between the stops that point as `az_el_rad` does, or the nearest stops.
+    pub fn within_stops(&self, az_el_rad: DVec2) -> DVec2 {
+        let middle = |axis: &AxisParams| {
+            axis.travel_rad
+                .map_or(0.0, |[low, high]| 0.5 * (low + high))
+        };
+        let middle_rad = DVec2::new(middle(&self.azimuth), middle(&self.elevation));
+        middle_rad + self.error_rad(az_el_rad, middle_rad)
+    }
+
     /// The command that slews to a position [rad] and stops there: proportional near the target,
     /// on the braking parabola at 70 % of the torque far from it.
     pub fn position_command(&self, state: &GimbalState, target_rad: DVec2) -> GimbalCommand {
@@ -898,6 +908,25 @@ mod tests {
         // An unreachable elevation stops at the stop.
         let elevation = GimbalParams::default().elevation;
         assert!((elevation.error_rad(1.55, 0.0) - 85.0 * degree).abs() < 1e-12);
+    }
+
+    #[test]
+    fn angles_are_brought_between_the_stops() {
+        let mut params = rigid();
+        params.azimuth.travel_rad = Some([-3.0, 3.0]);
+        params.elevation.travel_rad = Some([-0.2, 1.5]);
+        // 5.5 rad is the direction of 5.5 rad less a turn; what lies beyond a stop becomes the stop.
+        let found = params.within_stops(DVec2::new(5.5, 2.0));
+        assert!(
+            (found - DVec2::new(5.5 - TAU, 1.5)).length() < 1e-12,
+            "{found}"
+        );
+        params.azimuth.travel_rad = Some([0.0, TAU]);
+        let found = params.within_stops(DVec2::new(-0.5, 0.3));
+        assert!(
+            (found - DVec2::new(TAU - 0.5, 0.3)).length() < 1e-12,
+            "{found}"
+        );
     }
 
     #[test]

@@ -448,6 +448,9 @@ impl TrackTable {
             if track.total_hits() < ESTABLISHED_HITS
                 || t_s - seen_s < SILENT_S
                 || fresh.started_s < seen_s
+                // What came up while the city hid it is something else.
+                || (track.occlusion)
+                    .is_some_and(|occlusion| occlusion.surely_hides(fresh.started_s))
             {
                 continue;
             }
@@ -797,5 +800,29 @@ mod tests {
         assert!(table.get(id).is_some());
         let assigned = table.update(&look(3.1, &[sighting(0.1, 0.1)]));
         assert_eq!(assigned[0], Some(id));
+    }
+    #[test]
+    fn what_comes_up_while_a_track_is_hidden_does_not_take_its_identity() {
+        for hidden in [true, false] {
+            let mut table = TrackTable::default();
+            for i in 0..60 {
+                table.update(&look(f64::from(i) / 60.0, &[sighting(0.1, 0.1)]));
+            }
+            let id = table.tracks[0].id;
+            table.tracks[0].occlusion = hidden.then_some(Occlusion {
+                enter_s: 1.0,
+                exit_s: Some(9.0),
+                exit_az_el_rad: DVec2::new(0.1, 0.1),
+            });
+            // Begins in plain view, a second and a half later and a milliradian away.
+            for i in 150..180 {
+                let t = f64::from(i) / 60.0;
+                table.update(&look(t, &[sighting(0.101, 0.1)]));
+            }
+            let ids: Vec<u32> = table.tracks.iter().map(|track| track.id).collect();
+            assert_eq!(ids.len(), 1 + usize::from(hidden), "{ids:?}");
+            assert_eq!(ids[0], id);
+            assert_eq!(table.tracks[0].total_hits() > 60, !hidden);
+        }
     }
 }

@@ -510,8 +510,13 @@ const MAX_LEAD_TICKS: usize = 32;
 /// Ticks after which a mirror has done half of a step, and what is then left of an offset and of a
 /// rate [s], found by deflecting it.
 fn mirror_lead(plant: &Plant) -> Result<(usize, [f64; 2]), TuningError> {
-    let mut mirror = Mirror::new(&plant.mirror, plant.dt_s)?;
-    let unit = 0.1 * plant.mirror.stroke_rad;
+    // How it moves has nothing to do with how far it may.
+    let params = MirrorParams {
+        stroke_rad: 1.0, // [rad]
+        ..plant.mirror
+    };
+    let unit = 0.1 * params.stroke_rad;
+    let mut mirror = Mirror::new(&params, plant.dt_s)?;
     // From rest: what is left of the offset.
     let mut left = Vec::new();
     while left.last().is_none_or(|left| *left > 0.5) && left.len() < MAX_LEAD_TICKS {
@@ -519,7 +524,7 @@ fn mirror_lead(plant: &Plant) -> Result<(usize, [f64; 2]), TuningError> {
     }
     let (ticks, offset) = (left.len(), left.last().copied().unwrap_or(0.0));
     // From a flying start after one tick: what the rate adds.
-    let mut mirror = Mirror::new(&plant.mirror, plant.dt_s)?;
+    let mut mirror = Mirror::new(&params, plant.dt_s)?;
     mirror.step(DVec2::new(unit, 0.0));
     let (at, rate) = (mirror.deflection_rad().x, mirror.rate_radps().x);
     for _ in 0..ticks {

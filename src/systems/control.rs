@@ -265,6 +265,10 @@ pub fn command_mount(
     let (mount, mut command) = station.into_inner();
     let gaze = (tracker.state == TrackingState::Search)
         .then(|| search(&clock, &tracker, &radar, &mut scan, mount));
+    if gaze.is_none() {
+        // The gaze that was left is begun anew.
+        scan.settled_since = None;
+    }
     match &mut *controller {
         Controller::Pointing(pointing) => {
             point(&clock, &tracker, gaze, pointing, mount, &mut command)

@@ -89,7 +89,8 @@ const DOUBT_QUALITY: f64 = 0.6;
 const DOUBT_SCORE: f64 = 0.05;
 /// Time for which it must have been held before it is doubted [s].
 const DOUBT_AFTER_S: f64 = 1.0;
-/// A target that has been fired at and sinks this fast [m/s] for this long [s] has been dealt with.
+/// A target that sinks faster by this [m/s] than when it was fired at, for this long [s], has been dealt
+/// with.
 const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
 /// Foresight of occlusions [s]; how often it is renewed, and threats are compared [Hz].
@@ -247,6 +248,7 @@ fn boresight_error(
     };
     BoresightError {
         exposure_tick: batch.exposure_tick,
+        available_tick: batch.available_tick,
         angle_rad: angles(px) - angles(reticle_px),
         distance_px: px.distance(reticle_px),
         half_side_px: 0.5 * (x1 - x0).min(y1 - y0),
@@ -375,10 +377,10 @@ impl Situation<'_> {
         self.clock.at_s(self.tick)
     }
 
-    /// Time without a hit of the target by a camera [s].
+    /// Time without news of a hit of the target by a camera [s].
     fn silent_s(&self, tracker: &Tracker, tier: Tier) -> f64 {
         tracker.error[tier as usize].map_or(f64::INFINITY, |error| {
-            self.clock.at_s(self.tick - error.exposure_tick)
+            self.clock.at_s(self.tick - error.available_tick)
         })
     }
 
@@ -484,9 +486,13 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, compare
         tracker.give_up(tick, false, "no camera saw the target any more");
         return;
     };
-    let sinks = tracker.lased && now.sink_mps(track) > FALLING_MPS;
-    tracker.fired |= firing;
-    if sinks && tracker.fired {
+    let sink_mps = now.sink_mps(track);
+    if firing {
+        tracker.sink_at_fire_mps.get_or_insert(sink_mps);
+    }
+    // One that dived at the station before it was hit still attacks.
+    let sinks = (tracker.sink_at_fire_mps).is_some_and(|before| sink_mps - before > FALLING_MPS);
+    if sinks && tracker.lased {
         let since = *tracker.falling_since.get_or_insert(tick);
         if now.clock.at_s(tick - since) > FALLING_S {
             tracker.give_up(tick, true, "the target falls");
@@ -502,7 +508,10 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, compare
         && !firing
         && matches!(
             tracker.state,
-            TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
+            TrackingState::Coarse
+                | TrackingState::Precise
+                | TrackingState::Engage
+                | TrackingState::Lost
         )
     {
         if compares {
@@ -746,4 +755,81 @@ pub fn find_range(
     tracker.range_m = known
         .filter(|(_, sigma_m)| tracker.lased && *sigma_m < RANGE_KNOWN_M)
         .map(|(range_m, _)| range_m);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::tracking::Sighting;
+
+    /// A UAV 600 m away that sinks at `sink_mps`, after a second is fired at, and from then on falls with
+    /// `fall_mps2` for two: why it is no target any more.
+    fn given_up(sink_mps: f64, fall_mps2: f64) -> Option<String> {
+        let clock = SimClock {
+            tick: 0,
+            tick_hz: 960,
+        };
+        let params = TrackerParams {
+            nearest_to_centre: false,
+            linear_angles: false,
+            centre_sigma_px: 0.5,
+            min_quality: 0.5,
+            min_score: 0.0,
+            switch_ratio: 2.0,
+            r_asset_enu_m: DVec3::ZERO,
+            aim: None,
+            lock_radius_px: 5.0,
+            lock_dwell_s: 0.1,
+            break_radius_px: 20.0,
+        };
+        let mut tracker = Tracker::default();
+        for frame in 0..180_u32 {
+            let t_s = f64::from(frame) / 60.0;
+            let sunk_m = sink_mps * t_s + 0.5 * fall_mps2 * (t_s - 1.0).max(0.0).powi(2);
+            let r_enu_m = DVec3::new(0.0, 600.0, 80.0 - sunk_m);
+            let sighting = Sighting {
+                az_el_rad: los_to_az_el(r_enu_m),
+                sigma_rad: 1e-5,
+                size_rad: 6e-4,
+                score: 0.9,
+                label: 0,
+            };
+            tracker.table.update(&Look {
+                tier: Tier::Precise as usize,
+                t_s,
+                sightings: &[sighting],
+                in_view: &|_| true,
+                start_tracks: true,
+            });
+            let id = tracker.table.tracks[0].id;
+            tracker.table.tracks[0].ranged(r_enu_m.length(), 0.5, t_s);
+            tracker.lased = true;
+            if frame == 30 {
+                tracker.acquire(u64::from(frame) * 16, id, "test");
+                tracker.lased = true;
+            }
+            let now = Situation {
+                tick: u64::from(frame) * 16,
+                clock: &clock,
+                params: &params,
+                dsm: None,
+                r_station_enu_m: DVec3::ZERO,
+            };
+            if frame > 30 {
+                step(&now, &mut tracker, frame == 58, false);
+                if tracker.target.is_none() {
+                    return tracker.changes.last().map(|change| change.reason.clone());
+                }
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn a_diving_target_is_not_taken_for_one_that_falls() {
+        assert_eq!(given_up(8.0, 0.0), None);
+        assert_eq!(given_up(0.0, 0.0), None);
+        assert_eq!(given_up(0.0, 9.8).as_deref(), Some("the target falls"));
+        assert_eq!(given_up(8.0, 9.8).as_deref(), Some("the target falls"));
+    }
 }
