@@ -866,10 +866,7 @@ fn targets(
         let [az_deg, el_deg] = az_el_rad.to_array().map(f64::to_degrees);
         let az_deg = az_deg.rem_euclid(360.0);
         let class = detector.class(track.label());
-        let text = format!(
-            "track {} {name}, {class}  {az_deg:.1}° {el_deg:.1}°",
-            track.id
-        );
+        let text = format!("#{} {name}, {class} {az_deg:.0}° {el_deg:.1}°", track.id);
         if ui.radio(tracker.target == Some(track.id), text).clicked() {
             choice.0 = Some(track.id);
         }
