@@ -5,6 +5,7 @@
 use std::f64::consts::{PI, SQRT_2};
 
 use crate::models::turbulence::PathTurbulence;
+use glam::DVec3;
 
 /// A laser behind its beam director.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -169,6 +170,12 @@ pub fn power_in_bucket_w(power_w: f64, w_m: f64, offset_m: f64, bucket_radius_m:
 /// transverse wind `v_perp_mps` [m/s] (frozen flow); infinite in still air.
 pub fn wander_correlation_time_s(aperture_radius_m: f64, v_perp_mps: f64) -> f64 {
     2.0 * aperture_radius_m / v_perp_mps.abs()
+}
+
+/// Velocity of the air relative to the beam [m/s], mean over the path: at a share t of the way the
+/// beam moves sideways with t times its target's velocity.
+pub fn mean_air_over_beam_mps(wind_enu_mps: DVec3, v_target_enu_mps: DVec3) -> DVec3 {
+    wind_enu_mps - 0.5 * v_target_enu_mps
 }
 
 #[cfg(test)]
@@ -406,5 +413,22 @@ mod tests {
         assert_eq!(blooming_factor(0.0), 1.0);
         assert_eq!(blooming_factor(4.0), 0.5);
         assert_eq!(blooming_factor(f64::INFINITY), 0.0);
+    }
+
+    #[test]
+    fn air_slides_over_the_whole_of_a_still_beam_and_half_of_a_moving_one() {
+        let wind = DVec3::new(4.0, 0.0, 0.0);
+        assert_eq!(mean_air_over_beam_mps(wind, DVec3::ZERO), wind);
+        // Still air, a crossing target; and a target that drifts with the wind.
+        assert_eq!(mean_air_over_beam_mps(DVec3::ZERO, wind), -0.5 * wind);
+        assert_eq!(mean_air_over_beam_mps(wind, wind), 0.5 * wind);
+        // The mean of what each point of the path meets.
+        let v = DVec3::new(1.0, -6.0, 2.0);
+        let points = 1_000;
+        let mean = (0..points)
+            .map(|i| wind - (f64::from(i) + 0.5) / f64::from(points) * v)
+            .sum::<DVec3>()
+            / f64::from(points);
+        assert!((mean - mean_air_over_beam_mps(wind, v)).length() < 1e-12);
     }
 }

@@ -8,7 +8,8 @@ use crate::components::track::Tracker;
 use crate::components::uav::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::models::atmosphere::transmittance;
 use crate::models::beam::{
-    BloomingAir, blooming_factor, power_in_bucket_w, wander_correlation_time_s,
+    BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
+    wander_correlation_time_s,
 };
 use crate::models::dsm::LineOfSight;
 use crate::models::turbulence::{IntensityChannel, Path, PathTurbulence};
@@ -186,12 +187,6 @@ pub fn count_distractors(
     }
 }
 
-/// Velocity of the air relative to the beam [m/s], mean over the path: at a share t of the way the
-/// beam moves sideways with t times its target's velocity.
-fn mean_air_over_beam_mps(wind_enu_mps: DVec3, v_target_enu_mps: DVec3) -> DVec3 {
-    wind_enu_mps - 0.5 * v_target_enu_mps
-}
-
 /// Works out the air on the path to UAV `index` at `to_enu_m` [m] from the station.
 fn renew_path(
     source: &mut LaserSource,
@@ -263,27 +258,5 @@ pub fn heat(
         if *status == UavStatus::Flying && skin.failed(material) {
             *status = UavStatus::Falling;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn air_slides_over_the_whole_of_a_still_beam_and_half_of_a_moving_one() {
-        let wind = DVec3::new(4.0, 0.0, 0.0);
-        assert_eq!(mean_air_over_beam_mps(wind, DVec3::ZERO), wind);
-        // Still air, a crossing target; and a target that drifts with the wind.
-        assert_eq!(mean_air_over_beam_mps(DVec3::ZERO, wind), -0.5 * wind);
-        assert_eq!(mean_air_over_beam_mps(wind, wind), 0.5 * wind);
-        // The mean of what each point of the path meets.
-        let v = DVec3::new(1.0, -6.0, 2.0);
-        let points = 1_000;
-        let mean = (0..points)
-            .map(|i| wind - (f64::from(i) + 0.5) / f64::from(points) * v)
-            .sum::<DVec3>()
-            / f64::from(points);
-        assert!((mean - mean_air_over_beam_mps(wind, v)).length() < 1e-12);
     }
 }
