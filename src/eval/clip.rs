@@ -7,7 +7,7 @@
 use super::coco::{Coco, OTHERS, UAVS};
 use super::detector::Miss;
 use super::page::{note, number, table};
-use super::{job, mot, progress, quoted, threads, within};
+use super::{job, mot, progress, quoted, threads, within, within_share};
 use crate::components::camera::{PixelRect, Tier};
 use crate::components::clock::SimClock;
 use crate::components::station::{Alignment, Pointing};
@@ -265,12 +265,7 @@ impl Tally {
 /// Carries out the evaluation and writes what it leaves.
 pub fn clip(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let fov_deg = arguments.fov_deg;
-    within(
-        "--threshold",
-        arguments.threshold.unwrap_or_default(),
-        0.0,
-        1.0,
-    )?;
+    within_share("--threshold", arguments.threshold)?;
     within("--fov-deg", fov_deg, 0.01, 170.0)?;
     within("--centre-sigma-px", arguments.centre_sigma_px, 0.01, 20.0)?;
     within("--rate-hz", arguments.rate_hz, 0.1, 10_000.0)?;

@@ -2,7 +2,7 @@
 
 use super::coco::{Coco, Picture};
 use super::page::{note, number, standalone, table};
-use super::{cost, mot, progress, quoted, threads, within};
+use super::{cost, mot, progress, quoted, threads, within_share};
 use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::detection_metrics::{
     ALL, BANDS, Band, Criterion, Image, Matching, Truth, mean_average_precision, recall_level,
@@ -232,12 +232,7 @@ pub struct Worst {
 pub fn detector(arguments: &Arguments) -> Result<Evaluation, RunError> {
     let mut coco = Coco::load(&arguments.data, &arguments.category)?;
     coco.truncate(arguments.frames.map_or(usize::MAX, NonZeroUsize::get));
-    within(
-        "--threshold",
-        arguments.threshold.unwrap_or_default(),
-        0.0,
-        1.0,
-    )?;
+    within_share("--threshold", arguments.threshold)?;
     let threads = threads(arguments.threads);
     let mut model = OnnxDetector::load(&arguments.model, threads)?;
     let out = &arguments.out;

@@ -81,6 +81,11 @@ fn within(argument: &'static str, value: f64, low: f64, high: f64) -> Result<(),
     })
 }
 
+/// Refuses a share, where one is given, that is not from 0 to 1.
+fn within_share(argument: &'static str, value: Option<f64>) -> Result<(), RunError> {
+    value.map_or(Ok(()), |value| within(argument, value, 0.0, 1.0))
+}
+
 /// Threads of a model: `wanted`, or one a core.
 fn threads(wanted: Option<NonZeroUsize>) -> usize {
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
