@@ -1,5 +1,6 @@
 // The one material of sensor cameras and window: Lambert sun, sky ambient, air-light (eq. 5).
-// It stays lean because a software rasteriser pays for every instruction of every fragment.
+// It stays lean because a software rasteriser pays for every instruction of every fragment. No branch
+// asks uniforms alone: Mesa's lavapipe makes a shader anew, and keeps it, whenever such a uniform may have changed.
 // Output: rgb = luminance of linear sRGB channels [kcd/m^2] times the view's exposure,
 // alpha = identity digit of the surface (see `systems/capture.rs`).
 
@@ -13,7 +14,7 @@ struct Light {
     ambient_ground: vec4<f32>,// illuminance of a downward face [klx]
     extinction: vec4<f32>,    // rgb [1/m]
     night: vec4<f32>,         // x: luminance of a lit window [kcd/m^2]
-    clouds: vec4<f32>,        // cover 0..1, scale, seed, strength 0..1 (0: none drawn)
+    clouds: vec4<f32>,        // cover 0..1, scale, seed; drawn where CLOUDS is defined
     // Air-light as a polynomial in the cosine of the azimuth from the sun, rgb [kcd/m^2]
     airlight: array<vec4<f32>, 4>,
 }
@@ -138,7 +139,7 @@ fn clouds(dir: vec3<f32>, radiance: vec3<f32>) -> vec4<f32> {
     let floor_density = mix(0.3, -0.34, cover);
     let thickness = smoothstep(floor_density, floor_density + 0.4, density);
     let mask = smoothstep(floor_density, floor_density + 0.12, density)
-        * smoothstep(0.0, 0.09, dir.z) * light.clouds.w;
+        * smoothstep(0.0, 0.09, dir.z);
     let facing = dot(dir, light.sun_dir.xyz);
     let sunlit = light.sun.rgb / max(1.0 - cover, 0.1);
     let edge = clamp(0.75 + 0.25 * facing - 0.7 * thickness, 0.08, 1.0)
@@ -159,11 +160,11 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
         var radiance = sky(dir);
         // The sun's disc, 0.53 deg across; half floats end at 65504.
         var disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
-        if light.clouds.w > 0.0 {
-            let clouded = clouds(dir, radiance);
-            radiance = clouded.rgb;
-            disc *= clouded.w;
-        }
+#ifdef CLOUDS
+        let clouded = clouds(dir, radiance);
+        radiance = clouded.rgb;
+        disc *= clouded.w;
+#endif
         radiance += disc * min(light.sun.rgb * 15.0, vec3(30000.0));
         return vec4(radiance * view.exposure, 0.0);
     }

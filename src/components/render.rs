@@ -33,7 +33,7 @@ pub struct LightUniform {
     pub extinction_per_m: Vec4,
     /// x: luminance of a lit window [kcd/m^2].
     pub night: Vec4,
-    /// Clouds drawn in the sky: cover 0..1, scale, seed, strength 0..1 (0: none).
+    /// Clouds drawn in the sky: cover 0..1, scale, seed.
     pub clouds: Vec4,
     /// Air-light [kcd/m^2]: coefficients of a polynomial in the cosine of the azimuth from the sun.
     pub airlight_kcd_m2: [Vec4; 4],
@@ -43,6 +43,7 @@ pub struct LightUniform {
 ///
 /// Bevy's `StandardMaterial` costs twelve times as much per frame on a software rasteriser.
 #[derive(Asset, TypePath, AsBindGroup, Clone, Debug)]
+#[bind_group_data(LeanKey)]
 pub struct LeanMaterial {
     /// Sun, sky and air.
     #[uniform(0)]
@@ -57,6 +58,22 @@ pub struct LeanMaterial {
     pub sky_table: Handle<Image>,
     /// The sky itself: drawn after everything opaque, so that only uncovered pixels pay for it.
     pub last: bool,
+    /// Draws clouds in the sky.
+    pub clouded: bool,
+}
+
+/// What of a [`LeanMaterial`] is compiled into its shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct LeanKey {
+    clouded: bool,
+}
+
+impl From<&LeanMaterial> for LeanKey {
+    fn from(material: &LeanMaterial) -> Self {
+        Self {
+            clouded: material.clouded,
+        }
+    }
 }
 
 impl Material for LeanMaterial {
@@ -89,8 +106,11 @@ impl Material for LeanMaterial {
         _: &MaterialPipeline,
         descriptor: &mut RenderPipelineDescriptor,
         layout: &MeshVertexBufferLayoutRef,
-        _: MaterialPipelineKey<Self>,
+        key: MaterialPipelineKey<Self>,
     ) -> Result<(), SpecializedMeshPipelineError> {
+        if let (true, Some(fragment)) = (key.bind_group_data.clouded, &mut descriptor.fragment) {
+            fragment.shader_defs.push("CLOUDS".into());
+        }
         descriptor.vertex.buffers = vec![layout.0.get_layout(&[
             Mesh::ATTRIBUTE_POSITION.at_shader_location(0),
             Mesh::ATTRIBUTE_NORMAL.at_shader_location(1),

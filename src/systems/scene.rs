@@ -274,10 +274,10 @@ pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
     };
     let sky = handles.sky.clone();
     let lie = Stream::new(seed, 0, "clouds").range(0.0, 500.0) as f32;
-    let strength = if cover > 0.0 { 1.0 } else { 0.0 };
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
     if let Some(mut material) = materials.get_mut(&sky) {
-        material.light.clouds = Vec4::new(cover as f32, SCALE, lie, strength);
+        material.light.clouds = Vec4::new(cover as f32, SCALE, lie, 0.0);
+        material.clouded = cover > 0.0;
     }
 }
 
@@ -315,6 +315,7 @@ pub fn spawn(world: &mut World, content: &SceneContent) {
         ground_map,
         sky_table,
         last: false,
+        clouded: false,
     };
     let solid = materials.add(material.clone());
     material.last = true;
