@@ -540,10 +540,12 @@ fn environment(
     let day = sun_dir_enu.z > 0.0;
     // Roughness and displacement of a city: a tenth and 0.7 of the building height (Grimmond and
     // Oke, 1999), the displacement counted from the roofs that UAVs fly above.
+    let roughness_m = (0.1 * mean_height_m).clamp(0.03, 2.0); // [m]
+    let weather = scenario.weather.at_site(weather, roughness_m);
     let mean_wind = MeanWind::new(
         weather.wind_speed_mps,
         weather.wind_from_rad.to_degrees(),
-        (0.1 * mean_height_m).clamp(0.03, 2.0),
+        roughness_m,
         0.7 * mean_height_m,
     )
     .map_err(|error| value("weather", error.to_string()))?;

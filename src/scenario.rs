@@ -27,6 +27,7 @@ use crate::models::thermal::{self, SkinMaterial};
 use crate::models::trajectory::Trajectory;
 use crate::models::uav::{AimPart, UavKind};
 use crate::models::weather::{self, WeatherError};
+use crate::models::wind::over_rough_ground;
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -118,7 +119,7 @@ pub struct Weather {
     /// An aerodrome report, verbatim.
     pub metar: Option<String>,
     /// Mean wind speed 10 m above the ground, in a city above 0.7 of its mean building height; 3 without
-    /// a METAR, whose wind is taken as this.
+    /// a METAR, whose wind, that of open ground, loses some half of its speed to the city's roughness.
     pub wind_speed_mps: Option<f64>,
     /// Direction the wind blows from, clockwise from north; 270 without a METAR.
     pub wind_from_deg: Option<f64>,
@@ -186,6 +187,21 @@ impl Weather {
                 ..given.with_precipitation(rate_mmph)
             },
         })
+    }
+
+    /// The resolved weather at a site of roughness length `roughness_m` [m]: a report's wind is that
+    /// of open ground, explicit values are the site's own.
+    pub fn at_site(&self, resolved: weather::Weather, roughness_m: f64) -> weather::Weather {
+        if self.metar.is_none() {
+            return resolved;
+        }
+        let (reported_mps, gust_mps) = (resolved.wind_speed_mps, resolved.gust_mps);
+        let (wind_speed_mps, gust_mps) = over_rough_ground(reported_mps, gust_mps, roughness_m);
+        weather::Weather {
+            wind_speed_mps: self.wind_speed_mps.unwrap_or(wind_speed_mps),
+            gust_mps: self.gust_mps.or(gust_mps),
+            ..resolved
+        }
     }
 }
 
@@ -2352,6 +2368,23 @@ trajectory = { kind = "hover", position_enu_m = [0.0, 500.0, 100.0] }
         );
         assert!(change("[site]", "[site").starts_with("s.toml:5: not TOML: "));
         assert!(change("500.0, ", "").starts_with("s.toml:16: uavs[0].trajectory: "));
+    }
+
+    #[test]
+    fn only_a_reports_wind_is_carried_to_the_site() {
+        const ROUGHNESS_M: f64 = 1.0; // [m]
+        let wind = |sets: &[&str]| {
+            let weather = with(sets).weather;
+            let at_site = weather.at_site(weather.resolved().unwrap(), ROUGHNESS_M);
+            (at_site.wind_speed_mps, at_site.gust_mps)
+        };
+        assert_eq!(wind(&["weather.wind_speed_mps=5"]), (5.0, None));
+        let metar = "weather.metar=\"LSZH 200850Z 24010G20KT 9999 FEW045 19/11 Q1020\"";
+        let knots = 1852.0 / 3600.0; // [m/s]
+        let carried = over_rough_ground(10.0 * knots, Some(20.0 * knots), ROUGHNESS_M);
+        assert_eq!(wind(&[metar]), carried);
+        let both = [metar, "weather.wind_speed_mps=6", "weather.gust_mps=9"];
+        assert_eq!(wind(&both), (6.0, Some(9.0)));
     }
 
     #[test]

@@ -31,7 +31,6 @@ use statistics::Statistics;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::sync::mpsc::sync_channel;
 
 /// What `dataset` is told.
@@ -106,19 +105,7 @@ pub enum DatasetError {
         /// What is wrong.
         why: String,
     },
-    /// A process that made some of the scenes ended early.
-    #[error("the scenes from {from} on were not made ({why}); run the command again to go on")]
-    Part {
-        /// First of the scenes.
-        from: u32,
-        /// How the process ended.
-        why: String,
-    },
 }
-
-/// Most scenes that one process makes: the renderer keeps up to 200 MB of each, its driver's
-/// buffers among them, even when its app is dropped.
-const PART: usize = 24;
 
 /// Version of the folder's layout and of what is drawn: a change of either counts it up.
 const FORMAT: u32 = 2;
@@ -157,10 +144,6 @@ pub fn dataset(arguments: &Arguments) -> Result<String, RunError> {
     claim(out, &text, &digest)?;
     let plan = draw::plan(&recipe);
     let waiting: Vec<u32> = scenes.clone().filter(|index| !done(out, *index)).collect();
-    if waiting.len() > PART {
-        in_parts(arguments, &waiting)?;
-        return merge(&recipe, &digest, &plan, out);
-    }
     let bar = bar(waiting.len() as u64);
     if !waiting.is_empty() {
         let mut stage = Stage::new(arguments.threads)?;
@@ -191,38 +174,6 @@ pub fn dataset(arguments: &Arguments) -> Result<String, RunError> {
     }
     bar.finish_and_clear();
     merge(&recipe, &digest, &plan, out)
-}
-
-/// Makes the scenes in processes of their own, one after the other.
-fn in_parts(arguments: &Arguments, waiting: &[u32]) -> Result<(), RunError> {
-    let program = std::env::current_exe().map_err(|source| DatasetError::Part {
-        from: waiting[0],
-        why: source.to_string(),
-    })?;
-    for (number, part) in waiting.chunks(PART).enumerate() {
-        let (from, to) = (part[0], part[part.len() - 1] + 1);
-        eprintln!(
-            "{} of {} scenes to go",
-            waiting.len() - number * PART,
-            waiting.len()
-        );
-        let mut command = Command::new(&program);
-        command.arg("dataset").arg(&arguments.recipe);
-        command.arg("--out").arg(&arguments.out);
-        command.args(["--scenes", &format!("{from}..{to}")]);
-        if let Some(threads) = arguments.threads {
-            command.args(["--threads", &threads.to_string()]);
-        }
-        // Its errors are told on standard error, its figures are those of a set half made.
-        let status = command.stdout(Stdio::null()).status();
-        let why = match status {
-            Ok(status) if status.success() => continue,
-            Ok(status) => status.to_string(),
-            Err(error) => error.to_string(),
-        };
-        return Err(DatasetError::Part { from, why }.into());
-    }
-    Ok(())
 }
 
 /// The scenes asked for.

@@ -48,7 +48,7 @@ const INCH_OF_MERCURY_PA: f64 = 3386.389;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Weather {
-    /// Mean wind speed 10 m above open ground [m/s].
+    /// Mean wind speed 10 m above open ground as reported, or above the site's displacement height [m/s].
     pub wind_speed_mps: f64,
     /// Direction the wind blows from, clockwise from true north [rad].
     pub wind_from_rad: f64,

@@ -10,6 +10,10 @@ use std::f64::consts::TAU;
 use thiserror::Error;
 
 const FOOT_M: f64 = 0.3048; // [m]
+/// Roughness length of open ground: terrain category II of EN 1991-1-4, over which anemometers are
+/// taken to stand. Here its turbulence, a standard deviation of `U10 / ln(10 m/z0)` = 0.189 U10, is
+/// that of MIL-F-8785C, 0.189 U10 too at 10 m.
+const OPEN_GROUND_M: f64 = 0.05; // [m]
 /// Turbulence does not freeze in a calm that gusts are reported in.
 const LEAST_PACE_MPS: f64 = 1.0; // [m/s]
 
@@ -83,6 +87,23 @@ impl MeanWind {
         let z_m = (height_agl_m - self.displacement_m).max(floor_m);
         self.scale_mps * (z_m / self.roughness_m).ln()
     }
+}
+
+/// Mean wind speed and gust speed [m/s] 10 m above the displacement plane of ground of roughness
+/// length `roughness_m` [m], of which a report has `speed_mps` and `gust_mps` 10 m above open ground.
+///
+/// By EN 1991-1-4 (eq. 4.3 to 4.5) friction velocity and turbulence grow with `(z0 / 0.05 m)^0.07`
+/// and the mean with `ln(10 m / z0)` times that; what a gust has beyond the mean is turbulence.
+pub fn over_rough_ground(
+    speed_mps: f64,
+    gust_mps: Option<f64>,
+    roughness_m: f64,
+) -> (f64, Option<f64>) {
+    let friction = (roughness_m / OPEN_GROUND_M).powf(0.07);
+    let mean_mps =
+        speed_mps * friction * (10.0 / roughness_m).ln() / (10.0 / OPEN_GROUND_M).ln(); // 10 [m]
+    let gust_mps = gust_mps.map(|gust_mps| mean_mps + friction * (gust_mps - speed_mps).max(0.0));
+    (mean_mps, gust_mps)
 }
 
 /// Length scales [m] and standard deviations [m/s] of the low-altitude Dryden model; the lateral
@@ -208,6 +229,7 @@ struct Coefficients {
 #[derive(Clone, Debug)]
 pub struct DrydenGust {
     mean: MeanWind,
+    /// Wind speed 20 ft above open ground of the same friction velocity.
     w20_mps: f64,
     /// Filter states of unit stationary variance: a change of height only rescales them.
     u: f64,
@@ -217,15 +239,16 @@ pub struct DrydenGust {
 }
 
 impl DrydenGust {
-    /// Gusts upon `mean`, started in their stationary state; their strength follows the mean wind
-    /// 20 ft above the displacement plane.
+    /// Gusts upon `mean`, started in their stationary state. Their strength follows its friction
+    /// velocity, as turbulence over any roughness does: over a city a given mean wind brings some
+    /// three times the gusts that it brings over grass.
     pub fn new(mean: &MeanWind, rng: &mut Stream) -> Self {
         let mut start = || {
             let x1 = rng.normal();
             [x1, 0.5 * (x1 + rng.normal())]
         };
         Self {
-            w20_mps: mean.speed_mps(20.0 * FOOT_M + mean.displacement_m),
+            w20_mps: mean.scale_mps * (20.0 * FOOT_M / OPEN_GROUND_M).ln(),
             mean: mean.clone(),
             u: start()[0],
             v: start(),
@@ -324,6 +347,22 @@ mod tests {
         // The displacement height lifts the profile.
         let city = MeanWind::new(5.0, 0.0, 1.0, 14.0).unwrap();
         assert!((city.mean_wind_enu_mps(24.0).y + 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_reported_wind_is_slowed_and_roughened_by_a_city() {
+        // EN 1991-1-4, terrain category IV: kr = 0.19 (1/0.05)^0.07 = 0.234, cr(10 m) = kr ln 10 =
+        // 0.540, Iv = 1 / ln 10; category II: cr = 0.19 ln 200 = 1.007.
+        let (mean_mps, gust_mps) = over_rough_ground(10.0, Some(16.0), 1.0);
+        assert!((mean_mps / 10.0 - 0.540 / 1.007).abs() < 1e-3, "{mean_mps}");
+        assert!((gust_mps.unwrap() - mean_mps - 6.0 * 0.2343 / 0.19).abs() < 0.01);
+        let (open_mps, no_gust) = over_rough_ground(7.0, None, OPEN_GROUND_M);
+        assert!((open_mps - 7.0).abs() < 1e-12 && no_gust.is_none());
+        let city = MeanWind::new(mean_mps, 270.0, 1.0, 14.0).unwrap();
+        let gusts = DrydenGust::new(&city, &mut Stream::new(1, 0, "gust"));
+        let sigma_u_mps = dryden_scales(10.0, gusts.w20_mps).sigma_u_mps;
+        let intensity = sigma_u_mps / mean_mps;
+        assert!((intensity * 10f64.ln() - 1.0).abs() < 0.01, "{intensity}");
     }
 
     #[test]
