@@ -52,7 +52,7 @@ use crate::systems::engage::{Burst, Interlocks, Rules};
 use crate::systems::mount::optics_of;
 use crate::systems::render::{RenderError, Renderer, spawn_sensor_view};
 use crate::systems::scene::{self, SceneContent, SceneHandles};
-use crate::systems::track::{RangeFinder, TrackerParams};
+use crate::systems::track::{RangeFinder, TrackerParams, patience_s};
 use bevy::app::{Main, TaskPoolThreadAssignmentPolicy};
 use bevy::log::{Level, LogPlugin};
 use bevy::platform::cell::SyncCell;
@@ -1103,6 +1103,8 @@ pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> Tra
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,
+        patience_s: (scenario.station.cameras.resolved())
+            .map(|camera| patience_s(f64::from(camera.rate_hz))),
     }
 }
 

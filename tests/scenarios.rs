@@ -874,6 +874,42 @@ fn the_network_sees_the_same_on_one_thread_and_on_eight() {
     assert_eq!(one.hash(), eight.hash());
 }
 
+/// Once the first frames are drawn, a run needs no more memory: a shader that branches on uniforms
+/// alone made Mesa's lavapipe keep a gigabyte for each simulated second (assets/shaders/lean.wgsl).
+#[cfg(target_os = "linux")]
+#[test]
+fn a_rendered_run_keeps_its_memory() {
+    let _one = rendering();
+    let folder = TempDir::new().unwrap();
+    let set = "duration_s=2.5 detector.kind=truth engage.authorised=false";
+    let mut child = boresight()
+        .args(["run", "scenarios/urban_intercept.toml", "--out"])
+        .arg(folder.path())
+        .args(set.split(' ').flat_map(|value| ["--set", value]))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut taken_mb = Vec::new();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        let file = format!("/proc/{}/status", child.id());
+        let text = std::fs::read_to_string(file).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("RssAnon:"));
+        let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+        taken_mb.extend(kilobytes.map(|kilobytes| kilobytes / 1024));
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    assert!(status.success());
+    // City and pipelines are made in the first half.
+    let later_mb = &taken_mb[taken_mb.len() / 2..];
+    let growth_mb = later_mb.iter().max().unwrap() - later_mb[0];
+    println!("{growth_mb} MB more after {} MB", later_mb[0]);
+    assert!(growth_mb < 300, "{taken_mb:?}");
+}
+
 /// The detector's thread works while the next frames are rendered, and what a run does with what it
 /// finds is the same as without it; here in regions of 160 px of cameras that have no window.
 #[test]

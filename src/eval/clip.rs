@@ -22,7 +22,7 @@ use crate::recording::encode_jpeg;
 use crate::report::{Across, Chart, Escaped, STYLE, Scale, Series, StateSpan, states_html};
 use crate::run::{self, RunError};
 use crate::scenario;
-use crate::systems::track::{Situation, TrackerParams, step, take_in};
+use crate::systems::track::{Situation, TrackerParams, patience_s, step, take_in};
 use crate::video::{Clip, Frame, Writer};
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use clap::Args;
@@ -613,7 +613,11 @@ struct Followed {
 }
 
 impl Follower {
-    fn new([width, height]: [u32; 2], arguments: &Arguments) -> Result<Self, RunError> {
+    fn new(
+        [width, height]: [u32; 2],
+        rate_hz: f64,
+        arguments: &Arguments,
+    ) -> Result<Self, RunError> {
         let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians());
         let pinhole = pinhole.map_err(|error| RunError::Argument {
             argument: "--fov-deg",
@@ -644,6 +648,7 @@ impl Follower {
                 lock_radius_px: 0.0,
                 lock_dwell_s: f64::INFINITY,
                 break_radius_px: 0.0,
+                patience_s: [patience_s(rate_hz); 3],
             },
             tracker: Tracker::default(),
             pinhole,
@@ -794,7 +799,7 @@ fn play(
                 model.detect(&frame.rgb8, frame.size_px, &mut Vec::new())?;
                 let overlay = folder.join("overlay.mp4");
                 at_work.insert((
-                    Follower::new(size_px, arguments)?,
+                    Follower::new(size_px, rate_hz, arguments)?,
                     Writer::create(&overlay, size_px, rate_hz)?,
                 ))
             }

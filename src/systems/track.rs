@@ -49,6 +49,16 @@ pub struct TrackerParams {
     pub lock_dwell_s: f64,
     /// A precise error beyond this ends Engage [px].
     pub break_radius_px: f64,
+    /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
+    pub patience_s: [f64; 3],
+}
+
+/// Time without a hit after which a camera of `rate_hz` [Hz] has lost the target [s]: a slow one may
+/// miss a frame, as the faster ones may miss several.
+pub(crate) fn patience_s(rate_hz: f64) -> f64 {
+    const LEAST_S: f64 = 0.25; // [s]
+    const FRAMES: f64 = 2.5;
+    LEAST_S.max(FRAMES / rate_hz)
 }
 
 impl TrackerParams {
@@ -74,8 +84,6 @@ const MOVING_RADPS: f64 = 1.0e-3;
 const MOVING_SIGMAS: f64 = 6.0;
 /// Clear sky that must lie below a candidate that does not move [rad].
 const SKY_MARGIN_RAD: f64 = 4e-3;
-/// Time without a hit after which a camera has lost the target [s].
-const LOSE_AFTER_S: f64 = 0.25;
 /// Time for which a track that was given up as no target is left alone [s].
 const REJECTED_S: f64 = 10.0;
 /// Time the coarse camera has to confirm a candidate [s], and a lost target to come back.
@@ -384,6 +392,17 @@ impl Situation<'_> {
         })
     }
 
+    /// Whether a camera has had no news of the target for so long that it has lost it.
+    fn lost_by(&self, tracker: &Tracker, tier: Tier) -> bool {
+        self.silent_s(tracker, tier) > self.params.patience_s[tier as usize]
+    }
+
+    /// Whether a track was seen so lately by any camera that it may still be there.
+    fn fresh(&self, track: &Track) -> bool {
+        let longest_s = self.params.patience_s.into_iter().fold(0.0, f64::max);
+        self.t_s() - track.seen_s() <= longest_s
+    }
+
     /// Speed with which a track loses height [m/s].
     fn sink_mps(&self, track: &Track) -> f64 {
         track
@@ -421,7 +440,7 @@ impl Situation<'_> {
         if track.total_hits() < CANDIDATE_HITS || !self.params.convinced(track) {
             return None;
         }
-        if track.misses > 0 && self.t_s() - track.seen_s() > LOSE_AFTER_S {
+        if track.misses > 0 && !self.fresh(track) {
             return None;
         }
         let (rate_radps, sigmas) = track.motion(self.t_s());
@@ -573,7 +592,7 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
             if judged
                 && !hidden
                 && in_state_s > DOUBT_AFTER_S
-                && now.t_s() - track.seen_s() < LOSE_AFTER_S
+                && now.fresh(track)
                 && (quality < DOUBT_QUALITY * params.min_quality
                     || score < params.min_score - DOUBT_SCORE) =>
         {
@@ -588,17 +607,16 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
             if hits[Tier::Precise as usize] >= CONFIRM_HITS {
                 let reason = format!("precise camera confirms with {CONFIRM_HITS} hits");
                 tracker.change(tick, TrackingState::Precise, reason);
-            } else if now.silent_s(tracker, Tier::Coarse) > LOSE_AFTER_S {
-                lose(now, tracker, "coarse");
+            } else if now.lost_by(tracker, Tier::Coarse) {
+                lose(now, tracker, Tier::Coarse);
             }
         }
         TrackingState::Precise | TrackingState::Engage => {
-            if now.silent_s(tracker, Tier::Precise) > LOSE_AFTER_S {
-                if now.silent_s(tracker, Tier::Coarse) <= LOSE_AFTER_S {
-                    let reason = format!("precise camera had no hit for {LOSE_AFTER_S} s");
-                    tracker.change(tick, TrackingState::Coarse, reason);
+            if now.lost_by(tracker, Tier::Precise) {
+                if now.lost_by(tracker, Tier::Coarse) {
+                    lose(now, tracker, Tier::Precise);
                 } else {
-                    lose(now, tracker, "precise");
+                    tracker.change(tick, TrackingState::Coarse, silence(now, Tier::Precise));
                 }
             } else if let Some(error) = tracker.error[Tier::Precise as usize] {
                 lock(now, tracker, error.distance_px);
@@ -630,16 +648,23 @@ fn hidden_s(track: &Track) -> f64 {
 }
 
 /// Goes to Lost and says why, if the city explains it.
-fn lose(now: &Situation, tracker: &mut Tracker, camera: &str) {
+fn lose(now: &Situation, tracker: &mut Tracker, tier: Tier) {
     let foreseen = tracker.target_track().and_then(|track| track.occlusion);
     let reason = match foreseen.filter(|occlusion| occlusion.hides(now.t_s())) {
         Some(occlusion) => match occlusion.exit_s {
             Some(exit_s) => format!("behind a building, expected out at {exit_s:.2} s"),
             None => "behind a building".into(),
         },
-        None => format!("{camera} camera had no hit for {LOSE_AFTER_S} s"),
+        None => silence(now, tier),
     };
     tracker.change(now.tick, TrackingState::Lost, reason);
+}
+
+/// Why a camera has lost the target.
+fn silence(now: &Situation, tier: Tier) -> String {
+    let camera = ["search", "coarse", "precise"][tier as usize];
+    let patience_s = now.params.patience_s[tier as usize];
+    format!("{camera} camera had no hit for {patience_s} s")
 }
 
 /// Follows the lock of the precise camera between Precise and Engage.
@@ -781,6 +806,7 @@ mod tests {
             lock_radius_px: 5.0,
             lock_dwell_s: 0.1,
             break_radius_px: 20.0,
+            patience_s: [patience_s(60.0); 3],
         };
         let mut tracker = Tracker::default();
         for frame in 0..180_u32 {
@@ -823,6 +849,13 @@ mod tests {
             }
         }
         None
+    }
+
+    #[test]
+    fn a_slow_camera_may_miss_a_frame() {
+        assert_eq!([960.0, 60.0, 10.0].map(patience_s), [0.25; 3]);
+        // At 4 Hz and below a quarter of a second holds no frame but the last.
+        assert!(patience_s(4.0) > 2.0 / 4.0 && patience_s(1.0) > 2.0);
     }
 
     #[test]
