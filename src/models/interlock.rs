@@ -109,6 +109,13 @@ pub fn faces_sun(direction_enu: DVec3, sun_dir_enu: DVec3, exclusion_rad: f64) -
     sun_dir_enu.z > 0.0 && direction_enu.angle_between(sun_dir_enu) < exclusion_rad
 }
 
+/// Half angle [rad] of a beam of radius `beam_radius_m` [m] where an object stands that may be as near
+/// as `nearest_m`, the beam being aimed at `range_m` [m]: in front of the target it is as wide as at
+/// its exit and fills a larger angle, beyond the target it is taken to be no wider.
+pub fn beam_half_angle_rad(beam_radius_m: f64, range_m: f64, nearest_m: f64) -> f64 {
+    beam_radius_m / nearest_m.min(range_m)
+}
+
 /// Whether an object of angular size `size_rad`, known by its track's line of sight, may stand in a
 /// beam of half angle `beam_rad` along the target's: closer than three times the beam and both
 /// tracks' standard deviation, beyond its own half size.
@@ -203,6 +210,15 @@ mod tests {
         assert!(!meets(440.0, 20_000.0) && !meets(600.0, 2_000.0));
         // Behind the station there is no beam.
         assert!(!route.meets(station, DVec2::new(std::f64::consts::PI, 0.18), 20_000.0));
+    }
+
+    #[test]
+    fn a_beam_fills_a_larger_angle_nearby() {
+        let half_angle_rad = |nearest_m| beam_half_angle_rad(0.05, 1_000.0, nearest_m);
+        assert_eq!(
+            [200.0, 1_000.0, 3_000.0].map(half_angle_rad),
+            [2.5e-4, 5e-5, 5e-5]
+        );
     }
 
     #[test]

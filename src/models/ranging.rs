@@ -87,6 +87,12 @@ impl Ranging {
         Some((range_m, range_m * p[(0, 0)].sqrt()))
     }
 
+    /// The range two standard deviations (of its logarithm) nearer than the estimate [m] at `t_s`.
+    pub fn nearest_m(&self, t_s: f64) -> Option<f64> {
+        let Estimate { x, p, .. } = self.at(t_s)?;
+        Some((x[0] - 2.0 * p[(0, 0)].sqrt()).exp())
+    }
+
     /// Closing speed [m/s] at `t_s`, positive for a target that comes nearer, once there was a sample.
     pub fn closing_mps(&self, t_s: f64) -> Option<f64> {
         let Estimate { x, .. } = self.at(t_s)?;
@@ -191,6 +197,8 @@ mod tests {
             "{range_m}"
         );
         assert!((sigma_m / range_m - 0.4).abs() < 0.02, "{sigma_m}");
+        let nearest_m = ranging.nearest_m(10.0).unwrap();
+        assert!((nearest_m / range_m - (-0.8f64).exp()).abs() < 0.02);
     }
 
     #[test]

@@ -100,8 +100,7 @@ pub fn over_rough_ground(
     roughness_m: f64,
 ) -> (f64, Option<f64>) {
     let friction = (roughness_m / OPEN_GROUND_M).powf(0.07);
-    let mean_mps =
-        speed_mps * friction * (10.0 / roughness_m).ln() / (10.0 / OPEN_GROUND_M).ln(); // 10 [m]
+    let mean_mps = speed_mps * friction * (10.0 / roughness_m).ln() / (10.0 / OPEN_GROUND_M).ln(); // 10 [m]
     let gust_mps = gust_mps.map(|gust_mps| mean_mps + friction * (gust_mps - speed_mps).max(0.0));
     (mean_mps, gust_mps)
 }
@@ -363,7 +362,10 @@ mod tests {
         let sigma_u_mps = dryden_scales(10.0, gusts.w20_mps).sigma_u_mps;
         // MIL-F-8785C has 0.907 of EN's turbulence over open ground, and so over the city.
         let intensity = sigma_u_mps / mean_mps;
-        assert!((intensity * 10f64.ln() - 0.907).abs() < 0.002, "{intensity}");
+        assert!(
+            (intensity * 10f64.ln() - 0.907).abs() < 0.002,
+            "{intensity}"
+        );
     }
 
     #[test]

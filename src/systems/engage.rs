@@ -8,9 +8,10 @@ use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::dsm::HitKind;
 use crate::models::estimation::LosFilter;
-use crate::models::interlock::{FAR_M, Zone, bundle, bundle_hit_m, faces_sun, in_beam};
+use crate::models::interlock::{
+    FAR_M, Zone, beam_half_angle_rad, bundle, bundle_hit_m, faces_sun, in_beam,
+};
 use crate::models::kinematics::az_el_to_los;
-use crate::models::tracking::Track;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -201,20 +202,10 @@ pub fn decide_fire(
                 .iter()
                 .filter(|other| other.id != track.id && other.total_hits() >= OBJECT_HITS);
             let t_s = clock.t_s();
-            // Nearer than the target the beam, as wide as at its exit, fills a larger angle.
-            let beam_rad = |other: &Track| {
-                let nearest_m = (other.range.range_m(t_s)).map_or(range_m, |(other_m, sigma_m)| {
-                    other_m * (-2.0 * sigma_m / other_m).exp()
-                });
-                rules.beam_radius_m / nearest_m.min(range_m)
-            };
             if others.any(|other| {
-                in_beam(
-                    &los,
-                    &other.filter.predicted(t_s),
-                    other.size_rad,
-                    beam_rad(other),
-                )
+                let nearest_m = other.range.nearest_m(t_s).unwrap_or(range_m);
+                let beam_rad = beam_half_angle_rad(rules.beam_radius_m, range_m, nearest_m);
+                in_beam(&los, &other.filter.predicted(t_s), other.size_rad, beam_rad)
             }) {
                 reasons.push("another object in the beam");
             }

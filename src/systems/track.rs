@@ -787,14 +787,15 @@ mod tests {
     use super::*;
     use crate::models::tracking::Sighting;
 
-    /// A UAV 600 m away that sinks at `sink_mps`, after a second is fired at, and from then on falls with
-    /// `fall_mps2` for two: why it is no target any more.
-    fn given_up(sink_mps: f64, fall_mps2: f64) -> Option<String> {
-        let clock = SimClock {
-            tick: 0,
-            tick_hz: 960,
-        };
-        let params = TrackerParams {
+    const CLOCK: SimClock = SimClock {
+        tick: 0,
+        tick_hz: 960,
+    };
+    /// Ticks from one frame of the cameras to the next.
+    const FRAME: u32 = 16;
+
+    fn params() -> TrackerParams {
+        TrackerParams {
             nearest_to_centre: false,
             linear_angles: false,
             centre_sigma_px: 0.5,
@@ -807,41 +808,59 @@ mod tests {
             lock_dwell_s: 0.1,
             break_radius_px: 20.0,
             patience_s: [patience_s(60.0); 3],
+        }
+    }
+
+    fn situation(params: &TrackerParams, tick: u32) -> Situation<'_> {
+        Situation {
+            tick: u64::from(tick),
+            clock: &CLOCK,
+            params,
+            dsm: None,
+            r_station_enu_m: DVec3::ZERO,
+        }
+    }
+
+    /// A frame of the precise camera that shows UAVs where they are, their ranges known.
+    fn see(tracker: &mut Tracker, t_s: f64, uavs_enu_m: &[DVec3]) {
+        let sighting = |r_enu_m: &DVec3| Sighting {
+            az_el_rad: los_to_az_el(*r_enu_m),
+            sigma_rad: 1e-5,
+            size_rad: 6e-4,
+            score: 0.9,
+            label: 0,
         };
+        tracker.table.update(&Look {
+            tier: Tier::Precise as usize,
+            t_s,
+            sightings: &uavs_enu_m.iter().map(sighting).collect::<Vec<_>>(),
+            in_view: &|_| true,
+            start_tracks: true,
+        });
+        for track in &mut tracker.table.tracks {
+            let los = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
+            if let Some(r_enu_m) = uavs_enu_m.iter().find(|r| r.angle_between(los) < 1e-3) {
+                track.ranged(r_enu_m.length(), 0.5, t_s);
+            }
+        }
+    }
+
+    /// A UAV 600 m away that sinks at `sink_mps`, after a second is fired at, and from then on falls with
+    /// `fall_mps2` for two: why it is no target any more.
+    fn given_up(sink_mps: f64, fall_mps2: f64) -> Option<String> {
+        let params = params();
         let mut tracker = Tracker::default();
         for frame in 0..180_u32 {
             let t_s = f64::from(frame) / 60.0;
             let sunk_m = sink_mps * t_s + 0.5 * fall_mps2 * (t_s - 1.0).max(0.0).powi(2);
-            let r_enu_m = DVec3::new(0.0, 600.0, 80.0 - sunk_m);
-            let sighting = Sighting {
-                az_el_rad: los_to_az_el(r_enu_m),
-                sigma_rad: 1e-5,
-                size_rad: 6e-4,
-                score: 0.9,
-                label: 0,
-            };
-            tracker.table.update(&Look {
-                tier: Tier::Precise as usize,
-                t_s,
-                sightings: &[sighting],
-                in_view: &|_| true,
-                start_tracks: true,
-            });
-            let id = tracker.table.tracks[0].id;
-            tracker.table.tracks[0].ranged(r_enu_m.length(), 0.5, t_s);
-            tracker.lased = true;
+            see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0 - sunk_m)]);
             if frame == 30 {
-                tracker.acquire(u64::from(frame) * 16, id, "test");
+                let id = tracker.table.tracks[0].id;
+                tracker.acquire(u64::from(frame * FRAME), id, "test");
                 tracker.lased = true;
             }
-            let now = Situation {
-                tick: u64::from(frame) * 16,
-                clock: &clock,
-                params: &params,
-                dsm: None,
-                r_station_enu_m: DVec3::ZERO,
-            };
             if frame > 30 {
+                let now = situation(&params, frame * FRAME);
                 step(&now, &mut tracker, frame == 58, false);
                 if tracker.target.is_none() {
                     return tracker.changes.last().map(|change| change.reason.clone());
@@ -849,6 +868,62 @@ mod tests {
             }
         }
         None
+    }
+
+    #[test]
+    fn a_lost_target_gives_way_to_a_greater_threat() {
+        let params = params();
+        let mut tracker = Tracker::default();
+        let (mut first, mut changed_s) = (0, None);
+        for frame in 0..240_u32 {
+            let t_s = f64::from(frame) / 60.0;
+            // One flies away and is hidden from 1 s on, the other comes straight at the asset.
+            let leaves = DVec3::new(60.0, 700.0 + 5.0 * t_s, 80.0);
+            let comes = DVec3::new(-60.0, 500.0 - 20.0 * t_s, 80.0);
+            let both = [comes, leaves];
+            see(&mut tracker, t_s, &both[..if frame < 60 { 2 } else { 1 }]);
+            if frame == 59 {
+                let right = |track: &&Track| track.filter.predicted(t_s).az_el_rad().x > 0.0;
+                first = tracker.table.tracks.iter().find(right).unwrap().id;
+                tracker.acquire(u64::from(frame * FRAME), first, "test");
+                tracker.change(u64::from(frame * FRAME), TrackingState::Lost, "test");
+            }
+            if frame > 59 && changed_s.is_none() {
+                step(
+                    &situation(&params, frame * FRAME),
+                    &mut tracker,
+                    false,
+                    true,
+                );
+                if tracker.target != Some(first) {
+                    changed_s = Some(t_s);
+                }
+            }
+        }
+        assert_eq!(
+            tracker.state,
+            TrackingState::Acquire,
+            "{:?}",
+            tracker.changes
+        );
+        let waited_s = changed_s.unwrap() - 1.0;
+        assert!((RIVAL_S..RIVAL_S + 0.1).contains(&waited_s), "{waited_s}");
+    }
+
+    #[test]
+    fn silence_begins_when_the_news_arrives() {
+        let params = params();
+        let mut tracker = Tracker::default();
+        // Exposed at the start, known 0.4 s later: a slow detector is no lost target.
+        tracker.error[Tier::Coarse as usize] = Some(BoresightError {
+            exposure_tick: 0,
+            available_tick: 384,
+            angle_rad: DVec2::ZERO,
+            distance_px: 0.0,
+            half_side_px: 4.0,
+        });
+        let lost = |tick| situation(&params, tick).lost_by(&tracker, Tier::Coarse);
+        assert_eq!([390, 624, 625].map(lost), [false, false, true]);
     }
 
     #[test]
