@@ -859,6 +859,7 @@ mod tests {
         for (name, classes) in [
             ("saliency", &["uav"][..]),
             ("boresight-p2-roi", &["fpv", "quadcopter", "hexacopter"]),
+            ("d-fine-nwd-p2-dsam", &["fpv", "quadcopter", "hexacopter"]),
         ] {
             let path = folder.join(format!("{name}.onnx"));
             let mut model = OnnxDetector::load(&path, 1).expect("a shipped model");
