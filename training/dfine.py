@@ -37,7 +37,7 @@ from transformers.models.d_fine.modeling_d_fine import (
     multi_scale_deformable_attention_v2,
 )
 
-from convnets import rows_at
+from convnets import box_iou_terms, rows_at
 
 NAMES = ("d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam")
 FIXED_SIZE = (512, 640)  # [px] height and width of the canvas and of the exported input
@@ -433,17 +433,30 @@ class DFineDetector(nn.Module):
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Boxes [B,N,4] xyxy in pixels, scores [B,N] falling and labels int64 [B,N] of images [B,3,H,W], N = 100.
 
-        The score is that of the likeliest class. Needs evaluation mode.
+        The score is that of the likeliest class, 0 for a second box of one object. Needs evaluation mode.
         """
         self.canvas.whole(tuple(int(side) for side in images.shape[-2:]))
         out = self.model(images)
         scores, labels = out.intermediate_logits[:, -1].sigmoid().max(-1)
         scores, order = scores.topk(QUERIES)
         boxes = self.canvas.pixels(out.intermediate_reference_points[:, -1].clamp(0, 1))
+        boxes, labels = rows_at(boxes, order), rows_at(labels, order)
+        scores, order = (scores * first_of_object(boxes)).topk(QUERIES)
         return rows_at(boxes, order), scores, rows_at(labels, order)
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         return self.decode(images)
+
+
+def first_of_object(boxes: Tensor) -> Tensor:
+    """1 for boxes [B,N,4], best first, that no better one overlaps by half (IoU), 0 for the others: [B,N].
+
+    Trained to its end a set detector gives one box an object; before, it gives several, and each further one would be a
+    false alarm and, in the loop, a track. All are compared at once (Fast NMS: Bolya et al., YOLACT, ICCV 2019).
+    """
+    overlap = box_iou_terms(boxes[:, :, None], boxes[:, None])[0]
+    better = torch.ones_like(overlap[0]).tril(-1)
+    return 1.0 - ((overlap > 0.5) * better).amax(-1)
 
 
 def build_dfine(name: str, num_classes: int = 3, mean_object_px: float = 14.0) -> DFineDetector:

@@ -18,7 +18,7 @@ from transformers.models.d_fine.modeling_d_fine import (
 )
 
 from dfine import DSAM, FIXED_SIZE, NAMES, QUERIES, Canvas, Criterion, DFineDetector, P2P3Fusion, build_dfine
-from dfine import configuration, nwd
+from dfine import configuration, first_of_object, nwd
 
 torch.set_num_threads(1)
 
@@ -312,6 +312,12 @@ def test_finds_what_it_was_trained_on_also_elsewhere_in_a_full_frame():
             boxes, scores, labels = (x[0] for x in model.decode(image))
         print(f"\nbox {(boxes[0] - shift).tolist()} score {scores[0]:.2f} of {target['boxes'].tolist()}")
         assert (boxes[0] - shift - target["boxes"][0]).abs().max() < 4.0  # [px]
+
+
+def test_a_second_box_of_an_object_is_told_from_a_neighbour():
+    boxes = [[0, 0, 8, 8], [20, 0, 28, 8], [1, 0, 9, 8], [4, 0, 12, 8], [20, 1, 28, 8]]  # the third repeats the first, the last the second
+    assert first_of_object(torch.tensor([boxes]).float()).tolist() == [[1, 1, 0, 1, 0]]
+    assert first_of_object(torch.tensor([boxes[:2] + boxes[3:4]]).float()).tolist() == [[1, 1, 1]]
 
 
 @pytest.mark.parametrize("name", ["d-fine", "d-fine-nwd-p2-dsam"])
