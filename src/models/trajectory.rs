@@ -1016,7 +1016,8 @@ mod tests {
     fn every_kind_is_tracked_in_gusty_wind() {
         for trajectory in every_kind() {
             let rms_m = tracking_rms_m(&compile(&trajectory).unwrap());
-            assert!(rms_m < 1.5, "{rms_m} m rms: {trajectory:?}");
+            println!("{rms_m:.3} m rms: {trajectory:?}");
+            assert!(rms_m < 1.5);
         }
     }
 
