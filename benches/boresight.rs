@@ -3,15 +3,15 @@
 
 use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
+use boresight::app::{self, Options};
 use boresight::cli;
-use boresight::components::camera::{Frames, Readout, SensorCamera, Tier};
+use boresight::components::capture::{Frames, Readout, SensorCamera, Tier};
 use boresight::components::clock::SimClock;
 use boresight::components::track::{DetectionQueue, Tracker, TrackingState};
 use boresight::inference::OnnxDetector;
-use boresight::run::{self, Options};
 use boresight::scenario::{Loaded, Scenario};
 use boresight::systems::capture::{self, SensorViews};
-use boresight::systems::render::Renderer;
+use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use std::fmt::Write as _;
@@ -79,11 +79,11 @@ fn ticks(criterion: &mut Criterion) {
             let slow = slow.iter().map(String::as_str).filter(|_| bare);
             let overrides: Vec<&str> = truth.into_iter().chain(slow).collect();
             let loaded = demo(uavs, &overrides);
-            let mut app = run::build(&loaded, &Options::default()).expect("the demo builds");
+            let mut app = app::build(&loaded, &Options::default()).expect("the demo builds");
             group.bench_function(format!("{uavs} UAV, {name}"), |bencher| {
                 bencher.iter(|| {
                     for _ in 0..TICKS {
-                        run::step(app.world_mut()).expect("a tick");
+                        app::step(app.world_mut()).expect("a tick");
                     }
                 });
             });
@@ -116,13 +116,13 @@ fn track_and_control(criterion: &mut Criterion) {
         overrides.extend((0..uavs).map(hover));
         let overrides: Vec<&str> = overrides.iter().map(String::as_str).collect();
         let loaded = demo(uavs, &overrides);
-        let mut app = run::build(&loaded, &Options::default()).expect("the demo builds");
+        let mut app = app::build(&loaded, &Options::default()).expect("the demo builds");
         let world = app.world_mut();
         while world.resource::<Tracker>().state != TrackingState::Precise {
-            assert!(!run::step(world).expect("a tick"), "nothing is held");
+            assert!(!app::step(world).expect("a tick"), "nothing is held");
         }
         for _ in 0..world.resource::<SimClock>().tick_hz {
-            run::step(world).expect("a tick");
+            app::step(world).expect("a tick");
         }
         let (clock, tracker) = (
             *world.resource::<SimClock>(),
@@ -130,7 +130,7 @@ fn track_and_control(criterion: &mut Criterion) {
         );
         let second: Vec<_> = (0..clock.tick_hz)
             .map(|_| {
-                run::step(world).expect("a tick");
+                app::step(world).expect("a tick");
                 world.resource::<DetectionQueue>().arrived.clone()
             })
             .collect();
@@ -203,11 +203,11 @@ fn frames(criterion: &mut Criterion) {
         capture: true,
         ..Options::default()
     };
-    let mut app = run::build(&loaded, &options).expect("a graphics adapter");
+    let mut app = app::build(&loaded, &options).expect("a graphics adapter");
     let world = app.world_mut();
     while world.resource::<Tracker>().state != TrackingState::Precise {
         assert!(
-            !run::step(world).expect("a tick"),
+            !app::step(world).expect("a tick"),
             "the precise camera never gets the UAV"
         );
     }

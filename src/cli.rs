@@ -1,12 +1,12 @@
 //! The command line.
 
+use crate::app::{self, Options, RunError};
 use crate::components::clock::SimClock;
 use crate::components::record::History;
 use crate::components::track::Tracker;
 use crate::dataset;
 use crate::eval;
-use crate::models::uav::{UavKind, model};
-use crate::run::{self, Options, RunError};
+use crate::models::flight::uav::{UavKind, model};
 use crate::scenario::{self, Loaded, Scenario};
 use crate::summary::{self, Finished};
 use crate::systems::view;
@@ -175,7 +175,7 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 log: true,
                 ..Options::default()
             };
-            let mut app = run::build(&loaded, &options)?;
+            let mut app = app::build(&loaded, &options)?;
             if let Some(finished) = view::drive(&mut app, &loaded, &options, screenshot)? {
                 say!("{}", summary::table(&finished.summary).trim_end());
             }
@@ -183,7 +183,7 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
         }
         Command::Check(args) => {
             let loaded = args.load()?;
-            run::check(&loaded)?;
+            app::check(&loaded)?;
             say!("{}: ok", loaded.path.display());
             Ok(())
         }
@@ -250,12 +250,12 @@ pub fn run_headless(
     options: &Options,
     progress: bool,
 ) -> Result<Finished, RunError> {
-    let mut app = run::build(loaded, options)?;
+    let mut app = app::build(loaded, options)?;
     let bar = bar(loaded, progress);
     let started = Instant::now();
     let mut shown = started;
     loop {
-        let over = run::step(app.world_mut())?;
+        let over = app::step(app.world_mut())?;
         if over || shown.elapsed() > Duration::from_millis(200) {
             shown = Instant::now();
             show(app.world(), &bar, started.elapsed());
@@ -321,8 +321,8 @@ fn models() -> String {
 }
 
 fn doctor() {
-    say!("boresight {}", run::VERSION);
-    match run::adapter() {
+    say!("boresight {}", app::VERSION);
+    match app::adapter() {
         Ok(info) => say!(
             "adapter       {} ({:?}, {:?}, {})",
             info.name,

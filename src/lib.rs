@@ -2,18 +2,19 @@
 //!
 //! It simulates; it drives no real mount and no real laser.
 
+pub mod app;
 pub mod cli;
 pub mod components;
 pub mod dataset;
 pub mod eval;
 pub mod inference;
+pub mod media;
 pub mod models;
+pub mod output;
 pub mod plugins;
 pub mod recording;
 pub mod report;
-pub mod run;
 pub mod scenario;
 pub mod summary;
 pub mod systems;
 pub mod tune;
-pub mod video;

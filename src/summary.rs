@@ -1,19 +1,19 @@
 //! The end of a run: outcome, summary, report.
 
+use crate::app::{Options, RunError, Stopwatch, VERSION};
 use crate::components::beam::{BeamState, Dose};
-use crate::components::camera::Tier;
+use crate::components::capture::Tier;
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
+use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::mount::Mount;
 use crate::components::record::{History, Recording, StateHash};
-use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
-use crate::models::atmosphere::{extinction_per_m, transmittance};
+use crate::models::air::atmosphere::{extinction_per_m, transmittance};
 use crate::report::{
     ContactBox, ContactFrame, MissDistances, MissStats, ReportData, Shares, StateSpan, Summary,
     UavSummary, write_report,
 };
-use crate::run::{Options, RunError, Stopwatch, VERSION};
 use crate::scenario::Loaded;
 use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;

@@ -1,19 +1,19 @@
 //! `boresight tune`: the loops of a scenario's mount measured, and the gains that follow.
 
-use crate::components::camera::Tier;
+use crate::app::{self, RunError};
+use crate::components::capture::Tier;
 use crate::components::clock::SimClock;
-use crate::models::camera::Pinhole;
-use crate::models::estimation::LosFilterParams;
-use crate::models::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
-use crate::models::lqg::{LqgMemory, LqgPointing, LqgWeights};
-use crate::models::pid::PaperLaw;
-use crate::models::pointing::PointingLaw;
-use crate::models::tuning::{
+use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
+use crate::models::control::paper::PaperLaw;
+use crate::models::control::pointing::PointingLaw;
+use crate::models::control::tuning::{
     Axis, CameraTiming, Derived, LoopMeasurement, Plant, derive, measure_mirror,
     measure_paper_loop, measure_pointing_loop, measure_position_loop, measure_rate_loop,
 };
+use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
+use crate::models::optics::camera::Pinhole;
+use crate::models::tracking::estimation::LosFilterParams;
 use crate::report::{Across, Chart, Escaped, STYLE, Scale, Series};
-use crate::run::{self, RunError};
 use crate::scenario::{ControllerPreset, Exposure, Loaded};
 use crate::systems::control::Controller;
 use glam::DVec3;
@@ -132,8 +132,8 @@ impl Tuning {
             tick_hz: scenario.tick_hz,
         };
         let plant = Plant {
-            gimbal: run::gimbal_params(&scenario.station.mount, clock.dt_s()),
-            mirror: run::mirror_params(&scenario.station.mount),
+            gimbal: app::gimbal_params(&scenario.station.mount, clock.dt_s()),
+            mirror: app::mirror_params(&scenario.station.mount),
             dt_s: clock.dt_s(),
         };
         plant
@@ -141,7 +141,7 @@ impl Tuning {
             .validate()
             .map_err(|error| value("station.mount", error.to_string()))?;
         let cameras = scenario.station.cameras.resolved();
-        let sigma_px = run::tracker_params(scenario, DVec3::ZERO).centre_sigma_px;
+        let sigma_px = app::tracker_params(scenario, DVec3::ZERO).centre_sigma_px;
         let timing = |tier: Tier| {
             let camera = &cameras[tier as usize];
             let hfov_rad = camera.hfov_deg.to_radians();
@@ -161,8 +161,9 @@ impl Tuning {
         };
         let precise = timing(Tier::Precise)?;
 
-        let refused =
-            |error: crate::models::tuning::TuningError| value("station.mount", error.to_string());
+        let refused = |error: crate::models::control::tuning::TuningError| {
+            value("station.mount", error.to_string())
+        };
         let axis = axis_name.into();
         let derived = derive(&plant).map_err(refused)?;
         let filter = LosFilterParams::default();
@@ -187,7 +188,7 @@ impl Tuning {
             loops.push(measured.map_err(refused)?);
         }
         let controller =
-            run::controller(scenario, &file, &plant.gimbal, &plant.mirror, plant.dt_s)?;
+            app::controller(scenario, &file, &plant.gimbal, &plant.mirror, plant.dt_s)?;
         let in_use = match controller {
             Controller::Pointing(pointing) => Some(pointing.law),
             Controller::Paper(paper) => {
@@ -292,7 +293,7 @@ impl Tuning {
         });
         let mut text = serde_json::to_string_pretty(&TuneJson {
             scenario: &self.scenario,
-            version: run::VERSION,
+            version: app::VERSION,
             axis: self.axis,
             preset: self.preset,
             latency_s: self.latency_s,
@@ -324,7 +325,7 @@ impl Tuning {
              <th class=\"n\">peak sensitivity</th><th class=\"n\">rise</th>\
              <th class=\"n\">overshoot</th><th class=\"n\">settling</th></tr>",
             1e3 * self.latency_s,
-            run::VERSION,
+            app::VERSION,
             title = Escaped(&title),
         )?;
         for [name, rest @ ..] in self.loops.iter().map(cells) {

@@ -5,24 +5,24 @@
 //! processes of its own; whatever renders takes [`rendering`], since a software rasteriser uses
 //! every core already.
 
-use boresight::components::camera::{
+use boresight::app::{self, Options};
+use boresight::components::capture::{
     Frame, Frames, PixelRect, RenderedTruth, SensorCamera, UavInFrame,
 };
 use boresight::components::clock::SimClock;
 use boresight::components::environment::Environment;
+use boresight::components::flight::{Flight, Uav};
+use boresight::components::mount::{Mount, Optics};
 use boresight::components::record::StateHash;
-use boresight::components::station::{Mount, Optics};
 use boresight::components::track::{
     DetectionBatch, DetectionQueue, StateChange, Tracker, TrackingState,
 };
-use boresight::components::uav::{Flight, Uav};
-use boresight::models::camera::Pinhole;
-use boresight::models::city::{City, CityParams};
-use boresight::models::dsm::{Dsm, LineOfSight};
-use boresight::models::kinematics::error_angles;
-use boresight::models::raster;
+use boresight::models::ground::city::{City, CityParams};
+use boresight::models::ground::dsm::{Dsm, LineOfSight};
+use boresight::models::maths::kinematics::error_angles;
+use boresight::models::optics::camera::Pinhole;
+use boresight::models::optics::raster;
 use boresight::recording::proto;
-use boresight::run::{self, Options};
 use boresight::scenario::{Loaded, Scenario};
 use boresight::systems::capture::Shape;
 use glam::{DVec2, DVec3};
@@ -483,13 +483,13 @@ fn watched(name: &str, seed: u64, set: &[&str]) -> Watched {
         ..Options::default()
     };
     let started = Instant::now();
-    let mut app = run::build(&loaded, &options).unwrap();
+    let mut app = app::build(&loaded, &options).unwrap();
     let world = app.world_mut();
     let mut station = world.query::<(&Mount, &Optics)>();
     let mut flights = world.query::<(&Uav, &Flight)>();
     let mut moments = Vec::new();
     loop {
-        let over = run::step(world).unwrap();
+        let over = app::step(world).unwrap();
         let clock = *world.resource::<SimClock>();
         if clock.tick.is_multiple_of(u64::from(clock.tick_hz / 60)) {
             let (mount, optics) = station.single(world).unwrap();
@@ -931,11 +931,11 @@ fn a_thread_for_the_network_changes_no_state() {
             one_thread,
             ..Options::default()
         };
-        let mut app = run::build(&loaded, &options).unwrap();
+        let mut app = app::build(&loaded, &options).unwrap();
         let world = app.world_mut();
         let (mut hashes, mut regions) = (Vec::new(), 0);
         for _ in 0..(2.5 * f64::from(loaded.scenario.tick_hz)) as u64 {
-            run::step(world).unwrap();
+            app::step(world).unwrap();
             hashes.push(world.resource::<StateHash>().0);
             let arrived = &world.resource::<DetectionQueue>().arrived;
             let region = |batch: &&DetectionBatch| batch.rect.size_px == [160; 2];
@@ -1309,13 +1309,13 @@ fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
         capture: true,
         ..Options::default()
     };
-    let mut app = run::build(loaded, &options).unwrap();
+    let mut app = app::build(loaded, &options).unwrap();
     let world = app.world_mut();
     let mut uavs = world.query::<(&Uav, &Flight, &Shape)>();
     let mut cameras = world.query::<&SensorCamera>();
     let mut seen = Vec::new();
     for _ in 0..(seconds * f64::from(loaded.scenario.tick_hz)) as u64 {
-        run::step(world).unwrap();
+        app::step(world).unwrap();
         for frame in &world.resource::<Frames>().0 {
             let (Some(geometric), Ok((_, flight, shape))) =
                 (frame.truth.first(), uavs.single(world))

@@ -1,8 +1,8 @@
 //! The laser and what its beam does.
 
-use crate::models::beam::Laser;
-use crate::models::rng::Stream;
-use crate::models::turbulence::{PaperIntensity, PathTurbulence, Scintillation, Wander};
+use crate::models::air::turbulence::{PaperIntensity, PathTurbulence, Scintillation, Wander};
+use crate::models::laser::beam::Laser;
+use crate::models::maths::rng::Stream;
 use bevy::prelude::*;
 
 /// How the intensity on the target fluctuates.

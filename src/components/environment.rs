@@ -1,12 +1,12 @@
 //! The site's world: city, weather, light.
 
-use crate::models::atmosphere::Cn2Profile;
-use crate::models::city::City;
-use crate::models::dsm::LineOfSight;
-use crate::models::geodesy::SiteFrame;
-use crate::models::sky::Sky;
-use crate::models::weather::Weather;
-use crate::models::wind::MeanWind;
+use crate::models::air::atmosphere::Cn2Profile;
+use crate::models::air::sky::Sky;
+use crate::models::air::weather::Weather;
+use crate::models::air::wind::MeanWind;
+use crate::models::ground::city::City;
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::ground::geodesy::SiteFrame;
 use bevy::prelude::*;
 use glam::DVec3;
 use std::sync::Arc;

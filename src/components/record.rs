@@ -1,7 +1,7 @@
 //! What a run leaves behind.
 
-use crate::components::camera::Tier;
-use crate::models::detection::Detection;
+use crate::components::capture::Tier;
+use crate::models::optics::detection::Detection;
 use crate::recording::Recorder;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;

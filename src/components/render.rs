@@ -10,7 +10,7 @@ use bevy::render::render_resource::{
 };
 use bevy::shader::ShaderRef;
 
-/// Surface kind and per-building variant of a vertex; see [`crate::models::mesh::Surface`].
+/// Surface kind and per-building variant of a vertex; see [`crate::models::shape::mesh::Surface`].
 pub const ATTRIBUTE_SURFACE: MeshVertexAttribute =
     MeshVertexAttribute::new("Surface", 7_310_001, VertexFormat::Float32x2);
 
@@ -190,7 +190,7 @@ impl CameraProjection for SensorProjection {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::camera::Pinhole;
+    use crate::models::optics::camera::Pinhole;
     use glam::DVec3;
 
     #[test]

@@ -1,11 +1,11 @@
 //! Detections on their way and what the tracker makes of them.
 
-use crate::components::camera::{PixelRect, Tier};
-use crate::components::station::Pointing;
-use crate::models::detection::Detection;
-use crate::models::estimation::LosState;
-use crate::models::kinematics::wrap_pi;
-use crate::models::tracking::{Track, TrackTable};
+use crate::components::capture::{PixelRect, Tier};
+use crate::components::mount::Pointing;
+use crate::models::maths::kinematics::wrap_pi;
+use crate::models::optics::detection::Detection;
+use crate::models::tracking::estimation::LosState;
+use crate::models::tracking::table::{Track, TrackTable};
 use bevy::prelude::*;
 use glam::DVec2;
 use std::collections::VecDeque;

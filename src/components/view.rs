@@ -71,7 +71,7 @@ pub struct Uploaded {
     pub texture: egui::TextureId,
 }
 
-/// The pictures of the insets, in the order of [`crate::components::camera::Tier::ALL`].
+/// The pictures of the insets, in the order of [`crate::components::capture::Tier::ALL`].
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Insets(pub [Option<Uploaded>; 3]);
 
@@ -120,8 +120,10 @@ mod tests {
             elevation_rad: 0.3,
             vfov_rad: 0.9,
         };
-        let los =
-            crate::models::kinematics::az_el_to_los(glam::DVec2::new(camera.azimuth_rad, 0.3));
+        let los = crate::models::maths::kinematics::az_el_to_los(glam::DVec2::new(
+            camera.azimuth_rad,
+            0.3,
+        ));
         let ahead = camera.to_cam(camera.r_enu_m + 50.0 * los);
         assert!(
             (ahead - DVec3::new(0.0, 0.0, 50.0)).length() < 1e-9,

@@ -2,7 +2,7 @@
 
 use super::CATEGORIES;
 use super::draw::{Background, Motion, Split};
-use crate::models::uav::UavKind;
+use crate::models::flight::uav::UavKind;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fmt::Write as _;

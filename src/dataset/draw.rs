@@ -2,26 +2,28 @@
 
 use super::recipe::Recipe;
 use super::stage::{Placed, Prop};
+use crate::app::{self, RunError};
 use crate::components::environment::Environment;
-use crate::models::atmosphere::{Cn2Profile, air_density_kgpm3};
-use crate::models::camera::{Pinhole, PixelRect};
-use crate::models::city::{City, CityParams};
-use crate::models::clutter::{ClutterKind, clutter_mesh};
-use crate::models::distractor::{DistractorKind, GLIDE_RAD, tumbling_attitude, wing_rad};
-use crate::models::dsm::LineOfSight;
-use crate::models::geodesy::{Geodetic, SiteFrame};
-use crate::models::kinematics::{Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi};
-use crate::models::mesh::MeshData;
-use crate::models::multirotor::MAX_ROTORS;
-use crate::models::raster;
-use crate::models::rng::Stream;
-use crate::models::sensor::{SensorParams, Transfer};
-use crate::models::sky::Sky;
-use crate::models::uav::{UavClass, UavKind, model};
-use crate::models::uav_mesh::{Look, UavMesh, distractor_mesh_drawn, uav_mesh_look};
-use crate::models::weather::Weather;
-use crate::models::wind::MeanWind;
-use crate::run::{self, RunError};
+use crate::models::air::atmosphere::{Cn2Profile, air_density_kgpm3};
+use crate::models::air::sky::Sky;
+use crate::models::air::weather::Weather;
+use crate::models::air::wind::MeanWind;
+use crate::models::flight::distractor::{DistractorKind, GLIDE_RAD, tumbling_attitude, wing_rad};
+use crate::models::flight::multirotor::MAX_ROTORS;
+use crate::models::flight::uav::{UavClass, UavKind, model};
+use crate::models::ground::city::{City, CityParams};
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+use crate::models::maths::kinematics::{
+    Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi,
+};
+use crate::models::maths::rng::Stream;
+use crate::models::optics::camera::{Pinhole, PixelRect};
+use crate::models::optics::raster;
+use crate::models::optics::sensor::{SensorParams, Transfer};
+use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
+use crate::models::shape::mesh::MeshData;
+use crate::models::shape::uav_mesh::{Look, UavMesh, distractor_mesh_drawn, uav_mesh_look};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -314,7 +316,7 @@ impl Scene {
                 sun_dir_enu,
                 weather.visibility_m,
                 weather.cloud_cover,
-                run::GROUND_ALBEDO,
+                app::GROUND_ALBEDO,
             ),
             weather,
             seed: recipe.seed,

@@ -3,9 +3,9 @@
 use super::draw::Scene;
 use super::recipe::Recipe;
 use super::stage::Rendered;
-use crate::models::raster::Masks;
-use crate::models::rng::Stream;
-use crate::models::sensor::{SensorParams, auto_exposure};
+use crate::models::maths::rng::Stream;
+use crate::models::optics::raster::Masks;
+use crate::models::optics::sensor::{SensorParams, auto_exposure};
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
 

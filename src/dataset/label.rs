@@ -1,7 +1,7 @@
 //! Tight boxes of what a UAV shows of itself.
 
 use super::stage::Rendered;
-use crate::models::raster::Masks;
+use crate::models::optics::raster::Masks;
 use crate::systems::capture::{self, ImageScratch, MAGNIFY, PATCH_PX};
 
 /// A column or row counts from this much of the UAV in it on [px]: the tip of a blade does not.
@@ -125,7 +125,7 @@ pub fn visible_share<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::camera::PixelRect;
+    use crate::models::optics::camera::PixelRect;
 
     /// Masks of `size_px` pixels from (10, 20) on, from a test of sub-samples (eighths of a pixel).
     fn masks(size_px: [u32; 2], covered: impl Fn(u32, u32) -> bool) -> Masks {

@@ -16,11 +16,11 @@ mod statistics;
 
 pub use recipe::Recipe;
 
-use crate::models::raster;
-use crate::models::rng::Stream;
-use crate::models::sensor::{Sensor, SensorParams};
-use crate::models::uav::{UavClass, UavKind, model};
-use crate::run::{self, RunError};
+use crate::app::{self, RunError};
+use crate::models::flight::uav::{UavClass, UavKind, model};
+use crate::models::maths::rng::Stream;
+use crate::models::optics::raster;
+use crate::models::optics::sensor::{Sensor, SensorParams};
 use crate::systems::capture;
 use clap::Args;
 use coco::{Annotation, Image, SceneRecord};
@@ -208,7 +208,7 @@ fn bar(scenes: u64) -> ProgressBar {
 /// What must agree for a folder to be gone on with.
 fn digest(recipe: &Recipe) -> Result<String, RunError> {
     let json = serde_json::to_string(recipe)?;
-    let text = format!("{FORMAT} {} {json}", run::VERSION);
+    let text = format!("{FORMAT} {} {json}", app::VERSION);
     Ok(format!(
         "{:032x}",
         xxhash_rust::xxh3::xxh3_128(text.as_bytes())
@@ -665,7 +665,7 @@ fn merge(
     }
     let about = serde_json::json!({
         "format": FORMAT,
-        "program": run::VERSION,
+        "program": app::VERSION,
         "recipe_digest": digest,
         "seed": recipe.seed,
         "scenes": recipe.scenes,

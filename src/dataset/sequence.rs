@@ -3,13 +3,13 @@
 use super::draw::{self, Motion, Scene, Still};
 use super::recipe::Recipe;
 use super::stage::Placed;
-use crate::models::distractor::{
+use crate::models::flight::distractor::{
     DistractorKind, GLIDE_RAD, WINGBEAT_HZ, tumbling_attitude, wing_rad,
 };
-use crate::models::multirotor::{self, Airframe, MultirotorState};
-use crate::models::rng::Stream;
-use crate::models::trajectory::{CompiledTrajectory, Trajectory};
-use crate::models::uav::model;
+use crate::models::flight::multirotor::{self, Airframe, MultirotorState};
+use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
+use crate::models::flight::uav::model;
+use crate::models::maths::rng::Stream;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 
@@ -62,7 +62,8 @@ pub fn draw(
     let seen = clip.pilots.first().is_some_and(|pilot| {
         (0..=4).all(|k| {
             let r = pilot.plan.sample(duration_s * f64::from(k) / 4.0).r_enu_m;
-            surface.line_of_sight(scene.r_camera_enu_m, r) == crate::models::dsm::LineOfSight::Clear
+            surface.line_of_sight(scene.r_camera_enu_m, r)
+                == crate::models::ground::dsm::LineOfSight::Clear
         })
     });
     (free && seen).then_some(clip)
@@ -125,7 +126,8 @@ impl Clip {
                 prop: placed.prop,
             });
         }
-        let gaze_rad = crate::models::kinematics::los_to_az_el(still.pose.q_enu_cam * DVec3::Z);
+        let gaze_rad =
+            crate::models::maths::kinematics::los_to_az_el(still.pose.q_enu_cam * DVec3::Z);
         // The roll that the boresight's own azimuth and elevation leave.
         let flat = draw::looking(scene, gaze_rad.x, gaze_rad.y, 0.0);
         let right = flat.q_enu_cam.inverse() * (still.pose.q_enu_cam * DVec3::X);
@@ -188,12 +190,13 @@ impl Clip {
         }
         self.t_s += frame_s;
         if let Some(first) = self.pilots.first() {
-            let at =
-                crate::models::kinematics::los_to_az_el(first.state.r_enu_m - scene.r_camera_enu_m);
+            let at = crate::models::maths::kinematics::los_to_az_el(
+                first.state.r_enu_m - scene.r_camera_enu_m,
+            );
             let wanted = draw::gaze_at(scene, at, self.roll_rad, self.px);
             let share = -(-frame_s / FOLLOW_S).exp_m1();
             let error = DVec2::new(
-                crate::models::kinematics::wrap_pi(wanted.x - self.gaze_rad.x),
+                crate::models::maths::kinematics::wrap_pi(wanted.x - self.gaze_rad.x),
                 wanted.y - self.gaze_rad.y,
             );
             // An unsteady hand: a third of a pixel from frame to frame.

@@ -1,20 +1,20 @@
 //! One Bevy app that shows one scene after the other and renders single frames of them.
 
-use crate::components::camera::{Frame, SensorCamera, Tier};
+use crate::app::{self, Options, RunError};
+use crate::components::capture::{Frame, SensorCamera, Tier};
 use crate::components::environment::Environment;
-use crate::components::station::{Alignment, Pointing};
-use crate::components::uav::{Flight, Uav};
-use crate::models::camera::{Pinhole, PixelRect};
-use crate::models::distractor::DistractorKind;
-use crate::models::kinematics::Pose;
-use crate::models::mesh::MeshData;
-use crate::models::multirotor::{MAX_ROTORS, MultirotorState};
-use crate::models::sensor::{Sensor, SensorParams};
-use crate::models::uav_mesh::UavMesh;
-use crate::run::{self, Options, RunError};
+use crate::components::flight::{Flight, Uav};
+use crate::components::mount::{Alignment, Pointing};
+use crate::models::flight::distractor::DistractorKind;
+use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
+use crate::models::maths::kinematics::Pose;
+use crate::models::optics::camera::{Pinhole, PixelRect};
+use crate::models::optics::sensor::{Sensor, SensorParams};
+use crate::models::shape::mesh::MeshData;
+use crate::models::shape::uav_mesh::UavMesh;
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape, Shot};
-use crate::systems::render::{Renderer, spawn_sensor_view};
-use crate::systems::scene::{self, SceneHandles};
+use crate::systems::render::renderer::{Renderer, spawn_sensor_view};
+use crate::systems::render::scene::{self, SceneHandles};
 use bevy::prelude::*;
 use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
@@ -65,14 +65,14 @@ pub struct Rendered {
 impl Stage {
     /// An empty stage.
     pub fn new(threads: Option<usize>) -> Result<Self, RunError> {
-        run::adapter()?;
+        app::adapter()?;
         let options = Options {
             threads,
             capture: true,
             log: true,
             ..Options::default()
         };
-        let (app, renderer) = run::bevy_app(&options, |_| {});
+        let (app, renderer) = app::bevy_app(&options, |_| {});
         Ok(Self {
             app,
             renderer: renderer.ok_or(RunError::NoAdapter)?,
@@ -101,7 +101,7 @@ impl Stage {
                 world.despawn(entity);
             }
         }
-        run::spawn_scene(world, &environment, r_camera_enu_m);
+        app::spawn_scene(world, &environment, r_camera_enu_m);
         let cloud_cover = environment.weather.cloud_cover;
         world.insert_resource(environment);
         let site_grid = world.resource::<SceneHandles>().site_grid;

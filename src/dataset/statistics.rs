@@ -3,9 +3,9 @@
 use super::CATEGORIES;
 use super::coco::{Annotation, Image, SceneRecord};
 use super::draw::Split;
+use crate::app::{self, RunError};
 use crate::recording::encode_jpeg;
 use crate::report::{Escaped, STYLE};
-use crate::run::{self, RunError};
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -218,7 +218,7 @@ fn html(out: &mut String, records: &[&SceneRecord], sheet: &str, description: &s
          <header>\n<h1>A set of annotated pictures</h1>\n<p class=\"meta\"><span>{}</span>\
          <span>Version <code>{}</code></span></p>\n</header>\n<dl class=\"tiles\">",
         Escaped(description),
-        run::VERSION
+        app::VERSION
     )?;
     let [low, _, median, _, high] = all.long_side_px;
     for (name, value) in [

@@ -1,6 +1,6 @@
 //! Annotated pictures in COCO's format, from the folder layouts in use.
 
-use crate::models::detection_metrics::Truth;
+use crate::eval::detector::metrics::Truth;
 use png::ColorType;
 use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};

@@ -2,20 +2,20 @@
 
 use super::mot::Square;
 use super::statistics::{Hold, Lock, Sums, lock};
+use crate::app::{self, Options, RunError};
 use crate::components::beam::BeamState;
-use crate::components::camera::{Frames, SensorCamera, Tier};
+use crate::components::capture::{Frames, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
+use crate::components::flight::{Flight, Uav};
+use crate::components::mount::{Mount, Optics};
 use crate::components::record::{History, KeptFrame};
-use crate::components::station::{Mount, Optics};
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Flight, Uav};
-use crate::models::city::City;
-use crate::models::dsm::LineOfSight;
-use crate::models::kinematics::{Pose, az_el_to_los, error_angles, los_to_az_el};
-use crate::models::tracking::{Track, separation_rad};
+use crate::models::ground::city::City;
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::maths::kinematics::{Pose, az_el_to_los, error_angles, los_to_az_el};
+use crate::models::tracking::table::{Track, separation_rad};
 use crate::report::Series;
-use crate::run::{self, Options, RunError};
 use crate::scenario::Scenario;
 use crate::systems::track::TrackerParams;
 use bevy::prelude::*;
@@ -176,11 +176,11 @@ pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError>
         city,
         ..Options::default()
     };
-    let mut app = run::build(&loaded, &options)?;
+    let mut app = app::build(&loaded, &options)?;
     let world = app.world_mut();
     let mut watch = Watch::new(world, &loaded.scenario);
     loop {
-        let over = run::step(world)?;
+        let over = app::step(world)?;
         watch.look(world);
         if over {
             break;

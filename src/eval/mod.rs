@@ -12,10 +12,10 @@ pub mod mot;
 mod page;
 pub mod statistics;
 
-use crate::models::city::{City, CityParams};
-use crate::models::rng::Stream;
+use crate::app::{self, RunError};
+use crate::models::ground::city::{City, CityParams};
+use crate::models::maths::rng::Stream;
 use crate::report::{MissStats, Series};
-use crate::run::{self, RunError};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use job::{Job, Observed, all};
@@ -456,7 +456,7 @@ pub fn tracking(arguments: &Arguments) -> Result<Evaluation, RunError> {
         Some(format!(" --only {}", value.get_name()))
     });
     let mut evaluation = Evaluation {
-        version: run::VERSION,
+        version: app::VERSION,
         command: format!(
             "boresight eval tracking{}{}",
             if arguments.quick { " --quick" } else { "" },
@@ -526,7 +526,7 @@ impl Bench {
         } else {
             (1500, "duration_s=14")
         };
-        let rendered = match run::adapter() {
+        let rendered = match app::adapter() {
             Ok(_) => true,
             Err(error @ RunError::NoAdapter) => {
                 self.not_run.push(format!("table2 with onnx: {error}"));
@@ -870,7 +870,8 @@ fn intruder(seed: u64) -> String {
     let elevation = rng.range(3.0, 9.0).to_radians(); // [deg]
     let speed_mps = if rng.uniform() < 0.5 { 8.0 } else { -8.0 }; // [m/s]
     let across = DVec3::new(azimuth.cos(), -azimuth.sin(), 0.0);
-    let towards = crate::models::kinematics::az_el_to_los(glam::DVec2::new(azimuth, elevation));
+    let towards =
+        crate::models::maths::kinematics::az_el_to_los(glam::DVec2::new(azimuth, elevation));
     // The station's axes cross 48 m above the site's street level.
     let [e, n, u] = (DVec3::new(0.0, 0.0, 48.0) + 1_000.0 * towards).to_array(); // [m]
     let [ve, vn, vu] = (speed_mps * across).to_array();
@@ -1057,7 +1058,7 @@ impl Evaluation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::dsm::LineOfSight;
+    use crate::models::ground::dsm::LineOfSight;
     use crate::scenario::Scenario;
     use std::path::Path;
 

@@ -4,7 +4,7 @@
 //! `gt/SEQUENCE/gt/gt.txt`, `gt/SEQUENCE/seqinfo.ini`, `trackers/RULE/data/SEQUENCE.txt`.
 
 use super::job::{Look, Observed};
-use crate::run::RunError;
+use crate::app::RunError;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,9 @@
 
 use super::statistics::DWELL_S;
 use super::{Evaluation, Manoeuvre, Pointing, Table2, mot};
+use crate::app::RunError;
 use crate::recording::encode_jpeg;
 use crate::report::{Across, Chart, Escaped, MissStats, STYLE, Scale, Series};
-use crate::run::RunError;
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use std::fmt::{self, Write as _};
 use std::io;

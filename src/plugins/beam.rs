@@ -1,6 +1,6 @@
 //! The beam's way and its heat.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::beam as systems;
 use bevy::prelude::*;
 

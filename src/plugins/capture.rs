@@ -1,6 +1,6 @@
 //! Exposures and their pictures.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::capture as systems;
 use bevy::prelude::*;
 

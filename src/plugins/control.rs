@@ -1,6 +1,6 @@
 //! Commands for mount and cameras.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::control as systems;
 use bevy::prelude::*;
 

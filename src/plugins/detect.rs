@@ -1,6 +1,6 @@
 //! Detections and their latency.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::detect as systems;
 use bevy::prelude::*;
 

@@ -1,6 +1,6 @@
 //! Interlocks and fire.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::engage as systems;
 use bevy::prelude::*;
 

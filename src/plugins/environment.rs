@@ -1,6 +1,6 @@
 //! Clock and air.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::environment as systems;
 use bevy::prelude::*;
 

@@ -1,8 +1,8 @@
 //! Flight, and Rapier for what falls.
 
 use crate::components::clock::SimClock;
-use crate::models::kinematics::GRAVITY_MPS2;
-use crate::plugins::tick::{Tick, TickSet};
+use crate::models::maths::kinematics::GRAVITY_MPS2;
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
 use bevy::transform::StaticTransformOptimizations;

@@ -2,6 +2,7 @@
 
 pub mod beam;
 pub mod capture;
+pub mod clock;
 pub mod control;
 pub mod detect;
 pub mod engage;
@@ -9,7 +10,6 @@ pub mod environment;
 pub mod flight;
 pub mod mount;
 pub mod record;
-pub mod tick;
 pub mod track;
 pub mod view;
 
@@ -22,7 +22,7 @@ pub struct SimulationPlugins;
 impl PluginGroup for SimulationPlugins {
     fn build(self) -> PluginGroupBuilder {
         PluginGroupBuilder::start::<Self>()
-            .add(tick::TickPlugin)
+            .add(clock::ClockPlugin)
             .add(environment::EnvironmentPlugin)
             .add(flight::FlightPlugin)
             .add(mount::MountPlugin)

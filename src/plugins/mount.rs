@@ -1,6 +1,6 @@
 //! The mount's motion.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::mount as systems;
 use bevy::prelude::*;
 

@@ -1,6 +1,6 @@
 //! State hash, statistics, recording.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::record as systems;
 use bevy::prelude::*;
 

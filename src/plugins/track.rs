@@ -1,6 +1,6 @@
 //! Tracks and the tracking state.
 
-use crate::plugins::tick::{Tick, TickSet};
+use crate::plugins::clock::{Tick, TickSet};
 use crate::systems::track as systems;
 use bevy::prelude::*;
 

@@ -3,16 +3,16 @@
 use crate::components::beam::{BeamPath, BeamState, Channel, Dose, FireCommand, LaserSource};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::station::Optics;
+use crate::components::flight::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::mount::Optics;
 use crate::components::track::Tracker;
-use crate::components::uav::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
-use crate::models::atmosphere::transmittance;
-use crate::models::beam::{
+use crate::models::air::atmosphere::transmittance;
+use crate::models::air::turbulence::{IntensityChannel, Path, PathTurbulence};
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::laser::beam::{
     BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
     wander_correlation_time_s,
 };
-use crate::models::dsm::LineOfSight;
-use crate::models::turbulence::{IntensityChannel, Path, PathTurbulence};
 use crate::systems::record::followed;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};

@@ -1,24 +1,24 @@
 //! Cameras that are due expose: truth, picture and pose of one tick.
 
-use crate::components::camera::{
+use crate::app::Stopwatch;
+use crate::components::capture::{
     Frame, Frames, PixelRect, Readout, RenderedTruth, SensorCamera, UavInFrame,
 };
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
+use crate::components::flight::{Distractor, Flight, Uav};
+use crate::components::mount::Optics;
 use crate::components::render::SensorProjection;
-use crate::components::station::Optics;
-use crate::components::uav::{Distractor, Flight, Uav};
-use crate::models::camera::Pinhole;
-use crate::models::dsm::LineOfSight;
-use crate::models::kinematics::Pose;
-use crate::models::mesh::MeshData;
-use crate::models::raster::{self, Coverage};
-use crate::models::rng::Stream;
-use crate::models::sensor::{self, Scratch};
-use crate::models::uav_mesh::UavMesh;
-use crate::run::Stopwatch;
-use crate::systems::render::{Renderer, aim_sensor_view};
-use crate::systems::scene::{self, UavBody, UavRotor};
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::maths::kinematics::Pose;
+use crate::models::maths::rng::Stream;
+use crate::models::optics::camera::Pinhole;
+use crate::models::optics::raster::{self, Coverage};
+use crate::models::optics::sensor::{self, Scratch};
+use crate::models::shape::mesh::MeshData;
+use crate::models::shape::uav_mesh::UavMesh;
+use crate::systems::render::renderer::{Renderer, aim_sensor_view};
+use crate::systems::render::scene::{self, UavBody, UavRotor};
 use bevy::mesh::MeshTag;
 use bevy::prelude::*;
 use bevy::tasks::ComputeTaskPool;
@@ -294,7 +294,7 @@ pub fn render_frames(world: &mut World) {
         world.insert_non_send(scratch);
         world.insert_non_send(renderer);
         if let Err(error) = result {
-            world.resource_mut::<crate::run::Failure>().set(error);
+            world.resource_mut::<crate::app::Failure>().set(error);
         }
     }
     world.resource_mut::<Stopwatch>().render += started.elapsed();
@@ -376,7 +376,7 @@ fn render_with(
     world: &mut World,
     renderer: &mut Renderer,
     scratch: &mut ImageScratch,
-) -> Result<(), crate::run::RunError> {
+) -> Result<(), crate::app::RunError> {
     let mut frames = std::mem::take(&mut world.resource_mut::<Frames>().0);
     let mut cameras = world.query::<(&SensorCamera, &SensorViews)>();
     let shots: Vec<_> = frames
@@ -467,7 +467,7 @@ pub(crate) fn read(
     shot: &Shot,
     digits: &[u32],
     scratch: &mut ImageScratch,
-) -> Result<(), crate::run::RunError> {
+) -> Result<(), crate::app::RunError> {
     let camera = &shot.camera;
     renderer.read(shot.view, frame.rect.size_px, &mut scratch.pixels)?;
     count_identities(world, frame, camera, digits, &scratch.pixels, None);

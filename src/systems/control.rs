@@ -1,16 +1,16 @@
 //! Tracks become commands: mount rates, mirror deflection, readout windows.
 
-use crate::components::camera::{Readout, SensorCamera, Tier};
+use crate::components::capture::{Readout, SensorCamera, Tier};
 use crate::components::clock::SimClock;
-use crate::components::station::{Mount, MountCommand, Optics};
+use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
+use crate::components::mount::{Mount, MountCommand, Optics};
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Distractor, Flight, Uav, UavStatus};
-use crate::models::kinematics::az_el_to_los;
-use crate::models::pid::{PaperLaw, PaperPid, coarse_axis_rates, precise_mirror};
-use crate::models::pointing::{HandOver, PointingInput, PointingLaw};
-use crate::models::radar::{Cue, Plot, RadarErrors, RadarTrack};
-use crate::models::rng::Stream;
-use crate::models::search::{SearchPattern, Sector};
+use crate::models::control::paper::{PaperLaw, PaperPid, coarse_axis_rates, precise_mirror};
+use crate::models::control::pointing::{HandOver, PointingInput, PointingLaw};
+use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::maths::rng::Stream;
+use crate::models::tracking::radar::{Cue, Plot, RadarErrors, RadarTrack};
+use crate::models::tracking::search::{SearchPattern, Sector};
 use crate::systems::detect::Detector;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};

@@ -1,12 +1,12 @@
 //! Frames become detections, which wait out readout and inference.
 
-use crate::components::camera::{Frame, Frames, PixelRect, Readout, SensorCamera};
+use crate::app::{Failure, Stopwatch};
+use crate::components::capture::{Frame, Frames, PixelRect, Readout, SensorCamera};
 use crate::components::clock::SimClock;
 use crate::components::track::{DetectionBatch, DetectionQueue};
 use crate::inference::{Inference, Picture};
-use crate::models::detection::{Candidate, Detection, TruthErrors, detect_truth};
-use crate::models::rng::Stream;
-use crate::run::{Failure, Stopwatch};
+use crate::models::maths::rng::Stream;
+use crate::models::optics::detection::{Candidate, Detection, TruthErrors, detect_truth};
 use bevy::prelude::*;
 use std::time::Instant;
 
@@ -181,15 +181,15 @@ pub fn detect(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::camera::Tier;
-    use crate::components::station::{Alignment, Pointing};
-    use crate::components::uav::Flight;
-    use crate::models::camera::Pinhole;
-    use crate::models::kinematics::Pose;
-    use crate::models::multirotor::{self, Airframe};
-    use crate::models::trajectory::Trajectory;
-    use crate::models::uav::{AimPart, UavKind, model};
-    use crate::models::uav_mesh::uav_mesh;
+    use crate::components::capture::Tier;
+    use crate::components::flight::Flight;
+    use crate::components::mount::{Alignment, Pointing};
+    use crate::models::flight::multirotor::{self, Airframe};
+    use crate::models::flight::trajectory::Trajectory;
+    use crate::models::flight::uav::{AimPart, UavKind, model};
+    use crate::models::maths::kinematics::Pose;
+    use crate::models::optics::camera::Pinhole;
+    use crate::models::shape::uav_mesh::uav_mesh;
     use crate::systems::capture::{Shape, projected};
     use glam::{DMat3, DQuat, DVec2, DVec3};
     use std::sync::Arc;

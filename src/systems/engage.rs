@@ -1,17 +1,17 @@
 //! Interlocks and the firing command.
 
 use crate::components::beam::FireCommand;
-use crate::components::camera::{SensorCamera, Tier};
+use crate::components::capture::{SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::station::Mount;
+use crate::components::mount::Mount;
 use crate::components::track::{Tracker, TrackingState};
-use crate::models::dsm::HitKind;
-use crate::models::estimation::LosFilter;
-use crate::models::interlock::{
+use crate::models::engage::interlock::{
     FAR_M, Zone, beam_half_angle_rad, bundle, bundle_hit_m, faces_sun, in_beam,
 };
-use crate::models::kinematics::az_el_to_los;
+use crate::models::ground::dsm::HitKind;
+use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::tracking::estimation::LosFilter;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 

@@ -2,7 +2,7 @@
 
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::uav::{Air, Flight};
+use crate::components::flight::{Air, Flight};
 use bevy::prelude::*;
 
 /// Starts the tick.

@@ -1,17 +1,17 @@
 //! UAVs fly their plans, crash, and fall; birds and balloons fly past.
 //!
-//! Flight is integrated in f64 by [`crate::models::multirotor`]. A UAV whose rotors have died is
+//! Flight is integrated in f64 by [`crate::models::flight::multirotor`]. A UAV whose rotors have died is
 //! handed to Rapier, which lets it tumble on to a patch of the city around it, in f32 relative
 //! to the patch, and hands the motion back.
 
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::uav::{Air, Distractor, Flight, Guidance, Uav, UavStatus};
-use crate::models::distractor::{
+use crate::components::flight::{Air, Distractor, Flight, Guidance, Uav, UavStatus};
+use crate::models::flight::distractor::{
     DistractorKind, WINGBEAT_HZ, bird_pose, tumbling_attitude, winged_attitude,
 };
-use crate::models::kinematics::exp_so3;
-use crate::models::multirotor::{self, MAX_ROTORS};
+use crate::models::flight::multirotor::{self, MAX_ROTORS};
+use crate::models::maths::kinematics::exp_so3;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_rapier3d::prelude::*;

@@ -10,6 +10,5 @@ pub mod flight;
 pub mod mount;
 pub mod record;
 pub mod render;
-pub mod scene;
 pub mod track;
 pub mod view;

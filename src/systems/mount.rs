@@ -1,10 +1,10 @@
 //! The mount obeys last tick's commands on a base that moves.
 
-use crate::components::camera::Tier;
+use crate::components::capture::Tier;
 use crate::components::clock::SimClock;
-use crate::components::station::{Misalignment, Mount, MountCommand, Optics, Pointing};
-use crate::models::gimbal;
-use crate::models::kinematics::boresight_chain;
+use crate::components::mount::{Misalignment, Mount, MountCommand, Optics, Pointing};
+use crate::models::maths::kinematics::boresight_chain;
+use crate::models::mount::gimbal;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 

@@ -1,19 +1,19 @@
 //! State hash, recording, statistics: what a tick leaves behind.
 
+use crate::app::{Failure, RunError};
 use crate::components::beam::{BeamState, FireCommand, LaserSource};
-use crate::components::camera::{Frame, Frames, SensorCamera, Tier};
+use crate::components::capture::{Frame, Frames, SensorCamera, Tier};
 use crate::components::clock::SimClock;
+use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::mount::{Mount, MountCommand, Optics};
 use crate::components::record::{History, KeptFrame, Recording, StateHash, Unmarked};
-use crate::components::station::{Mount, MountCommand, Optics};
 use crate::components::track::{DetectionBatch, DetectionQueue, Tracker, TrackingState};
-use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
-use crate::models::kinematics::{error_angles, los_to_az_el};
-use crate::models::tracking::separation_rad;
+use crate::models::maths::kinematics::{error_angles, los_to_az_el};
+use crate::models::tracking::table::separation_rad;
 use crate::recording::{
     BoxAnnotation, Camera, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, Shape,
     encode_jpeg, proto,
 };
-use crate::run::{Failure, RunError};
 use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;
 use bevy::prelude::*;

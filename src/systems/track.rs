@@ -1,23 +1,25 @@
 //! Detections that have arrived become tracks, and tracks move the state machine.
 
 use crate::components::beam::BeamState;
-use crate::components::camera::{PixelRect, SensorCamera, Tier};
+use crate::components::capture::{PixelRect, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::station::{Mount, Optics};
+use crate::components::flight::{Flight, Uav, UavStatus};
+use crate::components::mount::{Mount, Optics};
 use crate::components::track::{
     BoresightError, DetectionBatch, DetectionQueue, Operator, Tracker, TrackingState,
 };
-use crate::components::uav::{Flight, Uav, UavStatus};
-use crate::models::camera::Pinhole;
-use crate::models::dsm::{Dsm, LineOfSight};
-use crate::models::interlock::FAR_M;
-use crate::models::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
-use crate::models::radar::Cue;
-use crate::models::rng::Stream;
-use crate::models::threat::time_to_asset_s;
-use crate::models::tracking::{Look, Occlusion, Sighting, Track, TrackTable, separation_rad};
-use crate::models::uav::{AimPart, aim_offset_enu_m};
+use crate::models::engage::interlock::FAR_M;
+use crate::models::engage::threat::time_to_asset_s;
+use crate::models::flight::uav::{AimPart, aim_offset_enu_m};
+use crate::models::ground::dsm::{Dsm, LineOfSight};
+use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
+use crate::models::maths::rng::Stream;
+use crate::models::optics::camera::Pinhole;
+use crate::models::tracking::radar::Cue;
+use crate::models::tracking::table::{
+    Look, Occlusion, Sighting, Track, TrackTable, separation_rad,
+};
 use crate::systems::control::Radar;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -785,7 +787,7 @@ pub fn find_range(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::tracking::Sighting;
+    use crate::models::tracking::table::Sighting;
 
     const CLOCK: SimClock = SimClock {
         tick: 0,

@@ -4,28 +4,28 @@
 //! be the one that meets the fresh input; the sensor frames inside the ticks, which run that
 //! schedule too, find none left. The wall clock decides how many ticks run and enters no state.
 
+use crate::app::{self, Options, RunError};
 use crate::components::beam::BeamState;
-use crate::components::camera::{Frames, Readout, SensorCamera, Tier};
+use crate::components::capture::{Frames, Readout, SensorCamera, Tier};
 use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
+use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::mount::Mount;
 use crate::components::record::History;
-use crate::components::station::Mount;
 use crate::components::track::{Tracker, TrackingState};
-use crate::components::uav::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::view::{
     FreeCamera, Insets, Pacing, StepSize, TargetChoice, Uploaded, WindowCamera, WindowFrame,
 };
-use crate::models::kinematics::{az_el_to_los, los_to_az_el};
-use crate::models::tracking::separation_rad;
+use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
+use crate::models::tracking::table::separation_rad;
 use crate::recording::encode_jpeg;
-use crate::run::{self, Options, RunError};
 use crate::scenario::Loaded;
 use crate::summary::{self, Finished};
 use crate::systems::capture::{bevy_attitude, sync_scene};
 use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;
-use crate::systems::render::Renderer;
-use crate::systems::scene::{self, SceneHandles};
+use crate::systems::render::renderer::Renderer;
+use crate::systems::render::scene::{self, SceneHandles};
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::Exposure;
 use bevy::core_pipeline::tonemapping::Tonemapping;
@@ -337,7 +337,7 @@ pub fn advance(
     }
     let mut ran = 0;
     while ran < due && (step.is_some() || in_budget()) {
-        let over = run::step(world)?;
+        let over = app::step(world)?;
         ran += 1;
         if over {
             world.resource_mut::<Pacing>().over = true;
@@ -1042,7 +1042,7 @@ mod tests {
             Ok(loaded) => loaded,
             Err(error) => panic!("{error}"),
         };
-        match run::build(&loaded, &Options::default()) {
+        match app::build(&loaded, &Options::default()) {
             Ok(app) => app,
             Err(error) => panic!("{error}"),
         }
@@ -1106,7 +1106,7 @@ mod tests {
         let paced = *world.resource::<StateHash>();
         let mut plain = self::app();
         for _ in 0..ticks {
-            assert!(matches!(run::step(plain.world_mut()), Ok(false)));
+            assert!(matches!(app::step(plain.world_mut()), Ok(false)));
         }
         assert_eq!(paced, *plain.world().resource::<StateHash>());
     }
@@ -1119,7 +1119,7 @@ mod tests {
         choose_target(world);
         assert_eq!(world.resource::<Tracker>().target, None);
         for _ in 0..5_000 {
-            assert!(matches!(run::step(world), Ok(false)));
+            assert!(matches!(app::step(world), Ok(false)));
             if !world.resource::<Tracker>().table.tracks.is_empty() {
                 break;
             }

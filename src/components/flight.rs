@@ -1,0 +1,112 @@
+//! What a UAV, or what is taken for one, carries.
+
+use crate::models::air::wind::DrydenGust;
+use crate::models::flight::distractor::DistractorKind;
+use crate::models::flight::multirotor::{Airframe, MultirotorState};
+use crate::models::flight::trajectory::CompiledTrajectory;
+use crate::models::laser::thermal::{Skin, SkinMaterial};
+use crate::models::maths::rng::Stream;
+use bevy::prelude::*;
+use glam::DVec3;
+
+/// Identity of a UAV or distractor.
+#[derive(Component, Clone, Debug)]
+pub struct Uav {
+    /// Index in the scenario, distractors after all UAVs; the key of its random streams.
+    pub index: usize,
+    /// Name from the scenario.
+    pub name: String,
+    /// Length, width and height [m].
+    pub size_m: [f64; 3],
+}
+
+/// Marks what is no UAV but flies where one might, and says how it flies. It has no [`Guidance`] and
+/// no [`HeatedSkin`]: it is never neutralised, and a run does not wait for it.
+#[derive(Component, Clone, Debug)]
+pub struct Distractor {
+    /// Bird or balloon.
+    pub kind: DistractorKind,
+    /// Its path: over the ground for a bird, through the air for a balloon.
+    pub plan: CompiledTrajectory,
+    /// Phase of the wingbeat at time 0 [rad].
+    pub phase_rad: f64,
+}
+
+/// Motion, the truth in f64.
+#[derive(Component, Clone, Debug)]
+pub struct Flight {
+    /// Position, attitude, rates and rotors; a bird's wings are its rotors.
+    pub state: MultirotorState,
+    /// The point to aim at [m, body]: the middle of the part that the scenario names.
+    pub aim_body_m: DVec3,
+}
+
+impl Flight {
+    /// Where the aim point is [m].
+    pub fn aim_enu_m(&self) -> DVec3 {
+        self.state.r_enu_m + self.state.q_enu_body * self.aim_body_m
+    }
+}
+
+/// What flies by a rotor model: its flight plan and airframe.
+#[derive(Component, Clone, Debug)]
+pub struct Guidance {
+    /// The flight plan.
+    pub plan: CompiledTrajectory,
+    /// Constants of the airframe.
+    pub airframe: Airframe,
+    /// Take-off mass [kg].
+    pub mass_kg: f64,
+}
+
+/// The air the UAV meets.
+#[derive(Component, Clone, Debug)]
+pub struct Air {
+    /// Gust generator.
+    pub gusts: DrydenGust,
+    /// Its stream.
+    pub rng: Stream,
+    /// Mean wind plus gust at the UAV [m/s].
+    pub wind_enu_mps: DVec3,
+}
+
+/// The component under the aim point, as a lumped skin.
+#[derive(Component, Clone, Debug)]
+pub struct HeatedSkin {
+    /// Thermal state.
+    pub skin: Skin,
+    /// What it is made of.
+    pub material: SkinMaterial,
+    /// Mean irradiance on it in this tick [W/m^2].
+    pub irradiance_wpm2: f64,
+}
+
+/// What has become of a UAV.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UavStatus {
+    /// Flies its plan.
+    Flying,
+    /// The laser has burnt it through; it falls.
+    Falling,
+    /// It lies on the city.
+    Down,
+    /// It flew into the city without help.
+    Crashed,
+}
+
+impl UavStatus {
+    /// The status as recordings and reports name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            UavStatus::Flying => "flying",
+            UavStatus::Falling => "falling",
+            UavStatus::Down => "down",
+            UavStatus::Crashed => "crashed",
+        }
+    }
+
+    /// Whether the laser has done its work.
+    pub fn neutralised(self) -> bool {
+        matches!(self, UavStatus::Falling | UavStatus::Down)
+    }
+}

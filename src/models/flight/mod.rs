@@ -1,0 +1,6 @@
+//! What flies: catalogue, rigid bodies with rotors, flight plans, distractors.
+
+pub mod distractor;
+pub mod multirotor;
+pub mod trajectory;
+pub mod uav;

@@ -1,0 +1,479 @@
+//! Digital surface model: terrain and what stands on it as height rasters, with sight lines.
+//!
+//! The surface is piecewise constant: a cell is a column up to its height. A ray is walked cell by
+//! cell (Amanatides & Woo, "A fast voxel traversal algorithm", 1987), exactly for that surface;
+//! a coarse raster of maxima lets it skip blocks it passes above.
+
+use glam::{DVec2, DVec3};
+
+/// A raster of at least one height; a cell's value belongs to its centre, row 0 lies south.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeightGrid {
+    /// East coordinate of the raster's west edge [m].
+    pub origin_e_m: f64,
+    /// North coordinate of the raster's south edge [m].
+    pub origin_n_m: f64,
+    /// Cell size [m].
+    pub cell_m: f64,
+    /// Columns (east).
+    pub nx: usize,
+    /// Rows (north).
+    pub ny: usize,
+    /// Heights [m], row by row.
+    pub heights_m: Vec<f32>,
+}
+
+impl HeightGrid {
+    /// A raster whose cells hold `height_m(e, n)` at their centres.
+    pub fn from_fn(
+        origin_m: DVec2,
+        cell_m: f64,
+        [nx, ny]: [usize; 2],
+        height_m: impl Fn(f64, f64) -> f64,
+    ) -> Self {
+        let center = |i: usize, origin: f64| origin + (i as f64 + 0.5) * cell_m;
+        let heights_m = (0..nx * ny)
+            .map(|k| height_m(center(k % nx, origin_m.x), center(k / nx, origin_m.y)) as f32)
+            .collect();
+        Self {
+            origin_e_m: origin_m.x,
+            origin_n_m: origin_m.y,
+            cell_m,
+            nx,
+            ny,
+            heights_m,
+        }
+    }
+
+    /// Height [m] interpolated bilinearly between cell centres; beyond them the border goes on.
+    pub fn bilinear_m(&self, e_m: f64, n_m: f64) -> f64 {
+        let x = ((e_m - self.origin_e_m) / self.cell_m - 0.5).clamp(0.0, (self.nx - 1) as f64);
+        let y = ((n_m - self.origin_n_m) / self.cell_m - 0.5).clamp(0.0, (self.ny - 1) as f64);
+        let (i, j) = (x as usize, y as usize);
+        let (i1, j1) = ((i + 1).min(self.nx - 1), (j + 1).min(self.ny - 1));
+        let at = |i: usize, j: usize| f64::from(self.heights_m[j * self.nx + i]);
+        let (fx, fy) = (x - i as f64, y - j as f64);
+        let south = at(i, j) + (at(i1, j) - at(i, j)) * fx;
+        let north = at(i, j1) + (at(i1, j1) - at(i, j1)) * fx;
+        south + (north - south) * fy
+    }
+
+    /// Index of the cell that holds a point; None outside.
+    pub fn cell_index(&self, e_m: f64, n_m: f64) -> Option<usize> {
+        let x = (e_m - self.origin_e_m) / self.cell_m;
+        let y = (n_m - self.origin_n_m) / self.cell_m;
+        let inside = x >= 0.0 && y >= 0.0 && x < self.nx as f64 && y < self.ny as f64;
+        inside.then(|| y as usize * self.nx + x as usize)
+    }
+
+    /// The raster of maxima over blocks of `factor` × `factor` cells.
+    fn block_maxima(&self, factor: usize) -> Self {
+        let (nx, ny) = (self.nx.div_ceil(factor), self.ny.div_ceil(factor));
+        let mut heights_m = vec![f32::NEG_INFINITY; nx * ny];
+        for (k, &h) in self.heights_m.iter().enumerate() {
+            let block = &mut heights_m[k / self.nx / factor * nx + k % self.nx / factor];
+            *block = block.max(h);
+        }
+        Self {
+            nx,
+            ny,
+            heights_m,
+            cell_m: self.cell_m * factor as f64,
+            ..*self
+        }
+    }
+
+    /// Walks the cells under the segment a + t·d for t from t0 to t1, calling
+    /// `visit(cell, t_in, t_out)` until it returns something.
+    fn walk<T>(
+        &self,
+        a: DVec3,
+        d: DVec3,
+        [t0, t1]: [f64; 2],
+        mut visit: impl FnMut(usize, f64, f64) -> Option<T>,
+    ) -> Option<T> {
+        let x0 = (a.x + d.x * t0 - self.origin_e_m) / self.cell_m;
+        let y0 = (a.y + d.y * t0 - self.origin_n_m) / self.cell_m;
+        let mut i = (x0.floor() as isize).clamp(0, self.nx as isize - 1);
+        let mut j = (y0.floor() as isize).clamp(0, self.ny as isize - 1);
+        // Parameter of the next border along an axis, and its increment per cell.
+        let axis = |index: isize, origin: f64, a: f64, d: f64| {
+            let step = if d > 0.0 { 1 } else { -1 };
+            let border = origin + (index + isize::from(d > 0.0)) as f64 * self.cell_m;
+            if d == 0.0 {
+                (0, f64::INFINITY, f64::INFINITY)
+            } else {
+                (step, (border - a) / d, self.cell_m / d.abs())
+            }
+        };
+        let (step_i, mut t_i, dt_i) = axis(i, self.origin_e_m, a.x, d.x);
+        let (step_j, mut t_j, dt_j) = axis(j, self.origin_n_m, a.y, d.y);
+        let mut t = t0;
+        loop {
+            let out = t_i.min(t_j).clamp(t, t1);
+            if let Some(found) = visit(j as usize * self.nx + i as usize, t, out) {
+                return Some(found);
+            }
+            if out >= t1 {
+                return None;
+            }
+            t = out;
+            if t_i <= t_j {
+                i += step_i;
+                t_i += dt_i;
+            } else {
+                j += step_j;
+                t_j += dt_j;
+            }
+            if i < 0 || j < 0 || i >= self.nx as isize || j >= self.ny as isize {
+                return None;
+            }
+        }
+    }
+
+    /// The part of t in 0..1 for which a + t·d lies over the raster.
+    fn clip(&self, a: DVec3, d: DVec3) -> Option<[f64; 2]> {
+        let mut span = [0.0_f64, 1.0];
+        let sides = [
+            (a.x - self.origin_e_m, d.x, self.nx as f64 * self.cell_m),
+            (a.y - self.origin_n_m, d.y, self.ny as f64 * self.cell_m),
+        ];
+        for (p, v, size) in sides {
+            if v == 0.0 {
+                if !(0.0..size).contains(&p) {
+                    return None;
+                }
+                continue;
+            }
+            let (t, u) = (-p / v, (size - p) / v);
+            span = [span[0].max(t.min(u)), span[1].min(t.max(u))];
+        }
+        (span[0] < span[1]).then_some(span)
+    }
+}
+
+/// Whether one point sees another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LineOfSight {
+    /// Nothing in between.
+    Clear,
+    /// The first obstacle lies at this range from the first point [m].
+    BlockedAt(f64),
+}
+
+impl LineOfSight {
+    /// The same sight line under a closed layer of cloud, flat at height `base_m` [m] and without
+    /// end above.
+    pub fn below(self, base_m: f64, from_enu_m: DVec3, to_enu_m: DVec3) -> Self {
+        let cloud_m = if from_enu_m.z > base_m {
+            0.0
+        } else if to_enu_m.z > base_m {
+            let share = (base_m - from_enu_m.z) / (to_enu_m.z - from_enu_m.z);
+            share * from_enu_m.distance(to_enu_m)
+        } else {
+            return self;
+        };
+        match self {
+            Self::BlockedAt(range_m) if range_m <= cloud_m => self,
+            _ => Self::BlockedAt(cloud_m),
+        }
+    }
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HitKind {
+    /// Terrain, street or water.
+    Ground,
+    /// A building, or anything else that stands more than 2 m above the terrain: trees, bridges.
+    Building,
+}
+
+/// Terrain and surface heights of a site; beyond the rasters the ground is flat.
+#[derive(Clone, Debug)]
+pub struct Dsm {
+    terrain: HeightGrid,
+    surface: HeightGrid,
+    blocks: HeightGrid,
+    outside_m: f64,
+}
+
+/// A surface cell higher than this above the terrain counts as a building [m].
+const BUILDING_MIN_M: f64 = 2.0;
+/// Cells per side of a block of the coarse raster.
+const BLOCK: usize = 16;
+
+impl Dsm {
+    /// Joins bare terrain, the surface (highest point per cell) and the ground level outside [m].
+    pub fn new(terrain: HeightGrid, surface: HeightGrid, outside_m: f64) -> Self {
+        let blocks = surface.block_maxima(BLOCK);
+        Self {
+            terrain,
+            surface,
+            blocks,
+            outside_m,
+        }
+    }
+
+    /// Height of the bare ground [m] at (e, n) [m].
+    pub fn terrain_m(&self, e_m: f64, n_m: f64) -> f64 {
+        match self.terrain.cell_index(e_m, n_m) {
+            Some(_) => self.terrain.bilinear_m(e_m, n_m),
+            None => self.outside_m,
+        }
+    }
+
+    /// Height of whatever is highest [m] at (e, n) [m].
+    pub fn surface_m(&self, e_m: f64, n_m: f64) -> f64 {
+        match self.surface.cell_index(e_m, n_m) {
+            Some(k) => f64::from(self.surface.heights_m[k]),
+            None => self.outside_m,
+        }
+    }
+
+    /// The surface raster.
+    pub fn surface(&self) -> &HeightGrid {
+        &self.surface
+    }
+
+    /// Whether two points [m, ENU] see each other.
+    pub fn line_of_sight(&self, from_enu_m: DVec3, to_enu_m: DVec3) -> LineOfSight {
+        match self.first_obstacle(from_enu_m, to_enu_m - from_enu_m) {
+            Some((t, _)) => LineOfSight::BlockedAt(t * from_enu_m.distance(to_enu_m)),
+            None => LineOfSight::Clear,
+        }
+    }
+
+    /// Range [m] to the surface along a unit direction; None is sky (or beyond `max_range_m`).
+    pub fn first_hit(&self, from_enu_m: DVec3, dir_enu: DVec3, max_range_m: f64) -> Option<f64> {
+        self.first_hit_kind(from_enu_m, dir_enu, max_range_m)
+            .map(|(range_m, _)| range_m)
+    }
+
+    /// Range [m] to the surface along a unit direction and what is hit there; None is sky (or
+    /// beyond `max_range_m`).
+    pub fn first_hit_kind(
+        &self,
+        from_enu_m: DVec3,
+        dir_enu: DVec3,
+        max_range_m: f64,
+    ) -> Option<(f64, HitKind)> {
+        let (t, cell) = self.first_obstacle(from_enu_m, dir_enu * max_range_m)?;
+        let range_m = t * max_range_m;
+        let r = from_enu_m + dir_enu * range_m;
+        // The cell itself, not the point: a wall is hit on the border to the cell before it.
+        let stands = cell.is_some_and(|cell| {
+            f64::from(self.surface.heights_m[cell]) - self.terrain_m(r.x, r.y) > BUILDING_MIN_M
+        });
+        let kind = if stands {
+            HitKind::Building
+        } else {
+            HitKind::Ground
+        };
+        Some((range_m, kind))
+    }
+
+    /// Smallest t in 0..1 at which a + t·d is below the surface, and the cell there; no cell outside
+    /// the raster.
+    fn first_obstacle(&self, a: DVec3, d: DVec3) -> Option<(f64, Option<usize>)> {
+        // Where z = h along the ray, entered from above; `t` itself when already below.
+        let below = |h: f64, t: f64, out: f64| {
+            let (z, z_out) = (a.z + d.z * t, a.z + d.z * out);
+            match (z < h, z_out < h) {
+                (true, _) => Some(t),
+                (false, true) => Some(((h - a.z) / d.z).clamp(t, out)),
+                _ => None,
+            }
+        };
+        if !(a.is_finite() && d.is_finite()) {
+            return None;
+        }
+        let Some([t0, t1]) = self.surface.clip(a, d) else {
+            return below(self.outside_m, 0.0, 1.0).map(|t| (t, None));
+        };
+        let before = if t0 > 0.0 {
+            below(self.outside_m, 0.0, t0)
+        } else {
+            None
+        };
+        before
+            .map(|t| (t, None))
+            .or_else(|| {
+                self.blocks.walk(a, d, [t0, t1], |block, t, out| {
+                    let top = f64::from(self.blocks.heights_m[block]);
+                    if (a.z + d.z * t).min(a.z + d.z * out) >= top {
+                        return None;
+                    }
+                    self.surface.walk(a, d, [t, out], |cell, t, out| {
+                        below(f64::from(self.surface.heights_m[cell]), t, out)
+                            .map(|t| (t, Some(cell)))
+                    })
+                })
+            })
+            .or_else(|| {
+                if t1 < 1.0 {
+                    below(self.outside_m, t1, 1.0).map(|t| (t, None))
+                } else {
+                    None
+                }
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::maths::rng::Stream;
+
+    /// Flat ground at 0 with boxes [e0, e1, n0, n1, top].
+    fn site(boxes: &[[f64; 5]]) -> Dsm {
+        let origin = DVec2::splat(-500.0);
+        let terrain = HeightGrid::from_fn(origin, 10.0, [100, 100], |_, _| 0.0);
+        let surface = HeightGrid::from_fn(origin, 1.0, [1000, 1000], |e, n| {
+            boxes
+                .iter()
+                .filter(|b| e > b[0] && e < b[1] && n > b[2] && n < b[3])
+                .fold(0.0, |top, b| b[4].max(top))
+        });
+        Dsm::new(terrain, surface, 0.0)
+    }
+
+    /// Entry range into boxes and the ground plane by slabs.
+    fn analytic(boxes: &[[f64; 5]], a: DVec3, dir: DVec3, max: f64) -> Option<f64> {
+        let mut best = if dir.z < 0.0 {
+            -a.z / dir.z
+        } else {
+            f64::INFINITY
+        };
+        for b in boxes {
+            let low = (DVec3::new(b[0], b[2], -1e3) - a) / dir;
+            let high = (DVec3::new(b[1], b[3], b[4]) - a) / dir;
+            let enter = low.min(high).max_element().max(0.0);
+            if enter < low.max(high).min_element() {
+                best = best.min(enter);
+            }
+        }
+        (best <= max).then_some(best)
+    }
+
+    #[test]
+    fn agrees_with_analytic_boxes() {
+        let mut rng = Stream::new(3, 0, "dsm-test");
+        let boxes: Vec<[f64; 5]> = (0..40)
+            .map(|_| {
+                let (e, n) = (
+                    rng.range(-450.0, 400.0).floor(),
+                    rng.range(-450.0, 400.0).floor(),
+                );
+                let (w, l) = (rng.range(5.0, 40.0).floor(), rng.range(5.0, 40.0).floor());
+                [e, e + w, n, n + l, rng.range(5.0, 60.0).floor()]
+            })
+            .collect();
+        let dsm = site(&boxes);
+        let (mut hits, mut misses) = (0, 0);
+        for _ in 0..20_000 {
+            // Some rays start outside the raster.
+            let a = DVec3::new(
+                rng.range(-700.0, 700.0),
+                rng.range(-700.0, 700.0),
+                rng.range(1.0, 90.0),
+            );
+            let dir = DVec3::new(rng.normal(), rng.normal(), 0.2 * rng.normal()).normalize();
+            let range = rng.range(50.0, 1500.0);
+            match (
+                dsm.first_hit(a, dir, range),
+                analytic(&boxes, a, dir, range),
+            ) {
+                (Some(got), Some(want)) => {
+                    hits += 1;
+                    assert!(
+                        (got - want).abs() < 1e-6,
+                        "{got} against {want} from {a} along {dir}"
+                    );
+                    let sight = dsm.line_of_sight(a, a + dir * range);
+                    assert!(matches!(sight, LineOfSight::BlockedAt(r) if (r - want).abs() < 1e-6));
+                }
+                (None, None) => {
+                    misses += 1;
+                    assert_eq!(dsm.line_of_sight(a, a + dir * range), LineOfSight::Clear);
+                }
+                (got, want) => panic!("{got:?} against {want:?} from {a} along {dir}"),
+            }
+        }
+        assert!(hits > 3000 && misses > 3000, "{hits} {misses}");
+    }
+
+    #[test]
+    fn axis_rays_and_verticals() {
+        let dsm = site(&[[10.0, 20.0, -5.0, 5.0, 30.0]]);
+        let eye = DVec3::new(0.0, 0.5, 10.0);
+        assert_eq!(dsm.first_hit(eye, DVec3::X, 100.0), Some(10.0));
+        assert_eq!(dsm.first_hit(eye, DVec3::NEG_X, 5000.0), None);
+        assert_eq!(dsm.first_hit(eye, DVec3::NEG_Z, 100.0), Some(10.0));
+        assert_eq!(
+            dsm.first_hit(DVec3::new(15.0, 0.0, 50.0), DVec3::NEG_Z, 100.0),
+            Some(20.0)
+        );
+        assert_eq!(
+            dsm.first_hit(DVec3::new(2000.0, 0.0, 50.0), DVec3::NEG_Z, 100.0),
+            Some(50.0)
+        );
+        assert_eq!(
+            dsm.line_of_sight(eye, DVec3::new(30.0, 0.5, 80.0)),
+            LineOfSight::Clear
+        );
+    }
+
+    #[test]
+    fn a_hit_tells_ground_from_building() {
+        use HitKind::{Building, Ground};
+        // A house and a kerb.
+        let dsm = site(&[
+            [10.0, 20.0, -5.0, 5.0, 30.0],
+            [-20.0, -10.0, -5.0, 5.0, 1.5],
+        ]);
+        let eye = DVec3::new(0.0, 0.5, 10.0);
+        let to = |target: DVec3| dsm.first_hit_kind(eye, (target - eye).normalize(), 5000.0);
+        let (wall_m, kind) = to(DVec3::new(15.0, 0.5, 10.0)).unwrap();
+        assert!((wall_m - 10.0).abs() < 1e-9 && kind == Building);
+        for (target, kind) in [
+            (DVec3::new(9.9, 0.5, 0.0), Some(Ground)), // at the foot of the wall
+            (DVec3::new(-15.0, 0.5, 1.5), Some(Ground)), // on the kerb
+            (DVec3::new(-10.0, 0.5, 0.5), Some(Ground)), // its side
+            (DVec3::new(-3000.0, 0.5, 0.0), Some(Ground)), // beyond the raster
+            (DVec3::new(0.0, 900.0, 10.0), None),
+        ] {
+            assert_eq!(to(target).map(|(_, kind)| kind), kind, "{target}");
+        }
+        let roof = dsm.first_hit_kind(DVec3::new(15.0, 0.0, 50.0), DVec3::NEG_Z, 100.0);
+        assert_eq!(roof, Some((20.0, Building)));
+    }
+
+    #[test]
+    fn cloud_blocks_what_is_above_its_base() {
+        let (eye, uav) = (DVec3::new(0.0, 0.0, 50.0), DVec3::new(300.0, 0.0, 450.0));
+        let below = |sight: LineOfSight, base_m, from, to| sight.below(base_m, from, to);
+        let clear = LineOfSight::Clear;
+        assert_eq!(below(clear, 450.0, eye, uav), clear);
+        // Half the height, half of the 500 m.
+        assert_eq!(below(clear, 250.0, eye, uav), LineOfSight::BlockedAt(250.0));
+        assert_eq!(below(clear, 250.0, uav, eye), LineOfSight::BlockedAt(0.0));
+        let house = LineOfSight::BlockedAt(100.0);
+        assert_eq!(below(house, 250.0, eye, uav), house);
+        assert_eq!(
+            below(LineOfSight::BlockedAt(400.0), 250.0, eye, uav),
+            LineOfSight::BlockedAt(250.0)
+        );
+    }
+
+    #[test]
+    fn bilinear_is_exact_on_planes() {
+        let plane = |e: f64, n: f64| 0.25 * e - 0.5 * n + 3.0;
+        let grid = HeightGrid::from_fn(DVec2::new(-8.0, 4.0), 2.0, [16, 8], plane);
+        for (e, n) in [(-7.0, 5.0), (0.3, 11.7), (22.9, 18.9)] {
+            assert!((grid.bilinear_m(e, n) - plane(e, n)).abs() < 1e-5);
+        }
+        // Beyond the centres of the border cells the border value goes on.
+        assert_eq!(grid.bilinear_m(-100.0, 5.0), grid.bilinear_m(-7.0, 5.0));
+    }
+}

@@ -1,0 +1,4 @@
+//! The beam and the heat it leaves.
+
+pub mod beam;
+pub mod thermal;

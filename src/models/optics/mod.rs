@@ -1,0 +1,7 @@
+//! Cameras: projection, sensor, rasterised truth, calibration, detections.
+
+pub mod calibration;
+pub mod camera;
+pub mod detection;
+pub mod raster;
+pub mod sensor;

@@ -1,0 +1,5 @@
+//! Meshes of what is rendered: primitives, UAVs and distractors, clutter.
+
+pub mod clutter;
+pub mod mesh;
+pub mod uav_mesh;

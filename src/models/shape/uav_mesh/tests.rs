@@ -1,0 +1,342 @@
+use super::*;
+use crate::models::flight::uav::aim_offset_enu_m;
+
+/// Length, width and height of the body, of the body with turning propellers.
+fn sizes_m(mesh: &UavMesh, radius: f64) -> [DVec3; 2] {
+    let (low, high) = mesh.body.bounds_m().unwrap();
+    let (mut wide_low, mut wide_high) = (low, high);
+    for r in &mesh.rotors {
+        let reach = DVec3::new(radius, radius, 0.0);
+        wide_low = wide_low.min(r.hub_body_m - reach);
+        wide_high = wide_high.max(r.hub_body_m + reach);
+    }
+    [high - low, wide_high - wide_low]
+}
+
+#[test]
+fn sizes_match_the_published_ones() {
+    for kind in UavKind::ALL {
+        let uav = model(kind);
+        let mesh = uav_mesh(kind);
+        let [bare, turning] = sizes_m(&mesh, uav.propeller_diameter_m / 2.0);
+        let published = DVec3::from(uav.size_m);
+        let (got, want) = match kind {
+            UavKind::Matrice200 => (turning, published),
+            // The flight model's hexagon is wider than long; the maker names no axis.
+            UavKind::Matrice600 => (turning, DVec3::new(published.y, published.x, published.z)),
+            _ => (bare, published),
+        };
+        for (got, want) in got.to_array().into_iter().zip(want.to_array()) {
+            assert!(
+                (got / want - 1.0).abs() < 0.03,
+                "{kind:?}: {got} m against {want} m"
+            );
+        }
+    }
+}
+
+#[test]
+fn hubs_lie_on_the_published_diagonal_in_the_flight_models_order() {
+    for kind in UavKind::ALL {
+        let uav = model(kind);
+        let mesh = uav_mesh(kind);
+        assert_eq!(mesh.rotors.len(), uav.rotor_count);
+        for (i, r) in mesh.rotors.iter().enumerate() {
+            let plan = r.hub_body_m.truncate();
+            assert!(
+                (plan.length() - uav.diagonal_m / 2.0).abs() < 1e-3,
+                "{kind:?} {plan}"
+            );
+            let nominal = DVec2::from_angle(PI * (2 * i + 1) as f64 / uav.rotor_count as f64);
+            assert!(plan.angle_to(nominal).abs() < 0.2, "{kind:?} {i} {plan}");
+            assert_eq!(r.clockwise, i % 2 == 0);
+        }
+    }
+}
+
+#[test]
+fn bodies_face_outward_within_the_triangle_budget() {
+    for kind in UavKind::ALL {
+        let mesh = uav_mesh(kind);
+        let total = mesh.body.triangle_count();
+        assert!(
+            (400..=1500).contains(&total),
+            "{kind:?} has {total} triangles"
+        );
+        for part in [&mesh.body, &mesh.rotor] {
+            assert!(part.signed_volume_m3() > 0.0);
+            let at = |v: &[[f32; 3]], i: u32| DVec3::from(v[i as usize].map(f64::from));
+            for t in part.indices.chunks_exact(3) {
+                let [a, b, c] = [t[0], t[1], t[2]].map(|i| at(&part.positions, i));
+                let face = (b - a).cross(c - a).normalize_or_zero();
+                for &i in t {
+                    assert!(face.dot(at(&part.normals, i)) > -0.2, "{kind:?} {i}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn propellers_are_round_and_climb_into_their_turn() {
+    for kind in UavKind::ALL {
+        let uav = model(kind);
+        let rotor = uav_mesh(kind).rotor;
+        let reach = rotor
+            .positions
+            .iter()
+            .map(|p| f64::from(p[0]).hypot(f64::from(p[1])))
+            .fold(0.0, f64::max);
+        assert!(
+            (reach / (uav.propeller_diameter_m / 2.0) - 1.0).abs() < 0.01,
+            "{kind:?}"
+        );
+        // On the blade along +x the edge at +y leads a counter-clockwise turn: it is higher.
+        let r = uav.propeller_diameter_m / 2.0;
+        let outer: Vec<_> = rotor
+            .positions
+            .iter()
+            .filter(|p| f64::from(p[0]) > 0.5 * r)
+            .collect();
+        let slope: f64 = outer
+            .iter()
+            .map(|p| f64::from(p[1]) * f64::from(p[2]))
+            .sum();
+        assert!(slope > 0.0, "{kind:?}");
+    }
+}
+
+#[test]
+fn parts_lie_where_the_mesh_has_them() {
+    for kind in UavKind::ALL {
+        let uav = model(kind);
+        let mesh = uav_mesh(kind);
+        for part in [AimPart::Battery, AimPart::RotorHub, AimPart::Camera] {
+            let at = mesh.part_body_m(uav, part);
+            // Vertices on both sides of the middle, within a battery's half length.
+            let near: Vec<_> = mesh
+                .body
+                .positions
+                .iter()
+                .map(|p| DVec3::from(p.map(f64::from)) - at)
+                .filter(|r| r.length() < 0.11 * uav.diagonal_m.max(0.6))
+                .collect();
+            for axis in [DVec3::X, DVec3::Y] {
+                let beyond = |sign: f64| near.iter().any(|r| sign * r.dot(axis) > 0.004);
+                assert!(beyond(1.0) && beyond(-1.0), "{kind:?} {part:?}");
+            }
+        }
+    }
+}
+
+/// Middle of the outline's box, and its width [m, body].
+fn silhouette(mesh: &UavMesh) -> (DVec3, f64) {
+    let outline = mesh.outline_body_m();
+    let low = outline.iter().copied().fold(DVec3::MAX, DVec3::min);
+    let high = outline.iter().copied().fold(DVec3::MIN, DVec3::max);
+    (0.5 * (low + high), high.y - low.y)
+}
+
+#[test]
+fn expected_offsets_are_the_catalogues_means() {
+    for part in [
+        AimPart::Body,
+        AimPart::Battery,
+        AimPart::RotorHub,
+        AimPart::Camera,
+    ] {
+        let mut sum = DVec3::ZERO;
+        let mut worst = 0.0_f64;
+        for kind in UavKind::ALL {
+            let mesh = uav_mesh(kind);
+            let (middle, span_m) = silhouette(&mesh);
+            // Northbound: forward is north, left is west, up is up.
+            let body = mesh.part_body_m(model(kind), part) - middle;
+            let enu_m = DVec3::new(-body.y, body.x, body.z);
+            let expected = aim_offset_enu_m(part, span_m, DVec3::new(0.0, 12.0, 1.0));
+            let error = (enu_m - expected) / span_m;
+            println!(
+                "{part:?} {kind:?}: {:.3} error {:.3}",
+                enu_m / span_m,
+                error.length()
+            );
+            sum += error;
+            worst = worst.max(error.length());
+        }
+        let mean = sum / UavKind::ALL.len() as f64;
+        println!("{part:?}: mean {mean:.3}, worst {worst:.3}");
+        assert!(mean.length() < 0.01, "{part:?}: {mean}");
+        assert!(worst < 0.18, "{part:?}: {worst}");
+        // Without a course only the height is left.
+        let still = aim_offset_enu_m(part, 1.0, DVec3::new(0.1, 0.1, 3.0));
+        assert_eq!(still.truncate(), DVec2::ZERO);
+    }
+    // A course turns the offset with it.
+    let east = aim_offset_enu_m(AimPart::Camera, 0.5, DVec3::X * 9.0);
+    let north = aim_offset_enu_m(AimPart::Camera, 0.5, DVec3::Y * 9.0);
+    assert!((east.x - north.y).abs() < 1e-12 && east.x > 0.05, "{east}");
+}
+
+#[test]
+fn distractors_have_their_sizes() {
+    for kind in [DistractorKind::Bird, DistractorKind::Balloon] {
+        let mesh = distractor_mesh(kind);
+        let [length_m, width_m, _] = kind.size_m();
+        let (low, high) = mesh.body.bounds_m().unwrap();
+        assert!(((high - low).x / length_m - 1.0).abs() < 0.01, "{kind:?}");
+        assert!(mesh.body.signed_volume_m3() > 0.0);
+        // Wings stretched level; a balloon has none.
+        let tips = mesh.rotors.iter().flat_map(|mount| {
+            let at = |p: &[f32; 3]| mount.q_body_hub * DVec3::from(p.map(f64::from));
+            mesh.rotor
+                .positions
+                .iter()
+                .map(move |p| mount.hub_body_m + at(p))
+        });
+        let half_m = tips.fold(high.y, |most, p| most.max(p.y.abs()));
+        assert!((2.0 * half_m / width_m - 1.0).abs() < 0.01, "{kind:?}");
+    }
+    let gull = distractor_mesh(DistractorKind::Bird);
+    assert!(gull.rotor.signed_volume_m3() > 0.0);
+    for wing in &gull.rotors {
+        // A positive phase lifts either wing, and the wings are proper rotations.
+        let tip = wing.q_body_hub * DQuat::from_rotation_z(0.3) * DVec3::X;
+        assert!(tip.z > 0.29 && tip.y * wing.hub_body_m.y > 0.0, "{tip}");
+    }
+    // The sweep of the wings bounds the truth box: less high than the span.
+    let outline = gull.outline_body_m();
+    let top = outline.iter().map(|p| p.z).fold(f64::MIN, f64::max);
+    assert!((0.3..0.55).contains(&top), "{top}");
+}
+
+#[test]
+fn drawn_looks_repeat_and_keep_the_published_size() {
+    let mut changed = 0;
+    for (i, kind) in UavKind::ALL.into_iter().cycle().take(120).enumerate() {
+        let draw = || Look::drawn(&mut Stream::new(5, i as u64, "look"));
+        let look = draw();
+        assert_eq!(look, draw());
+        let uav = model(kind);
+        let (mesh, standard) = (uav_mesh_look(kind, &look), uav_mesh(kind));
+        changed += usize::from(mesh.body.colors != standard.body.colors);
+        assert!((0.92..1.08).contains(&look.scale));
+        assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.rotor.signed_volume_m3() > 0.0);
+        assert!(mesh.body.triangle_count() < 3200, "{kind:?} {look:?}");
+        // Hubs and propellers grow by the scale alone.
+        for (hub, reference) in mesh.rotors.iter().zip(&standard.rotors) {
+            let of = |r: &RotorMount| r.hub_body_m.truncate();
+            assert!((of(hub) - of(reference) * look.scale).length() < 1e-9);
+        }
+        let radius = uav.propeller_diameter_m / 2.0 * look.scale;
+        let [_, wide] = sizes_m(&mesh, radius);
+        let [_, published] = sizes_m(&standard, uav.propeller_diameter_m / 2.0);
+        let slack = if look.guards { 0.08 } else { 0.03 };
+        for (got, want) in [(wide.x, published.x), (wide.y, published.y)] {
+            let ratio = got / want / look.scale;
+            assert!(
+                (0.97..1.0 + slack).contains(&ratio),
+                "{kind:?} {look:?} {ratio}"
+            );
+        }
+        // What hangs from it and stands on it stays within twice its height and a line's length.
+        assert!(wide.z < look.scale * (2.2 * uav.size_m[2] + 0.95 * uav.diagonal_m));
+    }
+    assert!(changed > 90, "{changed}");
+    let standard = uav_mesh_look(UavKind::Phantom4, &Look::standard());
+    assert_eq!(
+        standard.body.positions,
+        uav_mesh(UavKind::Phantom4).body.positions
+    );
+}
+
+#[test]
+fn looks_show_what_they_name() {
+    let lowest = |look: Look| {
+        let mesh = uav_mesh_look(UavKind::Phantom4, &look);
+        mesh.body.bounds_m().map_or(0.0, |(low, _)| low.z)
+    };
+    let standard = Look::standard();
+    let with = |gear, payload| {
+        lowest(Look {
+            gear,
+            payload,
+            ..standard
+        })
+    };
+    let raised = with(Gear::Raised, Payload::None);
+    assert!(raised > with(Gear::Lowered, Payload::None) + 0.02);
+    assert!(with(Gear::Skids, Payload::None) < raised - 0.01);
+    assert!(with(Gear::Raised, Payload::Box) < raised - 0.05);
+    assert!(with(Gear::Raised, Payload::Parcel) < raised - 0.2);
+    let three = uav_mesh_look(
+        UavKind::Fpv5,
+        &Look {
+            blades: 3,
+            ..standard
+        },
+    )
+    .rotor;
+    let two = uav_mesh(UavKind::Fpv5).rotor;
+    assert!(three.triangle_count() > two.triangle_count());
+}
+
+#[test]
+fn aeroplanes_and_leaves_have_their_sizes() {
+    let check = |mesh: &UavMesh, size_m: [f64; 3], slack: f64| {
+        let (low, high) = mesh.body.bounds_m().unwrap();
+        for (got, want) in (high - low).to_array().into_iter().zip(size_m) {
+            assert!((got / want - 1.0).abs() < slack, "{got} m against {want} m");
+        }
+        assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.rotors.is_empty());
+    };
+    for kind in [DistractorKind::Aeroplane, DistractorKind::Leaf] {
+        check(&distractor_mesh(kind), kind.size_m(), 0.12);
+    }
+    let cessna = light_aircraft(LIGHT_AIRCRAFT_SIZE_M, WHITE, RED);
+    check(&solid(cessna), LIGHT_AIRCRAFT_SIZE_M, 0.12);
+    for mesh in [
+        airliner(AIRLINER_SIZE_M, WHITE, RED),
+        light_aircraft(LIGHT_AIRCRAFT_SIZE_M, WHITE, RED),
+    ] {
+        let at = |v: &[[f32; 3]], i: u32| DVec3::from(v[i as usize].map(f64::from));
+        for t in mesh.indices.chunks_exact(3) {
+            let [a, b, c] = [t[0], t[1], t[2]].map(|i| at(&mesh.positions, i));
+            let face = (b - a).cross(c - a).normalize_or_zero();
+            for &i in t {
+                assert!(face.dot(at(&mesh.normals, i)) > -0.2);
+            }
+        }
+    }
+}
+
+#[test]
+fn drawn_distractors_vary_and_repeat() {
+    use DistractorKind::{Aeroplane, Balloon, Bird, Leaf};
+    for (kind, [least, most]) in [
+        (Bird, [0.5, 1.6]),
+        (Balloon, [0.2, 1.1]),
+        (Aeroplane, [7.0, 71.0]),
+        (Leaf, [0.02, 0.36]),
+    ] {
+        let mut widths = Vec::new();
+        for i in 0..40 {
+            let draw = || distractor_mesh_drawn(kind, &mut Stream::new(3, i, "distractor"));
+            let mesh = draw();
+            assert_eq!(mesh.body.positions, draw().body.positions);
+            assert!(mesh.body.signed_volume_m3() > 0.0, "{kind:?} {i}");
+            let outline = mesh.outline_body_m();
+            let across = |axis: DVec3| {
+                let reach = outline.iter().map(|p| p.dot(axis));
+                reach.clone().fold(f64::MIN, f64::max) - reach.fold(f64::MAX, f64::min)
+            };
+            let width = across(DVec3::Y).max(across(DVec3::X));
+            assert!((least..most).contains(&width), "{kind:?} {width} m");
+            widths.push(width);
+        }
+        let (low, high) = (
+            widths.iter().copied().fold(f64::MAX, f64::min),
+            widths.iter().copied().fold(0.0, f64::max),
+        );
+        assert!(high > 1.8 * low, "{kind:?}: {low} to {high} m");
+    }
+}

@@ -1,0 +1,584 @@
+//! The track table: sightings of all cameras become tracks with one identity each.
+//!
+//! One table serves the three cameras. A frame is assigned as a whole, at the least total cost
+//! (global nearest neighbour, [`crate::models::maths::assignment`]): the cost of a pair is the squared
+//! distance in standard deviations plus the squared difference of log sizes, so that two targets
+//! at different ranges stay apart while their sight lines cross, plus the log of the spread, so
+//! that a vague track does not take the sighting of a sharp one.
+
+use crate::models::ground::dsm::{Dsm, LineOfSight};
+use crate::models::maths::assignment::{Pair, assign};
+use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
+use crate::models::tracking::estimation::{Gating, LosFilter, LosFilterParams, LosState};
+use crate::models::tracking::ranging::Ranging;
+use glam::{DVec2, DVec3};
+use nalgebra::{Matrix2, Vector2};
+
+/// A detection as a direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting {
+    /// Azimuth and elevation [rad].
+    pub az_el_rad: DVec2,
+    /// Standard deviation on the sky [rad].
+    pub sigma_rad: f64,
+    /// Larger side of the box [rad].
+    pub size_rad: f64,
+    /// Confidence of the detector.
+    pub score: f64,
+    /// Index of its class among the detector's.
+    pub label: u32,
+}
+
+/// What one frame saw.
+pub struct Look<'a> {
+    /// Index of the camera, 0 (wide) to 2 (narrow).
+    pub tier: usize,
+    /// Time of the exposure [s].
+    pub t_s: f64,
+    /// The detections.
+    pub sightings: &'a [Sighting],
+    /// Whether a direction (azimuth, elevation) lay in the pixels that were read out.
+    pub in_view: &'a dyn Fn(DVec2) -> bool,
+    /// Whether sightings that fit no track start new ones.
+    pub start_tracks: bool,
+}
+
+/// A stretch of time in which the city hides a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Occlusion {
+    /// When it goes behind something [s].
+    pub enter_s: f64,
+    /// When it comes out again [s]; `None` if that lies beyond the prediction.
+    pub exit_s: Option<f64>,
+    /// Where it comes out, azimuth and elevation [rad]; the end of the prediction if it does not.
+    pub exit_az_el_rad: DVec2,
+}
+
+impl Occlusion {
+    /// Whether the track is hidden at `t_s`.
+    pub fn hides(&self, t_s: f64) -> bool {
+        t_s >= self.enter_s && self.exit_s.is_none_or(|exit_s| t_s < exit_s)
+    }
+
+    /// Whether it is hidden at `t_s` even if the foresight errs by a fair margin at both ends.
+    fn surely_hides(&self, t_s: f64) -> bool {
+        const MARGIN_S: f64 = 0.2;
+        // The way behind the building was flown unseen.
+        const DRIFT: f64 = 0.15;
+        let early_s = MARGIN_S + DRIFT * (t_s - self.enter_s);
+        self.hides(t_s - MARGIN_S) && self.hides(t_s + early_s)
+    }
+}
+
+/// One object that is followed.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// Identity; never used again.
+    pub id: u32,
+    /// Estimate of its line of sight.
+    pub filter: LosFilter,
+    /// Estimate of its range.
+    pub range: Ranging,
+    /// Frames of each camera that saw it.
+    pub hits: [u32; 3],
+    /// Frames in a row that should have seen it and did not.
+    pub misses: u32,
+    /// Time of the first exposure that saw it [s].
+    pub started_s: f64,
+    /// Time of the last exposure of each camera that saw it [s].
+    pub last_hit_s: [Option<f64>; 3],
+    /// Larger side of its box [rad], smoothed.
+    pub size_rad: f64,
+    /// Mean score of its detections, of the last twenty or so.
+    pub score: f64,
+    /// Scores of its detections summed by class, the older ones fading.
+    votes: Vec<f64>,
+    /// The next time that the city hides it, as far as is foreseen.
+    pub occlusion: Option<Occlusion>,
+}
+
+impl Track {
+    /// Hits of all cameras.
+    pub fn total_hits(&self) -> u32 {
+        self.hits.iter().sum()
+    }
+
+    /// Index of the class that its detections speak for, among the detector's.
+    pub fn label(&self) -> u32 {
+        let best = |best: usize, class: usize| {
+            if self.votes[class] > self.votes[best] {
+                class
+            } else {
+                best
+            }
+        };
+        (0..self.votes.len()).fold(0, best) as u32
+    }
+
+    /// Time of the newest exposure that saw it [s].
+    pub fn seen_s(&self) -> f64 {
+        self.last_hit_s
+            .iter()
+            .flatten()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Whether the city is expected to hide it at `t_s`.
+    pub fn hidden(&self, t_s: f64) -> bool {
+        self.occlusion.is_some_and(|occlusion| occlusion.hides(t_s))
+    }
+
+    /// Rate on the sky [rad/s] and how many standard deviations it differs from zero.
+    pub fn motion(&self, t_s: f64) -> (f64, f64) {
+        let los = self.filter.predicted(t_s);
+        let cos_el = los.el_rad.cos();
+        let rate = DVec2::new(los.az_rate_radps * cos_el, los.el_rate_radps);
+        let sigma = DVec2::new(
+            los.covariance[0][(1, 1)].sqrt() * cos_el,
+            los.covariance[1][(1, 1)].sqrt(),
+        );
+        (rate.length(), (rate / sigma).length())
+    }
+
+    /// Estimated position [m] and velocity [m/s] at `t_s`, seen from `r_station_enu_m`.
+    pub fn position_enu(&self, r_station_enu_m: DVec3, t_s: f64) -> Option<(DVec3, DVec3)> {
+        let (d_enu, d_dot_enu) = self.filter.predicted(t_s).direction_enu();
+        let (range_m, _) = self.range.range_m(t_s)?;
+        let closing_mps = self.range.closing_mps(t_s)?;
+        Some((
+            r_station_enu_m + range_m * d_enu,
+            range_m * d_dot_enu - closing_mps * d_enu,
+        ))
+    }
+
+    /// Takes in a measured range [m] with its standard deviation [m]; the manoeuvres that the
+    /// filter expects on the sky follow from it.
+    pub fn ranged(&mut self, range_m: f64, sigma_m: f64, t_s: f64) {
+        self.range.on_laser(range_m, sigma_m, t_s);
+        if let Some((range_m, _)) = self.range.range_m(t_s) {
+            self.filter.set_range_m(range_m);
+        }
+    }
+
+    /// Foresees when the city will next hide this track from `r_station_enu_m`, up to `horizon_s`
+    /// after `t_s`. `None` if it stays in sight, or if its range is known too badly to tell.
+    ///
+    /// The line of sight is sampled every 0.1 s and the edges are bisected to 1 ms; what hides for
+    /// less than the sampling is not seen.
+    pub fn foresee_occlusion(
+        &self,
+        dsm: &Dsm,
+        r_station_enu_m: DVec3,
+        t_s: f64,
+        horizon_s: f64,
+    ) -> Option<Occlusion> {
+        const STEP_S: f64 = 0.1;
+        const LARGEST_SPREAD: f64 = 0.1; // of the range
+        let (range_m, sigma_m) = self.range.range_m(t_s)?;
+        if sigma_m > LARGEST_SPREAD * range_m {
+            return None;
+        }
+        // Over seconds a straight flight is a better guess than constant rates of the angles.
+        let (r_enu_m, v_enu_mps) = self.position_enu(r_station_enu_m, t_s)?;
+        let ahead = |at_s: f64| r_enu_m + v_enu_mps * (at_s - t_s);
+        let blocked =
+            |at_s: f64| dsm.line_of_sight(r_station_enu_m, ahead(at_s)) != LineOfSight::Clear;
+        let az_el_rad = |at_s: f64| los_to_az_el(ahead(at_s) - r_station_enu_m);
+        // Between `before` (not yet `to`) and `after` (already `to`).
+        let edge = |mut before: f64, mut after: f64, to: bool| {
+            while after - before > 1e-3 {
+                let middle = 0.5 * (before + after);
+                if blocked(middle) == to {
+                    after = middle;
+                } else {
+                    before = middle;
+                }
+            }
+            after
+        };
+        let steps = (horizon_s / STEP_S).ceil() as usize;
+        let times = (0..=steps).map(|i| t_s + STEP_S * i as f64);
+        let mut enter_s = None;
+        for at in times {
+            match (enter_s, blocked(at)) {
+                (None, true) if at == t_s => enter_s = Some(t_s),
+                (None, true) => enter_s = Some(edge(at - STEP_S, at, true)),
+                (Some(enter_s), false) => {
+                    let exit_s = edge(at - STEP_S, at, false);
+                    return Some(Occlusion {
+                        enter_s,
+                        exit_s: Some(exit_s),
+                        exit_az_el_rad: az_el_rad(exit_s),
+                    });
+                }
+                _ => {}
+            }
+        }
+        enter_s.map(|enter_s| Occlusion {
+            enter_s,
+            exit_s: None,
+            exit_az_el_rad: az_el_rad(t_s + horizon_s),
+        })
+    }
+}
+
+/// Settings of the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TableParams {
+    /// Filter of every track.
+    pub filter: LosFilterParams,
+    /// A sighting belongs to no track that is further away than this many standard deviations.
+    pub gate_sigmas: f64,
+    /// Standard deviation of the logarithm of a box's size about the track's.
+    pub size_log_sigma: f64,
+    /// A young track goes after as many misses in a row as it has hits; this is the longest time
+    /// without a hit for any that is not hidden by the city [s].
+    pub max_coast_s: f64,
+    /// Longest time without a hit behind a building [s].
+    pub max_hidden_s: f64,
+    /// Tracks kept; the ones with the fewest hits go first.
+    pub max_tracks: usize,
+    /// Span that objects are taken to have until their range is measured [m], and its relative
+    /// spread.
+    pub span_m: f64,
+    /// See `span_m`.
+    pub span_sigma_rel: f64,
+}
+
+impl Default for TableParams {
+    fn default() -> Self {
+        Self {
+            filter: LosFilterParams::default(),
+            gate_sigmas: 4.0,
+            size_log_sigma: 0.3,
+            max_coast_s: 3.0,   // [s]
+            max_hidden_s: 12.0, // [s]
+            max_tracks: 128,
+            // The catalogue's UAVs span 0.2 m to 1.7 m, most of them near 0.4 m.
+            span_m: 0.45, // [m]
+            span_sigma_rel: 0.5,
+        }
+    }
+}
+
+/// All tracks, oldest first.
+#[derive(Clone, Debug, Default)]
+pub struct TrackTable {
+    /// Settings.
+    pub params: TableParams,
+    /// The tracks.
+    pub tracks: Vec<Track>,
+    /// Identities that the last frame ended, each with the older one that it turned out to be.
+    pub joined: Vec<(u32, u32)>,
+    next_id: u32,
+}
+
+/// Great-circle distance of two nearby directions [rad].
+pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
+    let d = wrap_pi(a.x - b.x) * (0.5 * (a.y + b.y)).cos();
+    d.hypot(a.y - b.y)
+}
+
+/// Time within which a young track must gather hits: one a miss [s], at most until it counts as
+/// established.
+const ESTABLISHED_HITS: u32 = 30;
+/// Share of the newest sighting in a track's smoothed size, and the least in its score and class.
+const SMOOTHING: f64 = 0.2;
+const LEAST_SCORE_SHARE: f64 = 0.05;
+/// Squared distance up to which a sighting is offered to a track, over the gate's.
+const OFFERED: f64 = 4.0;
+
+impl TrackTable {
+    /// The track of an identity.
+    pub fn get(&self, id: u32) -> Option<&Track> {
+        self.tracks.iter().find(|track| track.id == id)
+    }
+
+    /// The track of an identity, to be changed.
+    pub fn get_mut(&mut self, id: u32) -> Option<&mut Track> {
+        self.tracks.iter_mut().find(|track| track.id == id)
+    }
+
+    /// Takes a frame in, at the least total cost; what is left over starts a track or counts as a
+    /// miss. Returns for each sighting the track it went to.
+    pub fn update(&mut self, look: &Look) -> Vec<Option<u32>> {
+        let mut assigned = vec![None; look.sightings.len()];
+        let predicted: Vec<LosState> = self
+            .tracks
+            .iter()
+            .map(|track| track.filter.predicted(look.t_s))
+            .collect();
+        let mut pairs = Vec::new();
+        let gate = self.params.gate_sigmas.powi(2);
+        for (row, los) in predicted.iter().enumerate() {
+            let track = &self.tracks[row];
+            // What flies before the building is not what is behind it.
+            if track
+                .occlusion
+                .is_some_and(|occlusion| occlusion.surely_hides(look.t_s))
+            {
+                continue;
+            }
+            let spread = los.sigma_rad();
+            let cos_el = los.el_rad.cos();
+            for (column, sighting) in look.sightings.iter().enumerate() {
+                let up = sighting.az_el_rad.y - los.el_rad;
+                let variance = |sigma: f64| sigma * sigma + sighting.sigma_rad.powi(2);
+                let variances = [variance(spread.x), variance(spread.y)];
+                if up * up > OFFERED * gate * variances[1] {
+                    continue;
+                }
+                let right = wrap_pi(sighting.az_el_rad.x - los.az_rad) * cos_el;
+                let distance2 = right * right / variances[0] + up * up / variances[1];
+                let size = (sighting.size_rad / track.size_rad).ln() / self.params.size_log_sigma;
+                // A box that touches the sky's noise may be of any size: its vote is limited.
+                let cost = distance2
+                    + (size * size).min(4.0)
+                    + (variances[0] * variances[1] / sighting.sigma_rad.powi(4)).ln();
+                // The filter refuses what lies outside its gate, until it has refused three that
+                // fit each other: they are offered from twice as far.
+                if distance2 < OFFERED * gate {
+                    // Such a pair is always better than two that stay alone.
+                    const ALONE: f64 = 200.0;
+                    pairs.push(Pair {
+                        row,
+                        column,
+                        cost: cost - ALONE,
+                    });
+                }
+            }
+        }
+        let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
+        for (row, column) in chosen.into_iter().enumerate() {
+            let track = &mut self.tracks[row];
+            let hit = column.is_some_and(|column| {
+                let gating = track.take(look, &look.sightings[column]);
+                let refused = matches!(gating, Gating::Rejected { .. });
+                if !refused {
+                    assigned[column] = Some(track.id);
+                }
+                !refused
+            });
+            if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
+                track.misses += 1;
+                track.filter.miss(look.t_s);
+            }
+        }
+        let params = self.params;
+        self.tracks.retain(|track| {
+            let hits = track.total_hits();
+            let silent_s = look.t_s - track.seen_s();
+            let longest_s = if track.hidden(look.t_s) {
+                params.max_hidden_s
+            } else {
+                // What was hidden is given the time since it came out.
+                let exit_s = track.occlusion.and_then(|occlusion| occlusion.exit_s);
+                let hidden_s = exit_s.map_or(0.0, |exit_s| exit_s - track.seen_s());
+                params.max_coast_s + hidden_s.clamp(0.0, params.max_hidden_s)
+            };
+            (track.misses <= hits || hits >= ESTABLISHED_HITS) && silent_s < longest_s
+        });
+        if look.start_tracks {
+            for (s, sighting) in look.sightings.iter().enumerate() {
+                if assigned[s].is_none() {
+                    assigned[s] = self.start(look, sighting);
+                }
+            }
+            while self.tracks.len() > params.max_tracks {
+                let Some(weakest) = (0..self.tracks.len())
+                    .min_by_key(|i| (self.tracks[*i].total_hits(), self.tracks[*i].id))
+                else {
+                    break;
+                };
+                self.tracks.remove(weakest);
+            }
+        }
+        self.stitch(look.t_s, &mut assigned);
+        assigned
+    }
+
+    /// Joins to every established track that has gone silent the young track that continues it
+    /// best: begun since, and near it in direction and rate. The older identity goes on.
+    fn stitch(&mut self, t_s: f64, assigned: &mut [Option<u32>]) {
+        self.joined.clear();
+        let mut young = 0;
+        while young < self.tracks.len() {
+            match self.continued_by(young, t_s) {
+                Some(old) => {
+                    let fresh = self.tracks.remove(young);
+                    // It began later, so it stood behind the one it continues.
+                    let track = &mut self.tracks[old];
+                    self.joined.push((fresh.id, track.id));
+                    for id in assigned.iter_mut().filter(|id| **id == Some(fresh.id)) {
+                        *id = Some(track.id);
+                    }
+                    track.filter = fresh.filter;
+                    track.misses = fresh.misses;
+                    track.size_rad = fresh.size_rad;
+                    track.score = fresh.score;
+                    for (mine, its) in track.hits.iter_mut().zip(fresh.hits) {
+                        *mine += its;
+                    }
+                    for (mine, its) in track.last_hit_s.iter_mut().zip(fresh.last_hit_s) {
+                        *mine = its.or(*mine);
+                    }
+                }
+                None => young += 1,
+            }
+        }
+    }
+
+    /// The silent track that track `young` continues.
+    fn continued_by(&self, young: usize, t_s: f64) -> Option<usize> {
+        const SILENT_S: f64 = 0.2;
+        const YOUNG_HITS: std::ops::Range<u32> = 6..ESTABLISHED_HITS;
+        // Rms acceleration while nobody sees it [m/s²].
+        const UNSEEN_MPS2: f64 = 2.0;
+        // Chi-squared of four degrees of freedom, 99.9 %.
+        const GATE: f64 = 18.5;
+        let fresh = &self.tracks[young];
+        if !YOUNG_HITS.contains(&fresh.total_hits()) {
+            return None;
+        }
+        let b = fresh.filter.predicted(t_s);
+        let mut best: Option<(f64, usize)> = None;
+        for (old, track) in self.tracks[..young].iter().enumerate() {
+            let seen_s = track.seen_s();
+            if track.total_hits() < ESTABLISHED_HITS
+                || t_s - seen_s < SILENT_S
+                || fresh.started_s < seen_s
+                // What came up while the city hid it is something else.
+                || (track.occlusion)
+                    .is_some_and(|occlusion| occlusion.surely_hides(fresh.started_s))
+            {
+                continue;
+            }
+            let a = track.filter.predicted(t_s);
+            // What it may have done unseen, on top of what the filter thinks likely.
+            let unseen_s = fresh.started_s - seen_s;
+            let range_m = track
+                .range
+                .range_m(t_s)
+                .map_or(1_000.0, |(range_m, _)| range_m);
+            let agility = UNSEEN_MPS2 / range_m * Vector2::new(0.5 * unseen_s * unseen_s, unseen_s);
+            let agility = Matrix2::from_diagonal(&agility.component_mul(&agility));
+            // An azimuth turns faster than the sky by 1/cos(el).
+            let scales = [1.0 / a.el_rad.cos().max(0.05), 1.0];
+            let differences = [
+                [
+                    wrap_pi(b.az_rad - a.az_rad),
+                    b.az_rate_radps - a.az_rate_radps,
+                ],
+                [b.el_rad - a.el_rad, b.el_rate_radps - a.el_rate_radps],
+            ];
+            let distance2: f64 = (0..2)
+                .map(|axis| {
+                    let sum = a.covariance[axis] + b.covariance[axis];
+                    let sum =
+                        sum.fixed_view::<2, 2>(0, 0) + agility * (scales[axis] * scales[axis]);
+                    let d = Vector2::from(differences[axis]);
+                    sum.try_inverse()
+                        .map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))
+                })
+                .sum();
+            let size = (fresh.size_rad / track.size_rad).ln() / self.params.size_log_sigma;
+            let cost = distance2 + size * size;
+            if cost < GATE && best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, old));
+            }
+        }
+        best.map(|(_, old)| old)
+    }
+
+    /// Gives a sighting to a track whatever the distance: the paper's rule, which knows no gate.
+    /// One that does not fit starts the track's estimate anew, under the same identity.
+    pub fn force(&mut self, id: u32, look: &Look, sighting: Option<&Sighting>) {
+        let filter = self.params.filter;
+        let Some(track) = self.tracks.iter_mut().find(|track| track.id == id) else {
+            return;
+        };
+        match sighting {
+            None => {
+                track.misses += 1;
+                track.filter.miss(look.t_s);
+            }
+            Some(sighting) if matches!(track.take(look, sighting), Gating::Rejected { .. }) => {
+                let (at, sigma) = (sighting.az_el_rad, sighting.sigma_rad);
+                if let Ok(fresh) = LosFilter::start(filter, at, sigma, look.t_s) {
+                    track.filter = fresh;
+                    track.record(look, sighting);
+                }
+            }
+            Some(_) => {}
+        }
+    }
+
+    fn start(&mut self, look: &Look, sighting: &Sighting) -> Option<u32> {
+        let Sighting {
+            az_el_rad,
+            sigma_rad,
+            size_rad,
+            score,
+            label: _,
+        } = *sighting;
+        let filter = LosFilter::start(self.params.filter, az_el_rad, sigma_rad, look.t_s).ok()?;
+        let range = Ranging::new(self.params.span_m, self.params.span_sigma_rel).ok()?;
+        let id = self.next_id;
+        self.next_id += 1;
+        let mut track = Track {
+            id,
+            filter,
+            range,
+            hits: [0; 3],
+            misses: 0,
+            started_s: look.t_s,
+            last_hit_s: [None; 3],
+            size_rad,
+            score,
+            votes: Vec::new(),
+            occlusion: None,
+        };
+        track.record(look, sighting);
+        self.tracks.push(track);
+        Some(id)
+    }
+}
+
+impl Track {
+    /// Offers a sighting to the filter. One that comes too late for it is seen all the same.
+    fn take(&mut self, look: &Look, sighting: &Sighting) -> Gating {
+        let gating = self
+            .filter
+            .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
+        if !matches!(gating, Gating::Rejected { .. }) {
+            self.record(look, sighting);
+        }
+        gating
+    }
+
+    fn record(&mut self, look: &Look, sighting: &Sighting) {
+        self.hits[look.tier] += 1;
+        let last_s = &mut self.last_hit_s[look.tier];
+        *last_s = Some(last_s.map_or(look.t_s, |last_s| last_s.max(look.t_s)));
+        self.misses = 0;
+        self.size_rad += SMOOTHING * (sighting.size_rad - self.size_rad);
+        // The mean of the first ones, so that a candidate is judged by more than its last frame.
+        let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
+        self.score += share * (sighting.score - self.score);
+        for votes in &mut self.votes {
+            *votes *= 1.0 - LEAST_SCORE_SHARE;
+        }
+        let class = sighting.label as usize;
+        if self.votes.len() <= class {
+            self.votes.resize(class + 1, 0.0);
+        }
+        self.votes[class] += sighting.score;
+        // A box's side is good to about two standard deviations of its centre.
+        let sigma_rel = 2.0 * sighting.sigma_rad / sighting.size_rad.max(sighting.sigma_rad);
+        self.range.on_size(sighting.size_rad, sigma_rel, look.t_s);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,243 @@
+use super::*;
+use crate::models::maths::rng::Stream;
+
+fn sighting(az: f64, el: f64) -> Sighting {
+    Sighting {
+        az_el_rad: DVec2::new(az, el),
+        sigma_rad: 3e-5,
+        size_rad: 3e-4,
+        score: 0.9,
+        label: 0,
+    }
+}
+
+fn look<'a>(t_s: f64, sightings: &'a [Sighting]) -> Look<'a> {
+    Look {
+        tier: 0,
+        t_s,
+        sightings,
+        in_view: &|_| true,
+        start_tracks: true,
+    }
+}
+
+#[test]
+fn two_targets_that_cross_keep_their_identities() {
+    let mut table = TrackTable::default();
+    let mut rng = Stream::new(1, 0, "test");
+    let mut noise = || 3e-5 * rng.normal();
+    let at = |t: f64| [(0.008 * (t - 1.0), 1e-4), (-0.008 * (t - 1.0), -1e-4)];
+    for i in 0..=120 {
+        let t = f64::from(i) / 60.0;
+        let seen = at(t).map(|(az, el)| sighting(az + noise(), el + noise()));
+        table.update(&look(t, &seen));
+    }
+    assert_eq!(table.tracks.len(), 2);
+    for (track, (az, _)) in table.tracks.iter().zip(at(2.0)) {
+        let los = track.filter.predicted(2.0);
+        assert!((los.az_rad - az).abs() < 2e-4, "{} {az}", los.az_rad);
+    }
+}
+
+#[test]
+fn a_flicker_does_not_last() {
+    let mut table = TrackTable::default();
+    table.update(&look(0.0, &[sighting(0.1, 0.1)]));
+    for i in 1..4 {
+        table.update(&look(f64::from(i) / 30.0, &[]));
+    }
+    assert!(table.tracks.is_empty());
+}
+
+#[test]
+fn a_track_is_of_the_class_its_detections_speak_for() {
+    let mut table = TrackTable::default();
+    // Two weak sightings for every strong one of another class; later ones outweigh the first.
+    let seen = |label: u32, score: f64| Sighting {
+        label,
+        score,
+        ..sighting(0.0, 0.0)
+    };
+    let mut t_s = 0.0;
+    let mut label = |next: Sighting| {
+        t_s += 1.0 / 30.0;
+        table.update(&look(t_s, &[next]));
+        table.tracks[0].label()
+    };
+    assert_eq!(label(seen(2, 0.3)), 2);
+    label(seen(2, 0.3));
+    assert_eq!(label(seen(0, 0.9)), 0);
+    for _ in 0..20 {
+        label(seen(1, 0.9));
+    }
+    assert_eq!(label(seen(0, 0.9)), 1);
+}
+
+#[test]
+fn motion_is_significant_only_for_what_moves() {
+    let mut table = TrackTable::default();
+    let mut rng = Stream::new(2, 0, "test");
+    for i in 0..20 {
+        let t = f64::from(i) / 30.0;
+        let mut noise = || 3e-5 * rng.normal();
+        let seen = [
+            sighting(noise(), noise()),
+            sighting(0.1 + 0.008 * t + noise(), noise()),
+        ];
+        table.update(&look(t, &seen));
+    }
+    let (still, moving) = (table.tracks[0].motion(0.6), table.tracks[1].motion(0.6));
+    assert!(still.1 < 5.0, "{still:?}");
+    assert!(
+        moving.1 > 10.0 && (moving.0 - 0.008).abs() < 0.002,
+        "{moving:?}"
+    );
+}
+
+#[test]
+fn sizes_keep_apart_what_crosses_on_the_sky() {
+    // One at 600 m, one at 1,000 m; for three frames the detector swaps the order and both lie
+    // within the noise of each other.
+    let mut table = TrackTable::default();
+    let seen = |az: f64, size_rad: f64| Sighting {
+        size_rad,
+        ..sighting(az, 0.1)
+    };
+    for i in 0..30 {
+        let t = f64::from(i) / 30.0;
+        let x = 2e-3 - 2e-3 * t;
+        table.update(&look(t, &[seen(-x, 6e-4), seen(x, 3e-4)]));
+    }
+    let (big, small) = (table.tracks[0].id, table.tracks[1].id);
+    for i in 30..33 {
+        let t = f64::from(i) / 30.0;
+        let x = 2e-3 - 2e-3 * t;
+        let assigned = table.update(&look(t, &[seen(x, 3e-4), seen(-x, 6e-4)]));
+        assert_eq!(assigned, vec![Some(small), Some(big)]);
+    }
+}
+
+#[test]
+fn an_occlusion_is_foreseen() {
+    // A wall from x = 50 to 60 m at y = 100 m; the target flies east at 10 m/s along y = 200 m.
+    use crate::models::ground::dsm::HeightGrid;
+    let origin = DVec2::splat(-500.0);
+    let flat = HeightGrid::from_fn(origin, 10.0, [100, 100], |_, _| 0.0);
+    let wall = HeightGrid::from_fn(origin, 1.0, [1000, 1000], |e, n| {
+        if e > 50.0 && e < 60.0 && n > 100.0 && n < 101.0 {
+            100.0
+        } else {
+            0.0
+        }
+    });
+    let dsm = Dsm::new(flat, wall, 0.0);
+    let eye = DVec3::new(0.0, 0.0, 10.0);
+    let at = |t: f64| DVec3::new(80.0 + 10.0 * t, 200.0, 40.0);
+    let mut table = TrackTable::default();
+    for i in 0..=120 {
+        let t = f64::from(i) / 120.0;
+        let az_el_rad = los_to_az_el(at(t) - eye);
+        let exact = Sighting {
+            az_el_rad,
+            sigma_rad: 1e-6,
+            size_rad: 0.35 / at(t).distance(eye),
+            score: 0.9,
+            label: 0,
+        };
+        table.update(&look(t, &[exact]));
+    }
+    let track = &mut table.tracks[0];
+    let foreseen = track.foresee_occlusion(&dsm, eye, 1.0, 4.0);
+    assert!(foreseen.is_none(), "its range is not known yet");
+    // Laser samples of the same second teach range and closing speed.
+    for i in 0..=100 {
+        let t = 1.0 + f64::from(i) * 2e-3;
+        track.ranged(at(t).distance(eye), 0.05, t);
+    }
+    let seen = track.foresee_occlusion(&dsm, eye, 1.2, 4.0).unwrap();
+    // Hidden while x / 200 lies between 50/101 and 60/100: from 99.0 to 120 m.
+    let (enter, exit) = ((200.0 * 50.0 / 101.0 - 80.0) / 10.0, 4.0);
+    assert!((seen.enter_s - enter).abs() < 0.02, "{seen:?} {enter}");
+    assert!(
+        (seen.exit_s.unwrap() - exit).abs() < 0.05,
+        "{seen:?} {exit}"
+    );
+    assert!(seen.hides(3.0) && !seen.hides(1.5) && !seen.hides(4.2));
+}
+
+#[test]
+fn a_new_track_that_continues_a_silent_one_takes_its_identity() {
+    let mut table = TrackTable::default();
+    let mut rng = Stream::new(4, 0, "test");
+    let mut at = |t: f64| {
+        // A turn while nobody looks puts it outside the gate of straight flight.
+        let az = if t < 1.0 { 0.02 * t } else { 0.02 * t + 1.2e-3 };
+        sighting(az + 3e-5 * rng.normal(), 3e-5 * rng.normal())
+    };
+    for i in 0..60 {
+        table.update(&look(f64::from(i) / 60.0, &[at(f64::from(i) / 60.0)]));
+    }
+    let id = table.tracks[0].id;
+    for i in 110..140 {
+        table.update(&look(f64::from(i) / 60.0, &[at(f64::from(i) / 60.0)]));
+    }
+    assert_eq!(table.tracks.len(), 1);
+    assert_eq!(table.tracks[0].id, id);
+    // One that moves the other way does not continue it.
+    for i in 170..200 {
+        let t = f64::from(i) / 60.0;
+        let back = sighting(0.02 * 2.8 + 1.2e-3 - 0.02 * (t - 2.8), 0.0);
+        table.update(&look(t, &[back]));
+    }
+    assert!(
+        table
+            .tracks
+            .iter()
+            .any(|track| track.id != id && track.total_hits() > 20)
+    );
+}
+
+#[test]
+fn what_is_hidden_is_not_taken_for_what_flies_before_it() {
+    let mut table = TrackTable::default();
+    for i in 0..60 {
+        table.update(&look(f64::from(i) / 60.0, &[sighting(0.1, 0.1)]));
+    }
+    let id = table.tracks[0].id;
+    table.tracks[0].occlusion = Some(Occlusion {
+        enter_s: 1.0,
+        exit_s: Some(3.0),
+        exit_az_el_rad: DVec2::new(0.1, 0.1),
+    });
+    let assigned = table.update(&look(1.5, &[sighting(0.1, 0.1)]));
+    assert!(assigned[0].is_some_and(|other| other != id));
+    // It outlives the time without a hit that would end any other.
+    table.update(&look(2.9, &[]));
+    assert!(table.get(id).is_some());
+    let assigned = table.update(&look(3.1, &[sighting(0.1, 0.1)]));
+    assert_eq!(assigned[0], Some(id));
+}
+#[test]
+fn what_comes_up_while_a_track_is_hidden_does_not_take_its_identity() {
+    for hidden in [true, false] {
+        let mut table = TrackTable::default();
+        for i in 0..60 {
+            table.update(&look(f64::from(i) / 60.0, &[sighting(0.1, 0.1)]));
+        }
+        let id = table.tracks[0].id;
+        table.tracks[0].occlusion = hidden.then_some(Occlusion {
+            enter_s: 1.0,
+            exit_s: Some(9.0),
+            exit_az_el_rad: DVec2::new(0.1, 0.1),
+        });
+        // Begins in plain view, a second and a half later and a milliradian away.
+        for i in 150..180 {
+            let t = f64::from(i) / 60.0;
+            table.update(&look(t, &[sighting(0.101, 0.1)]));
+        }
+        let ids: Vec<u32> = table.tracks.iter().map(|track| track.id).collect();
+        assert_eq!(ids.len(), 1 + usize::from(hidden), "{ids:?}");
+        assert_eq!(ids[0], id);
+        assert_eq!(table.tracks[0].total_hits() > 60, !hidden);
+    }
+}

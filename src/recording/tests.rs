@@ -1,0 +1,386 @@
+use std::{fs, mem};
+
+use foxglove::messages as fg;
+use mcap::{MessageStream, Summary, read::Options};
+use prost::Message as _;
+
+use super::*;
+
+const HZ: NonZeroU32 = NonZeroU32::new(960).unwrap(); // [Hz]
+const EPOCH_NS: u64 = 1_750_000_000_000_000_000; // [ns]
+const META: Meta = Meta {
+    scenario_name: "test",
+    scenario_toml: "name = \"test\"\n",
+    overrides: &[],
+    seed: 42,
+    version: "0.1.0",
+    epoch_unix_ns: EPOCH_NS,
+    tick_hz: HZ,
+};
+
+/// Calls every method, at the rates of a real run, for `ticks` ticks.
+fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
+    let rgb8: Vec<u8> = (0..64 * 48 * 3).map(|i| (i * 7 % 251) as u8).collect();
+    let jpeg = encode_jpeg(&rgb8, 64, 48, 85).unwrap();
+    recorder.location_fix(0, "enu", 48.137, 11.575, 519.0)?;
+    for camera in Camera::ALL {
+        let k = [500.0, 0.0, 32.0, 0.0, 500.0, 24.0, 0.0, 0.0, 1.0];
+        recorder.camera_calibration(0, camera, 64, 48, k)?;
+    }
+    for tick in 0..ticks {
+        let t_s = tick as f64 / 960.0;
+        recorder.own(
+            tick,
+            &proto::Tick {
+                tick,
+                simulated_s: t_s,
+                state_hash: tick.wrapping_mul(0x9e37_79b9),
+            },
+        )?;
+        recorder.own(
+            tick,
+            &proto::UavState {
+                name: "uav-1".to_owned(),
+                r_enu_m: Some(proto::Vec3 {
+                    x: 8.0 * t_s,
+                    y: 900.0,
+                    z: 60.0,
+                }),
+                v_enu_mps: Some(proto::Vec3 {
+                    x: 8.0,
+                    y: 0.0,
+                    z: 0.0,
+                }),
+                q_enu_body: Some(proto::Quat {
+                    x: 0.0,
+                    y: 0.0,
+                    z: 0.0,
+                    w: 1.0,
+                }),
+                skin_temperature_k: 290.0 + t_s,
+                status: "flying".to_owned(),
+            },
+        )?;
+        recorder.own(
+            tick,
+            &proto::MountState {
+                azimuth_rad: 0.1 * t_s,
+                ..Default::default()
+            },
+        )?;
+        recorder.frame_transforms(
+            tick,
+            &[FrameTransform {
+                parent: "enu",
+                child: "ptv",
+                translation_m: [0.0, 0.0, 12.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+            }],
+        )?;
+        if tick % 16 == 0 {
+            recorder.scene_update(
+                tick,
+                &[SceneEntity {
+                    id: "beam",
+                    frame: "enu",
+                    lifetime_ticks: 1,
+                    shapes: &[
+                        Shape::Cube {
+                            centre_m: [0.0, 900.0, 20.0],
+                            rotation: [0.0, 0.0, 0.0, 1.0],
+                            size_m: [20.0, 20.0, 40.0],
+                            colour: [0.5, 0.5, 0.5, 1.0],
+                        },
+                        Shape::Sphere {
+                            centre_m: [8.0 * t_s, 900.0, 60.0],
+                            diameter_m: 0.35,
+                            colour: [0.9, 0.6, 0.0, 1.0],
+                        },
+                        Shape::Line {
+                            points_m: &[[0.0, 0.0, 12.0], [8.0 * t_s, 900.0, 60.0]],
+                            width_m: 0.05,
+                            colour: [0.8, 0.2, 0.0, 1.0],
+                        },
+                    ],
+                }],
+            )?;
+            for camera in Camera::ALL {
+                recorder.compressed_image(tick, camera, jpeg.clone())?;
+                let name = camera.name().to_owned();
+                recorder.image_annotations(
+                    tick,
+                    tick.saturating_sub(8),
+                    camera,
+                    &[BoxAnnotation {
+                        label: "uav-1 0.97",
+                        rect_px: [20.0, 20.0, 30.0, 27.0],
+                        colour: [0.0, 0.6, 0.5, 1.0],
+                    }],
+                    [32.0, 24.0],
+                )?;
+                let seen = proto::BoxPx {
+                    x0_px: 20.0,
+                    y0_px: 20.0,
+                    x1_px: 30.0,
+                    y1_px: 27.0,
+                };
+                recorder.own(
+                    tick,
+                    &proto::FrameTruth {
+                        camera: name.clone(),
+                        exposure_tick: tick,
+                        uavs: vec![proto::UavTruth {
+                            name: "uav-1".to_owned(),
+                            r#box: Some(seen),
+                            visible_fraction: 1.0,
+                            range_m: 902.0,
+                        }],
+                    },
+                )?;
+                recorder.own(
+                    tick,
+                    &proto::Detections {
+                        camera: name.clone(),
+                        exposure_tick: tick,
+                        available_tick: tick + 8,
+                        detections: vec![proto::Detection {
+                            r#box: Some(seen),
+                            score: 0.97,
+                            label: "multirotor".to_owned(),
+                        }],
+                    },
+                )?;
+                recorder.own(
+                    tick,
+                    &proto::MissDistance {
+                        camera: name,
+                        exposure_tick: tick,
+                        miss_px: 0.6,
+                    },
+                )?;
+            }
+            recorder.own(
+                tick,
+                &proto::TrackState {
+                    state: "track".to_owned(),
+                    target: "uav-1".to_owned(),
+                    los_covariance: vec![1e-10; 16],
+                    quality: 0.9,
+                    class: "quadcopter".to_owned(),
+                    ..Default::default()
+                },
+            )?;
+            recorder.own(
+                tick,
+                &proto::BeamState {
+                    firing: false,
+                    interlocks: vec!["no track".to_owned()],
+                    ..Default::default()
+                },
+            )?;
+        }
+        if tick % 960 == 0 {
+            recorder.log(tick, LogLevel::Info, "atp", "a second has passed")?;
+        }
+    }
+    Ok(())
+}
+
+fn record(path: &Path, ticks: u64) -> Vec<u8> {
+    let mut recorder = Recorder::create(path, &META).unwrap();
+    drive(&mut recorder, ticks).unwrap();
+    recorder.finish().unwrap();
+    fs::read(path).unwrap()
+}
+
+/// Messages readable from the start, up to the first error, of a file that may be cut.
+fn readable(bytes: &[u8]) -> Vec<mcap::Message<'_>> {
+    MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into())
+        .unwrap()
+        .map_while(Result::ok)
+        .collect()
+}
+
+fn decodes(message: &mcap::Message) -> bool {
+    fn ok<M: prost::Message + Default>(data: &[u8]) -> bool {
+        // Encoding back must give the same bytes: an unknown field would be dropped.
+        M::decode(data).is_ok_and(|decoded| decoded.encode_to_vec() == data)
+    }
+    let schema = message.channel.schema.as_ref().unwrap();
+    let data = &message.data[..];
+    match schema.name.as_str() {
+        "foxglove.FrameTransforms" => ok::<fg::FrameTransforms>(data),
+        "foxglove.SceneUpdate" => ok::<fg::SceneUpdate>(data),
+        "foxglove.LocationFix" => ok::<fg::LocationFix>(data),
+        "foxglove.Log" => ok::<fg::Log>(data),
+        "foxglove.CompressedImage" => ok::<fg::CompressedImage>(data),
+        "foxglove.ImageAnnotations" => ok::<fg::ImageAnnotations>(data),
+        "foxglove.CameraCalibration" => ok::<fg::CameraCalibration>(data),
+        "boresight.Tick" => ok::<proto::Tick>(data),
+        "boresight.UavState" => ok::<proto::UavState>(data),
+        "boresight.MountState" => ok::<proto::MountState>(data),
+        "boresight.TrackState" => ok::<proto::TrackState>(data),
+        "boresight.BeamState" => ok::<proto::BeamState>(data),
+        "boresight.FrameTruth" => ok::<proto::FrameTruth>(data),
+        "boresight.Detections" => ok::<proto::Detections>(data),
+        "boresight.MissDistance" => ok::<proto::MissDistance>(data),
+        _ => false,
+    }
+}
+
+#[test]
+fn tick_times_are_exact() {
+    assert_eq!(log_time_ns(960, HZ), NS);
+    assert_eq!(log_time_ns(1, HZ), 1_041_666);
+    // A year of ticks: a float of seconds would be off by some nanoseconds.
+    assert_eq!(
+        log_time_ns(960 * 31_536_000 + 480, HZ),
+        31_536_000 * NS + NS / 2
+    );
+    assert_eq!(log_time_ns(u64::MAX, NonZeroU32::MIN), u64::MAX);
+}
+
+#[test]
+fn everything_written_reads_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let bytes = record(&dir.path().join("a.mcap"), 1000);
+    let summary = Summary::read(&bytes).unwrap().unwrap();
+    let stats = summary.stats.unwrap();
+    let expected_topics: Vec<String> = channels().into_iter().map(|(topic, _)| topic).collect();
+    let mut topics: Vec<_> = summary.channels.values().collect();
+    topics.sort_by_key(|channel| channel.id);
+    assert_eq!(
+        topics.iter().map(|c| c.topic.clone()).collect::<Vec<_>>(),
+        expected_topics
+    );
+    let mut sequences = BTreeMap::new();
+    let mut last = (0, 0);
+    let mut count = 0;
+    for message in MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        assert!(
+            decodes(&message),
+            "{} does not decode",
+            message.channel.topic
+        );
+        let next: &mut u32 = sequences.entry(message.channel.id).or_default();
+        assert_eq!(message.sequence, *next, "{}", message.channel.topic);
+        *next += 1;
+        assert!(last <= (message.log_time, message.channel.id), "not sorted");
+        last = (message.log_time, message.channel.id);
+        count += 1;
+    }
+    assert_eq!(
+        sequences.len(),
+        expected_topics.len(),
+        "a topic has no message"
+    );
+    assert_eq!(stats.message_count, count);
+    assert_eq!(stats.message_start_time, EPOCH_NS);
+    assert_eq!(stats.message_end_time, EPOCH_NS + log_time_ns(999, HZ));
+    let image = readable(&bytes)
+        .into_iter()
+        .find(|m| m.channel.topic == "/ptv/image")
+        .unwrap();
+    let image = fg::CompressedImage::decode(&image.data[..]).unwrap();
+    assert_eq!(
+        (&image.data[..2], &image.frame_id[..]),
+        (&[0xff, 0xd8][..], "ptv")
+    );
+}
+
+#[test]
+fn same_calls_give_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let a = record(&dir.path().join("a.mcap"), 1500);
+    let b = record(&dir.path().join("b.mcap"), 1500);
+    assert!(a == b);
+    // The order of calls within a tick does not show; another value does.
+    let swapped = |first_log: bool, text: &str| {
+        let path = dir.path().join("c.mcap");
+        let mut recorder = Recorder::create(&path, &META).unwrap();
+        if first_log {
+            recorder.log(0, LogLevel::Info, "atp", text).unwrap();
+        }
+        recorder.own(0, &proto::Tick::default()).unwrap();
+        if !first_log {
+            recorder.log(0, LogLevel::Info, "atp", text).unwrap();
+        }
+        drop(recorder);
+        fs::read(path).unwrap()
+    };
+    assert!(swapped(true, "x") == swapped(false, "x"));
+    assert!(swapped(true, "x") != swapped(true, "y"));
+}
+
+#[test]
+fn a_killed_run_loses_less_than_a_second() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("killed.mcap");
+    let mut recorder = Recorder::create(&path, &META).unwrap();
+    let empty = fs::read(&path).unwrap();
+    assert!(
+        empty.windows(13).any(|w| w == b"scenario.toml"),
+        "no scenario at the start"
+    );
+    drive(&mut recorder, 9600).unwrap();
+    mem::forget(recorder); // what a kill leaves: no destructor runs
+    let bytes = fs::read(&path).unwrap();
+    let messages = readable(&bytes);
+    let last = messages.last().unwrap().log_time;
+    let lost_ns = EPOCH_NS + log_time_ns(9599, HZ) - last;
+    assert!(lost_ns < 300_000_000, "{lost_ns} ns lost");
+    // Cut anywhere, also within a chunk: the chunks before the cut remain.
+    let cut = readable(&bytes[..bytes.len() * 6 / 10]);
+    let share = cut.len() as f64 / messages.len() as f64;
+    assert!((0.5..0.6).contains(&share), "{share}");
+    assert!(cut.iter().all(decodes));
+}
+
+#[test]
+fn failures_are_typed() {
+    let missing = Path::new("/nonexistent/directory/a.mcap");
+    assert!(matches!(
+        Recorder::create(missing, &META),
+        Err(RecordingError::Create { path, .. }) if path == missing
+    ));
+    // Linux's full disk.
+    assert!(matches!(
+        Recorder::create(Path::new("/dev/full"), &META),
+        Err(RecordingError::DiskFull { .. })
+    ));
+    let dir = tempfile::tempdir().unwrap();
+    let mut recorder = Recorder::create(&dir.path().join("a.mcap"), &META).unwrap();
+    recorder.own(5, &proto::Tick::default()).unwrap();
+    assert!(matches!(
+        recorder.own(4, &proto::Tick::default()),
+        Err(RecordingError::Backwards { tick: 4, last: 5 })
+    ));
+}
+
+/// A disk that fills up in the middle of a run: every later call reports it, and none panics.
+#[test]
+fn a_disk_that_fills_up_is_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    let mut recorder = Recorder::create(&path, &META).unwrap();
+    let full = File::options().write(true).open("/dev/full").unwrap();
+    let writer = WriteOptions::new()
+        .chunk_size(None)
+        .disable_seeking(true)
+        .create(NoSeek::new(BufWriter::new(full)))
+        .unwrap();
+    recorder.writer = Some(writer);
+    for (id, _) in &mut recorder.channels {
+        *id = recorder
+            .writer
+            .as_mut()
+            .unwrap()
+            .add_channel(0, &format!("/{id}"), "protobuf", &BTreeMap::new())
+            .unwrap();
+    }
+    let error = drive(&mut recorder, 960).unwrap_err();
+    assert!(matches!(error, RecordingError::DiskFull { .. }), "{error}");
+    assert!(drive(&mut recorder, 960).is_err());
+    assert!(recorder.finish().is_err());
+}

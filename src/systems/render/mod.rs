@@ -1,0 +1,4 @@
+//! Pictures of the truth: the scene that stands for it, and the renderer driven inside the tick.
+
+pub mod renderer;
+pub mod scene;

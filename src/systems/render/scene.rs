@@ -1,0 +1,496 @@
+//! The rendered mirror of the truth: city, sky and UAVs in a big_space of WGS-84.
+//!
+//! The root grid is earth-centred; the city lives in a sub-grid whose axes are the site's
+//! east, north and up. The floating origin sits on that sub-grid, so what the GPU sees in f32 is
+//! always relative to the station's cell, wherever on Earth the site is.
+
+use crate::components::render::{ATTRIBUTE_SURFACE, LeanMaterial, LightUniform};
+use crate::models::air::sky::Sky;
+use crate::models::ground::city::GroundMap;
+use crate::models::maths::rng::Stream;
+use crate::models::shape::mesh::MeshData;
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::visibility::NoFrustumCulling;
+use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
+use bevy::mesh::{Indices, PrimitiveTopology};
+use bevy::prelude::*;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use big_space::prelude::*;
+use glam::{DQuat, DVec2, DVec3, Vec4};
+
+/// Edge of a grid cell [m]: f32 positions inside it are right to 0.1 mm.
+const CELL_M: f32 = 2_000.0;
+/// Radius of the sky dome [m]: beyond the far apron of the city, inside the culling limit.
+const DOME_M: f32 = 60_000.0;
+
+/// Marks the grid whose axes are the site's east, north, up.
+#[derive(Component)]
+pub struct SiteGrid;
+
+/// Marks the point the sensors are rendered from.
+#[derive(Component)]
+pub struct StationOrigin;
+
+/// Marks the body of a UAV by its scenario index.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct UavBody(pub usize);
+
+/// Marks a rotor or wing: scenario index of the UAV, number of the rotor, attitude at phase 0.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct UavRotor(pub usize, pub usize, pub Quat);
+
+/// The materials and meshes of the scene that later systems change.
+#[derive(Resource)]
+pub struct SceneHandles {
+    /// Entity of the site's grid.
+    pub site_grid: Entity,
+    /// Material of everything but the sky.
+    pub solid: Handle<LeanMaterial>,
+    /// Material of the sky.
+    pub sky: Handle<LeanMaterial>,
+}
+
+/// The transform of a big_space grid in another: cell and f32 rest.
+pub fn place(grid: &Grid, r_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
+    let (cell, rest) = grid.translation_to_grid(r_m);
+    (
+        cell,
+        Transform {
+            translation: rest,
+            rotation: q.as_quat(),
+            scale: Vec3::ONE,
+        },
+    )
+}
+
+/// A grid as this scene uses it, for the earth-centred root and for the site.
+pub fn grid() -> Grid {
+    Grid::new(CELL_M, 100.0)
+}
+
+/// A Bevy mesh with the attributes of [`LeanMaterial`].
+pub fn mesh(data: &MeshData) -> Mesh {
+    Mesh::new(
+        PrimitiveTopology::TriangleList,
+        RenderAssetUsages::RENDER_WORLD,
+    )
+    .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, data.positions.clone())
+    .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, data.normals.clone())
+    .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, data.colors.clone())
+    .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, data.uv.clone())
+    .with_inserted_attribute(ATTRIBUTE_SURFACE, data.surface.clone())
+    .with_inserted_indices(Indices::U32(data.indices.clone()))
+}
+
+/// The dome: an inward box is enough, since the shader colours by direction alone.
+fn dome() -> Mesh {
+    let r = DOME_M;
+    let corners: Vec<[f32; 3]> = (0..8)
+        .map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { r } else { -r }))
+        .collect();
+    let faces: [[u32; 4]; 6] = [
+        [0, 2, 6, 4],
+        [1, 5, 7, 3],
+        [0, 4, 5, 1],
+        [2, 3, 7, 6],
+        [0, 1, 3, 2],
+        [4, 6, 7, 5],
+    ];
+    let indices = faces
+        .iter()
+        .flat_map(|[a, b, c, d]| [*a, *b, *c, *a, *c, *d])
+        .collect();
+    mesh(&MeshData {
+        normals: vec![[0.0, 0.0, 1.0]; 8],
+        colors: vec![[0.0, 0.0, 0.0, 1.0]; 8],
+        uv: vec![[0.0; 2]; 8],
+        surface: vec![[9.0, 0.0]; 8],
+        positions: corners,
+        indices,
+        origin_enu_m: DVec3::ZERO,
+    })
+}
+
+/// An RGBA8 sRGB texture with all its mip levels, box-filtered in linear light.
+pub fn ground_texture(map: &GroundMap) -> Image {
+    let decode: Vec<f32> = (0..256)
+        .map(|i| Srgba::gamma_function(i as f32 / 255.0))
+        .collect();
+    let encode = |x: f32| (Srgba::gamma_function_inverse(x) * 255.0 + 0.5) as u8;
+    let mut side = map.size_px;
+    let mut level: Vec<[f32; 3]> = map
+        .rgb
+        .iter()
+        .map(|p| {
+            [
+                decode[p[0] as usize],
+                decode[p[1] as usize],
+                decode[p[2] as usize],
+            ]
+        })
+        .collect();
+    let mut bytes = Vec::with_capacity(side * side * 16 / 3);
+    let mut levels = 0;
+    loop {
+        bytes.extend(
+            level
+                .iter()
+                .flat_map(|p| [encode(p[0]), encode(p[1]), encode(p[2]), 255]),
+        );
+        levels += 1;
+        if side == 1 {
+            break;
+        }
+        let half = side / 2;
+        let at = |x: usize, y: usize, c: usize| level[y * side + x][c];
+        level = (0..half * half)
+            .map(|i| {
+                let (x, y) = (2 * (i % half), 2 * (i / half));
+                std::array::from_fn(|c| {
+                    0.25 * (at(x, y, c) + at(x + 1, y, c) + at(x, y + 1, c) + at(x + 1, y + 1, c))
+                })
+            })
+            .collect();
+        side = half;
+    }
+    let extent = Extent3d {
+        width: map.size_px as u32,
+        height: map.size_px as u32,
+        depth_or_array_layers: 1,
+    };
+    let mut image = Image::new_uninit(
+        extent,
+        TextureDimension::D2,
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    image.texture_descriptor.mip_level_count = levels;
+    image.data = Some(bytes);
+    image.sampler = sampler(ImageAddressMode::ClampToEdge);
+    image
+}
+
+/// Texels along a side of the sky table: 0.4 deg at the horizon.
+const SKY_SIDE: u32 = 256;
+
+/// The direction of a point of the sky table, its square being -1..1 in both axes: the upper half
+/// of an octahedron, turned by 45 deg so that it fills the square.
+fn sky_direction(u: f64, v: f64) -> DVec3 {
+    let flat = 0.5 * DVec2::new(u - v, u + v);
+    flat.extend(1.0 - flat.x.abs() - flat.y.abs()).normalize()
+}
+
+/// The sky's luminance as a float texture.
+fn sky_texture(sky: &Sky) -> Image {
+    let half = |x: f64| half::f16::from_f64(x.min(65_000.0)).to_le_bytes();
+    let at = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(SKY_SIDE) - 1.0;
+    let bytes = (0..SKY_SIDE)
+        .flat_map(|j| (0..SKY_SIDE).map(move |i| sky_direction(at(i), at(j))))
+        .flat_map(|dir| {
+            let [r, g, b] = sky.radiance(dir);
+            [r, g, b, 1.0]
+        })
+        .flat_map(half)
+        .collect();
+    let mut image = Image::new(
+        Extent3d {
+            width: SKY_SIDE,
+            height: SKY_SIDE,
+            depth_or_array_layers: 1,
+        },
+        TextureDimension::D2,
+        bytes,
+        TextureFormat::Rgba16Float,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    image.sampler = sampler(ImageAddressMode::ClampToEdge);
+    image
+}
+
+/// Coefficients of the air-light over the cosine of the azimuth from the sun: the cubic through
+/// the sky's values at the Chebyshev nodes of that cosine.
+fn airlight_polynomial(sky: &Sky, sun_dir_enu: DVec3) -> [Vec4; 4] {
+    let towards = sun_dir_enu.truncate().normalize_or(DVec2::Y);
+    let nodes = [0, 1, 2, 3].map(|k| (std::f64::consts::PI * (f64::from(k) + 0.5) / 4.0).cos());
+    let values = nodes.map(|c| {
+        let dir = towards * c + towards.perp() * (1.0 - c * c).sqrt();
+        DVec3::from_array(sky.airlight(dir.extend(0.0)))
+    });
+    // Newton's divided differences, multiplied out.
+    let mut divided = values;
+    for order in 1..4 {
+        for k in (order..4).rev() {
+            divided[k] = (divided[k] - divided[k - 1]) / (nodes[k] - nodes[k - order]);
+        }
+    }
+    let mut coefficients = [DVec3::ZERO; 4];
+    for k in (0..4).rev() {
+        for power in (1..4).rev() {
+            coefficients[power] = coefficients[power - 1] - nodes[k] * coefficients[power];
+        }
+        coefficients[0] = divided[k] - nodes[k] * coefficients[0];
+    }
+    coefficients.map(|c| c.as_vec3().extend(0.0))
+}
+
+fn sampler(address_mode_u: ImageAddressMode) -> ImageSampler {
+    ImageSampler::Descriptor(ImageSamplerDescriptor {
+        address_mode_u,
+        address_mode_v: ImageAddressMode::ClampToEdge,
+        mag_filter: ImageFilterMode::Linear,
+        min_filter: ImageFilterMode::Linear,
+        mipmap_filter: ImageFilterMode::Linear,
+        ..default()
+    })
+}
+
+/// What [`spawn`] puts into the scene.
+pub struct SceneContent<'a> {
+    /// Centre of the site's grid, earth-centred [m].
+    pub r_site_ecef_m: DVec3,
+    /// Rotation of site axes into earth-centred axes.
+    pub q_ecef_enu: DQuat,
+    /// Where the sensors stand [m].
+    pub r_station_enu_m: DVec3,
+    /// City tiles.
+    pub tiles: &'a [MeshData],
+    /// Albedo of the ground.
+    pub ground: &'a GroundMap,
+    /// Light of the sky.
+    pub sky: &'a Sky,
+    /// Unit vector to the sun.
+    pub sun_dir_enu: DVec3,
+    /// Illuminances and extinction; direction and air-light are filled in from the above.
+    pub light: LightUniform,
+}
+
+/// Draws clouds over the share `cover` (0..1) of the spawned scene's sky, their lie by `seed`; they
+/// shade nothing but the sun's disc, since the sky's light is that of the mean cover already.
+pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
+    // Lengths of the cloud plane's base height to a cell of the coarsest noise (assumption).
+    const SCALE: f32 = 0.9;
+    let Some(handles) = world.get_resource::<SceneHandles>() else {
+        return;
+    };
+    let sky = handles.sky.clone();
+    let lie = Stream::new(seed, 0, "clouds").range(0.0, 500.0) as f32;
+    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
+    if let Some(mut material) = materials.get_mut(&sky) {
+        material.light.clouds = Vec4::new(cover as f32, SCALE, lie, 0.0);
+        material.clouded = cover > 0.0;
+    }
+}
+
+/// Adds a structure to the spawned scene: its mesh at its origin, as it stands. None: no scene.
+pub fn add_structure(world: &mut World, data: &MeshData) -> Option<Entity> {
+    let handles = world.get_resource::<SceneHandles>()?;
+    let (site_grid, material) = (handles.site_grid, handles.solid.clone());
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh(data));
+    let at = place(&grid(), data.origin_enu_m, DQuat::IDENTITY);
+    let parts = (
+        Mesh3d(mesh),
+        MeshMaterial3d(material),
+        at,
+        ChildOf(site_grid),
+    );
+    Some(world.spawn(parts).id())
+}
+
+/// Builds the grids, the city and the sky.
+pub fn spawn(world: &mut World, content: &SceneContent) {
+    let ground_map = world
+        .resource_mut::<Assets<Image>>()
+        .add(ground_texture(content.ground));
+    let sky_table = world
+        .resource_mut::<Assets<Image>>()
+        .add(sky_texture(content.sky));
+    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
+    let light = LightUniform {
+        sun_dir_enu: content.sun_dir_enu.as_vec3().extend(0.0),
+        airlight_kcd_m2: airlight_polynomial(content.sky, content.sun_dir_enu),
+        ..content.light
+    };
+    let mut material = LeanMaterial {
+        light,
+        ground_map,
+        sky_table,
+        last: false,
+        clouded: false,
+    };
+    let solid = materials.add(material.clone());
+    material.last = true;
+    let sky = materials.add(material);
+    let mut meshes = world.resource_mut::<Assets<Mesh>>();
+    let dome = meshes.add(dome());
+    let tiles: Vec<_> = content
+        .tiles
+        .iter()
+        .map(|tile| (meshes.add(mesh(tile)), tile.origin_enu_m))
+        .collect();
+
+    let (cell, transform) = place(&grid(), content.r_site_ecef_m, content.q_ecef_enu);
+    let root = world
+        .spawn((
+            BigSpaceRootBundle {
+                grid: grid(),
+                ..default()
+            },
+            Visibility::default(),
+        ))
+        .id();
+    let site_grid = world
+        .spawn((
+            SiteGrid,
+            grid(),
+            cell,
+            transform,
+            Visibility::default(),
+            ChildOf(root),
+        ))
+        .id();
+    for (mesh, origin_enu_m) in tiles {
+        let at = place(&grid(), origin_enu_m, DQuat::IDENTITY);
+        world.spawn((
+            Mesh3d(mesh),
+            MeshMaterial3d(solid.clone()),
+            at,
+            ChildOf(site_grid),
+        ));
+    }
+    let at = place(&grid(), content.r_station_enu_m, DQuat::IDENTITY);
+    world.spawn((
+        StationOrigin,
+        FloatingOrigin,
+        at,
+        Visibility::default(),
+        ChildOf(site_grid),
+    ));
+    world.spawn((
+        Mesh3d(dome),
+        MeshMaterial3d(sky.clone()),
+        NoFrustumCulling,
+        at,
+        ChildOf(site_grid),
+    ));
+    world.insert_resource(SceneHandles {
+        site_grid,
+        solid,
+        sky,
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+    use big_space::plugin::BigSpaceMinimalPlugins;
+
+    /// A place 50 km from the site's origin [m, ENU].
+    const FAR_ENU_M: DVec3 = DVec3::new(30_000.123, -40_000.456, 117.789);
+
+    fn site() -> SiteFrame {
+        SiteFrame::new(Geodetic {
+            latitude_rad: 47.3769f64.to_radians(),
+            longitude_rad: 8.5417f64.to_radians(),
+            height_m: 455.0, // [m]
+        })
+    }
+
+    #[test]
+    fn the_sky_table_is_read_where_it_was_written() {
+        for (u, v) in [(0.3, -0.6), (0.0, 0.0), (-0.9, 0.9), (0.99, 0.5)] {
+            let dir = sky_direction(u, v);
+            // As the shader reads it.
+            let flat = dir.truncate() / (dir.x.abs() + dir.y.abs() + dir.z);
+            assert!((flat.x + flat.y - u).abs() < 1e-12 && (flat.y - flat.x - v).abs() < 1e-12);
+            assert!(dir.z > -1e-12, "the table holds the upper half: {dir}");
+        }
+    }
+
+    #[test]
+    fn airlight_follows_the_horizon_all_around() {
+        let sun_dir_enu = DVec3::new(0.5, -0.6, 0.62).normalize();
+        let sky = Sky::new(sun_dir_enu, 18_000.0, 0.2, 0.18);
+        let fit = airlight_polynomial(&sky, sun_dir_enu);
+        for degrees in (0..360).step_by(5) {
+            let dir = DVec2::from_angle(f64::from(degrees).to_radians());
+            let c = dir.dot(sun_dir_enu.truncate().normalize()) as f32;
+            let fitted = fit[0] + c * (fit[1] + c * (fit[2] + c * fit[3]));
+            for (channel, exact) in sky.airlight(dir.extend(0.0)).into_iter().enumerate() {
+                let error = f64::from(fitted[channel]) / exact - 1.0;
+                assert!(error.abs() < 0.05, "{degrees} deg: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn truth_is_sub_millimetre_50_km_from_the_origin() {
+        let site = site();
+        let (mut worst_m, mut plain_m): (f64, f64) = (0.0, 0.0);
+        for step in 0..360 {
+            let turn = DQuat::from_rotation_z(f64::from(step).to_radians());
+            let r_enu_m = turn * FAR_ENU_M;
+            let back = |r_m: DVec3| {
+                let (cell, rest) = place(&grid(), r_m, DQuat::IDENTITY);
+                grid().grid_position_double(&cell, &rest)
+            };
+            worst_m = worst_m.max(back(r_enu_m).distance(r_enu_m));
+            let r_ecef_m = site.enu_to_ecef(r_enu_m);
+            worst_m = worst_m.max(site.ecef_to_enu(back(r_ecef_m)).distance(r_enu_m));
+            plain_m = plain_m.max(r_ecef_m.as_vec3().as_dvec3().distance(r_ecef_m));
+        }
+        assert!(worst_m < 1e-4, "{worst_m}");
+        // What plain f32 coordinates of the Earth would make of it.
+        assert!(plain_m > 0.1, "{plain_m}");
+    }
+
+    #[test]
+    fn nothing_jitters_50_km_from_the_origin() {
+        let site = site();
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, BigSpaceMinimalPlugins));
+        let world = app.world_mut();
+        let root = world
+            .spawn(BigSpaceRootBundle {
+                grid: grid(),
+                ..default()
+            })
+            .id();
+        let r_site_ecef_m = site.origin().to_ecef();
+        let (cell, transform) = place(&grid(), r_site_ecef_m, site.q_ecef_enu());
+        let site_grid = world
+            .spawn((SiteGrid, grid(), cell, transform, ChildOf(root)))
+            .id();
+        let mut spawn = |r_enu_m: DVec3| {
+            world
+                .spawn((place(&grid(), r_enu_m, DQuat::IDENTITY), ChildOf(site_grid)))
+                .id()
+        };
+        let moving = spawn(FAR_ENU_M);
+        let still = spawn(FAR_ENU_M + DVec3::X);
+        let camera = spawn(FAR_ENU_M - DVec3::new(20.0, 30.0, 5.0));
+        world.entity_mut(camera).insert(FloatingOrigin);
+
+        let direction = DVec3::new(0.6, 0.48, 0.64);
+        let (mut worst_m, mut plain_m): (f64, f64) = (0.0, 0.0);
+        for millimetres in 0..300 {
+            let moved_m = 1e-3 * f64::from(millimetres) * direction;
+            let r_enu_m = FAR_ENU_M + moved_m;
+            let at = place(&grid(), r_enu_m, DQuat::IDENTITY);
+            app.world_mut().entity_mut(moving).insert(at);
+            app.update();
+            let seen = |entity: Entity| {
+                let transform = app.world().get::<GlobalTransform>(entity);
+                transform.map(GlobalTransform::translation).unwrap()
+            };
+            let truth_m = DVec3::X - moved_m;
+            let apart_m = (seen(still) - seen(moving)).as_dvec3();
+            worst_m = worst_m.max(apart_m.distance(truth_m));
+            let plain = (FAR_ENU_M + DVec3::X).as_vec3() - r_enu_m.as_vec3();
+            plain_m = plain_m.max(plain.as_dvec3().distance(truth_m));
+        }
+        assert!(worst_m < 1e-4, "{worst_m}");
+        // Plain f32 coordinates jump by more than a step.
+        assert!(plain_m > 1e-3, "{plain_m}");
+    }
+}
