@@ -1,16 +1,16 @@
 //! The command line.
 
 use crate::app::{self, Options, RunError};
-use crate::components::clock::SimClock;
 use crate::components::record::History;
+use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::dataset;
 use crate::eval;
 use crate::models::flight::uav::{UavKind, model};
 use crate::scenario::{self, Loaded, Scenario};
 use crate::summary::{self, Finished};
-use crate::systems::view;
 use crate::tune;
+use crate::view;
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -119,6 +119,9 @@ struct ViewArgs {
     /// Save a picture of the window here after that many seconds of simulated time and close.
     #[arg(long, num_args = 2, value_names = ["FILE", "SECONDS"])]
     screenshot: Option<Vec<String>>,
+    /// Write the scenario with the orders given in the window here: run again, it repeats the session.
+    #[arg(long, value_name = "FILE")]
+    save_orders: Option<PathBuf>,
 }
 
 #[derive(Args, Debug)]
@@ -163,10 +166,6 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 }
                 _ => None,
             };
-            if let Some((file, _)) = &screenshot {
-                view::check_screenshot(file)?;
-            }
-            view::display()?;
             let options = Options {
                 seed: args.seed,
                 capture: true,
@@ -175,8 +174,13 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 log: true,
                 ..Options::default()
             };
-            let mut app = app::build(&loaded, &options)?;
-            if let Some(finished) = view::drive(&mut app, &loaded, &options, screenshot)? {
+            let keep = view::Keep {
+                screenshot,
+                orders: args.save_orders,
+            };
+            if let Some(finished) = view::view(&loaded, &options, &keep)
+                .map_err(|error| RunError::Part(Box::new(error)))?
+            {
                 say!("{}", summary::table(&finished.summary).trim_end());
             }
             Ok(())

@@ -18,3 +18,7 @@ pub mod scenario;
 pub mod summary;
 pub mod systems;
 pub mod tune;
+pub mod view;
+
+/// Version of the program, as artefacts carry it.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

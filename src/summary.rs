@@ -1,13 +1,16 @@
 //! The end of a run: outcome, summary, report.
 
-use crate::app::{Options, RunError, Stopwatch, VERSION};
+use crate::app::{Options, RunError, VERSION};
 use crate::components::beam::{BeamState, Dose};
 use crate::components::capture::Tier;
-use crate::components::clock::SimClock;
+use crate::components::detect::Detector;
+use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::Mount;
 use crate::components::record::{History, Recording, StateHash};
+use crate::components::run::SimClock;
+use crate::components::run::Stopwatch;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::air::atmosphere::{extinction_per_m, transmittance};
 use crate::report::{
@@ -15,8 +18,6 @@ use crate::report::{
     UavSummary, write_report,
 };
 use crate::scenario::Loaded;
-use crate::systems::detect::Detector;
-use crate::systems::engage::Interlocks;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use std::time::Duration;

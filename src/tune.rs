@@ -2,7 +2,8 @@
 
 use crate::app::{self, RunError};
 use crate::components::capture::Tier;
-use crate::components::clock::SimClock;
+use crate::components::control::Controller;
+use crate::components::run::SimClock;
 use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::PointingLaw;
@@ -13,9 +14,11 @@ use crate::models::control::tuning::{
 use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
 use crate::models::optics::camera::Pinhole;
 use crate::models::tracking::estimation::LosFilterParams;
+use crate::plugins::control::controller;
+use crate::plugins::mount::{gimbal_params, mirror_params};
+use crate::plugins::track::tracker_params;
 use crate::report::{Across, Chart, Escaped, STYLE, Scale, Series};
 use crate::scenario::{ControllerPreset, Exposure, Loaded};
-use crate::systems::control::Controller;
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt::{self, Write as _};
@@ -132,8 +135,8 @@ impl Tuning {
             tick_hz: scenario.tick_hz,
         };
         let plant = Plant {
-            gimbal: app::gimbal_params(&scenario.station.mount, clock.dt_s()),
-            mirror: app::mirror_params(&scenario.station.mount),
+            gimbal: gimbal_params(&scenario.station.mount, clock.dt_s()),
+            mirror: mirror_params(&scenario.station.mount),
             dt_s: clock.dt_s(),
         };
         plant
@@ -141,7 +144,7 @@ impl Tuning {
             .validate()
             .map_err(|error| value("station.mount", error.to_string()))?;
         let cameras = scenario.station.cameras.resolved();
-        let sigma_px = app::tracker_params(scenario, DVec3::ZERO).centre_sigma_px;
+        let sigma_px = tracker_params(scenario, DVec3::ZERO).centre_sigma_px;
         let timing = |tier: Tier| {
             let camera = &cameras[tier as usize];
             let hfov_rad = camera.hfov_deg.to_radians();
@@ -187,8 +190,7 @@ impl Tuning {
             let measured = measure_pointing_loop(&plant, axis, precise, filter, law);
             loops.push(measured.map_err(refused)?);
         }
-        let controller =
-            app::controller(scenario, &file, &plant.gimbal, &plant.mirror, plant.dt_s)?;
+        let controller = controller(loaded, &plant.gimbal, &plant.mirror, plant.dt_s)?;
         let in_use = match controller {
             Controller::Pointing(pointing) => Some(pointing.law),
             Controller::Paper(paper) => {

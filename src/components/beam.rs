@@ -29,8 +29,12 @@ pub struct LaserSource {
     pub channel: Channel,
     /// Beam wander.
     pub wander: Wander,
-    /// Streams of channel, wander and jitter.
-    pub rng: [Stream; 3],
+    /// Stream of the channel.
+    pub scintillation_rng: Stream,
+    /// Stream of the wander.
+    pub wander_rng: Stream,
+    /// Stream of the jitter.
+    pub jitter_rng: Stream,
     /// The air on the way to the aimed UAV.
     pub path: Option<BeamPath>,
 }

@@ -2,37 +2,14 @@
 
 use crate::components::mount::Pointing;
 pub use crate::models::optics::camera::PixelRect;
+pub use crate::models::optics::tier::Tier;
 
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::sensor::Sensor;
 use bevy::prelude::*;
+use glam::DVec2;
 use std::sync::Arc;
-
-/// Which tier of the acquisition chain a camera is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Tier {
-    /// Search camera (STV): wide, finds candidates.
-    Search,
-    /// Coarse camera (CTV): on the gimbal, steers it.
-    Coarse,
-    /// Precise camera (PTV): behind the fast steering mirror, steers it.
-    Precise,
-}
-
-impl Tier {
-    /// All tiers, wide to narrow; also the order of every per-camera array.
-    pub const ALL: [Tier; 3] = [Tier::Search, Tier::Coarse, Tier::Precise];
-
-    /// The tier's short name, as topics and reports use it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Tier::Search => "stv",
-            Tier::Coarse => "ctv",
-            Tier::Precise => "ptv",
-        }
-    }
-}
 
 /// A sensor camera: data that never change during a run.
 #[derive(Component, Clone, Debug)]
@@ -100,13 +77,19 @@ pub struct RenderedTruth {
     pub visible_fraction: f64,
 }
 
+/// How often a camera has exposed so far.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Exposures(pub u64);
+
 /// One exposure of one camera.
 #[derive(Clone, Debug)]
-pub struct Frame {
-    /// The camera.
+pub struct ExposedFrame {
+    /// Tier of the camera.
     pub tier: Tier,
     /// The tick of the exposure.
     pub tick: u64,
+    /// Exposures of this camera before this one.
+    pub number: u64,
     /// Optical pose at the exposure.
     pub pose: Pose,
     /// What the station knew of its pointing then.
@@ -119,6 +102,13 @@ pub struct Frame {
     pub rgb8: Option<Arc<Vec<u8>>>,
 }
 
+impl ExposedFrame {
+    /// Where the laser's axis is on the sensor [px], by what the station knew at the exposure.
+    pub fn reticle_px(&self, pinhole: &Pinhole) -> DVec2 {
+        self.pointing.alignment.reticle_px(pinhole, self.tier)
+    }
+}
+
 /// The frames exposed in this tick, wide to narrow.
 #[derive(Resource, Default, Debug)]
-pub struct Frames(pub Vec<Frame>);
+pub struct Frames(pub Vec<Arc<ExposedFrame>>);

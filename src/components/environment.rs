@@ -30,8 +30,6 @@ pub struct Environment {
     pub sun_dir_enu: DVec3,
     /// Light of sun and sky.
     pub sky: Sky,
-    /// Master seed of the run.
-    pub seed: u64,
 }
 
 impl Environment {

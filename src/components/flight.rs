@@ -1,4 +1,4 @@
-//! What a UAV, or what is taken for one, carries.
+//! UAVs and distractors: who they are, how they move, what has become of them.
 
 use crate::models::air::wind::DrydenGust;
 use crate::models::flight::distractor::DistractorKind;
@@ -6,8 +6,10 @@ use crate::models::flight::multirotor::{Airframe, MultirotorState};
 use crate::models::flight::trajectory::CompiledTrajectory;
 use crate::models::laser::thermal::{Skin, SkinMaterial};
 use crate::models::maths::rng::Stream;
+use crate::models::shape::uav_mesh::UavMesh;
 use bevy::prelude::*;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Identity of a UAV or distractor.
 #[derive(Component, Clone, Debug)]
@@ -110,3 +112,45 @@ impl UavStatus {
         matches!(self, UavStatus::Falling | UavStatus::Down)
     }
 }
+
+/// The shape of a UAV or distractor, for truth boxes and silhouettes.
+#[derive(Component, Clone)]
+pub struct UavShape {
+    /// The meshes.
+    pub mesh: Arc<UavMesh>,
+    /// Points whose projections' box holds that of the airframe with its rotor discs [m, body].
+    pub outline_body_m: Vec<DVec3>,
+    /// Distance of the farthest of them from the origin [m].
+    pub radius_m: f64,
+}
+
+impl UavShape {
+    /// The shape of a mesh.
+    pub fn new(mesh: Arc<UavMesh>) -> Self {
+        let outline_body_m = mesh.outline_body_m();
+        let radius_m = outline_body_m
+            .iter()
+            .map(|p| p.length())
+            .fold(0.0, f64::max);
+        Self {
+            mesh,
+            outline_body_m,
+            radius_m,
+        }
+    }
+}
+
+/// A falling UAV in Rapier's world, whose origin is where the fall began.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct Wreck {
+    /// The UAV.
+    pub uav: Entity,
+    /// Where the fall began [m].
+    pub origin_enu_m: DVec3,
+    /// The patch of city below it.
+    pub patch: Entity,
+}
+
+/// Marks a UAV that has a [`Wreck`].
+#[derive(Component, Clone, Copy, Debug)]
+pub struct HasWreck;

@@ -2,11 +2,14 @@
 
 pub mod beam;
 pub mod capture;
-pub mod clock;
+pub mod control;
+pub mod detect;
+pub mod engage;
 pub mod environment;
 pub mod flight;
 pub mod mount;
 pub mod record;
 pub mod render;
+pub mod run;
 pub mod track;
 pub mod view;

@@ -1,6 +1,5 @@
 //! The station: mount, optics, commands.
 
-use crate::components::capture::Tier;
 use crate::models::air::wind::DrydenGust;
 use crate::models::maths::kinematics::{Pose, boresight_chain, exp_so3};
 use crate::models::maths::rng::Stream;
@@ -8,6 +7,7 @@ use crate::models::mount::base_motion::BaseMotion;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalParams, GimbalState, WindLoad};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::models::optics::camera::Pinhole;
+use crate::models::optics::tier::Tier;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -49,6 +49,33 @@ impl Mount {
     /// Azimuth and elevation rates from the axes' gyros [rad/s].
     pub fn measured_rates_radps(&self) -> DVec2 {
         self.gimbal.gyro_rates_radps()
+    }
+
+    /// The true poses and the known pointing.
+    pub fn optics(&self, misalignment: &Misalignment) -> Optics {
+        let pointing = Pointing {
+            az_el_rad: self.measured_az_el_rad(),
+            mirror_rad: self.mirror.deflection_rad(),
+            base_tilt_rad: self.gyro.tilt_enu_rad,
+            alignment: self.alignment,
+        };
+        let [az, el] = self.gimbal.az_el_rad().to_array();
+        let tilt = self.base.tilt_rad();
+        let pose = |mirror_rad: DVec2, misalignment_rad: DVec3| {
+            boresight_chain(self.r_enu_m, tilt, az, el, mirror_rad, misalignment_rad)
+        };
+        Optics {
+            cameras: Tier::ALL.map(|tier| {
+                let mirror_rad = if tier == Tier::Precise {
+                    pointing.mirror_rad
+                } else {
+                    DVec2::ZERO
+                };
+                pose(mirror_rad, misalignment.0[tier as usize])
+            }),
+            laser: pose(pointing.mirror_rad, DVec3::ZERO),
+            pointing,
+        }
     }
 }
 

@@ -1,7 +1,8 @@
 //! What a run leaves behind.
 
-use crate::components::capture::Tier;
+use crate::components::capture::ExposedFrame;
 use crate::models::optics::detection::Detection;
+use crate::models::optics::tier::Tier;
 use crate::recording::Recorder;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
@@ -21,28 +22,18 @@ pub struct Recording {
     pub image_every: u64,
     /// JPEG quality.
     pub jpeg_quality: u8,
-    /// Images seen so far of each camera.
-    pub images_seen: [u64; 3],
     /// State changes already logged.
     pub changes_logged: usize,
-    /// Images kept whose detections have not arrived yet.
-    pub unmarked: Vec<Unmarked>,
 }
 
-/// An image in the recording that lacks its boxes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unmarked {
-    /// The camera.
-    pub tier: Tier,
-    /// Tick of the exposure.
-    pub tick: u64,
-    /// Upper left corner on the sensor [px].
-    pub offset_px: [u32; 2],
-    /// The laser's axis in the image's own pixels.
-    pub reticle_px: [f64; 2],
+impl Recording {
+    /// Whether the picture of a frame is recorded.
+    pub fn keeps(&self, frame: &ExposedFrame) -> bool {
+        self.image_every > 0 && frame.number.is_multiple_of(self.image_every)
+    }
 }
 
-/// A picture kept for the report.
+/// A picture whose detections have arrived, for report and window.
 #[derive(Clone, Debug)]
 pub struct KeptFrame {
     /// The camera.
@@ -81,8 +72,6 @@ pub struct History {
     pub los_error_urad: Vec<(f64, f64)>,
     /// Pictures for the contact sheet.
     pub frames: Vec<KeptFrame>,
-    /// Pictures whose detections have not arrived yet.
-    pub coming: Vec<KeptFrame>,
     /// Last picture of each camera whose detections have arrived, for a window to show.
     pub latest: [Option<KeptFrame>; 3],
     /// Time at which each UAV was neutralised [s], by scenario index.

@@ -122,6 +122,51 @@ impl Material for LeanMaterial {
     }
 }
 
+/// Marks the grid whose axes are the site's east, north, up.
+#[derive(Component)]
+pub struct SiteGrid;
+
+/// Marks the point the sensors are rendered from.
+#[derive(Component)]
+pub struct StationOrigin;
+
+/// Marks the body of a UAV by its scenario index.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct UavBody(pub usize);
+
+/// A rotor or wing in the scene.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct UavRotor {
+    /// Scenario index of its UAV or distractor.
+    pub uav: usize,
+    /// Its number on the airframe.
+    pub number: usize,
+    /// Attitude on the airframe at phase 0.
+    pub q_body_hub: Quat,
+}
+
+/// The materials and meshes of the scene that later systems change.
+#[derive(Resource)]
+pub struct SceneHandles {
+    /// Entity of the site's grid.
+    pub site_grid: Entity,
+    /// Material of everything but the sky.
+    pub solid: Handle<LeanMaterial>,
+    /// Material of the sky.
+    pub sky: Handle<LeanMaterial>,
+}
+
+/// The render cameras of a sensor: full frame and window.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct SensorViews {
+    /// Renders the whole sensor.
+    pub full: Entity,
+    /// Renders the readout window, where the camera has one.
+    pub window: Option<Entity>,
+    /// Renders the surroundings of a small UAV enlarged; see [`Patch`].
+    pub magnifier: Entity,
+}
+
 /// A pinhole that renders one rectangle of a sensor: the full frame or the window read out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorProjection {

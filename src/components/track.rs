@@ -1,89 +1,13 @@
-//! Detections on their way and what the tracker makes of them.
+//! The tracker: tracks, state, target; the operator who may choose it.
 
-use crate::components::capture::{PixelRect, Tier};
-use crate::components::mount::Pointing;
+use crate::models::flight::uav::AimPart;
 use crate::models::maths::kinematics::wrap_pi;
-use crate::models::optics::detection::Detection;
+use crate::models::maths::rng::Stream;
+use crate::models::optics::tier::Tier;
 use crate::models::tracking::estimation::LosState;
 use crate::models::tracking::table::{Track, TrackTable};
 use bevy::prelude::*;
-use glam::DVec2;
-use std::collections::VecDeque;
-
-/// The detections of one frame.
-#[derive(Clone, Debug)]
-pub struct DetectionBatch {
-    /// The camera.
-    pub tier: Tier,
-    /// Tick of the exposure.
-    pub exposure_tick: u64,
-    /// First tick in which the tracker may see them.
-    pub available_tick: u64,
-    /// The station's pointing at the exposure, as it knew it.
-    pub pointing: Pointing,
-    /// The pixels in which the detector looked.
-    pub rect: PixelRect,
-    /// Detections above the threshold, in full-sensor pixels.
-    pub detections: Vec<Detection>,
-}
-
-impl DetectionBatch {
-    /// What tells it from others.
-    pub fn key(&self) -> (u64, Tier) {
-        (self.exposure_tick, self.tier)
-    }
-}
-
-/// Batches that wait out their latency.
-#[derive(Resource, Default, Debug)]
-pub struct DetectionQueue {
-    /// Ordered by (available tick, exposure tick, tier).
-    pub waiting: VecDeque<DetectionBatch>,
-    /// Keys of those whose detections are not known yet, in the order in which the detector got
-    /// their frames.
-    pub pending: VecDeque<(u64, Tier)>,
-    /// The batches that arrived in this tick.
-    pub arrived: Vec<DetectionBatch>,
-}
-
-impl DetectionQueue {
-    /// Queues a batch at its place.
-    pub fn push(&mut self, batch: DetectionBatch) {
-        let key = |b: &DetectionBatch| (b.available_tick, b.exposure_tick, b.tier);
-        let at = self.waiting.partition_point(|b| key(b) <= key(&batch));
-        self.waiting.insert(at, batch);
-    }
-
-    /// Whether a batch that is available at `tick` still lacks its detections.
-    pub fn wants_answer(&self, tick: u64) -> bool {
-        (self.waiting.iter())
-            .take_while(|batch| batch.available_tick <= tick)
-            .any(|batch| self.pending.contains(&batch.key()))
-    }
-
-    /// Puts the detector's next answer, in pixels of the part that it looked at, into its batch.
-    pub fn answered(&mut self, found: Vec<Detection>) {
-        let Some(key) = self.pending.pop_front() else {
-            return;
-        };
-        if let Some(batch) = self.waiting.iter_mut().find(|batch| batch.key() == key) {
-            let offset_px = batch.rect.offset_px;
-            batch.detections = found.iter().map(|d| d.shifted(offset_px)).collect();
-        }
-    }
-
-    /// Moves what is available at `tick` to `arrived`.
-    pub fn release(&mut self, tick: u64) {
-        self.arrived.clear();
-        while self
-            .waiting
-            .front()
-            .is_some_and(|batch| batch.available_tick <= tick)
-        {
-            self.arrived.extend(self.waiting.pop_front());
-        }
-    }
-}
+use glam::{DVec2, DVec3};
 
 /// Stages of an engagement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,6 +38,15 @@ impl TrackingState {
             TrackingState::Lost => "lost",
         }
     }
+
+    /// Whether a camera of `tier` holds the target in this state.
+    pub fn holds(self, tier: Tier) -> bool {
+        match tier {
+            Tier::Search => false,
+            Tier::Coarse => matches!(self, Self::Coarse | Self::Precise | Self::Engage),
+            Tier::Precise => matches!(self, Self::Precise | Self::Engage),
+        }
+    }
 }
 
 /// A step of the state machine.
@@ -142,13 +75,59 @@ pub struct BoresightError {
     pub half_side_px: f64,
 }
 
-/// What an operator orders.
-#[derive(Clone, Debug, PartialEq)]
+/// How detections become tracks, and tracks targets.
+#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+pub struct TrackerParams {
+    /// The paper's rule: whatever the detector sees nearest to the image centre is the target.
+    /// Otherwise identity comes from the track table.
+    pub nearest_to_centre: bool,
+    /// The linear map of eq. 8 from pixels to angles, for the paper's control laws.
+    pub linear_angles: bool,
+    /// Standard deviation of a detection's centre that the station counts on [px].
+    pub centre_sigma_px: f64,
+    /// Least share of the frames in which a detector must see what counts as a UAV.
+    pub min_quality: f64,
+    /// Least mean score of its detections.
+    pub min_score: f64,
+    /// Another track must be nearer to the asset in time by this factor to become the target.
+    pub switch_ratio: f64,
+    /// What is protected [m].
+    pub r_asset_enu_m: DVec3,
+    /// The part aimed at, for a detector that boxes the whole UAV; `None` for one that boxes the
+    /// part itself.
+    pub aim: Option<AimPart>,
+    /// Precise errors up to this count as locked [px].
+    pub lock_radius_px: f64,
+    /// How long the lock must hold before the state is Engage [s].
+    pub lock_dwell_s: f64,
+    /// A precise error beyond this ends Engage [px].
+    pub break_radius_px: f64,
+    /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
+    pub patience_s: [f64; 3],
+}
+
+/// The laser range finder's stream.
+#[derive(Resource)]
+pub struct RangeFinder(pub Stream);
+
+/// What an operator wants for a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Designation {
+    /// The UAV that is pointed at, by its scenario index.
+    Uav(usize),
+    /// The track with this identity.
+    Track(u32),
+    /// Whatever the tracker chooses.
+    Release,
+}
+
+/// What an operator orders, whether a scenario or a window says so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// When.
+    /// Tick from which on it counts.
     pub tick: u64,
-    /// The UAV that is pointed at, by its scenario index; `None` leaves the choice to the tracker.
-    pub designate: Option<usize>,
+    /// The target that is wanted.
+    pub target: Designation,
 }
 
 /// The operator's orders, in order of time, and those that wait for a track to hold on to.
@@ -158,6 +137,14 @@ pub struct Operator {
     pub orders: Vec<Order>,
     /// The first that has not been carried out.
     pub next: usize,
+}
+
+impl Operator {
+    /// Queues an order after those of the same tick and before later ones.
+    pub fn give(&mut self, order: Order) {
+        let at = self.orders.partition_point(|o| o.tick <= order.tick);
+        self.orders.insert(at.max(self.next), order);
+    }
 }
 
 /// The tracker: table, state machine, what it knows of its target.
@@ -239,6 +226,12 @@ impl Tracker {
             to,
             reason: reason.into(),
         });
+    }
+
+    /// The state after `tick`, which must not lie ahead.
+    pub fn state_at(&self, tick: u64) -> TrackingState {
+        let earlier = self.changes.iter().rev().find(|change| change.tick <= tick);
+        earlier.map_or(self.state, |change| change.to)
     }
 
     /// Takes up a target and turns to it.

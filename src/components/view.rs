@@ -1,8 +1,13 @@
-//! The window's own data: pace, free camera, what the operator asked for.
+//! The window's own data: pace, free camera, session.
 
+use crate::components::run::PartError;
+use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_egui::egui;
 use glam::{DQuat, DVec3};
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// How far a single step goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,9 +61,40 @@ pub struct WindowFrame {
     pub wall_s: f64,
 }
 
-/// Track that the operator made the target; obeyed before the next tick.
-#[derive(Resource, Clone, Copy, Debug, Default)]
-pub struct TargetChoice(pub Option<u32>);
+/// The schedule of one window frame.
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+pub struct DrawAndTick;
+
+/// A picture of the window to be taken.
+#[derive(Clone, Debug)]
+pub struct ScreenshotRequest {
+    /// Where it goes.
+    pub file: PathBuf,
+    /// Window frames drawn since its time came.
+    pub drawn: u32,
+}
+
+/// What a window session keeps between its frames.
+#[derive(Resource)]
+pub struct Session {
+    /// When it began.
+    pub started: Instant,
+    /// When the last window frame began.
+    pub last: Instant,
+    /// Wall-clock and simulated time of the last window frames [s].
+    pub lately: VecDeque<(f64, f64)>,
+    /// A screenshot that was asked for.
+    pub screenshot: Option<ScreenshotRequest>,
+    /// Called once with how the session ended and how long it took, before winit clears the world.
+    pub ended: Option<SessionEnd>,
+}
+
+/// See [`Session::ended`].
+pub type SessionEnd = Box<dyn FnOnce(&mut World, Result<(), PartError>, Duration) + Send + Sync>;
+
+/// The picture that Bevy took of the window.
+#[derive(Resource)]
+pub struct Taken(pub Image);
 
 /// A camera picture on the GPU.
 #[derive(Clone, Debug)]
@@ -71,7 +107,7 @@ pub struct Uploaded {
     pub texture: egui::TextureId,
 }
 
-/// The pictures of the insets, in the order of [`crate::components::capture::Tier::ALL`].
+/// The pictures of the insets, in the order of [`crate::models::optics::tier::Tier::ALL`].
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Insets(pub [Option<Uploaded>; 3]);
 

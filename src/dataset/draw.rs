@@ -2,7 +2,7 @@
 
 use super::recipe::Recipe;
 use super::stage::{Placed, Prop};
-use crate::app::{self, RunError};
+use crate::app::RunError;
 use crate::components::environment::Environment;
 use crate::models::air::atmosphere::{Cn2Profile, air_density_kgpm3};
 use crate::models::air::sky::Sky;
@@ -24,6 +24,7 @@ use crate::models::optics::sensor::{SensorParams, Transfer};
 use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::{Look, UavMesh, distractor_mesh_drawn, uav_mesh_look};
+use crate::plugins::environment::GROUND_ALBEDO;
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -316,10 +317,9 @@ impl Scene {
                 sun_dir_enu,
                 weather.visibility_m,
                 weather.cloud_cover,
-                app::GROUND_ALBEDO,
+                GROUND_ALBEDO,
             ),
             weather,
-            seed: recipe.seed,
         };
         Ok(Self {
             index,

@@ -1,10 +1,11 @@
 //! One Bevy app that shows one scene after the other and renders single frames of them.
 
 use crate::app::{self, Options, RunError};
-use crate::components::capture::{Frame, SensorCamera, Tier};
+use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
-use crate::components::flight::{Flight, Uav};
+use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::{Alignment, Pointing};
+use crate::components::render::{SceneHandles, SensorViews};
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::maths::kinematics::Pose;
@@ -12,9 +13,9 @@ use crate::models::optics::camera::{Pinhole, PixelRect};
 use crate::models::optics::sensor::{Sensor, SensorParams};
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::UavMesh;
-use crate::systems::capture::{self, ImageScratch, SensorViews, Shape, Shot};
-use crate::systems::render::renderer::{Renderer, spawn_sensor_view};
-use crate::systems::render::scene::{self, SceneHandles};
+use crate::systems::capture::{self, ImageScratch, Shot};
+use crate::systems::render::renderer::{Renderer, settle, spawn_sensor_view};
+use crate::systems::render::scene;
 use bevy::prelude::*;
 use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
@@ -55,7 +56,7 @@ pub struct Stage {
 /// A frame as rendered, before the sensor.
 pub struct Rendered {
     /// Pose, and the annotated props' truth.
-    pub frame: Frame,
+    pub frame: ExposedFrame,
     /// How it was rendered.
     pub shot: Shot,
     /// Identities by prop.
@@ -101,13 +102,13 @@ impl Stage {
                 world.despawn(entity);
             }
         }
-        app::spawn_scene(world, &environment, r_camera_enu_m);
+        scene::spawn(world, &environment, r_camera_enu_m);
         let cloud_cover = environment.weather.cloud_cover;
         world.insert_resource(environment);
         let site_grid = world.resource::<SceneHandles>().site_grid;
         self.root = world.get::<ChildOf>(site_grid).map(|child| child.parent());
         for (index, prop) in props.iter().enumerate() {
-            capture::spawn_uav(world, index, &prop.mesh, (DVec3::ZERO, DQuat::IDENTITY));
+            scene::spawn_uav(world, index, &prop.mesh, (DVec3::ZERO, DQuat::IDENTITY));
             world.spawn((
                 Uav {
                     index,
@@ -118,7 +119,7 @@ impl Stage {
                     state: state((DVec3::ZERO, DQuat::IDENTITY), [0.0; MAX_ROTORS]),
                     aim_body_m: prop.mesh.centroid_body_m(),
                 },
-                Shape::new(prop.mesh.clone()),
+                UavShape::new(prop.mesh.clone()),
             ));
         }
         for structure in clutter {
@@ -140,7 +141,7 @@ impl Stage {
         // Where `settle` looks for them; a child of the scene, so that it goes with it.
         world.spawn((views, ChildOf(site_grid)));
         self.views = Some(views);
-        capture::settle(world, &mut self.renderer);
+        settle(world, &mut self.renderer);
     }
 
     /// Renders what a camera sees of the props placed; the others are not there.
@@ -166,7 +167,7 @@ impl Stage {
         // Behind the camera, what is not placed is culled.
         let away_enu_m = pose.r_enu_m - 500.0 * (pose.q_enu_cam * DVec3::Z);
         let mut truth = Vec::new();
-        let mut uavs = world.query::<(&Uav, &mut Flight, &Shape)>();
+        let mut uavs = world.query::<(&Uav, &mut Flight, &UavShape)>();
         for (uav, mut flight, shape) in uavs.iter_mut(world) {
             let at = placed.iter().find(|placed| placed.prop == uav.index);
             flight.state = match at {
@@ -182,9 +183,10 @@ impl Stage {
             }
         }
         truth.sort_by_key(|seen| seen.uav);
-        let frame = Frame {
+        let frame = ExposedFrame {
             tier: Tier::Search,
             tick: 0,
+            number: 0,
             pose,
             pointing: Pointing {
                 az_el_rad: DVec2::ZERO,

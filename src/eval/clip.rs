@@ -9,10 +9,12 @@ use super::detector::Miss;
 use super::page::{note, number, table};
 use super::{job, mot, progress, quoted, threads, within, within_share};
 use crate::app::{self, RunError};
+use crate::components::capture::ExposedFrame;
 use crate::components::capture::{PixelRect, Tier};
-use crate::components::clock::SimClock;
+use crate::components::detect::DetectionBatch;
 use crate::components::mount::{Alignment, Pointing};
-use crate::components::track::{DetectionBatch, Tracker, TrackingState};
+use crate::components::run::SimClock;
+use crate::components::track::{Tracker, TrackerParams, TrackingState};
 use crate::eval::detector::metrics::{ALL, Criterion, Image, Matching, Truth};
 use crate::inference::OnnxDetector;
 use crate::media::video::{Clip, Frame, Writer};
@@ -23,7 +25,7 @@ use crate::models::tracking::table::Track;
 use crate::recording::encode_jpeg;
 use crate::report::{Across, Chart, Escaped, STYLE, Scale, Series, StateSpan, states_html};
 use crate::scenario;
-use crate::systems::track::{Situation, TrackerParams, patience_s, step, take_in};
+use crate::systems::track::{Situation, patience_s, step, take_in};
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use clap::Args;
 use glam::{DVec2, DVec3};
@@ -663,16 +665,25 @@ impl Follower {
         self.clock.tick = tick;
         let t_s = self.clock.t_s();
         let (width, height) = (self.pinhole.width_px, self.pinhole.height_px);
+        let rect = PixelRect {
+            offset_px: [0, 0],
+            size_px: [width, height],
+        };
         let batch = DetectionBatch {
-            tier: Tier::Coarse,
-            exposure_tick: tick,
+            frame: std::sync::Arc::new(ExposedFrame {
+                tier: Tier::Coarse,
+                tick,
+                number: 0,
+                pose: self.pose,
+                pointing: self.pointing,
+                rect,
+                truth: Vec::new(),
+                rgb8: None,
+            }),
             available_tick: tick,
-            pointing: self.pointing,
-            rect: PixelRect {
-                offset_px: [0, 0],
-                size_px: [width, height],
-            },
+            look: rect,
             detections: detections.to_vec(),
+            answered: true,
         };
         let (tracker, params, pinhole) = (&mut self.tracker, &self.params, &self.pinhole);
         let assigned = take_in(tracker, params, &batch, pinhole, DVec3::ZERO, t_s);

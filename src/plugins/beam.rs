@@ -1,23 +1,79 @@
-//! The beam's way and its heat.
+//! The laser, its beam's way and its heat.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
+use crate::components::environment::Environment;
+use crate::components::mount::Mount;
+use crate::components::run::{RunScenario, Seed, SetUp, Tick, TickSet};
+use crate::models::air::turbulence::{GammaGamma, PaperIntensity, Scintillation, Wander};
+use crate::models::laser::beam::Laser;
+use crate::scenario::{Focus, IntensityModel};
 use crate::systems::beam as systems;
+use crate::systems::run::nothing_failed;
 use bevy::prelude::*;
 
-/// The beam's way and its heat.
+/// The laser, its beam's way and its heat.
 pub struct BeamPlugin;
 
 impl Plugin for BeamPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(
-            Tick,
-            (
-                systems::propagate,
-                systems::count_distractors,
-                systems::heat,
-            )
-                .chain()
-                .in_set(TickSet::Beam),
-        );
+        app.add_systems(SetUp, set_up.in_set(TickSet::Beam).run_if(nothing_failed))
+            .add_systems(
+                Tick,
+                (
+                    systems::propagate,
+                    systems::count_distractors,
+                    systems::heat,
+                )
+                    .chain()
+                    .in_set(TickSet::Beam),
+            );
     }
+}
+
+/// Gives the station its laser.
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    environment: Res<Environment>,
+    station: Single<Entity, With<Mount>>,
+) {
+    let laser = &loaded.scenario.station.laser;
+    let wavelength_m = laser.wavelength_nm * 1e-9;
+    let mut scintillation_rng = seed.stream(0, "scintillation");
+    let mut wander_rng = seed.stream(0, "beam wander");
+    // Both are retuned to the path when the first target is aimed at.
+    let calm = GammaGamma::new(1e-3, 0.0);
+    let channel = match loaded.scenario.turbulence.intensity {
+        IntensityModel::Physical => Channel::Physical(Box::new(Scintillation::new(
+            calm,
+            1e-3,
+            &mut scintillation_rng,
+        ))),
+        // The paper prints neither figure: no drift, a tenth a second of volatility.
+        IntensityModel::Paper => Channel::Paper(PaperIntensity::new(0.0, 0.1)),
+    };
+    let source = LaserSource {
+        laser: Laser {
+            power_w: laser.power_w,
+            wavelength_m,
+            aperture_radius_m: laser.aperture_radius_m,
+            m2: laser.m2,
+        },
+        focus_m: match laser.focus {
+            Focus::Metres(range_m) => Some(range_m),
+            Focus::Target(_) => None,
+        },
+        jitter_rad: laser.jitter_urad * 1e-6,
+        extinction_per_m: environment.weather.extinction_per_m(wavelength_m),
+        channel,
+        wander: Wander::new(0.0, 1e-2, &mut wander_rng),
+        scintillation_rng,
+        wander_rng,
+        jitter_rng: seed.stream(0, "beam jitter"),
+        path: None,
+    };
+    commands
+        .entity(*station)
+        .insert((source, FireCommand::default(), BeamState::default()));
 }

@@ -1,19 +1,194 @@
-//! Exposures and their pictures.
+//! Cameras: lenses, sensors, boresights; exposures and their pictures.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::capture::{Exposures, Frames, Readout, SensorCamera, Tier};
+use crate::components::environment::Environment;
+use crate::components::mount::{Alignment, Misalignment, Mount, Optics};
+use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::air::turbulence::{Path, PathTurbulence};
+use crate::models::optics::calibration::{self, CalibrationError};
+use crate::models::optics::camera::Pinhole;
+use crate::models::optics::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
+use crate::plugins::render;
+use crate::plugins::run::fallible;
+use crate::scenario::{self, Exposure, Loaded, ScenarioError};
 use crate::systems::capture as systems;
 use bevy::prelude::*;
+use glam::DVec3;
 
-/// Exposures and their pictures.
+/// Cameras: lenses, sensors, boresights; exposures and their pictures.
 pub struct CapturePlugin;
 
 impl Plugin for CapturePlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(
-            Tick,
-            (systems::expose, systems::render_frames)
-                .chain()
-                .in_set(TickSet::Capture),
-        );
+        app.init_resource::<Frames>()
+            .add_systems(
+                SetUp,
+                (
+                    fallible(spawn_cameras),
+                    fallible(align),
+                    render::show.run_if(render::renders),
+                )
+                    .chain()
+                    .in_set(TickSet::Capture),
+            )
+            .add_systems(
+                Tick,
+                (systems::expose, systems::render_frames)
+                    .chain()
+                    .in_set(TickSet::Capture),
+            );
     }
+}
+
+/// Distance for which the cameras' turbulence blur is taken [m].
+const BLUR_RANGE_M: f64 = 1_000.0;
+/// Standard deviation of a beacon's centroid in a calibration [px].
+const CENTROID_SIGMA_PX: f64 = 0.2;
+/// Centroids a camera in a calibration.
+const CENTROIDS: usize = 200;
+
+/// The station's cameras, wide to narrow.
+fn spawn_cameras(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    mount: Single<&Mount>,
+) -> Result<(), PartError> {
+    let cameras = loaded.scenario.station.cameras.resolved();
+    for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
+        let params = sensor_params(camera, &environment, mount.r_enu_m);
+        let latency_s =
+            0.5 * params.exposure_s + camera.readout_latency_s + camera.inference_latency_s;
+        let sensor = Sensor::new(&params).map_err(|error| loaded.refuse(place(tier), error))?;
+        let windowed = camera.readout == scenario::Readout::Window;
+        commands.spawn((
+            SensorCamera {
+                tier,
+                pinhole: pinhole(&loaded, tier, camera)?,
+                period_ticks: u64::from(clock.tick_hz / camera.rate_hz),
+                latency_ticks: clock.ticks_of(latency_s),
+                sensor,
+                window_px: windowed.then_some(camera.window_px),
+                antialias: camera.antialias,
+            },
+            Readout::Off,
+            Exposures::default(),
+        ));
+    }
+    Ok(())
+}
+
+/// Turns the cameras' boresights against the laser, and calibrates what the station knows of that.
+fn align(
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    cameras: Query<&SensorCamera>,
+    station: Single<(&mut Mount, &mut Misalignment, &mut Optics)>,
+) -> Result<(), PartError> {
+    let (mut mount, mut misalignment, mut optics) = station.into_inner();
+    (*misalignment, mount.alignment) = boresights(&loaded.scenario.station, &cameras, *seed)
+        .map_err(|error| loaded.refuse("station.calibrate", error))?;
+    *optics = mount.optics(&misalignment);
+    Ok(())
+}
+
+/// Where the camera of a tier stands in a scenario.
+fn place(tier: Tier) -> &'static str {
+    match tier {
+        Tier::Search => "station.cameras.search",
+        Tier::Coarse => "station.cameras.coarse",
+        Tier::Precise => "station.cameras.precise",
+    }
+}
+
+/// The geometry of a scenario's camera.
+fn pinhole(
+    loaded: &Loaded,
+    tier: Tier,
+    camera: &scenario::Camera,
+) -> Result<Pinhole, ScenarioError> {
+    let hfov_rad = camera.hfov_deg.to_radians();
+    Pinhole::from_hfov(camera.width_px, camera.height_px, hfov_rad)
+        .map_err(|error| loaded.refuse(place(tier), error))
+}
+
+/// How the cameras are turned against the laser, and what the calibration finds of it.
+fn boresights(
+    station: &scenario::Station,
+    cameras: &Query<&SensorCamera>,
+    seed: Seed,
+) -> Result<(Misalignment, Alignment), CalibrationError> {
+    let sigma_rad = 1e-6 * station.mount.boresight_sigma_urad;
+    let (mut truth, mut known) = (Misalignment::default(), Alignment::default());
+    for SensorCamera { tier, pinhole, .. } in cameras {
+        let i = *tier as usize;
+        let mut rng = seed.stream(i as u64, "boresight");
+        // The precise camera looks through the laser's own optics.
+        let share = if *tier == Tier::Precise {
+            1.0 / 3.0
+        } else {
+            1.0
+        };
+        let mut draw = || share * sigma_rad * rng.normal();
+        truth.0[i] = DVec3::new(draw(), draw(), draw());
+        if station.calibrate {
+            let mut rng = seed.stream(i as u64, "calibration");
+            let centroids =
+                calibration::measure(pinhole, truth.0[i], CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
+            let found = calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?;
+            known.rotation_rad[i] = found.rotation_rad;
+            known.sigma_rad[i] = found.standard_error_rad.truncate().max_element();
+        } else {
+            known.sigma_rad[i] = share * sigma_rad;
+        }
+    }
+    Ok((truth, known))
+}
+
+/// Lens and sensor of a scenario's camera in the light and air of the run.
+fn sensor_params(
+    camera: &scenario::Camera,
+    environment: &Environment,
+    r_station_enu_m: DVec3,
+) -> SensorParams {
+    const WAVELENGTH_M: f64 = 550e-9;
+    let pixel_pitch_m = camera.pixel_pitch_um * 1e-6;
+    let ground_m = environment
+        .city
+        .dsm
+        .terrain_m(r_station_enu_m.x, r_station_enu_m.y);
+    let height_m = (r_station_enu_m.z - ground_m).max(1.0);
+    let path = Path {
+        length_m: BLUR_RANGE_M,
+        h0_m: height_m,
+        h1_m: height_m,
+    };
+    let fried_m = PathTurbulence::new(&environment.cn2, &path, WAVELENGTH_M).fried_spherical_m;
+    // Standard deviations of the Gaussians that fit the cores of the Airy pattern (0.42 lambda N)
+    // and of the long-exposure seeing disc (FWHM 0.98 lambda / r0, over 2.355).
+    let diffraction_px = 0.42 * WAVELENGTH_M * camera.f_number / pixel_pitch_m;
+    let seeing_px = 0.98 * WAVELENGTH_M / fried_m / 2.355 * camera.focal_length_m() / pixel_pitch_m;
+    let blur = camera.optics_blur_px.hypot(diffraction_px).hypot(seeing_px);
+    let mut params = SensorParams {
+        f_number: camera.f_number,
+        exposure_s: 1e-3,
+        pixel_pitch_m,
+        transmission: 0.8,
+        quantum_efficiency: 0.6,
+        full_well_e: camera.full_well_e,
+        read_noise_e: camera.read_noise_e,
+        gain_e_per_dn: None,
+        blur_sigma_px: blur.min(16.0),
+        transfer: Transfer::Srgb,
+    };
+    params.exposure_s = match camera.exposure_s {
+        Exposure::Seconds(exposure_s) => exposure_s,
+        Exposure::Auto(_) => auto_exposure(
+            environment.sky.global_illuminance_klx(),
+            &params,
+            0.5 / f64::from(camera.rate_hz),
+        ),
+    };
+    params
 }

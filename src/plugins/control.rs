@@ -1,23 +1,156 @@
-//! Commands for mount and cameras.
+//! Radar, search scan and control law; commands for mount and cameras.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::capture::{SensorCamera, Tier};
+use crate::components::control::{
+    Controller, PaperController, PointingController, Radar, SearchScan,
+};
+use crate::components::flight::{Distractor, Flight, Uav};
+use crate::components::mount::{Misalignment, Mount, Optics};
+use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
+use crate::models::control::paper::PaperLaw;
+use crate::models::control::pointing::{HandOver, PointingLaw, TunedPointing};
+use crate::models::mount::gimbal::{GimbalParams, GimbalState};
+use crate::models::mount::mirror::MirrorParams;
+use crate::models::optics::camera::Pinhole;
+use crate::models::tracking::estimation::LosFilterParams;
+use crate::models::tracking::radar::RadarErrors;
+use crate::models::tracking::search::Sector;
+use crate::plugins::run::fallible;
+use crate::scenario::{self, ControllerPreset, Loaded, Scenario, ScenarioError};
 use crate::systems::control as systems;
 use bevy::prelude::*;
+use std::collections::VecDeque;
 
-/// Commands for mount and cameras.
+/// Radar, search scan and control law; commands for mount and cameras.
 pub struct ControlPlugin;
 
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(
-            Tick,
-            (
-                systems::track_by_radar,
-                systems::command_mount,
-                systems::choose_readouts,
-            )
-                .chain()
-                .in_set(TickSet::Control),
-        );
+        app.add_systems(SetUp, fallible(set_up).in_set(TickSet::Control))
+            .add_systems(
+                Tick,
+                (
+                    systems::track_by_radar,
+                    systems::command_mount,
+                    systems::choose_readouts,
+                )
+                    .chain()
+                    .in_set(TickSet::Control),
+            );
     }
+}
+
+/// The engagement begins with the radar's first plot and the mount at the scan's first gaze.
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    clock: Res<SimClock>,
+    uavs: Query<(&Uav, &Flight), Without<Distractor>>,
+    cameras: Query<&SensorCamera>,
+    station: Single<(&mut Mount, &Misalignment, &mut Optics)>,
+) -> Result<(), PartError> {
+    let (mut mount, misalignment, mut optics) = station.into_inner();
+    let mut radar = radar(&loaded.scenario, *seed, *clock);
+    let airborne = uavs
+        .iter()
+        .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
+    let first = radar.look(0.0, airborne);
+    radar.take(first);
+    let search = cameras
+        .iter()
+        .find(|camera| camera.tier == Tier::Search)
+        .ok_or_else(|| loaded.refuse("station.cameras", "no search camera"))?;
+    let frame_s = clock.at_s(search.period_ticks);
+    let scan = search_scan(&loaded.scenario, &search.pinhole, frame_s, &radar);
+    let first_gaze = mount.params.within_stops(scan.gazes_rad[0].into());
+    mount.gimbal = GimbalState::at_rest(first_gaze);
+    *optics = mount.optics(misalignment);
+    let dt_s = clock.dt_s();
+    let controller = controller(&loaded, &mount.params, &mount.mirror_params, dt_s)?;
+    commands.insert_resource(controller);
+    commands.insert_resource(scan);
+    commands.insert_resource(radar);
+    Ok(())
+}
+
+/// The controller of a scenario for its mount.
+pub fn controller(
+    loaded: &Loaded,
+    gimbal: &GimbalParams,
+    mirror: &MirrorParams,
+    dt_s: f64,
+) -> Result<Controller, ScenarioError> {
+    let settings = &loaded.scenario.controller;
+    // The gains follow from the mount: where none is stable, the mount is what to change.
+    let refused = |error: String| loaded.refuse("station.mount", error);
+    let pointing = |law| {
+        Controller::Pointing(Box::new(PointingController {
+            law,
+            hand_over: HandOver::new(mirror.stroke_rad, dt_s),
+        }))
+    };
+    Ok(match settings.preset {
+        ControllerPreset::Tuned => pointing(PointingLaw::Tuned(
+            TunedPointing::recommended(gimbal, mirror, dt_s)
+                .map_err(|error| refused(error.to_string()))?,
+        )),
+        ControllerPreset::Lqg => {
+            let tau_s = LosFilterParams::default().accel_tau_s;
+            let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), dt_s)
+                .map_err(|error| refused(error.to_string()))?;
+            pointing(PointingLaw::Lqg(law, LqgMemory::default()))
+        }
+        ControllerPreset::Paper => {
+            let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
+                Some(gains) => PaperLaw {
+                    kp: gains.kp,
+                    ki_per_s: gains.ki_per_s,
+                    kd_s: gains.kd_s,
+                    ..printed
+                },
+                None => printed,
+            };
+            Controller::Paper(Box::new(PaperController::new(
+                law(PaperLaw::COARSE, settings.coarse),
+                law(PaperLaw::PRECISE, settings.precise),
+            )))
+        }
+    })
+}
+
+/// The radar of a scenario, before its first plot.
+fn radar(scenario: &Scenario, seed: Seed, clock: SimClock) -> Radar {
+    let cue = scenario.search.cue.as_ref();
+    let name = cue.and_then(|cue| cue.target.as_ref());
+    Radar {
+        errors: cue.map(|cue| RadarErrors {
+            sigma_rad: cue.sigma_deg.to_radians(),
+            range_sigma_m: cue.range_sigma_m,
+        }),
+        period_ticks: cue.map_or(1, |cue| clock.ticks_of(1.0 / cue.rate_hz).max(1)),
+        latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
+        target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+        rng: seed.stream(0, "radar"),
+        waiting: VecDeque::new(),
+        track: None,
+    }
+}
+
+/// Where the search camera looks: the sector, or the part of it that the radar points at.
+fn search_scan(scenario: &Scenario, search: &Pinhole, frame_s: f64, radar: &Radar) -> SearchScan {
+    let sector = &scenario.search;
+    SearchScan::new(
+        sector.pattern,
+        Sector {
+            centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
+            centre_elevation_rad: sector.elevation_deg.to_radians(),
+            width_rad: sector.width_deg.to_radians(),
+            height_rad: sector.height_deg.to_radians(),
+        },
+        [search.hfov_rad(), search.vfov_rad()],
+        frame_s,
+        radar.cue(0.0),
+    )
 }

@@ -1,14 +1,78 @@
-//! Detections and their latency.
+//! The detector; detections and their latency.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::detect::{DetectionQueue, Detector};
+use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
+use crate::inference::{Inference, OnnxDetector, Setup};
+use crate::models::optics::detection::TruthErrors;
+use crate::plugins::run::fallible;
+use crate::scenario::DetectorKind;
 use crate::systems::detect as systems;
 use bevy::prelude::*;
 
-/// Detections and their latency.
+/// The detector; detections and their latency.
 pub struct DetectPlugin;
 
 impl Plugin for DetectPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, systems::detect.in_set(TickSet::Detect));
+        app.init_resource::<DetectionQueue>()
+            .add_systems(SetUp, fallible(set_up).in_set(TickSet::Detect))
+            .add_systems(Tick, systems::detect.in_set(TickSet::Detect));
     }
+}
+
+/// Threads of the detector: fixed, since the order of its sums must not depend on the machine.
+const INFERENCE_THREADS: usize = 2;
+
+/// Why the detector's thread does not work.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot start the detector's thread: {0}")]
+pub struct ThreadError(std::io::Error);
+
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    options: Res<Options>,
+) -> Result<(), PartError> {
+    let settings = &loaded.scenario.detector;
+    commands.insert_resource(match settings.kind {
+        DetectorKind::Onnx => {
+            let setup = Setup {
+                threads: INFERENCE_THREADS,
+                provider: settings.provider,
+                named_in: "detector.onnx_model",
+            };
+            let model = OnnxDetector::load_with(&settings.onnx_model, &setup)
+                .map_err(|error| loaded.refuse("detector.onnx_model", error))?;
+            for camera in &loaded.scenario.station.cameras.resolved() {
+                model
+                    .input_px([camera.width_px, camera.height_px])
+                    .map_err(|error| loaded.refuse("detector.onnx_model", error))?;
+            }
+            let recommended = model.score_threshold();
+            let inference = if options.one_thread {
+                Inference::on_caller(model)
+            } else {
+                Inference::on_thread(model).map_err(ThreadError)?
+            };
+            Detector::Onnx {
+                inference: Box::new(inference),
+                score_threshold: settings.score_threshold.unwrap_or(recommended),
+                roi_px: Some(settings.roi_px).filter(|side| *side > 0),
+            }
+        }
+        DetectorKind::Truth => {
+            let errors = &settings.truth;
+            Detector::Truth {
+                errors: TruthErrors {
+                    noise_px: errors.noise_px,
+                    miss_rate: errors.miss_rate,
+                    distractor_rate: errors.distractor_rate,
+                    false_alarms_per_frame: errors.false_alarms_per_frame,
+                },
+                seed: seed.0,
+            }
+        }
+    });
+    Ok(())
 }

@@ -1,14 +1,43 @@
-//! Interlocks and fire.
+//! Rules of engagement, interlocks and fire.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::engage::{Burst, Interlocks, Rules};
+use crate::components::run::{PartError, RunScenario, SetUp, Tick, TickSet};
+use crate::plugins::run::fallible;
+use crate::scenario::Backstop;
 use crate::systems::engage as systems;
 use bevy::prelude::*;
 
-/// Interlocks and fire.
+/// Rules of engagement, interlocks and fire.
 pub struct EngagePlugin;
 
 impl Plugin for EngagePlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, systems::decide_fire.in_set(TickSet::Engage));
+        app.init_resource::<Interlocks>()
+            .init_resource::<Burst>()
+            .add_systems(SetUp, fallible(set_up).in_set(TickSet::Engage))
+            .add_systems(Tick, systems::decide_fire.in_set(TickSet::Engage));
     }
+}
+
+fn set_up(mut commands: Commands, loaded: Res<RunScenario>) -> Result<(), PartError> {
+    let engage = &loaded.scenario.engage;
+    let mut keep_out = Vec::new();
+    for (index, zone) in engage.keep_out.iter().enumerate() {
+        let place = format!("engage.keep_out[{index}]");
+        keep_out.push((zone.zone()).ok_or_else(|| loaded.refuse(&place, "has no shape"))?);
+    }
+    commands.insert_resource(Rules {
+        authorised: engage.authorised,
+        keep_out,
+        sun_exclusion_rad: engage.sun_exclusion_deg.to_radians(),
+        look_ahead_s: engage.look_ahead_s,
+        beam_radius_m: loaded.scenario.station.laser.aperture_radius_m,
+        allow_sky: engage.allow_backstop.contains(&Backstop::Sky),
+        allow_ground: engage.allow_backstop.contains(&Backstop::Ground),
+        allow_building: engage.allow_backstop.contains(&Backstop::Building),
+        min_clear_range_m: engage.min_clear_range_m,
+        max_burst_s: engage.max_burst_s,
+        pause_s: 1.0, // [s]
+    });
+    Ok(())
 }

@@ -1,19 +1,106 @@
-//! Clock and air.
+//! Site, city, weather and light; the air at every UAV.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::environment::Environment;
+use crate::components::run::{Options, PartError, RunScenario, SetUp, Tick, TickSet};
+use crate::models::air::atmosphere::{air_density_kgpm3, pressure_at_pa};
+use crate::models::air::sky::Sky;
+use crate::models::air::sun::Sun;
+use crate::models::air::wind::MeanWind;
+use crate::models::ground::city::City;
+use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+use crate::plugins::run::fallible;
+use crate::scenario::{Loaded, ScenarioError};
 use crate::systems::environment as systems;
 use bevy::prelude::*;
+use glam::DVec3;
+use std::sync::Arc;
 
-/// Clock and air.
+/// Site, city, weather and light; the air at every UAV.
 pub struct EnvironmentPlugin;
 
 impl Plugin for EnvironmentPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(
-            Tick,
-            (systems::advance_clock, systems::blow)
-                .chain()
-                .in_set(TickSet::Environment),
-        );
+        app.add_systems(SetUp, fallible(set_up).in_set(TickSet::Environment))
+            .add_systems(Tick, systems::blow.in_set(TickSet::Environment));
     }
+}
+
+/// Mean reflectance of the ground for the light it throws back up.
+pub const GROUND_ALBEDO: f64 = 0.18;
+
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    options: Res<Options>,
+) -> Result<(), PartError> {
+    // Baked shadows depend on the sun, and only pictures show them.
+    let city = options.city.clone().filter(|_| !options.capture);
+    commands.insert_resource(environment(&loaded, city)?);
+    Ok(())
+}
+
+/// The surroundings that a scenario describes; `city` is taken if it has the scenario's parameters.
+fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, ScenarioError> {
+    let scenario = &loaded.scenario;
+    let weather =
+        (scenario.weather.resolved()).map_err(|error| loaded.refuse("weather.metar", error))?;
+    let site = SiteFrame::new(Geodetic {
+        latitude_rad: scenario.site.latitude_deg.to_radians(),
+        longitude_rad: scenario.site.longitude_deg.to_radians(),
+        height_m: scenario.site.altitude_m,
+    });
+    let pressure_pa = pressure_at_pa(weather.pressure_pa, scenario.site.altitude_m);
+    let sun = Sun::new(
+        &scenario.time_utc,
+        site.origin(),
+        pressure_pa,
+        weather.temperature_k,
+    )
+    .map_err(|error| loaded.refuse("time_utc", error))?;
+    let sun_dir_enu = sun.sun_dir_enu();
+    let city = match city.filter(|city| city.params == scenario.city) {
+        Some(city) => city,
+        None => generated_city(loaded, sun_dir_enu)?,
+    };
+    let mean_height_m = city.buildings.iter().map(|b| b.height_m()).sum::<f64>()
+        / (city.buildings.len().max(1)) as f64;
+    let day = sun_dir_enu.z > 0.0;
+    // Roughness and displacement of a city: a tenth and 0.7 of the building height (Grimmond and
+    // Oke, 1999), the displacement counted from the roofs that UAVs fly above.
+    let roughness_m = (0.1 * mean_height_m).clamp(0.03, 2.0); // [m]
+    let weather = scenario.weather.at_site(weather, roughness_m);
+    let mean_wind = MeanWind::new(
+        weather.wind_speed_mps,
+        weather.wind_from_rad.to_degrees(),
+        roughness_m,
+        0.7 * mean_height_m,
+    )
+    .map_err(|error| loaded.refuse("weather", error))?;
+    Ok(Environment {
+        air_density_kgpm3: air_density_kgpm3(
+            pressure_pa,
+            weather.temperature_k,
+            weather.relative_humidity,
+        ),
+        cn2: scenario.turbulence.cn2_profile(mean_height_m, day),
+        sky: Sky::new(
+            sun_dir_enu,
+            weather.visibility_m,
+            weather.cloud_cover,
+            GROUND_ALBEDO,
+        ),
+        site,
+        city,
+        weather,
+        mean_wind,
+        sun_dir_enu,
+    })
+}
+
+/// The scenario's city under its sun.
+fn generated_city(loaded: &Loaded, sun_dir_enu: DVec3) -> Result<Arc<City>, ScenarioError> {
+    let mut city =
+        City::generate(&loaded.scenario.city).map_err(|error| loaded.refuse("city", error))?;
+    city.bake_shadows(sun_dir_enu);
+    Ok(Arc::new(city))
 }

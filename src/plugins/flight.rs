@@ -1,32 +1,40 @@
-//! Flight, and Rapier for what falls.
+//! UAVs and distractors: flight, and Rapier for what falls.
 
-use crate::components::clock::SimClock;
+use crate::components::beam::Dose;
+use crate::components::environment::Environment;
+use crate::components::flight::{
+    Air, Distractor, Flight, Guidance, HeatedSkin, Uav, UavShape, UavStatus,
+};
+use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::air::wind::DrydenGust;
+use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
+use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
+use crate::models::flight::uav::model;
+use crate::models::laser::thermal::Skin;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
-use crate::plugins::clock::{Tick, TickSet};
+use crate::models::shape::uav_mesh::{distractor_mesh, uav_mesh};
+use crate::plugins::run::fallible;
+use crate::scenario::{self, Loaded, ScenarioError};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
 use bevy::transform::StaticTransformOptimizations;
 use bevy_rapier3d::plugin::systems::sync_removals;
 use bevy_rapier3d::prelude::*;
 use bevy_rapier3d::rapier::prelude::IntegrationParameters;
+use glam::{DQuat, DVec3};
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::sync::Arc;
 
-/// Flight, and Rapier for what falls.
+/// UAVs and distractors: flight, and Rapier for what falls.
 pub struct FlightPlugin;
 
 impl Plugin for FlightPlugin {
     fn build(&self, app: &mut App) {
-        let dt_s = app
-            .world()
-            .resource::<SimClock>()
-            .at_s(systems::FALL_PERIOD_TICKS) as f32;
         app.init_schedule(Fall)
             // Rapier propagates transforms itself and needs what Bevy's plugin, which big_space
             // replaces, would have put here.
             .init_resource::<StaticTransformOptimizations>()
-            .insert_resource(TimestepMode::Fixed {
-                dt: dt_s,
-                substeps: 1,
-            })
             .add_plugins(
                 RapierPhysicsPlugin::<NoUserData>::default()
                     .in_schedule(Fall)
@@ -47,6 +55,16 @@ impl Plugin for FlightPlugin {
                     .before(PhysicsSet::SyncBackend),
             )
             .add_systems(
+                SetUp,
+                (
+                    time_falls,
+                    fallible(spawn_uavs),
+                    fallible(spawn_distractors),
+                )
+                    .chain()
+                    .in_set(TickSet::Flight),
+            )
+            .add_systems(
                 Tick,
                 (
                     systems::fly,
@@ -58,5 +76,142 @@ impl Plugin for FlightPlugin {
                     .chain()
                     .in_set(TickSet::Flight),
             );
+    }
+}
+
+/// Rapier's step.
+fn time_falls(clock: Res<SimClock>, mut step: ResMut<TimestepMode>) {
+    *step = TimestepMode::Fixed {
+        dt: clock.at_s(systems::FALL_PERIOD_TICKS) as f32,
+        substeps: 1,
+    };
+}
+
+fn spawn_uavs(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    environment: Res<Environment>,
+) -> Result<(), PartError> {
+    let part = loaded.scenario.engage.aim;
+    for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
+        let plan = flight_plan(&loaded, &format!("uavs[{index}]"), &uav.trajectory)?.spread(
+            uav.spread_m,
+            uav.spread_s,
+            &mut seed.stream(index as u64, "spread"),
+        );
+        let catalogue = model(uav.model);
+        let airframe = Airframe::new(catalogue);
+        let air = air_at(&environment, *seed, index, plan.sample(0.0).r_enu_m);
+        let state = plan.initial_state(&airframe, air.wind_enu_mps, environment.air_density_kgpm3);
+        let catalogued = catalogue.part_skin(part);
+        let mesh = Arc::new(uav_mesh(uav.model));
+        commands.spawn((
+            Uav {
+                index,
+                name: uav.name.clone(),
+                size_m: catalogue.size_m,
+            },
+            Flight {
+                state,
+                aim_body_m: mesh.part_body_m(catalogue, part),
+            },
+            Guidance {
+                plan,
+                airframe,
+                mass_kg: catalogue.mass_kg,
+            },
+            air,
+            HeatedSkin {
+                skin: Skin {
+                    temperature_k: environment.weather.temperature_k,
+                    // The shell's chord in the stream is about the airframe's height.
+                    length_m: catalogue.size_m[2],
+                },
+                material: uav.skin.map_or(catalogued, scenario::Skin::material),
+                irradiance_wpm2: 0.0,
+            },
+            UavStatus::Flying,
+            Dose::default(),
+            UavShape::new(mesh),
+        ));
+    }
+    Ok(())
+}
+
+/// Birds, balloons, aeroplanes and leaves: their indices come after the UAVs'.
+fn spawn_distractors(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    environment: Res<Environment>,
+) -> Result<(), PartError> {
+    let uavs = loaded.scenario.uavs.len();
+    for (number, distractor) in loaded.scenario.distractors.iter().enumerate() {
+        let index = uavs + number;
+        let place = format!("distractors[{number}]");
+        let plan = flight_plan(&loaded, &place, &distractor.trajectory)?.spread(
+            distractor.spread_m,
+            distractor.spread_s,
+            &mut seed.stream(index as u64, "spread"),
+        );
+        let start = plan.sample(0.0);
+        let mesh = Arc::new(distractor_mesh(distractor.kind));
+        commands.spawn((
+            Uav {
+                index,
+                name: distractor.name.clone(),
+                size_m: distractor.kind.size_m(),
+            },
+            Flight {
+                state: MultirotorState {
+                    r_enu_m: start.r_enu_m,
+                    v_enu_mps: start.v_enu_mps,
+                    q_enu_body: DQuat::IDENTITY,
+                    omega_body_radps: DVec3::ZERO,
+                    rotor_speed_radps: [0.0; MAX_ROTORS],
+                    rotor_phase_rad: [0.0; MAX_ROTORS],
+                    drag_estimate_enu_mps2: DVec3::ZERO,
+                },
+                aim_body_m: mesh.centroid_body_m(),
+            },
+            Distractor {
+                kind: distractor.kind,
+                plan,
+                phase_rad: seed.stream(index as u64, "wingbeat").range(0.0, TAU),
+            },
+            air_at(&environment, *seed, index, start.r_enu_m),
+            UavStatus::Flying,
+            UavShape::new(mesh),
+        ));
+    }
+    Ok(())
+}
+
+/// The compiled trajectory of the entry at `place` of the scenario.
+fn flight_plan(
+    loaded: &Loaded,
+    place: &str,
+    trajectory: &Trajectory,
+) -> Result<CompiledTrajectory, ScenarioError> {
+    let folder = loaded.path.parent().unwrap_or(Path::new("."));
+    trajectory
+        .compile(|name: &str| std::fs::read_to_string(folder.join(name)))
+        .map_err(|error| loaded.refuse(&format!("{place}.trajectory"), error))
+}
+
+/// The air at the start of a flight.
+fn air_at(environment: &Environment, seed: Seed, index: usize, r_enu_m: DVec3) -> Air {
+    let mut rng = seed.stream(index as u64, "gusts");
+    let gusts =
+        DrydenGust::new(&environment.mean_wind, &mut rng).reaching(environment.weather.gust_mps);
+    let ground_m = environment.city.dsm.terrain_m(r_enu_m.x, r_enu_m.y);
+    let wind_enu_mps = environment
+        .mean_wind
+        .mean_wind_enu_mps(r_enu_m.z - ground_m);
+    Air {
+        gusts,
+        rng,
+        wind_enu_mps,
     }
 }

@@ -1,8 +1,7 @@
-//! One plugin a domain: wiring and schedule, nothing else.
+//! One plugin a domain: its resources, its set-up from the scenario, its systems and their order.
 
 pub mod beam;
 pub mod capture;
-pub mod clock;
 pub mod control;
 pub mod detect;
 pub mod engage;
@@ -10,19 +9,21 @@ pub mod environment;
 pub mod flight;
 pub mod mount;
 pub mod record;
+pub mod render;
+pub mod run;
 pub mod track;
 pub mod view;
 
 use bevy::app::PluginGroupBuilder;
 use bevy::prelude::*;
 
-/// Every domain of the tick.
+/// Every domain of a run; what renders comes with [`render::ScenePlugin`].
 pub struct SimulationPlugins;
 
 impl PluginGroup for SimulationPlugins {
     fn build(self) -> PluginGroupBuilder {
         PluginGroupBuilder::start::<Self>()
-            .add(clock::ClockPlugin)
+            .add(run::RunPlugin)
             .add(environment::EnvironmentPlugin)
             .add(flight::FlightPlugin)
             .add(mount::MountPlugin)

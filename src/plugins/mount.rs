@@ -1,14 +1,135 @@
-//! The mount's motion.
+//! The station's mount: gimbal, mirror and the base they stand on.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::environment::Environment;
+use crate::components::mount::{Alignment, Gyro, Misalignment, Mount, MountCommand, StationWind};
+use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::air::wind::DrydenGust;
+use crate::models::mount::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
+use crate::models::mount::mirror::{Mirror, MirrorParams};
+use crate::plugins::run::fallible;
+use crate::scenario;
 use crate::systems::mount as systems;
 use bevy::prelude::*;
+use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
 
-/// The mount's motion.
+/// The station's mount: gimbal, mirror and the base they stand on.
 pub struct MountPlugin;
 
 impl Plugin for MountPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Tick, systems::turn.in_set(TickSet::Mount));
+        app.add_systems(SetUp, fallible(set_up).in_set(TickSet::Mount))
+            .add_systems(Tick, systems::turn.in_set(TickSet::Mount));
+    }
+}
+
+/// Angle random walk of the base gyro, 0.01 deg/sqrt(h) [rad/sqrt(s)]: a small fibre gyro.
+const GYRO_WALK: f64 = 0.01 * std::f64::consts::PI / 180.0 / 60.0;
+
+/// Spawns the station with its mount; its optics are perfect until the cameras bring theirs.
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+) -> Result<(), PartError> {
+    let station = &loaded.scenario.station;
+    let r_enu_m = station
+        .position_enu_m
+        .map_or_else(|| environment.city.station_enu_m(), DVec3::from_array);
+    let refuse = |error: String| loaded.refuse("station.mount", error);
+    let params = gimbal_params(&station.mount, clock.dt_s());
+    params
+        .validate()
+        .map_err(|error| refuse(error.to_string()))?;
+    let mirror_params = mirror_params(&station.mount);
+    let mirror =
+        Mirror::new(&mirror_params, clock.dt_s()).map_err(|error| refuse(error.to_string()))?;
+    let mut rng = seed.stream(0, "base motion");
+    let mut base = (station.mount.base_motion)
+        .model(clock.dt_s(), &mut rng)
+        .map_err(|error| loaded.refuse("station.mount.base_motion", error))?;
+    base.step(&mut rng);
+    let mount = Mount {
+        r_enu_m,
+        gimbal: GimbalState::at_rest(params.within_stops(DVec2::ZERO)),
+        params,
+        axis_gyro_rng: seed.stream(0, "axis gyros"),
+        mirror_params,
+        mirror,
+        rng,
+        base_rate_radps: [0.0; 2],
+        gyro: Gyro {
+            angle_random_walk: GYRO_WALK,
+            rng: seed.stream(0, "gyro"),
+            rate_enu_radps: DVec3::ZERO,
+            tilt_enu_rad: base.tilt_rad(),
+        },
+        base,
+        wind: (station.mount.wind_load).then(|| station_wind(&environment, *seed, r_enu_m)),
+        alignment: Alignment::default(),
+    };
+    let misalignment = Misalignment::default();
+    let optics = mount.optics(&misalignment);
+    commands.spawn((mount, MountCommand::default(), misalignment, optics));
+    Ok(())
+}
+
+/// The mirror of a scenario's mount.
+pub fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
+    MirrorParams {
+        natural_frequency_hz: mount.mirror_bandwidth_hz,
+        stroke_rad: mount.mirror_range_mrad * 1e-3,
+        ..default()
+    }
+}
+
+/// The gimbal of a scenario's mount, commanded every `dt_s`.
+pub fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
+    let default = GimbalParams::default();
+    let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
+        let structure = axis
+            .structure
+            .filter(|_| mount.structural_mode_hz > 0.0)
+            .map(|structure| Structure {
+                locked_rotor_hz: mount.structural_mode_hz,
+                backlash_rad: mount.backlash_urad * 1e-6,
+                ..structure
+            });
+        let rotor_share = structure.map_or(1.0, |structure| structure.rotor_share);
+        // A coarse tick cannot carry the whole bandwidth: see models/mount/gimbal.rs.
+        let sampled_hz = 0.75 * rotor_share / (2.0 * axis.damping * TAU * dt_s);
+        let axis = AxisParams {
+            torque_limit_nm: axis.inertia_kg_m2 * mount.max_acceleration_degps2.to_radians(),
+            rate_limit_radps: mount.max_rate_degps.to_radians(),
+            travel_rad: travel_deg.map(|limits| limits.map(f64::to_radians)),
+            structure,
+            encoder_bits: Some(mount.encoder_bits),
+            bandwidth_hz: axis.bandwidth_hz.min(sampled_hz),
+            ..axis
+        };
+        if mount.friction { axis } else { axis.ideal() }
+    };
+    GimbalParams {
+        azimuth: axis(default.azimuth, mount.azimuth_limits_deg),
+        elevation: axis(default.elevation, Some(mount.elevation_limits_deg)),
+    }
+}
+
+/// The wind at the station.
+fn station_wind(environment: &Environment, seed: Seed, r_station_enu_m: DVec3) -> StationWind {
+    let [x, y, z] = r_station_enu_m.to_array();
+    let height_agl_m = z - environment.city.dsm.terrain_m(x, y);
+    let mut rng = seed.stream(0, "station wind");
+    StationWind {
+        load: WindLoad::default(),
+        mean_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_agl_m),
+        height_agl_m,
+        air_density_kgpm3: environment.air_density_kgpm3,
+        gusts: DrydenGust::new(&environment.mean_wind, &mut rng)
+            .reaching(environment.weather.gust_mps),
+        rng,
+        torque_nm: [0.0; 2],
     }
 }

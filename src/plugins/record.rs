@@ -1,23 +1,155 @@
 //! State hash, statistics, recording.
 
-use crate::plugins::clock::{Tick, TickSet};
+use crate::components::control::SearchScan;
+use crate::components::environment::Environment;
+use crate::components::mount::Mount;
+use crate::components::record::{History, Recording, StateHash};
+use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
+use crate::models::ground::city::City;
+use crate::models::mount::gimbal::GimbalParams;
+use crate::models::tracking::search::{SETTLE_S, SlewLimits, coverage_time_s};
+use crate::plugins::run::fallible;
+use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, Shape};
+use crate::scenario::{Images, Loaded};
 use crate::systems::record as systems;
+use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
+use glam::DVec2;
+use std::num::NonZeroU32;
+use std::path::Path;
 
 /// State hash, statistics, recording.
 pub struct RecordPlugin;
 
 impl Plugin for RecordPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(
-            Tick,
-            (
-                systems::hash_state,
-                systems::keep_history,
-                systems::write_recording,
-            )
-                .chain()
-                .in_set(TickSet::Record),
-        );
+        app.init_resource::<StateHash>()
+            .init_resource::<History>()
+            .add_systems(SetUp, fallible(set_up).in_set(TickSet::Record))
+            .add_systems(
+                Tick,
+                (
+                    systems::hash_state,
+                    systems::keep_series,
+                    systems::keep_pictures,
+                    systems::mcap::write_recording,
+                )
+                    .chain()
+                    .in_set(TickSet::Record),
+            );
     }
+}
+
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    options: Res<Options>,
+    seed: Res<Seed>,
+    environment: Res<Environment>,
+    scan: Res<SearchScan>,
+    mount: Single<&Mount>,
+) -> Result<(), PartError> {
+    let scenario = &loaded.scenario;
+    let record = &scenario.record;
+    let mut recorder = match (&options.out, NonZeroU32::new(scenario.tick_hz)) {
+        (Some(out), Some(tick_hz)) => Some(recorder(&loaded, out, *seed, tick_hz)?),
+        _ => None,
+    };
+    if let Some(recorder) = &mut recorder {
+        record_city(recorder, &environment.city)?;
+        let text = search_plan(&scan, &mount.params);
+        recorder.log(0, LogLevel::Info, "search", &text)?;
+    }
+    commands.insert_resource(Recording {
+        recorder: recorder.map(SyncCell::new),
+        state_period_ticks: u64::from(scenario.tick_hz / record.state_hz),
+        image_every: match record.images {
+            Images::All => 1,
+            Images::None => 0,
+            Images::Every(every) => u64::from(every),
+        },
+        jpeg_quality: record.jpeg_quality,
+        changes_logged: 0,
+    });
+    Ok(())
+}
+
+/// Creates the output folder and the recording in it.
+fn recorder(
+    loaded: &Loaded,
+    out: &Path,
+    seed: Seed,
+    tick_hz: NonZeroU32,
+) -> Result<Recorder, PartError> {
+    let scenario = &loaded.scenario;
+    crate::output::create_dir(out)?;
+    let epoch = scenario.time_utc.timestamp_nanos_opt().unwrap_or(0);
+    let mut recorder = Recorder::create(
+        &out.join("run.mcap"),
+        &Meta {
+            scenario_name: &scenario.name,
+            scenario_toml: &loaded.source,
+            overrides: &loaded.overrides,
+            seed: seed.0,
+            version: crate::VERSION,
+            epoch_unix_ns: u64::try_from(epoch).unwrap_or(0),
+            tick_hz,
+        },
+    )?;
+    let site = &scenario.site;
+    recorder.location_fix(
+        0,
+        "enu",
+        site.latitude_deg,
+        site.longitude_deg,
+        site.altitude_m,
+    )?;
+    Ok(recorder)
+}
+
+/// Records the buildings as boxes.
+fn record_city(recorder: &mut Recorder, city: &City) -> Result<(), RecordingError> {
+    let boxes: Vec<Shape> = city
+        .buildings
+        .iter()
+        .map(|building| {
+            let outline = building.footprint_enu_m();
+            let low = outline.iter().copied().fold(DVec2::MAX, DVec2::min);
+            let high = outline.iter().copied().fold(DVec2::MIN, DVec2::max);
+            let centre = 0.5 * (low + high);
+            let base_m = city.dsm.terrain_m(centre.x, centre.y);
+            let height_m = building.height_m();
+            Shape::Cube {
+                centre_m: [centre.x, centre.y, base_m + 0.5 * height_m],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+                size_m: [high.x - low.x, high.y - low.y, height_m],
+                colour: [0.7, 0.7, 0.68, 1.0],
+            }
+        })
+        .collect();
+    let city = SceneEntity {
+        id: "city",
+        frame: "enu",
+        lifetime_ticks: 0,
+        shapes: &boxes,
+    };
+    recorder.scene_update(0, &[city])
+}
+
+/// The search plan in words, for the log.
+fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
+    let axis = mount.azimuth;
+    let slew = SlewLimits {
+        rate_radps: axis.rate_limit_radps,
+        acceleration_radps2: axis.torque_limit_nm / axis.inertia_kg_m2,
+        settle_s: SETTLE_S,
+    };
+    format!(
+        "{} pattern, gazes: {}, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
+        scan.pattern.name(),
+        scan.gazes_rad.len(),
+        scan.area.width_rad.to_degrees(),
+        scan.area.height_rad.to_degrees(),
+        coverage_time_s(&scan.gazes_rad, scan.gaze_s, &slew),
+    )
 }

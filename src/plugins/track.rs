@@ -1,26 +1,97 @@
 //! Tracks and the tracking state.
 
-use crate::plugins::clock::{Tick, TickSet};
-use crate::systems::track as systems;
+use crate::components::mount::Mount;
+use crate::components::run::{RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::components::track::{Designation, Operator, Order, RangeFinder, Tracker, TrackerParams};
+use crate::scenario::{self, AssociationRule, ControllerPreset, DetectorKind, Scenario};
+use crate::systems::run::nothing_failed;
+use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
+use glam::DVec3;
 
 /// Tracks and the tracking state.
 pub struct TrackPlugin;
 
 impl Plugin for TrackPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(
-            Tick,
-            (
-                systems::associate,
-                systems::find_range,
-                systems::aim,
-                systems::foresee,
-                systems::obey,
-                systems::decide,
-            )
-                .chain()
-                .in_set(TickSet::Track),
-        );
+        app.init_resource::<Tracker>()
+            .add_systems(SetUp, set_up.in_set(TickSet::Track).run_if(nothing_failed))
+            .add_systems(
+                Tick,
+                (
+                    systems::associate,
+                    systems::find_range,
+                    systems::aim,
+                    systems::foresee,
+                    systems::obey,
+                    systems::decide,
+                )
+                    .chain()
+                    .in_set(TickSet::Track),
+            );
+    }
+}
+
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    clock: Res<SimClock>,
+    mount: Single<&Mount>,
+) {
+    let scenario = &loaded.scenario;
+    commands.insert_resource(tracker_params(scenario, mount.r_enu_m));
+    commands.insert_resource(operator(scenario, *clock));
+    commands.insert_resource(RangeFinder(seed.stream(0, "range finder")));
+}
+
+/// How the tracker of a scenario works, for a station at `r_station_enu_m` [m].
+pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
+    let scenario::Tracker {
+        rule,
+        centre_sigma_px,
+        min_quality,
+        min_score,
+        switch_ratio,
+        asset_enu_m,
+    } = scenario.tracker;
+    let engage = &scenario.engage;
+    let paper = scenario.controller.preset == ControllerPreset::Paper;
+    let (specified_px, least_score, aim) = match scenario.detector.kind {
+        DetectorKind::Onnx => (0.5, 0.0, Some(engage.aim)), // [px], score
+        // A filter that counts on no error at all would trust nothing else.
+        DetectorKind::Truth => (scenario.detector.truth.noise_px.max(0.02), 0.72, None),
+    };
+    TrackerParams {
+        nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
+        linear_angles: paper,
+        centre_sigma_px: centre_sigma_px.unwrap_or(specified_px),
+        min_quality,
+        min_score: min_score.unwrap_or(least_score),
+        switch_ratio,
+        r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
+        aim,
+        lock_radius_px: engage.lock_radius_px,
+        lock_dwell_s: engage.lock_dwell_s,
+        break_radius_px: engage.break_radius_px,
+        patience_s: (scenario.station.cameras.resolved())
+            .map(|camera| patience_s(f64::from(camera.rate_hz))),
+    }
+}
+
+/// The operator's orders of a scenario.
+fn operator(scenario: &Scenario, clock: SimClock) -> Operator {
+    let index = |name: &String| scenario.uavs.iter().position(|uav| uav.name == *name);
+    let orders = scenario.operator.iter().map(|order| Order {
+        tick: clock.ticks_of(order.t_s),
+        target: match (order.designate.as_ref().and_then(index), order.track) {
+            (Some(index), _) => Designation::Uav(index),
+            (None, Some(id)) => Designation::Track(id),
+            (None, None) => Designation::Release,
+        },
+    });
+    Operator {
+        orders: orders.collect(),
+        next: 0,
     }
 }

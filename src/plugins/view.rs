@@ -1,7 +1,9 @@
 //! The window.
 
-use crate::components::view::{Insets, Pacing, TargetChoice, WindowFrame};
-use crate::systems::view::{self as systems, Frame};
+use crate::components::run::{SetUp, TickSet};
+use crate::components::view::{DrawAndTick, Insets, Pacing, WindowFrame};
+use crate::plugins::render::renders;
+use crate::systems::view as systems;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy::winit::WinitSettings;
@@ -24,7 +26,6 @@ impl Plugin for ViewPlugin {
             .insert_resource(WinitSettings::continuous())
             .init_resource::<WindowFrame>()
             .init_resource::<Pacing>()
-            .init_resource::<TargetChoice>()
             .init_resource::<Insets>()
             .configure_sets(
                 PreUpdate,
@@ -40,11 +41,17 @@ impl Plugin for ViewPlugin {
                     .run_if(in_window),
             )
             .add_systems(
+                SetUp,
+                systems::camera::spawn_window_camera
+                    .after(TickSet::Record)
+                    .run_if(renders),
+            )
+            .add_systems(
                 Update,
                 (
                     systems::obey_keys,
-                    systems::fly_camera,
-                    systems::upload_pictures,
+                    systems::camera::fly_camera,
+                    systems::insets::upload_pictures,
                 )
                     .chain()
                     .run_if(in_window),
@@ -52,14 +59,14 @@ impl Plugin for ViewPlugin {
             .add_systems(
                 EguiPrimaryContextPass,
                 (
-                    systems::draw_overlay,
-                    systems::draw_panel,
-                    systems::draw_insets,
+                    systems::overlay::draw_overlay,
+                    systems::panel::draw_panel,
+                    systems::insets::draw_insets,
                 )
                     .chain(),
             )
-            .add_systems(Frame, systems::frame);
+            .add_systems(DrawAndTick, systems::frame);
         // The window's update is not Bevy's: ticks run Bevy's main schedule for sensor frames.
-        app.main_mut().update_schedule = Some(Frame.intern());
+        app.main_mut().update_schedule = Some(DrawAndTick.intern());
     }
 }

@@ -971,6 +971,9 @@ pub struct Order {
     /// Name of the UAV whose picture the operator points at: its track becomes the target and
     /// stays it. Absent: the choice goes back to the tracker.
     pub designate: Option<String>,
+    /// Identity of the track that becomes the target, instead of `designate`.
+    #[serde(default)]
+    pub track: Option<u32>,
 }
 
 /// The tracking loops: a preset, and what differs from it.

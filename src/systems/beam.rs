@@ -1,10 +1,10 @@
 //! The laser beam crosses the air and heats what it meets.
 
 use crate::components::beam::{BeamPath, BeamState, Channel, Dose, FireCommand, LaserSource};
-use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::flight::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::Optics;
+use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::models::air::atmosphere::transmittance;
 use crate::models::air::turbulence::{IntensityChannel, Path, PathTurbulence};
@@ -13,7 +13,7 @@ use crate::models::laser::beam::{
     BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
     wander_correlation_time_s,
 };
-use crate::systems::record::followed;
+use crate::systems::track::followed;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -88,16 +88,18 @@ pub fn propagate(
     let LaserSource {
         channel,
         wander,
-        rng,
+        scintillation_rng,
+        wander_rng,
+        jitter_rng,
         jitter_rad,
         ..
     } = &mut *source;
     let relative = match channel {
-        Channel::Physical(scintillation) => scintillation.step(dt_s, &mut rng[0]),
-        Channel::Paper(intensity) => intensity.step(dt_s, &mut rng[0]),
+        Channel::Physical(scintillation) => scintillation.step(dt_s, scintillation_rng),
+        Channel::Paper(intensity) => intensity.step(dt_s, scintillation_rng),
     };
-    let wander_rad = wander.step(dt_s, &mut rng[1]);
-    let jitter = *jitter_rad * DVec2::new(rng[2].normal(), rng[2].normal());
+    let wander_rad = wander.step(dt_s, wander_rng);
+    let jitter = *jitter_rad * DVec2::new(jitter_rng.normal(), jitter_rng.normal());
     let focus_m = source.focus_m.unwrap_or(if command.focus_range_m > 0.0 {
         command.focus_range_m
     } else {

@@ -1,68 +1,37 @@
 //! Cameras that are due expose: truth, picture and pose of one tick.
 
-use crate::app::Stopwatch;
 use crate::components::capture::{
-    Frame, Frames, PixelRect, Readout, RenderedTruth, SensorCamera, UavInFrame,
+    ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth, SensorCamera, UavInFrame,
 };
-use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::flight::{Distractor, Flight, Uav};
+use crate::components::flight::{Distractor, Flight, Uav, UavShape};
 use crate::components::mount::Optics;
-use crate::components::render::SensorProjection;
+use crate::components::render::{SensorProjection, SensorViews, UavBody, UavRotor};
+use crate::components::run::{Failure, Seed, SimClock, Stopwatch};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::Pose;
-use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
-use crate::models::shape::mesh::MeshData;
-use crate::models::shape::uav_mesh::UavMesh;
-use crate::systems::render::renderer::{Renderer, aim_sensor_view};
-use crate::systems::render::scene::{self, UavBody, UavRotor};
+use crate::systems::render::renderer::{RenderError, Renderer, aim_sensor_view};
+use crate::systems::render::scene::{bevy_attitude, place_in_site, sync_scene};
 use bevy::mesh::MeshTag;
 use bevy::prelude::*;
 use bevy::tasks::ComputeTaskPool;
-use big_space::prelude::*;
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use std::borrow::Borrow;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The shape of a UAV or distractor, for truth boxes and silhouettes.
-#[derive(Component, Clone)]
-pub struct Shape {
-    /// The meshes.
-    pub mesh: Arc<UavMesh>,
-    /// Points whose projections' box holds that of the airframe with its rotor discs [m, body].
-    outline_body_m: Vec<DVec3>,
-    /// Distance of the farthest of them from the origin [m].
-    radius_m: f64,
-}
-
-impl Shape {
-    /// The shape of a mesh.
-    pub fn new(mesh: Arc<UavMesh>) -> Self {
-        let outline_body_m = mesh.outline_body_m();
-        let radius_m = outline_body_m
-            .iter()
-            .map(|p| p.length())
-            .fold(0.0, f64::max);
-        Self {
-            mesh,
-            outline_body_m,
-            radius_m,
-        }
-    }
-}
-
-/// The render cameras of a sensor: full frame and window.
-#[derive(Component, Clone, Copy, Debug)]
-pub struct SensorViews {
-    /// Renders the whole sensor.
-    pub full: Entity,
-    /// Renders the readout window, where the camera has one.
-    pub window: Option<Entity>,
-    /// Renders the surroundings of a small UAV enlarged; see [`Patch`].
-    pub magnifier: Entity,
+/// Why an exposed frame has no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// Rendering.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// Image formation.
+    #[error(transparent)]
+    Sensor(#[from] sensor::SensorError),
 }
 
 /// The surroundings of a UAV too small for four samples a pixel: an airframe of three pixels is
@@ -94,7 +63,7 @@ pub fn magnified(pinhole: &Pinhole) -> Pinhole {
 
 impl Patch {
     /// The patch of a frame, if a UAV in it is small: the nearest one gets it.
-    fn of(frame: &Frame) -> Option<Self> {
+    fn of(frame: &ExposedFrame) -> Option<Self> {
         let small = |seen: &&UavInFrame| {
             let [x0, y0, x1, y1] = seen.box_px;
             (x1 - x0).max(y1 - y0) < SMALL_PX
@@ -166,12 +135,12 @@ pub fn expose(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     optics: Single<&Optics>,
-    cameras: Query<(&SensorCamera, &Readout)>,
-    uavs: Query<(&Uav, &Flight, &Shape, Has<Distractor>)>,
+    mut cameras: Query<(&SensorCamera, &Readout, &mut Exposures)>,
+    uavs: Query<(&Uav, &Flight, &UavShape, Has<Distractor>)>,
     mut frames: ResMut<Frames>,
 ) {
     frames.0.clear();
-    for (camera, readout) in &cameras {
+    for (camera, readout, mut exposures) in &mut cameras {
         let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
         let full = PixelRect {
             offset_px: [0, 0],
@@ -200,15 +169,17 @@ pub fn expose(
             })
             .collect();
         truth.sort_by_key(|seen| seen.uav);
-        frames.0.push(Frame {
+        frames.0.push(Arc::new(ExposedFrame {
             tier: camera.tier,
             tick: clock.tick,
+            number: exposures.0,
             pose,
             pointing: optics.pointing,
             rect,
             truth,
             rgb8: None,
-        });
+        }));
+        exposures.0 += 1;
     }
     frames.0.sort_by_key(|frame| frame.tier);
 }
@@ -218,7 +189,7 @@ pub fn projected(
     pinhole: &Pinhole,
     pose: &Pose,
     flight: &Flight,
-    shape: &Shape,
+    shape: &UavShape,
 ) -> Option<UavInFrame> {
     let body = (flight.state.r_enu_m, flight.state.q_enu_body);
     let box_px = projected_box(pinhole, pose, body, shape)?;
@@ -241,7 +212,7 @@ fn projected_box(
     pinhole: &Pinhole,
     pose: &Pose,
     (r_enu_m, q_enu_body): (DVec3, DQuat),
-    shape: &Shape,
+    shape: &UavShape,
 ) -> Option<[f64; 4]> {
     let q_cam_enu = pose.q_enu_cam.inverse();
     let r_cam_m = q_cam_enu * (r_enu_m - pose.r_enu_m);
@@ -294,89 +265,17 @@ pub fn render_frames(world: &mut World) {
         world.insert_non_send(scratch);
         world.insert_non_send(renderer);
         if let Err(error) = result {
-            world.resource_mut::<crate::app::Failure>().set(error);
+            world.resource_mut::<Failure>().set(error);
         }
     }
     world.resource_mut::<Stopwatch>().render += started.elapsed();
-}
-
-/// Renders with every sensor view until meshes, textures and pipelines have reached the GPU, so
-/// that the first frame of a run is whole.
-pub fn settle(world: &mut World, renderer: &mut Renderer) {
-    // One pass creates the assets, one uploads them, one draws with them.
-    const PASSES: usize = 3;
-    let mut views = world.query::<&SensorViews>();
-    let views: Vec<Entity> = views
-        .iter(world)
-        .flat_map(|views| [Some(views.full), views.window, Some(views.magnifier)])
-        .flatten()
-        .collect();
-    let activate = |world: &mut World, active: bool| {
-        for view in &views {
-            if let Some(mut camera) = world.get_mut::<Camera>(*view) {
-                camera.is_active = active;
-            }
-        }
-    };
-    activate(world, true);
-    for _ in 0..PASSES {
-        renderer.render(world);
-    }
-    activate(world, false);
-}
-
-/// A big_space place in the site's grid.
-fn place_in_site(r_enu_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
-    scene::place(&scene::grid(), r_enu_m, q)
-}
-
-/// Moves the scene's UAVs and distractors to the truth, and hides those that closed cloud hides.
-pub fn sync_scene(world: &mut World) {
-    let mut states = world.query::<(&Uav, &Flight)>();
-    let environment = world.resource::<Environment>();
-    let poses: Vec<_> = states
-        .iter(world)
-        .map(|(uav, flight)| {
-            let hidden = environment.in_cloud(flight.state.r_enu_m);
-            (uav.index, (flight.state, hidden))
-        })
-        .collect();
-    let of = |index: usize| {
-        poses
-            .iter()
-            .find(|(i, _)| *i == index)
-            .map(|(_, state)| state)
-    };
-    let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform, &mut Visibility)>();
-    for (body, mut cell, mut transform, mut visibility) in bodies.iter_mut(world) {
-        if let Some((state, hidden)) = of(body.0) {
-            (*cell, *transform) = place_in_site(state.r_enu_m, state.q_enu_body);
-            visibility.set_if_neq(if *hidden {
-                Visibility::Hidden
-            } else {
-                Visibility::Inherited
-            });
-        }
-    }
-    let mut rotors = world.query::<(&UavRotor, &mut Transform)>();
-    for (rotor, mut transform) in rotors.iter_mut(world) {
-        if let Some((state, _)) = of(rotor.0) {
-            let phase_rad = state.rotor_phase_rad[rotor.1] as f32;
-            transform.rotation = rotor.2 * Quat::from_rotation_z(phase_rad);
-        }
-    }
-}
-
-/// Bevy's camera looks along -z with y up; the optical frame has z forward and y down.
-pub fn bevy_attitude(q_enu_cam: DQuat) -> DQuat {
-    q_enu_cam * DQuat::from_rotation_x(std::f64::consts::PI)
 }
 
 fn render_with(
     world: &mut World,
     renderer: &mut Renderer,
     scratch: &mut ImageScratch,
-) -> Result<(), crate::app::RunError> {
+) -> Result<(), CaptureError> {
     let mut frames = std::mem::take(&mut world.resource_mut::<Frames>().0);
     let mut cameras = world.query::<(&SensorCamera, &SensorViews)>();
     let shots: Vec<_> = frames
@@ -389,10 +288,12 @@ fn render_with(
         })
         .collect();
     let digits = draw(world, renderer, &frames, &shots);
-    let seed = world.resource::<Environment>().seed;
+    let seed = *world.resource::<Seed>();
     for (frame, shot) in frames.iter_mut().zip(&shots) {
+        // Nobody else holds a frame before the tick goes on: nothing is copied.
+        let frame = Arc::make_mut(frame);
         read(world, renderer, frame, shot, &digits, scratch)?;
-        let key = Stream::new(seed, frame.tick, frame.tier.name()).bits();
+        let key = seed.stream(frame.tick, frame.tier.name()).bits();
         let rgb8 = form_image(frame, &shot.camera.sensor, key, scratch)?;
         frame.rgb8 = Some(Arc::new(rgb8));
     }
@@ -410,7 +311,7 @@ pub(crate) struct Shot {
 
 impl Shot {
     /// The view of `views` that shows the rectangle of `frame`, and what is to be enlarged in it.
-    pub(crate) fn new(frame: &Frame, camera: SensorCamera, views: &SensorViews) -> Self {
+    pub(crate) fn new(frame: &ExposedFrame, camera: SensorCamera, views: &SensorViews) -> Self {
         let full = frame.rect.size_px == [camera.pinhole.width_px, camera.pinhole.height_px];
         Self {
             view: if full {
@@ -428,18 +329,18 @@ impl Shot {
 pub(crate) fn draw(
     world: &mut World,
     renderer: &mut Renderer,
-    frames: &[Frame],
+    frames: &[impl Borrow<ExposedFrame>],
     shots: &[Shot],
 ) -> Vec<u32> {
     sync_scene(world);
     let digits = assign_digits(frames);
     let mut tagged = world.query::<(AnyOf<(&UavBody, &UavRotor)>, &mut MeshTag)>();
     for ((body, rotor), mut tag) in tagged.iter_mut(world) {
-        let uav = body.map(|b| b.0).or(rotor.map(|r| r.0));
+        let uav = body.map(|b| b.0).or(rotor.map(|r| r.uav));
         let digit = uav.and_then(|uav| digits.get(uav)).copied().unwrap_or(0);
         tag.set_if_neq(MeshTag(digit));
     }
-    for (frame, shot) in frames.iter().zip(shots) {
+    for (frame, shot) in frames.iter().map(Borrow::borrow).zip(shots) {
         let pinhole = &shot.camera.pinhole;
         let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
         aim_sensor_view(world, shot.view, projection(pinhole, frame.rect), at);
@@ -463,11 +364,11 @@ pub(crate) fn draw(
 pub(crate) fn read(
     world: &mut World,
     renderer: &mut Renderer,
-    frame: &mut Frame,
+    frame: &mut ExposedFrame,
     shot: &Shot,
     digits: &[u32],
     scratch: &mut ImageScratch,
-) -> Result<(), crate::app::RunError> {
+) -> Result<(), CaptureError> {
     let camera = &shot.camera;
     renderer.read(shot.view, frame.rect.size_px, &mut scratch.pixels)?;
     count_identities(world, frame, camera, digits, &scratch.pixels, None);
@@ -493,7 +394,7 @@ fn projection(pinhole: &Pinhole, rect: PixelRect) -> SensorProjection {
 
 /// The sensor's 8-bit picture of a rendered frame.
 pub(crate) fn form_image(
-    frame: &Frame,
+    frame: &ExposedFrame,
     sensor: &sensor::Sensor,
     key: u64,
     scratch: &mut ImageScratch,
@@ -529,7 +430,8 @@ pub const DIGITS: u32 = 4;
 
 /// A digit (1 to [`DIGITS`]) for every UAV, so that UAVs whose boxes touch in any frame differ
 /// where four digits allow it; the closer one is served first.
-fn assign_digits(frames: &[Frame]) -> Vec<u32> {
+fn assign_digits(frames: &[impl Borrow<ExposedFrame>]) -> Vec<u32> {
+    let frames: Vec<&ExposedFrame> = frames.iter().map(Borrow::borrow).collect();
     let count = frames
         .iter()
         .flat_map(|f| &f.truth)
@@ -577,7 +479,7 @@ fn touch(a: &[f64; 4], b: &[f64; 4]) -> bool {
 /// Fills in the truth that the identity samples of a rendered frame, or of a patch of it, tell.
 fn count_identities(
     world: &mut World,
-    frame: &mut Frame,
+    frame: &mut ExposedFrame,
     camera: &SensorCamera,
     digits: &[u32],
     pixels: &[u8],
@@ -590,7 +492,7 @@ fn count_identities(
             (magnified(&camera.pinhole), rect, f64::from(MAGNIFY))
         }
     };
-    let mut uavs = world.query::<(&Uav, &Flight, &Shape)>();
+    let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let samples = if camera.antialias > 1 { 4.0 } else { 1.0 };
     let [width, height] = rect.size_px;
     let [left, top] = rect.offset_px;
@@ -645,38 +547,6 @@ pub(crate) fn digit_of(sum: u32, digit: u32) -> u32 {
         0
     } else {
         sum / 5u32.pow(digit - 1) % 5
-    }
-}
-
-/// Spawns the rendered meshes of a UAV or distractor.
-pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, DQuat)) {
-    let (site_grid, material) = {
-        let handles = world.resource::<scene::SceneHandles>();
-        (handles.site_grid, handles.solid.clone())
-    };
-    let mut add = |data: &MeshData| world.resource_mut::<Assets<Mesh>>().add(scene::mesh(data));
-    let body = add(&shape.body);
-    // The GPU takes no mesh without vertices.
-    let rotor = (!shape.rotors.is_empty()).then(|| add(&shape.rotor));
-    let body = world
-        .spawn((
-            UavBody(index),
-            Mesh3d(body),
-            MeshMaterial3d(material.clone()),
-            MeshTag(0),
-            place_in_site(at.0, at.1),
-            ChildOf(site_grid),
-        ))
-        .id();
-    for (number, (mount, rotor)) in shape.rotors.iter().zip(rotor.iter().cycle()).enumerate() {
-        world.spawn((
-            UavRotor(index, number, mount.q_body_hub.as_quat()),
-            Mesh3d(rotor.clone()),
-            MeshMaterial3d(material.clone()),
-            MeshTag(0),
-            Transform::from_translation(mount.hub_body_m.as_vec3()),
-            ChildOf(body),
-        ));
     }
 }
 

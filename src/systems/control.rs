@@ -1,93 +1,21 @@
 //! Tracks become commands: mount rates, mirror deflection, readout windows.
 
 use crate::components::capture::{Readout, SensorCamera, Tier};
-use crate::components::clock::SimClock;
+use crate::components::control::{
+    Controller, PaperController, PointingController, Radar, SearchScan,
+};
+use crate::components::detect::Detector;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics};
+use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
-use crate::models::control::paper::{PaperLaw, PaperPid, coarse_axis_rates, precise_mirror};
-use crate::models::control::pointing::{HandOver, PointingInput, PointingLaw};
+use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
+use crate::models::control::pointing::PointingInput;
 use crate::models::maths::kinematics::az_el_to_los;
-use crate::models::maths::rng::Stream;
-use crate::models::tracking::radar::{Cue, Plot, RadarErrors, RadarTrack};
+use crate::models::tracking::radar::{Cue, Plot, RadarTrack};
 use crate::models::tracking::search::{SearchPattern, Sector};
-use crate::systems::detect::Detector;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
-use std::collections::VecDeque;
-
-/// The control law of a run.
-#[derive(Resource, Clone, Debug)]
-pub enum Controller {
-    /// Eqs. 8 to 10 as printed, frame by frame.
-    Paper(Box<PaperController>),
-    /// Prediction, rate feed-forward, mirror on the residual: tuned loops or an optimal regulator.
-    Pointing(Box<PointingController>),
-}
-
-/// A pointing law and what carries it over from one stage to the next.
-#[derive(Clone, Debug)]
-pub struct PointingController {
-    /// The law.
-    pub law: PointingLaw,
-    /// Keeps commands from jumping.
-    pub hand_over: HandOver,
-}
-
-/// Laws and memory of the paper's two loops.
-#[derive(Clone, Debug)]
-pub struct PaperController {
-    /// Eq. 9.
-    pub coarse_law: PaperLaw,
-    /// Eq. 10.
-    pub precise_law: PaperLaw,
-    /// Memory of the coarse loop.
-    pub coarse: PaperPid,
-    /// Memory of the precise loop.
-    pub precise: PaperPid,
-    /// Exposures last used by each loop.
-    pub used_tick: [Option<u64>; 2],
-    /// Rates that perform the last coarse increment [rad/s].
-    pub rates_radps: [f64; 2],
-    /// The track that the loops have been closed on.
-    pub target: Option<u32>,
-}
-
-impl PaperController {
-    /// Loops at rest.
-    pub fn new(coarse_law: PaperLaw, precise_law: PaperLaw) -> Self {
-        Self {
-            coarse_law,
-            precise_law,
-            coarse: PaperPid::default(),
-            precise: PaperPid::default(),
-            used_tick: [None; 2],
-            rates_radps: [0.0; 2],
-            target: None,
-        }
-    }
-}
-
-/// The search scan: what it covers, its gazes and where it stands.
-#[derive(Resource, Clone, Debug)]
-pub struct SearchScan {
-    /// How an area is covered.
-    pub pattern: SearchPattern,
-    /// The sector that is searched without a cue; a cue's area is never larger.
-    pub sector: Sector,
-    /// Field of view of the search camera, horizontal and vertical [rad].
-    pub fov_rad: [f64; 2],
-    /// How long a gaze without anything promising lasts [s].
-    pub gaze_s: f64,
-    /// The area that the gazes cover.
-    pub area: Sector,
-    /// Azimuth and elevation of every gaze [rad].
-    pub gazes_rad: Vec<[f64; 2]>,
-    /// The present gaze.
-    pub index: usize,
-    /// Since when the mount rests at it.
-    pub settled_since: Option<u64>,
-}
 
 /// A gaze begins when the mount is this close to it [rad], a fiftieth of the search camera's field,
 /// and this slow [rad/s]: below a fifth of a pixel in a 5 ms exposure.
@@ -161,26 +89,6 @@ impl SearchScan {
         self.gazes_rad = gazes_rad;
         self.settled_since = None;
     }
-}
-
-/// The external radar that cues the search, at the station. Its plots are truth plus a set error;
-/// nothing else of the truth comes through it.
-#[derive(Resource, Clone, Debug)]
-pub struct Radar {
-    /// Its errors; none: there is no radar.
-    pub errors: Option<RadarErrors>,
-    /// Ticks between plots.
-    pub period_ticks: u64,
-    /// Ticks from a measurement to its plot at the station.
-    pub latency_ticks: u64,
-    /// Scenario index of the UAV that it tracks; otherwise the first that is in the air.
-    pub target: Option<usize>,
-    /// Stream of its errors.
-    pub rng: Stream,
-    /// Plots on their way, with the tick they arrive in and the UAV they belong to.
-    pub waiting: VecDeque<(u64, Option<(usize, Plot)>)>,
-    /// Its track, and the UAV it belongs to.
-    pub track: Option<(usize, RadarTrack)>,
 }
 
 impl Radar {
@@ -407,14 +315,6 @@ const REFIND_S: f64 = 0.5;
 const WATCH_SEARCH: u64 = 3;
 const WATCH_COARSE: u64 = 6;
 
-/// Whether a camera holds a target in `state`.
-fn held(state: TrackingState) -> bool {
-    matches!(
-        state,
-        TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
-    )
-}
-
 /// What each camera reads out next.
 pub fn choose_readouts(
     clock: Res<SimClock>,
@@ -440,13 +340,14 @@ pub fn choose_readouts(
             // While a target is held, the wider cameras keep watch for others.
             (_, Tier::Search) if frame.is_multiple_of(WATCH_SEARCH) => Readout::Full,
             (_, Tier::Search) => Readout::Off,
-            (state, Tier::Coarse) if held(state) && frame.is_multiple_of(WATCH_COARSE) => {
+            (state, Tier::Coarse)
+                if state.holds(Tier::Coarse) && frame.is_multiple_of(WATCH_COARSE) =>
+            {
                 Readout::Full
             }
             (state, tier)
                 if camera.window_px.or(detector.roi_px()).is_some()
-                    && (tier == Tier::Coarse && held(state)
-                        || matches!(state, TrackingState::Precise | TrackingState::Engage)) =>
+                    && (state.holds(tier) || state.holds(Tier::Precise)) =>
             {
                 let around = track.and_then(|track| {
                     let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);

@@ -1,87 +1,21 @@
 //! Frames become detections, which wait out readout and inference.
 
-use crate::app::{Failure, Stopwatch};
-use crate::components::capture::{Frame, Frames, PixelRect, Readout, SensorCamera};
-use crate::components::clock::SimClock;
-use crate::components::track::{DetectionBatch, DetectionQueue};
-use crate::inference::{Inference, Picture};
+use crate::components::capture::{ExposedFrame, Frames, PixelRect, Readout, SensorCamera};
+use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
+use crate::components::run::{Failure, SimClock, Stopwatch};
+use crate::inference::Picture;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::detection::{Candidate, Detection, TruthErrors, detect_truth};
 use bevy::prelude::*;
 use std::time::Instant;
 
-/// The detector of a run: an image goes in, boxes with scores come out.
-#[derive(Resource)]
-pub enum Detector {
-    /// A network on the rendered image.
-    Onnx {
-        /// The model at work.
-        inference: Box<Inference>,
-        /// Scores below this are dropped.
-        score_threshold: f64,
-        /// Side of the square around the predicted target in which it looks for that [px].
-        roi_px: Option<u32>,
-    },
-    /// The geometric truth with set errors; needs no image.
-    Truth {
-        /// The errors.
-        errors: TruthErrors,
-        /// Seed of the run.
-        seed: u64,
-    },
-}
-
-/// A target must not be larger than this share of the region in which the network looks for it, or
-/// the network looks in all that was read out: it wants surroundings, and the prediction errs.
-const LARGEST_SHARE: f64 = 0.5;
-
-impl Detector {
-    /// Side of the square in which it looks for a predicted target [px], if it does so at all.
-    pub fn roi_px(&self) -> Option<u32> {
-        match self {
-            Detector::Onnx { roi_px, .. } => *roi_px,
-            Detector::Truth { .. } => None,
-        }
-    }
-
-    /// The part of the pixels `rect` in which it looks.
-    pub fn look(&self, readout: &Readout, rect: PixelRect) -> PixelRect {
-        match (readout, self.roi_px()) {
-            (
-                Readout::Around {
-                    centre_px,
-                    target_px,
-                },
-                Some(side),
-            ) if *target_px <= LARGEST_SHARE * f64::from(side) => rect.around(*centre_px, side),
-            _ => rect,
-        }
-    }
-
-    /// Name of the class with the index that detections and tracks carry.
-    pub fn class(&self, label: u32) -> &str {
-        match self {
-            Detector::Onnx { inference, .. } => inference
-                .classes()
-                .get(label as usize)
-                .map_or("uav", String::as_str),
-            Detector::Truth { .. } => "uav",
-        }
-    }
-
-    /// What a picture's box is labelled with: the score, and the class where there are several.
-    pub fn caption(&self, detection: &Detection) -> String {
-        match self {
-            Detector::Onnx { inference, .. } if inference.classes().len() > 1 => {
-                format!("{} {:.2}", self.class(detection.label), detection.score)
-            }
-            _ => format!("{:.2}", detection.score),
-        }
-    }
-}
-
 /// The detections of the truth detector in `frame`, in full-sensor pixels.
-fn truth(errors: &TruthErrors, seed: u64, frame: &Frame, sensor_px: [u32; 2]) -> Vec<Detection> {
+fn truth(
+    errors: &TruthErrors,
+    seed: u64,
+    frame: &ExposedFrame,
+    sensor_px: [u32; 2],
+) -> Vec<Detection> {
     // Control work wants a detector whose only errors are the set ones: the box is
     // centred on the aim point, whatever the gear below it or the rotors above.
     let candidates = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
@@ -122,31 +56,21 @@ pub fn detect(
         let Some((camera, readout)) = cameras.iter().find(of_frame) else {
             continue;
         };
-        let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
         let mut batch = DetectionBatch {
-            tier: frame.tier,
-            exposure_tick: frame.tick,
+            frame: frame.clone(),
             available_tick: frame.tick + camera.latency_ticks,
-            pointing: frame.pointing,
-            rect: detector.look(readout, frame.rect),
+            look: detector.look(readout, frame.rect),
             detections: Vec::new(),
+            answered: true,
         };
-        match (&*detector, &frame.rgb8) {
-            (Detector::Onnx { .. }, Some(rgb8)) => {
-                let [left, top] = frame.rect.offset_px;
-                let [x, y] = batch.rect.offset_px;
-                pictures.push(Picture {
-                    rgb8: rgb8.clone(),
-                    width_px: frame.rect.size_px[0],
-                    look: PixelRect {
-                        offset_px: [x - left, y - top],
-                        ..batch.rect
-                    },
-                });
-                queue.pending.push_back(batch.key());
+        match &*detector {
+            Detector::Onnx { .. } => {
+                let picture = picture(frame, batch.look);
+                batch.answered = picture.is_none();
+                pictures.extend(picture);
             }
-            (Detector::Onnx { .. }, None) => {}
-            (Detector::Truth { errors, seed }, _) => {
+            Detector::Truth { errors, seed } => {
+                let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
                 batch.detections = truth(errors, *seed, frame, sensor_px);
             }
         }
@@ -162,27 +86,37 @@ pub fn detect(
             inference.submit(pictures);
         }
         while queue.wants_answer(clock.tick) {
-            match inference.fetch() {
-                Ok(mut found) => {
-                    found.retain(|detection| detection.score >= *score_threshold);
-                    queue.answered(found);
-                }
-                Err(error) => {
-                    failure.set(error);
-                    queue.answered(Vec::new());
-                }
-            }
+            let mut found = inference.fetch().unwrap_or_else(|error| {
+                failure.set(error);
+                Vec::new()
+            });
+            found.retain(|detection| detection.score >= *score_threshold);
+            queue.answer(&found);
         }
         stopwatch.inference += started.elapsed();
     }
     queue.release(clock.tick);
 }
 
+/// The part `look` of a frame as the network takes it; none in a run that renders nothing.
+fn picture(frame: &ExposedFrame, look: PixelRect) -> Option<Picture> {
+    let [left, top] = frame.rect.offset_px;
+    let [x, y] = look.offset_px;
+    Some(Picture {
+        rgb8: frame.rgb8.clone()?,
+        width_px: frame.rect.size_px[0],
+        look: PixelRect {
+            offset_px: [x - left, y - top],
+            ..look
+        },
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::capture::Tier;
-    use crate::components::flight::Flight;
+    use crate::components::capture::{ExposedFrame, Tier};
+    use crate::components::flight::{Flight, UavShape};
     use crate::components::mount::{Alignment, Pointing};
     use crate::models::flight::multirotor::{self, Airframe};
     use crate::models::flight::trajectory::Trajectory;
@@ -190,7 +124,7 @@ mod tests {
     use crate::models::maths::kinematics::Pose;
     use crate::models::optics::camera::Pinhole;
     use crate::models::shape::uav_mesh::uav_mesh;
-    use crate::systems::capture::{Shape, projected};
+    use crate::systems::capture::projected;
     use glam::{DMat3, DQuat, DVec2, DVec3};
     use std::sync::Arc;
 
@@ -208,7 +142,7 @@ mod tests {
         let uav = model(UavKind::Phantom4);
         let airframe = Airframe::new(uav);
         let mesh = Arc::new(uav_mesh(UavKind::Phantom4));
-        let shape = Shape::new(mesh.clone());
+        let shape = UavShape::new(mesh.clone());
         // North, z forward and y down: the UAV passes through the field.
         let axes = DMat3::from_cols(DVec3::X, -DVec3::Z, DVec3::Y);
         let pose = Pose {
@@ -238,9 +172,10 @@ mod tests {
                     continue;
                 }
                 let seen = projected(&pinhole, &pose, &flight, &shape).unwrap();
-                let frame = Frame {
+                let frame = ExposedFrame {
                     tier: Tier::Precise,
                     tick,
+                    number: tick / 8,
                     pose,
                     pointing: Pointing {
                         az_el_rad: DVec2::ZERO,

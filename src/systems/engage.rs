@@ -2,45 +2,19 @@
 
 use crate::components::beam::FireCommand;
 use crate::components::capture::{SensorCamera, Tier};
-use crate::components::clock::SimClock;
+use crate::components::engage::{Burst, Interlocks, Rules};
 use crate::components::environment::Environment;
 use crate::components::mount::Mount;
+use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::engage::interlock::{
-    FAR_M, Zone, beam_half_angle_rad, bundle, bundle_hit_m, faces_sun, in_beam,
+    FAR_M, beam_half_angle_rad, bundle, bundle_hit_m, faces_sun, in_beam,
 };
 use crate::models::ground::dsm::HitKind;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::estimation::LosFilter;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
-
-/// The rules of engagement of a run.
-#[derive(Resource, Clone, Debug)]
-pub struct Rules {
-    /// Whether the laser may fire at all.
-    pub authorised: bool,
-    /// Protected regions.
-    pub keep_out: Vec<Zone>,
-    /// Least angle from a risen sun [rad].
-    pub sun_exclusion_rad: f64,
-    /// How far ahead the line of sight is checked [s].
-    pub look_ahead_s: f64,
-    /// Radius of the beam at its exit [m]; on its way to the target it is nowhere wider.
-    pub beam_radius_m: f64,
-    /// Whether open sky may lie behind the target.
-    pub allow_sky: bool,
-    /// Whether the ground may.
-    pub allow_ground: bool,
-    /// Whether a building or a tree may.
-    pub allow_building: bool,
-    /// How far behind the target what is solid must be [m].
-    pub min_clear_range_m: f64,
-    /// Longest burst [s].
-    pub max_burst_s: f64,
-    /// Least pause after a burst of that length [s].
-    pub pause_s: f64,
-}
 
 impl Rules {
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
@@ -62,19 +36,6 @@ impl Rules {
             None
         }
     }
-}
-
-/// Why the laser does not fire; empty while it may.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct Interlocks(pub Vec<&'static str>);
-
-/// Burst bookkeeping.
-#[derive(Resource, Clone, Copy, Debug, Default)]
-pub struct Burst {
-    /// First tick of the present burst.
-    pub began: Option<u64>,
-    /// Last tick of a burst that ran into its limit.
-    pub exhausted: Option<u64>,
 }
 
 /// How often the way to the target, and behind it, is looked over [Hz]: far more often than

@@ -1,14 +1,9 @@
-//! Clock and air.
+//! The air at every UAV.
 
-use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
 use crate::components::flight::{Air, Flight};
+use crate::components::run::SimClock;
 use bevy::prelude::*;
-
-/// Starts the tick.
-pub fn advance_clock(mut clock: ResMut<SimClock>) {
-    clock.tick += 1;
-}
 
 /// Mean wind and gusts at every UAV, where it was at the end of the last tick.
 pub fn blow(

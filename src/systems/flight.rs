@@ -4,9 +4,11 @@
 //! handed to Rapier, which lets it tumble on to a patch of the city around it, in f32 relative
 //! to the patch, and hands the motion back.
 
-use crate::components::clock::SimClock;
 use crate::components::environment::Environment;
-use crate::components::flight::{Air, Distractor, Flight, Guidance, Uav, UavStatus};
+use crate::components::flight::{
+    Air, Distractor, Flight, Guidance, HasWreck, Uav, UavStatus, Wreck,
+};
+use crate::components::run::SimClock;
 use crate::models::flight::distractor::{
     DistractorKind, WINGBEAT_HZ, bird_pose, tumbling_attitude, winged_attitude,
 };
@@ -78,18 +80,6 @@ pub fn drift(clock: Res<SimClock>, mut distractors: Query<(&mut Flight, &Distrac
         }
     }
 }
-
-/// A falling UAV in Rapier's world, whose origin is where the fall began.
-#[derive(Component)]
-pub struct Wreck {
-    uav: Entity,
-    origin_enu_m: DVec3,
-    patch: Entity,
-}
-
-/// Marks a UAV that has a [`Wreck`].
-#[derive(Component)]
-pub struct HasWreck;
 
 /// Half the side of the patch of city under a fall [m]: 30 m/s of speed and 100 m of height
 /// carry a wreck less far.

@@ -10,5 +10,6 @@ pub mod flight;
 pub mod mount;
 pub mod record;
 pub mod render;
+pub mod run;
 pub mod track;
 pub mod view;

@@ -1,12 +1,9 @@
 //! The mount obeys last tick's commands on a base that moves.
 
-use crate::components::capture::Tier;
-use crate::components::clock::SimClock;
-use crate::components::mount::{Misalignment, Mount, MountCommand, Optics, Pointing};
-use crate::models::maths::kinematics::boresight_chain;
+use crate::components::mount::{Misalignment, Mount, MountCommand, Optics};
+use crate::components::run::SimClock;
 use crate::models::mount::gimbal;
 use bevy::prelude::*;
-use glam::{DVec2, DVec3};
 
 /// Steps base, gimbal and mirror, and computes where every optic points.
 pub fn turn(
@@ -48,32 +45,5 @@ pub fn turn(
     gimbal::step(gimbal, params, &command.gimbal, torque_nm, dt_s);
     gimbal.add_gyro_noise(params, axis_gyro_rng, dt_s);
     mount.mirror.step(command.mirror_rad);
-    *optics = optics_of(&mount, misalignment);
-}
-
-/// The true poses and the known pointing of a mount.
-pub fn optics_of(mount: &Mount, misalignment: &Misalignment) -> Optics {
-    let pointing = Pointing {
-        az_el_rad: mount.measured_az_el_rad(),
-        mirror_rad: mount.mirror.deflection_rad(),
-        base_tilt_rad: mount.gyro.tilt_enu_rad,
-        alignment: mount.alignment,
-    };
-    let [az, el] = mount.gimbal.az_el_rad().to_array();
-    let tilt = mount.base.tilt_rad();
-    let pose = |mirror_rad: DVec2, misalignment_rad: DVec3| {
-        boresight_chain(mount.r_enu_m, tilt, az, el, mirror_rad, misalignment_rad)
-    };
-    Optics {
-        cameras: Tier::ALL.map(|tier| {
-            let mirror_rad = if tier == Tier::Precise {
-                pointing.mirror_rad
-            } else {
-                DVec2::ZERO
-            };
-            pose(mirror_rad, misalignment.0[tier as usize])
-        }),
-        laser: pose(pointing.mirror_rad, DVec3::ZERO),
-        pointing,
-    }
+    *optics = mount.optics(misalignment);
 }

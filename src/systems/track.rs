@@ -2,62 +2,32 @@
 
 use crate::components::beam::BeamState;
 use crate::components::capture::{PixelRect, SensorCamera, Tier};
-use crate::components::clock::SimClock;
+use crate::components::control::Radar;
+use crate::components::detect::{DetectionBatch, DetectionQueue};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavStatus};
 use crate::components::mount::{Mount, Optics};
+use crate::components::run::SimClock;
 use crate::components::track::{
-    BoresightError, DetectionBatch, DetectionQueue, Operator, Tracker, TrackingState,
+    BoresightError, Designation, Operator, Order, RangeFinder, Tracker, TrackerParams,
+    TrackingState,
 };
 use crate::models::engage::interlock::FAR_M;
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::flight::uav::{AimPart, aim_offset_enu_m};
 use crate::models::ground::dsm::{Dsm, LineOfSight};
 use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
-use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::Pinhole;
 use crate::models::tracking::radar::Cue;
 use crate::models::tracking::table::{
     Look, Occlusion, Sighting, Track, TrackTable, separation_rad,
 };
-use crate::systems::control::Radar;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
-/// How detections become tracks, and tracks targets.
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
-pub struct TrackerParams {
-    /// The paper's rule: whatever the detector sees nearest to the image centre is the target.
-    /// Otherwise identity comes from the track table.
-    pub nearest_to_centre: bool,
-    /// The linear map of eq. 8 from pixels to angles, for the paper's control laws.
-    pub linear_angles: bool,
-    /// Standard deviation of a detection's centre that the station counts on [px].
-    pub centre_sigma_px: f64,
-    /// Least share of the frames in which a detector must see what counts as a UAV.
-    pub min_quality: f64,
-    /// Least mean score of its detections.
-    pub min_score: f64,
-    /// Another track must be nearer to the asset in time by this factor to become the target.
-    pub switch_ratio: f64,
-    /// What is protected [m].
-    pub r_asset_enu_m: DVec3,
-    /// The part aimed at, for a detector that boxes the whole UAV; `None` for one that boxes the
-    /// part itself.
-    pub aim: Option<AimPart>,
-    /// Precise errors up to this count as locked [px].
-    pub lock_radius_px: f64,
-    /// How long the lock must hold before the state is Engage [s].
-    pub lock_dwell_s: f64,
-    /// A precise error beyond this ends Engage [px].
-    pub break_radius_px: f64,
-    /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
-    pub patience_s: [f64; 3],
-}
-
 /// Time without a hit after which a camera of `rate_hz` [Hz] has lost the target [s]: a slow one may
 /// miss a frame, as the faster ones may miss several.
-pub(crate) fn patience_s(rate_hz: f64) -> f64 {
+pub fn patience_s(rate_hz: f64) -> f64 {
     const LEAST_S: f64 = 0.25; // [s]
     const FRAMES: f64 = 2.5;
     LEAST_S.max(FRAMES / rate_hz)
@@ -119,10 +89,11 @@ pub fn associate(
     mut tracker: ResMut<Tracker>,
 ) {
     for batch in &queue.arrived {
-        let Some(camera) = cameras.iter().find(|camera| camera.tier == batch.tier) else {
+        let tier = batch.frame.tier;
+        let Some(camera) = cameras.iter().find(|camera| camera.tier == tier) else {
             continue;
         };
-        let t_s = clock.at_s(batch.exposure_tick);
+        let t_s = clock.at_s(batch.frame.tick);
         take_in(
             &mut tracker,
             &params,
@@ -144,20 +115,21 @@ pub(crate) fn take_in(
     r_enu_m: DVec3,
     t_s: f64,
 ) -> Vec<Option<u32>> {
-    let pose = batch.pointing.believed_pose(r_enu_m, batch.tier);
+    let frame = &batch.frame;
+    let pose = frame.pointing.believed_pose(r_enu_m, frame.tier);
     let sightings = sightings(batch, pinhole, &pose, params.centre_sigma_px);
-    let tier = batch.tier as usize;
-    let in_view = |az_el: DVec2| sees(pinhole, &pose, batch.rect, az_el);
+    let tier = frame.tier as usize;
+    let in_view = |az_el: DVec2| sees(pinhole, &pose, batch.look, az_el);
     let look = Look {
         tier,
         t_s,
         sightings: &sightings,
         in_view: &in_view,
         // The precise camera sees what it was turned to: a track already.
-        start_tracks: batch.tier != Tier::Precise,
+        start_tracks: frame.tier != Tier::Precise,
     };
     let blind = params.nearest_to_centre
-        && batch.tier != Tier::Search
+        && frame.tier != Tier::Search
         && !matches!(
             tracker.state,
             TrackingState::Search | TrackingState::Acquire
@@ -194,7 +166,8 @@ fn sightings(
     centre_sigma_px: f64,
 ) -> Vec<Sighting> {
     let ifov_rad = pinhole.ifov_rad();
-    let boresight_rad = batch.pointing.alignment.sigma_rad[batch.tier as usize];
+    let frame = &batch.frame;
+    let boresight_rad = frame.pointing.alignment.sigma_rad[frame.tier as usize];
     let pointing_rad = POINTING_SIGMA_RAD.hypot(boresight_rad);
     batch
         .detections
@@ -248,7 +221,7 @@ fn boresight_error(
     let px = DVec2::from(detection.aim_px) + aim_px;
     let [x0, y0, x1, y1] = detection.box_px;
     // What is to be brought to the target is the laser's axis, not the image's centre.
-    let reticle_px = batch.pointing.alignment.reticle_px(pinhole, batch.tier);
+    let reticle_px = batch.frame.reticle_px(pinhole);
     let angles = |px| {
         if linear {
             pinhole.angles_linear(px)
@@ -257,7 +230,7 @@ fn boresight_error(
         }
     };
     BoresightError {
-        exposure_tick: batch.exposure_tick,
+        exposure_tick: batch.frame.tick,
         available_tick: batch.available_tick,
         angle_rad: angles(px) - angles(reticle_px),
         distance_px: px.distance(reticle_px),
@@ -301,8 +274,7 @@ pub fn foresee(
     mount: Single<&Mount>,
     mut tracker: ResMut<Tracker>,
 ) {
-    let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
-    if !clock.tick.is_multiple_of(every) {
+    if !clock.due(FORESIGHT_HZ) {
         return;
     }
     let t_s = clock.t_s();
@@ -323,7 +295,8 @@ pub fn foresee(
     }
 }
 
-/// Carries out the operator's orders: the track nearest to the UAV pointed at becomes the target.
+/// Carries out the operator's orders: a track, or the one nearest to the UAV pointed at, becomes the
+/// target, or the choice goes back to the tracker.
 pub fn obey(
     clock: Res<SimClock>,
     mount: Single<&Mount>,
@@ -331,45 +304,65 @@ pub fn obey(
     mut operator: ResMut<Operator>,
     mut tracker: ResMut<Tracker>,
 ) {
-    let Some(order) = operator.orders.get(operator.next) else {
+    let due = |order: &&Order| clock.tick >= order.tick;
+    let Some(order) = operator.orders.get(operator.next).filter(due) else {
         return;
     };
-    if clock.tick < order.tick {
-        return;
-    }
     // A later order that has come due replaces one that still waits for a track.
-    let newer = operator.orders.get(operator.next + 1);
-    if newer.is_some_and(|newer| clock.tick >= newer.tick) {
+    if operator
+        .orders
+        .get(operator.next + 1)
+        .is_some_and(|newer| due(&newer))
+    {
         operator.next += 1;
         return;
     }
-    let Some(index) = order.designate else {
-        tracker.designated = false;
-        operator.next += 1;
-        return;
+    let t_s = clock.t_s();
+    let (track, reason) = match order.target {
+        Designation::Release => {
+            tracker.designated = false;
+            operator.next += 1;
+            return;
+        }
+        Designation::Track(id) => {
+            let Some(track) = tracker.table.get(id) else {
+                // A track that is gone does not come back under its old number.
+                operator.next += 1;
+                return;
+            };
+            let held = (track.total_hits() >= CONFIRM_HITS).then_some(id);
+            (held, format!("operator chooses track {id}"))
+        }
+        Designation::Uav(index) => {
+            let Some((uav, flight)) = uavs.iter().find(|(uav, _)| uav.index == index) else {
+                operator.next += 1;
+                return;
+            };
+            let at = los_to_az_el(flight.aim_enu_m() - mount.r_enu_m);
+            let nearest = nearest_track(&tracker.table, at, t_s);
+            let id = nearest.map_or(String::new(), |id| format!(" (track {id})"));
+            (nearest, format!("operator designates {}{id}", uav.name))
+        }
     };
-    let Some((uav, flight)) = uavs.iter().find(|(uav, _)| uav.index == index) else {
-        operator.next += 1;
-        return;
-    };
-    let at = los_to_az_el(flight.aim_enu_m() - mount.r_enu_m);
-    let distance =
-        |track: &Track| separation_rad(track.filter.predicted(clock.t_s()).az_el_rad(), at);
-    let nearest = tracker
-        .table
-        .tracks
-        .iter()
-        .filter(|track| track.total_hits() >= CONFIRM_HITS && distance(track) < DESIGNATION_RAD)
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .map(|track| track.id);
-    if let Some(id) = nearest {
+    if let Some(id) = track {
         if tracker.target != Some(id) {
-            let reason = format!("operator designates {} (track {id})", uav.name);
             tracker.acquire(clock.tick, id, reason);
         }
         tracker.designated = true;
         operator.next += 1;
     }
+}
+
+/// The confirmed track nearest to a direction that an operator points at.
+fn nearest_track(table: &TrackTable, at_az_el_rad: DVec2, t_s: f64) -> Option<u32> {
+    let distance =
+        |track: &Track| separation_rad(track.filter.predicted(t_s).az_el_rad(), at_az_el_rad);
+    table
+        .tracks
+        .iter()
+        .filter(|track| track.total_hits() >= CONFIRM_HITS && distance(track) < DESIGNATION_RAD)
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .map(|track| track.id)
 }
 
 /// What the state machine looks at.
@@ -479,8 +472,7 @@ pub fn decide(
         r_station_enu_m: mount.r_enu_m,
     };
     let searched = tracker.state == TrackingState::Search;
-    let every = u64::from((clock.tick_hz / FORESIGHT_HZ).max(1));
-    step(&now, tracker, beam.firing, clock.tick.is_multiple_of(every));
+    step(&now, tracker, beam.firing, clock.due(FORESIGHT_HZ));
     if searched
         && let Some(id) = tracker.target
         && let Some(cue) = radar.cue(now.t_s())
@@ -664,9 +656,8 @@ fn lose(now: &Situation, tracker: &mut Tracker, tier: Tier) {
 
 /// Why a camera has lost the target.
 fn silence(now: &Situation, tier: Tier) -> String {
-    let camera = ["search", "coarse", "precise"][tier as usize];
     let patience_s = now.params.patience_s[tier as usize];
-    format!("{camera} camera had no hit for {patience_s} s")
+    format!("{} camera had no hit for {patience_s} s", tier.word())
 }
 
 /// Follows the lock of the precise camera between Precise and Engage.
@@ -734,10 +725,6 @@ const RANGE_KNOWN_M: f64 = 10.0;
 /// Half of the range finder's field [rad].
 const RANGE_FIELD_RAD: f64 = 5e-4;
 
-/// The laser range finder's stream.
-#[derive(Resource)]
-pub struct RangeFinder(pub Stream);
-
 /// Ranges the UAV on the laser's axis, while the precise camera holds a target.
 pub fn find_range(
     clock: Res<SimClock>,
@@ -782,6 +769,22 @@ pub fn find_range(
     tracker.range_m = known
         .filter(|(_, sigma_m)| tracker.lased && *sigma_m < RANGE_KNOWN_M)
         .map(|(range_m, _)| range_m);
+}
+
+/// The UAV or distractor that the tracker's target really is: the one nearest to its line of sight.
+pub fn followed<'a>(
+    tracker: &Tracker,
+    t_s: f64,
+    r_station_enu_m: DVec3,
+    uavs: impl Iterator<Item = (&'a Uav, &'a Flight)>,
+) -> Option<usize> {
+    let los = tracker.target_track()?.filter.predicted(t_s).az_el_rad();
+    uavs.map(|(uav, flight)| {
+        let at = los_to_az_el(flight.aim_enu_m() - r_station_enu_m);
+        (separation_rad(los, at), uav.index)
+    })
+    .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+    .map(|(_, index)| index)
 }
 
 #[cfg(test)]

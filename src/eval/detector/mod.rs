@@ -1,5 +1,7 @@
 //! `boresight eval detector`: a model on annotated pictures.
 
+pub mod metrics;
+
 use super::coco::{Coco, Picture};
 use super::page::{note, number, standalone, table};
 use super::{cost, mot, progress, quoted, threads, within_share};

@@ -5,3 +5,4 @@ pub mod camera;
 pub mod detection;
 pub mod raster;
 pub mod sensor;
+pub mod tier;

@@ -6,7 +6,7 @@
 //! copy, wait. Rejected: reading frames one update late (pose and picture of different ticks)
 //! and an own wgpu renderer (a second set of meshes, cameras and shaders to keep in step).
 
-use crate::components::render::SensorProjection;
+use crate::components::render::{SensorProjection, SensorViews};
 use bevy::app::Main;
 use bevy::camera::{CameraOutputMode, Exposure, MsaaWriteback, RenderTarget};
 use bevy::core_pipeline::tonemapping::Tonemapping;
@@ -133,6 +133,31 @@ impl Renderer {
         staging.unmap();
         Ok(())
     }
+}
+
+/// Renders with every sensor view until meshes, textures and pipelines have reached the GPU, so
+/// that the first frame of a run is whole.
+pub fn settle(world: &mut World, renderer: &mut Renderer) {
+    // One pass creates the assets, one uploads them, one draws with them.
+    const PASSES: usize = 3;
+    let mut views = world.query::<&SensorViews>();
+    let views: Vec<Entity> = views
+        .iter(world)
+        .flat_map(|views| [Some(views.full), views.window, Some(views.magnifier)])
+        .flatten()
+        .collect();
+    let activate = |world: &mut World, active: bool| {
+        for view in &views {
+            if let Some(mut camera) = world.get_mut::<Camera>(*view) {
+                camera.is_active = active;
+            }
+        }
+    };
+    activate(world, true);
+    for _ in 0..PASSES {
+        renderer.render(world);
+    }
+    activate(world, false);
 }
 
 /// Spawns a camera that renders rectangles of one size off screen; inactive until asked.

@@ -4,15 +4,21 @@
 //! east, north and up. The floating origin sits on that sub-grid, so what the GPU sees in f32 is
 //! always relative to the station's cell, wherever on Earth the site is.
 
-use crate::components::render::{ATTRIBUTE_SURFACE, LeanMaterial, LightUniform};
+use crate::components::environment::Environment;
+use crate::components::flight::{Flight, Uav};
+use crate::components::render::{
+    ATTRIBUTE_SURFACE, LeanMaterial, LightUniform, SceneHandles, SiteGrid, StationOrigin, UavBody,
+    UavRotor,
+};
 use crate::models::air::sky::Sky;
 use crate::models::ground::city::GroundMap;
 use crate::models::maths::rng::Stream;
 use crate::models::shape::mesh::MeshData;
+use crate::models::shape::uav_mesh::UavMesh;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::NoFrustumCulling;
 use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
-use bevy::mesh::{Indices, PrimitiveTopology};
+use bevy::mesh::{Indices, MeshTag, PrimitiveTopology};
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use big_space::prelude::*;
@@ -20,35 +26,10 @@ use glam::{DQuat, DVec2, DVec3, Vec4};
 
 /// Edge of a grid cell [m]: f32 positions inside it are right to 0.1 mm.
 const CELL_M: f32 = 2_000.0;
+/// Wavelengths of the red, green and blue channel [m].
+const CHANNELS_M: [f64; 3] = [610e-9, 550e-9, 465e-9];
 /// Radius of the sky dome [m]: beyond the far apron of the city, inside the culling limit.
 const DOME_M: f32 = 60_000.0;
-
-/// Marks the grid whose axes are the site's east, north, up.
-#[derive(Component)]
-pub struct SiteGrid;
-
-/// Marks the point the sensors are rendered from.
-#[derive(Component)]
-pub struct StationOrigin;
-
-/// Marks the body of a UAV by its scenario index.
-#[derive(Component, Clone, Copy, Debug)]
-pub struct UavBody(pub usize);
-
-/// Marks a rotor or wing: scenario index of the UAV, number of the rotor, attitude at phase 0.
-#[derive(Component, Clone, Copy, Debug)]
-pub struct UavRotor(pub usize, pub usize, pub Quat);
-
-/// The materials and meshes of the scene that later systems change.
-#[derive(Resource)]
-pub struct SceneHandles {
-    /// Entity of the site's grid.
-    pub site_grid: Entity,
-    /// Material of everything but the sky.
-    pub solid: Handle<LeanMaterial>,
-    /// Material of the sky.
-    pub sky: Handle<LeanMaterial>,
-}
 
 /// The transform of a big_space grid in another: cell and f32 rest.
 pub fn place(grid: &Grid, r_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
@@ -244,26 +225,6 @@ fn sampler(address_mode_u: ImageAddressMode) -> ImageSampler {
     })
 }
 
-/// What [`spawn`] puts into the scene.
-pub struct SceneContent<'a> {
-    /// Centre of the site's grid, earth-centred [m].
-    pub r_site_ecef_m: DVec3,
-    /// Rotation of site axes into earth-centred axes.
-    pub q_ecef_enu: DQuat,
-    /// Where the sensors stand [m].
-    pub r_station_enu_m: DVec3,
-    /// City tiles.
-    pub tiles: &'a [MeshData],
-    /// Albedo of the ground.
-    pub ground: &'a GroundMap,
-    /// Light of the sky.
-    pub sky: &'a Sky,
-    /// Unit vector to the sun.
-    pub sun_dir_enu: DVec3,
-    /// Illuminances and extinction; direction and air-light are filled in from the above.
-    pub light: LightUniform,
-}
-
 /// Draws clouds over the share `cover` (0..1) of the spawned scene's sky, their lie by `seed`; they
 /// shade nothing but the sun's disc, since the sky's light is that of the mean cover already.
 pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
@@ -296,39 +257,49 @@ pub fn add_structure(world: &mut World, data: &MeshData) -> Option<Entity> {
     Some(world.spawn(parts).id())
 }
 
-/// Builds the grids, the city and the sky.
-pub fn spawn(world: &mut World, content: &SceneContent) {
-    let ground_map = world
-        .resource_mut::<Assets<Image>>()
-        .add(ground_texture(content.ground));
-    let sky_table = world
-        .resource_mut::<Assets<Image>>()
-        .add(sky_texture(content.sky));
-    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
-    let light = LightUniform {
-        sun_dir_enu: content.sun_dir_enu.as_vec3().extend(0.0),
-        airlight_kcd_m2: airlight_polynomial(content.sky, content.sun_dir_enu),
-        ..content.light
-    };
+/// The light of an environment as the shader takes it.
+fn light(environment: &Environment) -> LightUniform {
+    let rgb = |[r, g, b]: [f64; 3]| Vec4::new(r as f32, g as f32, b as f32, 0.0);
+    let sky = &environment.sky;
+    let extinction = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));
+    LightUniform {
+        sun_dir_enu: environment.sun_dir_enu.as_vec3().extend(0.0),
+        sun_klx: rgb(sky.sun_illuminance()),
+        ambient_sky_klx: rgb(sky.ambient_down()),
+        ambient_ground_klx: rgb(sky.ambient_up()),
+        extinction_per_m: rgb(extinction),
+        // A lit window seen from outside: some 80 cd/m^2.
+        night: Vec4::new(0.08, 0.0, 0.0, 0.0),
+        airlight_kcd_m2: airlight_polynomial(sky, environment.sun_dir_enu),
+        ..default()
+    }
+}
+
+/// Builds the grids, the city and the sky; the sensors stand at `r_station_enu_m` [m].
+pub fn spawn(world: &mut World, environment: &Environment, r_station_enu_m: DVec3) {
+    let city = &environment.city;
+    let mut images = world.resource_mut::<Assets<Image>>();
     let mut material = LeanMaterial {
-        light,
-        ground_map,
-        sky_table,
+        light: light(environment),
+        ground_map: images.add(ground_texture(&city.ground_map)),
+        sky_table: images.add(sky_texture(&environment.sky)),
         last: false,
         clouded: false,
     };
+    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
     let solid = materials.add(material.clone());
     material.last = true;
     let sky = materials.add(material);
     let mut meshes = world.resource_mut::<Assets<Mesh>>();
     let dome = meshes.add(dome());
-    let tiles: Vec<_> = content
-        .tiles
+    let tiles: Vec<_> = city
+        .chunks()
         .iter()
         .map(|tile| (meshes.add(mesh(tile)), tile.origin_enu_m))
         .collect();
 
-    let (cell, transform) = place(&grid(), content.r_site_ecef_m, content.q_ecef_enu);
+    let site = &environment.site;
+    let (cell, transform) = place(&grid(), site.origin().to_ecef(), site.q_ecef_enu());
     let root = world
         .spawn((
             BigSpaceRootBundle {
@@ -357,7 +328,7 @@ pub fn spawn(world: &mut World, content: &SceneContent) {
             ChildOf(site_grid),
         ));
     }
-    let at = place(&grid(), content.r_station_enu_m, DQuat::IDENTITY);
+    let at = place(&grid(), r_station_enu_m, DQuat::IDENTITY);
     world.spawn((
         StationOrigin,
         FloatingOrigin,
@@ -377,6 +348,89 @@ pub fn spawn(world: &mut World, content: &SceneContent) {
         solid,
         sky,
     });
+}
+
+/// A big_space place in the site's grid.
+pub fn place_in_site(r_enu_m: DVec3, q: DQuat) -> (CellCoord, Transform) {
+    place(&grid(), r_enu_m, q)
+}
+
+/// Moves the scene's UAVs and distractors to the truth, and hides those that closed cloud hides.
+pub fn sync_scene(world: &mut World) {
+    let mut states = world.query::<(&Uav, &Flight)>();
+    let environment = world.resource::<Environment>();
+    let poses: Vec<_> = states
+        .iter(world)
+        .map(|(uav, flight)| {
+            let hidden = environment.in_cloud(flight.state.r_enu_m);
+            (uav.index, (flight.state, hidden))
+        })
+        .collect();
+    let of = |index: usize| {
+        poses
+            .iter()
+            .find(|(i, _)| *i == index)
+            .map(|(_, state)| state)
+    };
+    let mut bodies = world.query::<(&UavBody, &mut CellCoord, &mut Transform, &mut Visibility)>();
+    for (body, mut cell, mut transform, mut visibility) in bodies.iter_mut(world) {
+        if let Some((state, hidden)) = of(body.0) {
+            (*cell, *transform) = place_in_site(state.r_enu_m, state.q_enu_body);
+            visibility.set_if_neq(if *hidden {
+                Visibility::Hidden
+            } else {
+                Visibility::Inherited
+            });
+        }
+    }
+    let mut rotors = world.query::<(&UavRotor, &mut Transform)>();
+    for (rotor, mut transform) in rotors.iter_mut(world) {
+        if let Some((state, _)) = of(rotor.uav) {
+            let phase_rad = state.rotor_phase_rad[rotor.number] as f32;
+            transform.rotation = rotor.q_body_hub * Quat::from_rotation_z(phase_rad);
+        }
+    }
+}
+
+/// Bevy's camera looks along -z with y up; the optical frame has z forward and y down.
+pub fn bevy_attitude(q_enu_cam: DQuat) -> DQuat {
+    q_enu_cam * DQuat::from_rotation_x(std::f64::consts::PI)
+}
+
+/// Spawns the rendered meshes of a UAV or distractor.
+pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, DQuat)) {
+    let (site_grid, material) = {
+        let handles = world.resource::<SceneHandles>();
+        (handles.site_grid, handles.solid.clone())
+    };
+    let mut add = |data: &MeshData| world.resource_mut::<Assets<Mesh>>().add(mesh(data));
+    let body = add(&shape.body);
+    // The GPU takes no mesh without vertices.
+    let rotor = (!shape.rotors.is_empty()).then(|| add(&shape.rotor));
+    let body = world
+        .spawn((
+            UavBody(index),
+            Mesh3d(body),
+            MeshMaterial3d(material.clone()),
+            MeshTag(0),
+            place_in_site(at.0, at.1),
+            ChildOf(site_grid),
+        ))
+        .id();
+    for (number, (mount, rotor)) in shape.rotors.iter().zip(rotor.iter().cycle()).enumerate() {
+        world.spawn((
+            UavRotor {
+                uav: index,
+                number,
+                q_body_hub: mount.q_body_hub.as_quat(),
+            },
+            Mesh3d(rotor.clone()),
+            MeshMaterial3d(material.clone()),
+            MeshTag(0),
+            Transform::from_translation(mount.hub_body_m.as_vec3()),
+            ChildOf(body),
+        ));
+    }
 }
 
 #[cfg(test)]

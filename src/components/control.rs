@@ -1,0 +1,102 @@
+//! Controllers, the search scan and the radar that cues it.
+
+use crate::models::control::paper::{PaperLaw, PaperPid};
+use crate::models::control::pointing::{HandOver, PointingLaw};
+use crate::models::maths::rng::Stream;
+use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};
+use crate::models::tracking::search::{SearchPattern, Sector};
+use bevy::prelude::*;
+use std::collections::VecDeque;
+
+/// The control law of a run.
+#[derive(Resource, Clone, Debug)]
+pub enum Controller {
+    /// Eqs. 8 to 10 as printed, frame by frame.
+    Paper(Box<PaperController>),
+    /// Prediction, rate feed-forward, mirror on the residual: tuned loops or an optimal regulator.
+    Pointing(Box<PointingController>),
+}
+
+/// A pointing law and what carries it over from one stage to the next.
+#[derive(Clone, Debug)]
+pub struct PointingController {
+    /// The law.
+    pub law: PointingLaw,
+    /// Keeps commands from jumping.
+    pub hand_over: HandOver,
+}
+
+/// Laws and memory of the paper's two loops.
+#[derive(Clone, Debug)]
+pub struct PaperController {
+    /// Eq. 9.
+    pub coarse_law: PaperLaw,
+    /// Eq. 10.
+    pub precise_law: PaperLaw,
+    /// Memory of the coarse loop.
+    pub coarse: PaperPid,
+    /// Memory of the precise loop.
+    pub precise: PaperPid,
+    /// Exposures last used by each loop.
+    pub used_tick: [Option<u64>; 2],
+    /// Rates that perform the last coarse increment [rad/s].
+    pub rates_radps: [f64; 2],
+    /// The track that the loops have been closed on.
+    pub target: Option<u32>,
+}
+
+impl PaperController {
+    /// Loops at rest.
+    pub fn new(coarse_law: PaperLaw, precise_law: PaperLaw) -> Self {
+        Self {
+            coarse_law,
+            precise_law,
+            coarse: PaperPid::default(),
+            precise: PaperPid::default(),
+            used_tick: [None; 2],
+            rates_radps: [0.0; 2],
+            target: None,
+        }
+    }
+}
+
+/// The search scan: what it covers, its gazes and where it stands.
+#[derive(Resource, Clone, Debug)]
+pub struct SearchScan {
+    /// How an area is covered.
+    pub pattern: SearchPattern,
+    /// The sector that is searched without a cue; a cue's area is never larger.
+    pub sector: Sector,
+    /// Field of view of the search camera, horizontal and vertical [rad].
+    pub fov_rad: [f64; 2],
+    /// How long a gaze without anything promising lasts [s].
+    pub gaze_s: f64,
+    /// The area that the gazes cover.
+    pub area: Sector,
+    /// Azimuth and elevation of every gaze [rad].
+    pub gazes_rad: Vec<[f64; 2]>,
+    /// The present gaze.
+    pub index: usize,
+    /// Since when the mount rests at it.
+    pub settled_since: Option<u64>,
+}
+
+/// The external radar that cues the search, at the station. Its plots are truth plus a set error;
+/// nothing else of the truth comes through it.
+#[derive(Resource, Clone, Debug)]
+pub struct Radar {
+    /// Its errors; none: there is no radar.
+    pub errors: Option<RadarErrors>,
+    /// Ticks between plots.
+    pub period_ticks: u64,
+    /// Ticks from a measurement to its plot at the station.
+    pub latency_ticks: u64,
+    /// Scenario index of the UAV that it tracks; otherwise the first that is in the air.
+    pub target: Option<usize>,
+    /// Stream of its errors.
+    pub rng: Stream,
+    /// Plots on their way, with the tick they arrive in and the UAV they belong to.
+    pub waiting: VecDeque<(u64, Option<(usize, Plot)>)>,
+    /// Its track, and the UAV it belongs to.
+    pub track: Option<(usize, RadarTrack)>,
+}

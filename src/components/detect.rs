@@ -1,0 +1,147 @@
+//! The detector, and detections on their way to the tracker.
+
+use crate::components::capture::{ExposedFrame, PixelRect, Readout, Tier};
+use crate::inference::Inference;
+use crate::models::optics::detection::{Detection, TruthErrors};
+use bevy::prelude::*;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// The detector of a run: an image goes in, boxes with scores come out.
+#[derive(Resource)]
+pub enum Detector {
+    /// A network on the rendered image.
+    Onnx {
+        /// The model at work.
+        inference: Box<Inference>,
+        /// Scores below this are dropped.
+        score_threshold: f64,
+        /// Side of the square around the predicted target in which it looks for that [px].
+        roi_px: Option<u32>,
+    },
+    /// The geometric truth with set errors; needs no image.
+    Truth {
+        /// The errors.
+        errors: TruthErrors,
+        /// Seed of the run.
+        seed: u64,
+    },
+}
+
+/// A target must not be larger than this share of the region in which the network looks for it, or
+/// the network looks in all that was read out: it wants surroundings, and the prediction errs.
+const LARGEST_SHARE: f64 = 0.5;
+
+impl Detector {
+    /// Side of the square in which it looks for a predicted target [px], if it does so at all.
+    pub fn roi_px(&self) -> Option<u32> {
+        match self {
+            Detector::Onnx { roi_px, .. } => *roi_px,
+            Detector::Truth { .. } => None,
+        }
+    }
+
+    /// The part of the pixels `rect` in which it looks.
+    pub fn look(&self, readout: &Readout, rect: PixelRect) -> PixelRect {
+        match (readout, self.roi_px()) {
+            (
+                Readout::Around {
+                    centre_px,
+                    target_px,
+                },
+                Some(side),
+            ) if *target_px <= LARGEST_SHARE * f64::from(side) => rect.around(*centre_px, side),
+            _ => rect,
+        }
+    }
+
+    /// Name of the class with the index that detections and tracks carry.
+    pub fn class(&self, label: u32) -> &str {
+        match self {
+            Detector::Onnx { inference, .. } => inference
+                .classes()
+                .get(label as usize)
+                .map_or("uav", String::as_str),
+            Detector::Truth { .. } => "uav",
+        }
+    }
+
+    /// What a picture's box is labelled with: the score, and the class where there are several.
+    pub fn caption(&self, detection: &Detection) -> String {
+        match self {
+            Detector::Onnx { inference, .. } if inference.classes().len() > 1 => {
+                format!("{} {:.2}", self.class(detection.label), detection.score)
+            }
+            _ => format!("{:.2}", detection.score),
+        }
+    }
+}
+
+/// The detections of one frame, and the frame itself.
+#[derive(Clone, Debug)]
+pub struct DetectionBatch {
+    /// What was exposed.
+    pub frame: Arc<ExposedFrame>,
+    /// First tick in which the tracker may see the detections.
+    pub available_tick: u64,
+    /// The pixels in which the detector looked.
+    pub look: PixelRect,
+    /// Detections above the threshold, in full-sensor pixels; empty until `answered`.
+    pub detections: Vec<Detection>,
+    /// Whether the detector has answered.
+    pub answered: bool,
+}
+
+impl DetectionBatch {
+    /// Frames go to the detector, and are answered, in this order.
+    fn asked(&self) -> (u64, Tier) {
+        (self.frame.tick, self.frame.tier)
+    }
+}
+
+/// Batches that wait out their latency.
+#[derive(Resource, Default, Debug)]
+pub struct DetectionQueue {
+    /// Ordered by (available tick, exposure tick, tier).
+    pub waiting: VecDeque<DetectionBatch>,
+    /// The batches that arrived in this tick.
+    pub arrived: Vec<DetectionBatch>,
+}
+
+impl DetectionQueue {
+    /// Queues a batch at its place.
+    pub fn push(&mut self, batch: DetectionBatch) {
+        let key = |b: &DetectionBatch| (b.available_tick, b.asked());
+        let at = self.waiting.partition_point(|b| key(b) <= key(&batch));
+        self.waiting.insert(at, batch);
+    }
+
+    /// Whether a batch that is available at `tick` still lacks its detections.
+    pub fn wants_answer(&self, tick: u64) -> bool {
+        (self.waiting.iter())
+            .take_while(|batch| batch.available_tick <= tick)
+            .any(|batch| !batch.answered)
+    }
+
+    /// Puts the detector's next answer, in pixels of the part that it looked at, into its batch.
+    pub fn answer(&mut self, found: &[Detection]) {
+        let open = self.waiting.iter_mut().filter(|batch| !batch.answered);
+        if let Some(batch) = open.min_by_key(|batch| batch.asked()) {
+            let offset_px = batch.look.offset_px;
+            batch.detections = found.iter().map(|d| d.shifted(offset_px)).collect();
+            batch.answered = true;
+        }
+    }
+
+    /// Moves what is available at `tick` to `arrived`.
+    pub fn release(&mut self, tick: u64) {
+        self.arrived.clear();
+        while self
+            .waiting
+            .front()
+            .is_some_and(|batch| batch.available_tick <= tick)
+        {
+            self.arrived.extend(self.waiting.pop_front());
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! Rules of engagement, interlocks and burst.
+
+use crate::models::engage::interlock::Zone;
+use bevy::prelude::*;
+
+/// The rules of engagement of a run.
+#[derive(Resource, Clone, Debug)]
+pub struct Rules {
+    /// Whether the laser may fire at all.
+    pub authorised: bool,
+    /// Protected regions.
+    pub keep_out: Vec<Zone>,
+    /// Least angle from a risen sun [rad].
+    pub sun_exclusion_rad: f64,
+    /// How far ahead the line of sight is checked [s].
+    pub look_ahead_s: f64,
+    /// Radius of the beam at its exit [m]; on its way to the target it is nowhere wider.
+    pub beam_radius_m: f64,
+    /// Whether open sky may lie behind the target.
+    pub allow_sky: bool,
+    /// Whether the ground may.
+    pub allow_ground: bool,
+    /// Whether a building or a tree may.
+    pub allow_building: bool,
+    /// How far behind the target what is solid must be [m].
+    pub min_clear_range_m: f64,
+    /// Longest burst [s].
+    pub max_burst_s: f64,
+    /// Least pause after a burst of that length [s].
+    pub pause_s: f64,
+}
+
+/// Why the laser does not fire; empty while it may.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Interlocks(pub Vec<&'static str>);
+
+/// Burst bookkeeping.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct Burst {
+    /// First tick of the present burst.
+    pub began: Option<u64>,
+    /// Last tick of a burst that ran into its limit.
+    pub exhausted: Option<u64>,
+}

@@ -1,0 +1,91 @@
+//! What the cameras see: materials, big space, and the scene that stands for the truth.
+
+use crate::components::capture::SensorCamera;
+use crate::components::environment::Environment;
+use crate::components::flight::{Flight, Uav, UavShape};
+use crate::components::mount::Mount;
+use crate::components::render::{LEAN_SHADER, LeanMaterial, SceneHandles, SensorViews};
+use crate::components::run::{Failure, RunScenario, Seed};
+use crate::systems::capture::{ImageScratch, MAGNIFY, PATCH_PX};
+use crate::systems::render::renderer::{Renderer, settle, spawn_sensor_view};
+use crate::systems::render::scene;
+use bevy::prelude::*;
+use big_space::plugin::BigSpaceMinimalPlugins;
+
+/// Materials, shader and big space; needs Bevy's own rendering plugins.
+pub struct ScenePlugin;
+
+impl Plugin for ScenePlugin {
+    fn build(&self, app: &mut App) {
+        app.add_plugins(BigSpaceMinimalPlugins)
+            .add_plugins(MaterialPlugin::<LeanMaterial>::default());
+        let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+        // The handle is a constant of this crate, so it is always there to insert at.
+        let _ = shaders.insert(
+            &LEAN_SHADER,
+            Shader::from_wgsl(include_str!("../../assets/shaders/lean.wgsl"), "lean.wgsl"),
+        );
+    }
+}
+
+/// Whether this run renders at all, and nothing has failed so far.
+pub fn renders(renderer: Option<NonSend<Renderer>>, failure: Res<Failure>) -> bool {
+    renderer.is_some() && !failure.is_set()
+}
+
+/// Builds the scene around the truth that was set up: city, sky, UAVs, and a view for each camera.
+pub fn show(world: &mut World) {
+    let environment = world.resource::<Environment>().clone();
+    let mut mounts = world.query::<&Mount>();
+    let r_station_enu_m = mounts
+        .iter(world)
+        .next()
+        .map_or(glam::DVec3::ZERO, |mount| mount.r_enu_m);
+    scene::spawn(world, &environment, r_station_enu_m);
+    if world
+        .resource::<RunScenario>()
+        .scenario
+        .weather
+        .cloud_texture
+    {
+        let seed = world.resource::<Seed>().0;
+        scene::set_clouds(world, environment.weather.cloud_cover, seed);
+    }
+    let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
+    let uavs: Vec<_> = uavs
+        .iter(world)
+        .map(|(uav, flight, shape)| (uav.index, flight.state, shape.mesh.clone()))
+        .collect();
+    for (index, state, mesh) in uavs {
+        scene::spawn_uav(world, index, &mesh, (state.r_enu_m, state.q_enu_body));
+    }
+    let mut cameras = world.query::<(Entity, &SensorCamera)>();
+    let cameras: Vec<_> = cameras
+        .iter(world)
+        .map(|(entity, camera)| (entity, camera.clone()))
+        .collect();
+    for (entity, camera) in cameras {
+        let views = spawn_views(world, &camera);
+        world.entity_mut(entity).insert(views);
+    }
+    if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
+        settle(world, &mut renderer);
+        world.insert_non_send(renderer);
+    }
+    world.insert_non_send(ImageScratch::default());
+}
+
+/// The render cameras of a sensor.
+fn spawn_views(world: &mut World, camera: &SensorCamera) -> SensorViews {
+    let site_grid = world.resource::<SceneHandles>().site_grid;
+    let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+    let mut view =
+        |size_px: [u32; 2]| spawn_sensor_view(world, site_grid, size_px, camera.antialias);
+    SensorViews {
+        full: view(sensor_px),
+        window: camera
+            .window_px
+            .map(|side| view([side.min(sensor_px[0]), side.min(sensor_px[1])])),
+        magnifier: view([MAGNIFY * PATCH_PX; 2]),
+    }
+}

@@ -1,0 +1,461 @@
+//! A tick in the MCAP recording.
+
+use crate::components::beam::{BeamState, LaserSource};
+use crate::components::capture::{ExposedFrame, Frames, SensorCamera, Tier};
+use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
+use crate::components::engage::Interlocks;
+use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::mount::{Mount, MountCommand, Optics};
+use crate::components::record::{Recording, StateHash};
+use crate::components::run::{Failure, PartError, SimClock};
+use crate::components::track::Tracker;
+use crate::models::optics::camera::Pinhole;
+use crate::recording::{
+    BoxAnnotation, Camera, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, Shape,
+    encode_jpeg, proto,
+};
+use crate::systems::track::followed;
+use bevy::prelude::*;
+use glam::{DQuat, DVec3};
+
+/// The recording's camera of a tier.
+fn camera_of(tier: Tier) -> Camera {
+    Camera::ALL[tier as usize]
+}
+
+fn xyz(v: DVec3) -> proto::Vec3 {
+    proto::Vec3 {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
+}
+
+fn box_of([x0_px, y0_px, x1_px, y1_px]: [f64; 4]) -> proto::BoxPx {
+    proto::BoxPx {
+        x0_px,
+        y0_px,
+        x1_px,
+        y1_px,
+    }
+}
+
+fn transform<'a>(child: &'a str, r_enu_m: DVec3, q: DQuat) -> FrameTransform<'a> {
+    FrameTransform {
+        parent: "enu",
+        child,
+        translation_m: r_enu_m.to_array(),
+        rotation: q.to_array(),
+    }
+}
+
+/// A UAV or distractor as it is recorded.
+type Flying = (
+    &'static Uav,
+    &'static Flight,
+    Option<&'static HeatedSkin>,
+    &'static UavStatus,
+    Option<&'static Distractor>,
+);
+
+/// Everything that a tick may record.
+#[derive(bevy::ecs::system::SystemParam)]
+pub struct Recorded<'w, 's> {
+    clock: Res<'w, SimClock>,
+    hash: Res<'w, StateHash>,
+    frames: Res<'w, Frames>,
+    queue: Res<'w, DetectionQueue>,
+    detector: Res<'w, Detector>,
+    tracker: Res<'w, Tracker>,
+    interlocks: Res<'w, Interlocks>,
+    station: Single<
+        'w,
+        's,
+        (
+            &'static Mount,
+            &'static MountCommand,
+            &'static Optics,
+            &'static LaserSource,
+            &'static BeamState,
+        ),
+    >,
+    uavs: Query<'w, 's, Flying>,
+    cameras: Query<'w, 's, &'static SensorCamera>,
+}
+
+/// Writes this tick into the recording.
+pub fn write_recording(
+    now: Recorded,
+    mut recording: ResMut<Recording>,
+    mut failure: ResMut<Failure>,
+) {
+    let recording = &mut *recording;
+    let Some(mut recorder) = recording.recorder.take() else {
+        return;
+    };
+    match now.write(recorder.get(), recording) {
+        Ok(()) => recording.recorder = Some(recorder),
+        // The file is given up, not the error.
+        Err(error) => failure.set(error),
+    }
+}
+
+impl Recorded<'_, '_> {
+    fn write(&self, recorder: &mut Recorder, recording: &mut Recording) -> Result<(), PartError> {
+        let tick = self.clock.tick;
+        let t_s = self.clock.t_s();
+        let own = proto::Tick {
+            tick,
+            simulated_s: t_s,
+            state_hash: self.hash.0,
+        };
+        recorder.own(tick, &own)?;
+        for change in &self.tracker.changes[recording.changes_logged..] {
+            let text = format!("{}: {}", change.to.name(), change.reason);
+            recorder.log(tick, LogLevel::Info, "tracker", &text)?;
+        }
+        recording.changes_logged = self.tracker.changes.len();
+        if tick.is_multiple_of(recording.state_period_ticks) {
+            self.write_states(recorder, tick)?;
+        }
+        for frame in &self.frames.0 {
+            self.write_frame(recorder, recording, frame)?;
+        }
+        for batch in &self.queue.arrived {
+            self.write_detections(recorder, tick, batch)?;
+            self.mark(recorder, recording, batch)?;
+        }
+        Ok(())
+    }
+
+    fn write_states(&self, recorder: &mut Recorder, tick: u64) -> Result<(), RecordingError> {
+        self.write_transforms(recorder, tick)?;
+        self.write_scene(recorder, tick)?;
+        for (uav, flight, skin, status, distractor) in &self.uavs {
+            let state = &flight.state;
+            let [x, y, z, w] = state.q_enu_body.to_array();
+            recorder.own(
+                tick,
+                &proto::UavState {
+                    name: uav.name.clone(),
+                    r_enu_m: Some(xyz(state.r_enu_m)),
+                    v_enu_mps: Some(xyz(state.v_enu_mps)),
+                    q_enu_body: Some(proto::Quat { x, y, z, w }),
+                    skin_temperature_k: skin.map_or(f64::NAN, |skin| skin.skin.temperature_k),
+                    status: distractor
+                        .map_or(status.name(), |distractor| distractor.kind.name())
+                        .into(),
+                },
+            )?;
+        }
+        recorder.own(tick, &self.mount_state())?;
+        recorder.own(tick, &self.track_state())?;
+        recorder.own(tick, &self.beam_state())
+    }
+
+    /// Where cameras and UAVs are.
+    fn write_transforms(&self, recorder: &mut Recorder, tick: u64) -> Result<(), RecordingError> {
+        let (_, _, optics, ..) = *self.station;
+        let mut transforms: Vec<_> = Tier::ALL
+            .iter()
+            .map(|tier| {
+                let pose = optics.camera(*tier);
+                transform(tier.name(), pose.r_enu_m, pose.q_enu_cam)
+            })
+            .collect();
+        transforms.extend(self.uavs.iter().map(|(uav, flight, ..)| {
+            transform(&uav.name, flight.state.r_enu_m, flight.state.q_enu_body)
+        }));
+        recorder.frame_transforms(tick, &transforms)
+    }
+
+    /// UAVs as boxes, and the beam as a line.
+    fn write_scene(&self, recorder: &mut Recorder, tick: u64) -> Result<(), RecordingError> {
+        let (.., optics, _, beam) = *self.station;
+        let end = |range_m: f64| {
+            optics.laser.r_enu_m + optics.laser.q_enu_cam * DVec3::new(0.0, 0.0, range_m)
+        };
+        let range_m = self.tracker.range_m.unwrap_or(1_500.0);
+        let line = [optics.laser.r_enu_m.to_array(), end(range_m).to_array()];
+        let shapes: Vec<_> = self
+            .uavs
+            .iter()
+            .map(|(uav, _, _, status, distractor)| {
+                [Shape::Cube {
+                    centre_m: [0.0; 3],
+                    rotation: [0.0, 0.0, 0.0, 1.0],
+                    size_m: uav.size_m,
+                    colour: match status {
+                        _ if distractor.is_some() => [0.4, 0.45, 0.5, 1.0],
+                        UavStatus::Flying => [0.9, 0.6, 0.0, 1.0],
+                        _ => [0.5, 0.1, 0.1, 1.0],
+                    },
+                }]
+            })
+            .collect();
+        let beam_line = [Shape::Line {
+            points_m: &line,
+            width_m: 0.1,
+            colour: [0.84, 0.37, 0.0, 0.8],
+        }];
+        let shown_s = 1.0 / 60.0; // [s]
+        let lifetime_ticks = u32::try_from(self.clock.ticks_of(shown_s)).unwrap_or(1);
+        let mut entities: Vec<_> = self
+            .uavs
+            .iter()
+            .zip(&shapes)
+            .map(|((uav, ..), shapes)| SceneEntity {
+                id: &uav.name,
+                frame: &uav.name,
+                lifetime_ticks: 0,
+                shapes,
+            })
+            .collect();
+        if beam.firing {
+            entities.push(SceneEntity {
+                id: "beam",
+                frame: "enu",
+                lifetime_ticks,
+                shapes: &beam_line,
+            });
+        }
+        recorder.scene_update(tick, &entities)
+    }
+
+    fn mount_state(&self) -> proto::MountState {
+        let (mount, command, ..) = *self.station;
+        let (angle, rate) = (mount.gimbal.az_el_rad(), mount.gimbal.rates_radps());
+        let tilt = mount.base.tilt_rad();
+        proto::MountState {
+            azimuth_rad: angle.x,
+            elevation_rad: angle.y,
+            azimuth_rate_radps: rate.x,
+            elevation_rate_radps: rate.y,
+            azimuth_rate_command_radps: command.gimbal.rate_radps[0],
+            elevation_rate_command_radps: command.gimbal.rate_radps[1],
+            mirror_x_rad: mount.mirror.deflection_rad().x,
+            mirror_y_rad: mount.mirror.deflection_rad().y,
+            mirror_x_command_rad: command.mirror_rad.x,
+            mirror_y_command_rad: command.mirror_rad.y,
+            base_tilt_east_rad: tilt.x,
+            base_tilt_north_rad: tilt.y,
+        }
+    }
+
+    fn track_state(&self) -> proto::TrackState {
+        let (mount, ..) = *self.station;
+        let t_s = self.clock.t_s();
+        let mut state = proto::TrackState {
+            state: self.tracker.state.name().into(),
+            range_m: self.tracker.range_m.unwrap_or(f64::NAN),
+            ..Default::default()
+        };
+        let Some(target) = self.tracker.target_track() else {
+            return state;
+        };
+        let los = target.filter.predicted(t_s);
+        let uavs = self.uavs.iter().map(|(uav, flight, ..)| (uav, flight));
+        let index = followed(&self.tracker, t_s, mount.r_enu_m, uavs);
+        let name = self.uavs.iter().find(|(uav, ..)| Some(uav.index) == index);
+        state.target = name.map(|(uav, ..)| uav.name.clone()).unwrap_or_default();
+        state.los_azimuth_rad = los.az_rad;
+        state.los_elevation_rad = los.el_rad;
+        state.los_azimuth_rate_radps = los.az_rate_radps;
+        state.los_elevation_rate_radps = los.el_rate_radps;
+        let [az, el] = los.covariance;
+        state.los_covariance = vec![0.0; 16];
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            state.los_covariance[4 * (2 * i) + 2 * j] = az[(i, j)];
+            state.los_covariance[4 * (2 * i + 1) + 2 * j + 1] = el[(i, j)];
+        }
+        state.quality = target.filter.quality();
+        state.class = self.detector.class(target.label()).into();
+        state
+    }
+
+    fn beam_state(&self) -> proto::BeamState {
+        let (.., source, beam) = *self.station;
+        proto::BeamState {
+            firing: beam.firing,
+            power_at_exit_w: if beam.firing {
+                source.laser.power_w
+            } else {
+                0.0
+            },
+            power_at_target_w: beam.power_at_target_w,
+            power_in_bucket_w: beam.power_in_bucket_w,
+            irradiance_wpm2: beam.irradiance_wpm2,
+            spot_radius_m: beam.spot_radius_m,
+            offset_m: beam.offset_m,
+            transmittance: beam.transmittance,
+            scintillation: beam.scintillation,
+            interlocks: self.interlocks.0.iter().map(ToString::to_string).collect(),
+        }
+    }
+
+    fn write_frame(
+        &self,
+        recorder: &mut Recorder,
+        recording: &Recording,
+        frame: &ExposedFrame,
+    ) -> Result<(), PartError> {
+        self.write_truth(recorder, frame)?;
+        let Some(camera) = self.cameras.iter().find(|c| c.tier == frame.tier) else {
+            return Ok(());
+        };
+        self.write_miss(recorder, frame, &camera.pinhole)?;
+        if let Some(rgb8) = &frame.rgb8
+            && recording.keeps(frame)
+        {
+            write_image(recorder, recording, frame, &camera.pinhole, rgb8)?;
+        }
+        Ok(())
+    }
+
+    /// What the cameras should see in a frame.
+    fn write_truth(
+        &self,
+        recorder: &mut Recorder,
+        frame: &ExposedFrame,
+    ) -> Result<(), RecordingError> {
+        let name = |index: usize| {
+            self.uavs
+                .iter()
+                .find(|(uav, ..)| uav.index == index)
+                .map(|(uav, ..)| uav.name.clone())
+                .unwrap_or_default()
+        };
+        let uavs = frame
+            .truth
+            .iter()
+            .map(|seen| {
+                let rendered = seen.rendered;
+                let visible =
+                    rendered.map_or(f64::from(u8::from(seen.clear)), |r| r.visible_fraction);
+                let shown = rendered.and_then(|r| r.box_px);
+                proto::UavTruth {
+                    name: name(seen.uav),
+                    r#box: Some(box_of(shown.unwrap_or(seen.box_px))),
+                    visible_fraction: visible,
+                    range_m: seen.range_m,
+                }
+            })
+            .collect();
+        let truth = proto::FrameTruth {
+            camera: frame.tier.name().into(),
+            exposure_tick: frame.tick,
+            uavs,
+        };
+        recorder.own(frame.tick, &truth)
+    }
+
+    /// The target's true distance from the laser's axis in a frame of a camera that holds it.
+    fn write_miss(
+        &self,
+        recorder: &mut Recorder,
+        frame: &ExposedFrame,
+        pinhole: &Pinhole,
+    ) -> Result<(), RecordingError> {
+        if !self.tracker.state.holds(frame.tier) {
+            return Ok(());
+        }
+        let uavs = self
+            .uavs
+            .iter()
+            .filter(|(_, _, _, status, _)| **status == UavStatus::Flying)
+            .map(|(uav, flight, ..)| (uav, flight));
+        let target = followed(&self.tracker, self.clock.t_s(), frame.pose.r_enu_m, uavs);
+        let seen = frame.truth.iter().find(|seen| Some(seen.uav) == target);
+        let Some(seen) = seen.filter(|seen| !seen.distractor) else {
+            return Ok(());
+        };
+        let miss = proto::MissDistance {
+            camera: frame.tier.name().into(),
+            exposure_tick: frame.tick,
+            miss_px: frame.reticle_px(pinhole).distance(seen.aim_px.into()),
+        };
+        recorder.own(frame.tick, &miss)
+    }
+
+    /// Marks the recorded image of a batch that has arrived, if there is one.
+    fn mark(
+        &self,
+        recorder: &mut Recorder,
+        recording: &Recording,
+        batch: &DetectionBatch,
+    ) -> Result<(), RecordingError> {
+        let frame = &batch.frame;
+        let camera = self.cameras.iter().find(|c| c.tier == frame.tier);
+        let (Some(camera), Some(_), true) = (camera, &frame.rgb8, recording.keeps(frame)) else {
+            return Ok(());
+        };
+        let [dx, dy] = frame.rect.offset_px.map(f64::from);
+        let reticle = frame.reticle_px(&camera.pinhole);
+        let boxes: Vec<_> = batch
+            .detections
+            .iter()
+            .map(|detection| BoxAnnotation {
+                label: self.detector.class(detection.label),
+                rect_px: {
+                    let [x0, y0, x1, y1] = detection.box_px;
+                    [x0 - dx, y0 - dy, x1 - dx, y1 - dy]
+                },
+                colour: [0.0, 0.62, 0.45, 1.0],
+            })
+            .collect();
+        recorder.image_annotations(
+            self.clock.tick,
+            frame.tick,
+            camera_of(frame.tier),
+            &boxes,
+            [reticle.x - dx, reticle.y - dy],
+        )
+    }
+
+    fn write_detections(
+        &self,
+        recorder: &mut Recorder,
+        tick: u64,
+        batch: &DetectionBatch,
+    ) -> Result<(), RecordingError> {
+        let detections = batch
+            .detections
+            .iter()
+            .map(|detection| proto::Detection {
+                r#box: Some(box_of(detection.box_px)),
+                score: detection.score,
+                label: self.detector.class(detection.label).into(),
+            })
+            .collect();
+        recorder.own(
+            tick,
+            &proto::Detections {
+                camera: batch.frame.tier.name().into(),
+                exposure_tick: batch.frame.tick,
+                available_tick: batch.available_tick,
+                detections,
+            },
+        )
+    }
+}
+
+/// Records the picture of a frame.
+fn write_image(
+    recorder: &mut Recorder,
+    recording: &Recording,
+    frame: &ExposedFrame,
+    pinhole: &Pinhole,
+    rgb8: &[u8],
+) -> Result<(), PartError> {
+    let camera = camera_of(frame.tier);
+    let [w, h] = frame.rect.size_px;
+    let jpeg = encode_jpeg(rgb8, w as u16, h as u16, recording.jpeg_quality)?;
+    // A window is a picture of its own: its calibration has the shifted principal point.
+    let [dx, dy] = frame.rect.offset_px.map(f64::from);
+    let centre = pinhole.centre_px();
+    let (f, cx, cy) = (pinhole.focal_px, centre.x - dx, centre.y - dy);
+    let k_px = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
+    recorder.camera_calibration(frame.tick, camera, w, h, k_px)?;
+    recorder.compressed_image(frame.tick, camera, jpeg)?;
+    Ok(())
+}

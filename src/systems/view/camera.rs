@@ -1,0 +1,149 @@
+//! The window's free camera.
+
+use crate::components::environment::Environment;
+use crate::components::flight::{Flight, Uav};
+use crate::components::mount::Mount;
+use crate::components::render::SceneHandles;
+use crate::components::view::{FreeCamera, Session, WindowCamera, WindowFrame};
+use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
+use crate::systems::render::scene::{bevy_attitude, place_in_site};
+use bevy::camera::Exposure;
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::input::mouse::AccumulatedMouseMotion;
+use bevy::prelude::*;
+use bevy::render::renderer::RenderAdapterInfo;
+use bevy::render::view::{Msaa, NoIndirectDrawing};
+use bevy_egui::PrimaryEguiContext;
+use bevy_egui::input::EguiWantsInput;
+use big_space::prelude::CellCoord;
+use glam::{DVec2, DVec3};
+
+/// Longest wall-clock time that counts as passed between two window frames [s].
+pub const LONGEST_FRAME_S: f64 = 0.25;
+
+/// Puts the free camera behind and above the station, looking over it to the first UAV.
+pub fn spawn_window_camera(world: &mut World) {
+    let Some(site_grid) = world
+        .get_resource::<SceneHandles>()
+        .map(|scene| scene.site_grid)
+    else {
+        return;
+    };
+    let mut mounts = world.query::<&Mount>();
+    let mount = mounts
+        .iter(world)
+        .next()
+        .map(|mount| (mount.r_enu_m, mount.gimbal.az_el_rad()));
+    let (r_station_enu_m, gaze_rad) = mount.unwrap_or((DVec3::ZERO, DVec2::ZERO));
+    let mut uavs = world.query::<(&Uav, &Flight)>();
+    let first = uavs.iter(world).find(|(uav, _)| uav.index == 0);
+    let to = first.map_or(az_el_to_los(gaze_rad), |(_, flight)| {
+        flight.state.r_enu_m - r_station_enu_m
+    });
+    let azimuth_rad = los_to_az_el(to).x;
+    let back_m = az_el_to_los(DVec2::new(azimuth_rad, 0.0));
+    let camera = FreeCamera {
+        r_enu_m: r_station_enu_m - 60.0 * back_m + 30.0 * DVec3::Z,
+        azimuth_rad,
+        elevation_rad: -0.09,
+        vfov_rad: 0.85,
+    };
+    // Grey of 18 % on level ground comes out at a linear 0.2; moonless night sets the limit.
+    let klx = world
+        .resource::<Environment>()
+        .sky
+        .global_illuminance_klx()
+        .max(1e-5);
+    let exposure = 0.2 * std::f64::consts::PI / (0.18 * klx);
+    // A software rasteriser has no time for four samples a pixel, but a picture is worth them.
+    let software = world
+        .get_resource::<RenderAdapterInfo>()
+        .is_some_and(|info| info.device_type == wgpu::DeviceType::Cpu);
+    let pictured = world
+        .get_resource::<Session>()
+        .is_some_and(|session| session.screenshot.is_some());
+    world.spawn((
+        WindowCamera,
+        PrimaryEguiContext,
+        Camera3d::default(),
+        Camera {
+            is_active: false,
+            clear_color: ClearColorConfig::None,
+            ..default()
+        },
+        Projection::Perspective(PerspectiveProjection {
+            fov: camera.vfov_rad as f32,
+            near: 0.5,
+            far: 100_000.0,
+            ..default()
+        }),
+        if software && !pictured {
+            Msaa::Off
+        } else {
+            Msaa::Sample4
+        },
+        Exposure {
+            ev100: -(1.2 * exposure).log2() as f32,
+        },
+        Tonemapping::None,
+        NoIndirectDrawing,
+        placed(&camera),
+        Visibility::default(),
+        ChildOf(site_grid),
+    ));
+    world.insert_resource(camera);
+}
+
+/// Where the free camera stands in the scene.
+fn placed(camera: &FreeCamera) -> (CellCoord, Transform) {
+    place_in_site(camera.r_enu_m, bevy_attitude(camera.q_enu_cam()))
+}
+
+/// Flies the free camera: WASD and QE, the mouse with its right button held, shift for haste.
+pub fn fly_camera(
+    frame: Res<WindowFrame>,
+    keys: Res<ButtonInput<KeyCode>>,
+    buttons: Res<ButtonInput<MouseButton>>,
+    motion: Res<AccumulatedMouseMotion>,
+    wants: Res<EguiWantsInput>,
+    environment: Res<Environment>,
+    mut camera: ResMut<FreeCamera>,
+    view: Single<(&mut CellCoord, &mut Transform), With<WindowCamera>>,
+) {
+    const LOOK_RAD_PER_PX: f64 = 3e-3;
+    const SPEED_MPS: f64 = 60.0;
+    const HASTE: f64 = 8.0;
+    const STEEPEST_RAD: f64 = 1.5;
+    const LEAST_HEIGHT_M: f64 = 2.0;
+    // Inside the sky dome, and near enough to the floating origin for millimetres in f32.
+    const FARTHEST_M: f64 = 20_000.0;
+    if buttons.pressed(MouseButton::Right) && !wants.wants_any_pointer_input() {
+        let turn = motion.delta.as_dvec2() * LOOK_RAD_PER_PX;
+        camera.azimuth_rad = (camera.azimuth_rad + turn.x).rem_euclid(std::f64::consts::TAU);
+        camera.elevation_rad = (camera.elevation_rad - turn.y).clamp(-STEEPEST_RAD, STEEPEST_RAD);
+    }
+    if !wants.wants_any_keyboard_input() {
+        let axis = |plus: KeyCode, minus: KeyCode| {
+            f64::from(i8::from(keys.pressed(plus)) - i8::from(keys.pressed(minus)))
+        };
+        let q = camera.q_enu_cam();
+        let way = q * DVec3::X * axis(KeyCode::KeyD, KeyCode::KeyA)
+            + q * DVec3::Z * axis(KeyCode::KeyW, KeyCode::KeyS)
+            + DVec3::Z * axis(KeyCode::KeyE, KeyCode::KeyQ);
+        let haste = if keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]) {
+            HASTE
+        } else {
+            1.0
+        };
+        let step_s = frame.wall_s.min(LONGEST_FRAME_S);
+        let r_enu_m = camera.r_enu_m + way.normalize_or_zero() * (SPEED_MPS * haste * step_s);
+        camera.r_enu_m = r_enu_m.clamp_length_max(FARTHEST_M);
+    }
+    let floor_m = environment
+        .city
+        .dsm
+        .terrain_m(camera.r_enu_m.x, camera.r_enu_m.y);
+    camera.r_enu_m.z = camera.r_enu_m.z.max(floor_m + LEAST_HEIGHT_M);
+    let (mut cell, mut transform) = view.into_inner();
+    (*cell, *transform) = placed(&camera);
+}

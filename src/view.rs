@@ -1,0 +1,153 @@
+//! `boresight view`: a run in a window.
+
+use crate::app::{self, Options, RunError};
+use crate::components::run::SimClock;
+use crate::components::track::{Designation, Operator};
+use crate::components::view::{Pacing, ScreenshotRequest, Session};
+use crate::output::{self, OutputError};
+use crate::plugins::view::ViewPlugin;
+use crate::scenario::{self, Loaded};
+use crate::summary::{self, Finished};
+use bevy::prelude::*;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::channel;
+use std::time::Instant;
+
+/// Why a window cannot be shown, or its session not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// The run itself, or what it leaves.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// No display to open a window on.
+    #[error("no display: DISPLAY is not set; start it under a desktop, or with xvfb-run")]
+    NoDisplay,
+    /// A screenshot's name without a known ending.
+    #[error("--screenshot: {} must end in .jpg or .png", .0.display())]
+    Screenshot(PathBuf),
+    /// The operator's orders cannot be written as TOML.
+    #[error("--save-orders: {0}")]
+    Orders(#[from] toml::ser::Error),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// What a window session leaves besides its recording.
+#[derive(Clone, Debug, Default)]
+pub struct Keep {
+    /// A picture of the window after so many simulated seconds, and then its end.
+    pub screenshot: Option<(PathBuf, f64)>,
+    /// The scenario with the operator's orders: run again, it repeats the session.
+    pub orders: Option<PathBuf>,
+}
+
+/// Whether there is a display that a window can be opened on.
+fn display() -> Result<(), ViewError> {
+    let named = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if cfg!(target_os = "linux") && !named("DISPLAY") {
+        Err(ViewError::NoDisplay)
+    } else {
+        Ok(())
+    }
+}
+
+/// Whether a picture of the window can be written to that file.
+fn check_screenshot(file: &Path) -> Result<(), ViewError> {
+    let extension = file.extension().and_then(|extension| extension.to_str());
+    if extension.is_some_and(|extension| matches!(extension, "jpg" | "jpeg" | "png")) {
+        return Ok(());
+    }
+    Err(ViewError::Screenshot(file.to_owned()))
+}
+
+/// Runs a scenario in a window until that is closed; what the session left is written as in a run
+/// without a window.
+pub fn view(
+    loaded: &Loaded,
+    options: &Options,
+    keep: &Keep,
+) -> Result<Option<Finished>, ViewError> {
+    if let Some((file, _)) = &keep.screenshot {
+        check_screenshot(file)?;
+    }
+    display()?;
+    let (sender, receiver) = channel();
+    let (in_end_loaded, in_end_options, orders) =
+        (loaded.clone(), options.clone(), keep.orders.clone());
+    let now = Instant::now();
+    let session = Session {
+        started: now,
+        last: now,
+        lately: VecDeque::new(),
+        screenshot: keep.screenshot.as_ref().map(|(file, _)| ScreenshotRequest {
+            file: file.clone(),
+            drawn: 0,
+        }),
+        ended: Some(Box::new(move |world, result, elapsed| {
+            let (loaded, options) = (&in_end_loaded, &in_end_options);
+            let finished = result
+                .map_err(|error| ViewError::Run(error.into()))
+                .and_then(|()| {
+                    if let Some(file) = &orders {
+                        output::write(file, with_orders(world, loaded, options)?)?;
+                    }
+                    Ok(summary::conclude(world, loaded, options, elapsed)?)
+                });
+            // The receiver waits below for the event loop to return.
+            let _ = sender.send(finished);
+        })),
+    };
+    let mut app = app::build_with(loaded, options, |app| {
+        app.insert_resource(session).add_plugins(ViewPlugin);
+    })?;
+    if let Some((_, at_s)) = keep.screenshot {
+        let world = app.world_mut();
+        let tick = world.resource::<SimClock>().ticks_of(at_s);
+        let mut pacing = world.resource_mut::<Pacing>();
+        pacing.speed = f64::INFINITY;
+        pacing.pause_at = Some(tick);
+        pacing.paused = tick == 0;
+    }
+    app.run();
+    receiver.try_recv().ok().transpose()
+}
+
+/// The scenario as it was run, with the orders that the operator gave in the window.
+fn with_orders(
+    world: &World,
+    loaded: &Loaded,
+    options: &Options,
+) -> Result<String, toml::ser::Error> {
+    let clock = world.resource::<SimClock>();
+    let mut scenario = loaded.scenario.clone();
+    scenario.seed = options.seed.unwrap_or(scenario.seed);
+    let orders = &world.resource::<Operator>().orders;
+    let order = |order: &crate::components::track::Order| scenario::Order {
+        t_s: clock.at_s(order.tick),
+        designate: match order.target {
+            Designation::Uav(index) => loaded.scenario.uavs.get(index).map(|uav| uav.name.clone()),
+            Designation::Track(_) | Designation::Release => None,
+        },
+        track: match order.target {
+            Designation::Track(id) => Some(id),
+            Designation::Uav(_) | Designation::Release => None,
+        },
+    };
+    scenario.operator = orders.iter().map(order).collect();
+    toml::to_string(&scenario)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_screenshot_is_a_jpeg_or_png() {
+        assert!(check_screenshot(Path::new("docs/window.jpg")).is_ok());
+        assert!(check_screenshot(Path::new("docs/window.png")).is_ok());
+        let refused = check_screenshot(Path::new("docs/window.gif"));
+        assert!(refused.is_err_and(|error| error.to_string().contains("window.gif")));
+    }
+}
