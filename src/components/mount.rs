@@ -152,6 +152,20 @@ impl Pointing {
             self.alignment.rotation_rad[tier as usize],
         )
     }
+
+    /// Where the station believes its laser to point.
+    pub fn laser_axis_enu(&self) -> DVec3 {
+        let [az, el] = self.az_el_rad.to_array();
+        let pose = boresight_chain(
+            DVec3::ZERO,
+            self.base_tilt_rad,
+            az,
+            el,
+            self.mirror_rad,
+            DVec3::ZERO,
+        );
+        pose.q_enu_cam * DVec3::Z
+    }
 }
 
 /// Where the optics really point in this tick.

@@ -1,6 +1,7 @@
 //! The tracker: tracks, state, target; the operator who may choose it.
 
 use crate::models::flight::uav::AimPart;
+use crate::models::laser::range_finder::RangeFinderParams;
 use crate::models::maths::kinematics::wrap_pi;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
@@ -106,9 +107,14 @@ pub struct TrackerParams {
     pub patience_s: [f64; 3],
 }
 
-/// The laser range finder's stream.
-#[derive(Resource)]
-pub struct RangeFinder(pub Stream);
+/// The laser range finder, on the laser's axis.
+#[derive(Resource, Clone, Debug)]
+pub struct RangeFinder {
+    /// The instrument.
+    pub params: RangeFinderParams,
+    /// Stream of its errors.
+    pub rng: Stream,
+}
 
 /// What an operator wants for a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -42,7 +42,10 @@ fn set_up(
     let scenario = &loaded.scenario;
     commands.insert_resource(tracker_params(scenario, mount.r_enu_m));
     commands.insert_resource(operator(scenario, *clock));
-    commands.insert_resource(RangeFinder(seed.stream(0, "range finder")));
+    commands.insert_resource(RangeFinder {
+        params: default(),
+        rng: seed.stream(0, "range finder"),
+    });
 }
 
 /// How the tracker of a scenario works, for a station at `r_station_enu_m` [m].

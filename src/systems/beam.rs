@@ -13,6 +13,7 @@ use crate::models::laser::beam::{
     BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
     wander_correlation_time_s,
 };
+use crate::models::maths::kinematics::Pose;
 use crate::systems::track::followed;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -30,18 +31,50 @@ const ABSORBED_SHARE: f64 = 0.1;
 /// Least transverse air speed on the path [m/s]: natural convection stirs still air.
 const LEAST_CROSSWIND_MPS: f64 = 0.3;
 
+/// The UAV that the beam is followed to.
+struct Aimed {
+    /// Its scenario index.
+    index: usize,
+    /// Angle between its aim point and the beam's axis [rad].
+    angle_rad: f64,
+    /// Its aim point in the laser's axes [m].
+    r_cam_m: DVec3,
+    /// Mean air over the beam on the way to it [m/s].
+    v_air_enu_mps: DVec3,
+}
+
+/// What arrives at the aimed UAV's range.
+struct Arriving {
+    /// Power of the whole beam [W].
+    power_w: f64,
+    /// Short-term 1/e² radius [m].
+    spot_radius_m: f64,
+    /// Where the beam's centre lies [m], right and down of its axis at `range_m`.
+    centre_m: DVec2,
+    /// Range [m].
+    range_m: f64,
+}
+
+/// UAVs as the beam meets them.
+type Targets = (
+    &'static Uav,
+    &'static Flight,
+    &'static Air,
+    &'static UavStatus,
+    &'static mut HeatedSkin,
+    &'static mut Dose,
+);
+
 /// Propagates the beam along the optics' axis and finds what it does to each UAV.
 pub fn propagate(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     tracker: Res<Tracker>,
     station: Single<(&Optics, &mut LaserSource, &FireCommand, &mut BeamState)>,
-    mut uavs: Query<(&Uav, &Flight, &Air, &UavStatus, &mut HeatedSkin, &mut Dose)>,
+    mut uavs: Query<Targets>,
 ) {
     let (optics, mut source, command, mut beam) = station.into_inner();
     let dt_s = clock.dt_s();
-    let pose = optics.laser;
-    let q_cam_enu = pose.q_enu_cam.inverse();
     *beam = BeamState {
         firing: command.fire,
         energy_j: beam.energy_j,
@@ -49,39 +82,81 @@ pub fn propagate(
         distractor_s: beam.distractor_s,
         ..default()
     };
-    // The UAV whose aim point lies closest to the axis is the one the path is followed to.
-    let mut aimed: Option<(f64, usize, DVec3, DVec3)> = None; // angle, index, place, air over the beam
-    for (uav, flight, air, status, mut skin, _) in &mut uavs {
-        skin.irradiance_wpm2 = 0.0;
-        let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
-        let angle = r_cam_m.truncate().length() / r_cam_m.z;
-        let best = aimed.is_none_or(|(least, ..)| angle < least);
-        if *status == UavStatus::Flying && r_cam_m.z > 0.0 && angle < AIM_CONE_RAD && best {
-            aimed = Some((
-                angle,
-                uav.index,
-                r_cam_m,
-                mean_air_over_beam_mps(air.wind_enu_mps, flight.state.v_enu_mps),
-            ));
+    let aimed = aimed(&optics.laser, &mut uavs);
+    if let Some(aimed) = &aimed {
+        let arriving = cross_air(
+            &clock,
+            &environment,
+            &optics.laser,
+            &mut source,
+            command,
+            aimed,
+            &mut beam,
+        );
+        if command.fire {
+            light(
+                &clock,
+                &environment,
+                &tracker,
+                &optics.laser,
+                source.laser.power_w * dt_s,
+                (aimed, &arriving),
+                &mut beam,
+                &mut uavs,
+            );
         }
     }
-    let Some((_, index, target_cam_m, v_air_enu_mps)) = aimed else {
-        if command.fire {
-            beam.energy_j += source.laser.power_w * dt_s;
+    if command.fire {
+        beam.energy_j += source.laser.power_w * dt_s;
+    }
+}
+
+/// The UAV whose aim point lies closest to the axis, if any lies near it; no skin is lit yet.
+fn aimed(laser: &Pose, uavs: &mut Query<Targets>) -> Option<Aimed> {
+    let q_cam_enu = laser.q_enu_cam.inverse();
+    let mut aimed: Option<Aimed> = None;
+    for (uav, flight, air, status, mut skin, _) in uavs {
+        skin.irradiance_wpm2 = 0.0;
+        let r_cam_m = q_cam_enu * (flight.aim_enu_m() - laser.r_enu_m);
+        let angle_rad = r_cam_m.truncate().length() / r_cam_m.z;
+        let best = aimed
+            .as_ref()
+            .is_none_or(|least| angle_rad < least.angle_rad);
+        if *status == UavStatus::Flying && r_cam_m.z > 0.0 && angle_rad < AIM_CONE_RAD && best {
+            aimed = Some(Aimed {
+                index: uav.index,
+                angle_rad,
+                r_cam_m,
+                v_air_enu_mps: mean_air_over_beam_mps(air.wind_enu_mps, flight.state.v_enu_mps),
+            });
         }
-        return;
-    };
-    let range_m = target_cam_m.length();
-    let los_enu = (pose.q_enu_cam * target_cam_m) / range_m;
-    let crosswind_mps = v_air_enu_mps.reject_from_normalized(los_enu).length();
-    let due = (clock.tick).is_multiple_of(u64::from((clock.tick_hz / PATH_HZ).max(1)));
+    }
+    aimed
+}
+
+/// Takes the beam through the air to the aimed UAV's range.
+fn cross_air(
+    clock: &SimClock,
+    environment: &Environment,
+    laser: &Pose,
+    source: &mut LaserSource,
+    command: &FireCommand,
+    aimed: &Aimed,
+    beam: &mut BeamState,
+) -> Arriving {
+    let dt_s = clock.dt_s();
+    let range_m = aimed.r_cam_m.length();
+    let los_enu = (laser.q_enu_cam * aimed.r_cam_m) / range_m;
+    let crosswind_mps = (aimed.v_air_enu_mps)
+        .reject_from_normalized(los_enu)
+        .length();
     let path = match source.path {
-        Some(path) if path.index == index && !due => path,
+        Some(path) if path.index == aimed.index && !clock.due(PATH_HZ) => path,
         _ => renew_path(
-            &mut source,
-            &environment,
-            pose.r_enu_m,
-            (index, los_enu * range_m),
+            source,
+            environment,
+            laser.r_enu_m,
+            (aimed.index, los_enu * range_m),
             crosswind_mps.max(LEAST_CROSSWIND_MPS),
         ),
     };
@@ -93,7 +168,7 @@ pub fn propagate(
         jitter_rng,
         jitter_rad,
         ..
-    } = &mut *source;
+    } = source;
     let relative = match channel {
         Channel::Physical(scintillation) => scintillation.step(dt_s, scintillation_rng),
         Channel::Paper(intensity) => intensity.step(dt_s, scintillation_rng),
@@ -112,34 +187,55 @@ pub fn propagate(
         .short_term_radius_m(range_m, focus_m, &path.turbulence)
         / path.blooming.sqrt();
     let centre_m = range_m * (wander_rad + jitter);
-    let power_w = source.laser.power_w * transmitted * relative;
-    beam.aimed = Some(index);
+    beam.aimed = Some(aimed.index);
     beam.transmittance = transmitted;
     beam.scintillation = relative;
     beam.spot_radius_m = spot_radius_m;
-    beam.offset_m = (target_cam_m.truncate() - centre_m).length();
-    if !command.fire {
-        return;
+    beam.offset_m = (aimed.r_cam_m.truncate() - centre_m).length();
+    Arriving {
+        power_w: source.laser.power_w * transmitted * relative,
+        spot_radius_m,
+        centre_m,
+        range_m,
     }
-    let energy_j = source.laser.power_w * dt_s;
-    beam.energy_j += energy_j;
+}
+
+/// Lights the skins near the beam's axis; the aimed UAV is charged with the energy emitted.
+fn light(
+    clock: &SimClock,
+    environment: &Environment,
+    tracker: &Tracker,
+    laser: &Pose,
+    energy_j: f64,
+    (aimed, arriving): (&Aimed, &Arriving),
+    beam: &mut BeamState,
+    uavs: &mut Query<Targets>,
+) {
     let flying = uavs
         .iter()
         .filter(|(_, _, _, status, ..)| **status == UavStatus::Flying)
         .map(|(uav, flight, ..)| (uav, flight));
-    let target = followed(&tracker, clock.t_s(), pose.r_enu_m, flying);
-    for (uav, flight, _, status, mut skin, mut dose) in &mut uavs {
-        if uav.index == index {
+    let target = followed(tracker, clock.t_s(), laser.r_enu_m, flying);
+    let q_cam_enu = laser.q_enu_cam.inverse();
+    let Arriving {
+        power_w,
+        spot_radius_m,
+        centre_m,
+        range_m,
+    } = *arriving;
+    for (uav, flight, _, status, mut skin, mut dose) in uavs {
+        let is_aimed = uav.index == aimed.index;
+        if is_aimed {
             dose.energy_j += energy_j;
         }
-        let r_cam_m = q_cam_enu * (flight.aim_enu_m() - pose.r_enu_m);
+        let r_cam_m = q_cam_enu * (flight.aim_enu_m() - laser.r_enu_m);
         // The spot hardly changes over a few metres of depth: one radius serves all in the cone.
         let offset_m = (r_cam_m.truncate() - centre_m * (r_cam_m.z / range_m)).length();
         let lit = r_cam_m.z > 0.0 && offset_m < 4.0 * spot_radius_m + BUCKET_RADIUS_M;
         if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
             continue;
         }
-        let sight = environment.line_of_sight(pose.r_enu_m, flight.aim_enu_m());
+        let sight = environment.line_of_sight(laser.r_enu_m, flight.aim_enu_m());
         if sight != LineOfSight::Clear {
             continue;
         }
@@ -147,15 +243,15 @@ pub fn propagate(
         // skin takes the mean over the bucket.
         let bucket_w = power_in_bucket_w(power_w, spot_radius_m, offset_m, BUCKET_RADIUS_M);
         skin.irradiance_wpm2 = bucket_w / (PI * BUCKET_RADIUS_M * BUCKET_RADIUS_M);
-        if uav.index == index {
+        if is_aimed {
             beam.power_at_target_w = power_w;
             beam.irradiance_wpm2 = skin.irradiance_wpm2;
             beam.power_in_bucket_w = bucket_w;
             if offset_m < BUCKET_RADIUS_M {
-                dose.dwell_s += dt_s;
+                dose.dwell_s += clock.dt_s();
                 // A beam that rests on a UAV by mistake does not dwell on the target.
-                if target == Some(index) {
-                    beam.dwell_s += dt_s;
+                if target == Some(aimed.index) {
+                    beam.dwell_s += clock.dt_s();
                 }
             }
         }

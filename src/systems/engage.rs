@@ -13,6 +13,7 @@ use crate::models::engage::interlock::{
 use crate::models::ground::dsm::HitKind;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::estimation::LosFilter;
+use crate::models::tracking::table::Track;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -110,8 +111,7 @@ pub fn decide_fire(
     cameras: Query<&SensorCamera>,
     mut interlocks: ResMut<Interlocks>,
     mut burst: ResMut<Burst>,
-    // What forbids to fire at the track of this identity, as of the last look around.
-    mut surroundings: Local<(Option<u32>, Vec<&'static str>)>,
+    mut surroundings: Local<Surroundings>,
     station: Single<(&Mount, &mut FireCommand)>,
 ) {
     let (mount, mut command) = station.into_inner();
@@ -122,57 +122,38 @@ pub fn decide_fire(
     }
     if tracker.state != TrackingState::Engage {
         reasons.push("track not stable");
+        surroundings.track = None;
     }
     if let Some(error) = tracker.error[Tier::Precise as usize]
         && error.distance_px > error.half_side_px
     {
         reasons.push("aim point outside the target");
     }
-    if tracker.state != TrackingState::Engage {
-        surroundings.0 = None;
-    }
     match (tracker.target_track(), tracker.range_m) {
         (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
-            let los = track.filter.predicted(clock.t_s());
-            let direction = az_el_to_los(los.az_el_rad());
-            let every = u64::from((clock.tick_hz / SURROUNDINGS_HZ).max(1));
-            if surroundings.0 != Some(track.id) || clock.tick.is_multiple_of(every) {
-                surroundings.0 = Some(track.id);
-                surroundings.1.clear();
+            if surroundings.track != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
                 // The beam's whole width must be clear: look around the line by some pixels.
-                let spread = cameras
-                    .iter()
-                    .find(|camera| camera.tier == Tier::Precise)
-                    .map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad());
+                let precise = cameras.iter().find(|camera| camera.tier == Tier::Precise);
                 let way = Way {
                     rules: &rules,
                     environment: &environment,
                     r_enu_m: mount.r_enu_m,
                     range_m,
-                    spread_rad: spread,
+                    spread_rad: precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad()),
                 };
-                way.look(&track.filter, clock.t_s(), &mut surroundings.1);
+                surroundings.track = Some(track.id);
+                surroundings.refused.clear();
+                way.look(&track.filter, clock.t_s(), &mut surroundings.refused);
             }
-            reasons.extend(&surroundings.1);
-            if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
-                reasons.push("sun behind the target");
-            }
-            let mut others = tracker
-                .table
-                .tracks
-                .iter()
-                .filter(|other| other.id != track.id && other.total_hits() >= OBJECT_HITS);
-            let t_s = clock.t_s();
-            if others.any(|other| {
-                let nearest_m = other.range.nearest_m(t_s).unwrap_or(range_m);
-                let beam_rad = beam_half_angle_rad(rules.beam_radius_m, range_m, nearest_m);
-                in_beam(&los, &other.filter.predicted(t_s), other.size_rad, beam_rad)
-            }) {
-                reasons.push("another object in the beam");
-            }
-            if tracker.falling_since.is_some() {
-                reasons.push("target falls");
-            }
+            reasons.extend(&surroundings.refused);
+            look_along(
+                &clock,
+                &environment,
+                &rules,
+                &tracker,
+                (track, range_m),
+                reasons,
+            );
             command.focus_range_m = range_m;
         }
         (Some(_), None) => reasons.push("no range"),
@@ -180,17 +161,7 @@ pub fn decide_fire(
         (None, _) if tracker.state == TrackingState::Engage => reasons.push("no track"),
         _ => {}
     }
-    let elapsed_s = |since: u64| clock.at_s(clock.tick - since);
-    if burst
-        .began
-        .is_some_and(|began| elapsed_s(began) >= rules.max_burst_s)
-    {
-        burst.exhausted = Some(clock.tick);
-    }
-    if burst
-        .exhausted
-        .is_some_and(|end| elapsed_s(end) < rules.pause_s)
-    {
+    if burst.pauses(&rules, &clock) {
         reasons.push("burst limit");
     }
     command.fire = reasons.is_empty();
@@ -199,6 +170,61 @@ pub fn decide_fire(
         (true, began) => began,
         (false, _) => None,
     };
+}
+
+/// What forbids to fire at a track, as of the last look around.
+#[derive(Default)]
+pub struct Surroundings {
+    /// Identity of the track.
+    track: Option<u32>,
+    refused: Vec<&'static str>,
+}
+
+/// Adds what forbids to fire at a track in this very tick: the sun, others in the beam, its fall.
+fn look_along(
+    clock: &SimClock,
+    environment: &Environment,
+    rules: &Rules,
+    tracker: &Tracker,
+    (track, range_m): (&Track, f64),
+    refused: &mut Vec<&'static str>,
+) {
+    let t_s = clock.t_s();
+    let los = track.filter.predicted(t_s);
+    let direction = az_el_to_los(los.az_el_rad());
+    if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
+        refused.push("sun behind the target");
+    }
+    let mut others = tracker
+        .table
+        .tracks
+        .iter()
+        .filter(|other| other.id != track.id && other.total_hits() >= OBJECT_HITS);
+    if others.any(|other| {
+        let nearest_m = other.range.nearest_m(t_s).unwrap_or(range_m);
+        let beam_rad = beam_half_angle_rad(rules.beam_radius_m, range_m, nearest_m);
+        in_beam(&los, &other.filter.predicted(t_s), other.size_rad, beam_rad)
+    }) {
+        refused.push("another object in the beam");
+    }
+    if tracker.falling_since.is_some() {
+        refused.push("target falls");
+    }
+}
+
+impl Burst {
+    /// Whether the laser must pause after a burst that ran into its limit, maybe in this tick.
+    fn pauses(&mut self, rules: &Rules, clock: &SimClock) -> bool {
+        let elapsed_s = |since: u64| clock.at_s(clock.tick - since);
+        if self
+            .began
+            .is_some_and(|began| elapsed_s(began) >= rules.max_burst_s)
+        {
+            self.exhausted = Some(clock.tick);
+        }
+        self.exhausted
+            .is_some_and(|end| elapsed_s(end) < rules.pause_s)
+    }
 }
 
 #[cfg(test)]

@@ -27,28 +27,9 @@ pub fn hash_state(
     mut bytes: Local<Vec<u8>>,
 ) {
     bytes.clear();
-    let mut put = |values: &[f64]| {
-        for value in values {
-            bytes.extend_from_slice(&value.to_bits().to_le_bytes());
-        }
-    };
     let (mount, command, beam, fire) = *station;
-    put(&mount.gimbal.az_el_rad().to_array());
-    put(&mount.gimbal.rates_radps().to_array());
-    put(&mount.mirror.deflection_rad().to_array());
-    put(&mount.mirror.rate_radps().to_array());
-    put(&mount.base.tilt_rad().to_array());
-    put(&mount.gyro.tilt_enu_rad.to_array());
-    for axis in [&mount.gimbal.azimuth, &mount.gimbal.elevation] {
-        put(&[
-            axis.twist_rad,
-            axis.twist_rate_radps,
-            axis.integral_nm,
-            axis.encoder_rad,
-            axis.gyro_radps,
-        ]);
-    }
-    put(&mount.wind.as_ref().map_or([0.0; 2], |wind| wind.torque_nm));
+    put_mount(&mut bytes, mount);
+    let mut put = |values: &[f64]| put_all(&mut bytes, values);
     put(&command.gimbal.rate_radps);
     put(&command.mirror_rad.to_array());
     put(&[
@@ -96,6 +77,34 @@ pub fn hash_state(
     hasher.update(&clock.tick.to_le_bytes());
     hasher.update(&bytes);
     hash.0 = hasher.digest();
+}
+
+/// Appends the bits of numbers.
+fn put_all(bytes: &mut Vec<u8>, values: &[f64]) {
+    for value in values {
+        bytes.extend_from_slice(&value.to_bits().to_le_bytes());
+    }
+}
+
+/// Appends the state of gimbal, mirror, base and gyro.
+fn put_mount(bytes: &mut Vec<u8>, mount: &Mount) {
+    let mut put = |values: &[f64]| put_all(bytes, values);
+    put(&mount.gimbal.az_el_rad().to_array());
+    put(&mount.gimbal.rates_radps().to_array());
+    put(&mount.mirror.deflection_rad().to_array());
+    put(&mount.mirror.rate_radps().to_array());
+    put(&mount.base.tilt_rad().to_array());
+    put(&mount.gyro.tilt_enu_rad.to_array());
+    for axis in [&mount.gimbal.azimuth, &mount.gimbal.elevation] {
+        put(&[
+            axis.twist_rad,
+            axis.twist_rate_radps,
+            axis.integral_nm,
+            axis.encoder_rad,
+            axis.gyro_radps,
+        ]);
+    }
+    put(&mount.wind.as_ref().map_or([0.0; 2], |wind| wind.torque_nm));
 }
 
 /// Pictures on the contact sheet: one a camera and state, then one in two seconds.

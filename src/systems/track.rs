@@ -5,7 +5,7 @@ use crate::components::capture::{PixelRect, SensorCamera, Tier};
 use crate::components::control::Radar;
 use crate::components::detect::{DetectionBatch, DetectionQueue};
 use crate::components::environment::Environment;
-use crate::components::flight::{Flight, Uav, UavStatus};
+use crate::components::flight::{Flight, Uav};
 use crate::components::mount::{Mount, Optics};
 use crate::components::run::SimClock;
 use crate::components::track::{
@@ -16,6 +16,7 @@ use crate::models::engage::interlock::FAR_M;
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::flight::uav::{AimPart, aim_offset_enu_m};
 use crate::models::ground::dsm::{Dsm, LineOfSight};
+use crate::models::laser::range_finder::{RangeFinderParams, Surface};
 use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
 use crate::models::optics::camera::Pinhole;
 use crate::models::tracking::radar::Cue;
@@ -616,20 +617,28 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                 lock(now, tracker, error.distance_px);
             }
         }
-        TrackingState::Lost => {
-            let reason = format!("track {id} seen again after {in_state_s:.2} s");
-            if hits[Tier::Coarse as usize] >= AGAIN_HITS {
-                tracker.change(tick, TrackingState::Coarse, reason);
-            } else if hits[Tier::Precise as usize] >= CONFIRM_HITS {
-                tracker.change(tick, TrackingState::Precise, reason);
-            } else if hits[Tier::Search as usize] >= REFIND_HITS {
-                let reason = format!("search camera sees track {id} again after {in_state_s:.2} s");
-                tracker.change(tick, TrackingState::Acquire, reason);
-            } else if !hidden && in_state_s > LOST_TIMEOUT_S + hidden_s(track) {
-                let reason = format!("not seen again within {in_state_s:.1} s");
-                tracker.give_up(tick, false, reason);
-            }
-        }
+        TrackingState::Lost => find_again(now, tracker, in_state_s),
+    }
+}
+
+/// Steps a lost target: a camera sees it again, or it is given up.
+fn find_again(now: &Situation, tracker: &mut Tracker, in_state_s: f64) {
+    let Some(track) = tracker.target_track() else {
+        return;
+    };
+    let (id, hits) = (track.id, tracker.hits_in_state);
+    let waits = track.hidden(now.t_s()) || in_state_s <= LOST_TIMEOUT_S + hidden_s(track);
+    let reason = format!("track {id} seen again after {in_state_s:.2} s");
+    if hits[Tier::Coarse as usize] >= AGAIN_HITS {
+        tracker.change(now.tick, TrackingState::Coarse, reason);
+    } else if hits[Tier::Precise as usize] >= CONFIRM_HITS {
+        tracker.change(now.tick, TrackingState::Precise, reason);
+    } else if hits[Tier::Search as usize] >= REFIND_HITS {
+        let reason = format!("search camera sees track {id} again after {in_state_s:.2} s");
+        tracker.change(now.tick, TrackingState::Acquire, reason);
+    } else if !waits {
+        let reason = format!("not seen again within {in_state_s:.1} s");
+        tracker.give_up(now.tick, false, reason);
     }
 }
 
@@ -717,58 +726,90 @@ fn compare(now: &Situation, tracker: &mut Tracker) {
     }
 }
 
-/// Pulses of the range finder a second, and the deviation of a range [m].
+/// Pulses of the range finder a second.
 const RANGE_HZ: u32 = 10;
-const RANGE_SIGMA_M: f64 = 0.5;
 /// A range with a smaller deviation than this is good enough to focus and to judge by [m].
 const RANGE_KNOWN_M: f64 = 10.0;
-/// Half of the range finder's field [rad].
-const RANGE_FIELD_RAD: f64 = 5e-4;
+/// Diffuse reflectance of airframes, birds, walls and ground at the range finder's wavelength
+/// (assumption).
+const REFLECTANCE: f64 = 0.3;
 
-/// Ranges the UAV on the laser's axis, while the precise camera holds a target.
+/// Ranges what the pulse meets first, while the precise camera holds a target and the station
+/// believes it in the range finder's field.
 pub fn find_range(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     optics: Single<&Optics>,
-    uavs: Query<(&Flight, &UavStatus)>,
+    uavs: Query<(&Uav, &Flight)>,
     mut finder: ResMut<RangeFinder>,
     mut tracker: ResMut<Tracker>,
 ) {
-    let every = u64::from((clock.tick_hz / RANGE_HZ).max(1));
-    let held = matches!(
-        tracker.state,
-        TrackingState::Precise | TrackingState::Engage
-    );
-    let t_s = clock.t_s();
-    if !clock.tick.is_multiple_of(every) {
+    if !clock.due(RANGE_HZ) {
         return;
     }
+    let held = tracker.state.holds(Tier::Precise);
+    let t_s = clock.t_s();
+    let RangeFinder { params, rng } = &mut *finder;
+    let believed_rad = tracker.aim_los(t_s).map(|los| {
+        let axis_enu = optics.pointing.laser_axis_enu();
+        az_el_to_los(los.az_el_rad()).angle_between(axis_enu)
+    });
     let Some(track) = tracker.target.and_then(|id| tracker.table.get_mut(id)) else {
         return;
     };
-    let pose = optics.laser;
-    let echo = uavs
-        .iter()
-        .filter(|(_, status)| **status == UavStatus::Flying)
-        .map(|(flight, _)| flight.aim_enu_m())
-        .filter(|r_enu_m| {
-            let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
-            r_cam_m.truncate().length() < RANGE_FIELD_RAD * r_cam_m.z
-                && environment.line_of_sight(pose.r_enu_m, *r_enu_m) == LineOfSight::Clear
-        })
-        .map(|r_enu_m| r_enu_m.distance(pose.r_enu_m))
-        .min_by(f64::total_cmp)
-        .filter(|_| held);
-    if let Some(range_m) = echo {
-        let measured_m = range_m + RANGE_SIGMA_M * finder.0.normal();
-        track.ranged(measured_m, RANGE_SIGMA_M, t_s);
+    let pulses = held && believed_rad.is_some_and(|off_rad| off_rad < params.half_field_rad);
+    let echo_m = if pulses {
+        let surfaces = lit_surfaces(params, &environment, &optics, &uavs);
+        let extinction_per_m = environment.weather.extinction_per_m(params.wavelength_m);
+        params.first_echo_m(surfaces, extinction_per_m)
+    } else {
+        None
+    };
+    if let Some(range_m) = echo_m {
+        let measured_m = range_m + params.sigma_m * rng.normal();
+        track.ranged(measured_m, params.sigma_m, t_s);
     }
     let known = track.range.range_m(t_s);
-    tracker.lased |= echo.is_some();
+    tracker.lased |= echo_m.is_some();
     // A radar's range alone, which may be another's, is not good enough to fire by.
     tracker.range_m = known
         .filter(|(_, sigma_m)| tracker.lased && *sigma_m < RANGE_KNOWN_M)
         .map(|(range_m, _)| range_m);
+}
+
+/// What a pulse along the laser's axis may meet: anything that flies or falls in its field, and the
+/// city on its axis.
+fn lit_surfaces(
+    params: &RangeFinderParams,
+    environment: &Environment,
+    optics: &Optics,
+    uavs: &Query<(&Uav, &Flight)>,
+) -> Vec<Surface> {
+    let pose = optics.laser;
+    let axis_enu = pose.q_enu_cam * DVec3::Z;
+    let flying = uavs.iter().filter_map(|(uav, flight)| {
+        let r_enu_m = flight.aim_enu_m();
+        let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+        let lit = r_cam_m.z > 0.0
+            && r_cam_m.truncate().length() < params.half_field_rad * r_cam_m.z
+            && environment.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear;
+        let [_, width_m, height_m] = uav.size_m;
+        lit.then(|| Surface {
+            range_m: r_enu_m.distance(pose.r_enu_m),
+            area_m2: width_m * height_m,
+            reflectance: REFLECTANCE,
+        })
+    });
+    let city = environment
+        .city
+        .dsm
+        .first_hit(pose.r_enu_m, axis_enu, FAR_M)
+        .map(|range_m| Surface {
+            range_m,
+            area_m2: f64::INFINITY,
+            reflectance: REFLECTANCE,
+        });
+    flying.chain(city).collect()
 }
 
 /// The UAV or distractor that the tracker's target really is: the one nearest to its line of sight.
