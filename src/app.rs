@@ -43,7 +43,7 @@ use crate::plugins::clock::Tick;
 use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, Shape};
 use crate::scenario::{
     self, AssociationRule, Backstop, ControllerPreset, DetectorKind, Exposure, Focus, Images,
-    IntensityModel, Loaded, Scenario, ScenarioError,
+    InputError, IntensityModel, Loaded, Scenario,
 };
 use crate::systems::capture::{self, ImageScratch, SensorViews, Shape as UavShape};
 use crate::systems::control::{Controller, PaperController, PointingController, Radar, SearchScan};
@@ -78,7 +78,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 pub enum RunError {
     /// The scenario file.
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
+    Scenario(#[from] InputError),
     /// The city's parameters.
     #[error("{file}: city: {source}")]
     City {
@@ -626,7 +626,7 @@ fn spawn_uavs(
         let state = plan.initial_state(&airframe, air.wind_enu_mps, environment.air_density_kgpm3);
         let part = loaded.scenario.engage.aim;
         let catalogued = catalogue.part_skin(part);
-        let material = uav.skin.map_or(catalogued, scenario::Skin::material);
+        let material = uav.skin.map_or(catalogued, scenario::SkinKind::material);
         let mesh = Arc::new(uav_mesh(uav.model));
         let aim_body_m = mesh.part_body_m(catalogue, part);
         let shape = shown(world, index, mesh, &state);
@@ -734,7 +734,7 @@ fn shown(world: &mut World, index: usize, mesh: Arc<UavMesh>, state: &Multirotor
 }
 
 /// The mirror of a scenario's mount.
-pub(crate) fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
+pub(crate) fn mirror_params(mount: &scenario::MountConfig) -> MirrorParams {
     MirrorParams {
         natural_frequency_hz: mount.mirror_bandwidth_hz,
         stroke_rad: mount.mirror_range_mrad * 1e-3,
@@ -743,7 +743,7 @@ pub(crate) fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
 }
 
 /// The gimbal of a scenario's mount, commanded every `dt_s`.
-pub(crate) fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
+pub(crate) fn gimbal_params(mount: &scenario::MountConfig, dt_s: f64) -> GimbalParams {
     let default = GimbalParams::default();
     let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
         let structure = axis
@@ -882,7 +882,7 @@ fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
 
 /// Lens and sensor of a scenario's camera in the light and air of the run.
 fn sensor_params(
-    camera: &scenario::Camera,
+    camera: &scenario::CameraConfig,
     environment: &Environment,
     r_station_enu_m: DVec3,
 ) -> SensorParams {
@@ -964,7 +964,7 @@ fn spawn_station(
         let params = sensor_params(camera, environment, r_station_enu_m);
         let latency_s =
             0.5 * params.exposure_s + camera.readout_latency_s + camera.inference_latency_s;
-        let windowed = camera.readout == scenario::Readout::Window;
+        let windowed = camera.readout == scenario::ReadoutMode::Window;
         let sensor_px = [camera.width_px, camera.height_px];
         let sensor = SensorCamera {
             tier,
@@ -1079,7 +1079,7 @@ fn spawn_station(
 }
 
 pub(crate) fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
-    let scenario::Tracker {
+    let scenario::TrackerConfig {
         rule,
         centre_sigma_px,
         min_quality,
@@ -1150,8 +1150,10 @@ fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
             IntensityModel::Physical => {
                 Channel::Physical(Box::new(Scintillation::new(calm, 1e-3, &mut rng[0])))
             }
-            // The paper prints neither figure: no drift, a tenth a second of volatility.
-            IntensityModel::Paper => Channel::Paper(PaperIntensity::new(0.0, 0.1)),
+            IntensityModel::Paper => Channel::Paper(PaperIntensity::new(
+                scenario.turbulence.paper_drift,
+                scenario.turbulence.paper_volatility,
+            )),
         },
         wander: Wander::new(0.0, 1e-2, &mut rng[1]),
         rng,
