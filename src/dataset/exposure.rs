@@ -1,7 +1,7 @@
 //! From rendered luminance to the picture: what moves and glares before the sensor, and exposure.
 
-use super::draw::Scene;
 use super::recipe::Recipe;
+use super::scene::Scene;
 use super::stage::Rendered;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::raster::Masks;
@@ -27,8 +27,8 @@ pub fn luminance(pixels: &[u8], index: usize) -> f64 {
 
 /// The sensor's settings for a rendered frame, `more_stops` brighter than the scene's others.
 pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
-    let error = scene.exposure_error_stops + more_stops;
-    let mut params = scene.sensor;
+    let error = scene.camera.exposure_error_stops + more_stops;
+    let mut params = scene.camera.sensor;
     let light_klx = scene.environment.sky.global_illuminance_klx();
     let metered_klx = {
         const EVERY: usize = 37; // [px]
@@ -39,13 +39,13 @@ pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
         // A picture is brighter on average than an 18 % grey: 30 %.
         PI * sum / count / 0.30
     };
-    let klx = if scene.metered {
+    let klx = if scene.camera.metered {
         metered_klx
     } else {
         light_klx
     };
     let wanted_s = auto_exposure(klx.max(1e-9), &params, f64::MAX) * error.exp2();
-    params.exposure_s = wanted_s.clamp(1e-6, scene.max_exposure_s);
+    params.exposure_s = wanted_s.clamp(1e-6, scene.camera.max_exposure_s);
     let gain = (wanted_s / params.exposure_s).min(MAX_GAIN);
     if gain > 1.0 {
         params.gain_e_per_dn = Some(params.full_well_e / 255.0 / gain);

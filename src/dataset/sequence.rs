@@ -1,7 +1,9 @@
 //! Clips: UAVs fly by their autopilots, birds pass, and the camera follows loosely.
 
-use super::draw::{self, Motion, Scene, Still};
+use super::draw::{self, Still};
 use super::recipe::Recipe;
+use super::scene::Scene;
+use super::shares::Motion;
 use super::stage::Placed;
 use crate::models::flight::distractor::{
     DistractorKind, GLIDE_RAD, WINGBEAT_HZ, tumbling_attitude, wing_rad,
@@ -9,6 +11,8 @@ use crate::models::flight::distractor::{
 use crate::models::flight::multirotor::{self, Airframe, MultirotorState};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::flight::uav::model;
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::maths::rng::Stream;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
@@ -62,8 +66,7 @@ pub fn draw(
     let seen = clip.pilots.first().is_some_and(|pilot| {
         (0..=4).all(|k| {
             let r = pilot.plan.sample(duration_s * f64::from(k) / 4.0).r_enu_m;
-            surface.line_of_sight(scene.r_camera_enu_m, r)
-                == crate::models::ground::dsm::LineOfSight::Clear
+            surface.line_of_sight(scene.camera.r_enu_m, r) == LineOfSight::Clear
         })
     });
     (free && seen).then_some(clip)
@@ -71,7 +74,7 @@ pub fn draw(
 
 impl Clip {
     fn from(scene: &Scene, still: &Still, motion: Motion, rng: &mut Stream) -> Option<Self> {
-        let pinhole = &scene.pinhole;
+        let pinhole = &scene.camera.pinhole;
         let density = scene.environment.air_density_kgpm3;
         let (mut pilots, mut others) = (Vec::new(), Vec::new());
         for placed in &still.placed {
@@ -126,8 +129,7 @@ impl Clip {
                 prop: placed.prop,
             });
         }
-        let gaze_rad =
-            crate::models::maths::kinematics::los_to_az_el(still.pose.q_enu_cam * DVec3::Z);
+        let gaze_rad = los_to_az_el(still.pose.q_enu_cam * DVec3::Z);
         // The roll that the boresight's own azimuth and elevation leave.
         let flat = draw::looking(scene, gaze_rad.x, gaze_rad.y, 0.0);
         let right = flat.q_enu_cam.inverse() * (still.pose.q_enu_cam * DVec3::X);
@@ -190,17 +192,16 @@ impl Clip {
         }
         self.t_s += frame_s;
         if let Some(first) = self.pilots.first() {
-            let at = crate::models::maths::kinematics::los_to_az_el(
-                first.state.r_enu_m - scene.r_camera_enu_m,
-            );
+            let at = los_to_az_el(first.state.r_enu_m - scene.camera.r_enu_m);
             let wanted = draw::gaze_at(scene, at, self.roll_rad, self.px);
             let share = -(-frame_s / FOLLOW_S).exp_m1();
             let error = DVec2::new(
-                crate::models::maths::kinematics::wrap_pi(wanted.x - self.gaze_rad.x),
+                wrap_pi(wanted.x - self.gaze_rad.x),
                 wanted.y - self.gaze_rad.y,
             );
             // An unsteady hand: a third of a pixel from frame to frame.
-            let shake = DVec2::new(rng.normal(), rng.normal()) * 0.3 / scene.pinhole.focal_px;
+            let shake =
+                DVec2::new(rng.normal(), rng.normal()) * 0.3 / scene.camera.pinhole.focal_px;
             self.gaze_rad += share * error + shake;
         }
     }
