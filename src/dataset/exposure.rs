@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Luminance of linear sRGB.
 const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
-/// Most by which the gain is raised when the longest exposure does not do.
+/// Largest gain, for light that is too dim for the longest exposure.
 const MAX_GAIN: f64 = 48.0;
 
 /// One channel of a pixel of half-float RGBA rows.
@@ -54,8 +54,8 @@ pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
 }
 
 /// How a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
-/// against their mean, softened by the blur, over the noise of a pixel; white is white, however
-/// bright it is.
+/// against their mean, softened by the blur, over the noise of a pixel. Luminance above white
+/// counts as white.
 pub fn contrast(
     rendered: &Rendered,
     pixels: &[u8],

@@ -1,9 +1,9 @@
 //! `dataset`: annotated pictures by the loop's own renderer, cameras and sensor model.
 //!
-//! A recipe and a seed say everything. A scene (one place, time, weather and camera) is drawn from
+//! A recipe and its seed determine every byte of a set. A scene (one place, time, weather and camera) is drawn from
 //! streams of its own, so that neither the order nor the number of scenes made at once matters. Its
 //! pictures are written first and its annotations last, by renaming: a scene that has a record is
-//! whole, and a run that was stopped goes on with the scenes that have none.
+//! whole, and a run that was stopped continues with the scenes that have none.
 
 mod coco;
 mod draw;
@@ -151,7 +151,7 @@ impl From<RunError> for DatasetError {
     }
 }
 
-/// Version of the folder's layout and of what is drawn: a change of either counts it up.
+/// Version of the folder's layout and of what is drawn; a change of either raises it.
 const FORMAT: u32 = 2;
 
 /// The categories: number and name.

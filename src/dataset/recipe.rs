@@ -29,13 +29,13 @@ pub struct Recipe {
     pub motions: Motions,
     /// What is annotated.
     pub targets: Targets,
-    /// What is not.
+    /// Birds and the like, which are not annotated.
     pub distractors: Distractors,
     /// Light and air.
     pub light: Light,
     /// Where cameras stand and how they see.
     pub camera: CameraRanges,
-    /// The city.
+    /// The generated surroundings.
     pub city: CityRanges,
 }
 

@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 
 /// Steps of the flight between two frames, no longer than those of the loop's clock.
 const STEP_S: f64 = 1.0 / 960.0; // [s]
-/// Time in which the camera's operator makes good an error [s].
+/// Time in which the camera's operator corrects an error [s].
 const FOLLOW_S: f64 = 0.7; // [s]
 
 /// A UAV on its way.
@@ -30,7 +30,7 @@ struct Pilot {
     prop: usize,
 }
 
-/// A clip as it goes on.
+/// A clip in progress.
 pub struct Clip {
     pilots: Vec<Pilot>,
     others: Vec<(Placed, DistractorKind, DVec3, f64)>,
@@ -54,7 +54,7 @@ pub fn draw(
     let count = 1 + (rng.uniform() * rng.uniform() * 3.0) as usize;
     let still = draw::still(recipe, scene, count, motion, rng)?;
     let clip = Clip::from(scene, &still, motion, rng)?;
-    // Flown once ahead: nobody may hit a house or be hidden by it all the time.
+    // Flown once in advance: no UAV may hit a building, and the first must stay visible.
     let duration_s = f64::from(frames) / recipe.sequences.rate_hz;
     let surface = &scene.environment.city.dsm;
     let free = clip.pilots.iter().all(|pilot| {
@@ -177,7 +177,7 @@ impl Clip {
         }
     }
 
-    /// Goes on by a frame.
+    /// Advances by a frame.
     pub fn advance(&mut self, scene: &Scene, frame_s: f64, rng: &mut Stream) {
         let steps = (frame_s / STEP_S).ceil();
         let dt_s = frame_s / steps;

@@ -16,15 +16,15 @@ pub struct WeatherConfig {
     /// An aerodrome report, verbatim.
     pub metar: Option<String>,
     /// Mean wind speed 10 m above the ground, in a city above 0.7 of its mean building height; 3 without
-    /// a METAR, whose wind, that of open ground, loses some half of its speed to the city's roughness.
+    /// a METAR. A METAR's wind is that of open ground; the city's roughness takes about half of its speed.
     pub wind_speed_mps: Option<f64>,
     /// Direction the wind blows from, clockwise from north; 270 without a METAR.
     pub wind_from_deg: Option<f64>,
     /// Gust speed at the same height, the highest mean over 3 s in ten minutes; absent: no gusts beyond
     /// the turbulence of the mean wind.
     pub gust_mps: Option<f64>,
-    /// Meteorological visibility at 550 nm, through the precipitation too. Absent: the METAR's, or
-    /// 20,000 of haze, with `precipitation_mmph` reckoned in.
+    /// Meteorological visibility at 550 nm, precipitation included. Absent: the METAR's, or
+    /// 20,000 of haze, reduced by `precipitation_mmph`.
     pub visibility_m: Option<f64>,
     /// Air temperature; 15 without a METAR.
     pub temperature_c: Option<f64>,

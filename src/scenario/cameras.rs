@@ -106,7 +106,7 @@ pub enum Exposure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AutoWord {
-    /// Automatic.
+    /// Automatic exposure.
     Auto,
 }
 

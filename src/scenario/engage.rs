@@ -98,7 +98,7 @@ impl KeepOut {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Backstop {
-    /// Nothing.
+    /// Nothing but sky.
     Sky,
     /// Terrain or street.
     Ground,

@@ -30,7 +30,7 @@ pub struct MountConfig {
     /// mode stays.
     pub friction: bool,
     /// First structural mode of either axis, of the load on the locked rotor; 0 is a rigid axis.
-    /// The tuned law's gain sets off a mode below some 12 Hz.
+    /// The tuned law's gain makes a mode below some 12 Hz oscillate.
     pub structural_mode_hz: f64,
     /// Backlash of either axis, stop to stop; a direct drive has none.
     pub backlash_urad: f64,
@@ -38,8 +38,8 @@ pub struct MountConfig {
     pub encoder_bits: u32,
     /// Whether the wind turns the axes: its drag on the optics ahead of them, with gusts.
     pub wind_load: bool,
-    /// Standard deviation, per axis, of how the search and coarse cameras are turned against the
-    /// laser as built; the precise camera, which shares its optics, a third of it.
+    /// Standard deviation, per axis, of the angle between the laser and the search and coarse cameras
+    /// as built; a third of it for the precise camera, which shares the laser's optics.
     pub boresight_sigma_urad: f64,
 }
 
@@ -73,7 +73,7 @@ impl Default for MountConfig {
 pub enum BaseMotionConfig {
     /// A named base.
     Preset(BasePreset),
-    /// Values of your own.
+    /// One mode of a given strength and frequency.
     Values(BaseValues),
     /// A measured spectrum.
     Spectrum(BaseSpectrum),

@@ -15,8 +15,8 @@ pub struct Station {
     pub position_enu_m: Option<[f64; 3]>,
     /// The two-axis gimbal and its steering mirror.
     pub mount: MountConfig,
-    /// Whether the cameras' boresights are measured against the laser before the run and what was
-    /// found is taken off; without it the laser misses by the boresight error.
+    /// Whether the cameras' boresights are measured against the laser before the run, and corrected;
+    /// without it the laser misses by the boresight error.
     pub calibrate: bool,
     /// The search, coarse and precise cameras.
     pub cameras: Cameras,

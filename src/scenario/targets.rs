@@ -26,12 +26,12 @@ pub struct UavConfig {
     /// north, up [m].
     #[serde(default)]
     pub spread_m: [f64; 2],
-    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    /// The flight starts up to this much earlier, drawn from the seed.
     #[serde(default)]
     pub spread_s: f64,
 }
 
-/// A bird, balloon, aeroplane or leaf: every camera sees it, no success counts it.
+/// A bird, balloon, aeroplane or leaf: every camera sees it, and it counts for no success.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Distractor")]
@@ -47,7 +47,7 @@ pub struct DistractorConfig {
     /// north, up [m].
     #[serde(default)]
     pub spread_m: [f64; 2],
-    /// The trajectory is begun up to this much earlier, drawn from the seed.
+    /// The flight starts up to this much earlier, drawn from the seed.
     #[serde(default)]
     pub spread_s: f64,
 }

@@ -16,7 +16,7 @@ pub struct TrackerConfig {
     /// Which detection belongs to the target; absent: "paper" with the paper's controller,
     /// "global" with any other.
     pub rule: Option<AssociationRule>,
-    /// Standard deviation of a detection's centre that the tracker counts on; absent: the truth
+    /// Standard deviation of a detection's centre that the tracker assumes; absent: the truth
     /// detector's noise, or 0.5 for an ONNX model.
     pub centre_sigma_px: Option<f64>,
     /// Least share of its frames in which the detector must see a track for it to be a UAV.
