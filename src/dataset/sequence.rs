@@ -14,7 +14,7 @@ use crate::models::flight::uav::model;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::maths::rng::Stream;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
 /// Steps of the flight between two frames, no longer than those of the loop's clock.
@@ -30,10 +30,38 @@ struct Pilot {
     prop: usize,
 }
 
+/// A distractor on a straight way.
+struct Drifter {
+    /// Where and how it starts.
+    start: Placed,
+    kind: DistractorKind,
+    v_enu_mps: DVec3,
+    /// Phase of its wings or of its tumbling at the start [rad].
+    phase_rad: f64,
+}
+
+impl Drifter {
+    /// Where and how it is after `t_s`.
+    fn at(&self, t_s: f64) -> Placed {
+        let (r_enu_m, mut q_enu_body) = self.start.body;
+        let mut now = self.start;
+        match self.kind {
+            DistractorKind::Leaf => q_enu_body = tumbling_attitude(t_s, self.phase_rad),
+            DistractorKind::Bird if self.start.phase_rad[0] != GLIDE_RAD => {
+                let angle_rad = wing_rad(self.phase_rad + TAU * WINGBEAT_HZ * t_s);
+                now.phase_rad.fill(angle_rad);
+            }
+            _ => {}
+        }
+        now.body = (r_enu_m + t_s * self.v_enu_mps, q_enu_body);
+        now
+    }
+}
+
 /// A clip in progress.
 pub struct Clip {
     pilots: Vec<Pilot>,
-    others: Vec<(Placed, DistractorKind, DVec3, f64)>,
+    others: Vec<Drifter>,
     /// Azimuth and elevation of the boresight [rad].
     gaze_rad: DVec2,
     roll_rad: f64,
@@ -88,7 +116,12 @@ impl Clip {
                     DistractorKind::Balloon => 2.0 * drift,
                     DistractorKind::Leaf => 2.0 * drift - 1.2 * DVec3::Z,
                 };
-                others.push((*placed, kind, v_enu_mps, rng.range(0.0, TAU)));
+                others.push(Drifter {
+                    start: *placed,
+                    kind,
+                    v_enu_mps,
+                    phase_rad: rng.range(0.0, TAU),
+                });
                 continue;
             }
             let uav = model(scene.uavs[placed.prop]);
@@ -152,24 +185,7 @@ impl Clip {
             body: (pilot.state.r_enu_m, pilot.state.q_enu_body),
             phase_rad: pilot.state.rotor_phase_rad,
         });
-        let others = self
-            .others
-            .iter()
-            .map(|(placed, kind, v_enu_mps, phase_rad)| {
-                let (r_enu_m, q_start) = placed.body;
-                let mut now = *placed;
-                let mut q: DQuat = q_start;
-                match kind {
-                    DistractorKind::Leaf => q = tumbling_attitude(self.t_s, *phase_rad),
-                    DistractorKind::Bird if placed.phase_rad[0] != GLIDE_RAD => {
-                        let angle_rad = wing_rad(phase_rad + TAU * WINGBEAT_HZ * self.t_s);
-                        now.phase_rad.fill(angle_rad);
-                    }
-                    _ => {}
-                }
-                now.body = (r_enu_m + self.t_s * *v_enu_mps, q);
-                now
-            });
+        let others = self.others.iter().map(|other| other.at(self.t_s));
         Still {
             pose: draw::looking(scene, self.gaze_rad.x, self.gaze_rad.y, self.roll_rad),
             motion,
