@@ -433,6 +433,9 @@ mod tests {
                 check.within("heat_c", self.oven.heat_c, 50.0..=300.0);
                 check.that(self.oven.trays > 0, "trays", || "is empty".to_owned());
             });
+            for (index, pot) in self.pots.iter().enumerate() {
+                check.positive(&format!("pots[{index}].litres"), pot.litres);
+            }
         }
     }
 
