@@ -11,7 +11,7 @@ use boresight::components::render::SensorViews;
 use boresight::components::run::SimClock;
 use boresight::components::track::{Tracker, TrackingState};
 use boresight::inference::OnnxDetector;
-use boresight::scenario::{Loaded, Scenario};
+use boresight::scenario::Loaded;
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
@@ -53,13 +53,7 @@ fn demo(uavs: usize, overrides: &[&str]) -> Loaded {
         .chain(overrides.iter().copied())
         .collect();
     let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
-    let scenario = Scenario::parse(&text, DEMO, &overrides).expect("the demo is valid");
-    Loaded {
-        scenario,
-        source: text,
-        overrides,
-        path: DEMO.into(),
-    }
+    Loaded::parse(text, DEMO.into(), overrides).expect("the demo is valid")
 }
 
 /// Ticks per second without images: with the truth detector at the cameras' rates, and bare,
@@ -270,7 +264,7 @@ fn frames(criterion: &mut Criterion) {
 
 /// Milliseconds per inference of the default model, on a picture with noise.
 fn inference(criterion: &mut Criterion) {
-    let model = boresight::scenario::Detector::default().onnx_model;
+    let model = boresight::scenario::DetectorConfig::default().onnx_model;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(model);
     let mut detector = OnnxDetector::load(&path, 2).expect("the shipped model");
     let mut group = criterion.benchmark_group("inference");

@@ -3,7 +3,7 @@
 use crate::components::run::{Failure, PartError, RunScenario, SetUp};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::render::ScenePlugin;
-use crate::scenario::{DetectorKind, Loaded, ScenarioError};
+use crate::scenario::{DetectorKind, InputError, Loaded};
 use crate::systems::render::renderer::Renderer;
 use crate::systems::run;
 use bevy::app::{Main, PluginGroupBuilder, TaskPoolThreadAssignmentPolicy};
@@ -23,7 +23,7 @@ pub use crate::components::run::Options;
 pub enum RunError {
     /// The scenario file.
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
+    Scenario(#[from] InputError),
     /// A domain, in its set-up or in a tick.
     #[error(transparent)]
     Part(#[from] PartError),

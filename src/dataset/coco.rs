@@ -1,14 +1,15 @@
 //! The records of a set, and their COCO and YOLO forms.
 
 use super::CATEGORIES;
-use super::draw::{Background, Motion, Split};
+use super::shares::{Background, Motion, Split};
 use crate::models::flight::uav::UavKind;
+use crate::output::{self, OutputError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Everything about a scene that was made.
+/// What is written down about a finished scene.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SceneRecord {
     /// Its number.
@@ -23,17 +24,17 @@ pub struct SceneRecord {
     pub visibility_m: f64,
     /// Covered share of the sky.
     pub cloud_cover: f64,
-    /// The camera.
-    pub camera: Camera,
+    /// Its camera and where it stands.
+    pub camera: CameraRecord,
     /// Name of its clip, where it is one.
     pub sequence: Option<String>,
     /// Its pictures.
-    pub images: Vec<Image>,
+    pub images: Vec<Picture>,
 }
 
 /// The camera of a scene.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Camera {
+pub struct CameraRecord {
     /// Horizontal field of view [deg].
     pub hfov_deg: f64,
     /// Where it stands [m, enu].
@@ -42,7 +43,7 @@ pub struct Camera {
 
 /// A picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Image {
+pub struct Picture {
     /// Its file, from the split's folder.
     pub file_name: String,
     /// Width [px].
@@ -80,7 +81,7 @@ pub struct Annotation {
     pub track_id: u32,
 }
 
-/// To three decimals.
+/// Rounds to three decimals.
 fn milli(x: f64) -> f64 {
     (1e3 * x).round() / 1e3
 }
@@ -133,12 +134,11 @@ pub fn file(records: &[&SceneRecord]) -> Value {
     })
 }
 
-/// Makes the folders of a clip; the one that cannot be made.
-pub fn sequence_folder(out: &Path, name: &str) -> Result<(), (PathBuf, std::io::Error)> {
-    ["img1", "gt"].into_iter().try_for_each(|part| {
-        let folder = out.join("sequences").join(name).join(part);
-        std::fs::create_dir_all(&folder).map_err(|error| (folder, error))
-    })
+/// Makes the folders of a clip.
+pub fn sequence_folder(out: &Path, name: &str) -> Result<(), OutputError> {
+    let folder = out.join("sequences").join(name);
+    output::create_dir(&folder.join("img1"))?;
+    output::create_dir(&folder.join("gt"))
 }
 
 /// The truth and the description of a clip in MOTChallenge's form: frame and identity from 1, left,
@@ -169,7 +169,7 @@ pub fn mot(record: &SceneRecord, name: &str, rate_hz: f64) -> (String, String) {
 }
 
 /// The YOLO file of a picture: its name and its lines of class, centre and size.
-pub fn yolo(image: &Image) -> (String, String) {
+pub fn yolo(image: &Picture) -> (String, String) {
     let stem = image
         .file_name
         .trim_start_matches("images/")
@@ -196,8 +196,8 @@ pub fn yolo(image: &Image) -> (String, String) {
 mod tests {
     use super::*;
 
-    fn image() -> Image {
-        Image {
+    fn image() -> Picture {
+        Picture {
             file_name: "images/s00001_0002.png".into(),
             width: 200,
             height: 100,
@@ -233,7 +233,7 @@ mod tests {
             sun_elevation_deg: 30.0,
             visibility_m: 10_000.0,
             cloud_cover: 0.5,
-            camera: Camera {
+            camera: CameraRecord {
                 hfov_deg: 4.0,
                 r_enu_m: [0.0; 3],
             },

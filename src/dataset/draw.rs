@@ -1,400 +1,21 @@
-//! What every scene and still of a set holds, drawn from its seed.
+//! What a still shows, drawn from its seed: the view, the UAVs and the distractors.
 
 use super::recipe::Recipe;
-use super::stage::{Placed, Prop};
-use crate::app::RunError;
-use crate::components::environment::Environment;
-use crate::models::air::atmosphere::{Cn2Profile, air_density_kgpm3};
-use crate::models::air::sky::Sky;
-use crate::models::air::weather::Weather;
-use crate::models::air::wind::MeanWind;
+use super::scene::Scene;
+use super::shares::{Background, Motion, choose, log_range, pick};
+use super::stage::Placed;
 use crate::models::flight::distractor::{DistractorKind, GLIDE_RAD, tumbling_attitude, wing_rad};
 use crate::models::flight::multirotor::MAX_ROTORS;
-use crate::models::flight::uav::{UavClass, UavKind, model};
-use crate::models::ground::city::{City, CityParams};
+use crate::models::flight::uav::{UavClass, model};
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::ground::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::kinematics::{
     Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi,
 };
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::{Pinhole, PixelRect};
 use crate::models::optics::raster;
-use crate::models::optics::sensor::{SensorParams, Transfer};
-use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
-use crate::models::shape::mesh::MeshData;
-use crate::models::shape::uav_mesh::{Look, UavMesh, distractor_mesh_drawn, uav_mesh_look};
-use crate::plugins::environment::GROUND_ALBEDO;
 use glam::{DQuat, DVec2, DVec3};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-use std::sync::Arc;
-
-/// What stands behind the targets of a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Background {
-    /// Nothing but sky in the whole picture.
-    Sky,
-    /// Trees and fields, or their skyline.
-    Forest,
-    /// Buildings, or their skyline.
-    Urban,
-}
-
-/// How the UAVs of a still fly.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Motion {
-    /// Level, tilted by a few degrees.
-    Level,
-    /// Tilted hard to any side.
-    Manoeuvre,
-    /// Pitched up or down.
-    ClimbDive,
-}
-
-/// Which part of the set a scene belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Split {
-    /// Training.
-    Train,
-    /// Validation.
-    Val,
-}
-
-impl Split {
-    /// The folder's name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Val => "val",
-        }
-    }
-}
-
-/// `count` picks in the proportions of `shares`, met as exactly as whole numbers allow and
-/// shuffled.
-pub fn quota(count: u32, shares: &[f64], rng: &mut Stream) -> Vec<usize> {
-    let total: f64 = shares.iter().sum();
-    let mut picks = Vec::with_capacity(count as usize);
-    let mut sum = 0.0;
-    for (i, share) in shares.iter().enumerate() {
-        sum += share;
-        let until = (f64::from(count) * sum / total).round() as usize;
-        picks.resize(until, i);
-    }
-    for i in (1..picks.len()).rev() {
-        picks.swap(i, pick(i + 1, rng));
-    }
-    picks
-}
-
-/// A whole number below `count`.
-fn pick(count: usize, rng: &mut Stream) -> usize {
-    ((rng.uniform() * count as f64) as usize).min(count.saturating_sub(1))
-}
-
-/// The index of one of `shares`, in their proportions.
-pub fn choose(shares: &[f64], rng: &mut Stream) -> usize {
-    let mut rest = rng.uniform() * shares.iter().sum::<f64>();
-    for (i, share) in shares.iter().enumerate() {
-        rest -= share;
-        if rest < 0.0 {
-            return i;
-        }
-    }
-    shares.len().saturating_sub(1)
-}
-
-fn log_range([from, to]: [f64; 2], rng: &mut Stream) -> f64 {
-    rng.range(from.ln(), to.ln()).exp()
-}
-
-/// Background and split of every scene of a recipe, those with clips last.
-pub fn plan(recipe: &Recipe) -> Vec<(Background, Split)> {
-    let mut plan = assign(recipe, recipe.scenes, "dataset backgrounds");
-    let clips = recipe.sequences.count;
-    plan.extend(assign(recipe, clips, "dataset clips' backgrounds"));
-    plan
-}
-
-fn assign(recipe: &Recipe, scenes: u32, purpose: &str) -> Vec<(Background, Split)> {
-    let shares = &recipe.backgrounds;
-    let mut rng = Stream::new(recipe.seed, 0, purpose);
-    let kinds = [Background::Sky, Background::Forest, Background::Urban];
-    let shares = [shares.sky, shares.forest, shares.urban];
-    let backgrounds = quota(scenes, &shares, &mut rng);
-    let mut splits = vec![Split::Train; backgrounds.len()];
-    // Every background has its share of scenes to validate with; they are shuffled already.
-    let mut owed = 0.0;
-    for kind in 0..kinds.len() {
-        for (scene, _) in (backgrounds.iter().enumerate()).filter(|(_, found)| **found == kind) {
-            owed += recipe.val_share;
-            if owed >= 0.5 {
-                splits[scene] = Split::Val;
-                owed -= 1.0;
-            }
-        }
-    }
-    let named = backgrounds.into_iter().map(|kind| kinds[kind]);
-    named.zip(splits).collect()
-}
-
-/// A place, a time, a weather and a camera.
-pub struct Scene {
-    /// Its number.
-    pub index: u32,
-    /// What stands behind its targets.
-    pub background: Background,
-    /// City, sky and air.
-    pub environment: Environment,
-    /// Where the camera stands [m].
-    pub r_camera_enu_m: DVec3,
-    /// The camera.
-    pub pinhole: Pinhole,
-    /// Its sensor; the exposure is set for every still.
-    pub sensor: SensorParams,
-    /// Longest exposure [s].
-    pub max_exposure_s: f64,
-    /// Error of the automatic exposure [stops].
-    pub exposure_error_stops: f64,
-    /// Whether the exposure follows the picture, or the light.
-    pub metered: bool,
-    /// What may appear.
-    pub props: Vec<Prop>,
-    /// The UAVs among them, which come first.
-    pub uavs: Vec<UavKind>,
-    /// Cranes, masts and the like, about the origin.
-    pub clutter: Vec<MeshData>,
-    /// The seed of its clouds; none: their mean light only.
-    pub clouds: Option<u64>,
-    /// Where their tops are [m].
-    tops_enu_m: Vec<DVec3>,
-}
-
-impl Scene {
-    /// Draws scene `index` of a recipe and generates its surroundings.
-    pub fn draw(recipe: &Recipe, index: u32, background: Background) -> Result<Self, RunError> {
-        let stream = |purpose| Stream::new(recipe.seed, u64::from(index), purpose);
-        let mut rng = stream("dataset light");
-        let light = &recipe.light;
-        let elevation_deg = match choose(&[light.day, light.low_sun, light.dusk], &mut rng) {
-            0 => rng.range(15.0, 60.0),
-            1 => rng.range(2.0, 15.0),
-            _ => rng.range(-6.0, 2.0),
-        };
-        let sun_dir_enu = az_el_to_los(DVec2::new(
-            rng.range(0.0, TAU),
-            f64::to_radians(elevation_deg),
-        ));
-        let cloud_cover = match choose(&[0.4, 0.3, 0.3], &mut rng) {
-            0 => rng.range(0.0, 0.2),
-            1 => rng.range(0.2, 0.85),
-            _ => rng.range(0.9, 1.0),
-        };
-        let weather = Weather {
-            wind_speed_mps: 3.0, // [m/s]
-            wind_from_rad: 0.0,
-            gust_mps: None,
-            visibility_m: log_range(light.visibility_m, &mut rng),
-            temperature_k: 288.15,  // [K]
-            relative_humidity: 0.5, // [-]
-            pressure_pa: 101_325.0, // [Pa]
-            cloud_cover,
-            cloud_base_m: None,
-            precipitation_mmph: 0.0, // [mm/h]
-            snow: false,
-        };
-
-        let mut rng = stream("dataset city");
-        let [least, most] = recipe.city.extent_m;
-        let standard = CityParams {
-            extent_m: rng.range(least, most),
-            seed: rng.bits(),
-            relief_m: rng.range(0.0, 25.0),
-            river: rng.uniform() < 0.4,
-            max_height_m: rng.range(40.0, 140.0),
-            ..CityParams::default()
-        };
-        let params = match background {
-            Background::Forest => CityParams {
-                forest_share: rng.range(0.25, 0.8),
-                building_density: rng.range(0.0, 0.15),
-                ..standard
-            },
-            Background::Sky | Background::Urban => CityParams {
-                building_density: rng.range(0.6, 0.95),
-                park_share: rng.range(0.02, 0.12),
-                ..standard
-            },
-        };
-        let mut city = City::generate(&params).map_err(|source| RunError::City {
-            file: format!("scene {index}"),
-            source,
-        })?;
-        city.bake_shadows(sun_dir_enu);
-
-        let mut rng = stream("dataset camera");
-        let camera = &recipe.camera;
-        let [width_px, height_px] = camera.sizes_px[pick(camera.sizes_px.len(), &mut rng)];
-        let hfov_deg = match background {
-            Background::Sky => camera.hfov_deg,
-            _ => [camera.ground_hfov_deg, camera.hfov_deg[1]],
-        };
-        let hfov_rad = log_range(hfov_deg, &mut rng).to_radians();
-        let value = |why: String| RunError::Value {
-            file: format!("scene {index}"),
-            what: "camera",
-            why,
-        };
-        let pinhole = Pinhole::from_hfov(width_px, height_px, hfov_rad)
-            .map_err(|error| value(error.to_string()))?;
-        let r_camera_enu_m = stand(&city, camera.height_m, &mut rng);
-        let sensor = SensorParams {
-            f_number: 4.0,
-            exposure_s: 1e-3,
-            pixel_pitch_m: 5e-6,
-            transmission: 0.8,
-            quantum_efficiency: 0.6,
-            full_well_e: log_range([4_000.0, 25_000.0], &mut rng),
-            read_noise_e: log_range([2.0, 12.0], &mut rng),
-            gain_e_per_dn: None,
-            blur_sigma_px: rng.range(camera.blur_px[0], camera.blur_px[1]),
-            transfer: Transfer::Srgb,
-        };
-        let error = camera.exposure_error_stops;
-        let exposure_error_stops = rng.range(-error, error);
-        let max_exposure_s = log_range([1.0 / 200.0, 1.0 / 50.0], &mut rng);
-        let metered = rng.uniform() < 0.5;
-
-        // As many looks of every class, so that the pictures of a scene differ in them.
-        let uavs: Vec<UavKind> = (UavKind::ALL.into_iter())
-            .flat_map(|kind| match model(kind).class {
-                UavClass::Quadcopter => vec![kind; 2],
-                _ => vec![kind; 4],
-            })
-            .collect();
-        let mut rng = stream("dataset looks");
-        let prop = |mesh: UavMesh, distractor| Prop {
-            mesh: Arc::new(mesh),
-            distractor,
-        };
-        let mut props: Vec<_> = (uavs.iter())
-            .map(|kind| prop(uav_mesh_look(*kind, &Look::drawn(&mut rng)), None))
-            .collect();
-        let others = [
-            (DistractorKind::Bird, 5),
-            (DistractorKind::Aeroplane, 2),
-            (DistractorKind::Balloon, 1),
-            (DistractorKind::Leaf, 1),
-        ];
-        for kind in others.iter().flat_map(|(kind, count)| vec![*kind; *count]) {
-            props.push(prop(distractor_mesh_drawn(kind, &mut rng), Some(kind)));
-        }
-        let mut rng = stream("dataset clouds");
-        let clouds = (rng.uniform() < 0.8).then(|| rng.bits());
-        let mut rng = stream("dataset clutter");
-        let (clutter, tops_enu_m) = clutter(&city, background, r_camera_enu_m, &mut rng);
-        let environment = Environment {
-            site: SiteFrame::new(Geodetic {
-                latitude_rad: 47.3769f64.to_radians(),
-                longitude_rad: 8.5417f64.to_radians(),
-                height_m: 455.0, // [m]
-            }),
-            city: Arc::new(city),
-            mean_wind: MeanWind::new(weather.wind_speed_mps, 0.0, 0.5, 0.0)
-                .map_err(|error| value(error.to_string()))?,
-            air_density_kgpm3: air_density_kgpm3(
-                weather.pressure_pa,
-                weather.temperature_k,
-                weather.relative_humidity,
-            ),
-            cn2: Cn2Profile::Constant(1e-14),
-            sun_dir_enu,
-            sky: Sky::new(
-                sun_dir_enu,
-                weather.visibility_m,
-                weather.cloud_cover,
-                GROUND_ALBEDO,
-            ),
-            weather,
-        };
-        Ok(Self {
-            index,
-            background,
-            environment,
-            r_camera_enu_m,
-            pinhole,
-            sensor,
-            max_exposure_s,
-            exposure_error_stops,
-            metered,
-            props,
-            uavs,
-            clutter,
-            clouds,
-            tops_enu_m,
-        })
-    }
-}
-
-/// Structures around the camera, and their tops: on the ground, antennas on whatever is highest.
-fn clutter(
-    city: &City,
-    background: Background,
-    r_camera_enu_m: DVec3,
-    rng: &mut Stream,
-) -> (Vec<MeshData>, Vec<DVec3>) {
-    const STRUCTURES: usize = 12;
-    let kinds = match background {
-        Background::Forest => &[ClutterKind::Mast, ClutterKind::Pylon][..],
-        _ => &ClutterKind::ALL,
-    };
-    let (mut meshes, mut tops) = (Vec::new(), Vec::new());
-    for _ in 0..STRUCTURES {
-        let kind = kinds[pick(kinds.len(), rng)];
-        let apart_m = log_range([35.0, 400.0], rng) * DVec2::from_angle(rng.range(0.0, TAU));
-        let at = r_camera_enu_m.truncate() + apart_m;
-        let mut mesh = clutter_mesh(kind, rng);
-        let ground_m = city.dsm.terrain_m(at.x, at.y);
-        let surface_m = city.dsm.surface_m(at.x, at.y);
-        let foot_m = match kind {
-            ClutterKind::Antenna => surface_m,
-            // No house stands on a crane.
-            _ if surface_m > ground_m + 1.0 => continue,
-            _ => ground_m,
-        };
-        let Some((low, high)) = mesh.bounds_m() else {
-            continue;
-        };
-        mesh.origin_enu_m = at.extend(foot_m);
-        tops.push(mesh.origin_enu_m + (0.5 * (low + high)).truncate().extend(high.z));
-        meshes.push(mesh);
-    }
-    (meshes, tops)
-}
-
-/// A place for a camera: in the open, with nothing close above the line of its feet.
-fn stand(city: &City, height_m: [f64; 2], rng: &mut Stream) -> DVec3 {
-    let half_m = 0.45 * city.params.extent_m;
-    let height_m = log_range(height_m, rng);
-    let mut at = DVec3::ZERO;
-    for _ in 0..500 {
-        let (e, n) = (rng.range(-half_m, half_m), rng.range(-half_m, half_m));
-        at = DVec3::new(e, n, city.dsm.terrain_m(e, n) + height_m);
-        let free = (0..16).all(|i| {
-            let around = 6.0 * DVec2::from_angle(TAU * f64::from(i) / 16.0);
-            city.dsm.surface_m(e + around.x, n + around.y) < at.z - 1.0
-        });
-        if free && city.dsm.surface_m(e, n) < at.z - 1.0 {
-            return at;
-        }
-    }
-    at.z = city.dsm.surface_m(at.x, at.y) + 3.0;
-    at
-}
 
 /// What a still shows.
 #[derive(Clone, Debug)]
@@ -419,12 +40,12 @@ pub fn still(
     rng: &mut Stream,
 ) -> Option<Still> {
     let size_px = DVec2::new(
-        f64::from(scene.pinhole.width_px),
-        f64::from(scene.pinhole.height_px),
+        f64::from(scene.camera.pinhole.width_px),
+        f64::from(scene.camera.pinhole.height_px),
     );
     let px = place_px(size_px, rng);
-    let fate = match count {
-        // Where a UAV would be.
+    let first = match count {
+        // The view that a UAV there would have had.
         0 => {
             let range_m = log_range([30.0, 300.0], rng);
             let pose = view(scene, px, range_m, 10.0, rng)?;
@@ -436,9 +57,9 @@ pub fn still(
         }
         _ => target(recipe, scene, motion, rng)?,
     };
-    let pose = view(scene, px, fate.range_m, fate.size_px, rng)?;
-    let mut placed = vec![fate.at(&scene.pinhole, &pose, px)];
-    let mut taken = vec![(px, fate.size_px)];
+    let pose = view(scene, px, first.range_m, first.size_px, rng)?;
+    let mut placed = vec![first.at(&scene.camera.pinhole, &pose, px)];
+    let mut taken = vec![(px, first.size_px)];
     if !clear(scene, &pose, &placed[0]) {
         return None;
     }
@@ -449,7 +70,7 @@ pub fn still(
                 continue;
             };
             let apart = |(at, size): &(DVec2, f64)| at.distance(px) > size + other.size_px;
-            let other_placed = other.at(&scene.pinhole, &pose, px);
+            let other_placed = other.at(&scene.camera.pinhole, &pose, px);
             if placed.iter().all(|p| p.prop != other.prop)
                 && taken.iter().all(apart)
                 && clear(scene, &pose, &other_placed)
@@ -517,7 +138,7 @@ fn target(recipe: &Recipe, scene: &Scene, motion: Motion, rng: &mut Stream) -> O
         log_range(targets.size_px, rng)
     } else {
         // The mode of a log-normal distribution lies sigma^2 below its median.
-        let mode = targets.mode_width_share * f64::from(scene.pinhole.width_px);
+        let mode = targets.mode_width_share * f64::from(scene.camera.pinhole.width_px);
         let median = mode.ln() + targets.log_sigma.powi(2);
         (median + targets.log_sigma * rng.normal()).exp()
     };
@@ -568,7 +189,7 @@ fn range_for(scene: &Scene, target: &Target) -> Option<f64> {
     );
     let [w, h] = masks.rect.size_px;
     let long_px = f64::from(w.max(h));
-    Some(range_m * long_px / target.size_px * scene.pinhole.focal_px / pinhole.focal_px)
+    Some(range_m * long_px / target.size_px * scene.camera.pinhole.focal_px / pinhole.focal_px)
 }
 
 /// An attitude that fits a way to fly.
@@ -601,7 +222,7 @@ fn skyline_rad(scene: &Scene, az_rad: f64) -> f64 {
     for _ in 0..14 {
         let middle = 0.5 * (low + high);
         let dir = az_el_to_los(DVec2::new(az_rad, middle));
-        match dsm.first_hit(scene.r_camera_enu_m, dir, 8_000.0) {
+        match dsm.first_hit(scene.camera.r_enu_m, dir, 8_000.0) {
             Some(_) => low = middle,
             None => high = middle,
         }
@@ -621,7 +242,7 @@ enum Place {
 
 /// The pose that shows a point at `range_m` in pixel `px` before the scene's background.
 fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) -> Option<Pose> {
-    let pinhole = &scene.pinhole;
+    let pinhole = &scene.camera.pinhole;
     let dsm = &scene.environment.city.dsm;
     let roll_rad = rng.normal() * 1.5f64.to_radians();
     let place = match rng.uniform() {
@@ -636,7 +257,7 @@ fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) 
     for _ in 0..VIEW_TRIES {
         let az_rad = match top {
             Some(top) => {
-                let at = los_to_az_el(top - scene.r_camera_enu_m);
+                let at = los_to_az_el(top - scene.camera.r_enu_m);
                 at.x + 0.4 * hfov_rad * rng.range(-1.0, 1.0)
             }
             None => rng.range(0.0, TAU),
@@ -654,7 +275,7 @@ fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) 
                 let low_rad = skyline + 0.55 * vfov_rad;
                 let el_rad = match top {
                     Some(top) => {
-                        let at = los_to_az_el(top - scene.r_camera_enu_m);
+                        let at = los_to_az_el(top - scene.camera.r_enu_m);
                         low_rad.max(at.y + 0.4 * vfov_rad * rng.range(-1.0, 1.0))
                     }
                     None => low_rad + above_rad,
@@ -677,7 +298,7 @@ fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) 
             }
         };
         let dir = pose.q_enu_cam * pinhole.ray(px);
-        let hit = dsm.first_hit(scene.r_camera_enu_m, dir, 8_000.0);
+        let hit = dsm.first_hit(scene.camera.r_enu_m, dir, 8_000.0);
         let below = scene.background != Background::Sky && matches!(place, Place::Below);
         let fits = match hit {
             None => !below,
@@ -694,7 +315,7 @@ fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) 
 /// The pose with this boresight [rad].
 pub fn looking(scene: &Scene, az_rad: f64, el_rad: f64, roll_rad: f64) -> Pose {
     boresight_chain(
-        scene.r_camera_enu_m,
+        scene.camera.r_enu_m,
         DVec3::ZERO,
         az_rad,
         el_rad,
@@ -714,7 +335,7 @@ pub fn gaze_at(scene: &Scene, at: DVec2, roll_rad: f64, px: DVec2) -> DVec2 {
     let mut gaze = at;
     for _ in 0..4 {
         let pose = looking(scene, gaze.x, gaze.y, roll_rad);
-        let shown = los_to_az_el(pose.q_enu_cam * scene.pinhole.ray(px));
+        let shown = los_to_az_el(pose.q_enu_cam * scene.camera.pinhole.ray(px));
         gaze += DVec2::new(wrap_pi(at.x - shown.x), at.y - shown.y);
     }
     gaze
@@ -725,7 +346,7 @@ fn distractors(recipe: &Recipe, scene: &Scene, pose: &Pose, rng: &mut Stream) ->
     if rng.uniform() >= recipe.distractors.share {
         return Vec::new();
     }
-    let pinhole = &scene.pinhole;
+    let pinhole = &scene.camera.pinhole;
     let mut free: Vec<usize> = (scene.uavs.len()..scene.props.len()).collect();
     let mut placed = Vec::new();
     for _ in 0..1 + pick(4, rng) {
@@ -768,47 +389,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quotas_are_met_exactly_and_shuffled() {
-        let mut rng = Stream::new(1, 0, "test");
-        let picks = quota(200, &[0.45, 0.275, 0.275], &mut rng);
-        let count = |kind| picks.iter().filter(|pick| **pick == kind).count();
-        assert_eq!([count(0), count(1), count(2)], [90, 55, 55]);
-        assert!(picks.windows(2).filter(|w| w[0] != w[1]).count() > 60);
-        // Shares need not add up to 1, nor the count divide.
-        let picks = quota(7, &[2.0, 1.0], &mut rng);
-        assert_eq!(picks.iter().filter(|pick| **pick == 0).count(), 5);
-        assert!(quota(0, &[1.0], &mut rng).is_empty());
-    }
-
-    #[test]
-    fn every_background_has_its_share_to_validate_with() {
-        let recipe = Recipe {
-            scenes: 200,
-            val_share: 0.25,
-            ..Recipe::default()
-        };
-        let plan = plan(&recipe);
-        assert_eq!(plan.len(), 200);
-        for (kind, all) in [
-            (Background::Sky, 90.0),
-            (Background::Forest, 55.0),
-            (Background::Urban, 55.0),
-        ] {
-            let val = plan.iter().filter(|s| **s == (kind, Split::Val)).count() as f64;
-            assert!((val - 0.25 * all).abs() <= 1.0, "{kind:?}: {val}");
-        }
-        let none = Recipe {
-            val_share: 0.0,
-            ..recipe
-        };
-        assert!(
-            super::plan(&none)
-                .iter()
-                .all(|(_, split)| *split == Split::Train)
-        );
-    }
-
-    #[test]
     fn attitudes_fit_the_way_to_fly() {
         let mut rng = Stream::new(2, 0, "test");
         for (motion, least_deg, most_deg) in [
@@ -840,25 +420,28 @@ mod tests {
             // Within the picture, away from its borders.
             let px = DVec2::new(0.4, 0.6)
                 * DVec2::new(
-                    f64::from(scene.pinhole.width_px),
-                    f64::from(scene.pinhole.height_px),
+                    f64::from(scene.camera.pinhole.width_px),
+                    f64::from(scene.camera.pinhole.height_px),
                 );
             let direction = DVec2::new(0.7, 0.2);
             let pose = shown_at(&scene, direction.x, direction.y, 0.03, px);
-            let placed = target.at(&scene.pinhole, &pose, px);
+            let placed = target.at(&scene.camera.pinhole, &pose, px);
             let r_cam_m = pose.q_enu_cam.inverse() * (placed.body.0 - pose.r_enu_m);
-            assert!((scene.pinhole.project(r_cam_m).unwrap() - px).length() < 1e-6);
+            assert!((scene.camera.pinhole.project(r_cam_m).unwrap() - px).length() < 1e-6);
             let shown = los_to_az_el(placed.body.0 - pose.r_enu_m);
             assert!((shown - direction).length() < 1e-5, "{shown}");
             let masks = raster::fine_silhouette(
-                &scene.pinhole,
+                &scene.camera.pinhole,
                 &pose,
                 placed.body,
                 &placed.phase_rad,
                 &scene.props[placed.prop].mesh,
                 PixelRect {
                     offset_px: [0, 0],
-                    size_px: [scene.pinhole.width_px, scene.pinhole.height_px],
+                    size_px: [
+                        scene.camera.pinhole.width_px,
+                        scene.camera.pinhole.height_px,
+                    ],
                 },
             );
             let Some(seen) = super::super::label::label(&masks, |_, _| 1.0) else {

@@ -1,7 +1,7 @@
 //! From rendered luminance to the picture: what moves and glares before the sensor, and exposure.
 
-use super::draw::Scene;
 use super::recipe::Recipe;
+use super::scene::Scene;
 use super::stage::Rendered;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::raster::Masks;
@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Luminance of linear sRGB.
 const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
-/// Most by which the gain is raised when the longest exposure does not do.
+/// Largest gain, for light that is too dim for the longest exposure.
 const MAX_GAIN: f64 = 48.0;
 
 /// One channel of a pixel of half-float RGBA rows.
@@ -27,8 +27,8 @@ pub fn luminance(pixels: &[u8], index: usize) -> f64 {
 
 /// The sensor's settings for a rendered frame, `more_stops` brighter than the scene's others.
 pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
-    let error = scene.exposure_error_stops + more_stops;
-    let mut params = scene.sensor;
+    let error = scene.camera.exposure_error_stops + more_stops;
+    let mut params = scene.camera.sensor;
     let light_klx = scene.environment.sky.global_illuminance_klx();
     let metered_klx = {
         const EVERY: usize = 37; // [px]
@@ -39,13 +39,13 @@ pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
         // A picture is brighter on average than an 18 % grey: 30 %.
         PI * sum / count / 0.30
     };
-    let klx = if scene.metered {
+    let klx = if scene.camera.metered {
         metered_klx
     } else {
         light_klx
     };
     let wanted_s = auto_exposure(klx.max(1e-9), &params, f64::MAX) * error.exp2();
-    params.exposure_s = wanted_s.clamp(1e-6, scene.max_exposure_s);
+    params.exposure_s = wanted_s.clamp(1e-6, scene.camera.max_exposure_s);
     let gain = (wanted_s / params.exposure_s).min(MAX_GAIN);
     if gain > 1.0 {
         params.gain_e_per_dn = Some(params.full_well_e / 255.0 / gain);
@@ -54,8 +54,8 @@ pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
 }
 
 /// How a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
-/// against their mean, softened by the blur, over the noise of a pixel; white is white, however
-/// bright it is.
+/// against their mean, softened by the blur, over the noise of a pixel. Luminance above white
+/// counts as white.
 pub fn contrast(
     rendered: &Rendered,
     pixels: &[u8],

@@ -4,7 +4,7 @@ use super::stage::Rendered;
 use crate::models::optics::raster::Masks;
 use crate::systems::capture::{self, ImageScratch, MAGNIFY, PATCH_PX};
 
-/// A column or row counts from this much of the UAV in it on [px]: the tip of a blade does not.
+/// A column or row counts if it shows at least this much of the UAV [px]: the tip of a blade does not.
 const MIN_COVERAGE_PX: f64 = 0.1;
 /// Samples a side of a pixel.
 const SIDE: u32 = 8;

@@ -1,6 +1,9 @@
 //! The recipe of a set of annotated pictures: what is drawn, in which shares and ranges.
 
-use super::DatasetError;
+use super::shares::Motion;
+use crate::scenario::InputError;
+use crate::scenario::check::{Check, FRACTION};
+use crate::scenario::load::{self, Checked};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -26,14 +29,14 @@ pub struct Recipe {
     pub motions: Motions,
     /// What is annotated.
     pub targets: Targets,
-    /// What is not.
+    /// Birds and the like, which are not annotated.
     pub distractors: Distractors,
     /// Light and air.
     pub light: Light,
     /// Where cameras stand and how they see.
-    pub camera: Camera,
-    /// The city.
-    pub city: City,
+    pub camera: CameraRanges,
+    /// The generated surroundings.
+    pub city: CityRanges,
 }
 
 impl Default for Recipe {
@@ -50,8 +53,8 @@ impl Default for Recipe {
             targets: Targets::default(),
             distractors: Distractors::default(),
             light: Light::default(),
-            camera: Camera::default(),
-            city: City::default(),
+            camera: CameraRanges::default(),
+            city: CityRanges::default(),
         }
     }
 }
@@ -78,6 +81,14 @@ impl Default for Sequences {
     }
 }
 
+impl Sequences {
+    fn check(&self, check: &mut Check) {
+        check.within("count", self.count.into(), 0.0..=10_000.0);
+        check.within("frames", self.frames.into(), 1.0..=10_000.0);
+        check.within("rate_hz", self.rate_hz, 1.0..=1_000.0);
+    }
+}
+
 /// Shares of the scenes; they need not add up to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -100,6 +111,17 @@ impl Default for Backgrounds {
     }
 }
 
+impl Backgrounds {
+    fn check(&self, check: &mut Check) {
+        let shares = [
+            ("sky", self.sky),
+            ("forest", self.forest),
+            ("urban", self.urban),
+        ];
+        check_shares(check, &shares);
+    }
+}
+
 /// Shares of the stills; they need not add up to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -119,6 +141,22 @@ impl Default for Motions {
             manoeuvre: 0.3,
             climb_dive: 0.2,
         }
+    }
+}
+
+impl Motions {
+    /// The shares of [`Motion::ALL`], in its order.
+    pub fn shares(&self) -> [f64; Motion::ALL.len()] {
+        [self.level, self.manoeuvre, self.climb_dive]
+    }
+
+    fn check(&self, check: &mut Check) {
+        let shares = [
+            ("level", self.level),
+            ("manoeuvre", self.manoeuvre),
+            ("climb_dive", self.climb_dive),
+        ];
+        check_shares(check, &shares);
     }
 }
 
@@ -171,6 +209,26 @@ impl Default for Targets {
     }
 }
 
+impl Targets {
+    fn check(&self, check: &mut Check) {
+        check.within("none", self.none, FRACTION);
+        check.within("several", self.several, 0.0..=1.0 - self.none);
+        check.within("mode_width_share", self.mode_width_share, 1e-3..=0.5);
+        check.within("log_sigma", self.log_sigma, 0.0..=3.0);
+        check.within("even_share", self.even_share, FRACTION);
+        check.not_descending("size_px", self.size_px, 2.0..=400.0);
+        check.not_descending("range_m", self.range_m, 2.0..=10_000.0);
+        check.within("min_visible", self.min_visible, 0.05..=1.0);
+        check.within("min_contrast", self.min_contrast, 0.0..=100.0);
+        let shares = [
+            ("fpv", self.fpv),
+            ("quadcopter", self.quadcopter),
+            ("hexacopter", self.hexacopter),
+        ];
+        check_shares(check, &shares);
+    }
+}
+
 /// Birds and the like.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -187,6 +245,13 @@ impl Default for Distractors {
             share: 0.4,
             size_px: [2.0, 40.0],
         }
+    }
+}
+
+impl Distractors {
+    fn check(&self, check: &mut Check) {
+        check.within("share", self.share, FRACTION);
+        check.not_descending("size_px", self.size_px, 1.0..=400.0);
     }
 }
 
@@ -215,10 +280,22 @@ impl Default for Light {
     }
 }
 
+impl Light {
+    fn check(&self, check: &mut Check) {
+        let shares = [
+            ("day", self.day),
+            ("low_sun", self.low_sun),
+            ("dusk", self.dusk),
+        ];
+        check_shares(check, &shares);
+        check.not_descending("visibility_m", self.visibility_m, 100.0..=200_000.0);
+    }
+}
+
 /// Cameras.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Camera {
+pub struct CameraRanges {
     /// Widths and heights [px]; each scene draws one.
     pub sizes_px: Vec<[u32; 2]>,
     /// Narrowest and widest horizontal field of view, drawn evenly over its logarithm [deg].
@@ -240,7 +317,7 @@ pub struct Camera {
     pub flare_share: f64,
 }
 
-impl Default for Camera {
+impl Default for CameraRanges {
     fn default() -> Self {
         Self {
             sizes_px: vec![
@@ -265,15 +342,39 @@ impl Default for Camera {
     }
 }
 
+impl CameraRanges {
+    fn check(&self, check: &mut Check) {
+        check.that(!self.sizes_px.is_empty(), "sizes_px", || {
+            "is empty: give [[640, 480]]".to_owned()
+        });
+        for (index, size_px) in self.sizes_px.iter().enumerate() {
+            for (axis, side) in size_px.iter().enumerate() {
+                let key = format!("sizes_px[{index}][{axis}]");
+                check.within(&key, f64::from(*side), 64.0..=4096.0);
+            }
+        }
+        check.not_descending("hfov_deg", self.hfov_deg, 0.1..=120.0);
+        let widest_deg = self.hfov_deg[1];
+        check.within("ground_hfov_deg", self.ground_hfov_deg, 0.1..=widest_deg);
+        check.not_descending("height_m", self.height_m, 1.5..=500.0);
+        check.not_descending("blur_px", self.blur_px, 0.0..=10.0);
+        let most_stops = self.exposure_error_stops;
+        check.within("exposure_error_stops", most_stops, 0.0..=4.0);
+        check.within("motion_blur_share", self.motion_blur_share, FRACTION);
+        check.within("motion_blur_px", self.motion_blur_px, 0.0..=32.0);
+        check.within("flare_share", self.flare_share, FRACTION);
+    }
+}
+
 /// The generated surroundings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct City {
+pub struct CityRanges {
     /// Smallest and largest side [m].
     pub extent_m: [f64; 2],
 }
 
-impl Default for City {
+impl Default for CityRanges {
     fn default() -> Self {
         Self {
             extent_m: [900.0, 1200.0],
@@ -281,237 +382,53 @@ impl Default for City {
     }
 }
 
+impl CityRanges {
+    fn check(&self, check: &mut Check) {
+        check.not_descending("extent_m", self.extent_m, 800.0..=6_000.0);
+    }
+}
+
 impl Recipe {
     /// Reads and checks a recipe file; also gives its text.
-    pub fn load(path: &Path) -> Result<(Self, String), DatasetError> {
-        let text = std::fs::read_to_string(path).map_err(|source| DatasetError::Read {
-            path: path.into(),
-            source,
-        })?;
+    pub fn load(path: &Path) -> Result<(Self, String), InputError> {
+        let text = load::read(path)?;
         let recipe = Self::parse(&text, &path.display().to_string())?;
         Ok((recipe, text))
     }
 
     /// Reads and checks a recipe; `file` is named in errors.
-    pub fn parse(text: &str, file: &str) -> Result<Self, DatasetError> {
-        let recipe: Self = toml::from_str(text).map_err(|error| {
-            let at = error.span().map_or(0, |span| span.start.min(text.len()));
-            DatasetError::Recipe {
-                file: file.into(),
-                line: 1 + text.as_bytes()[..at]
-                    .iter()
-                    .filter(|b| **b == b'\n')
-                    .count(),
-                why: error.message().replace('\n', " "),
-            }
-        })?;
-        recipe.check().map_err(|(key, why)| DatasetError::Value {
-            file: file.into(),
-            key,
-            why,
-        })?;
-        Ok(recipe)
+    pub fn parse(text: &str, file: &str) -> Result<Self, InputError> {
+        load::parse(text, file, &[]).map(|parsed| parsed.value)
     }
+}
 
-    /// The key of the first bad value, and what is wrong with it.
-    fn check(&self) -> Result<(), (&'static str, String)> {
-        let number = |key, value: f64, low: f64, high: f64| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err((key, format!("{value} is outside {low} to {high}")))
-            }
-        };
-        let range = |key, [from, to]: [f64; 2], low: f64, high: f64| {
-            number(key, from, low, high)?;
-            number(key, to, low, high)?;
-            if from <= to {
-                Ok(())
-            } else {
-                Err((
-                    key,
-                    format!("{from} is above {to}; give the smaller one first"),
-                ))
-            }
-        };
-        let shares = |key, shares: &[f64]| {
-            for share in shares {
-                number(key, *share, 0.0, 1.0)?;
-            }
-            if shares.iter().sum::<f64>() > 0.0 {
-                Ok(())
-            } else {
-                Err((key, "all shares are 0; give one of them a value".into()))
-            }
-        };
-        number("scenes", f64::from(self.scenes), 0.0, 100_000.0)?;
-        number("stills", f64::from(self.stills), 1.0, 4_000.0)?;
-        let q = &self.sequences;
-        number("sequences.count", f64::from(q.count), 0.0, 10_000.0)?;
-        number("sequences.frames", f64::from(q.frames), 1.0, 10_000.0)?;
-        number("sequences.rate_hz", q.rate_hz, 1.0, 1_000.0)?;
-        number("val_share", self.val_share, 0.0, 0.9)?;
-        let b = &self.backgrounds;
-        shares("backgrounds", &[b.sky, b.forest, b.urban])?;
-        let m = &self.motions;
-        shares("motions", &[m.level, m.manoeuvre, m.climb_dive])?;
-        let t = &self.targets;
-        number("targets.none", t.none, 0.0, 1.0)?;
-        number("targets.several", t.several, 0.0, 1.0 - t.none)?;
-        number("targets.mode_width_share", t.mode_width_share, 1e-3, 0.5)?;
-        number("targets.log_sigma", t.log_sigma, 0.0, 3.0)?;
-        number("targets.even_share", t.even_share, 0.0, 1.0)?;
-        range("targets.size_px", t.size_px, 2.0, 400.0)?;
-        range("targets.range_m", t.range_m, 2.0, 10_000.0)?;
-        number("targets.min_visible", t.min_visible, 0.05, 1.0)?;
-        number("targets.min_contrast", t.min_contrast, 0.0, 100.0)?;
-        shares("targets", &[t.fpv, t.quadcopter, t.hexacopter])?;
-        number("distractors.share", self.distractors.share, 0.0, 1.0)?;
-        range("distractors.size_px", self.distractors.size_px, 1.0, 400.0)?;
-        let l = &self.light;
-        shares("light", &[l.day, l.low_sun, l.dusk])?;
-        range("light.visibility_m", l.visibility_m, 100.0, 200_000.0)?;
-        let c = &self.camera;
-        if c.sizes_px.is_empty() {
-            return Err(("camera.sizes_px", "is empty; give [[640, 480]]".into()));
-        }
-        for side in c.sizes_px.iter().flatten() {
-            number("camera.sizes_px", f64::from(*side), 64.0, 4096.0)?;
-        }
-        range("camera.hfov_deg", c.hfov_deg, 0.1, 120.0)?;
-        number(
-            "camera.ground_hfov_deg",
-            c.ground_hfov_deg,
-            0.1,
-            c.hfov_deg[1],
-        )?;
-        range("camera.height_m", c.height_m, 1.5, 500.0)?;
-        range("camera.blur_px", c.blur_px, 0.0, 10.0)?;
-        number(
-            "camera.exposure_error_stops",
-            c.exposure_error_stops,
-            0.0,
-            4.0,
-        )?;
-        number("camera.motion_blur_share", c.motion_blur_share, 0.0, 1.0)?;
-        number("camera.motion_blur_px", c.motion_blur_px, 0.0, 32.0)?;
-        number("camera.flare_share", c.flare_share, 0.0, 1.0)?;
-        range("city.extent_m", self.city.extent_m, 800.0, 6_000.0)
+impl Checked for Recipe {
+    fn check(&self, check: &mut Check) {
+        check.within("scenes", self.scenes.into(), 0.0..=100_000.0);
+        check.within("stills", self.stills.into(), 1.0..=4_000.0);
+        check.table("sequences", |check| self.sequences.check(check));
+        check.within("val_share", self.val_share, 0.0..=0.9);
+        check.table("backgrounds", |check| self.backgrounds.check(check));
+        check.table("motions", |check| self.motions.check(check));
+        check.table("targets", |check| self.targets.check(check));
+        check.table("distractors", |check| self.distractors.check(check));
+        check.table("light", |check| self.light.check(check));
+        check.table("camera", |check| self.camera.check(check));
+        check.table("city", |check| self.city.check(check));
     }
+}
+
+/// Shares need not add up to 1, but one of them must be above 0.
+fn check_shares(check: &mut Check, shares: &[(&str, f64)]) {
+    for (key, share) in shares {
+        check.within(key, *share, FRACTION);
+    }
+    let total: f64 = shares.iter().map(|(_, share)| share).sum();
+    check.that(total > 0.0, "", || {
+        let keys: Vec<&str> = shares.iter().map(|(key, _)| *key).collect();
+        format!("{} are all 0: give one of them a share", keys.join(", "))
+    });
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    const GOOD: &str = r#"seed = 3
-scenes = 12
-stills = 5
-val_share = 0.2
-
-[backgrounds]
-sky = 1.0
-forest = 0.5
-
-[camera]
-sizes_px = [[640, 480], [320, 240]]
-hfov_deg = [1.0, 30.0]
-"#;
-
-    fn error(text: &str) -> String {
-        Recipe::parse(text, "r.toml").unwrap_err().to_string()
-    }
-
-    #[test]
-    fn what_is_absent_has_its_default() {
-        let recipe = Recipe::parse(GOOD, "r.toml").unwrap();
-        assert_eq!((recipe.scenes, recipe.backgrounds.forest), (12, 0.5));
-        assert_eq!(recipe.targets, Targets::default());
-        assert_eq!(Recipe::parse("", "r.toml").unwrap(), Recipe::default());
-        for shipped in ["uav", "tiny"] {
-            let path = format!("{}/recipes/{shipped}.toml", env!("CARGO_MANIFEST_DIR"));
-            Recipe::load(Path::new(&path)).unwrap();
-        }
-    }
-
-    #[test]
-    fn every_error_names_file_and_key_in_one_line() {
-        for (text, wanted) in [
-            (
-                "scnes = 3",
-                &["r.toml:1:", "unknown field `scnes`", "docs/dataset.md"][..],
-            ),
-            (
-                "\n[camera]\nhfov = 3",
-                &["r.toml:3:", "unknown field `hfov`"],
-            ),
-            ("[targets]\nsize_px = 12", &["r.toml:2:", "invalid type"]),
-            ("seed = ", &["r.toml:1:"]),
-            ("stills = 0", &["r.toml: stills: 0 is outside 1 to"]),
-            ("val_share = nan", &["r.toml: val_share: NaN is outside"]),
-            (
-                "[targets]\nsize_px = [40, 4]",
-                &["targets.size_px: 40 is above 4"],
-            ),
-            (
-                "[targets]\nnone = 0.5\nseveral = 0.6",
-                &["targets.several: 0.6"],
-            ),
-            (
-                "[backgrounds]\nsky = 0\nforest = 0\nurban = 0",
-                &["backgrounds: all shares are 0"],
-            ),
-            ("[camera]\nsizes_px = []", &["camera.sizes_px: is empty"]),
-            (
-                "[camera]\nsizes_px = [[640, 0]]",
-                &["camera.sizes_px: 0 is outside"],
-            ),
-            (
-                "[city]\nextent_m = [100, 900]",
-                &["city.extent_m: 100 is outside"],
-            ),
-        ] {
-            let message = error(text);
-            assert!(!message.contains('\n'), "{message}");
-            for part in wanted {
-                assert!(message.contains(part), "{part:?} in {message}");
-            }
-        }
-        let message = Recipe::load(Path::new("nowhere.toml"))
-            .unwrap_err()
-            .to_string();
-        assert!(message.contains("recipe nowhere.toml"), "{message}");
-    }
-
-    proptest! {
-        #[test]
-        fn mutated_recipes_are_taken_or_refused_in_one_line(
-            at in 0..GOOD.len(),
-            cut in 0..20usize,
-            insert in "([\\[\\]{}=.,'\"\n #-]|[a-z_]{1,9}|[0-9]{1,25}|nan|inf|\\PC){0,4}",
-        ) {
-            let end = (at + cut).min(GOOD.len());
-            let text = format!("{}{insert}{}", &GOOD[..at], &GOOD[end..]);
-            if let Err(error) = Recipe::parse(&text, "r.toml") {
-                let message = error.to_string();
-                prop_assert!(message.starts_with("r.toml") && !message.contains('\n'), "{message}");
-            }
-        }
-
-        #[test]
-        fn a_recipe_survives_being_written(
-            seed in 0..u64::MAX / 2,
-            scenes in 0..1000u32,
-            stills in 1..100u32,
-            share in 0.0..0.9f64,
-            low in 0.5..5.0f64,
-        ) {
-            let mut recipe = Recipe { seed, scenes, stills, val_share: share, ..Recipe::default() };
-            recipe.camera.hfov_deg[0] = low;
-            recipe.motions.level = share;
-            let text = toml::to_string(&recipe).map_err(|e| TestCaseError::fail(e.to_string()))?;
-            prop_assert_eq!(Recipe::parse(&text, "r.toml").ok(), Some(recipe));
-        }
-    }
-}
+mod tests;

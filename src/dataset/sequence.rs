@@ -1,7 +1,9 @@
 //! Clips: UAVs fly by their autopilots, birds pass, and the camera follows loosely.
 
-use super::draw::{self, Motion, Scene, Still};
+use super::draw::{self, Still};
 use super::recipe::Recipe;
+use super::scene::Scene;
+use super::shares::Motion;
 use super::stage::Placed;
 use crate::models::flight::distractor::{
     DistractorKind, GLIDE_RAD, WINGBEAT_HZ, tumbling_attitude, wing_rad,
@@ -9,13 +11,15 @@ use crate::models::flight::distractor::{
 use crate::models::flight::multirotor::{self, Airframe, MultirotorState};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::flight::uav::model;
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::maths::rng::Stream;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
 /// Steps of the flight between two frames, no longer than those of the loop's clock.
 const STEP_S: f64 = 1.0 / 960.0; // [s]
-/// Time in which the camera's operator makes good an error [s].
+/// Time in which the camera's operator corrects an error [s].
 const FOLLOW_S: f64 = 0.7; // [s]
 
 /// A UAV on its way.
@@ -26,10 +30,38 @@ struct Pilot {
     prop: usize,
 }
 
-/// A clip as it goes on.
+/// A distractor on a straight way.
+struct Drifter {
+    /// Where and how it starts.
+    start: Placed,
+    kind: DistractorKind,
+    v_enu_mps: DVec3,
+    /// Phase of its wings or of its tumbling at the start [rad].
+    phase_rad: f64,
+}
+
+impl Drifter {
+    /// Where and how it is after `t_s`.
+    fn at(&self, t_s: f64) -> Placed {
+        let (r_enu_m, mut q_enu_body) = self.start.body;
+        let mut now = self.start;
+        match self.kind {
+            DistractorKind::Leaf => q_enu_body = tumbling_attitude(t_s, self.phase_rad),
+            DistractorKind::Bird if self.start.phase_rad[0] != GLIDE_RAD => {
+                let angle_rad = wing_rad(self.phase_rad + TAU * WINGBEAT_HZ * t_s);
+                now.phase_rad.fill(angle_rad);
+            }
+            _ => {}
+        }
+        now.body = (r_enu_m + t_s * self.v_enu_mps, q_enu_body);
+        now
+    }
+}
+
+/// A clip in progress.
 pub struct Clip {
     pilots: Vec<Pilot>,
-    others: Vec<(Placed, DistractorKind, DVec3, f64)>,
+    others: Vec<Drifter>,
     /// Azimuth and elevation of the boresight [rad].
     gaze_rad: DVec2,
     roll_rad: f64,
@@ -50,7 +82,7 @@ pub fn draw(
     let count = 1 + (rng.uniform() * rng.uniform() * 3.0) as usize;
     let still = draw::still(recipe, scene, count, motion, rng)?;
     let clip = Clip::from(scene, &still, motion, rng)?;
-    // Flown once ahead: nobody may hit a house or be hidden by it all the time.
+    // Flown once in advance: no UAV may hit a building, and the first must stay visible.
     let duration_s = f64::from(frames) / recipe.sequences.rate_hz;
     let surface = &scene.environment.city.dsm;
     let free = clip.pilots.iter().all(|pilot| {
@@ -62,8 +94,7 @@ pub fn draw(
     let seen = clip.pilots.first().is_some_and(|pilot| {
         (0..=4).all(|k| {
             let r = pilot.plan.sample(duration_s * f64::from(k) / 4.0).r_enu_m;
-            surface.line_of_sight(scene.r_camera_enu_m, r)
-                == crate::models::ground::dsm::LineOfSight::Clear
+            surface.line_of_sight(scene.camera.r_enu_m, r) == LineOfSight::Clear
         })
     });
     (free && seen).then_some(clip)
@@ -71,7 +102,7 @@ pub fn draw(
 
 impl Clip {
     fn from(scene: &Scene, still: &Still, motion: Motion, rng: &mut Stream) -> Option<Self> {
-        let pinhole = &scene.pinhole;
+        let pinhole = &scene.camera.pinhole;
         let density = scene.environment.air_density_kgpm3;
         let (mut pilots, mut others) = (Vec::new(), Vec::new());
         for placed in &still.placed {
@@ -85,7 +116,12 @@ impl Clip {
                     DistractorKind::Balloon => 2.0 * drift,
                     DistractorKind::Leaf => 2.0 * drift - 1.2 * DVec3::Z,
                 };
-                others.push((*placed, kind, v_enu_mps, rng.range(0.0, TAU)));
+                others.push(Drifter {
+                    start: *placed,
+                    kind,
+                    v_enu_mps,
+                    phase_rad: rng.range(0.0, TAU),
+                });
                 continue;
             }
             let uav = model(scene.uavs[placed.prop]);
@@ -126,8 +162,7 @@ impl Clip {
                 prop: placed.prop,
             });
         }
-        let gaze_rad =
-            crate::models::maths::kinematics::los_to_az_el(still.pose.q_enu_cam * DVec3::Z);
+        let gaze_rad = los_to_az_el(still.pose.q_enu_cam * DVec3::Z);
         // The roll that the boresight's own azimuth and elevation leave.
         let flat = draw::looking(scene, gaze_rad.x, gaze_rad.y, 0.0);
         let right = flat.q_enu_cam.inverse() * (still.pose.q_enu_cam * DVec3::X);
@@ -150,24 +185,7 @@ impl Clip {
             body: (pilot.state.r_enu_m, pilot.state.q_enu_body),
             phase_rad: pilot.state.rotor_phase_rad,
         });
-        let others = self
-            .others
-            .iter()
-            .map(|(placed, kind, v_enu_mps, phase_rad)| {
-                let (r_enu_m, q_start) = placed.body;
-                let mut now = *placed;
-                let mut q: DQuat = q_start;
-                match kind {
-                    DistractorKind::Leaf => q = tumbling_attitude(self.t_s, *phase_rad),
-                    DistractorKind::Bird if placed.phase_rad[0] != GLIDE_RAD => {
-                        let angle_rad = wing_rad(phase_rad + TAU * WINGBEAT_HZ * self.t_s);
-                        now.phase_rad.fill(angle_rad);
-                    }
-                    _ => {}
-                }
-                now.body = (r_enu_m + self.t_s * *v_enu_mps, q);
-                now
-            });
+        let others = self.others.iter().map(|other| other.at(self.t_s));
         Still {
             pose: draw::looking(scene, self.gaze_rad.x, self.gaze_rad.y, self.roll_rad),
             motion,
@@ -175,7 +193,7 @@ impl Clip {
         }
     }
 
-    /// Goes on by a frame.
+    /// Advances by a frame.
     pub fn advance(&mut self, scene: &Scene, frame_s: f64, rng: &mut Stream) {
         let steps = (frame_s / STEP_S).ceil();
         let dt_s = frame_s / steps;
@@ -190,17 +208,16 @@ impl Clip {
         }
         self.t_s += frame_s;
         if let Some(first) = self.pilots.first() {
-            let at = crate::models::maths::kinematics::los_to_az_el(
-                first.state.r_enu_m - scene.r_camera_enu_m,
-            );
+            let at = los_to_az_el(first.state.r_enu_m - scene.camera.r_enu_m);
             let wanted = draw::gaze_at(scene, at, self.roll_rad, self.px);
             let share = -(-frame_s / FOLLOW_S).exp_m1();
             let error = DVec2::new(
-                crate::models::maths::kinematics::wrap_pi(wanted.x - self.gaze_rad.x),
+                wrap_pi(wanted.x - self.gaze_rad.x),
                 wanted.y - self.gaze_rad.y,
             );
             // An unsteady hand: a third of a pixel from frame to frame.
-            let shake = DVec2::new(rng.normal(), rng.normal()) * 0.3 / scene.pinhole.focal_px;
+            let shake =
+                DVec2::new(rng.normal(), rng.normal()) * 0.3 / scene.camera.pinhole.focal_px;
             self.gaze_rad += share * error + shake;
         }
     }

@@ -1,5 +1,6 @@
 //! One Bevy app that shows one scene after the other and renders single frames of them.
 
+use super::DatasetError;
 use crate::app::{self, Options, RunError};
 use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
@@ -65,7 +66,7 @@ pub struct Rendered {
 
 impl Stage {
     /// An empty stage.
-    pub fn new(threads: Option<usize>) -> Result<Self, RunError> {
+    pub fn new(threads: Option<usize>) -> Result<Self, DatasetError> {
         app::adapter()?;
         let options = Options {
             threads,
@@ -152,7 +153,7 @@ impl Stage {
         params: &SensorParams,
         props: &[Prop],
         placed: &[Placed],
-    ) -> Result<Rendered, RunError> {
+    ) -> Result<Rendered, DatasetError> {
         let world = self.app.world_mut();
         let views = self.views.ok_or(RunError::NoAdapter)?;
         let camera = SensorCamera {

@@ -1,28 +1,15 @@
-//! What a set holds, as the paper's Figure 6 shows it: numbers as JSON, pictures as one page.
+//! What a set holds, in numbers.
 
 use super::CATEGORIES;
-use super::coco::{Annotation, Image, SceneRecord};
-use super::draw::Split;
-use crate::app::{self, RunError};
-use crate::recording::encode_jpeg;
-use crate::report::{Escaped, STYLE};
-use base64::{Engine as _, prelude::BASE64_STANDARD};
+use super::coco::{Annotation, Picture, SceneRecord};
+use crate::models::maths::quantile::quantile;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt::{self, Write as _};
-use std::path::Path;
-
-/// Bins of a distribution, and of a side of a map.
-const BINS: usize = 40;
-/// Pictures of the contact sheet.
-const SHEET: usize = 24;
-/// The variables of the maps: centre and size of a box over the picture's.
-const AXES: [&str; 4] = ["x", "y", "width", "height"];
 
 /// The numbers of a set.
 #[derive(Debug, Serialize)]
 pub struct Statistics {
-    /// Pictures and boxes.
+    /// Pictures.
     pub images: usize,
     /// Boxes.
     pub annotations: usize,
@@ -51,7 +38,7 @@ pub struct Statistics {
 }
 
 /// Sizes by the upper end of their bin [px].
-const SIZES: [(&str, f64); 5] = [
+pub const SIZES: [(&str, f64); 5] = [
     ("under 6 px", 6.0),
     ("6 to 12 px", 12.0),
     ("12 to 24 px", 24.0),
@@ -59,12 +46,13 @@ const SIZES: [(&str, f64); 5] = [
     ("48 px and more", f64::INFINITY),
 ];
 
-fn long_px(seen: &Annotation) -> f64 {
+/// Longer side of a box [px].
+pub fn long_px(seen: &Annotation) -> f64 {
     seen.bbox[2].max(seen.bbox[3])
 }
 
 /// A box over the picture: its centre and size, 0 to 1.
-fn relative(image: &Image, seen: &Annotation) -> [f64; 4] {
+fn relative(image: &Picture, seen: &Annotation) -> [f64; 4] {
     let (width, height) = (f64::from(image.width), f64::from(image.height));
     let [x, y, w, h] = seen.bbox;
     [
@@ -75,20 +63,13 @@ fn relative(image: &Image, seen: &Annotation) -> [f64; 4] {
     ]
 }
 
-/// Quantiles at 5, 25, 50, 75 and 95 % (Hyndman and Fan's rule 7); zeros of nothing.
-fn quantiles(values: &[f64]) -> [f64; 5] {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    [0.05, 0.25, 0.5, 0.75, 0.95].map(|share| {
-        let Some(last) = sorted.len().checked_sub(1) else {
-            return 0.0;
-        };
-        let at = share * last as f64;
-        let (low, rest) = (at.floor() as usize, at.fract());
-        sorted[low] + rest * (sorted[(low + 1).min(last)] - sorted[low])
-    })
+/// Quantiles at 5, 25, 50, 75 and 95 %; zeros of nothing.
+fn quantiles(mut values: Vec<f64>) -> [f64; 5] {
+    values.sort_by(f64::total_cmp);
+    [0.05, 0.25, 0.5, 0.75, 0.95].map(|share| quantile(&values, share).unwrap_or(0.0))
 }
 
+/// Pearson's correlation of two columns; 0 where one does not vary.
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
     let (ma, mb) = (mean(a), mean(b));
@@ -103,8 +84,8 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     }
 }
 
-/// Name of a value as it is written in files.
-fn named(value: impl Serialize) -> String {
+/// The name under which a value stands in files.
+pub fn named(value: impl Serialize) -> String {
     let value = serde_json::to_value(value).ok();
     let name = value.as_ref().and_then(|name| name.as_str());
     name.unwrap_or_default().into()
@@ -125,9 +106,9 @@ impl Statistics {
             motions: BTreeMap::new(),
             sizes: SIZES.map(|(name, _)| (name, 0)).into(),
             light: BTreeMap::new(),
-            long_side_px: quantiles(&boxes().map(long_px).collect::<Vec<_>>()),
+            long_side_px: quantiles(boxes().map(long_px).collect()),
             mode_width_share: 0.0,
-            range_m: quantiles(&boxes().map(|seen| seen.range_m).collect::<Vec<_>>()),
+            range_m: quantiles(boxes().map(|seen| seen.range_m).collect()),
             correlations: [[0.0; 4]; 4],
         };
         for record in records {
@@ -183,7 +164,7 @@ fn mode(values: &[f64]) -> f64 {
 }
 
 /// x, y, width and height of every box.
-fn columns(records: &[&SceneRecord]) -> [Vec<f64>; 4] {
+pub fn columns(records: &[&SceneRecord]) -> [Vec<f64>; 4] {
     let mut columns = [const { Vec::new() }; 4];
     for image in records.iter().flat_map(|record| &record.images) {
         for seen in &image.annotations {
@@ -193,300 +174,6 @@ fn columns(records: &[&SceneRecord]) -> [Vec<f64>; 4] {
         }
     }
     columns
-}
-
-/// The page of a set in `out`: `statistics.html`'s text.
-pub fn page(records: &[&SceneRecord], out: &Path, description: &str) -> Result<String, RunError> {
-    let sheet = sheet(records, out)?;
-    let mut page = String::new();
-    html(&mut page, records, &sheet, description)
-        .map_err(std::io::Error::other)
-        .map_err(|source| RunError::Output {
-            path: out.into(),
-            source,
-        })?;
-    Ok(page)
-}
-
-fn html(out: &mut String, records: &[&SceneRecord], sheet: &str, description: &str) -> fmt::Result {
-    let all = Statistics::of(records);
-    writeln!(
-        out,
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
-         <title>Boresight: dataset</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
-         <header>\n<h1>A set of annotated pictures</h1>\n<p class=\"meta\"><span>{}</span>\
-         <span>Version <code>{}</code></span></p>\n</header>\n<dl class=\"tiles\">",
-        Escaped(description),
-        app::VERSION
-    )?;
-    let [low, _, median, _, high] = all.long_side_px;
-    for (name, value) in [
-        ("pictures", all.images.to_string()),
-        ("boxes", all.annotations.to_string()),
-        ("pictures without a UAV", all.negatives.to_string()),
-        ("scenes", records.len().to_string()),
-        ("median long side", format!("{median:.1} px")),
-        ("5 to 95 %", format!("{low:.1} to {high:.1} px")),
-        (
-            "commonest, of the width",
-            format!("{:.1} %", 100.0 * all.mode_width_share),
-        ),
-        ("median range", format!("{:.0} m", all.range_m[2])),
-    ] {
-        writeln!(out, "<div><dt>{name}</dt><dd>{value}</dd></div>")?;
-    }
-    out.push_str("</dl>\n<h2>Labels</h2>\n<div class=\"charts\">\n");
-    let counted = |map: &BTreeMap<&'static str, usize>| -> Vec<(String, usize)> {
-        map.iter().map(|(name, n)| ((*name).into(), *n)).collect()
-    };
-    let owned = |map: &BTreeMap<String, usize>| -> Vec<(String, usize)> {
-        map.iter().map(|(name, n)| (name.clone(), *n)).collect()
-    };
-    let sizes = SIZES.map(|(name, _)| (name.to_owned(), all.sizes[name]));
-    bars(out, "boxes by category", &counted(&all.categories))?;
-    bars(out, "boxes by model", &owned(&all.models))?;
-    bars(out, "boxes by long side", &sizes)?;
-    bars(out, "pictures by background", &owned(&all.backgrounds))?;
-    bars(out, "pictures by motion", &owned(&all.motions))?;
-    bars(out, "pictures by light", &counted(&all.light))?;
-    out.push_str("</div>\n<h2>Positions and sizes</h2>\n<div class=\"charts\">\n");
-    let columns = columns(records);
-    for (i, j) in [(0, 1), (2, 3)] {
-        map(out, [AXES[i], AXES[j]], [&columns[i], &columns[j]], i == 0)?;
-    }
-    for (name, column) in AXES.iter().zip(&columns) {
-        distribution(out, name, column)?;
-    }
-    for (i, j) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
-        map(out, [AXES[i], AXES[j]], [&columns[i], &columns[j]], false)?;
-    }
-    out.push_str("</div>\n<h2>Correlations</h2>\n<div class=\"scroll\"><table>\n<tr><th></th>");
-    for name in AXES {
-        write!(out, "<th>{name}</th>")?;
-    }
-    for (name, row) in AXES.iter().zip(all.correlations) {
-        write!(out, "</tr>\n<tr><td>{name}</td>")?;
-        for value in row {
-            write!(out, "<td class=\"n\">{value:.2}</td>")?;
-        }
-    }
-    out.push_str(
-        "</tr>\n</table></div>\n<p class=\"note\">x and y are the boxes' centres, all over the \
-         picture's width and height.</p>\n<h2>Pictures</h2>\n",
-    );
-    writeln!(
-        out,
-        "<div class=\"sheet\">\n{sheet}</div>\n</body>\n</html>"
-    )
-}
-
-/// Horizontal bars with their counts.
-fn bars(out: &mut String, title: &str, counts: &[(String, usize)]) -> fmt::Result {
-    const ROW: usize = 26;
-    let most = counts.iter().map(|(_, n)| *n).max().unwrap_or(0).max(1);
-    let total = counts.iter().map(|(_, n)| *n).sum::<usize>().max(1);
-    let height = ROW * counts.len() + 6;
-    writeln!(
-        out,
-        "<figure><figcaption><b>{title}</b></figcaption>\n\
-         <svg viewBox=\"0 0 480 {height}\" role=\"img\" aria-label=\"{title}\">"
-    )?;
-    for (row, (name, count)) in counts.iter().enumerate() {
-        let y = ROW * row + 3;
-        let length = 250.0 * *count as f64 / most as f64;
-        writeln!(
-            out,
-            "<text x=\"118\" y=\"{}\" text-anchor=\"end\">{}</text>\
-             <rect x=\"125\" y=\"{y}\" width=\"{length:.1}\" height=\"{}\" fill=\"var(--s0)\"/>\
-             <text x=\"{:.1}\" y=\"{}\">{count} ({:.0} %)</text>",
-            y + 15,
-            Escaped(name),
-            ROW - 6,
-            132.0 + length,
-            y + 15,
-            100.0 * *count as f64 / total as f64
-        )?;
-    }
-    out.push_str("</svg></figure>\n");
-    Ok(())
-}
-
-/// How far a value's axis reaches: positions over the whole picture, sizes as far as there are any.
-fn reach(name: &str, values: &[f64]) -> f64 {
-    match name {
-        "x" | "y" => 1.0,
-        _ => values.iter().copied().fold(0.01, f64::max),
-    }
-}
-
-fn bin(value: f64, reach: f64) -> usize {
-    ((value / reach * BINS as f64) as usize).min(BINS - 1)
-}
-
-/// A distribution as columns.
-fn distribution(out: &mut String, name: &str, values: &[f64]) -> fmt::Result {
-    let reach = reach(name, values);
-    let mut counts = [0usize; BINS];
-    for value in values {
-        counts[bin(*value, reach)] += 1;
-    }
-    let most = counts.iter().max().copied().unwrap_or(0).max(1) as f64;
-    writeln!(
-        out,
-        "<figure><figcaption><b>{name} of the boxes, of the picture's</b></figcaption>\n\
-         <svg viewBox=\"0 0 480 180\" role=\"img\" aria-label=\"distribution of {name}\">"
-    )?;
-    let step = 440.0 / BINS as f64;
-    for (i, count) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
-        let height = 145.0 * *count as f64 / most;
-        writeln!(
-            out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{height:.1}\" fill=\"var(--s0)\"/>",
-            20.0 + step * i as f64,
-            155.0 - height,
-            step - 1.0
-        )?;
-    }
-    for k in 0..=4 {
-        let share = f64::from(k) / 4.0;
-        writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"172\" text-anchor=\"middle\">{:.2}</text>",
-            20.0 + 440.0 * share,
-            reach * share
-        )?;
-    }
-    out.push_str("</svg></figure>\n");
-    Ok(())
-}
-
-/// How often two values come together; `down`: the second axis grows downward, as a picture's.
-fn map(out: &mut String, names: [&str; 2], values: [&[f64]; 2], down: bool) -> fmt::Result {
-    let reaches = [0, 1].map(|i| reach(names[i], values[i]));
-    let mut counts = vec![0usize; BINS * BINS];
-    for (a, b) in values[0].iter().zip(values[1]) {
-        counts[bin(*b, reaches[1]) * BINS + bin(*a, reaches[0])] += 1;
-    }
-    let most = counts.iter().max().copied().unwrap_or(0).max(1) as f64;
-    let [a, b] = names;
-    writeln!(
-        out,
-        "<figure><figcaption><b>{a} and {b}</b><span class=\"note\">{b} {}</span></figcaption>\n\
-         <svg viewBox=\"0 0 480 360\" role=\"img\" aria-label=\"map of {a} and {b}\">\
-         <rect x=\"60\" y=\"6\" width=\"400\" height=\"320\" fill=\"none\" class=\"grid\"/>",
-        if down { "downward" } else { "upward" }
-    )?;
-    let (wide, high) = (400.0 / BINS as f64, 320.0 / BINS as f64);
-    for (i, count) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
-        let (column, row) = (i % BINS, i / BINS);
-        let row = if down { row } else { BINS - 1 - row };
-        writeln!(
-            out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{wide:.1}\" height=\"{high:.1}\" fill=\"var(--s0)\" \
-             fill-opacity=\"{:.2}\"/>",
-            60.0 + wide * column as f64,
-            6.0 + high * row as f64,
-            (*count as f64 / most).sqrt()
-        )?;
-    }
-    for k in 0..=2 {
-        let share = f64::from(k) / 2.0;
-        let up = if down { share } else { 1.0 - share };
-        writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"344\" text-anchor=\"middle\">{:.2}</text>\
-             <text x=\"54\" y=\"{:.1}\" text-anchor=\"end\">{:.2}</text>",
-            60.0 + 400.0 * share,
-            reaches[0] * share,
-            10.0 + 320.0 * up,
-            reaches[1] * share
-        )?;
-    }
-    out.push_str("</svg></figure>\n");
-    Ok(())
-}
-
-/// Some of the pictures with their boxes, spread evenly over the set.
-fn sheet(records: &[&SceneRecord], out: &Path) -> Result<String, RunError> {
-    let images: Vec<(&SceneRecord, &Image)> = records
-        .iter()
-        .flat_map(|record| record.images.iter().map(move |image| (*record, image)))
-        .collect();
-    let mut sheet = String::new();
-    let count = SHEET.min(images.len());
-    for k in 0..count {
-        let (record, image) = images[(2 * k + 1) * images.len() / (2 * count)];
-        let path = out.join(record.split.name()).join(&image.file_name);
-        let jpeg = thumbnail(&path)?;
-        let (width, height) = (image.width, image.height);
-        let _ = writeln!(
-            sheet,
-            "<figure><svg viewBox=\"0 0 {width} {height}\"><image width=\"{width}\" height=\"{height}\" \
-             href=\"data:image/jpeg;base64,{}\"/>",
-            BASE64_STANDARD.encode(jpeg)
-        );
-        for seen in &image.annotations {
-            let [x, y, w, h] = seen.bbox;
-            const MARGIN_PX: f64 = 4.0;
-            let _ = writeln!(
-                sheet,
-                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"none\" \
-                 stroke=\"#f0883e\" stroke-width=\"2\"/>",
-                x - MARGIN_PX,
-                y - MARGIN_PX,
-                w + 2.0 * MARGIN_PX,
-                h + 2.0 * MARGIN_PX
-            );
-        }
-        let seen = image.annotations.first().map_or("no UAV".into(), |seen| {
-            format!(
-                "{}, {:.0} px at {:.0} m",
-                named(seen.uav),
-                long_px(seen),
-                seen.range_m
-            )
-        });
-        let _ = writeln!(
-            sheet,
-            "</svg><figcaption>{} {}: {}, {seen}</figcaption></figure>",
-            if record.split == Split::Train {
-                "train"
-            } else {
-                "val"
-            },
-            record.scene,
-            named(record.background)
-        );
-    }
-    Ok(sheet)
-}
-
-/// A picture of the set at half its size, as JPEG.
-fn thumbnail(path: &Path) -> Result<Vec<u8>, RunError> {
-    let unreadable = |why: String| RunError::Image(format!("{}: {why}", path.display()));
-    let bytes = std::fs::read(path).map_err(|error| unreadable(error.to_string()))?;
-    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
-        .read_info()
-        .map_err(|error| unreadable(error.to_string()))?;
-    let mut rgb = vec![0; reader.output_buffer_size().unwrap_or(0)];
-    let info = reader
-        .next_frame(&mut rgb)
-        .map_err(|error| unreadable(error.to_string()))?;
-    let (width, height) = (info.width as usize, info.height as usize);
-    let (w, h) = (width / 2, height / 2);
-    let mut half = Vec::with_capacity(3 * w * h);
-    for y in 0..h {
-        for x in 0..w {
-            for channel in 0..3 {
-                let at = |dx: usize, dy: usize| {
-                    u32::from(rgb[3 * ((2 * y + dy) * width + 2 * x + dx) + channel])
-                };
-                half.push(((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8);
-            }
-        }
-    }
-    encode_jpeg(&half, w as u16, h as u16, 80).map_err(|error| unreadable(error.to_string()))
 }
 
 #[cfg(test)]
@@ -500,9 +187,9 @@ mod tests {
         // By hand: the sums of products are 3 and 5, 5.
         assert!((correlation(&a, &[1.0, 3.0, 2.0, 4.0]) - 0.8).abs() < 1e-12);
         assert_eq!(correlation(&a, &[1.0; 4]), 0.0);
-        assert_eq!(quantiles(&[4.0, 1.0, 3.0, 2.0, 5.0])[2], 3.0);
-        assert_eq!(quantiles(&[0.0, 10.0]), [0.5, 2.5, 5.0, 7.5, 9.5]);
-        assert_eq!(quantiles(&[]), [0.0; 5]);
+        assert_eq!(quantiles(vec![4.0, 1.0, 3.0, 2.0, 5.0])[2], 3.0);
+        assert_eq!(quantiles(vec![10.0, 0.0]), [0.5, 2.5, 5.0, 7.5, 9.5]);
+        assert_eq!(quantiles(Vec::new()), [0.0; 5]);
         assert!((mode(&[0.02, 0.021, 0.022, 0.05, 0.3]) - 0.022).abs() < 0.005);
     }
 }

@@ -625,7 +625,7 @@ impl Follower {
             argument: "--fov-deg",
             why: error.to_string(),
         })?;
-        let defaults = scenario::Tracker::default();
+        let defaults = scenario::TrackerConfig::default();
         let pointing = Pointing {
             az_el_rad: DVec2::ZERO,
             mirror_rad: DVec2::ZERO,

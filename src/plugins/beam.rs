@@ -39,19 +39,22 @@ fn set_up(
     station: Single<Entity, With<Mount>>,
 ) {
     let laser = &loaded.scenario.station.laser;
+    let turbulence = &loaded.scenario.turbulence;
     let wavelength_m = laser.wavelength_nm * 1e-9;
     let mut scintillation_rng = seed.stream(0, "scintillation");
     let mut wander_rng = seed.stream(0, "beam wander");
     // Both are retuned to the path when the first target is aimed at.
     let calm = GammaGamma::new(1e-3, 0.0);
-    let channel = match loaded.scenario.turbulence.intensity {
+    let channel = match turbulence.intensity {
         IntensityModel::Physical => Channel::Physical(Box::new(Scintillation::new(
             calm,
             1e-3,
             &mut scintillation_rng,
         ))),
-        // The paper prints neither figure: no drift, a tenth a second of volatility.
-        IntensityModel::Paper => Channel::Paper(PaperIntensity::new(0.0, 0.1)),
+        IntensityModel::Paper => Channel::Paper(PaperIntensity::new(
+            turbulence.paper_drift,
+            turbulence.paper_volatility,
+        )),
     };
     let source = LaserSource {
         laser: Laser {

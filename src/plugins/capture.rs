@@ -10,7 +10,7 @@ use crate::models::optics::camera::Pinhole;
 use crate::models::optics::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
 use crate::plugins::render;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, Exposure, Loaded, ScenarioError};
+use crate::scenario::{self, Exposure, InputError, Loaded};
 use crate::systems::capture as systems;
 use bevy::prelude::*;
 use glam::DVec3;
@@ -61,7 +61,7 @@ fn spawn_cameras(
         let latency_s =
             0.5 * params.exposure_s + camera.readout_latency_s + camera.inference_latency_s;
         let sensor = Sensor::new(&params).map_err(|error| loaded.refuse(place(tier), error))?;
-        let windowed = camera.readout == scenario::Readout::Window;
+        let windowed = camera.readout == scenario::ReadoutMode::Window;
         commands.spawn((
             SensorCamera {
                 tier,
@@ -106,8 +106,8 @@ fn place(tier: Tier) -> &'static str {
 fn pinhole(
     loaded: &Loaded,
     tier: Tier,
-    camera: &scenario::Camera,
-) -> Result<Pinhole, ScenarioError> {
+    camera: &scenario::CameraConfig,
+) -> Result<Pinhole, InputError> {
     let hfov_rad = camera.hfov_deg.to_radians();
     Pinhole::from_hfov(camera.width_px, camera.height_px, hfov_rad)
         .map_err(|error| loaded.refuse(place(tier), error))
@@ -148,7 +148,7 @@ fn boresights(
 
 /// Lens and sensor of a scenario's camera in the light and air of the run.
 fn sensor_params(
-    camera: &scenario::Camera,
+    camera: &scenario::CameraConfig,
     environment: &Environment,
     r_station_enu_m: DVec3,
 ) -> SensorParams {

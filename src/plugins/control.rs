@@ -17,7 +17,7 @@ use crate::models::tracking::estimation::LosFilterParams;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, ControllerPreset, Loaded, Scenario, ScenarioError};
+use crate::scenario::{self, ControllerPreset, InputError, Loaded, Scenario};
 use crate::systems::control as systems;
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -81,7 +81,7 @@ pub fn controller(
     gimbal: &GimbalParams,
     mirror: &MirrorParams,
     dt_s: f64,
-) -> Result<Controller, ScenarioError> {
+) -> Result<Controller, InputError> {
     let settings = &loaded.scenario.controller;
     // The gains follow from the mount: where none is stable, the mount is what to change.
     let refused = |error: String| loaded.refuse("station.mount", error);

@@ -9,7 +9,7 @@ use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
 use crate::models::ground::geodesy::{Geodetic, SiteFrame};
 use crate::plugins::run::fallible;
-use crate::scenario::{Loaded, ScenarioError};
+use crate::scenario::{InputError, Loaded};
 use crate::systems::environment as systems;
 use bevy::prelude::*;
 use glam::DVec3;
@@ -40,7 +40,7 @@ fn set_up(
 }
 
 /// The surroundings that a scenario describes; `city` is taken if it has the scenario's parameters.
-fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, ScenarioError> {
+fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, InputError> {
     let scenario = &loaded.scenario;
     let weather =
         (scenario.weather.resolved()).map_err(|error| loaded.refuse("weather.metar", error))?;
@@ -98,7 +98,7 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
 }
 
 /// The scenario's city under its sun.
-fn generated_city(loaded: &Loaded, sun_dir_enu: DVec3) -> Result<Arc<City>, ScenarioError> {
+fn generated_city(loaded: &Loaded, sun_dir_enu: DVec3) -> Result<Arc<City>, InputError> {
     let mut city =
         City::generate(&loaded.scenario.city).map_err(|error| loaded.refuse("city", error))?;
     city.bake_shadows(sun_dir_enu);

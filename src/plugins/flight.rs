@@ -14,7 +14,7 @@ use crate::models::laser::thermal::Skin;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
 use crate::models::shape::uav_mesh::{distractor_mesh, uav_mesh};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, Loaded, ScenarioError};
+use crate::scenario::{self, InputError, Loaded};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
 use bevy::transform::StaticTransformOptimizations;
@@ -128,7 +128,7 @@ fn spawn_uavs(
                     // The shell's chord in the stream is about the airframe's height.
                     length_m: catalogue.size_m[2],
                 },
-                material: uav.skin.map_or(catalogued, scenario::Skin::material),
+                material: uav.skin.map_or(catalogued, scenario::SkinKind::material),
                 irradiance_wpm2: 0.0,
             },
             UavStatus::Flying,
@@ -193,7 +193,7 @@ fn flight_plan(
     loaded: &Loaded,
     place: &str,
     trajectory: &Trajectory,
-) -> Result<CompiledTrajectory, ScenarioError> {
+) -> Result<CompiledTrajectory, InputError> {
     let folder = loaded.path.parent().unwrap_or(Path::new("."));
     trajectory
         .compile(|name: &str| std::fs::read_to_string(folder.join(name)))

@@ -77,7 +77,7 @@ fn set_up(
 }
 
 /// The mirror of a scenario's mount.
-pub fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
+pub fn mirror_params(mount: &scenario::MountConfig) -> MirrorParams {
     MirrorParams {
         natural_frequency_hz: mount.mirror_bandwidth_hz,
         stroke_rad: mount.mirror_range_mrad * 1e-3,
@@ -86,7 +86,7 @@ pub fn mirror_params(mount: &scenario::Mount) -> MirrorParams {
 }
 
 /// The gimbal of a scenario's mount, commanded every `dt_s`.
-pub fn gimbal_params(mount: &scenario::Mount, dt_s: f64) -> GimbalParams {
+pub fn gimbal_params(mount: &scenario::MountConfig, dt_s: f64) -> GimbalParams {
     let default = GimbalParams::default();
     let axis = |axis: AxisParams, travel_deg: Option<[f64; 2]>| {
         let structure = axis

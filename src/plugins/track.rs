@@ -50,7 +50,7 @@ fn set_up(
 
 /// How the tracker of a scenario works, for a station at `r_station_enu_m` [m].
 pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
-    let scenario::Tracker {
+    let scenario::TrackerConfig {
         rule,
         centre_sigma_px,
         min_quality,

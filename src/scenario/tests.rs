@@ -1,8 +1,14 @@
 use std::collections::BTreeSet;
 
 use proptest::prelude::*;
+use serde_json::Value;
 
+use super::docs::{schema, words};
 use super::*;
+use crate::models::air::wind::over_rough_ground;
+use crate::models::engage::interlock::Zone;
+use crate::models::flight::trajectory::Trajectory;
+use crate::models::flight::uav::UavKind;
 
 const GOOD: &str = r#"name = "test"
 duration_s = 10
@@ -204,7 +210,7 @@ fn contradictions_are_found_where_they_stand() {
     );
     assert!(
         add("[weather]\ncloud_cover = 0.5\ncloud_base_m = 400")
-            .starts_with("s.toml:19: weather.cloud_base_m: says nothing with a cloud_cover of")
+            .starts_with("s.toml:19: weather.cloud_base_m: has no effect with a cloud_cover of")
     );
     assert!(
         add("[station.mount]\nelevation_limits_deg = [50, 20]")
@@ -281,6 +287,60 @@ fn a_cue_names_a_uav() {
         "s.toml: --set search.cue={ sigma_deg = 0.7, target = 'ona' }: search.cue.target: no \
              UAV 'ona' - did you mean 'one'? expected one of one"
     );
+}
+
+#[test]
+fn an_order_has_one_target_at_most() {
+    let order = |fields: &str| format!("operator=[{{ t_s = 2, {fields} }}]");
+    let given = |fields: &str| with(&[&order(fields)]).operator.remove(0);
+    assert_eq!(given("designate = 'one'").designate.as_deref(), Some("one"));
+    assert_eq!(given("track = 7").track, Some(7));
+    let neither = with(&["operator=[{ t_s = 2 }]"]).operator.remove(0);
+    assert_eq!((neither.designate, neither.track), (None, None));
+    let refused = |fields: &str| error(GOOD, &[&order(fields)]);
+    assert!(
+        refused("designate = 'one', track = 7").ends_with(
+            "operator[0].track: an order has one target: give either designate or track"
+        )
+    );
+    assert!(refused("designate = 'ona'").contains("operator[0].designate: no UAV 'ona' - did you"));
+    assert!(refused("track = -1").contains("expected a whole number, not negative"));
+    assert_eq!(
+        error(
+            &format!("{GOOD}[[operator]]\nt_s = 2\n[[operator]]\nt_s = 1"),
+            &[]
+        ),
+        "s.toml:20: operator[1].t_s: found 1, must be from 2 to 86400"
+    );
+}
+
+#[test]
+fn the_papers_intensity_has_figures() {
+    let turbulence = with(&["turbulence.intensity=paper", "turbulence.paper_drift=0.5"]).turbulence;
+    assert_eq!(turbulence.paper_drift, 0.5);
+    assert_eq!(turbulence.paper_volatility, 0.1);
+    assert!(
+        error(GOOD, &["turbulence.paper_volatility=-1"])
+            .ends_with("turbulence.paper_volatility: found -1, must be from 0 to 10")
+    );
+}
+
+#[test]
+fn what_the_set_up_refuses_is_named_where_it_stands() {
+    let sets = ["station.mount.friction=false".to_owned()];
+    let loaded = Loaded::parse(GOOD.to_owned(), "s.toml".into(), sets.to_vec()).unwrap();
+    for (path, start) in [
+        ("uavs[0].trajectory", "s.toml:16: uavs[0].trajectory: no"),
+        ("uavs[0].skin", "s.toml:13: uavs[0].skin: no"),
+        ("time_utc", "s.toml:3: time_utc: no"),
+        (
+            "station.mount",
+            "s.toml: --set station.mount.friction=false: station.mount: no",
+        ),
+        ("detector.onnx_model", "s.toml: detector.onnx_model: no"),
+    ] {
+        assert_eq!(loaded.refuse(path, "no").to_string(), start);
+    }
 }
 
 #[test]
@@ -364,7 +424,7 @@ fn preset_cameras_have_the_stated_optics() {
     assert!((0.35e-3 * per_rad / 12.8 - 1.0).abs() < 0.01);
 }
 
-fn straight(uav: &Uav) -> ([f64; 3], [f64; 3]) {
+fn straight(uav: &UavConfig) -> ([f64; 3], [f64; 3]) {
     match uav.trajectory {
         Trajectory::Straight {
             start_enu_m,
@@ -460,18 +520,6 @@ fn every_field_is_documented() {
         visit(schema, name, &mut bare);
     }
     assert_eq!(bare, BTreeSet::new());
-}
-
-#[test]
-fn edit_distances() {
-    for (a, b, distance) in [
-        ("", "abc", 3),
-        ("kitten", "sitting", 3),
-        ("seed", "seed", 0),
-    ] {
-        assert_eq!(edit_distance(a, b), distance);
-        assert_eq!(edit_distance(b, a), distance);
-    }
 }
 
 fn one_clear_message(text: &str, sets: &[String]) -> Result<(), TestCaseError> {

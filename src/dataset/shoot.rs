@@ -1,0 +1,335 @@
+//! The pictures of a scene: drawn, rendered, developed, annotated and written.
+
+use super::coco::{self, Annotation, CameraRecord, Picture, SceneRecord};
+use super::draw::{self, Still};
+use super::recipe::Recipe;
+use super::scene::Scene;
+use super::shares::{self, Motion, Split};
+use super::stage::{Placed, Rendered, Stage};
+use super::{DatasetError, category, exposure, label, record_path, sequence, write};
+use crate::models::maths::rng::Stream;
+use crate::models::optics::raster;
+use crate::models::optics::sensor::{Sensor, SensorParams};
+use crate::systems::capture;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageResult};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
+
+/// Draws of a still before it is left without a UAV.
+const DRAWS: u64 = 200;
+/// Renders of a still before it is left without a UAV.
+const RENDERS: u32 = 12;
+/// Boxes whose longer side is below this cannot be told from noise [px].
+const MIN_SIDE_PX: f64 = 2.0;
+/// Draws of a clip before the scene is given up.
+const CLIP_DRAWS: u64 = 2_000;
+/// In clips, UAVs that show less of themselves than this are left out until they show again.
+const MIN_CLIP_VISIBLE: f64 = 0.1;
+
+/// A picture on its way to its file.
+type Developed = (PathBuf, Vec<u8>);
+
+/// Renders a scene's pictures and writes them, its record last.
+pub fn make(
+    recipe: &Recipe,
+    scene: Scene,
+    split: Split,
+    stage: &mut Stage,
+    out: &Path,
+) -> Result<(), DatasetError> {
+    let size_px = [
+        scene.camera.pinhole.width_px,
+        scene.camera.pinhole.height_px,
+    ];
+    stage.set(
+        scene.environment.clone(),
+        scene.camera.r_enu_m,
+        size_px,
+        &scene.props,
+        &scene.clutter,
+        scene.clouds,
+    );
+    // Pictures are compressed and written while the next ones are rendered.
+    let (give, take) = sync_channel::<Developed>(8);
+    let images = std::thread::scope(|scope| {
+        let writer = scope.spawn(move || {
+            take.into_iter().try_for_each(|(path, rgb8)| {
+                let file = png(&rgb8, size_px).map_err(|source| DatasetError::Picture {
+                    path: path.clone(),
+                    source,
+                })?;
+                write(&path, &file)
+            })
+        });
+        let folder = out.join(split.name());
+        // The writer stops at its first error, which is told below.
+        let mut keep = |image: &Picture, rgb8: Vec<u8>| {
+            let path = folder.join(&image.file_name);
+            give.send((path, rgb8)).is_ok()
+        };
+        let images = if scene.index < recipe.scenes {
+            stills(recipe, &scene, stage, &mut keep)
+        } else {
+            let number = scene.index - recipe.scenes;
+            let name = clip_name(number);
+            coco::sequence_folder(out, &name)?;
+            clip(recipe, &scene, &name, stage, &mut keep)
+        };
+        drop(give);
+        match writer.join() {
+            Ok(result) => result.and(images),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })?;
+    let record = SceneRecord {
+        scene: scene.index,
+        split,
+        background: scene.background,
+        sun_elevation_deg: scene.environment.sun_dir_enu.z.asin().to_degrees(),
+        visibility_m: scene.environment.weather.visibility_m,
+        cloud_cover: scene.environment.weather.cloud_cover,
+        camera: CameraRecord {
+            hfov_deg: scene.camera.pinhole.hfov_rad().to_degrees(),
+            r_enu_m: scene.camera.r_enu_m.to_array(),
+        },
+        sequence: (scene.index >= recipe.scenes).then(|| clip_name(scene.index - recipe.scenes)),
+        images,
+    };
+    let path = record_path(out, scene.index);
+    write(&path, &serde_json::to_vec(&record)?)
+}
+
+/// Name of a clip by its number.
+fn clip_name(number: u32) -> String {
+    format!("c{number:04}")
+}
+
+/// Renders a scene's stills.
+fn stills(
+    recipe: &Recipe,
+    scene: &Scene,
+    stage: &mut Stage,
+    keep: &mut impl FnMut(&Picture, Vec<u8>) -> bool,
+) -> Result<Vec<Picture>, DatasetError> {
+    let mut rng = Stream::new(recipe.seed, u64::from(scene.index), "dataset motions");
+    let motions = shares::quota(recipe.stills, &recipe.motions.shares(), &mut rng);
+    let mut images = Vec::new();
+    for (number, kind) in motions.into_iter().enumerate() {
+        let (mut image, rgb8) = still(recipe, scene, number as u64, Motion::ALL[kind], stage)?;
+        image.file_name = format!("images/s{:05}_{number:04}.png", scene.index);
+        let goes_on = keep(&image, rgb8);
+        images.push(image);
+        if !goes_on {
+            break;
+        }
+    }
+    Ok(images)
+}
+
+/// Renders a scene's clip.
+fn clip(
+    recipe: &Recipe,
+    scene: &Scene,
+    name: &str,
+    stage: &mut Stage,
+    keep: &mut impl FnMut(&Picture, Vec<u8>) -> bool,
+) -> Result<Vec<Picture>, DatasetError> {
+    let sequences = &recipe.sequences;
+    let entity = u64::from(scene.index) << 32;
+    for attempt in 0..CLIP_DRAWS {
+        let mut rng = Stream::new(recipe.seed, entity | attempt, "dataset clip");
+        let motion = Motion::ALL[shares::choose(&recipe.motions.shares(), &mut rng)];
+        let Some(mut clip) = sequence::draw(recipe, scene, motion, sequences.frames, &mut rng)
+        else {
+            continue;
+        };
+        let mut images = Vec::new();
+        for number in 1..=sequences.frames {
+            let still = clip.still(scene, motion);
+            let rendered = stage.render(
+                still.pose,
+                scene.camera.pinhole,
+                &scene.camera.sensor,
+                &scene.props,
+                &still.placed,
+            )?;
+            let params = exposure::settings(scene, &stage.scratch.pixels, 0.0);
+            let uavs = still.placed.iter().filter(|p| p.prop < scene.uavs.len());
+            let annotations: Vec<_> = uavs
+                .filter_map(|placed| annotation(scene, &rendered, stage, placed, &params))
+                .filter(|seen| seen.visible_fraction >= MIN_CLIP_VISIBLE)
+                .collect();
+            // A clip begins with something that can be seen.
+            let contrast = |seen: &Annotation| seen.contrast >= recipe.targets.min_contrast;
+            if number == 1 && (annotations.is_empty() || !annotations.iter().all(contrast)) {
+                break;
+            }
+            let key = rng.bits();
+            let rgb8 = develop(&rendered, &params, key, stage)?;
+            let image = Picture {
+                file_name: format!("../sequences/{name}/img1/{number:06}.png"),
+                width: scene.camera.pinhole.width_px,
+                height: scene.camera.pinhole.height_px,
+                motion,
+                distractors: (still.placed.iter())
+                    .filter(|p| p.prop >= scene.uavs.len())
+                    .count(),
+                annotations,
+            };
+            let goes_on = keep(&image, rgb8);
+            images.push(image);
+            if !goes_on {
+                break;
+            }
+            clip.advance(scene, 1.0 / sequences.rate_hz, &mut rng);
+        }
+        if !images.is_empty() {
+            return Ok(images);
+        }
+    }
+    Err(DatasetError::NoView { scene: scene.index })
+}
+
+/// Draws and renders one still until its UAVs can be seen.
+fn still(
+    recipe: &Recipe,
+    scene: &Scene,
+    number: u64,
+    motion: Motion,
+    stage: &mut Stage,
+) -> Result<(Picture, Vec<u8>), DatasetError> {
+    let entity = u64::from(scene.index) << 32 | number << 16;
+    let mut rng = Stream::new(recipe.seed, entity, "dataset count");
+    let targets = &recipe.targets;
+    let kind = rng.uniform();
+    let count = if kind < targets.none {
+        0
+    } else if kind < targets.none + targets.several {
+        2 + (rng.uniform().powi(2) * 3.0) as usize
+    } else {
+        1
+    };
+    let mut renders = 0;
+    for draw in 0..2 * DRAWS {
+        let mut rng = Stream::new(recipe.seed, entity | draw, "dataset still");
+        let given_up = draw >= DRAWS || renders >= RENDERS;
+        let wanted = if given_up { 0 } else { count };
+        let Some(still) = draw::still(recipe, scene, wanted, motion, &mut rng) else {
+            continue;
+        };
+        renders += 1;
+        if let Some(done) = shoot(recipe, scene, &still, stage, &mut rng)? {
+            return Ok(done);
+        }
+    }
+    Err(DatasetError::NoView { scene: scene.index })
+}
+
+/// Renders a still; `None` if one of its UAVs cannot be seen well enough.
+fn shoot(
+    recipe: &Recipe,
+    scene: &Scene,
+    still: &Still,
+    stage: &mut Stage,
+    rng: &mut Stream,
+) -> Result<Option<(Picture, Vec<u8>)>, DatasetError> {
+    let pinhole = scene.camera.pinhole;
+    let rendered = stage.render(
+        still.pose,
+        pinhole,
+        &scene.camera.sensor,
+        &scene.props,
+        &still.placed,
+    )?;
+    let params = exposure::settings(scene, &stage.scratch.pixels, rng.range(-0.3, 0.3));
+    let pixels = &mut stage.scratch.pixels;
+    exposure::effects(recipe, &rendered, &params, pixels, rng);
+    let mut annotations = Vec::new();
+    let targets = &recipe.targets;
+    for placed in still.placed.iter().filter(|p| p.prop < scene.uavs.len()) {
+        match annotation(scene, &rendered, stage, placed, &params) {
+            Some(seen)
+                if seen.visible_fraction >= targets.min_visible
+                    && seen.contrast >= targets.min_contrast =>
+            {
+                annotations.push(seen);
+            }
+            _ => return Ok(None),
+        }
+    }
+    let rgb8 = develop(&rendered, &params, rng.bits(), stage)?;
+    let image = Picture {
+        file_name: String::new(),
+        width: pinhole.width_px,
+        height: pinhole.height_px,
+        motion: still.motion,
+        distractors: still.placed.len() - annotations.len(),
+        annotations,
+    };
+    Ok(Some((image, rgb8)))
+}
+
+/// What is seen of a UAV in the frame rendered last; `None` if it is too little for a box.
+fn annotation(
+    scene: &Scene,
+    rendered: &Rendered,
+    stage: &Stage,
+    placed: &Placed,
+    params: &SensorParams,
+) -> Option<Annotation> {
+    let truth = &rendered.frame.truth;
+    let seen = truth.iter().find(|seen| seen.uav == placed.prop)?;
+    let mesh = &scene.props[placed.prop].mesh;
+    let (pinhole, pose, rect) = (
+        &scene.camera.pinhole,
+        &rendered.frame.pose,
+        rendered.frame.rect,
+    );
+    let (body, phases) = (placed.body, &placed.phase_rad);
+    let fine = raster::fine_silhouette(pinhole, pose, body, phases, mesh, rect);
+    let own = raster::sampled_silhouette(pinhole, pose, body, phases, mesh, rect, 4);
+    let share = label::visible_share(rendered, &stage.scratch, placed.prop, &fine, &own);
+    let label = label::label(&fine, share)?;
+    let [x0, y0, x1, y1] = label.box_px;
+    if (x1 - x0).max(y1 - y0) < MIN_SIDE_PX {
+        return None;
+    }
+    let pixels = &stage.scratch.pixels;
+    let kind = scene.uavs[placed.prop];
+    Some(Annotation {
+        category_id: category(kind),
+        uav: kind,
+        bbox: [x0, y0, x1 - x0, y1 - y0],
+        area: label.area_px,
+        aim: seen.aim_px,
+        range_m: seen.range_m,
+        visible_fraction: label.visible_fraction,
+        contrast: exposure::contrast(rendered, pixels, &fine, label.box_px, params),
+        track_id: placed.prop as u32 + 1,
+    })
+}
+
+/// The sensor's picture of the frame rendered last.
+fn develop(
+    rendered: &Rendered,
+    params: &SensorParams,
+    key: u64,
+    stage: &mut Stage,
+) -> Result<Vec<u8>, DatasetError> {
+    let sensor = Sensor::new(params)?;
+    Ok(capture::form_image(
+        &rendered.frame,
+        &sensor,
+        key,
+        &mut stage.scratch,
+    )?)
+}
+
+/// A picture as a PNG file.
+fn png(rgb8: &[u8], [width, height]: [u32; 2]) -> ImageResult<Vec<u8>> {
+    let mut bytes = Vec::new();
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(rgb8, width, height, ExtendedColorType::Rgb8)?;
+    Ok(bytes)
+}

@@ -1,0 +1,249 @@
+//! The station's cameras: presets, and what differs from them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::check::{AT_LEAST_ZERO, Check, FRACTION};
+
+/// The three cameras: a preset, and what differs from it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Cameras {
+    /// The set of cameras to start from.
+    pub preset: CameraPreset,
+    /// Changes to the search camera.
+    pub search: CameraChanges,
+    /// Changes to the coarse tracking camera.
+    pub coarse: CameraChanges,
+    /// Changes to the precise tracking camera.
+    pub precise: CameraChanges,
+}
+
+/// Named sets of cameras.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraPreset {
+    /// Optics that show a 0.35 m UAV at 1 km 2, 4 and 12.8 px wide: 6°, 3° and 1°.
+    #[default]
+    #[serde(rename = "urban_1km")]
+    Urban1Km,
+    /// The paper's printed cameras: 120° (4 mm) and 30° (50 mm); the first one also searches.
+    Paper,
+}
+
+/// Defines [`CameraConfig`] and its partial twin [`CameraChanges`] from one list of fields.
+macro_rules! camera {
+    ($($(#[$doc:meta])* $field:ident: $type:ty,)*) => {
+        /// One camera, the preset's values and the changes put together.
+        #[derive(Clone, Debug, PartialEq, Serialize)]
+        pub struct CameraConfig {
+            $($(#[$doc])* pub $field: $type,)*
+        }
+
+        /// Changes to a preset's camera; what is absent stays as the preset has it.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct CameraChanges {
+            $(
+                $(#[$doc])*
+                #[serde(skip_serializing_if = "Option::is_none")]
+                pub $field: Option<$type>,
+            )*
+        }
+
+        impl CameraChanges {
+            fn applied_to(&self, preset: CameraConfig) -> CameraConfig {
+                CameraConfig { $($field: self.$field.unwrap_or(preset.$field),)* }
+            }
+        }
+    };
+}
+
+camera! {
+    /// Full horizontal field of view.
+    hfov_deg: f64,
+    /// Image width.
+    width_px: u32,
+    /// Image height.
+    height_px: u32,
+    /// Frame rate; must divide `tick_hz`.
+    rate_hz: u32,
+    /// Exposure time, or "auto" for automatic exposure.
+    exposure_s: Exposure,
+    /// Focal ratio.
+    f_number: f64,
+    /// Width of a pixel on the sensor; with the field of view it gives the focal length.
+    pixel_pitch_um: f64,
+    /// Charge that saturates a pixel.
+    full_well_e: f64,
+    /// Read noise, root mean square.
+    read_noise_e: f64,
+    /// Standard deviation of the lens blur.
+    optics_blur_px: f64,
+    /// From the end of the exposure to the image being in memory.
+    readout_latency_s: f64,
+    /// From the image being in memory to its detections being known.
+    inference_latency_s: f64,
+    /// Samples per pixel in the renderer: 1 or 4.
+    antialias: u32,
+    /// Which part of the sensor is read.
+    readout: ReadoutMode,
+    /// Side of the square window that a windowed readout takes.
+    window_px: u32,
+}
+
+/// Exposure control.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a time in seconds or \"auto\"")]
+pub enum Exposure {
+    /// A fixed time [s].
+    Seconds(f64),
+    /// Follows the scene.
+    Auto(AutoWord),
+}
+
+/// The word "auto".
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AutoWord {
+    /// Automatic exposure.
+    Auto,
+}
+
+/// What a camera reads out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(rename = "Readout")]
+pub enum ReadoutMode {
+    /// The whole sensor.
+    Full,
+    /// A square around the predicted target.
+    Window,
+}
+
+impl CameraConfig {
+    /// Focal length [m] that the field of view and the pixel pitch imply.
+    pub fn focal_length_m(&self) -> f64 {
+        let half_width_m = 0.5 * f64::from(self.width_px) * self.pixel_pitch_um * 1e-6;
+        half_width_m / (0.5 * self.hfov_deg.to_radians()).tan()
+    }
+}
+
+impl Cameras {
+    /// The search, coarse and precise cameras, in this order, after the changes.
+    pub fn resolved(&self) -> [CameraConfig; 3] {
+        let [search, coarse, precise] = self.preset.cameras();
+        [
+            self.search.applied_to(search),
+            self.coarse.applied_to(coarse),
+            self.precise.applied_to(precise),
+        ]
+    }
+}
+
+impl CameraPreset {
+    pub(super) fn cameras(self) -> [CameraConfig; 3] {
+        // A 1/1.8-inch global-shutter sensor binned to 640 × 480.
+        let base = CameraConfig {
+            hfov_deg: 1.0,
+            width_px: 640,
+            height_px: 480,
+            rate_hz: 120,
+            exposure_s: Exposure::Auto(AutoWord::Auto),
+            f_number: 5.6,
+            pixel_pitch_um: 6.9,
+            full_well_e: 20_000.0,
+            read_noise_e: 4.0,
+            optics_blur_px: 0.6,
+            readout_latency_s: 0.002,
+            inference_latency_s: 0.003,
+            antialias: 4,
+            readout: ReadoutMode::Full,
+            window_px: 256,
+        };
+        match self {
+            Self::Urban1Km => [
+                CameraConfig {
+                    hfov_deg: 6.0,
+                    rate_hz: 30,
+                    f_number: 2.8,
+                    ..base.clone()
+                },
+                CameraConfig {
+                    hfov_deg: 3.0,
+                    rate_hz: 60,
+                    f_number: 4.0,
+                    readout: ReadoutMode::Window,
+                    ..base.clone()
+                },
+                CameraConfig {
+                    readout: ReadoutMode::Window,
+                    ..base
+                },
+            ],
+            Self::Paper => {
+                // Pitches that make the printed focal lengths and fields of view agree:
+                // 2·f·tan(hfov/2)/640 with 4 mm and 120°, 50 mm and 30°.
+                let coarse = CameraConfig {
+                    hfov_deg: 120.0,
+                    rate_hz: 60,
+                    f_number: 2.8,
+                    pixel_pitch_um: 21.65,
+                    ..base.clone()
+                };
+                [
+                    CameraConfig {
+                        rate_hz: 30,
+                        ..coarse.clone()
+                    },
+                    coarse,
+                    CameraConfig {
+                        hfov_deg: 30.0,
+                        pixel_pitch_um: 41.87,
+                        ..base
+                    },
+                ]
+            }
+        }
+    }
+}
+
+impl Cameras {
+    pub(super) fn check(&self, check: &mut Check, tick_hz: u32) {
+        for (name, camera) in ["search", "coarse", "precise"].iter().zip(self.resolved()) {
+            check.table(name, |check| camera.check(check, tick_hz));
+        }
+    }
+}
+
+impl CameraConfig {
+    fn check(&self, check: &mut Check, tick_hz: u32) {
+        check.rate("rate_hz", self.rate_hz, tick_hz);
+        check.within("hfov_deg", self.hfov_deg, 0.01..=170.0);
+        check.within("width_px", self.width_px.into(), 16.0..=8192.0);
+        check.within("height_px", self.height_px.into(), 16.0..=8192.0);
+        if let Exposure::Seconds(time) = self.exposure_s {
+            check.positive("exposure_s", time);
+            let fits = time * f64::from(self.rate_hz) <= 1.0;
+            check.that(fits, "exposure_s", || {
+                let rate_hz = self.rate_hz;
+                format!("{time} s is longer than a frame at rate_hz = {rate_hz}")
+            });
+        }
+        check.within("f_number", self.f_number, 0.5..=100.0);
+        check.within("pixel_pitch_um", self.pixel_pitch_um, 0.5..=100.0);
+        check.positive("full_well_e", self.full_well_e);
+        check.within("read_noise_e", self.read_noise_e, AT_LEAST_ZERO);
+        check.within("optics_blur_px", self.optics_blur_px, 0.0..=20.0);
+        check.within("readout_latency_s", self.readout_latency_s, FRACTION);
+        check.within("inference_latency_s", self.inference_latency_s, FRACTION);
+        check.that([1, 4].contains(&self.antialias), "antialias", || {
+            format!("found {}, must be 1 or 4", self.antialias)
+        });
+        let side = self.width_px.min(self.height_px);
+        check.that((16..=side).contains(&self.window_px), "window_px", || {
+            let found = self.window_px;
+            format!("found {found}, must be from 16 to the image's {side}")
+        });
+    }
+}

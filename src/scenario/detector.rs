@@ -1,0 +1,129 @@
+//! What finds UAVs in the images.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::check::{Check, FRACTION};
+
+/// What finds UAVs in the images.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "Detector")]
+pub struct DetectorConfig {
+    /// A neural network on the rendered images, or the truth with errors added.
+    pub kind: DetectorKind,
+    /// The ONNX file, relative to the working directory.
+    pub onnx_model: PathBuf,
+    /// What runs the network; the loaded ONNX Runtime must have it.
+    pub provider: Provider,
+    /// Detections with a lower score are dropped, 0 to 1; absent: the score that the model recommends.
+    pub score_threshold: Option<f64>,
+    /// Side of the square around the predicted target in which the network looks while a camera
+    /// follows it; 0: in all that the camera reads out.
+    pub roi_px: u32,
+    /// Errors of the truth detector.
+    pub truth: TruthErrorsConfig,
+}
+
+impl Default for DetectorConfig {
+    fn default() -> Self {
+        Self {
+            kind: DetectorKind::Onnx,
+            onnx_model: PathBuf::from("assets/models/boresight-p2-roi.onnx"),
+            provider: Provider::Cpu,
+            score_threshold: None,
+            roi_px: 256,
+            truth: TruthErrorsConfig::default(),
+        }
+    }
+}
+
+/// Kind of detector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DetectorKind {
+    /// A neural network in ONNX form.
+    Onnx,
+    /// True positions with noise, misses and false alarms; needs no images.
+    Truth,
+}
+
+/// Execution provider of ONNX Runtime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Provider {
+    /// The processor; the only one whose results are the same on every machine.
+    Cpu,
+    /// An NVIDIA GPU through CUDA.
+    Cuda,
+    /// An NVIDIA GPU through TensorRT, with CUDA for what that does not take.
+    Tensorrt,
+}
+
+impl Provider {
+    /// Its name in ONNX Runtime.
+    pub fn runtime_name(self) -> &'static str {
+        match self {
+            Self::Cpu => "CPU",
+            Self::Cuda => "CUDA",
+            Self::Tensorrt => "TensorRT",
+        }
+    }
+}
+
+impl fmt::Display for Provider {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.runtime_name())
+    }
+}
+
+/// Errors of the truth detector.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "TruthErrors")]
+pub struct TruthErrorsConfig {
+    /// Standard deviation of the box centre, each axis.
+    pub noise_px: f64,
+    /// Chance that a visible UAV is missed in a frame, 0 to 1.
+    pub miss_rate: f64,
+    /// Chance that a visible distractor is reported as a UAV in a frame, 0 to 1.
+    pub distractor_rate: f64,
+    /// Mean number of false alarms in a frame.
+    pub false_alarms_per_frame: f64,
+}
+
+impl Default for TruthErrorsConfig {
+    fn default() -> Self {
+        Self {
+            noise_px: 0.5,
+            miss_rate: 0.02,
+            distractor_rate: 0.3,
+            false_alarms_per_frame: 0.01,
+        }
+    }
+}
+
+impl DetectorConfig {
+    pub(super) fn check(&self, check: &mut Check) {
+        check.maybe_within("score_threshold", self.score_threshold, FRACTION);
+        let roi_px = self.roi_px;
+        let right = roi_px == 0 || (16..=8192).contains(&roi_px);
+        check.that(right, "roi_px", || {
+            format!("found {roi_px}, must be 0 or from 16 to 8192")
+        });
+        check.table("truth", |check| self.truth.check(check));
+    }
+}
+
+impl TruthErrorsConfig {
+    fn check(&self, check: &mut Check) {
+        check.within("noise_px", self.noise_px, 0.0..=100.0);
+        check.within("miss_rate", self.miss_rate, FRACTION);
+        check.within("distractor_rate", self.distractor_rate, FRACTION);
+        let false_alarms = self.false_alarms_per_frame;
+        check.within("false_alarms_per_frame", false_alarms, 0.0..=100.0);
+    }
+}

@@ -1,0 +1,513 @@
+//! Reading of input files: TOML text and overrides become a checked value of any type.
+//!
+//! The steps are: text, TOML tree with positions, `--set` overrides, numbered tree, value, check.
+//! Every node of the tree gets a number before it is deserialised, so that an error of serde leads
+//! back to one node, its dotted path and its line. The nodes are kept, so that an error found
+//! later, in the set-up of a run, still gets its line.
+
+use std::fmt::{self, Write as _};
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::check::{Check, Problem};
+
+/// A kind of input file.
+pub(crate) trait Checked: DeserializeOwned {
+    /// Reports values that are out of range or contradict each other.
+    fn check(&self, check: &mut Check);
+}
+
+/// A checked value, and where its keys stand.
+pub(crate) struct Parsed<T> {
+    pub(crate) value: T,
+    pub(crate) places: Places,
+}
+
+/// Why an input file cannot be used; prints as one line.
+#[derive(Debug, Error)]
+pub enum InputError {
+    /// The file cannot be read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The text is not TOML.
+    #[error("{place}: not TOML: {message}")]
+    Syntax {
+        /// Where the text stops being TOML.
+        place: Place,
+        /// What was found and expected.
+        message: String,
+    },
+    /// An override cannot be applied.
+    #[error("{place}: {message}")]
+    Override {
+        /// The override.
+        place: Place,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// A value is unknown, absent, of the wrong type, out of range, or refused by the set-up.
+    #[error("{place}: {path}: {message}")]
+    Field {
+        /// Where the value, or the table that lacks it, stands.
+        place: Place,
+        /// Dotted path of the value such as `uavs[0].model`.
+        path: String,
+        /// What was found and what would be right.
+        message: String,
+    },
+}
+
+/// Where a value stands: a line of the file, an override, or neither.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file.
+    pub file: String,
+    /// Line, from 1; none for an override and for a default.
+    pub line: Option<usize>,
+    /// The override `key=value`.
+    pub set: Option<String>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str(&self.file)?;
+        if let Some(line) = self.line {
+            write!(formatter, ":{line}")?;
+        }
+        if let Some(set) = &self.set {
+            write!(formatter, ": --set {set}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The text of a file.
+pub(crate) fn read(path: &Path) -> Result<String, InputError> {
+    std::fs::read_to_string(path).map_err(|source| InputError::Read {
+        file: path.display().to_string(),
+        source,
+    })
+}
+
+/// Parses and checks a text; `file` appears in errors.
+///
+/// An override `uavs.0.model=fpv5` replaces one value, or adds it with the tables around it. Its
+/// right side is TOML, or a string where it is not.
+pub(crate) fn parse<T: Checked>(
+    text: &str,
+    file: &str,
+    overrides: &[String],
+) -> Result<Parsed<T>, InputError> {
+    let mut places = Places::new(text, file, overrides);
+    // The right sides as documents of their own; leading blanks make their positions continue
+    // those of the text.
+    let documents: Vec<String> = (overrides.iter().zip(&places.overrides))
+        .map(|(set, (start, _))| {
+            let value = set.split_once('=').map_or("", |(_, value)| value);
+            format!("{}v={value}", " ".repeat(*start))
+        })
+        .collect();
+
+    let root = DeTable::parse(text).map_err(|error| InputError::Syntax {
+        place: places.place(error.span().map_or(0, |span| span.start)),
+        message: one_line(error.message()),
+    })?;
+    let mut root = Spanned::new(0..0, DeValue::Table(root.into_inner()));
+    for (index, document) in documents.iter().enumerate() {
+        let (start, _) = places.overrides[index];
+        apply(&mut root, &overrides[index], start, document).map_err(|message| {
+            InputError::Override {
+                place: places.place(start),
+                message,
+            }
+        })?;
+    }
+
+    let root = places.number(root, String::new())?;
+    let value = T::deserialize(toml::de::ValueDeserializer::from(root))
+        .map_err(|error| places.explain(&error))?;
+    let mut check = Check::default();
+    value.check(&mut check);
+    match check.into_problem() {
+        Some(problem) => Err(places.found(&problem)),
+        None => Ok(Parsed { value, places }),
+    }
+}
+
+/// Puts the override `set`, whose right side also stands in `document`, into the tree; what is
+/// wrong with it.
+fn apply<'i>(
+    root: &mut Spanned<DeValue<'i>>,
+    set: &str,
+    start: usize,
+    document: &'i str,
+) -> Result<(), String> {
+    let (path, text) = (set.split_once('=')).ok_or_else(|| "expected key=value".to_owned())?;
+    let mut slot = root;
+    let mut walked = String::new();
+    for key in path.split('.').map(str::trim) {
+        slot = entry(slot.get_mut(), key, start).map_err(|why| format!("{walked} {why}"))?;
+        join(&mut walked, key);
+    }
+    // One key more in the document would be an injected line.
+    let value = (DeTable::parse(document).ok())
+        .map(Spanned::into_inner)
+        .filter(|table| table.len() == 1)
+        .and_then(|mut table| table.remove("v"));
+    *slot = value.unwrap_or_else(|| {
+        Spanned::new(start..start, DeValue::String(text.trim().to_owned().into()))
+    });
+    Ok(())
+}
+
+/// The value under `key` of a table, or the item of an array; else why there is none. A key that
+/// is not there is added as an empty table: unknown names are found later.
+fn entry<'t, 'i>(
+    value: &'t mut DeValue<'i>,
+    key: &str,
+    at: usize,
+) -> Result<&'t mut Spanned<DeValue<'i>>, String> {
+    match value {
+        DeValue::Table(table) => Ok(table
+            .entry(Spanned::new(at..at, key.to_owned().into()))
+            .or_insert_with(|| Spanned::new(at..at, DeValue::Table(DeTable::new())))),
+        DeValue::Array(array) => {
+            let len = array.len();
+            (key.parse::<usize>().ok())
+                .and_then(|index| array.get_mut(index))
+                .ok_or_else(|| format!("has {len} entries, numbered from 0: no entry '{key}'"))
+        }
+        other => Err(format!("is of type {}, it has no keys", other.type_str())),
+    }
+}
+
+/// Where every key and value of a document stands: in its text, or in an override.
+///
+/// Positions are offsets into one virtual text: that of the file, followed by the overrides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Places {
+    file: String,
+    /// Offset of every line's end.
+    line_ends: Vec<usize>,
+    /// Offset of each override's start, and the override.
+    overrides: Vec<(usize, String)>,
+    /// Every key and value, a key before its value; a numbered tree's spans are indices into this.
+    nodes: Vec<Node>,
+}
+
+/// One key or value.
+#[derive(Clone, Debug, PartialEq)]
+struct Node {
+    path: String,
+    /// Its offset in the virtual text.
+    at: usize,
+}
+
+impl Places {
+    fn new(text: &str, file: &str, overrides: &[String]) -> Self {
+        let mut end = text.len();
+        let overrides = overrides.iter().map(|set| {
+            let start = end + 1;
+            end = start + set.len();
+            (start, one_line(set))
+        });
+        Self {
+            file: file.to_owned(),
+            overrides: overrides.collect(),
+            line_ends: text.match_indices('\n').map(|(at, _)| at).collect(),
+            nodes: Vec::new(),
+        }
+    }
+
+    fn place(&self, offset: usize) -> Place {
+        let set = (self.overrides.iter().rev())
+            .find(|(start, _)| *start <= offset)
+            .map(|(_, set)| set.clone());
+        let line = 1 + self.line_ends.partition_point(|end| *end < offset);
+        Place {
+            file: self.file.clone(),
+            line: set.is_none().then_some(line),
+            set,
+        }
+    }
+
+    /// Gives every key and value its number.
+    fn number<'i>(
+        &mut self,
+        value: Spanned<DeValue<'i>>,
+        path: String,
+    ) -> Result<Spanned<DeValue<'i>>, InputError> {
+        let at = value.span().start;
+        let id = self.push(&path, at);
+        let value = match value.into_inner() {
+            DeValue::Table(table) => DeValue::Table(
+                (table.into_iter())
+                    .map(|(key, value)| {
+                        let mut child = path.clone();
+                        join(&mut child, key.get_ref());
+                        let key_id = self.push(&child, key.span().start);
+                        let key = Spanned::new(key_id, key.into_inner());
+                        Ok((key, self.number(value, child)?))
+                    })
+                    .collect::<Result<_, InputError>>()?,
+            ),
+            DeValue::Array(array) => DeValue::Array(
+                (array.into_iter().enumerate())
+                    .map(|(index, item)| self.number(item, format!("{path}[{index}]")))
+                    .collect::<Result<_, InputError>>()?,
+            ),
+            DeValue::Float(float) if !float.as_str().parse().is_ok_and(f64::is_finite) => {
+                return Err(InputError::Field {
+                    place: self.place(at),
+                    path,
+                    message: "must be a finite number".to_owned(),
+                });
+            }
+            other => other,
+        };
+        Ok(Spanned::new(id, value))
+    }
+
+    fn push(&mut self, path: &str, at: usize) -> std::ops::Range<usize> {
+        let path = path.to_owned();
+        self.nodes.push(Node { path, at });
+        self.nodes.len() - 1..self.nodes.len()
+    }
+
+    /// Offset of the value at `path`.
+    fn find(&self, path: &str) -> Option<usize> {
+        // A value stands after its key; an override may have replaced it alone.
+        let node = self.nodes.iter().rev().find(|node| node.path == path)?;
+        Some(node.at)
+    }
+
+    /// Offset of the value at `path`, or of the innermost table or list around it that is there.
+    fn find_around(&self, path: &str) -> Option<usize> {
+        let mut path = path;
+        loop {
+            match self.find(path) {
+                Some(at) => return Some(at),
+                None => path = &path[..path.rfind(['.', '['])?],
+            }
+        }
+    }
+
+    /// The error of the value at `path`; it names the line of the value, or of the innermost table
+    /// around it that stands in the file, or the override that gave it.
+    pub(crate) fn refuse(&self, path: &str, message: impl fmt::Display) -> InputError {
+        self.field(self.find_around(path), path, &message.to_string())
+    }
+
+    /// The error of a problem that a check found.
+    fn found(&self, problem: &Problem) -> InputError {
+        // A preset's value does not stand in the file; what it contradicts may.
+        let with = problem.with.and_then(|with| self.find(with));
+        let at = self.find(&problem.path).or(with);
+        let at = at.or_else(|| self.find_around(&problem.path));
+        self.field(at, &problem.path, &problem.message)
+    }
+
+    fn field(&self, at: Option<usize>, path: &str, message: &str) -> InputError {
+        let nowhere = || Place {
+            file: self.file.clone(),
+            line: None,
+            set: None,
+        };
+        InputError::Field {
+            place: at.map_or_else(nowhere, |at| self.place(at)),
+            path: path.to_owned(),
+            message: one_line(message),
+        }
+    }
+
+    /// Turns serde's words about a numbered tree into ours.
+    fn explain(&self, error: &toml::de::Error) -> InputError {
+        let id = error.span().map_or(0, |span| span.start);
+        let (mut path, at) =
+            (self.nodes.get(id)).map_or((String::new(), 0), |node| (node.path.clone(), node.at));
+        let message = one_line(error.message());
+        // serde puts names between back quotes: first what it found, then what it knows.
+        let mut names = message.split('`').skip(1).step_by(2);
+        let found = names.next().unwrap_or_default().to_owned();
+        let known: Vec<&str> = names.collect();
+        let last_key = path.rsplit('.').next().unwrap_or_default();
+        let last_key = last_key.split('[').next().unwrap_or_default().to_owned();
+        let message = if message.starts_with("missing field") {
+            join(&mut path, &found);
+            format!("is missing: add '{found} = ...' to this table")
+        } else if message.starts_with("unknown field") {
+            if last_key != found {
+                join(&mut path, &found);
+            }
+            format!("unknown key{}", suggestion(&found, &known))
+        } else if message.starts_with("unknown variant") {
+            format!("unknown {last_key} '{found}'{}", suggestion(&found, &known))
+        } else {
+            let words = (message.replace("f64", "a number"))
+                .replace("floating point ", "")
+                .replace("invalid type: map", "invalid type: table")
+                .replace("expected u32", "expected a whole number, not negative")
+                .replace("expected u64", "expected a whole number, not negative")
+                .replace("expected u8", "expected a whole number from 0 to 255");
+            match words.split_once("expected struct ") {
+                Some((found, _)) => format!("{found}expected a table"),
+                None => words,
+            }
+        };
+        self.field(Some(at), &path, &message)
+    }
+}
+
+/// "did you mean" and the known names.
+pub(super) fn suggestion(found: &str, known: &[&str]) -> String {
+    let mut text = String::new();
+    let distance = |name: &&str| strsim::levenshtein(found, name);
+    let nearest = known.iter().copied().min_by_key(distance);
+    if let Some(name) = nearest.filter(|name| distance(name) <= name.len() / 2) {
+        let _ = write!(text, " - did you mean '{name}'?");
+    } else {
+        text.push_str(" -");
+    }
+    let _ = write!(text, " expected one of {}", known.join(", "));
+    text
+}
+
+/// Appends a key to a dotted path.
+pub(super) fn join(path: &mut String, key: &str) {
+    if !path.is_empty() {
+        path.push('.');
+    }
+    path.push_str(&one_line(key));
+}
+
+pub(super) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Default, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    struct Kitchen {
+        oven: Oven,
+        pots: Vec<Pot>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    struct Oven {
+        heat_c: f64,
+        trays: u32,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Pot {
+        litres: f64,
+    }
+
+    impl Default for Oven {
+        fn default() -> Self {
+            Self {
+                heat_c: 180.0,
+                trays: 2,
+            }
+        }
+    }
+
+    impl Checked for Kitchen {
+        fn check(&self, check: &mut Check) {
+            check.table("oven", |check| {
+                check.within("heat_c", self.oven.heat_c, 50.0..=300.0);
+                check.that(self.oven.trays > 0, "trays", || "is empty".to_owned());
+            });
+            for (index, pot) in self.pots.iter().enumerate() {
+                check.positive(&format!("pots[{index}].litres"), pot.litres);
+            }
+        }
+    }
+
+    const TEXT: &str = "# a kitchen\n[oven]\ntrays = 1\n\n[[pots]]\nlitres = 2\n\n[[pots]]\n\
+                        litres = 5\n";
+
+    fn parsed(text: &str, sets: &[&str]) -> Result<Parsed<Kitchen>, InputError> {
+        let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+        parse(text, "k.toml", &sets)
+    }
+
+    fn error(text: &str, sets: &[&str]) -> String {
+        parsed(text, sets).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn any_type_gets_the_same_errors() {
+        let with = |from: &str, to: &str| error(&TEXT.replace(from, to), &[]);
+        assert_eq!(
+            with("litres = 5", "liters = 5"),
+            "k.toml:9: pots[1].liters: unknown key - did you mean 'litres'? expected one of litres"
+        );
+        assert_eq!(
+            with("trays = 1", "heat_c = 20"),
+            "k.toml:3: oven.heat_c: found 20, must be from 50 to 300"
+        );
+        assert_eq!(
+            with("trays = 1", "heat_c = inf"),
+            "k.toml:3: oven.heat_c: must be a finite number"
+        );
+        assert_eq!(
+            error(TEXT, &["oven.trays=0"]),
+            "k.toml: --set oven.trays=0: oven.trays: is empty"
+        );
+        assert!(parsed("", &[]).is_ok());
+    }
+
+    #[test]
+    fn what_the_set_up_refuses_is_named_where_it_stands() {
+        let refused = |text: &str, sets: &[&str], path: &str| {
+            let places = parsed(text, sets).unwrap().places;
+            places.refuse(path, "too\nhot").to_string()
+        };
+        let given = |path: &str| refused(TEXT, &[], path);
+        assert_eq!(given("oven.trays"), "k.toml:3: oven.trays: too hot");
+        // Absent: the innermost table or list around it.
+        assert_eq!(given("oven.heat_c"), "k.toml:2: oven.heat_c: too hot");
+        assert_eq!(
+            given("pots[1].lid.knob"),
+            "k.toml:8: pots[1].lid.knob: too hot"
+        );
+        assert_eq!(given("sink.tap"), "k.toml: sink.tap: too hot");
+        assert_eq!(refused("", &[], "oven"), "k.toml: oven: too hot");
+        // Overridden, within a table of the file and without.
+        let sets = ["pots.0.litres=3", "oven.heat_c = 200"];
+        assert_eq!(
+            refused(TEXT, &sets, "pots[0].litres"),
+            "k.toml: --set pots.0.litres=3: pots[0].litres: too hot"
+        );
+        assert_eq!(
+            refused(TEXT, &sets, "oven.heat_c"),
+            "k.toml: --set oven.heat_c = 200: oven.heat_c: too hot"
+        );
+        assert_eq!(refused(TEXT, &sets, "oven"), "k.toml:2: oven: too hot");
+        assert_eq!(
+            refused("", &sets[1..], "oven.trays"),
+            "k.toml: --set oven.heat_c = 200: oven.trays: too hot"
+        );
+        // A dotted key is a table without a header.
+        assert_eq!(
+            refused("\noven.trays = 1", &[], "oven.heat_c"),
+            "k.toml:2: oven.heat_c: too hot"
+        );
+    }
+}

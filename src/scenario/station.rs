@@ -1,0 +1,108 @@
+//! The protected station and its laser.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::cameras::Cameras;
+use super::check::Check;
+use super::mount::MountConfig;
+
+/// The protected station.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Station {
+    /// East, north, up of the mount's axes crossing; absent: on the city's station rooftop.
+    pub position_enu_m: Option<[f64; 3]>,
+    /// The two-axis gimbal and its steering mirror.
+    pub mount: MountConfig,
+    /// Whether the cameras' boresights are measured against the laser before the run, and corrected;
+    /// without it the laser misses by the boresight error.
+    pub calibrate: bool,
+    /// The search, coarse and precise cameras.
+    pub cameras: Cameras,
+    /// The laser and its beam director.
+    pub laser: LaserConfig,
+}
+
+impl Default for Station {
+    fn default() -> Self {
+        Self {
+            position_enu_m: None,
+            mount: MountConfig::default(),
+            calibrate: true,
+            cameras: Cameras::default(),
+            laser: LaserConfig::default(),
+        }
+    }
+}
+
+/// The laser and its beam director.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "Laser")]
+pub struct LaserConfig {
+    /// Optical power leaving the aperture.
+    pub power_w: f64,
+    /// Wavelength.
+    pub wavelength_nm: f64,
+    /// 1/e² radius of the beam at the exit aperture.
+    pub aperture_radius_m: f64,
+    /// Beam quality M²; 1 is a perfect beam.
+    pub m2: f64,
+    /// Focus distance in metres, or "target" to follow the target's range.
+    pub focus: Focus,
+    /// Pointing jitter of the beam director, root mean square per axis.
+    pub jitter_urad: f64,
+}
+
+impl Default for LaserConfig {
+    fn default() -> Self {
+        Self {
+            power_w: 3000.0,
+            wavelength_nm: 1064.0,
+            aperture_radius_m: 0.05,
+            m2: 1.3,
+            focus: Focus::Target(TargetWord::Target),
+            jitter_urad: 2.0,
+        }
+    }
+}
+
+/// Focus control.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a distance in metres or \"target\"")]
+pub enum Focus {
+    /// A fixed distance [m].
+    Metres(f64),
+    /// Follows the target's range.
+    Target(TargetWord),
+}
+
+/// The word "target".
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TargetWord {
+    /// The target's range.
+    Target,
+}
+
+impl Station {
+    pub(super) fn check(&self, check: &mut Check, tick_hz: u32) {
+        check.table("mount", |check| self.mount.check(check, tick_hz));
+        check.table("cameras", |check| self.cameras.check(check, tick_hz));
+        check.table("laser", |check| self.laser.check(check));
+    }
+}
+
+impl LaserConfig {
+    fn check(&self, check: &mut Check) {
+        check.within("power_w", self.power_w, 0.0..=1e6);
+        check.within("wavelength_nm", self.wavelength_nm, 200.0..=12_000.0);
+        check.positive("aperture_radius_m", self.aperture_radius_m);
+        check.within("m2", self.m2, 1.0..=100.0);
+        if let Focus::Metres(distance) = self.focus {
+            check.positive("focus", distance);
+        }
+        check.within("jitter_urad", self.jitter_urad, 0.0..=1e4);
+    }
+}

@@ -1,0 +1,119 @@
+//! What flies in a scenario.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::check::{AT_LEAST_ZERO, Check};
+use crate::models::flight::distractor::DistractorKind;
+use crate::models::flight::trajectory::Trajectory;
+use crate::models::flight::uav::UavKind;
+use crate::models::laser::thermal::{self, SkinMaterial};
+
+/// One UAV.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Uav")]
+pub struct UavConfig {
+    /// Name, unique in the scenario.
+    pub name: String,
+    /// Its entry in the catalogue.
+    pub model: UavKind,
+    /// Where it flies.
+    pub trajectory: Trajectory,
+    /// Material of the part the laser heats; absent: the catalogue's.
+    pub skin: Option<SkinKind>,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The flight starts up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
+}
+
+/// A bird, balloon, aeroplane or leaf: every camera sees it, and it counts for no success.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Distractor")]
+pub struct DistractorConfig {
+    /// Name, unique among UAVs and distractors.
+    pub name: String,
+    /// What it is.
+    pub kind: DistractorKind,
+    /// Where it flies; a balloon's or leaf's is relative to the air, so that one that hovers drifts
+    /// with the wind.
+    pub trajectory: Trajectory,
+    /// Standard deviation of a displacement of the whole trajectory, drawn from the seed: east and
+    /// north, up [m].
+    #[serde(default)]
+    pub spread_m: [f64; 2],
+    /// The flight starts up to this much earlier, drawn from the seed.
+    #[serde(default)]
+    pub spread_s: f64,
+}
+
+/// Material of the part the laser heats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(rename = "Skin")]
+pub enum SkinKind {
+    /// Dark polycarbonate shell.
+    PolycarbonateShell,
+    /// ABS shell.
+    AbsShell,
+    /// Carbon-fibre epoxy.
+    CarbonFibre,
+    /// Pouch of a lithium-polymer battery.
+    LipoPouch,
+    /// Aluminium.
+    Aluminium,
+}
+
+impl SkinKind {
+    /// Its thermal and optical constants.
+    pub fn material(self) -> SkinMaterial {
+        match self {
+            Self::PolycarbonateShell => thermal::POLYCARBONATE_SHELL,
+            Self::AbsShell => thermal::ABS_SHELL,
+            Self::CarbonFibre => thermal::CARBON_EPOXY,
+            Self::LipoPouch => thermal::LIPO_POUCH,
+            Self::Aluminium => thermal::ALUMINIUM,
+        }
+    }
+}
+
+/// UAVs and distractors together: names are unique among both.
+pub(super) fn check(uavs: &[UavConfig], distractors: &[DistractorConfig], check: &mut Check) {
+    let mut names = Vec::new();
+    for (index, uav) in uavs.iter().enumerate() {
+        check.table(&format!("uavs[{index}]"), |check| {
+            check.name("name", &uav.name, &names);
+            check_flight(&uav.trajectory, uav.spread_m, uav.spread_s, check);
+        });
+        names.push(&uav.name);
+    }
+    for (index, other) in distractors.iter().enumerate() {
+        check.table(&format!("distractors[{index}]"), |check| {
+            check.name("name", &other.name, &names);
+            check_flight(&other.trajectory, other.spread_m, other.spread_s, check);
+        });
+        names.push(&other.name);
+    }
+}
+
+fn check_flight(
+    trajectory: &Trajectory,
+    [across_m, up_m]: [f64; 2],
+    spread_s: f64,
+    check: &mut Check,
+) {
+    // A recorded flight's file is read, and checked, when the run starts.
+    if !matches!(trajectory, Trajectory::Recorded { .. })
+        && let Err(error) = trajectory.compile(|_| Ok(String::new()))
+    {
+        check.that(false, "trajectory", || error.to_string());
+    }
+    check.within("spread_m[0]", across_m, AT_LEAST_ZERO);
+    check.within("spread_m[1]", up_m, AT_LEAST_ZERO);
+    check.within("spread_s", spread_s, AT_LEAST_ZERO);
+}

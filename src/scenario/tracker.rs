@@ -1,0 +1,95 @@
+//! From detections to a target: the tracker, and the operator who overrules it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::MAX_DURATION_S;
+use super::check::{Check, FRACTION};
+use super::search::check_named_uav;
+use super::targets::UavConfig;
+
+/// How detections become tracks and which of them becomes the target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "Tracker")]
+pub struct TrackerConfig {
+    /// Which detection belongs to the target; absent: "paper" with the paper's controller,
+    /// "global" with any other.
+    pub rule: Option<AssociationRule>,
+    /// Standard deviation of a detection's centre that the tracker assumes; absent: the truth
+    /// detector's noise, or 0.5 for an ONNX model.
+    pub centre_sigma_px: Option<f64>,
+    /// Least share of its frames in which the detector must see a track for it to be a UAV.
+    pub min_quality: f64,
+    /// Least mean score of a track's detections for it to be a UAV; absent: 0.72 for the truth
+    /// detector, half way between its scores of UAVs and of distractors, and 0 for an ONNX model.
+    pub min_score: Option<f64>,
+    /// Another track becomes the target when it could reach the asset sooner by this factor.
+    pub switch_ratio: f64,
+    /// The protected asset, east, north, up from the site; absent: the station itself.
+    pub asset_enu_m: Option<[f64; 3]>,
+}
+
+impl Default for TrackerConfig {
+    fn default() -> Self {
+        Self {
+            rule: None,
+            centre_sigma_px: None,
+            min_quality: 0.6,
+            min_score: None,
+            switch_ratio: 1.5,
+            asset_enu_m: None,
+        }
+    }
+}
+
+/// Rules by which detections belong to the target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AssociationRule {
+    /// The detection nearest to the image centre is the target, as in the paper.
+    Paper,
+    /// All detections are assigned to all tracks at the least total cost.
+    Global,
+}
+
+/// What an operator orders: a target, by `designate` or by `track`; without either the choice goes
+/// back to the tracker.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Order {
+    /// Time of the order, from the start of the run.
+    pub t_s: f64,
+    /// Name of the UAV whose picture the operator points at: its track becomes the target and
+    /// stays it.
+    pub designate: Option<String>,
+    /// Identity of the track that becomes the target and stays it, as recordings have it. The
+    /// window records a choice in this way, so that its run can be repeated.
+    pub track: Option<u32>,
+}
+
+impl TrackerConfig {
+    pub(super) fn check(&self, check: &mut Check) {
+        check.maybe_within("centre_sigma_px", self.centre_sigma_px, 0.01..=20.0);
+        check.within("min_quality", self.min_quality, FRACTION);
+        check.maybe_within("min_score", self.min_score, FRACTION);
+        check.within("switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
+    }
+}
+
+/// Orders must be in order of time.
+pub(super) fn check_orders(orders: &[Order], uavs: &[UavConfig], check: &mut Check) {
+    let mut earliest_s = 0.0;
+    for (index, order) in orders.iter().enumerate() {
+        check.table(&format!("operator[{index}]"), |check| {
+            check.within("t_s", order.t_s, earliest_s..=MAX_DURATION_S);
+            if let Some(name) = &order.designate {
+                check_named_uav(check, "designate", name, uavs);
+                check.that(order.track.is_none(), "track", || {
+                    "an order has one target: give either designate or track".to_owned()
+                });
+            }
+        });
+        earliest_s = order.t_s;
+    }
+}
