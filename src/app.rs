@@ -17,9 +17,11 @@ use crate::models::air::turbulence::{
     GammaGamma, PaperIntensity, Path as AirPath, PathTurbulence, Scintillation, Wander,
 };
 use crate::models::air::wind::{DrydenGust, MeanWind};
+use crate::models::control::law::HandOver;
 use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::pointing::{HandOver, PointingLaw, TunedPointing};
+use crate::models::control::pointing::PointingLaw;
+use crate::models::control::tuning::{self, MountPlant};
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory, TrajectoryError};
 use crate::models::flight::uav::model;
@@ -1179,10 +1181,15 @@ pub(crate) fn controller(
         }))
     };
     Ok(match scenario.controller.preset {
-        ControllerPreset::Tuned => pointing(PointingLaw::Tuned(
-            TunedPointing::recommended(gimbal, mirror, dt_s)
-                .map_err(|error| refused(error.to_string()))?,
-        )),
+        ControllerPreset::Tuned => {
+            let plant = MountPlant {
+                gimbal: *gimbal,
+                mirror: *mirror,
+                dt_s,
+            };
+            let derived = tuning::derive(&plant).map_err(|error| refused(error.to_string()))?;
+            pointing(PointingLaw::Tuned(derived.law))
+        }
         ControllerPreset::Lqg => {
             let tau_s = LosFilterParams::default().accel_tau_s;
             let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), dt_s)

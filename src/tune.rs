@@ -7,7 +7,7 @@ use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::{
-    Axis, CameraTiming, Derived, LoopMeasurement, Plant, derive, measure_mirror,
+    CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, derive, measure_mirror,
     measure_paper_loop, measure_pointing_loop, measure_position_loop, measure_rate_loop,
 };
 use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
@@ -31,11 +31,11 @@ pub enum AxisName {
     Elevation,
 }
 
-impl From<AxisName> for Axis {
+impl From<AxisName> for MountAxis {
     fn from(name: AxisName) -> Self {
         match name {
-            AxisName::Azimuth => Axis::Azimuth,
-            AxisName::Elevation => Axis::Elevation,
+            AxisName::Azimuth => MountAxis::Azimuth,
+            AxisName::Elevation => MountAxis::Elevation,
         }
     }
 }
@@ -131,7 +131,7 @@ impl Tuning {
             tick: 0,
             tick_hz: scenario.tick_hz,
         };
-        let plant = Plant {
+        let plant = MountPlant {
             gimbal: app::gimbal_params(&scenario.station.mount, clock.dt_s()),
             mirror: app::mirror_params(&scenario.station.mount),
             dt_s: clock.dt_s(),

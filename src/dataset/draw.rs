@@ -23,7 +23,7 @@ use crate::models::optics::raster;
 use crate::models::optics::sensor::{SensorParams, Transfer};
 use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
 use crate::models::shape::mesh::MeshData;
-use crate::models::shape::uav_mesh::{Look, UavMesh, distractor_mesh_drawn, uav_mesh_look};
+use crate::models::shape::uav_mesh::{UavMesh, UavStyle, drawn_distractor_mesh, styled_uav_mesh};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -281,7 +281,7 @@ impl Scene {
             distractor,
         };
         let mut props: Vec<_> = (uavs.iter())
-            .map(|kind| prop(uav_mesh_look(*kind, &Look::drawn(&mut rng)), None))
+            .map(|kind| prop(styled_uav_mesh(*kind, &UavStyle::drawn(&mut rng)), None))
             .collect();
         let others = [
             (DistractorKind::Bird, 5),
@@ -290,7 +290,7 @@ impl Scene {
             (DistractorKind::Leaf, 1),
         ];
         for kind in others.iter().flat_map(|(kind, count)| vec![*kind; *count]) {
-            props.push(prop(distractor_mesh_drawn(kind, &mut rng), Some(kind)));
+            props.push(prop(drawn_distractor_mesh(kind, &mut rng), Some(kind)));
         }
         let mut rng = stream("dataset clouds");
         let clouds = (rng.uniform() < 0.8).then(|| rng.bits());

@@ -17,7 +17,8 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::models::air::atmosphere::Cn2Profile;
-use crate::models::air::weather::{self, WeatherError};
+use crate::models::air::metar::MetarError;
+use crate::models::air::weather;
 use crate::models::air::wind::over_rough_ground;
 use crate::models::engage::interlock::Zone;
 use crate::models::flight::distractor::DistractorKind;
@@ -150,7 +151,7 @@ pub struct Weather {
 
 impl Weather {
     /// The weather of a run: the METAR's or the documented defaults, then the explicit values.
-    pub fn resolved(&self) -> Result<weather::Weather, WeatherError> {
+    pub fn resolved(&self) -> Result<weather::Weather, MetarError> {
         let base = match &self.metar {
             Some(report) => weather::Weather::from_metar(report)?,
             None => weather::Weather {

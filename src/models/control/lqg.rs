@@ -18,7 +18,7 @@
 //! No integral of the error is needed: the rate servo integrates, so steady friction or
 //! wind leaves no rate error, and the observer's ξ acts before an error arises.
 //!
-//! Against [`crate::models::control::pointing::TunedPointing`] it buys foresight of the servo's and the
+//! Against [`super::tuned::TunedPointing`] it buys foresight of the servo's and the
 //! disturbance's next tick, a mirror of any speed without a special rule, and gains that follow the
 //! mount's parameters. It buys nothing against pixel noise or gyro drift, which come through the shared
 //! estimate and dominate; it needs a model of the servo; and an LQG loop has no guaranteed margins
@@ -28,10 +28,11 @@ use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
-use crate::models::control::pointing::{Aim, HandOver, PointingInput, PointingOutput};
+use super::law::{Aim, HandOver, PointingInput, PointingOutput};
 use crate::models::maths::kinematics::base_rate_on_axes;
+use crate::models::maths::second_order::{SecondOrderError, second_order_transition};
 use crate::models::mount::gimbal::{AxisParams, GimbalCommand, GimbalParams};
-use crate::models::mount::mirror::{MirrorParams, SecondOrderError, second_order_transition};
+use crate::models::mount::mirror::MirrorParams;
 
 /// Why a regulator cannot be built.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]

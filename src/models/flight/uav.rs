@@ -49,10 +49,7 @@ impl UavKind {
 }
 
 /// The class of a UAV, as a detector or an operator would name it.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
-)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum UavClass {
     /// A small, agile racer flown by first-person view.
     Fpv,

@@ -1,6 +1,12 @@
-//! Mathematics that belongs to no domain: rotations, random streams, assignment, frequency responses.
+//! Mathematics that belongs to no domain: rotations, random streams and fields, polygons, assignment,
+//! first- and second-order systems, frequency responses.
 
 pub mod assignment;
+pub mod curve;
+pub mod first_order;
 pub mod frequency;
 pub mod kinematics;
+pub mod noise;
+pub mod polygon;
 pub mod rng;
+pub mod second_order;

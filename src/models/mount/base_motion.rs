@@ -12,15 +12,13 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::models::maths::rng::Stream;
-use crate::models::mount::mirror::{SecondOrderError, second_order_transition};
+use crate::models::maths::second_order::{SecondOrderError, second_order_transition};
 
 /// One mode of the base's angular motion.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TiltMode {
     /// Natural frequency [Hz].
     pub frequency_hz: f64,
@@ -43,7 +41,7 @@ impl TiltMode {
 }
 
 /// Base motion of a station.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseMotionParams {
     /// Sway of the building.
     pub sway: TiltMode,

@@ -17,13 +17,11 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::models::maths::kinematics::{az_el_to_los, base_rate_on_axes, wrap_pi};
 use crate::models::maths::rng::Stream;
-use crate::models::mount::mirror::second_order_transition;
+use crate::models::maths::second_order::second_order_transition;
 
 /// A gimbal parameter out of its range.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -35,27 +33,8 @@ pub struct GimbalError {
     pub value: f64,
 }
 
-/// (e⁻ˣ, (1 − e⁻ˣ)/x, (x − 1 + e⁻ˣ)/x²) for x ≥ 0: a first-order lag and its first two integrals,
-/// accurate down to x = 0.
-pub(crate) fn lag_integrals(x: f64) -> [f64; 3] {
-    if x < 0.05 {
-        // ψ = Σ (−x)ᵏ/(k+2)!, exact to rounding after eight terms here; then back up.
-        let mut term = 0.5;
-        let mut psi = 0.0;
-        for k in 3..11 {
-            psi += term;
-            term *= -x / f64::from(k);
-        }
-        let phi = 1.0 - x * psi;
-        [1.0 - x * phi, phi, psi]
-    } else {
-        let phi = -(-x).exp_m1() / x;
-        [(-x).exp(), phi, (1.0 - phi) / x]
-    }
-}
-
 /// Dry friction of an axis's bearings and seals, at the rotor.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
     /// Level in motion [N m].
     pub coulomb_nm: f64,
@@ -76,7 +55,7 @@ impl Friction {
 }
 
 /// First structural mode of an axis: rotor and load on a torsional spring.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Structure {
     /// Frequency of the load on the locked rotor [Hz].
     pub locked_rotor_hz: f64,
@@ -89,7 +68,7 @@ pub struct Structure {
 }
 
 /// One gimbal axis and its rate servo.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisParams {
     /// Moment of inertia about the axis [kg m²].
     pub inertia_kg_m2: f64,
@@ -116,7 +95,7 @@ pub struct AxisParams {
 }
 
 /// A two-axis gimbal.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GimbalParams {
     /// Outer axis.
     pub azimuth: AxisParams,

@@ -28,12 +28,10 @@
 
 use glam::{DVec2, DVec3};
 use nalgebra::Matrix3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::models::maths::first_order::lag_integrals;
 use crate::models::maths::kinematics::{az_el_to_los, wrap_pi};
-use crate::models::mount::gimbal::lag_integrals;
 
 /// Accepted measurements kept for replay.
 const HISTORY: usize = 8;
@@ -57,7 +55,7 @@ pub struct LosFilterError {
 }
 
 /// One mode of a target's motion on one axis.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionMode {
     /// Rms acceleration across the line of sight [m/s²].
     pub accel_mps2: f64,
@@ -66,7 +64,7 @@ pub struct MotionMode {
 }
 
 /// Parameters of a line-of-sight filter.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LosFilterParams {
     /// Straight flight, manoeuvre, hard manoeuvre.
     pub modes: [MotionMode; MODES],
