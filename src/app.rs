@@ -11,10 +11,10 @@ use crate::components::render::{LEAN_SHADER, LeanMaterial, LightUniform};
 use crate::components::track::{DetectionQueue, Operator, Order, Tracker};
 use crate::inference::{DetectorError, Inference, OnnxDetector, Setup};
 use crate::models::air::atmosphere::{air_density_kgpm3, pressure_at_pa};
-use crate::models::air::sky::Sky;
+use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::air::sun::Sun;
 use crate::models::air::turbulence::{
-    GammaGamma, PaperIntensity, Path as AirPath, PathTurbulence, Scintillation, Wander,
+    AirPath, GammaGamma, PaperIntensityParams, PathTurbulence, Scintillation, Wander,
 };
 use crate::models::air::wind::{DrydenGust, MeanWind};
 use crate::models::control::law::HandOver;
@@ -26,9 +26,9 @@ use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory, TrajectoryError};
 use crate::models::flight::uav::model;
 use crate::models::ground::city::City;
-use crate::models::ground::geodesy::{Geodetic, SiteFrame};
 use crate::models::laser::beam::Laser;
 use crate::models::laser::thermal::Skin;
+use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::rng::Stream;
 use crate::models::mount::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
@@ -244,8 +244,6 @@ const AFTERMATH_S: f64 = 1.0;
 const INFERENCE_THREADS: usize = 2;
 /// Mean reflectance of the ground for the light it throws back up.
 pub(crate) const GROUND_ALBEDO: f64 = 0.18;
-/// Wavelengths of the red, green and blue channel [m].
-const CHANNELS_M: [f64; 3] = [610e-9, 550e-9, 465e-9];
 /// Distance for which the cameras' turbulence blur is taken [m].
 const BLUR_RANGE_M: f64 = 1_000.0;
 /// Angle random walk of the base gyro, 0.01 deg/sqrt(h) [rad/sqrt(s)]: a small fibre gyro.
@@ -1152,8 +1150,7 @@ fn laser(scenario: &Scenario, environment: &Environment) -> LaserSource {
             IntensityModel::Physical => {
                 Channel::Physical(Box::new(Scintillation::new(calm, 1e-3, &mut rng[0])))
             }
-            // The paper prints neither figure: no drift, a tenth a second of volatility.
-            IntensityModel::Paper => Channel::Paper(PaperIntensity::new(0.0, 0.1)),
+            IntensityModel::Paper => Channel::Paper(PaperIntensityParams::default().channel()),
         },
         wander: Wander::new(0.0, 1e-2, &mut rng[1]),
         rng,

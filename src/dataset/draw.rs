@@ -13,7 +13,7 @@ use crate::models::flight::multirotor::MAX_ROTORS;
 use crate::models::flight::uav::{UavClass, UavKind, model};
 use crate::models::ground::city::{City, CityParams};
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::kinematics::{
     Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi,
 };

@@ -225,7 +225,7 @@ fn visibility(groups: &mut Groups<'_>) -> Result<VisibilityGroup, MetarError> {
     if let Some(whole) = short_number(text)
         && let Some(part) = groups.next_if(|next| mile_fraction(next).is_some())
     {
-        // Beside whole miles only halves to ninths stand.
+        // Whole miles are followed by a half to a ninth only.
         return mile_fraction(part.text)
             .filter(|_| part.text.len() == "1/2SM".len())
             .map(|fraction| of_miles(whole + fraction))

@@ -1,4 +1,4 @@
-//! Mean wind over flat rough ground and the gusts upon it.
+//! Mean wind over flat rough ground, and gusts.
 //!
 //! The mean follows the neutral logarithmic law; the gusts are the Dryden model of MIL-F-8785C for
 //! low altitude, discretised exactly, so that the statistics do not depend on the tick. A reported
@@ -238,7 +238,7 @@ pub struct DrydenGust {
 }
 
 impl DrydenGust {
-    /// Gusts upon `mean`, started in their stationary state. Their strength follows its friction
+    /// Gusts in the wind `mean`, started in their stationary state. Their strength follows its friction
     /// velocity, as turbulence over any roughness does: over a city a given mean wind brings some
     /// three times the gusts that it brings over grass.
     pub fn new(mean: &MeanWind, rng: &mut Stream) -> Self {

@@ -40,10 +40,10 @@ pub enum LqgError {
     /// The Riccati equation has no stabilising solution, or it was not found.
     #[error("the Riccati equation was not solved: relative residual {residual:e}")]
     Riccati {
-        /// What is left of the equation, relative to the solution.
+        /// Residual of the equation, relative to the solution.
         residual: f64,
     },
-    /// The mirror.
+    /// The mirror's parameters are out of range.
     #[error(transparent)]
     Mirror(#[from] SecondOrderError),
 }
@@ -85,7 +85,7 @@ pub fn solve_dare(
     }
 }
 
-/// What P leaves of the Riccati equation, relative to P; `None` where R + BᵀPB cannot be inverted.
+/// Residual of the Riccati equation for P, relative to P; `None` where R + BᵀPB cannot be inverted.
 pub fn dare_residual(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -109,7 +109,7 @@ pub fn lqr_gain(
     Some(inverse * b.transpose() * p * a)
 }
 
-/// What is acceptable, the weights of the cost.
+/// Acceptable sizes of errors and commands, from which the weights of the cost follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LqgWeights {
     /// Pointing error [rad].

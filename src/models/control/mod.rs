@@ -7,3 +7,6 @@ pub mod paper;
 pub mod pointing;
 pub mod tuned;
 pub mod tuning;
+
+#[cfg(test)]
+mod tests;

@@ -30,11 +30,11 @@ pub fn sat(e: DVec2, limit: f64) -> DVec2 {
 /// The paper's control law (eq. 9, and eq. 10 with a saturation).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperLaw {
-    /// Kp.
+    /// Proportional gain Kp.
     pub kp: f64,
-    /// Ki [1/s].
+    /// Integral gain Ki [1/s].
     pub ki_per_s: f64,
-    /// Kd [s].
+    /// Derivative gain Kd [s].
     pub kd_s: f64,
     /// Limit of sat(e) in the proportional term [rad]; `None` is eq. 9. Not printed in the paper.
     pub sat_rad: Option<f64>,

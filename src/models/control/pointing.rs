@@ -45,6 +45,3 @@ impl PointingLaw {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

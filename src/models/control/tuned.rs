@@ -29,10 +29,10 @@ use crate::models::mount::gimbal::{GimbalCommand, GimbalParams};
 pub struct TunedPointing {
     /// Gimbal rate per angle still to turn [1/s].
     pub gimbal_gain_per_s: f64,
-    /// From a tick's command to the moment it aims the line of sight for [s]: a whole number of
-    /// ticks, one unless the mirror is slow.
+    /// Time from a tick's command to the moment for which it aims the line of sight [s]: a whole
+    /// number of ticks, one unless the mirror is slow.
     pub lead_s: f64,
-    /// What is left after the lead of a mirror's offset from its command, and of its rate [s].
+    /// What remains after the lead of a mirror's offset from its command, and of its rate [s].
     pub mirror_left: [f64; 2],
 }
 

@@ -59,10 +59,10 @@ impl MountAxis {
 /// Why a loop cannot be measured.
 #[derive(Clone, Copy, Debug, thiserror::Error, PartialEq)]
 pub enum TuningError {
-    /// The mirror.
+    /// The mirror's parameters are out of range.
     #[error(transparent)]
     Mirror(#[from] SecondOrderError),
-    /// The filter.
+    /// The filter's parameters are out of range.
     #[error(transparent)]
     Filter(#[from] LosFilterError),
     /// No gain of the position loop keeps the margins.
@@ -73,9 +73,9 @@ pub enum TuningError {
 /// The mount as the loops act on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MountPlant {
-    /// Gimbal.
+    /// Gimbal with both axes.
     pub gimbal: GimbalParams,
-    /// Mirror.
+    /// Fast steering mirror.
     pub mirror: MirrorParams,
     /// Tick [s].
     pub dt_s: f64,
@@ -95,7 +95,7 @@ pub struct CameraTiming {
 /// One loop, measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoopMeasurement {
-    /// Its name.
+    /// Name for reports.
     pub name: String,
     /// Unit of its input.
     pub unit: &'static str,
@@ -103,15 +103,15 @@ pub struct LoopMeasurement {
     pub amplitude: f64,
     /// Closed loop, output over input.
     pub closed: Vec<Response>,
-    /// Open loop.
+    /// Open loop, error to output.
     pub open: Vec<Response>,
-    /// Its margins.
+    /// Stability margins of the open loop.
     pub margins: Margins,
     /// −3 dB bandwidth of the closed loop [Hz].
     pub bandwidth_hz: Option<f64>,
     /// Response to a step of the amplitude, over the amplitude, at the ends of ticks.
     pub step: Vec<f64>,
-    /// Its figures.
+    /// Rise, overshoot and settling of that response.
     pub step_figures: Option<StepFigures>,
     /// Tick [s].
     pub dt_s: f64,
@@ -251,8 +251,8 @@ fn pointing_loop(
     move |u| {
         let t_s = tick as f64 * dt_s;
         if tick.is_multiple_of(camera.period_ticks) {
-            // The measured error is put upon the pointing as measured, which leaves the target
-            // but for the encoder's step.
+            // The measured error is added to the pointing as measured: that gives the target's
+            // direction, but for the encoder's step.
             let slip = state.encoder_az_el_rad() - state.az_el_rad();
             frames.push_back((tick, origin + axis.unit() * u + slip));
         }
@@ -443,7 +443,7 @@ pub fn measure_pointing_loop(
 /// Gains that sweeps ask for, and what limits the gimbal's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derived {
-    /// The gains.
+    /// Gains of the tuned law.
     pub law: TunedPointing,
     /// What keeps the gimbal's gain from being higher.
     pub limit: &'static str,
@@ -518,7 +518,7 @@ fn highest_gain(plant: &MountPlant, axis: MountAxis) -> Result<(f64, &'static st
 /// Longest lead [ticks]; a mirror that needs more is no fast steering mirror.
 const MAX_LEAD_TICKS: usize = 32;
 
-/// Ticks after which a mirror has done half of a step, and what is then left of an offset and of a
+/// Ticks after which a mirror has done half of a step, and what then remains of an offset and of a
 /// rate [s], found by deflecting it.
 fn mirror_lead(plant: &MountPlant) -> Result<(usize, [f64; 2]), TuningError> {
     // How it moves has nothing to do with how far it may.
@@ -528,7 +528,7 @@ fn mirror_lead(plant: &MountPlant) -> Result<(usize, [f64; 2]), TuningError> {
     };
     let unit = 0.1 * params.stroke_rad;
     let mut mirror = Mirror::new(&params, plant.dt_s)?;
-    // From rest: what is left of the offset.
+    // From rest: the share of the offset that remains.
     let mut left = Vec::new();
     while left.last().is_none_or(|left| *left > 0.5) && left.len() < MAX_LEAD_TICKS {
         left.push(1.0 - mirror.step(DVec2::new(unit, 0.0)).x / unit);

@@ -1,4 +1,4 @@
-//! What flies where a UAV might and is none: birds, balloons, aeroplanes, leaves.
+//! Flying objects that are no UAVs: birds, balloons, aeroplanes, leaves.
 
 use crate::models::flight::multirotor::Setpoint;
 use crate::models::maths::kinematics::GRAVITY_MPS2;

@@ -64,7 +64,7 @@ pub enum UavClass {
 pub struct UavModel {
     /// Maker and model.
     pub name: &'static str,
-    /// Class.
+    /// Class, by size and number of rotors.
     pub class: UavClass,
     /// Take-off mass [kg].
     pub mass_kg: f64,

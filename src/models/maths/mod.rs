@@ -1,10 +1,11 @@
-//! Mathematics that belongs to no domain: rotations, random streams and fields, polygons, assignment,
+//! Mathematics that belongs to no domain: rotations, random streams and fields, polygons, geodesy, assignment,
 //! first- and second-order systems, frequency responses.
 
 pub mod assignment;
 pub mod curve;
 pub mod first_order;
 pub mod frequency;
+pub mod geodesy;
 pub mod kinematics;
 pub mod noise;
 pub mod polygon;

@@ -276,7 +276,7 @@ impl GimbalParams {
     /// a constant rate ω through the same azimuth at the same moment, from −T to T with
     /// ω T = atan(v T/ρ): it leaves the target early, and meets it again on the exit side.
     pub fn keyhole_azimuth(&self, az_el_rad: DVec2, rates_radps: DVec2) -> Option<[f64; 2]> {
-        // What is left of the rate limit lets the servo hold on to the ramp.
+        // The rest of the rate limit lets the servo follow the ramp.
         let omega = 0.9 * self.azimuth.rate_limit_radps;
         let d = az_el_to_los(az_el_rad);
         // Below 45° an azimuth this fast belongs to no pass of the zenith.

@@ -30,7 +30,7 @@ pub struct Sighting {
 }
 
 /// What one frame saw.
-pub struct Look<'a> {
+pub struct CameraLook<'a> {
     /// Index of the camera, 0 (wide) to 2 (narrow).
     pub tier: usize,
     /// Time of the exposure [s].
@@ -239,10 +239,9 @@ pub struct TableParams {
     pub max_hidden_s: f64,
     /// Tracks kept; the ones with the fewest hits go first.
     pub max_tracks: usize,
-    /// Span that objects are taken to have until their range is measured [m], and its relative
-    /// spread.
+    /// Span that objects are assumed to have until their range is measured [m].
     pub span_m: f64,
-    /// See `span_m`.
+    /// Standard deviation of that span, over the span.
     pub span_sigma_rel: f64,
 }
 
@@ -265,9 +264,9 @@ impl Default for TableParams {
 /// All tracks, oldest first.
 #[derive(Clone, Debug, Default)]
 pub struct TrackTable {
-    /// Settings.
+    /// Settings of gates, memory and size.
     pub params: TableParams,
-    /// The tracks.
+    /// The tracks, in the order they were started.
     pub tracks: Vec<Track>,
     /// Identities that the last frame ended, each with the older one that it turned out to be.
     pub joined: Vec<(u32, u32)>,
@@ -302,13 +301,48 @@ impl TrackTable {
 
     /// Takes a frame in, at the least total cost; what is left over starts a track or counts as a
     /// miss. Returns for each sighting the track it went to.
-    pub fn update(&mut self, look: &Look) -> Vec<Option<u32>> {
+    pub fn update(&mut self, look: &CameraLook) -> Vec<Option<u32>> {
         let mut assigned = vec![None; look.sightings.len()];
         let predicted: Vec<LosState> = self
             .tracks
             .iter()
             .map(|track| track.filter.predicted(look.t_s))
             .collect();
+        let pairs = self.pairs(look, &predicted);
+        let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
+        for (row, column) in chosen.into_iter().enumerate() {
+            let track = &mut self.tracks[row];
+            let hit = column.is_some_and(|column| {
+                let gating = track.take(look, &look.sightings[column]);
+                let refused = matches!(gating, Gating::Rejected { .. });
+                if !refused {
+                    assigned[column] = Some(track.id);
+                }
+                !refused
+            });
+            if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
+                track.misses += 1;
+                track.filter.miss(look.t_s);
+            }
+        }
+        self.forget_silent(look.t_s);
+        if look.start_tracks {
+            for (s, sighting) in look.sightings.iter().enumerate() {
+                if assigned[s].is_none() {
+                    assigned[s] = self.start(look, sighting);
+                }
+            }
+            self.forget_surplus();
+        }
+        self.stitch(look.t_s, &mut assigned);
+        assigned
+    }
+
+    /// The pairs of tracks and sightings that may belong together, with their costs; `predicted`
+    /// holds the tracks' lines of sight at the exposure.
+    fn pairs(&self, look: &CameraLook, predicted: &[LosState]) -> Vec<Pair> {
+        // Such a pair is always better than two that stay alone.
+        const ALONE: f64 = 200.0;
         let mut pairs = Vec::new();
         let gate = self.params.gate_sigmas.powi(2);
         for (row, los) in predicted.iter().enumerate() {
@@ -339,8 +373,6 @@ impl TrackTable {
                 // The filter refuses what lies outside its gate, until it has refused three that
                 // fit each other: they are offered from twice as far.
                 if distance2 < OFFERED * gate {
-                    // Such a pair is always better than two that stay alone.
-                    const ALONE: f64 = 200.0;
                     pairs.push(Pair {
                         row,
                         column,
@@ -349,27 +381,16 @@ impl TrackTable {
                 }
             }
         }
-        let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
-        for (row, column) in chosen.into_iter().enumerate() {
-            let track = &mut self.tracks[row];
-            let hit = column.is_some_and(|column| {
-                let gating = track.take(look, &look.sightings[column]);
-                let refused = matches!(gating, Gating::Rejected { .. });
-                if !refused {
-                    assigned[column] = Some(track.id);
-                }
-                !refused
-            });
-            if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
-                track.misses += 1;
-                track.filter.miss(look.t_s);
-            }
-        }
+        pairs
+    }
+
+    /// Drops young tracks that missed more than they hit, and all that have been silent too long.
+    fn forget_silent(&mut self, t_s: f64) {
         let params = self.params;
         self.tracks.retain(|track| {
             let hits = track.total_hits();
-            let silent_s = look.t_s - track.seen_s();
-            let longest_s = if track.hidden(look.t_s) {
+            let silent_s = t_s - track.seen_s();
+            let longest_s = if track.hidden(t_s) {
                 params.max_hidden_s
             } else {
                 // What was hidden is given the time since it came out.
@@ -379,23 +400,18 @@ impl TrackTable {
             };
             (track.misses <= hits || hits >= ESTABLISHED_HITS) && silent_s < longest_s
         });
-        if look.start_tracks {
-            for (s, sighting) in look.sightings.iter().enumerate() {
-                if assigned[s].is_none() {
-                    assigned[s] = self.start(look, sighting);
-                }
-            }
-            while self.tracks.len() > params.max_tracks {
-                let Some(weakest) = (0..self.tracks.len())
-                    .min_by_key(|i| (self.tracks[*i].total_hits(), self.tracks[*i].id))
-                else {
-                    break;
-                };
-                self.tracks.remove(weakest);
-            }
+    }
+
+    /// Drops the tracks with the fewest hits beyond the number that is kept.
+    fn forget_surplus(&mut self) {
+        while self.tracks.len() > self.params.max_tracks {
+            let Some(weakest) = (0..self.tracks.len())
+                .min_by_key(|i| (self.tracks[*i].total_hits(), self.tracks[*i].id))
+            else {
+                break;
+            };
+            self.tracks.remove(weakest);
         }
-        self.stitch(look.t_s, &mut assigned);
-        assigned
     }
 
     /// Joins to every established track that has gone silent the young track that continues it
@@ -492,8 +508,8 @@ impl TrackTable {
     }
 
     /// Gives a sighting to a track whatever the distance: the paper's rule, which knows no gate.
-    /// One that does not fit starts the track's estimate anew, under the same identity.
-    pub fn force(&mut self, id: u32, look: &Look, sighting: Option<&Sighting>) {
+    /// One that does not fit restarts the track's estimate, under the same identity.
+    pub fn force(&mut self, id: u32, look: &CameraLook, sighting: Option<&Sighting>) {
         let filter = self.params.filter;
         let Some(track) = self.tracks.iter_mut().find(|track| track.id == id) else {
             return;
@@ -514,7 +530,7 @@ impl TrackTable {
         }
     }
 
-    fn start(&mut self, look: &Look, sighting: &Sighting) -> Option<u32> {
+    fn start(&mut self, look: &CameraLook, sighting: &Sighting) -> Option<u32> {
         let Sighting {
             az_el_rad,
             sigma_rad,
@@ -547,7 +563,7 @@ impl TrackTable {
 
 impl Track {
     /// Offers a sighting to the filter. One that comes too late for it is seen all the same.
-    fn take(&mut self, look: &Look, sighting: &Sighting) -> Gating {
+    fn take(&mut self, look: &CameraLook, sighting: &Sighting) -> Gating {
         let gating = self
             .filter
             .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
@@ -557,7 +573,7 @@ impl Track {
         gating
     }
 
-    fn record(&mut self, look: &Look, sighting: &Sighting) {
+    fn record(&mut self, look: &CameraLook, sighting: &Sighting) {
         self.hits[look.tier] += 1;
         let last_s = &mut self.last_hit_s[look.tier];
         *last_s = Some(last_s.map_or(look.t_s, |last_s| last_s.max(look.t_s)));

@@ -382,7 +382,7 @@ pub fn spawn(world: &mut World, content: &SceneContent) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+    use crate::models::maths::geodesy::{Geodetic, SiteFrame};
     use big_space::plugin::BigSpaceMinimalPlugins;
 
     /// A place 50 km from the site's origin [m, ENU].

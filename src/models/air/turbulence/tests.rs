@@ -10,7 +10,7 @@ fn close(value: f64, expected: f64, relative: f64) {
 }
 
 fn uniform() -> PathTurbulence {
-    let path = Path {
+    let path = AirPath {
         length_m: 1000.0,
         h0_m: 10.0,
         h1_m: 10.0,
@@ -42,7 +42,7 @@ fn hufnagel_valley_zenith_fried_parameter() {
         wind_mps: 21.0,
         ground: 1.7e-14,
     };
-    let path = Path {
+    let path = AirPath {
         length_m: 30e3,
         h0_m: 0.0,
         h1_m: 30e3,
@@ -68,7 +68,7 @@ fn reversed_path_swaps_the_ends() {
         day: true,
     };
     let make = |h0_m, h1_m| {
-        let path = Path {
+        let path = AirPath {
             length_m: 1500.0,
             h0_m,
             h1_m,
@@ -133,7 +133,7 @@ fn long_term_radius_against_huygens_fresnel() {
     let w0 = 0.05;
     let w = LAMBDA * 1000.0 / (std::f64::consts::PI * w0);
     for (cn2, tolerance) in [(1e-16, 1e-3), (1e-15, 0.03), (1e-14, 0.08), (1e-13, 0.3)] {
-        let path = Path {
+        let path = AirPath {
             length_m: 1000.0,
             h0_m: 0.0,
             h1_m: 0.0,
@@ -325,4 +325,22 @@ fn wander_has_its_rms_and_correlation() {
     assert!((cross / n).abs() < tolerance * rms * rms);
     let correlation = lagged / same;
     assert!((correlation - (-1f64).exp()).abs().max_element() < 0.0105);
+}
+
+#[test]
+fn paper_intensity_refuses_what_is_out_of_range() {
+    let default = PaperIntensityParams::default();
+    assert_eq!(default.validate(), Ok(()));
+    assert_eq!(default.channel(), PaperIntensity::new(0.0, 0.1));
+    for (gamma_per_s, sigma_per_sqrt_s, name) in [
+        (-0.1, 0.1, "gamma_per_s"),
+        (0.0, f64::NAN, "sigma_per_sqrt_s"),
+        (0.0, 11.0, "sigma_per_sqrt_s"),
+    ] {
+        let params = PaperIntensityParams {
+            gamma_per_s,
+            sigma_per_sqrt_s,
+        };
+        assert_eq!(params.validate().map_err(|e| e.name), Err(name));
+    }
 }

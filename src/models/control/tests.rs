@@ -1,14 +1,17 @@
-use super::*;
-use crate::models::control::law::{EASE, MIRROR_SLEW_RADPS, TORQUE_SHARE, turn_rate};
-use crate::models::control::lqg::LqgWeights;
-use crate::models::control::paper::{PaperLaw, PaperPid, coarse_axis_rates};
-use crate::models::control::tuning::{MountPlant, derive};
+//! The laws in closed loop with the simulated mount.
+
+use super::law::{EASE, HandOver, MIRROR_SLEW_RADPS, PointingInput, TORQUE_SHARE, turn_rate};
+use super::lqg::{LqgMemory, LqgPointing, LqgWeights};
+use super::paper::{PaperLaw, PaperPid, coarse_axis_rates};
+use super::pointing::PointingLaw;
+use super::tuned::TunedPointing;
+use super::tuning::{MountPlant, derive};
 use crate::models::maths::kinematics::{
     az_el_to_los, base_rate_on_axes, boresight_chain, error_angles, exp_so3, los_to_az_el,
 };
 use crate::models::maths::rng::Stream;
 use crate::models::mount::base_motion::{BaseMotion, BaseMotionParams};
-use crate::models::mount::gimbal::{self, GimbalCommand, GimbalState};
+use crate::models::mount::gimbal::{self, GimbalCommand, GimbalParams, GimbalState};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::models::tracking::estimation::{LosFilter, LosFilterParams, LosState};
 use glam::{DVec2, DVec3};
