@@ -10,6 +10,7 @@ use crate::models::maths::rng::Stream;
 /// Resolution [px].
 pub(super) const MAP_PX: usize = 2048;
 
+/// The ground seen from above, 8-bit sRGB; row 0 is the north edge, column 0 the west edge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundMap {
     /// Pixels per side.

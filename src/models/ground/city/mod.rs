@@ -34,6 +34,7 @@ const STATION_MAST_M: f64 = 3.0;
 /// Spacing of the terrain raster [m].
 const TERRAIN_CELL_M: f64 = 8.0;
 
+/// A generated city: what is seen of it, and its heights for sight lines.
 #[derive(Clone, Debug)]
 pub struct City {
     /// Heights and sight lines.
