@@ -6,6 +6,7 @@ use crate::components::clock::SimClock;
 use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::PointingLaw;
+use crate::models::control::tuned::MirrorRemainder;
 use crate::models::control::tuning::{
     CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, derive, measure_mirror,
     measure_paper_loop, measure_pointing_loop, measure_position_loop, measure_rate_loop,
@@ -100,7 +101,7 @@ fn degrees(responses: &[Response]) -> Vec<f64> {
 fn gains(law: &PointingLaw) -> [(&'static str, f64); 4] {
     let [gain_per_s, lead_s, offset, rate_s] = match law {
         PointingLaw::Tuned(law) => {
-            let [offset, rate_s] = law.mirror_left;
+            let MirrorRemainder { offset, rate_s } = law.mirror_left;
             [law.gimbal_gain_per_s, law.lead_s, offset, rate_s]
         }
         // The regulator has no lead; its mirror rows are gains of another kind.

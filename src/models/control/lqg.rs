@@ -240,7 +240,7 @@ impl LqgMemory {
     /// Keeps the disturbance, but not a last command that is no longer the last.
     pub fn rest(&mut self) {
         for axis in &mut self.axes {
-            axis.last_radps = None;
+            axis.last = None;
         }
     }
 }
@@ -250,14 +250,27 @@ impl LqgMemory {
 struct Observer {
     /// ξ [rad/s²].
     drive_radps2: f64,
-    /// Last rate of the axis in space, and commanded minus measured rate [rad/s].
-    last_radps: Option<[f64; 2]>,
+    /// The axis at the last command.
+    last: Option<LastCommand>,
+}
+
+/// An axis when it was last commanded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct LastCommand {
+    /// Rate of the axis in space [rad/s].
+    rate_radps: f64,
+    /// Commanded minus measured rate [rad/s].
+    error_radps: f64,
 }
 
 impl Observer {
     /// Corrects ξ by the axis rate in space now, after the last command.
     fn correct(&mut self, axis: &AxisParams, gain: f64, rate_radps: f64, dt_s: f64) {
-        let Some([before, error]) = self.last_radps else {
+        let Some(LastCommand {
+            rate_radps: before,
+            error_radps: error,
+        }) = self.last
+        else {
             return;
         };
         let omega = std::f64::consts::TAU * axis.bandwidth_hz;
@@ -353,7 +366,10 @@ impl LqgPointing {
             let limit = axis.rate_limit_radps;
             let rate = rate.min(limit).max(-limit);
             output.gimbal.rate_radps[i] = rate;
-            observer.last_radps = Some([in_space[i], rate - input.gimbal_rates_radps[i]]);
+            observer.last = Some(LastCommand {
+                rate_radps: in_space[i],
+                error_radps: rate - input.gimbal_rates_radps[i],
+            });
             x[0] = set[i];
             output.mirror_rad[i] = apply(&self.gains[i][1], &x);
         }
@@ -482,7 +498,10 @@ mod tests {
         for _ in 0..960 {
             let rate = state.azimuth.rate_radps;
             observer.correct(&gimbal.azimuth, 0.05, rate, DT);
-            observer.last_radps = Some([rate, 0.1 - rate]);
+            observer.last = Some(LastCommand {
+                rate_radps: rate,
+                error_radps: 0.1 - rate,
+            });
             let command = GimbalCommand {
                 rate_radps: [0.1, 0.0],
             };

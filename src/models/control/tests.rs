@@ -4,7 +4,7 @@ use super::law::{EASE, HandOver, MIRROR_SLEW_RADPS, PointingInput, TORQUE_SHARE,
 use super::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use super::paper::{PaperLaw, PaperPid, coarse_axis_rates};
 use super::pointing::PointingLaw;
-use super::tuned::TunedPointing;
+use super::tuned::{MirrorRemainder, TunedPointing};
 use super::tuning::{MountPlant, derive};
 use crate::models::maths::kinematics::{
     az_el_to_los, base_rate_on_axes, boresight_chain, error_angles, exp_so3, los_to_az_el,
@@ -412,8 +412,10 @@ fn error_budget() {
     };
     let tuned = Tuned::default();
     let mut lagging = tuned_law();
-    (lagging.lead_s, lagging.mirror_left) =
-        (MirrorParams::default().delay_s() + 0.5 * DT, [0.0; 2]);
+    (lagging.lead_s, lagging.mirror_left) = (
+        MirrorParams::default().delay_s() + 0.5 * DT,
+        MirrorRemainder::default(),
+    );
     for (name, noise_px) in [("noiseless", 0.0), ("0.1 px", 0.1), ("1 px", 1.0)] {
         show(&format!("{name}, tuned"), tuned, noise_px);
         let law = lqg_law();
@@ -541,7 +543,7 @@ fn a_slow_mirror_gets_a_longer_lead_and_stays_stable() {
             ..MirrorParams::default()
         };
         let law = tuned_for(params);
-        let [offset, rate_s] = law.mirror_left;
+        let MirrorRemainder { offset, rate_s } = law.mirror_left;
         let mut mirror = Mirror::new(&params, DT).unwrap();
         // A ramp and then a hold, known ahead.
         let wanted = |t: f64| 0.05 * t.min(0.02);

@@ -32,8 +32,18 @@ pub struct TunedPointing {
     /// Time from a tick's command to the moment for which it aims the line of sight [s]: a whole
     /// number of ticks, one unless the mirror is slow.
     pub lead_s: f64,
-    /// What remains after the lead of a mirror's offset from its command, and of its rate [s].
-    pub mirror_left: [f64; 2],
+    /// What of the mirror's motion remains after the lead.
+    pub mirror_left: MirrorRemainder,
+}
+
+/// What remains of a mirror's motion after the lead under a held command: its offset from the command
+/// is then `offset` times the present one plus `rate_s` times the present rate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MirrorRemainder {
+    /// Share of the offset.
+    pub offset: f64,
+    /// Offset for each unit of the rate [s].
+    pub rate_s: f64,
 }
 
 impl TunedPointing {
@@ -49,7 +59,7 @@ impl TunedPointing {
         let rates = hand_over.gimbal_rates(gimbal, gains, &aim, input.gimbal_rates_radps);
         // The command that, held over the lead, leaves the mirror at the set deflection.
         let set = hand_over.mirror(aim.deflection_rad);
-        let [offset, rate_s] = self.mirror_left;
+        let MirrorRemainder { offset, rate_s } = self.mirror_left;
         let mirror_rad =
             (set - offset * input.mirror_rad - rate_s * input.mirror_rates_radps) / (1.0 - offset);
         PointingOutput {

@@ -13,7 +13,7 @@ use glam::DVec2;
 use super::law::{HandOver, PointingInput};
 use super::paper::{PaperLaw, PaperPid, coarse_axis_rates};
 use super::pointing::PointingLaw;
-use super::tuned::TunedPointing;
+use super::tuned::{MirrorRemainder, TunedPointing};
 use crate::models::maths::frequency::{
     Margin, Margins, Response, StepFigures, Sweep, bandwidth_hz, log_spaced, margins, open_loop,
     step_figures,
@@ -518,9 +518,9 @@ fn highest_gain(plant: &MountPlant, axis: MountAxis) -> Result<(f64, &'static st
 /// Longest lead [ticks]; a mirror that needs more is no fast steering mirror.
 const MAX_LEAD_TICKS: usize = 32;
 
-/// Ticks after which a mirror has done half of a step, and what then remains of an offset and of a
-/// rate [s], found by deflecting it.
-fn mirror_lead(plant: &MountPlant) -> Result<(usize, [f64; 2]), TuningError> {
+/// Ticks after which a mirror has done half of a step, and what then remains of its motion, found by
+/// deflecting it.
+fn mirror_lead(plant: &MountPlant) -> Result<(usize, MirrorRemainder), TuningError> {
     // How it moves has nothing to do with how far it may.
     let params = MirrorParams {
         stroke_rad: 1.0, // [rad]
@@ -543,7 +543,10 @@ fn mirror_lead(plant: &MountPlant) -> Result<(usize, [f64; 2]), TuningError> {
     }
     Ok((
         ticks,
-        [offset, (mirror.deflection_rad().x - offset * at) / rate],
+        MirrorRemainder {
+            offset,
+            rate_s: (mirror.deflection_rad().x - offset * at) / rate,
+        },
     ))
 }
 
@@ -656,8 +659,8 @@ mod tests {
             ..
         } = plant.mirror;
         let [left, _] = second_order_transition(natural_frequency_hz, damping, law.lead_s).unwrap();
-        assert!((law.mirror_left[0] - left[0]).abs() < 1e-12);
-        assert!((law.mirror_left[1] - left[1]).abs() < 1e-15);
+        assert!((law.mirror_left.offset - left[0]).abs() < 1e-12);
+        assert!((law.mirror_left.rate_s - left[1]).abs() < 1e-15);
         // The finer sweeps that are shown put the same bounds on the gain.
         for axis in [MountAxis::Azimuth, MountAxis::Elevation] {
             let rate = measure_rate_loop(&plant, axis).bandwidth_hz.unwrap();

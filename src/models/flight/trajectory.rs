@@ -1,4 +1,4 @@
-//! The paths UAVs are asked to fly, as a scenario states them and as the simulation samples them.
+//! The paths of UAVs, as a scenario states them and as the simulation samples them.
 //!
 //! Positions are site-local `[east, north, up]` in metres, up measured from the site origin.
 
@@ -150,7 +150,7 @@ pub enum TrajectoryError {
     Unreadable {
         /// The file named by the scenario.
         file: String,
-        /// What the reader said.
+        /// The reader's error.
         source: std::io::Error,
     },
     /// The recorded file is not a CSV of the expected columns.
@@ -160,7 +160,7 @@ pub enum TrajectoryError {
     Csv {
         /// The file named by the scenario.
         file: String,
-        /// What the CSV reader said, with the row.
+        /// The CSV reader's error, with the row.
         source: csv::Error,
     },
     /// A recorded row holds NaN or infinity.

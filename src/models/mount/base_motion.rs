@@ -125,7 +125,7 @@ impl Spectrum {
         Ok(Self(points.to_vec()))
     }
 
-    /// Mean square [rad²] of what lies between two frequencies [Hz].
+    /// Mean square [rad²] of the motion between two frequencies [Hz].
     pub fn power_rad2(&self, from_hz: f64, to_hz: f64) -> f64 {
         let mut sum = 0.0;
         for pair in self.0.windows(2) {

@@ -36,11 +36,11 @@ pub struct GimbalError {
 /// Dry friction of an axis's bearings and seals, at the rotor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
-    /// Level in motion [N m].
+    /// Torque in motion [N m].
     pub coulomb_nm: f64,
-    /// Level at rest [N m].
+    /// Torque at rest, which must be overcome to move [N m].
     pub breakaway_nm: f64,
-    /// Rate over which the one turns into the other [rad/s].
+    /// Rate over which the torque falls from the one to the other [rad/s].
     pub stribeck_radps: f64,
 }
 
@@ -63,7 +63,7 @@ pub struct Structure {
     pub damping: f64,
     /// Share of the axis's inertia that sits on the rotor's side, in (0, 1).
     pub rotor_share: f64,
-    /// Twist that meets no spring [rad], from stop to stop.
+    /// Free twist between the two ends of the spring [rad].
     pub backlash_rad: f64,
 }
 
@@ -328,9 +328,9 @@ pub struct AxisState {
     pub integral_nm: f64,
     /// Motor torque of the last step [N m].
     pub torque_nm: f64,
-    /// What the encoder reads [rad].
+    /// Reading of the encoder [rad].
     pub encoder_rad: f64,
-    /// What the gyro reads [rad/s].
+    /// Reading of the gyro [rad/s].
     pub gyro_radps: f64,
 }
 
@@ -409,14 +409,14 @@ impl GimbalState {
     }
 }
 
-/// What the gimbal is asked to do, azimuth then elevation.
+/// Command to the gimbal, azimuth then elevation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GimbalCommand {
     /// Rate [rad/s].
     pub rate_radps: [f64; 2],
 }
 
-/// What the wind gets hold of: drag at a point ahead of the axes.
+/// Wind load: drag at a point ahead of the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindLoad {
     /// Area [m²].
@@ -459,8 +459,8 @@ impl WindLoad {
 }
 
 /// Advances the gimbal by `dt_s` under a command and disturbance torques [N m] (azimuth,
-/// elevation), which are spread over rotor and load like their inertia. A moving base enters just
-/// so, as the torque −J·α about each axis, with α from the change of
+/// elevation), which are spread over rotor and load like their inertia. A moving base enters in
+/// the same way, as the torque −J·α about each axis, with α from the change of
 /// [`crate::models::maths::kinematics::base_rate_on_axes`].
 pub fn step(
     state: &mut GimbalState,
@@ -519,7 +519,7 @@ const SUBSTEP_S: f64 = 1.0 / 3840.0;
 
 /// Moves one axis for `dt_s` under its motor torque and a disturbance [N m], and reads its sensors.
 fn advance(state: &mut AxisState, params: &AxisParams, disturbance_nm: f64, dt_s: f64) {
-    // A hair less, so that rounding does not cost another substep.
+    // Slightly less, so that rounding does not cost another substep.
     let substeps = (dt_s / SUBSTEP_S - 1e-6).ceil().max(1.0);
     let plant = Plant::new(params, dt_s / substeps);
     for _ in 0..substeps as usize {
@@ -581,7 +581,7 @@ impl Plant {
             transition: [[0.0; 2]; 2],
         };
         if let Some(structure) = params.structure {
-            // Against half of the whole the load swings faster: ω² = K/(J share (1 − share)).
+            // With the rotor free the load swings faster: ω² = K/(J share (1 − share)).
             let root = structure.rotor_share.sqrt();
             let omega = TAU * structure.locked_rotor_hz;
             plant.share = structure.rotor_share;
@@ -595,7 +595,7 @@ impl Plant {
 
     fn spring(&self, dt_s: f64) -> [[f64; 2]; 2] {
         let [frequency_hz, damping] = self.mode;
-        // Only a step of no length is refused, and it leaves things as they are.
+        // Only a step of zero length is refused; it changes nothing.
         second_order_transition(frequency_hz, damping, dt_s).unwrap_or([[1.0, 0.0], [0.0, 1.0]])
     }
 

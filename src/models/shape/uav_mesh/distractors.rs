@@ -8,7 +8,7 @@ use super::style::{BLACK, BLUE, DARK, GREEN, GREY, ORANGE, RED, SILVER, WHITE, Y
 use super::{RotorMount, UavMesh};
 use crate::models::flight::distractor::{
     AIRLINER_SIZE_M, BALLOON_RADIUS_M, BIRD_LENGTH_M, BIRD_SPAN_M, DistractorKind, LEAF_SIZE_M,
-    LIGHT_AIRCRAFT_SIZE_M, WING_RAD,
+    LIGHT_AIRCRAFT_SIZE_M, WING_BEAT_RAD, WING_MEAN_RAD,
 };
 use crate::models::maths::rng::Stream;
 use crate::models::shape::mesh::{MeshData, Paint};
@@ -162,7 +162,7 @@ fn bird(species: &Bird) -> UavMesh {
             DVec3::Z,
             side * DVec3::X,
         )),
-        sweep_rad: [WING_RAD[0] - WING_RAD[1], WING_RAD[0] + WING_RAD[1]],
+        sweep_rad: [WING_MEAN_RAD - WING_BEAT_RAD, WING_MEAN_RAD + WING_BEAT_RAD],
         clockwise: false,
     });
     UavMesh {
