@@ -7,8 +7,9 @@ use crate::components::run::SimClock;
 use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::PointingLaw;
+use crate::models::control::tuned::MirrorRemainder;
 use crate::models::control::tuning::{
-    Axis, CameraTiming, Derived, LoopMeasurement, Plant, derive, measure_mirror,
+    CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, derive, measure_mirror,
     measure_paper_loop, measure_pointing_loop, measure_position_loop, measure_rate_loop,
 };
 use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
@@ -34,11 +35,11 @@ pub enum AxisName {
     Elevation,
 }
 
-impl From<AxisName> for Axis {
+impl From<AxisName> for MountAxis {
     fn from(name: AxisName) -> Self {
         match name {
-            AxisName::Azimuth => Axis::Azimuth,
-            AxisName::Elevation => Axis::Elevation,
+            AxisName::Azimuth => MountAxis::Azimuth,
+            AxisName::Elevation => MountAxis::Elevation,
         }
     }
 }
@@ -103,7 +104,7 @@ fn degrees(responses: &[Response]) -> Vec<f64> {
 fn gains(law: &PointingLaw) -> [(&'static str, f64); 4] {
     let [gain_per_s, lead_s, offset, rate_s] = match law {
         PointingLaw::Tuned(law) => {
-            let [offset, rate_s] = law.mirror_left;
+            let MirrorRemainder { offset, rate_s } = law.mirror_left;
             [law.gimbal_gain_per_s, law.lead_s, offset, rate_s]
         }
         // The regulator has no lead; its mirror rows are gains of another kind.
@@ -134,7 +135,7 @@ impl Tuning {
             tick: 0,
             tick_hz: scenario.tick_hz,
         };
-        let plant = Plant {
+        let plant = MountPlant {
             gimbal: gimbal_params(&scenario.station.mount, clock.dt_s()),
             mirror: mirror_params(&scenario.station.mount),
             dt_s: clock.dt_s(),

@@ -1,7 +1,8 @@
 //! Controllers, the search scan and the radar that cues it.
 
+use crate::models::control::law::HandOver;
 use crate::models::control::paper::{PaperLaw, PaperPid};
-use crate::models::control::pointing::{HandOver, PointingLaw};
+use crate::models::control::pointing::PointingLaw;
 use crate::models::maths::rng::Stream;
 use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};
 use crate::models::tracking::search::{SearchPattern, Sector};

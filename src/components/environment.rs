@@ -6,7 +6,7 @@ use crate::models::air::weather::Weather;
 use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::ground::geodesy::SiteFrame;
+use crate::models::maths::geodesy::SiteFrame;
 use bevy::prelude::*;
 use glam::DVec3;
 use std::sync::Arc;

@@ -6,7 +6,7 @@ use crate::models::maths::kinematics::wrap_pi;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
 use crate::models::tracking::estimation::LosState;
-use crate::models::tracking::table::{Track, TrackTable};
+use crate::models::tracking::table::{JoinedTrack, Track, TrackTable};
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -272,7 +272,7 @@ impl Tracker {
 
     /// Takes over the identities that the table has joined to older ones.
     pub fn follow_joined(&mut self) {
-        for (young, old) in &self.table.joined {
+        for JoinedTrack { young, old } in &self.table.joined {
             let rename = |id: &mut u32| {
                 if id == young {
                     *id = *old;

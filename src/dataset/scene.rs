@@ -12,14 +12,14 @@ use crate::models::air::wind::{MeanWind, WindError};
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::uav::{UavClass, UavKind, model};
 use crate::models::ground::city::{City, CityParams};
-use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::optics::sensor::{SensorParams, Transfer};
 use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
 use crate::models::shape::mesh::MeshData;
-use crate::models::shape::uav_mesh::{Look, distractor_mesh_drawn, uav_mesh_look};
+use crate::models::shape::uav_mesh::{UavStyle, drawn_distractor_mesh, styled_uav_mesh};
 use crate::plugins::environment::GROUND_ALBEDO;
 use crate::scenario::UNREPORTED_WEATHER;
 use glam::{DVec2, DVec3};
@@ -206,7 +206,7 @@ fn props(rng: &mut Stream) -> (Vec<Prop>, Vec<UavKind>) {
         .collect();
     let mut props: Vec<_> = (uavs.iter())
         .map(|kind| Prop {
-            mesh: Arc::new(uav_mesh_look(*kind, &Look::drawn(rng))),
+            mesh: Arc::new(styled_uav_mesh(*kind, &UavStyle::drawn(rng))),
             distractor: None,
         })
         .collect();
@@ -218,7 +218,7 @@ fn props(rng: &mut Stream) -> (Vec<Prop>, Vec<UavKind>) {
     ];
     for kind in others.iter().flat_map(|(kind, count)| vec![*kind; *count]) {
         props.push(Prop {
-            mesh: Arc::new(distractor_mesh_drawn(kind, rng)),
+            mesh: Arc::new(drawn_distractor_mesh(kind, rng)),
             distractor: Some(kind),
         });
     }

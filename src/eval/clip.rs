@@ -21,7 +21,7 @@ use crate::media::video::{Clip, Frame, Writer};
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
-use crate::models::tracking::table::Track;
+use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::recording::encode_jpeg;
 use crate::report::{Across, Chart, Escaped, STYLE, Scale, Series, StateSpan, states_html};
 use crate::scenario;
@@ -849,7 +849,7 @@ fn play(
             curves.score[1].push((frame.t_s, best(false)));
         }
 
-        for (young, old) in &follower.tracker.table.joined {
+        for JoinedTrack { young, old } in &follower.tracker.table.joined {
             let Some(young) = lives.remove(young) else {
                 continue;
             };

@@ -4,7 +4,7 @@ use crate::components::capture::{Exposures, Frames, Readout, SensorCamera, Tier}
 use crate::components::environment::Environment;
 use crate::components::mount::{Alignment, Misalignment, Mount, Optics};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
-use crate::models::air::turbulence::{Path, PathTurbulence};
+use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::optics::calibration::{self, CalibrationError};
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
@@ -159,7 +159,7 @@ fn sensor_params(
         .dsm
         .terrain_m(r_station_enu_m.x, r_station_enu_m.y);
     let height_m = (r_station_enu_m.z - ground_m).max(1.0);
-    let path = Path {
+    let path = AirPath {
         length_m: BLUR_RANGE_M,
         h0_m: height_m,
         h1_m: height_m,

@@ -7,9 +7,11 @@ use crate::components::control::{
 use crate::components::flight::{Distractor, Flight, Uav};
 use crate::components::mount::{Misalignment, Mount, Optics};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::control::law::HandOver;
 use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::pointing::{HandOver, PointingLaw, TunedPointing};
+use crate::models::control::pointing::PointingLaw;
+use crate::models::control::tuning::{self, MountPlant};
 use crate::models::mount::gimbal::{GimbalParams, GimbalState};
 use crate::models::mount::mirror::MirrorParams;
 use crate::models::optics::camera::Pinhole;
@@ -92,10 +94,15 @@ pub fn controller(
         }))
     };
     Ok(match settings.preset {
-        ControllerPreset::Tuned => pointing(PointingLaw::Tuned(
-            TunedPointing::recommended(gimbal, mirror, dt_s)
-                .map_err(|error| refused(error.to_string()))?,
-        )),
+        ControllerPreset::Tuned => {
+            let plant = MountPlant {
+                gimbal: *gimbal,
+                mirror: *mirror,
+                dt_s,
+            };
+            let derived = tuning::derive(&plant).map_err(|error| refused(error.to_string()))?;
+            pointing(PointingLaw::Tuned(derived.law))
+        }
         ControllerPreset::Lqg => {
             let tau_s = LosFilterParams::default().accel_tau_s;
             let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), dt_s)

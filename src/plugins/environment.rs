@@ -7,7 +7,7 @@ use crate::models::air::sky::Sky;
 use crate::models::air::sun::Sun;
 use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
-use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::plugins::run::fallible;
 use crate::scenario::{InputError, Loaded};
 use crate::systems::environment as systems;

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::check::{Check, FRACTION};
 use crate::models::air::atmosphere::Cn2Profile;
-use crate::models::air::weather::{Weather, WeatherError};
+use crate::models::air::metar::MetarError;
+use crate::models::air::turbulence::PaperIntensity;
+use crate::models::air::weather::Weather;
 use crate::models::air::wind::over_rough_ground;
 
 /// The weather: a METAR, explicit values, or both (an explicit value wins over the report's).
@@ -63,7 +65,7 @@ pub const UNREPORTED_WEATHER: Weather = Weather {
 
 impl WeatherConfig {
     /// The weather of a run: the METAR's or the documented defaults, then the explicit values.
-    pub fn resolved(&self) -> Result<Weather, WeatherError> {
+    pub fn resolved(&self) -> Result<Weather, MetarError> {
         let base = match &self.metar {
             Some(report) => Weather::from_metar(report)?,
             None => UNREPORTED_WEATHER,
@@ -214,7 +216,15 @@ impl WeatherConfig {
 impl Turbulence {
     pub(super) fn check(&self, check: &mut Check) {
         check.within("cn2_ground", self.cn2_ground, 0.0..=1e-10);
-        check.within("paper_drift", self.paper_drift, 0.0..=100.0);
-        check.within("paper_volatility", self.paper_volatility, 0.0..=10.0);
+        check.within(
+            "paper_drift",
+            self.paper_drift,
+            PaperIntensity::DRIFT_RANGE_PER_S,
+        );
+        check.within(
+            "paper_volatility",
+            self.paper_volatility,
+            PaperIntensity::VOLATILITY_RANGE_PER_SQRT_S,
+        );
     }
 }

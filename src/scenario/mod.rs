@@ -145,7 +145,11 @@ impl Checked for Scenario {
         check.table("site", |check| self.site.check(check));
         check.table("weather", |check| self.weather.check(check));
         check.table("turbulence", |check| self.turbulence.check(check));
-        check.table("city", |check| check_city(&self.city, check));
+        check.table("city", |check| {
+            for (key, value, range) in self.city.ranges() {
+                check.within(key, value, range);
+            }
+        });
         check.table("station", |check| self.station.check(check, self.tick_hz));
         check.table("search", |check| self.search.check(check, &self.uavs));
         targets::check(&self.uavs, &self.distractors, check);
@@ -160,17 +164,6 @@ impl Checked for Scenario {
 
 /// Longest run, and latest order in it [s].
 const MAX_DURATION_S: f64 = 86_400.0;
-
-/// The ranges that the city's generator accepts.
-fn check_city(city: &CityParams, check: &mut Check) {
-    check.within("extent_m", city.extent_m, 800.0..=6000.0);
-    check.within("building_density", city.building_density, 0.0..=1.0);
-    check.within("max_height_m", city.max_height_m, 20.0..=400.0);
-    check.within("relief_m", city.relief_m, 0.0..=60.0);
-    check.within("park_share", city.park_share, 0.0..=0.3);
-    check.within("station_height_m", city.station_height_m, 30.0..=120.0);
-    check.within("forest_share", city.forest_share, 0.0..=1.0);
-}
 
 /// A scenario together with the text it came from.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,7 @@ use crate::components::mount::Optics;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::models::air::atmosphere::transmittance;
-use crate::models::air::turbulence::{IntensityChannel, Path, PathTurbulence};
+use crate::models::air::turbulence::{AirPath, IntensityChannel, PathTurbulence};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::laser::beam::{
     BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
@@ -297,7 +297,7 @@ fn renew_path(
     let height_m = |r: DVec3| (r.z - environment.city.dsm.terrain_m(r.x, r.y)).max(1.0);
     let turbulence = PathTurbulence::new(
         &environment.cn2,
-        &Path {
+        &AirPath {
             length_m: range_m,
             h0_m: height_m(r_station_enu_m),
             h1_m: height_m(r_station_enu_m + to_enu_m),

@@ -401,7 +401,7 @@ pub(crate) fn form_image(
 ) -> Result<Vec<u8>, sensor::SensorError> {
     let [width, height] = frame.rect.size_px.map(|n| n as usize);
     let mut rgb8 = vec![0; 3 * width * height];
-    let rendered = sensor::Frame {
+    let rendered = sensor::RenderedFrame {
         rgba16f: &scratch.pixels,
         width,
         height,

@@ -9,10 +9,10 @@ use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
+use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
-use crate::models::control::pointing::PointingInput;
 use crate::models::maths::kinematics::az_el_to_los;
-use crate::models::tracking::radar::{Cue, Plot, RadarTrack};
+use crate::models::tracking::radar::{Plot, RadarCue, RadarTrack};
 use crate::models::tracking::search::{SearchPattern, Sector};
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -44,7 +44,7 @@ impl SearchScan {
         sector: Sector,
         fov_rad: [f64; 2],
         frame_s: f64,
-        cue: Option<Cue>,
+        cue: Option<RadarCue>,
     ) -> Self {
         let mut scan = Self {
             pattern,
@@ -62,7 +62,7 @@ impl SearchScan {
     }
 
     /// The area to search: two deviations to either side of the cue, or the sector.
-    fn wanted(&self, cue: Option<Cue>) -> Sector {
+    fn wanted(&self, cue: Option<RadarCue>) -> Sector {
         cue.map_or(self.sector, |cue| {
             let about = Sector::about(cue.az_el_rad, cue.sigma_rad);
             Sector {
@@ -75,7 +75,7 @@ impl SearchScan {
 
     /// Lays the gazes anew where the cue has moved on. A pass of as many gazes goes on where it is,
     /// so that a target that crosses fast does not hold the scan at its start.
-    fn follow(&mut self, cue: Option<Cue>) {
+    fn follow(&mut self, cue: Option<RadarCue>) {
         let area = self.wanted(cue);
         let shift = area.border_shift_rad(&self.area);
         if (0..2).all(|axis| shift[axis] <= FOLLOW_FIELDS * self.fov_rad[axis]) {
@@ -122,7 +122,7 @@ impl Radar {
     }
 
     /// Where it says the target is at `t_s` [s].
-    pub fn cue(&self, t_s: f64) -> Option<Cue> {
+    pub fn cue(&self, t_s: f64) -> Option<RadarCue> {
         self.track.map(|(_, track)| track.cue(t_s))
     }
 

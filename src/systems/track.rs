@@ -19,9 +19,9 @@ use crate::models::ground::dsm::{Dsm, LineOfSight};
 use crate::models::laser::range_finder::{RangeFinderParams, Surface};
 use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
 use crate::models::optics::camera::Pinhole;
-use crate::models::tracking::radar::Cue;
+use crate::models::tracking::radar::RadarCue;
 use crate::models::tracking::table::{
-    Look, Occlusion, Sighting, Track, TrackTable, separation_rad,
+    CameraLook, Occlusion, Sighting, Track, TrackTable, separation_rad,
 };
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -121,7 +121,7 @@ pub(crate) fn take_in(
     let sightings = sightings(batch, pinhole, &pose, params.centre_sigma_px);
     let tier = frame.tier as usize;
     let in_view = |az_el: DVec2| sees(pinhole, &pose, batch.look, az_el);
-    let look = Look {
+    let look = CameraLook {
         tier,
         t_s,
         sightings: &sightings,
@@ -537,7 +537,7 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, compare
 }
 
 /// The range of a cue goes to the track that it points at, if there is only one.
-fn take_radar_range(cue: &Cue, table: &mut TrackTable, id: u32, t_s: f64) {
+fn take_radar_range(cue: &RadarCue, table: &mut TrackTable, id: u32, t_s: f64) {
     const GATE_SIGMAS: f64 = 3.0;
     let gate_rad = GATE_SIGMAS * cue.sigma_rad.max_element();
     let mut near = table.tracks.iter_mut().filter(|track| {
@@ -876,7 +876,7 @@ mod tests {
             score: 0.9,
             label: 0,
         };
-        tracker.table.update(&Look {
+        tracker.table.update(&CameraLook {
             tier: Tier::Precise as usize,
             t_s,
             sightings: &uavs_enu_m.iter().map(sighting).collect::<Vec<_>>(),

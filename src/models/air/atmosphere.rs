@@ -15,20 +15,20 @@ pub fn extinction_per_m(visibility_m: f64, wavelength_m: f64) -> f64 {
     if visibility_m <= 0.0 {
         return f64::INFINITY;
     }
-    let v_km = visibility_m * 1e-3;
-    // Kim's exponent of the particle size distribution; thick fog is grey (q = 0).
-    let q = if v_km > 50.0 {
-        1.6
-    } else if v_km > 6.0 {
-        1.3
-    } else if v_km > 1.0 {
-        0.16 * v_km + 0.34
-    } else if v_km > 0.5 {
-        v_km - 0.5
-    } else {
-        0.0
-    };
+    let q = kim_exponent(visibility_m);
     KOSCHMIEDER / visibility_m * (wavelength_m / 550e-9).powf(-q)
+}
+
+/// Kim's exponent q for a meteorological visibility [m]: extinction by aerosol goes as the
+/// wavelength to the power of -q. Thick fog is grey (q = 0).
+pub fn kim_exponent(visibility_m: f64) -> f64 {
+    match visibility_m * 1e-3 {
+        km if km > 50.0 => 1.6,
+        km if km > 6.0 => 1.3,
+        km if km > 1.0 => 0.16 * km + 0.34,
+        km if km > 0.5 => km - 0.5,
+        _ => 0.0,
+    }
 }
 
 /// What falls from the sky.
@@ -80,7 +80,7 @@ const R_DRY: f64 = 8.314462618 / 28.96546e-3;
 const R_VAPOUR: f64 = 8.314462618 / 18.01528e-3;
 
 /// Pressure [Pa] at `altitude_m` [m] in the standard atmosphere whose pressure at sea level is
-/// `sea_level_pa` [Pa] (ICAO Doc 7488: 6.5 K/km below 11 km), as altimeters reckon it.
+/// `sea_level_pa` [Pa] (ICAO Doc 7488: 6.5 K/km below 11 km), as altimeters compute it.
 pub fn pressure_at_pa(sea_level_pa: f64, altitude_m: f64) -> f64 {
     const LAPSE_KPM: f64 = 6.5e-3; // [K/m]
     const SEA_LEVEL_K: f64 = 288.15; // [K]

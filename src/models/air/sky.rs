@@ -28,10 +28,19 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
 
+use super::atmosphere::{KOSCHMIEDER, airlight, kim_exponent};
+use crate::models::maths::curve::smoothstep;
+
 /// Luminance of a unit of each linear sRGB channel.
 const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
-/// Wavelengths that stand for the channels [nm].
-const WAVELENGTHS_NM: [f64; 3] = [680.0, 550.0, 440.0];
+/// Wavelengths that stand for the red, green and blue channel [m], in the sky as in the extinction
+/// along a sight line.
+///
+/// They are those of Bruneton & Neyret, "Precomputed Atmospheric Scattering", Computer Graphics
+/// Forum 27 (2008), because the Rayleigh and ozone numbers of this model are published for them.
+/// The dominant wavelengths of the sRGB primaries (611, 549 and 464 nm) would need numbers of their
+/// own.
+pub const CHANNELS_M: [f64; 3] = [680e-9, 550e-9, 440e-9];
 /// Rayleigh scattering at sea level for those wavelengths [1/m].
 const RAYLEIGH_PER_M: [f64; 3] = [5.802e-6, 13.558e-6, 33.1e-6];
 const RAYLEIGH_HEIGHT_M: f64 = 8000.0;
@@ -55,12 +64,6 @@ const TURBIDITY_RANGE: [f64; 2] = [2.0, 6.0];
 /// Rows and columns of the sums over the hemisphere.
 const SUM_ROWS: usize = 32;
 const SUM_COLUMNS: usize = 64;
-
-/// A smooth step of `x` from 0 at `low` to 1 at `high`.
-fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
-    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
-}
 
 /// The luminance of a linear sRGB colour.
 fn luminance(rgb: [f64; 3]) -> f64 {
@@ -180,6 +183,66 @@ impl ClearSky {
     }
 }
 
+/// The air above the site as the sun shines through it.
+struct AirColumn {
+    /// Vertical optical depths of the channels by molecules and by aerosol.
+    rayleigh: [f64; 3],
+    aerosol: [f64; 3],
+    /// The aerosol's at 550 nm.
+    aerosol_550: f64,
+    /// Slant path towards the sun over the vertical one.
+    air_mass: f64,
+}
+
+impl AirColumn {
+    /// The air of a meteorological visibility [m] under a sun of elevation `h_deg` [deg].
+    fn new(visibility_m: f64, h_deg: f64) -> Self {
+        let aerosol_550 =
+            (KOSCHMIEDER / visibility_m - RAYLEIGH_PER_M[1]).max(0.0) * AEROSOL_HEIGHT_M;
+        let exponent = kim_exponent(visibility_m);
+        let high_deg = h_deg.max(-0.5);
+        Self {
+            rayleigh: RAYLEIGH_PER_M.map(|beta| beta * RAYLEIGH_HEIGHT_M),
+            aerosol: CHANNELS_M.map(|m| aerosol_550 * (m / 550e-9).powf(-exponent)),
+            aerosol_550,
+            air_mass: 1.0
+                / (high_deg.to_radians().sin() + 0.50572 * (high_deg + 6.07995).powf(-1.6364)),
+        }
+    }
+
+    /// What the air lets through of the sun's own light, per channel.
+    fn beam(&self) -> [f64; 3] {
+        std::array::from_fn(|c| {
+            (-(self.rayleigh[c] + self.aerosol[c] + OZONE_DEPTH[c]) * self.air_mass).exp()
+        })
+    }
+
+    /// Diffuse illuminance of the clear sky [klx]: by day what the layer passes less the beam, at
+    /// twilight the measured one.
+    fn clear_klx(&self, sin_h: f64, h_deg: f64) -> f64 {
+        let depth = self.rayleigh[1] + self.aerosol_550;
+        let asymmetry = AEROSOL_ASYMMETRY * self.aerosol_550 / depth;
+        let scattered =
+            layer_transmission(depth, asymmetry, self.air_mass) - (-depth * self.air_mass).exp();
+        // Haze absorbs up to a depth of 1; thicker air is fog, whose water does not.
+        let absorbing = (1.0 - AEROSOL_ALBEDO) * self.aerosol_550.min(1.0);
+        let absorbed = (-(OZONE_DEPTH[1] + absorbing) * self.air_mass).exp();
+        let day_klx = SOLAR_CONSTANT_KLX * sin_h.max(1e-3) * scattered.max(1e-6) * absorbed;
+        let day = smoothstep(0.0, 10.0, h_deg);
+        (day * day_klx.ln() + (1.0 - day) * twilight_klx(h_deg).ln()).exp()
+    }
+}
+
+/// Illuminance below closed cloud [klx]. Below the horizon the clouds dim what comes as they do at
+/// sunset.
+fn overcast_klx(sin_h: f64, h_deg: f64) -> f64 {
+    if sin_h > 0.0 {
+        0.3 + 21.0 * sin_h
+    } else {
+        0.3 * twilight_klx(h_deg) / twilight_klx(0.0)
+    }
+}
+
 /// The sky over the site at one moment.
 #[derive(Clone, Debug)]
 pub struct Sky {
@@ -206,55 +269,22 @@ impl Sky {
         cloud_cover: f64,
         ground_albedo: f64,
     ) -> Self {
-        let visibility_m = visibility_m.clamp(10.0, 280_000.0);
         let cloud_cover = cloud_cover.clamp(0.0, 1.0);
         let sin_h = sun_dir_enu.z.clamp(-1.0, 1.0);
         let h_deg = sin_h.asin().to_degrees();
-
-        // Optical depths of the three channels.
-        let rayleigh = RAYLEIGH_PER_M.map(|beta| beta * RAYLEIGH_HEIGHT_M);
-        let aerosol_550 = (3.912 / visibility_m - RAYLEIGH_PER_M[1]).max(0.0) * AEROSOL_HEIGHT_M;
-        let km = visibility_m / 1000.0;
-        let exponent = match km {
-            v if v > 50.0 => 1.6,
-            v if v > 6.0 => 1.3,
-            v if v > 1.0 => 0.16 * v + 0.34,
-            v => (v - 0.5).max(0.0),
-        };
-        let aerosol = WAVELENGTHS_NM.map(|nm| aerosol_550 * (nm / 550.0).powf(-exponent));
-        let high_deg = h_deg.max(-0.5);
-        let air_mass =
-            1.0 / (high_deg.to_radians().sin() + 0.50572 * (high_deg + 6.07995).powf(-1.6364));
-
+        let air = AirColumn::new(visibility_m.clamp(10.0, 280_000.0), h_deg);
         // The disc sets over its own diameter.
         let disc = smoothstep(-SUN_RADIUS_RAD, SUN_RADIUS_RAD, sin_h);
-        let beam: [f64; 3] = std::array::from_fn(|c| {
-            (-(rayleigh[c] + aerosol[c] + OZONE_DEPTH[c]) * air_mass).exp()
-        });
-        let sun_klx = beam.map(|t| SOLAR_CONSTANT_KLX * disc * (1.0 - cloud_cover) * t);
+        let sun_klx = air
+            .beam()
+            .map(|t| SOLAR_CONSTANT_KLX * disc * (1.0 - cloud_cover) * t);
+        let clear_klx = air.clear_klx(sin_h, h_deg);
+        let overcast_klx = overcast_klx(sin_h, h_deg);
 
-        // Diffuse light of the clear sky: what the layer passes less the beam.
-        let depth = rayleigh[1] + aerosol_550;
-        let asymmetry = AEROSOL_ASYMMETRY * aerosol_550 / depth;
-        let scattered = layer_transmission(depth, asymmetry, air_mass) - (-depth * air_mass).exp();
-        // Haze absorbs up to a depth of 1; thicker air is fog, whose water does not.
-        let absorbing = (1.0 - AEROSOL_ALBEDO) * aerosol_550.min(1.0);
-        let absorbed = (-(OZONE_DEPTH[1] + absorbing) * air_mass).exp();
-        let day_klx = SOLAR_CONSTANT_KLX * sin_h.max(1e-3) * scattered.max(1e-6) * absorbed;
-        let day = smoothstep(0.0, 10.0, h_deg);
-        let low_klx = twilight_klx(h_deg);
-        let clear_klx = (day * day_klx.ln() + (1.0 - day) * low_klx.ln()).exp();
-        // Below the horizon the clouds dim what comes as they do at sunset.
-        let overcast_klx = if sin_h > 0.0 {
-            0.3 + 21.0 * sin_h
-        } else {
-            0.3 * low_klx / twilight_klx(0.0)
-        };
-
-        let haze = 1.0 - (-(aerosol_550 / 3.0).powi(2)).exp();
+        let haze = 1.0 - (-(air.aerosol_550 / 3.0).powi(2)).exp();
         let dusk = smoothstep(0.0, -12.0, h_deg);
         let turbidity =
-            (1.0 + aerosol_550 / rayleigh[1]).clamp(TURBIDITY_RANGE[0], TURBIDITY_RANGE[1]);
+            (1.0 + air.aerosol_550 / air.rayleigh[1]).clamp(TURBIDITY_RANGE[0], TURBIDITY_RANGE[1]);
         // CIE overcast: E = 7 pi/9 L_zenith.
         let cie = 9.0 / (7.0 * PI);
         let clear_share_klx = (1.0 - cloud_cover) * clear_klx;
@@ -329,6 +359,20 @@ impl Sky {
         self.radiance(level * cos + DVec3::Z * sin)
     }
 
+    /// What a surface of radiance `l0` [kcd/m^2] looks like towards `dir_enu` through `range_m` [m] of
+    /// air with the extinctions `extinction_per_m` [1/m], each per channel of linear sRGB: eq. 5
+    /// with this sky's air-light.
+    pub fn through_air(
+        &self,
+        l0: [f64; 3],
+        dir_enu: DVec3,
+        extinction_per_m: [f64; 3],
+        range_m: f64,
+    ) -> [f64; 3] {
+        let source = self.airlight(dir_enu);
+        std::array::from_fn(|c| airlight(l0[c], extinction_per_m[c], range_m, source[c]))
+    }
+
     /// Illuminance by the sun on a surface that faces it, at the ground, linear sRGB [klx].
     pub fn sun_illuminance(&self) -> [f64; 3] {
         self.sun_klx
@@ -353,6 +397,7 @@ impl Sky {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::air::atmosphere::extinction_per_m;
 
     fn toward(azimuth_deg: f64, elevation_deg: f64) -> DVec3 {
         let (sin_az, cos_az) = azimuth_deg.to_radians().sin_cos();
@@ -513,6 +558,32 @@ mod tests {
         assert!(luminance(night.airlight(DVec3::X)) > luminance(night.radiance(DVec3::Z)));
         let clouds = luminance(sky(-40.0, 23e3, 1.0).radiance(DVec3::Z));
         assert!((5.0..15.0).contains(&(1000.0 * clouds / zenith_cd_m2)));
+    }
+
+    #[test]
+    fn the_contrast_of_a_dark_object_falls_with_range_as_eq_5_says() {
+        // Before air that is the horizon itself, eq. 5 gives C = C0 exp(-beta R) (Koschmieder).
+        let visibility_m = 12e3;
+        let sky = sky(35.0, visibility_m, 0.2);
+        let toward_it = toward(80.0, 1.0);
+        let horizon = sky.airlight(toward_it);
+        let beta = CHANNELS_M.map(|m| extinction_per_m(visibility_m, m));
+        let dark = horizon.map(|l| 0.1 * l);
+        for range_m in [0.0, 250.0, 1e3, 4e3, visibility_m] {
+            let seen = sky.through_air(dark, toward_it, beta, range_m);
+            for c in 0..3 {
+                let contrast = seen[c] / horizon[c] - 1.0;
+                let expected = -0.9 * (-beta[c] * range_m).exp();
+                assert!((contrast - expected).abs() < 1e-12, "{range_m} {c}");
+            }
+        }
+        // By definition a black object keeps 2 % of its contrast at the visibility, at 550 nm.
+        let black = sky.through_air([0.0; 3], toward_it, beta, visibility_m);
+        assert!((1.0 - black[1] / horizon[1] - 0.02).abs() < 1e-5);
+        // Blue light is lost first, and a far object takes on the horizon's radiance.
+        assert!(beta[2] > beta[1] && beta[1] > beta[0]);
+        let far = sky.through_air(dark, toward_it, beta, 100.0 * visibility_m);
+        assert!((0..3).all(|c| (far[c] / horizon[c] - 1.0).abs() < 1e-9));
     }
 
     #[test]

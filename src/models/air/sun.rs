@@ -5,13 +5,13 @@ use chrono::{DateTime, Utc};
 use glam::DVec3;
 use solar_positioning::{Location, RefractionCorrection, SolarPositions, delta_t};
 
-use crate::models::ground::geodesy::Geodetic;
+use crate::models::maths::geodesy::Geodetic;
 
 /// The sun's position could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "no sun position for {utc} at latitude {latitude_deg} deg, longitude {longitude_deg} deg: \
-     {reason}; mend the scenario's time, site or weather"
+     {reason}; correct the scenario's time, site or weather"
 )]
 pub struct SunError {
     utc: DateTime<Utc>,

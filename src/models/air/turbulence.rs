@@ -5,6 +5,7 @@
 //! Kolmogorov spectrum: infinite outer and zero inner scale.
 
 use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
 
 use glam::DVec2;
 
@@ -13,7 +14,7 @@ use crate::models::maths::rng::Stream;
 
 /// A straight path over flat ground from the transmitter to the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Path {
+pub struct AirPath {
     /// Length [m].
     pub length_m: f64,
     /// Height of the transmitter above the ground [m].
@@ -32,7 +33,7 @@ const GAUSS_8: [(f64, f64); 4] = [
 ];
 const PANELS: usize = 4;
 
-impl Path {
+impl AirPath {
     /// Adds `weight * f(z / length, height)` over quadrature nodes whose weights sum to the length:
     /// eight-point Gauss in four panels of u, z graded as u^3 from the lower end, where Cn² varies
     /// most.
@@ -77,7 +78,7 @@ pub struct PathTurbulence {
 
 impl PathTurbulence {
     /// Integrates `profile` along `path` at `wavelength_m` [m].
-    pub fn new(profile: &Cn2Profile, path: &Path, wavelength_m: f64) -> Self {
+    pub fn new(profile: &Cn2Profile, path: &AirPath, wavelength_m: f64) -> Self {
         let (mut plane, mut spherical, mut total, mut weighted) = (0.0, 0.0, 0.0, 0.0);
         path.for_each_node(|dz, t, height_m| {
             let cn2_dz = profile.cn2(height_m) * dz;
@@ -211,8 +212,14 @@ pub struct PaperIntensity {
 }
 
 impl PaperIntensity {
+    /// Accepted drift [1/s]. At the upper end the intensity falls by e in a tenth of a second.
+    pub const DRIFT_RANGE_PER_S: RangeInclusive<f64> = 0.0..=10.0;
+    /// Accepted volatility [1/sqrt(s)]. At the upper end the logarithm's deviation after a minute
+    /// is 77, beyond any physical channel and still a finite number.
+    pub const VOLATILITY_RANGE_PER_SQRT_S: RangeInclusive<f64> = 0.0..=10.0;
+
     /// A channel at I = I0 with drift `gamma_per_s` [1/s] and volatility `sigma_per_sqrt_s`
-    /// [1/sqrt(s)].
+    /// [1/sqrt(s)]; the paper prints neither.
     pub fn new(gamma_per_s: f64, sigma_per_sqrt_s: f64) -> Self {
         Self {
             gamma_per_s,
@@ -321,13 +328,13 @@ impl GammaMap {
         let low = -(21.0 / shape + 7.0 / shape.sqrt());
         let high = (7.0 / shape.sqrt() + 25.0 / shape).ln_1p();
         let dy = (high - low) / MAP_CELLS as f64;
-        let mut density = [Node::default(); MAP_CELLS + 1];
+        let mut density = [DensityNode::default(); MAP_CELLS + 1];
         for (i, node) in density.iter_mut().enumerate() {
             let y = low + dy * i as f64;
             // e^y - 1 keeps the difference y - e^y + 1 exact near zero.
             let excess = y.exp_m1();
             let value = (shape * (y - excess)).exp();
-            *node = Node {
+            *node = DensityNode {
                 y,
                 value,
                 slope: -shape * excess * value,
@@ -350,7 +357,7 @@ impl GammaMap {
 
 /// The density of the logarithm of a gamma variate at `y`, not normalised, with its derivative.
 #[derive(Clone, Copy, Default)]
-struct Node {
+struct DensityNode {
     y: f64,
     value: f64,
     slope: f64,
@@ -359,7 +366,7 @@ struct Node {
 /// Fills `table`, which starts six standard deviations out, with the points where the tail of the
 /// density of integral `total`, walked inwards on nodes `dy` apart, equals the normal tail.
 fn match_tail<'a>(
-    density: impl Iterator<Item = &'a Node>,
+    density: impl Iterator<Item = &'a DensityNode>,
     table: impl Iterator<Item = &'a mut f64>,
     dy: f64,
     total: f64,

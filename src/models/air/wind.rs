@@ -1,4 +1,4 @@
-//! Mean wind over flat rough ground and the gusts upon it.
+//! Mean wind over flat rough ground, and gusts.
 //!
 //! The mean follows the neutral logarithmic law; the gusts are the Dryden model of MIL-F-8785C for
 //! low altitude, discretised exactly, so that the statistics do not depend on the tick. A reported
@@ -14,7 +14,8 @@ const FOOT_M: f64 = 0.3048; // [m]
 /// taken to stand. Its turbulence there, `U10 / ln(10 m/z0)` = 0.189 U10, is near that of
 /// MIL-F-8785C, 0.171 U10 at 10 m.
 const OPEN_GROUND_M: f64 = 0.05; // [m]
-/// Turbulence does not freeze in a calm that gusts are reported in.
+/// Least wind that carries turbulence past the anemometer, so that gusts reported in a calm still
+/// change.
 const LEAST_PACE_MPS: f64 = 1.0; // [m/s]
 
 /// Why a wind could not be set up.
@@ -128,7 +129,7 @@ fn dryden_scales(height_agl_m: f64, w20_mps: f64) -> DrydenScales {
     }
 }
 
-/// What a reported gust speed exceeds the mean by, over the standard deviation of Dryden turbulence
+/// Excess of a reported gust speed over the mean, in standard deviations of Dryden turbulence
 /// of length scale `l_u_m` [m] that the mean wind `mean_mps` [m/s] carries past the anemometer.
 ///
 /// A gust is the highest mean over 3 s in ten minutes (WMO-No. 8): the expected maximum of the
@@ -238,7 +239,7 @@ pub struct DrydenGust {
 }
 
 impl DrydenGust {
-    /// Gusts upon `mean`, started in their stationary state. Their strength follows its friction
+    /// Gusts in the wind `mean`, started in their stationary state. Their strength follows its friction
     /// velocity, as turbulence over any roughness does: over a city a given mean wind brings some
     /// three times the gusts that it brings over grass.
     pub fn new(mean: &MeanWind, rng: &mut Stream) -> Self {

@@ -18,7 +18,7 @@
 //! No integral of the error is needed: the rate servo integrates, so steady friction or
 //! wind leaves no rate error, and the observer's ξ acts before an error arises.
 //!
-//! Against [`crate::models::control::pointing::TunedPointing`] it buys foresight of the servo's and the
+//! Against [`super::tuned::TunedPointing`] it buys foresight of the servo's and the
 //! disturbance's next tick, a mirror of any speed without a special rule, and gains that follow the
 //! mount's parameters. It buys nothing against pixel noise or gyro drift, which come through the shared
 //! estimate and dominate; it needs a model of the servo; and an LQG loop has no guaranteed margins
@@ -28,10 +28,11 @@ use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
-use crate::models::control::pointing::{Aim, HandOver, PointingInput, PointingOutput};
+use super::law::{Aim, HandOver, PointingInput, PointingOutput};
 use crate::models::maths::kinematics::base_rate_on_axes;
+use crate::models::maths::second_order::{SecondOrderError, second_order_transition};
 use crate::models::mount::gimbal::{AxisParams, GimbalCommand, GimbalParams};
-use crate::models::mount::mirror::{MirrorParams, SecondOrderError, second_order_transition};
+use crate::models::mount::mirror::MirrorParams;
 
 /// Why a regulator cannot be built.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -39,10 +40,10 @@ pub enum LqgError {
     /// The Riccati equation has no stabilising solution, or it was not found.
     #[error("the Riccati equation was not solved: relative residual {residual:e}")]
     Riccati {
-        /// What is left of the equation, relative to the solution.
+        /// Residual of the equation, relative to the solution.
         residual: f64,
     },
-    /// The mirror.
+    /// The mirror's parameters are out of range.
     #[error(transparent)]
     Mirror(#[from] SecondOrderError),
 }
@@ -84,7 +85,7 @@ pub fn solve_dare(
     }
 }
 
-/// What P leaves of the Riccati equation, relative to P; `None` where R + BᵀPB cannot be inverted.
+/// Residual of the Riccati equation for P, relative to P; `None` where R + BᵀPB cannot be inverted.
 pub fn dare_residual(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -108,7 +109,7 @@ pub fn lqr_gain(
     Some(inverse * b.transpose() * p * a)
 }
 
-/// What is acceptable, the weights of the cost.
+/// Acceptable sizes of errors and commands, from which the weights of the cost follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LqgWeights {
     /// Pointing error [rad].
@@ -239,7 +240,7 @@ impl LqgMemory {
     /// Keeps the disturbance, but not a last command that is no longer the last.
     pub fn rest(&mut self) {
         for axis in &mut self.axes {
-            axis.last_radps = None;
+            axis.last = None;
         }
     }
 }
@@ -249,14 +250,27 @@ impl LqgMemory {
 struct Observer {
     /// ξ [rad/s²].
     drive_radps2: f64,
-    /// Last rate of the axis in space, and commanded minus measured rate [rad/s].
-    last_radps: Option<[f64; 2]>,
+    /// The axis at the last command.
+    last: Option<LastCommand>,
+}
+
+/// An axis when it was last commanded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct LastCommand {
+    /// Rate of the axis in space [rad/s].
+    rate_radps: f64,
+    /// Commanded minus measured rate [rad/s].
+    error_radps: f64,
 }
 
 impl Observer {
     /// Corrects ξ by the axis rate in space now, after the last command.
     fn correct(&mut self, axis: &AxisParams, gain: f64, rate_radps: f64, dt_s: f64) {
-        let Some([before, error]) = self.last_radps else {
+        let Some(LastCommand {
+            rate_radps: before,
+            error_radps: error,
+        }) = self.last
+        else {
             return;
         };
         let omega = std::f64::consts::TAU * axis.bandwidth_hz;
@@ -352,7 +366,10 @@ impl LqgPointing {
             let limit = axis.rate_limit_radps;
             let rate = rate.min(limit).max(-limit);
             output.gimbal.rate_radps[i] = rate;
-            observer.last_radps = Some([in_space[i], rate - input.gimbal_rates_radps[i]]);
+            observer.last = Some(LastCommand {
+                rate_radps: in_space[i],
+                error_radps: rate - input.gimbal_rates_radps[i],
+            });
             x[0] = set[i];
             output.mirror_rad[i] = apply(&self.gains[i][1], &x);
         }
@@ -481,7 +498,10 @@ mod tests {
         for _ in 0..960 {
             let rate = state.azimuth.rate_radps;
             observer.correct(&gimbal.azimuth, 0.05, rate, DT);
-            observer.last_radps = Some([rate, 0.1 - rate]);
+            observer.last = Some(LastCommand {
+                rate_radps: rate,
+                error_radps: 0.1 - rate,
+            });
             let command = GimbalCommand {
                 rate_radps: [0.1, 0.0],
             };

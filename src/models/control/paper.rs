@@ -18,10 +18,8 @@
 //! counterpart of eq. 9: 0.6 rad/s at 120 Hz, beside 0.9 rad/s of the coarse loop at 60 Hz.
 
 use glam::{DQuat, DVec2, DVec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use crate::models::control::pointing::deflection_to;
+use super::law::deflection_to;
 use crate::models::maths::kinematics::{boresight_chain, exp_so3, los_to_az_el, wrap_pi};
 
 /// The saturation function of eq. 10, per component.
@@ -30,13 +28,13 @@ pub fn sat(e: DVec2, limit: f64) -> DVec2 {
 }
 
 /// The paper's control law (eq. 9, and eq. 10 with a saturation).
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperLaw {
-    /// Kp.
+    /// Proportional gain Kp.
     pub kp: f64,
-    /// Ki [1/s].
+    /// Integral gain Ki [1/s].
     pub ki_per_s: f64,
-    /// Kd [s].
+    /// Derivative gain Kd [s].
     pub kd_s: f64,
     /// Limit of sat(e) in the proportional term [rad]; `None` is eq. 9. Not printed in the paper.
     pub sat_rad: Option<f64>,

@@ -10,14 +10,17 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use crate::models::control::paper::{PaperLaw, PaperPid, coarse_axis_rates};
-use crate::models::control::pointing::{HandOver, PointingInput, PointingLaw, TunedPointing};
+use super::law::{HandOver, PointingInput};
+use super::paper::{PaperLaw, PaperPid, coarse_axis_rates};
+use super::pointing::PointingLaw;
+use super::tuned::{MirrorRemainder, TunedPointing};
 use crate::models::maths::frequency::{
     Margin, Margins, Response, StepFigures, Sweep, bandwidth_hz, log_spaced, margins, open_loop,
     step_figures,
 };
+use crate::models::maths::second_order::SecondOrderError;
 use crate::models::mount::gimbal::{self, AxisParams, GimbalCommand, GimbalParams, GimbalState};
-use crate::models::mount::mirror::{Mirror, MirrorParams, SecondOrderError};
+use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::models::tracking::estimation::{LosFilter, LosFilterError, LosFilterParams};
 
 /// Least gain margin of a loop [dB].
@@ -30,25 +33,25 @@ pub const CASCADE_SHARE: f64 = 0.1;
 
 /// An axis of the gimbal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axis {
+pub enum MountAxis {
     /// Outer axis.
     Azimuth,
     /// Inner axis.
     Elevation,
 }
 
-impl Axis {
+impl MountAxis {
     fn of(self, gimbal: &GimbalParams) -> &AxisParams {
         match self {
-            Axis::Azimuth => &gimbal.azimuth,
-            Axis::Elevation => &gimbal.elevation,
+            MountAxis::Azimuth => &gimbal.azimuth,
+            MountAxis::Elevation => &gimbal.elevation,
         }
     }
 
     fn unit(self) -> DVec2 {
         match self {
-            Axis::Azimuth => DVec2::X,
-            Axis::Elevation => DVec2::Y,
+            MountAxis::Azimuth => DVec2::X,
+            MountAxis::Elevation => DVec2::Y,
         }
     }
 }
@@ -56,10 +59,10 @@ impl Axis {
 /// Why a loop cannot be measured.
 #[derive(Clone, Copy, Debug, thiserror::Error, PartialEq)]
 pub enum TuningError {
-    /// The mirror.
+    /// The mirror's parameters are out of range.
     #[error(transparent)]
     Mirror(#[from] SecondOrderError),
-    /// The filter.
+    /// The filter's parameters are out of range.
     #[error(transparent)]
     Filter(#[from] LosFilterError),
     /// No gain of the position loop keeps the margins.
@@ -69,10 +72,10 @@ pub enum TuningError {
 
 /// The mount as the loops act on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plant {
-    /// Gimbal.
+pub struct MountPlant {
+    /// Gimbal with both axes.
     pub gimbal: GimbalParams,
-    /// Mirror.
+    /// Fast steering mirror.
     pub mirror: MirrorParams,
     /// Tick [s].
     pub dt_s: f64,
@@ -92,7 +95,7 @@ pub struct CameraTiming {
 /// One loop, measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoopMeasurement {
-    /// Its name.
+    /// Name for reports.
     pub name: String,
     /// Unit of its input.
     pub unit: &'static str,
@@ -100,15 +103,15 @@ pub struct LoopMeasurement {
     pub amplitude: f64,
     /// Closed loop, output over input.
     pub closed: Vec<Response>,
-    /// Open loop.
+    /// Open loop, error to output.
     pub open: Vec<Response>,
-    /// Its margins.
+    /// Stability margins of the open loop.
     pub margins: Margins,
     /// −3 dB bandwidth of the closed loop [Hz].
     pub bandwidth_hz: Option<f64>,
     /// Response to a step of the amplitude, over the amplitude, at the ends of ticks.
     pub step: Vec<f64>,
-    /// Its figures.
+    /// Rise, overshoot and settling of that response.
     pub step_figures: Option<StepFigures>,
     /// Tick [s].
     pub dt_s: f64,
@@ -163,7 +166,7 @@ fn steady_rate(axis: &AxisParams) -> f64 {
 }
 
 /// An axis at a place where it can turn at the steady rate for a while.
-fn start(plant: &Plant) -> GimbalState {
+fn start(plant: &MountPlant) -> GimbalState {
     let low = |axis: &AxisParams| {
         axis.travel_rad
             .map_or(0.0, |[low, high]| low + 0.2 * (high - low))
@@ -175,8 +178,8 @@ fn start(plant: &Plant) -> GimbalState {
 }
 
 /// Rate loop of an axis closed: rate command → measured rate, both beyond the steady rate [rad/s].
-fn rate_loop(plant: &Plant, axis: Axis) -> impl FnMut(f64) -> f64 + use<> {
-    let Plant { gimbal, dt_s, .. } = *plant;
+fn rate_loop(plant: &MountPlant, axis: MountAxis) -> impl FnMut(f64) -> f64 + use<> {
+    let MountPlant { gimbal, dt_s, .. } = *plant;
     let (mut state, steady) = (start(plant), steady_rate(axis.of(&gimbal)));
     move |u| {
         let rate_radps = (axis.unit() * (steady + u)).to_array();
@@ -193,8 +196,12 @@ fn rate_loop(plant: &Plant, axis: Axis) -> impl FnMut(f64) -> f64 + use<> {
 
 /// Position loop of an axis closed by a gain [1/s]: angle command → measured angle [rad], both beyond the
 /// steady turn, which is fed forward.
-fn position_loop(plant: &Plant, axis: Axis, gain_per_s: f64) -> impl FnMut(f64) -> f64 + use<> {
-    let Plant { gimbal, dt_s, .. } = *plant;
+fn position_loop(
+    plant: &MountPlant,
+    axis: MountAxis,
+    gain_per_s: f64,
+) -> impl FnMut(f64) -> f64 + use<> {
+    let MountPlant { gimbal, dt_s, .. } = *plant;
     let (mut state, steady) = (start(plant), steady_rate(axis.of(&gimbal)));
     let origin = state.encoder_az_el_rad();
     let (mut turned, mut y) = (0.0, 0.0);
@@ -220,13 +227,13 @@ fn position_loop(plant: &Plant, axis: Axis, gain_per_s: f64) -> impl FnMut(f64) 
 /// sees the target's true error frame by frame; detections come late, go through the filter to the
 /// law, and the law moves gimbal and mirror. The base stands still.
 fn pointing_loop(
-    plant: &Plant,
-    axis: Axis,
+    plant: &MountPlant,
+    axis: MountAxis,
     camera: CameraTiming,
     filter: LosFilterParams,
     law: PointingLaw,
 ) -> impl FnMut(f64) -> f64 + use<> {
-    let Plant {
+    let MountPlant {
         gimbal,
         mirror,
         dt_s,
@@ -244,8 +251,8 @@ fn pointing_loop(
     move |u| {
         let t_s = tick as f64 * dt_s;
         if tick.is_multiple_of(camera.period_ticks) {
-            // The measured error is put upon the pointing as measured, which leaves the target
-            // but for the encoder's step.
+            // The measured error is added to the pointing as measured: that gives the target's
+            // direction, but for the encoder's step.
             let slip = state.encoder_az_el_rad() - state.az_el_rad();
             frames.push_back((tick, origin + axis.unit() * u + slip));
         }
@@ -278,12 +285,12 @@ fn pointing_loop(
 /// The paper's coarse loop (eq. 9): the target's line of sight → the boresight's, both along one
 /// axis [rad]. Each frame's delayed error turns the gimbal by the law's increment.
 fn paper_loop(
-    plant: &Plant,
-    axis: Axis,
+    plant: &MountPlant,
+    axis: MountAxis,
     camera: CameraTiming,
     law: PaperLaw,
 ) -> impl FnMut(f64) -> f64 + use<> {
-    let Plant { gimbal, dt_s, .. } = *plant;
+    let MountPlant { gimbal, dt_s, .. } = *plant;
     let mut state = GimbalState::at_rest(DVec2::ZERO);
     let (mut pid, mut command) = (PaperPid::default(), GimbalCommand::default());
     let mut frames: VecDeque<(u64, DVec2)> = VecDeque::new();
@@ -310,8 +317,8 @@ fn paper_loop(
 
 /// Measures the paper's coarse loop.
 pub fn measure_paper_loop(
-    plant: &Plant,
-    axis: Axis,
+    plant: &MountPlant,
+    axis: MountAxis,
     camera: CameraTiming,
     law: PaperLaw,
 ) -> LoopMeasurement {
@@ -334,7 +341,7 @@ pub fn measure_paper_loop(
 }
 
 /// Measures the rate loop of an axis.
-pub fn measure_rate_loop(plant: &Plant, axis: Axis) -> LoopMeasurement {
+pub fn measure_rate_loop(plant: &MountPlant, axis: MountAxis) -> LoopMeasurement {
     let sweep = Sweep {
         dt_s: plant.dt_s,
         amplitude: rate_amplitude(axis.of(&plant.gimbal)),
@@ -353,7 +360,11 @@ pub fn measure_rate_loop(plant: &Plant, axis: Axis) -> LoopMeasurement {
 }
 
 /// Measures the position loop of an axis under a gain [1/s].
-pub fn measure_position_loop(plant: &Plant, axis: Axis, gain_per_s: f64) -> LoopMeasurement {
+pub fn measure_position_loop(
+    plant: &MountPlant,
+    axis: MountAxis,
+    gain_per_s: f64,
+) -> LoopMeasurement {
     let sweep = Sweep {
         dt_s: plant.dt_s,
         // What moves the rate command by the rate loop's amplitude.
@@ -373,7 +384,7 @@ pub fn measure_position_loop(plant: &Plant, axis: Axis, gain_per_s: f64) -> Loop
 }
 
 /// Measures the mirror's own loop.
-pub fn measure_mirror(plant: &Plant) -> Result<LoopMeasurement, TuningError> {
+pub fn measure_mirror(plant: &MountPlant) -> Result<LoopMeasurement, TuningError> {
     let sweep = Sweep {
         dt_s: plant.dt_s,
         amplitude: 0.02 * plant.mirror.stroke_rad,
@@ -397,8 +408,8 @@ pub fn measure_mirror(plant: &Plant) -> Result<LoopMeasurement, TuningError> {
 
 /// Measures the whole pointing loop under a law.
 pub fn measure_pointing_loop(
-    plant: &Plant,
-    axis: Axis,
+    plant: &MountPlant,
+    axis: MountAxis,
     camera: CameraTiming,
     filter: LosFilterParams,
     law: PointingLaw,
@@ -432,7 +443,7 @@ pub fn measure_pointing_loop(
 /// Gains that sweeps ask for, and what limits the gimbal's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derived {
-    /// The gains.
+    /// Gains of the tuned law.
     pub law: TunedPointing,
     /// What keeps the gimbal's gain from being higher.
     pub limit: &'static str,
@@ -440,7 +451,7 @@ pub struct Derived {
 
 /// Highest gain [1/s] of an axis's position loop that keeps both margins and the cascade's
 /// distance, and what limits it.
-fn highest_gain(plant: &Plant, axis: Axis) -> Result<(f64, &'static str), TuningError> {
+fn highest_gain(plant: &MountPlant, axis: MountAxis) -> Result<(f64, &'static str), TuningError> {
     let params = axis.of(&plant.gimbal);
     let reference_per_s = 0.2 * TAU * params.bandwidth_hz;
     let mut sweep = Sweep {
@@ -507,9 +518,9 @@ fn highest_gain(plant: &Plant, axis: Axis) -> Result<(f64, &'static str), Tuning
 /// Longest lead [ticks]; a mirror that needs more is no fast steering mirror.
 const MAX_LEAD_TICKS: usize = 32;
 
-/// Ticks after which a mirror has done half of a step, and what is then left of an offset and of a
-/// rate [s], found by deflecting it.
-fn mirror_lead(plant: &Plant) -> Result<(usize, [f64; 2]), TuningError> {
+/// Ticks after which a mirror has done half of a step, and what then remains of its motion, found by
+/// deflecting it.
+fn mirror_lead(plant: &MountPlant) -> Result<(usize, MirrorRemainder), TuningError> {
     // How it moves has nothing to do with how far it may.
     let params = MirrorParams {
         stroke_rad: 1.0, // [rad]
@@ -517,7 +528,7 @@ fn mirror_lead(plant: &Plant) -> Result<(usize, [f64; 2]), TuningError> {
     };
     let unit = 0.1 * params.stroke_rad;
     let mut mirror = Mirror::new(&params, plant.dt_s)?;
-    // From rest: what is left of the offset.
+    // From rest: the share of the offset that remains.
     let mut left = Vec::new();
     while left.last().is_none_or(|left| *left > 0.5) && left.len() < MAX_LEAD_TICKS {
         left.push(1.0 - mirror.step(DVec2::new(unit, 0.0)).x / unit);
@@ -532,14 +543,17 @@ fn mirror_lead(plant: &Plant) -> Result<(usize, [f64; 2]), TuningError> {
     }
     Ok((
         ticks,
-        [offset, (mirror.deflection_rad().x - offset * at) / rate],
+        MirrorRemainder {
+            offset,
+            rate_s: (mirror.deflection_rad().x - offset * at) / rate,
+        },
     ))
 }
 
 /// The tuned law's gains from sweeps of the simulated mount.
-pub fn derive(plant: &Plant) -> Result<Derived, TuningError> {
-    let azimuth = highest_gain(plant, Axis::Azimuth)?;
-    let elevation = highest_gain(plant, Axis::Elevation)?;
+pub fn derive(plant: &MountPlant) -> Result<Derived, TuningError> {
+    let azimuth = highest_gain(plant, MountAxis::Azimuth)?;
+    let elevation = highest_gain(plant, MountAxis::Elevation)?;
     let (gimbal_gain_per_s, limit) = if azimuth.0 < elevation.0 {
         azimuth
     } else {
@@ -559,20 +573,20 @@ pub fn derive(plant: &Plant) -> Result<Derived, TuningError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::mount::mirror::second_order_transition;
+    use crate::models::maths::second_order::second_order_transition;
     use nalgebra::Complex;
 
     const DT: f64 = 1.0 / 960.0;
 
-    fn plant() -> Plant {
-        Plant {
+    fn plant() -> MountPlant {
+        MountPlant {
             gimbal: GimbalParams::default(),
             mirror: MirrorParams::default(),
             dt_s: DT,
         }
     }
 
-    fn rigid() -> Plant {
+    fn rigid() -> MountPlant {
         let mut plant = plant();
         for axis in [&mut plant.gimbal.azimuth, &mut plant.gimbal.elevation] {
             *axis = axis.ideal();
@@ -587,7 +601,7 @@ mod tests {
         // L = (2ζωs + ω²)/s², sampled with the torque held: 2ζω dt/(z − 1) + ω² dt²/(z − 1)².
         let axis = plant().gimbal.azimuth;
         let (w, z) = (TAU * axis.bandwidth_hz, axis.damping);
-        let measured = measure_rate_loop(&rigid(), Axis::Azimuth);
+        let measured = measure_rate_loop(&rigid(), MountAxis::Azimuth);
         for r in &measured.open {
             let back = Complex::from_polar(1.0, TAU * r.frequency_hz * DT) - 1.0;
             let expected = 2.0 * z * w * DT / back + (w * DT).powi(2) / (back * back);
@@ -606,7 +620,7 @@ mod tests {
     fn rigid_position_loop_is_the_closed_form() {
         // L = K T/s with the rate loop's T: at low gain the crossover is K and the margin 90° less
         // T's lag, which vanishes to second order.
-        let measured = measure_position_loop(&rigid(), Axis::Elevation, 15.0);
+        let measured = measure_position_loop(&rigid(), MountAxis::Elevation, 15.0);
         let phase = measured.margins.phase_deg.unwrap();
         assert!(
             (TAU * phase.frequency_hz / 15.0 - 1.0).abs() < 0.03,
@@ -624,10 +638,10 @@ mod tests {
 
     #[test]
     fn friction_does_not_enter_a_sweep_that_keeps_turning() {
-        let with = measure_position_loop(&plant(), Axis::Azimuth, 15.0);
+        let with = measure_position_loop(&plant(), MountAxis::Azimuth, 15.0);
         let mut ideal = plant();
         ideal.gimbal.azimuth = ideal.gimbal.azimuth.ideal();
-        let without = measure_position_loop(&ideal, Axis::Azimuth, 15.0);
+        let without = measure_position_loop(&ideal, MountAxis::Azimuth, 15.0);
         let [a, b] = [&with, &without].map(|m| m.margins.phase_deg.unwrap());
         assert!((a.value - b.value).abs() < 0.5, "{a:?} {b:?}");
         let [a, b] = [&with, &without].map(|m| m.margins.gain_db.unwrap());
@@ -635,9 +649,9 @@ mod tests {
     }
 
     #[test]
-    fn recommended_gains_are_what_the_sweeps_ask_for() {
+    fn derived_gains_are_what_the_sweeps_ask_for() {
         let plant = plant();
-        let law = TunedPointing::recommended(&plant.gimbal, &plant.mirror, DT).unwrap();
+        let law = derive(&plant).unwrap().law;
         // The mirror's coefficients are those of its transition matrix.
         let MirrorParams {
             natural_frequency_hz,
@@ -645,10 +659,10 @@ mod tests {
             ..
         } = plant.mirror;
         let [left, _] = second_order_transition(natural_frequency_hz, damping, law.lead_s).unwrap();
-        assert!((law.mirror_left[0] - left[0]).abs() < 1e-12);
-        assert!((law.mirror_left[1] - left[1]).abs() < 1e-15);
+        assert!((law.mirror_left.offset - left[0]).abs() < 1e-12);
+        assert!((law.mirror_left.rate_s - left[1]).abs() < 1e-15);
         // The finer sweeps that are shown put the same bounds on the gain.
-        for axis in [Axis::Azimuth, Axis::Elevation] {
+        for axis in [MountAxis::Azimuth, MountAxis::Elevation] {
             let rate = measure_rate_loop(&plant, axis).bandwidth_hz.unwrap();
             let loop_ = measure_position_loop(&plant, axis, law.gimbal_gain_per_s);
             assert!(
@@ -676,7 +690,7 @@ mod tests {
     #[test]
     fn pointing_loop_settles_and_its_margins_follow_the_latency() {
         let plant = plant();
-        let law = TunedPointing::recommended(&plant.gimbal, &plant.mirror, DT).unwrap();
+        let law = derive(&plant).unwrap().law;
         let measured = |latency_ticks| {
             let camera = CameraTiming {
                 period_ticks: 8,
@@ -685,7 +699,7 @@ mod tests {
             };
             let filter = LosFilterParams::default();
             let law = PointingLaw::Tuned(law);
-            measure_pointing_loop(&plant, Axis::Azimuth, camera, filter, law).unwrap()
+            measure_pointing_loop(&plant, MountAxis::Azimuth, camera, filter, law).unwrap()
         };
         let (late, early) = (measured(29), measured(8));
         let last = late.step.last().unwrap();

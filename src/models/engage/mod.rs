@@ -1,4 +1,4 @@
-//! What may be fired at, and what first: interlocks and threats.
+//! Interlocks that decide whether the laser may fire, and the order of threats.
 
 pub mod interlock;
 pub mod threat;

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-/// Least speed with which anything is credited [m/s]: what hovers may set off at any time.
+/// Least speed assumed of any object [m/s]: one that hovers may set off at any time.
 const LEAST_MPS: f64 = 2.0;
-/// Share of its speed that any object is credited with towards the asset: it may turn.
+/// Share of its speed that any object is assumed to have towards the asset: it may turn.
 const TURN_SHARE: f64 = 0.3;
 
 /// Time [s] until an object at `r_enu_m` with `v_enu_mps` is at the asset: distance over the speed

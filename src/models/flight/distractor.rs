@@ -1,4 +1,4 @@
-//! What flies where a UAV might and is none: birds, balloons, aeroplanes, leaves.
+//! Flying objects that are no UAVs: birds, balloons, aeroplanes, leaves.
 
 use crate::models::flight::multirotor::Setpoint;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
@@ -54,9 +54,11 @@ pub const BIRD_SPAN_M: f64 = 1.35; // [m]
 /// this gull; birds in passage beat 0.81 to 1.05 times as often (Pennycuick, J. Exp. Biol. 204, 3283,
 /// 2001), gulls at the slow end.
 pub const WINGBEAT_HZ: f64 = 3.1; // [Hz]
-/// Mean angle of the wings above the level, and how far they beat to both sides of it [rad]
-/// (assumption: cruising flight, 35 degrees).
-pub const WING_RAD: [f64; 2] = [0.14, 0.61]; // [rad]
+/// Mean angle of the wings above the level [rad] (assumption).
+pub const WING_MEAN_RAD: f64 = 0.14; // [rad]
+/// How far the wings beat to both sides of their mean angle [rad] (assumption: cruising flight, 35
+/// degrees).
+pub const WING_BEAT_RAD: f64 = 0.61; // [rad]
 /// Length, span and height of a twin-jet airliner of the Airbus A320's size [m] (recalled from the
 /// maker's airport planning manual).
 pub const AIRLINER_SIZE_M: [f64; 3] = [37.6, 35.8, 11.8]; // [m]
@@ -64,8 +66,10 @@ pub const AIRLINER_SIZE_M: [f64; 3] = [37.6, 35.8, 11.8]; // [m]
 pub const LIGHT_AIRCRAFT_SIZE_M: [f64; 3] = [8.3, 11.0, 2.7]; // [m]
 /// Length, width and bend of a large leaf [m] (assumption).
 pub const LEAF_SIZE_M: [f64; 3] = [0.16, 0.11, 0.03]; // [m]
-/// Turns a second of a tumbling leaf, about its length and about the vertical (assumption).
-pub const TUMBLE_HZ: [f64; 2] = [1.7, 0.4]; // [Hz]
+/// Turns a second of a tumbling leaf about its length (assumption).
+pub const TUMBLE_ROLL_HZ: f64 = 1.7; // [Hz]
+/// Turns a second of a tumbling leaf about the vertical (assumption).
+pub const TUMBLE_YAW_HZ: f64 = 0.4; // [Hz]
 /// Angle of both wings above the level in a glide [rad] (assumption).
 pub const GLIDE_RAD: f64 = 0.10; // [rad]
 /// A latex balloon of three feet [m].
@@ -102,7 +106,7 @@ pub fn bird_pose(setpoint: &Setpoint, phase_rad: f64) -> BirdPose {
 
 /// Angle of both wings above the level [rad], `phase_rad` [rad] into the wingbeat (0: wings up).
 pub fn wing_rad(phase_rad: f64) -> f64 {
-    WING_RAD[0] + WING_RAD[1] * phase_rad.cos()
+    WING_MEAN_RAD + WING_BEAT_RAD * phase_rad.cos()
 }
 
 /// Attitude (body to enu) of what flies on wings along `setpoint`: forward along the path, banked so
@@ -120,7 +124,8 @@ pub fn winged_attitude(setpoint: &Setpoint) -> DQuat {
 /// Attitude (body to enu) of a tumbling leaf after `t_s` [s], from `phase_rad` [rad] on: it turns
 /// about its length, which turns about the vertical.
 pub fn tumbling_attitude(t_s: f64, phase_rad: f64) -> DQuat {
-    let [roll, yaw] = TUMBLE_HZ.map(|hz| TAU * hz * t_s + phase_rad);
+    let angle = |hz: f64| TAU * hz * t_s + phase_rad;
+    let (roll, yaw) = (angle(TUMBLE_ROLL_HZ), angle(TUMBLE_YAW_HZ));
     DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(0.4) * DQuat::from_rotation_x(roll)
 }
 
@@ -193,9 +198,9 @@ mod tests {
         };
         for t_s in [0.0, 0.3, 1.1] {
             // The spin about its length and the part of the other turn along it.
-            let along = TAU * (TUMBLE_HZ[0] - TUMBLE_HZ[1] * 0.4_f64.sin());
+            let along = TAU * (TUMBLE_ROLL_HZ - TUMBLE_YAW_HZ * 0.4_f64.sin());
             assert!((rate(t_s).x - along).abs() < 1e-3, "{}", rate(t_s));
-            assert!(rate(t_s).length() < TAU * (TUMBLE_HZ[0] + TUMBLE_HZ[1]));
+            assert!(rate(t_s).length() < TAU * (TUMBLE_ROLL_HZ + TUMBLE_YAW_HZ));
         }
         let turned = tumbling_attitude(0.2, 0.0) * DVec3::Z;
         assert!(turned.dot(DVec3::Z) < 0.0, "{turned}");

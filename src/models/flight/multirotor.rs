@@ -3,7 +3,7 @@
 //! Rigid body with one first-order speed lag per rotor, thrust `k w^2`, reaction torque in
 //! proportion, and the quadratic frame drag of eq. 6. The autopilot is the geometric tracking
 //! controller on SE(3) of Lee, Leok and McClamroch (CDC 2010), with the attitude error of Lee (ACC
-//! 2011), cascaded through a body-rate loop so that tilt, rate and speed limits have a place.
+//! 2011), cascaded through a body-rate loop so that tilt, rate and speed can be limited.
 
 use super::uav::UavModel;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
@@ -18,7 +18,7 @@ const SEA_LEVEL_DENSITY_KGPM3: f64 = 1.225; // [kg/m^3], ISA
 const THRUST_COEFFICIENT: f64 = 0.10;
 const POWER_COEFFICIENT: f64 = 0.045;
 /// Lag of the autopilot's estimate of the drag it feels [s]; acts as the integral term of a usual
-/// position loop does, and as slowly.
+/// position loop does, and equally slowly.
 const DRAG_ESTIMATE_LAG_S: f64 = 1.0; // [s]
 /// The furthest the commanded heading leads the flown one [rad], so that a turn never takes the
 /// attitude loop's authority from tilt.
@@ -43,7 +43,7 @@ pub struct MultirotorState {
     pub drag_estimate_enu_mps2: DVec3,
 }
 
-/// What the autopilot is asked to follow.
+/// State that the autopilot follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
     /// Position [m, enu].

@@ -1,4 +1,4 @@
-//! The paths UAVs are asked to fly, as a scenario states them and as the simulation samples them.
+//! The paths of UAVs, as a scenario states them and as the simulation samples them.
 //!
 //! Positions are site-local `[east, north, up]` in metres, up measured from the site origin.
 
@@ -106,7 +106,7 @@ fn default_clockwise() -> bool {
     true
 }
 
-/// Why a trajectory cannot be flown; each message says how to mend it.
+/// Why a trajectory cannot be flown; each message says how to correct it.
 #[derive(Debug, Error)]
 pub enum TrajectoryError {
     /// A field holds NaN or infinity.
@@ -150,7 +150,7 @@ pub enum TrajectoryError {
     Unreadable {
         /// The file named by the scenario.
         file: String,
-        /// What the reader said.
+        /// The reader's error.
         source: std::io::Error,
     },
     /// The recorded file is not a CSV of the expected columns.
@@ -160,7 +160,7 @@ pub enum TrajectoryError {
     Csv {
         /// The file named by the scenario.
         file: String,
-        /// What the CSV reader said, with the row.
+        /// The CSV reader's error, with the row.
         source: csv::Error,
     },
     /// A recorded row holds NaN or infinity.
@@ -219,7 +219,7 @@ impl Piece {
 /// A checked path, ready to sample.
 #[derive(Clone, Debug)]
 pub struct CompiledTrajectory {
-    path: Path,
+    path: CompiledPath,
     /// Displacement of the whole path [m, enu].
     offset_enu_m: DVec3,
     /// How far along the path it is at time 0 [s].
@@ -227,7 +227,7 @@ pub struct CompiledTrajectory {
 }
 
 #[derive(Clone, Debug)]
-enum Path {
+enum CompiledPath {
     /// Pieces in order of time; the last one goes on for ever, or all repeat with a period [s].
     Pieces(Vec<Piece>, Option<f64>),
     /// A circle; the rate [rad/s] is positive clockwise.
@@ -256,12 +256,7 @@ impl Trajectory {
             Self::Straight {
                 start_enu_m,
                 velocity_enu_mps,
-            } => {
-                let mut pieces = Pieces::new(vector("start_enu_m", start_enu_m)?, 0.0);
-                pieces.v_enu_mps = vector("velocity_enu_mps", velocity_enu_mps)?;
-                pieces.push(f64::INFINITY, DVec3::ZERO, DVec3::ZERO);
-                Path::Pieces(pieces.done, None)
-            }
+            } => straight(start_enu_m, velocity_enu_mps)?,
             Self::Waypoints {
                 ref points_enu_m,
                 speed_mps,
@@ -282,7 +277,7 @@ impl Trajectory {
             } => {
                 let radius_m = positive("radius_m", radius_m)?;
                 let rate_radps = positive("speed_mps", speed_mps)? / radius_m;
-                Path::Circle {
+                CompiledPath::Circle {
                     centre_enu_m: vector("centre_enu_m", centre_enu_m)?,
                     radius_m,
                     bearing_rad: finite("start_bearing_deg", start_bearing_deg)?.to_radians(),
@@ -294,21 +289,12 @@ impl Trajectory {
                 velocity_enu_mps,
                 lateral_acceleration_mps2,
                 period_s,
-            } => {
-                let velocity_enu_mps = vector("velocity_enu_mps", velocity_enu_mps)?;
-                let right = velocity_enu_mps
-                    .cross(DVec3::Z)
-                    .try_normalize()
-                    .ok_or(TrajectoryError::NoSideways)?;
-                let rate_radps = TAU / positive("period_s", period_s)?;
-                let peak_mps2 = positive("lateral_acceleration_mps2", lateral_acceleration_mps2)?;
-                Path::Sine {
-                    start_enu_m: vector("start_enu_m", start_enu_m)?,
-                    velocity_enu_mps,
-                    side_enu_m: peak_mps2 / rate_radps.powi(2) * right,
-                    rate_radps,
-                }
-            }
+            } => weave(
+                start_enu_m,
+                velocity_enu_mps,
+                lateral_acceleration_mps2,
+                period_s,
+            )?,
             Self::PopUp {
                 position_enu_m,
                 hide_height_m,
@@ -325,13 +311,7 @@ impl Trajectory {
             Self::Hover {
                 position_enu_m,
                 heading_deg,
-            } => {
-                let r_enu_m = vector("position_enu_m", position_enu_m)?;
-                let yaw_rad = finite("heading_deg", heading_deg)?.to_radians();
-                let mut pieces = Pieces::new(r_enu_m, yaw_rad);
-                pieces.push(f64::INFINITY, DVec3::ZERO, DVec3::ZERO);
-                Path::Pieces(pieces.done, None)
-            }
+            } => hover(position_enu_m, heading_deg)?,
             Self::Recorded { ref file } => {
                 let text = load(file).map_err(|source| TrajectoryError::Unreadable {
                     file: file.clone(),
@@ -346,6 +326,48 @@ impl Trajectory {
             lead_s: 0.0,
         })
     }
+}
+
+/// A straight flight at constant velocity.
+fn straight(
+    start_enu_m: [f64; 3],
+    velocity_enu_mps: [f64; 3],
+) -> Result<CompiledPath, TrajectoryError> {
+    let mut pieces = Pieces::new(vector("start_enu_m", start_enu_m)?, 0.0);
+    pieces.v_enu_mps = vector("velocity_enu_mps", velocity_enu_mps)?;
+    pieces.push(f64::INFINITY, DVec3::ZERO, DVec3::ZERO);
+    Ok(CompiledPath::Pieces(pieces.done, None))
+}
+
+/// A stand at one place.
+fn hover(position_enu_m: [f64; 3], heading_deg: f64) -> Result<CompiledPath, TrajectoryError> {
+    let r_enu_m = vector("position_enu_m", position_enu_m)?;
+    let yaw_rad = finite("heading_deg", heading_deg)?.to_radians();
+    let mut pieces = Pieces::new(r_enu_m, yaw_rad);
+    pieces.push(f64::INFINITY, DVec3::ZERO, DVec3::ZERO);
+    Ok(CompiledPath::Pieces(pieces.done, None))
+}
+
+/// A straight flight that swings sideways with a peak acceleration.
+fn weave(
+    start_enu_m: [f64; 3],
+    velocity_enu_mps: [f64; 3],
+    lateral_acceleration_mps2: f64,
+    period_s: f64,
+) -> Result<CompiledPath, TrajectoryError> {
+    let velocity_enu_mps = vector("velocity_enu_mps", velocity_enu_mps)?;
+    let right = velocity_enu_mps
+        .cross(DVec3::Z)
+        .try_normalize()
+        .ok_or(TrajectoryError::NoSideways)?;
+    let rate_radps = TAU / positive("period_s", period_s)?;
+    let peak_mps2 = positive("lateral_acceleration_mps2", lateral_acceleration_mps2)?;
+    Ok(CompiledPath::Sine {
+        start_enu_m: vector("start_enu_m", start_enu_m)?,
+        velocity_enu_mps,
+        side_enu_m: peak_mps2 / rate_radps.powi(2) * right,
+        rate_radps,
+    })
 }
 
 impl CompiledTrajectory {
@@ -378,13 +400,13 @@ impl CompiledTrajectory {
     pub fn sample(&self, t_s: f64) -> Setpoint {
         let t_s = t_s.max(0.0) + self.lead_s;
         let ((r_enu_m, v_enu_mps, a_enu_mps2), yaw_rad) = match self.path {
-            Path::Pieces(ref pieces, period_s) => {
+            CompiledPath::Pieces(ref pieces, period_s) => {
                 let t_s = period_s.map_or(t_s, |period_s| t_s % period_s);
                 let after = pieces.partition_point(|piece| piece.t_s <= t_s);
                 let piece = &pieces[after.max(1) - 1];
                 (piece.motion(t_s - piece.t_s), piece.yaw_rad)
             }
-            Path::Circle {
+            CompiledPath::Circle {
                 centre_enu_m,
                 radius_m,
                 bearing_rad,
@@ -399,7 +421,7 @@ impl CompiledTrajectory {
                 );
                 (motion, 0.0)
             }
-            Path::Sine {
+            CompiledPath::Sine {
                 start_enu_m,
                 velocity_enu_mps,
                 side_enu_m,
@@ -520,7 +542,7 @@ fn waypoints(
     speed_mps: f64,
     closed: bool,
     acceleration_mps2: f64,
-) -> Result<Path, TrajectoryError> {
+) -> Result<CompiledPath, TrajectoryError> {
     let count = points_enu_m.len();
     if count < 2 {
         return Err(TrajectoryError::TooFewWaypoints(count));
@@ -579,11 +601,11 @@ fn waypoints(
         }
     }
     if closed {
-        return Ok(Path::Pieces(pieces.done, Some(pieces.t_s)));
+        return Ok(CompiledPath::Pieces(pieces.done, Some(pieces.t_s)));
     }
     pieces.v_enu_mps = DVec3::ZERO;
     pieces.push(f64::INFINITY, DVec3::ZERO, DVec3::ZERO);
-    Ok(Path::Pieces(pieces.done, None))
+    Ok(CompiledPath::Pieces(pieces.done, None))
 }
 
 fn pop_up(
@@ -592,7 +614,7 @@ fn pop_up(
     pop_time_s: f64,
     rise_speed_mps: f64,
     yaw_rad: f64,
-) -> Result<Path, TrajectoryError> {
+) -> Result<CompiledPath, TrajectoryError> {
     let rise_m = position_enu_m.z - hide_height_m;
     if rise_m <= 0.0 {
         return Err(TrajectoryError::NoRise {
@@ -613,7 +635,7 @@ fn pop_up(
         DVec3::ZERO,
     );
     pieces.stop(GENTLE_ACCELERATION_MPS2);
-    Ok(Path::Pieces(pieces.done, None))
+    Ok(CompiledPath::Pieces(pieces.done, None))
 }
 
 /// A row of a recorded flight.
@@ -625,7 +647,7 @@ struct Row {
     up_m: f64,
 }
 
-fn recorded(file: &str, text: &str) -> Result<Path, TrajectoryError> {
+fn recorded(file: &str, text: &str) -> Result<CompiledPath, TrajectoryError> {
     let file = || file.to_owned();
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
@@ -692,7 +714,7 @@ fn recorded(file: &str, text: &str) -> Result<Path, TrajectoryError> {
         );
     }
     pieces.stop(GENTLE_ACCELERATION_MPS2);
-    Ok(Path::Pieces(pieces.done, None))
+    Ok(CompiledPath::Pieces(pieces.done, None))
 }
 
 #[cfg(test)]

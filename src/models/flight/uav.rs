@@ -1,6 +1,6 @@
 //! The UAV catalogue: one constant record per airframe.
 //!
-//! Standing of the values, by field (each record lists its own checked ones):
+//! Sources of the values, by field (each record lists its own checked ones):
 //! - checked: read in the maker's published data;
 //! - recalled: believed to be the maker's figure, not checked against the source. All speeds but the
 //!   Mavic 2's, all tilt limits and all angular rates are of this kind;
@@ -49,10 +49,7 @@ impl UavKind {
 }
 
 /// The class of a UAV, as a detector or an operator would name it.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
-)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum UavClass {
     /// A small, agile racer flown by first-person view.
     Fpv,
@@ -67,7 +64,7 @@ pub enum UavClass {
 pub struct UavModel {
     /// Maker and model.
     pub name: &'static str,
-    /// Class.
+    /// Class, by size and number of rotors.
     pub class: UavClass,
     /// Take-off mass [kg].
     pub mass_kg: f64,
@@ -133,12 +130,12 @@ impl UavModel {
     }
 }
 
-/// Where a part is expected from the middle of the silhouette, rotor discs included [m, enu], for a
+/// Expected offset of a part from the middle of the silhouette, rotor discs included [m, enu], for a
 /// UAV of span `span_m` [m], the silhouette's width, that flies level along `v_enu_mps` [m/s, enu].
 ///
 /// The station does not know the model: the fractions are means over the catalogue, whose
-/// models lie up to 0.18 of the span off them (see the tests of the meshes). Too slow to have a
-/// course, nothing but the height is known.
+/// models lie up to 0.18 of the span off them (see the tests of the meshes). For a UAV too slow
+/// to have a course only the height is known.
 pub fn aim_offset_enu_m(part: AimPart, span_m: f64, v_enu_mps: DVec3) -> DVec3 {
     // Forward, left, up over the span.
     let fraction = match part {

@@ -45,7 +45,7 @@ impl HeightGrid {
         }
     }
 
-    /// Height [m] interpolated bilinearly between cell centres; beyond them the border goes on.
+    /// Height [m] interpolated bilinearly between cell centres; beyond the border its values continue.
     pub fn bilinear_m(&self, e_m: f64, n_m: f64) -> f64 {
         let x = ((e_m - self.origin_e_m) / self.cell_m - 0.5).clamp(0.0, (self.nx - 1) as f64);
         let y = ((n_m - self.origin_n_m) / self.cell_m - 0.5).clamp(0.0, (self.ny - 1) as f64);
@@ -180,7 +180,7 @@ impl LineOfSight {
     }
 }
 
-/// What a ray meets.
+/// What a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HitKind {
     /// Terrain, street or water.
@@ -223,7 +223,7 @@ impl Dsm {
         }
     }
 
-    /// Height of whatever is highest [m] at (e, n) [m].
+    /// Height of the surface, buildings and trees included [m], at (e, n) [m].
     pub fn surface_m(&self, e_m: f64, n_m: f64) -> f64 {
         match self.surface.cell_index(e_m, n_m) {
             Some(k) => f64::from(self.surface.heights_m[k]),

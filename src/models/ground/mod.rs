@@ -1,5 +1,4 @@
-//! The Earth below: geodesy, the height raster, the generated city.
+//! The ground: the height raster and the generated city.
 
 pub mod city;
 pub mod dsm;
-pub mod geodesy;

@@ -15,7 +15,7 @@ pub struct Laser {
     /// Wavelength [m].
     pub wavelength_m: f64,
     /// Radius W0 at the exit where the irradiance is 1/e² (the field 1/e) of its peak [m]; the
-    /// clear aperture is taken wide enough not to clip.
+    /// clear aperture is assumed wide enough not to clip.
     pub aperture_radius_m: f64,
     /// Beam propagation ratio M² [-] (ISO 11146-1), 1 for a perfect Gaussian.
     pub m2: f64,

@@ -1,4 +1,4 @@
-//! The beam and the heat it leaves.
+//! The laser beam, and the heat it leaves in a UAV's skin.
 
 pub mod beam;
 pub mod range_finder;

@@ -18,7 +18,7 @@ const PRESSURE_PA: f64 = 101_325.0;
 /// 7th ed., table A.4).
 const PRANDTL: f64 = 0.707;
 
-/// A skin as the laser sees it.
+/// Material of a skin, with the properties that decide how the laser heats it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinMaterial {
     /// Name for reports.
@@ -123,8 +123,8 @@ pub const MOTOR_BELL: SkinMaterial = SkinMaterial {
 
 /// Anodised aluminium 6061 sheet, 1 mm.
 ///
-/// 2700 kg/m^3, 896 J/(kg K), solidus 855 K (ASM Metals Handbook vol. 2). Absorptivity 0.14 (solar,
-/// taken for 1 um) and emissivity 0.84: anodised aluminium, Incropera table A.12.
+/// 2700 kg/m^3, 896 J/(kg K), solidus 855 K (ASM Metals Handbook vol. 2). Absorptivity 0.14 (the solar
+/// value, used at 1 um) and emissivity 0.84: anodised aluminium, Incropera table A.12.
 pub const ALUMINIUM: SkinMaterial = SkinMaterial {
     name: "aluminium",
     areal_density_kgpm2: 2.7,

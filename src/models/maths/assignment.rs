@@ -8,9 +8,9 @@
 /// gain anything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair {
-    /// Row.
+    /// Index of the row.
     pub row: usize,
-    /// Column.
+    /// Index of the column.
     pub column: usize,
     /// Cost of the pair minus the cost of leaving both alone.
     pub cost: f64,
@@ -49,7 +49,8 @@ pub fn assign(rows: usize, columns: usize, pairs: &[Pair]) -> Vec<Option<usize>>
     result
 }
 
-/// Solves one group densely. Every row has a column of its own besides, at cost zero: alone.
+/// Solves one group densely. Each row also has a column of its own at cost zero, which stands for
+/// staying alone.
 fn solve(group: &[(usize, Pair)], result: &mut [Option<usize>]) {
     let mut row_ids: Vec<usize> = group.iter().map(|(_, pair)| pair.row).collect();
     let mut column_ids: Vec<usize> = group.iter().map(|(_, pair)| pair.column).collect();

@@ -236,9 +236,8 @@ pub fn step_figures(samples: &[f64], last: f64, dt_s: f64) -> Option<StepFigures
 
 #[cfg(test)]
 mod tests {
+    use super::super::second_order::second_order_transition;
     use super::*;
-    use crate::models::mount::mirror::{Mirror, MirrorParams};
-    use glam::DVec2;
     use std::collections::VecDeque;
 
     const DT: f64 = 1.0 / 960.0;
@@ -279,16 +278,21 @@ mod tests {
 
     #[test]
     fn second_order_servo_is_met_up_to_its_hold() {
-        let params = MirrorParams::default();
+        let (natural_hz, damping) = (500.0, 0.7);
+        let [[a, b], [c, d]] = second_order_transition(natural_hz, damping, DT).unwrap();
         let responses = sweep().run(&log_spaced(1.0, 40.0, 12), || {
-            let mut mirror = Mirror::new(&params, DT).unwrap();
-            move |u| mirror.step(DVec2::new(1e-3 * u, 0.0)).x * 1e3
+            let (mut x, mut rate) = (0.0, 0.0);
+            move |u| {
+                let offset = x - u;
+                (x, rate) = (u + a * offset + b * rate, c * offset + d * rate);
+                x
+            }
         });
-        let w0 = TAU * params.natural_frequency_hz;
+        let w0 = TAU * natural_hz;
         for r in responses {
             let w = TAU * r.frequency_hz;
             let s = Complex::new(0.0, w);
-            let servo = w0 * w0 / (s * s + 2.0 * params.damping * w0 * s + w0 * w0);
+            let servo = w0 * w0 / (s * s + 2.0 * damping * w0 * s + w0 * w0);
             // A zero-order hold delays by half a tick and lowers by sinc; its images are 960 Hz away.
             let x = 0.5 * w * DT;
             let hold = Complex::from_polar(x.sin() / x, -x);

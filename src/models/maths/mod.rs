@@ -1,8 +1,14 @@
-//! Mathematics that belongs to no domain: rotations, random streams, assignment, frequency responses,
-//! quantiles.
+//! Mathematics that belongs to no domain: rotations, random streams and fields, polygons, geodesy,
+//! assignment, first- and second-order systems, frequency responses, quantiles.
 
 pub mod assignment;
+pub mod curve;
+pub mod first_order;
 pub mod frequency;
+pub mod geodesy;
 pub mod kinematics;
+pub mod noise;
+pub mod polygon;
 pub mod quantile;
 pub mod rng;
+pub mod second_order;

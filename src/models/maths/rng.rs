@@ -38,6 +38,11 @@ impl Stream {
         low + (high - low) * self.uniform()
     }
 
+    /// One of the items of `of`, which must not be empty; all are equally likely.
+    pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        of[((self.uniform() * of.len() as f64) as usize).min(of.len() - 1)]
+    }
+
     /// A standard normal number.
     pub fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.0)
@@ -54,8 +59,9 @@ impl Stream {
         self.0.next_u64()
     }
 
-    /// A Poisson count of mean `lambda` (0 for a mean that is not positive), by inversion for the
-    /// small means used here; means above 30 use the normal approximation.
+    /// A Poisson count of mean `lambda` (0 for a mean that is not positive): Knuth's product of
+    /// uniform numbers up to a mean of 30, the normal approximation above. `rand_distr::Poisson`
+    /// draws other numbers, which would change every recorded run.
     pub fn poisson(&mut self, lambda: f64) -> u64 {
         if lambda <= 0.0 {
             return 0;

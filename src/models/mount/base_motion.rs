@@ -12,15 +12,13 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::models::maths::rng::Stream;
-use crate::models::mount::mirror::{SecondOrderError, second_order_transition};
+use crate::models::maths::second_order::{SecondOrderError, second_order_transition};
 
 /// One mode of the base's angular motion.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TiltMode {
     /// Natural frequency [Hz].
     pub frequency_hz: f64,
@@ -43,7 +41,7 @@ impl TiltMode {
 }
 
 /// Base motion of a station.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseMotionParams {
     /// Sway of the building.
     pub sway: TiltMode,
@@ -127,7 +125,7 @@ impl Spectrum {
         Ok(Self(points.to_vec()))
     }
 
-    /// Mean square [rad²] of what lies between two frequencies [Hz].
+    /// Mean square [rad²] of the motion between two frequencies [Hz].
     pub fn power_rad2(&self, from_hz: f64, to_hz: f64) -> f64 {
         let mut sum = 0.0;
         for pair in self.0.windows(2) {
@@ -167,7 +165,7 @@ struct Line {
 #[derive(Clone, Debug, PartialEq)]
 // A run has one of them: its size does not matter.
 #[allow(clippy::large_enum_variant)]
-enum Source {
+enum MotionSource {
     Modes {
         modes: Box<[ModeState; 3]>,
         started: bool,
@@ -177,12 +175,12 @@ enum Source {
 
 /// The angular motion of a station's base; stationary from its first step.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BaseMotion(Source);
+pub struct BaseMotion(MotionSource);
 
 impl BaseMotion {
     /// A base motion to be stepped every `dt_s`.
     pub fn new(params: &BaseMotionParams, dt_s: f64) -> Result<Self, SecondOrderError> {
-        Ok(Self(Source::Modes {
+        Ok(Self(MotionSource::Modes {
             modes: Box::new([
                 ModeState::new(&params.sway, dt_s)?,
                 ModeState::new(&params.mast, dt_s)?,
@@ -212,14 +210,14 @@ impl BaseMotion {
                 im: DVec3::new(x.0, y.0, z.0),
             }
         });
-        Self(Source::Lines(lines.collect()))
+        Self(MotionSource::Lines(lines.collect()))
     }
 
     /// Advances one step (the first of the modes draws the stationary state itself) and returns the
     /// tilt: a rotation vector about the `enu` axes [rad].
     pub fn step(&mut self, rng: &mut Stream) -> DVec3 {
         match &mut self.0 {
-            Source::Modes { modes, started } => {
+            MotionSource::Modes { modes, started } => {
                 for mode in modes.iter_mut() {
                     if *started {
                         mode.advance(rng);
@@ -229,7 +227,7 @@ impl BaseMotion {
                 }
                 *started = true;
             }
-            Source::Lines(lines) => {
+            MotionSource::Lines(lines) => {
                 for line in lines {
                     let [c, s] = line.turn;
                     let (re, im) = (line.re, line.im);
@@ -244,16 +242,16 @@ impl BaseMotion {
     /// Present tilt, a rotation vector about the `enu` axes [rad].
     pub fn tilt_rad(&self) -> DVec3 {
         match &self.0 {
-            Source::Modes { modes, .. } => modes.iter().map(|m| m.rms_rad * m.x).sum(),
-            Source::Lines(lines) => lines.iter().map(|l| l.amplitude_rad * l.re).sum(),
+            MotionSource::Modes { modes, .. } => modes.iter().map(|m| m.rms_rad * m.x).sum(),
+            MotionSource::Lines(lines) => lines.iter().map(|l| l.amplitude_rad * l.re).sum(),
         }
     }
 
     /// Present angular velocity about the `enu` axes [rad/s]: what a base gyro measures.
     pub fn rate_radps(&self) -> DVec3 {
         match &self.0 {
-            Source::Modes { modes, .. } => modes.iter().map(|m| m.rms_rad * m.v).sum(),
-            Source::Lines(lines) => lines
+            MotionSource::Modes { modes, .. } => modes.iter().map(|m| m.rms_rad * m.v).sum(),
+            MotionSource::Lines(lines) => lines
                 .iter()
                 .map(|l| -(l.omega_radps * l.amplitude_rad) * l.im)
                 .sum(),

@@ -17,13 +17,11 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::models::maths::kinematics::{az_el_to_los, base_rate_on_axes, wrap_pi};
 use crate::models::maths::rng::Stream;
-use crate::models::mount::mirror::second_order_transition;
+use crate::models::maths::second_order::second_order_transition;
 
 /// A gimbal parameter out of its range.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -35,33 +33,14 @@ pub struct GimbalError {
     pub value: f64,
 }
 
-/// (e⁻ˣ, (1 − e⁻ˣ)/x, (x − 1 + e⁻ˣ)/x²) for x ≥ 0: a first-order lag and its first two integrals,
-/// accurate down to x = 0.
-pub(crate) fn lag_integrals(x: f64) -> [f64; 3] {
-    if x < 0.05 {
-        // ψ = Σ (−x)ᵏ/(k+2)!, exact to rounding after eight terms here; then back up.
-        let mut term = 0.5;
-        let mut psi = 0.0;
-        for k in 3..11 {
-            psi += term;
-            term *= -x / f64::from(k);
-        }
-        let phi = 1.0 - x * psi;
-        [1.0 - x * phi, phi, psi]
-    } else {
-        let phi = -(-x).exp_m1() / x;
-        [(-x).exp(), phi, (1.0 - phi) / x]
-    }
-}
-
 /// Dry friction of an axis's bearings and seals, at the rotor.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction {
-    /// Level in motion [N m].
+    /// Torque in motion [N m].
     pub coulomb_nm: f64,
-    /// Level at rest [N m].
+    /// Torque at rest, which must be overcome to move [N m].
     pub breakaway_nm: f64,
-    /// Rate over which the one turns into the other [rad/s].
+    /// Rate over which the torque falls from the one to the other [rad/s].
     pub stribeck_radps: f64,
 }
 
@@ -76,7 +55,7 @@ impl Friction {
 }
 
 /// First structural mode of an axis: rotor and load on a torsional spring.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Structure {
     /// Frequency of the load on the locked rotor [Hz].
     pub locked_rotor_hz: f64,
@@ -84,12 +63,12 @@ pub struct Structure {
     pub damping: f64,
     /// Share of the axis's inertia that sits on the rotor's side, in (0, 1).
     pub rotor_share: f64,
-    /// Twist that meets no spring [rad], from stop to stop.
+    /// Free twist between the two ends of the spring [rad].
     pub backlash_rad: f64,
 }
 
 /// One gimbal axis and its rate servo.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisParams {
     /// Moment of inertia about the axis [kg m²].
     pub inertia_kg_m2: f64,
@@ -116,7 +95,7 @@ pub struct AxisParams {
 }
 
 /// A two-axis gimbal.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GimbalParams {
     /// Outer axis.
     pub azimuth: AxisParams,
@@ -297,7 +276,7 @@ impl GimbalParams {
     /// a constant rate ω through the same azimuth at the same moment, from −T to T with
     /// ω T = atan(v T/ρ): it leaves the target early, and meets it again on the exit side.
     pub fn keyhole_azimuth(&self, az_el_rad: DVec2, rates_radps: DVec2) -> Option<[f64; 2]> {
-        // What is left of the rate limit lets the servo hold on to the ramp.
+        // The rest of the rate limit lets the servo follow the ramp.
         let omega = 0.9 * self.azimuth.rate_limit_radps;
         let d = az_el_to_los(az_el_rad);
         // Below 45° an azimuth this fast belongs to no pass of the zenith.
@@ -349,9 +328,9 @@ pub struct AxisState {
     pub integral_nm: f64,
     /// Motor torque of the last step [N m].
     pub torque_nm: f64,
-    /// What the encoder reads [rad].
+    /// Reading of the encoder [rad].
     pub encoder_rad: f64,
-    /// What the gyro reads [rad/s].
+    /// Reading of the gyro [rad/s].
     pub gyro_radps: f64,
 }
 
@@ -430,14 +409,14 @@ impl GimbalState {
     }
 }
 
-/// What the gimbal is asked to do, azimuth then elevation.
+/// Command to the gimbal, azimuth then elevation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GimbalCommand {
     /// Rate [rad/s].
     pub rate_radps: [f64; 2],
 }
 
-/// What the wind gets hold of: drag at a point ahead of the axes.
+/// Wind load: drag at a point ahead of the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindLoad {
     /// Area [m²].
@@ -480,8 +459,8 @@ impl WindLoad {
 }
 
 /// Advances the gimbal by `dt_s` under a command and disturbance torques [N m] (azimuth,
-/// elevation), which are spread over rotor and load like their inertia. A moving base enters just
-/// so, as the torque −J·α about each axis, with α from the change of
+/// elevation), which are spread over rotor and load like their inertia. A moving base enters in
+/// the same way, as the torque −J·α about each axis, with α from the change of
 /// [`crate::models::maths::kinematics::base_rate_on_axes`].
 pub fn step(
     state: &mut GimbalState,
@@ -540,7 +519,7 @@ const SUBSTEP_S: f64 = 1.0 / 3840.0;
 
 /// Moves one axis for `dt_s` under its motor torque and a disturbance [N m], and reads its sensors.
 fn advance(state: &mut AxisState, params: &AxisParams, disturbance_nm: f64, dt_s: f64) {
-    // A hair less, so that rounding does not cost another substep.
+    // Slightly less, so that rounding does not cost another substep.
     let substeps = (dt_s / SUBSTEP_S - 1e-6).ceil().max(1.0);
     let plant = Plant::new(params, dt_s / substeps);
     for _ in 0..substeps as usize {
@@ -602,7 +581,7 @@ impl Plant {
             transition: [[0.0; 2]; 2],
         };
         if let Some(structure) = params.structure {
-            // Against half of the whole the load swings faster: ω² = K/(J share (1 − share)).
+            // With the rotor free the load swings faster: ω² = K/(J share (1 − share)).
             let root = structure.rotor_share.sqrt();
             let omega = TAU * structure.locked_rotor_hz;
             plant.share = structure.rotor_share;
@@ -616,7 +595,7 @@ impl Plant {
 
     fn spring(&self, dt_s: f64) -> [[f64; 2]; 2] {
         let [frequency_hz, damping] = self.mode;
-        // Only a step of no length is refused, and it leaves things as they are.
+        // Only a step of zero length is refused; it changes nothing.
         second_order_transition(frequency_hz, damping, dt_s).unwrap_or([[1.0, 0.0], [0.0, 1.0]])
     }
 

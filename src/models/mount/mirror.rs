@@ -3,72 +3,15 @@
 //! Angles are deflections of the line of sight. The linear part is stepped exactly for a command
 //! held over the tick (state-transition matrix); the stroke limits the command, as the position
 //! loop of a real mirror does, so the transient overshoot (4.6 % at ζ = 0.7) may pass it briefly.
-//! Nothing here unloads the mirror: the tuned law's gimbal closes on the line of sight itself
-//! ([`crate::models::control::pointing`]), which brings the mirror back to its centre.
-
-use std::f64::consts::TAU;
+//! Nothing here unloads the mirror: the tuned law's gimbal closes on the line of sight itself, which
+//! brings the mirror back to its centre.
 
 use glam::DVec2;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-/// Why a second-order element cannot be built.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum SecondOrderError {
-    /// A frequency, damping ratio or step that is not a positive finite number.
-    #[error(
-        "second-order element of {frequency_hz} Hz, damping {damping}, step {dt_s} s is not positive"
-    )]
-    NotPositive {
-        frequency_hz: f64,
-        damping: f64,
-        dt_s: f64,
-    },
-    /// An amplitude (stroke or rms) that is negative or not finite.
-    #[error("amplitude {0} rad is not a non-negative number")]
-    Amplitude(f64),
-}
-
-/// State-transition matrix over `dt_s` of ẍ + 2ζωẋ + ω²x = 0, rows (x, ẋ), for any damping ratio
-/// ζ > 0.
-pub fn second_order_transition(
-    frequency_hz: f64,
-    damping: f64,
-    dt_s: f64,
-) -> Result<[[f64; 2]; 2], SecondOrderError> {
-    if ![frequency_hz, damping, dt_s]
-        .iter()
-        .all(|x| *x > 0.0 && x.is_finite())
-    {
-        return Err(SecondOrderError::NotPositive {
-            frequency_hz,
-            damping,
-            dt_s,
-        });
-    }
-    let omega = TAU * frequency_hz;
-    let sigma = damping * omega;
-    // The damped frequency squared, negative when overdamped.
-    let square = omega * omega - sigma * sigma;
-    let x = square.abs().sqrt() * dt_s;
-    let (c, s) = if x < 1e-4 {
-        let x2 = square * dt_s * dt_s;
-        (1.0 - 0.5 * x2, dt_s * (1.0 - x2 / 6.0))
-    } else if square > 0.0 {
-        (x.cos(), dt_s * x.sin() / x)
-    } else {
-        (x.cosh(), dt_s * x.sinh() / x)
-    };
-    let decay = (-sigma * dt_s).exp();
-    Ok([
-        [decay * (c + sigma * s), decay * s],
-        [-decay * omega * omega * s, decay * (c - sigma * s)],
-    ])
-}
+use crate::models::maths::second_order::{SecondOrderError, second_order_transition};
 
 /// A fast steering mirror's servo; both axes alike.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirrorParams {
     /// Natural frequency of the closed position loop [Hz].
     pub natural_frequency_hz: f64,
@@ -95,7 +38,7 @@ impl Default for MirrorParams {
 impl MirrorParams {
     /// Delay [s] of the mirror behind a steadily moving command: 2ζ/ω.
     pub(crate) fn delay_s(&self) -> f64 {
-        2.0 * self.damping / (TAU * self.natural_frequency_hz)
+        2.0 * self.damping / (std::f64::consts::TAU * self.natural_frequency_hz)
     }
 }
 
@@ -160,9 +103,7 @@ impl Mirror {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::control::pointing::{HandOver, PointingInput, TunedPointing};
-    use crate::models::mount::gimbal::{self, GimbalParams, GimbalState};
-    use crate::models::tracking::estimation::LosState;
+    use std::f64::consts::TAU;
 
     const DT: f64 = 1.0 / 960.0;
 
@@ -224,44 +165,6 @@ mod tests {
             (lag - params.delay_s() - 0.5 * DT).abs() < 0.1 * DT,
             "{lag}"
         );
-    }
-
-    #[test]
-    fn a_constant_offset_bleeds_from_the_mirror_into_the_gimbal() {
-        let (gimbal, offset_rad) = (GimbalParams::default(), 2e-3);
-        let params = MirrorParams::default();
-        let law = TunedPointing::recommended(&gimbal, &params, DT).unwrap();
-        let mut hand_over = HandOver::new(params.stroke_rad, DT);
-        let mut state = GimbalState::default();
-        let mut mirror = Mirror::new(&MirrorParams::default(), DT).unwrap();
-        for k in 1..=960 * 2 {
-            let output = law.command(
-                &mut hand_over,
-                &gimbal,
-                &PointingInput::sensed(
-                    LosState::still(DVec2::new(offset_rad, 0.0)),
-                    &state,
-                    &mirror,
-                ),
-            );
-            gimbal::step(&mut state, &gimbal, &output.gimbal, [0.0; 2], DT);
-            let deflection_rad = mirror.step(output.mirror_rad).x;
-            let t = f64::from(k) * DT;
-            // The line of sight stays put while the offset is handed over, but for the ringing of
-            // the structure that the first push sets off ...
-            let sum = deflection_rad + state.azimuth.angle_rad;
-            if t > 0.01 {
-                let bound = if t > 0.1 { 3e-6 } else { 3e-5 };
-                assert!((sum - offset_rad).abs() < bound, "{t} {sum}");
-            }
-            // ... with the time constant of the gimbal's gain, 1/15 s and the servo's lag.
-            if k == 96 {
-                let expected = offset_rad * (-law.gimbal_gain_per_s * t).exp();
-                assert!((deflection_rad - expected).abs() < 0.1 * offset_rad);
-            }
-        }
-        // An encoder step and the tremor of dry friction are left.
-        assert!(mirror.deflection_rad().x.abs() < 2e-6);
     }
 
     #[test]

@@ -29,8 +29,14 @@ pub struct Calibration {
     pub standard_error_rad: DVec3,
 }
 
-/// One measurement: the beacon's unit direction in laser axes, its centroid [px].
-pub type Centroid = (DVec3, DVec2);
+/// One measurement of the beacon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Centroid {
+    /// Unit direction in which the mount put the beacon, in the laser's axes (as `cam`).
+    pub direction: DVec3,
+    /// Where the camera saw its centroid [px].
+    pub px: DVec2,
+}
 
 /// Centroids of the beacon in a camera turned by `rotation_rad`, at `count` places spread over the
 /// middle 60 % of the image, with a noise of `sigma_px` per axis.
@@ -48,7 +54,10 @@ pub fn measure(
             let direction = pinhole.ray(place * size_px).normalize();
             let px = pinhole.project(exp_so3(-rotation_rad) * direction)?;
             let noise = sigma_px * DVec2::new(rng.normal(), rng.normal());
-            Some((direction, px + noise))
+            Some(Centroid {
+                direction,
+                px: px + noise,
+            })
         })
         .collect()
 }
@@ -70,7 +79,7 @@ pub fn estimate(
         let mut normal = Matrix3::<f64>::zeros();
         let mut right = Vector3::<f64>::zeros();
         let turn = exp_so3(-rotation);
-        for &(direction, px) in centroids {
+        for &Centroid { direction, px } in centroids {
             let d = turn * direction;
             let Some(expected) = pinhole.project(d) else {
                 continue;
@@ -163,7 +172,10 @@ mod tests {
     #[test]
     fn nothing_measured_is_an_error() {
         assert!(estimate(&camera(), &[], 0.1).is_err());
-        let one = [(DVec3::Z, camera().centre_px())];
+        let one = [Centroid {
+            direction: DVec3::Z,
+            px: camera().centre_px(),
+        }];
         assert!(estimate(&camera(), &one, 0.1).is_err());
     }
 }

@@ -7,8 +7,6 @@
 //! of a w × h image is (w/2, h/2), a corner of four pixels when both are even.
 
 use glam::{DVec2, DVec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Why a camera cannot be built.
@@ -23,7 +21,7 @@ pub enum CameraError {
 }
 
 /// An ideal pinhole camera: square pixels, principal point at the image centre, no distortion.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pinhole {
     /// Image width [px].
     pub width_px: u32,

@@ -1,4 +1,4 @@
-//! What a detector is given and what it says, and the detector that is made of truth and set errors.
+//! Input and output of a detector, and the truth detector: the truth with set errors.
 
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::PixelRect;
@@ -8,7 +8,7 @@ use crate::models::optics::camera::PixelRect;
 pub struct Detection {
     /// x0, y0, x1, y1 [px].
     pub box_px: [f64; 4],
-    /// Middle of the body [px]: the box's, unless the detector says better.
+    /// Middle of the body [px]: the box's, unless the detector gives a better one.
     pub aim_px: [f64; 2],
     /// Confidence, 0 to 1.
     pub score: f64,
@@ -17,7 +17,7 @@ pub struct Detection {
 }
 
 impl Detection {
-    /// A detection whose body has its middle in the box's.
+    /// A detection whose body is centred on its box.
     pub fn new(box_px: [f64; 4], score: f64, label: u32) -> Self {
         let mut detection = Self {
             box_px,
@@ -122,14 +122,14 @@ pub struct Candidate {
     pub index: usize,
     /// Its box [px].
     pub box_px: [f64; 4],
-    /// Whether it is no UAV.
+    /// Whether it is a distractor.
     pub distractor: bool,
 }
 
 /// Smallest side a UAV's box may have to be detected at all [px]: below a pixel there is no
 /// image to find it in.
 const MIN_SIDE_PX: f64 = 1.0;
-/// Mean and standard deviation of the score of a UAV, and of a distractor taken for one; both are
+/// Mean and standard deviation of the score of a UAV, and of a distractor mistaken for one; both are
 /// cut off at 0 and 1 (assumption: two classes that overlap, as trained detectors show them).
 const UAV_SCORE: [f64; 2] = [0.85, 0.10];
 const DISTRACTOR_SCORE: [f64; 2] = [0.60, 0.12];

@@ -33,7 +33,7 @@ const MAX_BLUR_SIGMA_PX: f64 = 16.0;
 const CODES: usize = 4096;
 /// Entries of the table of normal quantiles.
 const QUANTILES: usize = 1024;
-/// Largest finite half float: brighter input is taken as this [kcd/m^2].
+/// Largest finite half float, to which brighter input is limited [kcd/m^2].
 const MAX_LUMINANCE_KCD_M2: f32 = 65504.0;
 /// The step of a Weyl sequence of 64 bits, 2^64 / golden ratio.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -43,7 +43,7 @@ const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 pub enum Transfer {
     /// The sRGB transfer curve (IEC 61966-2-1), as cameras deliver.
     Srgb,
-    /// Proportional, as radiometry wants.
+    /// Proportional to the signal, for radiometry.
     Linear,
 }
 
@@ -93,19 +93,19 @@ pub enum SensorError {
     /// A parameter out of its range.
     #[error("sensor parameter {name} is {value}: it must be {range}")]
     Parameter {
-        /// The parameter.
+        /// Name of the parameter.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// Which values it may take.
         range: &'static str,
     },
     /// A buffer that does not fit the frame.
     #[error("{what} has {found} bytes where the {width} x {height} px frame needs {needed}")]
     Buffer {
-        /// The buffer.
+        /// Name of the buffer.
         what: &'static str,
-        /// Its length.
+        /// Its length [elements].
         found: usize,
         /// The length it should have.
         needed: usize,
@@ -128,7 +128,7 @@ pub enum SensorError {
 
 /// A rendered frame, or the window of one that is read out.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame<'a> {
+pub struct RenderedFrame<'a> {
     /// Rows of RGBA half floats, little-endian, without padding: scene luminance of the channels
     /// of linear sRGB [kcd/m^2]; A is not read.
     pub rgba16f: &'a [u8],
@@ -262,7 +262,7 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// The camera of `params`; cheap enough to be made anew when the exposure or the blur changes.
+    /// The camera of `params`; cheap enough to rebuild when the exposure or the blur changes.
     pub fn new(params: &SensorParams) -> Result<Self, SensorError> {
         let positive = "above 0 and finite";
         let share = "above 0 and at most 1";
@@ -313,7 +313,7 @@ impl Sensor {
     /// `seed`: draw one for each frame, and give it to every thread that takes a part of the rows.
     pub fn expose(
         &self,
-        frame: &Frame<'_>,
+        frame: &RenderedFrame<'_>,
         rows: Range<usize>,
         seed: u64,
         scratch: &mut Scratch,
@@ -387,7 +387,7 @@ impl Sensor {
 
     /// Mean electrons of row `y`, into `scratch.mean_e`. Rows must be asked for in order; `first`
     /// starts a new run of them.
-    fn mean_row(&self, frame: &Frame<'_>, y: usize, first: bool, scratch: &mut Scratch) {
+    fn mean_row(&self, frame: &RenderedFrame<'_>, y: usize, first: bool, scratch: &mut Scratch) {
         let radius = self.taps.len() - 1;
         let length = 2 * radius + 1;
         let last = frame.height - 1;
@@ -408,7 +408,7 @@ impl Sensor {
     }
 
     /// Decodes row `y` and blurs it along the row, into the ring.
-    fn blur_row(&self, frame: &Frame<'_>, y: usize, scratch: &mut Scratch) {
+    fn blur_row(&self, frame: &RenderedFrame<'_>, y: usize, scratch: &mut Scratch) {
         let width = frame.width;
         let radius = self.taps.len() - 1;
         let Scratch {

@@ -62,10 +62,6 @@ pub fn clutter_mesh(kind: ClutterKind, rng: &mut Stream) -> MeshData {
     mesh
 }
 
-fn pick(rng: &mut Stream, of: &[[f32; 3]]) -> [f32; 3] {
-    of[((rng.uniform() * of.len() as f64) as usize).min(of.len() - 1)]
-}
-
 fn bar(mesh: &mut MeshData, from: DVec3, to: DVec3, radius_m: f64, albedo: [f32; 3]) {
     mesh.frustum((from, radius_m), (to, radius_m), 4, Paint::plain(albedo));
 }
@@ -101,7 +97,7 @@ fn crane(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
     let height = rng.range(25.0, 70.0);
     let reach = rng.range(30.0, 60.0);
     let back = 0.3 * reach;
-    let colour = pick(rng, &[YELLOW, YELLOW, RED, WHITE, STEEL, BLUE]);
+    let colour = rng.pick(&[YELLOW, YELLOW, RED, WHITE, STEEL, BLUE]);
     let side = 1.7; // [m]
     let (foot, top) = (DVec3::ZERO, DVec3::Z * height);
     lattice(
@@ -224,7 +220,7 @@ fn mast(mesh: &mut MeshData, rng: &mut Stream) {
 
 fn antenna(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
     let height = rng.range(2.0, 6.0);
-    let tone = pick(rng, &[STEEL, DARK, WHITE]);
+    let tone = rng.pick(&[STEEL, DARK, WHITE]);
     let top = DVec3::Z * height;
     bar(mesh, DVec3::ZERO, top, 0.03, tone);
     let (along, across) = (turn.extend(0.0), turn.perp().extend(0.0));
@@ -264,7 +260,7 @@ fn antenna(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
 
 fn lamp_post(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
     let height = rng.range(6.0, 12.0);
-    let tone = pick(rng, &[STEEL, STEEL, DARK, GREEN]);
+    let tone = rng.pick(&[STEEL, STEEL, DARK, GREEN]);
     let top = DVec3::Z * height;
     let paint = Paint::plain(tone);
     mesh.frustum((DVec3::ZERO, 0.11), (top, 0.055), 6, paint);
@@ -296,8 +292,8 @@ fn flag(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
     let droop = rng.range(0.1, 1.2);
     let phase = rng.range(0.0, TAU);
     let stripes = [
-        pick(rng, &[RED, BLUE, GREEN]),
-        pick(rng, &[WHITE, YELLOW, RED]),
+        rng.pick(&[RED, BLUE, GREEN]),
+        rng.pick(&[WHITE, YELLOW, RED]),
     ];
     const PIECES: usize = 8;
     let at = |k: usize, drop: f64| {

@@ -5,6 +5,8 @@
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
+use crate::models::maths::polygon::rectangle;
+
 /// What a fragment shader draws on a triangle; stored as f32 in [`MeshData::surface`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surface {
@@ -345,17 +347,6 @@ pub fn ring(center_m: DVec3, axis: DVec3, radius_m: f64, sides: usize) -> Vec<DV
             center_m + (x * cos + y * sin) * radius_m
         })
         .collect()
-}
-
-/// Corners of a rectangle, counter-clockwise, with half sizes along `axis` and to its left [m].
-pub fn rectangle(center_m: DVec2, axis: DVec2, half_m: DVec2) -> [DVec2; 4] {
-    let (x, y) = (axis * half_m.x, axis.perp() * half_m.y);
-    [
-        center_m - x - y,
-        center_m + x - y,
-        center_m + x + y,
-        center_m - x + y,
-    ]
 }
 
 /// Unit normal of a polygon by Newell's method; zero for a polygon without area.

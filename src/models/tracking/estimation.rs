@@ -4,15 +4,15 @@
 //! Each axis carries angle, rate and acceleration under Singer's model (R. A. Singer, 1970): the
 //! acceleration is a first-order Gauss–Markov process of rms a and correlation time τ. Three such
 //! models, for straight flight, manoeuvre and hard manoeuvre, differ in a; they run side by side on each
-//! axis and are weighted by how well they foretell the measurements (H. A. P. Blom, Y. Bar-Shalom,
+//! axis and are weighted by how well they predict the measurements (H. A. P. Blom, Y. Bar-Shalom,
 //! "The interacting multiple model algorithm for systems with Markovian switching coefficients",
 //! 1988; Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation*, 2001, §11.6). Each axis has its own mode: a target that weaves sideways stays smooth
 //! in elevation.
 //!
-//! Modes switch as a continuous-time Markov chain: at the rate λ the mode is drawn anew from the
+//! Modes switch as a continuous-time Markov chain: at the rate λ a new mode is drawn from the
 //! shares π. Then exp(Q Δt) = κI + (1 − κ)1πᵀ with κ = e^(−λΔt), for any number of modes and any frame
-//! rate, and what a mode starts a step with is a mixture of two: itself and the combined estimate.
+//! rate, and each mode starts a step from a mixture of its own estimate and the combined one.
 //! The mean time in mode j is 1/(λ(1 − π_j)). All modes share τ and so the transition matrix, which
 //! makes the extrapolated mean and covariance of the mixture exact.
 //!
@@ -28,12 +28,10 @@
 
 use glam::{DVec2, DVec3};
 use nalgebra::Matrix3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::models::maths::first_order::lag_integrals;
 use crate::models::maths::kinematics::{az_el_to_los, wrap_pi};
-use crate::models::mount::gimbal::lag_integrals;
 
 /// Accepted measurements kept for replay.
 const HISTORY: usize = 8;
@@ -41,9 +39,10 @@ const HISTORY: usize = 8;
 pub const MODES: usize = 3;
 /// Longest step of extrapolation within which the mode does not switch [s].
 const STEP_S: f64 = 0.1;
-/// Steps of an extrapolation at most; longer ones are then as long as they must be.
+/// Most steps of an extrapolation; beyond that the steps become longer.
 const MAX_STEPS: f64 = 100.0;
-/// Measurements in a row outside the gate, but near each other, that are believed after all.
+/// Number of measurements in a row outside the gate, but near each other, from which on they are
+/// accepted.
 const REACQUIRE_AFTER: u32 = 3;
 
 /// A filter parameter out of its range.
@@ -57,7 +56,7 @@ pub struct LosFilterError {
 }
 
 /// One mode of a target's motion on one axis.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionMode {
     /// Rms acceleration across the line of sight [m/s²].
     pub accel_mps2: f64,
@@ -66,7 +65,7 @@ pub struct MotionMode {
 }
 
 /// Parameters of a line-of-sight filter.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LosFilterParams {
     /// Straight flight, manoeuvre, hard manoeuvre.
     pub modes: [MotionMode; MODES],
@@ -165,7 +164,7 @@ impl LosState {
     }
 }
 
-/// What became of a measurement.
+/// How the filter treated a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gating {
     /// Used; with its normalised innovation squared.
@@ -179,7 +178,7 @@ pub enum Gating {
 /// Estimate of one axis: (angle, rate, acceleration) and the upper triangle of its covariance, row
 /// by row. The angle is not wrapped.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Axis {
+struct AxisFilter {
     x: [f64; 3],
     p: [f64; 6],
 }
@@ -187,7 +186,7 @@ struct Axis {
 /// Row and column of the entries of an upper triangle.
 const UPPER: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
-impl Axis {
+impl AxisFilter {
     const ZERO: Self = Self {
         x: [0.0; 3],
         p: [0.0; 6],
@@ -220,7 +219,7 @@ impl Axis {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Belief {
     probability: [f64; MODES],
-    modes: [Axis; MODES],
+    modes: [AxisFilter; MODES],
 }
 
 /// A measurement of the line of sight.
@@ -342,7 +341,7 @@ fn singer(tau_s: f64, dt_s: f64) -> Singer {
 
 impl Singer {
     /// Φx and ΦPΦᵀ + σ²Q of an axis, for an acceleration of variance σ² [rad²/s⁴].
-    fn advance(&self, axis: &Axis, variance_rad2ps4: f64) -> Axis {
+    fn advance(&self, axis: &AxisFilter, variance_rad2ps4: f64) -> AxisFilter {
         let Self {
             dt_s: a,
             angle_per_accel: b,
@@ -366,7 +365,7 @@ impl Singer {
             e * g12,
             e * e * p22,
         ];
-        Axis {
+        AxisFilter {
             x: [angle + a * rate + b * accel, rate + c * accel, e * accel],
             p: std::array::from_fn(|i| moved[i] + variance_rad2ps4 * noise[i]),
         }
@@ -432,9 +431,9 @@ impl LosFilterParams {
                 for j in 0..MODES {
                     let stays = kept * axis.probability[j];
                     let probability = stays + (1.0 - kept) * shares[j];
-                    // Interaction: who is in mode j now was in it before, or drew it anew.
+                    // Interaction: a target in mode j either stayed in it or has just drawn it.
                     let own = stays / probability.max(f64::MIN_POSITIVE);
-                    let mixed = Axis::mixture([own, 1.0 - own], [&axis.modes[j], combined]);
+                    let mixed = AxisFilter::mixture([own, 1.0 - own], [&axis.modes[j], combined]);
                     axis.probability[j] = probability;
                     axis.modes[j] = model.advance(&mixed, variances[j] * scale * scale);
                 }
@@ -445,7 +444,7 @@ impl LosFilterParams {
 
     /// The combined estimates of both axes `dt_s` ≥ 0 later. The same as combining the advanced
     /// modes: as they share Φ, mixing them leaves the mixture's mean and covariance as they are.
-    fn extrapolate(&self, axes: &[Belief; 2], dt_s: f64) -> [Axis; 2] {
+    fn extrapolate(&self, axes: &[Belief; 2], dt_s: f64) -> [AxisFilter; 2] {
         let (steps, kept, model) = self.steps(dt_s);
         let (shares, variances) = (self.shares(), self.accel_variances());
         let mean = |weights: &[f64; MODES]| -> f64 {
@@ -464,7 +463,7 @@ impl LosFilterParams {
         combined
     }
 
-    /// A belief from one sight alone.
+    /// An estimate from one measurement alone.
     fn begin(&self, sight: &Sight) -> [Belief; 2] {
         let scales = axis_scales(sight.az_el_rad.y);
         let rate = self.initial_rate_sigma_radps.powi(2);
@@ -473,7 +472,7 @@ impl LosFilterParams {
             modes: self.accel_variances().map(|accel| {
                 let [angle, rate, accel] =
                     [sight.sigma_rad.powi(2), rate, accel].map(|v| v * scales[i] * scales[i]);
-                Axis {
+                AxisFilter {
                     x: [sight.az_el_rad[i], 0.0, 0.0],
                     p: [angle, 0.0, 0.0, rate, 0.0, accel],
                 }
@@ -493,7 +492,7 @@ fn innovation(axis: usize, sight: &Sight, angle_rad: f64) -> f64 {
 
 /// Normalised innovation squared of a sight against combined estimates that may have strayed by
 /// another `reach_rad` on the sky.
-fn normalised_innovation(axes: &[Axis; 2], sight: &Sight, reach_rad: f64) -> f64 {
+fn normalised_innovation(axes: &[AxisFilter; 2], sight: &Sight, reach_rad: f64) -> f64 {
     let scales = axis_scales(axes[1].x[0]);
     (0..2)
         .map(|i| {
@@ -506,15 +505,15 @@ fn normalised_innovation(axes: &[Axis; 2], sight: &Sight, reach_rad: f64) -> f64
 
 impl Belief {
     /// Mean and covariance over the modes.
-    fn combined(&self) -> Axis {
-        Axis::mixture(self.probability, self.modes.each_ref())
+    fn combined(&self) -> AxisFilter {
+        AxisFilter::mixture(self.probability, self.modes.each_ref())
     }
 
     /// Updates every mode with a measured angle, given what it differs from an estimated one by and
     /// its deviation [rad], and the modes' probabilities with its likelihood in each.
     fn correct(&mut self, innovation: impl Fn(f64) -> f64, noise_rad: f64) {
         let (mut nis, mut weight) = ([0.0; MODES], self.probability);
-        for (j, Axis { x, p }) in self.modes.iter_mut().enumerate() {
+        for (j, AxisFilter { x, p }) in self.modes.iter_mut().enumerate() {
             let nu = innovation(x[0]);
             let s = p[0] + noise_rad * noise_rad;
             nis[j] = nu * nu / s;
@@ -540,7 +539,7 @@ impl Belief {
 }
 
 /// Updates both axes with a sight; `combined` is their combined estimate before it.
-fn correct(axes: &mut [Belief; 2], combined: &[Axis; 2], sight: &Sight) {
+fn correct(axes: &mut [Belief; 2], combined: &[AxisFilter; 2], sight: &Sight) {
     let scales = axis_scales(combined[1].x[0]);
     for (i, axis) in axes.iter_mut().enumerate() {
         axis.correct(|x| innovation(i, sight, x), sight.sigma_rad * scales[i]);
@@ -643,8 +642,8 @@ impl LosFilter {
     ///
     /// A measurement passes the gate on its normalised innovation against the modes' mixture. When
     /// three in a row do not, but follow each other and the last one that did at a rate that a target
-    /// may have (`initial_rate_sigma_radps`), it is the model that is wrong: from the third on they
-    /// are accepted, until one passes the gate again.
+    /// may have (`initial_rate_sigma_radps`), the model is taken to be wrong: from the third on they are
+    /// accepted, until one passes the gate again.
     pub fn update(&mut self, az_el_rad: DVec2, sigma_rad: f64, t_exposure_s: f64) -> Gating {
         let sight = Sight {
             t_s: t_exposure_s,
@@ -684,16 +683,16 @@ impl LosFilter {
         self.quality = hit + (self.quality - hit) * (-step_s / self.params.quality_tau_s).exp();
     }
 
-    /// Whether to believe a sight that the gate refused: see [`LosFilter::update`].
-    fn reacquires(&mut self, sight: &Sight, combined: &[Axis; 2]) -> bool {
+    /// Whether to accept a measurement that the gate refused: see [`LosFilter::update`].
+    fn reacquires(&mut self, sight: &Sight, combined: &[AxisFilter; 2]) -> bool {
         let reach = |from_s: f64| self.params.initial_rate_sigma_radps * (sight.t_s - from_s);
         let gate = self.params.gate_nis;
         let before = self.refused.replace(*sight);
         let fits = before.is_some_and(|before| {
             let noise = before.sigma_rad.hypot(reach(before.t_s));
-            let axes = [before.az_el_rad.x, before.az_el_rad.y].map(|angle| Axis {
+            let axes = [before.az_el_rad.x, before.az_el_rad.y].map(|angle| AxisFilter {
                 x: [angle, 0.0, 0.0],
-                ..Axis::ZERO
+                ..AxisFilter::ZERO
             });
             sight.t_s >= before.t_s && normalised_innovation(&axes, sight, noise) <= gate
         });

@@ -17,7 +17,7 @@ use crate::models::maths::rng::Stream;
 const ACCELERATION_PSD: f64 = 2.0;
 /// Standard deviation of the velocity of a target just found, east, north, up [m/s].
 const FIRST_VELOCITY_SIGMA_MPS: [f64; 3] = [12.0, 12.0, 3.0];
-/// Least deviations a plot is taken to have [rad], [m]: they keep the covariance regular.
+/// Least standard deviations assumed of a plot [rad], [m]: they keep the covariance regular.
 const LEAST_SIGMA_RAD: f64 = 1e-6;
 const LEAST_RANGE_SIGMA_M: f64 = 1e-3;
 /// Nearest a target can be [m].
@@ -73,7 +73,7 @@ impl RadarErrors {
 
 /// Where a track says the target is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cue {
+pub struct RadarCue {
     /// Azimuth (x) and elevation (y) [rad].
     pub az_el_rad: DVec2,
     /// Standard deviations on the sky, cross-elevation (x) and elevation (y) [rad].
@@ -148,7 +148,7 @@ impl RadarTrack {
     }
 
     /// Where the target is at `t_s` [s] (an earlier time than the last plot's gives that one).
-    pub fn cue(&self, t_s: f64) -> Cue {
+    pub fn cue(&self, t_s: f64) -> RadarCue {
         let (x, p) = self.advanced(t_s);
         let r_m = DVec3::new(x[0], x[1], x[2]);
         let range_m = r_m.length().max(LEAST_RANGE_M);
@@ -159,7 +159,7 @@ impl RadarTrack {
             let axis = Vector3::new(x, y, z);
             (axis.transpose() * position * axis)[0].max(0.0).sqrt()
         };
-        Cue {
+        RadarCue {
             az_el_rad,
             sigma_rad: DVec2::new(
                 sigma_m(cos_az, -sin_az, 0.0),

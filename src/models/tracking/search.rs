@@ -1,6 +1,4 @@
-//! Search patterns: the gazes of a step-and-stare scan over a sector, how long they take and how
-//! likely they find a target. The probabilities are for planning a search with the library; a run
-//! measures its own.
+//! Search patterns: the gazes of a step-and-stare scan over a sector, and how long they take.
 
 use crate::models::maths::kinematics::wrap_pi;
 use glam::DVec2;
@@ -143,60 +141,6 @@ fn spiral(sector: &Sector, fov_rad: [f64; 2], overlap: f64) -> Vec<[f64; 2]> {
     gazes
 }
 
-/// Chance of at least one success of independent tries, P = 1 − Π(1 − p): cumulative detection over
-/// looks (Koopman, "Search and Screening", 1946, ch. 2).
-pub fn cumulative_detection(looks: impl IntoIterator<Item = f64>) -> f64 {
-    1.0 - looks.into_iter().map(|p| 1.0 - p).product::<f64>()
-}
-
-/// Chance of at least `needed` hits in `looks` independent looks of `p_look` each (binomial tail).
-pub fn hits_probability(p_look: f64, looks: u32, needed: u32) -> f64 {
-    if p_look >= 1.0 {
-        return f64::from(u8::from(needed <= looks));
-    }
-    let mut term = (1.0 - p_look).powf(f64::from(looks));
-    let mut fewer = 0.0;
-    for k in 0..needed.min(looks + 1) {
-        fewer += term;
-        term *= f64::from(looks - k) / f64::from(k + 1) * p_look / (1.0 - p_look);
-    }
-    (1.0 - fewer).max(0.0)
-}
-
-/// Expected chance that one pass over `gazes` finds a target that stands anywhere in `sector` with
-/// equal chance, where a gaze that has the target in its field (`fov_rad`, horizontal and vertical)
-/// finds it with `p_gaze`.
-///
-/// The mean over a grid of positions of 1 − (1 − p)ᵏ, k the gazes that see the position; each
-/// position stands for an equal step of azimuth and of elevation.
-pub fn acquisition_probability(
-    gazes: &[[f64; 2]],
-    fov_rad: [f64; 2],
-    sector: &Sector,
-    p_gaze: f64,
-) -> f64 {
-    const STEPS: u32 = 100;
-    let step = |i: u32, extent: f64| extent * ((f64::from(i) + 0.5) / f64::from(STEPS) - 0.5);
-    let mut sum = 0.0;
-    for i in 0..STEPS {
-        let azimuth = sector.centre_azimuth_rad + step(i, sector.width_rad);
-        for j in 0..STEPS {
-            let elevation = sector.centre_elevation_rad + step(j, sector.height_rad);
-            let seen = gazes
-                .iter()
-                .filter(|gaze| in_field(**gaze, fov_rad, [azimuth, elevation]));
-            sum += cumulative_detection(seen.map(|_| p_gaze));
-        }
-    }
-    sum / f64::from(STEPS * STEPS)
-}
-
-/// Whether a direction lies in the field of a gaze, both (azimuth, elevation) [rad].
-fn in_field(gaze: [f64; 2], fov_rad: [f64; 2], [azimuth, elevation]: [f64; 2]) -> bool {
-    let off = wrap_pi(azimuth - gaze[0]) * gaze[1].cos();
-    off.abs() <= 0.5 * fov_rad[0] + 1e-9 && (elevation - gaze[1]).abs() <= 0.5 * fov_rad[1] + 1e-9
-}
-
 /// What settling adds to a slew of the mount at its limits [s], as the servo of
 /// [`crate::models::mount::gimbal`] is measured to need (test below).
 pub const SETTLE_S: f64 = 0.14;
@@ -253,7 +197,6 @@ fn spread(centre: f64, extent: f64, field: f64, overlap: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::maths::rng::Stream;
     use crate::models::mount::gimbal::{self, GimbalParams, GimbalState};
 
     const SECTOR: Sector = Sector {
@@ -262,6 +205,13 @@ mod tests {
         width_rad: 0.5,
         height_rad: 0.2,
     };
+
+    /// Whether a direction lies in the field of a gaze, both (azimuth, elevation) [rad].
+    fn in_field(gaze: [f64; 2], fov_rad: [f64; 2], [azimuth, elevation]: [f64; 2]) -> bool {
+        let off = wrap_pi(azimuth - gaze[0]) * gaze[1].cos();
+        off.abs() <= 0.5 * fov_rad[0] + 1e-9
+            && (elevation - gaze[1]).abs() <= 0.5 * fov_rad[1] + 1e-9
+    }
 
     #[test]
     fn every_direction_of_the_sector_is_seen() {
@@ -335,44 +285,6 @@ mod tests {
         assert_eq!(elevation, 0.0);
         let wide = Sector::about(DVec2::new(3.1, 0.1), DVec2::splat(0.02));
         assert!((wide.border_shift_rad(&at(3.1))[1] - 0.02).abs() < 1e-12);
-    }
-
-    #[test]
-    fn chance_of_acquisition_agrees_with_drawn_targets() {
-        let fov = [0.13, 0.09];
-        let (p_look, looks, needed) = (0.35, 15, 6);
-        let p_gaze = hits_probability(p_look, looks, needed);
-        let mut rng = Stream::new(1, 0, "test");
-        for pattern in [SearchPattern::Raster, SearchPattern::Spiral] {
-            let gazes = pattern.gazes(&SECTOR, fov, 0.1);
-            // Half of the pass: some positions are not seen, some once, some twice.
-            let half = &gazes[..gazes.len() / 2];
-            let expected = acquisition_probability(half, fov, &SECTOR, p_gaze);
-            let n = 20_000;
-            let mut found = 0;
-            for _ in 0..n {
-                let azimuth = rng.range(0.75, 1.25);
-                let elevation = rng.range(0.0, 0.2);
-                found += u32::from(half.iter().any(|gaze| {
-                    let hits = (0..looks).filter(|_| rng.uniform() < p_look).count();
-                    in_field(*gaze, fov, [azimuth, elevation]) && hits >= needed as usize
-                }));
-            }
-            let drawn = f64::from(found) / f64::from(n);
-            // Five standard errors, and half a grid step of the field's border.
-            let bound = 5.0 * (drawn * (1.0 - drawn) / f64::from(n)).sqrt() + 5e-3;
-            assert!((drawn - expected).abs() < bound, "{drawn} {expected}");
-            assert!((0.1..0.6).contains(&drawn), "{drawn}");
-        }
-    }
-
-    #[test]
-    fn binomial_tails_are_right() {
-        assert!((hits_probability(0.3, 10, 1) - cumulative_detection([0.3; 10])).abs() < 1e-12);
-        // 1 − (0.5¹⁰)(1 + 10 + 45)
-        assert!((hits_probability(0.5, 10, 3) - (1.0 - 56.0 / 1024.0)).abs() < 1e-12);
-        assert_eq!(hits_probability(1.0, 6, 6), 1.0);
-        assert_eq!(hits_probability(0.9, 5, 6), 0.0);
     }
 
     #[test]

@@ -29,8 +29,8 @@ pub struct Sighting {
     pub label: u32,
 }
 
-/// What one frame saw.
-pub struct Look<'a> {
+/// What one frame of a camera saw.
+pub struct CameraLook<'a> {
     /// Index of the camera, 0 (wide) to 2 (narrow).
     pub tier: usize,
     /// Time of the exposure [s].
@@ -60,10 +60,10 @@ impl Occlusion {
         t_s >= self.enter_s && self.exit_s.is_none_or(|exit_s| t_s < exit_s)
     }
 
-    /// Whether it is hidden at `t_s` even if the foresight errs by a fair margin at both ends.
+    /// Whether it is hidden at `t_s` even if the prediction errs by a fair margin at both ends.
     fn surely_hides(&self, t_s: f64) -> bool {
         const MARGIN_S: f64 = 0.2;
-        // The way behind the building was flown unseen.
+        // Behind the building the prediction drifts, since nothing is seen.
         const DRIFT: f64 = 0.15;
         let early_s = MARGIN_S + DRIFT * (t_s - self.enter_s);
         self.hides(t_s - MARGIN_S) && self.hides(t_s + early_s)
@@ -93,7 +93,7 @@ pub struct Track {
     pub score: f64,
     /// Scores of its detections summed by class, the older ones fading.
     votes: Vec<f64>,
-    /// The next time that the city hides it, as far as is foreseen.
+    /// The next time that the city hides it, as far as predicted.
     pub occlusion: Option<Occlusion>,
 }
 
@@ -103,7 +103,7 @@ impl Track {
         self.hits.iter().sum()
     }
 
-    /// Index of the class that its detections speak for, among the detector's.
+    /// Index of the class that its detections name most, among the detector's.
     pub fn label(&self) -> u32 {
         let best = |best: usize, class: usize| {
             if self.votes[class] > self.votes[best] {
@@ -239,10 +239,9 @@ pub struct TableParams {
     pub max_hidden_s: f64,
     /// Tracks kept; the ones with the fewest hits go first.
     pub max_tracks: usize,
-    /// Span that objects are taken to have until their range is measured [m], and its relative
-    /// spread.
+    /// Span that objects are assumed to have until their range is measured [m].
     pub span_m: f64,
-    /// See `span_m`.
+    /// Standard deviation of that span, over the span.
     pub span_sigma_rel: f64,
 }
 
@@ -262,15 +261,24 @@ impl Default for TableParams {
     }
 }
 
+/// A track that turned out to continue an older one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JoinedTrack {
+    /// Identity that ended.
+    pub young: u32,
+    /// Identity that goes on.
+    pub old: u32,
+}
+
 /// All tracks, oldest first.
 #[derive(Clone, Debug, Default)]
 pub struct TrackTable {
-    /// Settings.
+    /// Settings of gates, memory and size.
     pub params: TableParams,
-    /// The tracks.
+    /// The tracks, in the order they were started.
     pub tracks: Vec<Track>,
-    /// Identities that the last frame ended, each with the older one that it turned out to be.
-    pub joined: Vec<(u32, u32)>,
+    /// Identities that the last frame ended.
+    pub joined: Vec<JoinedTrack>,
     next_id: u32,
 }
 
@@ -280,8 +288,7 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
     d.hypot(a.y - b.y)
 }
 
-/// Time within which a young track must gather hits: one a miss [s], at most until it counts as
-/// established.
+/// Hits from which on a track is established: a young one goes after as many misses as hits.
 const ESTABLISHED_HITS: u32 = 30;
 /// Share of the newest sighting in a track's smoothed size, and the least in its score and class.
 const SMOOTHING: f64 = 0.2;
@@ -302,18 +309,53 @@ impl TrackTable {
 
     /// Takes a frame in, at the least total cost; what is left over starts a track or counts as a
     /// miss. Returns for each sighting the track it went to.
-    pub fn update(&mut self, look: &Look) -> Vec<Option<u32>> {
+    pub fn update(&mut self, look: &CameraLook) -> Vec<Option<u32>> {
         let mut assigned = vec![None; look.sightings.len()];
         let predicted: Vec<LosState> = self
             .tracks
             .iter()
             .map(|track| track.filter.predicted(look.t_s))
             .collect();
+        let pairs = self.pairs(look, &predicted);
+        let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
+        for (row, column) in chosen.into_iter().enumerate() {
+            let track = &mut self.tracks[row];
+            let hit = column.is_some_and(|column| {
+                let gating = track.take(look, &look.sightings[column]);
+                let refused = matches!(gating, Gating::Rejected { .. });
+                if !refused {
+                    assigned[column] = Some(track.id);
+                }
+                !refused
+            });
+            if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
+                track.misses += 1;
+                track.filter.miss(look.t_s);
+            }
+        }
+        self.forget_silent(look.t_s);
+        if look.start_tracks {
+            for (s, sighting) in look.sightings.iter().enumerate() {
+                if assigned[s].is_none() {
+                    assigned[s] = self.start(look, sighting);
+                }
+            }
+            self.forget_surplus();
+        }
+        self.stitch(look.t_s, &mut assigned);
+        assigned
+    }
+
+    /// The pairs of tracks and sightings that may belong together, with their costs; `predicted`
+    /// holds the tracks' lines of sight at the exposure.
+    fn pairs(&self, look: &CameraLook, predicted: &[LosState]) -> Vec<Pair> {
+        // Such a pair is always better than two that stay alone.
+        const ALONE: f64 = 200.0;
         let mut pairs = Vec::new();
         let gate = self.params.gate_sigmas.powi(2);
         for (row, los) in predicted.iter().enumerate() {
             let track = &self.tracks[row];
-            // What flies before the building is not what is behind it.
+            // A sighting in front of the building does not belong to a track behind it.
             if track
                 .occlusion
                 .is_some_and(|occlusion| occlusion.surely_hides(look.t_s))
@@ -339,8 +381,6 @@ impl TrackTable {
                 // The filter refuses what lies outside its gate, until it has refused three that
                 // fit each other: they are offered from twice as far.
                 if distance2 < OFFERED * gate {
-                    // Such a pair is always better than two that stay alone.
-                    const ALONE: f64 = 200.0;
                     pairs.push(Pair {
                         row,
                         column,
@@ -349,53 +389,37 @@ impl TrackTable {
                 }
             }
         }
-        let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
-        for (row, column) in chosen.into_iter().enumerate() {
-            let track = &mut self.tracks[row];
-            let hit = column.is_some_and(|column| {
-                let gating = track.take(look, &look.sightings[column]);
-                let refused = matches!(gating, Gating::Rejected { .. });
-                if !refused {
-                    assigned[column] = Some(track.id);
-                }
-                !refused
-            });
-            if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
-                track.misses += 1;
-                track.filter.miss(look.t_s);
-            }
-        }
+        pairs
+    }
+
+    /// Drops young tracks that missed more than they hit, and all that have been silent too long.
+    fn forget_silent(&mut self, t_s: f64) {
         let params = self.params;
         self.tracks.retain(|track| {
             let hits = track.total_hits();
-            let silent_s = look.t_s - track.seen_s();
-            let longest_s = if track.hidden(look.t_s) {
+            let silent_s = t_s - track.seen_s();
+            let longest_s = if track.hidden(t_s) {
                 params.max_hidden_s
             } else {
-                // What was hidden is given the time since it came out.
+                // A track that was hidden is given the time from its coming out.
                 let exit_s = track.occlusion.and_then(|occlusion| occlusion.exit_s);
                 let hidden_s = exit_s.map_or(0.0, |exit_s| exit_s - track.seen_s());
                 params.max_coast_s + hidden_s.clamp(0.0, params.max_hidden_s)
             };
             (track.misses <= hits || hits >= ESTABLISHED_HITS) && silent_s < longest_s
         });
-        if look.start_tracks {
-            for (s, sighting) in look.sightings.iter().enumerate() {
-                if assigned[s].is_none() {
-                    assigned[s] = self.start(look, sighting);
-                }
-            }
-            while self.tracks.len() > params.max_tracks {
-                let Some(weakest) = (0..self.tracks.len())
-                    .min_by_key(|i| (self.tracks[*i].total_hits(), self.tracks[*i].id))
-                else {
-                    break;
-                };
-                self.tracks.remove(weakest);
-            }
+    }
+
+    /// Drops the tracks with the fewest hits beyond the number that is kept.
+    fn forget_surplus(&mut self) {
+        while self.tracks.len() > self.params.max_tracks {
+            let Some(weakest) = (0..self.tracks.len())
+                .min_by_key(|i| (self.tracks[*i].total_hits(), self.tracks[*i].id))
+            else {
+                break;
+            };
+            self.tracks.remove(weakest);
         }
-        self.stitch(look.t_s, &mut assigned);
-        assigned
     }
 
     /// Joins to every established track that has gone silent the young track that continues it
@@ -407,9 +431,12 @@ impl TrackTable {
             match self.continued_by(young, t_s) {
                 Some(old) => {
                     let fresh = self.tracks.remove(young);
-                    // It began later, so it stood behind the one it continues.
+                    // It began later, so it comes after the one it continues in the list.
                     let track = &mut self.tracks[old];
-                    self.joined.push((fresh.id, track.id));
+                    self.joined.push(JoinedTrack {
+                        young: fresh.id,
+                        old: track.id,
+                    });
                     for id in assigned.iter_mut().filter(|id| **id == Some(fresh.id)) {
                         *id = Some(track.id);
                     }
@@ -448,14 +475,14 @@ impl TrackTable {
             if track.total_hits() < ESTABLISHED_HITS
                 || t_s - seen_s < SILENT_S
                 || fresh.started_s < seen_s
-                // What came up while the city hid it is something else.
+                // A track that appeared while the city hid the silent one is another object.
                 || (track.occlusion)
                     .is_some_and(|occlusion| occlusion.surely_hides(fresh.started_s))
             {
                 continue;
             }
             let a = track.filter.predicted(t_s);
-            // What it may have done unseen, on top of what the filter thinks likely.
+            // Unseen manoeuvres come on top of the filter's own uncertainty.
             let unseen_s = fresh.started_s - seen_s;
             let range_m = track
                 .range
@@ -491,9 +518,9 @@ impl TrackTable {
         best.map(|(_, old)| old)
     }
 
-    /// Gives a sighting to a track whatever the distance: the paper's rule, which knows no gate.
-    /// One that does not fit starts the track's estimate anew, under the same identity.
-    pub fn force(&mut self, id: u32, look: &Look, sighting: Option<&Sighting>) {
+    /// Gives a sighting to a track at any distance: the paper's rule has no gate.
+    /// One that does not fit restarts the track's estimate, under the same identity.
+    pub fn force(&mut self, id: u32, look: &CameraLook, sighting: Option<&Sighting>) {
         let filter = self.params.filter;
         let Some(track) = self.tracks.iter_mut().find(|track| track.id == id) else {
             return;
@@ -514,7 +541,7 @@ impl TrackTable {
         }
     }
 
-    fn start(&mut self, look: &Look, sighting: &Sighting) -> Option<u32> {
+    fn start(&mut self, look: &CameraLook, sighting: &Sighting) -> Option<u32> {
         let Sighting {
             az_el_rad,
             sigma_rad,
@@ -546,8 +573,8 @@ impl TrackTable {
 }
 
 impl Track {
-    /// Offers a sighting to the filter. One that comes too late for it is seen all the same.
-    fn take(&mut self, look: &Look, sighting: &Sighting) -> Gating {
+    /// Offers a sighting to the filter. One that is too old for the filter still counts as a hit.
+    fn take(&mut self, look: &CameraLook, sighting: &Sighting) -> Gating {
         let gating = self
             .filter
             .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
@@ -557,13 +584,13 @@ impl Track {
         gating
     }
 
-    fn record(&mut self, look: &Look, sighting: &Sighting) {
+    fn record(&mut self, look: &CameraLook, sighting: &Sighting) {
         self.hits[look.tier] += 1;
         let last_s = &mut self.last_hit_s[look.tier];
         *last_s = Some(last_s.map_or(look.t_s, |last_s| last_s.max(look.t_s)));
         self.misses = 0;
         self.size_rad += SMOOTHING * (sighting.size_rad - self.size_rad);
-        // The mean of the first ones, so that a candidate is judged by more than its last frame.
+        // The mean of the first ones, so that a candidate is judged by several frames.
         let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
         self.score += share * (sighting.score - self.score);
         for votes in &mut self.votes {

@@ -10,7 +10,7 @@ use crate::components::render::{
     ATTRIBUTE_SURFACE, LeanMaterial, LightUniform, SceneHandles, SiteGrid, StationOrigin, UavBody,
     UavRotor,
 };
-use crate::models::air::sky::Sky;
+use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::ground::city::GroundMap;
 use crate::models::maths::rng::Stream;
 use crate::models::shape::mesh::MeshData;
@@ -26,8 +26,6 @@ use glam::{DQuat, DVec2, DVec3, Vec4};
 
 /// Edge of a grid cell [m]: f32 positions inside it are right to 0.1 mm.
 const CELL_M: f32 = 2_000.0;
-/// Wavelengths of the red, green and blue channel [m].
-const CHANNELS_M: [f64; 3] = [610e-9, 550e-9, 465e-9];
 /// Radius of the sky dome [m]: beyond the far apron of the city, inside the culling limit.
 const DOME_M: f32 = 60_000.0;
 
@@ -436,7 +434,7 @@ pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, D
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::ground::geodesy::{Geodetic, SiteFrame};
+    use crate::models::maths::geodesy::{Geodetic, SiteFrame};
     use big_space::plugin::BigSpaceMinimalPlugins;
 
     /// A place 50 km from the site's origin [m, ENU].

@@ -10,7 +10,7 @@ fn close(value: f64, expected: f64, relative: f64) {
 }
 
 fn uniform() -> PathTurbulence {
-    let path = Path {
+    let path = AirPath {
         length_m: 1000.0,
         h0_m: 10.0,
         h1_m: 10.0,
@@ -42,7 +42,7 @@ fn hufnagel_valley_zenith_fried_parameter() {
         wind_mps: 21.0,
         ground: 1.7e-14,
     };
-    let path = Path {
+    let path = AirPath {
         length_m: 30e3,
         h0_m: 0.0,
         h1_m: 30e3,
@@ -68,7 +68,7 @@ fn reversed_path_swaps_the_ends() {
         day: true,
     };
     let make = |h0_m, h1_m| {
-        let path = Path {
+        let path = AirPath {
             length_m: 1500.0,
             h0_m,
             h1_m,
@@ -133,7 +133,7 @@ fn long_term_radius_against_huygens_fresnel() {
     let w0 = 0.05;
     let w = LAMBDA * 1000.0 / (std::f64::consts::PI * w0);
     for (cn2, tolerance) in [(1e-16, 1e-3), (1e-15, 0.03), (1e-14, 0.08), (1e-13, 0.3)] {
-        let path = Path {
+        let path = AirPath {
             length_m: 1000.0,
             h0_m: 0.0,
             h1_m: 0.0,

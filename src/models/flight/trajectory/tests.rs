@@ -128,7 +128,7 @@ proptest! {
 #[test]
 fn joints_are_continuous() {
     for trajectory in every_kind() {
-        let Path::Pieces(pieces, period_s) = compile(&trajectory).unwrap().path else {
+        let CompiledPath::Pieces(pieces, period_s) = compile(&trajectory).unwrap().path else {
             continue;
         };
         for pair in pieces.windows(2) {

@@ -1,5 +1,11 @@
+use super::country::GLADE_M;
+use super::ground_map::MAP_PX;
+use super::meshes::add_part;
+use super::trees::add_tree;
 use super::*;
 use crate::models::ground::dsm::LineOfSight;
+use crate::models::maths::polygon::{area_m2, centroid, encloses};
+use crate::models::shape::mesh::{MeshData, Surface};
 
 fn city() -> City {
     City::generate(&CityParams::default()).unwrap()
@@ -40,6 +46,46 @@ fn fits_the_triangle_budget_and_stays_well_formed() {
                 .all(|c| (0.0..=1.0).contains(c))
         );
     }
+}
+
+#[test]
+fn walls_face_away_from_the_inside_of_their_outlines() {
+    const STEP_M: f64 = 0.01;
+    let mut walls = 0;
+    for building in city().buildings {
+        for part in &building.parts {
+            let mut mesh = MeshData::new(DVec3::ZERO);
+            add_part(&mut mesh, part, &building);
+            for t in mesh.indices.chunks_exact(3) {
+                let at = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
+                let [a, b, c] = [at(t[0]), at(t[1]), at(t[2])];
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                if normal == DVec3::ZERO {
+                    continue;
+                }
+                let middle = (a + b + c) / 3.0;
+                // Roofs look up. A parapet has an inner face too.
+                if normal.z.abs() > 0.01 || middle.z > part.eaves_m {
+                    assert!(normal.z > -0.01, "a roof of {:?} looks down", building.kind);
+                    continue;
+                }
+                let beside = |step: f64| (middle + step * normal).truncate();
+                let inside = |p: DVec2| encloses(&part.outline_enu_m, p);
+                assert!(
+                    !inside(beside(STEP_M)),
+                    "{:?}: a wall looks in",
+                    building.kind
+                );
+                assert!(
+                    inside(beside(-STEP_M)),
+                    "{:?}: no house behind",
+                    building.kind
+                );
+                walls += 1;
+            }
+        }
+    }
+    assert!(walls > 50_000, "{walls}");
 }
 
 #[test]
@@ -119,21 +165,6 @@ fn shadows_fall_away_from_the_sun_and_replace_each_other() {
     assert_eq!(once, city.ground_map);
     city.bake_shadows(DVec3::Z);
     assert!(bright(&city, 22.0, 0.0) > free * 9 / 10);
-}
-
-#[test]
-fn bad_parameters_are_named() {
-    let bad = CityParams {
-        extent_m: f64::NAN,
-        ..CityParams::default()
-    };
-    assert!(matches!(
-        City::generate(&bad),
-        Err(CityError::OutOfRange {
-            field: "extent_m",
-            ..
-        })
-    ));
 }
 
 #[test]

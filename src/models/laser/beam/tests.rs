@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use super::*;
 use crate::models::air::atmosphere::Cn2Profile;
-use crate::models::air::turbulence::Path;
+use crate::models::air::turbulence::AirPath;
 use crate::models::maths::rng::Stream;
 
 fn close(value: f64, expected: f64, relative: f64) {
@@ -34,7 +34,7 @@ fn laser() -> Laser {
 fn spot_radii_have_the_published_values() {
     let laser = laser();
     close(laser.spot_radius_m(1000.0, 1000.0), 6.774e-3, 1e-4);
-    let path = Path {
+    let path = AirPath {
         length_m: 1000.0,
         h0_m: 10.0,
         h1_m: 10.0,

@@ -27,8 +27,8 @@ fn render(width: usize, height: usize, kcd_m2: impl Fn(usize, usize) -> f32) -> 
         .collect()
 }
 
-fn frame(rgba16f: &[u8], width: usize, height: usize) -> Frame<'_> {
-    Frame {
+fn frame(rgba16f: &[u8], width: usize, height: usize) -> RenderedFrame<'_> {
+    RenderedFrame {
         rgba16f,
         width,
         height,
@@ -180,7 +180,7 @@ fn rows_may_be_split_and_frames_repeat() {
 fn a_window_has_the_noise_of_its_place() {
     let whole = expose(&params(), &render(40, 30, |_, _| 2.0), 40, 30);
     let rendered = render(10, 8, |_, _| 2.0);
-    let window = Frame {
+    let window = RenderedFrame {
         origin_px: [25, 17],
         ..frame(&rendered, 10, 8)
     };

@@ -1,5 +1,10 @@
+use super::aeroplane::{airliner, light_aircraft};
+use super::distractors::solid;
+use super::style::{RED, WHITE};
 use super::*;
+use crate::models::flight::distractor::{AIRLINER_SIZE_M, DistractorKind, LIGHT_AIRCRAFT_SIZE_M};
 use crate::models::flight::uav::aim_offset_enu_m;
+use crate::models::maths::rng::Stream;
 
 /// Length, width and height of the body, of the body with turning propellers.
 fn sizes_m(mesh: &UavMesh, radius: f64) -> [DVec3; 2] {
@@ -210,39 +215,39 @@ fn distractors_have_their_sizes() {
 }
 
 #[test]
-fn drawn_looks_repeat_and_keep_the_published_size() {
+fn drawn_styles_repeat_and_keep_the_published_size() {
     let mut changed = 0;
     for (i, kind) in UavKind::ALL.into_iter().cycle().take(120).enumerate() {
-        let draw = || Look::drawn(&mut Stream::new(5, i as u64, "look"));
-        let look = draw();
-        assert_eq!(look, draw());
+        let draw = || UavStyle::drawn(&mut Stream::new(5, i as u64, "look"));
+        let style = draw();
+        assert_eq!(style, draw());
         let uav = model(kind);
-        let (mesh, standard) = (uav_mesh_look(kind, &look), uav_mesh(kind));
+        let (mesh, standard) = (styled_uav_mesh(kind, &style), uav_mesh(kind));
         changed += usize::from(mesh.body.colors != standard.body.colors);
-        assert!((0.92..1.08).contains(&look.scale));
+        assert!((0.92..1.08).contains(&style.scale));
         assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.rotor.signed_volume_m3() > 0.0);
-        assert!(mesh.body.triangle_count() < 3200, "{kind:?} {look:?}");
+        assert!(mesh.body.triangle_count() < 3200, "{kind:?} {style:?}");
         // Hubs and propellers grow by the scale alone.
         for (hub, reference) in mesh.rotors.iter().zip(&standard.rotors) {
             let of = |r: &RotorMount| r.hub_body_m.truncate();
-            assert!((of(hub) - of(reference) * look.scale).length() < 1e-9);
+            assert!((of(hub) - of(reference) * style.scale).length() < 1e-9);
         }
-        let radius = uav.propeller_diameter_m / 2.0 * look.scale;
+        let radius = uav.propeller_diameter_m / 2.0 * style.scale;
         let [_, wide] = sizes_m(&mesh, radius);
         let [_, published] = sizes_m(&standard, uav.propeller_diameter_m / 2.0);
-        let slack = if look.guards { 0.08 } else { 0.03 };
+        let slack = if style.guards { 0.08 } else { 0.03 };
         for (got, want) in [(wide.x, published.x), (wide.y, published.y)] {
-            let ratio = got / want / look.scale;
+            let ratio = got / want / style.scale;
             assert!(
                 (0.97..1.0 + slack).contains(&ratio),
-                "{kind:?} {look:?} {ratio}"
+                "{kind:?} {style:?} {ratio}"
             );
         }
         // What hangs from it and stands on it stays within twice its height and a line's length.
-        assert!(wide.z < look.scale * (2.2 * uav.size_m[2] + 0.95 * uav.diagonal_m));
+        assert!(wide.z < style.scale * (2.2 * uav.size_m[2] + 0.95 * uav.diagonal_m));
     }
     assert!(changed > 90, "{changed}");
-    let standard = uav_mesh_look(UavKind::Phantom4, &Look::standard());
+    let standard = styled_uav_mesh(UavKind::Phantom4, &UavStyle::standard());
     assert_eq!(
         standard.body.positions,
         uav_mesh(UavKind::Phantom4).body.positions
@@ -250,14 +255,14 @@ fn drawn_looks_repeat_and_keep_the_published_size() {
 }
 
 #[test]
-fn looks_show_what_they_name() {
-    let lowest = |look: Look| {
-        let mesh = uav_mesh_look(UavKind::Phantom4, &look);
+fn styles_show_what_they_name() {
+    let lowest = |style: UavStyle| {
+        let mesh = styled_uav_mesh(UavKind::Phantom4, &style);
         mesh.body.bounds_m().map_or(0.0, |(low, _)| low.z)
     };
-    let standard = Look::standard();
+    let standard = UavStyle::standard();
     let with = |gear, payload| {
-        lowest(Look {
+        lowest(UavStyle {
             gear,
             payload,
             ..standard
@@ -268,9 +273,9 @@ fn looks_show_what_they_name() {
     assert!(with(Gear::Skids, Payload::None) < raised - 0.01);
     assert!(with(Gear::Raised, Payload::Box) < raised - 0.05);
     assert!(with(Gear::Raised, Payload::Parcel) < raised - 0.2);
-    let three = uav_mesh_look(
+    let three = styled_uav_mesh(
         UavKind::Fpv5,
-        &Look {
+        &UavStyle {
             blades: 3,
             ..standard
         },
@@ -320,7 +325,7 @@ fn drawn_distractors_vary_and_repeat() {
     ] {
         let mut widths = Vec::new();
         for i in 0..40 {
-            let draw = || distractor_mesh_drawn(kind, &mut Stream::new(3, i, "distractor"));
+            let draw = || drawn_distractor_mesh(kind, &mut Stream::new(3, i, "distractor"));
             let mesh = draw();
             assert_eq!(mesh.body.positions, draw().body.positions);
             assert!(mesh.body.signed_volume_m3() > 0.0, "{kind:?} {i}");

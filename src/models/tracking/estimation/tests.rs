@@ -37,7 +37,7 @@ fn matrices(tau_s: f64, dt_s: f64) -> (Matrix3<f64>, Matrix3<f64>) {
         0.0,
         model.decay,
     );
-    let noise = Axis {
+    let noise = AxisFilter {
         x: [0.0; 3],
         p: model.noise,
     };
@@ -73,7 +73,7 @@ fn singer_matrices_compose_and_have_their_limits() {
     assert!((q[(0, 0)] / (1e-20 / (10.0 * tau)) - 1.0).abs() < 1e-3);
     assert_eq!(matrices(tau, 0.0).0, Matrix3::identity());
     // The packed step is ΦPΦᵀ + σ²Q.
-    let axis = Axis {
+    let axis = AxisFilter {
         x: [0.3, -0.2, 0.1],
         p: [4.0, 1.0, 0.5, 3.0, -0.2, 2.0],
     };

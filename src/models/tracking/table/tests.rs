@@ -11,8 +11,8 @@ fn sighting(az: f64, el: f64) -> Sighting {
     }
 }
 
-fn look<'a>(t_s: f64, sightings: &'a [Sighting]) -> Look<'a> {
-    Look {
+fn look<'a>(t_s: f64, sightings: &'a [Sighting]) -> CameraLook<'a> {
+    CameraLook {
         tier: 0,
         t_s,
         sightings,

@@ -3,8 +3,6 @@
 
 use geodesy::prelude::{Coor3D, CoordinateTuple, Ellipsoid, GeoCart};
 use glam::{DMat3, DQuat, DVec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 /// The WGS-84 ellipsoid: semi-major axis [m] and flattening (NGA.STND.0036).
 fn wgs84() -> Ellipsoid {
@@ -12,8 +10,7 @@ fn wgs84() -> Ellipsoid {
 }
 
 /// A point in WGS-84 geodetic coordinates (EPSG:4979, in radians).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geodetic {
     /// Geodetic latitude, positive north [rad].
     pub latitude_rad: f64,

@@ -1,0 +1,220 @@
+//! Parametric UAV bodies and propellers at the catalogue's published sizes, in body axes
+//! (forward-left-up) about the centre of the rotors' square or hexagon; and the distractors that a
+//! detector may take for UAVs: birds, balloons, aeroplanes, leaves.
+//!
+//! The makers give a Phantom's, a Mavic's and the racer's size without propellers, the Matrices'
+//! with them turning: hub positions and hull sizes follow from that and from the diagonal.
+
+mod aeroplane;
+mod distractors;
+mod fittings;
+mod matrice;
+mod mavic;
+mod parts;
+mod phantom;
+mod racer;
+mod ribbed;
+mod style;
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DAffine3, DQuat, DVec2, DVec3};
+
+use crate::models::flight::uav::{AimPart, UavKind, UavModel, model};
+use crate::models::shape::mesh::MeshData;
+pub use distractors::{distractor_mesh, drawn_distractor_mesh};
+use fittings::fit_out;
+use matrice::{matrice_200, matrice_600};
+use mavic::mavic;
+use parts::propeller;
+use phantom::phantom;
+use racer::racer;
+use ribbed::ribbed;
+pub use style::{Coat, FrameStyle, Gear, Payload, UavStyle};
+
+/// Where a propeller, or a bird's wing, sits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotorMount {
+    /// Hub [m, body].
+    pub hub_body_m: DVec3,
+    /// Attitude of its mesh at phase 0; it turns about its own z.
+    pub q_body_hub: DQuat,
+    /// Phases that it goes through, from and to [rad].
+    pub sweep_rad: [f64; 2],
+    /// Whether it turns clockwise seen from above; its propeller is the mirror image in y.
+    pub clockwise: bool,
+}
+
+/// A UAV to draw.
+#[derive(Clone, Debug)]
+pub struct UavMesh {
+    /// All but the propellers [m, body].
+    pub body: MeshData,
+    /// Hubs, in the order of the flight model's rotors.
+    pub rotors: Vec<RotorMount>,
+    /// The propeller of a counter-clockwise rotor about its hub, axis z [m].
+    pub rotor: MeshData,
+}
+
+impl UavMesh {
+    /// Where the middle of `part` of a UAV lies [m, body].
+    pub fn part_body_m(&self, uav: &UavModel, part: AimPart) -> DVec3 {
+        match part {
+            AimPart::Body => self.centroid_body_m(),
+            AimPart::Battery => uav.battery_body_m,
+            AimPart::RotorHub => self.rotors.first().map_or(DVec3::ZERO, |r| r.hub_body_m),
+            AimPart::Camera => uav.camera_body_m,
+        }
+    }
+
+    /// Centroid of the surface without propellers or wings [m, body]: about where an image has its
+    /// middle.
+    pub fn centroid_body_m(&self) -> DVec3 {
+        let body = &self.body;
+        let point = |i: u32| DVec3::from_array(body.positions[i as usize].map(f64::from));
+        let (moment, area) =
+            body.indices
+                .chunks_exact(3)
+                .fold((DVec3::ZERO, 0.0), |(moment, area), triangle| {
+                    let [p, q, r] = [0, 1, 2].map(|i| point(triangle[i]));
+                    let twice = (q - p).cross(r - p).length();
+                    (moment + twice * (p + q + r) / 3.0, area + twice)
+                });
+        if area > 0.0 {
+            moment / area
+        } else {
+            DVec3::ZERO
+        }
+    }
+
+    /// Points whose projections' box holds that of the body and of what its rotors or wings sweep
+    /// [m, body].
+    pub fn outline_body_m(&self) -> Vec<DVec3> {
+        const SWEEP_POINTS: u32 = 16;
+        let point = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let blade_m = self
+            .rotor
+            .positions
+            .iter()
+            .map(|p| point(p).truncate().length())
+            .fold(0.0, f64::max);
+        let sweeps = self.rotors.iter().flat_map(|mount| {
+            let [from, to] = mount.sweep_rad;
+            (0..=SWEEP_POINTS).map(move |i| {
+                let angle = from + (to - from) * f64::from(i) / f64::from(SWEEP_POINTS);
+                let tip = blade_m * DVec2::from_angle(angle).extend(0.0);
+                mount.hub_body_m + mount.q_body_hub * tip
+            })
+        });
+        self.body
+            .positions
+            .iter()
+            .map(point)
+            .chain(sweeps)
+            .collect()
+    }
+}
+
+/// What an airframe is built from.
+struct Kit<'a> {
+    uav: &'a UavModel,
+    /// Hubs in plan, in the order of the flight model's rotors [m, body].
+    hubs: &'a [DVec2],
+    /// Radius of the motors [m] where nothing else reaches the published size.
+    motor_m: f64,
+    coat: Coat,
+    /// Whether the frame's own landing gear is down.
+    lowered: bool,
+}
+
+impl Kit<'_> {
+    /// The sides, left and right, on which the frame's own skids hang: both or none.
+    fn skid_sides(&self) -> &'static [f64] {
+        if self.lowered { &[-1.0, 1.0] } else { &[] }
+    }
+}
+
+/// The body, hubs and propeller of a UAV as its maker publishes it.
+pub fn uav_mesh(kind: UavKind) -> UavMesh {
+    styled_uav_mesh(kind, &UavStyle::standard())
+}
+
+/// The body, hubs and propeller of a UAV in a given style. The flight model knows nothing of its
+/// payload and gear.
+pub fn styled_uav_mesh(kind: UavKind, style: &UavStyle) -> UavMesh {
+    let uav = model(kind);
+    let hubs = hub_plan_m(uav);
+    let coat = style.coat.unwrap_or_else(|| Coat::of(kind));
+    let kit = Kit {
+        uav,
+        hubs: &hubs,
+        motor_m: overhang_m(uav) / 2.0,
+        coat,
+        lowered: style.gear == Gear::Lowered,
+    };
+    let mut body = MeshData::new(DVec3::ZERO);
+    let hub_z_m = match (style.frame, kind) {
+        (FrameStyle::Ribbed, _) => ribbed(&mut body, &kit),
+        (_, UavKind::Phantom4) => phantom(&mut body, &kit),
+        (_, UavKind::Mavic2 | UavKind::MavicAir) => mavic(&mut body, &kit),
+        (_, UavKind::Matrice200) => matrice_200(&mut body, &kit),
+        (_, UavKind::Matrice600) => matrice_600(&mut body, &kit),
+        (_, UavKind::Fpv5) => racer(&mut body, &kit),
+    };
+    let hubs_body_m: Vec<DVec3> = hubs
+        .iter()
+        .zip(hub_z_m)
+        .map(|(hub, z)| hub.extend(z))
+        .collect();
+    fit_out(&mut body, &hubs_body_m, uav, style, &coat);
+    let mut rotor = propeller(uav.propeller_diameter_m / 2.0, style.blades, coat.blades);
+    if style.scale != 1.0 {
+        let scale = DAffine3::from_scale(DVec3::splat(style.scale));
+        for mesh in [&mut body, &mut rotor] {
+            let mut scaled = MeshData::new(DVec3::ZERO);
+            scaled.append(mesh, scale);
+            *mesh = scaled;
+        }
+    }
+    let rotors = hubs_body_m
+        .iter()
+        .enumerate()
+        .map(|(i, hub)| RotorMount {
+            hub_body_m: hub * style.scale,
+            q_body_hub: DQuat::IDENTITY,
+            sweep_rad: [0.0, TAU],
+            clockwise: i % 2 == 0,
+        })
+        .collect();
+    UavMesh {
+        body,
+        rotors,
+        rotor,
+    }
+}
+
+/// What a rotor adds to the wheelbase on both sides together [m]: the m that solves
+/// (l − m)² + (w − m)² = diagonal² for a quadcopter of size l × w.
+fn overhang_m(uav: &UavModel) -> f64 {
+    let [l, w, _] = uav.size_m;
+    let rest = (l + w).powi(2) - 2.0 * (l * l + w * w - uav.diagonal_m.powi(2));
+    ((l + w) - rest.max(0.0).sqrt()) / 2.0
+}
+
+/// Hubs in plan [m, body]: front left first, counter-clockwise, none straight ahead.
+fn hub_plan_m(uav: &UavModel) -> Vec<DVec2> {
+    if uav.rotor_count == 4 {
+        let [l, w, _] = uav.size_m;
+        let (x, y) = ((l - overhang_m(uav)) / 2.0, (w - overhang_m(uav)) / 2.0);
+        return [(x, y), (-x, y), (-x, -y), (x, -y)]
+            .map(DVec2::from)
+            .to_vec();
+    }
+    let n = uav.rotor_count;
+    (0..n)
+        .map(|i| uav.diagonal_m / 2.0 * DVec2::from_angle(PI * (2 * i + 1) as f64 / n as f64))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;
