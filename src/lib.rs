@@ -15,6 +15,5 @@ pub mod plugins;
 pub mod recording;
 pub mod report;
 pub mod scenario;
-pub mod summary;
 pub mod systems;
 pub mod tune;

@@ -272,23 +272,6 @@ pub fn log_time_ns(tick: u64, tick_hz: NonZeroU32) -> u64 {
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// Encodes an 8-bit RGB image as JPEG of the given quality, 1 to 100; below 90 the chroma is halved.
-pub fn encode_jpeg(
-    rgb8: &[u8],
-    width: u16,
-    height: u16,
-    quality: u8,
-) -> Result<Vec<u8>, jpeg_encoder::EncodingError> {
-    let mut jpeg = Vec::with_capacity(rgb8.len() / 8);
-    jpeg_encoder::Encoder::new(&mut jpeg, quality).encode(
-        rgb8,
-        width,
-        height,
-        jpeg_encoder::ColorType::Rgb,
-    )?;
-    Ok(jpeg)
-}
-
 /// One encoded message of the current tick.
 struct Pending {
     channel: usize,

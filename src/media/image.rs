@@ -15,6 +15,16 @@ pub enum ImageError {
     /// The pixels cannot be encoded.
     #[error("a picture cannot be encoded: {0}")]
     Encode(#[from] jpeg_encoder::EncodingError),
+    /// A side is longer than JPEG allows.
+    #[error(
+        "a picture of {width} × {height} px cannot be encoded as JPEG, whose sides end at 65535 px"
+    )]
+    TooLarge {
+        /// Width [px].
+        width: u32,
+        /// Height [px].
+        height: u32,
+    },
 }
 
 /// Reads a PNG or JPEG file. Grey pictures become coloured ones, transparency is left out.
@@ -50,9 +60,11 @@ pub fn encode_jpeg(
 
 /// Encodes a picture as JPEG of the given quality, 1 to 100.
 pub fn jpeg_of(picture: &RgbImage, quality: u8) -> Result<Vec<u8>, ImageError> {
-    // A side beyond 16 bits fails in the encoder, whose pixels are then too many.
-    let [width, height] = [picture.width(), picture.height()].map(|side| side as u16);
-    encode_jpeg(picture.as_raw(), width, height, quality)
+    let (width, height) = picture.dimensions();
+    match (u16::try_from(width), u16::try_from(height)) {
+        (Ok(width), Ok(height)) => encode_jpeg(picture.as_raw(), width, height, quality),
+        _ => Err(ImageError::TooLarge { width, height }),
+    }
 }
 
 #[cfg(test)]

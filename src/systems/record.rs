@@ -8,11 +8,12 @@ use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics};
 use crate::components::record::{History, KeptFrame, Recording, StateHash, Unmarked};
 use crate::components::track::{DetectionBatch, DetectionQueue, Tracker, TrackingState};
+use crate::media::image::encode_jpeg;
 use crate::models::maths::kinematics::{error_angles, los_to_az_el};
 use crate::models::tracking::table::separation_rad;
 use crate::recording::{
     BoxAnnotation, Camera, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, Shape,
-    encode_jpeg, proto,
+    proto,
 };
 use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;

@@ -16,11 +16,11 @@ use crate::components::track::{Tracker, TrackingState};
 use crate::components::view::{
     FreeCamera, Insets, Pacing, StepSize, TargetChoice, Uploaded, WindowCamera, WindowFrame,
 };
+use crate::media::image::encode_jpeg;
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::tracking::table::separation_rad;
-use crate::recording::encode_jpeg;
+use crate::report::summary::{self, Finished};
 use crate::scenario::Loaded;
-use crate::summary::{self, Finished};
 use crate::systems::capture::{bevy_attitude, sync_scene};
 use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;
@@ -283,6 +283,7 @@ pub fn frame(world: &mut World) {
             None => {
                 let elapsed = session.started.elapsed();
                 summary::conclude(world, &session.loaded, &session.options, elapsed)
+                    .map_err(RunError::from)
             }
         };
         // The receiver waits in `drive` for the event loop to return.
