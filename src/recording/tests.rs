@@ -5,6 +5,7 @@ use mcap::{MessageStream, Summary, read::Options};
 use prost::Message as _;
 
 use super::*;
+use crate::media::image::encode_jpeg;
 
 const HZ: NonZeroU32 = NonZeroU32::new(960).unwrap(); // [Hz]
 const EPOCH_NS: u64 = 1_750_000_000_000_000_000; // [ns]
