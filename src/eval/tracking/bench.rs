@@ -347,8 +347,7 @@ fn intruder(seed: u64) -> String {
     let elevation = rng.range(3.0, 9.0).to_radians(); // [deg]
     let speed_mps = if rng.uniform() < 0.5 { 8.0 } else { -8.0 }; // [m/s]
     let across = DVec3::new(azimuth.cos(), -azimuth.sin(), 0.0);
-    let towards =
-        az_el_to_los(DVec2::new(azimuth, elevation));
+    let towards = az_el_to_los(DVec2::new(azimuth, elevation));
     // The station's axes cross 48 m above the site's street level.
     let [e, n, u] = (DVec3::new(0.0, 0.0, 48.0) + 1_000.0 * towards).to_array(); // [m]
     let [ve, vn, vu] = (speed_mps * across).to_array();

@@ -424,10 +424,7 @@ impl Instant<'_> {
         let believed = pointing.believed_pose(self.mount.r_enu_m, Tier::Coarse);
         let los_enu = az_el_to_los(track.filter.predicted(self.t_s).az_el_rad());
         let px = pinhole.project(believed.q_enu_cam.inverse() * los_enu)?;
-        Some((
-            track.id,
-            [px.x, px.y, track.size_rad / pinhole.ifov_rad()],
-        ))
+        Some((track.id, [px.x, px.y, track.size_rad / pinhole.ifov_rad()]))
     }
 }
 

@@ -44,7 +44,11 @@ pub struct Sequence {
 /// paper's rule, which knows no other.
 pub fn all(observed: &Observed, paper: bool) -> Sequence {
     sequence(&observed.snapshots, |snapshot, truth, tracker| {
-        for seen in snapshot.uavs.iter().filter(|seen| seen.clear && seen.inside) {
+        for seen in snapshot
+            .uavs
+            .iter()
+            .filter(|seen| seen.clear && seen.inside)
+        {
             truth.push((seen.uav as u64 + 1, seen.square));
         }
         if paper {

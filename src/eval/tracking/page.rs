@@ -32,10 +32,7 @@ pub(super) fn write(folder: &Path, evaluation: &Evaluation) -> Result<(), EvalEr
     let head = Head {
         title: "Boresight: tracking",
         heading: "Acquisition, tracking and pointing",
-        facts: &[
-            ("Version", evaluation.version),
-            ("", &evaluation.command),
-        ],
+        facts: &[("Version", evaluation.version), ("", &evaluation.command)],
         style: STYLE,
     };
     let body = body(evaluation, &charts, &pictures);
