@@ -112,12 +112,6 @@ pub enum RunError {
     /// The detector.
     #[error(transparent)]
     Detector(#[from] DetectorError),
-    /// Annotated pictures.
-    #[error(transparent)]
-    Coco(#[from] crate::eval::coco::CocoError),
-    /// A clip.
-    #[error(transparent)]
-    Video(#[from] crate::media::video::VideoError),
     /// A set of annotated pictures that is being made.
     #[error(transparent)]
     Dataset(#[from] crate::dataset::DatasetError),

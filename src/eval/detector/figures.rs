@@ -1,7 +1,7 @@
 //! What the evaluation measured, as `detector.json` has it.
 
 use super::metrics::{
-    ALL, BANDS, Band, Criterion, Image, Matching, mean_average_precision, recall_level,
+    BANDS, Band, Criterion, Image, Matching, mean_average_precision, recall_level,
 };
 use crate::report::page::number;
 use crate::report::statistics::MissStats;
