@@ -40,7 +40,7 @@ use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::{SETTLE_S, Sector, SlewLimits, coverage_time_s};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::clock::Tick;
-use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, Shape};
+use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, SceneShape};
 use crate::scenario::{
     self, AssociationRule, Backstop, ControllerPreset, DetectorKind, Exposure, Focus, Images,
     IntensityModel, Loaded, Scenario, ScenarioError,
@@ -1251,7 +1251,7 @@ fn recording(
         site.longitude_deg,
         site.altitude_m,
     )?;
-    let boxes: Vec<Shape> = environment
+    let boxes: Vec<SceneShape> = environment
         .city
         .buildings
         .iter()
@@ -1262,7 +1262,7 @@ fn recording(
             let centre = 0.5 * (low + high);
             let base_m = environment.city.dsm.terrain_m(centre.x, centre.y);
             let height_m = building.height_m();
-            Shape::Cube {
+            SceneShape::Cube {
                 centre_m: [centre.x, centre.y, base_m + 0.5 * height_m],
                 rotation: [0.0, 0.0, 0.0, 1.0],
                 size_m: [high.x - low.x, high.y - low.y, height_m],

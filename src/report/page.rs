@@ -133,7 +133,7 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
                 @for row in rows {
                     tr {
                         @for (column, cell) in row.iter().enumerate() {
-                            td .n[is_number(column, cell)] { (cell) }
+                            td class=[is_number(column, cell).then_some("n")] { (cell) }
                         }
                     }
                 }

@@ -12,8 +12,8 @@ use crate::media::image::encode_jpeg;
 use crate::models::maths::kinematics::{error_angles, los_to_az_el};
 use crate::models::tracking::table::separation_rad;
 use crate::recording::{
-    BoxAnnotation, Camera, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, Shape,
-    proto,
+    BoxAnnotation, CameraTopic, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity,
+    SceneShape, proto,
 };
 use crate::systems::detect::Detector;
 use crate::systems::engage::Interlocks;
@@ -243,8 +243,8 @@ fn holds(tracker: &Tracker, tier: Tier) -> bool {
 }
 
 /// The recording's camera of a tier.
-fn camera_of(tier: Tier) -> Camera {
-    Camera::ALL[tier as usize]
+fn camera_of(tier: Tier) -> CameraTopic {
+    CameraTopic::ALL[tier as usize]
 }
 
 fn xyz(v: DVec3) -> proto::Vec3 {
@@ -376,7 +376,7 @@ impl Recorded<'_, '_> {
             .uavs
             .iter()
             .map(|(uav, _, _, status, distractor)| {
-                [Shape::Cube {
+                [SceneShape::Cube {
                     centre_m: [0.0; 3],
                     rotation: [0.0, 0.0, 0.0, 1.0],
                     size_m: uav.size_m,
@@ -388,7 +388,7 @@ impl Recorded<'_, '_> {
                 }]
             })
             .collect();
-        let beam_line = [Shape::Line {
+        let beam_line = [SceneShape::Line {
             points_m: &line,
             width_m: 0.1,
             colour: [0.84, 0.37, 0.0, 0.8],

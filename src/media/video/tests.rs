@@ -3,7 +3,7 @@ use super::colour::{rgb_of, yuv_of};
 use super::read::numbered;
 use super::write::{HEAD, boxed};
 use super::*;
-use image::{Rgb, RgbImage};
+use image::{ImageFormat, Rgb, RgbImage};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -197,7 +197,7 @@ fn what_is_no_clip_is_told() {
 
 fn png(path: &Path, [width, height]: [u32; 2], grey: u8) {
     let picture = RgbImage::from_pixel(width, height, Rgb([grey; 3]));
-    picture.save(path).unwrap();
+    picture.save_with_format(path, ImageFormat::Png).unwrap();
 }
 
 #[test]
