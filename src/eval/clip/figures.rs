@@ -1,7 +1,7 @@
 //! What the evaluation measured, as `clip.json` has it, and how it is counted.
 
 use crate::eval::detector::figures::Miss;
-use crate::eval::detector::metrics::{ALL, Criterion, Image, Matching};
+use crate::eval::detector::metrics::{ALL, AnnotatedImage, Criterion, Matching};
 use crate::report::chart::Series;
 use glam::DVec2;
 use serde::Serialize;
@@ -191,7 +191,7 @@ impl Tally {
 
     /// Counts hits and false alarms of the detector; returns its miss distance in each frame, of which
     /// `times` has the times.
-    pub(super) fn judge(&mut self, images: &[Image], times: &Series) -> Series {
+    pub(super) fn judge(&mut self, images: &[AnnotatedImage], times: &Series) -> Series {
         let mut series: Series = times.iter().map(|(t_s, _)| (*t_s, f64::NAN)).collect();
         if !self.known {
             return series;

@@ -6,7 +6,7 @@ use super::figures::{ClipFigures, Tally, TrackFigures, inside};
 use super::follow::{Followed, Follower};
 use super::truth::{BoxFile, FrameTruth};
 use crate::eval::EvalError;
-use crate::eval::detector::metrics::{Image, Truth};
+use crate::eval::detector::metrics::{AnnotatedImage, Truth};
 use crate::eval::shared::{progress, put};
 use crate::inference::OnnxDetector;
 use crate::media::image::jpeg_of;
@@ -124,7 +124,7 @@ impl Moment {
 struct Notes {
     tally: Tally,
     curves: Curves,
-    images: Vec<Image>,
+    images: Vec<AnnotatedImage>,
     lives: BTreeMap<u32, Life>,
     /// Where the target was held, since it is held without a gap [px].
     trail: Vec<DVec2>,
@@ -181,7 +181,7 @@ pub(super) fn play(
             notes.sheet.push(Sheet::of(frame.picture, &moment)?);
         }
         moment.found.truncate(moment.sure);
-        notes.images.push(Image {
+        notes.images.push(AnnotatedImage {
             truth: moment.boxes.uavs,
             found: moment.found,
         });

@@ -1,7 +1,7 @@
 use super::play::SHEET;
 use super::truth::{FrameTruth, parse_boxes};
 use super::*;
-use crate::eval::detector::metrics::{Image, Truth};
+use crate::eval::detector::metrics::{AnnotatedImage, Truth};
 use crate::media::image::encode_jpeg;
 use crate::models::optics::detection::Detection;
 use image::RgbImage;
@@ -148,7 +148,7 @@ fn hits_and_false_alarms_are_counted_by_the_centre() {
     let found =
         |x: f64, y: f64, score: f64| Detection::new([x - 2.0, y - 2.0, x + 2.0, y + 2.0], score, 0);
     let images = [
-        Image {
+        AnnotatedImage {
             truth: vec![
                 truth([0.0, 0.0, 10.0, 10.0]),
                 truth([50.0, 50.0, 60.0, 60.0]),
@@ -160,7 +160,7 @@ fn hits_and_false_alarms_are_counted_by_the_centre() {
                 found(30.0, 5.0, 0.7),
             ],
         },
-        Image {
+        AnnotatedImage {
             truth: Vec::new(),
             found: vec![found(1.0, 1.0, 0.6)],
         },

@@ -1,7 +1,7 @@
 //! What the evaluation measured, as `detector.json` has it.
 
 use super::metrics::{
-    BANDS, Band, Criterion, Image, Matching, mean_average_precision, recall_level,
+    AnnotatedImage, BANDS, Band, Criterion, Matching, mean_average_precision, recall_level,
 };
 use crate::report::page::number;
 use crate::report::statistics::MissStats;
@@ -83,7 +83,7 @@ pub struct BySize {
 
 impl BySize {
     /// The bands of all pictures.
-    pub(super) fn of(images: &[Image]) -> Self {
+    pub(super) fn of(images: &[AnnotatedImage]) -> Self {
         let [below_8_px, from_8_to_16_px, from_16_to_32_px, above_32_px] =
             BANDS.map(|band| Size::of(images, band));
         Self {
@@ -107,7 +107,7 @@ pub struct Size {
 }
 
 impl Size {
-    fn of(images: &[Image], band: Band) -> Self {
+    fn of(images: &[AnnotatedImage], band: Band) -> Self {
         let matching = Matching::of(images, Criterion::Iou(0.5), band);
         Self {
             boxes: matching.boxes,
@@ -193,7 +193,7 @@ pub struct CentreHit {
 
 impl CentreHit {
     /// The figures of detections from a score of `threshold` on.
-    pub(super) fn of(images: &[Image], centre: &Matching, threshold: f64) -> Self {
+    pub(super) fn of(images: &[AnnotatedImage], centre: &Matching, threshold: f64) -> Self {
         let (recall_at_threshold, false_alarms_per_frame) = centre.at_score(threshold);
         Self {
             ap: centre.average_precision(),

@@ -13,7 +13,7 @@ use crate::inference::{DetectorError, OnnxDetector};
 use clap::Args;
 use coco::{Coco, Picture};
 use figures::{BySize, CentreHit, Cost, Evaluation, FPPI, Miss, PrecisionRecall, Speed, Worst};
-use metrics::{ALL, Criterion, Image, Matching, Truth, mean_average_precision};
+use metrics::{ALL, AnnotatedImage, Criterion, Matching, Truth, mean_average_precision};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -87,7 +87,7 @@ fn measure(
     arguments: &Arguments,
     coco: &Coco,
     model: &OnnxDetector,
-    images: &[Image],
+    images: &[AnnotatedImage],
     cost: Cost,
     speed: Speed,
 ) -> Evaluation {
@@ -162,7 +162,10 @@ fn cost(path: &Path, model: &OnnxDetector, coco: &Coco, out: &Path) -> Result<Co
 }
 
 /// The detections in every picture, and the time that each took.
-fn detect(model: &mut OnnxDetector, coco: &Coco) -> Result<(Vec<Image>, Vec<Duration>), EvalError> {
+fn detect(
+    model: &mut OnnxDetector,
+    coco: &Coco,
+) -> Result<(Vec<AnnotatedImage>, Vec<Duration>), EvalError> {
     let count = coco.pictures.len();
     let mut images = Vec::with_capacity(count);
     let mut times = Vec::with_capacity(count);
@@ -178,7 +181,7 @@ fn detect(model: &mut OnnxDetector, coco: &Coco) -> Result<(Vec<Image>, Vec<Dura
         let started = Instant::now();
         model.detect(rgb.as_raw(), size_px, &mut found)?;
         times.push(started.elapsed());
-        images.push(Image {
+        images.push(AnnotatedImage {
             truth: truth.clone(),
             found,
         });
@@ -195,7 +198,7 @@ fn detect(model: &mut OnnxDetector, coco: &Coco) -> Result<(Vec<Image>, Vec<Dura
 fn class_accuracy(
     coco: &Coco,
     classes: &[String],
-    images: &[Image],
+    images: &[AnnotatedImage],
     matching: &Matching,
 ) -> Option<f64> {
     if classes.len() < 2 || coco.categories.len() < 2 {
@@ -219,7 +222,7 @@ fn class_accuracy(
 /// confident false alarms; one of each a scene or clip, whose pictures resemble each other.
 fn worst(
     coco: &Coco,
-    images: &[Image],
+    images: &[AnnotatedImage],
     matching: &Matching,
     recall: Option<(f64, f64)>,
 ) -> Vec<Worst> {
@@ -278,7 +281,7 @@ struct Found {
 }
 
 /// All detections in COCO's format of results, under the first of the categories that count.
-fn results_json(coco: &Coco, images: &[Image]) -> Result<String, serde_json::Error> {
+fn results_json(coco: &Coco, images: &[AnnotatedImage]) -> Result<String, serde_json::Error> {
     let category_id = coco.categories.keys().next().copied().unwrap_or_default();
     let found: Vec<Found> = (coco.pictures.iter().zip(images))
         .flat_map(|(picture, image)| image.found.iter().map(|found| (picture.id, found)))
@@ -421,8 +424,8 @@ mod tests {
         let coco = Coco::load(folder.path(), &[]).expect("a set");
         let classes = ["fpv", "uav"].map(String::from);
         let found = |box_px, label| Detection::new(box_px, 0.9, label);
-        let images: Vec<Image> = (coco.truth.iter())
-            .map(|truth| Image {
+        let images: Vec<AnnotatedImage> = (coco.truth.iter())
+            .map(|truth| AnnotatedImage {
                 truth: truth.clone(),
                 // `fpv`, right for the second picture only; a miss; the third lies in an ignored box.
                 found: vec![found(truth[0].box_px, 0), found([0.0, 0.0, 5.0, 5.0], 1)],

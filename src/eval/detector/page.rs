@@ -2,7 +2,7 @@
 
 use super::coco::{Coco, CocoError};
 use super::figures::{Evaluation, Size, Worst};
-use super::metrics::Image;
+use super::metrics::AnnotatedImage;
 use crate::eval::EvalError;
 use crate::eval::shared::put;
 use crate::media::image::jpeg_of;
@@ -137,7 +137,7 @@ impl Evaluation {
 pub(super) fn write(
     out: &Path,
     coco: &Coco,
-    images: &[Image],
+    images: &[AnnotatedImage],
     evaluation: &Evaluation,
 ) -> Result<(), EvalError> {
     let crops = (evaluation.worst.iter())
@@ -226,14 +226,14 @@ fn sheet<'a>(text: &str, crops: impl Iterator<Item = &'a Crop<'a>> + Clone, leas
 /// The surroundings of a missed box or a false alarm.
 struct Crop<'a> {
     worst: &'a Worst,
-    image: &'a Image,
+    image: &'a AnnotatedImage,
     /// x0, y0, width, height in the picture [px].
     rect_px: [u32; 4],
     jpeg: Vec<u8>,
 }
 
 impl<'a> Crop<'a> {
-    fn of(coco: &Coco, images: &'a [Image], worst: &'a Worst) -> Result<Self, EvalError> {
+    fn of(coco: &Coco, images: &'a [AnnotatedImage], worst: &'a Worst) -> Result<Self, EvalError> {
         let absent = || CocoError::Layout {
             path: coco.file.clone(),
             why: format!("it has no picture {}", worst.image),

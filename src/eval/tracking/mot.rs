@@ -114,7 +114,7 @@ pub fn write(
     put(&gt.join("gt").join("gt.txt"), &sequence.truth)?;
     put(
         &gt.join("seqinfo.ini"),
-        &format!(
+        format!(
             "[Sequence]\nname={name}\nimDir=img1\nframeRate={rate_hz}\nseqLength={}\n\
              imWidth={width_px}\nimHeight={height_px}\nimExt=.jpg\n",
             sequence.frames
