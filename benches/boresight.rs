@@ -11,11 +11,14 @@ use boresight::components::render::SensorViews;
 use boresight::components::run::SimClock;
 use boresight::components::track::{Tracker, TrackingState};
 use boresight::inference::OnnxDetector;
+use boresight::media::image::encode_jpeg;
 use boresight::scenario::Loaded;
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
@@ -290,6 +293,43 @@ fn inference(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// A picture of 640 × 480 px as JPEG, by the encoder of the recording and by that of `image`; the sizes are
+/// printed.
+fn jpeg(criterion: &mut Criterion) {
+    const QUALITY: u8 = 85;
+    let (width, height) = (640_u16, 480_u16);
+    // A slope of sky with noise of some grey levels and a dark disc, much like a frame.
+    let rgb8: Vec<u8> = (0..u32::from(width) * u32::from(height))
+        .flat_map(|i| {
+            let (x, y) = (i % u32::from(width), i / u32::from(width));
+            let noise = (i.wrapping_mul(2_654_435_761) >> 29) as u8;
+            let dark = x.abs_diff(400).pow(2) + y.abs_diff(200).pow(2) < 400;
+            let grey = if dark { 40 } else { 120 + (y / 8) as u8 } + noise;
+            [grey - 10, grey, grey + 12]
+        })
+        .collect();
+    let ours = || encode_jpeg(&rgb8, width, height, QUALITY).expect("a JPEG");
+    let theirs = || {
+        let mut jpeg = Vec::with_capacity(rgb8.len() / 8);
+        JpegEncoder::new_with_quality(&mut jpeg, QUALITY)
+            .encode(&rgb8, width.into(), height.into(), ExtendedColorType::Rgb8)
+            .expect("a JPEG");
+        jpeg
+    };
+    println!(
+        "JPEG of 640x480: jpeg-encoder {} bytes, image {} bytes",
+        ours().len(),
+        theirs().len()
+    );
+    let mut group = criterion.benchmark_group("jpeg");
+    group
+        .sample_size(10)
+        .measurement_time(Duration::from_secs(3));
+    group.bench_function("jpeg-encoder", |bencher| bencher.iter(ours));
+    group.bench_function("image", |bencher| bencher.iter(theirs));
+    group.finish();
+}
+
 /// Where the time of a short camera run goes, with the detector on its own thread and without;
 /// printed, since it is one run each and no distribution.
 fn shares(_: &mut Criterion) {
@@ -322,5 +362,13 @@ fn shares(_: &mut Criterion) {
     let _ = std::fs::remove_dir_all(folder);
 }
 
-criterion_group!(benches, ticks, track_and_control, frames, inference, shares);
+criterion_group!(
+    benches,
+    ticks,
+    track_and_control,
+    frames,
+    inference,
+    jpeg,
+    shares
+);
 criterion_main!(benches);

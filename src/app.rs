@@ -15,7 +15,6 @@ use bevy::render::settings::{RenderCreation, WgpuSettings};
 use bevy::window::{ExitCondition, WindowPlugin};
 use std::sync::Arc;
 
-pub use crate::VERSION;
 pub use crate::components::run::Options;
 
 /// Why a run cannot be built or go on. Each prints as one line that names the mend.
@@ -40,80 +39,6 @@ pub enum RunError {
          --set detector.kind=truth"
     )]
     NoAdapter,
-    // TEMPORARY: commands' errors
-    /// The city's parameters.
-    #[error("{file}: city: {source}")]
-    City {
-        /// The scenario file.
-        file: String,
-        /// What is wrong.
-        source: crate::models::ground::city::CityError,
-    },
-    /// Another value of the scenario that a model does not take.
-    #[error("{file}: {what}: {why}")]
-    Value {
-        /// The scenario file.
-        file: String,
-        /// The value's place.
-        what: &'static str,
-        /// What is wrong with it.
-        why: String,
-    },
-    /// The detector.
-    #[error(transparent)]
-    Detector(#[from] crate::inference::DetectorError),
-    /// Annotated pictures.
-    #[error(transparent)]
-    Coco(#[from] crate::eval::coco::CocoError),
-    /// A clip.
-    #[error(transparent)]
-    Video(#[from] crate::media::video::VideoError),
-    /// A set of annotated pictures that is being made.
-    #[error(transparent)]
-    Dataset(#[from] crate::dataset::DatasetError),
-    /// The recording.
-    #[error(transparent)]
-    Recording(#[from] crate::recording::RecordingError),
-    /// The report.
-    #[error(transparent)]
-    Report(#[from] crate::report::ReportError),
-    /// Rendering.
-    #[error(transparent)]
-    Render(#[from] crate::systems::render::renderer::RenderError),
-    /// Image formation.
-    #[error(transparent)]
-    Sensor(#[from] crate::models::optics::sensor::SensorError),
-    /// A picture cannot be encoded.
-    #[error("a picture cannot be encoded: {0}")]
-    Image(String),
-    /// No display to open a window on.
-    #[error("no display: DISPLAY is not set; start it under a desktop, or with xvfb-run")]
-    NoDisplay,
-    /// The output folder.
-    #[error("output folder {path}: {source}; name a folder that can be written with --out")]
-    Output {
-        /// The folder or file.
-        path: std::path::PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A command-line argument.
-    #[error("{argument}: {why}")]
-    Argument {
-        /// The argument.
-        argument: &'static str,
-        /// What is wrong with it.
-        why: String,
-    },
-    /// A JSON file that was being written.
-    #[error("cannot encode the summary: {0}")]
-    Json(#[from] serde_json::Error),
-    /// A file that a command leaves.
-    #[error(transparent)]
-    Written(#[from] crate::output::OutputError),
-    /// A frame without its picture.
-    #[error(transparent)]
-    Capture(#[from] crate::systems::capture::CaptureError),
 }
 
 /// What of Bevy's and wgpu's log is worth a user's eye; `RUST_LOG` overrides it.

@@ -4,13 +4,15 @@ use crate::app::{self, Options, RunError};
 use crate::components::record::History;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
-use crate::dataset;
-use crate::eval;
+use crate::dataset::{self, DatasetError};
+use crate::eval::{self, EvalError};
 use crate::models::flight::uav::{UavKind, model};
+use crate::output::{self, OutputError};
+use crate::report::ReportError;
+use crate::report::summary::{self, Finished};
 use crate::scenario::{self, Loaded, Scenario};
-use crate::summary::{self, Finished};
-use crate::tune;
-use crate::view;
+use crate::tune::{self, TuneError};
+use crate::view::{self, ViewError};
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -23,6 +25,35 @@ macro_rules! say {
         use std::io::Write as _;
         let _ = writeln!(std::io::stdout(), $($argument)*);
     }};
+}
+
+/// Why a command cannot be carried out. Each prints as one line that says what to do about it.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// A run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// What a run leaves.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// An evaluation.
+    #[error(transparent)]
+    Eval(#[from] EvalError),
+    /// The tuning of a mount.
+    #[error(transparent)]
+    Tune(#[from] TuneError),
+    /// A file that a command leaves.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A window.
+    #[error(transparent)]
+    View(#[from] ViewError),
+    /// A set of annotated pictures.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// The time of a picture of the window.
+    #[error("--screenshot: '{0}' is not a number of seconds")]
+    Seconds(String),
 }
 
 /// Simulator of urban laser counter-UAV systems. Simulation only: it drives no real mount and no
@@ -66,7 +97,7 @@ enum Command {
 enum EvalCommand {
     /// Acquisition, tracking and pointing: the paper's Table 2, the jitter budget, manoeuvres,
     /// occlusion, several targets. Run it where the folder `scenarios` lies.
-    Tracking(eval::Arguments),
+    Tracking(eval::tracking::Arguments),
     /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
     Detector(eval::detector::Arguments),
     /// A detector and the tracker on real clips: MP4 files or folders of pictures.
@@ -137,7 +168,7 @@ struct TuneArgs {
 }
 
 /// Carries out a command line.
-pub fn run(cli: Cli) -> Result<(), RunError> {
+pub fn run(cli: Cli) -> Result<(), CliError> {
     match cli.command {
         Command::Run(args) => {
             let loaded = args.scenario.load()?;
@@ -158,10 +189,7 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             let loaded = args.scenario.load()?;
             let screenshot = match args.screenshot.as_deref() {
                 Some([file, seconds]) => {
-                    let at_s = seconds.parse().map_err(|_| RunError::Argument {
-                        argument: "--screenshot",
-                        why: format!("'{seconds}' is not a number of seconds"),
-                    })?;
+                    let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;
                     Some((PathBuf::from(file), at_s))
                 }
                 _ => None,
@@ -178,9 +206,7 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
                 screenshot,
                 orders: args.save_orders,
             };
-            if let Some(finished) = view::view(&loaded, &options, &keep)
-                .map_err(|error| RunError::Part(Box::new(error)))?
-            {
+            if let Some(finished) = view::view(&loaded, &options, &keep)? {
                 say!("{}", summary::table(&finished.summary).trim_end());
             }
             Ok(())
@@ -199,19 +225,19 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
             Ok(())
         }
         Command::Eval(EvalCommand::Tracking(args)) => {
-            let evaluation = eval::tracking(&args)?;
+            let evaluation = eval::tracking::evaluate(&args)?;
             say!("{}", evaluation.text().trim_end());
             say!("page  {}", args.out.join("tracking.html").display());
             Ok(())
         }
         Command::Eval(EvalCommand::Detector(args)) => {
-            let evaluation = eval::detector::detector(&args)?;
+            let evaluation = eval::detector::evaluate(&args)?;
             say!("{}", evaluation.text().trim_end());
             say!("page  {}", args.out.join("detector.html").display());
             Ok(())
         }
         Command::Eval(EvalCommand::Clip(args)) => {
-            let evaluation = eval::clip::clip(&args)?;
+            let evaluation = eval::clip::evaluate(&args)?;
             say!("{}", evaluation.text().trim_end());
             say!("page  {}", args.out.join("clip.html").display());
             Ok(())
@@ -231,17 +257,11 @@ pub fn run(cli: Cli) -> Result<(), RunError> {
         Command::Schema { out } => {
             let write = |name: &str, text: String| {
                 let path = out.join(name);
-                std::fs::write(&path, text).map_err(|source| RunError::Output {
-                    path: path.clone(),
-                    source,
-                })?;
+                output::write(&path, text)?;
                 say!("{}", path.display());
-                Ok::<_, RunError>(())
+                Ok::<_, CliError>(())
             };
-            std::fs::create_dir_all(&out).map_err(|source| RunError::Output {
-                path: out.clone(),
-                source,
-            })?;
+            output::create_dir(&out)?;
             write("scenarios.schema.json", scenario::json_schema())?;
             write("scenarios.md", scenario::docs_markdown())
         }
@@ -253,7 +273,7 @@ pub fn run_headless(
     loaded: &Loaded,
     options: &Options,
     progress: bool,
-) -> Result<Finished, RunError> {
+) -> Result<Finished, CliError> {
     let mut app = app::build(loaded, options)?;
     let bar = bar(loaded, progress);
     let started = Instant::now();
@@ -269,7 +289,13 @@ pub fn run_headless(
         }
     }
     bar.finish_and_clear();
-    summary::conclude(app.world_mut(), loaded, options, started.elapsed())
+    let elapsed = started.elapsed();
+    Ok(summary::conclude(
+        app.world_mut(),
+        loaded,
+        options,
+        elapsed,
+    )?)
 }
 
 /// Position of the bar counts milliseconds of simulated time.
@@ -325,7 +351,7 @@ fn models() -> String {
 }
 
 fn doctor() {
-    say!("boresight {}", app::VERSION);
+    say!("boresight {}", crate::VERSION);
     match app::adapter() {
         Ok(info) => say!(
             "adapter       {} ({:?}, {:?}, {})",

@@ -15,7 +15,6 @@ pub mod plugins;
 pub mod recording;
 pub mod report;
 pub mod scenario;
-pub mod summary;
 pub mod systems;
 pub mod tune;
 pub mod view;

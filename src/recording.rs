@@ -100,7 +100,7 @@ pub struct Meta<'a> {
 
 /// The three cameras in the order of their channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Camera {
+pub enum CameraTopic {
     /// Search.
     Stv,
     /// Coarse tracking.
@@ -109,7 +109,7 @@ pub enum Camera {
     Ptv,
 }
 
-impl Camera {
+impl CameraTopic {
     /// Every camera, in channel order.
     pub const ALL: [Self; 3] = [Self::Stv, Self::Ctv, Self::Ptv];
 
@@ -141,7 +141,7 @@ pub type Rgba = [f64; 4];
 
 /// One shape of a scene entity, in the entity's frame.
 #[derive(Clone, Debug)]
-pub enum Shape<'a> {
+pub enum SceneShape<'a> {
     /// A cuboid.
     Cube {
         /// Centre \[m\].
@@ -183,7 +183,7 @@ pub struct SceneEntity<'a> {
     /// How long it is shown \[tick\]; 0 is for ever.
     pub lifetime_ticks: u32,
     /// What it is made of.
-    pub shapes: &'a [Shape<'a>],
+    pub shapes: &'a [SceneShape<'a>],
 }
 
 /// One labelled box on an image.
@@ -231,7 +231,7 @@ const SCENE: usize = 1;
 const LOCATION: usize = 2;
 const LOG: usize = 3;
 const CAMERAS: usize = 4;
-const OWN: usize = CAMERAS + 3 * Camera::ALL.len();
+const OWN: usize = CAMERAS + 3 * CameraTopic::ALL.len();
 const IMAGE: usize = 0;
 const ANNOTATIONS: usize = 1;
 const CALIBRATION: usize = 2;
@@ -244,7 +244,7 @@ fn channels() -> Vec<(String, Option<Schema>)> {
         ("/site/location".to_owned(), LocationFix::get_schema()),
         ("/log".to_owned(), fg::Log::get_schema()),
     ];
-    for camera in Camera::ALL.map(Camera::name) {
+    for camera in CameraTopic::ALL.map(CameraTopic::name) {
         channels.extend([
             (format!("/{camera}/image"), CompressedImage::get_schema()),
             (
@@ -270,23 +270,6 @@ fn channels() -> Vec<(String, Option<Schema>)> {
 pub fn log_time_ns(tick: u64, tick_hz: NonZeroU32) -> u64 {
     let ns = u128::from(tick) * 1_000_000_000 / u128::from(tick_hz.get());
     u64::try_from(ns).unwrap_or(u64::MAX)
-}
-
-/// Encodes an 8-bit RGB image as JPEG of the given quality, 1 to 100; below 90 the chroma is halved.
-pub fn encode_jpeg(
-    rgb8: &[u8],
-    width: u16,
-    height: u16,
-    quality: u8,
-) -> Result<Vec<u8>, jpeg_encoder::EncodingError> {
-    let mut jpeg = Vec::with_capacity(rgb8.len() / 8);
-    jpeg_encoder::Encoder::new(&mut jpeg, quality).encode(
-        rgb8,
-        width,
-        height,
-        jpeg_encoder::ColorType::Rgb,
-    )?;
-    Ok(jpeg)
 }
 
 /// One encoded message of the current tick.
@@ -454,7 +437,7 @@ impl Recorder {
     pub fn compressed_image(
         &mut self,
         tick: u64,
-        camera: Camera,
+        camera: CameraTopic,
         jpeg: Vec<u8>,
     ) -> Result<(), RecordingError> {
         let message = CompressedImage {
@@ -471,7 +454,7 @@ impl Recorder {
         &mut self,
         tick: u64,
         exposure_tick: u64,
-        camera: Camera,
+        camera: CameraTopic,
         boxes: &[BoxAnnotation],
         reticle_px: [f64; 2],
     ) -> Result<(), RecordingError> {
@@ -526,7 +509,7 @@ impl Recorder {
     pub fn camera_calibration(
         &mut self,
         tick: u64,
-        camera: Camera,
+        camera: CameraTopic,
         width_px: u32,
         height_px: u32,
         k_px: [f64; 9],
@@ -688,7 +671,7 @@ impl Drop for Recorder {
     }
 }
 
-impl Shape<'_> {
+impl SceneShape<'_> {
     fn add_to(&self, entity: &mut fg::SceneEntity) {
         const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
         match *self {

@@ -1,6 +1,5 @@
 //! `boresight tune`: the loops of a scenario's mount measured, and the gains that follow.
 
-use crate::app::{self, RunError};
 use crate::components::capture::Tier;
 use crate::components::control::Controller;
 use crate::components::run::SimClock;
@@ -9,21 +8,38 @@ use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuned::MirrorRemainder;
 use crate::models::control::tuning::{
-    CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, derive, measure_mirror,
-    measure_paper_loop, measure_pointing_loop, measure_position_loop, measure_rate_loop,
+    CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, TuningError, derive,
+    measure_mirror, measure_paper_loop, measure_pointing_loop, measure_position_loop,
+    measure_rate_loop,
 };
 use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
-use crate::models::optics::camera::Pinhole;
+use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::tracking::estimation::LosFilterParams;
+use crate::output::{self, OutputError};
 use crate::plugins::control::controller;
 use crate::plugins::mount::{gimbal_params, mirror_params};
 use crate::plugins::track::tracker_params;
-use crate::report::{Across, Chart, Escaped, STYLE, Scale, Series};
-use crate::scenario::{ControllerPreset, Exposure, Loaded};
+use crate::report::chart::{Across, Chart, Scale, Series};
+use crate::report::page::{Head, note, page};
+use crate::scenario::{ControllerPreset, Exposure, InputError, Loaded, Scenario};
 use glam::DVec3;
+use maud::{Markup, html};
 use serde::Serialize;
-use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
+
+/// Why a mount cannot be tuned.
+#[derive(Debug, thiserror::Error)]
+pub enum TuneError {
+    /// The scenario's mount, cameras or controller.
+    #[error(transparent)]
+    Scenario(#[from] InputError),
+    /// The figures cannot be encoded.
+    #[error("cannot encode tune.json: {0}")]
+    Json(#[from] serde_json::Error),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
 
 /// An axis, as the command line names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
@@ -123,14 +139,8 @@ fn gains(law: &PointingLaw) -> [(&'static str, f64); 4] {
 
 impl Tuning {
     /// Measures the loops of a scenario's mount along one axis.
-    pub fn measure(loaded: &Loaded, axis_name: AxisName) -> Result<Self, RunError> {
+    pub fn measure(loaded: &Loaded, axis_name: AxisName) -> Result<Self, TuneError> {
         let scenario = &loaded.scenario;
-        let file = loaded.path.display().to_string();
-        let value = |what, why: String| RunError::Value {
-            file: file.clone(),
-            what,
-            why,
-        };
         let clock = SimClock {
             tick: 0,
             tick_hz: scenario.tick_hz,
@@ -140,34 +150,13 @@ impl Tuning {
             mirror: mirror_params(&scenario.station.mount),
             dt_s: clock.dt_s(),
         };
-        plant
-            .gimbal
-            .validate()
-            .map_err(|error| value("station.mount", error.to_string()))?;
-        let cameras = scenario.station.cameras.resolved();
-        let sigma_px = tracker_params(scenario, DVec3::ZERO).centre_sigma_px;
-        let timing = |tier: Tier| {
-            let camera = &cameras[tier as usize];
-            let hfov_rad = camera.hfov_deg.to_radians();
-            let pinhole = Pinhole::from_hfov(camera.width_px, camera.height_px, hfov_rad)
-                .map_err(|error| value("station.cameras", error.to_string()))?;
-            let exposure_s = match camera.exposure_s {
-                Exposure::Seconds(exposure_s) => exposure_s,
-                Exposure::Auto(_) => AUTO_EXPOSURE_S,
-            };
-            let latency_s =
-                0.5 * exposure_s + camera.readout_latency_s + camera.inference_latency_s;
-            Ok::<_, RunError>(CameraTiming {
-                period_ticks: u64::from(scenario.tick_hz / camera.rate_hz),
-                latency_ticks: clock.ticks_of(latency_s),
-                sigma_rad: sigma_px * pinhole.ifov_rad(),
-            })
+        let refuse_mount = |error: String| loaded.refuse("station.mount", error);
+        (plant.gimbal.validate()).map_err(|error| refuse_mount(error.to_string()))?;
+        let timing = |tier| {
+            timing(scenario, &clock, tier).map_err(|error| loaded.refuse("station.cameras", error))
         };
         let precise = timing(Tier::Precise)?;
-
-        let refused = |error: crate::models::control::tuning::TuningError| {
-            value("station.mount", error.to_string())
-        };
+        let refused = |error: TuningError| refuse_mount(error.to_string());
         let axis = axis_name.into();
         let derived = derive(&plant).map_err(refused)?;
         let filter = LosFilterParams::default();
@@ -178,7 +167,7 @@ impl Tuning {
             &LqgWeights::default(),
             plant.dt_s,
         )
-        .map_err(|error| value("station.mount", error.to_string()))?;
+        .map_err(|error| refuse_mount(error.to_string()))?;
         let mut loops = vec![
             measure_rate_loop(&plant, axis),
             measure_position_loop(&plant, axis, derived.law.gimbal_gain_per_s),
@@ -261,21 +250,12 @@ impl Tuning {
     }
 
     /// Writes tune.json and tune.html to a folder; returns the page's path.
-    pub fn write(&self, out: &Path) -> Result<PathBuf, RunError> {
-        let failed = |path: &Path| {
-            let path = path.to_owned();
-            move |source| RunError::Output { path, source }
-        };
-        std::fs::create_dir_all(out).map_err(failed(out))?;
-        let json = out.join("tune.json");
-        std::fs::write(&json, self.json()?).map_err(failed(&json))?;
-        let page = out.join("tune.html");
-        let mut html = String::new();
-        self.html(&mut html)
-            .map_err(std::io::Error::other)
-            .and_then(|()| std::fs::write(&page, html))
-            .map_err(failed(&page))?;
-        Ok(page)
+    pub fn write(&self, out: &Path) -> Result<PathBuf, TuneError> {
+        output::create_dir(out)?;
+        output::write(&out.join("tune.json"), self.json()?)?;
+        let path = out.join("tune.html");
+        output::write(&path, self.page())?;
+        Ok(path)
     }
 
     fn json(&self) -> Result<String, serde_json::Error> {
@@ -296,7 +276,7 @@ impl Tuning {
         });
         let mut text = serde_json::to_string_pretty(&TuneJson {
             scenario: &self.scenario,
-            version: app::VERSION,
+            version: crate::VERSION,
             axis: self.axis,
             preset: self.preset,
             latency_s: self.latency_s,
@@ -309,60 +289,107 @@ impl Tuning {
         Ok(text)
     }
 
-    fn html(&self, out: &mut String) -> fmt::Result {
+    fn page(&self) -> String {
         let title = format!("Loops of {}", self.scenario);
         let axis = match self.axis {
             AxisName::Azimuth => "azimuth",
             AxisName::Elevation => "elevation",
         };
-        writeln!(
-            out,
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
-             <title>{title}</title>\n<style>{STYLE}.name{{white-space:nowrap}}</style>\n</head>\n<body>\n<header>\n\
-             <h1>{title}</h1>\n<p class=\"meta\"><span>Axis <code>{axis}</code></span>\
-             <span>Latency <code>{:.1} ms</code></span><span>Version <code>{}</code></span></p>\n\
-             </header>\n<h2>Margins</h2>\n<div class=\"scroll\"><table>\n<tr><th>Loop</th>\
-             <th class=\"n\">amplitude</th><th class=\"n\">gain margin</th>\
-             <th class=\"n\">phase margin</th><th class=\"n\">−3 dB, closed</th>\
-             <th class=\"n\">peak sensitivity</th><th class=\"n\">rise</th>\
-             <th class=\"n\">overshoot</th><th class=\"n\">settling</th></tr>",
-            1e3 * self.latency_s,
-            app::VERSION,
-            title = Escaped(&title),
-        )?;
-        for [name, rest @ ..] in self.loops.iter().map(cells) {
-            write!(out, "<tr><td class=\"name\">{}</td>", Escaped(&name))?;
-            for cell in rest {
-                write!(out, "<td class=\"n\">{}</td>", Escaped(&cell))?;
-            }
-            out.push_str("</tr>\n");
-        }
-        out.push_str(
-            "</table></div>\n<p class=\"note\">Open loops follow from the closed ones, \
-             L = T/(1 − T). Rate and position loop are swept while the axis turns steadily, so that \
-             friction does not reverse; the pointing loops at rest.</p>\n<h2>Gains</h2>\n\
-             <div class=\"scroll\"><table>\n<tr><th>Gain</th><th class=\"n\">in use</th>\
-             <th class=\"n\">derived</th></tr>\n",
-        );
-        for (name, in_use, derived) in self.gain_rows() {
-            writeln!(
-                out,
-                "<tr><td>{name}</td><td class=\"n\">{in_use}</td>\
-                 <td class=\"n\">{derived}</td></tr>"
-            )?;
-        }
-        writeln!(
-            out,
-            "</table></div>\n<p class=\"note\">The gimbal's gain is limited by: {}.</p>",
-            self.derived.limit
-        )?;
-        for measured in &self.loops {
-            loop_charts(out, measured)?;
-        }
-        out.push_str("</body>\n</html>\n");
-        Ok(())
+        let latency = format!("{:.1} ms", 1e3 * self.latency_s);
+        let head = Head {
+            title: &title,
+            heading: &title,
+            facts: &[
+                ("Axis", axis),
+                ("Latency", &latency),
+                ("Version", crate::VERSION),
+            ],
+            style: ".name{white-space:nowrap}",
+        };
+        let body = html! {
+            h2 { "Margins" }
+            (self.margin_table())
+            (note(
+                "Open loops follow from the closed ones, L = T/(1 − T). Rate and position loop are swept \
+                 while the axis turns steadily, so that friction does not reverse; the pointing loops at \
+                 rest.",
+            ))
+            h2 { "Gains" }
+            (self.gain_table())
+            p .note { "The gimbal's gain is limited by: " (self.derived.limit) "." }
+            @for measured in &self.loops { (loop_charts(measured)) }
+        };
+        page(&head, &body)
     }
+
+    fn margin_table(&self) -> Markup {
+        const HEAD: [&str; 8] = [
+            "amplitude",
+            "gain margin",
+            "phase margin",
+            "−3 dB, closed",
+            "peak sensitivity",
+            "rise",
+            "overshoot",
+            "settling",
+        ];
+        html! {
+            div .scroll {
+                table {
+                    tr {
+                        th { "Loop" }
+                        @for label in HEAD { th .n { (label) } }
+                    }
+                    @for [name, rest @ ..] in self.loops.iter().map(cells) {
+                        tr {
+                            td .name { (name) }
+                            @for cell in rest { td .n { (cell) } }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn gain_table(&self) -> Markup {
+        html! {
+            div .scroll {
+                table {
+                    tr {
+                        th { "Gain" }
+                        th .n { "in use" }
+                        th .n { "derived" }
+                    }
+                    @for (name, in_use, derived) in self.gain_rows() {
+                        tr {
+                            td { (name) }
+                            td .n { (in_use) }
+                            td .n { (derived) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The timing of a camera and the noise of its detections, for the loops.
+fn timing(scenario: &Scenario, clock: &SimClock, tier: Tier) -> Result<CameraTiming, CameraError> {
+    let cameras = scenario.station.cameras.resolved();
+    let camera = &cameras[tier as usize];
+    let hfov_rad = camera.hfov_deg.to_radians();
+    let pinhole = Pinhole::from_hfov(camera.width_px, camera.height_px, hfov_rad)?;
+    let exposure_s = match camera.exposure_s {
+        Exposure::Seconds(exposure_s) => exposure_s,
+        Exposure::Auto(_) => AUTO_EXPOSURE_S,
+    };
+    let latency_s = 0.5 * exposure_s + camera.readout_latency_s + camera.inference_latency_s;
+    let sigma_px = tracker_params(scenario, DVec3::ZERO).centre_sigma_px;
+    Ok(CameraTiming {
+        period_ticks: u64::from(scenario.tick_hz / camera.rate_hz),
+        latency_ticks: clock.ticks_of(latency_s),
+        sigma_rad: sigma_px * pinhole.ifov_rad(),
+    })
 }
 
 /// A loop's row: name, amplitude, gain and phase margin, bandwidth, peak sensitivity, rise,
@@ -392,61 +419,56 @@ fn cells(measured: &LoopMeasurement) -> [String; 9] {
 }
 
 /// Magnitude, phase and step of one loop.
-fn loop_charts(out: &mut String, measured: &LoopMeasurement) -> fmt::Result {
-    writeln!(
-        out,
-        "<h2>{}</h2>\n<div class=\"charts\">",
-        Escaped(&measured.name)
-    )?;
+fn loop_charts(measured: &LoopMeasurement) -> Markup {
+    html! {
+        h2 { (measured.name) }
+        div .charts {
+            (bode(measured))
+            (step_chart(measured))
+        }
+    }
+}
+
+fn bode(measured: &LoopMeasurement) -> Markup {
     let over = |values: Vec<f64>| -> Series {
         let at = measured.open.iter().map(|r| r.frequency_hz);
         at.zip(values).collect()
     };
-    let (open_db, closed_db) = (
-        over(decibels(&measured.open)),
-        over(decibels(&measured.closed)),
-    );
-    let (open_deg, closed_deg) = (
-        over(degrees(&measured.open)),
-        over(degrees(&measured.closed)),
-    );
-    if let (Some(first), Some(last)) = (open_db.first(), open_db.last()) {
-        let across = Across::frequency(first.0, last.0);
-        let bode = [
-            ("Magnitude", "dB", &open_db, &closed_db, ("unit gain", 0.0)),
-            (
-                "Phase",
-                "°",
-                &open_deg,
-                &closed_deg,
-                ("half a turn", -180.0),
-            ),
-        ];
-        for (title, unit, open, closed, limit) in bode {
-            Chart {
-                title,
-                unit,
-                scale: Scale::Linear,
-                series: &[("open loop", open), ("closed loop", closed)],
-                limit: Some(limit),
-            }
-            .html(out, &across)?;
-        }
+    let [open_db, closed_db] = [&measured.open, &measured.closed].map(|r| over(decibels(r)));
+    let [open_deg, closed_deg] = [&measured.open, &measured.closed].map(|r| over(degrees(r)));
+    let (Some(first), Some(last)) = (open_db.first(), open_db.last()) else {
+        return html! {};
+    };
+    let across = Across::frequency(first.0, last.0);
+    let chart = |title, unit, open, closed, limit| {
+        let chart = Chart {
+            title,
+            unit,
+            scale: Scale::Linear,
+            series: &[("open loop", open), ("closed loop", closed)],
+            limit: Some(limit),
+        };
+        chart.figure(&across)
+    };
+    html! {
+        (chart("Magnitude", "dB", &open_db, &closed_db, ("unit gain", 0.0)))
+        (chart("Phase", "°", &open_deg, &closed_deg, ("half a turn", -180.0)))
     }
+}
+
+fn step_chart(measured: &LoopMeasurement) -> Markup {
     let step: Series = (measured.step.iter().enumerate())
         .map(|(k, y)| ((k + 1) as f64 * measured.dt_s, *y))
         .collect();
     let end_s = step.last().map_or(0.0, |last| last.0);
-    Chart {
+    let chart = Chart {
         title: "Step response",
         unit: "share",
         scale: Scale::Linear,
         series: &[("", &step)],
         limit: Some(("step", 1.0)),
-    }
-    .html(out, &Across::time("time [s]", end_s))?;
-    out.push_str("</div>\n");
-    Ok(())
+    };
+    chart.figure(&Across::from_zero("time [s]", end_s))
 }
 
 #[cfg(test)]

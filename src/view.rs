@@ -6,8 +6,9 @@ use crate::components::track::{Designation, Operator};
 use crate::components::view::{Pacing, ScreenshotRequest, Session};
 use crate::output::{self, OutputError};
 use crate::plugins::view::ViewPlugin;
+use crate::report::ReportError;
+use crate::report::summary::{self, Finished};
 use crate::scenario::{self, Loaded};
-use crate::summary::{self, Finished};
 use bevy::prelude::*;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -17,9 +18,12 @@ use std::time::Instant;
 /// Why a window cannot be shown, or its session not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// The run itself, or what it leaves.
+    /// The run itself.
     #[error(transparent)]
     Run(#[from] RunError),
+    /// What it leaves.
+    #[error(transparent)]
+    Report(#[from] ReportError),
     /// No display to open a window on.
     #[error("no display: DISPLAY is not set; start it under a desktop, or with xvfb-run")]
     NoDisplay,

@@ -6,7 +6,6 @@ use super::recipe::Recipe;
 use super::shares::Split;
 use super::statistics::Statistics;
 use super::{DatasetError, FORMAT, record_path, write};
-use crate::app;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -42,7 +41,7 @@ pub fn merge(
     statistics(recipe, &records.values().collect::<Vec<_>>(), out)?;
     let about = serde_json::json!({
         "format": FORMAT,
-        "program": app::VERSION,
+        "program": crate::VERSION,
         "recipe_digest": digest,
         "seed": recipe.seed,
         "scenes": recipe.scenes,

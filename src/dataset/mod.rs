@@ -21,7 +21,8 @@ mod statistics;
 
 pub use recipe::Recipe;
 
-use crate::app::{self, RunError};
+use crate::app::RunError;
+use crate::media::image::ImageError;
 use crate::models::air::wind::WindError;
 use crate::models::flight::uav::{UavClass, UavKind, model};
 use crate::models::ground::city::CityError;
@@ -139,8 +140,8 @@ pub enum DatasetError {
         source: image::ImageError,
     },
     /// A picture of the page cannot be encoded.
-    #[error("a picture of the page cannot be encoded: {0}")]
-    Preview(#[from] jpeg_encoder::EncodingError),
+    #[error("the page: {0}")]
+    Preview(#[from] ImageError),
     /// Records and statistics that cannot be encoded.
     #[error("cannot encode a file of the set: {0}")]
     Json(#[from] serde_json::Error),
@@ -246,7 +247,7 @@ fn bar(scenes: u64) -> ProgressBar {
 /// Tells a recipe and program version from others: a folder can be continued under the same one.
 fn digest(recipe: &Recipe) -> Result<String, DatasetError> {
     let json = serde_json::to_string(recipe)?;
-    let text = format!("{FORMAT} {} {json}", app::VERSION);
+    let text = format!("{FORMAT} {} {json}", crate::VERSION);
     Ok(format!(
         "{:032x}",
         xxhash_rust::xxh3::xxh3_128(text.as_bytes())

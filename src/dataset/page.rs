@@ -3,9 +3,8 @@
 use super::DatasetError;
 use super::coco::{Picture, SceneRecord};
 use super::statistics::{SIZES, Statistics, columns, long_px, named};
-use crate::app;
-use crate::recording::encode_jpeg;
-use crate::report::{Escaped, STYLE};
+use crate::media::image::encode_jpeg;
+use crate::report::page::{Escaped, STYLE};
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use image::imageops;
 use std::collections::BTreeMap;
@@ -42,7 +41,7 @@ fn html(out: &mut String, records: &[&SceneRecord], sheet: &str, description: &s
          <header>\n<h1>A set of annotated pictures</h1>\n<p class=\"meta\"><span>{}</span>\
          <span>Version <code>{}</code></span></p>\n</header>\n<dl class=\"tiles\">",
         Escaped(description),
-        app::VERSION
+        crate::VERSION
     )?;
     let [low, _, median, _, high] = all.long_side_px;
     for (name, value) in [

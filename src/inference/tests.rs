@@ -1,4 +1,8 @@
 use super::*;
+use crate::models::optics::camera::PixelRect;
+use crate::models::optics::detection::Detection;
+use std::path::Path;
+use std::sync::Arc;
 
 fn test_model(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/models");

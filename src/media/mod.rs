@@ -1,3 +1,4 @@
 //! Pictures and clips, in and out.
 
+pub mod image;
 pub mod video;

@@ -9,7 +9,7 @@ use crate::models::ground::city::City;
 use crate::models::mount::gimbal::GimbalParams;
 use crate::models::tracking::search::{SETTLE_S, SlewLimits, coverage_time_s};
 use crate::plugins::run::fallible;
-use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, Shape};
+use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, SceneShape};
 use crate::scenario::{Images, Loaded};
 use crate::systems::record as systems;
 use bevy::platform::cell::SyncCell;
@@ -109,7 +109,7 @@ fn recorder(
 
 /// Records the buildings as boxes.
 fn record_city(recorder: &mut Recorder, city: &City) -> Result<(), RecordingError> {
-    let boxes: Vec<Shape> = city
+    let boxes: Vec<SceneShape> = city
         .buildings
         .iter()
         .map(|building| {
@@ -119,7 +119,7 @@ fn record_city(recorder: &mut Recorder, city: &City) -> Result<(), RecordingErro
             let centre = 0.5 * (low + high);
             let base_m = city.dsm.terrain_m(centre.x, centre.y);
             let height_m = building.height_m();
-            Shape::Cube {
+            SceneShape::Cube {
                 centre_m: [centre.x, centre.y, base_m + 0.5 * height_m],
                 rotation: [0.0, 0.0, 0.0, 1.0],
                 size_m: [high.x - low.x, high.y - low.y, height_m],

@@ -5,6 +5,7 @@ use mcap::{MessageStream, Summary, read::Options};
 use prost::Message as _;
 
 use super::*;
+use crate::media::image::encode_jpeg;
 
 const HZ: NonZeroU32 = NonZeroU32::new(960).unwrap(); // [Hz]
 const EPOCH_NS: u64 = 1_750_000_000_000_000_000; // [ns]
@@ -23,7 +24,7 @@ fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
     let rgb8: Vec<u8> = (0..64 * 48 * 3).map(|i| (i * 7 % 251) as u8).collect();
     let jpeg = encode_jpeg(&rgb8, 64, 48, 85).unwrap();
     recorder.location_fix(0, "enu", 48.137, 11.575, 519.0)?;
-    for camera in Camera::ALL {
+    for camera in CameraTopic::ALL {
         let k = [500.0, 0.0, 32.0, 0.0, 500.0, 24.0, 0.0, 0.0, 1.0];
         recorder.camera_calibration(0, camera, 64, 48, k)?;
     }
@@ -85,18 +86,18 @@ fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
                     frame: "enu",
                     lifetime_ticks: 1,
                     shapes: &[
-                        Shape::Cube {
+                        SceneShape::Cube {
                             centre_m: [0.0, 900.0, 20.0],
                             rotation: [0.0, 0.0, 0.0, 1.0],
                             size_m: [20.0, 20.0, 40.0],
                             colour: [0.5, 0.5, 0.5, 1.0],
                         },
-                        Shape::Sphere {
+                        SceneShape::Sphere {
                             centre_m: [8.0 * t_s, 900.0, 60.0],
                             diameter_m: 0.35,
                             colour: [0.9, 0.6, 0.0, 1.0],
                         },
-                        Shape::Line {
+                        SceneShape::Line {
                             points_m: &[[0.0, 0.0, 12.0], [8.0 * t_s, 900.0, 60.0]],
                             width_m: 0.05,
                             colour: [0.8, 0.2, 0.0, 1.0],
@@ -104,7 +105,7 @@ fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
                     ],
                 }],
             )?;
-            for camera in Camera::ALL {
+            for camera in CameraTopic::ALL {
                 recorder.compressed_image(tick, camera, jpeg.clone())?;
                 let name = camera.name().to_owned();
                 recorder.image_annotations(

@@ -1,4 +1,10 @@
+use super::play::SHEET;
+use super::truth::{FrameTruth, parse_boxes};
 use super::*;
+use crate::eval::detector::metrics::{AnnotatedImage, Truth};
+use crate::media::image::encode_jpeg;
+use crate::models::optics::detection::Detection;
+use image::RgbImage;
 use proptest::prelude::*;
 
 const GOOD: &str = r#"[{"file": "a.mp4", "frames": 3, "boxes_xywh":
@@ -126,7 +132,7 @@ fn pictures_find_their_own_boxes_whatever_other_folders_call_theirs() {
     let found = truth.of(&path, 0, &frame).expect("boxes");
     assert_eq!(found.uavs[0].box_px, [3.0, 4.0, 8.0, 10.0]);
     // Of another size than the annotations say.
-    frame.size_px = [41, 30];
+    frame.picture = RgbImage::new(41, 30);
     let error = truth.of(&path, 0, &frame).expect_err("refused").to_string();
     assert!(error.contains("41 × 30"), "{error}");
 }
@@ -142,7 +148,7 @@ fn hits_and_false_alarms_are_counted_by_the_centre() {
     let found =
         |x: f64, y: f64, score: f64| Detection::new([x - 2.0, y - 2.0, x + 2.0, y + 2.0], score, 0);
     let images = [
-        Image {
+        AnnotatedImage {
             truth: vec![
                 truth([0.0, 0.0, 10.0, 10.0]),
                 truth([50.0, 50.0, 60.0, 60.0]),
@@ -154,7 +160,7 @@ fn hits_and_false_alarms_are_counted_by_the_centre() {
                 found(30.0, 5.0, 0.7),
             ],
         },
-        Image {
+        AnnotatedImage {
             truth: Vec::new(),
             found: vec![found(1.0, 1.0, 0.6)],
         },
@@ -164,7 +170,7 @@ fn hits_and_false_alarms_are_counted_by_the_centre() {
         frames: 2,
         ..Tally::default()
     };
-    let series = judge(&mut tally, &images, &vec![(0.0, 0.0), (0.1, 0.0)]);
+    let series = tally.judge(&images, &vec![(0.0, 0.0), (0.1, 0.0)]);
     let figures = tally.figures();
     assert_eq!(figures.recall, Some(0.5));
     assert_eq!(
@@ -232,7 +238,7 @@ fn a_moving_blob_is_found_and_followed() {
         rate_hz: 30.0,
         threads: NonZeroUsize::new(1),
     };
-    let evaluation = clip(&arguments).unwrap();
+    let evaluation = evaluate(&arguments).unwrap();
     let figures = &evaluation.figures;
     assert_eq!(figures.frames, 60);
     assert!(figures.recall > Some(0.95), "{figures:?}");
@@ -266,7 +272,7 @@ fn a_moving_blob_is_found_and_followed() {
             [{"file": name, "frames": frames, "boxes_xywh": &boxes[..frames]}]
         );
         std::fs::write(root.path().join("boxes.json"), list.to_string()).unwrap();
-        let message = clip(&arguments).unwrap_err().to_string();
+        let message = evaluate(&arguments).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
 }

@@ -29,7 +29,7 @@ impl Truth {
 
 /// An image with its boxes and detections, both in its own pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Image {
+pub struct AnnotatedImage {
     /// Boxes.
     pub truth: Vec<Truth>,
     /// Detections, in any order.
@@ -152,7 +152,7 @@ pub struct Matching {
 /// before an ignored one (`COCOeval.evaluateImg`).
 fn match_image(
     index: usize,
-    image: &Image,
+    image: &AnnotatedImage,
     criterion: Criterion,
     band: Band,
     out: &mut Vec<Mark>,
@@ -206,7 +206,7 @@ fn match_image(
 impl Matching {
     /// Matches the detections of each image with the boxes whose area is in `band`; other boxes
     /// are ignored, and so are detections of other sizes that hit nothing.
-    pub fn of(images: &[Image], criterion: Criterion, band: Band) -> Self {
+    pub fn of(images: &[AnnotatedImage], criterion: Criterion, band: Band) -> Self {
         let mut marks = Vec::new();
         let boxes = (images.iter().enumerate())
             .map(|(i, image)| match_image(i, image, criterion, band, &mut marks))
@@ -293,7 +293,10 @@ impl Matching {
     }
 
     /// Distance between the centres of each hit and its box [px], eq. 12's summands.
-    pub fn miss_distances_px<'a>(&'a self, images: &'a [Image]) -> impl Iterator<Item = f64> + 'a {
+    pub fn miss_distances_px<'a>(
+        &'a self,
+        images: &'a [AnnotatedImage],
+    ) -> impl Iterator<Item = f64> + 'a {
         self.marks
             .iter()
             .filter(|mark| !mark.ignored)
@@ -308,7 +311,7 @@ impl Matching {
 }
 
 /// Mean of the average precision over COCO's ten thresholds; `None` without boxes.
-pub fn mean_average_precision(images: &[Image], band: Band) -> Option<f64> {
+pub fn mean_average_precision(images: &[AnnotatedImage], band: Band) -> Option<f64> {
     let sum: Option<f64> = iou_thresholds()
         .map(|iou| Matching::of(images, Criterion::Iou(iou), band).average_precision())
         .sum();
@@ -339,11 +342,11 @@ mod tests {
     }
 
     /// The random set of `tests/score_coco.py`, with what pycocotools says of it.
-    fn reference() -> (Vec<Image>, Value) {
+    fn reference() -> (Vec<AnnotatedImage>, Value) {
         let text = include_str!("../../../tests/data/detections.json");
         let mut set: Value = serde_json::from_str(text).expect("JSON");
         let count = set["images"].as_u64().expect("a number") as usize;
-        let mut images = vec![Image::default(); count];
+        let mut images = vec![AnnotatedImage::default(); count];
         let corners = |value: &Value| {
             let b = numbers(value);
             [b[0], b[1], b[0] + b[2], b[1] + b[3]]
@@ -400,7 +403,7 @@ mod tests {
     #[test]
     fn ignored_boxes_matter() {
         let (mut images, _) = reference();
-        let ap = |images: &[Image]| mean_average_precision(images, ALL).expect("boxes");
+        let ap = |images: &[AnnotatedImage]| mean_average_precision(images, ALL).expect("boxes");
         let with = ap(&images);
         for image in &mut images {
             image.truth.retain(|truth| !truth.ignored);
@@ -414,7 +417,7 @@ mod tests {
         // alarm at 0.6 together, hit 0.5.
         let target = [10.0, 10.0, 20.0, 20.0];
         let far = [50.0, 50.0, 60.0, 60.0];
-        let mut images = vec![Image::default(); 10];
+        let mut images = vec![AnnotatedImage::default(); 10];
         for (i, score) in [0.9, 0.7, 0.6, 0.5].into_iter().enumerate() {
             images[i].truth.push(truth(target));
             images[i].found.push(detection(target, score));
@@ -439,7 +442,7 @@ mod tests {
         let target = [10.0, 10.0, 30.0, 30.0];
         let images = [
             // 3 px and 4 px off: 5 px; beside it a false alarm and an ignored detection.
-            Image {
+            AnnotatedImage {
                 truth: vec![
                     truth(target),
                     Truth {
@@ -454,7 +457,7 @@ mod tests {
                     detection([75.0, 75.0, 85.0, 85.0], 0.6),
                 ],
             },
-            Image {
+            AnnotatedImage {
                 truth: vec![truth(target)],
                 found: vec![detection([11.0, 10.0, 31.0, 30.0], 0.5)],
             },
@@ -474,7 +477,7 @@ mod tests {
 
     #[test]
     fn no_boxes_have_no_average_precision() {
-        let images = [Image {
+        let images = [AnnotatedImage {
             truth: Vec::new(),
             found: vec![detection([0.0, 0.0, 5.0, 5.0], 0.9)],
         }];

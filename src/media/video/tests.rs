@@ -1,23 +1,27 @@
+use super::boxes::{Broken, samples};
+use super::colour::{rgb_of, yuv_of};
+use super::read::numbered;
+use super::write::{HEAD, boxed};
 use super::*;
+use image::{ImageFormat, Rgb, RgbImage};
 use proptest::prelude::*;
+use std::path::Path;
 use std::sync::LazyLock;
 
 const SIZE: [u32; 2] = [66, 50];
 const COUNT: usize = 9;
 
 /// A bright disc that moves over a grey slope.
-fn picture(index: usize) -> Vec<u8> {
+fn picture(index: usize) -> RgbImage {
     let centre = (12.0 + 4.0 * index as f64, 20.0 + index as f64);
-    (0..SIZE[1])
-        .flat_map(|j| (0..SIZE[0]).map(move |i| (f64::from(i), f64::from(j))))
-        .flat_map(|(x, y)| {
-            if (x - centre.0).hypot(y - centre.1) < 6.0 {
-                [230, 180, 90]
-            } else {
-                [60 + x as u8, 70 + x as u8, 90 + y as u8]
-            }
-        })
-        .collect()
+    RgbImage::from_fn(SIZE[0], SIZE[1], |i, j| {
+        let (x, y) = (f64::from(i), f64::from(j));
+        if (x - centre.0).hypot(y - centre.1) < 6.0 {
+            Rgb([230, 180, 90])
+        } else {
+            Rgb([60 + i as u8, 70 + i as u8, 90 + j as u8])
+        }
+    })
 }
 
 /// A file with its index behind the frames.
@@ -26,7 +30,7 @@ static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let path = folder.path().join("a.mp4");
     let mut writer = Writer::create(&path, SIZE, 25.0).unwrap();
     for i in 0..COUNT {
-        writer.push(&picture(i), SIZE).unwrap();
+        writer.push(&picture(i)).unwrap();
     }
     writer.finish(25.0).unwrap();
     std::fs::read(path).unwrap()
@@ -54,7 +58,7 @@ fn replaced(from: &[u8], to: &[u8]) -> Vec<u8> {
     bytes
 }
 
-fn read(path: &Path) -> Result<Vec<Frame>, VideoError> {
+fn read(path: &Path) -> Result<Vec<ClipFrame>, VideoError> {
     let mut clip = Clip::open(path, 30.0)?;
     let mut frames = Vec::new();
     while let Some(frame) = clip.next_frame()? {
@@ -64,7 +68,7 @@ fn read(path: &Path) -> Result<Vec<Frame>, VideoError> {
     Ok(frames)
 }
 
-fn read_bytes(bytes: &[u8]) -> Result<Vec<Frame>, VideoError> {
+fn read_bytes(bytes: &[u8]) -> Result<Vec<ClipFrame>, VideoError> {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), bytes).unwrap();
     read(file.path())
@@ -76,7 +80,7 @@ fn what_is_written_is_read_again() {
         let frames = read_bytes(&bytes).unwrap();
         assert_eq!(frames.len(), COUNT);
         for (i, frame) in frames.iter().enumerate() {
-            assert_eq!(frame.size_px, SIZE);
+            assert_eq!(frame.size_px(), SIZE);
             assert!((frame.t_s - i as f64 / 25.0).abs() < 1e-6, "{}", frame.t_s);
             // Brightness: chroma is halved, which costs the disc's edge its colour.
             let luma = |rgb8: &[u8]| -> Vec<f64> {
@@ -86,9 +90,11 @@ fn what_is_written_is_read_again() {
                     })
                     .collect()
             };
-            let squares: f64 = (luma(&frame.rgb8).iter().zip(luma(&picture(i))))
-                .map(|(a, b)| (a - b).powi(2))
-                .sum();
+            let squares: f64 = (luma(frame.picture.as_raw())
+                .iter()
+                .zip(luma(picture(i).as_raw())))
+            .map(|(a, b)| (a - b).powi(2))
+            .sum();
             let area = f64::from(SIZE[0] * SIZE[1]);
             let psnr_db = 10.0 * (255.0 * 255.0 * area / squares).log10();
             assert!(psnr_db > 36.0, "frame {i}: {psnr_db:.1} dB");
@@ -108,12 +114,12 @@ fn colours_are_those_of_the_standard() {
         [16, 128, 128],
     ];
     for (rgb, ycc) in rgb.into_iter().zip(ycc) {
-        let frame = yuv_of(&rgb.repeat(4), [2, 2]);
+        let frame = yuv_of(&RgbImage::from_pixel(2, 2, Rgb(rgb)));
         for (found, expected) in [frame.y[0], frame.u[0], frame.v[0]].iter().zip(ycc) {
             assert!(found.abs_diff(expected) <= 1, "{rgb:?}: {found} {expected}");
         }
-        let back = rgb8_of(&frame);
-        for (found, expected) in back.iter().zip(rgb.iter().cycle()) {
+        let back = rgb_of(&frame);
+        for (found, expected) in back.as_raw().iter().zip(rgb.iter().cycle()) {
             assert!(found.abs_diff(*expected) <= 3, "{rgb:?}: {back:?}");
         }
     }
@@ -121,7 +127,7 @@ fn colours_are_those_of_the_standard() {
 
 #[test]
 fn an_odd_row_and_column_are_left_out() {
-    let frame = yuv_of(&[200; 3 * 5 * 3], [5, 3]);
+    let frame = yuv_of(&RgbImage::from_pixel(5, 3, Rgb([200; 3])));
     assert_eq!((frame.width, frame.height), (4, 2));
     assert!(frame.is_valid());
 }
@@ -190,12 +196,8 @@ fn what_is_no_clip_is_told() {
 }
 
 fn png(path: &Path, [width, height]: [u32; 2], grey: u8) {
-    let file = File::create(path).unwrap();
-    let mut encoder = png::Encoder::new(file, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    let mut writer = encoder.write_header().unwrap();
-    let data = vec![grey; (3 * width * height) as usize];
-    writer.write_image_data(&data).unwrap();
+    let picture = RgbImage::from_pixel(width, height, Rgb([grey; 3]));
+    picture.save_with_format(path, ImageFormat::Png).unwrap();
 }
 
 #[test]
@@ -213,7 +215,10 @@ fn folders_are_read_by_number() {
         png(&path.join(name), [8, 6], grey);
     }
     let frames = read(path).unwrap();
-    let greys: Vec<u8> = frames.iter().map(|frame| frame.rgb8[0]).collect();
+    let greys: Vec<u8> = frames
+        .iter()
+        .map(|frame| frame.picture.as_raw()[0])
+        .collect();
     assert_eq!(greys, [9, 10, 11]);
     assert!((frames[2].t_s - 2.0 / 30.0).abs() < 1e-12);
     png(&path.join("f_12.png"), [8, 7], 12);

@@ -9,18 +9,19 @@ use crate::components::mount::{Mount, MountCommand, Optics};
 use crate::components::record::{Recording, StateHash};
 use crate::components::run::{Failure, PartError, SimClock};
 use crate::components::track::Tracker;
+use crate::media::image::encode_jpeg;
 use crate::models::optics::camera::Pinhole;
 use crate::recording::{
-    BoxAnnotation, Camera, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, Shape,
-    encode_jpeg, proto,
+    BoxAnnotation, CameraTopic, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity,
+    SceneShape, proto,
 };
 use crate::systems::track::followed;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 
 /// The recording's camera of a tier.
-fn camera_of(tier: Tier) -> Camera {
-    Camera::ALL[tier as usize]
+fn camera_of(tier: Tier) -> CameraTopic {
+    CameraTopic::ALL[tier as usize]
 }
 
 fn xyz(v: DVec3) -> proto::Vec3 {
@@ -181,7 +182,7 @@ impl Recorded<'_, '_> {
             .uavs
             .iter()
             .map(|(uav, _, _, status, distractor)| {
-                [Shape::Cube {
+                [SceneShape::Cube {
                     centre_m: [0.0; 3],
                     rotation: [0.0, 0.0, 0.0, 1.0],
                     size_m: uav.size_m,
@@ -193,7 +194,7 @@ impl Recorded<'_, '_> {
                 }]
             })
             .collect();
-        let beam_line = [Shape::Line {
+        let beam_line = [SceneShape::Line {
             points_m: &line,
             width_m: 0.1,
             colour: [0.84, 0.37, 0.0, 0.8],

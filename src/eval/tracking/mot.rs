@@ -3,17 +3,15 @@
 //! The layout is the one `MotChallenge2DBox` of TrackEval reads with `SKIP_SPLIT_FOL`:
 //! `gt/SEQUENCE/gt/gt.txt`, `gt/SEQUENCE/seqinfo.ini`, `trackers/RULE/data/SEQUENCE.txt`.
 
-use super::job::{Look, Observed};
-use crate::app::RunError;
+use super::job::{Observed, Snapshot, Square};
+use crate::eval::shared::put;
+use crate::output::OutputError;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Boxes are squares about the aim point, no smaller than this [px]: intersection over union of
 /// boxes of a few pixels would measure the noise of a pixel, not identities.
 pub const MIN_SIDE_PX: f64 = 8.0;
-
-/// Centre and side of a square box [px].
-pub type Square = [f64; 3];
 
 /// A square with the smallest side that is scored.
 fn scored([x, y, side]: Square) -> [f64; 4] {
@@ -45,14 +43,18 @@ pub struct Sequence {
 /// All UAVs in the frame, against the confirmed tracks; against the one locked object under the
 /// paper's rule, which knows no other.
 pub fn all(observed: &Observed, paper: bool) -> Sequence {
-    sequence(&observed.looks, |look, truth, tracker| {
-        for seen in look.uavs.iter().filter(|seen| seen.clear && seen.inside) {
+    sequence(&observed.snapshots, |snapshot, truth, tracker| {
+        for seen in snapshot
+            .uavs
+            .iter()
+            .filter(|seen| seen.clear && seen.inside)
+        {
             truth.push((seen.uav as u64 + 1, seen.square));
         }
         if paper {
-            tracker.extend(look.locked.map(|(_, square)| (1, square)));
+            tracker.extend(snapshot.locked.map(|(_, square)| (1, square)));
         } else {
-            let tracks = look.tracks.iter();
+            let tracks = snapshot.tracks.iter();
             tracker.extend(tracks.map(|(id, square)| (u64::from(*id) + 1, *square)));
         }
     })
@@ -60,8 +62,8 @@ pub fn all(observed: &Observed, paper: bool) -> Sequence {
 
 /// The UAV that was locked first, against the locked object.
 pub fn lock(observed: &Observed, paper: bool) -> Sequence {
-    sequence(&observed.looks, |look, truth, tracker| {
-        let first = look
+    sequence(&observed.snapshots, |snapshot, truth, tracker| {
+        let first = snapshot
             .uavs
             .iter()
             .find(|seen| Some(seen.uav) == observed.lock.first_uav);
@@ -70,7 +72,7 @@ pub fn lock(observed: &Observed, paper: bool) -> Sequence {
                 .filter(|seen| seen.clear)
                 .map(|seen| (seen.uav as u64 + 1, seen.square)),
         );
-        tracker.extend(look.locked.map(|(id, square)| {
+        tracker.extend(snapshot.locked.map(|(id, square)| {
             let id = if paper { 1 } else { u64::from(id) + 1 };
             (id, square)
         }));
@@ -79,14 +81,14 @@ pub fn lock(observed: &Observed, paper: bool) -> Sequence {
 
 type Boxes = Vec<(u64, Square)>;
 
-fn sequence(looks: &[Look], boxes: impl Fn(&Look, &mut Boxes, &mut Boxes)) -> Sequence {
+fn sequence(snapshots: &[Snapshot], boxes: impl Fn(&Snapshot, &mut Boxes, &mut Boxes)) -> Sequence {
     let mut sequence = Sequence {
-        frames: looks.len(),
+        frames: snapshots.len(),
         ..Sequence::default()
     };
-    for (index, look) in looks.iter().enumerate() {
+    for (index, snapshot) in snapshots.iter().enumerate() {
         let (mut truth, mut tracker) = (Vec::new(), Vec::new());
-        boxes(look, &mut truth, &mut tracker);
+        boxes(snapshot, &mut truth, &mut tracker);
         for (id, square) in truth {
             line(&mut sequence.truth, index + 1, id, square);
         }
@@ -105,14 +107,14 @@ pub fn write(
     rate_hz: u32,
     [width_px, height_px]: [u32; 2],
     sequence: &Sequence,
-) -> Result<(), RunError> {
+) -> Result<(), OutputError> {
     // Each rule steers the cameras its own way, so that each has its own truth in the frame.
     let gt = folder.join(rule).join("gt").join(name);
     let data = folder.join(rule).join("trackers").join(rule).join("data");
     put(&gt.join("gt").join("gt.txt"), &sequence.truth)?;
     put(
         &gt.join("seqinfo.ini"),
-        &format!(
+        format!(
             "[Sequence]\nname={name}\nimDir=img1\nframeRate={rate_hz}\nseqLength={}\n\
              imWidth={width_px}\nimHeight={height_px}\nimExt=.jpg\n",
             sequence.frames
@@ -121,35 +123,10 @@ pub fn write(
     put(&data.join(format!("{name}.txt")), &sequence.tracker)
 }
 
-/// Writes a file and the folders above it.
-pub fn put(path: &Path, text: &str) -> Result<(), RunError> {
-    let failed = |path: PathBuf| move |source| RunError::Output { path, source };
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(failed(folder.into()))?;
-    }
-    std::fs::write(path, text).map_err(failed(path.into()))
-}
-
-/// Whether a file can be written, before the work; what stands in it stays.
-pub fn writable(path: &Path) -> Result<(), RunError> {
-    let failed = |path: PathBuf| move |source| RunError::Output { path, source };
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(failed(folder.into()))?;
-    }
-    let new = !path.exists();
-    (std::fs::OpenOptions::new().append(true).create(true))
-        .open(path)
-        .map_err(failed(path.into()))?;
-    if new {
-        std::fs::remove_file(path).map_err(failed(path.into()))?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eval::job::Seen;
+    use crate::eval::tracking::job::Seen;
 
     #[test]
     fn a_line_has_the_fields_of_the_format() {
@@ -171,7 +148,7 @@ mod tests {
             inside,
         };
         let mut observed = Observed {
-            looks: vec![Look {
+            snapshots: vec![Snapshot {
                 uavs: vec![
                     seen(0, true, true),
                     seen(1, false, true),

@@ -1,7 +1,5 @@
 //! One run of an evaluation: a scenario with changes and a seed, watched tick by tick against the truth.
 
-use super::mot::Square;
-use super::statistics::{Hold, Lock, Sums, lock};
 use crate::app::{self, Options, RunError};
 use crate::components::beam::BeamState;
 use crate::components::capture::{Frames, SensorCamera, Tier};
@@ -12,11 +10,14 @@ use crate::components::record::{History, KeptFrame};
 use crate::components::run::SimClock;
 use crate::components::track::TrackerParams;
 use crate::components::track::{Tracker, TrackingState};
+use crate::eval::EvalError;
+use crate::eval::shared::{FRESH_S, confirmed, progress};
+use crate::eval::statistics::{Hold, Lock, Sums, lock};
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::maths::kinematics::{Pose, az_el_to_los, error_angles, los_to_az_el};
+use crate::models::maths::kinematics::{az_el_to_los, error_angles, los_to_az_el};
 use crate::models::tracking::table::{Track, separation_rad};
-use crate::report::Series;
+use crate::report::chart::Series;
 use crate::scenario::Scenario;
 use bevy::prelude::*;
 use glam::DVec2;
@@ -66,18 +67,10 @@ impl Job {
 pub const SETTLE_S: f64 = 1.0;
 /// A UAV further from the claimed line of sight than this is not what is held [rad].
 const ON_RAD: f64 = 1e-3;
-/// A track is confirmed from this many hits on, and while the last one is this fresh [s].
-const CONFIRMED_HITS: u32 = 6;
-const FRESH_S: f64 = 0.25;
+/// Centre and side of a square box [px].
+pub type Square = [f64; 3];
 
-/// Whether a track is confirmed at `t_s`.
-pub fn confirmed(track: &Track, params: &TrackerParams, t_s: f64) -> bool {
-    track.total_hits() >= CONFIRMED_HITS
-        && track.filter.coast_s(t_s) < FRESH_S
-        && params.convinced(track)
-}
-
-/// A UAV at the instant of a look, in the coarse camera's full-sensor pixels.
+/// A UAV in a snapshot, in the coarse camera's full-sensor pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
     /// Its index in the scenario.
@@ -92,7 +85,7 @@ pub struct Seen {
 
 /// Truth and tracks at an instant of the coarse camera's clock.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Look {
+pub struct Snapshot {
     /// The UAVs in front of the camera.
     pub uavs: Vec<Seen>,
     /// Confirmed tracks: identity and where they are believed.
@@ -134,8 +127,8 @@ pub struct Observed {
     pub holds: Vec<Hold>,
     /// What became of the first lock.
     pub lock: Lock,
-    /// From the first Coarse state on, at the coarse camera's rate.
-    pub looks: Vec<Look>,
+    /// Snapshots from the first Coarse state on, at the coarse camera's rate.
+    pub snapshots: Vec<Snapshot>,
     /// Last picture of each camera.
     pub pictures: Vec<KeptFrame>,
     /// Size [px] and rate [Hz] of the coarse camera.
@@ -181,7 +174,7 @@ pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError>
     let mut watch = Watch::new(world, &loaded.scenario);
     loop {
         let over = app::step(world)?;
-        watch.look(world);
+        watch.tick(world);
         if over {
             break;
         }
@@ -217,7 +210,8 @@ impl Watch {
         }
     }
 
-    fn look(&mut self, world: &World) {
+    /// Takes in what a tick left.
+    fn tick(&mut self, world: &World) {
         let clock = world.resource::<SimClock>();
         let tracker = world.resource::<Tracker>();
         let t_s = clock.t_s();
@@ -226,128 +220,47 @@ impl Watch {
         else {
             return;
         };
-        let seen = &mut self.seen;
         let held = matches!(
             tracker.state,
             TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
         );
         let precise = held && tracker.state != TrackingState::Coarse;
+        let seen = &mut self.seen;
         if seen.targets.last().map_or(Some(None), |last| Some(last.1)) != Some(tracker.target) {
             seen.targets.push((t_s, tracker.target));
         }
         if precise && seen.precise_s.is_none() {
             seen.precise_s = Some(t_s);
         }
-        let mut uavs: Vec<(usize, &Flight)> = self
+        let mut flights: Vec<(usize, &Flight)> = self
             .uavs
             .iter(world)
             .map(|(uav, flight)| (uav.index, flight))
             .collect();
-        uavs.sort_unstable_by_key(|(index, _)| *index);
-
-        if let (Some((_, flight)), Some(precise_s)) = (uavs.first(), seen.precise_s)
-            && t_s >= precise_s + SETTLE_S
-        {
-            let los_enu = flight.aim_enu_m() - optics.laser.r_enu_m;
-            seen.range_m = los_enu.length();
-            seen.ticks[0] += 1;
-            if precise {
-                seen.ticks[1] += 1;
-                let error = error_angles(optics.laser.q_enu_cam, los_enu).length();
-                seen.los_rad.push(error);
-                if beam.aimed == Some(0) {
-                    seen.beam_rad.push(beam.offset_m / seen.range_m);
-                }
-                seen.ticks[2] += u64::from(mount.mirror.at_stop());
-            }
-        }
+        flights.sort_unstable_by_key(|(index, _)| *index);
+        let now = Instant {
+            world,
+            clock,
+            t_s,
+            tracker,
+            held,
+            precise,
+            mount,
+            optics,
+            beam,
+            coarse,
+            flights: &flights,
+            count: self.count,
+        };
+        now.pointing(seen);
         if !clock.tick.is_multiple_of(coarse.period_ticks) {
             return;
         }
-
-        let environment = world.resource::<Environment>();
-        let clear = |flight: &Flight| {
-            environment.line_of_sight(mount.r_enu_m, flight.aim_enu_m()) == LineOfSight::Clear
-        };
-        let step_s = clock.at_s(coarse.period_ticks);
-        if let Some((_, flight)) = uavs.first() {
-            let hidden = !clear(flight);
-            match seen.hidden_s.last_mut() {
-                Some(last) if hidden && self.hidden => last[1] = t_s + step_s,
-                _ if hidden => seen.hidden_s.push([t_s, t_s + step_s]),
-                _ => {}
-            }
-            self.hidden = hidden;
+        self.hidden = now.occlusion(seen, self.hidden);
+        now.hold(seen);
+        if seen.acquired_s.is_some() {
+            seen.snapshots.push(now.snapshot());
         }
-
-        // Who is on the claimed line of sight: the nearest of all that fly, if it is a UAV.
-        let target = tracker.target_track();
-        let on = target.and_then(|track| {
-            let los = track.filter.predicted(t_s).az_el_rad();
-            uavs.iter()
-                .map(|(index, flight)| {
-                    let at = los_to_az_el(flight.aim_enu_m() - mount.r_enu_m);
-                    (separation_rad(los, at), *index)
-                })
-                .filter(|(separation, _)| *separation < ON_RAD)
-                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
-                .map(|(_, index)| index)
-                .filter(|index| *index < self.count)
-        });
-        seen.holds.push(Hold { t_s, held, on });
-        let fresh = target.is_some_and(|track| track.filter.coast_s(t_s) < FRESH_S);
-        if let (true, true, Some(0), Some(id)) = (held, fresh, on, tracker.target) {
-            seen.on_first.push((t_s, id, precise));
-        }
-        if held && seen.acquired_s.is_none() {
-            seen.acquired_s = Some(t_s);
-            seen.acquired_uav = on.is_some();
-        }
-        if seen.acquired_s.is_none() {
-            return;
-        }
-
-        let frames = world.resource::<Frames>();
-        let exposed = frames.0.iter().find(|frame| frame.tier == Tier::Coarse);
-        let pose = optics.camera(Tier::Coarse);
-        let believed = optics.pointing.believed_pose(mount.r_enu_m, Tier::Coarse);
-        let project =
-            |pose: &Pose, dir_enu| coarse.pinhole.project(pose.q_enu_cam.inverse() * dir_enu);
-        let square = |px: DVec2, side: f64| [px.x, px.y, side];
-        let only_uavs = uavs.iter().filter(|(index, _)| *index < self.count);
-        let uavs = only_uavs.filter_map(|(index, flight)| {
-            let to_uav_m = flight.aim_enu_m() - pose.r_enu_m;
-            let px = project(&pose, to_uav_m)?;
-            let boxed = exposed.and_then(|frame| {
-                let [x0, y0, x1, y1] = frame.truth.iter().find(|s| s.uav == *index)?.box_px;
-                Some((x1 - x0).max(y1 - y0))
-            });
-            Some(Seen {
-                uav: *index,
-                square: square(px, boxed.unwrap_or(0.0)),
-                clear: clear(flight),
-                inside: coarse.pinhole.contains(px),
-            })
-        });
-        let place = |track: &Track| {
-            let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
-            let px = project(&believed, los_enu)?;
-            let side = track.size_rad / coarse.pinhole.ifov_rad();
-            Some((track.id, square(px, side)))
-        };
-        let params = world.resource::<TrackerParams>();
-        seen.looks.push(Look {
-            uavs: uavs.collect(),
-            tracks: tracker
-                .table
-                .tracks
-                .iter()
-                .filter(|track| confirmed(track, params, t_s))
-                .filter_map(place)
-                .filter(|(_, [x, y, _])| coarse.pinhole.contains(DVec2::new(*x, *y)))
-                .collect(),
-            locked: target.filter(|_| held).and_then(place),
-        });
     }
 
     fn conclude(mut self, world: &mut World) -> Observed {
@@ -372,14 +285,157 @@ impl Watch {
     }
 }
 
+/// A tick, and what is looked at in it.
+struct Instant<'a> {
+    world: &'a World,
+    clock: &'a SimClock,
+    /// Its time [s].
+    t_s: f64,
+    tracker: &'a Tracker,
+    /// Whether a target is held, and whether precisely.
+    held: bool,
+    precise: bool,
+    mount: &'a Mount,
+    optics: &'a Optics,
+    beam: &'a BeamState,
+    coarse: &'a SensorCamera,
+    /// All that fly, by index.
+    flights: &'a [(usize, &'a Flight)],
+    /// Number of UAVs among them, which come first.
+    count: usize,
+}
+
+impl Instant<'_> {
+    /// How far laser and beam are from the first UAV's aim point, once settled.
+    fn pointing(&self, seen: &mut Observed) {
+        let (Some((_, flight)), Some(precise_s)) = (self.flights.first(), seen.precise_s) else {
+            return;
+        };
+        if self.t_s < precise_s + SETTLE_S {
+            return;
+        }
+        let los_enu = flight.aim_enu_m() - self.optics.laser.r_enu_m;
+        seen.range_m = los_enu.length();
+        seen.ticks[0] += 1;
+        if self.precise {
+            seen.ticks[1] += 1;
+            let error = error_angles(self.optics.laser.q_enu_cam, los_enu).length();
+            seen.los_rad.push(error);
+            if self.beam.aimed == Some(0) {
+                seen.beam_rad.push(self.beam.offset_m / seen.range_m);
+            }
+            seen.ticks[2] += u64::from(self.mount.mirror.at_stop());
+        }
+    }
+
+    /// Whether nothing stands between the station and a UAV.
+    fn is_clear(&self, flight: &Flight) -> bool {
+        let environment = self.world.resource::<Environment>();
+        let sight = environment.line_of_sight(self.mount.r_enu_m, flight.aim_enu_m());
+        sight == LineOfSight::Clear
+    }
+
+    /// Whether the first UAV is hidden; `before` says whether it was.
+    fn occlusion(&self, seen: &mut Observed, before: bool) -> bool {
+        let Some((_, flight)) = self.flights.first() else {
+            return before;
+        };
+        let step_s = self.clock.at_s(self.coarse.period_ticks);
+        let hidden = !self.is_clear(flight);
+        match seen.hidden_s.last_mut() {
+            Some(last) if hidden && before => last[1] = self.t_s + step_s,
+            _ if hidden => seen.hidden_s.push([self.t_s, self.t_s + step_s]),
+            _ => {}
+        }
+        hidden
+    }
+
+    /// The UAV on the claimed line of sight: the nearest of all that fly, if it is a UAV.
+    fn on(&self, target: &Track) -> Option<usize> {
+        let los = target.filter.predicted(self.t_s).az_el_rad();
+        (self.flights.iter())
+            .map(|(index, flight)| {
+                let at = los_to_az_el(flight.aim_enu_m() - self.mount.r_enu_m);
+                (separation_rad(los, at), *index)
+            })
+            .filter(|(separation, _)| *separation < ON_RAD)
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+            .map(|(_, index)| index)
+            .filter(|index| *index < self.count)
+    }
+
+    /// What is held.
+    fn hold(&self, seen: &mut Observed) {
+        let (t_s, held) = (self.t_s, self.held);
+        let target = self.tracker.target_track();
+        let on = target.and_then(|track| self.on(track));
+        seen.holds.push(Hold { t_s, held, on });
+        let fresh = target.is_some_and(|track| track.filter.coast_s(t_s) < FRESH_S);
+        if let (true, true, Some(0), Some(id)) = (held, fresh, on, self.tracker.target) {
+            seen.on_first.push((t_s, id, self.precise));
+        }
+        if held && seen.acquired_s.is_none() {
+            seen.acquired_s = Some(t_s);
+            seen.acquired_uav = on.is_some();
+        }
+    }
+
+    /// Truth and tracks in the coarse camera.
+    fn snapshot(&self) -> Snapshot {
+        let pinhole = &self.coarse.pinhole;
+        let pose = self.optics.camera(Tier::Coarse);
+        let frames = self.world.resource::<Frames>();
+        let exposed = frames.0.iter().find(|frame| frame.tier == Tier::Coarse);
+        let uavs = self.flights.iter().filter(|(index, _)| *index < self.count);
+        let uavs = uavs.filter_map(|(index, flight)| {
+            let to_uav_m = flight.aim_enu_m() - pose.r_enu_m;
+            let px = pinhole.project(pose.q_enu_cam.inverse() * to_uav_m)?;
+            let side_px = exposed.and_then(|frame| {
+                let [x0, y0, x1, y1] = frame.truth.iter().find(|s| s.uav == *index)?.box_px;
+                Some((x1 - x0).max(y1 - y0))
+            });
+            Some(Seen {
+                uav: *index,
+                square: [px.x, px.y, side_px.unwrap_or(0.0)],
+                clear: self.is_clear(flight),
+                inside: pinhole.contains(px),
+            })
+        });
+        let params = self.world.resource::<TrackerParams>();
+        let tracks = self.tracker.table.tracks.iter();
+        let target = self.tracker.target_track();
+        Snapshot {
+            uavs: uavs.collect(),
+            tracks: tracks
+                .filter(|track| confirmed(track, params, self.t_s))
+                .filter_map(|track| self.place(track))
+                .filter(|(_, [x, y, _])| pinhole.contains(DVec2::new(*x, *y)))
+                .collect(),
+            locked: target
+                .filter(|_| self.held)
+                .and_then(|track| self.place(track)),
+        }
+    }
+
+    /// Identity of a track, and where the station believes it in the coarse camera.
+    fn place(&self, track: &Track) -> Option<(u32, Square)> {
+        let pinhole = &self.coarse.pinhole;
+        let pointing = &self.optics.pointing;
+        let believed = pointing.believed_pose(self.mount.r_enu_m, Tier::Coarse);
+        let los_enu = az_el_to_los(track.filter.predicted(self.t_s).az_el_rad());
+        let px = pinhole.project(believed.q_enu_cam.inverse() * los_enu)?;
+        Some((track.id, [px.x, px.y, track.size_rad / pinhole.ifov_rad()]))
+    }
+}
+
 /// Makes all runs, those without pictures on all cores, and returns what they showed in the order
 /// of the jobs; `reduce` keeps what is wanted of each.
 pub fn all<T: Send>(
     label: &str,
     jobs: &[Job],
     city: &Arc<City>,
-    reduce: impl Fn(&Job, Observed) -> Result<T, RunError> + Sync,
-) -> Result<Vec<T>, RunError> {
+    reduce: impl Fn(&Job, Observed) -> Result<T, EvalError> + Sync,
+) -> Result<Vec<T>, EvalError> {
     let rendered = jobs.iter().any(|job| job.capture);
     // Rendered runs share one graphics device and spread their work themselves.
     let threads = if rendered {
@@ -388,7 +444,7 @@ pub fn all<T: Send>(
         std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
     };
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let slots: Vec<Mutex<Option<Result<T, RunError>>>> =
+    let slots: Vec<Mutex<Option<Result<T, EvalError>>>> =
         jobs.iter().map(|_| Mutex::new(None)).collect();
     let work = || {
         loop {
@@ -396,7 +452,8 @@ pub fn all<T: Send>(
             let (Some(job), Some(slot)) = (jobs.get(index), slots.get(index)) else {
                 break;
             };
-            let result = observe(job, Some(city.clone())).and_then(|seen| reduce(job, seen));
+            let seen = observe(job, Some(city.clone())).map_err(EvalError::from);
+            let result = seen.and_then(|seen| reduce(job, seen));
             if result.is_err() {
                 // What has not begun need not begin.
                 next.store(jobs.len(), Ordering::Relaxed);
@@ -404,7 +461,7 @@ pub fn all<T: Send>(
             *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             if done.is_multiple_of(20) || done == jobs.len() || rendered {
-                super::progress(&format!("{label}: {done} of {} runs", jobs.len()));
+                progress(&format!("{label}: {done} of {} runs", jobs.len()));
             }
         }
     };

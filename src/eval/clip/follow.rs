@@ -1,0 +1,175 @@
+//! The tracker of a run, fed with the frames of a clip.
+//!
+//! It is that of a run with its table, its filter and its states. The clip is to it the coarse camera of
+//! a station that stands still under an open sky. A nominal pinhole turns pixels into angles, for the
+//! filter's motion is one of angles. Latency is none.
+
+use super::Arguments;
+use super::figures::State;
+use crate::components::capture::{ExposedFrame, PixelRect, Tier};
+use crate::components::detect::DetectionBatch;
+use crate::components::mount::{Alignment, Pointing};
+use crate::components::run::SimClock;
+use crate::components::track::{Tracker, TrackerParams};
+use crate::eval::EvalError;
+use crate::eval::shared::confirmed;
+use crate::models::maths::kinematics::{Pose, az_el_to_los};
+use crate::models::optics::camera::Pinhole;
+use crate::models::optics::detection::Detection;
+use crate::models::tracking::table::{JoinedTrack, Track};
+use crate::scenario;
+use crate::systems::track::{Situation, patience_s, step, take_in};
+use glam::{DVec2, DVec3};
+use std::sync::Arc;
+
+/// Ticks of the tracker's clock a second: whole numbers of them for all usual rates.
+const TICK_HZ: u32 = 90_000;
+
+/// The run's tracker at work on a clip.
+pub(super) struct Follower {
+    clock: SimClock,
+    params: TrackerParams,
+    tracker: Tracker,
+    pinhole: Pinhole,
+    pointing: Pointing,
+    pose: Pose,
+}
+
+/// A track in a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Followed {
+    /// Identity.
+    pub(super) id: u32,
+    /// Where the filter has it [px].
+    pub(super) px: DVec2,
+    /// Larger side of its box [px].
+    pub(super) side_px: f64,
+    /// Its detection's box in this frame [px].
+    pub(super) seen_px: Option<[f64; 4]>,
+    /// Mean score.
+    pub(super) score: f64,
+}
+
+impl Follower {
+    pub(super) fn new(
+        [width, height]: [u32; 2],
+        rate_hz: f64,
+        arguments: &Arguments,
+    ) -> Result<Self, EvalError> {
+        let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians())
+            .map_err(EvalError::FieldOfView)?;
+        let defaults = scenario::TrackerConfig::default();
+        let pointing = Pointing {
+            az_el_rad: DVec2::ZERO,
+            mirror_rad: DVec2::ZERO,
+            base_tilt_rad: DVec3::ZERO,
+            alignment: Alignment::default(),
+        };
+        Ok(Self {
+            clock: SimClock {
+                tick: 0,
+                tick_hz: TICK_HZ,
+            },
+            params: TrackerParams {
+                nearest_to_centre: false,
+                linear_angles: false,
+                centre_sigma_px: arguments.centre_sigma_px,
+                min_quality: defaults.min_quality,
+                min_score: 0.0,
+                switch_ratio: defaults.switch_ratio,
+                r_asset_enu_m: DVec3::ZERO,
+                aim: None,
+                // There is no precise camera to lock.
+                lock_radius_px: 0.0,
+                lock_dwell_s: f64::INFINITY,
+                break_radius_px: 0.0,
+                patience_s: [patience_s(rate_hz); 3],
+            },
+            tracker: Tracker::default(),
+            pinhole,
+            pointing,
+            pose: pointing.believed_pose(DVec3::ZERO, Tier::Coarse),
+        })
+    }
+
+    /// Takes a frame's detections in; returns the confirmed tracks in view.
+    pub(super) fn look(&mut self, t_s: f64, detections: &[Detection]) -> Vec<Followed> {
+        let tick = (t_s * f64::from(TICK_HZ)).round() as u64;
+        self.clock.tick = tick;
+        let t_s = self.clock.t_s();
+        let (width, height) = (self.pinhole.width_px, self.pinhole.height_px);
+        let rect = PixelRect {
+            offset_px: [0, 0],
+            size_px: [width, height],
+        };
+        let frame = ExposedFrame {
+            tier: Tier::Coarse,
+            tick,
+            number: 0,
+            pose: self.pose,
+            pointing: self.pointing,
+            rect,
+            truth: Vec::new(),
+            rgb8: None,
+        };
+        let batch = DetectionBatch {
+            frame: Arc::new(frame),
+            available_tick: tick,
+            look: rect,
+            detections: detections.to_vec(),
+            answered: true,
+        };
+        let (tracker, params, pinhole) = (&mut self.tracker, &self.params, &self.pinhole);
+        let assigned = take_in(tracker, params, &batch, pinhole, DVec3::ZERO, t_s);
+        let now = Situation {
+            tick,
+            clock: &self.clock,
+            params,
+            dsm: None,
+            r_station_enu_m: DVec3::ZERO,
+        };
+        step(&now, tracker, false, true);
+        let found = |track: &Track| {
+            let index = assigned.iter().position(|id| *id == Some(track.id))?;
+            detections.get(index).map(|detection| detection.box_px)
+        };
+        (self.tracker.table.tracks.iter())
+            .filter(|track| confirmed(track, &self.params, t_s))
+            .filter_map(|track| {
+                let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
+                let px = (self.pinhole).project(self.pose.q_enu_cam.inverse() * los_enu)?;
+                Some(Followed {
+                    id: track.id,
+                    px,
+                    side_px: track.size_rad / self.pinhole.ifov_rad(),
+                    seen_px: found(track),
+                    score: track.score,
+                })
+            })
+            .filter(|followed| self.pinhole.contains(followed.px))
+            .collect()
+    }
+
+    /// The target that is held.
+    pub(super) fn held(&self) -> Option<u32> {
+        let held = self.tracker.state.holds(Tier::Coarse);
+        self.tracker.target.filter(|_| held)
+    }
+
+    /// Young tracks that turned out to be old ones in the last frame: both identities.
+    pub(super) fn joined(&self) -> &[JoinedTrack] {
+        &self.tracker.table.joined
+    }
+
+    /// The states that the tracker went through.
+    pub(super) fn into_states(self) -> Vec<State> {
+        let changes = self.tracker.changes.into_iter();
+        changes
+            .map(|change| State {
+                name: change.to.name(),
+                start: change.tick as f64 / f64::from(TICK_HZ),
+                reason: change.reason,
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,303 @@
+//! The boxes of clips: a list of clips with boxes by label, or COCO annotations of their pictures.
+
+use crate::eval::EvalError;
+use crate::eval::detector::coco::{Coco, OTHERS, UAVS};
+use crate::eval::detector::metrics::Truth;
+use crate::media::video::{Clip, ClipFrame};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Boxes of a frame [px].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameTruth {
+    /// UAVs.
+    pub uavs: Vec<Truth>,
+    /// Other things: x0, y0, x1, y1.
+    pub others: Vec<[f64; 4]>,
+}
+
+/// Boxes of a clip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClipTruth {
+    /// Name of the clip's file, without folders.
+    pub file: String,
+    /// Boxes of each of its frames.
+    pub frames: Vec<FrameTruth>,
+}
+
+/// Why a file of boxes cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum BoxesError {
+    /// The file cannot be read.
+    #[error("{0}")]
+    Unreadable(#[from] std::io::Error),
+    /// No JSON, a key missing or of another type.
+    #[error("{0}; expected a list of {{file, frames, boxes_xywh}}")]
+    Json(#[from] serde_json::Error),
+    /// A value that cannot be.
+    #[error("[{index}] ({file}): {why}")]
+    Value {
+        /// Index in the list.
+        index: usize,
+        /// The clip's file.
+        file: String,
+        /// What is wrong, and what would be right.
+        why: String,
+    },
+    /// The list has no entry of a clip.
+    #[error("it lists no boxes of '{clip}'")]
+    NoClip {
+        /// The clip's file.
+        clip: String,
+    },
+    /// The entry of a clip is of another length.
+    #[error("it lists {listed} frames of {clip}, which has {frames}", clip = clip.display())]
+    Length {
+        /// The clip.
+        clip: PathBuf,
+        /// Frames of the entry.
+        listed: usize,
+        /// Frames of the clip.
+        frames: usize,
+    },
+    /// Annotations of pictures with a video.
+    #[error("COCO annotations are of pictures, but {} is a video", .0.display())]
+    Video(PathBuf),
+    /// The annotations have no such picture.
+    #[error("it does not list {}", .0.display())]
+    NoPicture(PathBuf),
+    /// A picture is of another size than the annotations say.
+    #[error(
+        "{file} is {} × {} px, but images[].width and height say {} × {}",
+        found_px[0], found_px[1], listed_px[0], listed_px[1]
+    )]
+    Size {
+        /// The picture's file.
+        file: String,
+        /// Its width and height [px].
+        found_px: [u32; 2],
+        /// Those of the annotations [px].
+        listed_px: [u32; 2],
+    },
+}
+
+/// A clip as the file has it.
+#[derive(Debug, Deserialize)]
+struct Listed {
+    file: String,
+    frames: usize,
+    boxes_xywh: Vec<BTreeMap<String, Vec<[f64; 4]>>>,
+}
+
+/// Which labels are of UAVs.
+struct Labels<'a>(&'a [String]);
+
+impl Labels<'_> {
+    /// Whether a label is of UAVs: one of those named, or without names one that says so; `None` if that
+    /// is not clear.
+    fn is_uav(&self, label: &str) -> Option<bool> {
+        let is = |names: &[&str]| names.iter().any(|n| n.eq_ignore_ascii_case(label));
+        match self.0 {
+            [] if is(&UAVS) => Some(true),
+            [] => is(&OTHERS).then_some(false),
+            names => Some(names.iter().any(|c| c.eq_ignore_ascii_case(label))),
+        }
+    }
+
+    /// The boxes of a frame, or what is wrong with them.
+    fn frame(&self, labels: &BTreeMap<String, Vec<[f64; 4]>>) -> Result<FrameTruth, String> {
+        let mut frame = FrameTruth::default();
+        for (label, boxes) in labels {
+            let uav = self.is_uav(label).ok_or_else(|| {
+                format!(
+                    "whether '{label}' is a UAV is not clear; name the labels that are with --category"
+                )
+            })?;
+            for [x, y, width, height] in boxes {
+                let box_px = [*x, *y, x + width, y + height];
+                if !(*width > 0.0 && *height > 0.0 && box_px.iter().all(|c| c.is_finite())) {
+                    return Err(format!(
+                        "the box [{x}, {y}, {width}, {height}] must be x, y, width and height with \
+                         sides above 0 px"
+                    ));
+                }
+                if uav {
+                    frame.uavs.push(Truth {
+                        box_px,
+                        area_px2: width * height,
+                        ignored: false,
+                    });
+                } else {
+                    frame.others.push(box_px);
+                }
+            }
+        }
+        Ok(frame)
+    }
+}
+
+/// Reads a list of clips with their boxes; those labelled with one of `categories` are UAVs, or
+/// without categories those whose label says so.
+pub fn parse_boxes(text: &str, categories: &[String]) -> Result<Vec<ClipTruth>, BoxesError> {
+    let listed: Vec<Listed> = serde_json::from_str(text)?;
+    let labels = Labels(categories);
+    let mut clips: Vec<ClipTruth> = Vec::with_capacity(listed.len());
+    for (index, clip) in listed.into_iter().enumerate() {
+        let wrong = |why: String| BoxesError::Value {
+            index,
+            file: clip.file.clone(),
+            why,
+        };
+        if clip.boxes_xywh.len() != clip.frames {
+            let (found, frames) = (clip.boxes_xywh.len(), clip.frames);
+            return Err(wrong(format!(
+                "boxes_xywh has {found} entries, frames says {frames}"
+            )));
+        }
+        if clips.iter().any(|other| other.file == clip.file) {
+            return Err(wrong("the file is listed twice".into()));
+        }
+        let frames = (clip.boxes_xywh.iter().enumerate())
+            .map(|(i, boxes)| {
+                let frame = labels.frame(boxes);
+                frame.map_err(|why| wrong(format!("frame {i}: {why}")))
+            })
+            .collect::<Result<_, _>>()?;
+        clips.push(ClipTruth {
+            file: clip.file,
+            frames,
+        });
+    }
+    Ok(clips)
+}
+
+/// The truth of `--boxes`.
+pub(super) enum BoxFile {
+    /// Clips by their files' names.
+    Clips(PathBuf, Vec<ClipTruth>),
+    /// A set, and the index of each picture by its file.
+    Pictures(Coco, BTreeMap<PathBuf, usize>),
+}
+
+impl BoxFile {
+    pub(super) fn load(path: &Path, categories: &[String]) -> Result<Self, EvalError> {
+        if path.is_dir() {
+            return Self::pictures(path, categories);
+        }
+        let wrong = |source: BoxesError| EvalError::Boxes {
+            path: path.into(),
+            source,
+        };
+        let text = std::fs::read_to_string(path).map_err(|error| wrong(error.into()))?;
+        if text.trim_start().starts_with('{') {
+            return Self::pictures(path, categories);
+        }
+        let clips = parse_boxes(&text, categories).map_err(wrong)?;
+        Ok(Self::Clips(path.into(), clips))
+    }
+
+    fn pictures(path: &Path, categories: &[String]) -> Result<Self, EvalError> {
+        let coco = Coco::load(path, categories)?;
+        // Pictures that are not there are of other clips.
+        let places = (coco.pictures.iter().enumerate())
+            .filter_map(|(i, picture)| {
+                Some((std::fs::canonicalize(coco.path(picture).ok()?).ok()?, i))
+            })
+            .collect();
+        Ok(Self::Pictures(coco, places))
+    }
+
+    /// Refuses a clip of which this file does not tell the truth.
+    pub(super) fn check(&self, file: &Path, clip: &Clip) -> Result<(), EvalError> {
+        self.checked(file, clip)
+            .map_err(|source| self.wrong(source))
+    }
+
+    /// The boxes of frame `index` of a clip.
+    pub(super) fn of(
+        &self,
+        file: &Path,
+        index: usize,
+        frame: &ClipFrame,
+    ) -> Result<FrameTruth, EvalError> {
+        self.frame(file, index, frame)
+            .map_err(|source| self.wrong(source))
+    }
+
+    fn wrong(&self, source: BoxesError) -> EvalError {
+        let path = match self {
+            Self::Clips(path, _) => path,
+            Self::Pictures(coco, _) => &coco.file,
+        };
+        EvalError::Boxes {
+            path: path.clone(),
+            source,
+        }
+    }
+
+    fn checked(&self, file: &Path, clip: &Clip) -> Result<(), BoxesError> {
+        match self {
+            Self::Pictures(_, places) => {
+                if clip.files().is_empty() {
+                    return Err(BoxesError::Video(file.into()));
+                }
+                (clip.files().iter()).try_for_each(|file| place(places, file).map(|_| ()))
+            }
+            Self::Clips(_, clips) => {
+                let listed = listed(clips, file)?.frames.len();
+                if listed == clip.frames() {
+                    return Ok(());
+                }
+                Err(BoxesError::Length {
+                    clip: file.into(),
+                    listed,
+                    frames: clip.frames(),
+                })
+            }
+        }
+    }
+
+    fn frame(
+        &self,
+        file: &Path,
+        index: usize,
+        frame: &ClipFrame,
+    ) -> Result<FrameTruth, BoxesError> {
+        match self {
+            Self::Clips(_, clips) => {
+                let frames = &listed(clips, file)?.frames;
+                Ok(frames.get(index).cloned().unwrap_or_default())
+            }
+            Self::Pictures(coco, places) => {
+                let at = place(places, frame.file.as_deref().unwrap_or(file))?;
+                let picture = &coco.pictures[at];
+                if picture.size_px() != frame.size_px() {
+                    return Err(BoxesError::Size {
+                        file: picture.file_name.clone(),
+                        found_px: frame.size_px(),
+                        listed_px: picture.size_px(),
+                    });
+                }
+                Ok(FrameTruth {
+                    uavs: coco.truth[at].clone(),
+                    others: Vec::new(),
+                })
+            }
+        }
+    }
+}
+
+/// The entry of a clip.
+fn listed<'a>(clips: &'a [ClipTruth], file: &Path) -> Result<&'a ClipTruth, BoxesError> {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let found = clips.iter().find(|clip| clip.file == name);
+    found.ok_or_else(|| BoxesError::NoClip { clip: name.into() })
+}
+
+/// The index of a picture in the set, by its file.
+fn place(places: &BTreeMap<PathBuf, usize>, file: &Path) -> Result<usize, BoxesError> {
+    let found = std::fs::canonicalize(file).ok();
+    let found = found.and_then(|file| places.get(&file).copied());
+    found.ok_or_else(|| BoxesError::NoPicture(file.into()))
+}

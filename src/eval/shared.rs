@@ -1,0 +1,101 @@
+//! What the evaluations share: words of their commands, limits of their arguments, files, progress, and
+//! when a track counts as confirmed.
+
+use super::EvalError;
+use crate::components::track::TrackerParams;
+use crate::models::tracking::table::Track;
+use crate::output::{self, OutputError};
+use serde::Serialize;
+use std::io::Write as _;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// A word of a command line, quoted where a shell would read it otherwise.
+pub(super) fn quoted(word: impl std::fmt::Display) -> String {
+    let word = word.to_string();
+    let plain = |c: char| c.is_alphanumeric() || "/._-+,:=@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// Refuses a number that is not from `low` to `high`.
+pub(super) fn within(
+    argument: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+) -> Result<(), EvalError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(EvalError::OutOfRange {
+        argument,
+        value,
+        low,
+        high,
+    })
+}
+
+/// Refuses a share, where one is given, that is not from 0 to 1.
+pub(super) fn within_share(argument: &'static str, value: Option<f64>) -> Result<(), EvalError> {
+    value.map_or(Ok(()), |value| within(argument, value, 0.0, 1.0))
+}
+
+/// Threads of a model: `wanted`, or one a core.
+pub(super) fn threads(wanted: Option<NonZeroUsize>) -> usize {
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    wanted.unwrap_or_else(cores).get()
+}
+
+/// One line on standard error; a closed pipe is no error.
+pub(super) fn progress(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Writes a file and the folders above it.
+pub(super) fn put(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), OutputError> {
+    if let Some(folder) = path.parent() {
+        output::create_dir(folder)?;
+    }
+    output::write(path, bytes)
+}
+
+/// Writes what was measured as JSON.
+pub(super) fn put_json(path: &Path, value: &impl Serialize) -> Result<(), EvalError> {
+    let text = serde_json::to_string_pretty(value).map_err(|source| EvalError::Json {
+        path: path.into(),
+        source,
+    })?;
+    Ok(put(path, text + "\n")?)
+}
+
+/// Makes sure, before the work, that a file can be written; what it holds stays.
+pub(super) fn writable(path: &Path) -> Result<(), OutputError> {
+    let failed = |path: PathBuf| move |source| OutputError { path, source };
+    if let Some(folder) = path.parent() {
+        output::create_dir(folder)?;
+    }
+    let new = !path.exists();
+    (std::fs::OpenOptions::new().append(true).create(true))
+        .open(path)
+        .map_err(failed(path.into()))?;
+    if new {
+        std::fs::remove_file(path).map_err(failed(path.into()))?;
+    }
+    Ok(())
+}
+
+/// A track is confirmed from this many hits on, and while the last one is this fresh [s].
+const CONFIRMED_HITS: u32 = 6;
+/// Longest time since the last hit of a track that counts as seen [s].
+pub(super) const FRESH_S: f64 = 0.25;
+
+/// Whether a track is confirmed at `t_s`.
+pub(super) fn confirmed(track: &Track, params: &TrackerParams, t_s: f64) -> bool {
+    track.total_hits() >= CONFIRMED_HITS
+        && track.filter.coast_s(t_s) < FRESH_S
+        && params.convinced(track)
+}

@@ -1,0 +1,132 @@
+//! `boresight eval tracking`: many runs of acquisition, tracking and pointing, and what they add up to.
+//!
+//! Every number comes from runs that `boresight run` repeats: the JSON names scenario, changes and
+//! seeds of each. The truth is only looked at, never fed back.
+
+mod bench;
+mod budget;
+pub mod job;
+pub mod mot;
+mod page;
+pub mod results;
+mod targets;
+
+use super::EvalError;
+use super::shared::{progress, put_json, writable};
+use bench::Bench;
+use clap::{Args, ValueEnum};
+use results::{Budget, LosRow, Manoeuvre, Search, Suite, Table2};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+pub use targets::Target;
+
+/// What `boresight eval tracking` is asked for.
+#[derive(Args, Clone, Debug)]
+pub struct Arguments {
+    /// Folder for tracking.json, tracking.html, the pictures and the MOTChallenge files.
+    #[arg(long, default_value = "out/eval")]
+    pub out: PathBuf,
+    /// Few seeds and short runs.
+    #[arg(long)]
+    pub quick: bool,
+    /// Only this section; may be repeated.
+    #[arg(long, value_name = "SECTION")]
+    pub only: Vec<Section>,
+}
+
+/// Parts of the evaluation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Section {
+    /// The paper's Table 2: miss distances of three UAVs.
+    Table2,
+    /// Line-of-sight error with a detector of 0.1 px noise.
+    Precision,
+    /// A UAV that weaves at 3 m/s².
+    Weave,
+    /// A UAV that is hidden for a second.
+    Occlusion,
+    /// Several targets: association by the paper's rule and by ours.
+    Suite,
+    /// Probability and time of acquisition.
+    Search,
+    /// The line-of-sight error by cause.
+    Budget,
+}
+
+/// Everything that was measured.
+#[derive(Default, Serialize)]
+pub struct Evaluation {
+    /// Version of the program.
+    pub version: &'static str,
+    /// The command that repeats it.
+    pub command: String,
+    /// Whether seeds and lengths were cut.
+    pub quick: bool,
+    /// What could not be run, and why.
+    pub not_run: Vec<String>,
+    /// Targets and whether they are met.
+    pub targets: Vec<Target>,
+    /// Miss distances.
+    pub table2: Vec<Table2>,
+    /// Line-of-sight error with a fine detector.
+    pub precision: Vec<LosRow>,
+    /// A weaving UAV.
+    pub weave: Vec<Manoeuvre>,
+    /// A UAV that is hidden for a second.
+    pub occlusion: Vec<Manoeuvre>,
+    /// Several targets.
+    pub suite: Vec<Suite>,
+    /// Acquisition.
+    pub search: Vec<Search>,
+    /// Line-of-sight error by cause.
+    pub budget: Vec<Budget>,
+}
+
+/// Carries out the evaluation and writes what it leaves.
+pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
+    let mut bench = Bench::new(arguments.quick, &arguments.out)?;
+    let mut evaluation = Evaluation {
+        version: crate::VERSION,
+        command: command(arguments),
+        quick: arguments.quick,
+        ..Evaluation::default()
+    };
+    let json = arguments.out.join("tracking.json");
+    writable(&json)?;
+    for section in Section::value_variants() {
+        if !arguments.only.is_empty() && !arguments.only.contains(section) {
+            continue;
+        }
+        let started = Instant::now();
+        match section {
+            Section::Table2 => evaluation.table2 = bench.table2()?,
+            Section::Precision => evaluation.precision = bench.precision()?,
+            Section::Weave => evaluation.weave = bench.weave()?,
+            Section::Occlusion => evaluation.occlusion = bench.occlusion()?,
+            Section::Suite => evaluation.suite = bench.suite()?,
+            Section::Search => evaluation.search = bench.search()?,
+            Section::Budget => evaluation.budget = bench.budget()?,
+        }
+        progress(&format!(
+            "{section:?}: {:.0} s",
+            started.elapsed().as_secs_f64()
+        ));
+    }
+    evaluation.not_run = bench.not_run;
+    evaluation.targets = evaluation.targets();
+    put_json(&json, &evaluation)?;
+    page::write(&arguments.out, &evaluation)?;
+    Ok(evaluation)
+}
+
+/// The command that repeats the evaluation.
+fn command(arguments: &Arguments) -> String {
+    let quick = if arguments.quick { " --quick" } else { "" };
+    let sections = arguments.only.iter().filter_map(|section| {
+        let value = section.to_possible_value()?;
+        Some(format!(" --only {}", value.get_name()))
+    });
+    let sections: String = sections.collect();
+    format!("boresight eval tracking{quick}{sections}")
+}

@@ -1,0 +1,323 @@
+//! The page of a run.
+
+use super::ReportError;
+use super::chart::{Across, Chart, Scale, Series};
+use super::page::{Head, data_url, note, page, tiles};
+use super::states::{StateSpan, states};
+use super::statistics::MissStats;
+use crate::media::image::encode_jpeg;
+use crate::output;
+use maud::{Markup, html};
+use std::path::Path;
+
+/// Room for the images of the contact sheet, before base64; keeps the report below 2 MB.
+const IMAGE_BUDGET: usize = 1_100_000; // [byte]
+
+/// Everything that the report shows.
+#[derive(Clone, Debug, Default)]
+pub struct ReportData {
+    /// Heading.
+    pub title: String,
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Version of the program.
+    pub version: String,
+    /// Seed of every random stream.
+    pub seed: u64,
+    /// Hash of the final state, 16 hexadecimal digits.
+    pub state_hash: String,
+    /// How the run ended.
+    pub outcome: String,
+    /// Whether that is what the scenario is for; colours the outcome.
+    pub succeeded: bool,
+    /// Rows (label, value with unit) of the summary.
+    pub summary: Vec<(String, String)>,
+    /// Miss distance of the coarse camera \[px\].
+    pub miss_coarse_px: Series,
+    /// Miss distance of the precise camera \[px\].
+    pub miss_precise_px: Series,
+    /// Irradiance on the target \[W/m^2\].
+    pub irradiance_wpm2: Series,
+    /// Power in the bucket \[W\].
+    pub power_in_bucket_w: Series,
+    /// Temperature of the target's skin \[K\].
+    pub skin_temperature_k: Series,
+    /// Temperature at which the skin fails \[K\].
+    pub failure_temperature_k: Option<f64>,
+    /// Angle between the line of sight and the target \[urad\].
+    pub los_error_urad: Series,
+    /// States of the acquisition, tracking and pointing machine, in order.
+    pub states: Vec<StateSpan>,
+    /// Images of the run, in order.
+    pub frames: Vec<ContactFrame>,
+}
+
+/// One image of the contact sheet.
+#[derive(Clone, Debug)]
+pub struct ContactFrame {
+    /// Name of the camera.
+    pub camera: String,
+    /// Time of exposure \[s\].
+    pub time_s: f64,
+    /// Width \[px\].
+    pub width: u16,
+    /// Height \[px\].
+    pub height: u16,
+    /// Rows of red, green, blue bytes.
+    pub rgb8: Vec<u8>,
+    /// What is marked in it.
+    pub boxes: Vec<ContactBox>,
+    /// Boresight \[px\].
+    pub reticle_px: [f64; 2],
+    /// What it shows.
+    pub caption: String,
+}
+
+/// One marked box.
+#[derive(Clone, Debug)]
+pub struct ContactBox {
+    /// Text at the box.
+    pub label: String,
+    /// Box as x0, y0, x1, y1 \[px\].
+    pub rect_px: [f64; 4],
+    /// Red, green, blue.
+    pub colour: [u8; 3],
+}
+
+/// Writes the report as one HTML file that loads nothing else.
+pub fn write_report(path: &Path, data: &ReportData) -> Result<(), ReportError> {
+    let jpegs = encode_frames(&data.frames)?;
+    let seed = data.seed.to_string();
+    let head = Head {
+        title: &data.title,
+        heading: &data.title,
+        facts: &[
+            ("Scenario", &data.scenario),
+            ("Seed", &seed),
+            ("State hash", &data.state_hash),
+            ("Version", &data.version),
+        ],
+        ..Head::default()
+    };
+    Ok(output::write(path, page(&head, &body(data, &jpegs)))?)
+}
+
+/// The frames as JPEG, of the best quality that fits; the last ones are left out if none does.
+fn encode_frames(frames: &[ContactFrame]) -> Result<Vec<Vec<u8>>, ReportError> {
+    let mut jpegs = Vec::new();
+    for quality in [85, 70, 50, 30] {
+        jpegs = frames
+            .iter()
+            .enumerate()
+            .map(|(index, frame)| {
+                encode_jpeg(&frame.rgb8, frame.width, frame.height, quality)
+                    .map_err(|source| ReportError::Frame { index, source })
+            })
+            .collect::<Result<_, _>>()?;
+        if jpegs.iter().map(Vec::len).sum::<usize>() <= IMAGE_BUDGET {
+            return Ok(jpegs);
+        }
+    }
+    let mut room = IMAGE_BUDGET;
+    let fitting = jpegs.iter().take_while(|jpeg| {
+        let fits = jpeg.len() <= room;
+        room = room.saturating_sub(jpeg.len());
+        fits
+    });
+    let count = fitting.count();
+    jpegs.truncate(count);
+    Ok(jpegs)
+}
+
+fn body(data: &ReportData, jpegs: &[Vec<u8>]) -> Markup {
+    let end_s = end_of_run_s(data);
+    html! {
+        p .outcome .good[data.succeeded] { (data.outcome) }
+        h2 { "Summary" }
+        (tiles(&data.summary))
+        h2 { "Miss distance" }
+        (miss_table(data))
+        h2 { "Time histories" }
+        (charts(data, end_s))
+        h2 { "States" }
+        (states(&data.states, end_s))
+        h2 { "Contact sheet" }
+        (contact_sheet(&data.frames, jpegs))
+    }
+}
+
+fn charts(data: &ReportData, end_s: f64) -> Markup {
+    let chart = |title, unit, scale, series| Chart {
+        title,
+        unit,
+        scale,
+        series,
+        limit: None,
+    };
+    let miss = [
+        ("coarse", &data.miss_coarse_px),
+        ("precise", &data.miss_precise_px),
+    ];
+    let los = [("", &data.los_error_urad)];
+    let irradiance = [("", &data.irradiance_wpm2)];
+    let power = [("", &data.power_in_bucket_w)];
+    let skin = [("skin", &data.skin_temperature_k)];
+    let charts = [
+        chart("Miss distance", "px", Scale::Log, &miss[..]),
+        chart("Line-of-sight error", "µrad", Scale::Log, &los),
+        chart("Irradiance on target", "W/m²", Scale::Prefixed, &irradiance),
+        chart("Power in the bucket", "W", Scale::Prefixed, &power),
+        Chart {
+            limit: data.failure_temperature_k.map(|k| ("failure", k)),
+            ..chart("Skin temperature", "K", Scale::Linear, &skin)
+        },
+    ];
+    let across = Across::from_zero("simulated time [s]", end_s);
+    html! {
+        div .charts {
+            @for chart in &charts { (chart.figure(&across)) }
+        }
+    }
+}
+
+/// Latest time that anything in the report has \[s\].
+fn end_of_run_s(data: &ReportData) -> f64 {
+    [
+        &data.miss_coarse_px,
+        &data.miss_precise_px,
+        &data.irradiance_wpm2,
+        &data.power_in_bucket_w,
+        &data.skin_temperature_k,
+        &data.los_error_urad,
+    ]
+    .into_iter()
+    .filter_map(|series| series.last().map(|&(t, _)| t))
+    .chain(data.states.last().map(|span| span.t1_s))
+    .filter(|t| t.is_finite())
+    .fold(0.0, f64::max)
+}
+
+fn miss_table(data: &ReportData) -> Markup {
+    let rows = [
+        ("coarse", &data.miss_coarse_px),
+        ("precise", &data.miss_precise_px),
+    ]
+    .map(|(name, series)| (name, MissStats::of(series.iter().map(|&(_, px)| px))));
+    html! {
+        div .scroll {
+            table {
+                tr {
+                    th { "Camera" }
+                    @for label in ["mean", "rms", "p50", "p95", "p99"] {
+                        th .n { (label) " [px]" }
+                    }
+                    th .n { "samples" }
+                }
+                @for (name, stats) in &rows {
+                    tr {
+                        td { (name) }
+                        @if let Some(stats) = stats {
+                            @for px in [stats.mean, stats.rms, stats.p50, stats.p95, stats.p99] {
+                                td .n { (format_args!("{px:.3}")) }
+                            }
+                            td .n { (stats.n) }
+                        } @else {
+                            td .n colspan="6" { "no samples" }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn contact_sheet(frames: &[ContactFrame], jpegs: &[Vec<u8>]) -> Markup {
+    if frames.is_empty() {
+        return note("no images");
+    }
+    html! {
+        div .sheet {
+            @for (frame, jpeg) in frames.iter().zip(jpegs) { (frame.figure(jpeg)) }
+        }
+        @if jpegs.len() < frames.len() {
+            p .note { (frames.len() - jpegs.len()) " later images left out for size." }
+        }
+    }
+}
+
+impl ContactFrame {
+    fn figure(&self, jpeg: &[u8]) -> Markup {
+        let (w, h) = (self.width, self.height);
+        // Everything drawn on an image is sized by it, for images of any size look alike on the sheet.
+        let unit = f64::from(w) / 320.0;
+        html! {
+            figure {
+                svg viewBox=(format_args!("0 0 {w} {h}"))
+                    font-size=(format_args!("{:.2}", 12.0 * unit))
+                    stroke-width=(format_args!("{:.2}", 1.5 * unit))
+                {
+                    image width=(w) height=(h) href=(data_url(jpeg)) {}
+                    path fill="none" stroke="#fff" stroke-opacity=".8"
+                        stroke-width=(format_args!("{unit:.2}")) d=(self.reticle(unit)) {}
+                    @for mark in &self.boxes { (mark.drawing(f64::from(w), unit)) }
+                }
+                figcaption {
+                    b { (self.camera) }
+                    span { (format_args!("{:.3} s", self.time_s)) }
+                    span .note { (self.caption) }
+                }
+            }
+        }
+    }
+
+    /// Four arms about the boresight.
+    fn reticle(&self, unit: f64) -> String {
+        let [x, y] = self.reticle_px;
+        let (near, far) = (5.0 * unit, 14.0 * unit);
+        format!(
+            "M{:.1} {y:.1}H{:.1}M{:.1} {y:.1}H{:.1}M{x:.1} {:.1}V{:.1}M{x:.1} {:.1}V{:.1}",
+            x - far,
+            x - near,
+            x + near,
+            x + far,
+            y - far,
+            y - near,
+            y + near,
+            y + far
+        )
+    }
+}
+
+impl ContactBox {
+    /// The box with its label, on an image of width `w` [px].
+    fn drawing(&self, w: f64, unit: f64) -> Markup {
+        let [x0, y0, x1, y1] = self.rect_px;
+        let [r, g, b] = self.colour;
+        let colour = format!("rgb({r},{g},{b})");
+        // Kept off a target of a few pixels, and the label within the image.
+        let pad = 2.0 * unit;
+        let label_y = if y0 > 20.0 * unit {
+            y0 - 5.0 * unit
+        } else {
+            y1 + 15.0 * unit
+        };
+        let (label_x, anchor) = if x0 < 0.6 * w {
+            (x0 - pad, "start")
+        } else {
+            (x1 + pad, "end")
+        };
+        html! {
+            rect x=(format_args!("{:.1}", x0 - pad))
+                y=(format_args!("{:.1}", y0 - pad))
+                width=(format_args!("{:.1}", (x1 - x0).max(0.0) + 2.0 * pad))
+                height=(format_args!("{:.1}", (y1 - y0).max(0.0) + 2.0 * pad))
+                fill="none" stroke=(colour) {}
+            text x=(format_args!("{label_x:.1}"))
+                y=(format_args!("{label_y:.1}"))
+                text-anchor=(anchor) fill=(colour) { (self.label) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,527 @@
+//! The end of a run: outcome, summary, report.
+
+use super::ReportError;
+use super::run::{ContactBox, ContactFrame, ReportData, write_report};
+use super::states::StateSpan;
+use super::statistics::MissStats;
+use crate::VERSION;
+use crate::app::Options;
+use crate::components::beam::{BeamState, Dose};
+use crate::components::capture::Tier;
+use crate::components::detect::Detector;
+use crate::components::engage::Interlocks;
+use crate::components::environment::Environment;
+use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::mount::Mount;
+use crate::components::record::{History, KeptFrame, Recording, StateHash};
+use crate::components::run::SimClock;
+use crate::components::run::Stopwatch;
+use crate::components::track::{Tracker, TrackingState};
+use crate::models::air::atmosphere::{extinction_per_m, transmittance};
+use crate::output;
+use crate::scenario::Loaded;
+use bevy::platform::cell::SyncCell;
+use bevy::prelude::*;
+use serde::Serialize;
+use std::time::Duration;
+
+/// The numbers of one run, as `summary.json` has them; its keys do not change.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Version of the program.
+    pub version: String,
+    /// Seed of every random stream.
+    pub seed: u64,
+    /// How the run ended, in one word.
+    pub outcome: String,
+    /// Why it ended so.
+    pub reason: String,
+    /// Hash of the final state, 16 hexadecimal digits.
+    pub state_hash: String,
+    /// Simulated time \[s\].
+    pub simulated_s: f64,
+    /// Simulated over elapsed time.
+    pub real_time_factor: f64,
+    /// Time of the first Coarse state: the coarse camera had confirmed a target \[s\].
+    pub time_to_acquire_s: Option<f64>,
+    /// Time at which the last target failed \[s\].
+    pub time_to_neutralise_s: Option<f64>,
+    /// Distance between the target and the boresight \[px\].
+    pub miss_distance_px: MissDistances,
+    /// Time for which the firing beam's centre lay on the aim point \[s\].
+    pub dwell_s: f64,
+    /// Time for which the firing beam's axis lay on a bird or balloon [s].
+    pub distractor_s: f64,
+    /// Energy that left the laser \[J\].
+    pub energy_j: f64,
+    /// The same for each UAV brought down by it \[J\]; `None` without any.
+    pub energy_per_neutralised_j: Option<f64>,
+    /// Each UAV, in the order of the scenario.
+    pub uavs: Vec<UavSummary>,
+    /// Where the elapsed time went.
+    pub share: Shares,
+}
+
+/// What became of a UAV, and what the laser spent on it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UavSummary {
+    /// Name in the scenario.
+    pub name: String,
+    /// Flying, falling, down or crashed.
+    pub status: String,
+    /// Energy emitted while the beam was aimed at it \[J\].
+    pub energy_j: f64,
+    /// Time for which the firing beam's centre lay on its aim point \[s\].
+    pub dwell_s: f64,
+    /// Time at which its skin failed \[s\].
+    pub neutralised_s: Option<f64>,
+}
+
+/// Miss distance of both tracking cameras \[px\].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct MissDistances {
+    /// Coarse camera.
+    pub coarse: Option<MissStats>,
+    /// Precise camera.
+    pub precise: Option<MissStats>,
+}
+
+/// Shares of the elapsed time, 0 to 1 each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Shares {
+    /// Drawing the cameras' images.
+    pub render: f64,
+    /// The detector.
+    pub inference: f64,
+    /// Everything else.
+    pub other: f64,
+}
+
+/// What a finished run has to say.
+pub struct Finished {
+    /// The numbers.
+    pub summary: Summary,
+    /// What the report shows.
+    pub report: ReportData,
+}
+
+/// Ends a run that took `elapsed` of wall-clock time: closes its recording and writes summary and
+/// report beside it, if it has an output folder.
+pub fn conclude(
+    world: &mut World,
+    loaded: &Loaded,
+    options: &Options,
+    elapsed: Duration,
+) -> Result<Finished, ReportError> {
+    if let Some(recorder) = world.resource_mut::<Recording>().recorder.take() {
+        SyncCell::to_inner(recorder).finish()?;
+    }
+    let finished = finish(world, loaded, options, elapsed);
+    if let Some(out) = &options.out {
+        let text = serde_json::to_string_pretty(&finished.summary)? + "\n";
+        output::write(&out.join("summary.json"), text)?;
+        write_report(&out.join("report.html"), &finished.report)?;
+    }
+    Ok(finished)
+}
+
+/// Sums up a run that took `elapsed` of wall-clock time.
+pub fn finish(
+    world: &mut World,
+    loaded: &Loaded,
+    options: &Options,
+    elapsed: Duration,
+) -> Finished {
+    let fates = fates(world);
+    let conditions = conditions(world);
+    let mut stations = world.query::<&BeamState>();
+    let beam = stations.iter(world).next().copied().unwrap_or_default();
+    let (outcome, reason) = outcome(world, &fates, &conditions);
+    let summary = Summary {
+        scenario: loaded.scenario.name.clone(),
+        version: VERSION.into(),
+        seed: options.seed.unwrap_or(loaded.scenario.seed),
+        outcome: outcome.into(),
+        reason,
+        ..summary(world, &fates, &beam, elapsed)
+    };
+    let report = report(world, loaded, &summary, &fates);
+    Finished { summary, report }
+}
+
+/// What became of a UAV.
+struct Fate {
+    /// Its index in the scenario.
+    index: usize,
+    name: String,
+    status: UavStatus,
+    dose: Dose,
+    failure_temperature_k: f64,
+}
+
+/// What became of each UAV, in the order of the scenario.
+fn fates(world: &mut World) -> Vec<Fate> {
+    let mut uavs = world.query::<(&Uav, &UavStatus, &HeatedSkin, &Dose)>();
+    let mut fates: Vec<Fate> = uavs
+        .iter(world)
+        .map(|(uav, status, skin, dose)| Fate {
+            index: uav.index,
+            name: uav.name.clone(),
+            status: *status,
+            dose: *dose,
+            failure_temperature_k: skin.material.failure_temperature_k,
+        })
+        .collect();
+    fates.sort_by_key(|fate| fate.index);
+    fates
+}
+
+/// Number of UAVs that the laser brought down.
+fn brought_down(fates: &[Fate]) -> usize {
+    fates
+        .iter()
+        .filter(|fate| fate.status.neutralised())
+        .count()
+}
+
+/// The numbers that the world has; those of the scenario are left empty.
+fn summary(world: &World, fates: &[Fate], beam: &BeamState, elapsed: Duration) -> Summary {
+    let clock = world.resource::<SimClock>();
+    let history = world.resource::<History>();
+    let stopwatch = world.resource::<Stopwatch>();
+    let elapsed_s = elapsed.as_secs_f64().max(1e-9);
+    let miss = |tier: Tier| MissStats::of(history.miss_px[tier as usize].iter().map(|(_, px)| *px));
+    let down = brought_down(fates);
+    let all_down = down == fates.len() && !fates.is_empty();
+    let last_s = (history.neutralised_s.iter().flatten().copied()).reduce(f64::max);
+    let share = |part: Duration| part.as_secs_f64() / elapsed_s;
+    let (render, inference) = (share(stopwatch.render), share(stopwatch.inference));
+    Summary {
+        state_hash: format!("{:016x}", world.resource::<StateHash>().0),
+        simulated_s: clock.t_s(),
+        real_time_factor: clock.t_s() / elapsed_s,
+        time_to_acquire_s: history.acquired_s,
+        time_to_neutralise_s: last_s.filter(|_| all_down),
+        miss_distance_px: MissDistances {
+            coarse: miss(Tier::Coarse),
+            precise: miss(Tier::Precise),
+        },
+        dwell_s: beam.dwell_s,
+        distractor_s: beam.distractor_s,
+        energy_j: beam.energy_j,
+        energy_per_neutralised_j: (down > 0).then(|| beam.energy_j / down as f64),
+        uavs: fates
+            .iter()
+            .map(|fate| UavSummary {
+                name: fate.name.clone(),
+                status: fate.status.name().into(),
+                energy_j: fate.dose.energy_j,
+                dwell_s: fate.dose.dwell_s,
+                neutralised_s: history.neutralised_s.get(fate.index).copied().flatten(),
+            })
+            .collect(),
+        share: Shares {
+            render,
+            inference,
+            other: (1.0 - render - inference).max(0.0),
+        },
+        ..Summary::default()
+    }
+}
+
+/// What of its contrast the nearest UAV keeps through the air, where that is too little to see.
+fn conditions(world: &mut World) -> String {
+    // Koschmieder's threshold: what keeps less than 2 % of its contrast is not seen.
+    const THRESHOLD: f64 = 0.02;
+    let mut uavs = world.query_filtered::<&Flight, Without<Distractor>>();
+    let mut mounts = world.query::<&Mount>();
+    let Some(station) = mounts.iter(world).next().map(|mount| mount.r_enu_m) else {
+        return String::new();
+    };
+    let nearest_m = uavs
+        .iter(world)
+        .map(|flight| flight.state.r_enu_m.distance(station))
+        .fold(f64::INFINITY, f64::min);
+    let visibility_m = world.resource::<Environment>().weather.visibility_m;
+    let kept = transmittance(extinction_per_m(visibility_m, 550e-9), nearest_m);
+    if kept > THRESHOLD || !nearest_m.is_finite() {
+        return String::new();
+    }
+    format!(
+        ": through {visibility_m:.0} m of visibility a UAV at {nearest_m:.0} m keeps {kept:.0e} of \
+         its contrast"
+    )
+}
+
+/// One word and one sentence on how it ended.
+fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, String) {
+    let history = world.resource::<History>();
+    let tracker = world.resource::<Tracker>();
+    let interlocks = world.resource::<Interlocks>();
+    let down = brought_down(fates);
+    let crashed: Vec<&str> = fates
+        .iter()
+        .filter(|fate| fate.status == UavStatus::Crashed)
+        .map(|fate| fate.name.as_str())
+        .collect();
+    if !fates.is_empty() && down == fates.len() {
+        return (
+            "neutralised",
+            format!("{down} of {down} UAVs brought down by the laser"),
+        );
+    }
+    if down > 0 {
+        return (
+            "partly_neutralised",
+            format!("{down} of {} UAVs brought down", fates.len()),
+        );
+    }
+    if !crashed.is_empty() {
+        return (
+            "crashed",
+            format!("{} flew into the city", crashed.join(", ")),
+        );
+    }
+    if history.acquired_s.is_some() {
+        let reached = tracker
+            .changes
+            .iter()
+            .map(|change| change.to)
+            .filter(|state| *state != TrackingState::Lost)
+            .max_by_key(|state| *state as u8);
+        let why = if interlocks.0.is_empty() {
+            "the target outlasted the run".to_string()
+        } else {
+            format!("at the end: {}", interlocks.0.join(", "))
+        };
+        let reached = reached.map_or("search", TrackingState::name);
+        return ("tracked", format!("tracking reached {reached}; {why}"));
+    }
+    let tried = tracker
+        .changes
+        .iter()
+        .filter(|change| change.to == TrackingState::Acquire)
+        .count();
+    let why = if tried == 0 {
+        format!("the search camera found no candidate{conditions}")
+    } else {
+        format!("{tried} candidates were not confirmed by the coarse camera")
+    };
+    ("not_acquired", why)
+}
+
+/// What the page of the run shows.
+fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> ReportData {
+    let history = world.resource::<History>();
+    let detector = world.resource::<Detector>();
+    let frames = history.frames.iter();
+    ReportData {
+        title: format!("Boresight: {}", loaded.scenario.name),
+        scenario: summary.scenario.clone(),
+        version: summary.version.clone(),
+        seed: summary.seed,
+        state_hash: summary.state_hash.clone(),
+        outcome: summary.outcome.clone(),
+        succeeded: summary.outcome == "neutralised",
+        summary: rows(summary),
+        miss_coarse_px: history.miss_px[Tier::Coarse as usize].clone(),
+        miss_precise_px: history.miss_px[Tier::Precise as usize].clone(),
+        irradiance_wpm2: history.irradiance_wpm2.clone(),
+        power_in_bucket_w: history.power_in_bucket_w.clone(),
+        skin_temperature_k: history.skin_k.clone(),
+        failure_temperature_k: fates.first().map(|fate| fate.failure_temperature_k),
+        los_error_urad: history.los_error_urad.clone(),
+        states: state_spans(world, loaded, summary.simulated_s),
+        frames: frames.map(|frame| contact_frame(detector, frame)).collect(),
+    }
+}
+
+/// The states of the tracker until `end_s`.
+fn state_spans(world: &World, loaded: &Loaded, end_s: f64) -> Vec<StateSpan> {
+    let changes = &world.resource::<Tracker>().changes;
+    let hz = f64::from(loaded.scenario.tick_hz);
+    let at_s = |tick: u64| tick as f64 / hz;
+    let ends = changes.iter().skip(1).map(|change| at_s(change.tick));
+    changes
+        .iter()
+        .zip(ends.chain([end_s]))
+        .map(|(change, t1_s)| StateSpan {
+            t0_s: at_s(change.tick),
+            t1_s,
+            name: change.to.name().into(),
+            reason: change.reason.clone(),
+        })
+        .collect()
+}
+
+/// A picture of the run with its detections, in pixels of the picture.
+fn contact_frame(detector: &Detector, frame: &KeptFrame) -> ContactFrame {
+    let [dx, dy] = frame.offset_px.map(f64::from);
+    let boxes = frame.detections.iter().map(|detection| {
+        let [x0, y0, x1, y1] = detection.box_px;
+        ContactBox {
+            label: detector.caption(detection),
+            rect_px: [x0 - dx, y0 - dy, x1 - dx, y1 - dy],
+            colour: [0, 158, 115],
+        }
+    });
+    ContactFrame {
+        camera: frame.tier.name().into(),
+        time_s: frame.t_s,
+        width: frame.size_px[0] as u16,
+        height: frame.size_px[1] as u16,
+        rgb8: frame.rgb8.to_vec(),
+        boxes: boxes.collect(),
+        reticle_px: [frame.centre_px[0] - dx, frame.centre_px[1] - dy],
+        caption: frame.state.into(),
+    }
+}
+
+/// The summary as labels and values with their units.
+fn rows(summary: &Summary) -> Vec<(String, String)> {
+    let seconds = |t: Option<f64>| t.map_or("never".into(), |t| format!("{t:.2} s"));
+    let miss = |stats: &Option<MissStats>| {
+        stats.map_or("no frames".into(), |s| {
+            format!(
+                "mean {:.2}, rms {:.2}, 95 % {:.2}, 99 % {:.2} px ({} frames)",
+                s.mean, s.rms, s.p95, s.p99, s.n
+            )
+        })
+    };
+    let percent = |x: f64| format!("{:.1} %", 100.0 * x);
+    let share = &summary.share;
+    [
+        (
+            "outcome",
+            format!("{}: {}", summary.outcome, summary.reason),
+        ),
+        ("time to acquire", seconds(summary.time_to_acquire_s)),
+        ("time to neutralise", seconds(summary.time_to_neutralise_s)),
+        (
+            "coarse miss distance",
+            miss(&summary.miss_distance_px.coarse),
+        ),
+        (
+            "precise miss distance",
+            miss(&summary.miss_distance_px.precise),
+        ),
+        (
+            "dwell on the aim point",
+            format!("{:.2} s", summary.dwell_s),
+        ),
+        (
+            "beam on distractors",
+            format!("{:.2} s", summary.distractor_s),
+        ),
+        (
+            "energy emitted",
+            format!("{:.1} kJ", 1e-3 * summary.energy_j),
+        ),
+        (
+            "energy per UAV down",
+            summary
+                .energy_per_neutralised_j
+                .map_or("none down".into(), |j| format!("{:.1} kJ", 1e-3 * j)),
+        ),
+        ("simulated", format!("{:.2} s", summary.simulated_s)),
+        (
+            "real-time factor",
+            format!("{:.3}", summary.real_time_factor),
+        ),
+        (
+            "wall time",
+            format!(
+                "rendering {}, inference {}, other {}",
+                percent(share.render),
+                percent(share.inference),
+                percent(share.other)
+            ),
+        ),
+        ("seed", summary.seed.to_string()),
+        ("state hash", summary.state_hash.clone()),
+    ]
+    .map(|(label, value)| (label.to_string(), value))
+    .into_iter()
+    .chain(summary.uavs.iter().map(|uav| {
+        let value = format!(
+            "{}, {:.1} kJ, dwell {:.2} s",
+            uav.status,
+            1e-3 * uav.energy_j,
+            uav.dwell_s
+        );
+        (format!("UAV {}", uav.name), value)
+    }))
+    .collect()
+}
+
+/// The summary for a terminal.
+pub fn table(summary: &Summary) -> String {
+    rows(summary)
+        .iter()
+        .map(|(label, value)| format!("{label:<24}{value}\n"))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summary_keys_are_stable() {
+        let stats = MissStats {
+            mean: 1.0,
+            rms: 2.0,
+            p50: 3.0,
+            p95: 4.0,
+            p99: 5.0,
+            n: 6,
+        };
+        let summary = Summary {
+            scenario: "urban".into(),
+            version: "0.1.0".into(),
+            seed: 7,
+            outcome: "neutralised".into(),
+            reason: "skin failed".into(),
+            state_hash: "00000000deadbeef".into(),
+            simulated_s: 12.5,
+            real_time_factor: 101.0,
+            time_to_acquire_s: None,
+            time_to_neutralise_s: Some(9.0),
+            miss_distance_px: MissDistances {
+                coarse: None,
+                precise: Some(stats),
+            },
+            dwell_s: 3.0,
+            distractor_s: 0.0,
+            energy_j: 9000.0,
+            energy_per_neutralised_j: Some(9000.0),
+            uavs: vec![UavSummary {
+                name: "one".into(),
+                status: "down".into(),
+                energy_j: 8500.0,
+                dwell_s: 3.0,
+                neutralised_s: Some(9.0),
+            }],
+            share: Shares {
+                render: 0.0,
+                inference: 0.25,
+                other: 0.75,
+            },
+        };
+        assert_eq!(
+            serde_json::to_string(&summary).unwrap(),
+            concat!(
+                r#"{"scenario":"urban","version":"0.1.0","seed":7,"outcome":"neutralised","#,
+                r#""reason":"skin failed","state_hash":"00000000deadbeef","simulated_s":12.5,"#,
+                r#""real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
+                r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
+                r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"energy_j":9000.0,"#,
+                r#""energy_per_neutralised_j":9000.0,"uavs":[{"name":"one","status":"down","#,
+                r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0}],"#,
+                r#""share":{"render":0.0,"inference":0.25,"other":0.75}}"#
+            )
+        );
+    }
+}
