@@ -179,7 +179,7 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     } else if kind == KIND_FACADE_RESIDENTIAL || kind == KIND_FACADE_OFFICE {
         let office = kind == KIND_FACADE_OFFICE;
         let variant = in.surface.y;
-        let pitch = select(vec2(3.0, 3.0), vec2(3.0, 3.6), office); // bay and storey [m], as models/city.rs
+        let pitch = select(vec2(3.0, 3.0), vec2(3.0, 3.6), office); // bay and storey [m], as models/ground/city/parts.rs
         let cell = in.uv / pitch;
         let w = width / pitch;
         let side = select(0.30 - 0.08 * variant, 0.06, office);

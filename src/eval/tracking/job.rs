@@ -9,7 +9,7 @@ use crate::components::mount::{Mount, Optics};
 use crate::components::record::{History, KeptFrame};
 use crate::components::run::SimClock;
 use crate::components::track::TrackerParams;
-use crate::components::track::{Tracker, TrackingState};
+use crate::components::track::Tracker;
 use crate::eval::EvalError;
 use crate::eval::shared::{FRESH_S, confirmed, progress};
 use crate::eval::statistics::{Hold, Lock, Sums, lock};
@@ -220,11 +220,8 @@ impl Watch {
         else {
             return;
         };
-        let held = matches!(
-            tracker.state,
-            TrackingState::Coarse | TrackingState::Precise | TrackingState::Engage
-        );
-        let precise = held && tracker.state != TrackingState::Coarse;
+        let held = tracker.state.holds(Tier::Coarse);
+        let precise = tracker.state.holds(Tier::Precise);
         let seen = &mut self.seen;
         if seen.targets.last().map_or(Some(None), |last| Some(last.1)) != Some(tracker.target) {
             seen.targets.push((t_s, tracker.target));
