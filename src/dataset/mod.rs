@@ -5,6 +5,7 @@
 //! pictures are written first and its annotations last, by renaming: a scene that has a record is
 //! whole, and a run that was stopped continues with the scenes that have none.
 
+mod assign;
 mod coco;
 mod draw;
 mod exposure;
@@ -31,12 +32,12 @@ use crate::models::optics::sensor::SensorError;
 use crate::output::{self, OutputError};
 use crate::scenario::InputError;
 use crate::systems::capture::CaptureError;
+use assign::assign_scenes;
 use clap::Args;
 use coco::SceneRecord;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use merge::merge;
 use scene::Scene;
-use shares::assign_scenes;
 use shoot::make;
 use stage::Stage;
 use std::io::IsTerminal;

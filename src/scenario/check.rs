@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::load::join;
+use super::text::join;
 
 /// From 0 on.
 pub(crate) const AT_LEAST_ZERO: RangeInclusive<f64> = 0.0..=f64::MAX;

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::Scenario;
 use super::cameras::CameraPreset;
-use super::load::one_line;
+use super::text::one_line;
 
 /// JSON Schema (draft 2020-12) of the scenario file, pretty, keys in alphabetical order.
 pub fn json_schema() -> String {

@@ -14,6 +14,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::check::{Check, Problem};
+use super::text::{join, one_line};
 
 /// A kind of input file.
 pub(crate) trait Checked: DeserializeOwned {
@@ -379,18 +380,6 @@ pub(super) fn suggestion(found: &str, known: &[&str]) -> String {
     }
     let _ = write!(text, " expected one of {}", known.join(", "));
     text
-}
-
-/// Appends a key to a dotted path.
-pub(super) fn join(path: &mut String, key: &str) {
-    if !path.is_empty() {
-        path.push('.');
-    }
-    path.push_str(&one_line(key));
-}
-
-pub(super) fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ mod station;
 mod targets;
 #[cfg(test)]
 mod tests;
+mod text;
 mod tracker;
 
 pub use air::{IntensityModel, Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};

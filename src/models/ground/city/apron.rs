@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::meshes::add_part;
+use super::buildings::add_part;
 use super::params::CityParams;
 use super::parts::{
     Building, BuildingKind, Finish, Part, Roof, TILES, Tree, TreeKind, WALLS, shaded,

@@ -9,6 +9,7 @@
 mod apron;
 mod blocks;
 mod build;
+mod buildings;
 mod country;
 mod ground_map;
 mod meshes;

@@ -1,6 +1,6 @@
+use super::buildings::add_part;
 use super::country::GLADE_M;
 use super::ground_map::MAP_PX;
-use super::meshes::add_part;
 use super::trees::add_tree;
 use super::*;
 use crate::models::ground::dsm::LineOfSight;
