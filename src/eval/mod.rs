@@ -31,13 +31,8 @@ pub enum EvalError {
     #[error(transparent)]
     Coco(#[from] CocoError),
     /// The boxes of clips.
-    #[error("--boxes: {path}: {source}")]
-    Boxes {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: BoxesError,
-    },
+    #[error(transparent)]
+    Boxes(#[from] BoxesError),
     /// A clip.
     #[error(transparent)]
     Video(#[from] VideoError),

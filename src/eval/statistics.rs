@@ -38,7 +38,7 @@ impl Rate {
         }
     }
 
-    /// The rate of trues.
+    /// The share of trials that succeeded.
     pub fn count(trials: impl IntoIterator<Item = bool>) -> Self {
         let (successes, n) = trials
             .into_iter()
@@ -46,7 +46,7 @@ impl Rate {
         Self::of(successes, n)
     }
 
-    /// The rate for people.
+    /// The rate as a sentence has it, such as `3 of 20 (5–36 %)`.
     pub fn text(&self) -> String {
         let [low, high] = self.interval_95.map(|x| 100.0 * x);
         format!(
@@ -68,14 +68,14 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Takes a sample in.
+    /// Adds a sample.
     pub fn push(&mut self, value: f64) {
         self.n += 1;
         self.square += value * value;
         self.peak = self.peak.max(value);
     }
 
-    /// Takes the samples of another in.
+    /// Adds the samples of another.
     pub fn merge(&mut self, other: &Self) {
         self.n += other.n;
         self.square += other.square;

@@ -1,6 +1,6 @@
 //! A loaded model and its answers.
 
-use super::DetectorError;
+use super::error::DetectorError;
 use super::interface::Interface;
 use super::runtime::{Setup, first_line, refused, session};
 use crate::models::optics::camera::PixelRect;

@@ -1,6 +1,6 @@
 //! ONNX Runtime's library and its sessions.
 
-use super::DetectorError;
+use super::error::DetectorError;
 use crate::scenario::Provider;
 use ort::ep::{CUDA, ExecutionProvider, TensorRT};
 use ort::session::{Session, builder::SessionBuilder};

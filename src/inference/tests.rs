@@ -1,7 +1,8 @@
 use super::*;
 use crate::models::optics::camera::PixelRect;
 use crate::models::optics::detection::Detection;
-use std::path::Path;
+use crate::scenario::Provider;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 fn test_model(name: &str) -> PathBuf {

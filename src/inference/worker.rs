@@ -1,6 +1,7 @@
 //! A model at work, on a thread of its own or on the caller's.
 
-use super::{DetectorError, OnnxDetector, View};
+use super::error::DetectorError;
+use super::model::{OnnxDetector, View};
 use crate::models::optics::camera::PixelRect;
 use crate::models::optics::detection::Detection;
 use bevy::platform::cell::SyncCell;

@@ -12,7 +12,7 @@ use crate::media::image::ImageError;
 use crate::output::OutputError;
 use crate::recording::RecordingError;
 
-/// Why a run cannot leave what it should.
+/// Why the summary or the report of a run cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// A file cannot be written.

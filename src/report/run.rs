@@ -16,7 +16,7 @@ const IMAGE_BUDGET: usize = 1_100_000; // [byte]
 /// Everything that the report shows.
 #[derive(Clone, Debug, Default)]
 pub struct ReportData {
-    /// Heading.
+    /// Heading of the page.
     pub title: String,
     /// Name of the scenario.
     pub scenario: String,

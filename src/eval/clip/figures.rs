@@ -58,7 +58,7 @@ pub struct ClipFigures {
     pub size_px: [u32; 2],
     /// Mean rate [Hz].
     pub rate_hz: f64,
-    /// The figures.
+    /// What was measured in it.
     #[serde(flatten)]
     pub figures: Figures,
     /// Tracks that were confirmed, in the order of their identities.
@@ -67,10 +67,10 @@ pub struct ClipFigures {
     pub states: Vec<State>,
 }
 
-/// A track.
+/// A track that was confirmed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrackFigures {
-    /// Identity.
+    /// Identity of the track.
     pub id: u32,
     /// Time of the first frame in which it was confirmed [s].
     pub start: f64,
@@ -95,7 +95,7 @@ pub struct State {
     pub name: &'static str,
     /// When it began [s].
     pub start: f64,
-    /// Why.
+    /// Why it was entered.
     pub reason: String,
 }
 
@@ -106,9 +106,9 @@ pub struct Evaluation {
     pub version: &'static str,
     /// The command that repeats it.
     pub command: String,
-    /// The model.
+    /// The detector's model file.
     pub model: PathBuf,
-    /// The truth.
+    /// The file of `--boxes`.
     pub boxes_file: Option<PathBuf>,
     /// Detections with a lower score are dropped.
     pub threshold: f64,
@@ -121,7 +121,7 @@ pub struct Evaluation {
     /// All clips together.
     #[serde(flatten)]
     pub figures: Figures,
-    /// Each clip.
+    /// Figures of each clip, in the order of the command line.
     pub clips: Vec<ClipFigures>,
 }
 

@@ -4,7 +4,7 @@
 //! a station that stands still under an open sky. A nominal pinhole turns pixels into angles, for the
 //! filter's motion is one of angles. Latency is none.
 
-use super::Arguments;
+use super::arguments::Arguments;
 use super::figures::State;
 use crate::components::capture::{ExposedFrame, PixelRect, Tier};
 use crate::components::detect::DetectionBatch;

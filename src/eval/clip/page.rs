@@ -1,8 +1,8 @@
 //! The pages of the evaluation, and its figures as text.
 
+use super::arguments::folder_names;
 use super::draw::COLOURS;
 use super::figures::{ClipFigures, Evaluation, Figures};
-use super::folder_names;
 use super::play::{Curves, Played};
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::page::{Head, data_url, note, number, page, percent, table};

@@ -1,6 +1,6 @@
 //! A clip played to its end: detector and tracker on every frame, and what is gathered of them.
 
-use super::Arguments;
+use super::arguments::Arguments;
 use super::draw::{draw, inset};
 use super::figures::{ClipFigures, Tally, TrackFigures, inside};
 use super::follow::{Followed, Follower};

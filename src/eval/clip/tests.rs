@@ -6,6 +6,7 @@ use crate::media::image::encode_jpeg;
 use crate::models::optics::detection::Detection;
 use image::RgbImage;
 use proptest::prelude::*;
+use std::num::NonZeroUsize;
 
 const GOOD: &str = r#"[{"file": "a.mp4", "frames": 3, "boxes_xywh":
         [{"drone": [[10, 20, 4, 6]], "bird": [[1, 1, 2, 2]]}, {}, {"Drone": []}]},

@@ -1,7 +1,6 @@
 //! The boxes of clips: a list of clips with boxes by label, or COCO annotations of their pictures.
 
-use crate::eval::EvalError;
-use crate::eval::detector::coco::{Coco, OTHERS, UAVS};
+use crate::eval::detector::coco::{Coco, CocoError, OTHERS, UAVS};
 use crate::eval::detector::metrics::Truth;
 use crate::media::video::{Clip, ClipFrame};
 use serde::Deserialize;
@@ -11,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Boxes of a frame [px].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameTruth {
-    /// UAVs.
+    /// Boxes of UAVs.
     pub uavs: Vec<Truth>,
     /// Other things: x0, y0, x1, y1.
     pub others: Vec<[f64; 4]>,
@@ -26,9 +25,25 @@ pub struct ClipTruth {
     pub frames: Vec<FrameTruth>,
 }
 
-/// Why a file of boxes cannot be used.
+/// Why the truth of `--boxes` cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum BoxesError {
+    /// The annotations of pictures.
+    #[error(transparent)]
+    Coco(#[from] CocoError),
+    /// The file, or what it says of a clip.
+    #[error("--boxes: {path}: {fault}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: BoxesFault,
+    },
+}
+
+/// What is wrong with a file of boxes.
+#[derive(Debug, thiserror::Error)]
+pub enum BoxesFault {
     /// The file cannot be read.
     #[error("{0}")]
     Unreadable(#[from] std::io::Error),
@@ -139,12 +154,12 @@ impl Labels<'_> {
 
 /// Reads a list of clips with their boxes; those labelled with one of `categories` are UAVs, or
 /// without categories those whose label says so.
-pub fn parse_boxes(text: &str, categories: &[String]) -> Result<Vec<ClipTruth>, BoxesError> {
+pub fn parse_boxes(text: &str, categories: &[String]) -> Result<Vec<ClipTruth>, BoxesFault> {
     let listed: Vec<Listed> = serde_json::from_str(text)?;
     let labels = Labels(categories);
     let mut clips: Vec<ClipTruth> = Vec::with_capacity(listed.len());
     for (index, clip) in listed.into_iter().enumerate() {
-        let wrong = |why: String| BoxesError::Value {
+        let wrong = |why: String| BoxesFault::Value {
             index,
             file: clip.file.clone(),
             why,
@@ -181,13 +196,13 @@ pub(super) enum BoxFile {
 }
 
 impl BoxFile {
-    pub(super) fn load(path: &Path, categories: &[String]) -> Result<Self, EvalError> {
+    pub(super) fn load(path: &Path, categories: &[String]) -> Result<Self, BoxesError> {
         if path.is_dir() {
             return Self::pictures(path, categories);
         }
-        let wrong = |source: BoxesError| EvalError::Boxes {
+        let wrong = |fault: BoxesFault| BoxesError::File {
             path: path.into(),
-            source,
+            fault,
         };
         let text = std::fs::read_to_string(path).map_err(|error| wrong(error.into()))?;
         if text.trim_start().starts_with('{') {
@@ -197,7 +212,7 @@ impl BoxFile {
         Ok(Self::Clips(path.into(), clips))
     }
 
-    fn pictures(path: &Path, categories: &[String]) -> Result<Self, EvalError> {
+    fn pictures(path: &Path, categories: &[String]) -> Result<Self, BoxesError> {
         let coco = Coco::load(path, categories)?;
         // Pictures that are not there are of other clips.
         let places = (coco.pictures.iter().enumerate())
@@ -209,9 +224,8 @@ impl BoxFile {
     }
 
     /// Refuses a clip of which this file does not tell the truth.
-    pub(super) fn check(&self, file: &Path, clip: &Clip) -> Result<(), EvalError> {
-        self.checked(file, clip)
-            .map_err(|source| self.wrong(source))
+    pub(super) fn check(&self, file: &Path, clip: &Clip) -> Result<(), BoxesError> {
+        self.checked(file, clip).map_err(|fault| self.wrong(fault))
     }
 
     /// The boxes of frame `index` of a clip.
@@ -220,27 +234,27 @@ impl BoxFile {
         file: &Path,
         index: usize,
         frame: &ClipFrame,
-    ) -> Result<FrameTruth, EvalError> {
+    ) -> Result<FrameTruth, BoxesError> {
         self.frame(file, index, frame)
-            .map_err(|source| self.wrong(source))
+            .map_err(|fault| self.wrong(fault))
     }
 
-    fn wrong(&self, source: BoxesError) -> EvalError {
+    fn wrong(&self, fault: BoxesFault) -> BoxesError {
         let path = match self {
             Self::Clips(path, _) => path,
             Self::Pictures(coco, _) => &coco.file,
         };
-        EvalError::Boxes {
+        BoxesError::File {
             path: path.clone(),
-            source,
+            fault,
         }
     }
 
-    fn checked(&self, file: &Path, clip: &Clip) -> Result<(), BoxesError> {
+    fn checked(&self, file: &Path, clip: &Clip) -> Result<(), BoxesFault> {
         match self {
             Self::Pictures(_, places) => {
                 if clip.files().is_empty() {
-                    return Err(BoxesError::Video(file.into()));
+                    return Err(BoxesFault::Video(file.into()));
                 }
                 (clip.files().iter()).try_for_each(|file| place(places, file).map(|_| ()))
             }
@@ -249,7 +263,7 @@ impl BoxFile {
                 if listed == clip.frames() {
                     return Ok(());
                 }
-                Err(BoxesError::Length {
+                Err(BoxesFault::Length {
                     clip: file.into(),
                     listed,
                     frames: clip.frames(),
@@ -263,7 +277,7 @@ impl BoxFile {
         file: &Path,
         index: usize,
         frame: &ClipFrame,
-    ) -> Result<FrameTruth, BoxesError> {
+    ) -> Result<FrameTruth, BoxesFault> {
         match self {
             Self::Clips(_, clips) => {
                 let frames = &listed(clips, file)?.frames;
@@ -273,7 +287,7 @@ impl BoxFile {
                 let at = place(places, frame.file.as_deref().unwrap_or(file))?;
                 let picture = &coco.pictures[at];
                 if picture.size_px() != frame.size_px() {
-                    return Err(BoxesError::Size {
+                    return Err(BoxesFault::Size {
                         file: picture.file_name.clone(),
                         found_px: frame.size_px(),
                         listed_px: picture.size_px(),
@@ -289,15 +303,15 @@ impl BoxFile {
 }
 
 /// The entry of a clip.
-fn listed<'a>(clips: &'a [ClipTruth], file: &Path) -> Result<&'a ClipTruth, BoxesError> {
+fn listed<'a>(clips: &'a [ClipTruth], file: &Path) -> Result<&'a ClipTruth, BoxesFault> {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let found = clips.iter().find(|clip| clip.file == name);
-    found.ok_or_else(|| BoxesError::NoClip { clip: name.into() })
+    found.ok_or_else(|| BoxesFault::NoClip { clip: name.into() })
 }
 
 /// The index of a picture in the set, by its file.
-fn place(places: &BTreeMap<PathBuf, usize>, file: &Path) -> Result<usize, BoxesError> {
+fn place(places: &BTreeMap<PathBuf, usize>, file: &Path) -> Result<usize, BoxesFault> {
     let found = std::fs::canonicalize(file).ok();
     let found = found.and_then(|file| places.get(&file).copied());
-    found.ok_or_else(|| BoxesError::NoPicture(file.into()))
+    found.ok_or_else(|| BoxesFault::NoPicture(file.into()))
 }

@@ -21,13 +21,13 @@ pub struct Evaluation {
     pub version: &'static str,
     /// The command that repeats it.
     pub command: String,
-    /// The model.
+    /// The model file.
     pub model: PathBuf,
     /// The annotation file.
     pub data: PathBuf,
     /// Categories that count.
     pub categories: Vec<String>,
-    /// Pictures.
+    /// Number of pictures.
     pub images: usize,
     /// Boxes that count.
     pub boxes: usize,
@@ -153,7 +153,7 @@ pub struct Miss {
     pub rms: Option<f64>,
     /// Median.
     pub median: Option<f64>,
-    /// Matches.
+    /// Number of matches.
     pub n: usize,
 }
 

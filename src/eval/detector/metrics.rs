@@ -30,7 +30,7 @@ impl Truth {
 /// An image with its boxes and detections, both in its own pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AnnotatedImage {
-    /// Boxes.
+    /// What an annotator drew.
     pub truth: Vec<Truth>,
     /// Detections, in any order.
     pub found: Vec<Detection>,
@@ -144,7 +144,7 @@ pub struct Matching {
     pub marks: Vec<Mark>,
     /// Boxes that count.
     pub boxes: usize,
-    /// Images.
+    /// Number of images.
     pub images: usize,
 }
 

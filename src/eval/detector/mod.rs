@@ -32,8 +32,8 @@ pub struct Arguments {
     /// Folder for detector.json, detector.html, its chart and detections.json.
     #[arg(long, default_value = "out/eval")]
     pub out: PathBuf,
-    /// Category that counts; may be repeated (default: the only one, or those named uav, drone, fpv,
-    /// quadcopter or hexacopter).
+    /// Category that counts; may be repeated (default: those called like a UAV, such as uav, drone or
+    /// quadcopter, or the only one).
     #[arg(long, value_name = "NAME")]
     pub category: Vec<String>,
     /// Score from which on detections count for the figures at a threshold (default: the one that

@@ -33,7 +33,7 @@ pub struct Job {
     pub scenario: PathBuf,
     /// Changes, as `--set` takes them.
     pub set: Vec<String>,
-    /// Seed.
+    /// Seed of every random stream.
     pub seed: u64,
     /// Whether cameras render.
     pub capture: bool,

@@ -15,11 +15,9 @@ use super::EvalError;
 use super::shared::{progress, put_json, writable};
 use bench::Bench;
 use clap::{Args, ValueEnum};
-use results::{Budget, LosRow, Manoeuvre, Search, Suite, Table2};
-use serde::Serialize;
+use results::Evaluation;
 use std::path::PathBuf;
 use std::time::Instant;
-pub use targets::Target;
 
 /// What `boresight eval tracking` is asked for.
 #[derive(Args, Clone, Debug)]
@@ -52,35 +50,6 @@ pub enum Section {
     Search,
     /// The line-of-sight error by cause.
     Budget,
-}
-
-/// Everything that was measured.
-#[derive(Default, Serialize)]
-pub struct Evaluation {
-    /// Version of the program.
-    pub version: &'static str,
-    /// The command that repeats it.
-    pub command: String,
-    /// Whether seeds and lengths were cut.
-    pub quick: bool,
-    /// What could not be run, and why.
-    pub not_run: Vec<String>,
-    /// Targets and whether they are met.
-    pub targets: Vec<Target>,
-    /// Miss distances.
-    pub table2: Vec<Table2>,
-    /// Line-of-sight error with a fine detector.
-    pub precision: Vec<LosRow>,
-    /// A weaving UAV.
-    pub weave: Vec<Manoeuvre>,
-    /// A UAV that is hidden for a second.
-    pub occlusion: Vec<Manoeuvre>,
-    /// Several targets.
-    pub suite: Vec<Suite>,
-    /// Acquisition.
-    pub search: Vec<Search>,
-    /// Line-of-sight error by cause.
-    pub budget: Vec<Budget>,
 }
 
 /// Carries out the evaluation and writes what it leaves.

@@ -1,8 +1,7 @@
 //! The page and the pictures of the evaluation.
 
-use super::Evaluation;
 use super::mot;
-use super::results::{Budget, LosFigures, Manoeuvre, Table2};
+use super::results::{Budget, Evaluation, LosFigures, Manoeuvre, Table2};
 use crate::eval::EvalError;
 use crate::eval::shared::put;
 use crate::eval::statistics::DWELL_S;

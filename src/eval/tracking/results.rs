@@ -7,12 +7,62 @@ use crate::report::chart::Series;
 use crate::report::statistics::MissStats;
 use serde::Serialize;
 
+/// Everything that was measured.
+#[derive(Default, Serialize)]
+pub struct Evaluation {
+    /// Version of the program.
+    pub version: &'static str,
+    /// The command that repeats it.
+    pub command: String,
+    /// Whether seeds and lengths were cut.
+    pub quick: bool,
+    /// What could not be run, and why.
+    pub not_run: Vec<String>,
+    /// Targets and whether they are met.
+    pub targets: Vec<Target>,
+    /// Miss distances.
+    pub table2: Vec<Table2>,
+    /// Line-of-sight error with a fine detector.
+    pub precision: Vec<LosRow>,
+    /// A weaving UAV.
+    pub weave: Vec<Manoeuvre>,
+    /// A UAV that is hidden for a second.
+    pub occlusion: Vec<Manoeuvre>,
+    /// Several targets.
+    pub suite: Vec<Suite>,
+    /// Probability and time of acquisition.
+    pub search: Vec<Search>,
+    /// Line-of-sight error by cause.
+    pub budget: Vec<Budget>,
+}
+
+/// A target and what was measured.
+#[derive(Clone, Debug, Serialize)]
+pub struct Target {
+    /// What is measured.
+    pub name: String,
+    /// Largest value that meets it.
+    pub limit: f64,
+    /// Unit of limit and value.
+    pub unit: &'static str,
+    /// Measured value; absent if it was not measured.
+    pub value: Option<f64>,
+    /// Whether it is met.
+    pub met: Option<bool>,
+    /// Largest cause of the line-of-sight error, where the target is missed and a budget of the
+    /// same detector and controller was made.
+    pub dominated_by: Option<String>,
+    /// Detector and controller of that budget.
+    #[serde(skip)]
+    pub(super) budget: Option<(&'static str, &'static str)>,
+}
+
 /// Where runs come from: the command of the first, and all seeds.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Source {
     /// Command of the first seed.
     pub command: String,
-    /// Seeds.
+    /// Seeds of all of them.
     pub seeds: Vec<u64>,
 }
 
@@ -30,13 +80,13 @@ impl Source {
 pub struct Table2 {
     /// Camera preset.
     pub cameras: &'static str,
-    /// UAV.
+    /// Model of the UAV.
     pub uav: &'static str,
-    /// Detector.
+    /// `truth` or `onnx`.
     pub detector: &'static str,
-    /// Controller.
+    /// Preset of the controller.
     pub controller: &'static str,
-    /// The run.
+    /// The run it comes from.
     pub source: Source,
     /// First Coarse state [s].
     pub acquired_s: Option<f64>,
@@ -129,20 +179,20 @@ impl LosSums {
 /// Line-of-sight error of a controller with the fine detector.
 #[derive(Serialize)]
 pub struct LosRow {
-    /// Controller.
+    /// Preset of the controller.
     pub controller: &'static str,
-    /// The runs.
+    /// The runs it sums up.
     pub source: Source,
-    /// The error.
+    /// Line-of-sight error over all seeds.
     pub pointing: LosFigures,
 }
 
 /// A manoeuvre or an occlusion over seeds.
 #[derive(Serialize)]
 pub struct Manoeuvre {
-    /// Controller.
+    /// Preset of the controller.
     pub controller: &'static str,
-    /// The runs.
+    /// The runs it sums up.
     pub source: Source,
     /// Weave: one identity from the first precise lock to the end, on the UAV at the end.
     /// Occlusion: the same identity before and after, on the UAV at the end.
@@ -160,11 +210,11 @@ pub struct Manoeuvre {
 /// A scenario with several targets under one association rule.
 #[derive(Serialize)]
 pub struct Suite {
-    /// Scenario.
+    /// Short name of the scenario.
     pub scenario: &'static str,
     /// Association rule.
     pub rule: &'static str,
-    /// The runs.
+    /// The runs it sums up.
     pub source: Source,
     /// Runs in which a UAV was locked.
     pub locked: Rate,
@@ -176,14 +226,14 @@ pub struct Suite {
     pub switches: u32,
     /// Time on something else than the UAV locked first, a run [s].
     pub false_lock_s: f64,
-    /// Each run.
+    /// What became of the lock in each run.
     pub runs: Vec<Lock>,
 }
 
 /// Acquisition with one pattern.
 #[derive(Serialize)]
 pub struct Search {
-    /// Pattern.
+    /// Pattern of the search.
     pub pattern: &'static str,
     /// The runs; each seed has its own start, given in the command of the first.
     pub source: Source,
@@ -204,7 +254,7 @@ pub struct Search {
 pub struct Budget {
     /// Detector: `field` has 1 px, 5 % misses and 30 ms; `fine` 0.1 px and no misses.
     pub detector: &'static str,
-    /// Controller.
+    /// Preset of the controller.
     pub controller: &'static str,
     /// The runs with all causes.
     pub source: Source,
@@ -212,7 +262,7 @@ pub struct Budget {
     pub all: LosFigures,
     /// Error with all switchable causes off [µrad rms].
     pub none_urad: Option<f64>,
-    /// The causes.
+    /// What each cause contributes.
     pub causes: Vec<Cause>,
     /// Beam wander by the air and jitter of the beam director, which the tracking does not see: root of the
     /// beam's variance on the target less that of the line of sight [µrad rms].
@@ -225,7 +275,7 @@ pub struct Budget {
 /// One cause of line-of-sight error.
 #[derive(Serialize)]
 pub struct Cause {
-    /// Its name.
+    /// What causes the error.
     pub name: &'static str,
     /// How it is switched off.
     pub switch: String,

@@ -1,9 +1,7 @@
 //! The targets of the evaluation, and its figures as text.
 
-use super::Evaluation;
-use super::results::{Cause, LosRow};
+use super::results::{Cause, Evaluation, LosRow, Target};
 use crate::eval::statistics::Rate;
-use serde::Serialize;
 
 /// Targets that the project set itself.
 const PRECISE_MEAN_PX: f64 = 0.59; // [px], the paper's field figure
@@ -11,27 +9,6 @@ const LOS_RMS_URAD: f64 = 2.0; // [µrad]
 const LOS_PEAK_URAD: f64 = 30.0; // [µrad]
 const SATURATED_SHARE: f64 = 0.01;
 const FAILED_RATIO: f64 = 0.1;
-
-/// A target and what was measured.
-#[derive(Clone, Debug, Serialize)]
-pub struct Target {
-    /// What is measured.
-    pub name: String,
-    /// Largest value that meets it.
-    pub limit: f64,
-    /// Unit of limit and value.
-    pub unit: &'static str,
-    /// Measured value; absent if it was not measured.
-    pub value: Option<f64>,
-    /// Whether it is met.
-    pub met: Option<bool>,
-    /// Largest cause of the line-of-sight error, where the target is missed and a budget of the
-    /// same detector and controller was made.
-    pub dominated_by: Option<String>,
-    /// Detector and controller of that budget.
-    #[serde(skip)]
-    budget: Option<(&'static str, &'static str)>,
-}
 
 impl Target {
     fn at_most(

@@ -5,7 +5,7 @@
 //! `stts.entries[i]` of one that counts too few frames), subtracts one from entries of 0, and fills
 //! memory with as many samples as a damaged `stsz` claims.
 
-use super::VideoError;
+use super::error::VideoError;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;

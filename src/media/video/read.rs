@@ -1,8 +1,8 @@
 //! Clips in: H.264 in MP4 and MOV files, and folders of numbered pictures.
 
-use super::VideoError;
 use super::boxes::{Movie, Sample, format, moov};
 use super::colour::rgb_of;
+use super::error::VideoError;
 use crate::media::image::decode;
 use image::RgbImage;
 use rusty_h264_common::YuvFrame;

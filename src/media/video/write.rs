@@ -1,7 +1,7 @@
 //! Clips out: H.264 in MP4 files.
 
-use super::VideoError;
 use super::colour::yuv_of;
+use super::error::VideoError;
 use image::RgbImage;
 use rusty_h264_common::nal::split_annex_b;
 use rusty_h264_encoder::{Encoder, EncoderConfig, Preset};
