@@ -12,4 +12,5 @@ mod determinism;
 mod flight;
 mod rendering;
 mod shipped;
+mod structure;
 mod tracking;
