@@ -342,7 +342,10 @@ fn rooms_know_only_the_rooms_below_them() {
     let sources = Crate::shipped();
     let mut found = Vec::new();
     for (room, above) in [
-        ("scenario", &["components", "systems", "plugins", "app", "cli"][..]),
+        (
+            "scenario",
+            &["components", "systems", "plugins", "app", "cli"][..],
+        ),
         ("components", &["systems", "plugins", "app", "cli"]),
         ("systems", &["plugins", "app", "cli"]),
         ("plugins", &["app", "cli"]),
