@@ -1,9 +1,12 @@
 //! Evaluation, tuning and sets of annotated pictures.
 
-use crate::common::{boresight, refused, rendering, stderr};
+use crate::common::{ROOT, boresight, refused, rendering, stderr};
+use boresight::models::maths::rng::Stream;
+use glam::DVec2;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Command, Output, Stdio};
+use std::time::Instant;
 use tempfile::TempDir;
 
 /// Runs a command that leaves a JSON file and a page in `folder`, and returns both.
@@ -117,6 +120,168 @@ fn the_tuning_runs_to_its_end() {
         let phase_deg = measured["phase_margin_deg"]["value"].as_f64().unwrap();
         assert!(phase_deg > 30.0, "{name}: {phase_deg}");
     }
+}
+
+/// A dark blob that crosses noisy sky, as numbered pictures with a COCO file beside them: a box
+/// around it in each, with `flags`, or none without.
+fn blob_clip(folder: &Path, frames: usize, flags: Option<Value>) -> PathBuf {
+    const SIDES_PX: [u32; 2] = [320, 240];
+    let mut rng = Stream::new(3, 0, "blob");
+    std::fs::create_dir(folder).unwrap();
+    let (mut images, mut annotations) = (Vec::new(), Vec::new());
+    for k in 0..frames {
+        let centre = DVec2::new(60.0 + 2.0 * k as f64, 160.0 - 0.5 * k as f64);
+        let picture = image::RgbImage::from_fn(SIDES_PX[0], SIDES_PX[1], |x, y| {
+            let off = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - centre;
+            // Six pixels by three and a half, with soft edges.
+            let cover = ((1.15 - (off / DVec2::new(6.0, 3.5)).length()) / 0.3).clamp(0.0, 1.0);
+            let sky = 170.0 + 0.1 * f64::from(y) + 2.0 * rng.normal();
+            let grey = sky + cover * (45.0 - sky);
+            image::Rgb([grey - 10.0, grey, grey + 12.0].map(|c| c as u8))
+        });
+        let name = format!("{k:04}.png");
+        picture.save(folder.join(&name)).unwrap();
+        images.push(serde_json::json!({
+            "id": k, "file_name": name, "width": SIDES_PX[0], "height": SIDES_PX[1],
+        }));
+        if let Some(flags) = &flags {
+            let mut annotation = serde_json::json!({
+                "id": k, "image_id": k, "category_id": 1,
+                "bbox": [centre.x - 9.0, centre.y - 7.0, 18.0, 14.0],
+            });
+            let entries = annotation.as_object_mut().unwrap();
+            entries.extend(flags.as_object().unwrap().clone());
+            annotations.push(annotation);
+        }
+    }
+    let coco = serde_json::json!({
+        "images": images,
+        "annotations": annotations,
+        "categories": [{ "id": 1, "name": "drone" }],
+    });
+    let path = folder.join("boxes.json");
+    std::fs::write(&path, coco.to_string()).unwrap();
+    path
+}
+
+/// What is found in a region to ignore speaks neither for the tracker nor against it.
+#[test]
+fn a_clips_regions_to_ignore_are_neither_hits_nor_false_alarms() {
+    const FRAMES: usize = 40;
+    let root = TempDir::new().unwrap();
+    let played = |name: &str, flags: Option<Value>| {
+        let clip = root.path().join(name);
+        let boxes = blob_clip(&clip, FRAMES, flags);
+        let out = root.path().join(format!("{name}-out"));
+        let [clip, boxes] = [&clip, &boxes].map(|path| path.to_str().unwrap());
+        let model = [
+            "--model",
+            "assets/models/saliency.onnx",
+            "--threshold",
+            "0.5",
+        ];
+        let air = ["--centre-sigma-px", "0.5", "--boxes", boxes];
+        let args = [&["eval", "clip", clip][..], &model, &air].concat();
+        measured(&out, &args, "clip").0
+    };
+    let number = |json: &Value, pointer: &str| {
+        let value = json.pointer(pointer).and_then(Value::as_f64);
+        value.unwrap_or_else(|| panic!("{pointer} is no number in {json:#}"))
+    };
+    let share = "/clips/0/tracks/0/on_uav_share";
+
+    let counted = played("counted", Some(serde_json::json!({})));
+    assert!(number(&counted, "/recall") > 0.9, "{counted:#}");
+    assert!(number(&counted, share) > 0.9, "{counted:#}");
+
+    let ignored = played("ignored", Some(serde_json::json!({ "ignore": true })));
+    assert_eq!(number(&ignored, "/boxes"), 0.0);
+    // The detector and the tracker did the same as before.
+    for key in ["/detections", "/locked_share", "/clips/0/tracks/0/frames"] {
+        assert_eq!(ignored.pointer(key), counted.pointer(key), "{key}");
+    }
+    assert!(number(&ignored, "/locked_share") > 0.5, "{ignored:#}");
+    for key in ["/false_alarms", "/false_lock_share", "/duplicates"] {
+        assert_eq!(number(&ignored, key), 0.0, "{key}");
+    }
+    for key in ["/recall", "/on_target_share", share] {
+        assert_eq!(ignored.pointer(key), Some(&Value::Null), "{key}");
+    }
+
+    let bare = played("bare", None);
+    assert!(
+        number(&bare, "/false_alarms") > 0.9 * FRAMES as f64,
+        "{bare:#}"
+    );
+    assert!(number(&bare, "/false_lock_share") > 0.5, "{bare:#}");
+    assert_eq!(number(&bare, share), 0.0);
+}
+
+/// Opens the window on a virtual display and looks at what it shows: the panel on the left, the
+/// city and the sky beside it.
+#[test]
+fn the_window_shows_panel_and_scene() {
+    let _one = rendering();
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("window.jpg");
+    let started = Instant::now();
+    let boresight = boresight();
+    let mut command = Command::new("xvfb-run");
+    command.arg("-a").arg(boresight.get_program());
+    for (key, value) in boresight.get_envs() {
+        match value {
+            Some(value) => command.env(key, value),
+            None => command.env_remove(key),
+        };
+    }
+    let output = command
+        .current_dir(ROOT)
+        .stdin(Stdio::null())
+        .args(["view", "scenarios/urban_intercept.toml"])
+        .args(["--set", "detector.kind=truth", "--screenshot"])
+        .arg(&file)
+        .arg("0.5")
+        .output()
+        .unwrap_or_else(|error| panic!("xvfb-run: {error}; ./setup.sh installs it (xvfb, xauth)"));
+    assert!(
+        output.status.success(),
+        "{}: {}",
+        output.status,
+        stderr(&output)
+    );
+    println!("the window: {:.1} s", started.elapsed().as_secs_f64());
+    let picture = image::open(&file).unwrap().to_rgb8();
+    assert_eq!(picture.dimensions(), (1280, 800));
+    // Mean and spread of the grey levels of a part: left, top, right, bottom.
+    let part = |[x0, y0, x1, y1]: [u32; 4]| {
+        let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+        let grey: Vec<f64> = pixels
+            .map(|(x, y)| {
+                picture
+                    .get_pixel(x, y)
+                    .0
+                    .iter()
+                    .map(|c| f64::from(*c))
+                    .sum::<f64>()
+                    / 3.0
+            })
+            .collect();
+        let mean = grey.iter().sum::<f64>() / grey.len() as f64;
+        let square = grey.iter().map(|grey| (grey - mean).powi(2)).sum::<f64>();
+        (mean, (square / grey.len() as f64).sqrt())
+    };
+    let (panel, sky, city) = (
+        part([4, 4, 200, 796]),
+        part([600, 10, 1000, 60]),
+        part([400, 400, 1200, 700]),
+    );
+    println!("grey levels: panel {panel:.1?}, sky {sky:.1?}, city {city:.1?}");
+    assert!(
+        panel.0 < 60.0 && panel.1 > 5.0,
+        "no dark panel with text: {panel:?}"
+    );
+    assert!(sky.0 > panel.0 + 60.0 && sky.1 < 20.0, "no sky: {sky:?}");
+    assert!(city.1 > 10.0, "one colour: {city:?}");
 }
 
 /// Makes the tiny set, or the part of it that `args` ask for, in `folder`.

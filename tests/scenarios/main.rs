@@ -6,6 +6,7 @@
 //! uses every core already.
 
 mod bad_input;
+mod beam;
 mod commands;
 mod common;
 mod determinism;

@@ -2,6 +2,7 @@
 
 use crate::common::{ROOT, rendering};
 use boresight::app::{self, Options};
+use boresight::components::capture::Tier;
 use boresight::components::capture::{
     Frame, Frames, PixelRect, RenderedTruth, SensorCamera, UavInFrame,
 };
@@ -310,5 +311,138 @@ fn a_uav_behind_a_building_is_not_visible() {
             "{}",
             seen.rendered.visible_fraction
         );
+    }
+}
+
+/// Linear signal of an 8-bit code, the inverse of the sRGB curve (IEC 61966-2-1).
+fn linear(code: u8) -> f64 {
+    let code = f64::from(code) / 255.0;
+    if code <= 0.040_45 {
+        code / 12.92
+    } else {
+        ((code + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+/// Mean contrast of a UAV's silhouette against the sky around it in a picture, from what its
+/// pixels lack of the sky's light: blur moves that, but loses none.
+fn contrast(frame: &Frame, seen: &UavInFrame, silhouette_px2: f64) -> f64 {
+    const MARGIN_PX: f64 = 6.0;
+    let rgb8 = frame.rgb8.as_ref().unwrap();
+    let width = frame.rect.size_px[0] as usize;
+    let signal = |x: usize, y: usize| {
+        let pixel = &rgb8[3 * (y * width + x)..][..3];
+        pixel.iter().map(|code| linear(*code)).sum::<f64>() / 3.0
+    };
+    let [x0, y0, x1, y1] = seen.box_px;
+    let low = [x0, y0].map(|px| (px - MARGIN_PX).floor() as usize);
+    let high = [x1, y1].map(|px| (px + MARGIN_PX).ceil() as usize);
+    let mut sky = Vec::new();
+    let (mut sum, mut pixels) = (0.0, 0.0);
+    for y in low[1]..high[1] {
+        for x in low[0]..high[0] {
+            let signal = signal(x, y);
+            sum += signal;
+            pixels += 1.0;
+            if x < low[0] + 2 || x + 2 >= high[0] || y < low[1] + 2 || y + 2 >= high[1] {
+                sky.push(signal);
+            }
+        }
+    }
+    let sky = sky.iter().sum::<f64>() / sky.len() as f64;
+    (pixels * sky - sum) / (silhouette_px2 * sky)
+}
+
+/// Four dark UAVs of one kind stand before the horizon in fog, turned alike. Their contrast falls as
+/// exp(-beta R) (eq. 5), where beta = 3.912 / V is the same for all colours: in thick fog the
+/// particles are large (Kim).
+#[test]
+fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
+    const VISIBILITY_M: f64 = 500.0;
+    let _one = rendering();
+    let station = DVec3::new(0.0, 0.0, 48.0);
+    // Range and azimuth: side by side in the search camera's field.
+    let places = [
+        (80.0, 313.0),
+        (120.0, 314.6),
+        (160.0, 315.9),
+        (200.0, 317.1),
+    ];
+    let uavs = places.map(|(range_m, azimuth_deg): (f64, f64)| {
+        // One degree up, where the sky is as bright as the air-light.
+        let (up, level) = 1.0_f64.to_radians().sin_cos();
+        let (east, north) = azimuth_deg.to_radians().sin_cos();
+        let r = station + range_m * DVec3::new(level * east, level * north, up);
+        format!(
+            "{{ name = '{range_m}', model = 'matrice600', trajectory = {{ kind = 'hover', \
+             heading_deg = {azimuth_deg}, position_enu_m = [{}, {}, {}] }} }}",
+            r.x, r.y, r.z
+        )
+    });
+    let set = [
+        "detector.kind=truth".to_string(),
+        // Nothing is found, so that the search camera goes on looking.
+        "detector.truth={ miss_rate = 1, false_alarms_per_frame = 0 }".to_string(),
+        "station.position_enu_m=[0, 0, 48]".to_string(),
+        "search={ centre_azimuth_deg = 315, elevation_deg = 1, pattern = 'stare' }".to_string(),
+        "city={ building_density = 0, max_trees = 0, relief_m = 0, river = false }".to_string(),
+        format!("weather={{ visibility_m = {VISIBILITY_M}, wind_speed_mps = 0 }}"),
+        format!("uavs=[{}]", uavs.join(", ")),
+    ];
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let options = Options {
+        capture: true,
+        ..Options::default()
+    };
+    let mut app = app::build(&loaded, &options).unwrap();
+    let world = app.world_mut();
+    let mut flights = world.query::<(&Uav, &Flight, &Shape)>();
+    let mut cameras = world.query::<&SensorCamera>();
+    let mut sums = [0.0; 4];
+    let mut ranges_m = [0.0; 4];
+    let mut frames = 0.0;
+    for _ in 0..loaded.scenario.tick_hz / 2 {
+        app::step(world).unwrap();
+        let searches = |frame: &&Frame| frame.tier == Tier::Search;
+        let Some(frame) = world.resource::<Frames>().0.iter().find(searches).cloned() else {
+            continue;
+        };
+        let camera = cameras
+            .iter(world)
+            .find(|camera| camera.tier == Tier::Search)
+            .unwrap();
+        let camera = (camera.pinhole, camera.antialias);
+        assert_eq!(frame.truth.len(), 4);
+        for (uav, flight, shape) in flights.iter(world) {
+            let seen = &frame.truth[uav.index];
+            assert!(seen.clear && seen.rendered.unwrap().visible_fraction > 0.9);
+            let state = &flight.state;
+            let samples = raster::sampled_silhouette(
+                &camera.0,
+                &frame.pose,
+                (state.r_enu_m, state.q_enu_body),
+                &state.rotor_phase_rad,
+                &shape.mesh,
+                frame.rect,
+                camera.1,
+            );
+            let silhouette_px2 = samples.coverage().samples / f64::from(camera.1);
+            sums[uav.index] += contrast(&frame, seen, silhouette_px2);
+            ranges_m[uav.index] = state.r_enu_m.distance(frame.pose.r_enu_m);
+        }
+        frames += 1.0;
+    }
+    assert!(frames >= 10.0, "{frames} frames");
+    let contrasts = sums.map(|sum| sum / frames);
+    // 3.912: Koschmieder's threshold of 2 per cent.
+    let beta_per_m = 3.912 / VISIBILITY_M;
+    let own = std::array::from_fn::<_, 4, _>(|i| contrasts[i] * (beta_per_m * ranges_m[i]).exp());
+    println!("{frames} frames, {ranges_m:.1?} m: {contrasts:.4?}, without the fog {own:.4?}");
+    // Black and dark grey parts: what they reflect is some hundredths of the sky's light.
+    assert!(own.iter().all(|own| (0.8..1.0).contains(own)), "{own:?}");
+    for i in 1..4 {
+        let error = own[i] / own[0] - 1.0;
+        assert!(error.abs() < 0.05, "{} m: {error:+.4}", ranges_m[i]);
     }
 }

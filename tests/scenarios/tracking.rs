@@ -4,13 +4,15 @@ use crate::common::{BLIND, ROOT, run_scenario};
 use boresight::app::{self, Options};
 use boresight::components::clock::SimClock;
 use boresight::components::environment::Environment;
-use boresight::components::flight::{Flight, Uav};
+use boresight::components::flight::{Flight, Uav, UavStatus};
 use boresight::components::mount::{Mount, Optics};
 use boresight::components::track::{StateChange, Tracker, TrackingState};
 use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::LineOfSight;
 use boresight::models::maths::kinematics::error_angles;
 use boresight::scenario::Scenario;
+use boresight::systems::control::SearchScan;
+use glam::DVec3;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
@@ -282,5 +284,66 @@ fn the_controllers_of_the_project_hold_what_the_papers_gains_do_not() {
             (least_px..most_px).contains(&mean_px),
             "{preset}: {mean_px} px"
         );
+    }
+}
+
+/// A UAV that is seen from the third gaze alone interrupts it, and vanishes.
+#[test]
+fn a_gaze_that_was_left_is_begun_anew() {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let set = [
+        "detector.kind=truth",
+        "engage.authorised=false",
+        "station.position_enu_m=[0, 0, 48]",
+        // Four gazes of 6 degrees beside each other, and no radar that would shift them.
+        "search={ centre_azimuth_deg = 315, elevation_deg = 6, width_deg = 20, height_deg = 4 }",
+        // 700 m away in the middle of the third.
+        "uavs.0.trajectory={ kind = 'hover', position_enu_m = [-472.1, 511.7, 121.2] }",
+    ];
+    let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    let world = app.world_mut();
+    let at = |world: &mut bevy::prelude::World| {
+        let tick = world.resource::<SimClock>().tick;
+        assert!(tick < 30 * 960, "nothing happens");
+        let scan = world.resource::<SearchScan>();
+        (tick, scan.index, scan.settled_since)
+    };
+    let searches =
+        |world: &bevy::prelude::World| world.resource::<Tracker>().state == TrackingState::Search;
+    while searches(world) {
+        app::step(world).unwrap();
+        at(world);
+    }
+    let (_, left, settled_since) = at(world);
+    assert_eq!((left, settled_since), (2, None));
+    let gaze_ticks = (960.0 * world.resource::<SearchScan>().gaze_s) as u64;
+
+    let mut uavs = world.query::<(&mut Flight, &mut UavStatus)>();
+    let (mut flight, mut status) = uavs.single_mut(world).unwrap();
+    flight.state.r_enu_m = DVec3::new(0.0, 0.0, -500.0);
+    *status = UavStatus::Crashed;
+    while !searches(world) {
+        app::step(world).unwrap();
+        at(world);
+    }
+    // Still the same gaze; what it had lasted before counts no more.
+    let (back, index, _) = at(world);
+    assert_eq!(index, left);
+    let mut begun = None;
+    loop {
+        app::step(world).unwrap();
+        let (tick, index, settled_since) = at(world);
+        if index != left {
+            let begun = begun.expect("the gaze was never begun");
+            println!("left, back at {back}, begun at {begun}, next at {tick}");
+            assert_eq!(index, left + 1);
+            assert!(
+                begun >= back && tick > begun + gaze_ticks,
+                "{begun} to {tick}"
+            );
+            break;
+        }
+        begun = begun.or(settled_since);
     }
 }
