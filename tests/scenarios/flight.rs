@@ -108,14 +108,11 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
         ..CityParams::default()
     };
     let city = City::generate(&params).unwrap();
-    let offsets = (0..2_000).map(|k| {
-        let k = f64::from(k);
-        (100.0 + 0.2 * k) * DVec2::from_angle(2.4 * k)
-    });
-    let ground_m = |p: DVec2| city.dsm.surface_m(p.x, p.y) - city.dsm.terrain_m(p.x, p.y);
-    let open = offsets
-        .into_iter()
-        .find(|p| level(&city, *p, 8.0) && ground_m(*p).abs() < 0.1)
+    let built_m = |p: DVec2| city.dsm.surface_m(p.x, p.y) - city.dsm.terrain_m(p.x, p.y);
+    let open = (0..2_000)
+        .map(f64::from)
+        .map(|k| (100.0 + 0.2 * k) * DVec2::from_angle(2.4 * k))
+        .find(|p| level(&city, *p, 8.0) && built_m(*p).abs() < 0.1)
         .unwrap();
     let roofs = city.buildings.iter().filter(|building| {
         let flat = matches!(building.parts[0].roof, Roof::Flat(_));
@@ -126,7 +123,7 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
             let outline = building.footprint_enu_m();
             outline.iter().sum::<DVec2>() / outline.len() as f64
         })
-        .find(|p| level(&city, *p, 6.0) && ground_m(*p) > 5.0)
+        .find(|p| level(&city, *p, 6.0) && built_m(*p) > 5.0)
         .unwrap();
 
     let places = [open, roof].map(|p| {

@@ -1,6 +1,7 @@
 //! Tracking against the truth.
 
 use crate::common::{BLIND, ROOT, run_scenario};
+use bevy::prelude::World;
 use boresight::app::{self, Options};
 use boresight::components::clock::SimClock;
 use boresight::components::environment::Environment;
@@ -303,7 +304,7 @@ fn a_gaze_that_was_left_is_begun_anew() {
     let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
     let mut app = app::build(&loaded, &Options::default()).unwrap();
     let world = app.world_mut();
-    let at = |world: &mut bevy::prelude::World| {
+    let at = |world: &World| {
         let tick = world.resource::<SimClock>().tick;
         assert!(tick < 30 * 960, "nothing happens");
         let scan = world.resource::<SearchScan>();
