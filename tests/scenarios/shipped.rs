@@ -147,39 +147,67 @@ fn a_foggy_night_ends_without_acquisition() {
 
 #[test]
 fn a_crossing_pair_is_taken_apart_one_by_one() {
-    let run = run_scenario("crossing_pair", &BLIND);
-    let outcome = run.text("outcome");
-    assert!(
-        ["neutralised", "partly_neutralised", "tracked"].contains(&outcome),
-        "{:#}",
-        run.summary
-    );
-    assert!(run.number("/time_to_acquire_s") > 0.0);
-    // 3 kW and 2 kg of plastic: no UAV falls of a touch.
-    if outcome != "tracked" {
-        assert!(run.number("/dwell_s") > 0.1, "{:#}", run.summary);
-    }
-    let names: std::collections::BTreeSet<_> =
-        messages(&run.file("run.mcap"), "/boresight/uav_state")
+    for seed in ["1", "2", "3"] {
+        let run = run_scenario("crossing_pair", &[&BLIND[..], &["--seed", seed]].concat());
+        assert_eq!(run.text("outcome"), "neutralised", "{:#}", run.summary);
+        let mut ends_s = Vec::new();
+        for (index, name) in ["near", "far"].into_iter().enumerate() {
+            let of = |key: &str| format!("/uavs/{index}/{key}");
+            assert_eq!(run.summary.pointer(&of("name")).unwrap(), name);
+            assert_eq!(run.summary.pointer(&of("status")).unwrap(), "down");
+            // 3 kW and 2 kg of plastic: no UAV falls of a touch.
+            assert!(run.number(&of("dwell_s")) > 0.5, "{:#}", run.summary);
+            ends_s.push(run.number(&of("neutralised_s")));
+        }
+        let acquired_s = run.number("/time_to_acquire_s");
+        assert!(0.0 < acquired_s && acquired_s < ends_s[0], "{acquired_s} s");
+        assert!(ends_s[0] < ends_s[1], "{ends_s:?}");
+        // From the first to the last the target is one, then the other: it never switches back.
+        let tracks = messages(&run.file("run.mcap"), "/boresight/track_state");
+        let mut targets: Vec<String> = tracks
             .iter()
-            .map(|data| proto::UavState::decode(&data[..]).unwrap().name)
+            .map(|data| proto::TrackState::decode(&data[..]).unwrap().target)
+            .filter(|target| !target.is_empty())
             .collect();
-    assert_eq!(names.into_iter().collect::<Vec<_>>(), ["far", "near"]);
+        targets.dedup();
+        assert_eq!(targets, ["near", "far"], "seed {seed}");
+        let names: std::collections::BTreeSet<_> =
+            messages(&run.file("run.mcap"), "/boresight/uav_state")
+                .iter()
+                .map(|data| proto::UavState::decode(&data[..]).unwrap().name)
+                .collect();
+        assert_eq!(names.into_iter().collect::<Vec<_>>(), ["far", "near"]);
+    }
 }
 
 #[test]
 fn the_papers_table_2_runs_to_its_end() {
-    for name in ["phantom4", "mavic", "matrice200"] {
-        let run = run_scenario(&format!("paper_table2_{name}"), &BLIND);
-        // The paper measures tracking alone: 1,500 frames at 120 Hz, no shot.
-        assert_eq!(run.number("/simulated_s"), 12.5);
-        assert_eq!(run.text("outcome"), "tracked", "{:#}", run.summary);
-        assert_eq!(run.number("/energy_j"), 0.0);
-        let frames = run.number("/miss_distance_px/precise/n");
-        assert!((500.0..=1500.0).contains(&frames), "{frames}");
-        let mean_px = run.number("/miss_distance_px/precise/mean");
-        // A target outside its 640 x 480 picture is not being tracked.
-        assert!(mean_px < 400.0, "{mean_px}");
+    // Measured over the seeds 1 to 5: the mean miss distance of a model spreads by 2 px about these
+    // (standard deviation), its frames by 12. Held to are five deviations.
+    for (name, mean_px, frames) in [
+        ("phantom4", 180.0, 1_218.0),
+        ("mavic", 180.9, 1_236.0),
+        ("matrice200", 133.0, 1_463.0),
+    ] {
+        for seed in ["1", "2", "3"] {
+            let scenario = format!("paper_table2_{name}");
+            let run = run_scenario(&scenario, &[&BLIND[..], &["--seed", seed]].concat());
+            // The paper measures tracking alone: 1,500 frames at 120 Hz, no shot.
+            assert_eq!(run.number("/simulated_s"), 12.5);
+            assert_eq!(run.text("outcome"), "tracked", "{:#}", run.summary);
+            assert_eq!(run.number("/energy_j"), 0.0);
+            let of = |key: &str| run.number(&format!("/miss_distance_px/precise/{key}"));
+            let (found_px, found_frames) = (of("mean"), of("n"));
+            println!("{name}, seed {seed}: {found_px:.1} px in {found_frames} frames");
+            assert!(
+                (found_px - mean_px).abs() < 10.0,
+                "{name} {seed}: {found_px} px"
+            );
+            assert!(
+                (found_frames - frames).abs() < 60.0 && found_frames <= 1_500.0,
+                "{name} {seed}: {found_frames} frames"
+            );
+        }
     }
 }
 
