@@ -1,7 +1,7 @@
 //! The shipped scenarios, from start to end.
 
 use crate::common::{
-    BLIND, ROOT, Run, boresight, messages, read_with_python, rendering, run_scenario, stderr,
+    BLIND, ROOT, boresight, messages, read_with_python, rendering, run_scenario, stderr,
 };
 use boresight::recording::proto;
 use boresight::scenario::Scenario;
