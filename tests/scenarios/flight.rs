@@ -115,15 +115,18 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
         .find(|p| level(&city, *p, 8.0) && built_m(*p).abs() < 0.1)
         .unwrap();
     let roofs = city.buildings.iter().filter(|building| {
-        let flat = matches!(building.parts[0].roof, Roof::Flat(_));
-        flat && building.parts.len() == 1 && building.kind != BuildingKind::Station
+        matches!(building.parts[0].roof, Roof::Flat(_)) && building.kind != BuildingKind::Station
     });
     let roof = roofs
-        .map(|building| {
+        .flat_map(|building| {
             let outline = building.footprint_enu_m();
-            outline.iter().sum::<DVec2>() / outline.len() as f64
+            let centre = outline.iter().sum::<DVec2>() / outline.len() as f64;
+            // Beside what stands on the roof.
+            let steps_m = [-8.0, -4.0, 0.0, 4.0, 8.0];
+            let around = steps_m.map(|e| steps_m.map(|n| centre + DVec2::new(e, n)));
+            around.into_iter().flatten()
         })
-        .find(|p| level(&city, *p, 6.0) && built_m(*p) > 5.0)
+        .find(|p| level(&city, *p, 4.0) && built_m(*p) > 5.0)
         .unwrap();
 
     let places = [open, roof].map(|p| {
@@ -207,13 +210,14 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
             .take_while(|(t_s, _)| *t_s < touched_s);
         let falls: Vec<f64> = falls.map(|(_, z)| *z).collect();
         assert!(falls.windows(2).all(|pair| pair[1] <= pair[0]), "{falls:?}");
+        // Measured: 0.1 per cent short, from the size of Rapier's step. Free fall is a tenth faster.
         assert!(
-            (touched_s / expected_s - 1.0).abs() < 0.01,
+            (touched_s / expected_s - 1.0).abs() < 0.005,
             "{touched_s} s for {expected_s} s"
         );
-        // It bounces and tumbles for a moment.
-        assert!((0.0..5.0).contains(&(down_s - touched_s)), "{down_s} s");
-        assert!(off.truncate().length() < 3.0, "{off}");
+        // It bounces for a moment. Measured: at rest 0.7 s later, 0.16 m aside.
+        assert!((0.0..2.0).contains(&(down_s - touched_s)), "{down_s} s");
+        assert!(off.truncate().length() < 1.0, "{off}");
         assert!(
             (r.z - surface_m - half_m).abs() < 0.1,
             "{} m",

@@ -439,10 +439,11 @@ fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
     let beta_per_m = 3.912 / VISIBILITY_M;
     let own = std::array::from_fn::<_, 4, _>(|i| contrasts[i] * (beta_per_m * ranges_m[i]).exp());
     println!("{frames} frames, {ranges_m:.1?} m: {contrasts:.4?}, without the fog {own:.4?}");
-    // Black and dark grey parts: what they reflect is some hundredths of the sky's light.
+    // Dark parts before the sky: they reflect a sixth of its light.
     assert!(own.iter().all(|own| (0.8..1.0).contains(own)), "{own:?}");
     for i in 1..4 {
+        // Measured: 0.6 per cent at most, from noise, eight bits and edges.
         let error = own[i] / own[0] - 1.0;
-        assert!(error.abs() < 0.05, "{} m: {error:+.4}", ranges_m[i]);
+        assert!(error.abs() < 0.02, "{} m: {error:+.4}", ranges_m[i]);
     }
 }
