@@ -1,0 +1,235 @@
+//! Whatever is wrong with the input is one line that names the mend.
+
+use crate::common::{BLIND, ROOT, boresight, refused, rendering, stderr};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tempfile::TempDir;
+
+/// `boresight run` of a scenario without images into a folder of its own.
+fn blind(folder: &Path, scenario: impl AsRef<Path>) -> Command {
+    let mut command = boresight();
+    command.arg("run").arg(scenario.as_ref()).args(BLIND);
+    command.arg("--out").arg(folder.join("out"));
+    command
+}
+
+/// The demo's text with `from` replaced, as a file of its own, and the line of the change.
+fn altered(folder: &Path, from: &str, to: &str) -> (PathBuf, usize) {
+    let text = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
+    let text = text.unwrap();
+    let at = text
+        .find(from)
+        .unwrap_or_else(|| panic!("the demo has no '{from}'"));
+    let path = folder.join("altered.toml");
+    std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    (path, 1 + text[..at].matches('\n').count())
+}
+
+#[test]
+fn a_bad_scenario_is_one_error_that_names_the_place() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    // What is replaced, by what, and what the error must say beside file and line.
+    let cases: [(&str, &str, &[&str]); 7] = [
+        (
+            "duration_s = 25.0",
+            "duration_s = 25.0\nwatts = 3",
+            &["watts", "unknown key", "expected"],
+        ),
+        (
+            "duration_s = 25.0",
+            "duration_s = \"long\"",
+            &["duration_s", "a number"],
+        ),
+        (
+            "\"phantom4\"",
+            "\"phantom9\"",
+            &["uavs[0].model", "did you mean 'phantom4'"],
+        ),
+        (
+            "[search]",
+            "[station.cameras.precise]\nrate_hz = 7\n[search]",
+            &[
+                "station.cameras.precise.rate_hz",
+                "does not divide tick_hz",
+                "nearest",
+            ],
+        ),
+        ("LSZH 200850Z 24005KT", "LSZH it rains", &["weather.metar"]),
+        (
+            "47.3769",
+            "473769.0",
+            &["site.latitude_deg", "must be from"],
+        ),
+        (
+            "kind = \"straight\"",
+            "kind = \"teleport\"",
+            &["uavs[0].trajectory", "teleport"],
+        ),
+    ];
+    for (from, to, wanted) in cases {
+        let (path, line) = altered(folder, from, to);
+        let line = line + to.matches('\n').count().min(1);
+        let place = format!("altered.toml:{line}: ");
+        let wanted = [&[&place[..]], wanted].concat();
+        refused(&mut blind(folder, &path), &wanted);
+        refused(boresight().arg("check").arg(&path), &wanted);
+    }
+    // Cut inside a string.
+    let path = folder.join("cut.toml");
+    let text = std::fs::read(Path::new(ROOT).join("scenarios/urban_intercept.toml")).unwrap();
+    let cut = text.windows(4).position(|w| w == b"LSZH").unwrap();
+    std::fs::write(&path, &text[..cut]).unwrap();
+    refused(&mut blind(folder, &path), &["cut.toml:", "not TOML"]);
+    refused(
+        &mut blind(folder, folder.join("absent.toml")),
+        &["absent.toml", "cannot be read"],
+    );
+    // Not UTF-8.
+    std::fs::write(&path, [0xff, 0xfe, 0x00]).unwrap();
+    refused(&mut blind(folder, &path), &["cut.toml"]);
+
+    let demo = "scenarios/urban_intercept.toml";
+    for (set, wanted) in [
+        ("uavs.0.model=phantom9", "uavs[0].model"),
+        ("duration_s", "expected key=value"),
+        ("uavs.7.model=fpv5", "no entry '7'"),
+        ("duration_s=-1", "duration_s"),
+        ("duration_s=nan", "finite"),
+        (
+            "operator=[{ t_s = 1.0, designate = 'nobody' }]",
+            "operator[0].designate",
+        ),
+    ] {
+        refused(
+            blind(folder, demo).args(["--set", set]),
+            &["--set", set, wanted],
+        );
+    }
+}
+
+#[test]
+fn a_bad_recorded_flight_is_one_error_that_names_the_row() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let from = "{ kind = \"straight\", start_enu_m = [-776.4, 635.0, 80.0], \
+                velocity_enu_mps = [5.657, 5.657, 0.0] }";
+    let (path, _) = altered(
+        folder,
+        from,
+        "{ kind = \"recorded\", file = \"flight.csv\" }",
+    );
+    let good = "t_s,east_m,north_m,up_m\n0,-776,635,90\n1,-770,641,90\n2,-764,647,90\n";
+    let at = ["altered.toml", "uavs[0].trajectory"];
+    refused(
+        &mut blind(folder, &path),
+        &[&at[..], &["flight.csv"]].concat(),
+    );
+    for (row, wanted) in [
+        ("3,-760,north,90", "line: 5"),
+        ("1.5,-760,650,90", "data row 4"),
+        ("3,-760", "line: 5"),
+    ] {
+        std::fs::write(folder.join("flight.csv"), format!("{good}{row}\n")).unwrap();
+        let wanted = [&at[..], &["flight.csv", wanted]].concat();
+        refused(&mut blind(folder, &path), &wanted);
+        refused(boresight().arg("check").arg(&path), &wanted);
+    }
+    std::fs::write(folder.join("flight.csv"), good).unwrap();
+    let output = boresight().arg("check").arg(&path).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+#[test]
+fn a_bad_detector_model_is_one_error_that_names_the_file() {
+    let _one = rendering();
+    let folder = TempDir::new().unwrap();
+    let run = |model: &str| {
+        let mut command = boresight();
+        command
+            .args(["run", "scenarios/urban_intercept.toml", "--out"])
+            .arg(folder.path());
+        command.args(["--set", &format!("detector.onnx_model=\"{model}\"")]);
+        command
+    };
+    // The error points to the key to mend, or to the interface the model must have.
+    for (model, wanted) in [
+        ("absent.onnx", "detector.onnx_model"),
+        ("tests/data/models", "directory"),
+        (
+            "tests/data/models/truncated.onnx",
+            "not a usable ONNX model",
+        ),
+        (
+            "tests/data/models/wrong_inputs.onnx",
+            "expected one input `image`",
+        ),
+        ("tests/data/models/nan.onnx", "not finite"),
+        ("tests/data/models/opset.onnx", "opset 99 is newer"),
+        (
+            "tests/data/models/classes_empty.onnx",
+            "a JSON list of different names",
+        ),
+        ("tests/data/models/output_type.onnx", "i64 [N]"),
+        (
+            "tests/data/models/fixed_size.onnx",
+            "at most 200 x 100 px, not 640 x 480",
+        ),
+        // It answers the probe, but not the first frame.
+        ("tests/data/models/nan_later.onnx", "not finite"),
+    ] {
+        refused(&mut run(model), &["detector model", model, wanted]);
+    }
+    let mut command = run("assets/models/saliency.onnx");
+    command.env("ORT_DYLIB_PATH", "/nonexistent/libonnxruntime.so");
+    refused(
+        &mut command,
+        &["ONNX Runtime", "/nonexistent/libonnxruntime.so", "setup.sh"],
+    );
+    // A library, but another one.
+    std::fs::write(folder.path().join("libonnxruntime.so"), "no library").unwrap();
+    let mut command = run("assets/models/saliency.onnx");
+    command.env("ORT_DYLIB_PATH", folder.path().join("libonnxruntime.so"));
+    refused(&mut command, &["ONNX Runtime", "libonnxruntime.so"]);
+    let mut command = run("assets/models/saliency.onnx");
+    refused(
+        command.arg("--no-capture"),
+        &["--no-capture", "detector.kind=truth"],
+    );
+}
+
+#[test]
+fn a_machine_that_cannot_is_one_error_that_names_the_mend() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let demo = "scenarios/urban_intercept.toml";
+    let mut command = boresight();
+    command
+        .args(["run", demo, "--set", "detector.kind=truth", "--out"])
+        .arg(folder);
+    for key in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "LIBGL_DRIVERS_PATH"] {
+        command.env(key, "/nonexistent");
+    }
+    refused(
+        &mut command,
+        &["no Vulkan adapter", "apt-get install", "--no-capture"],
+    );
+
+    // A file where the folder, or the folder above it, should be; a folder where the file should.
+    let file = folder.join("file");
+    std::fs::write(&file, "").unwrap();
+    for out in [file.clone(), file.join("out"), "/proc/boresight".into()] {
+        let mut command = boresight();
+        command
+            .args(["run", demo])
+            .args(BLIND)
+            .arg("--out")
+            .arg(&out);
+        refused(
+            &mut command,
+            &["output folder", out.to_str().unwrap(), "--out"],
+        );
+    }
+    std::fs::create_dir_all(folder.join("out/run.mcap")).unwrap();
+    refused(&mut blind(folder, demo), &["run.mcap"]);
+}

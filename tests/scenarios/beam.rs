@@ -1,0 +1,59 @@
+//! The air on the beam's path.
+
+use crate::common::ROOT;
+use boresight::app::{self, Options};
+use boresight::components::beam::{BeamState, LaserSource};
+use boresight::components::run::SimClock;
+use boresight::scenario::Scenario;
+use std::path::Path;
+
+/// The operator has the beam turned from one UAV to the other while both fly.
+#[test]
+fn the_air_on_the_beams_path_is_renewed_ten_times_a_second() {
+    let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
+    let set = [
+        "detector.kind=truth",
+        "engage.authorised=false",
+        // Beside the first, 14 mrad away: never both in the cone about the beam's axis.
+        "uavs.1.trajectory={ kind = 'straight', start_enu_m = [-707, 570, 117.8], \
+         velocity_enu_mps = [5.657, 5.657, 0] }",
+        "operator=[{ t_s = 3.03, designate = 'far' }]",
+    ];
+    let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    let world = app.world_mut();
+    let mut stations = world.query::<(&LaserSource, &BeamState)>();
+    // Tick and UAV of every tick in which the air on the path was worked out.
+    let mut renewed: Vec<(u64, usize)> = Vec::new();
+    let mut before = None;
+    for _ in 0..8 * 960 {
+        app::step(world).unwrap();
+        let tick = world.resource::<SimClock>().tick;
+        let (source, beam) = stations.single(world).unwrap();
+        let Some(aimed) = beam.aimed else {
+            continue;
+        };
+        let path = source.path.unwrap();
+        assert_eq!(path.index, aimed, "the air is that to another UAV");
+        if before != Some(path.turbulence) {
+            renewed.push((tick, aimed));
+        }
+        before = Some(path.turbulence);
+    }
+    let targets: Vec<usize> = renewed.iter().map(|(_, aimed)| *aimed).collect();
+    let turned = targets.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!(
+        targets[0] == 0 && targets.ends_with(&[1]) && turned == 1,
+        "{targets:?}"
+    );
+    assert!(renewed.len() > 40, "{renewed:?}");
+    // On the tenths of a second, and at once where the beam turns to a UAV: here in between.
+    for (i, (tick, aimed)) in renewed.iter().enumerate() {
+        let new = i == 0 || renewed[i - 1].1 != *aimed;
+        assert_eq!(new, !tick.is_multiple_of(96), "{tick} in {renewed:?}");
+    }
+    // None is left out while the beam stays.
+    for pair in renewed.windows(2).filter(|pair| pair[0].1 == pair[1].1) {
+        assert!(pair[1].0 - pair[0].0 <= 96, "{pair:?}");
+    }
+}

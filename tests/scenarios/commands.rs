@@ -1,0 +1,470 @@
+//! Evaluation, tuning and sets of annotated pictures.
+
+use crate::common::{ROOT, boresight, refused, rendering, stderr};
+use boresight::models::maths::rng::Stream;
+use glam::DVec2;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Instant;
+use tempfile::TempDir;
+
+/// Runs a command that leaves a JSON file and a page in `folder`, and returns both.
+fn measured(folder: &Path, args: &[&str], name: &str) -> (Value, String) {
+    let mut command = boresight();
+    let output = command
+        .args(args)
+        .arg("--out")
+        .arg(folder)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{args:?}: {}", stderr(&output));
+    let read = |kind: &str| std::fs::read_to_string(folder.join(format!("{name}.{kind}"))).unwrap();
+    let page = read("html");
+    assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
+    // Pictures are letters at random; names of XML namespaces are the only addresses.
+    let mut parts = page.split(";base64,");
+    let mut loads = parts.next().unwrap().replace("http://www.w3.org/", "");
+    for part in parts {
+        loads.push_str(part.split_once('"').unwrap().1);
+    }
+    for marker in ["http://", "https://", "src=\"/", "<link", "@import", "NaN"] {
+        assert!(!loads.contains(marker), "{name}.html has {marker}");
+    }
+    (serde_json::from_str(&read("json")).unwrap(), page)
+}
+
+#[test]
+fn the_evaluation_of_the_pointing_runs_to_its_end() {
+    let folder = TempDir::new().unwrap();
+    let args = ["eval", "tracking", "--quick", "--only", "precision"];
+    let (json, page) = measured(folder.path(), &args, "tracking");
+    assert_eq!(
+        json["command"],
+        "boresight eval tracking --quick --only precision"
+    );
+    assert!(json["quick"] == true && json["not_run"] == serde_json::json!([]));
+    assert!(page.contains(json["version"].as_str().unwrap()));
+    let number = |pointer: &str| json.pointer(pointer).and_then(Value::as_f64).unwrap();
+    for (index, controller) in ["paper", "tuned", "lqg"].into_iter().enumerate() {
+        let at = |key: &str| format!("/precision/{index}/{key}");
+        assert_eq!(json.pointer(&at("controller")).unwrap(), controller);
+        let pointing = |key: &str| number(&at(&format!("pointing/{key}")));
+        let [rms_urad, peak_urad] = ["rms_urad", "peak_urad"].map(pointing);
+        assert!(
+            0.0 < rms_urad && rms_urad < peak_urad,
+            "{rms_urad}, {peak_urad}"
+        );
+        assert!(pointing("beam_rms_urad") > 0.0 && pointing("seconds") > 0.0);
+        assert!((0.0..=1.0).contains(&pointing("saturated_share")));
+        // What made the figure can be made again.
+        assert_eq!(
+            json.pointer(&at("source/seeds")).unwrap(),
+            &serde_json::json!([1, 2])
+        );
+        let command = json
+            .pointer(&at("source/command"))
+            .unwrap()
+            .as_str()
+            .unwrap();
+        assert!(
+            command.starts_with("boresight run scenarios/eval/"),
+            "{command}"
+        );
+        assert!(page.contains(controller));
+    }
+    let targets = json["targets"].as_array().unwrap();
+    assert_eq!(targets.len(), 6);
+    for target in targets {
+        let [limit, value] = ["limit", "value"].map(|key| target[key].as_f64().unwrap());
+        assert_eq!(target["met"], value <= limit, "{target}");
+    }
+    // What was not asked for is empty, not absent.
+    for section in ["table2", "weave", "occlusion", "suite", "search", "budget"] {
+        assert_eq!(json[section], serde_json::json!([]), "{section}");
+    }
+}
+
+#[test]
+fn the_tuning_runs_to_its_end() {
+    let folder = TempDir::new().unwrap();
+    let args = ["tune", "scenarios/urban_intercept.toml"];
+    let (json, page) = measured(folder.path(), &args, "tune");
+    let texts = ["scenario", "version", "axis", "preset", "limited_by"];
+    let [scenario, version, axis, preset, limit] = texts.map(|key| json[key].as_str().unwrap());
+    assert_eq!(
+        (scenario, axis, preset),
+        ("urban_intercept", "azimuth", "tuned")
+    );
+    assert!(page.contains(version) && page.contains(limit));
+    assert!(json["latency_s"].as_f64().unwrap() > 0.0);
+    for gains in ["in_use", "derived"] {
+        let gains = json[gains].as_array().unwrap();
+        assert!(
+            gains.iter().all(|gain| gain[1].as_f64().is_some()),
+            "{gains:?}"
+        );
+    }
+    let loops = json["loops"].as_array().unwrap();
+    assert!(loops.len() >= 5, "{} loops", loops.len());
+    for measured in loops {
+        let name = measured["name"].as_str().unwrap();
+        assert!(page.contains(name));
+        // One value of each curve at each frequency, all finite: JSON has no NaN.
+        let curve = |key: &str| {
+            let values = measured[key].as_array().unwrap().iter().map(Value::as_f64);
+            values
+                .collect::<Option<Vec<f64>>>()
+                .unwrap_or_else(|| panic!("{name}: {key}"))
+        };
+        let frequency_hz = curve("frequency_hz");
+        assert!(frequency_hz.len() > 20 && frequency_hz.is_sorted());
+        for key in ["open_db", "open_deg", "closed_db", "closed_deg"] {
+            assert_eq!(curve(key).len(), frequency_hz.len(), "{name}: {key}");
+        }
+        let phase_deg = measured["phase_margin_deg"]["value"].as_f64().unwrap();
+        assert!(phase_deg > 30.0, "{name}: {phase_deg}");
+    }
+}
+
+/// A dark blob that crosses noisy sky, as numbered pictures with a COCO file beside them: a box
+/// around it in each, with `flags`, or none without.
+fn blob_clip(folder: &Path, frames: usize, flags: Option<Value>) -> PathBuf {
+    const SIDES_PX: [u32; 2] = [320, 240];
+    let mut rng = Stream::new(3, 0, "blob");
+    std::fs::create_dir(folder).unwrap();
+    let (mut images, mut annotations) = (Vec::new(), Vec::new());
+    for k in 0..frames {
+        let centre = DVec2::new(60.0 + 2.0 * k as f64, 160.0 - 0.5 * k as f64);
+        let picture = image::RgbImage::from_fn(SIDES_PX[0], SIDES_PX[1], |x, y| {
+            let off = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - centre;
+            // Six pixels by three and a half, with soft edges.
+            let cover = ((1.15 - (off / DVec2::new(6.0, 3.5)).length()) / 0.3).clamp(0.0, 1.0);
+            let sky = 170.0 + 0.1 * f64::from(y) + 2.0 * rng.normal();
+            let grey = sky + cover * (45.0 - sky);
+            image::Rgb([grey - 10.0, grey, grey + 12.0].map(|c| c as u8))
+        });
+        let name = format!("{k:04}.png");
+        picture.save(folder.join(&name)).unwrap();
+        images.push(serde_json::json!({
+            "id": k, "file_name": name, "width": SIDES_PX[0], "height": SIDES_PX[1],
+        }));
+        if let Some(flags) = &flags {
+            let mut annotation = serde_json::json!({
+                "id": k, "image_id": k, "category_id": 1,
+                "bbox": [centre.x - 9.0, centre.y - 7.0, 18.0, 14.0],
+            });
+            let entries = annotation.as_object_mut().unwrap();
+            entries.extend(flags.as_object().unwrap().clone());
+            annotations.push(annotation);
+        }
+    }
+    let coco = serde_json::json!({
+        "images": images,
+        "annotations": annotations,
+        "categories": [{ "id": 1, "name": "drone" }],
+    });
+    let path = folder.join("boxes.json");
+    std::fs::write(&path, coco.to_string()).unwrap();
+    path
+}
+
+/// What is found in a region to ignore speaks neither for the tracker nor against it.
+#[test]
+fn a_clips_regions_to_ignore_are_neither_hits_nor_false_alarms() {
+    const FRAMES: usize = 40;
+    let root = TempDir::new().unwrap();
+    let played = |name: &str, flags: Option<Value>| {
+        let clip = root.path().join(name);
+        let boxes = blob_clip(&clip, FRAMES, flags);
+        let out = root.path().join(format!("{name}-out"));
+        let [clip, boxes] = [&clip, &boxes].map(|path| path.to_str().unwrap());
+        let model = [
+            "--model",
+            "assets/models/saliency.onnx",
+            "--threshold",
+            "0.5",
+        ];
+        let air = ["--centre-sigma-px", "0.5", "--boxes", boxes];
+        let args = [&["eval", "clip", clip][..], &model, &air].concat();
+        measured(&out, &args, "clip").0
+    };
+    let number = |json: &Value, pointer: &str| {
+        let value = json.pointer(pointer).and_then(Value::as_f64);
+        value.unwrap_or_else(|| panic!("{pointer} is no number in {json:#}"))
+    };
+    let share = "/clips/0/tracks/0/on_uav_share";
+
+    let counted = played("counted", Some(serde_json::json!({})));
+    assert!(number(&counted, "/recall") > 0.9, "{counted:#}");
+    assert!(number(&counted, share) > 0.9, "{counted:#}");
+
+    let ignored = played("ignored", Some(serde_json::json!({ "ignore": true })));
+    assert_eq!(number(&ignored, "/boxes"), 0.0);
+    // The detector and the tracker did the same as before.
+    for key in ["/detections", "/locked_share", "/clips/0/tracks/0/frames"] {
+        assert_eq!(ignored.pointer(key), counted.pointer(key), "{key}");
+    }
+    assert!(number(&ignored, "/locked_share") > 0.5, "{ignored:#}");
+    for key in ["/false_alarms", "/false_lock_share", "/duplicates"] {
+        assert_eq!(number(&ignored, key), 0.0, "{key}");
+    }
+    for key in ["/recall", "/on_target_share", share] {
+        assert_eq!(ignored.pointer(key), Some(&Value::Null), "{key}");
+    }
+
+    let bare = played("bare", None);
+    assert!(
+        number(&bare, "/false_alarms") > 0.9 * FRAMES as f64,
+        "{bare:#}"
+    );
+    assert!(number(&bare, "/false_lock_share") > 0.5, "{bare:#}");
+    assert_eq!(number(&bare, share), 0.0);
+}
+
+/// Opens the window on a virtual display and looks at what it shows: the panel on the left, the
+/// city and the sky beside it.
+#[test]
+fn the_window_shows_panel_and_scene() {
+    let _one = rendering();
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("window.jpg");
+    let started = Instant::now();
+    let boresight = boresight();
+    let mut command = Command::new("xvfb-run");
+    command.arg("-a").arg(boresight.get_program());
+    for (key, value) in boresight.get_envs() {
+        match value {
+            Some(value) => command.env(key, value),
+            None => command.env_remove(key),
+        };
+    }
+    let output = command
+        .current_dir(ROOT)
+        .stdin(Stdio::null())
+        .args(["view", "scenarios/urban_intercept.toml"])
+        .args(["--set", "detector.kind=truth", "--screenshot"])
+        .arg(&file)
+        .arg("0.5")
+        .output()
+        .unwrap_or_else(|error| panic!("xvfb-run: {error}; ./setup.sh installs it (xvfb, xauth)"));
+    assert!(
+        output.status.success(),
+        "{}: {}",
+        output.status,
+        stderr(&output)
+    );
+    println!("the window: {:.1} s", started.elapsed().as_secs_f64());
+    let picture = image::open(&file).unwrap().to_rgb8();
+    assert_eq!(picture.dimensions(), (1280, 800));
+    // Mean and spread of the grey levels of a part: left, top, right, bottom.
+    let part = |[x0, y0, x1, y1]: [u32; 4]| {
+        let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+        let grey: Vec<f64> = pixels
+            .map(|(x, y)| {
+                picture
+                    .get_pixel(x, y)
+                    .0
+                    .iter()
+                    .map(|c| f64::from(*c))
+                    .sum::<f64>()
+                    / 3.0
+            })
+            .collect();
+        let mean = grey.iter().sum::<f64>() / grey.len() as f64;
+        let square = grey.iter().map(|grey| (grey - mean).powi(2)).sum::<f64>();
+        (mean, (square / grey.len() as f64).sqrt())
+    };
+    let (panel, sky, city) = (
+        part([4, 4, 240, 796]),
+        part([300, 20, 900, 80]),
+        part([300, 400, 900, 740]),
+    );
+    println!("grey levels: panel {panel:.1?}, sky {sky:.1?}, city {city:.1?}");
+    // Dark, with light text on it.
+    assert!(panel.0 < 90.0 && panel.1 > 15.0, "no panel: {panel:?}");
+    assert!(sky.0 > panel.0 + 50.0 && sky.1 < 10.0, "no sky: {sky:?}");
+    assert!(city.1 > 15.0, "one colour: {city:?}");
+}
+
+/// Makes the tiny set, or the part of it that `args` ask for, in `folder`.
+fn dataset(folder: &Path, args: &[&str]) -> Output {
+    let mut command = boresight();
+    command.args(["dataset", "recipes/tiny.toml", "--out"]);
+    let output = command.arg(folder).args(args).output().unwrap();
+    assert!(output.status.success(), "{args:?}: {}", stderr(&output));
+    output
+}
+
+/// Every file below a folder with its bytes, in order.
+fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut waiting = vec![folder.to_path_buf()];
+    while let Some(at) = waiting.pop() {
+        for entry in std::fs::read_dir(&at).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                waiting.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_path_buf();
+                found.push((name, std::fs::read(&path).unwrap()));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn same_files(a: &Path, b: &Path) {
+    let (a, b) = (files(a), files(b));
+    let names =
+        |files: &[(PathBuf, Vec<u8>)]| files.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&a), names(&b));
+    for ((name, a), (_, b)) in a.iter().zip(&b) {
+        assert!(a == b, "{} differs", name.display());
+    }
+}
+
+#[test]
+fn a_dataset_is_the_same_however_it_is_made() {
+    let _one = rendering();
+    let (whole, parts) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    dataset(whole.path(), &[]);
+    // Other scenes first, in processes of their own, with another number of threads.
+    dataset(parts.path(), &["--scenes", "2..5", "--threads", "1"]);
+    let output = dataset(parts.path(), &["--scenes", "1..2"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("4 of 5 scenes are there"), "{said}");
+    dataset(parts.path(), &[]);
+    same_files(whole.path(), parts.path());
+    // What is lost is made again, and nothing else is touched.
+    let kept = parts.path().join("scenes/00003.json");
+    let before = std::fs::metadata(&kept).unwrap().modified().unwrap();
+    std::fs::remove_file(parts.path().join("scenes/00001.json")).unwrap();
+    let lost = files(parts.path())
+        .into_iter()
+        .find(|(name, _)| name.to_string_lossy().contains("s00002_0001.png"));
+    std::fs::remove_file(parts.path().join(lost.unwrap().0)).unwrap();
+    dataset(parts.path(), &[]);
+    assert_eq!(
+        std::fs::metadata(&kept).unwrap().modified().unwrap(),
+        before
+    );
+    same_files(whole.path(), parts.path());
+    well_formed(whole.path());
+
+    // Another recipe in the same folder, a bad range and a bad recipe.
+    let other = whole.path().join("other.toml");
+    std::fs::write(&other, "scenes = 2\n").unwrap();
+    let command = |recipe: &Path, args: &[&str]| {
+        let mut command = boresight();
+        command
+            .arg("dataset")
+            .arg(recipe)
+            .arg("--out")
+            .arg(whole.path());
+        command.args(args);
+        command
+    };
+    refused(
+        &mut command(&other, &[]),
+        &["holds a set of another recipe", "--out"],
+    );
+    let tiny = Path::new("recipes/tiny.toml");
+    refused(
+        &mut command(tiny, &["--scenes", "3..9"]),
+        &["--scenes", "no range FROM..TO within 0..5"],
+    );
+    std::fs::write(&other, "scenes = 2\n[camera]\nzoom = 3\n").unwrap();
+    refused(
+        &mut command(&other, &[]),
+        &["other.toml:3", "camera.zoom: unknown key"],
+    );
+    refused(
+        &mut command(Path::new("recipes/none.toml"), &[]),
+        &["recipes/none.toml: cannot be read"],
+    );
+}
+
+/// Checks the COCO files of the tiny set, and the forms beside them.
+fn well_formed(folder: &Path) {
+    let mut scenes = Vec::new();
+    let (mut pictures, mut boxes) = (0, 0);
+    for split in ["train", "val"] {
+        let text = std::fs::read_to_string(folder.join(split).join("annotations.json")).unwrap();
+        let coco: Value = serde_json::from_str(&text).unwrap();
+        let list = |key: &str| coco[key].as_array().unwrap().clone();
+        let names: Vec<_> = list("categories")
+            .iter()
+            .map(|c| c["name"].clone())
+            .collect();
+        assert_eq!(names, ["fpv", "quadcopter", "hexacopter"]);
+        let images = list("images");
+        for (i, image) in images.iter().enumerate() {
+            assert_eq!(image["id"], i + 1);
+            let path = folder
+                .join(split)
+                .join(image["file_name"].as_str().unwrap());
+            let bytes = std::fs::read(&path).unwrap();
+            let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
+                .read_info()
+                .unwrap();
+            let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+            reader.next_frame(&mut rgb).unwrap();
+            let info = reader.info();
+            assert_eq!(
+                [image["width"].as_u64(), image["height"].as_u64()],
+                [Some(320), Some(240)]
+            );
+            assert_eq!([info.width, info.height], [320, 240]);
+            // Neither black, nor white, nor one colour.
+            let mean = rgb.iter().map(|v| f64::from(*v)).sum::<f64>() / rgb.len() as f64;
+            assert!((10.0..252.0).contains(&mean), "{}: {mean}", path.display());
+            scenes.push((image["scene"].as_u64().unwrap(), split));
+        }
+        for (i, seen) in list("annotations").iter().enumerate() {
+            assert_eq!(seen["id"], i + 1);
+            let image = &images[seen["image_id"].as_u64().unwrap() as usize - 1];
+            let side = |k: usize| seen["bbox"][k].as_f64().unwrap();
+            assert!(
+                side(0) >= 0.0 && side(1) >= 0.0 && side(2).max(side(3)) >= 2.0,
+                "{seen}"
+            );
+            assert!(
+                side(0) + side(2) <= 320.0 && side(1) + side(3) <= 240.0,
+                "{seen}"
+            );
+            let fpv = seen["uav"] == "fpv5";
+            assert_eq!(seen["category_id"] == 1, fpv, "{seen}");
+            assert!(seen["visible_fraction"].as_f64().unwrap() >= 0.1, "{seen}");
+            assert!(image["file_name"].is_string());
+        }
+        pictures += images.len();
+        boxes += list("annotations").len();
+        let labels = std::fs::read_dir(folder.join(split).join("labels")).unwrap();
+        let stills = images.iter().filter(|i| i["sequence"].is_null()).count();
+        assert_eq!(labels.count(), stills);
+    }
+    assert_eq!(pictures, 4 * 3 + 3);
+    assert!(boxes >= 8, "{boxes}");
+    let train: Vec<u64> = scenes
+        .iter()
+        .filter(|s| s.1 == "train")
+        .map(|s| s.0)
+        .collect();
+    assert!(
+        scenes
+            .iter()
+            .filter(|s| s.1 == "val")
+            .all(|s| !train.contains(&s.0))
+    );
+    assert!(train.len() < scenes.len() && !train.is_empty());
+    let truth = std::fs::read_to_string(folder.join("sequences/c0000/gt/gt.txt")).unwrap();
+    assert!(truth.lines().next().unwrap().starts_with("1,"), "{truth}");
+    let about: Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.join("dataset.json")).unwrap())
+            .unwrap();
+    assert_eq!(about["complete"], true);
+    let page = std::fs::read_to_string(folder.join("statistics.html")).unwrap();
+    assert!(page.contains("boxes by category") && page.contains("data:image/jpeg;base64,"));
+}

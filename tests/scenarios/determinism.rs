@@ -1,0 +1,195 @@
+//! One seed is one run, to the bit.
+
+use crate::common::{
+    BLIND, ROOT, boresight, messages, read_with_python, rendering, run_scenario, tick_hashes,
+};
+use boresight::app::{self, Options};
+use boresight::components::capture::Frames;
+use boresight::components::detect::{DetectionBatch, DetectionQueue};
+use boresight::components::record::StateHash;
+use boresight::recording::proto;
+use boresight::scenario::Scenario;
+use prost::Message as _;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+use tempfile::TempDir;
+
+/// A bird and a balloon among the UAVs of `eval/suite_swarm`.
+const FLOCK: &str = "distractors=[{ name = 'gull', kind = 'bird', trajectory = { kind = 'straight', \
+                     start_enu_m = [-574.9, 499.9, 101.24], velocity_enu_mps = [3.5, 3.5, 0] } }, \
+                     { name = 'party', kind = 'balloon', trajectory = { kind = 'hover', \
+                     position_enu_m = [-611, 520, 103] } }]";
+
+#[test]
+fn one_seed_is_one_run_whatever_the_threads() {
+    let run = |extra: &[&str]| {
+        let mut args = BLIND.to_vec();
+        args.extend(["--set", "duration_s=6"]);
+        args.extend(extra);
+        run_scenario("crossing_pair", &args)
+    };
+    let first = run(&[]);
+    let hashes = tick_hashes(&first);
+    assert_eq!(hashes.len(), 6 * 960, "one hash a tick");
+    let last = hashes.last().map(|(_, hash)| format!("{hash:016x}"));
+    assert_eq!(last.as_deref(), Some(first.hash()));
+    let recorded = std::fs::read(first.file("run.mcap")).unwrap();
+    for threads in ["1", "2", "8"] {
+        let again = run(&["--threads", threads]);
+        assert_eq!(again.hash(), first.hash(), "--threads {threads}");
+        assert_eq!(tick_hashes(&again), hashes, "--threads {threads}");
+        let bytes = std::fs::read(again.file("run.mcap")).unwrap();
+        assert!(
+            bytes == recorded,
+            "--threads {threads}: the recordings differ"
+        );
+    }
+    let other = run(&["--seed", "2"]);
+    assert_eq!(other.summary["seed"], 2);
+    assert_ne!(other.hash(), first.hash());
+}
+
+/// Several UAVs, balloons, misses and false alarms: the table's order must not depend on anything.
+#[test]
+fn one_seed_is_one_run_with_many_tracks() {
+    let run = |scenario: &str, threads: &str| {
+        let args = [
+            "--set",
+            "duration_s=5",
+            "--threads",
+            threads,
+            "--set",
+            FLOCK,
+        ];
+        run_scenario(scenario, &[&BLIND[..], &args].concat())
+    };
+    let first = run("eval/suite_swarm", "1");
+    let names: std::collections::BTreeSet<_> =
+        messages(&first.file("run.mcap"), "/boresight/uav_state")
+            .iter()
+            .map(|data| proto::UavState::decode(&data[..]).unwrap().name)
+            .collect();
+    assert_eq!(names.len(), 10, "{names:?}");
+    for threads in ["1", "2"] {
+        let again = run("eval/suite_swarm", threads);
+        assert_eq!(again.hash(), first.hash(), "--threads {threads}");
+        assert_eq!(
+            tick_hashes(&again),
+            tick_hashes(&first),
+            "--threads {threads}"
+        );
+    }
+    read_with_python(&first.file("run.mcap"), false);
+}
+
+#[test]
+fn rendering_changes_no_state() {
+    let _one = rendering();
+    let truth = ["--set", "detector.kind=truth", "--set", "duration_s=1.5"];
+    let with = |extra: &[&str]| run_scenario("urban_intercept", &[&truth[..], extra].concat());
+    let blind = with(&["--no-capture"]);
+    let (first, second) = (with(&["--threads", "1"]), with(&["--threads", "8"]));
+    assert_eq!(first.hash(), blind.hash());
+    assert_eq!(tick_hashes(&first), tick_hashes(&blind));
+    assert!(messages(&first.file("run.mcap"), "/ptv/image").len() > 10);
+    let bytes = [&first, &second].map(|run| std::fs::read(run.file("run.mcap")).unwrap());
+    assert!(
+        bytes[0] == bytes[1],
+        "two runs of one seed leave different recordings"
+    );
+}
+
+#[test]
+fn the_network_sees_the_same_on_one_thread_and_on_eight() {
+    let _one = rendering();
+    let run = |threads| {
+        let args = ["--set", "duration_s=1", "--threads", threads];
+        run_scenario("urban_intercept", &args)
+    };
+    let (one, eight) = (run("1"), run("8"));
+    assert!(messages(&one.file("run.mcap"), "/boresight/detections").len() > 10);
+    assert_eq!(tick_hashes(&one), tick_hashes(&eight));
+    assert_eq!(one.hash(), eight.hash());
+}
+
+/// Once the first frames are drawn, a run needs no more memory: a shader that branches on uniforms
+/// alone made Mesa's lavapipe keep a gigabyte for each simulated second (assets/shaders/lean.wgsl).
+#[cfg(target_os = "linux")]
+#[test]
+fn a_rendered_run_keeps_its_memory() {
+    let _one = rendering();
+    let folder = TempDir::new().unwrap();
+    let set = "duration_s=2.5 detector.kind=truth engage.authorised=false";
+    let mut child = boresight()
+        .args(["run", "scenarios/urban_intercept.toml", "--out"])
+        .arg(folder.path())
+        .args(set.split(' ').flat_map(|value| ["--set", value]))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut taken_mb = Vec::new();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        let file = format!("/proc/{}/status", child.id());
+        let text = std::fs::read_to_string(file).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("RssAnon:"));
+        let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+        taken_mb.extend(kilobytes.map(|kilobytes| kilobytes / 1024));
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    assert!(status.success());
+    // City and pipelines are made in the first half.
+    let later_mb = &taken_mb[taken_mb.len() / 2..];
+    let growth_mb = later_mb.iter().max().unwrap() - later_mb[0];
+    println!("{growth_mb} MB more after {} MB", later_mb[0]);
+    assert!(growth_mb < 300, "{taken_mb:?}");
+}
+
+/// The detector's thread works while the next frames are rendered, and what a run does with what it
+/// finds is the same as without it; here in regions of 160 px of cameras that have no window.
+#[test]
+fn a_thread_for_the_network_changes_no_state() {
+    let _one = rendering();
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let overrides = [
+        "search.pattern=stare",
+        "search.cue.sigma_deg=0.05",
+        "station.cameras.coarse.readout=full",
+        "station.cameras.precise.readout=full",
+        "detector.roi_px=160",
+        "engage.authorised=false",
+    ];
+    let loaded = Scenario::load(&path, &overrides.map(String::from)).unwrap();
+    let run = |one_thread| {
+        let options = Options {
+            capture: true,
+            one_thread,
+            ..Options::default()
+        };
+        let mut app = app::build(&loaded, &options).unwrap();
+        let world = app.world_mut();
+        let (mut hashes, mut regions) = (Vec::new(), 0);
+        for _ in 0..(2.5 * f64::from(loaded.scenario.tick_hz)) as u64 {
+            app::step(world).unwrap();
+            hashes.push(world.resource::<StateHash>().0);
+            let arrived = &world.resource::<DetectionQueue>().arrived;
+            let region = |batch: &&DetectionBatch| batch.look.size_px == [160; 2];
+            regions += arrived.iter().filter(region).count();
+            assert!(
+                world
+                    .resource::<Frames>()
+                    .0
+                    .iter()
+                    .all(|f| f.rect.size_px == [640, 480])
+            );
+        }
+        (hashes, regions)
+    };
+    let (with, without) = (run(false), run(true));
+    assert_eq!(with, without);
+    assert!(with.1 > 20, "{} regions", with.1);
+}

@@ -1,0 +1,17 @@
+//! The shipped scenarios and bad input, through the real binary; the rendered truth, through the
+//! library.
+//!
+//! Bevy's task pools are one per process, so what depends on the number of threads runs in
+//! processes of its own; whatever renders takes [`common::rendering`], since a software rasteriser
+//! uses every core already.
+
+mod bad_input;
+mod beam;
+mod commands;
+mod common;
+mod determinism;
+mod flight;
+mod rendering;
+mod shipped;
+mod structure;
+mod tracking;

@@ -1,0 +1,350 @@
+//! Tracking against the truth.
+
+use crate::common::{BLIND, ROOT, run_scenario};
+use bevy::prelude::World;
+use boresight::app::{self, Options};
+use boresight::components::control::SearchScan;
+use boresight::components::environment::Environment;
+use boresight::components::flight::{Flight, Uav, UavStatus};
+use boresight::components::mount::{Mount, Optics};
+use boresight::components::run::SimClock;
+use boresight::components::track::{StateChange, Tracker, TrackingState};
+use boresight::models::ground::city::{City, CityParams};
+use boresight::models::ground::dsm::LineOfSight;
+use boresight::models::maths::kinematics::error_angles;
+use boresight::scenario::Scenario;
+use glam::DVec3;
+use std::path::Path;
+use std::sync::{Arc, LazyLock};
+use std::time::Instant;
+
+/// The tracker and the truth at one instant of the coarse camera's clock.
+#[derive(Debug)]
+struct Moment {
+    t_s: f64,
+    state: TrackingState,
+    /// Identity of the target's track.
+    target: Option<u32>,
+    /// Angle of every UAV and distractor from the laser's true axis [rad], by index.
+    off_rad: Vec<f64>,
+    /// Whether nothing stands before the first UAV.
+    clear: bool,
+}
+
+impl Moment {
+    fn precise(&self) -> bool {
+        matches!(self.state, TrackingState::Precise | TrackingState::Engage)
+    }
+
+    /// What the laser's axis is on while a precise track is claimed: the nearest within a
+    /// milliradian.
+    fn on(&self) -> Option<usize> {
+        let near = |index: &usize| self.precise() && self.off_rad[*index] < 1e-3;
+        (0..self.off_rad.len())
+            .filter(near)
+            .min_by(|a, b| self.off_rad[*a].total_cmp(&self.off_rad[*b]))
+    }
+}
+
+/// What a run without images and files showed.
+struct Watched {
+    moments: Vec<Moment>,
+    changes: Vec<StateChange>,
+}
+
+impl Watched {
+    /// The last moment before `t_s`.
+    fn before(&self, t_s: f64) -> &Moment {
+        self.moments
+            .iter()
+            .rev()
+            .find(|moment| moment.t_s < t_s)
+            .unwrap()
+    }
+
+    /// The longest stretch of time with the laser's axis on something else than the first UAV [s].
+    fn longest_on_another_s(&self) -> f64 {
+        let other = |moment: &&Moment| moment.on().is_some_and(|on| on > 0);
+        let stretches = self.moments.split(|moment| !other(&moment));
+        // Each moment stands for a sixtieth of a second.
+        stretches
+            .map(|some| some.len() as f64 / 60.0)
+            .fold(0.0, f64::max)
+    }
+
+    /// Identities and times at which the target changed.
+    fn targets(&self) -> Vec<(f64, Option<u32>)> {
+        let mut targets: Vec<(f64, Option<u32>)> = Vec::new();
+        for moment in &self.moments {
+            if targets.last().is_none_or(|last| last.1 != moment.target) {
+                targets.push((moment.t_s, moment.target));
+            }
+        }
+        targets
+    }
+
+    fn log(&self) -> String {
+        let line = |change: &StateChange| {
+            let (t_s, to) = (change.tick as f64 / 960.0, change.to.name());
+            format!("{t_s:8.3} s {to}: {}\n", change.reason)
+        };
+        self.changes.iter().map(line).collect()
+    }
+}
+
+/// Runs a scenario with the truth as detector and looks at it 60 times a second.
+fn watched(name: &str, seed: u64, set: &[&str]) -> Watched {
+    static CITY: LazyLock<Arc<City>> =
+        LazyLock::new(|| Arc::new(City::generate(&CityParams::default()).unwrap()));
+    let path = Path::new(ROOT).join(format!("scenarios/{name}.toml"));
+    let truth = ["detector.kind=truth", "engage.authorised=false"];
+    let set: Vec<String> = truth.iter().chain(set).map(ToString::to_string).collect();
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let options = Options {
+        seed: Some(seed),
+        city: Some(CITY.clone()),
+        ..Options::default()
+    };
+    let started = Instant::now();
+    let mut app = app::build(&loaded, &options).unwrap();
+    let world = app.world_mut();
+    let mut station = world.query::<(&Mount, &Optics)>();
+    let mut flights = world.query::<(&Uav, &Flight)>();
+    let mut moments = Vec::new();
+    loop {
+        let over = app::step(world).unwrap();
+        let clock = *world.resource::<SimClock>();
+        if clock.tick.is_multiple_of(u64::from(clock.tick_hz / 60)) {
+            let (mount, optics) = station.single(world).unwrap();
+            let mut flying: Vec<_> = flights.iter(world).collect();
+            flying.sort_unstable_by_key(|(uav, _)| uav.index);
+            let axis = optics.laser;
+            let off_rad = |(_, flight): &(&Uav, &Flight)| {
+                error_angles(axis.q_enu_cam, flight.aim_enu_m() - axis.r_enu_m).length()
+            };
+            let dsm = &world.resource::<Environment>().city.dsm;
+            let tracker = world.resource::<Tracker>();
+            moments.push(Moment {
+                t_s: clock.t_s(),
+                state: tracker.state,
+                target: tracker.target,
+                off_rad: flying.iter().map(off_rad).collect(),
+                clear: dsm.line_of_sight(mount.r_enu_m, flying[0].1.aim_enu_m())
+                    == LineOfSight::Clear,
+            });
+        }
+        if over {
+            break;
+        }
+    }
+    let watched = Watched {
+        moments,
+        changes: world.resource::<Tracker>().changes.clone(),
+    };
+    println!(
+        "{name} {seed} {set:?}: {:.1} s",
+        started.elapsed().as_secs_f64()
+    );
+    watched
+}
+
+#[test]
+fn a_uav_behind_a_building_is_waited_for_and_found_again() {
+    let run = watched("eval/occlusion", 1, &[]);
+    let hidden: Vec<_> = run.moments.iter().filter(|moment| !moment.clear).collect();
+    let (from_s, to_s) = (hidden[0].t_s, hidden[hidden.len() - 1].t_s);
+    assert!((0.8..=1.2).contains(&(to_s - from_s)), "{from_s} to {to_s}");
+    // Hidden once, without a break.
+    assert!(hidden.len() as f64 > 60.0 * (to_s - from_s));
+    let foreseen = run.changes.iter().any(|change| {
+        let there = (from_s..to_s).contains(&(change.tick as f64 / 960.0));
+        there && change.to == TrackingState::Lost && change.reason.contains("behind a building")
+    });
+    assert!(foreseen, "{}", run.log());
+    // The laser's axis stays on the UAV that nothing sees: within 0.2 mrad, 12 cm there.
+    for moment in hidden {
+        assert!(moment.off_rad[0] < 2e-4, "{moment:?}");
+        assert_ne!(moment.state, TrackingState::Search);
+    }
+    let known = run.before(from_s);
+    assert!(known.on() == Some(0) && known.target.is_some(), "{known:?}");
+    let mut after = run.moments.iter().filter(|moment| moment.t_s > to_s);
+    let again = after.find(|moment| moment.on() == Some(0)).unwrap();
+    assert!(again.t_s - to_s < 0.5, "{again:?}, hidden until {to_s} s");
+    assert_eq!(again.target, known.target);
+    assert_eq!(run.targets().len(), 2, "{:?}", run.targets());
+}
+
+/// The paper's rule goes over to another UAV where sight lines cross, ours does not.
+#[test]
+fn only_the_papers_rule_mistakes_uavs_that_cross() {
+    let lost = |rule: &str| {
+        let seeds = 1..=5;
+        let runs = seeds.map(|seed| {
+            watched(
+                "eval/suite_crossing",
+                seed,
+                &[&format!("tracker.rule={rule}")],
+            )
+        });
+        // On something else than the first UAV for long, or not on it at the end.
+        let lost = runs.filter(|run| {
+            let before = run.before(5.0); // [s], of the first crossing
+            assert_eq!(before.on(), Some(0), "{rule}: {}", run.log());
+            assert_eq!(run.targets().len(), 2, "{rule}: {:?}", run.targets());
+            run.longest_on_another_s() > 0.25 || run.before(f64::MAX).on() != Some(0)
+        });
+        lost.count()
+    };
+    let (paper, ours) = (lost("paper"), lost("global"));
+    println!("of 5 locks the paper's rule loses {paper}, ours {ours}");
+    assert!(ours == 0 && paper > 0, "{paper}, {ours}");
+}
+
+/// By the paper's rule, seed 4 follows a balloon for 3.3 s.
+#[test]
+fn a_uav_is_not_left_for_a_balloon() {
+    for seed in [1, 4] {
+        let run = watched("eval/suite_decoy", seed, &[]);
+        assert!(run.longest_on_another_s() <= 1.0, "{}", run.log());
+        let end = run.before(f64::MAX);
+        assert_eq!(end.on(), Some(0), "{end:?}");
+    }
+}
+
+/// Someone who flies beside the demo's pair, a little further away, and so the lesser threat.
+const BESIDE: &str = "uavs.1.trajectory={ kind = 'straight', start_enu_m = [-707, 570, 117.8], \
+                      velocity_enu_mps = [5.657, 5.657, 0] }";
+
+#[test]
+fn an_operator_points_at_a_uav_and_hands_the_choice_back() {
+    let orders = "operator=[{ t_s = 3.0, designate = 'far' }, { t_s = 6.0 }]";
+    let run = watched("crossing_pair", 1, &[BESIDE, orders, "duration_s=10"]);
+    assert_eq!(run.before(3.0).on(), Some(0), "{}", run.log());
+    let ordered = run
+        .moments
+        .iter()
+        .filter(|moment| (4.0..6.0).contains(&moment.t_s));
+    for moment in ordered {
+        assert_eq!(moment.on(), Some(1), "{moment:?}\n{}", run.log());
+    }
+    // The nearer one is the greater threat again, and held again.
+    assert_eq!(run.before(f64::MAX).on(), Some(0), "{}", run.log());
+    let held: Vec<_> = run.targets().into_iter().filter_map(|(_, id)| id).collect();
+    assert!(held.len() == 3 && held[0] == held[2], "{held:?}");
+    // Without the second order it stays.
+    let stays = watched(
+        "crossing_pair",
+        1,
+        &[
+            BESIDE,
+            &orders.replace(", { t_s = 6.0 }", ""),
+            "duration_s=10",
+        ],
+    );
+    assert_eq!(stays.before(f64::MAX).on(), Some(1), "{}", stays.log());
+}
+
+/// One UAV crosses 700 m away, another comes straight at the station from 750 m: only its picture
+/// grows, by some two per cent a second.
+#[test]
+fn the_tracker_turns_once_to_the_uav_that_comes() {
+    let uavs = "uavs=[{ name = 'crossing', model = 'phantom4', trajectory = { kind = 'straight', \
+                start_enu_m = [-523.3, 466.7, 110], velocity_enu_mps = [5.657, 5.657, 0] } }, \
+                { name = 'coming', model = 'phantom4', trajectory = { kind = 'straight', \
+                start_enu_m = [-530, 530, 115], velocity_enu_mps = [8, -8, -0.5] } }]";
+    for seed in [1, 2] {
+        let set = [
+            uavs,
+            "operator=[]",
+            "tracker.switch_ratio=1.5",
+            "duration_s=16",
+        ];
+        let run = watched("eval/suite_crossing", seed, &set);
+        assert_eq!(run.before(1.0).on(), Some(0), "{}", run.log());
+        assert_eq!(run.before(f64::MAX).on(), Some(1), "{}", run.log());
+        assert_eq!(run.targets().len(), 3, "{}", run.log());
+        assert!(run.log().contains("is the greater threat"), "{}", run.log());
+    }
+}
+
+#[test]
+fn the_controllers_of_the_project_hold_what_the_papers_gains_do_not() {
+    for (preset, [least_px, most_px]) in [
+        ("tuned", [0.0, 0.6]),
+        ("lqg", [0.0, 0.6]),
+        ("paper", [10.0, f64::MAX]),
+    ] {
+        let preset = format!("controller.preset={preset}");
+        let set = ["engage.authorised=false", "duration_s=6", &preset];
+        let args: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
+        let run = run_scenario("urban_intercept", &[&BLIND[..], &args].concat());
+        let mean_px = run.number("/miss_distance_px/precise/mean");
+        println!("{preset}: {mean_px:.2} px");
+        assert!(
+            (least_px..most_px).contains(&mean_px),
+            "{preset}: {mean_px} px"
+        );
+    }
+}
+
+/// A UAV that is seen from the third gaze alone interrupts it, and vanishes.
+#[test]
+fn a_gaze_that_was_left_is_begun_anew() {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let set = [
+        "detector.kind=truth",
+        "engage.authorised=false",
+        "station.position_enu_m=[0, 0, 48]",
+        // Four gazes of 6 degrees beside each other, and no radar that would shift them.
+        "search={ centre_azimuth_deg = 315, elevation_deg = 6, width_deg = 20, height_deg = 4 }",
+        // 700 m away in the middle of the third.
+        "uavs.0.trajectory={ kind = 'hover', position_enu_m = [-472.1, 511.7, 121.2] }",
+    ];
+    let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    let world = app.world_mut();
+    let at = |world: &World| {
+        let tick = world.resource::<SimClock>().tick;
+        assert!(tick < 30 * 960, "nothing happens");
+        let scan = world.resource::<SearchScan>();
+        (tick, scan.index, scan.settled_since)
+    };
+    let searches =
+        |world: &bevy::prelude::World| world.resource::<Tracker>().state == TrackingState::Search;
+    while searches(world) {
+        app::step(world).unwrap();
+        at(world);
+    }
+    let (_, left, settled_since) = at(world);
+    assert_eq!((left, settled_since), (2, None));
+    let gaze_ticks = (960.0 * world.resource::<SearchScan>().gaze_s) as u64;
+
+    let mut uavs = world.query::<(&mut Flight, &mut UavStatus)>();
+    let (mut flight, mut status) = uavs.single_mut(world).unwrap();
+    flight.state.r_enu_m = DVec3::new(0.0, 0.0, -500.0);
+    *status = UavStatus::Crashed;
+    while !searches(world) {
+        app::step(world).unwrap();
+        at(world);
+    }
+    // Still the same gaze; what it had lasted before counts no more.
+    let (back, index, _) = at(world);
+    assert_eq!(index, left);
+    let mut begun = None;
+    loop {
+        app::step(world).unwrap();
+        let (tick, index, settled_since) = at(world);
+        if index != left {
+            let begun = begun.expect("the gaze was never begun");
+            println!("left, back at {back}, begun at {begun}, next at {tick}");
+            assert_eq!(index, left + 1);
+            assert!(
+                begun >= back && tick > begun + gaze_ticks,
+                "{begun} to {tick}"
+            );
+            break;
+        }
+        begun = begun.or(settled_since);
+    }
+}
