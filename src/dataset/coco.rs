@@ -1,6 +1,6 @@
 //! The records of a set, and their COCO and YOLO forms.
 
-use super::CATEGORIES;
+use super::category::CATEGORIES;
 use super::shares::{Background, Motion, Split};
 use crate::models::flight::uav::UavKind;
 use crate::output::{self, OutputError};

@@ -1,11 +1,12 @@
 //! The files about a whole set: annotations, labels, statistics and counts.
 
 use super::coco::{self, SceneRecord};
+use super::error::DatasetError;
 use super::page;
 use super::recipe::Recipe;
 use super::shares::Split;
 use super::statistics::Statistics;
-use super::{DatasetError, FORMAT, record_path, write};
+use super::store::{FORMAT, record_path, write};
 use std::collections::BTreeMap;
 use std::path::Path;
 

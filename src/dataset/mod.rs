@@ -6,8 +6,10 @@
 //! whole, and a run that was stopped continues with the scenes that have none.
 
 mod assign;
+mod category;
 mod coco;
 mod draw;
+mod error;
 mod exposure;
 mod label;
 mod merge;
@@ -19,30 +21,22 @@ mod shares;
 mod shoot;
 mod stage;
 mod statistics;
+mod store;
 
+pub use error::DatasetError;
 pub use recipe::Recipe;
 
-use crate::app::RunError;
-use crate::media::image::ImageError;
-use crate::models::air::wind::WindError;
-use crate::models::flight::uav::{UavClass, UavKind, model};
-use crate::models::ground::city::CityError;
-use crate::models::optics::camera::CameraError;
-use crate::models::optics::sensor::SensorError;
-use crate::output::{self, OutputError};
-use crate::scenario::InputError;
-use crate::systems::capture::CaptureError;
 use assign::assign_scenes;
 use clap::Args;
-use coco::SceneRecord;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use merge::merge;
 use scene::Scene;
 use shoot::make;
 use stage::Stage;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
+use store::{claim, digest, done};
 
 /// What `dataset` is told.
 #[derive(Args, Debug)]
@@ -58,118 +52,6 @@ pub struct Arguments {
     /// Worker threads (default: all cores); changes no picture.
     #[arg(long)]
     threads: Option<usize>,
-}
-
-/// Why a set cannot be made; each prints as one line.
-#[derive(Debug, thiserror::Error)]
-pub enum DatasetError {
-    /// The recipe.
-    #[error(transparent)]
-    Recipe(#[from] InputError),
-    /// The scenes that are asked for.
-    #[error("--scenes: '{text}' is no range FROM..TO within 0..{count}")]
-    Range {
-        /// What was given.
-        text: String,
-        /// Scenes of the whole set.
-        count: u32,
-    },
-    /// The folder holds another set.
-    #[error(
-        "{path} holds a set of another recipe or program version; name another folder with --out, \
-         or empty this one"
-    )]
-    OtherRecipe {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A file of the set cannot be written.
-    #[error(transparent)]
-    Output(#[from] OutputError),
-    /// A record of a scene is damaged.
-    #[error("{path}: {source}; delete the file, and the scene is made anew")]
-    Record {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: serde_json::Error,
-    },
-    /// The city of a scene cannot be generated.
-    #[error("scene {scene}: city: {source}")]
-    City {
-        /// The scene.
-        scene: u32,
-        /// What is wrong.
-        source: CityError,
-    },
-    /// The camera of a scene is impossible.
-    #[error("scene {scene}: camera: {source}")]
-    Camera {
-        /// The scene.
-        scene: u32,
-        /// What is wrong.
-        source: CameraError,
-    },
-    /// The wind of a scene is impossible.
-    #[error("scene {scene}: weather: {source}")]
-    Wind {
-        /// The scene.
-        scene: u32,
-        /// What is wrong.
-        source: WindError,
-    },
-    /// No view of a scene shows what the recipe wants.
-    #[error(
-        "scene {scene} has no view that the recipe allows; widen camera.hfov_deg or camera.height_m"
-    )]
-    NoView {
-        /// The scene.
-        scene: u32,
-    },
-    /// A sensor of a scene.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// A frame without its picture.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    /// A picture cannot be encoded, or not be read for the page of the set.
-    #[error("{path}: {source}; delete the record of its scene, and the scene is made anew")]
-    Picture {
-        /// The picture.
-        path: PathBuf,
-        /// What is wrong.
-        source: image::ImageError,
-    },
-    /// A picture of the page cannot be encoded.
-    #[error("the page: {0}")]
-    Preview(#[from] ImageError),
-    /// Records and statistics that cannot be encoded.
-    #[error("cannot encode a file of the set: {0}")]
-    Json(#[from] serde_json::Error),
-    /// The renderer.
-    #[error(transparent)]
-    Renderer(Box<RunError>),
-}
-
-impl From<RunError> for DatasetError {
-    fn from(error: RunError) -> Self {
-        Self::Renderer(Box::new(error))
-    }
-}
-
-/// Version of the folder's layout and of what is drawn; a change of either raises it.
-const FORMAT: u32 = 2;
-
-/// The categories: number and name.
-pub const CATEGORIES: [(u32, &str); 3] = [(1, "fpv"), (2, "quadcopter"), (3, "hexacopter")];
-
-/// The category of a UAV.
-pub fn category(kind: UavKind) -> u32 {
-    match model(kind).class {
-        UavClass::Fpv => 1,
-        UavClass::Quadcopter => 2,
-        UavClass::Hexacopter => 3,
-    }
 }
 
 /// Makes the set, or continues it; what to tell the user.
@@ -243,65 +125,4 @@ fn bar(scenes: u64) -> ProgressBar {
         bar.set_style(style.progress_chars("=> "));
     }
     bar
-}
-
-/// Tells a recipe and program version from others: a folder can be continued under the same one.
-fn digest(recipe: &Recipe) -> Result<String, DatasetError> {
-    let json = serde_json::to_string(recipe)?;
-    let text = format!("{FORMAT} {} {json}", crate::VERSION);
-    Ok(format!(
-        "{:032x}",
-        xxhash_rust::xxh3::xxh3_128(text.as_bytes())
-    ))
-}
-
-/// Writes a file that is either whole or not there.
-fn write(path: &Path, bytes: &[u8]) -> Result<(), DatasetError> {
-    let partial = path.with_extension("partial");
-    output::write(&partial, bytes)?;
-    std::fs::rename(&partial, path).map_err(|source| {
-        DatasetError::Output(OutputError {
-            path: path.to_owned(),
-            source,
-        })
-    })
-}
-
-/// Makes `out` the folder of this recipe, or confirms that it is.
-fn claim(out: &Path, text: &str, digest: &str) -> Result<(), DatasetError> {
-    let mark = out.join("scenes").join("digest");
-    match std::fs::read_to_string(&mark) {
-        Ok(found) if found == digest => return Ok(()),
-        Ok(_) => return Err(DatasetError::OtherRecipe { path: out.into() }),
-        Err(_) if out.join("recipe.toml").exists() => {
-            return Err(DatasetError::OtherRecipe { path: out.into() });
-        }
-        Err(_) => {}
-    }
-    for folder in [
-        "scenes",
-        "train/images",
-        "train/labels",
-        "val/images",
-        "val/labels",
-    ] {
-        output::create_dir(&out.join(folder))?;
-    }
-    write(&mark, digest.as_bytes())?;
-    write(&out.join("recipe.toml"), text.as_bytes())
-}
-
-fn record_path(out: &Path, scene: u32) -> PathBuf {
-    out.join("scenes").join(format!("{scene:05}.json"))
-}
-
-/// Whether a scene is whole.
-fn done(out: &Path, scene: u32) -> bool {
-    let Ok(text) = std::fs::read_to_string(record_path(out, scene)) else {
-        return false;
-    };
-    serde_json::from_str::<SceneRecord>(&text).is_ok_and(|record| {
-        let folder = out.join(record.split.name());
-        (record.images.iter()).all(|image| folder.join(&image.file_name).is_file())
-    })
 }

@@ -1,7 +1,7 @@
 //! What a set holds, as the paper's Figure 6 shows it: a page.
 
-use super::DatasetError;
 use super::coco::{Picture, SceneRecord};
+use super::error::DatasetError;
 use super::statistics::{SIZES, Statistics, columns, long_px, named};
 use crate::media::image::encode_jpeg;
 use crate::report::page::{Escaped, STYLE};

@@ -1,6 +1,6 @@
 //! A scene of a set: place, time, weather and camera, drawn from its seed.
 
-use super::DatasetError;
+use super::error::DatasetError;
 use super::recipe::{self, CameraRanges, CityRanges, Recipe};
 use super::shares::{Background, choose, log_range, pick};
 use super::stage::Prop;

@@ -1,12 +1,15 @@
 //! The pictures of a scene: drawn, rendered, developed, annotated and written.
 
+use super::category::category;
 use super::coco::{self, Annotation, CameraRecord, Picture, SceneRecord};
 use super::draw::{self, Still};
+use super::error::DatasetError;
 use super::recipe::Recipe;
 use super::scene::Scene;
 use super::shares::{self, Motion, Split};
 use super::stage::{Placed, Rendered, Stage};
-use super::{DatasetError, category, exposure, label, record_path, sequence, write};
+use super::store::{record_path, write};
+use super::{exposure, label, sequence};
 use crate::models::maths::rng::Stream;
 use crate::models::optics::raster;
 use crate::models::optics::sensor::{Sensor, SensorParams};

@@ -1,6 +1,6 @@
 //! One Bevy app that shows one scene after the other and renders single frames of them.
 
-use super::DatasetError;
+use super::error::DatasetError;
 use crate::app::{self, Options, RunError};
 use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;

@@ -1,6 +1,6 @@
 //! What a set holds, in numbers.
 
-use super::CATEGORIES;
+use super::category::CATEGORIES;
 use super::coco::{Annotation, Picture, SceneRecord};
 use crate::models::maths::quantile::quantile;
 use serde::Serialize;

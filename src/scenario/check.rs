@@ -4,6 +4,8 @@ use std::ops::RangeInclusive;
 
 use super::text::join;
 
+/// Longest run, and latest order in it [s].
+pub(super) const MAX_DURATION_S: f64 = 86_400.0;
 /// From 0 on.
 pub(crate) const AT_LEAST_ZERO: RangeInclusive<f64> = 0.0..=f64::MAX;
 /// A share or a chance.

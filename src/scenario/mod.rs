@@ -47,7 +47,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::models::ground::city::CityParams;
-use check::Check;
+use check::{Check, MAX_DURATION_S};
 use load::{Checked, Parsed};
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
@@ -162,9 +162,6 @@ impl Checked for Scenario {
         check.table("record", |check| self.record.check(check, self.tick_hz));
     }
 }
-
-/// Longest run, and latest order in it [s].
-const MAX_DURATION_S: f64 = 86_400.0;
 
 /// A scenario together with the text it came from.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,8 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::MAX_DURATION_S;
-use super::check::{Check, FRACTION};
+use super::check::{Check, FRACTION, MAX_DURATION_S};
 use super::search::check_named_uav;
 use super::targets::UavConfig;
 

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::Kit;
+use super::kit::Kit;
 use super::parts::{Skid, arm, block, camera, hull_forward, hull_up, motor, skid, tube};
 use super::style::{BLACK, CARBON, DARK, GREY, LENS, RED};
 use crate::models::shape::mesh::{MeshData, Paint};

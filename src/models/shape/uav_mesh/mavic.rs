@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::Kit;
+use super::kit::Kit;
 use super::parts::{arm, block, camera, hull_forward, motor};
 use super::style::{BLACK, DARK, LENS};
 use crate::models::shape::mesh::{MeshData, Paint};

@@ -8,6 +8,7 @@
 mod aeroplane;
 mod distractors;
 mod fittings;
+mod kit;
 mod matrice;
 mod mavic;
 mod parts;
@@ -24,6 +25,7 @@ use crate::models::flight::uav::{AimPart, UavKind, UavModel, model};
 use crate::models::shape::mesh::MeshData;
 pub use distractors::{distractor_mesh, drawn_distractor_mesh};
 use fittings::fit_out;
+use kit::Kit;
 use matrice::{matrice_200, matrice_600};
 use mavic::mavic;
 use parts::propeller;
@@ -112,25 +114,6 @@ impl UavMesh {
             .map(point)
             .chain(sweeps)
             .collect()
-    }
-}
-
-/// What an airframe is built from.
-struct Kit<'a> {
-    uav: &'a UavModel,
-    /// Hubs in plan, in the order of the flight model's rotors [m, body].
-    hubs: &'a [DVec2],
-    /// Radius of the motors [m] where nothing else reaches the published size.
-    motor_m: f64,
-    coat: Coat,
-    /// Whether the frame's own landing gear is down.
-    lowered: bool,
-}
-
-impl Kit<'_> {
-    /// The sides, left and right, on which the frame's own skids hang: both or none.
-    fn skid_sides(&self) -> &'static [f64] {
-        if self.lowered { &[-1.0, 1.0] } else { &[] }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::Kit;
+use super::kit::Kit;
 use super::parts::{arm, block, camera, hull_up, motor, tube};
 use super::style::{GREY, LENS, RED, SILVER};
 use crate::models::shape::mesh::{MeshData, Paint};

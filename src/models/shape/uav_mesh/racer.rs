@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::Kit;
+use super::kit::Kit;
 use super::parts::{block, motor, tube};
 use super::style::{BLACK, LENS, RED};
 use crate::models::shape::mesh::{MeshData, Paint};

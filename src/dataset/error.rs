@@ -1,0 +1,109 @@
+//! What keeps a set from being made.
+
+use crate::app::RunError;
+use crate::media::image::ImageError;
+use crate::models::air::wind::WindError;
+use crate::models::ground::city::CityError;
+use crate::models::optics::camera::CameraError;
+use crate::models::optics::sensor::SensorError;
+use crate::output::OutputError;
+use crate::scenario::InputError;
+use crate::systems::capture::CaptureError;
+use std::path::PathBuf;
+
+/// Why a set cannot be made; each prints as one line.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// The recipe.
+    #[error(transparent)]
+    Recipe(#[from] InputError),
+    /// The scenes that are asked for.
+    #[error("--scenes: '{text}' is no range FROM..TO within 0..{count}")]
+    Range {
+        /// What was given.
+        text: String,
+        /// Scenes of the whole set.
+        count: u32,
+    },
+    /// The folder holds another set.
+    #[error(
+        "{path} holds a set of another recipe or program version; name another folder with --out, \
+         or empty this one"
+    )]
+    OtherRecipe {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file of the set cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A record of a scene is damaged.
+    #[error("{path}: {source}; delete the file, and the scene is made anew")]
+    Record {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: serde_json::Error,
+    },
+    /// The city of a scene cannot be generated.
+    #[error("scene {scene}: city: {source}")]
+    City {
+        /// The scene.
+        scene: u32,
+        /// What is wrong.
+        source: CityError,
+    },
+    /// The camera of a scene is impossible.
+    #[error("scene {scene}: camera: {source}")]
+    Camera {
+        /// The scene.
+        scene: u32,
+        /// What is wrong.
+        source: CameraError,
+    },
+    /// The wind of a scene is impossible.
+    #[error("scene {scene}: weather: {source}")]
+    Wind {
+        /// The scene.
+        scene: u32,
+        /// What is wrong.
+        source: WindError,
+    },
+    /// No view of a scene shows what the recipe wants.
+    #[error(
+        "scene {scene} has no view that the recipe allows; widen camera.hfov_deg or camera.height_m"
+    )]
+    NoView {
+        /// The scene.
+        scene: u32,
+    },
+    /// A sensor of a scene.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// A frame without its picture.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// A picture cannot be encoded, or not be read for the page of the set.
+    #[error("{path}: {source}; delete the record of its scene, and the scene is made anew")]
+    Picture {
+        /// The picture.
+        path: PathBuf,
+        /// What is wrong.
+        source: image::ImageError,
+    },
+    /// A picture of the page cannot be encoded.
+    #[error("the page: {0}")]
+    Preview(#[from] ImageError),
+    /// Records and statistics that cannot be encoded.
+    #[error("cannot encode a file of the set: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The renderer.
+    #[error(transparent)]
+    Renderer(Box<RunError>),
+}
+
+impl From<RunError> for DatasetError {
+    fn from(error: RunError) -> Self {
+        Self::Renderer(Box::new(error))
+    }
+}

@@ -1,0 +1,24 @@
+//! What every airframe is built from.
+
+use super::style::Coat;
+use crate::models::flight::uav::UavModel;
+use glam::DVec2;
+
+/// What an airframe is built from.
+pub(super) struct Kit<'a> {
+    pub(super) uav: &'a UavModel,
+    /// Hubs in plan, in the order of the flight model's rotors [m, body].
+    pub(super) hubs: &'a [DVec2],
+    /// Radius of the motors [m] where nothing else reaches the published size.
+    pub(super) motor_m: f64,
+    pub(super) coat: Coat,
+    /// Whether the frame's own landing gear is down.
+    pub(super) lowered: bool,
+}
+
+impl Kit<'_> {
+    /// The sides, left and right, on which the frame's own skids hang: both or none.
+    pub(super) fn skid_sides(&self) -> &'static [f64] {
+        if self.lowered { &[-1.0, 1.0] } else { &[] }
+    }
+}
