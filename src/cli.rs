@@ -185,32 +185,7 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
             say!("report  {}", args.out.join("report.html").display());
             Ok(())
         }
-        Command::View(args) => {
-            let loaded = args.scenario.load()?;
-            let screenshot = match args.screenshot.as_deref() {
-                Some([file, seconds]) => {
-                    let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;
-                    Some((PathBuf::from(file), at_s))
-                }
-                _ => None,
-            };
-            let options = Options {
-                seed: args.seed,
-                capture: true,
-                out: args.out,
-                window: true,
-                log: true,
-                ..Options::default()
-            };
-            let keep = view::Keep {
-                screenshot,
-                orders: args.save_orders,
-            };
-            if let Some(finished) = view::view(&loaded, &options, &keep)? {
-                say!("{}", summary::table(&finished.summary).trim_end());
-            }
-            Ok(())
-        }
+        Command::View(args) => view(args),
         Command::Check(args) => {
             let loaded = args.load()?;
             app::check(&loaded)?;
@@ -255,17 +230,46 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
             Ok(())
         }
         Command::Schema { out } => {
-            let write = |name: &str, text: String| {
+            output::create_dir(&out)?;
+            for (name, text) in [
+                ("scenarios.schema.json", scenario::json_schema()),
+                ("scenarios.md", scenario::docs_markdown()),
+            ] {
                 let path = out.join(name);
                 output::write(&path, text)?;
                 say!("{}", path.display());
-                Ok::<_, CliError>(())
-            };
-            output::create_dir(&out)?;
-            write("scenarios.schema.json", scenario::json_schema())?;
-            write("scenarios.md", scenario::docs_markdown())
+            }
+            Ok(())
         }
     }
+}
+
+/// Runs a scenario in a window.
+fn view(args: ViewArgs) -> Result<(), CliError> {
+    let loaded = args.scenario.load()?;
+    let screenshot = match args.screenshot.as_deref() {
+        Some([file, seconds]) => {
+            let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;
+            Some((PathBuf::from(file), at_s))
+        }
+        _ => None,
+    };
+    let options = Options {
+        seed: args.seed,
+        capture: true,
+        out: args.out,
+        window: true,
+        log: true,
+        ..Options::default()
+    };
+    let keep = view::Keep {
+        screenshot,
+        orders: args.save_orders,
+    };
+    if let Some(finished) = view::view(&loaded, &options, &keep)? {
+        say!("{}", summary::table(&finished.summary).trim_end());
+    }
+    Ok(())
 }
 
 /// Runs a scenario to its end and writes what it leaves.

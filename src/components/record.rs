@@ -24,6 +24,8 @@ pub struct Recording {
     pub jpeg_quality: u8,
     /// State changes already logged.
     pub changes_logged: usize,
+    /// Operator's orders already logged.
+    pub orders_logged: usize,
 }
 
 impl Recording {

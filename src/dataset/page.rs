@@ -1,14 +1,12 @@
 //! What a set holds, as the paper's Figure 6 shows it: a page.
 
-use super::coco::{Picture, SceneRecord};
+use super::coco::{Annotation, Picture, SceneRecord};
 use super::error::DatasetError;
 use super::statistics::{SIZES, Statistics, columns, long_px, named};
-use crate::media::image::encode_jpeg;
-use crate::report::page::{Escaped, STYLE};
-use base64::{Engine as _, prelude::BASE64_STANDARD};
+use crate::media::image::jpeg_of;
+use crate::report::page::{Head, data_url, note, page as whole_page, table, tiles};
 use image::imageops;
-use std::collections::BTreeMap;
-use std::fmt::{self, Write as _};
+use maud::{Markup, html};
 use std::path::Path;
 
 /// Bins of a distribution, and of a side of a map.
@@ -24,31 +22,42 @@ pub fn page(
     out: &Path,
     description: &str,
 ) -> Result<String, DatasetError> {
+    let head = Head {
+        title: "Boresight: dataset",
+        heading: "A set of annotated pictures",
+        facts: &[(description, ""), ("Version", crate::VERSION)],
+        ..Head::default()
+    };
     let sheet = sheet(records, out)?;
-    let mut page = String::new();
-    // Writing to a string cannot fail.
-    let _ = html(&mut page, records, &sheet, description);
-    Ok(page)
+    Ok(whole_page(&head, &body(records, &sheet)))
 }
 
-fn html(out: &mut String, records: &[&SceneRecord], sheet: &str, description: &str) -> fmt::Result {
+fn body(records: &[&SceneRecord], sheet: &[Shot]) -> Markup {
     let all = Statistics::of(records);
-    writeln!(
-        out,
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
-         <title>Boresight: dataset</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
-         <header>\n<h1>A set of annotated pictures</h1>\n<p class=\"meta\"><span>{}</span>\
-         <span>Version <code>{}</code></span></p>\n</header>\n<dl class=\"tiles\">",
-        Escaped(description),
-        crate::VERSION
-    )?;
+    html! {
+        (tiles(&summary(&all, records.len())))
+        h2 { "Labels" }
+        div .charts { (labels(&all)) }
+        h2 { "Positions and sizes" }
+        div .charts { (positions(&columns(records))) }
+        h2 { "Correlations" }
+        (correlations(&all))
+        (note("x and y are the boxes' centres, all over the picture's width and height."))
+        h2 { "Pictures" }
+        div .sheet {
+            @for shot in sheet { (shot.figure()) }
+        }
+    }
+}
+
+/// The numbers at the top, with their names.
+fn summary(all: &Statistics, scenes: usize) -> [(String, String); 8] {
     let [low, _, median, _, high] = all.long_side_px;
-    for (name, value) in [
+    [
         ("pictures", all.images.to_string()),
         ("boxes", all.annotations.to_string()),
         ("pictures without a UAV", all.negatives.to_string()),
-        ("scenes", records.len().to_string()),
+        ("scenes", scenes.to_string()),
         ("median long side", format!("{median:.1} px")),
         ("5 to 95 %", format!("{low:.1} to {high:.1} px")),
         (
@@ -56,83 +65,81 @@ fn html(out: &mut String, records: &[&SceneRecord], sheet: &str, description: &s
             format!("{:.1} %", 100.0 * all.mode_width_share),
         ),
         ("median range", format!("{:.0} m", all.range_m[2])),
-    ] {
-        writeln!(out, "<div><dt>{name}</dt><dd>{value}</dd></div>")?;
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+}
+
+/// What the boxes and pictures are of, as bars.
+fn labels(all: &Statistics) -> Markup {
+    html! {
+        (bars("boxes by category", &all.categories))
+        (bars("boxes by model", &all.models))
+        (bars("boxes by long side", SIZES.iter().map(|(name, _)| (name, &all.sizes[name]))))
+        (bars("pictures by background", &all.backgrounds))
+        (bars("pictures by motion", &all.motions))
+        (bars("pictures by light", &all.light))
     }
-    out.push_str("</dl>\n<h2>Labels</h2>\n<div class=\"charts\">\n");
-    let counted = |map: &BTreeMap<&'static str, usize>| -> Vec<(String, usize)> {
-        map.iter().map(|(name, n)| ((*name).into(), *n)).collect()
-    };
-    let owned = |map: &BTreeMap<String, usize>| -> Vec<(String, usize)> {
-        map.iter().map(|(name, n)| (name.clone(), *n)).collect()
-    };
-    let sizes = SIZES.map(|(name, _)| (name.to_owned(), all.sizes[name]));
-    bars(out, "boxes by category", &counted(&all.categories))?;
-    bars(out, "boxes by model", &owned(&all.models))?;
-    bars(out, "boxes by long side", &sizes)?;
-    bars(out, "pictures by background", &owned(&all.backgrounds))?;
-    bars(out, "pictures by motion", &owned(&all.motions))?;
-    bars(out, "pictures by light", &counted(&all.light))?;
-    out.push_str("</div>\n<h2>Positions and sizes</h2>\n<div class=\"charts\">\n");
-    let columns = columns(records);
-    for (i, j) in [(0, 1), (2, 3)] {
-        map(out, [AXES[i], AXES[j]], [&columns[i], &columns[j]], i == 0)?;
+}
+
+/// Where the boxes lie and how large they are, as maps and distributions.
+fn positions(columns: &[Vec<f64>; 4]) -> Markup {
+    html! {
+        (map([0, 1], columns, true))
+        (map([2, 3], columns, false))
+        @for (name, column) in AXES.iter().zip(columns) { (distribution(name, column)) }
+        @for axes in [[0, 2], [0, 3], [1, 2], [1, 3]] { (map(axes, columns, false)) }
     }
-    for (name, column) in AXES.iter().zip(&columns) {
-        distribution(out, name, column)?;
-    }
-    for (i, j) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
-        map(out, [AXES[i], AXES[j]], [&columns[i], &columns[j]], false)?;
-    }
-    out.push_str("</div>\n<h2>Correlations</h2>\n<div class=\"scroll\"><table>\n<tr><th></th>");
-    for name in AXES {
-        write!(out, "<th>{name}</th>")?;
-    }
-    for (name, row) in AXES.iter().zip(all.correlations) {
-        write!(out, "</tr>\n<tr><td>{name}</td>")?;
-        for value in row {
-            write!(out, "<td class=\"n\">{value:.2}</td>")?;
+}
+
+fn correlations(all: &Statistics) -> Markup {
+    let head: Vec<&str> = [""].into_iter().chain(AXES).collect();
+    let rows: Vec<Vec<String>> = (AXES.iter().zip(all.correlations))
+        .map(|(name, row)| {
+            let values = row.map(|value| format!("{value:.2}"));
+            [(*name).to_owned()].into_iter().chain(values).collect()
+        })
+        .collect();
+    table(&head, &rows)
+}
+
+/// A drawing 480 wide below its caption; `label` tells what it is to those who cannot see it.
+fn figure(caption: &Markup, label: &str, height: usize, drawing: &Markup) -> Markup {
+    html! {
+        figure {
+            figcaption { (caption) }
+            svg viewBox=(format_args!("0 0 480 {height}")) role="img" aria-label=(label) {
+                (drawing)
+            }
         }
     }
-    out.push_str(
-        "</tr>\n</table></div>\n<p class=\"note\">x and y are the boxes' centres, all over the \
-         picture's width and height.</p>\n<h2>Pictures</h2>\n",
-    );
-    writeln!(
-        out,
-        "<div class=\"sheet\">\n{sheet}</div>\n</body>\n</html>"
-    )
+}
+
+/// A number of a drawing, with the one decimal that matters.
+fn px(value: f64) -> String {
+    format!("{value:.1}")
 }
 
 /// Horizontal bars with their counts.
-fn bars(out: &mut String, title: &str, counts: &[(String, usize)]) -> fmt::Result {
+fn bars<'a, N: AsRef<str> + 'a>(
+    title: &str,
+    counts: impl IntoIterator<Item = (&'a N, &'a usize)>,
+) -> Markup {
     const ROW: usize = 26;
-    let most = counts.iter().map(|(_, n)| *n).max().unwrap_or(0).max(1);
-    let total = counts.iter().map(|(_, n)| *n).sum::<usize>().max(1);
+    let counts: Vec<_> = counts.into_iter().collect();
+    let most = counts.iter().map(|(_, n)| **n).max().unwrap_or(0).max(1) as f64;
+    let total = counts.iter().map(|(_, n)| **n).sum::<usize>().max(1) as f64;
+    let drawing = html! {
+        @for (row, (name, count)) in counts.iter().enumerate() {
+            @let y = ROW * row + 3;
+            @let share = format!("{:.0} %", 100.0 * **count as f64 / total);
+            @let length = 250.0 * **count as f64 / most;
+            text x="118" y=(y + 15) text-anchor="end" { (name.as_ref()) }
+            rect x="125" y=(y) width=(px(length)) height=(ROW - 6) fill="var(--s0)" {}
+            text x=(px(132.0 + length)) y=(y + 15) { (count) " (" (share) ")" }
+        }
+    };
     let height = ROW * counts.len() + 6;
-    writeln!(
-        out,
-        "<figure><figcaption><b>{title}</b></figcaption>\n\
-         <svg viewBox=\"0 0 480 {height}\" role=\"img\" aria-label=\"{title}\">"
-    )?;
-    for (row, (name, count)) in counts.iter().enumerate() {
-        let y = ROW * row + 3;
-        let length = 250.0 * *count as f64 / most as f64;
-        writeln!(
-            out,
-            "<text x=\"118\" y=\"{}\" text-anchor=\"end\">{}</text>\
-             <rect x=\"125\" y=\"{y}\" width=\"{length:.1}\" height=\"{}\" fill=\"var(--s0)\"/>\
-             <text x=\"{:.1}\" y=\"{}\">{count} ({:.0} %)</text>",
-            y + 15,
-            Escaped(name),
-            ROW - 6,
-            132.0 + length,
-            y + 15,
-            100.0 * *count as f64 / total as f64
-        )?;
-    }
-    out.push_str("</svg></figure>\n");
-    Ok(())
+    figure(&html! { b { (title) } }, title, height, &drawing)
 }
 
 /// How far a value's axis reaches: positions over the whole picture, sizes as far as there are any.
@@ -148,137 +155,91 @@ fn bin(value: f64, reach: f64) -> usize {
 }
 
 /// A distribution as columns.
-fn distribution(out: &mut String, name: &str, values: &[f64]) -> fmt::Result {
+fn distribution(name: &str, values: &[f64]) -> Markup {
+    const STEP: f64 = 440.0 / BINS as f64;
     let reach = reach(name, values);
     let mut counts = [0usize; BINS];
     for value in values {
         counts[bin(*value, reach)] += 1;
     }
     let most = counts.iter().max().copied().unwrap_or(0).max(1) as f64;
-    writeln!(
-        out,
-        "<figure><figcaption><b>{name} of the boxes, of the picture's</b></figcaption>\n\
-         <svg viewBox=\"0 0 480 180\" role=\"img\" aria-label=\"distribution of {name}\">"
-    )?;
-    let step = 440.0 / BINS as f64;
-    for (i, count) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
-        let height = 145.0 * *count as f64 / most;
-        writeln!(
-            out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{height:.1}\" fill=\"var(--s0)\"/>",
-            20.0 + step * i as f64,
-            155.0 - height,
-            step - 1.0
-        )?;
-    }
-    for k in 0..=4 {
-        let share = f64::from(k) / 4.0;
-        writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"172\" text-anchor=\"middle\">{:.2}</text>",
-            20.0 + 440.0 * share,
-            reach * share
-        )?;
-    }
-    out.push_str("</svg></figure>\n");
-    Ok(())
+    let drawing = html! {
+        @for (i, count) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
+            @let height = 145.0 * *count as f64 / most;
+            rect x=(px(20.0 + STEP * i as f64)) y=(px(155.0 - height))
+                width=(px(STEP - 1.0)) height=(px(height)) fill="var(--s0)" {}
+        }
+        @for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
+            text x=(px(20.0 + 440.0 * share)) y="172" text-anchor="middle" {
+                (format_args!("{:.2}", reach * share))
+            }
+        }
+    };
+    let caption = html! { b { (name) " of the boxes, of the picture's" } };
+    figure(&caption, &format!("distribution of {name}"), 180, &drawing)
 }
 
 /// How often two values come together; `down`: the second axis grows downward, as a picture's.
-fn map(out: &mut String, names: [&str; 2], values: [&[f64]; 2], down: bool) -> fmt::Result {
-    let reaches = [0, 1].map(|i| reach(names[i], values[i]));
+fn map(axes: [usize; 2], columns: &[Vec<f64>; 4], down: bool) -> Markup {
+    const WIDE: f64 = 400.0 / BINS as f64;
+    const HIGH: f64 = 320.0 / BINS as f64;
+    let ([a, b], values) = (axes.map(|i| AXES[i]), axes.map(|i| &columns[i]));
+    let reaches = [reach(a, values[0]), reach(b, values[1])];
     let mut counts = vec![0usize; BINS * BINS];
     for (a, b) in values[0].iter().zip(values[1]) {
         counts[bin(*b, reaches[1]) * BINS + bin(*a, reaches[0])] += 1;
     }
     let most = counts.iter().max().copied().unwrap_or(0).max(1) as f64;
-    let [a, b] = names;
-    writeln!(
-        out,
-        "<figure><figcaption><b>{a} and {b}</b><span class=\"note\">{b} {}</span></figcaption>\n\
-         <svg viewBox=\"0 0 480 360\" role=\"img\" aria-label=\"map of {a} and {b}\">\
-         <rect x=\"60\" y=\"6\" width=\"400\" height=\"320\" fill=\"none\" class=\"grid\"/>",
-        if down { "downward" } else { "upward" }
-    )?;
-    let (wide, high) = (400.0 / BINS as f64, 320.0 / BINS as f64);
-    for (i, count) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
-        let (column, row) = (i % BINS, i / BINS);
-        let row = if down { row } else { BINS - 1 - row };
-        writeln!(
-            out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{wide:.1}\" height=\"{high:.1}\" fill=\"var(--s0)\" \
-             fill-opacity=\"{:.2}\"/>",
-            60.0 + wide * column as f64,
-            6.0 + high * row as f64,
-            (*count as f64 / most).sqrt()
-        )?;
-    }
-    for k in 0..=2 {
-        let share = f64::from(k) / 2.0;
-        let up = if down { share } else { 1.0 - share };
-        writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"344\" text-anchor=\"middle\">{:.2}</text>\
-             <text x=\"54\" y=\"{:.1}\" text-anchor=\"end\">{:.2}</text>",
-            60.0 + 400.0 * share,
-            reaches[0] * share,
-            10.0 + 320.0 * up,
-            reaches[1] * share
-        )?;
-    }
-    out.push_str("</svg></figure>\n");
-    Ok(())
+    let drawing = html! {
+        rect .grid x="60" y="6" width="400" height="320" fill="none" {}
+        @for (i, count) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
+            @let row = if down { i / BINS } else { BINS - 1 - i / BINS };
+            rect x=(px(60.0 + WIDE * (i % BINS) as f64)) y=(px(6.0 + HIGH * row as f64))
+                width=(px(WIDE)) height=(px(HIGH)) fill="var(--s0)"
+                fill-opacity=(format_args!("{:.2}", (*count as f64 / most).sqrt())) {}
+        }
+        @for share in [0.0, 0.5, 1.0] {
+            @let up = if down { share } else { 1.0 - share };
+            text x=(px(60.0 + 400.0 * share)) y="344" text-anchor="middle" {
+                (format_args!("{:.2}", reaches[0] * share))
+            }
+            text x="54" y=(px(10.0 + 320.0 * up)) text-anchor="end" {
+                (format_args!("{:.2}", reaches[1] * share))
+            }
+        }
+    };
+    let caption = html! {
+        b { (a) " and " (b) }
+        span .note { (b) @if down { " downward" } @else { " upward" } }
+    };
+    figure(&caption, &format!("map of {a} and {b}"), 360, &drawing)
 }
 
-/// Some of the pictures with their boxes, spread evenly over the set.
-fn sheet(records: &[&SceneRecord], out: &Path) -> Result<String, DatasetError> {
+/// A picture of the contact sheet.
+struct Shot<'a> {
+    record: &'a SceneRecord,
+    image: &'a Picture,
+    jpeg: Vec<u8>,
+}
+
+/// Some of the pictures, spread evenly over the set.
+fn sheet<'a>(records: &[&'a SceneRecord], out: &Path) -> Result<Vec<Shot<'a>>, DatasetError> {
     let images: Vec<(&SceneRecord, &Picture)> = records
         .iter()
         .flat_map(|record| record.images.iter().map(move |image| (*record, image)))
         .collect();
-    let mut sheet = String::new();
     let count = SHEET.min(images.len());
-    for k in 0..count {
-        let (record, image) = images[(2 * k + 1) * images.len() / (2 * count)];
-        let path = out.join(record.split.name()).join(&image.file_name);
-        let jpeg = thumbnail(&path)?;
-        let (width, height) = (image.width, image.height);
-        let _ = writeln!(
-            sheet,
-            "<figure><svg viewBox=\"0 0 {width} {height}\"><image width=\"{width}\" height=\"{height}\" \
-             href=\"data:image/jpeg;base64,{}\"/>",
-            BASE64_STANDARD.encode(jpeg)
-        );
-        for seen in &image.annotations {
-            let [x, y, w, h] = seen.bbox;
-            const MARGIN_PX: f64 = 4.0;
-            let _ = writeln!(
-                sheet,
-                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"none\" \
-                 stroke=\"#f0883e\" stroke-width=\"2\"/>",
-                x - MARGIN_PX,
-                y - MARGIN_PX,
-                w + 2.0 * MARGIN_PX,
-                h + 2.0 * MARGIN_PX
-            );
-        }
-        let seen = image.annotations.first().map_or("no UAV".into(), |seen| {
-            format!(
-                "{}, {:.0} px at {:.0} m",
-                named(seen.uav),
-                long_px(seen),
-                seen.range_m
-            )
-        });
-        let _ = writeln!(
-            sheet,
-            "</svg><figcaption>{} {}: {}, {seen}</figcaption></figure>",
-            record.split.name(),
-            record.scene,
-            named(record.background)
-        );
-    }
-    Ok(sheet)
+    (0..count)
+        .map(|k| {
+            let (record, image) = images[(2 * k + 1) * images.len() / (2 * count)];
+            let path = out.join(record.split.name()).join(&image.file_name);
+            Ok(Shot {
+                record,
+                image,
+                jpeg: thumbnail(&path)?,
+            })
+        })
+        .collect()
 }
 
 /// A picture of the set at half its size, as JPEG.
@@ -289,5 +250,90 @@ fn thumbnail(path: &Path) -> Result<Vec<u8>, DatasetError> {
     })?;
     let (width, height) = (picture.width() / 2, picture.height() / 2);
     let half = imageops::thumbnail(&picture.into_rgb8(), width, height);
-    Ok(encode_jpeg(&half, width as u16, height as u16, 80)?)
+    Ok(jpeg_of(&half, 80)?)
+}
+
+impl Shot<'_> {
+    /// The picture with its boxes.
+    fn figure(&self) -> Markup {
+        let (width, height) = (self.image.width, self.image.height);
+        html! {
+            figure {
+                svg viewBox=(format_args!("0 0 {width} {height}")) {
+                    image width=(width) height=(height) href=(data_url(&self.jpeg)) {}
+                    @for seen in &self.image.annotations { (outline(seen)) }
+                }
+                figcaption { (self.caption()) }
+            }
+        }
+    }
+
+    fn caption(&self) -> String {
+        let seen = (self.image.annotations.first()).map_or("no UAV".into(), |seen| {
+            let (uav, long_px) = (named(seen.uav), long_px(seen));
+            format!("{uav}, {long_px:.0} px at {:.0} m", seen.range_m)
+        });
+        let (split, scene) = (self.record.split.name(), self.record.scene);
+        format!("{split} {scene}: {}, {seen}", named(self.record.background))
+    }
+}
+
+/// A frame around a UAV, somewhat larger than its box.
+fn outline(seen: &Annotation) -> Markup {
+    const MARGIN_PX: f64 = 4.0;
+    let [x, y, w, h] = seen.bbox;
+    html! {
+        rect x=(px(x - MARGIN_PX)) y=(px(y - MARGIN_PX))
+            width=(px(w + 2.0 * MARGIN_PX)) height=(px(h + 2.0 * MARGIN_PX))
+            fill="none" stroke="#f0883e" stroke-width="2" {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn bars_are_as_long_as_their_counts() {
+        let counts = BTreeMap::from([("<a>", 1), ("b", 3), ("c", 0)]);
+        let text = bars("letters", &counts).into_string();
+        for part in [
+            r#"viewBox="0 0 480 84""#,
+            "&lt;a&gt;",
+            r#"width="83.3""#,
+            "1 (25 %)",
+            r#"width="250.0""#,
+            "3 (75 %)",
+            r#"width="0.0""#,
+            "0 (0 %)",
+        ] {
+            assert!(text.contains(part), "{part} is not in {text}");
+        }
+        let none = bars("letters", &BTreeMap::<String, usize>::new()).into_string();
+        assert!(
+            none.contains("0 0 480 6") && !none.contains("<rect"),
+            "{none}"
+        );
+    }
+
+    #[test]
+    fn maps_of_places_hang_like_pictures_and_those_of_sizes_stand() {
+        let columns = [[0.51, 0.52], [0.01, 0.01], [0.1, 0.2], [0.02, 0.04]].map(Vec::from);
+        // Both boxes lie in one cell of the upper row.
+        let places = map([0, 1], &columns, true).into_string();
+        assert!(places.contains("y downward") && places.matches("<rect").count() == 2);
+        assert!(
+            places.contains(r#"x="260.0" y="6.0" width="10.0" height="8.0""#),
+            "{places}"
+        );
+        // The larger box is the upper right end of the axes.
+        let sizes = map([2, 3], &columns, false).into_string();
+        assert!(sizes.contains("height upward") && sizes.matches("<rect").count() == 3);
+        assert!(sizes.contains(r#"x="450.0" y="6.0""#), "{sizes}");
+        assert!(sizes.contains(r#"y="344" text-anchor="middle">0.20</text>"#));
+        // A distribution of the same sizes has two columns of full height.
+        let widths = distribution(AXES[2], &columns[2]).into_string();
+        assert_eq!(widths.matches(r#"height="145.0""#).count(), 2, "{widths}");
+    }
 }

@@ -70,6 +70,7 @@ fn set_up(
         },
         jpeg_quality: record.jpeg_quality,
         changes_logged: 0,
+        orders_logged: 0,
     });
     Ok(())
 }

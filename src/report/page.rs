@@ -2,10 +2,9 @@
 
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use std::fmt::{self, Display, Write as _};
 
 /// The style of every page. Colours are after Okabe and Ito, which the colour-blind can tell apart; the dark page lightens the blue.
-pub const STYLE: &str = "
+pub(super) const STYLE: &str = "
 :root{color-scheme:light dark;--paper:#fff;--card:#f6f7f9;--ink:#16191d;--soft:#5a636e;--line:#d9dde3;
 --s0:#0072b2;--s1:#d55e00;--s2:#009e73;--good:#00795a;--bad:#b34700}
 @media(prefers-color-scheme:dark){:root{--paper:#12151a;--card:#1b2027;--ink:#e8ebef;--soft:#9aa5b1;
@@ -71,9 +70,9 @@ pub struct Head<'a> {
     pub title: &'a str,
     /// Heading of the page.
     pub heading: &'a str,
-    /// Label, which may be empty, and value of what stands below the heading.
+    /// Label and value of what stands below the heading; either may be empty.
     pub facts: &'a [(&'a str, &'a str)],
-    /// Rules of this page besides [`STYLE`].
+    /// Rules of this page besides those of every page.
     pub style: &'a str,
 }
 
@@ -95,7 +94,7 @@ pub fn page(head: &Head, body: &Markup) -> String {
                         @for (label, value) in head.facts {
                             span {
                                 @if !label.is_empty() { (label) " " }
-                                code { (value) }
+                                @if !value.is_empty() { code { (value) } }
                             }
                         }
                     }
@@ -161,28 +160,6 @@ pub fn tiles<'a>(rows: impl IntoIterator<Item = &'a (String, String)>) -> Markup
     }
 }
 
-/// Text made safe for HTML, in content and in quoted attributes: for the page of `dataset`, which is not
-/// written with maud.
-pub(crate) struct Escaped<'a>(pub(crate) &'a str);
-
-impl Display for Escaped<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        for c in self.0.chars() {
-            match c {
-                '&' => f.write_str("&amp;")?,
-                '<' => f.write_str("&lt;")?,
-                '>' => f.write_str("&gt;")?,
-                '"' => f.write_str("&quot;")?,
-                '\'' => f.write_str("&#39;")?,
-                // The other control characters are not allowed in a page.
-                c if c.is_control() && c != '\n' && c != '\t' => f.write_char('\u{fffd}')?,
-                c => f.write_char(c)?,
-            }
-        }
-        Ok(())
-    }
-}
-
 /// A JPEG file as the address of an image of a page.
 pub fn data_url(jpeg: &[u8]) -> String {
     format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(jpeg))
@@ -200,13 +177,14 @@ mod tests {
         assert!(text.contains("<td class=\"n\">-1.5</td>") && text.contains("<td>x</td>"));
         let head = Head {
             title: "</title>",
-            facts: &[("Model", "\"m\""), ("", "run")],
+            facts: &[("Model", "\"m\""), ("", "run"), ("A & B", "")],
             ..Head::default()
         };
         let page = page(&head, &note("<i>"));
         assert!(page.starts_with("<!DOCTYPE html><html lang=\"en\">"));
         assert!(page.contains("<title>&lt;/title&gt;</title>"));
         assert!(page.contains("Model <code>&quot;m&quot;</code>"));
+        assert!(page.contains("<span><code>run</code></span><span>A &amp; B </span>"));
         assert!(page.contains("<p class=\"note\">&lt;i&gt;</p>"));
     }
 }

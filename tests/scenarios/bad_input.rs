@@ -108,6 +108,48 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
     }
 }
 
+/// What only the set-up of a run can find, its check finds too, with the line.
+#[test]
+fn a_check_finds_what_the_set_up_refuses() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let small = Path::new(ROOT).join("tests/data/models/fixed_size.onnx");
+    let detector = format!("[detector]\nonnx_model = {small:?}\n[search]");
+    // What comes before `[search]`, its line counted from there, and what the error must say.
+    let cases: [(&str, usize, &[&str]); 4] = [
+        (
+            "[station.mount]\nstructural_mode_hz = 5.0\nbacklash_urad = 1e5\n[search]",
+            0,
+            &["station.mount: no gimbal gain keeps"],
+        ),
+        (
+            "[station.cameras.precise]\nrate_hz = 7\n[search]",
+            1,
+            &["station.cameras.precise.rate_hz: 7 Hz does not divide tick_hz"],
+        ),
+        (
+            &detector,
+            1,
+            &[
+                "detector.onnx_model: ",
+                "at most 200 x 100 px, not 640 x 480",
+            ],
+        ),
+        (
+            "[[distractors]]\nname = \"b\"\nkind = \"bird\"\n\
+             trajectory = { kind = \"recorded\", file = \"none.csv\" }\n[search]",
+            3,
+            &["distractors[0].trajectory: ", "none.csv"],
+        ),
+    ];
+    for (to, after, wanted) in cases {
+        let (path, line) = altered(folder, "[search]", to);
+        let place = format!("altered.toml:{}: ", line + after);
+        let wanted = [&[&place[..]], wanted].concat();
+        refused(boresight().arg("check").arg(&path), &wanted);
+    }
+}
+
 #[test]
 fn a_bad_recorded_flight_is_one_error_that_names_the_row() {
     let folder = TempDir::new().unwrap();

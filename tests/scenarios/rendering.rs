@@ -6,8 +6,10 @@ use boresight::components::capture::Tier;
 use boresight::components::capture::{
     ExposedFrame, Frames, PixelRect, RenderedTruth, SensorCamera, UavInFrame,
 };
+use boresight::components::environment::Environment;
 use boresight::components::flight::UavShape;
 use boresight::components::flight::{Flight, Uav};
+use boresight::models::air::sky::CHANNELS_M;
 use boresight::models::ground::city::City;
 use boresight::models::ground::dsm::{Dsm, LineOfSight};
 use boresight::models::optics::camera::Pinhole;
@@ -354,9 +356,8 @@ fn contrast(frame: &ExposedFrame, seen: &UavInFrame, silhouette_px2: f64) -> f64
     (pixels * sky - sum) / (silhouette_px2 * sky)
 }
 
-/// Four dark UAVs of one kind stand before the horizon in fog, turned alike. Their contrast falls as
-/// exp(-beta R) (eq. 5), where beta = 3.912 / V is the same for all colours: in thick fog the
-/// particles are large (Kim).
+/// Four dark UAVs of one kind stand before the horizon in fog, turned alike. Their contrast falls
+/// with the range as the model of the air says (eq. 5), which the shader works out for itself.
 #[test]
 fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
     const VISIBILITY_M: f64 = 500.0;
@@ -436,9 +437,16 @@ fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
     }
     assert!(frames >= 10.0, "{frames} frames");
     let contrasts = sums.map(|sum| sum / frames);
-    // 3.912: Koschmieder's threshold of 2 per cent.
-    let beta_per_m = 3.912 / VISIBILITY_M;
-    let own = std::array::from_fn::<_, 4, _>(|i| contrasts[i] * (beta_per_m * ranges_m[i]).exp());
+    // What the air's model leaves of the contrast of something black before the sky, in green.
+    let environment = world.resource::<Environment>();
+    let towards = DVec3::new(-1.0, 1.0, 0.02).normalize();
+    let beta_per_m = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));
+    let kept = |range_m: f64| {
+        let sky = &environment.sky;
+        let seen = sky.through_air([0.0; 3], towards, beta_per_m, range_m);
+        1.0 - seen[1] / sky.airlight(towards)[1]
+    };
+    let own = std::array::from_fn::<_, 4, _>(|i| contrasts[i] / kept(ranges_m[i]));
     println!("{frames} frames, {ranges_m:.1?} m: {contrasts:.4?}, without the fog {own:.4?}");
     // Dark parts before the sky: they reflect a sixth of its light.
     assert!(own.iter().all(|own| (0.8..1.0).contains(own)), "{own:?}");

@@ -3,12 +3,16 @@
 use crate::common::{BLIND, ROOT, run_scenario};
 use bevy::prelude::World;
 use boresight::app::{self, Options};
+use boresight::components::capture::Tier;
 use boresight::components::control::SearchScan;
 use boresight::components::environment::Environment;
 use boresight::components::flight::{Flight, Uav, UavStatus};
 use boresight::components::mount::{Mount, Optics};
+use boresight::components::record::StateHash;
 use boresight::components::run::SimClock;
-use boresight::components::track::{StateChange, Tracker, TrackingState};
+use boresight::components::track::{
+    Designation, Operator, Order, StateChange, Tracker, TrackingState,
+};
 use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::LineOfSight;
 use boresight::models::maths::kinematics::error_angles;
@@ -243,6 +247,109 @@ fn an_operator_points_at_a_uav_and_hands_the_choice_back() {
         ],
     );
     assert_eq!(stays.before(f64::MAX).on(), Some(1), "{}", stays.log());
+}
+
+/// The crossing pair with orders that a window gives between ticks, and what it then keeps.
+fn ordered(set: &[String], given: &[(f64, Designation)], seconds: f64) -> (Vec<u64>, Vec<Order>) {
+    let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
+    let loaded = Scenario::load(&path, set).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    let world = app.world_mut();
+    let hz = f64::from(loaded.scenario.tick_hz);
+    let hashes = (0..(seconds * hz) as u64)
+        .map(|tick| {
+            for (t_s, target) in given {
+                if (t_s * hz) as u64 == tick {
+                    world.resource_mut::<Operator>().give(Order {
+                        tick: tick + 1,
+                        target: *target,
+                    });
+                }
+            }
+            app::step(world).unwrap();
+            world.resource::<StateHash>().0
+        })
+        .collect();
+    (hashes, world.resource::<Operator>().orders.clone())
+}
+
+#[test]
+fn a_session_in_the_window_is_repeated_by_its_orders() {
+    let set = ["detector.kind=truth", "engage.authorised=false", BESIDE].map(String::from);
+    let seconds = 7.0;
+    let (untouched, none) = ordered(&set, &[], seconds);
+    assert!(none.is_empty());
+    // The tracks' identities as a run without orders shows them after three seconds.
+    let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    for _ in 0..3 * loaded.scenario.tick_hz {
+        app::step(app.world_mut()).unwrap();
+    }
+    let tracker = app.world().resource::<Tracker>();
+    let target = tracker.target.unwrap();
+    let other = tracker.table.tracks.iter().find(|track| track.id != target);
+    let other = other.expect("both UAVs have tracks").id;
+    let given = [
+        (3.0, Designation::Track(target)),
+        (3.5, Designation::Track(9_999)),
+        (4.0, Designation::Track(other)),
+        (6.0, Designation::Release),
+    ];
+    let (clicked, orders) = ordered(&set, &given, seconds);
+    assert_eq!(orders.len(), 4);
+    let differs = untouched.iter().zip(&clicked).position(|(a, b)| a != b);
+    // To pin the present target, or to choose what is not there, moves nothing.
+    assert!(differs.is_some_and(|tick| tick >= 4 * 960), "{differs:?}");
+
+    let scripted = format!(
+        "operator=[{{ t_s = {}, track = {target} }}, {{ t_s = {}, track = 9999 }}, \
+         {{ t_s = {}, track = {other} }}, {{ t_s = {} }}]",
+        orders[0].tick as f64 / 960.0,
+        orders[1].tick as f64 / 960.0,
+        orders[2].tick as f64 / 960.0,
+        orders[3].tick as f64 / 960.0,
+    );
+    let set = [&set[..], &[scripted]].concat();
+    let (repeated, again) = ordered(&set, &[], seconds);
+    assert_eq!(again, orders);
+    assert_eq!(repeated, clicked);
+}
+
+/// What the station knows of the target's range after some seconds of the demo, its UAV hovering
+/// 700 m away, and whether the range finder ever answered.
+fn ranged(set: &[&str], seconds: u32) -> (Option<f64>, bool) {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let own = [
+        "detector.kind=truth",
+        "engage.authorised=false",
+        "uavs.0.trajectory={ kind = 'hover', position_enu_m = [-495, 495, 118] }",
+    ];
+    let set: Vec<String> = own.iter().chain(set).map(ToString::to_string).collect();
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    let world = app.world_mut();
+    for _ in 0..seconds * loaded.scenario.tick_hz {
+        app::step(world).unwrap();
+    }
+    let tracker = world.resource::<Tracker>();
+    assert!(tracker.state.holds(Tier::Precise), "{:?}", tracker.changes);
+    (tracker.range_m, tracker.lased)
+}
+
+#[test]
+fn the_range_finder_sees_what_light_sees() {
+    let (clear_m, _) = ranged(&[], 5);
+    let clear_m = clear_m.expect("a range through clear air");
+    assert!((690.0..720.0).contains(&clear_m), "{clear_m} m");
+    // The truth detector sees through fog; the pulse does not.
+    let fog = "weather={ visibility_m = 300.0 }";
+    assert_eq!(ranged(&[fog], 5), (None, false));
+    // A balloon half way hides nothing from the truth detector, but it answers first.
+    let balloon = "distractors=[{ name = 'b', kind = 'balloon', \
+                   trajectory = { kind = 'hover', position_enu_m = [-247, 247, 83] } }]";
+    let (near_m, lased) = ranged(&[balloon, "weather.wind_speed_mps=0"], 5);
+    assert!(lased && near_m.is_none_or(|m| m < 600.0), "{near_m:?}");
 }
 
 /// One UAV crosses 700 m away, another comes straight at the station from 750 m: only its picture

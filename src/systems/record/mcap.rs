@@ -8,7 +8,7 @@ use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics};
 use crate::components::record::{Recording, StateHash};
 use crate::components::run::{Failure, PartError, SimClock};
-use crate::components::track::Tracker;
+use crate::components::track::{Designation, Operator, Order, Tracker};
 use crate::media::image::encode_jpeg;
 use crate::models::optics::camera::Pinhole;
 use crate::recording::{
@@ -68,6 +68,7 @@ pub struct Recorded<'w, 's> {
     queue: Res<'w, DetectionQueue>,
     detector: Res<'w, Detector>,
     tracker: Res<'w, Tracker>,
+    operator: Res<'w, Operator>,
     interlocks: Res<'w, Interlocks>,
     station: Single<
         'w,
@@ -111,6 +112,14 @@ impl Recorded<'_, '_> {
             state_hash: self.hash.0,
         };
         recorder.own(tick, &own)?;
+        for order in &self.operator.orders[recording.orders_logged..] {
+            if order.tick > tick {
+                break;
+            }
+            let text = self.order_text(order);
+            recorder.log(tick, LogLevel::Info, "operator", &text)?;
+            recording.orders_logged += 1;
+        }
         for change in &self.tracker.changes[recording.changes_logged..] {
             let text = format!("{}: {}", change.to.name(), change.reason);
             recorder.log(tick, LogLevel::Info, "tracker", &text)?;
@@ -127,6 +136,19 @@ impl Recorded<'_, '_> {
             self.mark(recorder, recording, batch)?;
         }
         Ok(())
+    }
+
+    /// An operator's order in words.
+    fn order_text(&self, order: &Order) -> String {
+        match order.target {
+            Designation::Uav(index) => {
+                let uav = self.uavs.iter().find(|(uav, ..)| uav.index == index);
+                let name = uav.map_or("", |(uav, ..)| uav.name.as_str());
+                format!("points at {name}")
+            }
+            Designation::Track(id) => format!("chooses track {id}"),
+            Designation::Release => "leaves the choice to the tracker".into(),
+        }
     }
 
     fn write_states(&self, recorder: &mut Recorder, tick: u64) -> Result<(), RecordingError> {
