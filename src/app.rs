@@ -20,10 +20,10 @@ pub use crate::components::run::Options;
 /// Why a run cannot be built or go on. Each prints as one line that names the mend.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The scenario file.
+    /// The scenario cannot be read or is not valid.
     #[error(transparent)]
     Scenario(#[from] InputError),
-    /// A domain, in its set-up or in a tick.
+    /// A domain failed, in its set-up or in a tick.
     #[error(transparent)]
     Part(#[from] PartError),
     /// Without images the detector is blind.
@@ -41,7 +41,7 @@ pub enum RunError {
     NoAdapter,
 }
 
-/// What of Bevy's and wgpu's log is worth a user's eye; `RUST_LOG` overrides it.
+/// Log filter for Bevy and wgpu; `RUST_LOG` overrides it.
 const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_render::extract_resource=off,bevy_winit=error,winit=error,bevy_egui=error,bevy_render::renderer=error";
 
 /// The graphics adapter that would render, if there is one.
@@ -70,7 +70,7 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
 }
 
 /// As [`build`], with plugins of the caller's own: `more` adds them after the simulation's, before the
-/// set-up. They may hang systems into the sets of both schedules.
+/// set-up. They may add systems to the sets of both schedules.
 ///
 /// ```
 /// use bevy::prelude::*;

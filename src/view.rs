@@ -2,13 +2,13 @@
 
 use crate::app::{self, Options, RunError};
 use crate::components::run::SimClock;
-use crate::components::track::{Designation, Operator};
+use crate::components::track::{Designation, Operator, Order};
 use crate::components::view::{Pacing, ScreenshotRequest, Session};
 use crate::output::{self, OutputError};
 use crate::plugins::view::ViewPlugin;
 use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
-use crate::scenario::{self, Loaded};
+use crate::scenario::{Loaded, OrderConfig};
 use bevy::prelude::*;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -18,10 +18,10 @@ use std::time::Instant;
 /// Why a window cannot be shown, or its session not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// The run itself.
+    /// The run cannot be built, or failed.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// What it leaves.
+    /// Summary or report cannot be written.
     #[error(transparent)]
     Report(#[from] ReportError),
     /// No display to open a window on.
@@ -128,7 +128,7 @@ fn with_orders(
     let mut scenario = loaded.scenario.clone();
     scenario.seed = options.seed.unwrap_or(scenario.seed);
     let orders = &world.resource::<Operator>().orders;
-    let order = |order: &crate::components::track::Order| scenario::Order {
+    let order = |order: &Order| OrderConfig {
         t_s: clock.at_s(order.tick),
         designate: match order.target {
             Designation::Uav(index) => loaded.scenario.uavs.get(index).map(|uav| uav.name.clone()),

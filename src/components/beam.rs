@@ -25,9 +25,9 @@ pub struct LaserSource {
     pub jitter_rad: f64,
     /// Extinction at the laser's wavelength [1/m].
     pub extinction_per_m: f64,
-    /// Intensity channel.
+    /// How the intensity fluctuates, with its state.
     pub channel: Channel,
-    /// Beam wander.
+    /// Wander of the beam's centre, with its state.
     pub wander: Wander,
     /// Stream of the channel.
     pub scintillation_rng: Stream,

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// A sensor camera: data that never change during a run.
 #[derive(Component, Clone, Debug)]
 pub struct SensorCamera {
-    /// The tier.
+    /// Search, coarse or precise.
     pub tier: Tier,
     /// Geometry of the full sensor.
     pub pinhole: Pinhole,

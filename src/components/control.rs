@@ -21,7 +21,7 @@ pub enum Controller {
 /// A pointing law and what carries it over from one stage to the next.
 #[derive(Clone, Debug)]
 pub struct PointingController {
-    /// The law.
+    /// Tuned loops or regulator, with their memory.
     pub law: PointingLaw,
     /// Keeps commands from jumping.
     pub hand_over: HandOver,
@@ -86,7 +86,7 @@ pub struct SearchScan {
 /// nothing else of the truth comes through it.
 #[derive(Resource, Clone, Debug)]
 pub struct Radar {
-    /// Its errors; none: there is no radar.
+    /// Errors of its plots; `None` without a radar.
     pub errors: Option<RadarErrors>,
     /// Ticks between plots.
     pub period_ticks: u64,

@@ -21,7 +21,7 @@ pub enum Detector {
     },
     /// The geometric truth with set errors; needs no image.
     Truth {
-        /// The errors.
+        /// Noise, misses, false alarms and scores.
         errors: TruthErrors,
         /// Seed of the run.
         seed: u64,

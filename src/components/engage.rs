@@ -34,7 +34,7 @@ pub struct Rules {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Interlocks(pub Vec<&'static str>);
 
-/// Burst bookkeeping.
+/// When the present burst began, and when the last full one ended.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct Burst {
     /// First tick of the present burst.

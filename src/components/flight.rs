@@ -26,9 +26,9 @@ pub struct Uav {
 /// no [`HeatedSkin`]: it is never neutralised, and a run does not wait for it.
 #[derive(Component, Clone, Debug)]
 pub struct Distractor {
-    /// Bird or balloon.
+    /// What it is: bird, aeroplane, balloon or leaf.
     pub kind: DistractorKind,
-    /// Its path: over the ground for a bird, through the air for a balloon.
+    /// Its path: over the ground for birds and aeroplanes, through the air for balloons and leaves.
     pub plan: CompiledTrajectory,
     /// Phase of the wingbeat at time 0 [rad].
     pub phase_rad: f64,
@@ -53,7 +53,7 @@ impl Flight {
 /// What flies by a rotor model: its flight plan and airframe.
 #[derive(Component, Clone, Debug)]
 pub struct Guidance {
-    /// The flight plan.
+    /// Where it wants to be at any time.
     pub plan: CompiledTrajectory,
     /// Constants of the airframe.
     pub airframe: Airframe,
@@ -66,7 +66,7 @@ pub struct Guidance {
 pub struct Air {
     /// Gust generator.
     pub gusts: DrydenGust,
-    /// Its stream.
+    /// Random stream of the gusts.
     pub rng: Stream,
     /// Mean wind plus gust at the UAV [m/s].
     pub wind_enu_mps: DVec3,
@@ -116,7 +116,7 @@ impl UavStatus {
 /// The shape of a UAV or distractor, for truth boxes and silhouettes.
 #[derive(Component, Clone)]
 pub struct UavShape {
-    /// The meshes.
+    /// Airframe and rotors, shared with the renderer.
     pub mesh: Arc<UavMesh>,
     /// Points whose projections' box holds that of the airframe with its rotor discs [m, body].
     pub outline_body_m: Vec<DVec3>,
@@ -125,7 +125,7 @@ pub struct UavShape {
 }
 
 impl UavShape {
-    /// The shape of a mesh.
+    /// Works outline and radius out from a mesh.
     pub fn new(mesh: Arc<UavMesh>) -> Self {
         let outline_body_m = mesh.outline_body_m();
         let radius_m = outline_body_m
@@ -143,7 +143,7 @@ impl UavShape {
 /// A falling UAV in Rapier's world, whose origin is where the fall began.
 #[derive(Component, Clone, Copy, Debug)]
 pub struct Wreck {
-    /// The UAV.
+    /// The UAV that falls.
     pub uav: Entity,
     /// Where the fall began [m].
     pub origin_enu_m: DVec3,

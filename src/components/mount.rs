@@ -24,7 +24,7 @@ pub struct Mount {
     pub axis_gyro_rng: Stream,
     /// Constants of the mirror.
     pub mirror_params: MirrorParams,
-    /// The mirror.
+    /// Deflection and rate of the mirror.
     pub mirror: Mirror,
     /// Tilt of the base.
     pub base: BaseMotion,

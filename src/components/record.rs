@@ -18,7 +18,7 @@ pub struct Recording {
     pub recorder: Option<SyncCell<Recorder>>,
     /// Ticks between recorded states.
     pub state_period_ticks: u64,
-    /// One image in so many of each camera is kept; 0 keeps none.
+    /// Every n-th image of each camera is kept; 0 keeps none.
     pub image_every: u64,
     /// JPEG quality.
     pub jpeg_quality: u8,
@@ -38,11 +38,11 @@ impl Recording {
 /// A picture whose detections have arrived, for report and window.
 #[derive(Clone, Debug)]
 pub struct KeptFrame {
-    /// The camera.
+    /// Camera that took it.
     pub tier: Tier,
     /// Tick of the exposure.
     pub tick: u64,
-    /// Its time [s].
+    /// Time of the exposure [s].
     pub t_s: f64,
     /// Width and height [px].
     pub size_px: [u32; 2],

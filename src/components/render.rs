@@ -62,7 +62,7 @@ pub struct LeanMaterial {
     pub clouded: bool,
 }
 
-/// What of a [`LeanMaterial`] is compiled into its shader.
+/// The part of a [`LeanMaterial`] that selects a shader variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LeanKey {
     clouded: bool,

@@ -21,7 +21,7 @@ pub struct Tick;
 /// nothing reaches back up but the next tick's commands.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TickSet {
-    /// Clock, wind and gusts, turbulence of the beam path.
+    /// Wind and gusts at every UAV.
     Environment,
     /// UAVs fly, fall and crash.
     Flight,

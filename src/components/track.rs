@@ -53,11 +53,11 @@ impl TrackingState {
 /// A step of the state machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateChange {
-    /// When.
+    /// Tick of the change.
     pub tick: u64,
-    /// To which state.
+    /// The state entered.
     pub to: TrackingState,
-    /// Why.
+    /// Reason, as the log shows it.
     pub reason: String,
 }
 
@@ -110,7 +110,7 @@ pub struct TrackerParams {
 /// The laser range finder, on the laser's axis.
 #[derive(Resource, Clone, Debug)]
 pub struct RangeFinder {
-    /// The instrument.
+    /// Rating, field and error.
     pub params: RangeFinderParams,
     /// Stream of its errors.
     pub rng: Stream,
@@ -139,7 +139,7 @@ pub struct Order {
 /// The operator's orders, in order of time, and those that wait for a track to hold on to.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Operator {
-    /// All orders.
+    /// Orders sorted by tick, those carried out included.
     pub orders: Vec<Order>,
     /// The first that has not been carried out.
     pub next: usize,
@@ -156,9 +156,9 @@ impl Operator {
 /// The tracker: table, state machine, what it knows of its target.
 #[derive(Resource, Clone, Debug)]
 pub struct Tracker {
-    /// All tracks.
+    /// Tracks of everything that the cameras report.
     pub table: TrackTable,
-    /// Present state.
+    /// State of the engagement after this tick.
     pub state: TrackingState,
     /// Tick of the last change.
     pub since_tick: u64,

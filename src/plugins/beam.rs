@@ -1,4 +1,4 @@
-//! The laser, its beam's way and its heat.
+//! The laser: propagation of the beam and heating of the target.
 
 use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
 use crate::components::environment::Environment;
@@ -11,7 +11,7 @@ use crate::systems::beam as systems;
 use crate::systems::run::nothing_failed;
 use bevy::prelude::*;
 
-/// The laser, its beam's way and its heat.
+/// Adds the domain to both schedules, in [`TickSet::Beam`].
 pub struct BeamPlugin;
 
 impl Plugin for BeamPlugin {

@@ -15,7 +15,7 @@ use crate::systems::capture as systems;
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Cameras: lenses, sensors, boresights; exposures and their pictures.
+/// Adds the domain to both schedules, in [`TickSet::Capture`].
 pub struct CapturePlugin;
 
 impl Plugin for CapturePlugin {

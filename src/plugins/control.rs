@@ -24,7 +24,7 @@ use crate::systems::control as systems;
 use bevy::prelude::*;
 use std::collections::VecDeque;
 
-/// Radar, search scan and control law; commands for mount and cameras.
+/// Adds the domain to both schedules, in [`TickSet::Control`].
 pub struct ControlPlugin;
 
 impl Plugin for ControlPlugin {

@@ -9,7 +9,7 @@ use crate::scenario::DetectorKind;
 use crate::systems::detect as systems;
 use bevy::prelude::*;
 
-/// The detector; detections and their latency.
+/// Adds the domain to both schedules, in [`TickSet::Detect`].
 pub struct DetectPlugin;
 
 impl Plugin for DetectPlugin {

@@ -7,7 +7,7 @@ use crate::scenario::Backstop;
 use crate::systems::engage as systems;
 use bevy::prelude::*;
 
-/// Rules of engagement, interlocks and fire.
+/// Adds the domain to both schedules, in [`TickSet::Engage`].
 pub struct EngagePlugin;
 
 impl Plugin for EngagePlugin {

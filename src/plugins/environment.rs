@@ -15,7 +15,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Site, city, weather and light; the air at every UAV.
+/// Adds the domain to both schedules, in [`TickSet::Environment`].
 pub struct EnvironmentPlugin;
 
 impl Plugin for EnvironmentPlugin {

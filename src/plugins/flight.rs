@@ -26,7 +26,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
-/// UAVs and distractors: flight, and Rapier for what falls.
+/// Adds the domain to both schedules, in [`TickSet::Flight`].
 pub struct FlightPlugin;
 
 impl Plugin for FlightPlugin {
@@ -79,7 +79,7 @@ impl Plugin for FlightPlugin {
     }
 }
 
-/// Rapier's step.
+/// Sets Rapier's time step to [`systems::FALL_PERIOD_TICKS`] ticks.
 fn time_falls(clock: Res<SimClock>, mut step: ResMut<TimestepMode>) {
     *step = TimestepMode::Fixed {
         dt: clock.at_s(systems::FALL_PERIOD_TICKS) as f32,

@@ -13,7 +13,7 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// The station's mount: gimbal, mirror and the base they stand on.
+/// Adds the domain to both schedules, in [`TickSet::Mount`].
 pub struct MountPlugin;
 
 impl Plugin for MountPlugin {

@@ -18,7 +18,7 @@ use glam::DVec2;
 use std::num::NonZeroU32;
 use std::path::Path;
 
-/// State hash, statistics, recording.
+/// Adds the domain to both schedules, in [`TickSet::Record`].
 pub struct RecordPlugin;
 
 impl Plugin for RecordPlugin {

@@ -11,7 +11,7 @@ use bevy::ecs::schedule::{
 use bevy::ecs::system::ScheduleSystem;
 use bevy::prelude::*;
 
-/// Adds [`SetUp`] and [`Tick`] with their sets; every other plugin hangs its systems into them.
+/// Adds [`SetUp`] and [`Tick`] with their sets; every other plugin adds its systems to them.
 /// [`Options`] and [`RunScenario`] must be there before [`SetUp`] runs.
 pub struct RunPlugin;
 

@@ -9,7 +9,7 @@ use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Tracks and the tracking state.
+/// Adds the domain to both schedules, in [`TickSet::Track`].
 pub struct TrackPlugin;
 
 impl Plugin for TrackPlugin {
@@ -62,7 +62,7 @@ pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerPar
     let paper = scenario.controller.preset == ControllerPreset::Paper;
     let (specified_px, least_score, aim) = match scenario.detector.kind {
         DetectorKind::Onnx => (0.5, 0.0, Some(engage.aim)), // [px], score
-        // A filter that counts on no error at all would trust nothing else.
+        // With no noise at all the filter would ignore its own prediction.
         DetectorKind::Truth => (scenario.detector.truth.noise_px.max(0.02), 0.72, None),
     };
     TrackerParams {

@@ -37,7 +37,7 @@ pub struct Chart<'a> {
     pub unit: &'a str,
     /// How values become heights.
     pub scale: Scale,
-    /// Name, empty for an only one, and samples.
+    /// Name (empty for a single series), and samples.
     pub series: &'a [(&'a str, &'a Series)],
     /// Name and value of a line across the chart.
     pub limit: Option<(&'a str, f64)>,
@@ -78,7 +78,7 @@ const RIGHT: f64 = 14.0;
 const TOP: f64 = 12.0;
 const BOTTOM: f64 = 38.0;
 
-/// Where the samples of a chart come to lie.
+/// Maps samples to places in the drawing.
 struct Layout<'a> {
     across: &'a Across<'a>,
     axis: ValueAxis,
@@ -91,12 +91,12 @@ impl Layout<'_> {
         LEFT + self.across.axis.place(t) * (WIDTH - LEFT - RIGHT)
     }
 
-    /// Of a value in the unit without prefix.
+    /// Vertical place of a value in the unit without prefix.
     fn y(&self, y: f64) -> f64 {
         self.height(y / self.factor)
     }
 
-    /// Of a value in the unit with its prefix.
+    /// Vertical place of a value in the unit with its prefix.
     fn height(&self, y: f64) -> f64 {
         HEIGHT - BOTTOM - self.axis.place(y) * (HEIGHT - TOP - BOTTOM)
     }

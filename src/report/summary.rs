@@ -52,7 +52,7 @@ pub struct Summary {
     pub miss_distance_px: MissDistances,
     /// Time for which the firing beam's centre lay on the aim point \[s\].
     pub dwell_s: f64,
-    /// Time for which the firing beam's axis lay on a bird or balloon [s].
+    /// Time for which the firing beam's axis lay on a distractor [s].
     pub distractor_s: f64,
     /// Energy that left the laser \[J\].
     pub energy_j: f64,
@@ -93,13 +93,13 @@ pub struct MissDistances {
 pub struct Shares {
     /// Drawing the cameras' images.
     pub render: f64,
-    /// The detector.
+    /// Waiting for the detector.
     pub inference: f64,
     /// Everything else.
     pub other: f64,
 }
 
-/// What a finished run has to say.
+/// Results of a finished run.
 pub struct Finished {
     /// The numbers.
     pub summary: Summary,

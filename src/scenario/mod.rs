@@ -37,7 +37,7 @@ pub use search::{Cue, SearchSector};
 pub use site::Site;
 pub use station::{Focus, LaserConfig, Station, TargetWord};
 pub use targets::{DistractorConfig, SkinKind, UavConfig};
-pub use tracker::{AssociationRule, Order, TrackerConfig};
+pub use tracker::{AssociationRule, OrderConfig, TrackerConfig};
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -101,7 +101,7 @@ pub struct Scenario {
     pub tracker: TrackerConfig,
     /// What an operator orders during the run, in order of time.
     #[serde(default)]
-    pub operator: Vec<Order>,
+    pub operator: Vec<OrderConfig>,
     /// The tracking loops.
     #[serde(default)]
     pub controller: ControllerConfig,

@@ -56,7 +56,8 @@ pub enum AssociationRule {
 /// back to the tracker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Order {
+#[schemars(rename = "Order")]
+pub struct OrderConfig {
     /// Time of the order, from the start of the run.
     pub t_s: f64,
     /// Name of the UAV whose picture the operator points at: its track becomes the target and
@@ -77,7 +78,7 @@ impl TrackerConfig {
 }
 
 /// Orders must be in order of time.
-pub(super) fn check_orders(orders: &[Order], uavs: &[UavConfig], check: &mut Check) {
+pub(super) fn check_orders(orders: &[OrderConfig], uavs: &[UavConfig], check: &mut Check) {
     let mut earliest_s = 0.0;
     for (index, order) in orders.iter().enumerate() {
         check.table(&format!("operator[{index}]"), |check| {

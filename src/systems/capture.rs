@@ -26,10 +26,10 @@ use std::time::Instant;
 /// Why an exposed frame has no picture.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// Rendering.
+    /// The frame could not be read back.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// Image formation.
+    /// The sensor model refused the frame.
     #[error(transparent)]
     Sensor(#[from] sensor::SensorError),
 }
@@ -246,7 +246,7 @@ pub struct ImageScratch {
     pub(crate) pixels: Vec<u8>,
     /// Its enlarged patch.
     pub(crate) enlarged: Vec<u8>,
-    /// One a strip of rows.
+    /// Scratch of each strip of rows.
     strips: [Scratch; STRIPS],
 }
 

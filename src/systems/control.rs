@@ -109,7 +109,7 @@ impl Radar {
         seen.map(|(index, _)| (index, plot))
     }
 
-    /// Takes a plot into the track; a radar that sees its target no more drops it.
+    /// Takes a plot into the track; without a plot the radar drops its track.
     pub fn take(&mut self, seen: Option<(usize, Plot)>) {
         self.track = self.errors.zip(seen).map(|(errors, (index, plot))| {
             let mut track = match self.track {
@@ -121,7 +121,7 @@ impl Radar {
         });
     }
 
-    /// Where it says the target is at `t_s` [s].
+    /// Direction and range of the target by the radar at `t_s` [s].
     pub fn cue(&self, t_s: f64) -> Option<RadarCue> {
         self.track.map(|(_, track)| track.cue(t_s))
     }
@@ -174,7 +174,7 @@ pub fn command_mount(
     let gaze = (tracker.state == TrackingState::Search)
         .then(|| search(&clock, &tracker, &radar, &mut scan, mount));
     if gaze.is_none() {
-        // The gaze that was left is begun anew.
+        // An interrupted gaze restarts.
         scan.settled_since = None;
     }
     match &mut *controller {
@@ -272,7 +272,7 @@ fn steer_paper(
     mount: &Mount,
     command: &mut MountCommand,
 ) {
-    // What one target has taught is no use on another.
+    // Integrators of one target do not fit another.
     if paper.target != tracker.target {
         *paper = PaperController::new(paper.coarse_law, paper.precise_law);
         paper.target = tracker.target;
@@ -311,7 +311,7 @@ fn steer_paper(
 
 /// Time after which the search camera joins in looking for a lost target [s].
 const REFIND_S: f64 = 0.5;
-/// Of so many exposures one is read in full while a target is held: 10 Hz at the usual rates.
+/// One exposure in this many is read in full while a target is held: 10 Hz at the usual rates.
 const WATCH_SEARCH: u64 = 3;
 const WATCH_COARSE: u64 = 6;
 

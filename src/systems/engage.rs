@@ -47,7 +47,7 @@ const LOOKS_AHEAD: u32 = 3;
 /// Hits that make a track an object to be spared: a false alarm seldom comes back.
 const OBJECT_HITS: u32 = 3;
 
-/// The way to a target and on behind it.
+/// The beam's line to a target and beyond it.
 struct Way<'a> {
     rules: &'a Rules,
     environment: &'a Environment,
@@ -58,7 +58,7 @@ struct Way<'a> {
 }
 
 impl Way<'_> {
-    /// Adds what forbids to fire along the line of sight of `filter`, now and within the look
+    /// Adds the reasons not to fire along the line of sight of `filter`, now and within the look
     /// ahead.
     fn look(&self, filter: &LosFilter, t_s: f64, refused: &mut Vec<&'static str>) {
         let los = filter.predicted(t_s);
@@ -172,7 +172,7 @@ pub fn decide_fire(
     };
 }
 
-/// What forbids to fire at a track, as of the last look around.
+/// Reasons not to fire at a track, from the last check of its surroundings.
 #[derive(Default)]
 pub struct Surroundings {
     /// Identity of the track.
@@ -180,7 +180,7 @@ pub struct Surroundings {
     refused: Vec<&'static str>,
 }
 
-/// Adds what forbids to fire at a track in this very tick: the sun, others in the beam, its fall.
+/// Adds the reasons not to fire at a track that hold in this tick: the sun, others in the beam, its fall.
 fn look_along(
     clock: &SimClock,
     environment: &Environment,

@@ -1,4 +1,4 @@
-//! UAVs fly their plans, crash, and fall; birds and balloons fly past.
+//! UAVs fly their plans, crash, and fall; distractors pass.
 //!
 //! Flight is integrated in f64 by [`crate::models::flight::multirotor`]. A UAV whose rotors have died is
 //! handed to Rapier, which lets it tumble on to a patch of the city around it, in f32 relative

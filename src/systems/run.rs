@@ -24,7 +24,7 @@ pub fn note_end(
     }
 }
 
-/// Keeps the error of a part of the set-up.
+/// Reports the error of a set-up system.
 pub fn note_failure(In(result): In<Result<(), PartError>>, mut failure: ResMut<Failure>) {
     if let Err(error) = result {
         failure.set(error);

@@ -16,7 +16,7 @@ use crate::models::engage::interlock::FAR_M;
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::flight::uav::{AimPart, aim_offset_enu_m};
 use crate::models::ground::dsm::{Dsm, LineOfSight};
-use crate::models::laser::range_finder::{RangeFinderParams, Surface};
+use crate::models::laser::range_finder::{LitSurface, RangeFinderParams};
 use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el, wrap_pi};
 use crate::models::optics::camera::Pinhole;
 use crate::models::tracking::radar::RadarCue;
@@ -48,7 +48,7 @@ const POINTING_SIGMA_RAD: f64 = 5e-6;
 const CONFIRM_HITS: u32 = 4;
 /// Hits after which a search track may become the target.
 const CANDIDATE_HITS: u32 = 6;
-/// Hits of the coarse camera that bring a lost target back, and of the search camera.
+/// Hits that bring a lost target back: of the coarse camera, and of the search camera.
 const AGAIN_HITS: u32 = 2;
 const REFIND_HITS: u32 = 3;
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
@@ -371,7 +371,7 @@ pub(crate) struct Situation<'a> {
     pub(crate) tick: u64,
     pub(crate) clock: &'a SimClock,
     pub(crate) params: &'a TrackerParams,
-    /// The city's heights; none: there is only sky.
+    /// The city's heights; `None` under an open sky.
     pub(crate) dsm: Option<&'a Dsm>,
     pub(crate) r_station_enu_m: DVec3,
 }
@@ -406,7 +406,7 @@ impl Situation<'_> {
             .map_or(0.0, |(_, v_enu_mps)| -v_enu_mps.z)
     }
 
-    /// Time in which a track could be at the asset [s].
+    /// Time that a track needs to reach the asset [s].
     fn threat_s(&self, track: &Track) -> f64 {
         track
             .position_enu(self.r_station_enu_m, self.t_s())
@@ -784,7 +784,7 @@ fn lit_surfaces(
     environment: &Environment,
     optics: &Optics,
     uavs: &Query<(&Uav, &Flight)>,
-) -> Vec<Surface> {
+) -> Vec<LitSurface> {
     let pose = optics.laser;
     let axis_enu = pose.q_enu_cam * DVec3::Z;
     let flying = uavs.iter().filter_map(|(uav, flight)| {
@@ -794,7 +794,7 @@ fn lit_surfaces(
             && r_cam_m.truncate().length() < params.half_field_rad * r_cam_m.z
             && environment.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear;
         let [_, width_m, height_m] = uav.size_m;
-        lit.then(|| Surface {
+        lit.then(|| LitSurface {
             range_m: r_enu_m.distance(pose.r_enu_m),
             area_m2: width_m * height_m,
             reflectance: REFLECTANCE,
@@ -804,7 +804,7 @@ fn lit_surfaces(
         .city
         .dsm
         .first_hit(pose.r_enu_m, axis_enu, FAR_M)
-        .map(|range_m| Surface {
+        .map(|range_m| LitSurface {
             range_m,
             area_m2: f64::INFINITY,
             reflectance: REFLECTANCE,

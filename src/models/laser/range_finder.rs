@@ -41,7 +41,7 @@ impl Default for RangeFinderParams {
 
 /// A surface that the pulse may meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Surface {
+pub struct LitSurface {
     /// Its range [m].
     pub range_m: f64,
     /// Its area across the beam [m²]; infinite for one that fills the field.
@@ -52,7 +52,7 @@ pub struct Surface {
 
 impl RangeFinderParams {
     /// Power of a surface's echo over the least that is seen, in air of `extinction_per_m` [1/m].
-    pub fn margin(&self, surface: &Surface, extinction_per_m: f64) -> f64 {
+    pub fn margin(&self, surface: &LitSurface, extinction_per_m: f64) -> f64 {
         let received = |range_m: f64, reflectance: f64, share: f64, extinction_per_m: f64| {
             reflectance * share * (-2.0 * extinction_per_m * range_m).exp() / (range_m * range_m)
         };
@@ -75,7 +75,7 @@ impl RangeFinderParams {
     /// The range of the first echo that is strong enough [m], without its error.
     pub fn first_echo_m(
         &self,
-        surfaces: impl IntoIterator<Item = Surface>,
+        surfaces: impl IntoIterator<Item = LitSurface>,
         extinction_per_m: f64,
     ) -> Option<f64> {
         surfaces
@@ -92,8 +92,8 @@ mod tests {
 
     const FINDER: fn() -> RangeFinderParams = RangeFinderParams::default;
 
-    fn extended(range_m: f64, reflectance: f64) -> Surface {
-        Surface {
+    fn extended(range_m: f64, reflectance: f64) -> LitSurface {
+        LitSurface {
             range_m,
             area_m2: f64::INFINITY,
             reflectance,
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn a_small_target_fades_with_the_fourth_power() {
         let finder = FINDER();
-        let uav = |range_m| Surface {
+        let uav = |range_m| LitSurface {
             range_m,
             area_m2: 0.07, // [m²]
             reflectance: 0.3,
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_first_echo_counts() {
-        let bird = Surface {
+        let bird = LitSurface {
             range_m: 300.0,
             area_m2: 0.02,
             reflectance: 0.3,

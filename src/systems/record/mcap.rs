@@ -97,7 +97,7 @@ pub fn write_recording(
     };
     match now.write(recorder.get(), recording) {
         Ok(()) => recording.recorder = Some(recorder),
-        // The file is given up, not the error.
+        // The file is dropped; the error is reported.
         Err(error) => failure.set(error),
     }
 }

@@ -223,7 +223,7 @@ fn sampler(address_mode_u: ImageAddressMode) -> ImageSampler {
     })
 }
 
-/// Draws clouds over the share `cover` (0..1) of the spawned scene's sky, their lie by `seed`; they
+/// Draws clouds over the share `cover` (0..1) of the spawned scene's sky, placed by `seed`; they
 /// shade nothing but the sun's disc, since the sky's light is that of the mean cover already.
 pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
     // Lengths of the cloud plane's base height to a cell of the coarsest noise (assumption).
@@ -240,7 +240,7 @@ pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
     }
 }
 
-/// Adds a structure to the spawned scene: its mesh at its origin, as it stands. None: no scene.
+/// Adds a structure to the spawned scene: its mesh at its origin, unturned. `None` if nothing is rendered.
 pub fn add_structure(world: &mut World, data: &MeshData) -> Option<Entity> {
     let handles = world.get_resource::<SceneHandles>()?;
     let (site_grid, material) = (handles.site_grid, handles.solid.clone());

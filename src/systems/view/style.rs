@@ -48,7 +48,7 @@ pub fn panel_frame() -> egui::Frame {
     egui::Frame::new().fill(DARK).inner_margin(10.0)
 }
 
-/// A line of the panel: what, and how much.
+/// A row of the panel: name left, value right.
 pub fn row(ui: &mut egui::Ui, name: &str, value: String) {
     ui.horizontal(|ui| {
         ui.colored_label(GREY, name);
