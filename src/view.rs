@@ -4,6 +4,7 @@ use crate::app::{self, Options, RunError};
 use crate::components::run::SimClock;
 use crate::components::track::{Designation, Operator, Order};
 use crate::components::view::{Pacing, ScreenshotRequest, Session};
+use crate::models::flight::trajectory::Trajectory;
 use crate::output::{self, OutputError};
 use crate::plugins::view::ViewPlugin;
 use crate::report::ReportError;
@@ -140,12 +141,57 @@ fn with_orders(
         },
     };
     scenario.operator = orders.iter().map(order).collect();
+    // A recorded flight is found from wherever the file will lie.
+    let folder = loaded.path.parent().unwrap_or(Path::new("."));
+    let folder = folder.canonicalize().unwrap_or(folder.to_owned());
+    let flights = (scenario.uavs.iter_mut().map(|uav| &mut uav.trajectory)).chain(
+        scenario
+            .distractors
+            .iter_mut()
+            .map(|other| &mut other.trajectory),
+    );
+    for flight in flights {
+        if let Trajectory::Recorded { file, .. } = flight {
+            *file = folder.join(&*file).display().to_string();
+        }
+    }
     toml::to_string(&scenario)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn a_session_is_kept_as_a_scenario() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let path = root.join("scenarios/crossing_pair.toml");
+        let set = ["detector.kind=truth", "duration_s=2"].map(String::from);
+        let loaded = Scenario::load(&path, &set).unwrap();
+        let options = Options {
+            seed: Some(7),
+            ..Options::default()
+        };
+        let mut app = app::build(&loaded, &options).unwrap();
+        let orders = [
+            (48, Designation::Track(3)),
+            (960, Designation::Uav(1)),
+            (961, Designation::Release),
+        ]
+        .map(|(tick, target)| Order { tick, target });
+        let world = app.world_mut();
+        // Given out of order, as a script and a window may.
+        for order in [orders[1], orders[0], orders[2]] {
+            world.resource_mut::<Operator>().give(order);
+        }
+        let text = with_orders(world, &loaded, &options).unwrap();
+        let kept = Loaded::parse(text, "kept.toml".into(), Vec::new()).unwrap();
+        assert_eq!(kept.scenario.seed, 7);
+        assert_eq!(kept.scenario.duration_s, 2.0);
+        let again = app::build(&kept, &Options::default()).unwrap();
+        assert_eq!(again.world().resource::<Operator>().orders, orders);
+    }
 
     #[test]
     fn a_screenshot_is_a_jpeg_or_png() {
