@@ -32,7 +32,7 @@ pub fn page(
     Ok(whole_page(&head, &body(records, &sheet)))
 }
 
-fn body(records: &[&SceneRecord], sheet: &[Shot]) -> Markup {
+fn body(records: &[&SceneRecord], sheet: &[SheetPicture]) -> Markup {
     let all = Statistics::of(records);
     html! {
         (tiles(&summary(&all, records.len())))
@@ -216,14 +216,17 @@ fn map(axes: [usize; 2], columns: &[Vec<f64>; 4], down: bool) -> Markup {
 }
 
 /// A picture of the contact sheet.
-struct Shot<'a> {
+struct SheetPicture<'a> {
     record: &'a SceneRecord,
     image: &'a Picture,
     jpeg: Vec<u8>,
 }
 
 /// Some of the pictures, spread evenly over the set.
-fn sheet<'a>(records: &[&'a SceneRecord], out: &Path) -> Result<Vec<Shot<'a>>, DatasetError> {
+fn sheet<'a>(
+    records: &[&'a SceneRecord],
+    out: &Path,
+) -> Result<Vec<SheetPicture<'a>>, DatasetError> {
     let images: Vec<(&SceneRecord, &Picture)> = records
         .iter()
         .flat_map(|record| record.images.iter().map(move |image| (*record, image)))
@@ -233,7 +236,7 @@ fn sheet<'a>(records: &[&'a SceneRecord], out: &Path) -> Result<Vec<Shot<'a>>, D
         .map(|k| {
             let (record, image) = images[(2 * k + 1) * images.len() / (2 * count)];
             let path = out.join(record.split.name()).join(&image.file_name);
-            Ok(Shot {
+            Ok(SheetPicture {
                 record,
                 image,
                 jpeg: thumbnail(&path)?,
@@ -253,7 +256,7 @@ fn thumbnail(path: &Path) -> Result<Vec<u8>, DatasetError> {
     Ok(jpeg_of(&half, 80)?)
 }
 
-impl Shot<'_> {
+impl SheetPicture<'_> {
     /// The picture with its boxes.
     fn figure(&self) -> Markup {
         let (width, height) = (self.image.width, self.image.height);

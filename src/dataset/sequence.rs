@@ -59,7 +59,7 @@ impl Drifter {
 }
 
 /// A clip in progress.
-pub struct Clip {
+pub struct ClipProgress {
     pilots: Vec<Pilot>,
     others: Vec<Drifter>,
     /// Azimuth and elevation of the boresight [rad].
@@ -78,10 +78,10 @@ pub fn draw(
     motion: Motion,
     frames: u32,
     rng: &mut Stream,
-) -> Option<Clip> {
+) -> Option<ClipProgress> {
     let count = 1 + (rng.uniform() * rng.uniform() * 3.0) as usize;
     let still = draw::still(recipe, scene, count, motion, rng)?;
-    let clip = Clip::from(scene, &still, motion, rng)?;
+    let clip = ClipProgress::from(scene, &still, motion, rng)?;
     // Flown once in advance: no UAV may hit a building, and the first must stay visible.
     let duration_s = f64::from(frames) / recipe.sequences.rate_hz;
     let surface = &scene.environment.city.dsm;
@@ -100,7 +100,7 @@ pub fn draw(
     (free && seen).then_some(clip)
 }
 
-impl Clip {
+impl ClipProgress {
     fn from(scene: &Scene, still: &Still, motion: Motion, rng: &mut Stream) -> Option<Self> {
         let pinhole = &scene.camera.pinhole;
         let density = scene.environment.air_density_kgpm3;

@@ -16,7 +16,7 @@ pub use error::DetectorError;
 pub use model::{OnnxDetector, View};
 pub use runtime::{Setup, providers, runtime_path};
 pub(crate) use runtime::{environment, first_line};
-pub use worker::{Answer, Inference, Picture};
+pub use worker::{Answer, DetectorInput, Inference};
 
 #[cfg(test)]
 mod tests;

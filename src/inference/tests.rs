@@ -273,14 +273,14 @@ fn a_thread_of_its_own_answers_as_the_caller_does() {
         Inference::on_thread(load()).expect("a thread"),
         Inference::on_caller(load()),
     ];
-    let pictures: Vec<Picture> = (0..6_u32)
+    let pictures: Vec<DetectorInput> = (0..6_u32)
         .map(|i| {
             let disc = |at: u32| {
                 let (x, y) = (at % 200, at / 200);
                 (x.abs_diff(60 + 12 * i).pow(2) + y.abs_diff(70).pow(2) < 20) as u8
             };
             let noise = |at: u32| (at.wrapping_mul(2_654_435_761) >> 20 & 3) as u8;
-            Picture {
+            DetectorInput {
                 rgb8: Arc::new(
                     (0..200 * 150)
                         .flat_map(|at| [160 + noise(at) - 70 * disc(at); 3])

@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 
 /// A picture for the detector to look at: a `View` that its thread can own.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub struct DetectorInput {
     /// 8-bit RGB rows.
     pub rgb8: Arc<Vec<u8>>,
     /// Pixels of a row.
@@ -33,7 +33,7 @@ pub struct Inference {
 enum Worker {
     /// Works while the caller renders the next frames.
     Thread {
-        pictures: Option<mpsc::Sender<Vec<Picture>>>,
+        pictures: Option<mpsc::Sender<Vec<DetectorInput>>>,
         answers: SyncCell<mpsc::Receiver<Answer>>,
         thread: Option<JoinHandle<()>>,
     },
@@ -45,7 +45,7 @@ enum Worker {
 }
 
 /// An answer to each picture; an error is that of all.
-fn look(model: &mut OnnxDetector, pictures: &[Picture]) -> Vec<Answer> {
+fn look(model: &mut OnnxDetector, pictures: &[DetectorInput]) -> Vec<Answer> {
     let views: Vec<View> = (pictures.iter())
         .map(|picture| View {
             rgb8: &picture.rgb8,
@@ -63,7 +63,7 @@ impl Inference {
     /// Puts a model to work on a thread of its own.
     pub fn on_thread(mut model: OnnxDetector) -> std::io::Result<Self> {
         let classes = model.classes().to_vec();
-        let (pictures, to_see) = mpsc::channel::<Vec<Picture>>();
+        let (pictures, to_see) = mpsc::channel::<Vec<DetectorInput>>();
         let (answer, answers) = mpsc::channel();
         let thread = std::thread::Builder::new()
             .name("detector".into())
@@ -104,7 +104,7 @@ impl Inference {
     }
 
     /// Hands in the pictures of a tick.
-    pub fn submit(&mut self, batch: Vec<Picture>) {
+    pub fn submit(&mut self, batch: Vec<DetectorInput>) {
         match &mut self.worker {
             // A thread that has ended is told by `fetch`.
             Worker::Thread { pictures, .. } => {

@@ -3,7 +3,7 @@
 use crate::components::capture::{ExposedFrame, Frames, PixelRect, Readout, SensorCamera};
 use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
 use crate::components::run::{Failure, SimClock, Stopwatch};
-use crate::inference::Picture;
+use crate::inference::DetectorInput;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::detection::{Candidate, Detection, TruthErrors, detect_truth};
 use bevy::prelude::*;
@@ -99,10 +99,10 @@ pub fn detect(
 }
 
 /// The part `look` of a frame as the network takes it; none in a run that renders nothing.
-fn picture(frame: &ExposedFrame, look: PixelRect) -> Option<Picture> {
+fn picture(frame: &ExposedFrame, look: PixelRect) -> Option<DetectorInput> {
     let [left, top] = frame.rect.offset_px;
     let [x, y] = look.offset_px;
-    Some(Picture {
+    Some(DetectorInput {
         rgb8: frame.rgb8.clone()?,
         width_px: frame.rect.size_px[0],
         look: PixelRect {
