@@ -145,3 +145,75 @@ impl DetectionQueue {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::components::mount::{Alignment, Pointing};
+    use crate::models::maths::kinematics::Pose;
+    use glam::{DQuat, DVec2, DVec3};
+
+    fn batch(tier: Tier, tick: u64, available_tick: u64) -> DetectionBatch {
+        let look = PixelRect {
+            offset_px: [100, 50],
+            size_px: [160; 2],
+        };
+        let frame = ExposedFrame {
+            tier,
+            tick,
+            number: 0,
+            pose: Pose {
+                r_enu_m: DVec3::ZERO,
+                q_enu_cam: DQuat::IDENTITY,
+            },
+            pointing: Pointing {
+                az_el_rad: DVec2::ZERO,
+                mirror_rad: DVec2::ZERO,
+                base_tilt_rad: DVec3::ZERO,
+                alignment: Alignment::default(),
+            },
+            rect: look,
+            truth: Vec::new(),
+            rgb8: None,
+        };
+        DetectionBatch {
+            frame: Arc::new(frame),
+            available_tick,
+            look,
+            detections: Vec::new(),
+            answered: false,
+        }
+    }
+
+    #[test]
+    fn answers_find_their_frames_though_a_later_one_is_due_first() {
+        let mut queue = DetectionQueue::default();
+        // The search camera is slow: what the precise one exposes later is due earlier.
+        queue.push(batch(Tier::Search, 8, 40));
+        queue.push(batch(Tier::Precise, 16, 24));
+        let seen = |x0: f64| Detection {
+            box_px: [x0, 0.0, x0 + 4.0, 4.0],
+            aim_px: [x0 + 2.0, 2.0],
+            score: 0.9,
+            label: 0,
+        };
+        assert!(!queue.wants_answer(23) && queue.wants_answer(24));
+        queue.answer(&[seen(1.0)]);
+        assert!(
+            queue.wants_answer(24),
+            "the first answer was the search camera's"
+        );
+        queue.answer(&[seen(2.0)]);
+        assert!(!queue.wants_answer(40));
+        queue.release(24);
+        let [precise] = &queue.arrived[..] else {
+            panic!("{:?}", queue.arrived)
+        };
+        assert_eq!(precise.frame.tier, Tier::Precise);
+        // In pixels of the sensor, not of the part looked at.
+        assert_eq!(precise.detections[0].box_px, [102.0, 50.0, 106.0, 54.0]);
+        queue.release(40);
+        assert_eq!(queue.arrived[0].detections[0].box_px[0], 101.0);
+        assert!(queue.waiting.is_empty());
+    }
+}

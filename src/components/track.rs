@@ -299,3 +299,43 @@ impl Tracker {
         self.target.and_then(|id| self.table.get(id))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_state_at_a_tick_is_that_of_its_last_change() {
+        let mut tracker = Tracker::default();
+        tracker.acquire(100, 1, "test");
+        tracker.change(250, TrackingState::Coarse, "test");
+        tracker.change(250, TrackingState::Precise, "test");
+        for (tick, state) in [
+            (0, TrackingState::Search),
+            (99, TrackingState::Search),
+            (100, TrackingState::Acquire),
+            (250, TrackingState::Precise),
+            (900, TrackingState::Precise),
+        ] {
+            assert_eq!(tracker.state_at(tick), state, "{tick}");
+        }
+    }
+
+    #[test]
+    fn orders_stand_in_order_of_time_behind_those_carried_out() {
+        let order = |tick, id| Order {
+            tick,
+            target: Designation::Track(id),
+        };
+        let mut operator = Operator::default();
+        for given in [order(50, 1), order(10, 2), order(50, 3)] {
+            operator.give(given);
+        }
+        operator.next = 2;
+        operator.give(order(20, 4));
+        assert_eq!(
+            operator.orders,
+            [order(10, 2), order(50, 1), order(20, 4), order(50, 3)]
+        );
+    }
+}
