@@ -4,17 +4,28 @@ use std::path::{Path, PathBuf};
 
 /// Why a file or folder cannot be written.
 #[derive(Debug, thiserror::Error)]
-#[error("output {path}: {source}; name a folder that can be written with --out")]
-pub struct OutputError {
-    /// The folder or file.
-    pub path: PathBuf,
-    /// What the system said.
-    pub source: std::io::Error,
+pub enum OutputError {
+    /// A folder that cannot be made.
+    #[error("output folder {path}: {source}; name a folder that can be written with --out")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file that cannot be written.
+    #[error("output {path}: {source}; name a folder that can be written with --out")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
 }
 
 /// Makes sure that a folder exists.
 pub fn create_dir(path: &Path) -> Result<(), OutputError> {
-    std::fs::create_dir_all(path).map_err(|source| OutputError {
+    std::fs::create_dir_all(path).map_err(|source| OutputError::Folder {
         path: path.to_owned(),
         source,
     })
@@ -22,7 +33,7 @@ pub fn create_dir(path: &Path) -> Result<(), OutputError> {
 
 /// Writes a file whole.
 pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), OutputError> {
-    std::fs::write(path, bytes).map_err(|source| OutputError {
+    std::fs::write(path, bytes).map_err(|source| OutputError::File {
         path: path.to_owned(),
         source,
     })

@@ -24,7 +24,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), DatasetError> {
     let partial = path.with_extension("partial");
     output::write(&partial, bytes)?;
     std::fs::rename(&partial, path).map_err(|source| {
-        DatasetError::Output(OutputError {
+        DatasetError::Output(OutputError::File {
             path: path.to_owned(),
             source,
         })

@@ -74,7 +74,7 @@ pub(super) fn put_json(path: &Path, value: &impl Serialize) -> Result<(), EvalEr
 
 /// Makes sure, before the work, that a file can be written; what it holds stays.
 pub(super) fn writable(path: &Path) -> Result<(), OutputError> {
-    let failed = |path: PathBuf| move |source| OutputError { path, source };
+    let failed = |path: PathBuf| move |source| OutputError::File { path, source };
     if let Some(folder) = path.parent() {
         output::create_dir(folder)?;
     }
