@@ -9,6 +9,7 @@ use crate::systems::run;
 use bevy::app::{Main, PluginGroupBuilder, TaskPoolThreadAssignmentPolicy};
 use bevy::log::{Level, LogPlugin};
 use bevy::prelude::*;
+use bevy::pbr::PbrPlugin;
 use bevy::render::RenderPlugin;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::render::settings::{RenderCreation, WgpuSettings};
@@ -213,6 +214,12 @@ fn bevy_plugins(options: &Options) -> PluginGroupBuilder {
             })),
             // A pipeline that is still compiling would leave holes in the first frames.
             synchronous_pipeline_compilation: true,
+            ..default()
+        })
+        // The lean material has neither prepass nor deferred lighting.
+        .set(PbrPlugin {
+            prepass_enabled: false,
+            add_default_deferred_lighting_plugin: false,
             ..default()
         });
     if !options.log {

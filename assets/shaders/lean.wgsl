@@ -44,12 +44,7 @@ struct Fragment {
     @location(5) airlight: vec3<f32>,
 }
 
-const KIND_FACADE_RESIDENTIAL: f32 = 1.0;
 const KIND_FACADE_OFFICE: f32 = 2.0;
-const KIND_GROUND: f32 = 3.0;
-const KIND_FOLIAGE: f32 = 4.0;
-const KIND_WATER: f32 = 5.0;
-const KIND_SKY: f32 = 9.0;
 
 // The upper hemisphere on a square, octahedron-wise: no trigonometry for a fragment to pay for.
 // The square's border is the horizon, its centre the zenith; see `sky_direction` in scene.rs.
@@ -151,67 +146,69 @@ fn clouds(dir: vec3<f32>, radiance: vec3<f32>) -> vec4<f32> {
     return vec4(mix(radiance, cloud, mask), 1.0 - mask * smoothstep(0.0, 0.3, thickness));
 }
 
+#ifdef SKY
 @fragment
 fn fragment(in: Fragment) -> @location(0) vec4<f32> {
-    let kind = in.surface.x;
+    let dir = normalize(in.world);
+    var radiance = sky(dir);
+    // The sun's disc, 0.53 deg across; half floats end at 65504.
+    var disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
+#ifdef CLOUDS
+    let clouded = clouds(dir, radiance);
+    radiance = clouded.rgb;
+    disc *= clouded.w;
+#endif
+    radiance += disc * min(light.sun.rgb * 15.0, vec3(30000.0));
+    return vec4(radiance * view.exposure, 0.0);
+}
+#else
+@fragment
+fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     let distance = length(in.world);
     let dir = in.world / distance;
-    if kind == KIND_SKY {
-        var radiance = sky(dir);
-        // The sun's disc, 0.53 deg across; half floats end at 65504.
-        var disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
-#ifdef CLOUDS
-        let clouded = clouds(dir, radiance);
-        radiance = clouded.rgb;
-        disc *= clouded.w;
-#endif
-        radiance += disc * min(light.sun.rgb * 15.0, vec3(30000.0));
-        return vec4(radiance * view.exposure, 0.0);
-    }
-    let width = max(fwidth(in.uv), vec2(1e-4));
-    let ddx = dpdx(in.uv);
-    let ddy = dpdy(in.uv);
     let normal = normalize(in.normal);
     var albedo = in.color.rgb;
     var emitted = vec3(0.0);
-    if kind == KIND_GROUND {
-        albedo *= textureSampleGrad(ground_map, ground_sampler, in.uv, ddx, ddy).rgb;
-    } else if kind == KIND_FACADE_RESIDENTIAL || kind == KIND_FACADE_OFFICE {
-        let office = kind == KIND_FACADE_OFFICE;
-        let variant = in.surface.y;
-        let pitch = select(vec2(3.0, 3.0), vec2(3.0, 3.6), office); // bay and storey [m], as models/ground/city/parts.rs
-        let cell = in.uv / pitch;
-        let w = width / pitch;
-        let side = select(0.30 - 0.08 * variant, 0.06, office);
-        let sill = select(0.30, 0.22, office);
-        let glass = pulse(cell.x, w.x, side, 1.0 - side) * pulse(cell.y, w.y, sill, 0.86);
-        // Glass mirrors the sky it faces; from below the horizon, its opposite street.
-        let mirrored = reflect(dir, normal);
-        var reflected = sky(vec3(mirrored.xy, abs(mirrored.z)));
-        let chance = hash(floor(cell) + floor(variant * 97.0));
-        // Panes hang up to 1.5 deg out of true: some flash the sun, spread over 1 deg by their waves.
-        if dot(mirrored, light.sun_dir.xyz) > 0.995 {
-            let tilt = fract(chance * vec3(91.7, 57.3, 233.1)) - 0.5;
-            let pane = normalize(normal + 0.052 * tilt);
-            let flash = smoothstep(0.99994, 0.99998, dot(reflect(dir, pane), light.sun_dir.xyz));
-            reflected += flash * light.sun.rgb * (15.0 / max(w.x * w.y, 1.0));
-        }
-        emitted += glass * reflected * (0.10 + 0.25 * variant);
-        let lit = step(0.8, chance);
-        emitted += glass * lit * light.night.x * vec3(1.0, 0.78, 0.5);
-        albedo *= 1.0 - 0.85 * glass;
-    } else if kind == KIND_FOLIAGE && in.uv.y > 0.0 {
-        // Clumps of leaves, where the woods' meshes give metres along the crown.
-        let fine = clamp(2.0 - 2.5 * max(width.x, width.y), 0.0, 1.0);
-        if fine > 0.0 {
-            let clumps = 0.6 * noise(in.uv * 1.3) + 0.4 * noise(in.uv * 3.7);
-            albedo *= mix(1.0, 0.3 + 1.4 * clumps, fine);
-        }
-    } else if kind == KIND_WATER {
-        let mirrored = reflect(dir, normal);
-        let fresnel = 0.02 + 0.98 * pow(1.0 - clamp(dot(-dir, normal), 0.0, 1.0), 5.0);
-        emitted += sky(vec3(mirrored.xy, abs(mirrored.z))) * fresnel;
+#ifdef GROUND
+    albedo *= textureSample(ground_map, ground_sampler, in.uv).rgb;
+#endif
+#ifdef FACADE
+    let office = in.surface.x == KIND_FACADE_OFFICE;
+    let variant = in.surface.y;
+    let pitch = select(vec2(3.0, 3.0), vec2(3.0, 3.6), office); // bay and storey [m], as models/ground/city/parts.rs
+    let cell = in.uv / pitch;
+    let w = max(fwidth(in.uv), vec2(1e-4)) / pitch;
+    let side = select(0.30 - 0.08 * variant, 0.06, office);
+    let sill = select(0.30, 0.22, office);
+    let glass = pulse(cell.x, w.x, side, 1.0 - side) * pulse(cell.y, w.y, sill, 0.86);
+    // Glass mirrors the sky it faces; from below the horizon, its opposite street.
+    let mirrored = reflect(dir, normal);
+    var reflected = sky(vec3(mirrored.xy, abs(mirrored.z)));
+    let chance = hash(floor(cell) + floor(variant * 97.0));
+    // Panes hang up to 1.5 deg out of true: some flash the sun, spread over 1 deg by their waves.
+    if dot(mirrored, light.sun_dir.xyz) > 0.995 {
+        let tilt = fract(chance * vec3(91.7, 57.3, 233.1)) - 0.5;
+        let pane = normalize(normal + 0.052 * tilt);
+        let flash = smoothstep(0.99994, 0.99998, dot(reflect(dir, pane), light.sun_dir.xyz));
+        reflected += flash * light.sun.rgb * (15.0 / max(w.x * w.y, 1.0));
     }
+    emitted += glass * reflected * (0.10 + 0.25 * variant);
+    let lit = step(0.8, chance);
+    emitted += glass * lit * light.night.x * vec3(1.0, 0.78, 0.5);
+    albedo *= 1.0 - 0.85 * glass;
+#endif
+#ifdef FOLIAGE
+    // Clumps of leaves, where the woods' meshes give metres along the crown.
+    let width = max(fwidth(in.uv), vec2(1e-4));
+    let fine = clamp(2.0 - 2.5 * max(width.x, width.y), 0.0, 1.0) * step(1e-6, in.uv.y);
+    let clumps = 0.6 * noise(in.uv * 1.3) + 0.4 * noise(in.uv * 3.7);
+    albedo *= mix(1.0, 0.3 + 1.4 * clumps, fine);
+#endif
+#ifdef WATER
+    let mirrored = reflect(dir, normal);
+    let fresnel = 0.02 + 0.98 * pow(1.0 - clamp(dot(-dir, normal), 0.0, 1.0), 5.0);
+    emitted += sky(vec3(mirrored.xy, abs(mirrored.z))) * fresnel;
+#endif
     let lambert = max(dot(normal, light.sun_dir.xyz), 0.0);
     let ambient = mix(light.ambient_ground.rgb, light.ambient_sky.rgb, 0.5 + 0.5 * normal.z);
     // Occlusion dims the ambient term fully and, being a proxy for shade, the sun in part.
@@ -225,3 +222,4 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     let identity = select(pow(5.0, digit - 1.0), 0.0, digit == 0.0);
     return vec4(seen * view.exposure, floor(identity + 0.5));
 }
+#endif

@@ -1,5 +1,6 @@
 //! What the renderer sees: the lean material, the sensor projection, links from truth to scene.
 
+use crate::models::shape::mesh::Surface;
 use bevy::camera::{CameraProjection, SubCameraView};
 use bevy::math::{Mat4, Vec3A, Vec4};
 use bevy::mesh::{MeshVertexAttribute, MeshVertexBufferLayoutRef, VertexFormat};
@@ -43,7 +44,7 @@ pub struct LightUniform {
 ///
 /// Bevy's `StandardMaterial` costs twelve times as much per frame on a software rasteriser.
 #[derive(Asset, TypePath, AsBindGroup, Clone, Debug)]
-#[bind_group_data(LeanKey)]
+#[bind_group_data(Shading)]
 pub struct LeanMaterial {
     /// Sun, sky and air.
     #[uniform(0)]
@@ -56,23 +57,40 @@ pub struct LeanMaterial {
     #[texture(3)]
     #[sampler(4)]
     pub sky_table: Handle<Image>,
-    /// The sky itself: drawn after everything opaque, so that only uncovered pixels pay for it.
-    pub last: bool,
-    /// Draws clouds in the sky.
-    pub clouded: bool,
+    /// What it draws.
+    pub shading: Shading,
 }
 
-/// The part of a [`LeanMaterial`] that selects a shader variant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct LeanKey {
-    clouded: bool,
+/// What a [`LeanMaterial`] draws, and which variant of the shader draws it: a software rasteriser pays for
+/// both sides of every branch, so that each kind of surface has a pipeline of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Shading {
+    /// A kind of solid surface.
+    Solid(Surface),
+    /// The sky: drawn after everything solid, so that only uncovered pixels pay for it.
+    Sky,
+    /// The sky with clouds.
+    CloudedSky,
 }
 
-impl From<&LeanMaterial> for LeanKey {
-    fn from(material: &LeanMaterial) -> Self {
-        Self {
-            clouded: material.clouded,
+impl Shading {
+    /// The definitions that select the shader's variant.
+    fn definitions(self) -> &'static [&'static str] {
+        match self {
+            Self::Solid(Surface::Plain) => &[],
+            Self::Solid(Surface::FacadeResidential | Surface::FacadeOffice) => &["FACADE"],
+            Self::Solid(Surface::Ground) => &["GROUND"],
+            Self::Solid(Surface::Foliage) => &["FOLIAGE"],
+            Self::Solid(Surface::Water) => &["WATER"],
+            Self::Sky => &["SKY"],
+            Self::CloudedSky => &["SKY", "CLOUDS"],
         }
+    }
+}
+
+impl From<&LeanMaterial> for Shading {
+    fn from(material: &LeanMaterial) -> Self {
+        material.shading
     }
 }
 
@@ -87,10 +105,9 @@ impl Material for LeanMaterial {
 
     fn alpha_mode(&self) -> AlphaMode {
         // Bevy draws masked surfaces after opaque ones; the shader discards nothing.
-        if self.last {
-            AlphaMode::Mask(0.0)
-        } else {
-            AlphaMode::Opaque
+        match self.shading {
+            Shading::Solid(_) => AlphaMode::Opaque,
+            Shading::Sky | Shading::CloudedSky => AlphaMode::Mask(0.0),
         }
     }
 
@@ -108,8 +125,10 @@ impl Material for LeanMaterial {
         layout: &MeshVertexBufferLayoutRef,
         key: MaterialPipelineKey<Self>,
     ) -> Result<(), SpecializedMeshPipelineError> {
-        if let (true, Some(fragment)) = (key.bind_group_data.clouded, &mut descriptor.fragment) {
-            fragment.shader_defs.push("CLOUDS".into());
+        if let Some(fragment) = &mut descriptor.fragment {
+            let definitions = key.bind_group_data.definitions();
+            let definitions = definitions.iter().map(|name| (*name).into());
+            fragment.shader_defs.extend(definitions);
         }
         descriptor.vertex.buffers = vec![layout.0.get_layout(&[
             Mesh::ATTRIBUTE_POSITION.at_shader_location(0),
@@ -150,8 +169,8 @@ pub struct UavRotor {
 pub struct SceneHandles {
     /// Entity of the site's grid.
     pub site_grid: Entity,
-    /// Material of everything but the sky.
-    pub solid: Handle<LeanMaterial>,
+    /// Material of each kind of solid surface, by its number.
+    pub solid: [Handle<LeanMaterial>; Surface::ALL.len()],
     /// Material of the sky.
     pub sky: Handle<LeanMaterial>,
 }

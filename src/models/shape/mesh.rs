@@ -8,7 +8,7 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 use crate::models::maths::polygon::rectangle;
 
 /// What a fragment shader draws on a triangle; stored as f32 in [`MeshData::surface`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Surface {
     /// Uniform albedo.
     Plain = 0,
@@ -22,6 +22,18 @@ pub enum Surface {
     Foliage = 4,
     /// A water surface.
     Water = 5,
+}
+
+impl Surface {
+    /// Every kind, each at its number.
+    pub const ALL: [Self; 6] = [
+        Self::Plain,
+        Self::FacadeResidential,
+        Self::FacadeOffice,
+        Self::Ground,
+        Self::Foliage,
+        Self::Water,
+    ];
 }
 
 /// How a face is painted.
@@ -72,6 +84,35 @@ impl MeshData {
             origin_enu_m,
             ..Self::default()
         }
+    }
+
+    /// The mesh in parts of one surface kind each, in the kinds' order: a triangle is of the kind of its
+    /// first vertex.
+    pub fn by_surface(&self) -> Vec<(Surface, Self)> {
+        let kind_of = |triangle: &[u32; 3]| self.surface[triangle[0] as usize][0];
+        let (triangles, _) = self.indices.as_chunks::<3>();
+        let parts = Surface::ALL.into_iter().map(|surface| {
+            let mut part = Self::new(self.origin_enu_m);
+            let mut moved = vec![u32::MAX; self.positions.len()];
+            for triangle in triangles {
+                if kind_of(triangle) != f32::from(surface as u8) {
+                    continue;
+                }
+                for old in triangle.map(|i| i as usize) {
+                    if moved[old] == u32::MAX {
+                        moved[old] = part.positions.len() as u32;
+                        part.positions.push(self.positions[old]);
+                        part.normals.push(self.normals[old]);
+                        part.colors.push(self.colors[old]);
+                        part.uv.push(self.uv[old]);
+                        part.surface.push(self.surface[old]);
+                    }
+                    part.indices.push(moved[old]);
+                }
+            }
+            (surface, part)
+        });
+        parts.filter(|(_, part)| !part.indices.is_empty()).collect()
     }
 
     /// Number of triangles.

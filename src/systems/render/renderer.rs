@@ -10,6 +10,7 @@ use crate::components::render::{SensorProjection, SensorViews};
 use bevy::app::Main;
 use bevy::camera::{CameraOutputMode, Exposure, MsaaWriteback, RenderTarget};
 use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::ecs::schedule::{Schedules, SingleThreadedExecutor};
 use bevy::prelude::*;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, Extent3d, MapMode, Origin3d,
@@ -45,9 +46,12 @@ const PIXEL_BYTES: u32 = 8;
 impl Renderer {
     /// Takes rendering over from `app`; `None` if the app was built without a renderer.
     pub fn take(app: &mut App) -> Option<Self> {
-        let app = app.remove_sub_app(bevy::render::RenderApp)?;
+        let mut renderer = app.remove_sub_app(bevy::render::RenderApp)?;
+        for world in [app.world_mut(), renderer.world_mut()] {
+            run_on_one_thread(world);
+        }
         Some(Self {
-            app,
+            app: renderer,
             staging: BTreeMap::new(),
         })
     }
@@ -132,6 +136,16 @@ impl Renderer {
         drop(bytes);
         staging.unmap();
         Ok(())
+    }
+}
+
+/// Takes the schedules of a world off the task pool: their systems take microseconds, handing one out
+/// takes longer.
+fn run_on_one_thread(world: &mut World) {
+    if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
+        for (_, schedule) in schedules.iter_mut() {
+            schedule.set_executor(SingleThreadedExecutor::new());
+        }
     }
 }
 

@@ -7,13 +7,13 @@
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::render::{
-    ATTRIBUTE_SURFACE, LeanMaterial, LightUniform, SceneHandles, SiteGrid, StationOrigin, UavBody,
-    UavRotor,
+    ATTRIBUTE_SURFACE, LeanMaterial, LightUniform, SceneHandles, Shading, SiteGrid, StationOrigin,
+    UavBody, UavRotor,
 };
 use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::ground::city::GroundMap;
 use crate::models::maths::rng::Stream;
-use crate::models::shape::mesh::MeshData;
+use crate::models::shape::mesh::{MeshData, Surface};
 use crate::models::shape::uav_mesh::UavMesh;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::NoFrustumCulling;
@@ -83,7 +83,7 @@ fn dome() -> Mesh {
         normals: vec![[0.0, 0.0, 1.0]; 8],
         colors: vec![[0.0, 0.0, 0.0, 1.0]; 8],
         uv: vec![[0.0; 2]; 8],
-        surface: vec![[9.0, 0.0]; 8],
+        surface: vec![[0.0; 2]; 8],
         positions: corners,
         indices,
         origin_enu_m: DVec3::ZERO,
@@ -236,23 +236,24 @@ pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
     if let Some(mut material) = materials.get_mut(&sky) {
         material.light.clouds = Vec4::new(cover as f32, SCALE, lie, 0.0);
-        material.clouded = cover > 0.0;
+        if cover > 0.0 {
+            material.shading = Shading::CloudedSky;
+        }
     }
 }
 
-/// Adds a structure to the spawned scene: its mesh at its origin, unturned. `None` if nothing is rendered.
-pub fn add_structure(world: &mut World, data: &MeshData) -> Option<Entity> {
-    let handles = world.get_resource::<SceneHandles>()?;
-    let (site_grid, material) = (handles.site_grid, handles.solid.clone());
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh(data));
+/// Adds a structure to the spawned scene, if anything is rendered: its mesh at its origin, unturned.
+pub fn add_structure(world: &mut World, data: &MeshData) {
+    let Some(handles) = world.get_resource::<SceneHandles>() else {
+        return;
+    };
+    let (site_grid, solid) = (handles.site_grid, handles.solid.clone());
     let at = place(&grid(), data.origin_enu_m, DQuat::IDENTITY);
-    let parts = (
-        Mesh3d(mesh),
-        MeshMaterial3d(material),
-        at,
-        ChildOf(site_grid),
-    );
-    Some(world.spawn(parts).id())
+    for (surface, part) in data.by_surface() {
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh(&part));
+        let material = MeshMaterial3d(solid[surface as usize].clone());
+        world.spawn((Mesh3d(mesh), material, at, ChildOf(site_grid)));
+    }
 }
 
 /// The light of an environment as the shader takes it.
@@ -277,24 +278,21 @@ fn light(environment: &Environment) -> LightUniform {
 pub fn spawn(world: &mut World, environment: &Environment, r_station_enu_m: DVec3) {
     let city = &environment.city;
     let mut images = world.resource_mut::<Assets<Image>>();
-    let mut material = LeanMaterial {
+    let sky = LeanMaterial {
         light: light(environment),
         ground_map: images.add(ground_texture(&city.ground_map)),
         sky_table: images.add(sky_texture(&environment.sky)),
-        last: false,
-        clouded: false,
+        shading: Shading::Sky,
     };
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
-    let solid = materials.add(material.clone());
-    material.last = true;
-    let sky = materials.add(material);
-    let mut meshes = world.resource_mut::<Assets<Mesh>>();
-    let dome = meshes.add(dome());
-    let tiles: Vec<_> = city
-        .chunks()
-        .iter()
-        .map(|tile| (meshes.add(mesh(tile)), tile.origin_enu_m))
-        .collect();
+    let solid = Surface::ALL.map(|surface| {
+        materials.add(LeanMaterial {
+            shading: Shading::Solid(surface),
+            ..sky.clone()
+        })
+    });
+    let sky = materials.add(sky);
+    let dome = world.resource_mut::<Assets<Mesh>>().add(dome());
 
     let site = &environment.site;
     let (cell, transform) = place(&grid(), site.origin().to_ecef(), site.q_ecef_enu());
@@ -317,15 +315,6 @@ pub fn spawn(world: &mut World, environment: &Environment, r_station_enu_m: DVec
             ChildOf(root),
         ))
         .id();
-    for (mesh, origin_enu_m) in tiles {
-        let at = place(&grid(), origin_enu_m, DQuat::IDENTITY);
-        world.spawn((
-            Mesh3d(mesh),
-            MeshMaterial3d(solid.clone()),
-            at,
-            ChildOf(site_grid),
-        ));
-    }
     let at = place(&grid(), r_station_enu_m, DQuat::IDENTITY);
     world.spawn((
         StationOrigin,
@@ -346,6 +335,9 @@ pub fn spawn(world: &mut World, environment: &Environment, r_station_enu_m: DVec
         solid,
         sky,
     });
+    for tile in city.chunks() {
+        add_structure(world, &tile);
+    }
 }
 
 /// A big_space place in the site's grid.
@@ -399,7 +391,9 @@ pub fn bevy_attitude(q_enu_cam: DQuat) -> DQuat {
 pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, DQuat)) {
     let (site_grid, material) = {
         let handles = world.resource::<SceneHandles>();
-        (handles.site_grid, handles.solid.clone())
+        // What flies is painted plainly.
+        let plain = &handles.solid[Surface::Plain as usize];
+        (handles.site_grid, plain.clone())
     };
     let mut add = |data: &MeshData| world.resource_mut::<Assets<Mesh>>().add(mesh(data));
     let body = add(&shape.body);
