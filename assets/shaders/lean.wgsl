@@ -2,7 +2,7 @@
 // It stays lean because a software rasteriser pays for every instruction of every fragment. No branch
 // asks uniforms alone: Mesa's lavapipe makes a shader anew, and keeps it, whenever such a uniform may have changed.
 // Output: rgb = luminance of linear sRGB channels [kcd/m^2] times the view's exposure,
-// alpha = identity digit of the surface (see `systems/capture.rs`).
+// alpha = 1 and the identity digit of the surface (see `systems/capture.rs`).
 
 #import bevy_pbr::mesh_functions
 #import bevy_pbr::mesh_view_bindings::view
@@ -14,7 +14,6 @@ struct Light {
     ambient_ground: vec4<f32>,// illuminance of a downward face [klx]
     extinction: vec4<f32>,    // rgb [1/m]
     night: vec4<f32>,         // x: luminance of a lit window [kcd/m^2]
-    clouds: vec4<f32>,        // cover 0..1, scale, seed; drawn where CLOUDS is defined
     // Air-light as a polynomial in the cosine of the azimuth from the sun, rgb [kcd/m^2]
     airlight: array<vec4<f32>, 4>,
 }
@@ -48,10 +47,10 @@ const KIND_FACADE_OFFICE: f32 = 2.0;
 
 // The upper hemisphere on a square, octahedron-wise: no trigonometry for a fragment to pay for.
 // The square's border is the horizon, its centre the zenith; see `sky_direction` in scene.rs.
-fn sky(dir: vec3<f32>) -> vec3<f32> {
+fn sky(dir: vec3<f32>) -> vec4<f32> {
     let flat = dir.xy / (abs(dir.x) + abs(dir.y) + max(dir.z, 0.0));
     let uv = vec2(flat.x + flat.y, flat.y - flat.x) * 0.5 + 0.5;
-    return textureSampleLevel(sky_table, sky_sampler, uv, 0.0).rgb;
+    return textureSampleLevel(sky_table, sky_sampler, uv, 0.0);
 }
 
 // What distant air shines with in a direction: the sky just above the horizon there.
@@ -110,55 +109,14 @@ fn noise(p: vec2<f32>) -> f32 {
     return a + b * s.x + c * s.y + d * s.x * s.y;
 }
 
-// Clouds on a plane over the site, blended over the sky's radiance; w: what they leave of the sun's
-// disc. Octaves end where a pixel holds more than half a cell.
-fn clouds(dir: vec3<f32>, radiance: vec3<f32>) -> vec4<f32> {
-    let cover = light.clouds.x;
-    let plane = dir.xy * (light.clouds.y / (max(dir.z, 0.0) + 0.07));
-    let width = max(length(fwidth(plane)), 1e-5);
-    var at = plane + light.clouds.z;
-    var density = 0.0;
-    var amplitude = 0.5;
-    var frequency = 1.0;
-    for (var octave = 0; octave < 7; octave++) {
-        let share = amplitude * clamp(2.0 - 4.0 * frequency * width, 0.0, 1.0);
-        if share <= 0.0 {
-            break;
-        }
-        density += share * (noise(at) - 0.5);
-        // A turn by 37 degrees hides the lattice.
-        at = 2.3 * vec2(0.8 * at.x - 0.6 * at.y, 0.6 * at.x + 0.8 * at.y) + 17.7;
-        frequency *= 2.3;
-        amplitude *= 0.5;
-    }
-    let floor_density = mix(0.3, -0.34, cover);
-    let thickness = smoothstep(floor_density, floor_density + 0.4, density);
-    let mask = smoothstep(floor_density, floor_density + 0.12, density)
-        * smoothstep(0.0, 0.09, dir.z);
-    let facing = dot(dir, light.sun_dir.xyz);
-    let sunlit = light.sun.rgb / max(1.0 - cover, 0.1);
-    let edge = clamp(0.75 + 0.25 * facing - 0.7 * thickness, 0.08, 1.0)
-        + 0.5 * pow(max(facing, 0.0), 24.0) * (1.0 - thickness);
-    let grey = dot(light.ambient_sky.rgb, vec3(0.2126, 0.7152, 0.0722)) * 0.31830988;
-    let diffuse = mix(mix(vec3(grey), light.ambient_sky.rgb * 0.31830988, 0.4), radiance, cover * cover)
-        * clamp(1.0 - 0.9 * density, 0.6, 1.4);
-    let cloud = diffuse + sunlit * (0.2 * edge);
-    return vec4(mix(radiance, cloud, mask), 1.0 - mask * smoothstep(0.0, 0.3, thickness));
-}
-
 #ifdef SKY
 @fragment
 fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     let dir = normalize(in.world);
-    var radiance = sky(dir);
+    let behind = sky(dir);
     // The sun's disc, 0.53 deg across; half floats end at 65504.
-    var disc = smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
-#ifdef CLOUDS
-    let clouded = clouds(dir, radiance);
-    radiance = clouded.rgb;
-    disc *= clouded.w;
-#endif
-    radiance += disc * min(light.sun.rgb * 15.0, vec3(30000.0));
+    let disc = behind.a * smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
+    let radiance = behind.rgb + disc * min(light.sun.rgb * 15.0, vec3(30000.0));
     return vec4(radiance * view.exposure, 0.0);
 }
 #else
@@ -183,7 +141,7 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     let glass = pulse(cell.x, w.x, side, 1.0 - side) * pulse(cell.y, w.y, sill, 0.86);
     // Glass mirrors the sky it faces; from below the horizon, its opposite street.
     let mirrored = reflect(dir, normal);
-    var reflected = sky(vec3(mirrored.xy, abs(mirrored.z)));
+    var reflected = sky(vec3(mirrored.xy, abs(mirrored.z))).rgb;
     let chance = hash(floor(cell) + floor(variant * 97.0));
     // Panes hang up to 1.5 deg out of true: some flash the sun, spread over 1 deg by their waves.
     if dot(mirrored, light.sun_dir.xyz) > 0.995 {
@@ -207,7 +165,7 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
 #ifdef WATER
     let mirrored = reflect(dir, normal);
     let fresnel = 0.02 + 0.98 * pow(1.0 - clamp(dot(-dir, normal), 0.0, 1.0), 5.0);
-    emitted += sky(vec3(mirrored.xy, abs(mirrored.z))) * fresnel;
+    emitted += sky(vec3(mirrored.xy, abs(mirrored.z))).rgb * fresnel;
 #endif
     let lambert = max(dot(normal, light.sun_dir.xyz), 0.0);
     let ambient = mix(light.ambient_ground.rgb, light.ambient_sky.rgb, 0.5 + 0.5 * normal.z);
@@ -217,9 +175,9 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     let transmittance = exp(-light.extinction.rgb * distance);
     let seen = mix(in.airlight, luminance, transmittance);
     // Digits in base 5: the resolve averages 4 samples, so sum(samples) = alpha * 4 tells
-    // exactly how many samples of each of four identities a pixel holds.
+    // exactly how many samples of a pixel are covered, and how many by each of four identities.
     let digit = in.surface.z;
-    let identity = select(pow(5.0, digit - 1.0), 0.0, digit == 0.0);
-    return vec4(seen * view.exposure, floor(identity + 0.5));
+    let identity = select(pow(5.0, digit), 0.0, digit == 0.0);
+    return vec4(seen * view.exposure, 1.0 + floor(identity + 0.5));
 }
 #endif

@@ -1,5 +1,6 @@
 //! What the renderer sees: the lean material, the sensor projection, links from truth to scene.
 
+use crate::models::air::backdrop::Backdrop;
 use crate::models::shape::mesh::Surface;
 use bevy::camera::{CameraProjection, SubCameraView};
 use bevy::math::{Mat4, Vec3A, Vec4};
@@ -34,8 +35,6 @@ pub struct LightUniform {
     pub extinction_per_m: Vec4,
     /// x: luminance of a lit window [kcd/m^2].
     pub night: Vec4,
-    /// Clouds drawn in the sky: cover 0..1, scale, seed.
-    pub clouds: Vec4,
     /// Air-light [kcd/m^2]: coefficients of a polynomial in the cosine of the azimuth from the sun.
     pub airlight_kcd_m2: [Vec4; 4],
 }
@@ -67,23 +66,21 @@ pub struct LeanMaterial {
 pub enum Shading {
     /// A kind of solid surface.
     Solid(Surface),
-    /// The sky: drawn after everything solid, so that only uncovered pixels pay for it.
+    /// The sky of the window: drawn after everything solid, so that only uncovered pixels pay for it. A
+    /// sensor's sky is added to its frames, see [`crate::models::optics::background`].
     Sky,
-    /// The sky with clouds.
-    CloudedSky,
 }
 
 impl Shading {
-    /// The definitions that select the shader's variant.
-    fn definitions(self) -> &'static [&'static str] {
+    /// The definition that selects the shader's variant.
+    fn definition(self) -> &'static str {
         match self {
-            Self::Solid(Surface::Plain) => &[],
-            Self::Solid(Surface::FacadeResidential | Surface::FacadeOffice) => &["FACADE"],
-            Self::Solid(Surface::Ground) => &["GROUND"],
-            Self::Solid(Surface::Foliage) => &["FOLIAGE"],
-            Self::Solid(Surface::Water) => &["WATER"],
-            Self::Sky => &["SKY"],
-            Self::CloudedSky => &["SKY", "CLOUDS"],
+            Self::Solid(Surface::Plain) => "PLAIN",
+            Self::Solid(Surface::FacadeResidential | Surface::FacadeOffice) => "FACADE",
+            Self::Solid(Surface::Ground) => "GROUND",
+            Self::Solid(Surface::Foliage) => "FOLIAGE",
+            Self::Solid(Surface::Water) => "WATER",
+            Self::Sky => "SKY",
         }
     }
 }
@@ -107,7 +104,7 @@ impl Material for LeanMaterial {
         // Bevy draws masked surfaces after opaque ones; the shader discards nothing.
         match self.shading {
             Shading::Solid(_) => AlphaMode::Opaque,
-            Shading::Sky | Shading::CloudedSky => AlphaMode::Mask(0.0),
+            Shading::Sky => AlphaMode::Mask(0.0),
         }
     }
 
@@ -126,9 +123,8 @@ impl Material for LeanMaterial {
         key: MaterialPipelineKey<Self>,
     ) -> Result<(), SpecializedMeshPipelineError> {
         if let Some(fragment) = &mut descriptor.fragment {
-            let definitions = key.bind_group_data.definitions();
-            let definitions = definitions.iter().map(|name| (*name).into());
-            fragment.shader_defs.extend(definitions);
+            let definition = key.bind_group_data.definition();
+            fragment.shader_defs.push(definition.into());
         }
         descriptor.vertex.buffers = vec![layout.0.get_layout(&[
             Mesh::ATTRIBUTE_POSITION.at_shader_location(0),
@@ -171,9 +167,14 @@ pub struct SceneHandles {
     pub site_grid: Entity,
     /// Material of each kind of solid surface, by its number.
     pub solid: [Handle<LeanMaterial>; Surface::ALL.len()],
-    /// Material of the sky.
-    pub sky: Handle<LeanMaterial>,
 }
+
+/// What shows where nothing solid stands.
+#[derive(Resource)]
+pub struct SkyView(pub Backdrop);
+
+/// The layer that only the window's camera sees: the sky.
+pub const WINDOW_LAYER: usize = 1;
 
 /// The render cameras of a sensor: full frame and window.
 #[derive(Component, Clone, Copy, Debug)]

@@ -1,8 +1,8 @@
 //! Tight boxes of what a UAV shows of itself.
 
-use super::stage::Rendered;
+use super::stage::{ANTIALIAS, Rendered};
 use crate::models::optics::raster::Masks;
-use crate::systems::capture::{self, ImageScratch, MAGNIFY, PATCH_PX};
+use crate::systems::capture::{self, ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX};
 
 /// A column or row counts if it shows at least this much of the UAV [px]: the tip of a blade does not.
 const MIN_COVERAGE_PX: f64 = 0.1;
@@ -79,9 +79,9 @@ pub fn visible_share<'a>(
     let digit = rendered.digits[prop];
     let width = rendered.frame.rect.size_px[0];
     let height = rendered.frame.rect.size_px[1];
-    let count = move |pixels: &[u8], index: usize| {
-        let alpha = capture::alpha_at(pixels, index);
-        f64::from(capture::digit_of((4.0 * alpha).round() as u32, digit))
+    let count = move |pixels: &[u8], index: usize, samples: u32| {
+        let sum = f64::from(samples) * capture::alpha_at(pixels, index);
+        f64::from(capture::digit_of(sum.round() as u32, digit))
     };
     let patch = rendered.shot.patch.as_ref();
     let patch = patch.map(|(patch, _)| patch).filter(|p| p.uav == prop);
@@ -93,9 +93,9 @@ pub fn visible_share<'a>(
                 let row = |y: u32| (x0..x0 + MAGNIFY).map(move |x| y * MAGNIFY * PATCH_PX + x);
                 let samples: f64 = (y0..y0 + MAGNIFY)
                     .flat_map(row)
-                    .map(|index| count(&scratch.enlarged, index as usize))
+                    .map(|index| count(&scratch.enlarged, index as usize, MAGNIFIED_SAMPLES))
                     .sum();
-                let area = samples / f64::from(4 * MAGNIFY * MAGNIFY);
+                let area = samples / f64::from(MAGNIFIED_SAMPLES * MAGNIFY * MAGNIFY);
                 let whole = f64::from(masks.at(x, y).count_ones()) / f64::from(SIDE * SIDE);
                 return (area / whole).min(1.0);
             }
@@ -106,7 +106,7 @@ pub fn visible_share<'a>(
             (seen, whole) = (0.0, 0.0);
             for y in y.saturating_sub(reach)..(y + reach + 1).min(height) {
                 for x in x.saturating_sub(reach)..(x + reach + 1).min(width) {
-                    seen += count(&scratch.pixels, (y * width + x) as usize);
+                    seen += count(&scratch.pixels, (y * width + x) as usize, ANTIALIAS);
                     whole += f64::from(own.at(x, y).count_ones());
                 }
             }

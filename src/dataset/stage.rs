@@ -7,6 +7,7 @@ use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::{Alignment, Pointing};
 use crate::components::render::{SceneHandles, SensorViews};
+use crate::models::air::backdrop::Backdrop;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::maths::kinematics::Pose;
@@ -22,7 +23,7 @@ use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
 
 /// Samples a pixel of the renderer.
-const ANTIALIAS: u32 = 4;
+pub const ANTIALIAS: u32 = 4;
 
 /// What may appear in a scene: its meshes, and whether it is annotated.
 #[derive(Clone)]
@@ -103,8 +104,11 @@ impl Stage {
                 world.despawn(entity);
             }
         }
-        scene::spawn(world, &environment, r_camera_enu_m);
-        let cloud_cover = environment.weather.cloud_cover;
+        let mut backdrop = Backdrop::new(environment.sky.clone(), environment.sun_dir_enu);
+        if let Some(seed) = clouds {
+            backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
+        }
+        scene::spawn(world, &environment, backdrop, r_camera_enu_m);
         world.insert_resource(environment);
         let site_grid = world.resource::<SceneHandles>().site_grid;
         self.root = world.get::<ChildOf>(site_grid).map(|child| child.parent());
@@ -126,9 +130,6 @@ impl Stage {
         for structure in clutter {
             scene::add_structure(world, structure);
         }
-        if let Some(seed) = clouds {
-            scene::set_clouds(world, cloud_cover, seed);
-        }
         let views = SensorViews {
             full: spawn_sensor_view(world, site_grid, size_px, ANTIALIAS),
             window: None,
@@ -136,7 +137,7 @@ impl Stage {
                 world,
                 site_grid,
                 [capture::MAGNIFY * capture::PATCH_PX; 2],
-                ANTIALIAS,
+                capture::MAGNIFIED_SAMPLES,
             ),
         };
         // Where `settle` looks for them; a child of the scene, so that it goes with it.

@@ -6,10 +6,13 @@ use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::Mount;
 use crate::components::render::{LEAN_SHADER, LeanMaterial, SceneHandles, SensorViews};
 use crate::components::run::{Failure, RunScenario, Seed};
-use crate::systems::capture::{ImageScratch, MAGNIFY, PATCH_PX};
-use crate::systems::render::renderer::{Renderer, settle, spawn_sensor_view};
+use crate::models::air::backdrop::Backdrop;
+use crate::systems::capture::{ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX};
+use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn_sensor_view};
 use crate::systems::render::scene;
 use bevy::prelude::*;
+use bevy::render::view::{prepare_view_attachments, prepare_view_targets};
+use bevy::render::{Render, RenderApp, RenderSystems};
 use big_space::plugin::BigSpaceMinimalPlugins;
 
 /// Materials, shader and big space; needs Bevy's own rendering plugins.
@@ -19,6 +22,15 @@ impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
         app.add_plugins(BigSpaceMinimalPlugins)
             .add_plugins(MaterialPlugin::<LeanMaterial>::default());
+        if let Some(renderer) = app.get_sub_app_mut(RenderApp) {
+            renderer.add_systems(
+                Render,
+                attach_unwritten
+                    .in_set(RenderSystems::PrepareViews)
+                    .after(prepare_view_attachments)
+                    .before(prepare_view_targets),
+            );
+        }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         // The handle is a constant of this crate, so it is always there to insert at.
         let _ = shaders.insert(
@@ -47,7 +59,7 @@ pub fn show(world: &mut World) {
         .iter(world)
         .next()
         .map_or(glam::DVec3::ZERO, |mount| mount.r_enu_m);
-    scene::spawn(world, &environment, r_station_enu_m);
+    let mut backdrop = Backdrop::new(environment.sky.clone(), environment.sun_dir_enu);
     if world
         .resource::<RunScenario>()
         .scenario
@@ -55,8 +67,9 @@ pub fn show(world: &mut World) {
         .cloud_texture
     {
         let seed = world.resource::<Seed>().0;
-        scene::set_clouds(world, environment.weather.cloud_cover, seed);
+        backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
     }
+    scene::spawn(world, &environment, backdrop, r_station_enu_m);
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let uavs: Vec<_> = uavs
         .iter(world)
@@ -85,13 +98,12 @@ pub fn show(world: &mut World) {
 fn spawn_views(world: &mut World, camera: &SensorCamera) -> SensorViews {
     let site_grid = world.resource::<SceneHandles>().site_grid;
     let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
-    let mut view =
-        |size_px: [u32; 2]| spawn_sensor_view(world, site_grid, size_px, camera.antialias);
+    let mut view = |size_px, samples| spawn_sensor_view(world, site_grid, size_px, samples);
     SensorViews {
-        full: view(sensor_px),
+        full: view(sensor_px, camera.antialias),
         window: camera
             .window_px
-            .map(|side| view([side.min(sensor_px[0]), side.min(sensor_px[1])])),
-        magnifier: view([MAGNIFY * PATCH_PX; 2]),
+            .map(|side| view(sensor_px.map(|most| side.min(most)), camera.antialias)),
+        magnifier: view([MAGNIFY * PATCH_PX; 2], MAGNIFIED_SAMPLES),
     }
 }

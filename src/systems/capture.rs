@@ -6,10 +6,11 @@ use crate::components::capture::{
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
 use crate::components::mount::Optics;
-use crate::components::render::{SensorProjection, SensorViews, UavBody, UavRotor};
+use crate::components::render::{SensorProjection, SensorViews, SkyView, UavBody, UavRotor};
 use crate::components::run::{Failure, Seed, SimClock, Stopwatch};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::Pose;
+use crate::models::optics::background::Background;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
@@ -47,6 +48,8 @@ pub(crate) struct Patch {
 
 /// Enlargement of a patch.
 pub const MAGNIFY: u32 = 8;
+/// Samples of an enlarged pixel: 64 make one of the frame.
+pub const MAGNIFIED_SAMPLES: u32 = 1;
 /// Side of a patch [px].
 pub const PATCH_PX: u32 = 16;
 /// UAVs with a box smaller than this get a patch [px]: the patch holds the box with a margin.
@@ -370,16 +373,47 @@ pub(crate) fn read(
     scratch: &mut ImageScratch,
 ) -> Result<(), CaptureError> {
     let camera = &shot.camera;
-    renderer.read(shot.view, frame.rect.size_px, &mut scratch.pixels)?;
+    let (pinhole, rect) = (camera.pinhole, frame.rect);
+    renderer.read(shot.view, rect.size_px, &mut scratch.pixels)?;
+    let samples = camera.antialias;
+    add_sky(world, frame, (pinhole, rect, samples), &mut scratch.pixels);
     count_identities(world, frame, camera, digits, &scratch.pixels, None);
     if let Some((patch, magnifier)) = &shot.patch {
         let rect = patch.magnified_rect();
         renderer.read(*magnifier, rect.size_px, &mut scratch.enlarged)?;
+        let view = (magnified(&pinhole), rect, MAGNIFIED_SAMPLES);
+        add_sky(world, frame, view, &mut scratch.enlarged);
         let enlarged = &scratch.enlarged;
         count_identities(world, frame, camera, digits, enlarged, Some(patch));
         patch.blend(&scratch.enlarged, frame.rect, &mut scratch.pixels);
     }
     Ok(())
+}
+
+/// Adds the sky to the rendered rectangle of a sensor, seen with so many samples a pixel.
+fn add_sky(
+    world: &World,
+    frame: &ExposedFrame,
+    (pinhole, rect, samples): (Pinhole, PixelRect, u32),
+    pixels: &mut [u8],
+) {
+    let Some(SkyView(backdrop)) = world.get_resource() else {
+        return;
+    };
+    let background = Background {
+        backdrop,
+        pinhole,
+        q_enu_cam: frame.pose.q_enu_cam,
+        rect,
+        samples,
+    };
+    let [width, height] = rect.size_px.map(|n| n as usize);
+    let strip = height.div_ceil(STRIPS);
+    ComputeTaskPool::get().scope(|scope| {
+        for (i, rows) in pixels.chunks_mut(8 * width * strip).enumerate() {
+            scope.spawn(async move { background.fill(i * strip, rows) });
+        }
+    });
 }
 
 /// The projection that renders a rectangle of a sensor.
@@ -424,8 +458,9 @@ pub(crate) fn alpha_at(pixels: &[u8], index: usize) -> f64 {
     half::f16::from_le_bytes([pixels[8 * index + 6], pixels[8 * index + 7]]).to_f64()
 }
 
-/// Identities a pixel can hold apart: base-5 digits of an integer that a half float keeps exact
-/// after the average over four samples.
+/// Identities a pixel can hold apart: base-5 digits of an integer, above the one that counts the covered
+/// samples, that a half float keeps exact after the average over four samples: quarters up to 512, and
+/// beyond that only the whole number of four samples of the last identity.
 pub const DIGITS: u32 = 4;
 
 /// A digit (1 to [`DIGITS`]) for every UAV, so that UAVs whose boxes touch in any frame differ
@@ -485,15 +520,15 @@ fn count_identities(
     pixels: &[u8],
     patch: Option<&Patch>,
 ) {
-    let (pinhole, rect, scale) = match patch {
-        None => (camera.pinhole, frame.rect, 1.0),
+    let (pinhole, rect, scale, antialias) = match patch {
+        None => (camera.pinhole, frame.rect, 1.0, camera.antialias),
         Some(patch) => {
-            let rect = patch.magnified_rect();
-            (magnified(&camera.pinhole), rect, f64::from(MAGNIFY))
+            let (pinhole, rect) = (magnified(&camera.pinhole), patch.magnified_rect());
+            (pinhole, rect, f64::from(MAGNIFY), MAGNIFIED_SAMPLES)
         }
     };
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
-    let samples = if camera.antialias > 1 { 4.0 } else { 1.0 };
+    let samples = f64::from(antialias);
     let [width, height] = rect.size_px;
     let [left, top] = rect.offset_px;
     for seen in &mut frame.truth {
@@ -526,7 +561,7 @@ fn count_identities(
             &state.rotor_phase_rad,
             &shape.mesh,
             rect,
-            camera.antialias,
+            antialias,
         )
         .coverage();
         seen.rendered = Some(RenderedTruth {
@@ -546,7 +581,7 @@ pub(crate) fn digit_of(sum: u32, digit: u32) -> u32 {
     if digit == 0 {
         0
     } else {
-        sum / 5u32.pow(digit - 1) % 5
+        sum / 5u32.pow(digit) % 5
     }
 }
 
@@ -556,13 +591,19 @@ mod tests {
 
     #[test]
     fn digits_survive_the_resolve() {
-        // Two samples of identity 1, one of 3, one of 4, averaged and stored as a half float.
-        let sum = 2.0 + 25.0 + 125.0;
-        let stored = half::f16::from_f64(sum / 4.0).to_f64() * 4.0;
-        let counts = [1, 2, 3, 4].map(|digit| digit_of(stored.round() as u32, digit));
-        assert_eq!(counts, [2, 0, 1, 1]);
-        // All four samples of the largest identity.
-        let stored = half::f16::from_f64(125.0).to_f64() * 4.0;
-        assert_eq!(digit_of(stored.round() as u32, 4), 4);
+        // Every way in which four samples meet sky, scenery and four identities, averaged and stored as
+        // a half float.
+        let alpha = [0, 1, 6, 26, 126, 626];
+        for code in 0..6_usize.pow(4) {
+            let samples = [1, 6, 36, 216].map(|place| code / place % 6);
+            let sum: u32 = samples.iter().map(|kind| alpha[*kind]).sum();
+            let stored = half::f16::from_f64(f64::from(sum) / 4.0).to_f64() * 4.0;
+            let count = |kind: usize| samples.iter().filter(|k| **k == kind).count() as u32;
+            for digit in 1..=DIGITS {
+                let counted = digit_of(stored.round() as u32, digit);
+                assert_eq!(counted, count(digit as usize + 1), "{samples:?}");
+            }
+            assert_eq!(stored.round() as u32 % 5, (4 - count(0)) % 5);
+        }
     }
 }

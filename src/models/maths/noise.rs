@@ -23,8 +23,8 @@ impl ValueNoise {
         let f = p - cell;
         let f = f * f * (DVec2::splat(3.0) - 2.0 * f);
         let value = |di: i64, dj: i64| {
-            let i = (cell.x as i64 + di).rem_euclid(PERIOD as i64) as usize;
-            let j = (cell.y as i64 + dj).rem_euclid(PERIOD as i64) as usize;
+            // The period is a power of two: its mask is the remainder.
+            let [i, j] = [cell.x as i64 + di, cell.y as i64 + dj].map(|k| k as usize % PERIOD);
             self.0[j * PERIOD + i]
         };
         let south = value(0, 0) + (value(1, 0) - value(0, 0)) * f.x;

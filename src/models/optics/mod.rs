@@ -1,5 +1,6 @@
 //! Cameras: projection, sensor, rasterised truth, calibration, detections.
 
+pub mod background;
 pub mod calibration;
 pub mod camera;
 pub mod detection;

@@ -8,10 +8,14 @@
 
 use crate::components::render::{SensorProjection, SensorViews};
 use bevy::app::Main;
-use bevy::camera::{CameraOutputMode, Exposure, MsaaWriteback, RenderTarget};
+use bevy::camera::{
+    CameraOutputMode, Exposure, MsaaWriteback, NormalizedRenderTarget, RenderTarget,
+};
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::ecs::schedule::{Schedules, SingleThreadedExecutor};
 use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, Extent3d, MapMode, Origin3d,
     PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect,
@@ -19,7 +23,8 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
-use bevy::render::view::{Msaa, NoIndirectDrawing, ViewTarget};
+use bevy::render::texture::{GpuImage, OutputColorAttachment};
+use bevy::render::view::{Msaa, NoIndirectDrawing, ViewTarget, ViewTargetAttachments};
 use std::collections::BTreeMap;
 
 /// The render sub-app, out of Bevy's own update loop.
@@ -149,6 +154,25 @@ fn run_on_one_thread(world: &mut World) {
     }
 }
 
+/// Names an output for the cameras that write none: Bevy clears the main texture only of a camera that has
+/// one.
+pub fn attach_unwritten(
+    images: Res<RenderAssets<GpuImage>>,
+    cameras: Query<&ExtractedCamera>,
+    mut attachments: ResMut<ViewTargetAttachments>,
+) {
+    for target in cameras.iter().filter_map(|camera| camera.target.as_ref()) {
+        if let NormalizedRenderTarget::Image(image) = target
+            && let Some(image) = images.get(&image.handle)
+            && !attachments.contains_key(target)
+        {
+            let format = image.texture_descriptor.format;
+            let output = OutputColorAttachment::new(image.texture_view.clone(), format);
+            attachments.insert(target.clone(), output);
+        }
+    }
+}
+
 /// Renders with every sensor view until meshes, textures and pipelines have reached the GPU, so
 /// that the first frame of a run is whole.
 pub fn settle(world: &mut World, renderer: &mut Renderer) {
@@ -189,9 +213,9 @@ pub fn spawn_sensor_view(
             Camera3d::default(),
             Camera {
                 is_active: false,
-                // The sky covers every pixel, and the picture is read from the main texture:
-                // neither a clear nor a copy to the target is paid for.
-                clear_color: ClearColorConfig::None,
+                // Black and nobody's: the sky is added afterwards. The picture is read from the main
+                // texture: no copy to the target is paid for.
+                clear_color: ClearColorConfig::Custom(Color::NONE),
                 output_mode: CameraOutputMode::Skip,
                 msaa_writeback: MsaaWriteback::Off,
                 ..default()

@@ -7,16 +7,16 @@
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::render::{
-    ATTRIBUTE_SURFACE, LeanMaterial, LightUniform, SceneHandles, Shading, SiteGrid, StationOrigin,
-    UavBody, UavRotor,
+    ATTRIBUTE_SURFACE, LeanMaterial, LightUniform, SceneHandles, Shading, SiteGrid, SkyView,
+    StationOrigin, UavBody, UavRotor, WINDOW_LAYER,
 };
+use crate::models::air::backdrop::Backdrop;
 use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::ground::city::GroundMap;
-use crate::models::maths::rng::Stream;
 use crate::models::shape::mesh::{MeshData, Surface};
 use crate::models::shape::uav_mesh::UavMesh;
 use bevy::asset::RenderAssetUsages;
-use bevy::camera::visibility::NoFrustumCulling;
+use bevy::camera::visibility::{NoFrustumCulling, RenderLayers};
 use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::mesh::{Indices, MeshTag, PrimitiveTopology};
 use bevy::prelude::*;
@@ -149,8 +149,10 @@ pub fn ground_texture(map: &GroundMap) -> Image {
     image
 }
 
-/// Texels along a side of the sky table: 0.4 deg at the horizon.
+/// Texels along a side of the sky table: 0.4 deg at the horizon, enough for panes and water, and 0.1 deg
+/// where a window shows it.
 const SKY_SIDE: u32 = 256;
+const WINDOW_SKY_SIDE: u32 = 1024;
 
 /// The direction of a point of the sky table, its square being -1..1 in both axes: the upper half
 /// of an octahedron, turned by 45 deg so that it fills the square.
@@ -159,22 +161,24 @@ fn sky_direction(u: f64, v: f64) -> DVec3 {
     flat.extend(1.0 - flat.x.abs() - flat.y.abs()).normalize()
 }
 
-/// The sky's luminance as a float texture.
-fn sky_texture(sky: &Sky) -> Image {
+/// The sky's luminance with its clouds as a float texture of `side` texels each way; alpha: what clouds
+/// leave of the sun's disc.
+fn sky_texture(backdrop: &Backdrop, side: u32) -> Image {
     let half = |x: f64| half::f16::from_f64(x.min(65_000.0)).to_le_bytes();
-    let at = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(SKY_SIDE) - 1.0;
-    let bytes = (0..SKY_SIDE)
-        .flat_map(|j| (0..SKY_SIDE).map(move |i| sky_direction(at(i), at(j))))
+    let at = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(side) - 1.0;
+    let bytes = (0..side)
+        .flat_map(|j| (0..side).map(move |i| sky_direction(at(i), at(j))))
         .flat_map(|dir| {
-            let [r, g, b] = sky.radiance(dir);
-            [r, g, b, 1.0]
+            let detail_rad = std::f64::consts::PI / f64::from(side);
+            let ([r, g, b], left) = backdrop.clouded(dir, backdrop.sky(dir), detail_rad);
+            [r, g, b, left]
         })
         .flat_map(half)
         .collect();
     let mut image = Image::new(
         Extent3d {
-            width: SKY_SIDE,
-            height: SKY_SIDE,
+            width: side,
+            height: side,
             depth_or_array_layers: 1,
         },
         TextureDimension::D2,
@@ -223,25 +227,6 @@ fn sampler(address_mode_u: ImageAddressMode) -> ImageSampler {
     })
 }
 
-/// Draws clouds over the share `cover` (0..1) of the spawned scene's sky, placed by `seed`; they
-/// shade nothing but the sun's disc, since the sky's light is that of the mean cover already.
-pub fn set_clouds(world: &mut World, cover: f64, seed: u64) {
-    // Lengths of the cloud plane's base height to a cell of the coarsest noise (assumption).
-    const SCALE: f32 = 0.9;
-    let Some(handles) = world.get_resource::<SceneHandles>() else {
-        return;
-    };
-    let sky = handles.sky.clone();
-    let lie = Stream::new(seed, 0, "clouds").range(0.0, 500.0) as f32;
-    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
-    if let Some(mut material) = materials.get_mut(&sky) {
-        material.light.clouds = Vec4::new(cover as f32, SCALE, lie, 0.0);
-        if cover > 0.0 {
-            material.shading = Shading::CloudedSky;
-        }
-    }
-}
-
 /// Adds a structure to the spawned scene, if anything is rendered: its mesh at its origin, unturned.
 pub fn add_structure(world: &mut World, data: &MeshData) {
     let Some(handles) = world.get_resource::<SceneHandles>() else {
@@ -274,14 +259,21 @@ fn light(environment: &Environment) -> LightUniform {
     }
 }
 
-/// Builds the grids, the city and the sky; the sensors stand at `r_station_enu_m` [m].
-pub fn spawn(world: &mut World, environment: &Environment, r_station_enu_m: DVec3) {
+/// Builds the grids, the city and, for a window, the sky; the sensors stand at `r_station_enu_m` [m].
+pub fn spawn(
+    world: &mut World,
+    environment: &Environment,
+    backdrop: Backdrop,
+    r_station_enu_m: DVec3,
+) {
     let city = &environment.city;
+    let windowed = world.query::<&Window>().iter(world).next().is_some();
+    let sky_side = if windowed { WINDOW_SKY_SIDE } else { SKY_SIDE };
     let mut images = world.resource_mut::<Assets<Image>>();
     let sky = LeanMaterial {
         light: light(environment),
         ground_map: images.add(ground_texture(&city.ground_map)),
-        sky_table: images.add(sky_texture(&environment.sky)),
+        sky_table: images.add(sky_texture(&backdrop, sky_side)),
         shading: Shading::Sky,
     };
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
@@ -292,7 +284,6 @@ pub fn spawn(world: &mut World, environment: &Environment, r_station_enu_m: DVec
         })
     });
     let sky = materials.add(sky);
-    let dome = world.resource_mut::<Assets<Mesh>>().add(dome());
 
     let site = &environment.site;
     let (cell, transform) = place(&grid(), site.origin().to_ecef(), site.q_ecef_enu());
@@ -323,18 +314,19 @@ pub fn spawn(world: &mut World, environment: &Environment, r_station_enu_m: DVec
         Visibility::default(),
         ChildOf(site_grid),
     ));
-    world.spawn((
-        Mesh3d(dome),
-        MeshMaterial3d(sky.clone()),
-        NoFrustumCulling,
-        at,
-        ChildOf(site_grid),
-    ));
-    world.insert_resource(SceneHandles {
-        site_grid,
-        solid,
-        sky,
-    });
+    if windowed {
+        let dome = world.resource_mut::<Assets<Mesh>>().add(dome());
+        world.spawn((
+            Mesh3d(dome),
+            MeshMaterial3d(sky),
+            RenderLayers::layer(WINDOW_LAYER),
+            NoFrustumCulling,
+            at,
+            ChildOf(site_grid),
+        ));
+    }
+    world.insert_resource(SkyView(backdrop));
+    world.insert_resource(SceneHandles { site_grid, solid });
     for tile in city.chunks() {
         add_structure(world, &tile);
     }

@@ -3,11 +3,12 @@
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::mount::Mount;
-use crate::components::render::SceneHandles;
+use crate::components::render::{SceneHandles, WINDOW_LAYER};
 use crate::components::view::{FreeCamera, Session, WindowCamera, WindowFrame};
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::systems::render::scene::{bevy_attitude, place_in_site};
 use bevy::camera::Exposure;
+use bevy::camera::visibility::RenderLayers;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::input::mouse::AccumulatedMouseMotion;
 use bevy::prelude::*;
@@ -71,6 +72,7 @@ pub fn spawn_window_camera(world: &mut World) {
             clear_color: ClearColorConfig::None,
             ..default()
         },
+        RenderLayers::from_layers(&[0, WINDOW_LAYER]),
         Projection::Perspective(PerspectiveProjection {
             fov: camera.vfov_rad as f32,
             near: 0.5,
