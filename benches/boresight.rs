@@ -186,10 +186,12 @@ fn only(world: &mut World, tier: Tier, readout: Readout) -> (Entity, [u32; 2]) {
         if camera.tier == tier {
             *state = readout;
             let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
-            chosen = Some(match (readout, camera.window_px, views.window) {
-                (Readout::Around { .. }, Some(side), Some(view)) => (view, [side; 2]),
-                _ => (views.full, sensor_px),
-            });
+            let size_px = match (readout, camera.window_px) {
+                (Readout::Around { .. }, Some(side)) => [side; 2],
+                _ => sensor_px,
+            };
+            let view = views.sizes.iter().find(|(size, _)| *size == size_px);
+            chosen = view.map(|(_, view)| (*view, size_px));
         }
     }
     chosen.expect("every tier has a camera")

@@ -1,6 +1,8 @@
 //! What the renderer sees: the lean material, the sensor projection, links from truth to scene.
 
 use crate::models::air::backdrop::Backdrop;
+use crate::models::ground::skyline::Skyline;
+use crate::models::optics::camera::PixelRect;
 use crate::models::shape::mesh::Surface;
 use bevy::camera::{CameraProjection, SubCameraView};
 use bevy::math::{Mat4, Vec3A, Vec4};
@@ -176,16 +178,39 @@ pub struct SkyView(pub Backdrop);
 /// The layer that only the window's camera sees: the sky.
 pub const WINDOW_LAYER: usize = 1;
 
-/// The render cameras of a sensor: full frame and window.
-#[derive(Component, Clone, Copy, Debug)]
+/// The render cameras of a sensor.
+#[derive(Component, Clone, Debug)]
 pub struct SensorViews {
-    /// Renders the whole sensor.
-    pub full: Entity,
-    /// Renders the readout window, where the camera has one.
-    pub window: Option<Entity>,
-    /// Renders the surroundings of a small UAV enlarged; see [`Patch`].
+    /// Size [px] and camera of the rectangles that can be rendered, the smallest first; the last is the
+    /// whole sensor.
+    pub sizes: Vec<([u32; 2], Entity)>,
+    /// Renders the surroundings of a small UAV enlarged; see [`crate::systems::capture`].
     pub magnifier: Entity,
 }
+
+impl SensorViews {
+    /// The smallest view that holds a rectangle, and where in the frame `frame` its own is put.
+    pub fn around(&self, wanted: PixelRect, frame: PixelRect) -> Option<(Entity, PixelRect)> {
+        let [wide, high] = wanted.size_px;
+        let fits = |size: &[u32; 2]| {
+            size[0] >= wide && size[1] >= high && (0..2).all(|i| size[i] <= frame.size_px[i])
+        };
+        let (size_px, view) = self.sizes.iter().find(|(size, _)| fits(size))?;
+        let offset_px = [0, 1].map(|i| {
+            let last = frame.offset_px[i] + frame.size_px[i] - size_px[i];
+            wanted.offset_px[i].min(last)
+        });
+        let rect = PixelRect {
+            offset_px,
+            size_px: *size_px,
+        };
+        Some((*view, rect))
+    }
+}
+
+/// What of the scene stands before the sky, where that is known.
+#[derive(Resource)]
+pub struct Solids(pub Skyline);
 
 /// A pinhole that renders one rectangle of a sensor: the full frame or the window read out.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -108,7 +108,8 @@ impl Stage {
         if let Some(seed) = clouds {
             backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
         }
-        scene::spawn(world, &environment, backdrop, r_camera_enu_m);
+        let tiles = environment.city.chunks();
+        scene::spawn(world, &environment, &tiles, backdrop, r_camera_enu_m);
         world.insert_resource(environment);
         let site_grid = world.resource::<SceneHandles>().site_grid;
         self.root = world.get::<ChildOf>(site_grid).map(|child| child.parent());
@@ -131,8 +132,10 @@ impl Stage {
             scene::add_structure(world, structure);
         }
         let views = SensorViews {
-            full: spawn_sensor_view(world, site_grid, size_px, ANTIALIAS),
-            window: None,
+            sizes: vec![(
+                size_px,
+                spawn_sensor_view(world, site_grid, size_px, ANTIALIAS),
+            )],
             magnifier: spawn_sensor_view(
                 world,
                 site_grid,
@@ -141,7 +144,7 @@ impl Stage {
             ),
         };
         // Where `settle` looks for them; a child of the scene, so that it goes with it.
-        world.spawn((views, ChildOf(site_grid)));
+        world.spawn((views.clone(), ChildOf(site_grid)));
         self.views = Some(views);
         settle(world, &mut self.renderer);
     }
@@ -156,7 +159,7 @@ impl Stage {
         placed: &[Placed],
     ) -> Result<Rendered, DatasetError> {
         let world = self.app.world_mut();
-        let views = self.views.ok_or(RunError::NoAdapter)?;
+        let views = self.views.clone().ok_or(RunError::NoAdapter)?;
         let camera = SensorCamera {
             tier: Tier::Search,
             pinhole,
@@ -203,7 +206,7 @@ impl Stage {
             truth,
             rgb8: None,
         };
-        let shots = [Shot::new(&frame, camera, &views)];
+        let shots = [Shot::new(&frame, camera, &views, None)];
         let mut frames = [frame];
         let digits = capture::draw(world, &mut self.renderer, &frames, &shots);
         let ([frame], [shot]) = (&mut frames, &shots);

@@ -4,9 +4,10 @@ use crate::components::capture::SensorCamera;
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::Mount;
-use crate::components::render::{LEAN_SHADER, LeanMaterial, SceneHandles, SensorViews};
+use crate::components::render::{LEAN_SHADER, LeanMaterial, SceneHandles, SensorViews, Solids};
 use crate::components::run::{Failure, RunScenario, Seed};
 use crate::models::air::backdrop::Backdrop;
+use crate::models::ground::skyline::Skyline;
 use crate::systems::capture::{ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX};
 use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn_sensor_view};
 use crate::systems::render::scene;
@@ -69,7 +70,9 @@ pub fn show(world: &mut World) {
         let seed = world.resource::<Seed>().0;
         backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
     }
-    scene::spawn(world, &environment, backdrop, r_station_enu_m);
+    let tiles = environment.city.chunks();
+    world.insert_resource(Solids(Skyline::new(&tiles, r_station_enu_m)));
+    scene::spawn(world, &environment, &tiles, backdrop, r_station_enu_m);
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let uavs: Vec<_> = uavs
         .iter(world)
@@ -94,16 +97,28 @@ pub fn show(world: &mut World) {
     world.insert_non_send(ImageScratch::default());
 }
 
-/// The render cameras of a sensor.
+/// Sides of the squares that a view renders when nothing else is to be seen [px].
+const SQUARES_PX: [u32; 3] = [64, 128, 256];
+
+/// The render cameras of a sensor: squares about a UAV before the sky, its readout window, the sensor's
+/// lower half and all of it.
 fn spawn_views(world: &mut World, camera: &SensorCamera) -> SensorViews {
     let site_grid = world.resource::<SceneHandles>().site_grid;
-    let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+    let [width, height] = [camera.pinhole.width_px, camera.pinhole.height_px];
+    let mut sizes: Vec<[u32; 2]> = SQUARES_PX
+        .into_iter()
+        .chain(camera.window_px)
+        .map(|side| [side.min(width), side.min(height)])
+        .chain([[width, height.div_ceil(2)], [width, height]])
+        .collect();
+    sizes.sort_by_key(|[width, height]| (width * height, *width));
+    sizes.dedup();
     let mut view = |size_px, samples| spawn_sensor_view(world, site_grid, size_px, samples);
     SensorViews {
-        full: view(sensor_px, camera.antialias),
-        window: camera
-            .window_px
-            .map(|side| view(sensor_px.map(|most| side.min(most)), camera.antialias)),
         magnifier: view([MAGNIFY * PATCH_PX; 2], MAGNIFIED_SAMPLES),
+        sizes: sizes
+            .into_iter()
+            .map(|size_px| (size_px, view(size_px, camera.antialias)))
+            .collect(),
     }
 }

@@ -6,9 +6,12 @@ use crate::components::capture::{
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
 use crate::components::mount::Optics;
-use crate::components::render::{SensorProjection, SensorViews, SkyView, UavBody, UavRotor};
+use crate::components::render::{
+    SensorProjection, SensorViews, SkyView, Solids, UavBody, UavRotor,
+};
 use crate::components::run::{Failure, Seed, SimClock, Stopwatch};
 use crate::models::ground::dsm::LineOfSight;
+use crate::models::ground::skyline::Skyline;
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::background::Background;
 use crate::models::optics::camera::Pinhole;
@@ -247,6 +250,8 @@ fn projected_box(
 pub struct ImageScratch {
     /// The frame: rows of half-float RGBA.
     pub(crate) pixels: Vec<u8>,
+    /// The part of it that was rendered.
+    part: Vec<u8>,
     /// Its enlarged patch.
     pub(crate) enlarged: Vec<u8>,
     /// Scratch of each strip of rows.
@@ -287,7 +292,8 @@ fn render_with(
             let (camera, views) = cameras
                 .iter(world)
                 .find(|(camera, _)| camera.tier == frame.tier)?;
-            Some(Shot::new(frame, camera.clone(), views))
+            let solids = world.get_resource();
+            Some(Shot::new(frame, camera.clone(), views, solids))
         })
         .collect();
     let digits = draw(world, renderer, &frames, &shots);
@@ -307,25 +313,62 @@ fn render_with(
 /// What renders one frame.
 pub(crate) struct Shot {
     pub(crate) camera: SensorCamera,
-    view: Entity,
+    /// The view that renders the part with something solid in it, and that part; `None`: all is sky.
+    view: Option<(Entity, PixelRect)>,
     /// The small UAV of the frame and the view that enlarges it.
     pub(crate) patch: Option<(Patch, Entity)>,
 }
 
 impl Shot {
-    /// The view of `views` that shows the rectangle of `frame`, and what is to be enlarged in it.
-    pub(crate) fn new(frame: &ExposedFrame, camera: SensorCamera, views: &SensorViews) -> Self {
-        let full = frame.rect.size_px == [camera.pinhole.width_px, camera.pinhole.height_px];
+    /// The view of `views` that shows what is solid of `frame`, and what is to be enlarged in it.
+    pub(crate) fn new(
+        frame: &ExposedFrame,
+        camera: SensorCamera,
+        views: &SensorViews,
+        solids: Option<&Solids>,
+    ) -> Self {
+        let solid = match solids {
+            Some(Solids(skyline)) => solid_part(frame, &camera.pinhole, skyline),
+            None => Some(frame.rect),
+        };
         Self {
-            view: if full {
-                views.full
-            } else {
-                views.window.unwrap_or(views.full)
-            },
+            view: solid.and_then(|solid| views.around(solid, frame.rect)),
             patch: Patch::of(frame).map(|patch| (patch, views.magnifier)),
             camera,
         }
     }
+}
+
+/// The part of a frame outside of which there is only sky: what lies below the skyline, and the boxes of
+/// all that flies.
+fn solid_part(frame: &ExposedFrame, pinhole: &Pinhole, skyline: &Skyline) -> Option<PixelRect> {
+    const MARGIN_PX: f64 = 2.0;
+    let PixelRect { offset_px, size_px } = frame.rect;
+    let pose = (frame.pose.r_enu_m, frame.pose.q_enu_cam);
+    let row = skyline.first_row(pinhole, pose, frame.rect);
+    // Corners in the rectangle: lower and upper end.
+    let ground = (row < size_px[1]).then_some([[0, row], size_px]);
+    let flying = frame.truth.iter().filter_map(|seen| {
+        let [x0, y0, x1, y1] = seen.box_px;
+        let part = |i: usize, low: f64, high: f64| {
+            let local = |x: f64| (x - f64::from(offset_px[i])).clamp(0.0, f64::from(size_px[i]));
+            let [low, high] = [
+                local(low - MARGIN_PX).floor(),
+                local(high + MARGIN_PX).ceil(),
+            ];
+            (low < high).then_some([low as u32, high as u32])
+        };
+        let ([left, right], [top, bottom]) = (part(0, x0, x1)?, part(1, y0, y1)?);
+        Some([[left, top], [right, bottom]])
+    });
+    let union = flying.chain(ground).reduce(|a, b| {
+        let pick = |k: usize, of: fn(u32, u32) -> u32| [0, 1].map(|i| of(a[k][i], b[k][i]));
+        [pick(0, u32::min), pick(1, u32::max)]
+    });
+    union.map(|[low, high]| PixelRect {
+        offset_px: [0, 1].map(|i| offset_px[i] + low[i]),
+        size_px: [0, 1].map(|i| high[i] - low[i]),
+    })
 }
 
 /// Renders `frames` as `shots` say; the digits by which the UAVs are told apart, by their index.
@@ -346,18 +389,27 @@ pub(crate) fn draw(
     for (frame, shot) in frames.iter().map(Borrow::borrow).zip(shots) {
         let pinhole = &shot.camera.pinhole;
         let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
-        aim_sensor_view(world, shot.view, projection(pinhole, frame.rect), at);
+        if let Some((view, rect)) = shot.view {
+            aim_sensor_view(world, view, projection(pinhole, rect), at);
+        }
         if let Some((patch, magnifier)) = shot.patch {
             let projection = projection(&magnified(pinhole), patch.magnified_rect());
             aim_sensor_view(world, magnifier, projection, at);
         }
     }
-    renderer.render(world);
-    for shot in shots {
-        for view in [Some(shot.view), shot.patch.map(|(_, magnifier)| magnifier)] {
-            if let Some(mut view) = view.and_then(|view| world.get_mut::<Camera>(view)) {
-                view.is_active = false;
-            }
+    let active = |shot: &Shot| {
+        let [view, magnifier] = [
+            shot.view.map(|(view, _)| view),
+            shot.patch.map(|(_, view)| view),
+        ];
+        view.into_iter().chain(magnifier)
+    };
+    if shots.iter().flat_map(active).next().is_some() {
+        renderer.render(world);
+    }
+    for view in shots.iter().flat_map(active) {
+        if let Some(mut view) = world.get_mut::<Camera>(view) {
+            view.is_active = false;
         }
     }
     digits
@@ -374,7 +426,14 @@ pub(crate) fn read(
 ) -> Result<(), CaptureError> {
     let camera = &shot.camera;
     let (pinhole, rect) = (camera.pinhole, frame.rect);
-    renderer.read(shot.view, rect.size_px, &mut scratch.pixels)?;
+    scratch.pixels.clear();
+    scratch
+        .pixels
+        .resize(8 * (rect.size_px[0] * rect.size_px[1]) as usize, 0);
+    if let Some((view, part)) = shot.view {
+        renderer.read(view, part.size_px, &mut scratch.part)?;
+        paste(&scratch.part, part, rect, &mut scratch.pixels);
+    }
     let samples = camera.antialias;
     add_sky(world, frame, (pinhole, rect, samples), &mut scratch.pixels);
     count_identities(world, frame, camera, digits, &scratch.pixels, None);
@@ -388,6 +447,18 @@ pub(crate) fn read(
         patch.blend(&scratch.enlarged, frame.rect, &mut scratch.pixels);
     }
     Ok(())
+}
+
+/// Puts the pixels of a part of a frame at their place.
+fn paste(pixels: &[u8], part: PixelRect, frame: PixelRect, out: &mut [u8]) {
+    let [left, top] = [0, 1].map(|i| (part.offset_px[i] - frame.offset_px[i]) as usize);
+    let length = 8 * part.size_px[0] as usize;
+    let rows = out
+        .chunks_exact_mut(8 * frame.size_px[0] as usize)
+        .skip(top);
+    for (row, line) in rows.zip(pixels.chunks_exact(length)) {
+        row[8 * left..8 * left + length].copy_from_slice(line);
+    }
 }
 
 /// Adds the sky to the rendered rectangle of a sensor, seen with so many samples a pixel.

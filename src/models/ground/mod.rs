@@ -1,4 +1,5 @@
-//! The ground: the height raster and the generated city.
+//! The ground: the height raster, the generated city, its skyline.
 
 pub mod city;
 pub mod dsm;
+pub mod skyline;

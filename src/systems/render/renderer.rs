@@ -181,8 +181,10 @@ pub fn settle(world: &mut World, renderer: &mut Renderer) {
     let mut views = world.query::<&SensorViews>();
     let views: Vec<Entity> = views
         .iter(world)
-        .flat_map(|views| [Some(views.full), views.window, Some(views.magnifier)])
-        .flatten()
+        .flat_map(|views| {
+            let whole = views.sizes.last().map(|(_, view)| *view);
+            whole.into_iter().chain([views.magnifier])
+        })
         .collect();
     let activate = |world: &mut World, active: bool| {
         for view in &views {

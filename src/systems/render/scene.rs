@@ -259,10 +259,11 @@ fn light(environment: &Environment) -> LightUniform {
     }
 }
 
-/// Builds the grids, the city and, for a window, the sky; the sensors stand at `r_station_enu_m` [m].
+/// Builds the grids, the city from its `tiles` and, for a window, the sky; the sensors stand at `r_station_enu_m` [m].
 pub fn spawn(
     world: &mut World,
     environment: &Environment,
+    tiles: &[MeshData],
     backdrop: Backdrop,
     r_station_enu_m: DVec3,
 ) {
@@ -327,8 +328,8 @@ pub fn spawn(
     }
     world.insert_resource(SkyView(backdrop));
     world.insert_resource(SceneHandles { site_grid, solid });
-    for tile in city.chunks() {
-        add_structure(world, &tile);
+    for tile in tiles {
+        add_structure(world, tile);
     }
 }
 

@@ -1,0 +1,224 @@
+//! The highest solid thing in every azimuth, seen from a place that stays: above it there is only sky.
+
+use crate::models::maths::kinematics::los_to_az_el;
+use crate::models::optics::camera::{Pinhole, PixelRect};
+use crate::models::shape::mesh::MeshData;
+use glam::{DQuat, DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Azimuths that are told apart: 1.5 mrad each.
+const BINS: usize = 4096;
+/// How far the eye may move from the place [m].
+const REACH_M: f64 = 0.3;
+/// Allowance for what lies between samples, and for f32 vertices [rad].
+const MARGIN_RAD: f64 = 1e-3;
+/// An edge nearer than this in the plan may lie in any azimuth [m].
+const OVERHEAD_M: f64 = 1.0;
+
+/// The elevation below which something solid may stand, over the azimuth.
+#[derive(Clone, Debug)]
+pub struct Skyline {
+    r_eye_enu_m: DVec3,
+    /// For each step of the azimuth from north over east [rad].
+    el_rad: Vec<f64>,
+}
+
+impl Skyline {
+    /// The skyline of `meshes` (enu) from `r_eye_enu_m`.
+    pub fn new(meshes: &[MeshData], r_eye_enu_m: DVec3) -> Self {
+        let mut skyline = Self {
+            r_eye_enu_m,
+            el_rad: vec![-FRAC_PI_2; BINS],
+        };
+        for mesh in meshes {
+            let origin_m = mesh.origin_enu_m - r_eye_enu_m;
+            let at = |i: u32| origin_m + DVec3::from(mesh.positions[i as usize].map(f64::from));
+            for triangle in mesh.indices.as_chunks::<3>().0 {
+                let corners = triangle.map(at);
+                for k in 0..3 {
+                    skyline.raise(corners[k], corners[(k + 1) % 3]);
+                }
+            }
+        }
+        skyline
+    }
+
+    /// Lets an edge from `a` to `b` (m, from the eye) stand before the sky.
+    fn raise(&mut self, a: DVec3, b: DVec3) {
+        let nearest_m = nearest_to_axis_m(a, b);
+        if nearest_m < OVERHEAD_M {
+            // Below the eye, what is farther stands higher; beside it or above it hides everything.
+            let farthest_m = a.truncate().length().max(b.truncate().length());
+            let height_m = a.z.max(b.z) + REACH_M;
+            let bound = if height_m < 0.0 {
+                height_m.atan2(farthest_m)
+            } else {
+                FRAC_PI_2
+            };
+            self.el_rad.iter_mut().for_each(|el| *el = el.max(bound));
+            return;
+        }
+        let margin_rad = MARGIN_RAD + REACH_M / nearest_m;
+        let [az_a, az_b] = [a, b].map(|r| r.x.atan2(r.y));
+        let turn = (az_b - az_a + PI).rem_euclid(TAU) - PI;
+        // The eye may move: a neighbour's azimuth as well.
+        let spread = REACH_M / nearest_m;
+        let (from, to) = (az_a + turn.min(0.0) - spread, az_a + turn.max(0.0) + spread);
+        let bin = |az: f64| (az / TAU * BINS as f64).floor() as i64;
+        for k in bin(from)..=bin(to) {
+            let ends = [k, k + 1].map(|k| (k as f64 / BINS as f64 * TAU).clamp(from, to));
+            let highest = ends.map(|az| elevation_on_edge(a, b, az)).into_iter();
+            let el = highest.fold(-FRAC_PI_2, f64::max) + margin_rad;
+            let slot = &mut self.el_rad[k.rem_euclid(BINS as i64) as usize];
+            *slot = slot.max(el);
+        }
+    }
+
+    /// The first row of the rectangle `rect` of a camera at `r_enu_m` in which something solid may show;
+    /// its height where all of it is sky. Where the skyline cannot tell, the first of all.
+    pub fn first_row(
+        &self,
+        pinhole: &Pinhole,
+        (r_enu_m, q_enu_cam): (DVec3, DQuat),
+        rect: PixelRect,
+    ) -> u32 {
+        // Beyond this elevation azimuths run together [rad].
+        const STEEP_RAD: f64 = 1.0;
+        const SAMPLES: u32 = 8;
+        const MARGIN_PX: f64 = 2.0;
+        let low = rect.offset_px.map(f64::from);
+        let size = rect.size_px.map(f64::from);
+        let direction = |u: f64, v: f64| {
+            let px = DVec2::new(low[0] + u * size[0], low[1] + v * size[1]);
+            los_to_az_el(q_enu_cam * pinhole.ray(px))
+        };
+        let middle = direction(0.5, 0.5);
+        let border: Vec<DVec2> = (0..=SAMPLES)
+            .map(|k| f64::from(k) / f64::from(SAMPLES))
+            .flat_map(|s| [(s, 0.0), (s, 1.0), (0.0, s), (1.0, s)])
+            .map(|(u, v)| direction(u, v))
+            .collect();
+        let steep = border.iter().any(|at| at.y.abs() > STEEP_RAD);
+        if steep || r_enu_m.distance(self.r_eye_enu_m) > REACH_M {
+            return 0;
+        }
+        let off = |az: f64| (az - middle.x + PI).rem_euclid(TAU) - PI;
+        let reach = border.iter().map(|at| off(at.x).abs()).fold(0.0, f64::max);
+        let bin = |az: f64| (az / TAU * BINS as f64).floor() as i64;
+        let el = (bin(middle.x - reach) - 1..=bin(middle.x + reach) + 1)
+            .map(|k| self.el_rad[k.rem_euclid(BINS as i64) as usize])
+            .fold(-FRAC_PI_2, f64::max);
+        if el >= STEEP_RAD {
+            return 0;
+        }
+        let rows = (0..=2 * SAMPLES).map(|k| {
+            let az = middle.x + reach * (f64::from(k) / f64::from(SAMPLES) - 1.0);
+            let (sin_el, cos_el) = el.sin_cos();
+            let dir_enu = DVec3::new(az.sin() * cos_el, az.cos() * cos_el, sin_el);
+            let px = pinhole.project(q_enu_cam.inverse() * dir_enu);
+            px.map_or(f64::NEG_INFINITY, |px| px.y)
+        });
+        let top = rows.fold(f64::INFINITY, f64::min) - MARGIN_PX - low[1];
+        top.floor().clamp(0.0, size[1]) as u32
+    }
+}
+
+/// The distance of an edge from the vertical through the eye [m].
+fn nearest_to_axis_m(a: DVec3, b: DVec3) -> f64 {
+    let (a, along) = (a.truncate(), (b - a).truncate());
+    let length = along.length_squared();
+    let t = if length > 0.0 {
+        (-a.dot(along) / length).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    (a + t * along).length()
+}
+
+/// The elevation at which a vertical plane at azimuth `az` cuts the edge, or its nearer end [rad].
+fn elevation_on_edge(a: DVec3, b: DVec3, az: f64) -> f64 {
+    let level = DVec2::new(az.sin(), az.cos());
+    let along = b - a;
+    let across = level.perp_dot(along.truncate());
+    let t = -level.perp_dot(a.truncate()) / across;
+    let t = if t.is_finite() {
+        t.clamp(0.0, 1.0)
+    } else {
+        0.5
+    };
+    let at = a + t * along;
+    let of = |r: DVec3| r.z.atan2(r.truncate().length());
+    // An edge that runs along the line of sight is highest at one of its ends.
+    if across.abs() < 1e-6 * along.length() {
+        of(a).max(of(b))
+    } else {
+        of(at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::maths::kinematics::az_el_to_los;
+    use crate::models::shape::mesh::Paint;
+
+    const EYE_ENU_M: DVec3 = DVec3::new(10.0, -5.0, 20.0);
+
+    /// A tower of 60 m, 200 m north of the eye, 20 m wide, and flat ground.
+    fn skyline() -> Skyline {
+        let mut mesh = MeshData::new(DVec3::ZERO);
+        let grey = Paint::plain([0.3; 3]);
+        let at = DVec3::new(10.0, 195.0, 0.0);
+        mesh.cuboid(
+            at - DVec3::new(10.0, 10.0, 0.0),
+            at + DVec3::new(10.0, 10.0, 60.0),
+            grey,
+        );
+        let far = 5_000.0;
+        mesh.cuboid(
+            DVec3::new(-far, -far, -1.0),
+            DVec3::new(far, far, 0.0),
+            grey,
+        );
+        Skyline::new(&[mesh], EYE_ENU_M)
+    }
+
+    fn first_row(az_el_deg: [f64; 2]) -> u32 {
+        let pinhole = Pinhole::from_hfov(640, 480, 2_f64.to_radians()).unwrap();
+        let look = az_el_to_los(DVec2::from(az_el_deg.map(f64::to_radians)));
+        let right = look.cross(DVec3::Z).normalize();
+        let q = DQuat::from_mat3(&glam::DMat3::from_cols(right, look.cross(right), look));
+        let rect = PixelRect {
+            offset_px: [0, 0],
+            size_px: [640, 480],
+        };
+        skyline().first_row(&pinhole, (EYE_ENU_M, q), rect)
+    }
+
+    #[test]
+    fn a_tower_stands_out_to_its_roof() {
+        // Its roof's near edge: 40 m above the eye, 190 m away, 11.9 degrees; 640 px are 2 degrees, so
+        // that 320 px are a degree, and the margin 0.3 / 190 + 1e-3 rad are 47 px.
+        let roof_deg = 40_f64.atan2(190.0).to_degrees();
+        let row = first_row([0.0, roof_deg]);
+        assert!((180..240).contains(&row), "{row}");
+        assert_eq!(first_row([0.0, roof_deg + 1.5]), 480);
+        assert_eq!(first_row([0.0, roof_deg - 2.0]), 0);
+        // Beside the tower there is sky down to the horizon.
+        assert_eq!(first_row([20.0, 5.0]), 480);
+        assert!(first_row([20.0, 0.0]) < 240);
+    }
+
+    #[test]
+    fn where_it_cannot_tell_everything_may_be_solid() {
+        assert_eq!(first_row([0.0, 80.0]), 0);
+        let pinhole = Pinhole::from_hfov(640, 480, 0.03).unwrap();
+        let up = DQuat::from_rotation_x(-FRAC_PI_2 + 0.5);
+        let rect = PixelRect {
+            offset_px: [0, 0],
+            size_px: [640, 480],
+        };
+        let moved = (EYE_ENU_M + DVec3::X, up);
+        assert_eq!(skyline().first_row(&pinhole, moved, rect), 0);
+    }
+}
