@@ -3,16 +3,13 @@
 use super::recipe::Recipe;
 use super::scene::Scene;
 use super::stage::Rendered;
+use crate::models::air::sky;
 use crate::models::maths::rng::Stream;
+use crate::models::optics::exposure::{Exposure, ExposureControl};
 use crate::models::optics::raster::Masks;
-use crate::models::optics::sensor::{SensorParams, auto_exposure};
+use crate::systems::capture::metering;
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
-
-/// Luminance of linear sRGB.
-const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
-/// Largest gain, for light that is too dim for the longest exposure.
-const MAX_GAIN: f64 = 48.0;
 
 /// One channel of a pixel of half-float RGBA rows.
 fn channel(pixels: &[u8], index: usize, channel: usize) -> f64 {
@@ -22,47 +19,51 @@ fn channel(pixels: &[u8], index: usize, channel: usize) -> f64 {
 
 /// Luminance of a pixel of half-float RGBA rows [kcd/m^2].
 pub fn luminance(pixels: &[u8], index: usize) -> f64 {
-    (0..3).map(|c| LUMA[c] * channel(pixels, index, c)).sum()
+    sky::luminance([0, 1, 2].map(|c| channel(pixels, index, c)))
 }
 
-/// The sensor's settings for a rendered frame, `more_stops` brighter than the scene's others.
-pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
-    let error = scene.camera.exposure_error_stops + more_stops;
-    let mut params = scene.camera.sensor;
-    let light_klx = scene.environment.sky.global_illuminance_klx();
-    let metered_klx = {
+/// How the cameras of a set are exposed, apart from the longest time, which every scene draws.
+pub const CONTROL: ExposureControl = ExposureControl {
+    level: 0.5,
+    time_s: [1e-6, 1.0 / 50.0], // [s]
+    max_gain: 48.0,
+    settling_s: 0.25, // [s]
+};
+
+/// The exposure of a rendered frame, `more_stops` brighter than the scene's others.
+pub fn settings(scene: &Scene, rendered: &Rendered, pixels: &[u8], more_stops: f64) -> Exposure {
+    let camera = &scene.camera;
+    let error = camera.exposure_error_stops + more_stops;
+    let saturation = camera.sensor.saturation_kcd_s_m2();
+    let control = ExposureControl {
+        time_s: [CONTROL.time_s[0], camera.max_exposure_s],
+        ..CONTROL
+    };
+    let metered_kcd_m2 = if camera.metered {
         const EVERY: usize = 37; // [px]
         let values = (0..pixels.len() / 8)
             .step_by(EVERY)
             .map(|index| luminance(pixels, index));
         let (sum, count) = values.fold((0.0, 0.0), |(sum, n), l| (sum + l, n + 1.0));
-        // A picture is brighter on average than an 18 % grey: 30 %.
-        PI * sum / count / 0.30
-    };
-    let klx = if scene.camera.metered {
-        metered_klx
+        // The mean at 0.21 of the white level, as cameras do that do not weight the highlights.
+        control.level / 0.21 * sum / count
     } else {
-        light_klx
+        metering::metered_kcd_m2(&scene.environment, &camera.pinhole, &rendered.frame.pose)
     };
-    let wanted_s = auto_exposure(klx.max(1e-9), &params, f64::MAX) * error.exp2();
-    params.exposure_s = wanted_s.clamp(1e-6, scene.camera.max_exposure_s);
-    let gain = (wanted_s / params.exposure_s).min(MAX_GAIN);
-    if gain > 1.0 {
-        params.gain_e_per_dn = Some(params.full_well_e / 255.0 / gain);
-    }
-    params
+    control.setting(control.wanted_s(metered_kcd_m2, saturation) * error.exp2())
 }
 
 /// How a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
 /// against their mean, softened by the blur, over the noise of a pixel. Luminance above white
 /// counts as white.
 pub fn contrast(
+    scene: &Scene,
     rendered: &Rendered,
     pixels: &[u8],
     masks: &Masks,
     box_px: [f64; 4],
-    params: &SensorParams,
 ) -> f64 {
+    let (params, exposure) = (&scene.camera.sensor, &rendered.frame.conditions.exposure);
     let [width, height] = rendered.frame.rect.size_px.map(f64::from);
     let long_px = (box_px[2] - box_px[0]).max(box_px[3] - box_px[1]);
     let margin = (0.5 * long_px).max(3.0);
@@ -72,8 +73,9 @@ pub fn contrast(
     };
     let rows = span(box_px[1], box_px[3], height);
     let columns = span(box_px[0], box_px[2], width);
-    let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
-    let white = params.white_e() / electrons;
+    let electrons = params.electrons_per_kcd_m2_s() * exposure.time_s;
+    let white_e = params.full_well_e / exposure.gain;
+    let white = white_e / electrons;
     let at = |x: u32, y: u32| luminance(pixels, (y * width as u32 + x) as usize).min(white);
     let (mut sum, mut count) = (0.0, 0.0);
     for y in rows.clone() {
@@ -96,7 +98,7 @@ pub fn contrast(
     }
     // A Gaussian blur spreads the light of a spot of this area over 4 pi sigma^2 more.
     let soft = area / (area + 4.0 * PI * params.blur_sigma_px.powi(2));
-    let rounding_e = params.white_e() / 4095.0;
+    let rounding_e = white_e / 4095.0;
     let noise_e =
         (electrons * around + params.read_noise_e.powi(2) + rounding_e.powi(2) / 12.0).sqrt();
     (square / area.max(1e-9)).sqrt() * soft * electrons / noise_e
@@ -105,8 +107,8 @@ pub fn contrast(
 /// The camera's motion during the exposure and a laser's flare, drawn and put into the pixels.
 pub fn effects(
     recipe: &Recipe,
+    scene: &Scene,
     rendered: &Rendered,
-    params: &SensorParams,
     pixels: &mut [u8],
     rng: &mut Stream,
 ) {
@@ -124,8 +126,9 @@ pub fn effects(
             Some(seen) if rng.uniform() < 0.5 => DVec2::from_array(seen.aim_px),
             _ => DVec2::new(rng.uniform() * width as f64, rng.uniform() * height as f64),
         };
-        let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
-        flare(pixels, width, at, params.white_e() / electrons, rng);
+        let exposure = &rendered.frame.conditions.exposure;
+        let white = scene.camera.sensor.saturation_kcd_s_m2() / (exposure.time_s * exposure.gain);
+        flare(pixels, width, at, white, rng);
     }
 }
 

@@ -1,8 +1,9 @@
 //! One Bevy app that shows one scene after the other and renders single frames of them.
 
 use super::error::DatasetError;
+use super::exposure::CONTROL;
 use crate::app::{self, Options, RunError};
-use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
+use crate::components::capture::{Conditions, ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::{Alignment, Pointing};
@@ -162,6 +163,7 @@ impl Stage {
             period_ticks: 1,
             latency_ticks: 0,
             sensor: Sensor::new(params)?,
+            control: CONTROL,
             window_px: None,
             antialias: ANTIALIAS,
         };
@@ -199,6 +201,7 @@ impl Stage {
                 offset_px: [0, 0],
                 size_px: [pinhole.width_px, pinhole.height_px],
             },
+            conditions: Conditions::default(),
             truth,
             rgb8: None,
         };

@@ -70,6 +70,15 @@ camera! {
     rate_hz: u32,
     /// Exposure time, or "auto" for automatic exposure.
     exposure_s: Exposure,
+    /// Share of the white level at which automatic exposure puts the bright parts of the field.
+    exposure_level: f64,
+    /// Time constant of automatic exposure.
+    exposure_settling_s: f64,
+    /// Largest gain of automatic exposure, used once the exposure has half a frame's time; a fixed
+    /// exposure has none.
+    max_gain_db: f64,
+    /// Which light is shown white.
+    white_balance: WhiteBalance,
     /// Focal ratio.
     f_number: f64,
     /// Width of a pixel on the sensor; with the field of view it gives the focal length.
@@ -108,6 +117,16 @@ pub enum Exposure {
 pub enum AutoWord {
     /// Automatic exposure.
     Auto,
+}
+
+/// White balance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WhiteBalance {
+    /// The light of sun and sky on level ground, between some 3,000 K and 10,000 K.
+    Auto,
+    /// Always D65, average daylight.
+    Daylight,
 }
 
 /// What a camera reads out.
@@ -150,6 +169,10 @@ impl CameraPreset {
             height_px: 480,
             rate_hz: 120,
             exposure_s: Exposure::Auto(AutoWord::Auto),
+            exposure_level: 0.5,
+            exposure_settling_s: 0.25,
+            max_gain_db: 36.0,
+            white_balance: WhiteBalance::Auto,
             f_number: 5.6,
             pixel_pitch_um: 6.9,
             full_well_e: 20_000.0,
@@ -230,6 +253,9 @@ impl CameraConfig {
                 format!("{time} s is longer than a frame at rate_hz = {rate_hz}")
             });
         }
+        check.within("exposure_level", self.exposure_level, 0.01..=1.0);
+        check.within("exposure_settling_s", self.exposure_settling_s, 1e-3..=60.0);
+        check.within("max_gain_db", self.max_gain_db, 0.0..=60.0);
         check.within("f_number", self.f_number, 0.5..=100.0);
         check.within("pixel_pitch_um", self.pixel_pitch_um, 0.5..=100.0);
         check.positive("full_well_e", self.full_well_e);

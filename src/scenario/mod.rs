@@ -25,6 +25,7 @@ mod tracker;
 pub use air::{IntensityModel, Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};
 pub use cameras::{
     AutoWord, CameraChanges, CameraConfig, CameraPreset, Cameras, Exposure, ReadoutMode,
+    WhiteBalance,
 };
 pub use control::{ControllerConfig, ControllerPreset, Gains};
 pub use detector::{DetectorConfig, DetectorKind, Provider, TruthErrorsConfig};

@@ -1,7 +1,8 @@
 //! Cameras that are due expose: truth, picture and pose of one tick.
 
 use crate::components::capture::{
-    ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth, SensorCamera, UavInFrame,
+    AutoExposure, Conditions, ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth,
+    SensorCamera, UavInFrame,
 };
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
@@ -22,6 +23,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::borrow::Borrow;
 use std::sync::Arc;
 use std::time::Instant;
+
+pub mod metering;
 
 /// Why an exposed frame has no picture.
 #[derive(Debug, thiserror::Error)]
@@ -135,12 +138,12 @@ pub fn expose(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     optics: Single<&Optics>,
-    mut cameras: Query<(&SensorCamera, &Readout, &mut Exposures)>,
+    mut cameras: Query<(&SensorCamera, &Readout, &mut Exposures, &mut AutoExposure)>,
     uavs: Query<(&Uav, &Flight, &UavShape, Has<Distractor>)>,
     mut frames: ResMut<Frames>,
 ) {
     frames.0.clear();
-    for (camera, readout, mut exposures) in &mut cameras {
+    for (camera, readout, mut exposures, mut auto) in &mut cameras {
         let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
         let full = PixelRect {
             offset_px: [0, 0],
@@ -157,6 +160,8 @@ pub fn expose(
             continue;
         }
         let pose = optics.camera(camera.tier);
+        let now = (clock.tick, clock.dt_s());
+        let exposure = metering::control(&mut auto, camera, &environment, &pose, now);
         let mut truth: Vec<_> = uavs
             .iter()
             .filter_map(|(uav, flight, shape, distractor)| {
@@ -176,6 +181,7 @@ pub fn expose(
             pose,
             pointing: optics.pointing,
             rect,
+            conditions: Conditions { exposure },
             truth,
             rgb8: None,
         }));
@@ -406,6 +412,7 @@ pub(crate) fn form_image(
         width,
         height,
         origin_px: frame.rect.offset_px,
+        conditions: &frame.conditions,
     };
     let strip = height.div_ceil(STRIPS);
     let results = ComputeTaskPool::get().scope(|scope| {

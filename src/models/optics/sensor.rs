@@ -13,17 +13,15 @@
 //! over threads, nor a pixel's noise on the window that is read out.
 
 use std::ops::Range;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
+use super::exposure::Exposure;
+
 /// Photons per second and square metre in one lux of 555 nm light: (1/683 W/lm) / (h c / lambda).
 pub const PHOTONS_PER_LUX_S_M2: f64 = 555e-9 / (683.0 * 6.626_070_15e-34 * 299_792_458.0);
-
-/// The share of the white level at which [`auto_exposure`] puts an 18 % grey: ISO 12232's
-/// saturation-based speed, which leaves half a stop above a white reflector.
-pub const GREY_LEVEL: f64 = 0.18 / std::f64::consts::SQRT_2;
 
 /// Blur below this is left out [px].
 const MIN_BLUR_SIGMA_PX: f64 = 0.15;
@@ -52,8 +50,6 @@ pub enum Transfer {
 pub struct SensorParams {
     /// Focal length over aperture diameter.
     pub f_number: f64,
-    /// Exposure time [s].
-    pub exposure_s: f64,
     /// Side of a square pixel [m].
     pub pixel_pitch_m: f64,
     /// Transmission of the lens and filters, 0 to 1.
@@ -64,10 +60,10 @@ pub struct SensorParams {
     pub full_well_e: f64,
     /// Read noise, standard deviation [electrons].
     pub read_noise_e: f64,
-    /// Electrons per linear 8-bit code; `None` spreads the full well over the codes.
-    pub gain_e_per_dn: Option<f64>,
     /// Standard deviation of the blur by diffraction and turbulence [px]; under 0.15 is none.
     pub blur_sigma_px: f64,
+    /// Gains of the red, green and blue code, 1 or more.
+    pub white_balance: [f64; 3],
     /// Encoding of the 8-bit code.
     pub transfer: Transfer,
 }
@@ -80,10 +76,9 @@ impl SensorParams {
         lux_per_kcd_m2 * PHOTONS_PER_LUX_S_M2 * self.pixel_pitch_m.powi(2) * self.quantum_efficiency
     }
 
-    /// Electrons of the brightest code.
-    pub fn white_e(&self) -> f64 {
-        self.gain_e_per_dn
-            .map_or(self.full_well_e, |gain| self.full_well_e.min(255.0 * gain))
+    /// Luminance times exposure time that fills the well [kcd s/m^2].
+    pub fn saturation_kcd_s_m2(&self) -> f64 {
+        self.full_well_e / self.electrons_per_kcd_m2_s()
     }
 }
 
@@ -138,6 +133,15 @@ pub struct RenderedFrame<'a> {
     pub height: usize,
     /// Column and row of the frame's first pixel on the whole sensor [px].
     pub origin_px: [u32; 2],
+    /// How it is exposed.
+    pub conditions: &'a Conditions,
+}
+
+/// How a frame is exposed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Conditions {
+    /// Exposure time and gain.
+    pub exposure: Exposure,
 }
 
 /// Row buffers, kept from frame to frame by each thread.
@@ -191,6 +195,18 @@ static CURVES: LazyLock<[[u8; CODES]; 2]> = LazyLock::new(|| {
         }),
     ]
 });
+
+/// The 8-bit codes of a camera's channels: white balance, then its curve.
+fn channel_codes(params: &SensorParams) -> [[u8; CODES]; 3] {
+    let curve = match params.transfer {
+        Transfer::Linear => &CURVES[0],
+        Transfer::Srgb => &CURVES[1],
+    };
+    params.white_balance.map(|gain| {
+        let most = (CODES - 1) as f64;
+        std::array::from_fn(|code| curve[(code as f64 * gain).round().clamp(0.0, most) as usize])
+    })
+}
 
 /// A bijective hash of 64 bits (the finaliser of SplitMix64, Steele et al. 2014).
 fn hash(mut z: u64) -> u64 {
@@ -254,11 +270,10 @@ fn weigh<'a>(taps: &[f32], source: impl Fn(usize) -> &'a [f32], out: &mut [f32])
 #[derive(Clone, Debug)]
 pub struct Sensor {
     taps: Vec<f32>,
-    /// The same kernel times the electrons per kcd/m^2.
-    taps_e_per_kcd_m2: Vec<f32>,
+    params: SensorParams,
+    /// The 8-bit code of each 12-bit code, for each channel.
+    codes: Arc<[[u8; CODES]; 3]>,
     read_variance_e2: f32,
-    codes_per_e: f32,
-    transfer: Transfer,
 }
 
 impl Sensor {
@@ -266,15 +281,12 @@ impl Sensor {
     pub fn new(params: &SensorParams) -> Result<Self, SensorError> {
         let positive = "above 0 and finite";
         let share = "above 0 and at most 1";
-        let gain = params.gain_e_per_dn.unwrap_or(1.0);
         for (name, value, range, most) in [
             ("f_number", params.f_number, positive, f64::MAX),
-            ("exposure_s", params.exposure_s, positive, f64::MAX),
             ("pixel_pitch_m", params.pixel_pitch_m, positive, f64::MAX),
             ("transmission", params.transmission, share, 1.0),
             ("quantum_efficiency", params.quantum_efficiency, share, 1.0),
             ("full_well_e", params.full_well_e, positive, f64::MAX),
-            ("gain_e_per_dn", gain, positive, f64::MAX),
         ] {
             if !(value > 0.0 && value <= most) {
                 return Err(SensorError::Parameter { name, value, range });
@@ -299,14 +311,17 @@ impl Sensor {
             }
         }
         let taps = half_kernel(params.blur_sigma_px);
-        let scale = params.electrons_per_kcd_m2_s() * params.exposure_s;
         Ok(Self {
-            taps_e_per_kcd_m2: taps.iter().map(|tap| (tap * scale) as f32).collect(),
             taps: taps.iter().map(|tap| *tap as f32).collect(),
             read_variance_e2: params.read_noise_e.powi(2) as f32,
-            codes_per_e: ((CODES - 1) as f64 / params.white_e()) as f32,
-            transfer: params.transfer,
+            codes: Arc::new(channel_codes(params)),
+            params: *params,
         })
+    }
+
+    /// Luminance times exposure time that fills the well [kcd s/m^2].
+    pub fn saturation_kcd_s_m2(&self) -> f64 {
+        self.params.saturation_kcd_s_m2()
     }
 
     /// Exposes `rows` of `frame` into `rgb8`, those rows of R, G, B codes. The noise is that of
@@ -349,10 +364,9 @@ impl Sensor {
             return Ok(());
         }
         scratch.noise.resize(3 * width, 0.0);
-        let curve = match self.transfer {
-            Transfer::Linear => &CURVES[0],
-            Transfer::Srgb => &CURVES[1],
-        };
+        let Exposure { time_s, gain } = frame.conditions.exposure;
+        let e_per_kcd_m2 = (self.params.electrons_per_kcd_m2_s() * time_s) as f32;
+        let codes_per_e = ((CODES - 1) as f64 / self.params.full_well_e * gain) as f32;
         let quantiles = &*NOISE;
         let first = rows.start;
         for (y, out) in rows.zip(rgb8.chunks_exact_mut(3 * width)) {
@@ -371,15 +385,18 @@ impl Sensor {
             let limit = (CODES - 1) as f32;
             // Apart from the table look-up, so that this part runs on vectors.
             for (noise, mean_e) in scratch.noise.iter_mut().zip(&scratch.mean_e) {
+                let mean_e = mean_e * e_per_kcd_m2;
                 let sigma_e = (mean_e + self.read_variance_e2).sqrt();
-                let code = (mean_e + sigma_e * *noise) * self.codes_per_e;
+                let code = (mean_e + sigma_e * *noise) * codes_per_e;
                 let code = if code > 0.0 { code } else { 0.0 };
                 let code = if code < limit { code } else { limit };
                 // Adding 2^23 rounds to an integer, left in the low bits of the mantissa.
                 *noise = code + 8_388_608.0;
             }
-            for (out, code) in out.iter_mut().zip(&scratch.noise) {
-                *out = curve[code.to_bits() as usize % CODES];
+            for (out, code) in out.chunks_exact_mut(3).zip(scratch.noise.chunks_exact(3)) {
+                for (channel, (out, code)) in out.iter_mut().zip(code).enumerate() {
+                    *out = self.codes[channel][code.to_bits() as usize % CODES];
+                }
             }
         }
         Ok(())
@@ -404,7 +421,7 @@ impl Sensor {
         mean_e.resize(3 * frame.width, 0.0);
         // Beyond the first and the last row the frame goes on as they are.
         let source = |k: usize| &*ring[(y + k).saturating_sub(radius).min(last) % length];
-        weigh(&self.taps_e_per_kcd_m2, source, mean_e);
+        weigh(&self.taps, source, mean_e);
     }
 
     /// Decodes row `y` and blurs it along the row, into the ring.
@@ -452,20 +469,6 @@ impl Sensor {
     fn ring_length(&self) -> usize {
         2 * self.taps.len() - 1
     }
-}
-
-/// The exposure time [s] that puts an 18 % grey reflector under `global_illuminance_klx` at
-/// [`GREY_LEVEL`] of the white level, within 1 us and `max_exposure_s`.
-pub fn auto_exposure(
-    global_illuminance_klx: f64,
-    params: &SensorParams,
-    max_exposure_s: f64,
-) -> f64 {
-    let grey_kcd_m2 = 0.18 * global_illuminance_klx / std::f64::consts::PI;
-    let exposure_s =
-        GREY_LEVEL * params.white_e() / (params.electrons_per_kcd_m2_s() * grey_kcd_m2);
-    // In the dark the quotient is infinite; the limits hold for it too.
-    exposure_s.min(max_exposure_s).max(1e-6)
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
 use super::*;
+use crate::models::optics::exposure::{ExposureControl, white_balance};
 
 const W: usize = 640;
 const H: usize = 480;
@@ -6,13 +7,12 @@ const H: usize = 480;
 fn params() -> SensorParams {
     SensorParams {
         f_number: 4.0,
-        exposure_s: 1e-3,
         pixel_pitch_m: 4.8e-6,
         transmission: 0.9,
         quantum_efficiency: 0.6,
         full_well_e: 10_000.0,
         read_noise_e: 6.0,
-        gain_e_per_dn: None,
+        white_balance: [1.0; 3],
         blur_sigma_px: 0.0,
         transfer: Transfer::Linear,
     }
@@ -33,8 +33,17 @@ fn frame(rgba16f: &[u8], width: usize, height: usize) -> RenderedFrame<'_> {
         width,
         height,
         origin_px: [0, 0],
+        conditions: &MILLISECOND,
     }
 }
+
+/// A millisecond without gain.
+const MILLISECOND: Conditions = Conditions {
+    exposure: Exposure {
+        time_s: 1e-3,
+        gain: 1.0,
+    },
+};
 
 fn expose(params: &SensorParams, rgba16f: &[u8], width: usize, height: usize) -> Vec<u8> {
     let mut out = vec![0; 3 * width * height];
@@ -116,7 +125,8 @@ fn photon_transfer_curve() {
     let gain_e = params.full_well_e / 255.0;
     let mut points = Vec::new();
     for kcd_m2 in [0.375_f32, 0.75, 1.5, 3.0] {
-        let mean_e = f64::from(kcd_m2) * params.electrons_per_kcd_m2_s() * params.exposure_s;
+        let mean_e =
+            f64::from(kcd_m2) * params.electrons_per_kcd_m2_s() * MILLISECOND.exposure.time_s;
         let codes = expose(&params, &render(W, H, |_, _| kcd_m2), W, H);
         let (mean, variance) = moments(codes.iter().map(|c| f64::from(*c)));
         // The 12-bit code's own rounding shifts the mean by up to 1/32 of a code.
@@ -268,7 +278,7 @@ fn blur_has_the_mtf_of_a_gaussian() {
                     real += value * cos;
                     imaginary += value * sin;
                 }
-                let per_kcd = params.electrons_per_kcd_m2_s() * params.exposure_s;
+                let per_kcd = params.electrons_per_kcd_m2_s() * MILLISECOND.exposure.time_s;
                 let mtf = real.hypot(imaginary) / 40.0 / (2.0 * per_kcd);
                 let gauss = (-2.0 * (std::f64::consts::PI * sigma * f).powi(2)).exp();
                 assert!(
@@ -294,40 +304,67 @@ fn saturates_and_survives_any_half() {
             .iter()
             .all(|c| *c <= 1)
     );
-    // A gain below the full well's clips at 255 codes: 2,550 electrons.
+    // A gain of 3.92 spreads 2,550 electrons over the codes.
     let params = SensorParams {
-        gain_e_per_dn: Some(10.0),
         read_noise_e: 0.0,
         ..params()
     };
-    let half_white = 1275.0 / (params.electrons_per_kcd_m2_s() * params.exposure_s);
-    let codes = expose(&params, &render(64, 64, |_, _| half_white as f32), 64, 64);
+    let half_white = 1275.0 / (params.electrons_per_kcd_m2_s() * MILLISECOND.exposure.time_s);
+    let rendered = render(64, 64, |_, _| half_white as f32);
+    let exposure = Exposure {
+        gain: 10_000.0 / 2550.0,
+        ..MILLISECOND.exposure
+    };
+    let frame = RenderedFrame {
+        conditions: &Conditions { exposure },
+        ..frame(&rendered, 64, 64)
+    };
+    let mut codes = vec![0; 3 * 64 * 64];
+    Sensor::new(&params)
+        .unwrap()
+        .expose(&frame, 0..64, 42, &mut Scratch::default(), &mut codes)
+        .unwrap();
     let (mean, _) = moments(codes.iter().map(|c| f64::from(*c)));
     assert!((mean - 127.5).abs() < 0.2, "{mean}");
 }
 
 #[test]
-fn auto_exposure_puts_grey_at_its_level() {
-    for klx in [0.5, 10.0, 100.0] {
-        let exposure_s = auto_exposure(klx, &params(), 1.0);
-        for (transfer, expected) in [
-            (Transfer::Linear, 255.0 * 0.127_28),
-            // sRGB of 0.12728 is 0.3924.
-            (Transfer::Srgb, 255.0 * 0.3924),
-        ] {
-            let params = SensorParams {
-                exposure_s,
-                transfer,
-                ..params()
-            };
-            let grey = (0.18 * klx / std::f64::consts::PI) as f32;
-            let codes = expose(&params, &render(64, 64, |_, _| grey), 64, 64);
-            let (mean, _) = moments(codes.iter().map(|c| f64::from(*c)));
-            assert!((mean - expected).abs() < 0.6, "{mean} for {expected}");
-        }
+fn a_metered_scene_and_its_light_come_out_as_set() {
+    // What is metered lies at the level, and what is as bright in another light is as grey.
+    let illuminant = [1.1, 1.0, 0.8];
+    let params = SensorParams {
+        white_balance: white_balance(illuminant),
+        ..params()
+    };
+    let control = ExposureControl {
+        level: 0.5,
+        time_s: [1e-6, 0.01],
+        max_gain: 8.0,
+        settling_s: 0.25,
+    };
+    let metered_kcd_m2 = 4.0;
+    let wanted_s = control.wanted_s(metered_kcd_m2, params.saturation_kcd_s_m2());
+    let rendered: Vec<u8> = (0..64 * 64)
+        .flat_map(|_| [1.1f32, 1.0, 0.8, 0.0].map(|c| f16::from_f32(c * 4.0)))
+        .flat_map(f16::to_le_bytes)
+        .collect();
+    let frame = RenderedFrame {
+        conditions: &Conditions {
+            exposure: control.setting(wanted_s),
+        },
+        ..frame(&rendered, 64, 64)
+    };
+    let mut codes = vec![0; 3 * 64 * 64];
+    Sensor::new(&params)
+        .unwrap()
+        .expose(&frame, 0..64, 42, &mut Scratch::default(), &mut codes)
+        .unwrap();
+    let means =
+        [0, 1, 2].map(|c| moments(codes.iter().skip(c).step_by(3).map(|c| f64::from(*c))).0);
+    // Red is the largest part of the light and keeps its gain of 1.
+    for mean in means {
+        assert!((mean - 255.0 * 0.5 * 1.1).abs() < 0.6, "{means:?}");
     }
-    assert_eq!(auto_exposure(0.0, &params(), 0.02), 0.02);
-    assert_eq!(auto_exposure(1e9, &params(), 0.02), 1e-6);
 }
 
 #[test]
