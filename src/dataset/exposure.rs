@@ -3,10 +3,13 @@
 use super::recipe::Recipe;
 use super::scene::Scene;
 use super::stage::Rendered;
+use crate::components::capture::Conditions;
 use crate::models::air::sky;
 use crate::models::maths::rng::Stream;
-use crate::models::optics::exposure::{Exposure, ExposureControl};
+use crate::models::optics::exposure::ExposureControl;
+use crate::models::optics::motion::ImageMotion;
 use crate::models::optics::raster::Masks;
+use crate::systems::capture::conditions::sun_glare;
 use crate::systems::capture::metering;
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
@@ -30,8 +33,13 @@ pub const CONTROL: ExposureControl = ExposureControl {
     settling_s: 0.25, // [s]
 };
 
-/// The exposure of a rendered frame, `more_stops` brighter than the scene's others.
-pub fn settings(scene: &Scene, rendered: &Rendered, pixels: &[u8], more_stops: f64) -> Exposure {
+/// How a rendered frame is exposed, `more_stops` brighter than the scene's others.
+pub fn conditions(
+    scene: &Scene,
+    rendered: &Rendered,
+    pixels: &[u8],
+    more_stops: f64,
+) -> Conditions {
     let camera = &scene.camera;
     let error = camera.exposure_error_stops + more_stops;
     let saturation = camera.sensor.saturation_kcd_s_m2();
@@ -50,7 +58,12 @@ pub fn settings(scene: &Scene, rendered: &Rendered, pixels: &[u8], more_stops: f
     } else {
         metering::metered_kcd_m2(&scene.environment, &camera.pinhole, &rendered.frame.pose)
     };
-    control.setting(control.wanted_s(metered_kcd_m2, saturation) * error.exp2())
+    let pose = &rendered.frame.pose;
+    Conditions {
+        exposure: control.setting(control.wanted_s(metered_kcd_m2, saturation) * error.exp2()),
+        motion: ImageMotion::default(),
+        sun: sun_glare(&scene.environment, &camera.pinhole, pose),
+    }
 }
 
 /// How a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
@@ -104,21 +117,33 @@ pub fn contrast(
     (square / area.max(1e-9)).sqrt() * soft * electrons / noise_e
 }
 
-/// The camera's motion during the exposure and a laser's flare, drawn and put into the pixels.
+/// The motion during the exposure and a laser's flare, drawn; the flare is put into the pixels.
 pub fn effects(
     recipe: &Recipe,
     scene: &Scene,
-    rendered: &Rendered,
+    rendered: &mut Rendered,
     pixels: &mut [u8],
     rng: &mut Stream,
 ) {
     let camera = &recipe.camera;
     let [width, height] = rendered.frame.rect.size_px.map(|n| n as usize);
     let (smears, flares) = (rng.uniform(), rng.uniform());
+    let exposure = rendered.frame.conditions.exposure;
     if smears < camera.motion_blur_share && camera.motion_blur_px > 0.0 {
-        let length_px = rng.range(0.5f64.min(camera.motion_blur_px), camera.motion_blur_px);
-        let along = length_px * DVec2::from_angle(rng.range(0.0, TAU));
-        smear(pixels, width, height, along);
+        let mut pxps = || {
+            let length_px = rng.range(0.5f64.min(camera.motion_blur_px), camera.motion_blur_px);
+            length_px / exposure.time_s * DVec2::from_angle(rng.range(0.0, TAU))
+        };
+        let (camera_pxps, uav_pxps) = (pxps(), pxps());
+        let boxes = rendered.frame.truth.iter().map(|seen| seen.box_px);
+        let own = |pxps: DVec2| boxes.map(|box_px| (box_px, pxps)).collect();
+        // A shaken camera, one that follows its target, one that stands while the target flies by.
+        let (still_pxps, boxes) = match rng.uniform() {
+            u if u < 0.5 => (camera_pxps, Vec::new()),
+            u if u < 0.8 => (camera_pxps, own(DVec2::ZERO)),
+            _ => (DVec2::ZERO, own(uav_pxps)),
+        };
+        rendered.frame.conditions.motion = ImageMotion { still_pxps, boxes };
     }
     if flares < camera.flare_share {
         let truth = &rendered.frame.truth;
@@ -126,59 +151,8 @@ pub fn effects(
             Some(seen) if rng.uniform() < 0.5 => DVec2::from_array(seen.aim_px),
             _ => DVec2::new(rng.uniform() * width as f64, rng.uniform() * height as f64),
         };
-        let exposure = &rendered.frame.conditions.exposure;
         let white = scene.camera.sensor.saturation_kcd_s_m2() / (exposure.time_s * exposure.gain);
         flare(pixels, width, at, white, rng);
-    }
-}
-
-/// Smears the frame by a straight uniform motion of `along` [px]; identities stay.
-fn smear(pixels: &mut [u8], width: usize, height: usize, along: DVec2) {
-    const STEPS: i32 = 16;
-    let reach = (0.5 * along.abs().max_element()).ceil() as i32;
-    let side = (2 * reach + 2) as usize;
-    let mut kernel = vec![0.0f32; side * side];
-    for step in 0..STEPS {
-        let at = ((f64::from(step) + 0.5) / f64::from(STEPS) - 0.5) * along + f64::from(reach);
-        let (cell, rest) = (at.floor(), at - at.floor());
-        for (dx, wx) in [(0, 1.0 - rest.x), (1, rest.x)] {
-            for (dy, wy) in [(0, 1.0 - rest.y), (1, rest.y)] {
-                let index = (cell.y as usize + dy) * side + cell.x as usize + dx;
-                kernel[index] += (wx * wy / f64::from(STEPS)) as f32;
-            }
-        }
-    }
-    let taps: Vec<(i32, i32, f32)> = (0..side * side)
-        .filter(|i| kernel[*i] > 0.0)
-        .map(|i| {
-            let (x, y) = ((i % side) as i32 - reach, (i / side) as i32 - reach);
-            (x, y, kernel[i])
-        })
-        .collect();
-    let linear: Vec<f32> = pixels
-        .chunks_exact(8)
-        .flat_map(|pixel| {
-            [0, 2, 4].map(|at| half::f16::from_le_bytes([pixel[at], pixel[at + 1]]).to_f32())
-        })
-        .collect();
-    let (w, h) = (width as i32, height as i32);
-    let mut row = vec![0.0f32; 3 * width];
-    for y in 0..h {
-        row.fill(0.0);
-        for (dx, dy, weight) in &taps {
-            let from = (y + dy).clamp(0, h - 1) as usize * width;
-            for x in 0..w {
-                let source = 3 * (from + (x + dx).clamp(0, w - 1) as usize);
-                let sums = &mut row[3 * x as usize..3 * x as usize + 3];
-                for (sum, value) in sums.iter_mut().zip(&linear[source..source + 3]) {
-                    *sum += weight * value;
-                }
-            }
-        }
-        let line = &mut pixels[8 * y as usize * width..8 * (y as usize + 1) * width];
-        for (pixel, rgb) in line.chunks_exact_mut(8).zip(row.chunks_exact(3)) {
-            put(pixel, rgb);
-        }
     }
 }
 
@@ -230,32 +204,6 @@ mod tests {
             })
             .flat_map(half::f16::to_le_bytes)
             .collect()
-    }
-
-    #[test]
-    fn a_smear_keeps_light_centroid_and_identities() {
-        let mut pixels = frame(|x, y| if (x, y) == (15, 10) { 100.0 } else { 0.0 });
-        let along = DVec2::new(3.0, -1.5);
-        smear(&mut pixels, WIDTH, HEIGHT, along);
-        let (mut sum, mut first, mut second) = (0.0, DVec2::ZERO, DVec2::ZERO);
-        for i in 0..WIDTH * HEIGHT {
-            let at = DVec2::new((i % WIDTH) as f64, (i / WIDTH) as f64) - DVec2::new(15.0, 10.0);
-            let v = channel(&pixels, i, 1);
-            sum += v;
-            first += v * at;
-            second += v * at * at;
-            assert_eq!(channel(&pixels, i, 3), 25.0);
-        }
-        assert!((sum / 200.0 - 1.0).abs() < 2e-3, "{sum}");
-        assert!((first / sum).length() < 0.01, "{}", first / sum);
-        // The variance of a uniform motion is length^2 / 12, and at most a quarter more for the
-        // division of its steps between pixels.
-        for (found, exact) in [(second.x / sum, 9.0 / 12.0), (second.y / sum, 2.25 / 12.0)] {
-            assert!(
-                (-0.01..0.26).contains(&(found - exact)),
-                "{found} for {exact}"
-            );
-        }
     }
 
     #[test]

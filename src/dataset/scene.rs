@@ -17,7 +17,9 @@ use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::optics::exposure::white_balance;
-use crate::models::optics::sensor::{SensorParams, Transfer};
+use crate::models::optics::mosaic::Mosaic;
+use crate::models::optics::motion::Shutter;
+use crate::models::optics::sensor::{Sensor, SensorParams, Transfer};
 use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::{UavStyle, drawn_distractor_mesh, styled_uav_mesh};
@@ -37,6 +39,8 @@ pub struct Scene {
     pub environment: Environment,
     /// The camera and its place.
     pub camera: SceneCamera,
+    /// Its sensor, ready.
+    pub sensor: Sensor,
     /// What may appear.
     pub props: Vec<Prop>,
     /// The UAVs among the props, which come first.
@@ -55,7 +59,7 @@ pub struct SceneCamera {
     pub r_enu_m: DVec3,
     /// Its projection.
     pub pinhole: Pinhole,
-    /// Its sensor; the exposure is set for every still.
+    /// What its sensor is made of; the exposure is set for every still.
     pub sensor: SensorParams,
     /// Longest exposure [s].
     pub max_exposure_s: f64,
@@ -99,11 +103,13 @@ impl Scene {
         let balance = &recipe.camera.white_balance_error_stops;
         let mut rng = stream("dataset white balance");
         camera.sensor.white_balance = drawn_balance(&environment, *balance, &mut rng);
+        let sensor = Sensor::new(&camera.sensor)?;
         Ok(Self {
             index,
             background,
             environment,
             camera,
+            sensor,
             props,
             uavs,
             clutter,
@@ -198,6 +204,22 @@ impl SceneCamera {
             quantum_efficiency: 0.6,
             full_well_e: log_range([4_000.0, 25_000.0], rng),
             read_noise_e: log_range([2.0, 12.0], rng),
+            dark_current_eps: log_range([1.0, 100.0], rng),
+            dsnu_e: log_range([0.3, 4.0], rng),
+            prnu: log_range([0.003, 0.02], rng),
+            pattern_key: rng.bits(),
+            size_px: [width_px, height_px],
+            focal_px: pinhole.focal_px,
+            vignetting: rng.range(0.0, 0.35),
+            mosaic: if rng.uniform() < ranges.mosaic_share {
+                Mosaic::Rggb
+            } else {
+                Mosaic::None
+            },
+            // Annotations are those of one instant.
+            shutter: Shutter::Global,
+            motion_blur: true,
+            glare: log_range([0.3, 3.0], rng),
             blur_sigma_px: rng.range(ranges.blur_px[0], ranges.blur_px[1]),
             // Of the scene's light, which is not drawn yet; see `Scene::draw`.
             white_balance: [1.0; 3],

@@ -152,12 +152,12 @@ fn clip(
             let mut rendered = stage.render(
                 still.pose,
                 scene.camera.pinhole,
-                &scene.camera.sensor,
+                &scene.sensor,
                 &scene.props,
                 &still.placed,
             )?;
-            let pixels = &stage.scratch.pixels;
-            rendered.frame.conditions.exposure = exposure::settings(scene, &rendered, pixels, 0.0);
+            rendered.frame.conditions =
+                exposure::conditions(scene, &rendered, &stage.scratch.pixels, 0.0);
             let uavs = still.placed.iter().filter(|p| p.prop < scene.uavs.len());
             let annotations: Vec<_> = uavs
                 .filter_map(|placed| annotation(scene, &rendered, stage, placed))
@@ -241,14 +241,14 @@ fn shoot(
     let mut rendered = stage.render(
         still.pose,
         pinhole,
-        &scene.camera.sensor,
+        &scene.sensor,
         &scene.props,
         &still.placed,
     )?;
     let pixels = &mut stage.scratch.pixels;
-    rendered.frame.conditions.exposure =
-        exposure::settings(scene, &rendered, pixels, rng.range(-0.3, 0.3));
-    exposure::effects(recipe, scene, &rendered, pixels, rng);
+    let more_stops = rng.range(-0.3, 0.3);
+    rendered.frame.conditions = exposure::conditions(scene, &rendered, pixels, more_stops);
+    exposure::effects(recipe, scene, &mut rendered, pixels, rng);
     let mut annotations = Vec::new();
     let targets = &recipe.targets;
     for placed in still.placed.iter().filter(|p| p.prop < scene.uavs.len()) {

@@ -12,7 +12,7 @@ use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::{Pinhole, PixelRect};
-use crate::models::optics::sensor::{Sensor, SensorParams};
+use crate::models::optics::sensor::Sensor;
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::UavMesh;
 use crate::systems::capture::{self, ImageScratch, Shot};
@@ -151,7 +151,7 @@ impl Stage {
         &mut self,
         pose: Pose,
         pinhole: Pinhole,
-        params: &SensorParams,
+        sensor: &Sensor,
         props: &[Prop],
         placed: &[Placed],
     ) -> Result<Rendered, DatasetError> {
@@ -162,7 +162,7 @@ impl Stage {
             pinhole,
             period_ticks: 1,
             latency_ticks: 0,
-            sensor: Sensor::new(params)?,
+            sensor: sensor.clone(),
             control: CONTROL,
             window_px: None,
             antialias: ANTIALIAS,

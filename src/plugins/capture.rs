@@ -8,6 +8,8 @@ use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::optics::calibration::{self, CalibrationError};
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::{ExposureControl, white_balance};
+use crate::models::optics::mosaic::Mosaic;
+use crate::models::optics::motion::Shutter;
 use crate::models::optics::sensor::{Sensor, SensorParams, Transfer};
 use crate::plugins::render;
 use crate::plugins::run::fallible;
@@ -53,12 +55,15 @@ fn spawn_cameras(
     mut commands: Commands,
     loaded: Res<RunScenario>,
     clock: Res<SimClock>,
+    seed: Res<Seed>,
     environment: Res<Environment>,
     mount: Single<&Mount>,
 ) -> Result<(), PartError> {
     let cameras = loaded.scenario.station.cameras.resolved();
     for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
-        let params = sensor_params(camera, &environment, mount.r_enu_m);
+        let pinhole = pinhole(&loaded, tier, camera)?;
+        let key = seed.stream(tier as u64, "fixed pattern").bits();
+        let params = sensor_params(camera, &environment, mount.r_enu_m, &pinhole, key);
         let control = exposure_control(camera);
         // In the light on level ground; the control changes it by a tick or two.
         let bright_kcd_m2 = metering::bright_ground_kcd_m2(&environment);
@@ -71,7 +76,7 @@ fn spawn_cameras(
         commands.spawn((
             SensorCamera {
                 tier,
-                pinhole: pinhole(&loaded, tier, camera)?,
+                pinhole,
                 period_ticks: u64::from(clock.tick_hz / camera.rate_hz),
                 latency_ticks: clock.ticks_of(latency_s),
                 sensor,
@@ -159,6 +164,8 @@ fn sensor_params(
     camera: &scenario::CameraConfig,
     environment: &Environment,
     r_station_enu_m: DVec3,
+    pinhole: &Pinhole,
+    pattern_key: u64,
 ) -> SensorParams {
     const WAVELENGTH_M: f64 = 550e-9;
     let pixel_pitch_m = camera.pixel_pitch_um * 1e-6;
@@ -185,6 +192,23 @@ fn sensor_params(
         quantum_efficiency: 0.6,
         full_well_e: camera.full_well_e,
         read_noise_e: camera.read_noise_e,
+        dark_current_eps: camera.dark_current_eps,
+        dsnu_e: camera.dsnu_e,
+        prnu: 0.01 * camera.prnu_percent,
+        pattern_key,
+        size_px: [camera.width_px, camera.height_px],
+        focal_px: pinhole.focal_px,
+        vignetting: 0.01 * camera.vignetting_percent,
+        mosaic: match camera.mosaic {
+            scenario::Mosaic::None => Mosaic::None,
+            scenario::Mosaic::Rggb => Mosaic::Rggb,
+        },
+        shutter: match camera.shutter {
+            scenario::Shutter::Global => Shutter::Global,
+            scenario::Shutter::Rolling => Shutter::Rolling(1e-6 * camera.line_time_us),
+        },
+        motion_blur: camera.motion_blur,
+        glare: camera.glare,
         blur_sigma_px: blur.min(16.0),
         white_balance: match camera.white_balance {
             WhiteBalance::Auto => white_balance(environment.sky.illuminant_klx()),

@@ -1,8 +1,8 @@
 //! Cameras that are due expose: truth, picture and pose of one tick.
 
 use crate::components::capture::{
-    AutoExposure, Conditions, ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth,
-    SensorCamera, UavInFrame,
+    AutoExposure, ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth, SensorCamera,
+    UavInFrame,
 };
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
@@ -24,6 +24,7 @@ use std::borrow::Borrow;
 use std::sync::Arc;
 use std::time::Instant;
 
+pub mod conditions;
 pub mod metering;
 
 /// Why an exposed frame has no picture.
@@ -141,7 +142,9 @@ pub fn expose(
     mut cameras: Query<(&SensorCamera, &Readout, &mut Exposures, &mut AutoExposure)>,
     uavs: Query<(&Uav, &Flight, &UavShape, Has<Distractor>)>,
     mut frames: ResMut<Frames>,
+    mut before: Local<Option<[Pose; 3]>>,
 ) {
+    let before = before.replace(optics.cameras).unwrap_or(optics.cameras);
     frames.0.clear();
     for (camera, readout, mut exposures, mut auto) in &mut cameras {
         let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
@@ -160,8 +163,6 @@ pub fn expose(
             continue;
         }
         let pose = optics.camera(camera.tier);
-        let now = (clock.tick, clock.dt_s());
-        let exposure = metering::control(&mut auto, camera, &environment, &pose, now);
         let mut truth: Vec<_> = uavs
             .iter()
             .filter_map(|(uav, flight, shape, distractor)| {
@@ -174,6 +175,20 @@ pub fn expose(
             })
             .collect();
         truth.sort_by_key(|seen| seen.uav);
+        let now = (clock.tick, clock.dt_s());
+        let motion = conditions::image_motion(
+            &camera.pinhole,
+            &pose,
+            before[camera.tier as usize].q_enu_cam,
+            now.1,
+            &truth,
+            |index| {
+                let (_, flight, ..) = uavs.iter().find(|(uav, ..)| uav.index == index)?;
+                Some((flight.aim_enu_m(), flight.state.v_enu_mps))
+            },
+        );
+        let conditions =
+            conditions::conditions(&mut auto, camera, &environment, &pose, now, motion);
         frames.0.push(Arc::new(ExposedFrame {
             tier: camera.tier,
             tick: clock.tick,
@@ -181,7 +196,7 @@ pub fn expose(
             pose,
             pointing: optics.pointing,
             rect,
-            conditions: Conditions { exposure },
+            conditions,
             truth,
             rgb8: None,
         }));

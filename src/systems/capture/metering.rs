@@ -53,7 +53,8 @@ pub(super) fn control(
         control.time_s[0]
     } else {
         let metered_kcd_m2 = metered_kcd_m2(environment, &camera.pinhole, pose);
-        let wanted_s = control.wanted_s(metered_kcd_m2, camera.sensor.saturation_kcd_s_m2());
+        let wanted_s =
+            control.wanted_s(metered_kcd_m2, camera.sensor.params().saturation_kcd_s_m2());
         match auto.now {
             Some((now_s, then)) => control.approach_s(now_s, wanted_s, (tick - then) as f64 * dt_s),
             None => wanted_s,
