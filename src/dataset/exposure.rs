@@ -4,7 +4,7 @@ use super::recipe::Recipe;
 use super::scene::Scene;
 use super::stage::Rendered;
 use crate::components::capture::Conditions;
-use crate::models::air::sky;
+use crate::models::air::daylight;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::exposure::ExposureControl;
 use crate::models::optics::motion::ImageMotion;
@@ -22,7 +22,7 @@ fn channel(pixels: &[u8], index: usize, channel: usize) -> f64 {
 
 /// Luminance of a pixel of half-float RGBA rows [kcd/m^2].
 pub fn luminance(pixels: &[u8], index: usize) -> f64 {
-    sky::luminance([0, 1, 2].map(|c| channel(pixels, index, c)))
+    daylight::luminance([0, 1, 2].map(|c| channel(pixels, index, c)))
 }
 
 /// How the cameras of a set are exposed, apart from the longest time, which every scene draws.

@@ -1,6 +1,7 @@
 //! The air and its light: atmosphere, weather and its reports, wind, optical turbulence, sky and sun.
 
 pub mod atmosphere;
+pub mod daylight;
 pub mod metar;
 pub mod sky;
 pub mod sun;

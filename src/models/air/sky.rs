@@ -31,10 +31,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::atmosphere::{KOSCHMIEDER, airlight, kim_exponent};
+use super::daylight::{daylight, luminance};
 use crate::models::maths::curve::smoothstep;
 
-/// Luminance of a unit of each linear sRGB channel.
-const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 /// Wavelengths that stand for the red, green and blue channel [m], in the sky as in the extinction
 /// along a sight line.
 ///
@@ -67,11 +66,6 @@ const TURBIDITY_RANGE: [f64; 2] = [2.0, 6.0];
 const SUM_ROWS: usize = 32;
 const SUM_COLUMNS: usize = 64;
 
-/// The luminance of a linear sRGB colour.
-pub fn luminance(rgb: [f64; 3]) -> f64 {
-    (0..3).map(|c| LUMA[c] * rgb[c]).sum()
-}
-
 /// The clear-sky illuminance of a horizontal surface [klx] with the sun at `elevation_deg`, up to
 /// 5 deg (Janiczek & DeYoung 1987: sun and sky, though the sun adds little so low).
 fn twilight_klx(elevation_deg: f64) -> f64 {
@@ -100,12 +94,6 @@ fn layer_transmission(depth: f64, g: f64, air_mass: f64) -> f64 {
 fn perez([a, b, c, d, e]: [f64; 5], cos_theta: f64, gamma: f64) -> f64 {
     (1.0 + a * (b / cos_theta.max(1e-3)).exp())
         * (1.0 + c * (d * gamma).exp() + e * gamma.cos().powi(2))
-}
-
-/// Where daylight of the chromaticity `x` has its y: the CIE daylight locus, which the standard
-/// gives for 4,000 K to 25,000 K (x from 0.25 to 0.38).
-fn daylight_y(x: f64) -> f64 {
-    (-3.0 * x + 2.870) * x - 0.275
 }
 
 /// Preetham's clear sky: two Perez distributions, for Y and x.
@@ -164,17 +152,7 @@ impl ClearSky {
         let value = |k: usize| perez(self.coefficients[k], dir_enu.z, gamma);
         let luma = value(0).max(0.0);
         let x = self.x_scale * value(1);
-        let y = daylight_y(x);
-        let (big_x, big_z) = (x / y, (1.0 - x - y) / y);
-        // XYZ to linear sRGB (IEC 61966-2-1), Y = 1. A hue outside the gamut is clipped.
-        let rgb = [
-            3.2406 * big_x - 1.5372 - 0.4986 * big_z,
-            -0.9689 * big_x + 1.8758 + 0.0415 * big_z,
-            0.0557 * big_x - 0.2040 + 1.0570 * big_z,
-        ]
-        .map(|channel| channel.max(0.0));
-        let scale = luma / luminance(rgb);
-        rgb.map(|channel| channel * scale)
+        daylight(x).map(|channel| channel * luma)
     }
 }
 
@@ -467,8 +445,6 @@ mod tests {
                 }
             }
         }
-        // D65 lies on the locus to 0.001 or so (it is a daylight, at 6504 K).
-        assert!((daylight_y(0.3127) - 0.3290).abs() < 2e-3);
     }
 
     #[test]

@@ -7,12 +7,13 @@
 //! Assumptions: gain amplifies without noise of its own; the metered luminance is the caller's, so
 //! that a simulation may meter its model of the light and stay the same with and without pictures.
 
+use crate::models::air::daylight::{chromaticity_x, daylight};
+
 /// The exponent of the metered mean: the fourth power leans to the bright parts.
 const METER_POWER: f64 = 4.0;
-/// The range of illuminants that automatic white balance makes up for, red and blue over green in
-/// linear sRGB: about 10,000 K to 3,000 K. Bluer dusk stays a little blue, lamplight a little red.
-const RED_OVER_GREEN: [f64; 2] = [0.75, 2.2];
-const BLUE_OVER_GREEN: [f64; 2] = [0.3, 1.5];
+/// The chromaticities x of the daylights that automatic white balance makes up for, about 10,000 K
+/// to 4,000 K: bluer dusk stays a little blue, a sunset and lamplight a little red.
+const BALANCED_X: [f64; 2] = [0.279, 0.382];
 
 /// How a frame is exposed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,24 +83,15 @@ pub fn metered(samples_kcd_m2: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Gains of the red, green and blue channel that show a grey surface under `illuminant` (linear
-/// sRGB) grey, as far as the range of an automatic white balance goes; the smallest is 1, so that
+/// sRGB) grey. As cameras do, they look for the light among the daylights; the smallest is 1, so that
 /// what saturates stays white.
-pub fn white_balance([red, green, blue]: [f64; 3]) -> [f64; 3] {
-    let over_green = |channel: f64, [low, high]: [f64; 2]| {
-        let ratio = channel / green;
-        if ratio.is_nan() {
-            1.0
-        } else {
-            ratio.clamp(low, high)
-        }
+pub fn white_balance(illuminant: [f64; 3]) -> [f64; 3] {
+    let Some(x) = chromaticity_x(illuminant) else {
+        return [1.0; 3];
     };
-    let illuminant = [
-        over_green(red, RED_OVER_GREEN),
-        1.0,
-        over_green(blue, BLUE_OVER_GREEN),
-    ];
-    let most = illuminant.into_iter().fold(0.0, f64::max);
-    illuminant.map(|channel| most / channel)
+    let light = daylight(x.clamp(BALANCED_X[0], BALANCED_X[1]));
+    let most = light.into_iter().fold(0.0, f64::max);
+    light.map(|channel| most / channel)
 }
 
 #[cfg(test)]
@@ -150,11 +142,13 @@ mod tests {
 
     #[test]
     fn white_balance_makes_grey_grey_within_its_range() {
-        let illuminant = [1.05, 1.0, 0.9];
-        let gains = white_balance(illuminant);
-        let grey: Vec<f64> = (0..3).map(|c| gains[c] * illuminant[c]).collect();
-        assert!(grey.iter().all(|g| (g / grey[0] - 1.0).abs() < 1e-12));
-        assert!((gains.into_iter().fold(f64::MAX, f64::min) - 1.0).abs() < 1e-12);
+        for x in [0.29, 0.3127, 0.34, 0.37] {
+            let illuminant = daylight(x);
+            let gains = white_balance(illuminant);
+            let grey: Vec<f64> = (0..3).map(|c| gains[c] * illuminant[c]).collect();
+            assert!(grey.iter().all(|g| (g / grey[0] - 1.0).abs() < 1e-3));
+            assert!((gains.into_iter().fold(f64::MAX, f64::min) - 1.0).abs() < 1e-12);
+        }
         // Deep twilight stays blue, a black night is left alone.
         let dusk = white_balance([0.6, 1.0, 2.1]);
         assert!(dusk[2] * 2.1 > 1.3 * dusk[0] * 0.6);

@@ -23,43 +23,79 @@ impl Mosaic {
     }
 }
 
-/// Red, green and blue codes of a row, interpolated linearly from the nearest pixels that count
-/// them. `rows` are the codes of the rows above, at and below it, each with one more at either end;
-/// the row begins at (`x`, `y`) of the whole sensor.
-pub fn interpolate(
+/// Sums of neighbours, kept from row to row.
+#[derive(Clone, Debug, Default)]
+pub struct Neighbours {
+    /// Means of the pixels left and right, above and below, of those four, of the corners.
+    means: [Vec<u16>; 4],
+}
+
+/// Red, green and blue of a row, interpolated linearly from the nearest pixels that count them, as
+/// the channels' tables `codes` show them. `rows` are the raw codes of the rows above, at and below
+/// it, each with one more at either end; the row begins at (`x`, `y`) of the whole sensor.
+pub fn interpolate<const CODES: usize>(
     rows: [&[u16]; 3],
     x: usize,
     y: usize,
-    scratch: &mut [Vec<u16>; 4],
-    out: &mut [[u16; 3]],
+    codes: &[[u8; CODES]; 3],
+    neighbours: &mut Neighbours,
+    out: &mut [u8],
 ) {
-    let width = out.len();
+    let width = out.len() / 3;
     let [up, own, down] = rows.map(|row| &row[..width + 2]);
-    for values in scratch.iter_mut() {
-        values.resize(width, 0);
+    let [level, upright, cross, corners] = &mut neighbours.means;
+    for means in [&mut *level, upright, cross, corners] {
+        means.resize(width, 0);
     }
-    let [level, upright, cross, corners] = scratch;
+    let (left, right) = (&own[..width], &own[2..]);
+    let (above, below) = (&up[1..=width], &down[1..=width]);
     // Each on its own, so that they run on vectors.
-    for i in 0..width {
-        level[i] = (own[i] + own[i + 2] + 1) >> 1;
+    mean_of_two(left, right, level);
+    mean_of_two(above, below, upright);
+    for (i, mean) in cross.iter_mut().enumerate() {
+        *mean = (left[i] + right[i] + above[i] + below[i] + 2) >> 2;
     }
-    for i in 0..width {
-        upright[i] = (up[i + 1] + down[i + 1] + 1) >> 1;
-    }
-    for i in 0..width {
-        cross[i] = (own[i] + own[i + 2] + up[i + 1] + down[i + 1] + 2) >> 2;
-    }
-    for i in 0..width {
-        corners[i] = (up[i] + up[i + 2] + down[i] + down[i + 2] + 2) >> 2;
+    let (up_right, down_right) = (&up[2..], &down[2..]);
+    for (i, mean) in corners.iter_mut().enumerate() {
+        *mean = (up[i] + up_right[i] + down[i] + down_right[i] + 2) >> 2;
     }
     let own = &own[1..=width];
     // The colour that a row's not green pixels count, and the other one.
     let (this, other) = if y.is_multiple_of(2) { (0, 2) } else { (2, 0) };
-    for (i, rgb) in out.iter_mut().enumerate() {
-        let green = (x + i + y) % 2 == 1;
-        rgb[1] = if green { own[i] } else { cross[i] };
-        rgb[this] = if green { level[i] } else { own[i] };
-        rgb[other] = if green { upright[i] } else { corners[i] };
+    let code = |channel: usize, raw: u16| codes[channel][raw as usize % CODES];
+    let green = |i: usize, rgb: &mut [u8]| {
+        rgb[this] = code(this, level[i]);
+        rgb[1] = code(1, own[i]);
+        rgb[other] = code(other, upright[i]);
+    };
+    let coloured = |i: usize, rgb: &mut [u8]| {
+        rgb[this] = code(this, own[i]);
+        rgb[1] = code(1, cross[i]);
+        rgb[other] = code(other, corners[i]);
+    };
+    let first_green = (x + y) % 2;
+    for (i, rgb) in out
+        .chunks_exact_mut(3)
+        .enumerate()
+        .skip(1 - first_green)
+        .step_by(2)
+    {
+        green(i, rgb);
+    }
+    for (i, rgb) in out
+        .chunks_exact_mut(3)
+        .enumerate()
+        .skip(first_green)
+        .step_by(2)
+    {
+        coloured(i, rgb);
+    }
+}
+
+/// The rounded means of `a` and `b`.
+fn mean_of_two(a: &[u16], b: &[u16], out: &mut [u16]) {
+    for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
+        *out = (a + b + 1) >> 1;
     }
 }
 
@@ -68,34 +104,30 @@ mod tests {
     use super::*;
 
     /// The mosaic of an even picture with a slope, interpolated.
-    fn interpolated(of: impl Fn(usize, usize, usize) -> u16, x: usize, y: usize) -> Vec<[u16; 3]> {
+    fn interpolated(of: impl Fn(usize, usize, usize) -> u16, x: usize, y: usize) -> Vec<[u8; 3]> {
         let row = |y: usize| -> Vec<u16> {
             let at = |i| of(x + i, y, Mosaic::Rggb.channels(x + i, y).start);
             (0..12).map(at).collect()
         };
         let rows = [row(y), row(y + 1), row(y + 2)];
-        let mut out = vec![[0; 3]; 10];
-        let mut scratch = Default::default();
-        interpolate(
-            rows.each_ref().map(|r| &r[..]),
-            x + 1,
-            y + 1,
-            &mut scratch,
-            &mut out,
-        );
-        out
+        let mut out = vec![0; 3 * 10];
+        let mut scratch = Neighbours::default();
+        let codes = [std::array::from_fn::<u8, 256, _>(|raw| raw as u8); 3];
+        let rows = rows.each_ref().map(|row| &row[..]);
+        interpolate(rows, x + 1, y + 1, &codes, &mut scratch, &mut out);
+        out.as_chunks().0.to_vec()
     }
 
     #[test]
     fn every_phase_gives_each_colour_its_own() {
         for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let flat = interpolated(|_, _, channel| [300, 200, 100][channel], x, y);
-            assert!(flat.iter().all(|rgb| *rgb == [300, 200, 100]), "{flat:?}");
+            let flat = interpolated(|_, _, channel| [240, 200, 100][channel], x, y);
+            assert!(flat.iter().all(|rgb| *rgb == [240, 200, 100]), "{flat:?}");
             // A plane is linear: linear interpolation keeps it.
             let plane = |x: usize, y: usize| 40 + 8 * x as u16 + 4 * y as u16;
             let slope = interpolated(|x, y, _| plane(x, y), x, y);
             for (i, rgb) in slope.iter().enumerate() {
-                assert_eq!(*rgb, [plane(x + 1 + i, y + 1); 3], "{i}");
+                assert_eq!(*rgb, [plane(x + 1 + i, y + 1) as u8; 3], "{i}");
             }
         }
     }

@@ -61,11 +61,14 @@ pub fn row(row_key: u64, first: usize, out: &mut [f32]) {
         *noise = pick(group(first / PER_HASH), (first + i) % PER_HASH);
     }
     let begin = (first + lead).div_ceil(PER_HASH);
-    for (i, noise) in rest.chunks_mut(PER_HASH).enumerate() {
-        let bits = group(begin + i);
-        for (lane, noise) in noise.iter_mut().enumerate() {
-            *noise = pick(bits, lane);
-        }
+    let (groups, tail) = rest.as_chunks_mut::<PER_HASH>();
+    let end = begin + groups.len();
+    for (number, noise) in (begin..).zip(groups) {
+        let bits = group(number);
+        *noise = [0, 1, 2].map(|lane| pick(bits, lane));
+    }
+    for (lane, noise) in tail.iter_mut().enumerate() {
+        *noise = pick(group(end), lane);
     }
 }
 

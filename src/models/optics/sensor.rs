@@ -23,7 +23,7 @@ use half::slice::HalfFloatSliceExt;
 
 use super::exposure::Exposure;
 use super::glare::SunGlare;
-use super::mosaic::{self, Mosaic};
+use super::mosaic::{self, Mosaic, Neighbours};
 use super::motion::{ImageMotion, RowMotion, Shutter};
 use super::noise;
 use super::pattern::FixedPattern;
@@ -199,8 +199,7 @@ pub struct Scratch {
     /// Raw codes with a column more at either end: of the three channels, or of the mosaic's rows,
     /// row `y` at `y` modulo 3.
     raw: [Vec<u16>; 3],
-    interpolated: [Vec<u16>; 4],
-    rgb: Vec<[u16; 3]>,
+    neighbours: Neighbours,
 }
 
 /// The 8-bit code of each 12-bit code, proportional and by the sRGB curve.
@@ -397,13 +396,9 @@ impl Sensor {
             }
             next = wanted + 1;
             let Scratch {
-                raw,
-                interpolated,
-                rgb,
-                ..
+                raw, neighbours, ..
             } = &mut *scratch;
             if mosaic {
-                rgb.resize(width, [0; 3]);
                 // Beyond its border the mosaic is mirrored, which keeps its colours.
                 let above = if y == 0 { 1.min(last) } else { y - 1 };
                 let below = if y == last {
@@ -413,12 +408,7 @@ impl Sensor {
                 };
                 let [x0, y0] = frame.origin_px.map(|n| n as usize);
                 let rows = [above, y, below].map(|row| &raw[row % 3][..]);
-                mosaic::interpolate(rows, x0, y0 + y, interpolated, rgb);
-                for (out, rgb) in out.chunks_exact_mut(3).zip(rgb) {
-                    for channel in 0..3 {
-                        out[channel] = self.codes[channel][rgb[channel] as usize % CODES];
-                    }
-                }
+                mosaic::interpolate(rows, x0, y0 + y, &self.codes, neighbours, out);
             } else {
                 for (channel, raw) in raw.iter().enumerate() {
                     let codes = &self.codes[channel];
@@ -524,15 +514,15 @@ impl Sensor {
                 let pattern = self.pattern.as_ref().and_then(|p| p.half_row(x, row));
                 let pattern = pattern.unwrap_or([&plain[..], &plain[..]]);
                 self.convert(gains, x, row, mean, pattern, noise);
-                let (place, skip) = match self.params.mosaic {
-                    Mosaic::Rggb => (y % 3, 1),
-                    Mosaic::None => (channel, 1),
+                let place = match self.params.mosaic {
+                    Mosaic::Rggb => y % 3,
+                    Mosaic::None => channel,
                 };
                 raw[place].resize(frame.width + 2, 0);
-                let columns = raw[place].iter_mut().skip(skip + parity).step_by(2);
+                let columns = raw[place][1 + parity..].chunks_mut(2);
                 for (raw, code) in columns.zip(&*noise) {
                     // Adding 2^23 rounded it to an integer in the low bits of the mantissa.
-                    *raw = code.to_bits() as u16 % CODES as u16;
+                    raw[0] = code.to_bits() as u16 % CODES as u16;
                 }
             }
         }
@@ -647,19 +637,28 @@ impl Sensor {
             ),
         }
         let pad = Self::pad(self.taps.len() - 1);
-        for (i, padded) in padded.iter_mut().enumerate() {
-            let (channel, parity) = (i / 2, i % 2);
-            let count = (width - parity.min(width)).div_ceil(2);
-            padded.resize(count + 2 * pad, 0.0);
-            let columns = rgba.iter().skip(4 * parity + channel).step_by(8);
-            for (to, from) in padded[pad..pad + count].iter_mut().zip(columns) {
-                // A comparison with a NaN is false: it becomes 0.
-                let value = if *from > 0.0 { *from } else { 0.0 };
-                *to = if value < MAX_LUMINANCE_KCD_M2 {
-                    value
-                } else {
-                    MAX_LUMINANCE_KCD_M2
-                };
+        // A comparison with a NaN is false: it becomes 0.
+        let limited = |value: f32| {
+            let value = if value > 0.0 { value } else { 0.0 };
+            if value < MAX_LUMINANCE_KCD_M2 {
+                value
+            } else {
+                MAX_LUMINANCE_KCD_M2
+            }
+        };
+        for (channel, halves) in padded.chunks_exact_mut(2).enumerate() {
+            for (parity, half) in halves.iter_mut().enumerate() {
+                half.resize((width - parity.min(width)).div_ceil(2) + 2 * pad, 0.0);
+            }
+            let [even, odd] = halves else { continue };
+            let columns = even[pad..].iter_mut().zip(&mut odd[pad..]);
+            let (pairs, rest) = rgba.as_chunks::<8>();
+            for ((even, odd), pair) in columns.zip(pairs) {
+                *even = limited(pair[channel]);
+                *odd = limited(pair[4 + channel]);
+            }
+            if let Some(last) = rest.get(channel) {
+                even[pad + width / 2] = limited(*last);
             }
         }
         for channel in 0..3 {

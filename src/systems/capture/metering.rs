@@ -2,7 +2,8 @@
 
 use crate::components::capture::{AutoExposure, SensorCamera};
 use crate::components::environment::Environment;
-use crate::models::air::sky::{CHANNELS_M, luminance};
+use crate::models::air::daylight::luminance;
+use crate::models::air::sky::CHANNELS_M;
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::{Exposure, metered};

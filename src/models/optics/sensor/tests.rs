@@ -1,4 +1,5 @@
 use super::*;
+use crate::models::air::daylight::daylight;
 use crate::models::optics::exposure::{ExposureControl, white_balance};
 use glam::{DVec2, DVec3};
 
@@ -373,7 +374,7 @@ fn saturates_and_survives_any_half() {
 #[test]
 fn a_metered_scene_and_its_light_come_out_as_set() {
     // What is metered lies at the level, and what is as bright in another light is as grey.
-    let illuminant = [1.1, 1.0, 0.8];
+    let illuminant = daylight(0.34);
     let params = SensorParams {
         white_balance: white_balance(illuminant),
         ..params()
@@ -387,7 +388,8 @@ fn a_metered_scene_and_its_light_come_out_as_set() {
     let metered_kcd_m2 = 4.0;
     let wanted_s = control.wanted_s(metered_kcd_m2, params.saturation_kcd_s_m2());
     let rendered: Vec<u8> = (0..64 * 64)
-        .flat_map(|_| [1.1f32, 1.0, 0.8, 0.0].map(|c| f16::from_f32(c * 4.0)))
+        .flat_map(|_| [illuminant[0], illuminant[1], illuminant[2], 0.0])
+        .map(|c| f16::from_f64(c * metered_kcd_m2))
         .flat_map(f16::to_le_bytes)
         .collect();
     let frame = RenderedFrame {
@@ -406,7 +408,10 @@ fn a_metered_scene_and_its_light_come_out_as_set() {
         [0, 1, 2].map(|c| moments(codes.iter().skip(c).step_by(3).map(|c| f64::from(*c))).0);
     // Red is the largest part of the light and keeps its gain of 1.
     for mean in means {
-        assert!((mean - 255.0 * 0.5 * 1.1).abs() < 0.6, "{means:?}");
+        assert!(
+            (mean - 255.0 * 0.5 * illuminant[0]).abs() < 0.6,
+            "{means:?}"
+        );
     }
 }
 
