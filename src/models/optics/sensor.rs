@@ -589,14 +589,13 @@ impl Sensor {
             self.decode(frame, row, scratch);
             let Scratch { padded, ring, .. } = &mut *scratch;
             let pad = Self::pad(radius);
-            for half in 0..6 {
+            for (half, out) in ring[row % length].iter_mut().enumerate() {
                 let (channel, parity) = (half / 2, half % 2);
                 let x = frame.origin_px[0] as usize + parity;
                 let counted = |y| self.params.mosaic.channels(x, y).contains(&channel);
                 if !counted(0) && !counted(1) {
                     continue;
                 }
-                let out = &mut ring[row % length][half];
                 out.resize((frame.width - parity.min(frame.width)).div_ceil(2), 0.0);
                 weigh(
                     &self.taps,
