@@ -6,6 +6,8 @@ pub use crate::models::optics::tier::Tier;
 
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
+use crate::models::optics::exposure::ExposureControl;
+pub use crate::models::optics::sensor::Conditions;
 use crate::models::optics::sensor::Sensor;
 use bevy::prelude::*;
 use glam::DVec2;
@@ -22,8 +24,10 @@ pub struct SensorCamera {
     pub period_ticks: u64,
     /// Ticks from the instant of exposure until its detections reach the tracker.
     pub latency_ticks: u64,
-    /// Exposure, noise and blur.
+    /// Noise and blur.
     pub sensor: Sensor,
+    /// How its exposure is set.
+    pub control: ExposureControl,
     /// Side of the windowed readout [px]; `None` reads the full frame always.
     pub window_px: Option<u32>,
     /// Samples per pixel of the renderer: 1 or 4.
@@ -81,6 +85,15 @@ pub struct RenderedTruth {
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Exposures(pub u64);
 
+/// A camera's automatic exposure. It meters the model's sky and ground in the field, not the
+/// picture, so that a run without pictures is the same run.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+pub struct AutoExposure {
+    /// Product of exposure time and gain [s], and the tick it was set at; none before the first
+    /// exposure, which begins settled.
+    pub now: Option<(f64, u64)>,
+}
+
 /// One exposure of one camera.
 #[derive(Clone, Debug)]
 pub struct ExposedFrame {
@@ -96,6 +109,8 @@ pub struct ExposedFrame {
     pub pointing: Pointing,
     /// The pixels read out.
     pub rect: PixelRect,
+    /// How the sensor was exposed.
+    pub conditions: Conditions,
     /// The UAVs and distractors in front of the camera.
     pub truth: Vec<UavInFrame>,
     /// 8-bit RGB pixels of `rect`, row by row; `None` in a run that renders nothing.

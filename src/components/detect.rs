@@ -149,6 +149,7 @@ impl DetectionQueue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::components::capture::Conditions;
     use crate::components::mount::{Alignment, Pointing};
     use crate::models::maths::kinematics::Pose;
     use glam::{DQuat, DVec2, DVec3};
@@ -173,6 +174,7 @@ mod tests {
                 alignment: Alignment::default(),
             },
             rect: look,
+            conditions: Conditions::default(),
             truth: Vec::new(),
             rgb8: None,
         };

@@ -3,16 +3,16 @@
 use super::recipe::Recipe;
 use super::scene::Scene;
 use super::stage::Rendered;
+use crate::components::capture::Conditions;
+use crate::models::air::daylight;
 use crate::models::maths::rng::Stream;
+use crate::models::optics::exposure::ExposureControl;
+use crate::models::optics::motion::ImageMotion;
 use crate::models::optics::raster::Masks;
-use crate::models::optics::sensor::{SensorParams, auto_exposure};
+use crate::systems::capture::conditions::sun_glare;
+use crate::systems::capture::metering;
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
-
-/// Luminance of linear sRGB.
-const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
-/// Largest gain, for light that is too dim for the longest exposure.
-const MAX_GAIN: f64 = 48.0;
 
 /// One channel of a pixel of half-float RGBA rows.
 fn channel(pixels: &[u8], index: usize, channel: usize) -> f64 {
@@ -22,47 +22,61 @@ fn channel(pixels: &[u8], index: usize, channel: usize) -> f64 {
 
 /// Luminance of a pixel of half-float RGBA rows [kcd/m^2].
 pub fn luminance(pixels: &[u8], index: usize) -> f64 {
-    (0..3).map(|c| LUMA[c] * channel(pixels, index, c)).sum()
+    daylight::luminance([0, 1, 2].map(|c| channel(pixels, index, c)))
 }
 
-/// The sensor's settings for a rendered frame, `more_stops` brighter than the scene's others.
-pub fn settings(scene: &Scene, pixels: &[u8], more_stops: f64) -> SensorParams {
-    let error = scene.camera.exposure_error_stops + more_stops;
-    let mut params = scene.camera.sensor;
-    let light_klx = scene.environment.sky.global_illuminance_klx();
-    let metered_klx = {
+/// How the cameras of a set are exposed, apart from the longest time, which every scene draws.
+pub const CONTROL: ExposureControl = ExposureControl {
+    level: 0.5,
+    time_s: [1e-6, 1.0 / 50.0], // [s]
+    max_gain: 48.0,
+    settling_s: 0.25, // [s]
+};
+
+/// How a rendered frame is exposed, `more_stops` brighter than the scene's others.
+pub fn conditions(
+    scene: &Scene,
+    rendered: &Rendered,
+    pixels: &[u8],
+    more_stops: f64,
+) -> Conditions {
+    let camera = &scene.camera;
+    let error = camera.exposure_error_stops + more_stops;
+    let saturation = camera.sensor.saturation_kcd_s_m2();
+    let control = ExposureControl {
+        time_s: [CONTROL.time_s[0], camera.max_exposure_s],
+        ..CONTROL
+    };
+    let metered_kcd_m2 = if camera.metered {
         const EVERY: usize = 37; // [px]
         let values = (0..pixels.len() / 8)
             .step_by(EVERY)
             .map(|index| luminance(pixels, index));
         let (sum, count) = values.fold((0.0, 0.0), |(sum, n), l| (sum + l, n + 1.0));
-        // A picture is brighter on average than an 18 % grey: 30 %.
-        PI * sum / count / 0.30
-    };
-    let klx = if scene.camera.metered {
-        metered_klx
+        // The mean at 0.21 of the white level, as cameras do that do not weight the highlights.
+        control.level / 0.21 * sum / count
     } else {
-        light_klx
+        metering::metered_kcd_m2(&scene.environment, &camera.pinhole, &rendered.frame.pose)
     };
-    let wanted_s = auto_exposure(klx.max(1e-9), &params, f64::MAX) * error.exp2();
-    params.exposure_s = wanted_s.clamp(1e-6, scene.camera.max_exposure_s);
-    let gain = (wanted_s / params.exposure_s).min(MAX_GAIN);
-    if gain > 1.0 {
-        params.gain_e_per_dn = Some(params.full_well_e / 255.0 / gain);
+    let pose = &rendered.frame.pose;
+    Conditions {
+        exposure: control.setting(control.wanted_s(metered_kcd_m2, saturation) * error.exp2()),
+        motion: ImageMotion::default(),
+        sun: sun_glare(&scene.environment, &camera.pinhole, pose),
     }
-    params
 }
 
 /// How a UAV's silhouette stands out from its surroundings: the root mean square of its luminance
 /// against their mean, softened by the blur, over the noise of a pixel. Luminance above white
 /// counts as white.
 pub fn contrast(
+    scene: &Scene,
     rendered: &Rendered,
     pixels: &[u8],
     masks: &Masks,
     box_px: [f64; 4],
-    params: &SensorParams,
 ) -> f64 {
+    let (params, exposure) = (&scene.camera.sensor, &rendered.frame.conditions.exposure);
     let [width, height] = rendered.frame.rect.size_px.map(f64::from);
     let long_px = (box_px[2] - box_px[0]).max(box_px[3] - box_px[1]);
     let margin = (0.5 * long_px).max(3.0);
@@ -72,8 +86,9 @@ pub fn contrast(
     };
     let rows = span(box_px[1], box_px[3], height);
     let columns = span(box_px[0], box_px[2], width);
-    let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
-    let white = params.white_e() / electrons;
+    let electrons = params.electrons_per_kcd_m2_s() * exposure.time_s;
+    let white_e = params.full_well_e / exposure.gain;
+    let white = white_e / electrons;
     let at = |x: u32, y: u32| luminance(pixels, (y * width as u32 + x) as usize).min(white);
     let (mut sum, mut count) = (0.0, 0.0);
     for y in rows.clone() {
@@ -96,27 +111,39 @@ pub fn contrast(
     }
     // A Gaussian blur spreads the light of a spot of this area over 4 pi sigma^2 more.
     let soft = area / (area + 4.0 * PI * params.blur_sigma_px.powi(2));
-    let rounding_e = params.white_e() / 4095.0;
+    let rounding_e = white_e / 4095.0;
     let noise_e =
         (electrons * around + params.read_noise_e.powi(2) + rounding_e.powi(2) / 12.0).sqrt();
     (square / area.max(1e-9)).sqrt() * soft * electrons / noise_e
 }
 
-/// The camera's motion during the exposure and a laser's flare, drawn and put into the pixels.
+/// The motion during the exposure and a laser's flare, drawn; the flare is put into the pixels.
 pub fn effects(
     recipe: &Recipe,
-    rendered: &Rendered,
-    params: &SensorParams,
+    scene: &Scene,
+    rendered: &mut Rendered,
     pixels: &mut [u8],
     rng: &mut Stream,
 ) {
     let camera = &recipe.camera;
     let [width, height] = rendered.frame.rect.size_px.map(|n| n as usize);
     let (smears, flares) = (rng.uniform(), rng.uniform());
+    let exposure = rendered.frame.conditions.exposure;
     if smears < camera.motion_blur_share && camera.motion_blur_px > 0.0 {
-        let length_px = rng.range(0.5f64.min(camera.motion_blur_px), camera.motion_blur_px);
-        let along = length_px * DVec2::from_angle(rng.range(0.0, TAU));
-        smear(pixels, width, height, along);
+        let mut pxps = || {
+            let length_px = rng.range(0.5f64.min(camera.motion_blur_px), camera.motion_blur_px);
+            length_px / exposure.time_s * DVec2::from_angle(rng.range(0.0, TAU))
+        };
+        let (camera_pxps, uav_pxps) = (pxps(), pxps());
+        let boxes = rendered.frame.truth.iter().map(|seen| seen.box_px);
+        let own = |pxps: DVec2| boxes.map(|box_px| (box_px, pxps)).collect();
+        // A shaken camera, one that follows its target, one that stands while the target flies by.
+        let (still_pxps, boxes) = match rng.uniform() {
+            u if u < 0.5 => (camera_pxps, Vec::new()),
+            u if u < 0.8 => (camera_pxps, own(DVec2::ZERO)),
+            _ => (DVec2::ZERO, own(uav_pxps)),
+        };
+        rendered.frame.conditions.motion = ImageMotion { still_pxps, boxes };
     }
     if flares < camera.flare_share {
         let truth = &rendered.frame.truth;
@@ -124,58 +151,8 @@ pub fn effects(
             Some(seen) if rng.uniform() < 0.5 => DVec2::from_array(seen.aim_px),
             _ => DVec2::new(rng.uniform() * width as f64, rng.uniform() * height as f64),
         };
-        let electrons = params.electrons_per_kcd_m2_s() * params.exposure_s;
-        flare(pixels, width, at, params.white_e() / electrons, rng);
-    }
-}
-
-/// Smears the frame by a straight uniform motion of `along` [px]; identities stay.
-fn smear(pixels: &mut [u8], width: usize, height: usize, along: DVec2) {
-    const STEPS: i32 = 16;
-    let reach = (0.5 * along.abs().max_element()).ceil() as i32;
-    let side = (2 * reach + 2) as usize;
-    let mut kernel = vec![0.0f32; side * side];
-    for step in 0..STEPS {
-        let at = ((f64::from(step) + 0.5) / f64::from(STEPS) - 0.5) * along + f64::from(reach);
-        let (cell, rest) = (at.floor(), at - at.floor());
-        for (dx, wx) in [(0, 1.0 - rest.x), (1, rest.x)] {
-            for (dy, wy) in [(0, 1.0 - rest.y), (1, rest.y)] {
-                let index = (cell.y as usize + dy) * side + cell.x as usize + dx;
-                kernel[index] += (wx * wy / f64::from(STEPS)) as f32;
-            }
-        }
-    }
-    let taps: Vec<(i32, i32, f32)> = (0..side * side)
-        .filter(|i| kernel[*i] > 0.0)
-        .map(|i| {
-            let (x, y) = ((i % side) as i32 - reach, (i / side) as i32 - reach);
-            (x, y, kernel[i])
-        })
-        .collect();
-    let linear: Vec<f32> = pixels
-        .chunks_exact(8)
-        .flat_map(|pixel| {
-            [0, 2, 4].map(|at| half::f16::from_le_bytes([pixel[at], pixel[at + 1]]).to_f32())
-        })
-        .collect();
-    let (w, h) = (width as i32, height as i32);
-    let mut row = vec![0.0f32; 3 * width];
-    for y in 0..h {
-        row.fill(0.0);
-        for (dx, dy, weight) in &taps {
-            let from = (y + dy).clamp(0, h - 1) as usize * width;
-            for x in 0..w {
-                let source = 3 * (from + (x + dx).clamp(0, w - 1) as usize);
-                let sums = &mut row[3 * x as usize..3 * x as usize + 3];
-                for (sum, value) in sums.iter_mut().zip(&linear[source..source + 3]) {
-                    *sum += weight * value;
-                }
-            }
-        }
-        let line = &mut pixels[8 * y as usize * width..8 * (y as usize + 1) * width];
-        for (pixel, rgb) in line.chunks_exact_mut(8).zip(row.chunks_exact(3)) {
-            put(pixel, rgb);
-        }
+        let white = scene.camera.sensor.saturation_kcd_s_m2() / (exposure.time_s * exposure.gain);
+        flare(pixels, width, at, white, rng);
     }
 }
 
@@ -227,32 +204,6 @@ mod tests {
             })
             .flat_map(half::f16::to_le_bytes)
             .collect()
-    }
-
-    #[test]
-    fn a_smear_keeps_light_centroid_and_identities() {
-        let mut pixels = frame(|x, y| if (x, y) == (15, 10) { 100.0 } else { 0.0 });
-        let along = DVec2::new(3.0, -1.5);
-        smear(&mut pixels, WIDTH, HEIGHT, along);
-        let (mut sum, mut first, mut second) = (0.0, DVec2::ZERO, DVec2::ZERO);
-        for i in 0..WIDTH * HEIGHT {
-            let at = DVec2::new((i % WIDTH) as f64, (i / WIDTH) as f64) - DVec2::new(15.0, 10.0);
-            let v = channel(&pixels, i, 1);
-            sum += v;
-            first += v * at;
-            second += v * at * at;
-            assert_eq!(channel(&pixels, i, 3), 25.0);
-        }
-        assert!((sum / 200.0 - 1.0).abs() < 2e-3, "{sum}");
-        assert!((first / sum).length() < 0.01, "{}", first / sum);
-        // The variance of a uniform motion is length^2 / 12, and at most a quarter more for the
-        // division of its steps between pixels.
-        for (found, exact) in [(second.x / sum, 9.0 / 12.0), (second.y / sum, 2.25 / 12.0)] {
-            assert!(
-                (-0.01..0.26).contains(&(found - exact)),
-                "{found} for {exact}"
-            );
-        }
     }
 
     #[test]

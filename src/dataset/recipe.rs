@@ -309,7 +309,11 @@ pub struct CameraRanges {
     pub blur_px: [f64; 2],
     /// Most by which the automatic exposure errs [stops].
     pub exposure_error_stops: f64,
-    /// Share of the stills with a camera that moved during the exposure.
+    /// Standard deviation of the white balance's error in red and in blue [stops].
+    pub white_balance_error_stops: f64,
+    /// Share of the cameras behind a Bayer mosaic; the others see every colour at every pixel.
+    pub mosaic_share: f64,
+    /// Share of the stills with a camera or UAVs that moved during the exposure.
     pub motion_blur_share: f64,
     /// Longest smear [px].
     pub motion_blur_px: f64,
@@ -335,6 +339,8 @@ impl Default for CameraRanges {
             height_m: [2.0, 60.0],
             blur_px: [0.3, 1.6],
             exposure_error_stops: 1.0,
+            white_balance_error_stops: 0.15,
+            mosaic_share: 0.8,
             motion_blur_share: 0.3,
             motion_blur_px: 4.0,
             flare_share: 0.05,
@@ -360,6 +366,9 @@ impl CameraRanges {
         check.not_descending("blur_px", self.blur_px, 0.0..=10.0);
         let most_stops = self.exposure_error_stops;
         check.within("exposure_error_stops", most_stops, 0.0..=4.0);
+        let most_stops = self.white_balance_error_stops;
+        check.within("white_balance_error_stops", most_stops, 0.0..=2.0);
+        check.within("mosaic_share", self.mosaic_share, FRACTION);
         check.within("motion_blur_share", self.motion_blur_share, FRACTION);
         check.within("motion_blur_px", self.motion_blur_px, 0.0..=32.0);
         check.within("flare_share", self.flare_share, FRACTION);

@@ -16,7 +16,10 @@ use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::{CameraError, Pinhole};
-use crate::models::optics::sensor::{SensorParams, Transfer};
+use crate::models::optics::exposure::white_balance;
+use crate::models::optics::mosaic::Mosaic;
+use crate::models::optics::motion::Shutter;
+use crate::models::optics::sensor::{Sensor, SensorParams, Transfer};
 use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::{UavStyle, drawn_distractor_mesh, styled_uav_mesh};
@@ -36,6 +39,8 @@ pub struct Scene {
     pub environment: Environment,
     /// The camera and its place.
     pub camera: SceneCamera,
+    /// Its sensor, ready.
+    pub sensor: Sensor,
     /// What may appear.
     pub props: Vec<Prop>,
     /// The UAVs among the props, which come first.
@@ -54,7 +59,7 @@ pub struct SceneCamera {
     pub r_enu_m: DVec3,
     /// Its projection.
     pub pinhole: Pinhole,
-    /// Its sensor; the exposure is set for every still.
+    /// What its sensor is made of; the exposure is set for every still.
     pub sensor: SensorParams,
     /// Longest exposure [s].
     pub max_exposure_s: f64,
@@ -78,7 +83,7 @@ impl Scene {
         })?;
         city.bake_shadows(sun_dir_enu);
         let mut rng = stream("dataset camera");
-        let camera =
+        let mut camera =
             SceneCamera::draw(&recipe.camera, background, &city, &mut rng).map_err(|source| {
                 DatasetError::Camera {
                     scene: index,
@@ -95,11 +100,16 @@ impl Scene {
                 scene: index,
                 source,
             })?;
+        let balance = &recipe.camera.white_balance_error_stops;
+        let mut rng = stream("dataset white balance");
+        camera.sensor.white_balance = drawn_balance(&environment, *balance, &mut rng);
+        let sensor = Sensor::new(&camera.sensor)?;
         Ok(Self {
             index,
             background,
             environment,
             camera,
+            sensor,
             props,
             uavs,
             clutter,
@@ -156,6 +166,22 @@ fn city_params(ranges: &CityRanges, background: Background, rng: &mut Stream) ->
     }
 }
 
+/// White balance by the scene's light, or daylight's in one of five cameras, with an error in red
+/// and blue of the standard deviation `error_stops`.
+fn drawn_balance(environment: &Environment, error_stops: f64, rng: &mut Stream) -> [f64; 3] {
+    const DAYLIGHT: f64 = 0.2;
+    let fixed = rng.uniform() < DAYLIGHT;
+    let balance = if fixed {
+        [1.0; 3]
+    } else {
+        white_balance(environment.sky.illuminant_klx())
+    };
+    let mut off = || (error_stops * rng.normal()).exp2();
+    let balance = [balance[0] * off(), balance[1], balance[2] * off()];
+    let least = balance.into_iter().fold(f64::MAX, f64::min);
+    balance.map(|gain| gain / least)
+}
+
 impl SceneCamera {
     fn draw(
         ranges: &CameraRanges,
@@ -173,14 +199,30 @@ impl SceneCamera {
         let r_enu_m = stand(city, ranges.height_m, rng);
         let sensor = SensorParams {
             f_number: 4.0,
-            exposure_s: 1e-3,
             pixel_pitch_m: 5e-6,
             transmission: 0.8,
             quantum_efficiency: 0.6,
             full_well_e: log_range([4_000.0, 25_000.0], rng),
             read_noise_e: log_range([2.0, 12.0], rng),
-            gain_e_per_dn: None,
+            dark_current_eps: log_range([1.0, 100.0], rng),
+            dsnu_e: log_range([0.3, 4.0], rng),
+            prnu: log_range([0.003, 0.02], rng),
+            pattern_key: rng.bits(),
+            size_px: [width_px, height_px],
+            focal_px: pinhole.focal_px,
+            vignetting: rng.range(0.0, 0.35),
+            mosaic: if rng.uniform() < ranges.mosaic_share {
+                Mosaic::Rggb
+            } else {
+                Mosaic::None
+            },
+            // Annotations are those of one instant.
+            shutter: Shutter::Global,
+            motion_blur: true,
+            glare: log_range([0.3, 3.0], rng),
             blur_sigma_px: rng.range(ranges.blur_px[0], ranges.blur_px[1]),
+            // Of the scene's light, which is not drawn yet; see `Scene::draw`.
+            white_balance: [1.0; 3],
             transfer: Transfer::Srgb,
         };
         let error = ranges.exposure_error_stops;

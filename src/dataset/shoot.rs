@@ -12,7 +12,6 @@ use super::store::{record_path, write};
 use super::{exposure, label, sequence};
 use crate::models::maths::rng::Stream;
 use crate::models::optics::raster;
-use crate::models::optics::sensor::{Sensor, SensorParams};
 use crate::systems::capture;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageResult};
@@ -150,17 +149,18 @@ fn clip(
         let mut images = Vec::new();
         for number in 1..=sequences.frames {
             let still = clip.still(scene, motion);
-            let rendered = stage.render(
+            let mut rendered = stage.render(
                 still.pose,
                 scene.camera.pinhole,
-                &scene.camera.sensor,
+                &scene.sensor,
                 &scene.props,
                 &still.placed,
             )?;
-            let params = exposure::settings(scene, &stage.scratch.pixels, 0.0);
+            rendered.frame.conditions =
+                exposure::conditions(scene, &rendered, &stage.scratch.pixels, 0.0);
             let uavs = still.placed.iter().filter(|p| p.prop < scene.uavs.len());
             let annotations: Vec<_> = uavs
-                .filter_map(|placed| annotation(scene, &rendered, stage, placed, &params))
+                .filter_map(|placed| annotation(scene, &rendered, stage, placed))
                 .filter(|seen| seen.visible_fraction >= MIN_CLIP_VISIBLE)
                 .collect();
             // A clip begins with something that can be seen.
@@ -169,7 +169,7 @@ fn clip(
                 break;
             }
             let key = rng.bits();
-            let rgb8 = develop(&rendered, &params, key, stage)?;
+            let rgb8 = develop(&rendered, key, stage)?;
             let image = Picture {
                 file_name: format!("../sequences/{name}/img1/{number:06}.png"),
                 width: scene.camera.pinhole.width_px,
@@ -238,20 +238,21 @@ fn shoot(
     rng: &mut Stream,
 ) -> Result<Option<(Picture, Vec<u8>)>, DatasetError> {
     let pinhole = scene.camera.pinhole;
-    let rendered = stage.render(
+    let mut rendered = stage.render(
         still.pose,
         pinhole,
-        &scene.camera.sensor,
+        &scene.sensor,
         &scene.props,
         &still.placed,
     )?;
-    let params = exposure::settings(scene, &stage.scratch.pixels, rng.range(-0.3, 0.3));
     let pixels = &mut stage.scratch.pixels;
-    exposure::effects(recipe, &rendered, &params, pixels, rng);
+    let more_stops = rng.range(-0.3, 0.3);
+    rendered.frame.conditions = exposure::conditions(scene, &rendered, pixels, more_stops);
+    exposure::effects(recipe, scene, &mut rendered, pixels, rng);
     let mut annotations = Vec::new();
     let targets = &recipe.targets;
     for placed in still.placed.iter().filter(|p| p.prop < scene.uavs.len()) {
-        match annotation(scene, &rendered, stage, placed, &params) {
+        match annotation(scene, &rendered, stage, placed) {
             Some(seen)
                 if seen.visible_fraction >= targets.min_visible
                     && seen.contrast >= targets.min_contrast =>
@@ -261,7 +262,7 @@ fn shoot(
             _ => return Ok(None),
         }
     }
-    let rgb8 = develop(&rendered, &params, rng.bits(), stage)?;
+    let rgb8 = develop(&rendered, rng.bits(), stage)?;
     let image = Picture {
         file_name: String::new(),
         width: pinhole.width_px,
@@ -279,7 +280,6 @@ fn annotation(
     rendered: &Rendered,
     stage: &Stage,
     placed: &Placed,
-    params: &SensorParams,
 ) -> Option<Annotation> {
     let truth = &rendered.frame.truth;
     let seen = truth.iter().find(|seen| seen.uav == placed.prop)?;
@@ -308,22 +308,16 @@ fn annotation(
         aim: seen.aim_px,
         range_m: seen.range_m,
         visible_fraction: label.visible_fraction,
-        contrast: exposure::contrast(rendered, pixels, &fine, label.box_px, params),
+        contrast: exposure::contrast(scene, rendered, pixels, &fine, label.box_px),
         track_id: placed.prop as u32 + 1,
     })
 }
 
 /// The sensor's picture of the frame rendered last.
-fn develop(
-    rendered: &Rendered,
-    params: &SensorParams,
-    key: u64,
-    stage: &mut Stage,
-) -> Result<Vec<u8>, DatasetError> {
-    let sensor = Sensor::new(params)?;
+fn develop(rendered: &Rendered, key: u64, stage: &mut Stage) -> Result<Vec<u8>, DatasetError> {
     Ok(capture::form_image(
         &rendered.frame,
-        &sensor,
+        &rendered.shot.camera.sensor,
         key,
         &mut stage.scratch,
     )?)

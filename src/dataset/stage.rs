@@ -1,8 +1,9 @@
 //! One Bevy app that shows one scene after the other and renders single frames of them.
 
 use super::error::DatasetError;
+use super::exposure::CONTROL;
 use crate::app::{self, Options, RunError};
-use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
+use crate::components::capture::{Conditions, ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::{Alignment, Pointing};
@@ -12,7 +13,7 @@ use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::{Pinhole, PixelRect};
-use crate::models::optics::sensor::{Sensor, SensorParams};
+use crate::models::optics::sensor::Sensor;
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::UavMesh;
 use crate::systems::capture::{self, ImageScratch, Shot};
@@ -154,7 +155,7 @@ impl Stage {
         &mut self,
         pose: Pose,
         pinhole: Pinhole,
-        params: &SensorParams,
+        sensor: &Sensor,
         props: &[Prop],
         placed: &[Placed],
     ) -> Result<Rendered, DatasetError> {
@@ -165,7 +166,8 @@ impl Stage {
             pinhole,
             period_ticks: 1,
             latency_ticks: 0,
-            sensor: Sensor::new(params)?,
+            sensor: sensor.clone(),
+            control: CONTROL,
             window_px: None,
             antialias: ANTIALIAS,
         };
@@ -203,6 +205,7 @@ impl Stage {
                 offset_px: [0, 0],
                 size_px: [pinhole.width_px, pinhole.height_px],
             },
+            conditions: Conditions::default(),
             truth,
             rgb8: None,
         };

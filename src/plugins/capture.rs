@@ -1,17 +1,20 @@
 //! Cameras: lenses, sensors, boresights; exposures and their pictures.
 
-use crate::components::capture::{Exposures, Frames, Readout, SensorCamera, Tier};
+use crate::components::capture::{AutoExposure, Exposures, Frames, Readout, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::mount::{Alignment, Misalignment, Mount, Optics};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::optics::calibration::{self, CalibrationError};
 use crate::models::optics::camera::Pinhole;
-use crate::models::optics::sensor::{Sensor, SensorParams, Transfer, auto_exposure};
+use crate::models::optics::exposure::{ExposureControl, white_balance};
+use crate::models::optics::mosaic::Mosaic;
+use crate::models::optics::motion::Shutter;
+use crate::models::optics::sensor::{Sensor, SensorParams, Transfer};
 use crate::plugins::render;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, Exposure, InputError, Loaded};
-use crate::systems::capture as systems;
+use crate::scenario::{self, Exposure, InputError, Loaded, WhiteBalance};
+use crate::systems::capture::{self as systems, metering};
 use bevy::prelude::*;
 use glam::DVec3;
 
@@ -52,28 +55,38 @@ fn spawn_cameras(
     mut commands: Commands,
     loaded: Res<RunScenario>,
     clock: Res<SimClock>,
+    seed: Res<Seed>,
     environment: Res<Environment>,
     mount: Single<&Mount>,
 ) -> Result<(), PartError> {
     let cameras = loaded.scenario.station.cameras.resolved();
     for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
-        let params = sensor_params(camera, &environment, mount.r_enu_m);
-        let latency_s =
-            0.5 * params.exposure_s + camera.readout_latency_s + camera.inference_latency_s;
+        let pinhole = pinhole(&loaded, tier, camera)?;
+        let key = seed.stream(tier as u64, "fixed pattern").bits();
+        let params = sensor_params(camera, &environment, mount.r_enu_m, &pinhole, key);
+        let control = exposure_control(camera);
+        // In the light on level ground; the control changes it by a tick or two.
+        let bright_kcd_m2 = metering::bright_ground_kcd_m2(&environment);
+        let exposure = control.wanted_s(bright_kcd_m2, params.saturation_kcd_s_m2());
+        let latency_s = 0.5 * control.setting(exposure).time_s
+            + camera.readout_latency_s
+            + camera.inference_latency_s;
         let sensor = Sensor::new(&params).map_err(|error| loaded.refuse(place(tier), error))?;
         let windowed = camera.readout == scenario::ReadoutMode::Window;
         commands.spawn((
             SensorCamera {
                 tier,
-                pinhole: pinhole(&loaded, tier, camera)?,
+                pinhole,
                 period_ticks: u64::from(clock.tick_hz / camera.rate_hz),
                 latency_ticks: clock.ticks_of(latency_s),
                 sensor,
+                control,
                 window_px: windowed.then_some(camera.window_px),
                 antialias: camera.antialias,
             },
             Readout::Off,
             Exposures::default(),
+            AutoExposure::default(),
         ));
     }
     Ok(())
@@ -151,6 +164,8 @@ fn sensor_params(
     camera: &scenario::CameraConfig,
     environment: &Environment,
     r_station_enu_m: DVec3,
+    pinhole: &Pinhole,
+    pattern_key: u64,
 ) -> SensorParams {
     const WAVELENGTH_M: f64 = 550e-9;
     let pixel_pitch_m = camera.pixel_pitch_um * 1e-6;
@@ -170,25 +185,56 @@ fn sensor_params(
     let diffraction_px = 0.42 * WAVELENGTH_M * camera.f_number / pixel_pitch_m;
     let seeing_px = 0.98 * WAVELENGTH_M / fried_m / 2.355 * camera.focal_length_m() / pixel_pitch_m;
     let blur = camera.optics_blur_px.hypot(diffraction_px).hypot(seeing_px);
-    let mut params = SensorParams {
+    SensorParams {
         f_number: camera.f_number,
-        exposure_s: 1e-3,
         pixel_pitch_m,
         transmission: 0.8,
         quantum_efficiency: 0.6,
         full_well_e: camera.full_well_e,
         read_noise_e: camera.read_noise_e,
-        gain_e_per_dn: None,
+        dark_current_eps: camera.dark_current_eps,
+        dsnu_e: camera.dsnu_e,
+        prnu: 0.01 * camera.prnu_percent,
+        pattern_key,
+        size_px: [camera.width_px, camera.height_px],
+        focal_px: pinhole.focal_px,
+        vignetting: 0.01 * camera.vignetting_percent,
+        mosaic: match camera.mosaic {
+            scenario::Mosaic::None => Mosaic::None,
+            scenario::Mosaic::Rggb => Mosaic::Rggb,
+        },
+        shutter: match camera.shutter {
+            scenario::Shutter::Global => Shutter::Global,
+            scenario::Shutter::Rolling => Shutter::Rolling(1e-6 * camera.line_time_us),
+        },
+        motion_blur: camera.motion_blur,
+        glare: camera.glare,
         blur_sigma_px: blur.min(16.0),
+        white_balance: match camera.white_balance {
+            WhiteBalance::Auto => white_balance(environment.sky.illuminant_klx()),
+            WhiteBalance::Daylight => [1.0; 3],
+        },
         transfer: Transfer::Srgb,
+    }
+}
+/// The exposure control of a scenario's camera.
+fn exposure_control(camera: &scenario::CameraConfig) -> ExposureControl {
+    /// Shortest exposure of the preset's camera [s].
+    const SHORTEST_S: f64 = 4e-6;
+    let (time_s, max_gain) = match camera.exposure_s {
+        Exposure::Seconds(time_s) => ([time_s; 2], 1.0),
+        Exposure::Auto(_) => {
+            let longest_s = (0.5 / f64::from(camera.rate_hz)).max(SHORTEST_S);
+            (
+                [SHORTEST_S, longest_s],
+                10f64.powf(camera.max_gain_db / 20.0),
+            )
+        }
     };
-    params.exposure_s = match camera.exposure_s {
-        Exposure::Seconds(exposure_s) => exposure_s,
-        Exposure::Auto(_) => auto_exposure(
-            environment.sky.global_illuminance_klx(),
-            &params,
-            0.5 / f64::from(camera.rate_hz),
-        ),
-    };
-    params
+    ExposureControl {
+        level: camera.exposure_level,
+        time_s,
+        max_gain,
+        settling_s: camera.exposure_settling_s,
+    }
 }

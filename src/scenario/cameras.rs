@@ -70,6 +70,15 @@ camera! {
     rate_hz: u32,
     /// Exposure time, or "auto" for automatic exposure.
     exposure_s: Exposure,
+    /// Share of the white level at which automatic exposure puts the bright parts of the field.
+    exposure_level: f64,
+    /// Time constant of automatic exposure.
+    exposure_settling_s: f64,
+    /// Largest gain of automatic exposure, used once the exposure has half a frame's time; a fixed
+    /// exposure has none.
+    max_gain_db: f64,
+    /// Which light is shown white.
+    white_balance: WhiteBalance,
     /// Focal ratio.
     f_number: f64,
     /// Width of a pixel on the sensor; with the field of view it gives the focal length.
@@ -78,6 +87,24 @@ camera! {
     full_well_e: f64,
     /// Read noise, root mean square.
     read_noise_e: f64,
+    /// Charge that gathers in a pixel in the dark.
+    dark_current_eps: f64,
+    /// Standard deviation of the pixels' offsets (DSNU of EMVA 1288); 0 for none.
+    dsnu_e: f64,
+    /// Standard deviation of the pixels' sensitivities (PRNU of EMVA 1288); 0 for none.
+    prnu_percent: f64,
+    /// Colour filters on the pixels.
+    mosaic: Mosaic,
+    /// How the rows are exposed.
+    shutter: Shutter,
+    /// Time from one row to the next of a rolling shutter.
+    line_time_us: f64,
+    /// Whether what moves during the exposure is smeared.
+    motion_blur: bool,
+    /// Light that the lens loses in the corners, beyond the natural cos⁴.
+    vignetting_percent: f64,
+    /// Veiling glare of the sun: luminance in kcd/m² of a klx of sun 1° away; 0 for none.
+    glare: f64,
     /// Standard deviation of the lens blur.
     optics_blur_px: f64,
     /// From the end of the exposure to the image being in memory.
@@ -108,6 +135,36 @@ pub enum Exposure {
 pub enum AutoWord {
     /// Automatic exposure.
     Auto,
+}
+
+/// White balance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WhiteBalance {
+    /// The light of sun and sky on level ground, between some 3,000 K and 10,000 K.
+    Auto,
+    /// Always D65, average daylight.
+    Daylight,
+}
+
+/// Colour filters on the pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Mosaic {
+    /// Three values a pixel, as from three chips.
+    None,
+    /// Bayer's pattern with red in the first pixel; what is missing is interpolated linearly.
+    Rggb,
+}
+
+/// How the rows are exposed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Shutter {
+    /// All at once.
+    Global,
+    /// One after the other, `line_time_us` apart; the middle row at the instant of the exposure.
+    Rolling,
 }
 
 /// What a camera reads out.
@@ -143,17 +200,31 @@ impl Cameras {
 
 impl CameraPreset {
     pub(super) fn cameras(self) -> [CameraConfig; 3] {
-        // A 1/1.8-inch global-shutter sensor binned to 640 × 480.
+        // 640 × 480 of the 720 × 540 pixels of a FLIR Blackfly S BFS-U3-04S2C (Sony IMX287, 1/2.9",
+        // 6.9 µm, global shutter, 12 bits, 522 frames a second).
         let base = CameraConfig {
             hfov_deg: 1.0,
             width_px: 640,
             height_px: 480,
             rate_hz: 120,
             exposure_s: Exposure::Auto(AutoWord::Auto),
+            exposure_level: 0.5,
+            exposure_settling_s: 0.25,
+            max_gain_db: 36.0,
+            white_balance: WhiteBalance::Auto,
             f_number: 5.6,
             pixel_pitch_um: 6.9,
-            full_well_e: 20_000.0,
+            full_well_e: 22_000.0,
             read_noise_e: 4.0,
+            dark_current_eps: 2.0,
+            dsnu_e: 1.0,
+            prnu_percent: 0.6,
+            mosaic: Mosaic::Rggb,
+            shutter: Shutter::Global,
+            line_time_us: 15.0,
+            motion_blur: true,
+            vignetting_percent: 15.0,
+            glare: 1.0,
             optics_blur_px: 0.6,
             readout_latency_s: 0.002,
             inference_latency_s: 0.003,
@@ -230,9 +301,18 @@ impl CameraConfig {
                 format!("{time} s is longer than a frame at rate_hz = {rate_hz}")
             });
         }
+        check.within("exposure_level", self.exposure_level, 0.01..=1.0);
+        check.within("exposure_settling_s", self.exposure_settling_s, 1e-3..=60.0);
+        check.within("max_gain_db", self.max_gain_db, 0.0..=60.0);
         check.within("f_number", self.f_number, 0.5..=100.0);
         check.within("pixel_pitch_um", self.pixel_pitch_um, 0.5..=100.0);
         check.positive("full_well_e", self.full_well_e);
+        check.within("dark_current_eps", self.dark_current_eps, AT_LEAST_ZERO);
+        check.within("dsnu_e", self.dsnu_e, AT_LEAST_ZERO);
+        check.within("prnu_percent", self.prnu_percent, 0.0..=20.0);
+        check.within("line_time_us", self.line_time_us, 0.0..=1_000.0);
+        check.within("vignetting_percent", self.vignetting_percent, 0.0..=100.0);
+        check.within("glare", self.glare, 0.0..=100.0);
         check.within("read_noise_e", self.read_noise_e, AT_LEAST_ZERO);
         check.within("optics_blur_px", self.optics_blur_px, 0.0..=20.0);
         check.within("readout_latency_s", self.readout_latency_s, FRACTION);

@@ -24,7 +24,8 @@ mod tracker;
 
 pub use air::{IntensityModel, Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};
 pub use cameras::{
-    AutoWord, CameraChanges, CameraConfig, CameraPreset, Cameras, Exposure, ReadoutMode,
+    AutoWord, CameraChanges, CameraConfig, CameraPreset, Cameras, Exposure, Mosaic, ReadoutMode,
+    Shutter, WhiteBalance,
 };
 pub use control::{ControllerConfig, ControllerPreset, Gains};
 pub use detector::{DetectorConfig, DetectorKind, Provider, TruthErrorsConfig};

@@ -1,7 +1,8 @@
 //! Cameras that are due expose: truth, picture and pose of one tick.
 
 use crate::components::capture::{
-    ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth, SensorCamera, UavInFrame,
+    AutoExposure, ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth, SensorCamera,
+    UavInFrame,
 };
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
@@ -26,6 +27,9 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::borrow::Borrow;
 use std::sync::Arc;
 use std::time::Instant;
+
+pub mod conditions;
+pub mod metering;
 
 /// Why an exposed frame has no picture.
 #[derive(Debug, thiserror::Error)]
@@ -141,12 +145,14 @@ pub fn expose(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     optics: Single<&Optics>,
-    mut cameras: Query<(&SensorCamera, &Readout, &mut Exposures)>,
+    mut cameras: Query<(&SensorCamera, &Readout, &mut Exposures, &mut AutoExposure)>,
     uavs: Query<(&Uav, &Flight, &UavShape, Has<Distractor>)>,
     mut frames: ResMut<Frames>,
+    mut before: Local<Option<[Pose; 3]>>,
 ) {
+    let before = before.replace(optics.cameras).unwrap_or(optics.cameras);
     frames.0.clear();
-    for (camera, readout, mut exposures) in &mut cameras {
+    for (camera, readout, mut exposures, mut auto) in &mut cameras {
         let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
         let full = PixelRect {
             offset_px: [0, 0],
@@ -175,6 +181,20 @@ pub fn expose(
             })
             .collect();
         truth.sort_by_key(|seen| seen.uav);
+        let now = (clock.tick, clock.dt_s());
+        let motion = conditions::image_motion(
+            &camera.pinhole,
+            &pose,
+            before[camera.tier as usize].q_enu_cam,
+            now.1,
+            &truth,
+            |index| {
+                let (_, flight, ..) = uavs.iter().find(|(uav, ..)| uav.index == index)?;
+                Some((flight.aim_enu_m(), flight.state.v_enu_mps))
+            },
+        );
+        let conditions =
+            conditions::conditions(&mut auto, camera, &environment, &pose, now, motion);
         frames.0.push(Arc::new(ExposedFrame {
             tier: camera.tier,
             tick: clock.tick,
@@ -182,6 +202,7 @@ pub fn expose(
             pose,
             pointing: optics.pointing,
             rect,
+            conditions,
             truth,
             rgb8: None,
         }));
@@ -511,6 +532,7 @@ pub(crate) fn form_image(
         width,
         height,
         origin_px: frame.rect.offset_px,
+        conditions: &frame.conditions,
     };
     let strip = height.div_ceil(STRIPS);
     let results = ComputeTaskPool::get().scope(|scope| {

@@ -115,7 +115,7 @@ fn picture(frame: &ExposedFrame, look: PixelRect) -> Option<DetectorInput> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::capture::{ExposedFrame, Tier};
+    use crate::components::capture::{Conditions, ExposedFrame, Tier};
     use crate::components::flight::{Flight, UavShape};
     use crate::components::mount::{Alignment, Pointing};
     use crate::models::flight::multirotor::{self, Airframe};
@@ -187,6 +187,7 @@ mod tests {
                         offset_px: [0, 0],
                         size_px: sensor_px,
                     },
+                    conditions: Conditions::default(),
                     truth: vec![seen],
                     rgb8: None,
                 };

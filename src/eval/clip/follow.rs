@@ -6,7 +6,7 @@
 
 use super::arguments::Arguments;
 use super::figures::State;
-use crate::components::capture::{ExposedFrame, PixelRect, Tier};
+use crate::components::capture::{Conditions, ExposedFrame, PixelRect, Tier};
 use crate::components::detect::DetectionBatch;
 use crate::components::mount::{Alignment, Pointing};
 use crate::components::run::SimClock;
@@ -109,6 +109,7 @@ impl Follower {
             pose: self.pose,
             pointing: self.pointing,
             rect,
+            conditions: Conditions::default(),
             truth: Vec::new(),
             rgb8: None,
         };

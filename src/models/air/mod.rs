@@ -2,6 +2,7 @@
 
 pub mod atmosphere;
 pub mod backdrop;
+pub mod daylight;
 pub mod metar;
 pub mod sky;
 pub mod sun;

@@ -8,8 +8,10 @@
 //!   to that of clean air, 1 + tau_aerosol/tau_rayleigh: V = 23 km gives 2.75.
 //! - Sun: 133.1 klx above the air, cut by Rayleigh, aerosol and ozone along the Kasten-Young 1989
 //!   air mass, and by the covered share of the sky.
-//! - Clear sky: the shape and chromaticity are Perez's as fitted by Preetham et al. 1999. Its level
-//!   is *not* Preetham's zenith luminance, which gives twice the measured light when the sun is
+//! - Clear sky: the shape is Perez's as fitted by Preetham et al. 1999, and so is the chromaticity's
+//!   x. Its y is not: near the horizon it lies 0.01 to 0.02 below the daylight locus, a mauve that
+//!   no clear sky has. It is taken from the locus (CIE 15), along which measured skylight lies
+//!   (Hernandez-Andres et al., J. Opt. Soc. Am. A 18, 1325, 2001; recalled). Its level is *not* Preetham's zenith luminance, which gives twice the measured light when the sun is
 //!   low: it is set so that sky and sun together carry what a delta-Eddington layer (Joseph et al.
 //!   1976) of the same optical depth lets through.
 //! - Overcast: CIE overcast shape, (1 + 2 sin el)/3, grey; illuminance 0.3 + 21 sin h klx
@@ -29,10 +31,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::atmosphere::{KOSCHMIEDER, airlight, kim_exponent};
+use super::daylight::{daylight, luminance};
 use crate::models::maths::curve::smoothstep;
 
-/// Luminance of a unit of each linear sRGB channel.
-const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 /// Wavelengths that stand for the red, green and blue channel [m], in the sky as in the extinction
 /// along a sight line.
 ///
@@ -65,11 +66,6 @@ const TURBIDITY_RANGE: [f64; 2] = [2.0, 6.0];
 const SUM_ROWS: usize = 32;
 const SUM_COLUMNS: usize = 64;
 
-/// The luminance of a linear sRGB colour.
-fn luminance(rgb: [f64; 3]) -> f64 {
-    (0..3).map(|c| LUMA[c] * rgb[c]).sum()
-}
-
 /// The clear-sky illuminance of a horizontal surface [klx] with the sun at `elevation_deg`, up to
 /// 5 deg (Janiczek & DeYoung 1987: sun and sky, though the sun adds little so low).
 fn twilight_klx(elevation_deg: f64) -> f64 {
@@ -100,14 +96,13 @@ fn perez([a, b, c, d, e]: [f64; 5], cos_theta: f64, gamma: f64) -> f64 {
         * (1.0 + c * (d * gamma).exp() + e * gamma.cos().powi(2))
 }
 
-/// Preetham's clear sky: three Perez distributions for Y, x and y.
+/// Preetham's clear sky: two Perez distributions, for Y and x.
 #[derive(Clone, Copy, Debug)]
 struct ClearSky {
     sun_dir_enu: DVec3,
-    coefficients: [[f64; 5]; 3],
-    /// Zenith x and y, over the distributions' values at the zenith.
+    coefficients: [[f64; 5]; 2],
+    /// Zenith x over its distribution's value at the zenith.
     x_scale: f64,
-    y_scale: f64,
 }
 
 impl ClearSky {
@@ -134,13 +129,6 @@ impl ClearSky {
                 line(-0.0641, -0.8989),
                 line(-0.0033, 0.0452),
             ],
-            [
-                line(-0.0167, -0.2608),
-                line(-0.0950, 0.0092),
-                line(-0.0079, 0.2102),
-                line(-0.0441, -1.6537),
-                line(-0.0109, 0.0529),
-            ],
         ];
         let zenith = |rows: [[f64; 4]; 3]| {
             let cubic = |[a, b, c, d]: [f64; 4]| ((a * theta + b) * theta + c) * theta + d;
@@ -151,16 +139,10 @@ impl ClearSky {
             [-0.02903, 0.06377, -0.03202, 0.00394],
             [0.11693, -0.21196, 0.06052, 0.25886],
         ]);
-        let y_zenith = zenith([
-            [0.00275, -0.00610, 0.00317, 0.0],
-            [-0.04214, 0.08970, -0.04153, 0.00516],
-            [0.15346, -0.26756, 0.06670, 0.26688],
-        ]);
         Self {
             sun_dir_enu,
             coefficients,
             x_scale: x_zenith / perez(coefficients[1], 1.0, theta),
-            y_scale: y_zenith / perez(coefficients[2], 1.0, theta),
         }
     }
 
@@ -169,17 +151,8 @@ impl ClearSky {
         let gamma = dir_enu.dot(self.sun_dir_enu).clamp(-1.0, 1.0).acos();
         let value = |k: usize| perez(self.coefficients[k], dir_enu.z, gamma);
         let luma = value(0).max(0.0);
-        let (x, y) = (self.x_scale * value(1), self.y_scale * value(2));
-        let (big_x, big_z) = (x / y, (1.0 - x - y) / y);
-        // XYZ to linear sRGB (IEC 61966-2-1), Y = 1. A hue outside the gamut is clipped.
-        let rgb = [
-            3.2406 * big_x - 1.5372 - 0.4986 * big_z,
-            -0.9689 * big_x + 1.8758 + 0.0415 * big_z,
-            0.0557 * big_x - 0.2040 + 1.0570 * big_z,
-        ]
-        .map(|channel| channel.max(0.0));
-        let scale = luma / luminance(rgb);
-        rgb.map(|channel| channel * scale)
+        let x = self.x_scale * value(1);
+        daylight(x).map(|channel| channel * luma)
     }
 }
 
@@ -257,6 +230,7 @@ pub struct Sky {
     ambient_down_klx: [f64; 3],
     ambient_up_klx: [f64; 3],
     global_klx: f64,
+    horizontal_klx: [f64; 3],
 }
 
 impl Sky {
@@ -298,6 +272,7 @@ impl Sky {
             ambient_down_klx: [0.0; 3],
             ambient_up_klx: [0.0; 3],
             global_klx: 0.0,
+            horizontal_klx: [0.0; 3],
         };
         sky.clear_kcd_m2 =
             clear_share_klx * (1.0 - haze) * (1.0 - dusk) / luminance(sky.integrate());
@@ -309,6 +284,7 @@ impl Sky {
         let horizontal: [f64; 3] =
             std::array::from_fn(|c| sky.ambient_down_klx[c] + sun_klx[c] * sin_h.max(0.0));
         sky.global_klx = luminance(horizontal);
+        sky.horizontal_klx = horizontal;
         sky.ambient_up_klx = horizontal.map(|e| e * ground_albedo.clamp(0.0, 1.0));
         sky
     }
@@ -392,6 +368,11 @@ impl Sky {
     pub fn global_illuminance_klx(&self) -> f64 {
         self.global_klx
     }
+
+    /// Colour of the light on level ground: illuminance by sun and sky, linear sRGB [klx].
+    pub fn illuminant_klx(&self) -> [f64; 3] {
+        self.horizontal_klx
+    }
 }
 
 #[cfg(test)]
@@ -444,6 +425,26 @@ mod tests {
         let zenith = clear.radiance(DVec3::Z);
         assert!(zenith[2] > 1.5 * zenith[0], "blue sky: {zenith:?}");
         assert!(clear.sun_illuminance()[0] > clear.sun_illuminance()[2]);
+    }
+
+    #[test]
+    fn a_clear_sky_is_never_mauve() {
+        // The hue of a clear sky goes from blue over white to orange: green is never the least
+        // channel, and the horizon opposite a high sun is nearly white.
+        for h in [10.0, 25.0, 40.0, 60.0] {
+            for visibility_m in [8e3, 18e3, 40e3] {
+                let sky = sky(h, visibility_m, 0.0);
+                for (az, el) in [(0.0, 1.0), (90.0, 1.0), (0.0, 8.0), (135.0, 30.0)] {
+                    let [r, g, b] = sky.radiance(toward(az, el));
+                    assert!(g > r.min(b), "{r} {g} {b} at {h} {visibility_m} {az} {el}");
+                }
+                if h >= 40.0 {
+                    let [r, g, b] = sky.radiance(toward(0.0, 1.0));
+                    let spread = r.max(g).max(b) / r.min(g).min(b);
+                    assert!(spread < 1.25, "{r} {g} {b} at {h} {visibility_m}");
+                }
+            }
+        }
     }
 
     #[test]

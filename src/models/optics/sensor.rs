@@ -1,29 +1,35 @@
 //! Image formation: from a rendered frame of scene luminance to the 8-bit frame of a camera.
 //!
-//! Chain: blur by the optics and the air (Gaussian) -> image-plane illuminance E = pi L tau / (4 N^2)
-//! -> photoelectrons -> shot and read noise -> full-well clip -> 12-bit conversion -> 8-bit code.
+//! Chain: motion of the image while its rows are exposed -> blur by the optics and the air
+//! (Gaussian) -> glare of the sun -> image-plane illuminance E = pi L tau / (4 N^2), less towards the
+//! corners -> photoelectrons of the pixel's colour filter, times its sensitivity -> dark current and
+//! offset -> shot and read noise -> full-well clip -> 12-bit conversion above a black level ->
+//! colours interpolated from the mosaic -> white balance -> 8-bit code.
 //!
-//! Assumptions: object at infinity, no vignetting; each channel of linear sRGB is a luminance and
-//! its light is counted as photons of 555 nm ([`PHOTONS_PER_LUX_S_M2`]), so that a white scene gives
-//! its three channels equal signals; all three are sampled at each pixel (no colour mosaic); shot
-//! noise is Gaussian of variance equal to the mean, which is good above some 10 electrons; noise
-//! ends at 4.66 sigma; no dark current, fixed pattern or black offset (negative codes clip to 0).
+//! Assumptions: object at infinity; the colour filters are the channels of linear sRGB, and their
+//! light is counted as photons of 555 nm ([`PHOTONS_PER_LUX_S_M2`]), so that a white scene gives them
+//! equal signals; shot noise is Gaussian of variance equal to the mean, which is good above some 10
+//! electrons; noise ends at 4.66 sigma; the fixed pattern is white.
 //!
 //! Noise is a hash of (seed, pixel, channel), so a frame does not depend on how its rows are split
-//! over threads, nor a pixel's noise on the window that is read out.
+//! over threads. A window has the pixels and the noise of its place in the full frame, except in a
+//! margin of the blur's radius and a pixel for the mosaic: there the window goes on as it ends.
 
 use std::ops::Range;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
+use super::exposure::Exposure;
+use super::glare::SunGlare;
+use super::mosaic::{self, Mosaic, Neighbours};
+use super::motion::{ImageMotion, RowMotion, Shutter};
+use super::noise;
+use super::pattern::FixedPattern;
+
 /// Photons per second and square metre in one lux of 555 nm light: (1/683 W/lm) / (h c / lambda).
 pub const PHOTONS_PER_LUX_S_M2: f64 = 555e-9 / (683.0 * 6.626_070_15e-34 * 299_792_458.0);
-
-/// The share of the white level at which [`auto_exposure`] puts an 18 % grey: ISO 12232's
-/// saturation-based speed, which leaves half a stop above a white reflector.
-pub const GREY_LEVEL: f64 = 0.18 / std::f64::consts::SQRT_2;
 
 /// Blur below this is left out [px].
 const MIN_BLUR_SIGMA_PX: f64 = 0.15;
@@ -31,12 +37,12 @@ const MIN_BLUR_SIGMA_PX: f64 = 0.15;
 const MAX_BLUR_SIGMA_PX: f64 = 16.0;
 /// Codes of the internal analogue-to-digital conversion, 12 bits.
 const CODES: usize = 4096;
-/// Entries of the table of normal quantiles.
-const QUANTILES: usize = 1024;
 /// Largest finite half float, to which brighter input is limited [kcd/m^2].
 const MAX_LUMINANCE_KCD_M2: f32 = 65504.0;
-/// The step of a Weyl sequence of 64 bits, 2^64 / golden ratio.
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+/// The code of no light: noise below it is not cut off.
+const BLACK: usize = 64;
+/// Glare below this share of the white level is left out.
+const MIN_GLARE: f64 = 0.005;
 
 /// How the linear signal becomes the 8-bit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,8 +58,6 @@ pub enum Transfer {
 pub struct SensorParams {
     /// Focal length over aperture diameter.
     pub f_number: f64,
-    /// Exposure time [s].
-    pub exposure_s: f64,
     /// Side of a square pixel [m].
     pub pixel_pitch_m: f64,
     /// Transmission of the lens and filters, 0 to 1.
@@ -64,10 +68,33 @@ pub struct SensorParams {
     pub full_well_e: f64,
     /// Read noise, standard deviation [electrons].
     pub read_noise_e: f64,
-    /// Electrons per linear 8-bit code; `None` spreads the full well over the codes.
-    pub gain_e_per_dn: Option<f64>,
+    /// Electrons that gather in the dark, a second.
+    pub dark_current_eps: f64,
+    /// Standard deviation of the pixels' offsets [electrons].
+    pub dsnu_e: f64,
+    /// Standard deviation of the pixels' sensitivities, of their mean.
+    pub prnu: f64,
+    /// Key of the pattern of those two.
+    pub pattern_key: u64,
+    /// Width and height of the whole sensor [px].
+    pub size_px: [u32; 2],
+    /// Focal length over pixel pitch, for the natural loss cos^4 towards the corners [px].
+    pub focal_px: f64,
+    /// Share of the light that the lens's mounts take in the corners; it grows with the square of
+    /// the distance from the centre.
+    pub vignetting: f64,
+    /// Colour filters.
+    pub mosaic: Mosaic,
+    /// When the rows are exposed.
+    pub shutter: Shutter,
+    /// Whether what moves during the exposure is smeared.
+    pub motion_blur: bool,
+    /// Strength of the sun's veiling glare, see [`SunGlare`].
+    pub glare: f64,
     /// Standard deviation of the blur by diffraction and turbulence [px]; under 0.15 is none.
     pub blur_sigma_px: f64,
+    /// Gains of the red, green and blue code, 1 or more.
+    pub white_balance: [f64; 3],
     /// Encoding of the 8-bit code.
     pub transfer: Transfer,
 }
@@ -80,10 +107,9 @@ impl SensorParams {
         lux_per_kcd_m2 * PHOTONS_PER_LUX_S_M2 * self.pixel_pitch_m.powi(2) * self.quantum_efficiency
     }
 
-    /// Electrons of the brightest code.
-    pub fn white_e(&self) -> f64 {
-        self.gain_e_per_dn
-            .map_or(self.full_well_e, |gain| self.full_well_e.min(255.0 * gain))
+    /// Luminance times exposure time that fills the well [kcd s/m^2].
+    pub fn saturation_kcd_s_m2(&self) -> f64 {
+        self.full_well_e / self.electrons_per_kcd_m2_s()
     }
 }
 
@@ -138,42 +164,43 @@ pub struct RenderedFrame<'a> {
     pub height: usize,
     /// Column and row of the frame's first pixel on the whole sensor [px].
     pub origin_px: [u32; 2],
+    /// How it is exposed.
+    pub conditions: &'a Conditions,
 }
+
+/// How a frame is exposed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Conditions {
+    /// Exposure time and gain.
+    pub exposure: Exposure,
+    /// What the image does meanwhile.
+    pub motion: ImageMotion,
+    /// The sun, where it shines on the lens.
+    pub sun: Option<SunGlare>,
+}
+
+/// Rows of one frame's even and odd columns for each of its channels.
+type HalfRows = [Vec<f32>; 6];
 
 /// Row buffers, kept from frame to frame by each thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     half: Vec<f16>,
     rgba: Vec<f32>,
-    padded: Vec<f32>,
+    /// A decoded row, continued at both ends.
+    padded: HalfRows,
     /// Horizontally blurred rows: row `y` lies at `y` modulo the kernel's length.
-    ring: Vec<Vec<f32>>,
-    mean_e: Vec<f32>,
+    ring: Vec<HalfRows>,
+    mean: Vec<f32>,
     noise: Vec<f32>,
+    glare: Vec<f32>,
+    /// The fixed pattern of a sensor that has none.
+    plain: Vec<i8>,
+    /// Raw codes with a column more at either end: of the three channels, or of the mosaic's rows,
+    /// row `y` at `y` modulo 3.
+    raw: [Vec<u16>; 3],
+    neighbours: Neighbours,
 }
-
-/// Normal quantiles at the middles of 1024 equal steps of probability, scaled so that the sum of
-/// two independent picks has unit variance.
-static NOISE: LazyLock<[f32; QUANTILES]> = LazyLock::new(|| {
-    let density = |x: f64| (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
-    let mut quantiles = [0.0_f64; QUANTILES];
-    // Walk the cumulative distribution down from 1/2 by the trapezoidal rule; the upper half is
-    // the mirror image.
-    let step = 1e-3;
-    let (mut x, mut below) = (0.0, 0.5);
-    for i in (0..QUANTILES / 2).rev() {
-        let wanted = (i as f64 + 0.5) / QUANTILES as f64;
-        let slice = |x: f64| 0.5 * step * (density(x) + density(x - step));
-        while below - slice(x) > wanted {
-            below -= slice(x);
-            x -= step;
-        }
-        quantiles[i] = x - step * (below - wanted) / slice(x);
-        quantiles[QUANTILES - 1 - i] = -quantiles[i];
-    }
-    let variance = quantiles.iter().map(|q| q * q).sum::<f64>() / QUANTILES as f64;
-    quantiles.map(|q| (q / (2.0 * variance).sqrt()) as f32)
-});
 
 /// The 8-bit code of each 12-bit code, proportional and by the sRGB curve.
 static CURVES: LazyLock<[[u8; CODES]; 2]> = LazyLock::new(|| {
@@ -192,11 +219,20 @@ static CURVES: LazyLock<[[u8; CODES]; 2]> = LazyLock::new(|| {
     ]
 });
 
-/// A bijective hash of 64 bits (the finaliser of SplitMix64, Steele et al. 2014).
-fn hash(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
+/// The 8-bit codes of a camera's channels: black level, white balance, then its curve.
+fn channel_codes(params: &SensorParams) -> [[u8; CODES]; 3] {
+    let curve = match params.transfer {
+        Transfer::Linear => &CURVES[0],
+        Transfer::Srgb => &CURVES[1],
+    };
+    let most = (CODES - 1) as f64;
+    let scale = most / (CODES - 1 - BLACK) as f64;
+    params.white_balance.map(|gain| {
+        std::array::from_fn(|code| {
+            let light = (code as f64 - BLACK as f64) * scale * gain;
+            curve[light.round().clamp(0.0, most) as usize]
+        })
+    })
 }
 
 /// The half kernel of a Gaussian blur: the weight of the middle, then of each neighbour outwards.
@@ -209,7 +245,7 @@ fn half_kernel(sigma_px: f64) -> Vec<f64> {
         // Samples of so narrow a Gaussian have the wrong variance: three taps with the right one.
         return vec![1.0 - variance, 0.5 * variance];
     }
-    let radius = (3.5 * sigma_px).ceil() as usize;
+    let radius = (3.0 * sigma_px).ceil() as usize;
     let mut taps: Vec<f64> = (0..=radius)
         .map(|k| (-0.5 * (k * k) as f64 / variance).exp())
         .collect();
@@ -253,60 +289,80 @@ fn weigh<'a>(taps: &[f32], source: impl Fn(usize) -> &'a [f32], out: &mut [f32])
 /// A camera ready to expose frames.
 #[derive(Clone, Debug)]
 pub struct Sensor {
+    params: SensorParams,
     taps: Vec<f32>,
-    /// The same kernel times the electrons per kcd/m^2.
-    taps_e_per_kcd_m2: Vec<f32>,
+    /// The 8-bit code of each 12-bit code, for each channel.
+    codes: Arc<[[u8; CODES]; 3]>,
+    pattern: Option<Arc<FixedPattern>>,
+}
+
+/// What a frame's light becomes.
+struct Gains {
+    e_per_kcd_m2: f32,
+    dark_e: f32,
     read_variance_e2: f32,
     codes_per_e: f32,
-    transfer: Transfer,
+    /// The sun's glare and its illuminance [klx] for each channel, where it counts.
+    glare: Option<(SunGlare, [f32; 3])>,
 }
 
 impl Sensor {
-    /// The camera of `params`; cheap enough to rebuild when the exposure or the blur changes.
+    /// The camera of `params`. Its fixed pattern is drawn once: clones share it.
     pub fn new(params: &SensorParams) -> Result<Self, SensorError> {
         let positive = "above 0 and finite";
         let share = "above 0 and at most 1";
-        let gain = params.gain_e_per_dn.unwrap_or(1.0);
         for (name, value, range, most) in [
             ("f_number", params.f_number, positive, f64::MAX),
-            ("exposure_s", params.exposure_s, positive, f64::MAX),
             ("pixel_pitch_m", params.pixel_pitch_m, positive, f64::MAX),
             ("transmission", params.transmission, share, 1.0),
             ("quantum_efficiency", params.quantum_efficiency, share, 1.0),
             ("full_well_e", params.full_well_e, positive, f64::MAX),
-            ("gain_e_per_dn", gain, positive, f64::MAX),
+            ("focal_px", params.focal_px, positive, f64::MAX),
         ] {
             if !(value > 0.0 && value <= most) {
                 return Err(SensorError::Parameter { name, value, range });
             }
         }
+        let not_negative = "0 or more and finite";
+        let blur = MAX_BLUR_SIGMA_PX;
         for (name, value, range, most) in [
+            ("read_noise_e", params.read_noise_e, not_negative, f64::MAX),
             (
-                "read_noise_e",
-                params.read_noise_e,
-                "0 or more and finite",
+                "dark_current_eps",
+                params.dark_current_eps,
+                not_negative,
                 f64::MAX,
             ),
-            (
-                "blur_sigma_px",
-                params.blur_sigma_px,
-                "0 to 16 px",
-                MAX_BLUR_SIGMA_PX,
-            ),
+            ("dsnu_e", params.dsnu_e, not_negative, f64::MAX),
+            ("prnu", params.prnu, "0 to 0.2", 0.2),
+            ("vignetting", params.vignetting, "0 to 1", 1.0),
+            ("glare", params.glare, not_negative, f64::MAX),
+            ("blur_sigma_px", params.blur_sigma_px, "0 to 16 px", blur),
         ] {
             if !(value >= 0.0 && value <= most) {
                 return Err(SensorError::Parameter { name, value, range });
             }
         }
         let taps = half_kernel(params.blur_sigma_px);
-        let scale = params.electrons_per_kcd_m2_s() * params.exposure_s;
+        let patterned = params.dsnu_e > 0.0 || params.prnu > 0.0;
+        let [width, height] = params.size_px.map(|n| n as usize);
         Ok(Self {
-            taps_e_per_kcd_m2: taps.iter().map(|tap| (tap * scale) as f32).collect(),
             taps: taps.iter().map(|tap| *tap as f32).collect(),
-            read_variance_e2: params.read_noise_e.powi(2) as f32,
-            codes_per_e: ((CODES - 1) as f64 / params.white_e()) as f32,
-            transfer: params.transfer,
+            codes: Arc::new(channel_codes(params)),
+            pattern: patterned
+                .then(|| Arc::new(FixedPattern::new(width, height, params.pattern_key))),
+            params: *params,
         })
+    }
+
+    /// What it was made of.
+    pub fn params(&self) -> &SensorParams {
+        &self.params
+    }
+
+    /// 12-bit codes an electron: the system gain K of EMVA 1288.
+    pub fn codes_per_e(&self, exposure: &Exposure) -> f64 {
+        (CODES - 1 - BLACK) as f64 / self.params.full_well_e * exposure.gain
     }
 
     /// Exposes `rows` of `frame` into `rgb8`, those rows of R, G, B codes. The noise is that of
@@ -319,7 +375,324 @@ impl Sensor {
         scratch: &mut Scratch,
         rgb8: &mut [u8],
     ) -> Result<(), SensorError> {
-        let (width, height) = (frame.width, frame.height);
+        let width = frame.width;
+        frame.check(&rows, 3 * width * rows.len(), rgb8.len())?;
+        if rgb8.is_empty() {
+            return Ok(());
+        }
+        let gains = self.gains(frame);
+        let mosaic = self.params.mosaic == Mosaic::Rggb;
+        let last = frame.height - 1;
+        let first = if mosaic {
+            rows.start.saturating_sub(1)
+        } else {
+            rows.start
+        };
+        let mut next = first;
+        for (y, out) in rows.zip(rgb8.chunks_exact_mut(3 * width)) {
+            let wanted = if mosaic { (y + 1).min(last) } else { y };
+            for row in next..=wanted {
+                self.raw_row(frame, &gains, row, row == first, seed, scratch);
+            }
+            next = wanted + 1;
+            let Scratch {
+                raw, neighbours, ..
+            } = &mut *scratch;
+            if mosaic {
+                // Beyond its border the mosaic is mirrored, which keeps its colours.
+                let above = if y == 0 { 1.min(last) } else { y - 1 };
+                let below = if y == last {
+                    last.saturating_sub(1)
+                } else {
+                    y + 1
+                };
+                let [x0, y0] = frame.origin_px.map(|n| n as usize);
+                let rows = [above, y, below].map(|row| &raw[row % 3][..]);
+                mosaic::interpolate(rows, x0, y0 + y, &self.codes, neighbours, out);
+            } else {
+                for (channel, raw) in raw.iter().enumerate() {
+                    let codes = &self.codes[channel];
+                    for (out, code) in out.iter_mut().skip(channel).step_by(3).zip(&raw[1..]) {
+                        *out = codes[*code as usize % CODES];
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The 12-bit codes of a whole frame before any of it is interpolated or balanced: one a pixel
+    /// behind a mosaic, else three.
+    pub fn raw(
+        &self,
+        frame: &RenderedFrame<'_>,
+        seed: u64,
+        scratch: &mut Scratch,
+    ) -> Result<Vec<u16>, SensorError> {
+        let mosaic = self.params.mosaic == Mosaic::Rggb;
+        frame.check(&(0..frame.height), 0, 0)?;
+        let gains = self.gains(frame);
+        let mut codes = Vec::new();
+        for y in 0..frame.height {
+            self.raw_row(frame, &gains, y, y == 0, seed, scratch);
+            let raw = &scratch.raw;
+            if mosaic {
+                codes.extend_from_slice(&raw[y % 3][1..=frame.width]);
+            } else {
+                codes.extend((1..=frame.width).flat_map(|x| [raw[0][x], raw[1][x], raw[2][x]]));
+            }
+        }
+        Ok(codes)
+    }
+
+    /// What the light of a frame becomes.
+    fn gains(&self, frame: &RenderedFrame<'_>) -> Gains {
+        let params = &self.params;
+        let exposure = &frame.conditions.exposure;
+        let white_kcd_m2 = params.saturation_kcd_s_m2() / (exposure.time_s * exposure.gain);
+        let [width, height] = params.size_px.map(f64::from);
+        let half_field_rad = (0.5 * width.hypot(height) / params.focal_px).atan();
+        let counts = |sun: &SunGlare| {
+            let most = sun.most_kcd_m2(params.glare, half_field_rad);
+            most > MIN_GLARE * white_kcd_m2
+        };
+        Gains {
+            e_per_kcd_m2: (params.electrons_per_kcd_m2_s() * exposure.time_s) as f32,
+            dark_e: (params.dark_current_eps * exposure.time_s) as f32,
+            read_variance_e2: params.read_noise_e.powi(2) as f32,
+            codes_per_e: self.codes_per_e(exposure) as f32,
+            glare: (frame.conditions.sun.filter(counts))
+                .map(|sun| (sun, sun.sun_klx.map(|klx| klx as f32))),
+        }
+    }
+
+    /// The raw codes of row `y`, into `scratch.raw`. Rows must be asked for in order; `first` starts
+    /// a new run of them.
+    fn raw_row(
+        &self,
+        frame: &RenderedFrame<'_>,
+        gains: &Gains,
+        y: usize,
+        first: bool,
+        seed: u64,
+        scratch: &mut Scratch,
+    ) {
+        self.blur_rows(frame, y, first, scratch);
+        let [x0, y0] = frame.origin_px.map(|n| n as usize);
+        let length = 2 * self.taps.len() - 1;
+        let (radius, last) = (self.taps.len() - 1, frame.height - 1);
+        for parity in 0..frame.width.min(2) {
+            let count = (frame.width - parity).div_ceil(2);
+            let (x, row) = (x0 + parity, y0 + y);
+            for channel in self.params.mosaic.channels(x, row) {
+                let half = 2 * channel + parity;
+                let Scratch {
+                    ring,
+                    mean,
+                    noise,
+                    glare,
+                    plain,
+                    raw,
+                    ..
+                } = &mut *scratch;
+                mean.resize(count, 0.0);
+                // Beyond the first and the last row the frame goes on as they are.
+                let source =
+                    |k: usize| &ring[(y + k).saturating_sub(radius).min(last) % length][half][..];
+                weigh(&self.taps, source, mean);
+                if let Some((sun, klx)) = &gains.glare {
+                    glare.resize(count, 0.0);
+                    sun.half_row(self.params.glare, x, row, glare);
+                    for (mean, glare) in mean.iter_mut().zip(&*glare) {
+                        *mean += klx[channel] * glare;
+                    }
+                }
+                noise.resize(count, 0.0);
+                let number = 3 * (2 * row + x % 2) + channel;
+                noise::row(noise::key(seed, number as u64), x / 2, noise);
+                plain.resize(count, 0);
+                let pattern = self.pattern.as_ref().and_then(|p| p.half_row(x, row));
+                let pattern = pattern.unwrap_or([&plain[..], &plain[..]]);
+                self.convert(gains, x, row, mean, pattern, noise);
+                let place = match self.params.mosaic {
+                    Mosaic::Rggb => y % 3,
+                    Mosaic::None => channel,
+                };
+                raw[place].resize(frame.width + 2, 0);
+                let columns = raw[place][1 + parity..].chunks_mut(2);
+                for (raw, code) in columns.zip(&*noise) {
+                    // Adding 2^23 rounded it to an integer in the low bits of the mantissa.
+                    raw[0] = code.to_bits() as u16 % CODES as u16;
+                }
+            }
+        }
+        // A mosaic is mirrored at its border.
+        let (raw, width) = (&mut scratch.raw[y % 3], frame.width);
+        if self.params.mosaic == Mosaic::Rggb {
+            (raw[0], raw[width + 1]) = (raw[2.min(width)], raw[(width - 1).max(1)]);
+        }
+    }
+
+    /// Turns the mean luminance of every second pixel from (`x`, `y`) of the whole sensor on into
+    /// codes plus 2^23, which take the place of the noise.
+    fn convert(
+        &self,
+        gains: &Gains,
+        x: usize,
+        y: usize,
+        mean: &[f32],
+        [sensitivity, offset]: [&[i8]; 2],
+        noise: &mut [f32],
+    ) {
+        let params = &self.params;
+        let [width, height] = params.size_px.map(|n| n as f32);
+        let inverse = (1.0 / params.focal_px) as f32;
+        let first = (x as f32 + 0.5 - 0.5 * width) * inverse;
+        let down = (y as f32 + 0.5 - 0.5 * height) * inverse;
+        let (step, down_2) = (2.0 * inverse, down * down);
+        let corner_2 = 0.25 * (width * width + height * height) * inverse * inverse;
+        let loss = params.vignetting as f32 / corner_2;
+        let prnu = params.prnu as f32 * FixedPattern::UNIT;
+        let dsnu_e = params.dsnu_e as f32 * FixedPattern::UNIT;
+        let limit = (CODES - 1) as f32;
+        let pattern = sensitivity.iter().zip(offset);
+        for (i, ((noise, mean), (sensitivity, offset))) in
+            noise.iter_mut().zip(mean).zip(pattern).enumerate()
+        {
+            let right = first + i as f32 * step;
+            let tan_2 = right * right + down_2;
+            // cos^4 of the angle from the axis, and the mounts.
+            let lens = (1.0 - loss * tan_2) / ((1.0 + tan_2) * (1.0 + tan_2));
+            let sensitivity = lens * (1.0 + prnu * f32::from(*sensitivity)) * gains.e_per_kcd_m2;
+            let shot_e = mean * sensitivity + gains.dark_e;
+            let shot_e = if shot_e > 0.0 { shot_e } else { 0.0 };
+            let sigma_e = (shot_e + gains.read_variance_e2).sqrt();
+            let signal_e = shot_e + dsnu_e * f32::from(*offset) + sigma_e * *noise;
+            let code = signal_e * gains.codes_per_e + BLACK as f32;
+            let code = if code > 0.0 { code } else { 0.0 };
+            let code = if code < limit { code } else { limit };
+            *noise = code + 8_388_608.0;
+        }
+    }
+
+    /// Blurs the rows that row `y` needs along themselves, into the ring.
+    fn blur_rows(&self, frame: &RenderedFrame<'_>, y: usize, first: bool, scratch: &mut Scratch) {
+        let radius = self.taps.len() - 1;
+        let length = 2 * radius + 1;
+        scratch.ring.resize_with(length, HalfRows::default);
+        let missing = if first {
+            y.saturating_sub(radius)
+        } else {
+            y + radius
+        };
+        for row in missing..=(y + radius).min(frame.height - 1) {
+            self.decode(frame, row, scratch);
+            let Scratch { padded, ring, .. } = &mut *scratch;
+            let pad = Self::pad(radius);
+            for (half, out) in ring[row % length].iter_mut().enumerate() {
+                let (channel, parity) = (half / 2, half % 2);
+                let x = frame.origin_px[0] as usize + parity;
+                let counted = |y| self.params.mosaic.channels(x, y).contains(&channel);
+                if !counted(0) && !counted(1) {
+                    continue;
+                }
+                out.resize((frame.width - parity.min(frame.width)).div_ceil(2), 0.0);
+                weigh(
+                    &self.taps,
+                    |k| {
+                        // Column 2 i + parity + k - radius, among those of its own parity.
+                        let column = parity + k + 2 * pad - radius;
+                        let start = (column - column % 2) / 2;
+                        &padded[2 * channel + column % 2][start..]
+                    },
+                    out,
+                );
+            }
+        }
+    }
+
+    /// Columns of either parity by which a decoded row is continued at its ends.
+    fn pad(radius: usize) -> usize {
+        radius / 2 + 2
+    }
+
+    /// Decodes row `y` as its exposure saw it, into `scratch.padded`.
+    fn decode(&self, frame: &RenderedFrame<'_>, y: usize, scratch: &mut Scratch) {
+        let width = frame.width;
+        let Scratch {
+            half, rgba, padded, ..
+        } = scratch;
+        rgba.resize(4 * width, 0.0);
+        match self.row_motion(frame, y) {
+            None => frame.decode(y, half, rgba),
+            Some(motion) => motion.gather(
+                y,
+                frame.height,
+                |y, row| {
+                    row.resize(4 * width, 0.0);
+                    frame.decode(y, half, row);
+                },
+                rgba,
+            ),
+        }
+        let pad = Self::pad(self.taps.len() - 1);
+        // A comparison with a NaN is false: it becomes 0.
+        let limited = |value: f32| {
+            let value = if value > 0.0 { value } else { 0.0 };
+            if value < MAX_LUMINANCE_KCD_M2 {
+                value
+            } else {
+                MAX_LUMINANCE_KCD_M2
+            }
+        };
+        for (channel, halves) in padded.chunks_exact_mut(2).enumerate() {
+            for (parity, half) in halves.iter_mut().enumerate() {
+                half.resize((width - parity.min(width)).div_ceil(2) + 2 * pad, 0.0);
+            }
+            let [even, odd] = halves else { continue };
+            let columns = even[pad..].iter_mut().zip(&mut odd[pad..]);
+            let (pairs, rest) = rgba.as_chunks::<8>();
+            for ((even, odd), pair) in columns.zip(pairs) {
+                *even = limited(pair[channel]);
+                *odd = limited(pair[4 + channel]);
+            }
+            if let Some(last) = rest.get(channel) {
+                even[pad + width / 2] = limited(*last);
+            }
+        }
+        for channel in 0..3 {
+            let left = padded[2 * channel][pad];
+            let last = width - 1;
+            let right = padded[2 * channel + last % 2][pad + last / 2];
+            for half in &mut padded[2 * channel..2 * channel + 2] {
+                let end = half.len() - pad;
+                half[..pad].fill(left);
+                half[end..].fill(right);
+            }
+        }
+    }
+
+    /// How row `y` is put together from rendered ones; none where nothing moves.
+    fn row_motion(&self, frame: &RenderedFrame<'_>, y: usize) -> Option<RowMotion> {
+        let params = &self.params;
+        let time_s = frame.conditions.exposure.time_s;
+        let smeared_s = if params.motion_blur { time_s } else { 0.0 };
+        let delay_s = match params.shutter {
+            Shutter::Global => 0.0,
+            Shutter::Rolling(line_s) => {
+                let row = f64::from(frame.origin_px[1]) + y as f64;
+                line_s * (row + 0.5 - 0.5 * f64::from(params.size_px[1]))
+            }
+        };
+        let motion = &frame.conditions.motion;
+        motion.row(y, frame.width, frame.origin_px, smeared_s, delay_s)
+    }
+}
+
+impl RenderedFrame<'_> {
+    /// Checks the frame, the rows asked of it, and the output's length against the one needed.
+    fn check(&self, rows: &Range<usize>, needed: usize, found: usize) -> Result<(), SensorError> {
+        let (width, height) = (self.width, self.height);
         if rows.start > rows.end || rows.end > height {
             return Err(SensorError::Rows {
                 start: rows.start,
@@ -328,12 +701,8 @@ impl Sensor {
             });
         }
         for (what, found, needed) in [
-            (
-                "the rendered frame",
-                frame.rgba16f.len(),
-                8 * width * height,
-            ),
-            ("the output", rgb8.len(), 3 * width * rows.len()),
+            ("the rendered frame", self.rgba16f.len(), 8 * width * height),
+            ("the output", found, needed),
         ] {
             if found != needed {
                 return Err(SensorError::Buffer {
@@ -345,127 +714,17 @@ impl Sensor {
                 });
             }
         }
-        if rgb8.is_empty() {
-            return Ok(());
-        }
-        scratch.noise.resize(3 * width, 0.0);
-        let curve = match self.transfer {
-            Transfer::Linear => &CURVES[0],
-            Transfer::Srgb => &CURVES[1],
-        };
-        let quantiles = &*NOISE;
-        let first = rows.start;
-        for (y, out) in rows.zip(rgb8.chunks_exact_mut(3 * width)) {
-            self.mean_row(frame, y, y == first, scratch);
-            let row_key = hash(seed ^ hash(u64::from(frame.origin_px[1]) + y as u64));
-            let column = u64::from(frame.origin_px[0]);
-            for (x, noise) in scratch.noise.chunks_exact_mut(3).enumerate() {
-                let count = (column + x as u64 + 1).wrapping_mul(GOLDEN);
-                // 60 of the 64 bits: for each channel two picks of ten bits.
-                let bits = hash(row_key.wrapping_add(count));
-                for (channel, noise) in noise.iter_mut().enumerate() {
-                    let bits = (bits >> (4 + 20 * channel)) as usize;
-                    *noise = quantiles[bits % QUANTILES] + quantiles[bits / QUANTILES % QUANTILES];
-                }
-            }
-            let limit = (CODES - 1) as f32;
-            // Apart from the table look-up, so that this part runs on vectors.
-            for (noise, mean_e) in scratch.noise.iter_mut().zip(&scratch.mean_e) {
-                let sigma_e = (mean_e + self.read_variance_e2).sqrt();
-                let code = (mean_e + sigma_e * *noise) * self.codes_per_e;
-                let code = if code > 0.0 { code } else { 0.0 };
-                let code = if code < limit { code } else { limit };
-                // Adding 2^23 rounds to an integer, left in the low bits of the mantissa.
-                *noise = code + 8_388_608.0;
-            }
-            for (out, code) in out.iter_mut().zip(&scratch.noise) {
-                *out = curve[code.to_bits() as usize % CODES];
-            }
-        }
         Ok(())
     }
 
-    /// Mean electrons of row `y`, into `scratch.mean_e`. Rows must be asked for in order; `first`
-    /// starts a new run of them.
-    fn mean_row(&self, frame: &RenderedFrame<'_>, y: usize, first: bool, scratch: &mut Scratch) {
-        let radius = self.taps.len() - 1;
-        let length = 2 * radius + 1;
-        let last = frame.height - 1;
-        scratch.ring.resize_with(length, Vec::new);
-        let missing = if first {
-            y.saturating_sub(radius)
-        } else {
-            y + radius
-        };
-        for row in missing..=(y + radius).min(last) {
-            self.blur_row(frame, row, scratch);
-        }
-        let Scratch { ring, mean_e, .. } = scratch;
-        mean_e.resize(3 * frame.width, 0.0);
-        // Beyond the first and the last row the frame goes on as they are.
-        let source = |k: usize| &*ring[(y + k).saturating_sub(radius).min(last) % length];
-        weigh(&self.taps_e_per_kcd_m2, source, mean_e);
-    }
-
-    /// Decodes row `y` and blurs it along the row, into the ring.
-    fn blur_row(&self, frame: &RenderedFrame<'_>, y: usize, scratch: &mut Scratch) {
-        let width = frame.width;
-        let radius = self.taps.len() - 1;
-        let Scratch {
-            half,
-            rgba,
-            padded,
-            ring,
-            ..
-        } = scratch;
+    /// Row `y` as single floats.
+    fn decode(&self, y: usize, half: &mut Vec<f16>, rgba: &mut [f32]) {
+        let line = 8 * self.width;
+        let (values, _) = self.rgba16f[line * y..line * (y + 1)].as_chunks::<2>();
         half.clear();
-        let (values, _) = frame.rgba16f[8 * width * y..8 * width * (y + 1)].as_chunks::<2>();
         half.extend(values.iter().map(|bytes| f16::from_le_bytes(*bytes)));
-        rgba.resize(4 * width, 0.0);
         half.convert_to_f32_slice(rgba);
-        padded.resize(3 * (width + 2 * radius), 0.0);
-        let middle = &mut padded[3 * radius..3 * (radius + width)];
-        for (rgb, rgba) in middle.chunks_exact_mut(3).zip(rgba.chunks_exact(4)) {
-            for (to, from) in rgb.iter_mut().zip(rgba) {
-                // A comparison with a NaN is false: it becomes 0.
-                let value = if *from > 0.0 { *from } else { 0.0 };
-                *to = if value < MAX_LUMINANCE_KCD_M2 {
-                    value
-                } else {
-                    MAX_LUMINANCE_KCD_M2
-                };
-            }
-        }
-        for x in 0..radius {
-            padded.copy_within(3 * radius..3 * radius + 3, 3 * x);
-            padded.copy_within(
-                3 * (radius + width - 1)..3 * (radius + width),
-                3 * (radius + width + x),
-            );
-        }
-        let row = &mut ring[y % self.ring_length()];
-        row.resize(3 * width, 0.0);
-        weigh(&self.taps, |k| &padded[3 * k..], row);
     }
-
-    /// Rows the vertical blur needs at once.
-    fn ring_length(&self) -> usize {
-        2 * self.taps.len() - 1
-    }
-}
-
-/// The exposure time [s] that puts an 18 % grey reflector under `global_illuminance_klx` at
-/// [`GREY_LEVEL`] of the white level, within 1 us and `max_exposure_s`.
-pub fn auto_exposure(
-    global_illuminance_klx: f64,
-    params: &SensorParams,
-    max_exposure_s: f64,
-) -> f64 {
-    let grey_kcd_m2 = 0.18 * global_illuminance_klx / std::f64::consts::PI;
-    let exposure_s =
-        GREY_LEVEL * params.white_e() / (params.electrons_per_kcd_m2_s() * grey_kcd_m2);
-    // In the dark the quotient is infinite; the limits hold for it too.
-    exposure_s.min(max_exposure_s).max(1e-6)
 }
 
 #[cfg(test)]
