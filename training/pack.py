@@ -104,7 +104,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder made by `boresight dataset`")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--side", type=int, default=320, help="of a window [px]")
-    parser.add_argument("--quality", type=int, default=85, help="of WebP")
+    parser.add_argument("--quality", type=int, default=92, help="of WebP")
     parser.add_argument("--part-mib", type=float, default=40)
     parser.add_argument("--parts", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)

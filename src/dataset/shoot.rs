@@ -26,7 +26,7 @@ const RENDERS: u32 = 12;
 const MIN_SIDE_PX: f64 = 2.0;
 /// Draws of a clip before the scene is given up.
 const CLIP_DRAWS: u64 = 2_000;
-/// In clips, UAVs that show less of themselves than this are left out until they show again.
+/// What shows less of itself than this has no box: a distractor, or in clips a UAV until it shows again.
 const MIN_CLIP_VISIBLE: f64 = 0.1;
 
 /// A picture on its way to its file.
@@ -257,6 +257,7 @@ fn shoot(
         let uav = placed.prop < scene.uavs.len();
         match annotation(recipe, scene, &rendered, stage, placed, &params) {
             // A distractor that is hardly seen is neither asked for nor a false alarm.
+            Some(seen) if !uav && seen.visible_fraction < MIN_CLIP_VISIBLE => {}
             Some(seen) if !(uav && seen.ignore) => annotations.push(seen),
             _ if uav => return Ok(None),
             _ => {}
