@@ -91,7 +91,8 @@ def read(path: Path) -> tuple[torch.nn.Module, dict[str, str]]:
     missing = sorted(whole - plain - taken)
     print(f"{path}: {len(taken)} tensors read, {len(missing)} not in the graph{': ' if missing else ''}{', '.join(missing[:4])}")
     crops = Crops(None, 5, size=256)
-    pictures = torch.stack([crops[n][0] for n in range(32)]).permute(0, 3, 1, 2).float() / 255
+    count = 8 if model.fixed_size else 32  # the larger canvas costs more
+    pictures = torch.stack([crops[n][0] for n in range(count)]).permute(0, 3, 1, 2).float() / 255
     put_back(model, pictures)
     return model, meta
 

@@ -155,8 +155,8 @@ fn rotor(radius_m: f64, chord_m: f64, blades: u32, cone_rad: f64) -> MeshData {
         mesh.append(&blade, DAffine3::from_rotation_z(turn_rad));
     }
     mesh.frustum(
-        (DVec3::Z * -0.02 * radius_m, 0.08 * radius_m),
-        (DVec3::Z * 0.03 * radius_m, 0.05 * radius_m),
+        (DVec3::Z * -0.04 * radius_m, 0.07 * radius_m),
+        (DVec3::Z * 0.05 * radius_m, 0.06 * radius_m),
         8,
         Paint::plain(BLACK),
     );
