@@ -170,8 +170,7 @@ impl Counted<'_> {
     /// What a false alarm lies on.
     fn lies_on(&self, mark: &Mark) -> &str {
         let middle = self.images[mark.image].found[mark.found].centre_px();
-        let other = self.coco.others[mark.image].iter();
-        let on = other.filter(|other| near(other.box_px, middle)).next();
+        let on = (self.coco.others[mark.image].iter()).find(|other| near(other.box_px, middle));
         match on {
             Some(other) => &other.name,
             None if (self.images[mark.image].truth.iter()).any(|t| near(t.box_px, middle)) => {

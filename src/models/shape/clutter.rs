@@ -27,7 +27,7 @@ pub enum ClutterKind {
     /// A thin pole, as of a boat or a weather station, whose head carries lamps, cups and domes, 6 to
     /// 20 m high.
     Masthead,
-    /// A tree without leaves, 7 to 24 m high.
+    /// A tree without leaves, 5 to 25 m high.
     BareTree,
     /// A line of trees with gaps, 40 to 80 m long and up to 27 m high.
     Treeline,
@@ -495,7 +495,7 @@ mod tests {
             (ClutterKind::Flag, [6.0, 14.1]),
             (ClutterKind::Pylon, [20.0, 45.1]),
             (ClutterKind::Masthead, [6.0, 20.0]),
-            (ClutterKind::BareTree, [5.0, 26.0]),
+            (ClutterKind::BareTree, [4.5, 26.0]),
             (ClutterKind::Treeline, [5.0, 27.0]),
         ] {
             for i in 0..30 {
