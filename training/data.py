@@ -231,7 +231,9 @@ class Crops(Dataset):
             picture = cv2.resize(picture, (self.size, self.size), interpolation=method)
         factor = self.size / side
         move = lambda b: (b - np.array([x, y, x, y], np.float32)) * factor  # noqa: E731
-        boxes, kept, ignore = clip_boxes(move(boxes), np.arange(len(boxes)), np.clip(move(ignore), 0, self.size), self.size)
+        ignore = np.clip(move(ignore), 0, self.size)
+        ignore = ignore[(ignore[:, 2:] > ignore[:, :2]).all(1)]
+        boxes, kept, ignore = clip_boxes(move(boxes), np.arange(len(boxes)), ignore, self.size)
         labels, aims = labels[kept], (frames.aims[k][kept] - (x, y)) * factor
         picture = picture.astype(np.float32)
         extra = rng.random()  # a procedural UAV, or birds and aircraft, before the rendered background
