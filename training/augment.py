@@ -221,7 +221,11 @@ BOX = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], f
 RING = np.array([[math.cos(a), math.sin(a), 0] for a in np.linspace(0, 2 * math.pi, 16, endpoint=False)])
 
 
-def uav(rng: Rng, size_px: float, tone: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, int]:
+BIRD, AEROPLANE, HELICOPTER = 3, 4, 5  # classes of `models.CLASSES` that are drawn here and are no UAVs
+Made = tuple[np.ndarray, np.ndarray | None, int]  # a sprite, its box, None if it has none, and its class
+
+
+def uav(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
     """A UAV about `size_px` wide seen from any side: sprite, its box, class (0 fpv, 1 quadcopter, 2 hexacopter)."""
     label = int(rng.choice(3, p=[0.25, 0.55, 0.2]))
     arms = 6 if label == 2 else 4
@@ -288,43 +292,103 @@ def uav(rng: Rng, size_px: float, tone: np.ndarray) -> tuple[np.ndarray, np.ndar
     return small, box, label
 
 
-def bird(rng: Rng, size_px: float, tone: np.ndarray) -> np.ndarray:
-    """A bird: body, tail and two wings of two segments each at any phase of the beat, seen from any side."""
+def bird(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
+    """A bird: body, tail and two wings of two segments each, seen from any side: at any phase of the beat, or spread as
+    gulls and raptors glide; the light may come through its wings, or from below on a bright belly."""
     sprite = Sprite(size_px)
-    r = rotation(rng, 0.3)
+    soars = rng.random() < 0.35
+    r = rotation(rng, 0.4 if soars else 0.3)
     flap, bend = rng.uniform(-0.9, 1.1), rng.uniform(-1.0, 0.3)
+    if soars:
+        flap, bend = rng.normal(0.12, 0.1), rng.normal(-0.05, 0.2)
     sweep = rng.uniform(-0.25, 0.4)
-    chord = rng.uniform(0.14, 0.34)
+    chord = rng.uniform(0.14, 0.34) if not soars else rng.uniform(0.16, 0.45)
+    blunt = rng.uniform(0.05, 0.2) if not soars else rng.uniform(0.1, 0.7)  # width of the tips over the chord's
+    thin = rng.uniform(1.1, 1.9) if rng.random() < 0.3 else 1.0
+    tips = rng.uniform(0.2, 0.7) if rng.random() < 0.4 else 1.0
     for s in (-1, 1):
         elbow = np.array([rng.uniform(0, 0.15), s * 0.45 * math.cos(flap), 0.45 * math.sin(flap)])
         tip = elbow + 0.55 * np.array([-sweep, s * math.cos(flap + bend), math.sin(flap + bend)])
         c = np.array([chord, 0, 0])
-        shade = rng.uniform(0.75, 1.2)
-        for wing in ([c / 2, -c / 2, elbow + c / 2, elbow - c / 2], [elbow + c / 2, elbow - c / 2, tip + c * 0.1, tip - c * 0.1]):
-            sprite.fill((np.array(wing) @ r.T)[:, :2], tone * shade)
+        shade = rng.uniform(0.75, 1.2) * thin
+        inner, outer = [c / 2, -c / 2, elbow + c / 2, elbow - c / 2], [elbow + c / 2, elbow - c / 2, tip + c * blunt, tip - c * blunt]
+        for wing, ink in ((inner, 1.0), (outer, tips)):
+            sprite.fill((np.array(wing) @ r.T)[:, :2], np.clip(tone * shade * ink, 0, 255))
     body = RING[:, [0, 1, 2]] * (rng.uniform(0.3, 0.5), rng.uniform(0.07, 0.14), 0)
     body = np.concatenate([body, body[:, [0, 2, 1]]])
-    sprite.fill((body @ r.T)[:, :2], tone * rng.uniform(0.8, 1.1))
-    tail = np.array([[-0.3, 0.03, 0], [-0.3, -0.03, 0], [-0.6, 0.12, 0], [-0.6, -0.12, 0]])
+    belly = rng.uniform(1.2, 2.2) if rng.random() < 0.25 else rng.uniform(0.8, 1.1)
+    sprite.fill((body @ r.T)[:, :2], np.clip(tone * belly, 0, 255))
+    fan = rng.uniform(0.06, 0.3) if soars else 0.12
+    tail = np.array([[-0.3, 0.03, 0], [-0.3, -0.03, 0], [-0.6, fan, 0], [-0.6, -fan, 0]])
     sprite.fill((tail @ r.T)[:, :2], tone * 0.9)
-    return sprite.down()[0]
+    return *sprite.down(), BIRD
 
 
-def aeroplane(rng: Rng, size_px: float, tone: np.ndarray) -> np.ndarray:
-    """An aeroplane or a glider: fuselage, wings, tail."""
+def aeroplane(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
+    """An aeroplane or a glider: fuselage, wings, tail, with engines below the wings or the disc of a propeller."""
     sprite = Sprite(size_px)
     r = rotation(rng, 0.25)
     span, sweep, fat = rng.uniform(0.8, 1.1), rng.uniform(0, 0.5), rng.uniform(0.05, 0.12)
+    chord = rng.uniform(0.1, 0.3)
     fuselage = np.concatenate([RING * (0.95, fat, 0), (RING * (0.95, fat, 0))[:, [0, 2, 1]]])
+    high = rng.uniform(-0.08, 0.1)  # where the wing sits
+    kind = rng.random()
     for s in (-1, 1):
-        wing = np.array([[0.15, 0, 0], [-0.15, 0, 0], [-sweep, s * span, 0.08], [-sweep + 0.1, s * span, 0.08]])
+        wing = np.array([[chord / 2, 0, high], [-chord / 2, 0, high], [-sweep, s * span, high + 0.08], [-sweep + 0.1, s * span, high + 0.08]])
         tail = np.array([[-0.75, 0, 0], [-0.95, 0, 0], [-1.0, s * 0.35, 0], [-0.9, s * 0.35, 0]])
         sprite.fill((wing @ r.T)[:, :2], tone * rng.uniform(0.8, 1.2))
         sprite.fill((tail @ r.T)[:, :2], tone)
+        if kind < 0.4:  # jets
+            engine = BOX * (0.12, 0.05, 0.05) + [0.02 - 0.3 * sweep, s * 0.33, high - 0.08]
+            sprite.fill((engine @ r.T)[:, :2], tone * rng.uniform(0.6, 1.1))
     fin = np.array([[-0.7, 0, 0], [-0.95, 0, 0], [-1.0, 0, 0.35], [-0.9, 0, 0.35]])
     sprite.fill((fin @ r.T)[:, :2], tone * rng.uniform(0.7, 1.3))
     sprite.fill((fuselage @ r.T)[:, :2], tone)
-    return sprite.down()[0]
+    if kind > 0.6:  # a propeller
+        disc = RING[:, [2, 0, 1]] * rng.uniform(0.15, 0.25) + [0.95, 0, 0]
+        sprite.fill((disc @ r.T)[:, :2], tone * rng.uniform(0.5, 1.2), rng.uniform(0.05, 0.3))
+        if rng.random() < 0.6:
+            wheels = BOX * (0.06, 0.2, 0.03) + [0.2, 0, -fat - 0.15]
+            sprite.fill((wheels @ r.T)[:, :2], tone * 0.6)
+    return *sprite.down(), AEROPLANE
+
+
+def helicopter(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
+    """A helicopter: cabin, tail boom with fin, skids, a main rotor as blades or as a pale disc."""
+    sprite = Sprite(size_px, 3.0)
+    r = rotation(rng, 0.12)
+    tail, cabin, girth = rng.uniform(0.85, 1.1), rng.uniform(0.22, 0.34), rng.uniform(0.1, 0.2)
+    second = colour(rng, 10, 230, 20) if rng.random() < 0.4 else tone
+    parts: list[tuple[np.ndarray, np.ndarray, float]] = []
+    hull = np.concatenate([RING * (cabin, girth, 0), (RING * (cabin, girth, 0))[:, [0, 2, 1]]]) + [0.15, 0, 0]
+    root = girth * rng.uniform(0.25, 0.5)
+    boom = np.concatenate([BOX[BOX[:, 0] > 0] * (1, root, root) - [1, 0, 0], BOX[BOX[:, 0] < 0] * (1, 0.02, 0.02) + [1 - tail, 0, 0.08]])
+    fin = np.array([[-tail, 0, 0.05], [-tail + 0.2, 0, 0.05], [-tail - 0.05, 0, 0.35], [-tail + 0.08, 0, 0.35]])
+    if rng.random() < 0.65:
+        for s in (-1, 1):
+            parts.append((BOX * (0.33, 0.015, 0.015) + [0.15, s * girth * 1.1, -girth - 0.12], tone, 0.6))
+            for x in (0.0, 0.3):
+                parts.append((BOX * (0.015, 0.015, 0.09) + [x, s * girth, -girth - 0.04], tone, 0.6))
+    parts += [(boom, tone, 0.9), (fin, second, 1.0), (hull, tone, 1.0)]
+    glass = hull[hull[:, 0] > 0.3]
+    if len(glass) > 2:
+        parts.append((glass, np.full(3, rng.uniform(10, 90)), 1.0))
+    parts.append((BOX * (0.2, girth * 0.6, 0.06) + [0.02, 0, girth], second, 0.9))
+    for points, ink, shade in parts:
+        sprite.fill((points @ r.T)[:, :2], np.clip(ink * shade * rng.uniform(0.85, 1.15), 0, 255))
+    hub = np.array([0.05, 0, girth + 0.14])
+    sprite.fill(((BOX * (0.03, 0.03, 0.09) + hub - [0, 0, 0.08]) @ r.T)[:, :2], tone * 0.6)
+    radius, dark = rng.uniform(0.75, 1.0), tone * rng.uniform(0.3, 0.9)
+    sprite.fill(((RING * radius + hub) @ r.T)[:, :2], dark, rng.uniform(0.02, 0.2))
+    if rng.random() < 0.75:
+        blades, phase = int(rng.integers(2, 6)), rng.uniform(0, math.pi)
+        for turn in phase + 2 * math.pi * np.arange(blades) / blades:
+            along, across = np.array([math.cos(turn), math.sin(turn), 0.05]), np.array([-math.sin(turn), math.cos(turn), 0]) * 0.02
+            blade = np.array([hub + across, hub - across, hub + along * radius + across, hub + along * radius - across])
+            sprite.fill((blade @ r.T)[:, :2], dark, rng.uniform(0.4, 1))
+    back = RING[:, [0, 2, 1]] * rng.uniform(0.1, 0.17) + [-tail, 0.03, 0.15]
+    sprite.fill((back @ r.T)[:, :2], dark, rng.uniform(0.1, 0.5))
+    return *sprite.down(), HELICOPTER
 
 
 def blob(rng: Rng, size_px: float, tone: np.ndarray) -> np.ndarray:
@@ -498,35 +562,55 @@ def overlap(box: np.ndarray, others: np.ndarray) -> float:
     return float((inner / np.clip((others[:, 2:] - others[:, :2]).prod(1), 1e-6, None)).max())
 
 
+def add(
+    rng: Rng, picture: np.ndarray, maker: Callable[[Rng, float, np.ndarray], Made], size: float, at: tuple[float, float],
+    boxes: np.ndarray, labels: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Composes what `maker` draws at a place, in place, where it is clear of the given boxes and can be told from what
+    is behind it; boxes [n,4] and labels [n] of all."""
+    h, w = picture.shape[:2]
+    sprite, box, label = maker(rng, size, tone_against(rng, picture, *at, size / 2 + 2))
+    if box is None or max(box[2:] - box[:2]) < 2.5:
+        return boxes, labels
+    x, y = round(at[0] - sprite.shape[1] / 2), round(at[1] - sprite.shape[0] / 2)
+    full = box + (x, y, x, y)
+    seen = np.clip(full, 0, (w, h, w, h))
+    if (seen[2:] - seen[:2]).prod() < 0.6 * (full[2:] - full[:2]).prod() or min(seen[2:] - seen[:2]) < 1:
+        return boxes, labels
+    if overlap(seen + (-4, -4, 4, 4), boxes) > 0:
+        return boxes, labels
+    y0, x0, y1, x1 = max(y, 0), max(x, 0), y + sprite.shape[0], x + sprite.shape[1]
+    part = picture[y0:y1, x0:x1]
+    before = part.copy()
+    paste(picture, sprite, x, y)
+    if np.abs((part - before) @ LUMA).max() < max(12, 1.2 * float((before @ LUMA).std())):  # nobody could tell it apart
+        part[:] = before
+        return boxes, labels
+    return np.concatenate([boxes, seen[None]]).astype(np.float32), np.concatenate([labels, [label]]).astype(np.int64)
+
+
 def add_uavs(rng: Rng, picture: np.ndarray, count: int, boxes: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Composes up to `count` procedural UAVs clear of the given ones; boxes [n,4] and labels [n] of all."""
     h, w = picture.shape[:2]
     for _ in range(count):
-        size = target_size(rng)
-        cx, cy = rng.uniform(0, w), rng.uniform(0, h)
-        sprite, box, label = uav(rng, size, tone_against(rng, picture, cx, cy, size / 2 + 2))
-        if box is None or max(box[2:] - box[:2]) < 2.5:
-            continue
-        x, y = round(cx - sprite.shape[1] / 2), round(cy - sprite.shape[0] / 2)
-        full = box + (x, y, x, y)
-        seen = np.clip(full, 0, (w, h, w, h))
-        if (seen[2:] - seen[:2]).prod() < 0.6 * (full[2:] - full[:2]).prod() or min(seen[2:] - seen[:2]) < 1:
-            continue
-        if overlap(seen + (-4, -4, 4, 4), boxes) > 0:
-            continue
-        y0, x0, y1, x1 = max(y, 0), max(x, 0), y + sprite.shape[0], x + sprite.shape[1]
-        part = picture[y0:y1, x0:x1]
-        before = part.copy()
-        paste(picture, sprite, x, y)
-        if np.abs((part - before) @ LUMA).max() < max(12, 1.2 * float((before @ LUMA).std())):  # nobody could tell it apart
-            part[:] = before
-            continue
-        boxes, labels = np.concatenate([boxes, seen[None]]), np.concatenate([labels, [label]])
-    return boxes.astype(np.float32), labels.astype(np.int64)
+        boxes, labels = add(rng, picture, uav, target_size(rng), (rng.uniform(0, w), rng.uniform(0, h)), boxes, labels)
+    return boxes, labels
+
+
+def add_flyers(rng: Rng, picture: np.ndarray, boxes: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Composes birds, in flocks at times, aeroplanes and helicopters; boxes [n,4] and labels [n] of all."""
+    h, w = picture.shape[:2]
+    flock = rng.random() < 0.2
+    maker = bird if flock else (bird, bird, aeroplane, helicopter)[rng.integers(4)]
+    size, middle = target_size(rng), rng.uniform(0, (w, h))
+    for _ in range(int(rng.integers(3, 9) if flock else rng.integers(1, 3))):
+        at = middle + rng.normal(0, 3 * size, 2) if flock else rng.uniform(0, (w, h))
+        boxes, labels = add(rng, picture, maker, size * rng.uniform(0.7, 1.3), tuple(at), boxes, labels)
+    return boxes, labels
 
 
 def add_clutter(rng: Rng, picture: np.ndarray, boxes: np.ndarray) -> None:
-    """Things that are no UAV, in place, clear of the targets: twigs, wires, houses, birds, aeroplanes, blobs, streaks."""
+    """Things without a class, in place, clear of what has one: twigs, wires, houses, blobs, streaks."""
     h, w = picture.shape[:2]
 
     def put(maker: Callable[[Rng, float, np.ndarray], np.ndarray], size: float) -> None:
@@ -545,14 +629,10 @@ def add_clutter(rng: Rng, picture: np.ndarray, boxes: np.ndarray) -> None:
     if rng.random() < 0.25:
         for _ in range(int(rng.integers(1, 4))):
             put(house, float(np.clip(math.exp(rng.normal(math.log(26), 0.7)), 6, 120)))
-    if rng.random() < 0.6:
-        flock = int(rng.integers(3, 9)) if rng.random() < 0.2 else int(rng.integers(1, 4))
-        makers, kind = (bird, bird, bird, aeroplane, blob, streak), int(rng.integers(6))
+    if rng.random() < 0.3:
         size = float(np.clip(math.exp(rng.normal(math.log(11), 0.7)), 3, 80))
-        for _ in range(flock):
-            put(makers[kind], size * rng.uniform(0.7, 1.3))
-            if flock < 4:
-                kind = int(rng.integers(6))
+        for _ in range(int(rng.integers(1, 4))):
+            put((blob, streak)[rng.integers(2)], size * rng.uniform(0.7, 1.3))
 
 
 # --- camera --------------------------------------------------------------------------------------------------------

@@ -11,6 +11,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from verdict import any_of, verdict
+
 DETECTIONS = 64  # rows that `decode` returns
 Target = dict[str, Tensor]
 
@@ -88,7 +90,7 @@ class BoresightP2(nn.Module):
     cell = 4  # [px] of the head's grid
     tells_class = True  # the maps hold class and aim point, too
 
-    def __init__(self, name: str = "boresight-p2", num_classes: int = 3, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
+    def __init__(self, name: str = "boresight-p2", num_classes: int = 8, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
         super().__init__()
         self.name, self.num_classes = name, num_classes
         w1, w2, w3, w4 = widths  # at 1/2, 1/4, 1/8, and at 1/16 and 1/32
@@ -211,10 +213,13 @@ class BoresightP2(nn.Module):
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Boxes [B,N,4] px, scores [B,N] falling, labels int64 [B,N], bodies' middles [B,N,2] px: peaks of the heat
         map, best first."""
-        boxes, scores, rows = self.peaks(self(images), DETECTIONS)
+        boxes, heat, rows = self.peaks(self(images), DETECTIONS)
         middles = (boxes[..., :2] + boxes[..., 2:]) / 2 + rows[..., -2:] * self.cell
+        labels, share = verdict(rows[..., 5:-2].softmax(-1))
+        scores, best = (heat * share).topk(DETECTIONS)
+        boxes, labels, middles = (rows_at(x, best) for x in (boxes, labels, middles))
         scores, order = suppress(boxes, scores, 0.4).topk(DETECTIONS)
-        return rows_at(boxes, order), scores, rows_at(rows[..., 5:-2].argmax(2), order), rows_at(middles, order)
+        return rows_at(boxes, order), scores, rows_at(labels, order), rows_at(middles, order)
 
     def peaks(self, raw: Tensor, count: int) -> tuple[Tensor, Tensor, Tensor]:
         """Boxes [B,count,4] px, scores [B,count] falling and rows [B,count,channels] of the maps' highest peaks."""
@@ -231,7 +236,7 @@ class BoresightP2Roi(BoresightP2):
     """`BoresightP2` whose maps hold only heat and box, and a second stage on what it found (as in Faster R-CNN: Ren et
     al. 2015): the picture itself is sampled anew about each peak, at the peak's own scale, and a small network of its
     own tells from it and from the features at 1/4 the quality (expected IoU), a better box, the class and the body's
-    middle. The score is the geometric mean of heat and quality.
+    middle. The score is the geometric mean of heat and quality, times the share that UAVs, or all else, have in the classes.
 
     A bird and a UAV of 12 px differ in details that no map at 1/4 can hold at its price; on 24 peaks they are cheap.
     Tried before: 7 x 7 samples of the stem's features, 4 px apart on such a target.
@@ -242,7 +247,7 @@ class BoresightP2Roi(BoresightP2):
     grid = 24  # samples a side of the picture, and a quarter as many of the features
     taught = 12  # highest peaks of a picture that the second stage learns from
 
-    def __init__(self, name: str = "boresight-p2-roi", num_classes: int = 3, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
+    def __init__(self, name: str = "boresight-p2-roi", num_classes: int = 8, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
         super().__init__(name, num_classes, widths, head)
         self.view = nn.Sequential(conv(6, 32, 5, 2), Residual(32), conv(32, 48, 3, 2))
         self.join = conv(48 + head, 64)
@@ -340,11 +345,12 @@ class BoresightP2Roi(BoresightP2):
         features = self.features(images)
         first, heat, rows = self.peaks(self.maps(features), self.peaks_kept)
         quality, boxes, kinds, middles = self.second(images, features, first, rows[..., 0])
-        scores, best = (quality.sigmoid() * heat).sqrt().topk(self.peaks_kept)
+        labels, share = verdict(kinds.softmax(-1))
+        scores, best = ((quality.sigmoid() * heat).sqrt() * share).topk(self.peaks_kept)
         boxes = rows_at(boxes, best)
         scores, order = suppress(boxes, scores, 0.4).topk(self.peaks_kept)
         best = rows_at(best, order)
-        return rows_at(boxes, order), scores, rows_at(kinds.argmax(2), best), rows_at(middles, best)
+        return rows_at(boxes, order), scores, rows_at(labels, best), rows_at(middles, best)
 
 
 # --- the baseline --------------------------------------------------------------------------------------------------
@@ -406,7 +412,7 @@ class YoloN(nn.Module):
     bins = 16  # of a side's distribution [cells]
     candidates = 128  # that enter suppression in `decode`
 
-    def __init__(self, name: str = "yolo-n", num_classes: int = 3):
+    def __init__(self, name: str = "yolo-n", num_classes: int = 8):
         super().__init__()
         self.name, self.num_classes = name, num_classes
         w = (16, 32, 64, 128, 256)
@@ -522,11 +528,12 @@ class YoloN(nn.Module):
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Boxes [B,N,4] px, scores [B,N] falling, labels int64 [B,N], overlapping ones suppressed."""
         sides, kinds, grid = self(images)
-        scores, index = (1 - (1 - kinds.sigmoid()).prod(-1)).topk(self.candidates)  # any class
+        labels, scores = any_of(kinds.sigmoid())
+        scores, index = scores.topk(self.candidates)
         near = rows_at(sides.flatten(2), index).unflatten(2, (4, self.bins))
         boxes = self.boxes(near, grid[index])
         scores, order = suppress(boxes, scores, 0.5).topk(DETECTIONS)
-        return rows_at(boxes, order), scores, rows_at(rows_at(kinds, index).argmax(2), order)
+        return rows_at(boxes, order), scores, rows_at(rows_at(labels, index), order)
 
 
 def depthwise(channels: int) -> nn.Sequential:

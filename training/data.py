@@ -17,9 +17,12 @@ import torch
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 import augment
+import models
+from verdict import UAVS
 
 CROP = 256  # [px]
 KEPT = 0.6  # least part of a box inside the crop for it to count; a lesser rest is neither target nor background
+OTHERS = 0.4  # share of the crops about something that are about what is no UAV
 HARD = 0.3  # share of crops about what was taken for a UAV, where that is known
 LEAST_PX = 2.5  # resampling shrinks no target below this long side
 
@@ -127,8 +130,16 @@ class Crops(Dataset):
         of some about targets and of three quarters of those away from all."""
         self.frames, self.seed, self.negatives, self.size = frames, seed, negatives, size
         self.hard = hard if hard is not None and len(hard) else None
-        self.procedural = procedural if frames is not None and frames.targets else 1.0
-        self.length = len(frames.targets) if frames is not None and frames.targets else 10_000
+        self.procedural = procedural if frames is not None and any((l < UAVS).any() for l in frames.labels) else 1.0
+        # An epoch shows every UAV once, and what is no UAV in between, rare classes about as often as common ones.
+        self.uavs: list[tuple[int, int]] = []
+        self.others: list[list[tuple[int, int]]] = [[] for _ in models.CLASSES[UAVS:]]
+        for k, j in frames.targets if frames is not None else []:
+            label = int(frames.labels[k][j])
+            (self.uavs if label < UAVS else self.others[label - UAVS]).append((k, j))
+        weights = np.sqrt([len(one) for one in self.others])
+        self.shares = weights / weights.sum() if weights.sum() > 0 else None
+        self.length = len(self.uavs) or 10_000
         self.order: tuple[int, np.ndarray] = (-1, np.zeros(0, np.int64))
 
     def __len__(self) -> int:
@@ -163,10 +174,12 @@ class Crops(Dataset):
         }
 
     def invent(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """A procedural picture with UAVs, or with none."""
+        """A procedural picture with UAVs, birds and aircraft, or with none."""
         picture = augment.background(rng, self.size)
         count = 0 if rng.random() < self.negatives else int(rng.choice([1, 2, 3], p=[0.7, 0.2, 0.1]))
         boxes, labels = augment.add_uavs(rng, picture, count, np.zeros((0, 4), np.float32), np.zeros(0, np.int64))
+        if rng.random() < (0.4 if count else 0.6):
+            boxes, labels = augment.add_flyers(rng, picture, boxes, labels)
         return picture, boxes, labels, np.zeros((0, 4), np.float32)
 
     def cut(self, rng: np.random.Generator, epoch: int, i: int) -> tuple[np.ndarray, ...]:
@@ -179,7 +192,10 @@ class Crops(Dataset):
         negative = not about_hard and rng.random() < (self.negatives if self.hard is None else self.negatives / 4)
         if self.order[0] != epoch:
             self.order = (epoch, np.random.default_rng([self.seed, epoch]).permutation(self.length))
-        k, j = frames.targets[self.order[1][i]]
+        k, j = self.uavs[self.order[1][i]]
+        if self.shares is not None and rng.random() < OTHERS:
+            one = self.others[rng.choice(len(self.others), p=self.shares)]
+            k, j = one[rng.integers(len(one))]
         about = frames.boxes[k][j]
         if negative and frames.empty and rng.random() < 0.5:
             k = frames.empty[rng.integers(len(frames.empty))]
@@ -215,11 +231,15 @@ class Crops(Dataset):
             picture = cv2.resize(picture, (self.size, self.size), interpolation=method)
         factor = self.size / side
         move = lambda b: (b - np.array([x, y, x, y], np.float32)) * factor  # noqa: E731
-        boxes, kept, ignore = clip_boxes(move(boxes), np.arange(len(boxes)), np.clip(move(ignore), 0, self.size), self.size)
+        ignore = np.clip(move(ignore), 0, self.size)
+        ignore = ignore[(ignore[:, 2:] > ignore[:, :2]).all(1)]
+        boxes, kept, ignore = clip_boxes(move(boxes), np.arange(len(boxes)), ignore, self.size)
         labels, aims = labels[kept], (frames.aims[k][kept] - (x, y)) * factor
         picture = picture.astype(np.float32)
-        if rng.random() < 0.15:  # a procedural UAV before the rendered background
-            boxes, labels = augment.add_uavs(rng, picture, 1, np.concatenate([boxes, ignore]), np.concatenate([labels, np.full(len(ignore), -1)]))
+        extra = rng.random()  # a procedural UAV, or birds and aircraft, before the rendered background
+        if extra < 0.3:
+            adder = (lambda *known: augment.add_uavs(rng, picture, 1, *known)) if extra < 0.15 else (lambda *known: augment.add_flyers(rng, picture, *known))
+            boxes, labels = adder(np.concatenate([boxes, ignore]), np.concatenate([labels, np.full(len(ignore), -1)]))
             boxes, labels = boxes[labels >= 0], labels[labels >= 0]
         return picture, boxes, labels, ignore, aims
 

@@ -38,6 +38,7 @@ from transformers.models.d_fine.modeling_d_fine import (
 )
 
 from convnets import box_iou_terms, rows_at
+from verdict import any_of
 
 NAMES = ("d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam")
 FIXED_SIZE = (512, 640)  # [px] height and width of the canvas and of the exported input
@@ -362,7 +363,7 @@ class Criterion(DFineLoss):
 class DFineDetector(nn.Module):
     """A D-FINE row with the detectors' protocol: `loss` for training, `decode` for detection and export."""
 
-    def __init__(self, name: str, num_classes: int = 3, mean_object_px: float = 14.0):
+    def __init__(self, name: str, num_classes: int = 8, mean_object_px: float = 14.0):
         if name not in NAMES:
             raise ValueError(f"no model {name!r}: choose one of {', '.join(NAMES)}")
         super().__init__()
@@ -433,11 +434,11 @@ class DFineDetector(nn.Module):
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Boxes [B,N,4] xyxy in pixels, scores [B,N] falling and labels int64 [B,N] of images [B,3,H,W], N = 100.
 
-        The score is that of the likeliest class, 0 for a second box of one object. Needs evaluation mode.
+        The score is that of any UAV, or of anything else where that is likelier, 0 for a second box of one object. Needs evaluation mode.
         """
         self.canvas.whole(tuple(int(side) for side in images.shape[-2:]))
         out = self.model(images)
-        scores, labels = out.intermediate_logits[:, -1].sigmoid().max(-1)
+        labels, scores = any_of(out.intermediate_logits[:, -1].sigmoid())
         scores, order = scores.topk(QUERIES)
         boxes = self.canvas.pixels(out.intermediate_reference_points[:, -1].clamp(0, 1))
         boxes, labels = rows_at(boxes, order), rows_at(labels, order)
@@ -459,6 +460,6 @@ def first_of_object(boxes: Tensor) -> Tensor:
     return 1.0 - ((overlap > 0.5) * better).amax(-1)
 
 
-def build_dfine(name: str, num_classes: int = 3, mean_object_px: float = 14.0) -> DFineDetector:
+def build_dfine(name: str, num_classes: int = 8, mean_object_px: float = 14.0) -> DFineDetector:
     """One of `NAMES` with random weights; `mean_object_px` is the anchors' side and NWD's constant C [px]."""
     return DFineDetector(name, num_classes, mean_object_px)

@@ -45,7 +45,9 @@ def load(path: Path) -> tuple[torch.nn.Module, dict]:
     return model.eval(), state
 
 
-def to_onnx(model: torch.nn.Module, classes: list[str], threshold: float, description: str, training: dict) -> bytes:
+def to_onnx(
+    model: torch.nn.Module, classes: list[str], threshold: float, description: str, training: dict, video: float | None = None
+) -> bytes:  # fmt: skip
     """The model as ONNX, opset 17, batch normalisation folded, with the interface's metadata."""
     height, width = model.fixed_size or (8 * model.stride, 10 * model.stride)
     example = torch.zeros(1, 3, height, width)
@@ -84,7 +86,8 @@ def to_onnx(model: torch.nn.Module, classes: list[str], threshold: float, descri
             "score_threshold": f"{threshold:g}",
             "description": description,
             "training": json.dumps(training),
-        },
+        }
+        | ({} if video is None else {"score_threshold_video": f"{video:g}"}),
     )
     onnx.checker.check_model(graph, full_check=True)
     return graph.SerializeToString(deterministic=True)
@@ -143,6 +146,7 @@ def main() -> None:
     parser.add_argument("checkpoint", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--threshold", type=float, default=0.5, help="recommended score threshold")
+    parser.add_argument("--threshold-video", type=float, help="the same for video of real cameras")
     parser.add_argument("--description", default="")
     args = parser.parse_args()
     model, state = load(args.checkpoint)
@@ -151,7 +155,7 @@ def main() -> None:
     training |= {"step": state["step"], "hours": round(state["seconds"] / 3600, 2), "machine": state["machine"]}
     parameters = sum(p.numel() for p in model.parameters())
     description = args.description or f"{model.name}: detector of small UAVs, {parameters / 1e6:.2f} M parameters."
-    graph = to_onnx(model, state["classes"], args.threshold, description, training)
+    graph = to_onnx(model, state["classes"], args.threshold, description, training, args.threshold_video)
     agreed = compare(model, graph)
     args.out.parent.mkdir(parents=True, exist_ok=True)
     part = args.out.with_suffix(".part")

@@ -17,12 +17,16 @@ import torch  # noqa: E402
 
 import augment
 import export
+import from_onnx
 import models
+import pack
 import quick_eval
 import table1
+import train
 from convnets import nwd
 from data import Crops, Frames, clip_boxes, collate, false_alarms
 from preprocess import native
+from verdict import UAVS, any_of, verdict
 
 HERE = Path(__file__).resolve().parent
 NETS = ("boresight-p2", "boresight-p2-roi", "yolo-n")
@@ -173,7 +177,7 @@ def folder(tmp_path_factory) -> Path:
     return root.parent
 
 
-def test_crops_keep_the_box_on_its_target(folder):
+def test_crops_keep_the_box_on_its_target(folder, monkeypatch):
     frames = Frames(folder / "train")
     crops = Crops(frames, 3, procedural=0.0, negatives=0.0)
     seen = 0
@@ -192,8 +196,10 @@ def test_crops_keep_the_box_on_its_target(folder):
     assert seen >= 6
     again = Frames(folder / "train")  # from the cache
     assert np.array_equal(again.pixels, frames.pixels) and frames.empty == [5]
+    monkeypatch.setattr(augment, "add_uavs", lambda rng, picture, count, boxes, labels: (boxes, labels))
+    monkeypatch.setattr(augment, "add_flyers", lambda rng, picture, boxes, labels: (boxes, labels))
     empty = Crops(frames, 3, procedural=0.0, negatives=1.0)
-    assert sum(len(empty[n][1]["boxes"]) for n in range(5)) <= 2  # only the pasted ones
+    assert sum(len(empty[n][1]["boxes"]) for n in range(5)) == 0
 
 
 def test_crops_about_false_alarms(folder, tmp_path):
@@ -234,6 +240,53 @@ def test_sprite_box_is_tight():
             assert cols[0] <= x0 < cols[0] + 1 and cols[-1] < x1 <= cols[-1] + 1
             assert rows[0] <= y0 < rows[0] + 1 and rows[-1] < y1 <= rows[-1] + 1
             assert label in (0, 1, 2) and alpha.max() <= 1 + 1e-5 and (sprite[..., :3] <= 255 * alpha[..., None] + 1e-2).all()
+
+
+@pytest.mark.parametrize("maker, label", [(augment.bird, "bird"), (augment.aeroplane, "aeroplane"), (augment.helicopter, "helicopter")])
+def test_what_is_no_uav_is_named(maker, label):
+    rng = np.random.default_rng(5)
+    for size in (8, 30):
+        for _ in range(10):
+            sprite, box, kind = maker(rng, size, np.array([90, 80, 70], np.float32))
+            assert models.CLASSES[kind] == label and kind >= UAVS
+            assert (sprite[..., :3] <= 255 * sprite[..., 3:] + 1e-2).all()
+            assert box is not None and 0.1 * size < (box[2:] - box[:2]).max() < 1.7 * size
+
+
+def test_a_bird_does_not_raise_a_uavs_score():
+    shares = torch.tensor([[0.3, 0.25, 0.05, 0.4, 0, 0, 0, 0], [0.1, 0.1, 0.1, 0.3, 0.4, 0, 0, 0]])
+    labels, share = verdict(shares)
+    assert labels.tolist() == [0, 4] and share.tolist() == pytest.approx([0.6, 0.7])
+    labels, score = any_of(torch.tensor([[0.5, 0.5, 0.0, 0.7, 0, 0, 0, 0], [0.1, 0, 0, 0.2, 0.2, 0, 0, 0]]))
+    assert labels.tolist() == [0, 3] and score.tolist() == pytest.approx([0.75, 0.36])
+    assert verdict(torch.tensor([[0.2, 0.5, 0.3]]))[1].tolist() == [1.0]  # nothing but UAVs
+
+
+def test_weights_come_back_from_onnx(overfitted, tmp_path):
+    model, _ = overfitted
+    path = tmp_path / "model.onnx"
+    path.write_bytes(export.to_onnx(model, list(models.CLASSES), 0.4, "test", {"model": model.name}))
+    again, _ = from_onnx.read(path)
+    images, _ = planted()
+    with torch.no_grad():
+        for ours, theirs in zip(model.decode(images)[:2], again.decode(images)[:2]):
+            assert (ours[:, :2] - theirs[:, :2]).abs().max() < 1e-2
+    torch.save({"ema": again.state_dict()}, tmp_path / "start.pt")
+    fewer = models.build(model.name, 3)
+    train.load_weights(fewer, tmp_path / "start.pt")
+    if model.name == "boresight-p2-roi":  # the rows after the classes are the last two of either
+        assert torch.equal(fewer.say.weight[-2:], again.say.weight[-2:]) and torch.equal(fewer.say.weight[:8], again.say.weight[:8])
+
+
+def test_a_packed_set_holds_the_windows(folder, tmp_path):
+    pack.pack(folder, tmp_path / "parts", 320, 90, 40, 1, 1)
+    pack.unpack([tmp_path / "parts/part-0.zip"], tmp_path / "set")
+    frames = Frames(tmp_path / "set" / "train")
+    assert frames.names == list(models.CLASSES) and len(frames.targets) >= 5
+    for k, j in frames.targets:
+        x0, y0, x1, y1 = np.round(frames.boxes[k][j]).astype(int)
+        inside = frames.picture(k)[y0:y1, x0:x1].astype(float).mean((0, 1))
+        assert inside[2] - inside[0] > 100  # the blue target lies where its box does
 
 
 def test_preprocess_keeps_the_golden_file():

@@ -75,13 +75,19 @@ def learning_rate(step: int, args: argparse.Namespace) -> float:
 
 
 def load_weights(model: torch.nn.Module, path: Path) -> None:
-    """Takes over every tensor whose name and shape fit, and the first rows of one that has more."""
+    """Takes over every tensor whose name and shape fit, and the rows that both have of one with more or fewer classes;
+    new classes keep their first weights."""
     given, own = torch.load(path, map_location="cpu", weights_only=True)["ema"], model.state_dict()
-    given = {k: v[: len(own[k])] if k in own and own[k].ndim else v for k, v in given.items()}
-    fit = {k: v for k, v in given.items() if k in own and own[k].shape == v.shape}
+    fit = [k for k, v in given.items() if k in own and v.ndim and own[k].ndim == v.ndim and own[k].shape[1:] == v.shape[1:]]
     if not fit:
         raise SystemExit(f"{path}: no tensor fits {model.name}")
-    own.update(fit)
+    with torch.no_grad():
+        for k in fit:
+            # The second look says the middle of the body in its last two rows, after the classes.
+            tail = 2 if k.startswith("say.") and len(given[k]) != len(own[k]) else 0
+            rows = min(len(given[k]), len(own[k])) - tail
+            own[k][:rows] = given[k][:rows]
+            own[k][len(own[k]) - tail :] = given[k][len(given[k]) - tail :]
     model.load_state_dict(own)
     print(f"{path}: {len(fit)} of {len(own)} tensors taken over")
 

@@ -2,6 +2,7 @@
 
 use crate::components::capture::{ExposedFrame, PixelRect, Readout, Tier};
 use crate::inference::Inference;
+use crate::models::flight::class::is_uav;
 use crate::models::optics::detection::{Detection, TruthErrors};
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -64,6 +65,11 @@ impl Detector {
                 .map_or("uav", String::as_str),
             Detector::Truth { .. } => "uav",
         }
+    }
+
+    /// Whether the class with this index is one of UAVs: the vote that a detection gives its track.
+    pub fn is_uav(&self, label: u32) -> bool {
+        is_uav(self.class(label))
     }
 
     /// What a picture's box is labelled with: the score, and the class where there are several.

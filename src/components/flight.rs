@@ -26,7 +26,7 @@ pub struct Uav {
 /// no [`HeatedSkin`]: it is never neutralised, and a run does not wait for it.
 #[derive(Component, Clone, Debug)]
 pub struct Distractor {
-    /// What it is: bird, aeroplane, balloon or leaf.
+    /// What it is: bird, aircraft, balloon or leaf.
     pub kind: DistractorKind,
     /// Its path: over the ground for birds and aeroplanes, through the air for balloons and leaves.
     pub plan: CompiledTrajectory,

@@ -1,8 +1,9 @@
 //! The records of a set, and their COCO and YOLO forms.
 
-use super::category::CATEGORIES;
 use super::shares::{Background, Motion, Split};
-use crate::models::flight::uav::UavKind;
+use crate::models::flight::class::ObjectClass;
+use crate::models::flight::distractor::DistractorKind;
+use crate::models::flight::uav::{self, UavKind};
 use crate::output::{self, OutputError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -54,17 +55,44 @@ pub struct Picture {
     pub motion: Motion,
     /// Birds and the like in it.
     pub distractors: usize,
-    /// Its UAVs.
+    /// Its UAVs and distractors.
     pub annotations: Vec<Annotation>,
 }
 
-/// A UAV in a picture.
+impl Picture {
+    /// Its UAVs.
+    pub fn uavs(&self) -> impl Iterator<Item = &Annotation> {
+        (self.annotations.iter()).filter(|seen| seen.model.class().is_uav())
+    }
+}
+
+/// What something in a picture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Model {
+    /// A UAV of the catalogue.
+    Uav(UavKind),
+    /// What is none.
+    Distractor(DistractorKind),
+}
+
+impl Model {
+    /// Its class.
+    pub fn class(self) -> ObjectClass {
+        match self {
+            Self::Uav(kind) => uav::model(kind).class,
+            Self::Distractor(kind) => kind.class(),
+        }
+    }
+}
+
+/// Something in a picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Annotation {
-    /// Its category.
-    pub category_id: u32,
     /// Its model.
-    pub uav: UavKind,
+    pub model: Model,
+    /// Whether so little of it is seen, or so faintly, that it is neither asked for nor a false alarm.
+    pub ignore: bool,
     /// x, y, width, height of what is seen of it [px].
     pub bbox: [f64; 4],
     /// Area of what is seen of it [px^2].
@@ -110,12 +138,13 @@ pub fn file(records: &[&SceneRecord]) -> Value {
                 annotations.push(json!({
                     "id": annotations.len() + 1,
                     "image_id": id,
-                    "category_id": seen.category_id,
+                    "category_id": seen.model.class().category_id(),
                     "bbox": seen.bbox,
                     "area": seen.area,
                     "aim": seen.aim.map(milli),
                     "iscrowd": 0,
-                    "uav": seen.uav,
+                    "ignore": u8::from(seen.ignore),
+                    "model": seen.model,
                     "range_m": milli(seen.range_m),
                     "visible_fraction": milli(seen.visible_fraction),
                     "contrast": milli(seen.contrast),
@@ -124,8 +153,13 @@ pub fn file(records: &[&SceneRecord]) -> Value {
             }
         }
     }
-    let categories =
-        CATEGORIES.map(|(id, name)| json!({ "id": id, "name": name, "supercategory": "uav" }));
+    let categories = ObjectClass::ALL.map(|class| {
+        json!({
+            "id": class.category_id(),
+            "name": class.name(),
+            "supercategory": if class.is_uav() { "uav" } else { "distractor" },
+        })
+    });
     json!({
         "info": { "description": "UAVs rendered by Boresight" },
         "categories": categories,
@@ -142,7 +176,7 @@ pub fn sequence_folder(out: &Path, name: &str) -> Result<(), OutputError> {
 }
 
 /// The truth and the description of a clip in MOTChallenge's form: frame and identity from 1, left,
-/// top, width, height, 1, class, visible share.
+/// top, width, height, 1 (0: no UAV, not to be followed), class, visible share.
 pub fn mot(record: &SceneRecord, name: &str, rate_hz: f64) -> (String, String) {
     let mut truth = String::new();
     for (frame, image) in record.images.iter().enumerate() {
@@ -151,10 +185,11 @@ pub fn mot(record: &SceneRecord, name: &str, rate_hz: f64) -> (String, String) {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 truth,
-                "{},{},{x:.3},{y:.3},{w:.3},{h:.3},1,{},{:.3}",
+                "{},{},{x:.3},{y:.3},{w:.3},{h:.3},{},{},{:.3}",
                 frame + 1,
                 seen.track_id,
-                seen.category_id,
+                u8::from(seen.model.class().is_uav()),
+                seen.model.class().category_id(),
                 seen.visible_fraction
             );
         }
@@ -176,13 +211,13 @@ pub fn yolo(image: &Picture) -> (String, String) {
         .trim_end_matches(".png");
     let (width, height) = (f64::from(image.width), f64::from(image.height));
     let mut lines = String::new();
-    for seen in &image.annotations {
+    for seen in image.annotations.iter().filter(|seen| !seen.ignore) {
         let [x, y, w, h] = seen.bbox;
         // Writing to a string cannot fail.
         let _ = writeln!(
             lines,
             "{} {:.6} {:.6} {:.6} {:.6}",
-            seen.category_id - 1,
+            seen.model.class().category_id() - 1,
             (x + 0.5 * w) / width,
             (y + 0.5 * h) / height,
             w / width,
@@ -204,8 +239,8 @@ mod tests {
             motion: Motion::Level,
             distractors: 1,
             annotations: vec![Annotation {
-                category_id: 2,
-                uav: UavKind::Mavic2,
+                model: Model::Uav(UavKind::Mavic2),
+                ignore: false,
                 bbox: [10.0, 20.0, 30.0, 10.0],
                 area: 120.0,
                 aim: [25.0, 25.0],
@@ -254,7 +289,7 @@ mod tests {
         let file = file(&[&record]);
         assert_eq!(file["images"][1]["id"], 2);
         assert_eq!(file["annotations"][1]["image_id"], 2);
-        assert_eq!(file["annotations"][1]["uav"], "mavic2");
+        assert_eq!(file["annotations"][1]["model"], "mavic2");
         assert_eq!(file["images"][0]["sequence"], "c0001");
     }
 }

@@ -4,9 +4,10 @@ use super::recipe::Recipe;
 use super::scene::Scene;
 use super::shares::{Background, Motion, choose, log_range, pick};
 use super::stage::Placed;
-use crate::models::flight::distractor::{DistractorKind, GLIDE_RAD, tumbling_attitude, wing_rad};
+use crate::models::flight::class::ObjectClass;
+use crate::models::flight::distractor::{DistractorKind, tumbling_attitude};
 use crate::models::flight::multirotor::MAX_ROTORS;
-use crate::models::flight::uav::{UavClass, model};
+use crate::models::flight::uav::model;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{
     Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi,
@@ -16,6 +17,7 @@ use crate::models::optics::camera::{Pinhole, PixelRect};
 use crate::models::optics::raster;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// What a still shows.
 #[derive(Clone, Debug)]
@@ -52,7 +54,7 @@ pub fn still(
             return Some(Still {
                 pose,
                 motion,
-                placed: distractors(recipe, scene, &pose, rng),
+                placed: distractors(recipe, scene, &pose, None, rng),
             });
         }
         _ => target(recipe, scene, motion, rng)?,
@@ -81,7 +83,7 @@ pub fn still(
             }
         }
     }
-    placed.extend(distractors(recipe, scene, &pose, rng));
+    placed.extend(distractors(recipe, scene, &pose, Some(taken[0]), rng));
     Some(Still {
         pose,
         motion,
@@ -127,7 +129,11 @@ impl Target {
 fn target(recipe: &Recipe, scene: &Scene, motion: Motion, rng: &mut Stream) -> Option<Target> {
     let targets = &recipe.targets;
     let shares = [targets.fpv, targets.quadcopter, targets.hexacopter];
-    let classes = [UavClass::Fpv, UavClass::Quadcopter, UavClass::Hexacopter];
+    let classes = [
+        ObjectClass::Fpv,
+        ObjectClass::Quadcopter,
+        ObjectClass::Hexacopter,
+    ];
     let class = classes[choose(&shares, rng)];
     let of_class: Vec<usize> = (0..scene.uavs.len())
         .filter(|i| model(scene.uavs[*i]).class == class)
@@ -341,47 +347,121 @@ pub fn gaze_at(scene: &Scene, at: DVec2, roll_rad: f64, px: DVec2) -> DVec2 {
     gaze
 }
 
-/// Birds and the like, anywhere in the picture.
-fn distractors(recipe: &Recipe, scene: &Scene, pose: &Pose, rng: &mut Stream) -> Vec<Placed> {
-    if rng.uniform() >= recipe.distractors.share {
+/// Birds and the like: one of them close to a UAV at (place, size) [px] and of its size, now and then,
+/// the others anywhere in the picture.
+fn distractors(
+    recipe: &Recipe,
+    scene: &Scene,
+    pose: &Pose,
+    uav: Option<(DVec2, f64)>,
+    rng: &mut Stream,
+) -> Vec<Placed> {
+    /// So close a distractor may be taken for the UAV by the tracker [rad].
+    const NEAR_RAD: f64 = 0.035;
+    let wanted = &recipe.distractors;
+    let share = if uav.is_some() {
+        wanted.share
+    } else {
+        wanted.alone
+    };
+    if rng.uniform() >= share {
         return Vec::new();
     }
     let pinhole = &scene.camera.pinhole;
+    let size_px = DVec2::new(f64::from(pinhole.width_px), f64::from(pinhole.height_px));
+    let mut near = uav.filter(|_| rng.uniform() < wanted.near);
     let mut free: Vec<usize> = (scene.uavs.len()..scene.props.len()).collect();
     let mut placed = Vec::new();
-    for _ in 0..1 + pick(4, rng) {
-        let prop = free.swap_remove(pick(free.len(), rng));
-        let Some(kind) = scene.props[prop].distractor else {
+    for _ in 0..1 + pick(3, rng) {
+        let Some(prop) = pick_distractor(recipe, scene, &free, rng) else {
             continue;
         };
-        let px = DVec2::new(
-            rng.uniform() * f64::from(pinhole.width_px),
-            rng.uniform() * f64::from(pinhole.height_px),
-        );
-        let reach_m = (scene.props[prop].mesh.outline_body_m().iter())
-            .map(|p| p.length())
-            .fold(0.0, f64::max);
-        let size_px = log_range(recipe.distractors.size_px, rng);
-        let range_m = (2.0 * pinhole.focal_px * reach_m / size_px).clamp(3.0, 15_000.0);
-        let phase_rad = rng.range(0.0, TAU);
-        let (q_enu_body, wing_rad) = match kind {
-            DistractorKind::Leaf => (tumbling_attitude(rng.range(0.0, 10.0), phase_rad), 0.0),
-            DistractorKind::Bird if rng.uniform() < 0.3 => {
-                (attitude(Motion::Manoeuvre, rng), GLIDE_RAD)
+        let (px, long_px) = match near.take() {
+            Some((px, long_px)) => {
+                let own_px = long_px * log_range([0.4, 2.5], rng);
+                let least_px = 0.7 * (own_px + long_px);
+                let most_px = (NEAR_RAD * pinhole.focal_px).max(2.0 * least_px);
+                let apart_px = log_range([least_px, most_px.min(0.5 * size_px.x)], rng);
+                let at = px + apart_px * DVec2::from_angle(rng.range(0.0, TAU));
+                (at.clamp(DVec2::ZERO, size_px), own_px)
             }
-            DistractorKind::Bird => (attitude(Motion::ClimbDive, rng), wing_rad(phase_rad)),
-            DistractorKind::Aeroplane | DistractorKind::Balloon => {
-                (attitude(Motion::Level, rng), 0.0)
+            None => {
+                let px = DVec2::new(rng.uniform(), rng.uniform()) * size_px;
+                (px, log_range(wanted.size_px, rng))
             }
         };
-        let dir = pose.q_enu_cam * pinhole.ray(px);
-        placed.push(Placed {
-            prop,
-            body: (pose.r_enu_m + range_m * dir, q_enu_body),
-            phase_rad: [wing_rad; MAX_ROTORS],
+        let flies_in_flock = rng.uniform() < wanted.flock;
+        let (mates, rest): (Vec<usize>, Vec<usize>) = free.into_iter().partition(|mate| {
+            *mate == prop
+                || flies_in_flock && Arc::ptr_eq(&scene.props[*mate].mesh, &scene.props[prop].mesh)
         });
+        free = rest;
+        let spread_px = long_px * rng.range(2.0, 6.0);
+        for (number, mate) in mates.into_iter().enumerate() {
+            let offset_px = spread_px * DVec2::new(rng.normal(), 0.6 * rng.normal());
+            let at_px = if number == 0 { px } else { px + offset_px };
+            let mate_px = long_px * rng.range(0.85, 1.15);
+            placed.extend(placed_distractor(scene, pose, mate, at_px, mate_px, rng));
+        }
     }
     placed
+}
+
+/// A prop among those free, its class drawn by the recipe's shares.
+fn pick_distractor(
+    recipe: &Recipe,
+    scene: &Scene,
+    free: &[usize],
+    rng: &mut Stream,
+) -> Option<usize> {
+    let (classes, shares) = recipe.distractors.shares();
+    let class = classes[choose(&shares, rng)];
+    let of_class: Vec<usize> = (free.iter().copied())
+        .filter(|prop| scene.props[*prop].distractor.map(DistractorKind::class) == Some(class))
+        .collect();
+    (!of_class.is_empty()).then(|| of_class[pick(of_class.len(), rng)])
+}
+
+/// A distractor at `px`, so far away that it is `long_px` long.
+fn placed_distractor(
+    scene: &Scene,
+    pose: &Pose,
+    prop: usize,
+    px: DVec2,
+    long_px: f64,
+    rng: &mut Stream,
+) -> Option<Placed> {
+    let pinhole = &scene.camera.pinhole;
+    let kind = scene.props[prop].distractor?;
+    let reach_m = (scene.props[prop].mesh.outline_body_m().iter())
+        .map(|p| p.length())
+        .fold(0.0, f64::max);
+    let range_m = (2.0 * pinhole.focal_px * reach_m / long_px).clamp(3.0, 15_000.0);
+    let (t_s, phase_rad) = (rng.range(0.0, 60.0), rng.range(0.0, TAU));
+    let q_enu_body = match kind {
+        DistractorKind::Leaf => tumbling_attitude(t_s, phase_rad),
+        DistractorKind::Balloon => attitude(Motion::Level, rng),
+        // What flies on wings or a rotor banks into its turns; what soars always turns.
+        _ => {
+            let steep = if kind == DistractorKind::Raptor {
+                0.8
+            } else {
+                0.3
+            };
+            let most_deg = if rng.uniform() < steep { 40.0 } else { 6.0 };
+            let bank_rad = rng.range(-most_deg, most_deg).to_radians();
+            let nose_rad = (8.0 * rng.normal()).clamp(-25.0, 25.0).to_radians();
+            DQuat::from_rotation_z(rng.range(0.0, TAU))
+                * DQuat::from_rotation_y(nose_rad)
+                * DQuat::from_rotation_x(bank_rad)
+        }
+    };
+    let dir = pose.q_enu_cam * pinhole.ray(px);
+    Some(Placed {
+        prop,
+        body: (pose.r_enu_m + range_m * dir, q_enu_body),
+        phase_rad: kind.phases_rad(t_s, phase_rad),
+    })
 }
 
 #[cfg(test)]

@@ -29,8 +29,12 @@ pub fn merge(
         let boxes: usize = (of_split.iter().flat_map(|r| &r.images))
             .map(|i| i.annotations.len())
             .sum();
+        let uavs: usize = (of_split.iter().flat_map(|r| &r.images))
+            .map(|i| i.uavs().count())
+            .sum();
+        let others = boxes - uavs;
         text += &format!(
-            "{:<6} {} scenes, {images} pictures, {boxes} boxes\n",
+            "{:<6} {} scenes, {images} pictures, {boxes} boxes, {others} of them of distractors\n",
             split.name(),
             of_split.len()
         );

@@ -6,7 +6,6 @@
 //! whole, and a run that was stopped continues with the scenes that have none.
 
 mod assign;
-mod category;
 mod coco;
 mod draw;
 mod error;

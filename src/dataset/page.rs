@@ -51,11 +51,12 @@ fn body(records: &[&SceneRecord], sheet: &[SheetPicture]) -> Markup {
 }
 
 /// The numbers at the top, with their names.
-fn summary(all: &Statistics, scenes: usize) -> [(String, String); 8] {
+fn summary(all: &Statistics, scenes: usize) -> [(String, String); 9] {
     let [low, _, median, _, high] = all.long_side_px;
     [
         ("pictures", all.images.to_string()),
-        ("boxes", all.annotations.to_string()),
+        ("UAVs", all.annotations.to_string()),
+        ("distractors", all.distractors.to_string()),
         ("pictures without a UAV", all.negatives.to_string()),
         ("scenes", scenes.to_string()),
         ("median long side", format!("{median:.1} px")),
@@ -74,7 +75,8 @@ fn labels(all: &Statistics) -> Markup {
     html! {
         (bars("boxes by category", &all.categories))
         (bars("boxes by model", &all.models))
-        (bars("boxes by long side", SIZES.iter().map(|(name, _)| (name, &all.sizes[name]))))
+        (bars("distractors by long side", SIZES.iter().map(|(name, _)| (name, &all.distractor_sizes[name]))))
+        (bars("UAVs by long side", SIZES.iter().map(|(name, _)| (name, &all.sizes[name]))))
         (bars("pictures by background", &all.backgrounds))
         (bars("pictures by motion", &all.motions))
         (bars("pictures by light", &all.light))
@@ -272,8 +274,8 @@ impl SheetPicture<'_> {
     }
 
     fn caption(&self) -> String {
-        let seen = (self.image.annotations.first()).map_or("no UAV".into(), |seen| {
-            let (uav, long_px) = (named(seen.uav), long_px(seen));
+        let seen = (self.image.uavs().next()).map_or("no UAV".into(), |seen| {
+            let (uav, long_px) = (named(seen.model), long_px(seen));
             format!("{uav}, {long_px:.0} px at {:.0} m", seen.range_m)
         });
         let (split, scene) = (self.record.split.name(), self.record.scene);
@@ -281,14 +283,18 @@ impl SheetPicture<'_> {
     }
 }
 
-/// A frame around a UAV, somewhat larger than its box.
+/// A frame around a UAV (orange) or a distractor (blue), somewhat larger than its box.
 fn outline(seen: &Annotation) -> Markup {
     const MARGIN_PX: f64 = 4.0;
     let [x, y, w, h] = seen.bbox;
+    let colour = match seen.model.class().is_uav() {
+        true => "#f0883e",
+        false => "#58a6ff",
+    };
     html! {
         rect x=(px(x - MARGIN_PX)) y=(px(y - MARGIN_PX))
             width=(px(w + 2.0 * MARGIN_PX)) height=(px(h + 2.0 * MARGIN_PX))
-            fill="none" stroke="#f0883e" stroke-width="2" {}
+            fill="none" stroke=(colour) stroke-width="2" {}
     }
 }
 

@@ -1,6 +1,7 @@
 //! The recipe of a set of annotated pictures: what is drawn, in which shares and ranges.
 
 use super::shares::Motion;
+use crate::models::flight::class::ObjectClass;
 use crate::scenario::InputError;
 use crate::scenario::check::{Check, FRACTION};
 use crate::scenario::load::{self, Checked};
@@ -29,7 +30,7 @@ pub struct Recipe {
     pub motions: Motions,
     /// What is annotated.
     pub targets: Targets,
-    /// Birds and the like, which are not annotated.
+    /// Birds, aircraft and the like.
     pub distractors: Distractors,
     /// Light and air.
     pub light: Light,
@@ -229,12 +230,28 @@ impl Targets {
     }
 }
 
-/// Birds and the like.
+/// Birds, aircraft and the like, which are annotated with their classes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Distractors {
-    /// Share of the stills that hold some.
+    /// Share of the stills with UAVs that hold some.
     pub share: f64,
+    /// Share of the stills without a UAV that hold some.
+    pub alone: f64,
+    /// Share of those beside a UAV of which one lies within 2 deg of it and is about as large.
+    pub near: f64,
+    /// Share of the birds whose species has a flock in the scene that come with it.
+    pub flock: f64,
+    /// Share of birds among the distractors.
+    pub bird: f64,
+    /// Share of aeroplanes.
+    pub aeroplane: f64,
+    /// Share of helicopters.
+    pub helicopter: f64,
+    /// Share of balloons.
+    pub balloon: f64,
+    /// Share of leaves and scraps.
+    pub other: f64,
     /// Shortest and longest length [px].
     pub size_px: [f64; 2],
 }
@@ -243,14 +260,44 @@ impl Default for Distractors {
     fn default() -> Self {
         Self {
             share: 0.4,
-            size_px: [2.0, 40.0],
+            alone: 0.75,
+            near: 0.4,
+            flock: 0.5,
+            bird: 0.45,
+            aeroplane: 0.2,
+            helicopter: 0.2,
+            balloon: 0.08,
+            other: 0.07,
+            size_px: [2.5, 60.0],
         }
     }
 }
 
 impl Distractors {
+    /// The classes, and their shares.
+    pub fn shares(&self) -> ([ObjectClass; 5], [f64; 5]) {
+        let named = [
+            (ObjectClass::Bird, self.bird),
+            (ObjectClass::Aeroplane, self.aeroplane),
+            (ObjectClass::Helicopter, self.helicopter),
+            (ObjectClass::Balloon, self.balloon),
+            (ObjectClass::Other, self.other),
+        ];
+        (named.map(|(class, _)| class), named.map(|(_, share)| share))
+    }
+
     fn check(&self, check: &mut Check) {
-        check.within("share", self.share, FRACTION);
+        for (key, share) in [
+            ("share", self.share),
+            ("alone", self.alone),
+            ("near", self.near),
+            ("flock", self.flock),
+        ] {
+            check.within(key, share, FRACTION);
+        }
+        let (classes, shares) = self.shares();
+        let named: Vec<_> = classes.iter().map(|c| c.name()).zip(shares).collect();
+        check_shares(check, &named);
         check.not_descending("size_px", self.size_px, 1.0..=400.0);
     }
 }

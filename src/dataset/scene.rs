@@ -9,8 +9,9 @@ use crate::models::air::atmosphere::{Cn2Profile, air_density_kgpm3};
 use crate::models::air::sky::Sky;
 use crate::models::air::weather::Weather;
 use crate::models::air::wind::{MeanWind, WindError};
+use crate::models::flight::class::ObjectClass;
 use crate::models::flight::distractor::DistractorKind;
-use crate::models::flight::uav::{UavClass, UavKind, model};
+use crate::models::flight::uav::{UavKind, model};
 use crate::models::ground::city::{City, CityParams};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::kinematics::az_el_to_los;
@@ -128,9 +129,11 @@ fn light(light: &recipe::Light, rng: &mut Stream) -> (DVec3, Weather) {
     };
     let azimuth_rad = rng.range(0.0, TAU);
     let sun_dir_enu = az_el_to_los(DVec2::new(azimuth_rad, f64::to_radians(elevation_deg)));
-    let cloud_cover = match choose(&[0.4, 0.3, 0.3], rng) {
-        0 => rng.range(0.0, 0.2),
-        1 => rng.range(0.2, 0.85),
+    // Few small cumuli are as common as a clear sky: their crumbs are taken for UAVs.
+    let cloud_cover = match choose(&[0.25, 0.3, 0.2, 0.25], rng) {
+        0 => rng.range(0.0, 0.12),
+        1 => rng.range(0.12, 0.4),
+        2 => rng.range(0.4, 0.85),
         _ => rng.range(0.9, 1.0),
     };
     let weather = Weather {
@@ -237,12 +240,15 @@ impl SceneCamera {
     }
 }
 
+/// Birds that may follow one of their kind.
+const FLOCK: usize = 6;
+
 /// What may appear, and which UAVs come first in it: as many looks of every class, so that the
 /// pictures of a scene differ in them, and some distractors.
 fn props(rng: &mut Stream) -> (Vec<Prop>, Vec<UavKind>) {
     let uavs: Vec<UavKind> = (UavKind::ALL.into_iter())
         .flat_map(|kind| match model(kind).class {
-            UavClass::Quadcopter => vec![kind; 2],
+            ObjectClass::Quadcopter => vec![kind; 2],
             _ => vec![kind; 4],
         })
         .collect();
@@ -253,10 +259,17 @@ fn props(rng: &mut Stream) -> (Vec<Prop>, Vec<UavKind>) {
         })
         .collect();
     let others = [
-        (DistractorKind::Bird, 5),
-        (DistractorKind::Aeroplane, 2),
-        (DistractorKind::Balloon, 1),
-        (DistractorKind::Leaf, 1),
+        (DistractorKind::Bird, 3),
+        (DistractorKind::Crow, 1),
+        (DistractorKind::Pigeon, 1),
+        (DistractorKind::Swift, 1),
+        (DistractorKind::Goose, 1),
+        (DistractorKind::Raptor, 2),
+        (DistractorKind::Aeroplane, 1),
+        (DistractorKind::LightAircraft, 2),
+        (DistractorKind::Helicopter, 2),
+        (DistractorKind::Balloon, 2),
+        (DistractorKind::Leaf, 2),
     ];
     for kind in others.iter().flat_map(|(kind, count)| vec![*kind; *count]) {
         props.push(Prop {
@@ -264,6 +277,12 @@ fn props(rng: &mut Stream) -> (Vec<Prop>, Vec<UavKind>) {
             distractor: Some(kind),
         });
     }
+    // Birds of a flock share their mesh.
+    let birds: Vec<Prop> = (props.iter())
+        .filter(|prop| prop.distractor.is_some_and(|kind| kind.species().is_some()))
+        .cloned()
+        .collect();
+    props.extend(vec![birds[pick(birds.len(), rng)].clone(); FLOCK]);
     (props, uavs)
 }
 
@@ -306,9 +325,15 @@ fn clutter(
     r_camera_enu_m: DVec3,
     rng: &mut Stream,
 ) -> (Vec<MeshData>, Vec<DVec3>) {
-    const STRUCTURES: usize = 12;
+    const STRUCTURES: usize = 16;
     let kinds = match background {
-        Background::Forest => &[ClutterKind::Mast, ClutterKind::Pylon][..],
+        Background::Forest => &[
+            ClutterKind::Mast,
+            ClutterKind::Pylon,
+            ClutterKind::Masthead,
+            ClutterKind::BareTree,
+            ClutterKind::Treeline,
+        ][..],
         _ => &ClutterKind::ALL,
     };
     let (mut meshes, mut tops) = (Vec::new(), Vec::new());

@@ -5,16 +5,15 @@ use super::recipe::Recipe;
 use super::scene::Scene;
 use super::shares::Motion;
 use super::stage::Placed;
-use crate::models::flight::distractor::{
-    DistractorKind, GLIDE_RAD, WINGBEAT_HZ, tumbling_attitude, wing_rad,
-};
+use crate::models::flight::class::ObjectClass;
+use crate::models::flight::distractor::{DistractorKind, tumbling_attitude};
 use crate::models::flight::multirotor::{self, Airframe, MultirotorState};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::flight::uav::model;
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
+use crate::models::maths::kinematics::{GRAVITY_MPS2, los_to_az_el, wrap_pi};
 use crate::models::maths::rng::Stream;
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 
 /// Steps of the flight between two frames, no longer than those of the loop's clock.
@@ -30,31 +29,73 @@ struct Pilot {
     prop: usize,
 }
 
-/// A distractor on a straight way.
+/// A distractor on a straight way, or on a circle where it banks.
 struct Drifter {
     /// Where and how it starts.
     start: Placed,
     kind: DistractorKind,
     v_enu_mps: DVec3,
-    /// Phase of its wings or of its tumbling at the start [rad].
+    /// Rate of its turn, counter-clockwise from above [rad/s].
+    turn_radps: f64,
+    /// Phase of its wings, its rotors or its tumbling at the start [rad].
     phase_rad: f64,
+    /// How long it has flown at the start [s].
+    since_s: f64,
 }
 
 impl Drifter {
+    /// One that starts as placed, at a drawn speed.
+    fn new(start: Placed, kind: DistractorKind, rng: &mut Stream) -> Self {
+        let forward = start.body.1 * DVec3::X;
+        let drift = DVec2::from_angle(rng.range(0.0, TAU)).extend(0.0);
+        let v_enu_mps = match kind.class() {
+            ObjectClass::Balloon => 2.0 * drift,
+            ObjectClass::Other => 2.0 * drift - 1.2 * DVec3::Z,
+            ObjectClass::Bird => rng.range(7.0, 14.0) * forward,
+            ObjectClass::Helicopter => rng.range(10.0, 65.0) * forward,
+            _ if kind == DistractorKind::LightAircraft => rng.range(35.0, 70.0) * forward,
+            _ => rng.range(70.0, 150.0) * forward,
+        };
+        // Lift carries weight and turn; the left wing hangs in a turn to the left.
+        let sin_bank = (-(start.body.1 * DVec3::Y).z).clamp(-0.9, 0.9);
+        let tan_bank = sin_bank / (1.0 - sin_bank * sin_bank).sqrt();
+        let turn_radps = if kind.drifts() {
+            0.0
+        } else {
+            GRAVITY_MPS2 * tan_bank / v_enu_mps.length()
+        };
+        Self {
+            start,
+            kind,
+            v_enu_mps,
+            turn_radps,
+            phase_rad: rng.range(0.0, TAU),
+            since_s: rng.range(0.0, 60.0),
+        }
+    }
+
     /// Where and how it is after `t_s`.
     fn at(&self, t_s: f64) -> Placed {
-        let (r_enu_m, mut q_enu_body) = self.start.body;
-        let mut now = self.start;
-        match self.kind {
-            DistractorKind::Leaf => q_enu_body = tumbling_attitude(t_s, self.phase_rad),
-            DistractorKind::Bird if self.start.phase_rad[0] != GLIDE_RAD => {
-                let angle_rad = wing_rad(self.phase_rad + TAU * WINGBEAT_HZ * t_s);
-                now.phase_rad.fill(angle_rad);
-            }
-            _ => {}
+        let (r_enu_m, q_enu_body) = self.start.body;
+        let (now_s, v) = (self.since_s + t_s, self.v_enu_mps);
+        let angle_rad = self.turn_radps * t_s;
+        let moved_m = if self.turn_radps.abs() < 1e-6 {
+            v * t_s
+        } else {
+            let (sin, cos) = angle_rad.sin_cos();
+            let level = DVec3::new(v.x, v.y, 0.0);
+            let turned = level * sin + DVec3::Z.cross(level) * (1.0 - cos);
+            turned / self.turn_radps + v.z * t_s * DVec3::Z
+        };
+        let q_enu_body = match self.kind {
+            DistractorKind::Leaf => tumbling_attitude(now_s, self.phase_rad),
+            _ => DQuat::from_rotation_z(angle_rad) * q_enu_body,
+        };
+        Placed {
+            prop: self.start.prop,
+            body: (r_enu_m + moved_m, q_enu_body),
+            phase_rad: self.kind.phases_rad(now_s, self.phase_rad),
         }
-        now.body = (r_enu_m + t_s * self.v_enu_mps, q_enu_body);
-        now
     }
 }
 
@@ -108,20 +149,7 @@ impl ClipProgress {
         for placed in &still.placed {
             let r_enu_m = placed.body.0;
             if let Some(kind) = scene.props[placed.prop].distractor {
-                let forward = placed.body.1 * DVec3::X;
-                let drift = DVec2::from_angle(rng.range(0.0, TAU)).extend(0.0);
-                let v_enu_mps = match kind {
-                    DistractorKind::Bird => rng.range(7.0, 14.0) * forward,
-                    DistractorKind::Aeroplane => rng.range(50.0, 120.0) * forward,
-                    DistractorKind::Balloon => 2.0 * drift,
-                    DistractorKind::Leaf => 2.0 * drift - 1.2 * DVec3::Z,
-                };
-                others.push(Drifter {
-                    start: *placed,
-                    kind,
-                    v_enu_mps,
-                    phase_rad: rng.range(0.0, TAU),
-                });
+                others.push(Drifter::new(*placed, kind, rng));
                 continue;
             }
             let uav = model(scene.uavs[placed.prop]);

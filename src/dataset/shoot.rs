@@ -1,7 +1,6 @@
 //! The pictures of a scene: drawn, rendered, developed, annotated and written.
 
-use super::category::category;
-use super::coco::{self, Annotation, CameraRecord, Picture, SceneRecord};
+use super::coco::{self, Annotation, CameraRecord, Model, Picture, SceneRecord};
 use super::draw::{self, Still};
 use super::error::DatasetError;
 use super::recipe::Recipe;
@@ -26,7 +25,7 @@ const RENDERS: u32 = 12;
 const MIN_SIDE_PX: f64 = 2.0;
 /// Draws of a clip before the scene is given up.
 const CLIP_DRAWS: u64 = 2_000;
-/// In clips, UAVs that show less of themselves than this are left out until they show again.
+/// What shows less of itself than this has no box: a distractor, or in clips a UAV until it shows again.
 const MIN_CLIP_VISIBLE: f64 = 0.1;
 
 /// A picture on its way to its file.
@@ -158,14 +157,19 @@ fn clip(
             )?;
             rendered.frame.conditions =
                 exposure::conditions(scene, &rendered, &stage.scratch.pixels, 0.0);
-            let uavs = still.placed.iter().filter(|p| p.prop < scene.uavs.len());
-            let annotations: Vec<_> = uavs
-                .filter_map(|placed| annotation(scene, &rendered, stage, placed))
+            let annotations: Vec<_> = (still.placed.iter())
+                .filter_map(|placed| annotation(recipe, scene, &rendered, stage, placed))
                 .filter(|seen| seen.visible_fraction >= MIN_CLIP_VISIBLE)
+                .map(|seen| Annotation {
+                    ignore: seen.ignore && !seen.model.class().is_uav(),
+                    ..seen
+                })
                 .collect();
-            // A clip begins with something that can be seen.
+            // A clip begins with a UAV that can be seen.
+            let mut uavs = (annotations.iter()).filter(|seen| seen.model.class().is_uav());
             let contrast = |seen: &Annotation| seen.contrast >= recipe.targets.min_contrast;
-            if number == 1 && (annotations.is_empty() || !annotations.iter().all(contrast)) {
+            let any = uavs.clone().next().is_some();
+            if number == 1 && !(any && uavs.all(contrast)) {
                 break;
             }
             let key = rng.bits();
@@ -250,16 +254,14 @@ fn shoot(
     rendered.frame.conditions = exposure::conditions(scene, &rendered, pixels, more_stops);
     exposure::effects(recipe, scene, &mut rendered, pixels, rng);
     let mut annotations = Vec::new();
-    let targets = &recipe.targets;
-    for placed in still.placed.iter().filter(|p| p.prop < scene.uavs.len()) {
-        match annotation(scene, &rendered, stage, placed) {
-            Some(seen)
-                if seen.visible_fraction >= targets.min_visible
-                    && seen.contrast >= targets.min_contrast =>
-            {
-                annotations.push(seen);
-            }
-            _ => return Ok(None),
+    for placed in &still.placed {
+        let uav = placed.prop < scene.uavs.len();
+        match annotation(recipe, scene, &rendered, stage, placed) {
+            // A distractor that is hardly seen is neither asked for nor a false alarm.
+            Some(seen) if !uav && seen.visible_fraction < MIN_CLIP_VISIBLE => {}
+            Some(seen) if !(uav && seen.ignore) => annotations.push(seen),
+            _ if uav => return Ok(None),
+            _ => {}
         }
     }
     let rgb8 = develop(&rendered, rng.bits(), stage)?;
@@ -268,14 +270,17 @@ fn shoot(
         width: pinhole.width_px,
         height: pinhole.height_px,
         motion: still.motion,
-        distractors: still.placed.len() - annotations.len(),
+        distractors: (still.placed.iter())
+            .filter(|p| p.prop >= scene.uavs.len())
+            .count(),
         annotations,
     };
     Ok(Some((image, rgb8)))
 }
 
-/// What is seen of a UAV in the frame rendered last; `None` if it is too little for a box.
+/// What is seen of a prop in the frame rendered last; `None` if it is too little for a box.
 fn annotation(
+    recipe: &Recipe,
     scene: &Scene,
     rendered: &Rendered,
     stage: &Stage,
@@ -299,16 +304,21 @@ fn annotation(
         return None;
     }
     let pixels = &stage.scratch.pixels;
-    let kind = scene.uavs[placed.prop];
+    let model = match scene.props[placed.prop].distractor {
+        Some(kind) => Model::Distractor(kind),
+        None => Model::Uav(scene.uavs[placed.prop]),
+    };
+    let contrast = exposure::contrast(scene, rendered, pixels, &fine, label.box_px);
+    let targets = &recipe.targets;
     Some(Annotation {
-        category_id: category(kind),
-        uav: kind,
+        model,
+        ignore: label.visible_fraction < targets.min_visible || contrast < targets.min_contrast,
         bbox: [x0, y0, x1 - x0, y1 - y0],
         area: label.area_px,
         aim: seen.aim_px,
         range_m: seen.range_m,
         visible_fraction: label.visible_fraction,
-        contrast: exposure::contrast(scene, rendered, pixels, &fine, label.box_px),
+        contrast,
         track_id: placed.prop as u32 + 1,
     })
 }

@@ -16,17 +16,19 @@ use crate::models::optics::camera::{Pinhole, PixelRect};
 use crate::models::optics::sensor::Sensor;
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::UavMesh;
-use crate::systems::capture::{self, ImageScratch, Shot};
+use crate::systems::capture::{self, ImageScratch, Patch, Shot};
 use crate::systems::render::renderer::{Renderer, settle, spawn_sensor_view};
 use crate::systems::render::scene;
 use bevy::prelude::*;
 use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
 
+/// Most patches of a frame after the first.
+const MAX_PATCHES: usize = 6;
 /// Samples a pixel of the renderer.
 pub const ANTIALIAS: u32 = 4;
 
-/// What may appear in a scene: its meshes, and whether it is annotated.
+/// What may appear in a scene: its meshes, and what it is.
 #[derive(Clone)]
 pub struct Prop {
     /// What it looks like.
@@ -58,7 +60,7 @@ pub struct Stage {
 
 /// A frame as rendered, before the sensor.
 pub struct Rendered {
-    /// Pose, and the annotated props' truth.
+    /// Pose, and the props' truth.
     pub frame: ExposedFrame,
     /// How it was rendered.
     pub shot: Shot,
@@ -182,10 +184,10 @@ impl Stage {
                 None => state((away_enu_m, DQuat::IDENTITY), [0.0; MAX_ROTORS]),
             };
             if at.is_some()
-                && props[uav.index].distractor.is_none()
                 && let Some(mut seen) = capture::projected(&pinhole, &pose, &flight, shape)
             {
                 seen.uav = uav.index;
+                seen.distractor = props[uav.index].distractor.is_some();
                 truth.push(seen);
             }
         }
@@ -215,6 +217,11 @@ impl Stage {
         let ([frame], [shot]) = (&mut frames, &shots);
         let scratch = &mut self.scratch;
         capture::read(world, &mut self.renderer, frame, shot, &digits, scratch)?;
+        // Whatever is small is magnified: no sort of thing must be told by the renderer's samples.
+        for patch in Patch::all(frame).iter().skip(1).take(MAX_PATCHES) {
+            let magnifier = (patch, views.magnifier);
+            capture::enlarge(world, &mut self.renderer, frame, shot, magnifier, scratch)?;
+        }
         let ([frame], [shot]) = (frames, shots);
         Ok(Rendered {
             frame,

@@ -1,7 +1,7 @@
 //! What a set holds, in numbers.
 
-use super::category::CATEGORIES;
 use super::coco::{Annotation, Picture, SceneRecord};
+use crate::models::flight::class::ObjectClass;
 use crate::models::maths::quantile::quantile;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -11,20 +11,24 @@ use std::collections::BTreeMap;
 pub struct Statistics {
     /// Pictures.
     pub images: usize,
-    /// Boxes.
+    /// Boxes of UAVs.
     pub annotations: usize,
+    /// Boxes of distractors.
+    pub distractors: usize,
     /// Pictures without a UAV.
     pub negatives: usize,
-    /// Boxes by category.
+    /// Boxes by category, distractors too.
     pub categories: BTreeMap<&'static str, usize>,
-    /// Boxes by model.
+    /// Boxes by model, distractors too.
     pub models: BTreeMap<String, usize>,
     /// Pictures by background.
     pub backgrounds: BTreeMap<String, usize>,
     /// Pictures with UAVs, by motion.
     pub motions: BTreeMap<String, usize>,
-    /// Boxes by their long side [px].
+    /// UAVs' boxes by their long side [px].
     pub sizes: BTreeMap<&'static str, usize>,
+    /// Distractors' boxes by their long side [px].
+    pub distractor_sizes: BTreeMap<&'static str, usize>,
     /// Pictures by light.
     pub light: BTreeMap<&'static str, usize>,
     /// Quantiles of the long side [px]: 5, 25, 50, 75 and 95 %.
@@ -95,16 +99,19 @@ impl Statistics {
     /// Counts a set's records.
     pub fn of(records: &[&SceneRecord]) -> Self {
         let images = || records.iter().flat_map(|record| &record.images);
-        let boxes = || images().flat_map(|image| &image.annotations);
+        let boxes = || images().flat_map(Picture::uavs);
+        let all = || images().flat_map(|image| &image.annotations);
         let mut statistics = Self {
             images: images().count(),
             annotations: boxes().count(),
-            negatives: images().filter(|i| i.annotations.is_empty()).count(),
-            categories: CATEGORIES.map(|(_, name)| (name, 0)).into(),
+            distractors: all().count() - boxes().count(),
+            negatives: images().filter(|i| i.uavs().next().is_none()).count(),
+            categories: ObjectClass::ALL.map(|class| (class.name(), 0)).into(),
             models: BTreeMap::new(),
             backgrounds: BTreeMap::new(),
             motions: BTreeMap::new(),
             sizes: SIZES.map(|(name, _)| (name, 0)).into(),
+            distractor_sizes: SIZES.map(|(name, _)| (name, 0)).into(),
             light: BTreeMap::new(),
             long_side_px: quantiles(boxes().map(long_px).collect()),
             mode_width_share: 0.0,
@@ -121,16 +128,20 @@ impl Statistics {
             let background = statistics.backgrounds.entry(named(record.background));
             *background.or_default() += record.images.len();
         }
-        for image in images().filter(|image| !image.annotations.is_empty()) {
+        for image in images().filter(|image| image.uavs().next().is_some()) {
             *statistics.motions.entry(named(image.motion)).or_default() += 1;
         }
-        for seen in boxes() {
-            *statistics.models.entry(named(seen.uav)).or_default() += 1;
-            let category = CATEGORIES.iter().find(|(id, _)| *id == seen.category_id);
-            let size = SIZES.iter().find(|(_, below)| long_px(seen) < *below);
-            if let (Some((_, category)), Some((size, _))) = (category, size) {
-                *statistics.categories.entry(category).or_default() += 1;
-                *statistics.sizes.entry(size).or_default() += 1;
+        for seen in all() {
+            let class = seen.model.class();
+            *statistics.models.entry(named(seen.model)).or_default() += 1;
+            *statistics.categories.entry(class.name()).or_default() += 1;
+            let sizes = if class.is_uav() {
+                &mut statistics.sizes
+            } else {
+                &mut statistics.distractor_sizes
+            };
+            if let Some((size, _)) = SIZES.iter().find(|(_, below)| long_px(seen) < *below) {
+                *sizes.entry(size).or_default() += 1;
             }
         }
         let columns = columns(records);
@@ -140,11 +151,7 @@ impl Statistics {
             }
         }
         let shares: Vec<f64> = images()
-            .flat_map(|i| {
-                i.annotations
-                    .iter()
-                    .map(|s| long_px(s) / f64::from(i.width))
-            })
+            .flat_map(|i| i.uavs().map(|s| long_px(s) / f64::from(i.width)))
             .collect();
         statistics.mode_width_share = mode(&shares);
         statistics
@@ -163,11 +170,11 @@ fn mode(values: &[f64]) -> f64 {
     (fullest as f64 + 0.5) * BIN
 }
 
-/// x, y, width and height of every box.
+/// x, y, width and height of every UAV's box.
 pub fn columns(records: &[&SceneRecord]) -> [Vec<f64>; 4] {
     let mut columns = [const { Vec::new() }; 4];
     for image in records.iter().flat_map(|record| &record.images) {
-        for seen in &image.annotations {
+        for seen in image.uavs() {
             for (column, value) in columns.iter_mut().zip(relative(image, seen)) {
                 column.push(value);
             }

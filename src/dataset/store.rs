@@ -7,7 +7,7 @@ use crate::output::{self, OutputError};
 use std::path::{Path, PathBuf};
 
 /// Version of the folder's layout and of what is drawn; a change of either raises it.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// Tells a recipe and program version from others: a folder can be continued under the same one.
 pub fn digest(recipe: &Recipe) -> Result<String, DatasetError> {

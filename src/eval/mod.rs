@@ -54,6 +54,11 @@ pub enum EvalError {
         /// The most that is taken.
         high: f64,
     },
+    /// No picture is of the half asked for.
+    #[error(
+        "--half: no picture is of that half: clips belong to one by the last number in their names"
+    )]
+    EmptyHalf,
     /// The field of view does not fit the clip's pictures.
     #[error("--fov-deg: {0}")]
     FieldOfView(CameraError),

@@ -13,6 +13,8 @@ pub(super) struct Interface {
     pub(super) classes: Vec<String>,
     /// Score from which on its maker recommends to believe a detection.
     pub(super) score_threshold: f64,
+    /// The same on video of real cameras.
+    pub(super) score_threshold_video: f64,
     /// How pictures are padded.
     pub(super) padding: Padding,
     /// Whether it takes several pictures at once.
@@ -47,15 +49,22 @@ impl Interface {
         };
         let (stride_px, min_side_px) = (side("stride")?, side("min_side_px")?);
         let key = "score_threshold";
-        let score_threshold = entry(key, text(key), "a number from 0 to 1", |found| {
+        let share = |found: &str| {
             let score: f64 = found.parse().ok()?;
             (0.0..=1.0).contains(&score).then_some(score)
-        })?;
+        };
+        let score_threshold = entry(key, text(key), "a number from 0 to 1", share)?;
+        let key = "score_threshold_video";
+        let score_threshold_video = match text(key) {
+            None => score_threshold,
+            found => entry(key, found, "a number from 0 to 1", share)?,
+        };
         let (batches, fixed_px) = input(session.inputs())?;
         check_outputs(session.outputs(), batches)?;
         Ok(Self {
             classes,
             score_threshold,
+            score_threshold_video,
             padding: Padding {
                 stride_px,
                 min_side_px,

@@ -3,6 +3,7 @@
 use super::error::DetectorError;
 use super::interface::Interface;
 use super::runtime::{Setup, first_line, refused, session};
+use crate::models::flight::class::is_uav;
 use crate::models::optics::camera::PixelRect;
 use crate::models::optics::detection::{Detection, Padding, planes};
 use crate::scenario::Provider;
@@ -16,6 +17,7 @@ pub struct OnnxDetector {
     path: PathBuf,
     classes: Vec<String>,
     score_threshold: f64,
+    score_threshold_video: f64,
     padding: Padding,
     /// Whether it takes several pictures at once.
     pub(super) batches: bool,
@@ -66,6 +68,7 @@ impl OnnxDetector {
         let Interface {
             classes,
             score_threshold,
+            score_threshold_video,
             padding,
             batches,
         } = Interface::of(&session).map_err(wrong)?;
@@ -74,6 +77,7 @@ impl OnnxDetector {
             path: path.into(),
             classes,
             score_threshold,
+            score_threshold_video,
             padding,
             batches,
             planes: Vec::new(),
@@ -107,6 +111,16 @@ impl OnnxDetector {
     /// Score from which on its maker recommends to believe a detection.
     pub fn score_threshold(&self) -> f64 {
         self.score_threshold
+    }
+
+    /// The same on video of real cameras; that of rendered pictures where the model names none.
+    pub fn score_threshold_video(&self) -> f64 {
+        self.score_threshold_video
+    }
+
+    /// Whether the class of this index is one of UAVs.
+    pub fn is_uav(&self, label: u32) -> bool {
+        (self.classes.get(label as usize)).is_none_or(|name| is_uav(name))
     }
 
     /// Width and height of its input for a picture of `size_px`; an error for a picture larger than

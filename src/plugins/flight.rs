@@ -139,7 +139,7 @@ fn spawn_uavs(
     Ok(())
 }
 
-/// Birds, balloons, aeroplanes and leaves: their indices come after the UAVs'.
+/// Birds, balloons, aircraft and leaves: their indices come after the UAVs'.
 fn spawn_distractors(
     mut commands: Commands,
     loaded: Res<RunScenario>,

@@ -91,7 +91,7 @@ pub struct Scenario {
     /// The UAVs; none makes a false-alarm run.
     #[serde(default)]
     pub uavs: Vec<UavConfig>,
-    /// Birds, balloons, aeroplanes and leaves, which a detector may take for UAVs.
+    /// Birds, balloons, aircraft and leaves, which a detector may take for UAVs.
     #[serde(default)]
     pub distractors: Vec<DistractorConfig>,
     /// What finds UAVs in the images.

@@ -31,7 +31,7 @@ pub struct UavConfig {
     pub spread_s: f64,
 }
 
-/// A bird, balloon, aeroplane or leaf: every camera sees it, and it counts for no success.
+/// A bird, balloon, aircraft or leaf: every camera sees it, and it counts for no success.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Distractor")]

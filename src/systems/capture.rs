@@ -72,17 +72,29 @@ pub fn magnified(pinhole: &Pinhole) -> Pinhole {
 }
 
 impl Patch {
-    /// The patch of a frame, if a UAV in it is small: the nearest one gets it.
+    /// The patch of a frame, if something in it is small: the nearest UAV, or else the nearest
+    /// distractor, gets it.
     fn of(frame: &ExposedFrame) -> Option<Self> {
+        Self::all(frame).into_iter().next()
+    }
+
+    /// A patch about everything that is small in a frame, UAVs first, the nearest before others.
+    pub(crate) fn all(frame: &ExposedFrame) -> Vec<Self> {
         let small = |seen: &&UavInFrame| {
             let [x0, y0, x1, y1] = seen.box_px;
             (x1 - x0).max(y1 - y0) < SMALL_PX
         };
-        let nearest = frame
-            .truth
-            .iter()
-            .filter(small)
-            .min_by(|a, b| a.range_m.total_cmp(&b.range_m))?;
+        let mut small: Vec<_> = frame.truth.iter().filter(small).collect();
+        small.sort_by(|a, b| {
+            let order = a.distractor.cmp(&b.distractor);
+            order.then(a.range_m.total_cmp(&b.range_m))
+        });
+        (small.into_iter())
+            .filter_map(|seen| Self::about(frame, seen))
+            .collect()
+    }
+
+    fn about(frame: &ExposedFrame, nearest: &UavInFrame) -> Option<Self> {
         let [x0, y0, x1, y1] = nearest.box_px;
         let centre = [0.5 * (x0 + x1), 0.5 * (y0 + y1)];
         let mut offset_px = [0; 2];
@@ -506,6 +518,32 @@ fn add_sky(
             scope.spawn(async move { background.fill(i * strip, rows) });
         }
     });
+}
+
+/// Renders one more patch of a frame that [`read`] has read, and averages it into `scratch`.
+pub(crate) fn enlarge(
+    world: &mut World,
+    renderer: &mut Renderer,
+    frame: &ExposedFrame,
+    shot: &Shot,
+    (patch, magnifier): (&Patch, Entity),
+    scratch: &mut ImageScratch,
+) -> Result<(), CaptureError> {
+    let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
+    let rect = patch.magnified_rect();
+    let projection = projection(&magnified(&shot.camera.pinhole), rect);
+    aim_sensor_view(world, magnifier, projection, at);
+    renderer.render(world);
+    if let Some(mut view) = world.get_mut::<Camera>(magnifier) {
+        view.is_active = false;
+    }
+    // The truth and the identities of the first patch stay as they are.
+    let mut enlarged = Vec::new();
+    renderer.read(magnifier, rect.size_px, &mut enlarged)?;
+    let view = (magnified(&shot.camera.pinhole), rect, MAGNIFIED_SAMPLES);
+    add_sky(world, frame, view, &mut enlarged);
+    patch.blend(&enlarged, frame.rect, &mut scratch.pixels);
+    Ok(())
 }
 
 /// The projection that renders a rectangle of a sensor.

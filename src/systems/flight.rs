@@ -9,16 +9,12 @@ use crate::components::flight::{
     Air, Distractor, Flight, Guidance, HasWreck, Uav, UavStatus, Wreck,
 };
 use crate::components::run::SimClock;
-use crate::models::flight::distractor::{
-    DistractorKind, WINGBEAT_HZ, bird_pose, tumbling_attitude, winged_attitude,
-};
-use crate::models::flight::multirotor::{self, MAX_ROTORS};
+use crate::models::flight::multirotor;
 use crate::models::maths::kinematics::exp_so3;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_rapier3d::prelude::*;
 use glam::{DQuat, DVec3};
-use std::f64::consts::TAU;
 
 /// The schedule Rapier steps in, run from the Flight set while something falls.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
@@ -49,34 +45,23 @@ pub fn fly(
     }
 }
 
-/// Moves birds and aeroplanes along their paths, and balloons and leaves with the air around them.
+/// Moves birds and aircraft along their paths, and balloons and leaves with the air around them.
 /// They pass through the city: nothing looks at them there.
 pub fn drift(clock: Res<SimClock>, mut distractors: Query<(&mut Flight, &Distractor, &Air)>) {
     let (t_s, dt_s) = (clock.t_s(), clock.dt_s());
     for (mut flight, distractor, air) in &mut distractors {
         let state = &mut flight.state;
         let setpoint = distractor.plan.sample(t_s);
-        match distractor.kind {
-            DistractorKind::Bird => {
-                let phase_rad = distractor.phase_rad + TAU * WINGBEAT_HZ * t_s;
-                let pose = bird_pose(&setpoint, phase_rad);
-                state.r_enu_m = pose.r_enu_m;
-                state.v_enu_mps = pose.v_enu_mps;
-                state.q_enu_body = pose.q_enu_body;
-                state.rotor_phase_rad = [pose.wing_rad; MAX_ROTORS];
-            }
-            DistractorKind::Aeroplane => {
-                state.r_enu_m = setpoint.r_enu_m;
-                state.v_enu_mps = setpoint.v_enu_mps;
-                state.q_enu_body = winged_attitude(&setpoint);
-            }
-            DistractorKind::Balloon | DistractorKind::Leaf => {
-                state.v_enu_mps = air.wind_enu_mps + setpoint.v_enu_mps;
-                state.r_enu_m += state.v_enu_mps * dt_s;
-                if distractor.kind == DistractorKind::Leaf {
-                    state.q_enu_body = tumbling_attitude(t_s, distractor.phase_rad);
-                }
-            }
+        let kind = distractor.kind;
+        let pose = kind.pose(&setpoint, t_s, distractor.phase_rad);
+        state.q_enu_body = pose.q_enu_body;
+        state.rotor_phase_rad = kind.phases_rad(t_s, distractor.phase_rad);
+        if kind.drifts() {
+            state.v_enu_mps = air.wind_enu_mps + setpoint.v_enu_mps;
+            state.r_enu_m += state.v_enu_mps * dt_s;
+        } else {
+            state.r_enu_m = pose.r_enu_m;
+            state.v_enu_mps = pose.v_enu_mps;
         }
     }
 }

@@ -428,7 +428,7 @@ fn well_formed(folder: &Path) {
                 side(0) + side(2) <= 320.0 && side(1) + side(3) <= 240.0,
                 "{seen}"
             );
-            let fpv = seen["uav"] == "fpv5";
+            let fpv = seen["model"] == "fpv5";
             assert_eq!(seen["category_id"] == 1, fpv, "{seen}");
             assert!(seen["visible_fraction"].as_f64().unwrap() >= 0.1, "{seen}");
             assert!(image["file_name"].is_string());

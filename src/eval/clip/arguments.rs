@@ -18,7 +18,8 @@ pub struct Arguments {
     /// folder in it.
     #[arg(long, default_value = "out/clip")]
     pub out: PathBuf,
-    /// Detections with a lower score are dropped, 0 to 1; the model's own threshold by default.
+    /// Detections with a lower score are dropped, 0 to 1; by default the one that the model
+    /// recommends for real video.
     #[arg(long)]
     pub threshold: Option<f64>,
     /// Truth: a list of {file, frames, boxes_xywh}, boxes by label for every frame; for folders of

@@ -32,7 +32,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         .transpose()?;
     let threads = threads(arguments.threads);
     let mut model = OnnxDetector::load(&arguments.model, threads)?;
-    let threshold = arguments.threshold.unwrap_or(model.score_threshold());
+    let threshold = arguments.threshold.unwrap_or(model.score_threshold_video());
     let arguments = &Arguments {
         threshold: Some(threshold),
         ..arguments.clone()

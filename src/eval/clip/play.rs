@@ -218,6 +218,8 @@ fn look(
 ) -> Result<Moment, EvalError> {
     let mut found = Vec::new();
     model.detect(frame.picture.as_raw(), frame.size_px(), &mut found)?;
+    // What is called no UAV is neither a false alarm nor a track.
+    found.retain(|detection| model.is_uav(detection.label));
     let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
     let followed = follower.look(frame.t_s, &found[..sure]);
     Ok(Moment {

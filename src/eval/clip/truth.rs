@@ -1,6 +1,6 @@
 //! The boxes of clips: a list of clips with boxes by label, or COCO annotations of their pictures.
 
-use crate::eval::detector::coco::{Coco, CocoError, OTHERS, UAVS};
+use crate::eval::detector::coco::{Coco, CocoError, UAVS, is_other};
 use crate::eval::detector::metrics::Truth;
 use crate::media::video::{Clip, ClipFrame};
 use serde::Deserialize;
@@ -115,7 +115,7 @@ impl Labels<'_> {
         let is = |names: &[&str]| names.iter().any(|n| n.eq_ignore_ascii_case(label));
         match self.0 {
             [] if is(&UAVS) => Some(true),
-            [] => is(&OTHERS).then_some(false),
+            [] => is_other(label).then_some(false),
             names => Some(names.iter().any(|c| c.eq_ignore_ascii_case(label))),
         }
     }
@@ -295,7 +295,7 @@ impl BoxFile {
                 }
                 Ok(FrameTruth {
                     uavs: coco.truth[at].clone(),
-                    others: Vec::new(),
+                    others: coco.others[at].iter().map(|other| other.box_px).collect(),
                 })
             }
         }

@@ -2,6 +2,8 @@
 
 use super::metrics::Truth;
 use crate::media::image::decode;
+use crate::models::flight::class::ObjectClass;
+use clap::ValueEnum;
 use image::RgbImage;
 use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
@@ -191,16 +193,14 @@ pub const UAVS: [&str; 8] = [
     "multirotor",
     "fixed_wing",
 ];
-/// Categories that are no UAVs unless named.
-pub const OTHERS: [&str; 7] = [
-    "bird",
-    "airplane",
-    "aeroplane",
-    "plane",
-    "helicopter",
-    "balloon",
-    "kite",
-];
+/// Categories that are no UAVs unless named, beside [`ObjectClass`]'s own.
+pub const OTHERS: [&str; 2] = ["plane", "kite"];
+
+/// Whether a category of this name is no UAV unless named.
+pub fn is_other(name: &str) -> bool {
+    ObjectClass::of_name(name).is_some_and(|class| !class.is_uav())
+        || OTHERS.iter().any(|other| other.eq_ignore_ascii_case(name))
+}
 
 /// The content of an annotation file, checked.
 #[derive(Debug)]
@@ -289,7 +289,7 @@ impl Content {
 
     /// Ids and names of the categories that count: those whose name or supercategory is in `names`. Without
     /// names, those called like a UAV ([`UAVS`]); a file's only category counts too, unless it is called
-    /// like something else ([`OTHERS`]). An error says which categories there are.
+    /// like something else ([`is_other`]). An error says which categories there are.
     fn chosen(&self, names: &[String]) -> Result<BTreeMap<i64, String>, String> {
         let is = |category: &Category, name: &str| {
             let above = category.supercategory.as_deref();
@@ -309,7 +309,7 @@ impl Content {
             .filter(|category| {
                 let any = |names: &[&str]| names.iter().any(|name| is(category, name));
                 match names {
-                    [] => any(&UAVS) || only && !any(&OTHERS),
+                    [] => any(&UAVS) || only && !is_other(&category.name),
                     names => names.iter().any(|name| is(category, name)),
                 }
             })
@@ -322,6 +322,37 @@ impl Content {
             ));
         }
         Ok(chosen)
+    }
+}
+
+/// A box of what is no target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Other {
+    /// Name of its category.
+    pub name: String,
+    /// x0, y0, x1, y1 [px].
+    pub box_px: [f64; 4],
+    /// Whether too little of it is seen to ask for it.
+    pub ignored: bool,
+}
+
+/// A part of a set by the numbers of its clips: which pictures may be looked at while a detector is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Half {
+    /// Clips with an even number, and pictures of none.
+    Development,
+    /// Clips with an odd number: for the last word, never for a choice.
+    Unseen,
+}
+
+impl Half {
+    /// The half that a clip belongs to, by the last number in its name.
+    fn of(clip: &str) -> Self {
+        let digits = clip.trim_end_matches(|c: char| !c.is_ascii_digit());
+        match digits.bytes().last() {
+            Some(digit) if digit % 2 == 1 => Self::Unseen,
+            _ => Self::Development,
+        }
     }
 }
 
@@ -338,13 +369,16 @@ pub struct Coco {
     pub category: Vec<Vec<i64>>,
     /// Ids and names of the chosen categories.
     pub categories: BTreeMap<i64, String>,
+    /// Boxes of all other categories, in the order of `pictures`.
+    pub others: Vec<Vec<Other>>,
+    /// Ids of these categories by their names.
+    pub other_ids: BTreeMap<String, i64>,
     folders: Vec<PathBuf>,
 }
 
 impl Coco {
     /// Reads the annotations at `path`, a JSON file or a folder, with the boxes of the
-    /// `categories` named. Boxes of other categories do not exist: a detection there is a false
-    /// alarm. No picture is opened yet.
+    /// `categories` named; those of other categories are kept apart. No picture is opened yet.
     pub fn load(path: &Path, categories: &[String]) -> Result<Self, CocoError> {
         let file = annotation_file(path)?;
         let text = std::fs::read_to_string(&file).map_err(|error| unreadable(&file, &error))?;
@@ -364,6 +398,21 @@ impl Coco {
                 path: file.clone(),
                 why,
             })?;
+        let other_ids: BTreeMap<String, i64> = (content.categories.iter())
+            .filter(|category| !chosen.contains_key(&category.id))
+            .map(|category| (category.name.clone(), category.id))
+            .collect();
+        let other = |(category, truth): &(i64, Truth)| {
+            let (name, _) = other_ids.iter().find(|(_, id)| *id == category)?;
+            Some(Other {
+                name: name.clone(),
+                box_px: truth.box_px,
+                ignored: truth.ignored,
+            })
+        };
+        let others = (content.boxes.iter())
+            .map(|boxes| boxes.iter().filter_map(other).collect())
+            .collect();
         let (category, truth) = (content.boxes.into_iter())
             .map(|boxes| {
                 (boxes.into_iter())
@@ -378,14 +427,33 @@ impl Coco {
             truth,
             category,
             categories: chosen,
+            others,
+            other_ids,
         })
     }
 
     /// Keeps the first `count` pictures.
     pub fn truncate(&mut self, count: usize) {
-        self.pictures.truncate(count);
-        self.truth.truncate(count);
-        self.category.truncate(count);
+        self.keep(|place, _| place < count);
+    }
+
+    /// Keeps the pictures of a half.
+    pub fn halve(&mut self, half: Half) {
+        self.keep(|_, picture| Half::of(picture.clip()) == half);
+    }
+
+    fn keep(&mut self, wanted: impl Fn(usize, &Picture) -> bool) {
+        let kept: Vec<bool> = (self.pictures.iter().enumerate())
+            .map(|(place, picture)| wanted(place, picture))
+            .collect();
+        fn filter<T>(list: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            list.retain(|_| kept.next() == Some(&true));
+        }
+        filter(&mut self.pictures, &kept);
+        filter(&mut self.truth, &kept);
+        filter(&mut self.category, &kept);
+        filter(&mut self.others, &kept);
     }
 
     /// Where a picture's file is.

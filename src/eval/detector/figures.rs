@@ -3,6 +3,7 @@
 use super::metrics::{
     AnnotatedImage, BANDS, Band, Criterion, Matching, mean_average_precision, recall_level,
 };
+use super::operating::Operating;
 use crate::report::page::number;
 use crate::report::statistics::MissStats;
 use serde::Serialize;
@@ -45,12 +46,17 @@ pub struct Evaluation {
     pub score_at_fppi_0_1: Option<f64>,
     /// Precision over recall.
     pub precision_recall: PrecisionRecall,
+    /// Thresholds that the model recommends: of rendered pictures, and of real video.
+    pub recommended: [f64; 2],
     /// The score of `--threshold`, or the one that the model recommends.
     pub threshold: f64,
     /// Recall of the detections from that score on, IoU of 0.5.
     pub recall_at_threshold: Option<f64>,
     /// False alarms a frame among them.
     pub false_alarms_per_frame: f64,
+    /// Recall and false alarms over the threshold, and what false alarms lie on.
+    #[serde(flatten)]
+    pub operating: Operating,
     /// Share of the boxes hit at an IoU of 0.5 whose category the detection's class names; null if
     /// model or categories have one class only.
     pub class_accuracy: Option<f64>,

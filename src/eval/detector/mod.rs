@@ -4,15 +4,18 @@ pub mod coco;
 pub mod cost;
 pub mod figures;
 pub mod metrics;
+pub mod operating;
 mod page;
 
 use super::EvalError;
 use super::shared::{progress, put, put_json, quoted, threads, within_share, writable};
 use crate::inference::{DetectorError, OnnxDetector};
-use clap::Args;
-use coco::{Coco, Picture};
+use crate::models::optics::detection::Detection;
+use clap::{Args, ValueEnum};
+use coco::{Coco, Half, Picture};
 use figures::{BySize, CentreHit, Cost, Evaluation, FPPI, Miss, PrecisionRecall, Speed, Worst};
 use metrics::{ALL, AnnotatedImage, Criterion, Matching, Truth, mean_average_precision};
+use operating::Counted;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -43,6 +46,10 @@ pub struct Arguments {
     /// Look at the first so many pictures only.
     #[arg(long)]
     pub frames: Option<NonZeroUsize>,
+    /// Look at the pictures of one half of the clips only, by the parity of the last number in their
+    /// names: whoever makes a detector looks at `development` alone, and at `unseen` when it is done.
+    #[arg(long)]
+    pub half: Option<Half>,
     /// Threads of the model (default: all cores).
     #[arg(long)]
     pub threads: Option<NonZeroUsize>,
@@ -54,6 +61,12 @@ const PICTURES: usize = 12;
 /// Carries out the evaluation and writes what it leaves.
 pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let mut coco = Coco::load(&arguments.data, &arguments.category)?;
+    if let Some(half) = arguments.half {
+        coco.halve(half);
+        if coco.pictures.is_empty() {
+            return Err(EvalError::EmptyHalf);
+        }
+    }
     coco.truncate(arguments.frames.map_or(usize::MAX, NonZeroUsize::get));
     within_share("--threshold", arguments.threshold)?;
     let threads = threads(arguments.threads);
@@ -66,13 +79,13 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         model.input_px(picture.size_px())?;
         coco.path(picture)?;
     }
-    let (images, times) = detect(&mut model, &coco)?;
+    let (images, named, times) = detect(&mut model, &coco)?;
     let cost = cost(&arguments.model, &model, &coco, out)?;
     let speed = Speed::of(&times, threads);
-    let evaluation = measure(arguments, &coco, &model, &images, cost, speed);
+    let evaluation = measure(arguments, &coco, &model, (&images, &named), cost, speed);
     put_json(&json, &evaluation)?;
     let results = out.join("detections.json");
-    let text = results_json(&coco, &images).map_err(|source| EvalError::Json {
+    let text = results_json(&coco, &model, &images, &named).map_err(|source| EvalError::Json {
         path: results.clone(),
         source,
     })?;
@@ -86,7 +99,7 @@ fn measure(
     arguments: &Arguments,
     coco: &Coco,
     model: &OnnxDetector,
-    images: &[AnnotatedImage],
+    (images, named): (&[AnnotatedImage], &[Vec<Detection>]),
     cost: Cost,
     speed: Speed,
 ) -> Evaluation {
@@ -96,6 +109,14 @@ fn measure(
     let recall = half.recall_at(FPPI);
     let threshold = arguments.threshold.unwrap_or(model.score_threshold());
     let (recall_at_threshold, false_alarms_per_frame) = half.at_score(threshold);
+    let counted = Counted {
+        coco,
+        images,
+        named,
+        classes: model.classes(),
+        half: &half,
+        threshold,
+    };
     Evaluation {
         version: crate::VERSION,
         command: command(arguments, speed.threads),
@@ -111,9 +132,11 @@ fn measure(
         recall_at_fppi_0_1: recall.map(|(recall, _)| recall),
         score_at_fppi_0_1: recall.map(|(_, score)| score).filter(|s| s.is_finite()),
         precision_recall: PrecisionRecall::of(&half, &strict, &centre),
+        recommended: [model.score_threshold(), model.score_threshold_video()],
         threshold,
         recall_at_threshold,
         false_alarms_per_frame,
+        operating: counted.operating(),
         class_accuracy: class_accuracy(coco, model.classes(), images, &half),
         miss_distance_px: Miss::of(half.miss_distances_px(images)),
         centre_hit: CentreHit::of(images, &centre, threshold),
@@ -133,6 +156,9 @@ fn command(arguments: &Arguments, threads: usize) -> String {
     }
     if let Some(frames) = arguments.frames {
         options += &format!(" --frames {frames}");
+    }
+    if let Some(half) = arguments.half.and_then(|half| half.to_possible_value()) {
+        options += &format!(" --half {}", half.get_name());
     }
     format!(
         "boresight eval detector --model {} --data {}{options} --threads {threads}",
@@ -160,13 +186,13 @@ fn cost(path: &Path, model: &OnnxDetector, coco: &Coco, out: &Path) -> Result<Co
     })
 }
 
-/// The detections in every picture, and the time that each took.
-fn detect(
-    model: &mut OnnxDetector,
-    coco: &Coco,
-) -> Result<(Vec<AnnotatedImage>, Vec<Duration>), EvalError> {
+/// The detections in every picture: those called UAVs, the others; and the time that each picture took.
+type Detected = (Vec<AnnotatedImage>, Vec<Vec<Detection>>, Vec<Duration>);
+
+fn detect(model: &mut OnnxDetector, coco: &Coco) -> Result<Detected, EvalError> {
     let count = coco.pictures.len();
     let mut images = Vec::with_capacity(count);
+    let mut named = Vec::with_capacity(count);
     let mut times = Vec::with_capacity(count);
     let mut shown = Instant::now();
     for (i, (picture, truth)) in coco.pictures.iter().zip(&coco.truth).enumerate() {
@@ -180,6 +206,8 @@ fn detect(
         let started = Instant::now();
         model.detect(rgb.as_raw(), size_px, &mut found)?;
         times.push(started.elapsed());
+        let (found, others) = found.into_iter().partition(|d| model.is_uav(d.label));
+        named.push(others);
         images.push(AnnotatedImage {
             truth: truth.clone(),
             found,
@@ -189,7 +217,7 @@ fn detect(
             progress(&format!("{} of {count} pictures", i + 1));
         }
     }
-    Ok((images, times))
+    Ok((images, named, times))
 }
 
 /// Share of the boxes hit whose category is what the detection's class is called; `None` without
@@ -279,22 +307,34 @@ struct Found {
     score: f64,
 }
 
-/// All detections in COCO's format of results, under the first of the categories that count.
-fn results_json(coco: &Coco, images: &[AnnotatedImage]) -> Result<String, serde_json::Error> {
-    let category_id = coco.categories.keys().next().copied().unwrap_or_default();
-    let found: Vec<Found> = (coco.pictures.iter().zip(images))
-        .flat_map(|(picture, image)| image.found.iter().map(|found| (picture.id, found)))
-        .map(|(image_id, found)| {
+/// All detections in COCO's format of results: those called UAVs under the first of the categories
+/// that count, the others under that of their name, where the set has it.
+fn results_json(
+    coco: &Coco,
+    model: &OnnxDetector,
+    images: &[AnnotatedImage],
+    named: &[Vec<Detection>],
+) -> Result<String, serde_json::Error> {
+    let uav_id = coco.categories.keys().next().copied().unwrap_or_default();
+    let of_name = |label: u32| {
+        let name = model.classes().get(label as usize)?;
+        coco.other_ids.get(name).copied()
+    };
+    let mut all: Vec<Found> = Vec::new();
+    for ((picture, image), named) in coco.pictures.iter().zip(images).zip(named) {
+        let uavs = image.found.iter().map(|found| (uav_id, found));
+        let others = named.iter().filter_map(|f| Some((of_name(f.label)?, f)));
+        all.extend(uavs.chain(others).map(|(category_id, found)| {
             let [x0, y0, x1, y1] = found.box_px;
             Found {
-                image_id,
+                image_id: picture.id,
                 category_id,
                 bbox: [x0, y0, x1 - x0, y1 - y0],
                 score: found.score,
             }
-        })
-        .collect();
-    serde_json::to_string(&found)
+        }));
+    }
+    serde_json::to_string(&all)
 }
 
 #[cfg(test)]
@@ -365,6 +405,7 @@ mod tests {
             category: Vec::new(),
             threshold: None,
             frames: None,
+            half: None,
             threads: NonZeroUsize::new(1),
         };
         let evaluation = evaluate(&arguments).expect("an evaluation");
@@ -398,6 +439,12 @@ mod tests {
         }
         assert!(out.join("detector.html").is_file() && out.join("detections.json").is_file());
 
+        // s0 and s2 have even numbers.
+        arguments.half = Some(Half::Development);
+        let evaluation = evaluate(&arguments).expect("an evaluation");
+        assert_eq!((evaluation.images, evaluation.boxes), (2, 1));
+        assert!(evaluation.command.contains("--half development"));
+        arguments.half = None;
         arguments.frames = NonZeroUsize::new(1);
         arguments.threshold = Some(1.0);
         let evaluation = evaluate(&arguments).expect("an evaluation");

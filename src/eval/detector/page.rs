@@ -3,6 +3,7 @@
 use super::coco::{Coco, CocoError};
 use super::figures::{Evaluation, Size, Worst};
 use super::metrics::AnnotatedImage;
+use super::operating::AtThreshold;
 use crate::eval::EvalError;
 use crate::eval::shared::put;
 use crate::media::image::jpeg_of;
@@ -69,6 +70,10 @@ impl Evaluation {
                     self.threshold
                 ),
             ),
+            (
+                "recommended threshold: rendered / real video",
+                format!("{} / {}", self.recommended[0], self.recommended[1]),
+            ),
             ("class right where hit", share(self.class_accuracy)),
             (
                 "miss distance: mean / rms / median",
@@ -125,11 +130,53 @@ impl Evaluation {
         ]
     }
 
+    /// What false alarms lie on, and what distractors are taken for.
+    fn distractor_rows(&self) -> Vec<(String, String)> {
+        let alarms = (self.operating.alarms_on.iter())
+            .map(|(on, rate)| (format!("false alarms a frame on {on}"), rate.text(3)));
+        let taken = self.operating.distractors.iter().map(|(name, taken)| {
+            let text = format!(
+                "{} / {} / {} ({} boxes)",
+                taken.as_uav.text(3),
+                taken.as_other.text(3),
+                taken.rightly.text(3),
+                taken.boxes
+            );
+            (
+                format!("{name}: as a UAV / as no UAV / of these rightly"),
+                text,
+            )
+        });
+        alarms.chain(taken).collect()
+    }
+
+    /// Threshold, recall and false alarms.
+    fn threshold_rows(&self) -> Vec<Vec<String>> {
+        (self.operating.over_threshold.iter())
+            .map(|at| {
+                vec![
+                    format!("{:.2}", at.threshold),
+                    at.recall.text(3),
+                    at.false_alarms_per_frame.text(3),
+                ]
+            })
+            .collect()
+    }
+
     /// The figures as lines of text.
     pub fn text(&self) -> String {
-        (self.rows().iter())
+        let rows = self
+            .rows()
+            .into_iter()
+            .map(|(name, value)| (name.to_owned(), value));
+        let mut text: String = (rows.chain(self.distractor_rows()))
             .map(|(name, value)| format!("{name:<48} {value}\n"))
-            .collect()
+            .collect();
+        text += "threshold  recall  false alarms a frame\n";
+        for row in self.threshold_rows().iter().step_by(2) {
+            text += &format!("{}\n", row.join("  "));
+        }
+        text
     }
 }
 
@@ -178,15 +225,43 @@ pub(super) fn write(
         ],
         ..Head::default()
     };
-    let body = body(evaluation, &chart.figure(&across), &crops);
+    let over = |figure: fn(&AtThreshold) -> Option<f64>| -> Series {
+        (evaluation.operating.over_threshold.iter())
+            .map(|at| (at.threshold, figure(at).unwrap_or(f64::NAN)))
+            .collect()
+    };
+    let series = [
+        over(|at| at.recall.value),
+        over(|at| at.false_alarms_per_frame.value),
+    ];
+    let curve = Chart {
+        title: "Recall and false alarms a frame",
+        unit: "1",
+        scale: Scale::Linear,
+        series: &[("recall", &series[0]), ("false alarms a frame", &series[1])],
+        limit: None,
+    };
+    let figures = [
+        &curve.figure(&Across::from_zero("threshold", 1.0)),
+        &chart.figure(&across),
+    ];
+    let body = body(evaluation, figures, &crops);
     Ok(put(&out.join("detector.html"), page(&head, &body))?)
 }
 
-fn body(evaluation: &Evaluation, chart: &Markup, crops: &[Crop]) -> Markup {
+fn body(evaluation: &Evaluation, [curve, chart]: [&Markup; 2], crops: &[Crop]) -> Markup {
     let rows: Vec<Vec<String>> = (evaluation.rows().into_iter())
         .map(|(name, value)| vec![name.into(), value])
         .collect();
     let least = evaluation.score_at_fppi_0_1.unwrap_or(f64::INFINITY);
+    let others: Vec<Vec<String>> = (evaluation.distractor_rows().into_iter())
+        .map(|(name, value)| vec![name, value])
+        .collect();
+    let intervals = format!(
+        "In brackets: 95 % intervals by drawing the {} clips anew. A detection that is called no UAV is \
+         no false alarm.",
+        evaluation.operating.clips
+    );
     html! {
         h2 { "Figures" }
         (table(&["figure", "value"], &rows))
@@ -195,6 +270,12 @@ fn body(evaluation: &Evaluation, chart: &Markup, crops: &[Crop]) -> Markup {
              Sizes are roots of the boxes' areas. Detections in ignored regions count neither for nor \
              against.",
         ))
+        h2 { "What is no UAV" }
+        (table(&["figure at the threshold", "value"], &others))
+        (note(&intervals))
+        h2 { "Over the threshold" }
+        (table(&["threshold", "recall", "false alarms a frame"], &evaluation.threshold_rows()))
+        div .charts style="max-width:44rem" { (curve) }
         h2 { "Precision over recall" }
         div .charts style="max-width:44rem" { (chart) }
         h2 { "Worst misses" }

@@ -1,6 +1,8 @@
-//! Flying objects that are no UAVs: birds, balloons, aeroplanes, leaves.
+//! Flying objects that are no UAVs: birds, balloons, aeroplanes, helicopters, leaves.
 
-use crate::models::flight::multirotor::Setpoint;
+use crate::models::flight::bird::{self, Species};
+use crate::models::flight::class::ObjectClass;
+use crate::models::flight::multirotor::{MAX_ROTORS, Setpoint};
 use crate::models::maths::kinematics::GRAVITY_MPS2;
 use glam::{DMat3, DQuat, DVec3};
 use schemars::JsonSchema;
@@ -11,114 +13,208 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DistractorKind {
-    /// A herring gull in flapping flight along its trajectory.
+    /// A herring gull along its trajectory, beating its wings with short glides.
     Bird,
+    /// A carrion crow.
+    Crow,
+    /// A feral pigeon.
+    Pigeon,
+    /// A common swift, which glides half of the time.
+    Swift,
+    /// A greylag goose, which never glides.
+    Goose,
+    /// A common buzzard that soars with spread wings; `orbit` is its trajectory.
+    Raptor,
     /// A drifting party balloon: its trajectory is flown through the air, not over the ground, so
     /// that one that hovers drifts with the wind.
     Balloon,
     /// A twin-jet airliner along its trajectory.
     Aeroplane,
+    /// A four-seat aeroplane with one propeller.
+    LightAircraft,
+    /// A light twin-engined helicopter.
+    Helicopter,
     /// A leaf or scrap of paper that tumbles; its trajectory is flown through the air like a
     /// balloon's.
     Leaf,
 }
 
 impl DistractorKind {
+    /// Every kind.
+    pub const ALL: [Self; 11] = [
+        Self::Bird,
+        Self::Crow,
+        Self::Pigeon,
+        Self::Swift,
+        Self::Goose,
+        Self::Raptor,
+        Self::Balloon,
+        Self::Aeroplane,
+        Self::LightAircraft,
+        Self::Helicopter,
+        Self::Leaf,
+    ];
+
     /// The kind as recordings and the window name it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Bird => "bird",
+            Self::Crow => "crow",
+            Self::Pigeon => "pigeon",
+            Self::Swift => "swift",
+            Self::Goose => "goose",
+            Self::Raptor => "raptor",
             Self::Balloon => "balloon",
             Self::Aeroplane => "aeroplane",
+            Self::LightAircraft => "light_aircraft",
+            Self::Helicopter => "helicopter",
             Self::Leaf => "leaf",
+        }
+    }
+
+    /// What a detector should call it.
+    pub fn class(self) -> ObjectClass {
+        match self {
+            Self::Balloon => ObjectClass::Balloon,
+            Self::Aeroplane | Self::LightAircraft => ObjectClass::Aeroplane,
+            Self::Helicopter => ObjectClass::Helicopter,
+            Self::Leaf => ObjectClass::Other,
+            _ => ObjectClass::Bird,
+        }
+    }
+
+    /// The species of a bird; `None` for all else.
+    pub fn species(self) -> Option<&'static Species> {
+        match self {
+            Self::Bird => Some(&bird::GULL),
+            Self::Crow => Some(&bird::CROW),
+            Self::Pigeon => Some(&bird::PIGEON),
+            Self::Swift => Some(&bird::SWIFT),
+            Self::Goose => Some(&bird::GOOSE),
+            Self::Raptor => Some(&bird::BUZZARD),
+            _ => None,
         }
     }
 
     /// Length, width and height, wings stretched [m].
     pub fn size_m(self) -> [f64; 3] {
         match self {
-            Self::Bird => [BIRD_LENGTH_M, BIRD_SPAN_M, 0.15], // [m]
             Self::Balloon => [2.0 * BALLOON_RADIUS_M; 3],
             Self::Aeroplane => AIRLINER_SIZE_M,
+            Self::LightAircraft => LIGHT_AIRCRAFT_SIZE_M,
+            Self::Helicopter => HELICOPTER_SIZE_M,
             Self::Leaf => LEAF_SIZE_M,
+            _ => (self.species()).map_or([0.0; 3], |s| [s.length_m, s.span_m, 0.25 * s.length_m]),
+        }
+    }
+
+    /// Whether it drifts with the air.
+    pub fn drifts(self) -> bool {
+        matches!(self, Self::Balloon | Self::Leaf)
+    }
+
+    /// Phases of its wings' joints or of its rotors [rad], `t_s` after it had `phase_rad`.
+    pub fn phases_rad(self, t_s: f64, phase_rad: f64) -> [f64; MAX_ROTORS] {
+        if let Some(species) = self.species() {
+            return species.wings_rad(t_s, phase_rad);
+        }
+        let mut phases = [0.0; MAX_ROTORS];
+        let turns_hz: &[f64] = match self {
+            Self::LightAircraft => &[PROPELLER_HZ],
+            Self::Helicopter => &ROTORS_HZ,
+            _ => &[],
+        };
+        for (phase, hz) in phases.iter_mut().zip(turns_hz) {
+            *phase = (phase_rad + TAU * hz * t_s).rem_euclid(TAU);
+        }
+        phases
+    }
+
+    /// Position, velocity and attitude of one that follows `setpoint`, `t_s` after it had
+    /// `phase_rad`. What drifts takes its position from the air instead.
+    pub fn pose(self, setpoint: &Setpoint, t_s: f64, phase_rad: f64) -> DistractorPose {
+        let [heave_m, heave_mps] =
+            (self.species()).map_or([0.0; 2], |species| species.heave(t_s, phase_rad));
+        DistractorPose {
+            r_enu_m: setpoint.r_enu_m + heave_m * DVec3::Z,
+            v_enu_mps: setpoint.v_enu_mps + heave_mps * DVec3::Z,
+            q_enu_body: match self {
+                Self::Balloon => DQuat::IDENTITY,
+                Self::Leaf => tumbling_attitude(t_s, phase_rad),
+                Self::Helicopter => rotorcraft_attitude(setpoint),
+                _ => winged_attitude(setpoint),
+            },
         }
     }
 }
 
-/// Bill to tail of a herring gull [m]; length and span from the species' handbook ranges of 0.55 to
-/// 0.67 m and 1.25 to 1.55 m (Cramp & Simmons, Birds of the Western Palearctic vol. 3; recalled).
-pub const BIRD_LENGTH_M: f64 = 0.60; // [m]
-/// Wing span of a herring gull [m].
-pub const BIRD_SPAN_M: f64 = 1.35; // [m]
-/// Wingbeats a second. The formula of Pennycuick, J. Exp. Biol. 199, 1613 (1996) gives 3.7 Hz for
-/// this gull; birds in passage beat 0.81 to 1.05 times as often (Pennycuick, J. Exp. Biol. 204, 3283,
-/// 2001), gulls at the slow end.
-pub const WINGBEAT_HZ: f64 = 3.1; // [Hz]
-/// Mean angle of the wings above the level [rad] (assumption).
-pub const WING_MEAN_RAD: f64 = 0.14; // [rad]
-/// How far the wings beat to both sides of their mean angle [rad] (assumption: cruising flight, 35
-/// degrees).
-pub const WING_BEAT_RAD: f64 = 0.61; // [rad]
 /// Length, span and height of a twin-jet airliner of the Airbus A320's size [m] (recalled from the
 /// maker's airport planning manual).
 pub const AIRLINER_SIZE_M: [f64; 3] = [37.6, 35.8, 11.8]; // [m]
 /// Length, span and height of a four-seat high-wing aeroplane of the Cessna 172's size [m] (recalled).
 pub const LIGHT_AIRCRAFT_SIZE_M: [f64; 3] = [8.3, 11.0, 2.7]; // [m]
+/// Length with turning rotors, diameter of the main rotor and height of a helicopter of the Airbus
+/// H135's size [m] (recalled).
+pub const HELICOPTER_SIZE_M: [f64; 3] = [12.2, 10.4, 3.6]; // [m]
+/// Turns a second of a helicopter's main and tail rotors (395 and 3,000 a minute; assumption, of that
+/// size).
+pub const ROTORS_HZ: [f64; 2] = [6.6, 50.0]; // [Hz]
+/// Turns a second of a light aircraft's propeller (2,400 a minute; assumption).
+pub const PROPELLER_HZ: f64 = 40.0; // [Hz]
+/// Drag of a helicopter over its mass and speed, by which it pitches forward [1/s]: 6 degrees at
+/// 60 m/s (assumption).
+const HELICOPTER_DRAG_PER_S: f64 = 0.017; // [1/s]
 /// Length, width and bend of a large leaf [m] (assumption).
 pub const LEAF_SIZE_M: [f64; 3] = [0.16, 0.11, 0.03]; // [m]
 /// Turns a second of a tumbling leaf about its length (assumption).
 pub const TUMBLE_ROLL_HZ: f64 = 1.7; // [Hz]
 /// Turns a second of a tumbling leaf about the vertical (assumption).
 pub const TUMBLE_YAW_HZ: f64 = 0.4; // [Hz]
-/// Angle of both wings above the level in a glide [rad] (assumption).
-pub const GLIDE_RAD: f64 = 0.10; // [rad]
 /// A latex balloon of three feet [m].
 pub const BALLOON_RADIUS_M: f64 = 0.457; // [m]
 
-/// A bird at one instant.
+/// A distractor at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BirdPose {
+pub struct DistractorPose {
     /// Position of the body [m, enu].
     pub r_enu_m: DVec3,
     /// Velocity of the body [m/s, enu].
     pub v_enu_mps: DVec3,
-    /// Attitude: forward along the path, banked so that lift carries weight and turn.
+    /// Attitude of the body.
     pub q_enu_body: DQuat,
-    /// Angle of both wings above the level [rad].
-    pub wing_rad: f64,
 }
 
-/// The bird that follows `setpoint`, `phase_rad` [rad] into its wingbeat (0: wings up).
-///
-/// The downstroke carries everything: lift is `m g (1 + sin(phase))`, so the body heaves by
-/// `-g/omega^2 sin(phase)`, 2.6 cm at 3.1 Hz (the lift's first harmonic; assumption).
-pub fn bird_pose(setpoint: &Setpoint, phase_rad: f64) -> BirdPose {
-    let omega_radps = TAU * WINGBEAT_HZ;
-    let (sin, cos) = phase_rad.sin_cos();
-    let heave = GRAVITY_MPS2 / (omega_radps * omega_radps) * DVec3::Z;
-    BirdPose {
-        r_enu_m: setpoint.r_enu_m - sin * heave,
-        v_enu_mps: setpoint.v_enu_mps - omega_radps * cos * heave,
-        q_enu_body: winged_attitude(setpoint),
-        wing_rad: wing_rad(phase_rad),
-    }
-}
-
-/// Angle of both wings above the level [rad], `phase_rad` [rad] into the wingbeat (0: wings up).
-pub fn wing_rad(phase_rad: f64) -> f64 {
-    WING_MEAN_RAD + WING_BEAT_RAD * phase_rad.cos()
+/// The heading of a setpoint as a level unit vector.
+fn heading(setpoint: &Setpoint) -> DVec3 {
+    DVec3::new(setpoint.yaw_rad.sin(), setpoint.yaw_rad.cos(), 0.0)
 }
 
 /// Attitude (body to enu) of what flies on wings along `setpoint`: forward along the path, banked so
 /// that lift carries weight and turn; at rest it faces its heading.
 pub fn winged_attitude(setpoint: &Setpoint) -> DQuat {
-    let heading = DVec3::new(setpoint.yaw_rad.sin(), setpoint.yaw_rad.cos(), 0.0);
+    let heading = heading(setpoint);
     let forward = setpoint.v_enu_mps.try_normalize().unwrap_or(heading);
     let left = (setpoint.a_enu_mps2 + GRAVITY_MPS2 * DVec3::Z)
         .cross(forward)
         .try_normalize()
         .unwrap_or(DVec3::Z.cross(heading));
     DQuat::from_mat3(&DMat3::from_cols(forward, left, forward.cross(left)))
+}
+
+/// Attitude (body to enu) of a helicopter along `setpoint`: its rotor's axis carries weight,
+/// acceleration and drag, its nose points along the way, or its heading at rest.
+pub fn rotorcraft_attitude(setpoint: &Setpoint) -> DQuat {
+    let v_enu_mps = setpoint.v_enu_mps;
+    let thrust = setpoint.a_enu_mps2 + GRAVITY_MPS2 * DVec3::Z + HELICOPTER_DRAG_PER_S * v_enu_mps;
+    let up = thrust.try_normalize().unwrap_or(DVec3::Z);
+    let level = DVec3::new(v_enu_mps.x, v_enu_mps.y, 0.0);
+    let nose = if level.length() > 1.0 {
+        level
+    } else {
+        heading(setpoint)
+    };
+    let left = up.cross(nose).try_normalize().unwrap_or(DVec3::Y);
+    DQuat::from_mat3(&DMat3::from_cols(left.cross(up), left, up))
 }
 
 /// Attitude (body to enu) of a tumbling leaf after `t_s` [s], from `phase_rad` [rad] on: it turns
@@ -143,40 +239,38 @@ mod tests {
     }
 
     #[test]
-    fn the_wingbeat_is_the_published_one() {
-        // Pennycuick 1996: f = m^3/8 g^1/2 b^-23/24 S^-1/3 rho^-3/8 with the gull's 1.0 kg, 0.20 m^2.
-        let predicted_hz = GRAVITY_MPS2.sqrt()
-            * BIRD_SPAN_M.powf(-23.0 / 24.0)
-            * 0.20_f64.powf(-1.0 / 3.0)
-            * 1.225_f64.powf(-3.0 / 8.0);
-        let share = WINGBEAT_HZ / predicted_hz;
-        assert!((0.81..1.05).contains(&share), "{share}");
-    }
-
-    #[test]
     fn the_body_heaves_by_centimetres_and_its_velocity_is_the_derivative() {
         let step_s = 1e-6;
-        let at = |t_s: f64| bird_pose(&level(), TAU * WINGBEAT_HZ * t_s);
-        let mut highest_m = 0.0_f64;
-        for i in 0..100 {
-            let t_s = f64::from(i) * 5e-3;
-            let rate = (at(t_s + step_s).r_enu_m.z - at(t_s - step_s).r_enu_m.z) / (2.0 * step_s);
-            assert!((rate - at(t_s).v_enu_mps.z).abs() < 1e-6);
-            highest_m = highest_m.max(at(t_s).r_enu_m.z - 90.0);
+        for kind in [
+            DistractorKind::Goose,
+            DistractorKind::Bird,
+            DistractorKind::Swift,
+        ] {
+            let at = |t_s: f64| kind.pose(&level(), t_s, 0.4);
+            let mut highest_m = 0.0_f64;
+            for i in 0..2_000 {
+                let t_s = f64::from(i) * 3.1e-3;
+                let rise_m = at(t_s + step_s).r_enu_m.z - at(t_s - step_s).r_enu_m.z;
+                let rate = rise_m / (2.0 * step_s);
+                assert!((rate - at(t_s).v_enu_mps.z).abs() < 1e-5, "{kind:?}");
+                highest_m = highest_m.max(at(t_s).r_enu_m.z - 90.0);
+            }
+            if kind == DistractorKind::Bird {
+                assert!((highest_m - 0.0258).abs() < 3e-4, "{highest_m}");
+            }
         }
-        assert!((highest_m - 0.0258).abs() < 3e-4, "{highest_m}");
     }
 
     #[test]
     fn lift_carries_weight_and_turn() {
-        let pose = bird_pose(&level(), 0.3);
-        assert!((pose.q_enu_body * DVec3::Z - DVec3::Z).length() < 1e-12);
+        let level_q = winged_attitude(&level());
+        assert!((level_q * DVec3::Z - DVec3::Z).length() < 1e-12);
         // A left turn of 5 m/s^2: the left wing hangs by atan(5/g).
         let turn = Setpoint {
             a_enu_mps2: DVec3::new(0.0, 5.0, 0.0),
             ..level()
         };
-        let left = bird_pose(&turn, 0.0).q_enu_body * DVec3::Y;
+        let left = winged_attitude(&turn) * DVec3::Y;
         let bank_rad = -left.z.asin();
         assert!((bank_rad - (5.0 / GRAVITY_MPS2).atan()).abs() < 1e-12);
         // At rest it faces its heading.
@@ -185,7 +279,7 @@ mod tests {
             yaw_rad: std::f64::consts::FRAC_PI_2,
             ..level()
         };
-        let forward = bird_pose(&still, 0.0).q_enu_body * DVec3::X;
+        let forward = winged_attitude(&still) * DVec3::X;
         assert!((forward - DVec3::X).length() < 1e-12);
     }
 
@@ -204,5 +298,36 @@ mod tests {
         }
         let turned = tumbling_attitude(0.2, 0.0) * DVec3::Z;
         assert!(turned.dot(DVec3::Z) < 0.0, "{turned}");
+    }
+
+    #[test]
+    fn a_helicopter_leans_into_its_flight_and_its_rotors_turn() {
+        let fast = Setpoint {
+            v_enu_mps: DVec3::new(60.0, 0.0, 0.0),
+            ..level()
+        };
+        let q = rotorcraft_attitude(&fast);
+        let pitch_deg = -(q * DVec3::X).z.asin().to_degrees();
+        assert!((pitch_deg - 5.9).abs() < 0.2, "{pitch_deg}");
+        assert!((q * DVec3::Y - DVec3::Y).length() < 1e-12);
+        let kind = DistractorKind::Helicopter;
+        let [main, tail, rest, ..] = kind.phases_rad(0.01, 0.0);
+        assert!((main - TAU * 0.066).abs() < 1e-9 && (tail - TAU * 0.5).abs() < 1e-9);
+        assert_eq!(rest, 0.0);
+    }
+
+    #[test]
+    fn kinds_have_names_classes_and_sizes_of_their_own() {
+        for (i, kind) in DistractorKind::ALL.into_iter().enumerate() {
+            assert!(!kind.class().is_uav());
+            assert!(kind.size_m().iter().all(|side| *side > 0.0));
+            assert!(
+                DistractorKind::ALL[..i]
+                    .iter()
+                    .all(|k| k.name() != kind.name())
+            );
+            let written = serde_json::to_value(kind).unwrap();
+            assert_eq!(written, kind.name());
+        }
     }
 }

@@ -1,5 +1,7 @@
-//! What flies: catalogue, rigid bodies with rotors, flight plans, distractors.
+//! What flies: catalogue, classes, rigid bodies with rotors, flight plans, distractors.
 
+pub mod bird;
+pub mod class;
 pub mod distractor;
 pub mod multirotor;
 pub mod trajectory;

@@ -8,6 +8,7 @@
 //!   `m g tan(tilt) = rho C_D A v^2 / 2` at the listed top speed and tilt in 1.225 kg/m^3 air;
 //! - assumed, typical of the class: rotor lag, thrust-to-weight ratio and skin material.
 
+use crate::models::flight::class::ObjectClass;
 use crate::models::laser::thermal::{
     ABS_SHELL, CARBON_EPOXY, LIPO_POUCH, MOTOR_BELL, POLYCARBONATE_SHELL, SHELLED_POUCH,
     SkinMaterial,
@@ -48,24 +49,13 @@ impl UavKind {
     ];
 }
 
-/// The class of a UAV, as a detector or an operator would name it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum UavClass {
-    /// A small, agile racer flown by first-person view.
-    Fpv,
-    /// A camera or industrial UAV with four rotors.
-    Quadcopter,
-    /// An industrial UAV with six rotors.
-    Hexacopter,
-}
-
 /// The physical data of one UAV; body axes are forward, left, up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UavModel {
     /// Maker and model.
     pub name: &'static str,
     /// Class, by size and number of rotors.
-    pub class: UavClass,
+    pub class: ObjectClass,
     /// Take-off mass [kg].
     pub mass_kg: f64,
     /// Motor-to-motor diagonal [m].
@@ -121,7 +111,7 @@ impl UavModel {
         match part {
             AimPart::Body => self.skin,
             // A racer's battery is strapped on bare.
-            AimPart::Battery if self.class == UavClass::Fpv => LIPO_POUCH,
+            AimPart::Battery if self.class == ObjectClass::Fpv => LIPO_POUCH,
             AimPart::Battery => SHELLED_POUCH,
             AimPart::RotorHub => MOTOR_BELL,
             // Its housing; lens and sensor may go earlier.
@@ -160,7 +150,7 @@ const INCH_M: f64 = 0.0254; // [m]
 // Checked: mass, diagonal. Recalled: size, propeller, speed, tilt, rate.
 const PHANTOM4: UavModel = UavModel {
     name: "DJI Phantom 4",
-    class: UavClass::Quadcopter,
+    class: ObjectClass::Quadcopter,
     mass_kg: 1.380,
     diagonal_m: 0.350,
     size_m: [0.289, 0.289, 0.196],
@@ -181,7 +171,7 @@ const PHANTOM4: UavModel = UavModel {
 // Checked: mass, diagonal, size, speed. Recalled: propeller, tilt, rate.
 const MAVIC2: UavModel = UavModel {
     name: "DJI Mavic 2 Pro",
-    class: UavClass::Quadcopter,
+    class: ObjectClass::Quadcopter,
     mass_kg: 0.907,
     diagonal_m: 0.354,
     size_m: [0.322, 0.242, 0.084],
@@ -202,7 +192,7 @@ const MAVIC2: UavModel = UavModel {
 // Checked: mass, diagonal, size. Recalled: propeller, speed, tilt, rate.
 const MAVIC_AIR: UavModel = UavModel {
     name: "DJI Mavic Air",
-    class: UavClass::Quadcopter,
+    class: ObjectClass::Quadcopter,
     mass_kg: 0.430,
     diagonal_m: 0.213,
     size_m: [0.168, 0.184, 0.064],
@@ -223,7 +213,7 @@ const MAVIC_AIR: UavModel = UavModel {
 // Recalled: mass, diagonal, size, propeller, speed, tilt, rate.
 const MATRICE200: UavModel = UavModel {
     name: "DJI Matrice 200",
-    class: UavClass::Quadcopter,
+    class: ObjectClass::Quadcopter,
     mass_kg: 4.69,
     diagonal_m: 0.643,
     size_m: [0.887, 0.880, 0.378],
@@ -246,7 +236,7 @@ const MATRICE200: UavModel = UavModel {
 // what its balance asks for.
 const MATRICE600: UavModel = UavModel {
     name: "DJI Matrice 600 Pro",
-    class: UavClass::Hexacopter,
+    class: ObjectClass::Hexacopter,
     mass_kg: 9.5,
     diagonal_m: 1.133,
     size_m: [1.668, 1.518, 0.759],
@@ -270,7 +260,7 @@ const MATRICE600: UavModel = UavModel {
 // frame's area. The tilt limit is that steady tilt, so that the airframe tops out there.
 const FPV5: UavModel = UavModel {
     name: "5-inch FPV racer",
-    class: UavClass::Fpv,
+    class: ObjectClass::Fpv,
     mass_kg: 0.70,
     diagonal_m: 0.22,
     size_m: [0.20, 0.16, 0.06],

@@ -124,11 +124,10 @@ fn triangles(
         &shape.body.indices,
         project(&shape.body, body_axes, r_cam_m),
     )];
-    for (mount, phase_rad) in shape.rotors.iter().zip(rotor_phase_rad) {
-        let turned = mount.q_body_hub * DQuat::from_rotation_z(*phase_rad);
-        let axes = DMat3::from_quat(q_cam_body * turned);
-        let hub_cam_m = r_cam_m + body_axes * mount.hub_body_m;
-        parts.push((&shape.rotor.indices, project(&shape.rotor, axes, hub_cam_m)));
+    for (blade, at_body) in shape.blades_at(rotor_phase_rad) {
+        let axes = body_axes * at_body.matrix3;
+        let hub_cam_m = r_cam_m + body_axes * at_body.translation;
+        parts.push((&blade.indices, project(blade, axes, hub_cam_m)));
     }
     parts
         .iter()

@@ -1,5 +1,5 @@
 //! Structures that stand against the sky where a UAV might be looked for: cranes, masts, antennas,
-//! lamp posts, flags, pylons. Each is drawn about its foot, z up; sizes are assumptions, typical of the
+//! lamp posts, flags, pylons, mastheads, bare trees, treelines. Each is drawn about its foot, z up; sizes are assumptions, typical of the
 //! kind.
 
 use std::f64::consts::TAU;
@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use crate::models::maths::rng::Stream;
-use crate::models::shape::mesh::{MeshData, Paint};
+use crate::models::shape::mesh::{MeshData, Paint, Surface};
 
 /// Kind of static structure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,17 +24,27 @@ pub enum ClutterKind {
     Flag,
     /// A power pylon with stubs of its lines, 20 to 45 m high.
     Pylon,
+    /// A thin pole, as of a boat or a weather station, whose head carries lamps, cups and domes, 6 to
+    /// 20 m high.
+    Masthead,
+    /// A tree without leaves, 5 to 25 m high.
+    BareTree,
+    /// A line of trees with gaps, 40 to 80 m long and up to 27 m high.
+    Treeline,
 }
 
 impl ClutterKind {
     /// Every kind.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 9] = [
         Self::Crane,
         Self::Mast,
         Self::Antenna,
         Self::LampPost,
         Self::Flag,
         Self::Pylon,
+        Self::Masthead,
+        Self::BareTree,
+        Self::Treeline,
     ];
 }
 
@@ -45,6 +55,7 @@ const YELLOW: [f32; 3] = [0.62, 0.38, 0.03];
 const RED: [f32; 3] = [0.5, 0.04, 0.03];
 const BLUE: [f32; 3] = [0.03, 0.08, 0.35];
 const GREEN: [f32; 3] = [0.04, 0.25, 0.07];
+const BARK: [f32; 3] = [0.09, 0.068, 0.05];
 
 /// A structure of drawn size and colour about its foot [m], z up; its long side lies in a drawn
 /// direction.
@@ -58,6 +69,9 @@ pub fn clutter_mesh(kind: ClutterKind, rng: &mut Stream) -> MeshData {
         ClutterKind::LampPost => lamp_post(&mut mesh, turn, rng),
         ClutterKind::Flag => flag(&mut mesh, turn, rng),
         ClutterKind::Pylon => pylon(&mut mesh, turn, rng),
+        ClutterKind::Masthead => masthead(&mut mesh, turn, rng),
+        ClutterKind::BareTree => bare_tree(&mut mesh, DVec3::ZERO, rng.range(7.0, 20.0), 4, rng),
+        ClutterKind::Treeline => treeline(&mut mesh, turn, rng),
     }
     mesh
 }
@@ -362,6 +376,111 @@ fn pylon(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
     }
 }
 
+fn masthead(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
+    let height = rng.range(6.0, 18.0);
+    let tone = rng.pick(&[STEEL, DARK, WHITE]);
+    let top = DVec3::Z * height;
+    mesh.frustum((DVec3::ZERO, 0.07), (top, 0.035), 6, Paint::plain(tone));
+    let across = turn.extend(0.0);
+    for _ in 0..1 + (2.0 * rng.uniform()) as u32 {
+        // A cross-tree with something on each end, as a UAV has its rotors.
+        let at = top - DVec3::Z * rng.range(0.0, 0.15) * height;
+        let half = rng.range(0.25, 0.9);
+        bar(mesh, at - across * half, at + across * half, 0.025, tone);
+        let paint = Paint::plain(rng.pick(&[DARK, WHITE, STEEL]));
+        let size = rng.range(0.06, 0.16);
+        for end in [at - across * half, at + across * half] {
+            let radii = DVec3::new(1.0, 1.0, rng.range(0.4, 1.6)) * size;
+            mesh.icosphere(end + DVec3::Z * size, radii, 1, paint);
+        }
+    }
+    let size = rng.range(0.1, 0.35);
+    let radii = DVec3::new(size, size, size * rng.range(0.3, 1.0));
+    mesh.icosphere(
+        top,
+        radii,
+        1,
+        Paint::plain(rng.pick(&[WHITE, DARK, RED, STEEL])),
+    );
+    bar(mesh, top, top + DVec3::Z * rng.range(0.3, 1.8), 0.012, DARK);
+}
+
+/// A trunk that forks `depth` times.
+fn bare_tree(mesh: &mut MeshData, foot: DVec3, height_m: f64, depth: u32, rng: &mut Stream) {
+    let lean = DVec2::from_angle(rng.range(0.0, TAU)) * rng.range(0.0, 0.08);
+    let way = lean.extend(1.0).normalize();
+    let length_m = 0.36 * height_m;
+    branch(mesh, foot, way * length_m, 0.016 * height_m, depth, rng);
+}
+
+fn branch(
+    mesh: &mut MeshData,
+    foot: DVec3,
+    along: DVec3,
+    radius_m: f64,
+    forks: u32,
+    rng: &mut Stream,
+) {
+    let end = foot + along;
+    let tip_m = 0.6 * radius_m;
+    mesh.frustum((foot, radius_m), (end, tip_m), 3, Paint::plain(BARK));
+    if forks == 0 {
+        return;
+    }
+    let (side, other) = along.normalize_or(DVec3::Z).any_orthonormal_pair();
+    let turn = rng.range(0.0, TAU);
+    let count = 3 + (2.0 * rng.uniform()) as u32;
+    for k in 0..count {
+        let (sin, cos) = (turn + TAU * f64::from(k) / f64::from(count)).sin_cos();
+        let out = (side * cos + other * sin) * rng.range(0.35, 0.95);
+        let way = (along.normalize_or(DVec3::Z) + out + 0.25 * DVec3::Z).normalize();
+        let from = foot + along * rng.range(0.65, 1.0);
+        let length_m = along.length() * rng.range(0.5, 0.75);
+        branch(mesh, from, way * length_m, tip_m, forks - 1, rng);
+    }
+}
+
+/// Trees along a line, some of them missing.
+fn treeline(mesh: &mut MeshData, turn: DVec2, rng: &mut Stream) {
+    let (long_m, step_m) = (rng.range(40.0, 80.0), rng.range(6.0, 10.0));
+    let (tall_m, gaps, bare) = (
+        rng.range(8.0, 18.0),
+        rng.range(0.1, 0.5),
+        rng.uniform() < 0.3,
+    );
+    let slim = rng.range(0.35, 1.0);
+    let count = (long_m / step_m) as i32;
+    for k in 0..count {
+        // The first one stands, so that a line is never empty.
+        if k > 0 && rng.uniform() < gaps {
+            continue;
+        }
+        let along_m = step_m * (f64::from(k) - 0.5 * f64::from(count) + 0.3 * rng.normal());
+        let foot = (turn * along_m + turn.perp() * rng.normal()).extend(0.0);
+        let height_m = tall_m * rng.range(0.7, 1.3);
+        if bare {
+            bare_tree(mesh, foot, 0.85 * height_m, 3, rng);
+            continue;
+        }
+        let tint = rng.uniform() as f32;
+        let leaves = Paint {
+            surface: Surface::Foliage,
+            ..Paint::plain([0.045 + 0.05 * tint, 0.085 + 0.04 * tint, 0.03])
+        };
+        let crown = foot + DVec3::Z * 0.6 * height_m;
+        let trunk = 0.02 * height_m;
+        mesh.frustum((foot, trunk), (crown, 0.6 * trunk), 5, Paint::plain(BARK));
+        for _ in 0..3 {
+            let off = DVec3::new(rng.normal(), rng.normal(), 1.2 * rng.normal());
+            let radii = DVec3::new(slim, slim, 1.1) * height_m * rng.range(0.18, 0.3);
+            let at = crown + off * 0.06 * height_m;
+            let most_m = 1.4 * tall_m - at.z;
+            let radii = radii.min(DVec3::splat(most_m.max(0.5)));
+            mesh.icosphere(at, radii, 1, leaves);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -375,6 +494,9 @@ mod tests {
             (ClutterKind::LampPost, [6.0, 12.6]),
             (ClutterKind::Flag, [6.0, 14.1]),
             (ClutterKind::Pylon, [20.0, 45.1]),
+            (ClutterKind::Masthead, [6.0, 20.0]),
+            (ClutterKind::BareTree, [4.5, 26.0]),
+            (ClutterKind::Treeline, [5.0, 27.0]),
         ] {
             for i in 0..30 {
                 let draw = || clutter_mesh(kind, &mut Stream::new(9, i, "clutter"));
@@ -388,7 +510,7 @@ mod tests {
                 );
                 assert!((least..most).contains(&high.z), "{kind:?} {i}: {}", high.z);
                 let triangles = mesh.triangle_count();
-                assert!((20..6000).contains(&triangles), "{kind:?}: {triangles}");
+                assert!((20..12_000).contains(&triangles), "{kind:?}: {triangles}");
                 assert!(mesh.positions.iter().flatten().all(|x| x.is_finite()));
             }
         }

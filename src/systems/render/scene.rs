@@ -390,8 +390,7 @@ pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, D
     };
     let mut add = |data: &MeshData| world.resource_mut::<Assets<Mesh>>().add(mesh(data));
     let body = add(&shape.body);
-    // The GPU takes no mesh without vertices.
-    let rotor = (!shape.rotors.is_empty()).then(|| add(&shape.rotor));
+    let blades: Vec<_> = shape.blades.iter().map(&mut add).collect();
     let body = world
         .spawn((
             UavBody(index),
@@ -402,19 +401,21 @@ pub fn spawn_uav(world: &mut World, index: usize, shape: &UavMesh, at: (DVec3, D
             ChildOf(site_grid),
         ))
         .id();
-    for (number, (mount, rotor)) in shape.rotors.iter().zip(rotor.iter().cycle()).enumerate() {
-        world.spawn((
+    let mut rotors: Vec<Entity> = Vec::new();
+    for (number, mount) in shape.rotors.iter().enumerate() {
+        let rotor = world.spawn((
             UavRotor {
                 uav: index,
                 number,
                 q_body_hub: mount.q_body_hub.as_quat(),
             },
-            Mesh3d(rotor.clone()),
+            Mesh3d(blades[mount.blade].clone()),
             MeshMaterial3d(material.clone()),
             MeshTag(0),
             Transform::from_translation(mount.hub_body_m.as_vec3()),
-            ChildOf(body),
+            ChildOf(mount.parent.map_or(body, |parent| rotors[parent])),
         ));
+        rotors.push(rotor.id());
     }
 }
 

@@ -1,9 +1,12 @@
 //! Aeroplanes: an airliner and a light aircraft.
 
-use glam::DVec3;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::parts::{block, hull_forward, section, tube};
+use glam::{DQuat, DVec3};
+
+use super::parts::{block, hull_forward, propeller, section, tube};
 use super::style::{BLACK, DARK, SILVER};
+use super::{RotorMount, UavMesh};
 use crate::models::shape::mesh::{MeshData, Paint};
 
 /// An end of a wing or fin: the middle of its leading edge, and its chord.
@@ -104,14 +107,25 @@ pub(super) fn airliner(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) -> Mes
     plane.mesh
 }
 
-/// A high-wing single with fixed gear of length, span and height `size_m` [m].
-pub(super) fn light_aircraft(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) -> MeshData {
-    let [l, span, h] = size_m;
+/// How a light aircraft differs from others.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LightAircraft {
+    /// Length, span and height [m].
+    pub size_m: [f64; 3],
+    /// Whether the wing lies below the cabin.
+    pub low_wing: bool,
+    pub shell: [f32; 3],
+    pub tail: [f32; 3],
+}
+
+/// A single with fixed gear, and its propeller.
+pub(super) fn light_aircraft(style: &LightAircraft) -> UavMesh {
+    let [l, span, h] = style.size_m;
     let mut plane = Builder {
         mesh: MeshData::new(DVec3::ZERO),
         length_m: l,
     };
-    let (white, trim) = (Paint::plain(shell), Paint::plain(tail));
+    let (white, trim) = (Paint::plain(style.shell), Paint::plain(style.tail));
     #[rustfmt::skip]
     hull_forward(&mut plane.mesh, &[
         [-0.47 * l, 0.008 * l, 0.02 * l, 0.02 * l], [-0.2 * l, 0.04 * l, 0.05 * l, 0.01 * l],
@@ -119,10 +133,15 @@ pub(super) fn light_aircraft(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) 
         [0.3 * l, 0.06 * l, 0.055 * l, -0.015 * l], [0.46 * l, 0.045 * l, 0.045 * l, -0.02 * l],
     ], 2.8, white);
     let (roof, belly) = (0.1 * l, -0.065 * l);
+    let (root, rise) = if style.low_wing {
+        (belly + 0.02 * l, 0.05 * span)
+    } else {
+        (roof, 0.015 * span)
+    };
     for y in [-1.0, 1.0] {
         let main = ends(
-            [0.23, 0.0, roof, 0.19],
-            [0.2, span / 2.0, roof + 0.015 * span, 0.14],
+            [0.23, 0.0, root, 0.19],
+            [0.2, span / 2.0, root + rise, 0.14],
         );
         plane.wing(y, main, 0.12, DVec3::Z, white);
         let tailplane = ends(
@@ -130,11 +149,13 @@ pub(super) fn light_aircraft(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) 
             [-0.37, 0.16 * span, 0.02 * l, 0.09],
         );
         plane.wing(y, tailplane, 0.1, DVec3::Z, trim);
-        let strut = [
-            plane.at(0.12, y, 0.06 * l, belly),
-            plane.at(0.13, y, 0.26 * span, roof),
-        ];
-        tube(&mut plane.mesh, strut[0], strut[1], 0.006 * l, white);
+        if !style.low_wing {
+            let strut = [
+                plane.at(0.12, y, 0.06 * l, belly),
+                plane.at(0.13, y, 0.26 * span, roof),
+            ];
+            tube(&mut plane.mesh, strut[0], strut[1], 0.006 * l, white);
+        }
         let hip = plane.at(0.09, y, 0.05 * l, belly);
         let wheel = plane.at(0.09, y, 0.15 * l, 0.02 * l - 0.62 * h);
         tube(&mut plane.mesh, hip, wheel, 0.007 * l, white);
@@ -146,12 +167,22 @@ pub(super) fn light_aircraft(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) 
     let wheel = nose - DVec3::Z * 0.12 * l;
     tube(mesh, nose, wheel, 0.006 * l, white);
     block(mesh, wheel, [0.06 * l, 0.02 * l, 0.05 * l], BLACK);
-    // A blade in any position stands for the propeller.
     let hub = DVec3::new(0.48 * l, 0.0, -0.02 * l);
-    block(mesh, hub, [0.04 * l, 0.03 * l, 0.03 * l], tail);
-    block(mesh, hub, [0.004 * l, 0.012 * l, 0.23 * l], DARK);
+    block(mesh, hub, [0.04 * l, 0.03 * l, 0.03 * l], style.tail);
     let tip_z = 0.4 * h + 0.02 * l;
     let fin = ends([-0.3, 0.0, 0.03 * l, 0.16], [-0.42, 0.0, tip_z, 0.08]);
     plane.wing(1.0, fin, 0.1, DVec3::Y, trim);
-    plane.mesh
+    UavMesh {
+        body: plane.mesh,
+        rotors: vec![RotorMount {
+            hub_body_m: hub,
+            // Its axis points forward.
+            q_body_hub: DQuat::from_rotation_y(FRAC_PI_2),
+            sweep_rad: [0.0, TAU],
+            clockwise: false,
+            blade: 0,
+            parent: None,
+        }],
+        blades: vec![propeller(0.115 * l, 2, DARK)],
+    }
 }

@@ -1,13 +1,15 @@
 //! Parametric UAV bodies and propellers at the catalogue's published sizes, in body axes
 //! (forward-left-up) about the centre of the rotors' square or hexagon; and the distractors that a
-//! detector may take for UAVs: birds, balloons, aeroplanes, leaves.
+//! detector may take for UAVs: birds, balloons, aeroplanes, helicopters, leaves.
 //!
 //! The makers give a Phantom's, a Mavic's and the racer's size without propellers, the Matrices'
 //! with them turning: hub positions and hull sizes follow from that and from the diagonal.
 
 mod aeroplane;
+mod birds;
 mod distractors;
 mod fittings;
+mod helicopter;
 mod kit;
 mod matrice;
 mod mavic;
@@ -34,17 +36,21 @@ use racer::racer;
 use ribbed::ribbed;
 pub use style::{Coat, FrameStyle, Gear, Payload, UavStyle};
 
-/// Where a propeller, or a bird's wing, sits.
+/// Where a propeller, or a part of a bird's wing, sits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorMount {
-    /// Hub [m, body].
+    /// Hub [m, body, or the axes of what carries it].
     pub hub_body_m: DVec3,
     /// Attitude of its mesh at phase 0; it turns about its own z.
     pub q_body_hub: DQuat,
     /// Phases that it goes through, from and to [rad].
     pub sweep_rad: [f64; 2],
-    /// Whether it turns clockwise seen from above; its propeller is the mirror image in y.
+    /// Whether it turns clockwise seen from above.
     pub clockwise: bool,
+    /// Its mesh among [`UavMesh::blades`].
+    pub blade: usize,
+    /// The earlier rotor that carries it, as a bird's arm its hand; `None`: the body does.
+    pub parent: Option<usize>,
 }
 
 /// A UAV to draw.
@@ -54,11 +60,46 @@ pub struct UavMesh {
     pub body: MeshData,
     /// Hubs, in the order of the flight model's rotors.
     pub rotors: Vec<RotorMount>,
-    /// The propeller of a counter-clockwise rotor about its hub, axis z [m].
-    pub rotor: MeshData,
+    /// Propellers, or parts of wings, about their hubs, axis z [m].
+    pub blades: Vec<MeshData>,
+}
+
+impl RotorMount {
+    /// From its mesh to what carries it, at a phase [rad].
+    fn at(&self, phase_rad: f64) -> DAffine3 {
+        let turned = self.q_body_hub * DQuat::from_rotation_z(phase_rad);
+        DAffine3::from_rotation_translation(turned, self.hub_body_m)
+    }
 }
 
 impl UavMesh {
+    /// Every rotor's mesh, and how it lies on the body, at phases [rad].
+    pub fn blades_at(&self, phase_rad: &[f64]) -> Vec<(&MeshData, DAffine3)> {
+        let mut placed: Vec<(&MeshData, DAffine3)> = Vec::with_capacity(self.rotors.len());
+        for (mount, phase_rad) in self.rotors.iter().zip(phase_rad) {
+            let carrier = mount.parent.map_or(DAffine3::IDENTITY, |i| placed[i].1);
+            placed.push((&self.blades[mount.blade], carrier * mount.at(*phase_rad)));
+        }
+        placed
+    }
+
+    /// How a rotor's mesh lies on the body at phases spread over its sweep, and those of what
+    /// carries it.
+    fn swept(&self, mount: &RotorMount) -> Vec<DAffine3> {
+        let [from, to] = mount.sweep_rad;
+        let steps = if to - from < TAU { 4 } else { 16 };
+        let carrier = mount.parent.map(|i| self.swept(&self.rotors[i]));
+        let carrier = carrier.unwrap_or_else(|| vec![DAffine3::IDENTITY]);
+        (carrier.iter())
+            .flat_map(|carrier| {
+                (0..=steps).map(move |i| {
+                    let phase_rad = from + (to - from) * f64::from(i) / f64::from(steps);
+                    *carrier * mount.at(phase_rad)
+                })
+            })
+            .collect()
+    }
+
     /// Where the middle of `part` of a UAV lies [m, body].
     pub fn part_body_m(&self, uav: &UavModel, part: AimPart) -> DVec3 {
         match part {
@@ -92,28 +133,27 @@ impl UavMesh {
     /// Points whose projections' box holds that of the body and of what its rotors or wings sweep
     /// [m, body].
     pub fn outline_body_m(&self) -> Vec<DVec3> {
-        const SWEEP_POINTS: u32 = 16;
         let point = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-        let blade_m = self
-            .rotor
-            .positions
-            .iter()
-            .map(|p| point(p).truncate().length())
-            .fold(0.0, f64::max);
-        let sweeps = self.rotors.iter().flat_map(|mount| {
-            let [from, to] = mount.sweep_rad;
-            (0..=SWEEP_POINTS).map(move |i| {
-                let angle = from + (to - from) * f64::from(i) / f64::from(SWEEP_POINTS);
-                let tip = blade_m * DVec2::from_angle(angle).extend(0.0);
-                mount.hub_body_m + mount.q_body_hub * tip
-            })
-        });
-        self.body
-            .positions
-            .iter()
-            .map(point)
-            .chain(sweeps)
-            .collect()
+        let mut outline: Vec<DVec3> = self.body.positions.iter().map(point).collect();
+        for mount in &self.rotors {
+            let points: Vec<DVec3> = (self.blades[mount.blade].positions.iter())
+                .map(point)
+                .collect();
+            // What turns all around reaches as far as its tip does.
+            let turns = mount.sweep_rad[1] - mount.sweep_rad[0] >= TAU;
+            let tip_m = (points.iter())
+                .map(|p| p.truncate().length())
+                .fold(0.0, f64::max);
+            let points = if turns {
+                vec![DVec3::X * tip_m]
+            } else {
+                points
+            };
+            for at in self.swept(mount) {
+                outline.extend(points.iter().map(|p| at.transform_point3(*p)));
+            }
+        }
+        outline
     }
 }
 
@@ -167,12 +207,14 @@ pub fn styled_uav_mesh(kind: UavKind, style: &UavStyle) -> UavMesh {
             q_body_hub: DQuat::IDENTITY,
             sweep_rad: [0.0, TAU],
             clockwise: i % 2 == 0,
+            blade: 0,
+            parent: None,
         })
         .collect();
     UavMesh {
         body,
         rotors,
-        rotor,
+        blades: vec![rotor],
     }
 }
 

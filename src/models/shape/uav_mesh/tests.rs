@@ -1,8 +1,6 @@
-use super::aeroplane::{airliner, light_aircraft};
-use super::distractors::solid;
-use super::style::{RED, WHITE};
 use super::*;
-use crate::models::flight::distractor::{AIRLINER_SIZE_M, DistractorKind, LIGHT_AIRCRAFT_SIZE_M};
+use crate::models::flight::bird::Species;
+use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::uav::aim_offset_enu_m;
 use crate::models::maths::rng::Stream;
 
@@ -68,7 +66,7 @@ fn bodies_face_outward_within_the_triangle_budget() {
             (400..=1500).contains(&total),
             "{kind:?} has {total} triangles"
         );
-        for part in [&mesh.body, &mesh.rotor] {
+        for part in [&mesh.body, &mesh.blades[0]] {
             assert!(part.signed_volume_m3() > 0.0);
             let at = |v: &[[f32; 3]], i: u32| DVec3::from(v[i as usize].map(f64::from));
             for t in part.indices.chunks_exact(3) {
@@ -86,7 +84,7 @@ fn bodies_face_outward_within_the_triangle_budget() {
 fn propellers_are_round_and_climb_into_their_turn() {
     for kind in UavKind::ALL {
         let uav = model(kind);
-        let rotor = uav_mesh(kind).rotor;
+        let rotor = uav_mesh(kind).blades.swap_remove(0);
         let reach = rotor
             .positions
             .iter()
@@ -182,36 +180,105 @@ fn expected_offsets_are_the_catalogues_means() {
     assert!((east.x - north.y).abs() < 1e-12 && east.x > 0.05, "{east}");
 }
 
+/// Corners of the box around body and moving parts at phases [rad].
+fn bounds_m(mesh: &UavMesh, phase_rad: &[f64]) -> [DVec3; 2] {
+    let point = |p: &[f32; 3]| DVec3::from(p.map(f64::from));
+    let (mut low, mut high) = mesh.body.bounds_m().unwrap();
+    for (blade, at) in mesh.blades_at(phase_rad) {
+        for p in blade.positions.iter().map(point) {
+            let p = at.transform_point3(p);
+            (low, high) = (low.min(p), high.max(p));
+        }
+    }
+    [low, high]
+}
+
 #[test]
 fn distractors_have_their_sizes() {
-    for kind in [DistractorKind::Bird, DistractorKind::Balloon] {
+    for kind in DistractorKind::ALL {
         let mesh = distractor_mesh(kind);
-        let [length_m, width_m, _] = kind.size_m();
-        let (low, high) = mesh.body.bounds_m().unwrap();
-        assert!(((high - low).x / length_m - 1.0).abs() < 0.01, "{kind:?}");
-        assert!(mesh.body.signed_volume_m3() > 0.0);
-        // Wings stretched level; a balloon has none.
-        let tips = mesh.rotors.iter().flat_map(|mount| {
-            let at = |p: &[f32; 3]| mount.q_body_hub * DVec3::from(p.map(f64::from));
-            mesh.rotor
+        let [length_m, width_m, height_m] = kind.size_m();
+        // Wings stretched level; a helicopter's four blades along and across.
+        let [low, high] = bounds_m(&mesh, &[0.0; 4]);
+        let got = high - low;
+        for (got_m, want_m, slack) in [
+            (got.x, length_m, 0.13),
+            (got.y, width_m, 0.02),
+            (
+                got.z,
+                height_m,
+                if kind.species().is_some() { 0.7 } else { 0.13 },
+            ),
+        ] {
+            let ratio = got_m / want_m;
+            assert!(
+                (ratio - 1.0).abs() < slack,
+                "{kind:?}: {got_m} for {want_m} m"
+            );
+        }
+        for part in mesh.blades.iter().chain([&mesh.body]) {
+            assert!(part.signed_volume_m3() > 0.0, "{kind:?}");
+            assert!(part.positions.iter().flatten().all(|x| x.is_finite()));
+        }
+        assert!(mesh.body.triangle_count() < 1500, "{kind:?}");
+        // Whatever the phases, the outline's box holds it.
+        let outline = mesh.outline_body_m();
+        let reach = |axis: DVec3| outline.iter().map(|p| p.dot(axis)).fold(f64::MIN, f64::max);
+        for k in 0..50 {
+            let phases = kind.phases_rad(0.11 * f64::from(k), 0.3);
+            let [low, high] = bounds_m(&mesh, &phases);
+            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let slack_m = 0.03 * width_m;
+                assert!(high.dot(axis) < reach(axis) + slack_m, "{kind:?} {axis}");
+                assert!(-low.dot(axis) < reach(-axis) + slack_m, "{kind:?} {axis}");
+            }
+        }
+    }
+}
+
+#[test]
+fn wings_beat_alike_on_both_sides_and_bend_at_the_wrist() {
+    let gull = DistractorKind::Bird;
+    let mesh = distractor_mesh(gull);
+    let tips = |arm_rad: f64, hand_rad: f64| {
+        let phases = Species::joints(arm_rad, hand_rad);
+        let placed = mesh.blades_at(&phases);
+        // The outer end of each hand.
+        [2, 3].map(|hand| {
+            let (blade, at) = &placed[hand];
+            let points = blade
                 .positions
                 .iter()
-                .map(move |p| mount.hub_body_m + at(p))
-        });
-        let half_m = tips.fold(high.y, |most, p| most.max(p.y.abs()));
-        assert!((2.0 * half_m / width_m - 1.0).abs() < 0.01, "{kind:?}");
+                .map(|p| DVec3::from(p.map(f64::from)));
+            let tip = points
+                .max_by(|a, b| a.x.abs().total_cmp(&b.x.abs()))
+                .unwrap();
+            at.transform_point3(tip)
+        })
+    };
+    for (arm, hand) in [(0.0, 0.0), (0.5, 0.2), (-0.4, -0.3)] {
+        let [left, right] = tips(arm, hand);
+        let mirrored = DVec3::new(left.x, -left.y, left.z);
+        assert!((mirrored - right).length() < 1e-6, "{left} {right}");
     }
-    let gull = distractor_mesh(DistractorKind::Bird);
-    assert!(gull.rotor.signed_volume_m3() > 0.0);
-    for wing in &gull.rotors {
-        // A positive phase lifts either wing, and the wings are proper rotations.
-        let tip = wing.q_body_hub * DQuat::from_rotation_z(0.3) * DVec3::X;
-        assert!(tip.z > 0.29 && tip.y * wing.hub_body_m.y > 0.0, "{tip}");
-    }
-    // The sweep of the wings bounds the truth box: less high than the span.
-    let outline = gull.outline_body_m();
-    let top = outline.iter().map(|p| p.z).fold(f64::MIN, f64::max);
-    assert!((0.3..0.55).contains(&top), "{top}");
+    assert!(tips(0.3, 0.0)[0].z > tips(0.0, 0.0)[0].z + 0.1);
+    assert!(tips(0.3, 0.3)[0].z > tips(0.3, 0.0)[0].z + 0.05);
+    // Its tips lie behind its shoulders, its wings' undersides are bright.
+    assert!(tips(0.0, 0.0)[0].x < -0.02);
+    let arm = &mesh.blades[0];
+    let tone = |above: bool| {
+        let side = arm.positions.iter().zip(&arm.colors);
+        let of: Vec<f32> = (side.filter(|(p, _)| (p[1] > 0.0) == above))
+            .map(|(_, c)| c[0])
+            .collect();
+        of.iter().sum::<f32>() / of.len() as f32
+    };
+    assert!(
+        tone(false) > 1.1 * tone(true),
+        "{} {}",
+        tone(false),
+        tone(true)
+    );
 }
 
 #[test]
@@ -225,7 +292,7 @@ fn drawn_styles_repeat_and_keep_the_published_size() {
         let (mesh, standard) = (styled_uav_mesh(kind, &style), uav_mesh(kind));
         changed += usize::from(mesh.body.colors != standard.body.colors);
         assert!((0.92..1.08).contains(&style.scale));
-        assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.rotor.signed_volume_m3() > 0.0);
+        assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.blades[0].signed_volume_m3() > 0.0);
         assert!(mesh.body.triangle_count() < 3200, "{kind:?} {style:?}");
         // Hubs and propellers grow by the scale alone.
         for (hub, reference) in mesh.rotors.iter().zip(&standard.rotors) {
@@ -280,35 +347,28 @@ fn styles_show_what_they_name() {
             ..standard
         },
     )
-    .rotor;
-    let two = uav_mesh(UavKind::Fpv5).rotor;
+    .blades
+    .swap_remove(0);
+    let two = uav_mesh(UavKind::Fpv5).blades.swap_remove(0);
     assert!(three.triangle_count() > two.triangle_count());
 }
 
 #[test]
-fn aeroplanes_and_leaves_have_their_sizes() {
-    let check = |mesh: &UavMesh, size_m: [f64; 3], slack: f64| {
-        let (low, high) = mesh.body.bounds_m().unwrap();
-        for (got, want) in (high - low).to_array().into_iter().zip(size_m) {
-            assert!((got / want - 1.0).abs() < slack, "{got} m against {want} m");
-        }
-        assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.rotors.is_empty());
-    };
-    for kind in [DistractorKind::Aeroplane, DistractorKind::Leaf] {
-        check(&distractor_mesh(kind), kind.size_m(), 0.12);
-    }
-    let cessna = light_aircraft(LIGHT_AIRCRAFT_SIZE_M, WHITE, RED);
-    check(&solid(cessna), LIGHT_AIRCRAFT_SIZE_M, 0.12);
-    for mesh in [
-        airliner(AIRLINER_SIZE_M, WHITE, RED),
-        light_aircraft(LIGHT_AIRCRAFT_SIZE_M, WHITE, RED),
+fn aircraft_face_outward() {
+    for kind in [
+        DistractorKind::Aeroplane,
+        DistractorKind::LightAircraft,
+        DistractorKind::Helicopter,
     ] {
+        let mesh = distractor_mesh(kind);
         let at = |v: &[[f32; 3]], i: u32| DVec3::from(v[i as usize].map(f64::from));
-        for t in mesh.indices.chunks_exact(3) {
-            let [a, b, c] = [t[0], t[1], t[2]].map(|i| at(&mesh.positions, i));
-            let face = (b - a).cross(c - a).normalize_or_zero();
-            for &i in t {
-                assert!(face.dot(at(&mesh.normals, i)) > -0.2);
+        for part in mesh.blades.iter().chain([&mesh.body]) {
+            for t in part.indices.chunks_exact(3) {
+                let [a, b, c] = [t[0], t[1], t[2]].map(|i| at(&part.positions, i));
+                let face = (b - a).cross(c - a).normalize_or_zero();
+                for &i in t {
+                    assert!(face.dot(at(&part.normals, i)) > -0.2, "{kind:?}");
+                }
             }
         }
     }
@@ -316,12 +376,14 @@ fn aeroplanes_and_leaves_have_their_sizes() {
 
 #[test]
 fn drawn_distractors_vary_and_repeat() {
-    use DistractorKind::{Aeroplane, Balloon, Bird, Leaf};
-    for (kind, [least, most]) in [
-        (Bird, [0.5, 1.6]),
-        (Balloon, [0.2, 1.1]),
-        (Aeroplane, [7.0, 71.0]),
-        (Leaf, [0.02, 0.36]),
+    for (kind, [least, most], varies) in [
+        (DistractorKind::Bird, [1.1, 1.6], 1.2),
+        (DistractorKind::Raptor, [1.0, 1.5], 1.2),
+        (DistractorKind::Balloon, [0.2, 1.1], 1.8),
+        (DistractorKind::Aeroplane, [34.0, 71.0], 1.5),
+        (DistractorKind::LightAircraft, [7.0, 16.0], 1.5),
+        (DistractorKind::Helicopter, [8.0, 19.0], 1.7),
+        (DistractorKind::Leaf, [0.02, 0.36], 1.8),
     ] {
         let mut widths = Vec::new();
         for i in 0..40 {
@@ -342,6 +404,6 @@ fn drawn_distractors_vary_and_repeat() {
             widths.iter().copied().fold(f64::MAX, f64::min),
             widths.iter().copied().fold(0.0, f64::max),
         );
-        assert!(high > 1.8 * low, "{kind:?}: {low} to {high} m");
+        assert!(high > varies * low, "{kind:?}: {low} to {high} m");
     }
 }
