@@ -17,7 +17,7 @@ pub struct Arguments {
     /// Recipe file (TOML).
     #[arg(long, default_value = "recipes/engagement.toml")]
     pub recipe: PathBuf,
-    /// Folder for results.json, engagement.html and the draws; an evaluation that was stopped goes
+    /// Folder for results.json, results.html and the draws; an evaluation that was stopped goes
     /// on in it.
     #[arg(long, default_value = "out/engagement")]
     pub out: PathBuf,

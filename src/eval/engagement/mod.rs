@@ -61,7 +61,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     let results = Results::of(arguments.command(), detector, draws);
     put_json(&json, &results)?;
     page::write(&arguments.out, &results)?;
-    let page = arguments.out.join("engagement.html");
+    let page = arguments.out.join("results.html");
     Ok(format!("{}page  {}", results.text(), page.display()))
 }
 

@@ -19,7 +19,7 @@ const MOST_PICTURED: usize = 120;
 /// Changes of state that a failure shows.
 const MOST_STATES: usize = 8;
 
-/// Writes `engagement.html`.
+/// Writes `results.html`.
 pub fn write(out: &Path, results: &Results) -> Result<(), EvalError> {
     let head = Head {
         title: "Boresight: engagements",
@@ -32,7 +32,7 @@ pub fn write(out: &Path, results: &Results) -> Result<(), EvalError> {
         style: STYLE,
     };
     Ok(put(
-        &out.join("engagement.html"),
+        &out.join("results.html"),
         page(&head, &body(out, results)),
     )?)
 }
