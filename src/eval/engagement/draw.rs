@@ -356,10 +356,14 @@ struct Stage<'a> {
 
 /// Tries to find a flight or a place.
 const TRIES: usize = 3_000;
+/// No flight comes nearer to the station than this [m].
+const NEAREST_M: f64 = 100.0;
 /// Least height of a flight over what stands below it [m].
 const CLEARANCE_M: f64 = 8.0;
 /// Angle by which open sky reaches below a UAV before it [rad].
 const SKY_BELOW_RAD: f64 = 1f64.to_radians();
+/// Kinds that are tried until one has a place.
+const KINDS: usize = 20;
 /// Share of a flight that is in clear sight, and before its background.
 const LEAST_SHARE: f64 = 0.8;
 /// A pop-up has risen after this share of the engagement.
@@ -487,7 +491,8 @@ impl Stage<'_> {
         for step in 0..=STEPS {
             let share = f64::from(step) / f64::from(STEPS);
             let r_enu_m = plan.sample(share * self.duration_s).r_enu_m;
-            if r_enu_m.z < self.dsm.surface_m(r_enu_m.x, r_enu_m.y) + CLEARANCE_M - 0.1 {
+            let low = r_enu_m.z < self.dsm.surface_m(r_enu_m.x, r_enu_m.y) + CLEARANCE_M - 0.1;
+            if low || r_enu_m.distance(self.station_enu_m) < NEAREST_M {
                 return false;
             }
             if share < risen {
@@ -541,16 +546,22 @@ impl Stage<'_> {
             Nearness::Near => draw.near_deg,
             Nearness::Far => draw.far_deg,
         };
-        let shares = draw.kinds.iter().map(|kind| (kind, kind.share));
-        let Some(kind) = drawn(shares, rng) else {
+        // A kind that has no place in clear sight there, such as an aeroplane before a wall, gives way to
+        // another.
+        let placed = (0..KINDS).find_map(|_| {
+            let shares = draw.kinds.iter().map(|kind| (kind, kind.share));
+            let kind = drawn(shares, rng)?;
+            let speed_mps = rng.range(kind.speed_mps[0], kind.speed_mps[1]);
+            // In the first third of the engagement they are that near; what drifts with the wind, at once.
+            let meet_s = rng.uniform() * self.duration_s / 3.0;
+            let meet_s = if speed_mps > 0.0 { meet_s } else { 0.0 };
+            let uav = plan.sample(meet_s).r_enu_m - self.station_enu_m;
+            let middle = self.beside(uav, kind, apart_deg, rng)?;
+            Some((kind, speed_mps, meet_s, middle))
+        });
+        let Some((kind, speed_mps, meet_s, middle)) = placed else {
             return (Nearness::None, None, Vec::new());
         };
-        let speed_mps = rng.range(kind.speed_mps[0], kind.speed_mps[1]);
-        // In the first third of the engagement they are that near; what drifts with the wind, at once.
-        let meet_s = rng.uniform() * self.duration_s / 3.0;
-        let meet_s = if speed_mps > 0.0 { meet_s } else { 0.0 };
-        let uav = plan.sample(meet_s).r_enu_m - self.station_enu_m;
-        let middle = self.beside(uav, kind, apart_deg, rng);
         let course_rad = rng.range(0.0, TAU);
         let velocity = speed_mps * (level(course_rad) + rng.range(-0.08, 0.08) * DVec3::Z);
         let [fewest, most] = kind.count;
@@ -584,23 +595,25 @@ impl Stage<'_> {
         (nearness, Some(kind), others.collect())
     }
 
-    /// A place so many degrees beside the UAV, in clear sight where there is one [m, enu].
-    fn beside(&self, uav: DVec3, kind: &KindDraw, apart_deg: [f64; 2], rng: &mut Stream) -> DVec3 {
-        const TRIES: usize = 200;
+    /// A place in clear sight so many degrees beside the UAV [m, enu].
+    fn beside(
+        &self,
+        uav: DVec3,
+        kind: &KindDraw,
+        apart_deg: [f64; 2],
+        rng: &mut Stream,
+    ) -> Option<DVec3> {
+        const TRIES: usize = 50;
         let direction = uav.normalize();
         let right = direction.cross(DVec3::Z).normalize_or(DVec3::X);
         let up = right.cross(direction);
-        let mut place = DVec3::ZERO;
-        for _ in 0..TRIES {
+        (0..TRIES).find_map(|_| {
             let apart_rad = log_range(apart_deg, rng).to_radians();
             let (sin, cos) = rng.range(0.0, TAU).sin_cos();
             let beside = direction + apart_rad.tan() * (cos * right + sin * up);
-            place = self.station_enu_m + log_range(kind.range_m, rng) * beside.normalize();
-            if self.clear(place) {
-                break;
-            }
-        }
-        place
+            let place = self.station_enu_m + log_range(kind.range_m, rng) * beside.normalize();
+            self.clear(place).then_some(place)
+        })
     }
 }
 
@@ -615,17 +628,19 @@ mod tests {
         Recipe::parse(text, "r.toml").unwrap()
     }
 
-    /// Draws over woods and cities of one seed each: generating them takes the time.
+    /// Few draws: generating their cities takes the time.
     #[test]
     fn a_draw_repeats_is_a_scenario_and_keeps_what_it_promises() {
         let recipe = recipe(SHIPPED);
-        for index in 0..12 {
+        let again = Draw::new(&recipe, 5, 0).unwrap();
+        let other = Draw::new(&recipe, 6, 0).unwrap();
+        for index in 0..6 {
             let draw = Draw::new(&recipe, 5, index).unwrap();
             let facts = &draw.facts;
-            let again = Draw::new(&recipe, 5, index).unwrap();
-            assert_eq!((&again.scenario, &again.facts), (&draw.scenario, facts));
-            let other = Draw::new(&recipe, 6, index).unwrap();
-            assert_ne!(other.scenario, draw.scenario);
+            if index == 0 {
+                assert_eq!((&again.scenario, &again.facts), (&draw.scenario, facts));
+                assert_ne!(other.scenario, draw.scenario);
+            }
 
             let scenario = Scenario::parse(&draw.scenario, "draw.toml", &[]).unwrap();
             let city = City::generate(&scenario.city).unwrap();
