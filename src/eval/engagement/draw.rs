@@ -200,14 +200,7 @@ impl Draw {
                 allow_backstop: recipe.engage.allow_backstop.clone(),
                 min_clear_range_m: recipe.engage.min_clear_range_m,
             },
-            uavs: vec![UavConfig {
-                name: "intruder".into(),
-                model,
-                trajectory,
-                skin: None,
-                spread_m: [0.0; 2],
-                spread_s: 0.0,
-            }],
+            uavs: vec![intruder(model, trajectory)],
             distractors,
         };
         let scenario =
@@ -253,6 +246,18 @@ fn place(
         city.station_enu_m()
     };
     Ok((city, station_enu_m))
+}
+
+/// The UAV as a scenario has it.
+fn intruder(model: UavKind, trajectory: Trajectory) -> UavConfig {
+    UavConfig {
+        name: "intruder".into(),
+        model,
+        trajectory,
+        skin: None,
+        spread_m: [0.0; 2],
+        spread_s: 0.0,
+    }
 }
 
 /// To a tenth: what stands in a scenario is for people too.

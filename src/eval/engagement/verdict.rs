@@ -324,7 +324,26 @@ mod tests {
     }
 
     #[test]
-    fn every_instant_is_charged_to_one_cause() {
+    fn time_without_the_target_is_charged_by_what_the_detector_found() {
+        let charged = |change: fn(&mut Glance)| {
+            let mut now = glance();
+            change(&mut now);
+            charge(&now)
+        };
+        assert_eq!(charged(|_| {}), Some(Cause::NotDetected));
+        assert_eq!(charged(|now| now.acquired = true), Some(Cause::NotDetected));
+        assert_eq!(charged(|now| now.found = true), Some(Cause::Refused));
+        let broken = |now: &mut Glance| (now.found, now.acquired) = (true, true);
+        assert_eq!(charged(broken), Some(Cause::TrackBroken));
+        let rejected = |now: &mut Glance| (now.found, now.rejected) = (true, true);
+        assert_eq!(charged(rejected), Some(Cause::DeclaredNoUav));
+        // What is hidden, too small or not yet come to is nobody's fault.
+        assert_eq!(charged(|now| now.shown = false), None);
+        assert_eq!(charged(|now| now.met = false), None);
+    }
+
+    #[test]
+    fn time_with_a_target_is_charged_by_what_it_is_and_how_far_it_got() {
         let on = |state, target: What| Glance {
             state,
             target: Some(target),
@@ -333,92 +352,34 @@ mod tests {
             ..glance()
         };
         let uav = |state| on(state, What::Uav);
-        for (now, cause) in [
-            (glance(), Some(Cause::NotDetected)),
-            (
-                Glance {
-                    found: true,
-                    ..glance()
-                },
-                Some(Cause::Refused),
-            ),
-            (
-                Glance {
-                    found: true,
-                    acquired: true,
-                    ..glance()
-                },
-                Some(Cause::TrackBroken),
-            ),
-            (
-                Glance {
-                    acquired: true,
-                    ..glance()
-                },
-                Some(Cause::NotDetected),
-            ),
-            (
-                Glance {
-                    found: true,
-                    rejected: true,
-                    ..glance()
-                },
-                Some(Cause::DeclaredNoUav),
-            ),
-            // What is hidden, too small or not yet come to is nobody's fault.
-            (
-                Glance {
-                    shown: false,
-                    ..glance()
-                },
-                None,
-            ),
-            (
-                Glance {
-                    met: false,
-                    ..glance()
-                },
-                None,
-            ),
-            (uav(TrackingState::Acquire), Some(Cause::HandOver)),
-            (uav(TrackingState::Coarse), Some(Cause::HandOver)),
-            (uav(TrackingState::Precise), Some(Cause::OutOfTime)),
-            (uav(TrackingState::Engage), Some(Cause::OutOfTime)),
-            (
-                Glance {
-                    interlocked: true,
-                    ..uav(TrackingState::Engage)
-                },
-                Some(Cause::Interlock),
-            ),
-            // The last tick's command: the laser still fires.
-            (
-                Glance {
-                    interlocked: true,
-                    firing: true,
-                    ..uav(TrackingState::Engage)
-                },
-                Some(Cause::OutOfTime),
-            ),
-            (uav(TrackingState::Lost), Some(Cause::TrackBroken)),
-            (
-                Glance {
-                    found: false,
-                    ..uav(TrackingState::Lost)
-                },
-                Some(Cause::NotDetected),
-            ),
-            (
-                on(TrackingState::Engage, What::Other("bird".into())),
-                Some(Cause::WrongObject),
-            ),
-            (
-                on(TrackingState::Acquire, What::Scenery),
-                Some(Cause::WrongObject),
-            ),
+        for (state, cause) in [
+            (TrackingState::Acquire, Cause::HandOver),
+            (TrackingState::Coarse, Cause::HandOver),
+            (TrackingState::Precise, Cause::OutOfTime),
+            (TrackingState::Engage, Cause::OutOfTime),
+            (TrackingState::Lost, Cause::TrackBroken),
         ] {
-            assert_eq!(charge(&now), cause, "{now:?}");
+            assert_eq!(charge(&uav(state)), Some(cause), "{state:?}");
+            for what in [What::Other("bird".into()), What::Scenery] {
+                assert_eq!(charge(&on(state, what)), Some(Cause::WrongObject));
+            }
         }
+        let unseen = Glance {
+            found: false,
+            ..uav(TrackingState::Lost)
+        };
+        assert_eq!(charge(&unseen), Some(Cause::NotDetected));
+        let locked = Glance {
+            interlocked: true,
+            ..uav(TrackingState::Engage)
+        };
+        assert_eq!(charge(&locked), Some(Cause::Interlock));
+        // It still fires by the last tick's command.
+        let firing = Glance {
+            firing: true,
+            ..locked
+        };
+        assert_eq!(charge(&firing), Some(Cause::OutOfTime));
     }
 
     /// Acquired after a second, neutralised after five.
