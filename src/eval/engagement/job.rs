@@ -158,5 +158,5 @@ fn watched(loaded: &Loaded, options: &Options) -> Result<(Record, Vec<ContactFra
             break;
         }
     }
-    Ok(watch.conclude(|record| Verdict::of(record).cause))
+    Ok(watch.conclude(world, |record| Verdict::of(record).cause))
 }

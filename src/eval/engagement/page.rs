@@ -176,6 +176,10 @@ fn failures(out: &Path, draws: &[Outcome]) -> Markup {
         .filter_map(|outcome| Some((outcome, outcome.verdict.cause?)))
         .collect();
     html! {
+        (note(
+            "Boxes: green what the detector found, with its score; by truth, blue the UAV, orange what else \
+             flies. stv, ctv and ptv are the search, coarse and precise camera.",
+        ))
         @if failed.is_empty() { (note("none")) }
         @for (place, (outcome, cause)) in failed.iter().enumerate() {
             (failure(out, outcome, *cause, place < MOST_PICTURED))

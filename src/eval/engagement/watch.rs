@@ -129,53 +129,31 @@ impl Watch {
 
     /// Takes in what a tick left; true once the UAV has come to its end.
     pub fn tick(&mut self, world: &World) -> bool {
-        let clock = *world.resource::<SimClock>();
-        let Ok((mount, optics, beam)) = self.station.single(world) else {
-            return false;
-        };
-        let r_station_enu_m = mount.r_enu_m;
-        let flying = self.flying.iter(world);
-        let mut flying: Vec<Thing> = flying
-            .map(|(uav, flight, shape, distractor, status)| Thing {
-                index: uav.index,
-                flight,
-                shape,
-                what: distractor.map_or(What::Uav, |d| What::Other(d.kind.name().into())),
-                status: status.copied(),
-                to_m: flight.aim_enu_m() - r_station_enu_m,
-            })
-            .collect();
-        flying.sort_unstable_by_key(|thing| thing.index);
-        let now = Now {
-            world,
-            clock,
-            t_s: clock.t_s(),
-            tracker: world.resource(),
-            r_station_enu_m,
-            optics,
-            firing: beam.firing,
-            flying,
-        };
-        self.seen.take_in(&now)
+        let now = Now::of(&mut self.station, &mut self.flying, world);
+        now.is_some_and(|now| self.seen.take_in(&now))
     }
 
-    /// The record of the run, and the pictures of the cause that `which` chooses from it.
+    /// The record of the run, and the pictures of the cause that `which` finds in it: of its first moment, or
+    /// of the end where time ran out.
     pub fn conclude(
         mut self,
+        world: &World,
         which: impl FnOnce(&Record) -> Option<Cause>,
     ) -> (Record, Vec<ContactFrame>) {
+        let now = Now::of(&mut self.station, &mut self.flying, world);
         let seen = &mut self.seen;
-        let record = &mut seen.record;
         if seen.sizes.0 > 0
             && let [Some(search), _, Some(precise)] = &seen.cameras
         {
             let mean_px = seen.sizes.1 / f64::from(seen.sizes.0);
             let larger = precise.pinhole.focal_px / search.pinhole.focal_px;
-            record.size_px = Some([mean_px, larger * mean_px]);
+            seen.record.size_px = Some([mean_px, larger * mean_px]);
         }
-        let cause = which(record);
-        let mut moments = std::mem::take(&mut seen.moments);
-        let pictures = cause.and_then(|cause| moments.remove(&cause));
+        let pictures = which(&seen.record).and_then(|cause| {
+            let first = seen.moments.remove(&cause);
+            let first = first.filter(|_| cause != Cause::OutOfTime);
+            first.or_else(|| now.map(|now| seen.moment(&now, cause.name())))
+        });
         (self.seen.record, pictures.unwrap_or_default())
     }
 }
@@ -397,14 +375,10 @@ impl Seen {
                     rect_px: [x0 - dx, y0 - dy, x1 - dx, y1 - dy],
                     colour,
                 };
+                // The truth goes by its colour: a text would lie upon that of the detection.
                 let truth = frame.truth.iter().map(|seen| {
-                    let thing = now.flying.iter().find(|thing| thing.index == seen.uav);
-                    let name = thing.map_or("", |thing| thing.what.name());
-                    mark(
-                        name.into(),
-                        seen.box_px,
-                        if seen.distractor { ORANGE } else { BLUE },
-                    )
+                    let colour = if seen.distractor { ORANGE } else { BLUE };
+                    mark(String::new(), seen.box_px, colour)
                 });
                 let found = batch.detections.iter();
                 let found = found.map(|d| mark(detector.caption(d), d.box_px, GREEN));
@@ -445,7 +419,38 @@ fn on(at_px: [f64; 2], [x0, y0, x1, y1]: [f64; 4]) -> bool {
         && (y0 - beside_px..=y1 + beside_px).contains(&at_px[1])
 }
 
-impl Now<'_> {
+impl<'w> Now<'w> {
+    /// What a tick left; `None` without a station.
+    fn of(
+        station: &mut QueryState<Station>,
+        flying: &mut QueryState<Flying>,
+        world: &'w World,
+    ) -> Option<Self> {
+        let clock = *world.resource::<SimClock>();
+        let (mount, optics, beam) = station.single(world).ok()?;
+        let mut flying: Vec<Thing> = (flying.iter(world))
+            .map(|(uav, flight, shape, distractor, status)| Thing {
+                index: uav.index,
+                flight,
+                shape,
+                what: distractor.map_or(What::Uav, |d| What::Other(d.kind.name().into())),
+                status: status.copied(),
+                to_m: flight.aim_enu_m() - mount.r_enu_m,
+            })
+            .collect();
+        flying.sort_unstable_by_key(|thing| thing.index);
+        Some(Self {
+            world,
+            clock,
+            t_s: clock.t_s(),
+            tracker: world.resource(),
+            r_station_enu_m: mount.r_enu_m,
+            optics,
+            firing: beam.firing,
+            flying,
+        })
+    }
+
     /// What lies on a line of sight from the station: of all that flies on it, the nearest to it.
     fn on(&self, direction_enu: DVec3) -> What {
         let things = self.flying.iter().map(|thing| {
