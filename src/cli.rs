@@ -98,6 +98,9 @@ enum EvalCommand {
     /// Acquisition, tracking and pointing: the paper's Table 2, the jitter budget, manoeuvres,
     /// occlusion, several targets. Run it where the folder `scenarios` lies.
     Tracking(eval::tracking::Arguments),
+    /// Engagements drawn from a recipe, on rendered pixels: acquired, held, neutralised, and each failure
+    /// with its cause and the frames that show it. Run it where the folder `recipes` lies.
+    Engagement(eval::engagement::Arguments),
     /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
     Detector(eval::detector::Arguments),
     /// A detector and the tracker on real clips: MP4 files or folders of pictures.
@@ -203,6 +206,10 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
             let evaluation = eval::tracking::evaluate(&args)?;
             say!("{}", evaluation.text().trim_end());
             say!("page  {}", args.out.join("tracking.html").display());
+            Ok(())
+        }
+        Command::Eval(EvalCommand::Engagement(args)) => {
+            say!("{}", eval::engagement::evaluate(&args)?.trim_end());
             Ok(())
         }
         Command::Eval(EvalCommand::Detector(args)) => {

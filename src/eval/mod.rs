@@ -1,8 +1,9 @@
-//! The evaluations: tracking over many runs, a detector on annotated pictures, detector and tracker on
-//! clips of real cameras.
+//! The evaluations: engagements drawn from a recipe, tracking over many runs, a detector on annotated
+//! pictures, detector and tracker on clips of real cameras.
 
 pub mod clip;
 pub mod detector;
+pub mod engagement;
 mod shared;
 pub mod statistics;
 pub mod tracking;
@@ -14,8 +15,10 @@ use crate::media::video::VideoError;
 use crate::models::ground::city::CityError;
 use crate::models::optics::camera::CameraError;
 use crate::output::OutputError;
+use crate::scenario::InputError;
 use clip::truth::BoxesError;
 use detector::coco::CocoError;
+use engagement::draw::DrawError;
 use std::path::PathBuf;
 
 /// Why an evaluation cannot be carried out.
@@ -24,6 +27,34 @@ pub enum EvalError {
     /// One of its runs.
     #[error(transparent)]
     Run(#[from] RunError),
+    /// A recipe, or the scenario of a draw.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// An engagement that cannot be drawn.
+    #[error(transparent)]
+    Drawn(#[from] DrawError),
+    /// A draw whose process failed.
+    #[error("draw {index} ({status}): {message}")]
+    Draw {
+        /// Its number.
+        index: u32,
+        /// How its process ended.
+        status: std::process::ExitStatus,
+        /// What that said last.
+        message: String,
+    },
+    /// The record of a draw is gone.
+    #[error("draw {index} has no record of this evaluation: run the command again")]
+    NoDraw {
+        /// Its number.
+        index: u32,
+    },
+    /// The program itself.
+    #[error("this program cannot be run or read: {source}")]
+    Program {
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// The detector.
     #[error(transparent)]
     Detector(#[from] DetectorError),

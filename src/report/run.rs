@@ -8,6 +8,7 @@ use super::statistics::MissStats;
 use crate::media::image::encode_jpeg;
 use crate::output;
 use maud::{Markup, html};
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Room for the images of the contact sheet, before base64; keeps the report below 2 MB.
@@ -53,7 +54,7 @@ pub struct ReportData {
 }
 
 /// One image of the contact sheet.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ContactFrame {
     /// Name of the camera.
     pub camera: String,
@@ -63,7 +64,8 @@ pub struct ContactFrame {
     pub width: u16,
     /// Height \[px\].
     pub height: u16,
-    /// Rows of red, green, blue bytes.
+    /// Rows of red, green, blue bytes; they are not part of a record.
+    #[serde(skip)]
     pub rgb8: Vec<u8>,
     /// What is marked in it.
     pub boxes: Vec<ContactBox>,
@@ -74,7 +76,7 @@ pub struct ContactFrame {
 }
 
 /// One marked box.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ContactBox {
     /// Text at the box.
     pub label: String,
@@ -246,7 +248,8 @@ fn contact_sheet(frames: &[ContactFrame], jpegs: &[Vec<u8>]) -> Markup {
 }
 
 impl ContactFrame {
-    fn figure(&self, jpeg: &[u8]) -> Markup {
+    /// The image, as JPEG, with all that is marked in it, as a figure of a page.
+    pub fn figure(&self, jpeg: &[u8]) -> Markup {
         let (w, h) = (self.width, self.height);
         // Everything drawn on an image is sized by it, for images of any size look alike on the sheet.
         let unit = f64::from(w) / 320.0;

@@ -20,7 +20,7 @@ use glam::{DVec2, DVec3};
 impl Rules {
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
     /// beyond: range [m] and kind, or `None` for sky.
-    fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<&'static str> {
+    pub fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<&'static str> {
         let (hit_m, kind) = match hit {
             Some(hit) => hit,
             None => return (!self.allow_sky).then_some("open sky behind"),

@@ -127,6 +127,122 @@ fn the_tuning_runs_to_its_end() {
     }
 }
 
+/// A recipe for engagements of a few seconds.
+const ENGAGEMENT: &str = "tests/data/engagement.toml";
+
+#[test]
+fn engagements_are_drawn_run_judged_and_not_made_twice() {
+    let folder = TempDir::new().unwrap();
+    let args = ["eval", "engagement", "--recipe", ENGAGEMENT, "--truth"];
+    let made = |n: &str| {
+        let args = [&args[..], &["--n", n]].concat();
+        measured(folder.path(), &args, "results")
+    };
+    let (two, page) = made("2");
+    assert_eq!(two["detector"], "truth detector");
+    for line in two["headline"].as_array().unwrap() {
+        let name = line["name"].as_str().unwrap();
+        assert!(name.starts_with("truth detector: "), "{name}");
+        let rate = |key: &str| {
+            line.pointer(&format!("/rate/{key}"))
+                .unwrap()
+                .as_f64()
+                .unwrap()
+        };
+        let [successes, trials] = ["successes", "trials"].map(rate);
+        assert!(successes <= trials && trials <= 2.0, "{line}");
+    }
+    assert_eq!(two.pointer("/headline/0/rate/trials").unwrap(), 2);
+    let draws = two["draws"].as_array().unwrap();
+    assert_eq!(draws.len(), 2);
+    for draw in draws {
+        let number = |pointer: &str| draw.pointer(pointer).and_then(Value::as_f64).unwrap();
+        // Cued, in plain sight, found by the truth: the UAV is acquired, whatever follows.
+        assert_eq!(draw["verdict"]["acquired"], true, "{draw:#}");
+        assert!(number("/record/acquired_s") < number("/record/end_s"));
+        let [search_px, precise_px] = [0, 1].map(|k| number(&format!("/record/size_px/{k}")));
+        assert!(search_px > 2.0 && (precise_px / search_px - 6.0).abs() < 0.1);
+        // What was charged is no longer than what there was.
+        let charged = draw["record"]["charges_s"].as_object().unwrap();
+        let charged: f64 = charged.values().map(|s| s.as_f64().unwrap()).sum();
+        assert!(charged <= number("/record/shown_s") + 1e-6, "{draw:#}");
+        // The command repeats the run.
+        let command = draw["command"].as_str().unwrap();
+        let words: Vec<&str> = command.split_whitespace().collect();
+        assert_eq!(words[..2], ["boresight", "run"]);
+        let checked = boresight().args(["check", words[2]]).output().unwrap();
+        assert!(checked.status.success(), "{}", stderr(&checked));
+        if draw["verdict"]["cause"] != Value::Null {
+            assert!(page.contains(command), "{command}");
+        }
+    }
+    // A draw does not depend on their number, and is taken from its file.
+    let record = folder.path().join("draws/00000.json");
+    let written = || std::fs::metadata(&record).unwrap().modified().unwrap();
+    let before = written();
+    let (one, _) = made("1");
+    assert_eq!(one["draws"][0], draws[0]);
+    assert_eq!(written(), before);
+    // That of another evaluation is not.
+    let text = std::fs::read_to_string(&record).unwrap();
+    let key = draws[0]["key"].as_str().unwrap();
+    std::fs::write(&record, text.replace(key, "another")).unwrap();
+    let (again, _) = made("1");
+    assert_eq!(again["draws"][0], draws[0]);
+}
+
+#[test]
+fn an_engagement_is_judged_on_rendered_pixels() {
+    let _one = rendering();
+    let folder = TempDir::new().unwrap();
+    let args = ["eval", "engagement", "--recipe", ENGAGEMENT, "--n", "1"];
+    let args = [&args[..], &["--set", "duration_s=1.2"]].concat();
+    let (json, page) = measured(folder.path(), &args, "results");
+    assert_eq!(json["detector"], "rendered pixels");
+    let looks = json.pointer("/draws/0/record/looks/0").unwrap();
+    let count = |key: &str| looks[key].as_u64().unwrap();
+    assert!(
+        0 < count("found") && count("found") <= count("frames"),
+        "{looks}"
+    );
+    // Too short to neutralise anything: a failure, with the pictures that show it.
+    let cause = json.pointer("/draws/0/verdict/cause").unwrap();
+    assert!(cause.is_string(), "{json:#}");
+    let pictures = json
+        .pointer("/draws/0/pictures")
+        .unwrap()
+        .as_array()
+        .unwrap();
+    assert!(!pictures.is_empty());
+    assert_eq!(
+        page.matches("data:image/jpeg;base64,").count(),
+        pictures.len()
+    );
+}
+
+#[test]
+fn a_bad_recipe_of_engagements_is_one_error_with_its_line() {
+    let folder = TempDir::new().unwrap();
+    let text = std::fs::read_to_string(Path::new(ROOT).join(ENGAGEMENT)).unwrap();
+    let path = folder.path().join("bad.toml");
+    let refuses = |from: &str, to: &str, wanted: &[&str]| {
+        assert!(text.contains(from), "{from}");
+        std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        let line = 1 + text[..text.find(from).unwrap()].matches('\n').count();
+        let place = format!("bad.toml:{line}: ");
+        let mut command = boresight();
+        command.args(["eval", "engagement", "--truth", "--n", "1", "--out"]);
+        command
+            .arg(folder.path().join("out"))
+            .arg("--recipe")
+            .arg(&path);
+        refused(&mut command, &[&[&place[..]], wanted].concat());
+    };
+    refuses("day = 1.0", "noon = 1.0", &["noon", "day"]);
+    refuses("[400.0, 500.0]", "[500.0, 400.0]", &["uav.range_m"]);
+    refuses("24005KT", "windy", &["weather.reports[0]", "windy"]);
+}
+
 /// A dark blob that crosses noisy sky, as numbered pictures with a COCO file beside them: a box
 /// around it in each, with `flags`, or none without.
 fn blob_clip(folder: &Path, frames: usize, flags: Option<Value>) -> PathBuf {

@@ -1,0 +1,249 @@
+//! The page of the evaluation.
+
+use super::job::{Outcome, picture};
+use super::recipe::Nearness;
+use super::results::{Group, Results, Row};
+use super::verdict::{Cause, HELD_SHARE, IN_TIME_S, LEAST_PX, OPEN_S, VISIBLE_S, nearness_name};
+use crate::eval::EvalError;
+use crate::eval::shared::put;
+use crate::eval::statistics::Rate;
+use crate::report::chart::{Across, Chart, Scale, Series};
+use crate::report::page::{Head, note, page, percent, table};
+use maud::{Markup, html};
+use std::path::Path;
+
+const STYLE: &str = ".failure{margin:1.6rem 0 0}.failure h3{margin:0 0 .2rem;font-size:1rem}\
+    .failure p{margin:.1rem 0 .4rem}";
+/// Failures whose pictures are in the page; what is left out lies beside the records.
+const MOST_PICTURED: usize = 120;
+/// Changes of state that a failure shows.
+const MOST_STATES: usize = 8;
+
+/// Writes `results.html`.
+pub fn write(out: &Path, results: &Results) -> Result<(), EvalError> {
+    let head = Head {
+        title: "Boresight: engagements",
+        heading: "Engagements drawn from a recipe",
+        facts: &[
+            ("Version", results.version),
+            ("Detector", results.detector),
+            ("", &results.command),
+        ],
+        style: STYLE,
+    };
+    Ok(put(
+        &out.join("results.html"),
+        page(&head, &body(out, results)),
+    )?)
+}
+
+fn body(out: &Path, results: &Results) -> Markup {
+    let headline: Vec<Vec<String>> = (results.headline.iter())
+        .map(|line| vec![line.name.clone(), percent(line.rate.rate), line.rate.text()])
+        .collect();
+    html! {
+        h2 { "Shares" }
+        (table(&["", "share", "count (95 % interval)"], &headline))
+        (definitions())
+        div .charts { (times(results)) }
+        h2 { "Causes of failure" }
+        (causes(&results.draws))
+        @for group in &results.groups { (by(group)) }
+        h2 { "Failures" }
+        (failures(out, &results.draws))
+    }
+}
+
+fn definitions() -> Markup {
+    note(&format!(
+        "Visible: in clear sight, at least {LEAST_PX} px long in the search camera and inside its field for \
+         {VISIBLE_S} s in all. Acquired: the coarse camera held the UAV. Held: from then on, while the UAV is \
+         in clear sight, for {:.0} % of the time. Neutralised: its skin failed within {IN_TIME_S} s of the \
+         first sight. Open interlocks: what lies behind it, its line of sight and the sun would have \
+         allowed fire for {OPEN_S} s in all. Given up: the tracker dropped it in clear sight. Intervals are \
+         Wilson's.",
+        100.0 * HELD_SHARE
+    ))
+}
+
+/// Share of the visible ones neutralised over the time since they were first visible.
+fn times(results: &Results) -> Markup {
+    let series_of = |nearness: Nearness| -> Series {
+        let visible = results.draws.iter().filter(|o| o.verdict.visible);
+        let of: Vec<&Outcome> = visible.filter(|o| o.facts.nearness == nearness).collect();
+        let mut times_s: Vec<f64> = (of.iter())
+            .filter_map(|o| Some(o.record.neutralised_s? - o.record.visible_from_s?))
+            .collect();
+        times_s.sort_unstable_by(f64::total_cmp);
+        let share = |count: usize| 100.0 * count as f64 / of.len() as f64;
+        let steps = times_s.iter().enumerate();
+        let steps = steps.flat_map(|(k, t_s)| [(*t_s, share(k)), (*t_s, share(k + 1))]);
+        if of.is_empty() {
+            return Series::new();
+        }
+        let last = (IN_TIME_S, share(times_s.len()));
+        std::iter::once((0.0, 0.0))
+            .chain(steps)
+            .chain([last])
+            .collect()
+    };
+    let kinds = [Nearness::None, Nearness::Far, Nearness::Near];
+    let series = kinds.map(series_of);
+    let names = kinds.map(|kind| match kind {
+        Nearness::None => "nothing else",
+        Nearness::Far => "something far",
+        Nearness::Near => "something near",
+    });
+    let named: Vec<(&str, &Series)> = names.into_iter().zip(&series).collect();
+    let chart = Chart {
+        title: "Neutralised, of the visible",
+        unit: "%",
+        scale: Scale::Linear,
+        series: &named,
+        limit: None,
+    };
+    chart.figure(&Across::from_zero(
+        "time since the first sight [s]",
+        IN_TIME_S,
+    ))
+}
+
+fn causes(draws: &[Outcome]) -> Markup {
+    let nearness = [Nearness::None, Nearness::Far, Nearness::Near];
+    let rows: Vec<Vec<String>> = (Cause::ALL.iter())
+        .map(|cause| {
+            let failed = draws.iter().filter(|o| o.verdict.cause == Some(*cause));
+            let failed: Vec<&Outcome> = failed.collect();
+            let of = |kind| failed.iter().filter(|o| o.facts.nearness == kind).count();
+            let counts = nearness.map(|kind| of(kind).to_string());
+            let total = failed.len().to_string();
+            [vec![cause.name().to_owned(), total], counts.to_vec()].concat()
+        })
+        .collect();
+    let named = nearness.map(|kind| format!("distractors {}", nearness_name(kind)));
+    let head: Vec<&str> = (["cause", "failures"].into_iter())
+        .chain(named.iter().map(String::as_str))
+        .collect();
+    html! {
+        (table(&head, &rows))
+        (note(
+            "Every instant with the UAV in clear sight, from the moment the search first has it in its field, is \
+             charged to one cause; a failure's is the one charged most, or the wrong object if anything \
+             else was fired at. docs/validation.md defines them.",
+        ))
+    }
+}
+
+fn by(group: &Group) -> Markup {
+    const HEAD: [&str; 9] = [
+        "",
+        "draws",
+        "visible",
+        "acquired",
+        "held",
+        "time held",
+        "neutralised",
+        "fired at something else",
+        "given up though seen",
+    ];
+    let cells = |row: &Row| {
+        let shares = &row.shares;
+        let rate = |rate: &Rate| match rate.rate {
+            Some(_) => rate.text(),
+            None => "–".into(),
+        };
+        vec![
+            row.name.clone(),
+            row.draws.to_string(),
+            shares.visible.successes.to_string(),
+            rate(&shares.acquired),
+            rate(&shares.held),
+            percent(shares.held_time),
+            rate(&shares.neutralised),
+            rate(&shares.fired_else),
+            rate(&shares.given_up),
+        ]
+    };
+    let rows: Vec<Vec<String>> = group.rows.iter().map(cells).collect();
+    html! {
+        h2 { "By " (group.by) }
+        (table(&HEAD, &rows))
+    }
+}
+
+fn failures(out: &Path, draws: &[Outcome]) -> Markup {
+    let failed: Vec<(&Outcome, Cause)> = (draws.iter())
+        .filter_map(|outcome| Some((outcome, outcome.verdict.cause?)))
+        .collect();
+    html! {
+        (note(
+            "Boxes: green what the detector found, with its score; by truth, blue the UAV, orange what else \
+             flies. stv, ctv and ptv are the search, coarse and precise camera.",
+        ))
+        @if failed.is_empty() { (note("none")) }
+        @for (place, (outcome, cause)) in failed.iter().enumerate() {
+            (failure(out, outcome, *cause, place < MOST_PICTURED))
+        }
+        @if failed.len() > MOST_PICTURED {
+            (note("The pictures of later failures lie beside their records, in the folder draws."))
+        }
+    }
+}
+
+fn failure(out: &Path, outcome: &Outcome, cause: Cause, pictured: bool) -> Markup {
+    let index = outcome.facts.index;
+    let pictures = outcome.pictures.iter().filter(|_| pictured);
+    // One that is gone leaves a gap, not an error: the record has the figures.
+    let pictures = pictures.filter_map(|frame| {
+        let jpeg = std::fs::read(picture(out, index, &frame.camera)).ok()?;
+        Some(frame.figure(&jpeg))
+    });
+    html! {
+        section .failure {
+            h3 { (format_args!("Draw {index}: {}", cause.name())) }
+            p { (outcome.description()) }
+            p .note { (history(outcome)) }
+            p { code { (outcome.command) } }
+            div .sheet { @for figure in pictures { (figure) } }
+            @let states = outcome.record.states.iter().rev().take(MOST_STATES).rev();
+            ul .note {
+                @for (t_s, state, reason) in states {
+                    li { (format_args!("{t_s:.2} s {state}: {reason}")) }
+                }
+            }
+        }
+    }
+}
+
+/// When what happened, and how its time was charged.
+fn history(outcome: &Outcome) -> String {
+    let record = &outcome.record;
+    let at = |t_s: Option<f64>| t_s.map_or("never".into(), |t_s| format!("at {t_s:.2} s"));
+    let list = |parts: Vec<String>| match parts.is_empty() {
+        true => "nothing".to_owned(),
+        false => parts.join(", "),
+    };
+    let seconds = |(name, s): (&str, f64)| format!("{name} {s:.1} s");
+    let charged = record
+        .charges_s
+        .iter()
+        .map(|(c, s)| seconds((c.name(), *s)));
+    let fired = record.fired_s.iter().map(|(what, s)| seconds((what, *s)));
+    let looks = ["search", "coarse", "precise"].iter().zip(record.looks);
+    let looks = looks.map(|(name, l)| format!("{name} {} of {}", l.found, l.frames));
+    format!(
+        "Visible {}, acquired {}, precise {}, neutralised {}, ended at {:.2} s; held for {} of the time; given \
+         up {} times, {} changes of target. Charged: {}. Fired at: {}. Found in frames: {}.",
+        at(record.visible_from_s),
+        at(record.acquired_s),
+        at(record.precise_s),
+        at(record.neutralised_s),
+        record.end_s,
+        percent(outcome.verdict.held_share),
+        record.given_up.len(),
+        record.target_changes,
+        list(charged.collect()),
+        list(fired.collect()),
+        list(looks.collect()),
+    )
+}

@@ -1,0 +1,364 @@
+//! The recipe of an evaluation: which engagements are drawn, in which shares and ranges.
+
+use crate::models::air::weather::Weather;
+use crate::models::flight::distractor::DistractorKind;
+use crate::models::flight::uav::UavKind;
+use crate::models::maths::rng::Stream;
+use crate::scenario::check::{Check, FRACTION};
+use crate::scenario::load::{self, Checked};
+use crate::scenario::{Backstop, InputError, Site};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// How often each of several things is drawn; the shares need not add up to 1, and what is not named is
+/// never drawn.
+pub type Shares<T> = BTreeMap<T, f64>;
+
+/// A recipe.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe {
+    /// What it is for, for people.
+    #[serde(default)]
+    pub description: String,
+    /// Longest engagement [s]; one ends earlier when its UAV is neutralised.
+    pub duration_s: f64,
+    /// The origin of the local frame.
+    pub site: Site,
+    /// Number of cities, and of woods, that engagements take place in.
+    pub places: u32,
+    /// Height of the station's mast above the ground of woods [m].
+    pub mast_m: f64,
+    /// The UAV.
+    pub uav: UavDraw,
+    /// What stands behind the UAV.
+    pub backgrounds: Shares<Background>,
+    /// Where the sun stands.
+    pub light: Shares<Light>,
+    /// Weather reports, visibility and clouds.
+    pub weather: WeatherDraw,
+    /// Where the station looks.
+    pub search: SearchDraw,
+    /// What else flies.
+    pub distractors: DistractorDraw,
+    /// What may lie behind the target when the laser fires.
+    pub engage: EngageDraw,
+}
+
+/// The UAV and its flight.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UavDraw {
+    /// Models, all equally likely.
+    pub models: Vec<UavKind>,
+    /// Nearest and farthest range at the start, even over its logarithm [m].
+    pub range_m: [f64; 2],
+    /// Slowest and fastest flight; no model flies faster than 0.7 of its greatest speed [m/s].
+    pub speed_mps: [f64; 2],
+    /// How it flies.
+    pub flights: Shares<Flight>,
+}
+
+/// How a UAV flies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Flight {
+    /// Straight, more across the line of sight than along it.
+    Crossing,
+    /// Straight towards the station, within 30°.
+    Approach,
+    /// To and fro about a straight line.
+    Weave,
+    /// A level circle.
+    Orbit,
+    /// In one place.
+    Hover,
+    /// Round three corners.
+    Waypoints,
+    /// Rises from behind something and hovers.
+    PopUp,
+}
+
+/// What stands behind the UAV.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Background {
+    /// Nothing but sky, a degree below it too.
+    Sky,
+    /// Buildings or the ground between them.
+    City,
+    /// Trees and fields.
+    Woods,
+}
+
+/// Where the sun stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Light {
+    /// 15 to 60° high.
+    Day,
+    /// 2 to 12° high.
+    LowSun,
+    /// From 5° below to 1° above the horizon.
+    Dusk,
+}
+
+impl Light {
+    /// Lowest and highest sun [deg].
+    pub fn elevation_deg(self) -> [f64; 2] {
+        match self {
+            Self::Day => [15.0, 60.0],
+            Self::LowSun => [2.0, 12.0],
+            Self::Dusk => [-5.0, 1.0],
+        }
+    }
+}
+
+/// The weather.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeatherDraw {
+    /// Bodies of METARs, from the wind on, all equally likely.
+    pub reports: Vec<String>,
+    /// Worst and best visibility where a report says 10 km or more, even over its logarithm [m].
+    pub visibility_m: [f64; 2],
+    /// Share of the engagements whose clouds show as clouds.
+    pub cloud_texture: f64,
+}
+
+/// Where the station looks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SearchDraw {
+    /// Share of the engagements that a radar cues.
+    pub cued: f64,
+    /// Best and worst standard deviation of the radar's direction [deg].
+    pub cue_sigma_deg: [f64; 2],
+    /// Narrowest and widest sector of an uncued search [deg].
+    pub width_deg: [f64; 2],
+    /// Lowest and highest sector [deg].
+    pub height_deg: [f64; 2],
+}
+
+/// What else flies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DistractorDraw {
+    /// How near to the UAV something else flies, if at all.
+    pub nearness: Shares<Nearness>,
+    /// Least and greatest angle from the UAV of what is near, even over its logarithm [deg].
+    pub near_deg: [f64; 2],
+    /// The same of what is far [deg].
+    pub far_deg: [f64; 2],
+    /// What it is.
+    #[serde(default)]
+    pub kinds: Vec<KindDraw>,
+}
+
+/// How near to the UAV something else flies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Nearness {
+    /// Nothing else flies.
+    None,
+    /// Something flies in another part of the picture, or outside it.
+    Far,
+    /// Something flies beside the UAV.
+    Near,
+}
+
+/// A kind of distractor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KindDraw {
+    /// Name in the figures.
+    pub name: String,
+    /// What it is.
+    pub kind: DistractorKind,
+    /// Share among the kinds.
+    pub share: f64,
+    /// Fewest and most of them.
+    pub count: [u32; 2],
+    /// Standard deviation of their places about their middle, each axis [m].
+    pub spread_m: f64,
+    /// Nearest and farthest range, even over its logarithm [m].
+    pub range_m: [f64; 2],
+    /// Slowest and fastest flight; what has no speed of its own keeps its place in the air [m/s].
+    pub speed_mps: [f64; 2],
+}
+
+/// What may lie behind the target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EngageDraw {
+    /// As in a scenario.
+    pub allow_backstop: Vec<Backstop>,
+    /// As in a scenario [m].
+    pub min_clear_range_m: f64,
+}
+
+impl Recipe {
+    /// Reads and checks a recipe file.
+    pub fn load(path: &Path) -> Result<Self, InputError> {
+        Self::parse(&load::read(path)?, &path.display().to_string())
+    }
+
+    /// Reads and checks a recipe; `file` is named in errors.
+    pub fn parse(text: &str, file: &str) -> Result<Self, InputError> {
+        load::parse(text, file, &[]).map(|parsed| parsed.value)
+    }
+}
+
+/// A whole METAR: a body, from the wind on, and day, hour and minute such as `171230`.
+pub fn metar(body: &str, time: &str) -> String {
+    // ICAO's letters for a place without a location indicator.
+    format!("ZZZZ {time}Z {body}")
+}
+
+/// One of several things, in the proportions of their shares; `shares` must not be empty.
+pub fn drawn<T: Copy>(shares: impl IntoIterator<Item = (T, f64)>, rng: &mut Stream) -> Option<T> {
+    let shares: Vec<(T, f64)> = shares.into_iter().filter(|(_, s)| *s > 0.0).collect();
+    let mut rest = rng.uniform() * shares.iter().map(|(_, share)| share).sum::<f64>();
+    let chosen = shares.iter().find(|(_, share)| {
+        rest -= share;
+        rest < 0.0
+    });
+    chosen.or(shares.last()).map(|(thing, _)| *thing)
+}
+
+/// Ranges of distances [m].
+const DISTANCE_M: std::ops::RangeInclusive<f64> = 10.0..=30_000.0;
+
+impl Checked for Recipe {
+    fn check(&self, check: &mut Check) {
+        check.within("duration_s", self.duration_s, 0.5..=600.0);
+        check.table("site", |check| {
+            check.within("latitude_deg", self.site.latitude_deg, -65.0..=65.0);
+            check.within("longitude_deg", self.site.longitude_deg, -180.0..=180.0);
+            check.within("altitude_m", self.site.altitude_m, -500.0..=9000.0);
+        });
+        check.within("places", self.places.into(), 1.0..=10_000.0);
+        check.within("mast_m", self.mast_m, 5.0..=200.0);
+        check.table("uav", |check| self.uav.check(check));
+        check_shares(check, "backgrounds", self.backgrounds.values());
+        check_shares(check, "light", self.light.values());
+        check.table("weather", |check| {
+            not_empty(check, "reports", self.weather.reports.len());
+            for (index, report) in self.weather.reports.iter().enumerate() {
+                if let Err(error) = Weather::from_metar(&metar(report, "011200")) {
+                    let key = format!("reports[{index}]");
+                    check.that(false, &key, || error.to_string());
+                }
+            }
+            check.not_descending("visibility_m", self.weather.visibility_m, 100.0..=200_000.0);
+            check.within("cloud_texture", self.weather.cloud_texture, FRACTION);
+        });
+        check.table("search", |check| {
+            check.within("cued", self.search.cued, FRACTION);
+            check.not_descending("cue_sigma_deg", self.search.cue_sigma_deg, 0.0..=20.0);
+            check.not_descending("width_deg", self.search.width_deg, 1.0..=360.0);
+            check.not_descending("height_deg", self.search.height_deg, 1.0..=90.0);
+        });
+        check.table("distractors", |check| self.distractors.check(check));
+        let clear_m = self.engage.min_clear_range_m;
+        check.within("engage.min_clear_range_m", clear_m, 0.0..=10_000.0);
+    }
+}
+
+impl UavDraw {
+    fn check(&self, check: &mut Check) {
+        not_empty(check, "models", self.models.len());
+        check.not_descending("range_m", self.range_m, DISTANCE_M);
+        check.not_descending("speed_mps", self.speed_mps, 0.5..=60.0);
+        check_shares(check, "flights", self.flights.values());
+    }
+}
+
+impl DistractorDraw {
+    fn check(&self, check: &mut Check) {
+        check_shares(check, "nearness", self.nearness.values());
+        check.not_descending("near_deg", self.near_deg, 0.01..=90.0);
+        check.not_descending("far_deg", self.far_deg, 0.01..=90.0);
+        let some = self.nearness.iter();
+        let some = some.filter(|(nearness, _)| **nearness != Nearness::None);
+        if some.map(|(_, share)| share).sum::<f64>() > 0.0 {
+            let shares = self.kinds.iter().map(|kind| &kind.share);
+            check_shares(check, "kinds", shares);
+        }
+        for (index, kind) in self.kinds.iter().enumerate() {
+            check.table(&format!("kinds[{index}]"), |check| {
+                check.not_descending("count", kind.count.map(f64::from), 1.0..=50.0);
+                check.within("spread_m", kind.spread_m, 0.0..=1000.0);
+                check.not_descending("range_m", kind.range_m, DISTANCE_M);
+                check.not_descending("speed_mps", kind.speed_mps, 0.0..=300.0);
+            });
+        }
+    }
+}
+
+fn not_empty(check: &mut Check, key: &str, len: usize) {
+    check.that(len > 0, key, || "is empty: give at least one".to_owned());
+}
+
+/// Shares lie between 0 and 1, and one of them is above 0.
+fn check_shares<'a>(check: &mut Check, key: &str, shares: impl Iterator<Item = &'a f64>) {
+    let mut total = 0.0;
+    for share in shares {
+        let found = *share;
+        total += found;
+        check.that(FRACTION.contains(share), key, || {
+            format!("a share is {found}, each must be from 0 to 1")
+        });
+    }
+    check.that(total > 0.0, key, || {
+        "has no share above 0: give one".to_owned()
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHIPPED: &str = include_str!("../../../recipes/engagement.toml");
+
+    #[test]
+    fn the_shipped_recipe_is_read_and_a_bad_one_refused_with_its_line() {
+        let recipe = Recipe::parse(SHIPPED, "r.toml").unwrap();
+        assert_eq!(recipe.uav.models.len(), UavKind::ALL.len());
+        let refused = |from: &str, to: &str| {
+            assert!(SHIPPED.contains(from), "{from}");
+            let text = SHIPPED.replacen(from, to, 1);
+            let line = 1 + text.lines().position(|line| line.contains(to)).unwrap();
+            let error = Recipe::parse(&text, "r.toml").unwrap_err().to_string();
+            assert!(error.starts_with(&format!("r.toml:{line}: ")), "{error}");
+            error
+        };
+        for (from, to, words) in [
+            ("duration_s", "duration", "unknown key"),
+            ("pop_up =", "popup =", "pop_up"),
+            ("\"phantom4\"", "\"phantom5\"", "phantom4"),
+            ("cued = 0.7", "cued = 7", "from 0 to 1"),
+            ("20005KT", "20005XX", "20005XX"),
+            ("kind = \"bird\"", "kind = \"brid\"", "bird"),
+        ] {
+            let error = refused(from, to);
+            assert!(error.contains(words), "{error}");
+        }
+    }
+
+    #[test]
+    fn shares_are_met_and_what_has_none_is_never_drawn() {
+        let mut rng = Stream::new(1, 0, "test");
+        let shares = Shares::from([('a', 0.5), ('b', 0.0), ('c', 1.0)]);
+        let n = 30_000;
+        let draws: Vec<char> = (0..n)
+            .map(|_| drawn(shares.iter().map(|(k, s)| (*k, *s)), &mut rng).unwrap())
+            .collect();
+        let count = |kind| draws.iter().filter(|draw| **draw == kind).count() as f64;
+        assert_eq!(count('b'), 0.0);
+        // Five standard errors of a share of a third.
+        let error = 5.0 * (n as f64 * (1.0 / 3.0) * (2.0 / 3.0)).sqrt();
+        assert!((count('a') - n as f64 / 3.0).abs() < error);
+    }
+}

@@ -1,0 +1,253 @@
+//! What the engagements add up to.
+
+use super::job::Outcome;
+use super::verdict::{Cause, HELD_SHARE, IN_TIME_S, VISIBLE_S, What, nearness_name, size_band};
+use crate::eval::statistics::Rate;
+use crate::models::flight::uav::UavKind;
+use crate::report::page::percent;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+/// Everything that was measured, as `results.json` has it.
+#[derive(Serialize)]
+pub struct Results {
+    /// Version of the program.
+    pub version: &'static str,
+    /// The command that repeats the evaluation.
+    pub command: String,
+    /// What found the UAVs: `rendered pixels` or `truth detector`.
+    pub detector: &'static str,
+    /// Shares of all engagements.
+    pub headline: Vec<Line>,
+    /// The same by what was drawn.
+    pub groups: Vec<Group>,
+    /// Failures by cause.
+    pub causes: BTreeMap<&'static str, usize>,
+    /// Every engagement.
+    pub draws: Vec<Outcome>,
+}
+
+/// One share of the headline.
+#[derive(Serialize)]
+pub struct Line {
+    /// What is counted, of what.
+    pub name: String,
+    /// How often.
+    pub rate: Rate,
+}
+
+/// The shares by one property.
+#[derive(Serialize)]
+pub struct Group {
+    /// The property.
+    pub by: &'static str,
+    /// Its values.
+    pub rows: Vec<Row>,
+}
+
+/// The shares of the engagements with one value of a property.
+#[derive(Serialize)]
+pub struct Row {
+    /// The value.
+    pub name: String,
+    /// Engagements.
+    pub draws: usize,
+    /// The shares.
+    #[serde(flatten)]
+    pub shares: Shares,
+}
+
+/// The shares of some engagements.
+#[derive(Serialize)]
+pub struct Shares {
+    /// The UAV was visible, of all.
+    pub visible: Rate,
+    /// The coarse camera held the UAV, of the visible.
+    pub acquired: Rate,
+    /// It was held for [`HELD_SHARE`] of the time from then on, of the acquired.
+    pub held: Rate,
+    /// Share of the time of all acquired for which it was held.
+    pub held_time: Option<f64>,
+    /// Neutralised in time, of the visible whose interlocks were open.
+    pub neutralised: Rate,
+    /// Something else was fired at, of all.
+    pub fired_else: Rate,
+    /// Given up though shown, of the acquired.
+    pub given_up: Rate,
+}
+
+impl Shares {
+    fn of(outcomes: &[&Outcome]) -> Self {
+        let visible = || outcomes.iter().filter(|o| o.verdict.visible);
+        let acquired = || visible().filter(|o| o.verdict.acquired);
+        let (held_s, after_s) = acquired().fold((0.0, 0.0), |(held_s, after_s), o| {
+            let held = o.record.held_s.get(What::Uav.name()).copied();
+            (held_s + held.unwrap_or(0.0), after_s + o.record.after_s)
+        });
+        Self {
+            visible: Rate::of(visible().count(), outcomes.len()),
+            acquired: Rate::count(visible().map(|o| o.verdict.acquired)),
+            held: Rate::count(acquired().filter_map(|o| o.verdict.held())),
+            held_time: (after_s > 0.0).then(|| held_s / after_s),
+            neutralised: neutralised(visible().copied()),
+            fired_else: Rate::count(outcomes.iter().map(|o| o.verdict.fired_else)),
+            given_up: Rate::count(acquired().map(|o| o.verdict.given_up)),
+        }
+    }
+}
+
+/// The share neutralised of those whose interlocks were open.
+fn neutralised<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> Rate {
+    let open = outcomes.filter(|o| o.verdict.open);
+    Rate::count(open.map(|o| o.verdict.neutralised))
+}
+
+/// The scenario name of a UAV model.
+fn model_name(kind: UavKind) -> String {
+    let name = serde_json::to_value(kind).ok();
+    let name = name.as_ref().and_then(serde_json::Value::as_str);
+    name.unwrap_or_default().to_owned()
+}
+
+/// A snake-case word of the recipe in plain words.
+fn words(value: &impl Serialize) -> String {
+    let name = serde_json::to_value(value).ok();
+    let name = name.as_ref().and_then(serde_json::Value::as_str);
+    name.unwrap_or_default().replace('_', " ")
+}
+
+/// A property by which the shares are told apart.
+type Property = (&'static str, fn(&Outcome) -> String);
+
+const PROPERTIES: [Property; 8] = [
+    ("model", |o| model_name(o.facts.model)),
+    ("size in the search camera", |o| {
+        let size_px = o.record.size_px.map_or(0.0, |[search, _]| search);
+        size_band(size_px).into()
+    }),
+    ("background", |o| words(&o.facts.background)),
+    ("light", |o| words(&o.facts.light)),
+    ("distractors", |o| nearness_name(o.facts.nearness).into()),
+    ("kind of distractor", |o| {
+        o.facts.distractor.clone().unwrap_or_else(|| "none".into())
+    }),
+    ("search", |o| {
+        if o.facts.cued { "cued" } else { "uncued" }.into()
+    }),
+    ("flight", |o| words(&o.facts.flight)),
+];
+
+impl Outcome {
+    /// Whether the UAV was small, how it flew, and the rest, in a line.
+    pub fn description(&self) -> String {
+        let facts = &self.facts;
+        let size = self
+            .record
+            .size_px
+            .map_or("hidden".into(), |[search, precise]| {
+                format!("{search:.1} px in the search camera, {precise:.0} px in the precise one")
+            });
+        let other = facts
+            .distractor
+            .as_ref()
+            .map_or("nothing else".into(), |kind| {
+                format!("{} ({kind})", nearness_name(facts.nearness))
+            });
+        format!(
+            "{} at {:.0} m, {}, {size}; before {}, {}; beside it {other}; {}",
+            model_name(facts.model),
+            facts.range_m,
+            words(&facts.flight),
+            words(&facts.background),
+            words(&facts.light),
+            if facts.cued { "cued" } else { "uncued" },
+        )
+    }
+}
+
+impl Results {
+    /// Adds outcomes up.
+    pub fn of(command: String, detector: &'static str, draws: Vec<Outcome>) -> Self {
+        let all: Vec<&Outcome> = draws.iter().collect();
+        let groups = PROPERTIES.iter().map(|(by, value)| {
+            let mut rows: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
+            for outcome in &all {
+                rows.entry(value(outcome)).or_default().push(outcome);
+            }
+            let row = |(name, outcomes): (String, Vec<&Outcome>)| Row {
+                name,
+                draws: outcomes.len(),
+                shares: Shares::of(&outcomes),
+            };
+            Group {
+                by,
+                rows: rows.into_iter().map(row).collect(),
+            }
+        });
+        let causes = Cause::ALL.map(|cause| {
+            let failed = all.iter().filter(|o| o.verdict.cause == Some(cause));
+            (cause.name(), failed.count())
+        });
+        Self {
+            version: crate::VERSION,
+            command,
+            detector,
+            headline: headline(&all, detector),
+            groups: groups.collect(),
+            causes: causes.into_iter().filter(|(_, count)| *count > 0).collect(),
+            draws,
+        }
+    }
+
+    /// The shares and causes for a terminal.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        for line in &self.headline {
+            let _ = writeln!(text, "{:<84}{}", line.name, line.rate.text());
+        }
+        for (cause, count) in &self.causes {
+            let _ = writeln!(text, "failed, {cause:<76}{count}");
+        }
+        text
+    }
+}
+
+fn headline(all: &[&Outcome], detector: &str) -> Vec<Line> {
+    let shares = Shares::of(all);
+    let visible = || all.iter().copied().filter(|o| o.verdict.visible);
+    let held_time = percent(shares.held_time);
+    let lines = [
+        (
+            format!("UAV visible for {VISIBLE_S} s, of all"),
+            shares.visible,
+        ),
+        ("acquired, of the visible".into(), shares.acquired),
+        (
+            format!(
+                "held for {:.0} % of the time, of the acquired ({held_time} of all time)",
+                100.0 * HELD_SHARE
+            ),
+            shares.held,
+        ),
+        (
+            format!("neutralised within {IN_TIME_S} s, of those cued with open interlocks"),
+            neutralised(visible().filter(|o| o.facts.cued)),
+        ),
+        (
+            format!("neutralised within {IN_TIME_S} s, of those uncued with open interlocks"),
+            neutralised(visible().filter(|o| !o.facts.cued)),
+        ),
+        ("fired at something else, of all".into(), shares.fired_else),
+        (
+            "given up though seen, of the acquired".into(),
+            shares.given_up,
+        ),
+    ];
+    let line = |(name, rate): (String, Rate)| Line {
+        name: format!("{detector}: {name}"),
+        rate,
+    };
+    lines.into_iter().map(line).collect()
+}
