@@ -313,8 +313,8 @@ fn blur_has_the_mtf_of_a_gaussian() {
                 let rows = mean_rows(&params, &rendered, 160, 160);
                 // Away from the edges, over whole periods of all three frequencies.
                 let (mut real, mut imaginary) = (0.0, 0.0);
-                for i in 40..120 {
-                    let value = f64::from(if upright { rows[i][80] } else { rows[80][i] });
+                for (i, row) in rows.iter().enumerate().take(120).skip(40) {
+                    let value = f64::from(if upright { row[80] } else { rows[80][i] });
                     let (sin, cos) = (std::f64::consts::TAU * f * i as f64).sin_cos();
                     real += value * cos;
                     imaginary += value * sin;
