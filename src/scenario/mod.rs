@@ -12,6 +12,7 @@ mod docs;
 mod engage;
 pub(crate) mod load;
 mod mount;
+mod recogniser;
 mod record;
 mod search;
 mod site;
@@ -32,6 +33,7 @@ pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
 pub use load::{InputError, Place, Places};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
+pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
 pub use search::{Cue, SearchSector};
 pub use site::Site;
@@ -96,6 +98,9 @@ pub struct Scenario {
     /// What finds UAVs in the images.
     #[serde(default)]
     pub detector: DetectorConfig,
+    /// What says over time what a track is.
+    #[serde(default)]
+    pub recogniser: RecogniserConfig,
     /// How detections become tracks and which of them becomes the target.
     #[serde(default)]
     pub tracker: TrackerConfig,
@@ -155,8 +160,11 @@ impl Checked for Scenario {
         check.table("search", |check| self.search.check(check, &self.uavs));
         targets::check(&self.uavs, &self.distractors, check);
         check.table("detector", |check| self.detector.check(check));
+        check.table("recogniser", |check| {
+            self.recogniser.check(check, self.tick_hz);
+        });
         check.table("tracker", |check| self.tracker.check(check));
-        tracker::check_orders(&self.operator, &self.uavs, check);
+        tracker::check_orders(&self.operator, &self.uavs, &self.distractors, check);
         check.table("controller", |check| self.controller.check(check));
         check.table("engage", |check| self.engage.check(check));
         check.table("record", |check| self.record.check(check, self.tick_hz));

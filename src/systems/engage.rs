@@ -18,6 +18,12 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
 impl Rules {
+    /// Whether a track may be a UAV, by what it was recognised as, if it was.
+    fn takes_for_uav(&self, track: &Track) -> bool {
+        let least = self.min_uav_probability;
+        track.recognition.is_none_or(|found| found.p_uav() >= least)
+    }
+
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
     /// beyond: range [m] and kind, or `None` for sky.
     fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<&'static str> {
@@ -129,6 +135,9 @@ pub fn decide_fire(
     {
         reasons.push("aim point outside the target");
     }
+    if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
+        reasons.push("not recognised as a UAV");
+    }
     match (tracker.target_track(), tracker.range_m) {
         (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
             if surroundings.track != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
@@ -237,6 +246,7 @@ mod tests {
             authorised: true,
             keep_out: Vec::new(),
             sun_exclusion_rad: 0.1,
+            min_uav_probability: 0.5,
             look_ahead_s: 0.3,
             beam_radius_m: 0.05,
             allow_sky: allow[0],

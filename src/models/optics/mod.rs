@@ -1,7 +1,8 @@
-//! Cameras: projection, sensor, rasterised truth, calibration, detections.
+//! Cameras: projection, sensor, rasterised truth, calibration, chips, detections.
 
 pub mod calibration;
 pub mod camera;
+pub mod chip;
 pub mod detection;
 pub mod raster;
 pub mod sensor;
