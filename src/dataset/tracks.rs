@@ -18,7 +18,7 @@ use crate::models::tracking::recognition::{FEATURES, ObjectClass, STEPS, Sequenc
 use crate::models::tracking::table::Track;
 use crate::output;
 use crate::scenario::Scenario;
-use bevy::prelude::World;
+use bevy::prelude::{Mut, World};
 use clap::Args;
 use glam::DVec2;
 use serde::Serialize;
@@ -110,6 +110,9 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
         loop {
             let over = app::step(app.world_mut())?;
             take.tick(app.world(), arguments.rate_hz);
+            (app.world_mut()).resource_scope(|world, mut gallery: Mut<Gallery>| {
+                gallery.tidy(&world.resource::<Tracker>().table);
+            });
             if over {
                 break;
             }

@@ -122,10 +122,7 @@ pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerPar
 
 /// The operator's orders of a scenario.
 fn operator(scenario: &Scenario, clock: SimClock) -> Operator {
-    let uavs = scenario.uavs.iter().map(|uav| &uav.name);
-    let others = scenario.distractors.iter().map(|other| &other.name);
-    let names: Vec<&String> = uavs.chain(others).collect();
-    let index = |name: &String| names.iter().position(|known| *known == name);
+    let index = |name: &String| scenario.flying().position(|known| known == name);
     let orders = scenario.operator.iter().map(|order| Order {
         tick: clock.ticks_of(order.t_s),
         target: match (order.designate.as_ref().and_then(index), order.track) {

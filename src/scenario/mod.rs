@@ -140,6 +140,12 @@ impl Scenario {
     pub fn parse(text: &str, file_name: &str, overrides: &[String]) -> Result<Self, InputError> {
         load::parse(text, file_name, overrides).map(|parsed| parsed.value)
     }
+
+    /// Names of all that flies, in the order of their indices: UAVs, then distractors.
+    pub fn flying(&self) -> impl Iterator<Item = &str> {
+        let uavs = self.uavs.iter().map(|uav| uav.name.as_str());
+        uavs.chain(self.distractors.iter().map(|other| other.name.as_str()))
+    }
 }
 
 impl Checked for Scenario {

@@ -239,10 +239,11 @@ impl Burst {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::tracking::recognition::Recognition;
+    use crate::models::tracking::table::{CameraLook, Sighting, TrackTable};
 
-    #[test]
-    fn only_what_is_listed_may_lie_behind() {
-        let rules = |allow: [bool; 3]| Rules {
+    fn rules(allow: [bool; 3]) -> Rules {
+        Rules {
             authorised: true,
             keep_out: Vec::new(),
             sun_exclusion_rad: 0.1,
@@ -255,7 +256,40 @@ mod tests {
             min_clear_range_m: 500.0,
             max_burst_s: 15.0,
             pause_s: 1.0,
+        }
+    }
+
+    #[test]
+    fn what_is_recognised_as_no_uav_is_not_fired_at() {
+        let mut table = TrackTable::default();
+        let sighting = Sighting {
+            az_el_rad: DVec2::new(0.1, 0.1),
+            sigma_rad: 1e-5,
+            size_rad: 1e-3,
+            score: 0.9,
+            label: 0,
         };
+        table.update(&CameraLook {
+            tier: 0,
+            t_s: 0.0,
+            sightings: &[sighting],
+            in_view: &|_| true,
+            start_tracks: true,
+        });
+        let track = &mut table.tracks[0];
+        // Nobody has looked at it yet: the tracker's own evidence counts.
+        assert!(rules([true; 3]).takes_for_uav(track));
+        for (p_uav, fires) in [(0.49, false), (0.5, true)] {
+            track.recognition = Some(Recognition {
+                probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                t_s: 1.0,
+            });
+            assert_eq!(rules([true; 3]).takes_for_uav(track), fires, "{p_uav}");
+        }
+    }
+
+    #[test]
+    fn only_what_is_listed_may_lie_behind() {
         let far = |kind| Some((1600.0, kind));
         let behind = [None, far(HitKind::Ground), far(HitKind::Building)];
         for allow in [

@@ -230,7 +230,7 @@ impl History {
         (self.steps).retain(|step| step.number > newest - STEPS as i64);
     }
 
-    /// The second that ends at `t_s`, of a track that was seen in `seen_share` of its frames; `None`
+    /// The second of whole steps that ends by `t_s`, of a track that was seen in `seen_share` of its frames; `None`
     /// for one that was seen in fewer than [`LEAST_STEPS`] steps. `sky_known`: whether directions are
     /// those on the sky; otherwise the features of motion are 0.
     ///
@@ -242,7 +242,8 @@ impl History {
     /// frames; and the share of the score by what the detector calls it. Rates and places go through
     /// the inverse hyperbolic sine, so that outliers stay bounded.
     pub fn sequence(&self, t_s: f64, seen_share: f64, sky_known: bool) -> Option<Sequence> {
-        let last = step_of(t_s);
+        // What has just begun has seen nothing yet.
+        let last = step_of(t_s - 0.5 / STEPS_PER_S);
         let within = |step: &&Step| (last - STEPS as i64 + 1..=last).contains(&step.number);
         let steps: Vec<&Step> = self.steps.iter().filter(within).collect();
         if steps.len() < LEAST_STEPS {
@@ -497,7 +498,7 @@ mod tests {
             for (t_s, tier) in order.map(|k| seen[k]) {
                 history.take(glimpse(t_s, tier, at), || chip(tier as u8));
             }
-            let sequence = history.sequence(0.14, 1.0, true).unwrap();
+            let sequence = history.sequence(0.17, 1.0, true).unwrap();
             let tiers = sequence.steps.iter().flatten().map(|step| {
                 assert_eq!(step.chip[0], step.glimpses[0].tier as u8);
                 (step.number, step.glimpses[0].tier, step.glimpses.len())
@@ -523,7 +524,7 @@ mod tests {
         assert!(long.sequence(2.0 + 38.0 / 16.0, 1.0, true).is_none());
         let mut old = history(0..8);
         old.join(history(11..14));
-        let found = old.sequence(13.0 / 16.0, 1.0, true).unwrap();
+        let found = old.sequence(14.0 / 16.0, 1.0, true).unwrap();
         let steps: Vec<i64> = found
             .steps
             .iter()
