@@ -14,7 +14,7 @@ use crate::components::flight::{Distractor, Uav};
 use crate::components::run::{Seed, SimClock};
 use crate::components::track::{Gallery, Tracker};
 use crate::models::optics::chip::{CHIP_PX, Chip};
-use crate::models::tracking::recognition::{FEATURES, ObjectClass, STEPS, Sequence, Step};
+use crate::models::tracking::recognition::{FEATURES, STEPS, Sequence, Step, TrackClass};
 use crate::models::tracking::table::Track;
 use crate::output;
 use crate::scenario::Scenario;
@@ -149,7 +149,7 @@ const PURE_SHARE: f64 = 0.7;
 /// What is gathered in a run.
 struct Take {
     /// Name and class of each UAV and distractor, by its index.
-    objects: BTreeMap<usize, (String, ObjectClass)>,
+    objects: BTreeMap<usize, (String, TrackClass)>,
     /// Truth of the last frames: tick, camera, what was in front of it.
     frames: VecDeque<(u64, Tier, Vec<UavInFrame>)>,
     chips: Vec<Chip>,
@@ -165,8 +165,8 @@ impl Take {
         let mut objects = BTreeMap::new();
         let mut flying = world.query::<(&Uav, Option<&Distractor>)>();
         for (uav, distractor) in flying.iter(world) {
-            let class = distractor.map_or(ObjectClass::Uav, |distractor| {
-                ObjectClass::named(distractor.kind.name()).unwrap_or(ObjectClass::Other)
+            let class = distractor.map_or(TrackClass::Uav, |distractor| {
+                TrackClass::named(distractor.kind.name()).unwrap_or(TrackClass::Other)
             });
             objects.insert(uav.index, (uav.name.clone(), class));
         }
@@ -250,7 +250,7 @@ impl Take {
         self.labelled.push(Labelled {
             track: track.id,
             t_s,
-            class: named.map_or(ObjectClass::Other, |(_, class)| *class).name(),
+            class: named.map_or(TrackClass::Other, |(_, class)| *class).name(),
             object: named.map(|(name, _)| name.clone()),
             share,
             seen: steps.len(),

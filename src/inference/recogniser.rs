@@ -10,7 +10,7 @@ use super::interface::{entry, fits, list};
 use super::runtime::{Setup, first_line, session};
 use crate::models::optics::chip::CHIP_PX;
 use crate::models::tracking::recognition::{
-    CLASSES, FEATURES, ObjectClass, Recognition, STEPS, Sequence,
+    CLASSES, FEATURES, Recognition, STEPS, Sequence, TrackClass,
 };
 use crate::scenario::Provider;
 use ort::session::Session;
@@ -194,7 +194,7 @@ fn check(session: &Session) -> Result<(), String> {
         };
         entry(key, metadata.custom(key), &expected.join(", "), same)
     };
-    names("classes", &ObjectClass::ALL.map(ObjectClass::name))?;
+    names("classes", &TrackClass::ALL.map(TrackClass::name))?;
     names("features", &FEATURES)?;
     let (steps, chip, features) = (STEPS as i64, CHIP_PX as i64, FEATURES.len() as i64);
     let inputs: [(&str, &[i64]); 3] = [
@@ -290,7 +290,7 @@ mod tests {
                     size_px: [10.0, 6.0],
                     ifov_rad: 8e-5,
                     score: 0.7,
-                    named: ObjectClass::Uav,
+                    named: TrackClass::Uav,
                 };
                 history.take(glimpse, || vec![value; CHIP].into());
             }

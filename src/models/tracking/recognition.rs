@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 
 /// What a track may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum ObjectClass {
+pub enum TrackClass {
     /// A UAV.
     Uav,
     /// A bird, flapping or gliding.
@@ -29,7 +29,7 @@ pub enum ObjectClass {
 /// How many classes there are.
 pub const CLASSES: usize = 6;
 
-impl ObjectClass {
+impl TrackClass {
     /// All, in the order in which a network gives their probabilities.
     pub const ALL: [Self; CLASSES] = [
         Self::Uav,
@@ -66,7 +66,7 @@ impl ObjectClass {
 /// What a track was found to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recognition {
-    /// Probability of each class, in the order of [`ObjectClass::ALL`].
+    /// Probability of each class, in the order of [`TrackClass::ALL`].
     pub probabilities: [f64; CLASSES],
     /// End of the second that it was found from [s].
     pub t_s: f64,
@@ -75,13 +75,13 @@ pub struct Recognition {
 impl Recognition {
     /// Probability that it is a UAV.
     pub fn p_uav(&self) -> f64 {
-        self.probabilities[ObjectClass::Uav as usize]
+        self.probabilities[TrackClass::Uav as usize]
     }
 
     /// The most probable class.
-    pub fn class(&self) -> ObjectClass {
-        let mut best = ObjectClass::Uav;
-        for class in ObjectClass::ALL {
+    pub fn class(&self) -> TrackClass {
+        let mut best = TrackClass::Uav;
+        for class in TrackClass::ALL {
             if self.probabilities[class as usize] > self.probabilities[best as usize] {
                 best = class;
             }
@@ -146,7 +146,7 @@ pub struct Glimpse {
     pub ifov_rad: f64,
     /// Confidence of the detector, and what it calls it.
     pub score: f64,
-    pub named: ObjectClass,
+    pub named: TrackClass,
 }
 
 impl Glimpse {
@@ -391,7 +391,7 @@ mod tests {
             size_px: [12.0, 6.0],
             ifov_rad: 5e-5,
             score: 0.8,
-            named: ObjectClass::Uav,
+            named: TrackClass::Uav,
         }
     }
 
@@ -410,13 +410,13 @@ mod tests {
     #[test]
     fn features_stand_where_their_names_say() {
         assert_eq!(FEATURES[FEATURE_SEEN], "seen_share");
-        for class in ObjectClass::ALL {
+        for class in TrackClass::ALL {
             let name = FEATURES[FEATURE_SEEN + 1 + class as usize];
             assert_eq!(name.strip_prefix("named_"), Some(class.name()));
-            assert_eq!(ObjectClass::named(class.name()), Some(class));
+            assert_eq!(TrackClass::named(class.name()), Some(class));
         }
-        assert_eq!(ObjectClass::of_detector("hexacopter"), ObjectClass::Uav);
-        assert_eq!(ObjectClass::of_detector("bird"), ObjectClass::Bird);
+        assert_eq!(TrackClass::of_detector("hexacopter"), TrackClass::Uav);
+        assert_eq!(TrackClass::of_detector("bird"), TrackClass::Bird);
     }
 
     #[test]
@@ -541,6 +541,6 @@ mod tests {
             probabilities: [0.2, 0.5, 0.1, 0.05, 0.05, 0.1],
             t_s: 1.0,
         };
-        assert_eq!((found.class(), found.p_uav()), (ObjectClass::Bird, 0.2));
+        assert_eq!((found.class(), found.p_uav()), (TrackClass::Bird, 0.2));
     }
 }

@@ -7,7 +7,7 @@ use crate::inference::{OnnxRecogniser, RecogniserError};
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::chip::chip;
-use crate::models::tracking::recognition::{Glimpse, ObjectClass, Recognition, Sequence};
+use crate::models::tracking::recognition::{Glimpse, Recognition, Sequence, TrackClass};
 use crate::models::tracking::table::{Track, TrackTable};
 use bevy::prelude::*;
 use glam::DVec3;
@@ -60,7 +60,7 @@ impl Gallery {
                 size_px: [x1 - x0, y1 - y0],
                 ifov_rad: hung.pinhole.ifov_rad(),
                 score: detection.score,
-                named: ObjectClass::of_detector(class(detection.label)),
+                named: TrackClass::of_detector(class(detection.label)),
             };
             let side_px = glimpse.chip_px(track.size_rad);
             let history = self.histories.entry(track.id).or_default();
@@ -239,7 +239,7 @@ mod tests {
             wanted: true,
             ..Gallery::default()
         };
-        let mut hang = |gallery: &mut Gallery, tick: u64, rgb8: Option<Vec<u8>>| {
+        let hang = |gallery: &mut Gallery, tick: u64, rgb8: Option<Vec<u8>>| {
             let batch = DetectionBatch {
                 frame: Arc::new(frame(tick, rgb8)),
                 available_tick: tick,
@@ -268,7 +268,7 @@ mod tests {
         let glimpse = steps[0].glimpses[0];
         assert_eq!(
             (glimpse.named, glimpse.size_px),
-            (ObjectClass::Bird, [8.0, 8.0])
+            (TrackClass::Bird, [8.0, 8.0])
         );
         assert!(
             (glimpse.az_el_rad - pointing.az_el_rad).length() < 1e-6,
