@@ -5,6 +5,7 @@ A run is a folder: `recogniser.onnx` (calibrated, interface in README.md), `reli
 """
 
 import argparse
+import copy
 import csv
 import io
 import json
@@ -183,7 +184,7 @@ def spoilt(chips: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         sigma = float(rng.uniform(0.3, 1.0))
         x = np.stack([cv2.GaussianBlur(step, (0, 0), sigma) for step in x])
     if rng.random() < 0.5:
-        x += rng.normal(0, rng.uniform(0.5, 8), x.shape)
+        x += np.float32(rng.uniform(0.5, 8)) * rng.standard_normal(x.shape, np.float32)
     x = x.clip(0, 255).astype(np.uint8)
     if rng.random() < 0.3:
         quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(30, 90))]
@@ -426,7 +427,7 @@ def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, log: lis
     rng = np.random.default_rng(seed)
     model = Recogniser()
     model.learn_scale(tracks.features, tracks.index >= 0)
-    average = torch.optim.swa_utils.AveragedModel(model, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.998), use_buffers=True)
+    average = copy.deepcopy(model)
     optimiser = torch.optim.AdamW(model.parameters(), lr=lr, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, lr, total_steps=steps, pct_start=0.1)
     weights, mean = sampling_weights(tracks), None
@@ -442,12 +443,16 @@ def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, log: lis
         nn.utils.clip_grad_norm_(model.parameters(), 5.0)
         optimiser.step()
         schedule.step()
-        average.update_parameters(model)
+        # The mean over the last steps, of which there are few at first.
+        share = max(0.002, 1.0 / (1 + 0.1 * step))
+        with torch.no_grad():
+            for mean_of, own in zip(average.parameters(), model.parameters()):
+                mean_of.lerp_(own, share)
         mean = loss.item() if mean is None else 0.98 * mean + 0.02 * loss.item()
         if step % 100 == 0 or step == steps:
             log.append({"step": step, "loss": round(mean, 4), "seconds": round(time.monotonic() - started, 1)})
             print(f"step {step}: loss {mean:.3f}, {log[-1]['seconds']} s", flush=True)
-    return average.module.eval()
+    return average.eval()
 
 
 def main() -> None:
