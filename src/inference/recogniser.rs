@@ -111,8 +111,8 @@ impl OnnxRecogniser {
             return Ok(Vec::new());
         }
         let count = sequences.len();
-        let mut chips = vec![0.0; count * STEPS * CHIP];
-        let mut mask = vec![0.0; count * STEPS];
+        let mut chips = vec![0.0_f32; count * STEPS * CHIP];
+        let mut mask = vec![0.0_f32; count * STEPS];
         let mut features: Vec<f32> = Vec::with_capacity(count * STEPS * FEATURES.len());
         for (k, sequence) in sequences.iter().enumerate() {
             features.extend(sequence.features.iter().flatten());

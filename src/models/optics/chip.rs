@@ -143,11 +143,10 @@ mod tests {
         let picture: Vec<u8> = (0..96 * 96)
             .flat_map(|i| [if i % 2 == 0 { 200 } else { 0 }; 3])
             .collect();
-        let found = chip(&picture, rect, [48.0, 48.0], 96.0);
-        assert!(
-            found.iter().all(|value| (95..=105).contains(value)),
-            "{found:?}"
-        );
+        let found = chip(&picture, rect, [48.0, 48.0], 72.0);
+        // Three pixels a step: weights of 1, 2, 3, 2, 1 ninths leave 1/9 of the stripes.
+        let apart = found.iter().map(|value| value.abs_diff(100)).max();
+        assert!(apart <= Some(12), "{apart:?}");
     }
 
     #[test]

@@ -227,7 +227,8 @@ impl History {
     /// Drops what no later sequence holds.
     fn forget(&mut self) {
         let newest = self.steps.back().map_or(0, |step| step.number);
-        (self.steps).retain(|step| step.number > newest - STEPS as i64);
+        // The newest has perhaps just begun, and is not looked at yet.
+        (self.steps).retain(|step| step.number >= newest - STEPS as i64);
     }
 
     /// The second of whole steps that ends by `t_s`, of a track that was seen in `seen_share` of its frames; `None`
@@ -520,7 +521,7 @@ mod tests {
             history
         };
         let long = history(0..40);
-        assert_eq!(long.steps.len(), STEPS);
+        assert_eq!(long.steps.len(), STEPS + 1);
         assert!(long.sequence(2.0 + 38.0 / 16.0, 1.0, true).is_none());
         let mut old = history(0..8);
         old.join(history(11..14));
