@@ -81,6 +81,8 @@ enum Command {
     Eval(EvalCommand),
     /// Render annotated pictures for training and testing detectors, from a recipe.
     Dataset(dataset::Arguments),
+    /// Run scenarios and write the last seconds of their tracks, for training a recogniser.
+    Tracks(dataset::tracks::Arguments),
     /// List the UAV models.
     Models,
     /// Say what this machine offers: graphics adapter, ONNX Runtime, threads.
@@ -226,6 +228,10 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
         }
         Command::Dataset(args) => {
             say!("{}", dataset::dataset(&args)?.trim_end());
+            Ok(())
+        }
+        Command::Tracks(args) => {
+            say!("{}", dataset::tracks::tracks(&args)?.trim_end());
             Ok(())
         }
         Command::Models => {

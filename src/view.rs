@@ -132,7 +132,7 @@ fn with_orders(
     let order = |order: &Order| OrderConfig {
         t_s: clock.at_s(order.tick),
         designate: match order.target {
-            Designation::Uav(index) => loaded.scenario.uavs.get(index).map(|uav| uav.name.clone()),
+            Designation::Uav(index) => loaded.scenario.flying().nth(index).map(String::from),
             Designation::Track(_) | Designation::Release => None,
         },
         track: match order.target {

@@ -8,6 +8,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from recogniser_interface import CHIP, CLASSES, FEATURES, STEPS
+
 FOLDER = Path(__file__).resolve().parent.parent / "tests/data/models"
 
 METADATA = {
@@ -121,6 +123,33 @@ def batches(answers_one=False):
     return built.SerializeToString(deterministic=True)
 
 
+def recogniser(chips=(STEPS, 3, CHIP, CHIP), total=1.0, features=FEATURES):
+    """A recogniser that gives every class the same share of `total`, whatever it is shown."""
+    values = (("chips", chips), ("features", (STEPS, len(FEATURES))), ("mask", (STEPS,)))
+    constants = {"share": np.full((1, len(CLASSES)), total / len(CLASSES), np.float32), "zero": np.array(0, np.float32)}
+    used = [helper.make_node("ReduceMax", [name], [f"{name}_most"], axes=list(range(1, len(s) + 1)), keepdims=0) for name, s in values]
+    nodes = [
+        *used,
+        helper.make_node("Sum", [f"{name}_most" for name, _ in values], ["sum"]),
+        helper.make_node("Mul", ["sum", "zero"], ["nothing"]),
+        helper.make_node("Unsqueeze", ["nothing", "one"], ["nothing_1"]),
+        helper.make_node("Add", ["share", "nothing_1"], ["probabilities"]),
+    ]
+    constants["one"] = np.array([1], np.int64)
+    graph = helper.make_graph(
+        nodes,
+        "test",
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", *sides]) for name, sides in values],
+        [helper.make_tensor_value_info("probabilities", TensorProto.FLOAT, ["batch", len(CLASSES)])],
+        [numpy_helper.from_array(value, key) for key, value in constants.items()],
+    )
+    built = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8, producer_name="boresight")
+    names = {"classes": json.dumps(CLASSES), "features": json.dumps(features)}
+    helper.set_model_props(built, {"boresight.recogniser": "1"} | names)
+    onnx.checker.check_model(built, full_check=True)
+    return built.SerializeToString(deterministic=True)
+
+
 def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     nan = model(score=np.nan)
@@ -154,6 +183,10 @@ def main():
         "ir_version": model(ir_version=99),
         "nan": nan,
         "nan_later": model(nan_if_uneven=True),
+        "recogniser": recogniser(),
+        "recogniser_features": recogniser(features=FEATURES[:1]),
+        "recogniser_inputs": recogniser(chips=(STEPS, 1, CHIP, CHIP)),
+        "recogniser_sum": recogniser(total=1.2),
     }
     for name, content in files.items():
         path = FOLDER / f"{name}.onnx"

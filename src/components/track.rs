@@ -1,14 +1,17 @@
 //! The tracker: tracks, state, target; the operator who may choose it.
 
+use crate::inference::OnnxRecogniser;
 use crate::models::flight::uav::AimPart;
 use crate::models::laser::range_finder::RangeFinderParams;
 use crate::models::maths::kinematics::wrap_pi;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
 use crate::models::tracking::estimation::LosState;
+use crate::models::tracking::recognition::{History, Recognition};
 use crate::models::tracking::table::{JoinedTrack, Track, TrackTable};
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
 
 /// Stages of an engagement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,6 +117,29 @@ pub struct RangeFinder {
     pub params: RangeFinderParams,
     /// Stream of its errors.
     pub rng: Stream,
+}
+
+/// What each track looked like in its last second.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Gallery {
+    /// Whether anybody looks at it; otherwise it stays empty.
+    pub wanted: bool,
+    /// The histories by the tracks' identities.
+    pub histories: BTreeMap<u32, History>,
+}
+
+/// The network that says what tracks are; without one nothing is recognised.
+#[derive(Resource, Default)]
+pub struct Recogniser {
+    /// The network.
+    pub model: Option<OnnxRecogniser>,
+    /// Times a second that it is asked, and tracks that it looks at each time.
+    pub rate_hz: u32,
+    pub max_tracks: usize,
+    /// From a question to its answer.
+    pub latency_ticks: u64,
+    /// Answers on their way: the tick in which they arrive, and the track of each.
+    pub waiting: Vec<(u64, u32, Recognition)>,
 }
 
 /// What an operator wants for a target.

@@ -1,4 +1,5 @@
-//! `dataset`: annotated pictures by the loop's own renderer, cameras and sensor model.
+//! `dataset`: annotated pictures by the loop's own renderer, cameras and sensor model; `tracks`: what
+//! the recogniser learns from.
 //!
 //! A recipe and its seed determine every byte of a set. A scene (one place, time, weather and camera) is drawn from
 //! streams of its own, so that neither the order nor the number of scenes made at once matters. Its
@@ -21,6 +22,7 @@ mod shoot;
 mod stage;
 mod statistics;
 mod store;
+pub mod tracks;
 
 pub use error::DatasetError;
 pub use recipe::Recipe;

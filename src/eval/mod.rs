@@ -9,7 +9,7 @@ pub mod statistics;
 pub mod tracking;
 
 use crate::app::RunError;
-use crate::inference::DetectorError;
+use crate::inference::{DetectorError, RecogniserError};
 use crate::media::image::ImageError;
 use crate::media::video::VideoError;
 use crate::models::ground::city::CityError;
@@ -58,6 +58,9 @@ pub enum EvalError {
     /// The detector.
     #[error(transparent)]
     Detector(#[from] DetectorError),
+    /// The recogniser.
+    #[error(transparent)]
+    Recogniser(#[from] RecogniserError),
     /// Annotated pictures.
     #[error(transparent)]
     Coco(#[from] CocoError),

@@ -154,7 +154,7 @@ fn check_outputs(outputs: &[Outlet], batches: bool) -> Result<(), String> {
     Ok(())
 }
 
-fn list(outlets: &[Outlet]) -> String {
+pub(super) fn list(outlets: &[Outlet]) -> String {
     let outlets: Vec<_> = (outlets.iter())
         .map(|outlet| format!("`{}`, {}", outlet.name(), spelt(outlet.dtype())))
         .collect();
@@ -162,7 +162,7 @@ fn list(outlets: &[Outlet]) -> String {
 }
 
 /// A value of the model's metadata.
-fn entry<T>(
+pub(super) fn entry<T>(
     key: &str,
     found: Option<String>,
     expected: &str,
@@ -177,7 +177,7 @@ fn entry<T>(
 
 /// Whether a declared tensor can be of this type and shape, where -1 is any size. Outputs may be
 /// declared without a shape.
-fn fits(declared: &ValueType, element: TensorElementType, wanted: &[i64]) -> bool {
+pub(super) fn fits(declared: &ValueType, element: TensorElementType, wanted: &[i64]) -> bool {
     let ValueType::Tensor { ty, shape, .. } = declared else {
         return false;
     };

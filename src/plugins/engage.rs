@@ -30,6 +30,7 @@ fn set_up(mut commands: Commands, loaded: Res<RunScenario>) -> Result<(), PartEr
         authorised: engage.authorised,
         keep_out,
         sun_exclusion_rad: engage.sun_exclusion_deg.to_radians(),
+        min_uav_probability: engage.min_uav_probability,
         look_ahead_s: engage.look_ahead_s,
         beam_radius_m: loaded.scenario.station.laser.aperture_radius_m,
         allow_sky: engage.allow_backstop.contains(&Backstop::Sky),

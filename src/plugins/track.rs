@@ -1,8 +1,12 @@
 //! Tracks and the tracking state.
 
 use crate::components::mount::Mount;
-use crate::components::run::{RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
-use crate::components::track::{Designation, Operator, Order, RangeFinder, Tracker, TrackerParams};
+use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::components::track::{
+    Designation, Gallery, Operator, Order, RangeFinder, Recogniser, Tracker, TrackerParams,
+};
+use crate::inference::OnnxRecogniser;
+use crate::plugins::run::fallible;
 use crate::scenario::{self, AssociationRule, ControllerPreset, DetectorKind, Scenario};
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems, patience_s};
@@ -16,10 +20,12 @@ impl Plugin for TrackPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Tracker>()
             .add_systems(SetUp, set_up.in_set(TickSet::Track).run_if(nothing_failed))
+            .add_systems(SetUp, fallible(set_up_recogniser).in_set(TickSet::Track))
             .add_systems(
                 Tick,
                 (
                     systems::associate,
+                    systems::recognise::recognise,
                     systems::find_range,
                     systems::aim,
                     systems::foresee,
@@ -46,6 +52,38 @@ fn set_up(
         params: default(),
         rng: seed.stream(0, "range finder"),
     });
+}
+
+/// From a question to the recogniser to its answer: a small network on chips that are there.
+const RECOGNISER_LATENCY_S: f64 = 0.005; // [s]
+
+/// The recogniser works on pictures: beside the truth detector, which needs none, it would make a
+/// rendered run another than a blind one.
+fn set_up_recogniser(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    clock: Res<SimClock>,
+) -> Result<(), PartError> {
+    let config = &loaded.scenario.recogniser;
+    let named = !config.onnx_model.as_os_str().is_empty();
+    let wanted = named && loaded.scenario.detector.kind == DetectorKind::Onnx;
+    let key = "recogniser.onnx_model";
+    let model = wanted
+        .then(|| OnnxRecogniser::load(&config.onnx_model, key))
+        .transpose()
+        .map_err(|error| loaded.refuse(key, error))?;
+    commands.insert_resource(Gallery {
+        wanted,
+        ..default()
+    });
+    commands.insert_resource(Recogniser {
+        model,
+        rate_hz: config.rate_hz,
+        max_tracks: config.max_tracks as usize,
+        latency_ticks: clock.ticks_of(RECOGNISER_LATENCY_S),
+        waiting: Vec::new(),
+    });
+    Ok(())
 }
 
 /// How the tracker of a scenario works, for a station at `r_station_enu_m` [m].
@@ -84,7 +122,7 @@ pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerPar
 
 /// The operator's orders of a scenario.
 fn operator(scenario: &Scenario, clock: SimClock) -> Operator {
-    let index = |name: &String| scenario.uavs.iter().position(|uav| uav.name == *name);
+    let index = |name: &String| scenario.flying().position(|known| known == name);
     let orders = scenario.operator.iter().map(|order| Order {
         tick: clock.ticks_of(order.t_s),
         target: match (order.designate.as_ref().and_then(index), order.track) {

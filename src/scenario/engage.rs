@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::check::{AT_LEAST_ZERO, Check, ELEVATION, TURN};
+use super::check::{AT_LEAST_ZERO, Check, ELEVATION, FRACTION, TURN};
 use crate::models::engage::interlock::Zone;
 use crate::models::flight::uav::AimPart;
 
@@ -22,6 +22,9 @@ pub struct Engage {
     /// How far ahead the line of sight is checked for obstacles and keep-out zones: the laser is
     /// off before it gets there.
     pub look_ahead_s: f64,
+    /// Least probability by the recogniser that the target is a UAV, 0 to 1; a target that it has not
+    /// judged is left to the tracker's own evidence.
+    pub min_uav_probability: f64,
     /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
     pub allow_backstop: Vec<Backstop>,
     /// An allowed building or ground must lie at least this far behind the target.
@@ -44,6 +47,7 @@ impl Default for Engage {
             keep_out: Vec::new(),
             sun_exclusion_deg: 5.0,
             look_ahead_s: 0.3,
+            min_uav_probability: 0.5,
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
             lock_radius_px: 3.0,
@@ -116,6 +120,7 @@ impl Engage {
             });
             names.push(&zone.name);
         }
+        check.within("min_uav_probability", self.min_uav_probability, FRACTION);
         check.within("sun_exclusion_deg", self.sun_exclusion_deg, 0.0..=90.0);
         check.within("look_ahead_s", self.look_ahead_s, 0.0..=5.0);
         check.within("min_clear_range_m", self.min_clear_range_m, AT_LEAST_ZERO);

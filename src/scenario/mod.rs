@@ -12,6 +12,7 @@ mod docs;
 mod engage;
 pub(crate) mod load;
 mod mount;
+mod recogniser;
 mod record;
 mod search;
 mod site;
@@ -33,6 +34,7 @@ pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
 pub use load::{InputError, Place, Places};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
+pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
 pub use search::{Cue, SearchSector};
 pub use site::Site;
@@ -97,6 +99,9 @@ pub struct Scenario {
     /// What finds UAVs in the images.
     #[serde(default)]
     pub detector: DetectorConfig,
+    /// What says over time what a track is.
+    #[serde(default)]
+    pub recogniser: RecogniserConfig,
     /// How detections become tracks and which of them becomes the target.
     #[serde(default)]
     pub tracker: TrackerConfig,
@@ -136,6 +141,12 @@ impl Scenario {
     pub fn parse(text: &str, file_name: &str, overrides: &[String]) -> Result<Self, InputError> {
         load::parse(text, file_name, overrides).map(|parsed| parsed.value)
     }
+
+    /// Names of all that flies, in the order of their indices: UAVs, then distractors.
+    pub fn flying(&self) -> impl Iterator<Item = &str> {
+        let uavs = self.uavs.iter().map(|uav| uav.name.as_str());
+        uavs.chain(self.distractors.iter().map(|other| other.name.as_str()))
+    }
 }
 
 impl Checked for Scenario {
@@ -156,8 +167,11 @@ impl Checked for Scenario {
         check.table("search", |check| self.search.check(check, &self.uavs));
         targets::check(&self.uavs, &self.distractors, check);
         check.table("detector", |check| self.detector.check(check));
+        check.table("recogniser", |check| {
+            self.recogniser.check(check, self.tick_hz);
+        });
         check.table("tracker", |check| self.tracker.check(check));
-        tracker::check_orders(&self.operator, &self.uavs, check);
+        tracker::check_orders(&self.operator, &self.uavs, &self.distractors, check);
         check.table("controller", |check| self.controller.check(check));
         check.table("engage", |check| self.engage.check(check));
         check.table("record", |check| self.record.check(check, self.tick_hz));

@@ -235,6 +235,9 @@ fn contradictions_are_found_where_they_stand() {
         error(GOOD, &["record.state_hz=7"])
             .starts_with("s.toml: --set record.state_hz=7: record.state_hz: 7 Hz")
     );
+    assert!(error(GOOD, &["recogniser.rate_hz=7"]).contains("recogniser.rate_hz: 7 Hz does not"));
+    assert!(error(GOOD, &["recogniser.max_tracks=0"]).contains("recogniser.max_tracks"));
+    assert!(error(GOOD, &["engage.min_uav_probability=2"]).contains("engage.min_uav_probability"));
 }
 
 #[test]
@@ -304,6 +307,11 @@ fn an_order_has_one_target_at_most() {
         )
     );
     assert!(refused("designate = 'ona'").contains("operator[0].designate: no UAV 'ona' - did you"));
+    let gull = "distractors=[{ name = 'gull', kind = 'bird', trajectory = { kind = 'hover', \
+                position_enu_m = [1, 2, 3] } }]";
+    let flock = with(&[gull, &order("designate = 'gull'")]);
+    assert_eq!(flock.flying().nth(flock.uavs.len()), Some("gull"));
+    assert_eq!(flock.operator[0].designate.as_deref(), Some("gull"));
     assert!(refused("track = -1").contains("expected a whole number, not negative"));
     assert_eq!(
         error(

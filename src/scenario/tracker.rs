@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::check::{Check, FRACTION, MAX_DURATION_S};
 use super::search::check_named_uav;
-use super::targets::UavConfig;
+use super::targets::{DistractorConfig, UavConfig};
 
 /// How detections become tracks and which of them becomes the target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -60,8 +60,8 @@ pub enum AssociationRule {
 pub struct OrderConfig {
     /// Time of the order, from the start of the run.
     pub t_s: f64,
-    /// Name of the UAV whose picture the operator points at: its track becomes the target and
-    /// stays it.
+    /// Name of the UAV or distractor whose picture the operator points at: its track becomes the
+    /// target and stays it.
     pub designate: Option<String>,
     /// Identity of the track that becomes the target and stays it, as recordings have it. The
     /// window records a choice in this way, so that its run can be repeated.
@@ -78,13 +78,20 @@ impl TrackerConfig {
 }
 
 /// Orders must be in order of time.
-pub(super) fn check_orders(orders: &[OrderConfig], uavs: &[UavConfig], check: &mut Check) {
+pub(super) fn check_orders(
+    orders: &[OrderConfig],
+    uavs: &[UavConfig],
+    distractors: &[DistractorConfig],
+    check: &mut Check,
+) {
     let mut earliest_s = 0.0;
     for (index, order) in orders.iter().enumerate() {
         check.table(&format!("operator[{index}]"), |check| {
             check.within("t_s", order.t_s, earliest_s..=MAX_DURATION_S);
             if let Some(name) = &order.designate {
-                check_named_uav(check, "designate", name, uavs);
+                if !distractors.iter().any(|other| other.name == *name) {
+                    check_named_uav(check, "designate", name, uavs);
+                }
                 check.that(order.track.is_none(), "track", || {
                     "an order has one target: give either designate or track".to_owned()
                 });

@@ -18,6 +18,12 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
 impl Rules {
+    /// Whether a track may be a UAV, by what it was recognised as, if it was.
+    fn takes_for_uav(&self, track: &Track) -> bool {
+        let least = self.min_uav_probability;
+        track.recognition.is_none_or(|found| found.p_uav() >= least)
+    }
+
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
     /// beyond: range [m] and kind, or `None` for sky.
     pub fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<&'static str> {
@@ -129,6 +135,9 @@ pub fn decide_fire(
     {
         reasons.push("aim point outside the target");
     }
+    if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
+        reasons.push("not recognised as a UAV");
+    }
     match (tracker.target_track(), tracker.range_m) {
         (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
             if surroundings.track != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
@@ -230,13 +239,15 @@ impl Burst {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::tracking::recognition::Recognition;
+    use crate::models::tracking::table::{CameraLook, Sighting, TrackTable};
 
-    #[test]
-    fn only_what_is_listed_may_lie_behind() {
-        let rules = |allow: [bool; 3]| Rules {
+    fn rules(allow: [bool; 3]) -> Rules {
+        Rules {
             authorised: true,
             keep_out: Vec::new(),
             sun_exclusion_rad: 0.1,
+            min_uav_probability: 0.5,
             look_ahead_s: 0.3,
             beam_radius_m: 0.05,
             allow_sky: allow[0],
@@ -245,7 +256,40 @@ mod tests {
             min_clear_range_m: 500.0,
             max_burst_s: 15.0,
             pause_s: 1.0,
+        }
+    }
+
+    #[test]
+    fn what_is_recognised_as_no_uav_is_not_fired_at() {
+        let mut table = TrackTable::default();
+        let sighting = Sighting {
+            az_el_rad: DVec2::new(0.1, 0.1),
+            sigma_rad: 1e-5,
+            size_rad: 1e-3,
+            score: 0.9,
+            label: 0,
         };
+        table.update(&CameraLook {
+            tier: 0,
+            t_s: 0.0,
+            sightings: &[sighting],
+            in_view: &|_| true,
+            start_tracks: true,
+        });
+        let track = &mut table.tracks[0];
+        // Nobody has looked at it yet: the tracker's own evidence counts.
+        assert!(rules([true; 3]).takes_for_uav(track));
+        for (p_uav, fires) in [(0.49, false), (0.5, true)] {
+            track.recognition = Some(Recognition {
+                probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                t_s: 1.0,
+            });
+            assert_eq!(rules([true; 3]).takes_for_uav(track), fires, "{p_uav}");
+        }
+    }
+
+    #[test]
+    fn only_what_is_listed_may_lie_behind() {
         let far = |kind| Some((1600.0, kind));
         let behind = [None, far(HitKind::Ground), far(HitKind::Building)];
         for allow in [

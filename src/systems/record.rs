@@ -65,6 +65,14 @@ pub fn hash_state(
         tracker.target.map_or(-1.0, f64::from),
     ]);
     put(&[tracker.table.tracks.len() as f64]);
+    let recognised = tracker
+        .table
+        .tracks
+        .iter()
+        .filter_map(|track| track.recognition);
+    for found in recognised {
+        put(&found.probabilities);
+    }
     for batch in &queue.arrived {
         put(&[batch.frame.tick as f64, batch.frame.tier as u8 as f64]);
         for detection in &batch.detections {

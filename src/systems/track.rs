@@ -1,15 +1,17 @@
 //! Detections that have arrived become tracks, and tracks move the state machine.
 
+pub mod recognise;
+
 use crate::components::beam::BeamState;
 use crate::components::capture::{PixelRect, SensorCamera, Tier};
 use crate::components::control::Radar;
-use crate::components::detect::{DetectionBatch, DetectionQueue};
+use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::mount::{Mount, Optics};
 use crate::components::run::SimClock;
 use crate::components::track::{
-    BoresightError, Designation, Operator, Order, RangeFinder, Tracker, TrackerParams,
+    BoresightError, Designation, Gallery, Operator, Order, RangeFinder, Tracker, TrackerParams,
     TrackingState,
 };
 use crate::models::engage::interlock::FAR_M;
@@ -25,6 +27,7 @@ use crate::models::tracking::table::{
 };
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
+use recognise::Hung;
 
 /// Time without a hit after which a camera of `rate_hz` [Hz] has lost the target [s]: a slow one may
 /// miss a frame, as the faster ones may miss several.
@@ -87,6 +90,8 @@ pub fn associate(
     queue: Res<DetectionQueue>,
     mount: Single<&Mount>,
     cameras: Query<&SensorCamera>,
+    detector: Res<Detector>,
+    mut gallery: ResMut<Gallery>,
     mut tracker: ResMut<Tracker>,
 ) {
     for batch in &queue.arrived {
@@ -95,7 +100,7 @@ pub fn associate(
             continue;
         };
         let t_s = clock.at_s(batch.frame.tick);
-        take_in(
+        let assigned = take_in(
             &mut tracker,
             &params,
             batch,
@@ -103,6 +108,14 @@ pub fn associate(
             mount.r_enu_m,
             t_s,
         );
+        let hung = Hung {
+            batch,
+            pinhole: &camera.pinhole,
+            r_enu_m: mount.r_enu_m,
+            t_s,
+            assigned: &assigned,
+        };
+        gallery.hang(&hung, &tracker.table, |label| detector.class(label));
     }
 }
 

@@ -442,6 +442,37 @@ fn same_files(a: &Path, b: &Path) {
 }
 
 #[test]
+fn tracks_are_written_with_their_truth_whatever_the_threads() {
+    let _one = rendering();
+    let run = |threads: &str| {
+        let folder = TempDir::new().unwrap();
+        let mut command = boresight();
+        command.args(["tracks", "scenarios/urban_intercept.toml", "--rate-hz", "8"]);
+        command.args(["--set", "duration_s=1.5", "--threads", threads, "--out"]);
+        let output = command.arg(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        folder
+    };
+    let folders = ["1", "8"].map(run);
+    let folder = folders[0].path().join("urban_intercept-1");
+    let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    same_files(folders[0].path(), folders[1].path());
+    let sheet: Value = serde_json::from_slice(&read("sequences.json")).unwrap();
+    let sequences = sheet["sequences"].as_array().unwrap();
+    let of_uav = |row: &&Value| row["object"] == "intruder";
+    assert!(sequences.iter().filter(of_uav).count() >= 3, "{sheet:#}");
+    for row in sequences {
+        let class = if of_uav(&row) { "uav" } else { "other" };
+        assert_eq!(row["class"], class, "{row}");
+    }
+    // The shapes are those that the sheet says: a head of 128 bytes and the data.
+    let length = |name: &str| read(name).len() - 128;
+    let chips = sheet["chips"].as_u64().unwrap() as usize;
+    assert_eq!(length("chips.npy"), chips * 24 * 24 * 3);
+    assert_eq!(length("index.npy"), sequences.len() * 16 * 4);
+}
+
+#[test]
 fn a_dataset_is_the_same_however_it_is_made() {
     let _one = rendering();
     let (whole, parts) = (TempDir::new().unwrap(), TempDir::new().unwrap());

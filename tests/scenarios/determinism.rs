@@ -103,9 +103,13 @@ fn rendering_changes_no_state() {
 #[test]
 fn the_network_sees_the_same_on_one_thread_and_on_eight() {
     let _one = rendering();
+    let recogniser = "recogniser.onnx_model=tests/data/models/recogniser.onnx";
     let run = |threads| {
-        let args = ["--set", "duration_s=1", "--threads", threads];
-        run_scenario("urban_intercept", &args)
+        let length = ["--set", "duration_s=1", "--threads", threads];
+        run_scenario(
+            "urban_intercept",
+            &[&length[..], &["--set", recogniser]].concat(),
+        )
     };
     let (one, eight) = (run("1"), run("8"));
     assert!(messages(&one.file("run.mcap"), "/boresight/detections").len() > 10);

@@ -37,6 +37,13 @@ pub struct Arguments {
     /// it is larger than the 0.5 px of a run.
     #[arg(long, default_value_t = 2.0)]
     pub centre_sigma_px: f64,
+    /// ONNX recogniser with the interface of training/README.md: the figures also say how often a track is
+    /// held as a UAV.
+    #[arg(long, value_name = "ONNX")]
+    pub recogniser: Option<PathBuf>,
+    /// Least probability with which the recogniser's word counts as "a UAV", 0 to 1.
+    #[arg(long, default_value_t = 0.5)]
+    pub uav_probability: f64,
     /// Pictures a second of a folder [Hz].
     #[arg(long, default_value_t = 30.0)]
     pub rate_hz: f64,
@@ -62,8 +69,12 @@ pub(super) fn command(
     let categories: String = (arguments.category.iter())
         .map(|name| format!(" --category {}", quoted(name)))
         .collect();
+    let recogniser = (arguments.recogniser.as_ref()).map_or(String::new(), |file| {
+        let (file, p) = (quoted(file.display()), arguments.uav_probability);
+        format!(" --recogniser {file} --uav-probability {p}")
+    });
     format!(
-        "boresight eval clip{files} --model {} --threshold {}{boxes}{categories} --fov-deg {} \
+        "boresight eval clip{files} --model {} --threshold {}{boxes}{categories}{recogniser} --fov-deg {} \
          --centre-sigma-px {} --rate-hz {} --threads {threads}",
         quoted(arguments.model.display()),
         threshold,

@@ -36,6 +36,12 @@ pub struct Figures {
     pub on_target_share: Option<f64>,
     /// Share of the frames in which the tracker holds a target that is in no box of a UAV.
     pub false_lock_share: Option<f64>,
+    /// Share of the frames in which a track is held that the recogniser takes for a UAV.
+    pub held_as_uav_share: Option<f64>,
+    /// Share of the frames with a UAV in which such a track is in its box.
+    pub uav_held_as_uav_share: Option<f64>,
+    /// Share of the frames in which such a track is in no box of a UAV.
+    pub other_held_as_uav_share: Option<f64>,
     /// Frames over the time of decoding, detecting and tracking.
     pub frames_per_s: f64,
 }
@@ -110,6 +116,9 @@ pub struct Evaluation {
     pub model: PathBuf,
     /// The file of `--boxes`.
     pub boxes_file: Option<PathBuf>,
+    /// The recogniser's model file, and the probability from which on its word counts.
+    pub recogniser: Option<PathBuf>,
+    pub uav_probability: f64,
     /// Detections with a lower score are dropped.
     pub threshold: f64,
     /// Field of view that the tracker counts on [deg].
@@ -141,6 +150,10 @@ pub(super) struct Tally {
     pub(super) with_uav: usize,
     pub(super) on_target: usize,
     pub(super) false_lock: usize,
+    /// Whether there is a recogniser; frames with a track that it takes for a UAV: any, one on a UAV,
+    /// one on none.
+    pub(super) recognised: bool,
+    pub(super) as_uav: [usize; 3],
     pub(super) detector_px: Vec<f64>,
     pub(super) tracker_px: Vec<f64>,
     pub(super) busy: Duration,
@@ -160,6 +173,10 @@ impl Tally {
         self.with_uav += other.with_uav;
         self.on_target += other.on_target;
         self.false_lock += other.false_lock;
+        self.recognised |= other.recognised;
+        for (own, more) in self.as_uav.iter_mut().zip(other.as_uav) {
+            *own += more;
+        }
         self.detector_px.extend(&other.detector_px);
         self.tracker_px.extend(&other.tracker_px);
         self.busy += other.busy;
@@ -169,6 +186,8 @@ impl Tally {
         let share =
             |part: usize, of: usize| (self.known && of > 0).then(|| part as f64 / of as f64);
         let count = |n: usize| self.known.then_some(n);
+        let of_recognised = |share: Option<f64>| share.filter(|_| self.recognised);
+        let [any, on_uav, elsewhere] = self.as_uav;
         Figures {
             frames: self.frames,
             detections: self.detections,
@@ -185,6 +204,9 @@ impl Tally {
             locked_share: self.locked as f64 / self.frames.max(1) as f64,
             on_target_share: share(self.on_target, self.with_uav),
             false_lock_share: share(self.false_lock, self.frames),
+            held_as_uav_share: of_recognised(Some(any as f64 / self.frames.max(1) as f64)),
+            uav_held_as_uav_share: of_recognised(share(on_uav, self.with_uav)),
+            other_held_as_uav_share: of_recognised(share(elsewhere, self.frames)),
             frames_per_s: self.frames as f64 / self.busy.as_secs_f64().max(f64::MIN_POSITIVE),
         }
     }

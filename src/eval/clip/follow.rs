@@ -10,14 +10,16 @@ use crate::components::capture::{Conditions, ExposedFrame, PixelRect, Tier};
 use crate::components::detect::DetectionBatch;
 use crate::components::mount::{Alignment, Pointing};
 use crate::components::run::SimClock;
-use crate::components::track::{Tracker, TrackerParams};
+use crate::components::track::{Gallery, Tracker, TrackerParams};
 use crate::eval::EvalError;
 use crate::eval::shared::confirmed;
+use crate::inference::OnnxRecogniser;
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
+use crate::systems::track::recognise::Hung;
 use crate::systems::track::{Situation, patience_s, step, take_in};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
@@ -33,7 +35,17 @@ pub(super) struct Follower {
     pinhole: Pinhole,
     pointing: Pointing,
     pose: Pose,
+    /// What says what the tracks are, if anything does, and when it does so next [s].
+    recogniser: Option<OnnxRecogniser>,
+    recognises_s: f64,
+    gallery: Gallery,
+    /// The detector's classes.
+    classes: Vec<String>,
 }
+
+/// How often the recogniser looks at tracks [s], and at how many: those of a run.
+const RECOGNISES_EVERY_S: f64 = 0.125; // [s]
+const RECOGNISED: usize = 8;
 
 /// A track in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,12 +60,15 @@ pub(super) struct Followed {
     pub(super) seen_px: Option<[f64; 4]>,
     /// Mean score.
     pub(super) score: f64,
+    /// Probability that it is a UAV, once the recogniser has looked at it.
+    pub(super) p_uav: Option<f64>,
 }
 
 impl Follower {
     pub(super) fn new(
         [width, height]: [u32; 2],
         rate_hz: f64,
+        classes: &[String],
         arguments: &Arguments,
     ) -> Result<Self, EvalError> {
         let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians())
@@ -89,11 +104,25 @@ impl Follower {
             pinhole,
             pointing,
             pose: pointing.believed_pose(DVec3::ZERO, Tier::Coarse),
+            gallery: Gallery {
+                wanted: arguments.recogniser.is_some(),
+                ..Gallery::default()
+            },
+            recogniser: (arguments.recogniser.as_deref())
+                .map(|path| OnnxRecogniser::load(path, "--recogniser"))
+                .transpose()?,
+            recognises_s: 0.0,
+            classes: classes.to_vec(),
         })
     }
 
-    /// Takes a frame's detections in; returns the confirmed tracks in view.
-    pub(super) fn look(&mut self, t_s: f64, detections: &[Detection]) -> Vec<Followed> {
+    /// Takes a frame's detections in; returns the confirmed tracks in view. `rgb8`: its pixels.
+    pub(super) fn look(
+        &mut self,
+        t_s: f64,
+        rgb8: &[u8],
+        detections: &[Detection],
+    ) -> Result<Vec<Followed>, EvalError> {
         let tick = (t_s * f64::from(TICK_HZ)).round() as u64;
         self.clock.tick = tick;
         let t_s = self.clock.t_s();
@@ -111,7 +140,7 @@ impl Follower {
             rect,
             conditions: Conditions::default(),
             truth: Vec::new(),
-            rgb8: None,
+            rgb8: (self.gallery.wanted).then(|| Arc::new(rgb8.to_vec())),
         };
         let batch = DetectionBatch {
             frame: Arc::new(frame),
@@ -122,19 +151,32 @@ impl Follower {
         };
         let (tracker, params, pinhole) = (&mut self.tracker, &self.params, &self.pinhole);
         let assigned = take_in(tracker, params, &batch, pinhole, DVec3::ZERO, t_s);
+        let hung = Hung {
+            batch: &batch,
+            pinhole,
+            r_enu_m: DVec3::ZERO,
+            t_s,
+            assigned: &assigned,
+        };
+        let class = |label: u32| {
+            let name = self.classes.get(label as usize);
+            name.map_or("uav", String::as_str)
+        };
+        self.gallery.hang(&hung, &tracker.table, class);
+        self.recognise(t_s)?;
         let now = Situation {
             tick,
             clock: &self.clock,
-            params,
+            params: &self.params,
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
         };
-        step(&now, tracker, false, true);
+        step(&now, &mut self.tracker, false, true);
         let found = |track: &Track| {
             let index = assigned.iter().position(|id| *id == Some(track.id))?;
             detections.get(index).map(|detection| detection.box_px)
         };
-        (self.tracker.table.tracks.iter())
+        let followed = (self.tracker.table.tracks.iter())
             .filter(|track| confirmed(track, &self.params, t_s))
             .filter_map(|track| {
                 let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
@@ -145,10 +187,33 @@ impl Follower {
                     side_px: track.size_rad / self.pinhole.ifov_rad(),
                     seen_px: found(track),
                     score: track.score,
+                    p_uav: track.recognition.map(|found| found.p_uav()),
                 })
             })
-            .filter(|followed| self.pinhole.contains(followed.px))
-            .collect()
+            .filter(|followed| self.pinhole.contains(followed.px));
+        Ok(followed.collect())
+    }
+
+    /// Asks the recogniser what the tracks are, when it is time; how a clip's camera moves is not known.
+    fn recognise(&mut self, t_s: f64) -> Result<(), EvalError> {
+        let table = &mut self.tracker.table;
+        let Some(model) = self
+            .recogniser
+            .as_mut()
+            .filter(|_| t_s >= self.recognises_s)
+        else {
+            return Ok(());
+        };
+        self.recognises_s = t_s + RECOGNISES_EVERY_S;
+        self.gallery.tidy(table);
+        let (first, at) = (self.tracker.target, (t_s, false));
+        let found = (self.gallery).recognise(model, table, first, RECOGNISED, at)?;
+        for (id, found) in found {
+            if let Some(track) = table.get_mut(id) {
+                track.recognition = Some(found);
+            }
+        }
+        Ok(())
     }
 
     /// The target that is held.

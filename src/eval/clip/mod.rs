@@ -23,6 +23,7 @@ use truth::BoxFile;
 pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let fov_deg = arguments.fov_deg;
     within_share("--threshold", arguments.threshold)?;
+    within("--uav-probability", arguments.uav_probability, 0.0, 1.0)?;
     within("--fov-deg", fov_deg, 0.01, 170.0)?;
     within("--centre-sigma-px", arguments.centre_sigma_px, 0.01, 20.0)?;
     within("--rate-hz", arguments.rate_hz, 0.1, 10_000.0)?;
@@ -50,6 +51,8 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         command: command(arguments, files, threads, threshold),
         model: arguments.model.clone(),
         boxes_file: arguments.boxes.clone(),
+        recogniser: arguments.recogniser.clone(),
+        uav_probability: arguments.uav_probability,
         threshold,
         fov_deg,
         centre_sigma_px: arguments.centre_sigma_px,

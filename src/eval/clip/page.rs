@@ -40,19 +40,30 @@ impl Figures {
                 percent(self.on_target_share),
             ),
             ("something else held", percent(self.false_lock_share)),
+            (
+                "a track held as a UAV by the recogniser",
+                percent(self.held_as_uav_share),
+            ),
+            (
+                "on a UAV, of frames with one",
+                percent(self.uav_held_as_uav_share),
+            ),
+            ("on something else", percent(self.other_held_as_uav_share)),
             ("frames a second, CPU", format!("{:.1}", self.frames_per_s)),
         ]
     }
 }
 
 /// Head of the table of clips.
-const COLUMNS: [&str; 8] = [
+const COLUMNS: [&str; 10] = [
     "clip",
     "frames",
     "recall",
     "false alarms a frame",
     "UAV held",
     "else held",
+    "UAV recognised",
+    "else taken for one",
     "detector mean [px]",
     "tracker mean [px]",
 ];
@@ -68,6 +79,8 @@ impl Evaluation {
                 number(figures.false_alarms_per_frame, 4),
                 percent(figures.on_target_share),
                 percent(figures.false_lock_share),
+                percent(figures.uav_held_as_uav_share),
+                percent(figures.other_held_as_uav_share),
                 number(figures.miss_distance_px.detector.mean, 2),
                 number(figures.miss_distance_px.tracker.mean, 2),
             ]

@@ -164,7 +164,7 @@ pub(super) fn play(
                 model.detect(frame.picture.as_raw(), size_px, &mut Vec::new())?;
                 let overlay = folder.join("overlay.mp4");
                 at_work.insert((
-                    Follower::new(size_px, rate_hz, arguments)?,
+                    Follower::new(size_px, rate_hz, model.classes(), arguments)?,
                     Writer::create(&overlay, size_px, rate_hz)?,
                 ))
             }
@@ -176,6 +176,7 @@ pub(super) fn play(
             moment.boxes = truth.of(file, index, &frame)?;
         }
         notes.take(&moment, follower.joined());
+        notes.recognised(&moment, arguments);
         notes.draw(&mut frame.picture, &moment, (TRAIL_S * rate_hz) as usize);
         writer.push(&frame.picture)?;
         if on_sheet(index, count) {
@@ -221,7 +222,7 @@ fn look(
     // What is called no UAV is neither a false alarm nor a track.
     found.retain(|detection| model.is_uav(detection.label));
     let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
-    let followed = follower.look(frame.t_s, &found[..sure]);
+    let followed = follower.look(frame.t_s, frame.picture.as_raw(), &found[..sure])?;
     Ok(Moment {
         index,
         t_s: frame.t_s,
@@ -330,6 +331,21 @@ impl Notes {
         match target {
             Some(target) => self.trail.push(target.px),
             None => self.trail.clear(),
+        }
+    }
+
+    /// Counts the tracks that the recogniser takes for UAVs.
+    fn recognised(&mut self, moment: &Moment, arguments: &Arguments) {
+        self.tally.recognised = arguments.recogniser.is_some();
+        let is_uav = |track: &&Followed| track.p_uav >= Some(arguments.uav_probability);
+        let mut seen = [false; 3];
+        for track in moment.followed.iter().filter(is_uav) {
+            seen[0] = true;
+            seen[1] |= moment.uav_at(track.px).is_some();
+            seen[2] |= moment.is_elsewhere(track.px);
+        }
+        for (count, seen) in self.tally.as_uav.iter_mut().zip(seen) {
+            *count += usize::from(seen);
         }
     }
 

@@ -234,6 +234,8 @@ fn a_moving_blob_is_found_and_followed() {
         threshold: Some(0.5),
         boxes: Some(truth),
         category: Vec::new(),
+        recogniser: None,
+        uav_probability: 0.5,
         fov_deg: 1.0,
         centre_sigma_px: 0.5,
         rate_hz: 30.0,

@@ -1,8 +1,9 @@
-//! Cameras: projection, exposure, sensor, rasterised truth, calibration, detections.
+//! Cameras: projection, exposure, sensor, background, rasterised truth, calibration, chips, detections.
 
 pub mod background;
 pub mod calibration;
 pub mod camera;
+pub mod chip;
 pub mod detection;
 pub mod exposure;
 pub mod glare;

@@ -11,6 +11,7 @@ use crate::models::maths::assignment::{Pair, assign};
 use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::tracking::estimation::{Gating, LosFilter, LosFilterParams, LosState};
 use crate::models::tracking::ranging::Ranging;
+use crate::models::tracking::recognition::Recognition;
 use glam::{DVec2, DVec3};
 use nalgebra::{Matrix2, Vector2};
 
@@ -95,6 +96,8 @@ pub struct Track {
     votes: Vec<f64>,
     /// The next time that the city hides it, as far as predicted.
     pub occlusion: Option<Occlusion>,
+    /// What it was last found to be.
+    pub recognition: Option<Recognition>,
 }
 
 impl Track {
@@ -444,6 +447,7 @@ impl TrackTable {
                     track.misses = fresh.misses;
                     track.size_rad = fresh.size_rad;
                     track.score = fresh.score;
+                    track.recognition = fresh.recognition.or(track.recognition);
                     for (mine, its) in track.hits.iter_mut().zip(fresh.hits) {
                         *mine += its;
                     }
@@ -565,6 +569,7 @@ impl TrackTable {
             score,
             votes: Vec::new(),
             occlusion: None,
+            recognition: None,
         };
         track.record(look, sighting);
         self.tracks.push(track);

@@ -1,0 +1,502 @@
+#!/usr/bin/env python3
+"""Trains the recogniser, which says what a track is from its last second, on what `boresight tracks` wrote.
+
+A run is a folder: `recogniser.onnx` (calibrated, interface in README.md), `reliability.svg`, `report.json`, `log.csv`.
+"""
+
+import argparse
+import copy
+import csv
+import io
+import json
+import os
+import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+import cv2  # noqa: E402
+import numpy as np  # noqa: E402
+import onnx  # noqa: E402
+import onnxruntime as ort  # noqa: E402
+import torch  # noqa: E402
+from torch import nn  # noqa: E402
+from torch.nn import functional as F  # noqa: E402
+
+from recogniser_interface import CHIP, CLASSES, FEATURES, STEPS  # noqa: E402
+
+AT = {name: k for k, name in enumerate(FEATURES)}
+MOTION = slice(AT["sky_known"], AT["position_flutter"] + 1)
+NAMED = slice(AT["named_uav"], AT["named_other"] + 1)
+BANDS_PX = ((0, 4), (4, 10), (10, 30), (30, 1e9))  # of the newest box
+
+
+# --- data ---
+
+
+@dataclass
+class Tracks:
+    """Sequences of several runs."""
+
+    chips: np.ndarray  # u8 [M, 24, 24, 3]; the last one is black, for steps that were not seen
+    index: np.ndarray  # i64 [N, 16]
+    features: np.ndarray  # f32 [N, 16, F]
+    labels: np.ndarray  # i64 [N]
+    track: np.ndarray  # i64 [N]: sequences of one track (of one run) share a number
+    run: np.ndarray  # i64 [N]
+    size_px: np.ndarray  # f32 [N]
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def only(self, keep: np.ndarray) -> "Tracks":
+        return Tracks(self.chips, self.index[keep], self.features[keep], self.labels[keep], self.track[keep], self.run[keep], self.size_px[keep])
+
+    def batch(self, rows: np.ndarray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Chips u8 [B,16,24,24,3], features, mask, labels."""
+        index = self.index[rows]
+        mask = torch.from_numpy((index >= 0).astype(np.float32))
+        return torch.from_numpy(self.chips[index]), torch.from_numpy(self.features[rows]), mask, torch.from_numpy(self.labels[rows])
+
+
+def load(folders: list[Path]) -> Tracks:
+    """Reads every folder below `folders` that `boresight tracks` finished; the run is its number in that order."""
+    found = sorted({path.parent for folder in folders for path in folder.rglob("sequences.json")})
+    if not found:
+        raise SystemExit(f"{', '.join(map(str, folders))}: no sequences.json below; make some with `boresight tracks`")
+    chips, index, features, labels, track, run, size = [], [], [], [], [], [], []
+    first = tracks = 0
+    for number, folder in enumerate(found):
+        sheet = json.loads((folder / "sequences.json").read_text())
+        if tuple(sheet["features"]) != FEATURES:
+            raise SystemExit(f"{folder}: its features are not those of this version; make it anew")
+        rows = sheet["sequences"]
+        if not rows:
+            continue
+        own = np.load(folder / "chips.npy")
+        places = np.load(folder / "index.npy").astype(np.int64)
+        if places.max(initial=-1) >= len(own) or len(places) != len(rows):
+            raise SystemExit(f"{folder}: damaged; delete it and make it anew")
+        chips.append(own)
+        index.append(np.where(places >= 0, places + first, -1))
+        first += len(own)
+        features.append(np.load(folder / "features.npy"))
+        labels += [CLASSES.index(row["class"]) for row in rows]
+        # A track that changes its object, or that was mistaken for another, is several.
+        names = {key: tracks + k for k, key in enumerate(dict.fromkeys((row["track"], row["object"]) for row in rows))}
+        track += [names[row["track"], row["object"]] for row in rows]
+        tracks += len(names)
+        run += [number] * len(rows)
+        size += [row["size_px"] for row in rows]
+    chips.append(np.zeros((1, CHIP, CHIP, 3), np.uint8))
+    return Tracks(np.concatenate(chips), np.concatenate(index), np.concatenate(features).astype(np.float32),
+                  np.array(labels), np.array(track), np.array(run), np.array(size, np.float32))  # fmt: skip
+
+
+def track_weights(tracks: Tracks) -> np.ndarray:
+    """Every track counts once, whatever its length; the sum is 1."""
+    counts = np.bincount(tracks.track)
+    weights = 1.0 / counts[tracks.track]
+    return weights / weights.sum()
+
+
+def sampling_weights(tracks: Tracks) -> np.ndarray:
+    """Classes alike but for UAVs, which have as much as all others; in a class each track by the root of its length."""
+    counts = np.bincount(tracks.track)
+    weights = 1.0 / np.sqrt(counts[tracks.track])
+    for k in range(len(CLASSES)):
+        mine = tracks.labels == k
+        if mine.any():
+            present = len(set(tracks.labels) - {0})
+            weights[mine] *= (1.0 if k == 0 else 1.0 / present) / weights[mine].sum()
+    return weights / weights.sum()
+
+
+# --- augmentation ---
+
+
+def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, rng: np.random.Generator):
+    """One batch changed as other cameras, detectors and gaps would: chips u8 [B,16,24,24,3]."""
+    chips, features, mask = chips.copy(), features.clone(), mask.clone()
+    for b in range(len(chips)):
+        f = features[b]
+        seen = mask[b] > 0
+        if rng.random() < 0.5:  # mirrored
+            chips[b] = chips[b, :, :, ::-1]
+            f[:, AT["rate_right"]] *= -1
+            f[:, AT["right_sizes"]] *= -1
+        keep = torch.ones(STEPS, dtype=torch.bool)
+        if rng.random() < 0.4:  # missed in single steps
+            keep &= torch.from_numpy(rng.random(STEPS) > rng.uniform(0, 0.6))
+        if rng.random() < 0.25:  # unseen for a while
+            start = rng.integers(0, STEPS)
+            keep[start : start + rng.integers(1, 8)] = False
+        if rng.random() < 0.25:  # a young track
+            keep[: rng.integers(0, STEPS - 3)] = False
+        if int((keep & seen).sum()) >= 3:
+            mask[b] *= keep
+        if rng.random() < 0.3:  # the camera's motion is not known
+            f[:, MOTION] = 0
+        if rng.random() < 0.3:  # the detector names nothing but UAVs
+            named = f[:, NAMED].sum(1)
+            f[:, NAMED] = 0
+            f[:, AT["named_uav"]] = named
+        f[:, AT["score"]] += rng.normal(0, 0.05)
+        f[:, AT["seen_share"]] = f[:, AT["seen_share"]].add(rng.normal(0, 0.05)).clamp(0, 1)
+        shift = rng.normal(0, 0.1)
+        f[:, [AT["log_size_px"], AT["log_size_mrad"]]] += shift
+        f[:, AT["log_aspect"]] += rng.normal(0, 0.05)
+        if rng.random() < 0.5:
+            stretch(chips[b], f, mask[b], rng.uniform(0.75, 1.3))
+        chips[b] = spoilt(chips[b], rng)
+    features *= mask[:, :, None]
+    return chips, features, mask
+
+
+def stretch(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, pace: float) -> None:
+    """Time runs faster by `pace`: the newest step stays, older ones are taken from further back."""
+    source = np.round(STEPS - 1 - (STEPS - 1 - np.arange(STEPS)) * pace).astype(int)
+    there = torch.from_numpy((source >= 0).astype(np.float32))
+    source = source.clip(0)
+    moved = mask[source] * there
+    if int(moved.sum()) < 3:
+        return
+    chips[:] = chips[source]
+    features[:] = features[source]
+    mask[:] = moved
+    features[:, AT["age_s"]] /= pace
+    for name in ("rate_right", "rate_up", "rate_sizes"):
+        features[:, AT[name]] = torch.asinh(torch.sinh(features[:, AT[name]]) * pace)
+
+
+def spoilt(chips: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Gain, offset, colour, blur, noise and JPEG, alike in all steps."""
+    x = chips.astype(np.float32)
+    if rng.random() < 0.25:
+        x[:] = x.mean(-1, keepdims=True)
+    else:
+        x *= rng.normal(1, 0.05, 3).astype(np.float32)
+    middle = x.mean()
+    x = (x - middle) * np.exp(rng.normal(0, 0.3)) + middle * np.exp(rng.normal(0, 0.2)) + rng.normal(0, 6)
+    if rng.random() < 0.2:
+        sigma = float(rng.uniform(0.3, 1.0))
+        x = np.stack([cv2.GaussianBlur(step, (0, 0), sigma) for step in x])
+    if rng.random() < 0.5:
+        x += np.float32(rng.uniform(0.5, 8)) * rng.standard_normal(x.shape, np.float32)
+    x = x.clip(0, 255).astype(np.uint8)
+    if rng.random() < 0.3:
+        quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(30, 90))]
+        x = np.stack([cv2.imdecode(cv2.imencode(".jpg", step, quality)[1], cv2.IMREAD_COLOR) for step in x])
+    return x
+
+
+def planes(chips) -> torch.Tensor:
+    """u8 [B,16,24,24,3] to f32 [B,16,3,24,24], 0 to 1."""
+    return torch.as_tensor(np.ascontiguousarray(chips)).permute(0, 1, 4, 2, 3).float() / 255
+
+
+# --- network ---
+
+
+class Recogniser(nn.Module):
+    """A small picture network a step, its answer beside the step's features, two convolutions over time, and means and
+    maxima over the steps that were seen."""
+
+    def __init__(self, width: int = 48):
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(len(FEATURES)))
+        self.register_buffer("scale", torch.ones(len(FEATURES)))
+        self.picture = nn.Sequential(
+            nn.Conv2d(3, 8, 3, 2, 1), nn.ReLU(), nn.Conv2d(8, 20, 3, 2, 1), nn.ReLU(),
+            nn.Conv2d(20, 32, 3, 2, 1), nn.ReLU(), nn.Flatten(), nn.Linear(32 * 9, 32),
+        )  # fmt: skip
+        self.step = nn.Linear(32 + 2 + len(FEATURES), width)
+        self.time = nn.ModuleList(nn.Conv1d(width + 1, width, 3, padding=1) for _ in range(2))
+        self.head = nn.Sequential(nn.Linear(2 * width, 48), nn.ReLU(), nn.Dropout(0.2), nn.Linear(48, len(CLASSES)))
+
+    def learn_scale(self, features: np.ndarray, seen: np.ndarray) -> None:
+        rows = features[seen]
+        self.mean.copy_(torch.from_numpy(rows.mean(0)))
+        self.scale.copy_(torch.from_numpy(rows.std(0).clip(0.05)))
+        # Flags and shares stay what they are.
+        for name in ("sky_known", *FEATURES[NAMED]):
+            self.mean[AT[name]], self.scale[AT[name]] = 0, 1
+
+    def forward(self, chips: torch.Tensor, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        batch = chips.shape[0]
+        x = chips.reshape(-1, 3, CHIP, CHIP)
+        light = x.mean((1, 2, 3), keepdim=True)
+        contrast = ((x - light) ** 2).mean((1, 2, 3), keepdim=True).add(1e-6).sqrt()
+        shown = self.picture((x - light) / (contrast + 0.03))
+        tone = torch.cat([light.flatten(1), contrast.flatten(1).add(0.01).log()], 1)
+        # Without the sky's directions the motion is no zero but unknown: the flag tells.
+        known = (features - self.mean) / self.scale
+        steps = torch.cat([torch.cat([shown, tone], 1).reshape(-1, STEPS, 34), known], 2)
+        seen = mask.unsqueeze(1)
+        y = F.relu(self.step(steps)).transpose(1, 2) * seen
+        for layer in self.time:
+            y = y + F.relu(layer(torch.cat([y, seen.expand(-1, 1, -1)], 1))) * seen
+        mean = y.sum(2) / seen.sum(2).clamp(min=1)
+        most = (y + (seen - 1) * 1e4).amax(2).clamp(min=0)
+        return self.head(torch.cat([mean, most], 1))
+
+
+class Calibrated(nn.Module):
+    """Probabilities: the softmax of the logits over a temperature."""
+
+    def __init__(self, model: nn.Module, temperature: float):
+        super().__init__()
+        self.model, self.temperature = model, temperature
+
+    def forward(self, chips: torch.Tensor, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        return torch.softmax(self.model(chips, features, mask) / self.temperature, 1)
+
+
+# --- measures ---
+
+
+def logits_of(model: nn.Module, tracks: Tracks) -> torch.Tensor:
+    model.eval()
+    out = []
+    with torch.no_grad():
+        for start in range(0, len(tracks), 256):
+            chips, features, mask, _ = tracks.batch(np.arange(start, min(start + 256, len(tracks))))
+            out.append(model(planes(chips), features, mask))
+    return torch.cat(out) if out else torch.zeros(0, len(CLASSES))
+
+
+def temperature_of(logits: torch.Tensor, labels: np.ndarray, weights: np.ndarray) -> float:
+    """The temperature of least weighted cross-entropy, by search over 0.3 to 10."""
+    target, w = torch.from_numpy(labels), torch.from_numpy(weights).float()
+    loss = lambda t: float((F.cross_entropy(logits / t, target, reduction="none") * w).sum())
+    return float(min(np.geomspace(0.3, 10, 200), key=loss))
+
+
+def reliability(p: np.ndarray, truth: np.ndarray, weights: np.ndarray, bins: int = 10) -> list[dict]:
+    """Mean probability and share of truths in bins of equal width, and the weight of each."""
+    rows = []
+    for k in range(bins):
+        inside = (p >= k / bins) & ((p < (k + 1) / bins) | (k == bins - 1))
+        weight = float(weights[inside].sum())
+        if weight > 0:
+            share = lambda x: float((x[inside] * weights[inside]).sum() / weight)
+            rows.append({"p": share(p), "share": share(truth.astype(float)), "weight": weight, "sequences": int(inside.sum())})
+    return rows
+
+
+def measures(p: np.ndarray, tracks: Tracks) -> dict:
+    """Figures of probabilities [N, 6]; every track counts once."""
+    w = track_weights(tracks)
+    labels = tracks.labels
+    onehot = np.eye(len(CLASSES))[labels]
+    uav = labels == 0
+    rows = reliability(p[:, 0], uav, w)
+    confusion = {name: {} for name in CLASSES}
+    for i, name in enumerate(CLASSES):
+        mine = labels == i
+        for j, other in enumerate(CLASSES):
+            if mine.any():
+                confusion[name][other] = round(float(w[mine & (p.argmax(1) == j)].sum() / w[mine].sum()), 4)
+    mean = lambda x, keep: float((x[keep] * w[keep]).sum() / w[keep].sum()) if keep.any() else None
+    bands = []
+    for low, high in BANDS_PX:
+        inside = (tracks.size_px >= low) & (tracks.size_px < high)
+        bands.append({
+            "from_px": low, "to_px": None if high > 1e8 else high, "sequences": int(inside.sum()),
+            "uav_recall": mean(p[:, 0] >= 0.5, inside & uav), "false_uav": mean(p[:, 0] >= 0.5, inside & ~uav),
+        })  # fmt: skip
+    return {
+        "sequences": len(tracks), "tracks": len(set(tracks.track.tolist())), "runs": len(set(tracks.run.tolist())),
+        "tracks_by_class": {n: len(set(tracks.track[labels == i].tolist())) for i, n in enumerate(CLASSES)},
+        "brier": float((((p - onehot) ** 2).sum(1) * w).sum()), "brier_uav": float(((p[:, 0] - uav) ** 2 * w).sum()),
+        "brier_uav_of_the_share": float(((mean(uav, np.ones_like(uav)) - uav) ** 2 * w).sum()),
+        "calibration_error_uav": sum(r["weight"] * abs(r["p"] - r["share"]) for r in rows),
+        "accuracy": float(((p.argmax(1) == labels) * w).sum()),
+        "uav_recall": mean(p[:, 0] >= 0.5, uav),
+        "false_uav": {n: mean(p[:, 0] >= 0.5, labels == i) for i, n in enumerate(CLASSES) if i},
+        "confusion": confusion, "by_size": bands, "reliability_uav": rows,
+    }  # fmt: skip
+
+
+def reliability_svg(rows: list[dict], path: Path, title: str) -> None:
+    """How often what is given a probability of being a UAV is one."""
+    left, top, side = 60, 40, 320
+    x, y = (lambda p: left + side * p), (lambda p: top + side * (1 - p))
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + side + 30}" height="{top + side + 60}" font-family="sans-serif" font-size="12">',
+        f'<rect width="100%" height="100%" fill="white"/><text x="{left}" y="20">{title}</text>',
+        f'<path d="M{x(0)} {y(0)}L{x(1)} {y(1)}" stroke="#999" stroke-dasharray="4 3"/>',
+        f'<rect x="{left}" y="{top}" width="{side}" height="{side}" fill="none" stroke="#444"/>',
+    ]
+    for k in range(0, 11, 2):
+        out.append(f'<text x="{x(k / 10) - 8:.0f}" y="{top + side + 18}">{k / 10}</text><text x="{left - 28}" y="{y(k / 10) + 4:.0f}">{k / 10}</text>')
+    out.append(f'<text x="{left + 70}" y="{top + side + 42}">probability of being a UAV</text>')
+    out.append(f'<text transform="translate(16 {top + side - 70}) rotate(-90)">share that are UAVs</text>')
+    places = [(x(row["p"]), y(row["share"]), 2 + 12 * row["weight"] ** 0.5) for row in rows]
+    line = " ".join(f"{a:.1f},{b:.1f}" for a, b, _ in places)
+    out.append(f'<polyline points="{line}" fill="none" stroke="#1f4e8c" stroke-width="1.5"/>')
+    out += [f'<circle cx="{a:.1f}" cy="{b:.1f}" r="{r:.1f}" fill="#1f4e8c" fill-opacity="0.5"/>' for a, b, r in places]
+    path.write_text("\n".join(out) + "\n</svg>\n")
+
+
+# --- export ---
+
+
+def to_onnx(model: nn.Module, temperature: float, training: dict) -> bytes:
+    """The calibrated model as ONNX, opset 17, with the interface's metadata."""
+    whole = Calibrated(model, temperature).eval()
+    example = (torch.zeros(2, STEPS, 3, CHIP, CHIP), torch.zeros(2, STEPS, len(FEATURES)), torch.ones(2, STEPS))
+    names = ["chips", "features", "mask"]
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            whole, example, buffer, opset_version=17, dynamo=False, do_constant_folding=True, input_names=names,
+            output_names=["probabilities"], dynamic_axes={n: {0: "batch"} for n in (*names, "probabilities")},
+        )  # fmt: skip
+    graph = onnx.load_from_string(buffer.getvalue())
+    for node in graph.graph.node:
+        node.doc_string = ""
+    dims = graph.graph.output[0].type.tensor_type.shape
+    del dims.dim[:]
+    dims.dim.add().dim_param = "batch"
+    dims.dim.add().dim_value = len(CLASSES)
+    graph.ir_version, graph.producer_name, graph.producer_version = 8, "boresight", ""
+    onnx.helper.set_model_props(graph, {
+        "boresight.recogniser": "1", "classes": json.dumps(CLASSES), "features": json.dumps(FEATURES),
+        "temperature": f"{temperature:.4g}", "training": json.dumps(training),
+        "description": "What a track is, from its last second.",
+    })  # fmt: skip
+    onnx.checker.check_model(graph, full_check=True)
+    return graph.SerializeToString(deterministic=True)
+
+
+def session(graph: bytes) -> ort.InferenceSession:
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = 1
+    return ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+
+
+def compare(model: nn.Module, temperature: float, graph: bytes, tracks: Tracks) -> float:
+    """Largest difference of probabilities between PyTorch and ONNX Runtime; `RuntimeError` above 1e-4."""
+    rows = np.linspace(0, len(tracks) - 1, min(64, len(tracks))).astype(int)
+    chips, features, mask, _ = tracks.batch(rows)
+    chips = planes(chips)
+    with torch.no_grad():
+        ours = Calibrated(model, temperature).eval()(chips, features, mask).numpy()
+    theirs = session(graph).run(None, {"chips": chips.numpy(), "features": features.numpy(), "mask": mask.numpy()})[0]
+    worst = float(np.abs(ours - theirs).max())
+    if worst > 1e-4:
+        raise RuntimeError(f"PyTorch and ONNX Runtime differ by {worst}")
+    return worst
+
+
+def milliseconds(graph: bytes, tracks: int = 8, runs: int = 50) -> float:
+    """Median processor time of a question about some tracks on one thread."""
+    runtime = session(graph)
+    rng = np.random.default_rng(1)
+    inputs = {
+        "chips": rng.random((tracks, STEPS, 3, CHIP, CHIP), np.float32), "mask": np.ones((tracks, STEPS), np.float32),
+        "features": rng.random((tracks, STEPS, len(FEATURES)), np.float32),
+    }  # fmt: skip
+    times = []
+    for _ in range(runs):
+        start = time.process_time()
+        runtime.run(None, inputs)
+        times.append(time.process_time() - start)
+    return 1e3 * float(np.median(times))
+
+
+# --- training ---
+
+
+def split(tracks: Tracks, held_out: float, seed: int) -> tuple[Tracks, Tracks, Tracks]:
+    """Training, calibration and test, by whole runs."""
+    runs = np.unique(tracks.run)
+    np.random.default_rng(seed).shuffle(runs)
+    count = max(1, round(held_out * len(runs)))
+    test, calibration = runs[:count], runs[count : 2 * count]
+    inside = lambda some: np.isin(tracks.run, some)
+    return tracks.only(~inside(np.concatenate([test, calibration]))), tracks.only(inside(calibration)), tracks.only(inside(test))
+
+
+def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, log: list[dict]) -> Recogniser:
+    torch.manual_seed(seed)
+    rng = np.random.default_rng(seed)
+    model = Recogniser()
+    model.learn_scale(tracks.features, tracks.index >= 0)
+    average = copy.deepcopy(model)
+    optimiser = torch.optim.AdamW(model.parameters(), lr=lr, weight_decay=1e-3)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, lr, total_steps=steps, pct_start=0.1)
+    weights, mean = sampling_weights(tracks), None
+    started = time.monotonic()
+    for step in range(1, steps + 1):
+        rows = rng.choice(len(tracks), batch, p=weights)
+        chips, features, mask, labels = tracks.batch(rows)
+        chips, features, mask = augment(chips.numpy(), features, mask, rng)
+        model.train()
+        loss = F.cross_entropy(model(planes(chips), features, mask), labels, label_smoothing=0.02)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(model.parameters(), 5.0)
+        optimiser.step()
+        schedule.step()
+        # The mean over the last steps, of which there are few at first.
+        share = max(0.002, 1.0 / (1 + 0.1 * step))
+        with torch.no_grad():
+            for mean_of, own in zip(average.parameters(), model.parameters()):
+                mean_of.lerp_(own, share)
+        mean = loss.item() if mean is None else 0.98 * mean + 0.02 * loss.item()
+        if step % 100 == 0 or step == steps:
+            log.append({"step": step, "loss": round(mean, 4), "seconds": round(time.monotonic() - started, 1)})
+            print(f"step {step}: loss {mean:.3f}, {log[-1]['seconds']} s", flush=True)
+    return average.eval()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, action="append", required=True, help="folder of `boresight tracks`; may be repeated")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--steps", type=int, default=6000)
+    parser.add_argument("--batch", type=int, default=64)
+    parser.add_argument("--lr", type=float, default=3e-3)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--held-out", type=float, default=0.15, help="share of the runs for calibration, and as many for the test")
+    parser.add_argument("--threads", type=int, default=max(1, os.cpu_count() or 1))
+    args = parser.parse_args()
+    torch.set_num_threads(args.threads)
+    cv2.setNumThreads(1)
+    tracks = load(args.data)
+    learn, calibrate, test = split(tracks, args.held_out, args.seed)
+    for name, part in (("training", learn), ("calibration", calibrate), ("test", test)):
+        by_class = {n: len(set(part.track[part.labels == i].tolist())) for i, n in enumerate(CLASSES)}
+        print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")
+    args.out.mkdir(parents=True, exist_ok=True)
+    log: list[dict] = []
+    model = train(learn, args.steps, args.batch, args.lr, args.seed, log)
+    temperature = temperature_of(logits_of(model, calibrate), calibrate.labels, track_weights(calibrate))
+    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "runs": len(set(tracks.run.tolist())),
+              "sequences": len(learn)}  # fmt: skip
+    graph = to_onnx(model, temperature, recipe)
+    worst = compare(model, temperature, graph, test)
+    p = torch.softmax(logits_of(model, test) / temperature, 1).numpy()
+    report = {
+        "parameters": sum(x.numel() for x in model.parameters()), "temperature": temperature,
+        "ms_8_tracks_one_thread": round(milliseconds(graph), 2), "training": recipe, "test": measures(p, test),
+    }  # fmt: skip
+    (args.out / "recogniser.onnx").write_bytes(graph)
+    (args.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
+    with (args.out / "log.csv").open("w") as file:
+        writer = csv.DictWriter(file, log[0].keys())
+        writer.writeheader()
+        writer.writerows(log)
+    reliability_svg(report["test"]["reliability_uav"], args.out / "reliability.svg", f"{len(test)} sequences of runs held out")
+    shown = {k: v for k, v in report["test"].items() if k not in ("reliability_uav",)}
+    print(json.dumps(report | {"test": shown}, indent=1))
+    print(f"{args.out / 'recogniser.onnx'}: {len(graph)} bytes, differs from PyTorch by {worst:.1e}")
+
+
+if __name__ == "__main__":
+    main()

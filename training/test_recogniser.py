@@ -1,0 +1,148 @@
+"""Checks of the recogniser: `pytest training/test_recogniser.py`."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import recogniser as r
+import track_scenarios
+from recogniser_interface import CHIP, CLASSES, FEATURES, STEPS
+
+# On a busy machine a second thread is waited for longer than it helps.
+torch.set_num_threads(1)
+
+RUST = Path(__file__).resolve().parent.parent / "src/models/tracking/recognition.rs"
+
+
+def made(tracks: int = 40, per_track: int = 4, seed: int = 3) -> r.Tracks:
+    """UAVs are steady squares, birds are bars that beat up and down."""
+    rng = np.random.default_rng(seed)
+    count = tracks * per_track
+    labels = np.repeat(np.arange(tracks) % 2, per_track)
+    chips = rng.integers(110, 130, (count * STEPS, CHIP, CHIP, 3)).astype(np.uint8)
+    features = np.zeros((count, STEPS, len(FEATURES)), np.float32)
+    features[:, :, r.AT["age_s"]] = np.linspace(-1, 0, STEPS)
+    features[:, :, r.AT["sky_known"]] = 1
+    features[:, :, r.AT["named_uav"]] = 1
+    for n, label in enumerate(labels):
+        for t in range(STEPS):
+            chip = chips[n * STEPS + t]
+            if label == 0:
+                chip[8:16, 8:16] = 30
+            else:
+                up = int(4 * np.sin(2 * np.pi * (t / 5 + n / 7)))
+                chip[11 + up : 14 + up, 2:22] = 30
+    chips = np.concatenate([chips, np.zeros((1, CHIP, CHIP, 3), np.uint8)])
+    index = np.arange(count * STEPS).reshape(count, STEPS)
+    index[rng.random(index.shape) < 0.1] = -1
+    features[index < 0] = 0
+    track = np.repeat(np.arange(tracks), per_track)
+    return r.Tracks(chips, index, features, labels, track, track // 4, np.full(count, 12.0, np.float32))
+
+
+def test_names_are_those_of_the_program():
+    text = RUST.read_text()
+    listed = re.search(r"FEATURES: \[&str; \d+\] = \[(.*?)\];", text, re.S).group(1)
+    assert tuple(re.findall(r'"(\w+)"', listed)) == FEATURES
+    names = re.findall(r'Self::\w+ => "(\w+)"', text)
+    assert tuple(names) == CLASSES
+    assert f"STEPS: usize = {STEPS}" in text
+
+
+def test_folders_are_read_and_damage_is_told(tmp_path):
+    tracks = made(4, 2)
+    folder = tmp_path / "run-1"
+    folder.mkdir()
+    np.save(folder / "chips.npy", tracks.chips[:-1])
+    np.save(folder / "index.npy", tracks.index.astype(np.int32))
+    np.save(folder / "features.npy", tracks.features)
+    rows = [{"track": int(t), "object": "a", "class": CLASSES[c], "size_px": 12.0} for t, c in zip(tracks.track, tracks.labels)]
+    sheet = {"features": list(FEATURES), "sequences": rows}
+    (folder / "sequences.json").write_text(json.dumps(sheet))
+    again = r.load([tmp_path])
+    assert (again.index == tracks.index).all() and (again.labels == tracks.labels).all()
+    assert (again.track == tracks.track).all() and (again.chips[-1] == 0).all()
+    np.save(folder / "index.npy", tracks.index.astype(np.int32) + 9999)
+    with pytest.raises(SystemExit, match="damaged"):
+        r.load([tmp_path])
+    (folder / "sequences.json").write_text(json.dumps(sheet | {"features": ["age_s"]}))
+    with pytest.raises(SystemExit, match="not those of this version"):
+        r.load([tmp_path])
+
+
+def test_augmentation_keeps_what_it_must():
+    tracks = made()
+    rng = np.random.default_rng(1)
+    chips, features, mask, _ = tracks.batch(np.arange(64))
+    before = chips.numpy().copy()
+    changed, f, m = r.augment(chips.numpy(), features, mask, rng)
+    assert (chips.numpy() == before).all() and changed.shape == before.shape and changed.dtype == np.uint8
+    assert ((m == 0) | (m == 1)).all() and (m.sum(1) >= 3).all()
+    assert (f[m == 0] == 0).all() and torch.isfinite(f).all()
+    known = f[:, :, r.AT["sky_known"]]
+    assert (f[..., r.MOTION][known == 0] == 0).all()
+
+
+def test_stretching_time_keeps_the_newest_and_scales_rates():
+    tracks = made()
+    chips, features, mask, _ = tracks.batch(np.array([0]))
+    features[:] = 0.5
+    mask[:] = 1
+    pictures, f, m = chips.numpy()[0].copy(), features[0].clone(), mask[0].clone()
+    r.stretch(pictures, f, m, 2.0)
+    assert (pictures[-1] == chips[0, -1].numpy()).all() and (pictures[-2] == chips[0, -3].numpy()).all()
+    assert m.tolist() == [0] * 8 + [1] * 8
+    assert np.isclose(f[0, r.AT["rate_up"]], np.arcsinh(2 * np.sinh(0.5)))
+
+
+def test_the_measures_have_their_closed_forms():
+    p = np.array([0.1] * 10 + [0.9] * 10)
+    truth = np.array([1] + [0] * 9 + [1] * 8 + [0] * 2)
+    rows = r.reliability(p, truth, np.full(20, 0.05))
+    assert [(round(x["p"], 3), round(x["share"], 3), round(x["weight"], 3)) for x in rows] == [(0.1, 0.1, 0.5), (0.9, 0.8, 0.5)]
+    # Overconfident by a known temperature.
+    g = torch.Generator().manual_seed(1)
+    logits = torch.randn(20_000, len(CLASSES), generator=g) * 2
+    labels = torch.multinomial(torch.softmax(logits, 1), 1, generator=g)[:, 0].numpy()
+    found = r.temperature_of(3 * logits, labels, np.full(20_000, 1 / 20_000))
+    assert abs(found - 3) < 0.15
+    tracks = made(8, 2)
+    right = np.eye(len(CLASSES))[tracks.labels]
+    report = r.measures(right, tracks)
+    assert report["brier"] == 0 and report["uav_recall"] == 1 and report["false_uav"]["bird"] == 0
+    assert report["confusion"]["bird"]["bird"] == 1 and report["by_size"][2]["sequences"] == 16
+    wrong = r.measures(np.eye(len(CLASSES))[1 - tracks.labels], tracks)
+    assert wrong["brier"] == 2 and np.isclose(wrong["brier_uav"], 1)
+
+
+def test_it_learns_exports_and_keeps_to_its_size(tmp_path):
+    tracks = made()
+    model = r.train(tracks, 120, 32, 3e-3, 1, [])
+    assert sum(x.numel() for x in model.parameters()) < 100_000
+    fresh = made(seed=9)
+    right = r.logits_of(model, fresh).argmax(1).numpy() == fresh.labels
+    assert right.mean() > 0.9
+    graph = r.to_onnx(model, 1.3, {})
+    assert r.compare(model, 1.3, graph, fresh) < 1e-4
+    # What was not seen must not count.
+    chips, features, mask, _ = fresh.batch(np.arange(8))
+    mask[:, 4:9] = 0
+    features[:, 4:9] = 0
+    other = chips.clone()
+    other[:, 4:9] = 255
+    ask = lambda c: r.session(graph).run(None, {"chips": r.planes(c).numpy(), "features": features.numpy(), "mask": mask.numpy()})[0]
+    assert np.abs(ask(chips) - ask(other)).max() < 1e-5
+    path = tmp_path / "reliability.svg"
+    r.reliability_svg(r.measures(torch.softmax(r.logits_of(model, fresh), 1).numpy(), fresh)["reliability_uav"], path, "test")
+    assert path.read_text().count("<circle") >= 1
+
+
+def test_scenarios_are_drawn_from_their_seeds():
+    one = track_scenarios.scenario(7, 5.0)
+    assert one == track_scenarios.scenario(7, 5.0) != track_scenarios.scenario(8, 5.0)
+    held = {re.search(r'description = "(\w+) held"', track_scenarios.scenario(s, 5.0)).group(1) for s in range(60)}
+    assert held == set(track_scenarios.HELD)

@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""Draws scenarios for `boresight tracks`: UAVs, birds, aeroplanes, balloons and leaves before sky, city and woods.
+
+In each one object is held by an operator's orders, so that what is no UAV fills the precise camera as UAVs do; others
+fly within two degrees of it. A part searches a wide sector without help, for tracks of scenery. Nothing is fired at.
+"""
+
+import argparse
+import math
+import random
+from pathlib import Path
+
+STATION_UP_M = 48.0
+UAVS = {"phantom4": 0.35, "mavic2": 0.35, "matrice200": 0.64, "matrice600": 1.13, "fpv5": 0.22}  # [m] diagonal
+OTHERS = {"bird": 1.35, "balloon": 0.9, "aeroplane": 35.8, "leaf": 0.16}  # [m] largest extent
+HELD = {"uav": 0.4, "bird": 0.3, "aeroplane": 0.12, "balloon": 0.1, "leaf": 0.08}
+FINE_IFOV_RAD = math.radians(1.0) / 640
+TIMES = ("05:40", "08:50", "11:30", "15:10", "17:20")  # UTC
+WEATHER = (
+    ("24005KT 9999 FEW045 19/11 Q1020", 18_000, False),
+    ("24010KT 9999 SCT040 17/11 Q1016", 15_000, True),
+    ("20007KT 8000 BKN035 14/12 Q1012", 8_000, True),
+    ("26004KT 9999 OVC050 12/08 Q1019", 12_000, False),
+    ("VRB02KT CAVOK 22/09 Q1024", 25_000, False),
+)
+
+
+def pick(rng: random.Random, shares: dict) -> str:
+    return rng.choices(list(shares), list(shares.values()))[0]
+
+
+def place(az_deg: float, el_deg: float, range_m: float) -> list[float]:
+    a, e = math.radians(az_deg), math.radians(el_deg)
+    return [range_m * math.cos(e) * math.sin(a), range_m * math.cos(e) * math.cos(a), STATION_UP_M + range_m * math.sin(e)]
+
+
+def flight(rng: random.Random, what: str, at: list[float], az_deg: float, range_m: float) -> str:
+    """A trajectory that begins near `at`; mostly across the line of sight."""
+    if what == "balloon" or what == "leaf":
+        return f'{{ kind = "hover", position_enu_m = {rounded(at)} }}'
+    low, high = {"uav": (0, 16), "bird": (6, 14), "aeroplane": (70, 200)}[what]
+    speed = rng.uniform(low, high)
+    course = math.radians(az_deg) + rng.choice((-1, 1)) * rng.uniform(0.3, 1.0) * math.pi / 2 + rng.choice((0, math.pi))
+    climb = rng.uniform(-0.08, 0.08) * speed
+    v = [speed * math.sin(course), speed * math.cos(course), climb]
+    kind = rng.random()
+    if what == "uav" and (kind < 0.15 or speed < 1.0):
+        return f'{{ kind = "hover", position_enu_m = {rounded(at)}, heading_deg = {rng.uniform(0, 360):.1f} }}'
+    if what == "uav" and kind < 0.35:
+        return (f'{{ kind = "weave", start_enu_m = {rounded(at)}, velocity_enu_mps = {rounded(v)}, '
+                f"lateral_acceleration_mps2 = {rng.uniform(1, 5):.2f}, period_s = {rng.uniform(2, 5):.2f} }}")  # fmt: skip
+    if what in ("uav", "bird") and kind > 0.8:
+        radius = rng.uniform(15, 60)
+        bearing = rng.uniform(0, 360)
+        b = math.radians(bearing)
+        centre = [at[0] - radius * math.sin(b), at[1] - radius * math.cos(b), at[2]]
+        return (f'{{ kind = "orbit", centre_enu_m = {rounded(centre)}, radius_m = {radius:.1f}, '
+                f"speed_mps = {max(speed, 4):.2f}, start_bearing_deg = {bearing:.1f} }}")  # fmt: skip
+    return f'{{ kind = "straight", start_enu_m = {rounded(at)}, velocity_enu_mps = {rounded(v)} }}'
+
+
+def rounded(xs: list[float]) -> list[float]:
+    return [round(x, 3) for x in xs]
+
+
+def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float) -> tuple[str, str]:
+    """A table of the scenario, and which list it belongs to."""
+    model = rng.choice(list(UAVS)) if what == "uav" else what
+    extent_m = UAVS[model] if what == "uav" else OTHERS[what]
+    # Its size in the precise camera, evenly over the logarithm.
+    wanted_px = math.exp(rng.uniform(math.log(5), math.log(120)))
+    near, far = {"uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (2500, 14000)}[what]
+    range_m = min(max(extent_m / (wanted_px * FINE_IFOV_RAD), near), far)
+    if what == "aeroplane":
+        el_deg = max(el_deg, 3.0)
+    at = place(az_deg, el_deg, range_m)
+    key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
+    return f'[[{table}]]\nname = "{name}"\n{key} = "{model}"\ntrajectory = {flight(rng, what, at, az_deg, range_m)}\n', table
+
+
+def scenario(seed: int, duration_s: float) -> str:
+    rng = random.Random(seed)
+    az, el = rng.uniform(0, 360), rng.choice((rng.uniform(1.2, 4), rng.uniform(2, 12)))
+    held = pick(rng, HELD)
+    wide = rng.random() < 0.15
+    metar, visibility_m, texture = rng.choice(WEATHER)
+    forest = rng.random() < 0.4
+    parts = [
+        f'name = "tracks_{seed}"\ndescription = "{held} held"\nseed = {seed}\nduration_s = {duration_s}\n'
+        f"time_utc = 2025-09-20T{rng.choice(TIMES)}:00Z\n",
+        "[site]\nlatitude_deg = 47.3769\nlongitude_deg = 8.5417\naltitude_m = 455.0\n",
+        f"[city]\nseed = {rng.randrange(1, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else ""),
+        f"[station]\nposition_enu_m = [0.0, 0.0, {STATION_UP_M}]\n",
+        # Half the rates of the preset: twice the seconds for the time.
+        "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n",
+        f'[weather]\nmetar = "LSZH 200850Z {metar} NOSIG"\nvisibility_m = {visibility_m}.0\ncloud_texture = {str(texture).lower()}\n',
+        "[engage]\nauthorised = false\n",
+    ]
+    if wide:
+        parts.append(f"[search]\ncentre_azimuth_deg = {az:.2f}\nwidth_deg = 40.0\nelevation_deg = 4.0\nheight_deg = 10.0\n")
+    else:
+        off = rng.uniform(-0.6, 0.6)
+        parts.append(f"[search]\ncentre_azimuth_deg = {(az + off) % 360:.2f}\nwidth_deg = 3.0\nelevation_deg = {el:.2f}\nheight_deg = 2.0\n")
+    tables = {"uavs": [], "distractors": []}
+    text, table = thing(rng, held, "held", az, el)
+    tables[table].append(text)
+    for k in range(rng.choice((0, 1, 1, 2))):
+        other = rng.choice(("uav", "bird", "bird", "aeroplane", "balloon"))
+        text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(0.8, el + rng.uniform(-1, 1)))
+        tables[table].append(text)
+    parts += tables["uavs"] + tables["distractors"]
+    # Given up, it is designated again.
+    parts += [f'[[operator]]\nt_s = {t:.1f}\ndesignate = "held"\n' for t in (x * 0.5 for x in range(1, int(2 * duration_s)))]
+    return "\n".join(parts)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--count", type=int, default=20)
+    parser.add_argument("--first", type=int, default=1000, help="seed of the first")
+    parser.add_argument("--duration-s", type=float, default=5.0)
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    for seed in range(args.first, args.first + args.count):
+        (args.out / f"tracks_{seed}.toml").write_text(scenario(seed, args.duration_s))
+
+
+if __name__ == "__main__":
+    main()
