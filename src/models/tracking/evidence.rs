@@ -18,17 +18,15 @@ const MOST: f64 = 6.0;
 /// What one look may say at most, and the step from "seen" to "not seen".
 const MOST_OF_SCORE: f64 = 1.5;
 const SEEN_STEP: f64 = 1.5;
-/// What the logit of a score counts.
-const SCORE_SLOPE: f64 = 2.0;
 /// What a box of a class that is no UAV says.
 const OTHER_CLASS: f64 = -1.5;
-/// A rigid body's size flutters by no more than this times what its box's noise allows; a flapping bird's
-/// by 2 to 5 times (measured with the shipped network: docs/validation.md).
+/// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
+/// times, in size or place (measured with the shipped network: docs/validation.md).
 const RIGID_RATIO: f64 = 1.5;
 /// How long the best view of a track is remembered [s].
 const VIEW_MEMORY_S: f64 = 10.0;
 /// Least weight of a look at fewer pixels than the best.
-const LEAST_WEIGHT: f64 = 0.05;
+const LEAST_WEIGHT: f64 = 0.02;
 
 /// From which score on a detection speaks for a UAV.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +60,7 @@ impl Default for EvidenceParams {
 
 /// Sizes of boxes [px], and the logits of the shipped network's scores that are as likely of a gull or of
 /// scenery as of a UAV.
-const NEUTRAL: [(f64, f64); 3] = [(5.0, -1.5), (8.0, -0.4), (20.0, 0.3)];
+const NEUTRAL: [(f64, f64); 3] = [(5.0, -1.5), (8.0, -0.6), (20.0, -0.2)];
 
 /// The value at `x` of points in order of `x`, straight over its logarithm, and flat beyond them.
 fn interpolated(points: &[(f64, f64)], x: f64) -> f64 {
@@ -90,17 +88,16 @@ impl EvidenceParams {
         }
     }
 
-    /// What a detection says: of this score, class and size, its size fluttering so many times as much as
+    /// What a detection says: of this score, class and size, its box fluttering so many times as much as
     /// a rigid body's.
     pub fn of_hit(&self, score: f64, label: u32, size_px: f64, flutter: f64) -> f64 {
         let other = label < 64 && self.other_classes >> label & 1 == 1;
         let of_score = if other {
             OTHER_CLASS
         } else {
-            let above = SCORE_SLOPE * (logit(score) - self.neutral(size_px));
-            above.clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
+            (logit(score) - self.neutral(size_px)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
         };
-        let of_shape = (RIGID_RATIO / flutter).ln().clamp(-1.5, 0.3);
+        let of_shape = (RIGID_RATIO / flutter).ln().clamp(-1.5, 0.5);
         SEEN_STEP * (1.0 - self.min_quality) + of_score + of_shape
     }
 

@@ -111,6 +111,11 @@ impl Flutter {
     pub fn size_ratio(&self) -> f64 {
         self.size.ratio()
     }
+
+    /// Either of the two, whichever is larger.
+    pub fn ratio(&self) -> f64 {
+        self.place.ratio().max(self.size.ratio())
+    }
 }
 
 #[cfg(test)]

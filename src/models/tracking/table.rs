@@ -733,11 +733,11 @@ impl Track {
         self.misses = 0;
         let growth = (sighting.size_rad / self.size_rad).ln();
         self.size_rad *= (SMOOTHING * growth.clamp(-MOST_GROWTH, MOST_GROWTH)).exp();
-        let flutter = self.flutter[look.tier].size_ratio();
+        let flutter = self.flutter[look.tier];
         let size_px = self.size_rad / look.ifov_rad;
         let lambda = look
             .reads
-            .of_hit(sighting.score, sighting.label, size_px, flutter);
+            .of_hit(sighting.score, sighting.label, size_px, flutter.ratio());
         self.evidence.on_look(look.reads, lambda, size_px, look.t_s);
         // The mean of the first ones, so that a candidate is judged by several frames.
         let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
@@ -751,8 +751,8 @@ impl Track {
         }
         self.votes[class] += sighting.score;
         // A box's side is good to about two standard deviations of its centre, or what its size flutters by.
-        let sigma_rel =
-            2.0 * flutter.max(1.0) * sighting.sigma_rad / sighting.size_rad.max(sighting.sigma_rad);
+        let sigma_rel = 2.0 * flutter.size_ratio().max(1.0) * sighting.sigma_rad
+            / sighting.size_rad.max(sighting.sigma_rad);
         self.range.on_size(sighting.size_rad, sigma_rel, look.t_s);
     }
 }
