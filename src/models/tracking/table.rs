@@ -440,16 +440,13 @@ impl TrackTable {
         assigned
     }
 
-    /// Whether a sighting lies on the picture of an established track: the box of a part of it, or one that
+    /// Whether a sighting lies on the picture of a track: the box of a part of it, or one that
     /// has strayed too far to be taken, is no other object.
     fn covers(&self, sighting: &Sighting, t_s: f64) -> bool {
-        let on = |track: &&Track| {
+        self.tracks.iter().any(|track| {
             let at = track.filter.predicted(t_s).az_el_rad();
-            separation_rad(at, sighting.az_el_rad) < 0.5 * track.size_rad
-        };
-        (self.tracks.iter())
-            .filter(|track| track.total_hits() >= CONFIRMED_HITS && !track.hidden(t_s))
-            .any(|track| on(&track))
+            !track.hidden(t_s) && separation_rad(at, sighting.az_el_rad) < 0.5 * track.size_rad
+        })
     }
 
     /// The pairs of tracks and sightings that may belong together, with their costs; `predicted`
