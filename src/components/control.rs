@@ -94,6 +94,8 @@ pub struct Radar {
     pub latency_ticks: u64,
     /// Scenario index of the UAV that it tracks; otherwise the first that is in the air.
     pub target: Option<usize>,
+    /// What it no longer tracks, as it has been dealt with.
+    pub dismissed: Vec<usize>,
     /// Stream of its errors.
     pub rng: Stream,
     /// Plots on their way, with the tick they arrive in and the UAV they belong to.

@@ -15,8 +15,10 @@ pub enum Detector {
     Onnx {
         /// The model at work.
         inference: Box<Inference>,
-        /// Scores below this are dropped.
+        /// A detection of this score counts by itself.
         score_threshold: f64,
+        /// One of a lower score goes on with a track; below this one it is dropped.
+        weak_threshold: f64,
         /// Side of the square around the predicted target in which it looks for that [px].
         roi_px: Option<u32>,
     },
@@ -29,9 +31,14 @@ pub enum Detector {
     },
 }
 
-/// A target must not be larger than this share of the region in which the network looks for it, or
-/// the network looks in all that was read out: it wants surroundings, and the prediction errs.
+/// A target must not be larger than this share of the region in which the network looks for it, or the
+/// region grows: the network wants surroundings, and the prediction errs.
 const LARGEST_SHARE: f64 = 0.5;
+/// A region grows in steps of this many pixels, a common stride of networks.
+const REGION_STEP_PX: u32 = 64;
+/// What is larger than this is shown to the network shrunk, so that it is no larger: networks for small UAVs
+/// do not know larger ones (the shipped one scores 0.8 at 40 px, 0.3 at 125 px; docs/validation.md).
+const LARGEST_SHOWN_PX: f64 = 64.0;
 
 impl Detector {
     /// Side of the square in which it looks for a predicted target [px], if it does so at all.
@@ -51,8 +58,36 @@ impl Detector {
                     target_px,
                 },
                 Some(side),
-            ) if *target_px <= LARGEST_SHARE * f64::from(side) => rect.around(*centre_px, side),
+            ) => rect.around(*centre_px, region_px(*target_px, side)),
             _ => rect,
+        }
+    }
+
+    /// By how much, a whole number, the network's picture of a readout is shrunk.
+    pub fn shrinks(&self, readout: &Readout) -> u32 {
+        match (self, readout) {
+            (Detector::Onnx { .. }, Readout::Around { target_px, .. }) => {
+                (target_px / LARGEST_SHOWN_PX).ceil().max(1.0) as u32
+            }
+            _ => 1,
+        }
+    }
+
+    /// The score from which on a detection counts by itself.
+    pub fn start_score(&self) -> f64 {
+        match self {
+            Detector::Onnx {
+                score_threshold, ..
+            } => *score_threshold,
+            Detector::Truth { .. } => 0.0,
+        }
+    }
+
+    /// Bit by bit, which of its classes are no UAVs.
+    pub fn other_classes(&self) -> u64 {
+        match self {
+            Detector::Onnx { inference, .. } => other_classes(inference.classes()),
+            Detector::Truth { .. } => 0,
         }
     }
 
@@ -67,11 +102,6 @@ impl Detector {
         }
     }
 
-    /// Whether the class with this index is one of UAVs: the vote that a detection gives its track.
-    pub fn is_uav(&self, label: u32) -> bool {
-        is_uav(self.class(label))
-    }
-
     /// What a picture's box is labelled with: the score, and the class where there are several.
     pub fn caption(&self, detection: &Detection) -> String {
         match self {
@@ -80,6 +110,23 @@ impl Detector {
             }
             _ => format!("{:.2}", detection.score),
         }
+    }
+}
+
+/// Bit by bit, which of these classes are no UAVs.
+pub fn other_classes(classes: &[String]) -> u64 {
+    let other = |(_, class): &(usize, &String)| !is_uav(class);
+    let bits = classes.iter().take(64).enumerate().filter(other);
+    bits.fold(0, |bits, (index, _)| bits | 1 << index)
+}
+
+/// Side of the square that holds a target of `target_px` as it should, and is not below `least_px`.
+pub fn region_px(target_px: f64, least_px: u32) -> u32 {
+    let wanted = (target_px / LARGEST_SHARE).min(f64::from(u16::MAX)) as u32;
+    if wanted <= least_px {
+        least_px
+    } else {
+        wanted.next_multiple_of(REGION_STEP_PX)
     }
 }
 
@@ -92,6 +139,8 @@ pub struct DetectionBatch {
     pub available_tick: u64,
     /// The pixels in which the detector looked.
     pub look: PixelRect,
+    /// By how much its picture was shrunk.
+    pub shrunk: u32,
     /// Detections above the threshold, in full-sensor pixels; empty until `answered`.
     pub detections: Vec<Detection>,
     /// Whether the detector has answered.
@@ -134,7 +183,9 @@ impl DetectionQueue {
         let open = self.waiting.iter_mut().filter(|batch| !batch.answered);
         if let Some(batch) = open.min_by_key(|batch| batch.asked()) {
             let offset_px = batch.look.offset_px;
-            batch.detections = found.iter().map(|d| d.shifted(offset_px)).collect();
+            let shrunk = f64::from(batch.shrunk);
+            let placed = |found: &Detection| found.enlarged(shrunk).shifted(offset_px);
+            batch.detections = found.iter().map(placed).collect();
             batch.answered = true;
         }
     }
@@ -159,6 +210,15 @@ mod tests {
     use crate::components::mount::{Alignment, Pointing};
     use crate::models::maths::kinematics::Pose;
     use glam::{DQuat, DVec2, DVec3};
+
+    #[test]
+    fn a_region_grows_with_the_target() {
+        assert_eq!(
+            [3.0, 128.0, 140.0, 400.0].map(|px| region_px(px, 256)),
+            [256, 256, 320, 832]
+        );
+        assert_eq!(region_px(3.0, 48), 48);
+    }
 
     fn batch(tier: Tier, tick: u64, available_tick: u64) -> DetectionBatch {
         let look = PixelRect {
@@ -188,6 +248,7 @@ mod tests {
             frame: Arc::new(frame),
             available_tick,
             look,
+            shrunk: 1,
             detections: Vec::new(),
             answered: false,
         }

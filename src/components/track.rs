@@ -7,6 +7,7 @@ use crate::models::maths::kinematics::wrap_pi;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
 use crate::models::tracking::estimation::LosState;
+use crate::models::tracking::evidence::EvidenceParams;
 use crate::models::tracking::recognition::{History, Recognition};
 use crate::models::tracking::table::{JoinedTrack, Track, TrackTable};
 use bevy::prelude::*;
@@ -89,10 +90,14 @@ pub struct TrackerParams {
     pub linear_angles: bool,
     /// Standard deviation of a detection's centre that the station counts on [px].
     pub centre_sigma_px: f64,
-    /// Least share of the frames in which a detector must see what counts as a UAV.
-    pub min_quality: f64,
-    /// Least mean score of its detections.
-    pub min_score: f64,
+    /// What a larger box adds to that, as a share of its side.
+    pub centre_sigma_rel: f64,
+    /// Detections of a lower score go on with a track but start none.
+    pub start_score: f64,
+    /// How the detector's answers are read.
+    pub reads: EvidenceParams,
+    /// The smaller field of view of the precise camera [rad].
+    pub precise_field_rad: f64,
     /// Another track must be nearer to the asset in time by this factor to become the target.
     pub switch_ratio: f64,
     /// What is protected [m].
@@ -190,8 +195,8 @@ pub struct Tracker {
     pub since_tick: u64,
     /// Identity of the target's track.
     pub target: Option<u32>,
-    /// Tracks that turned out to be no target, and since when.
-    pub rejected: Vec<(u32, u64)>,
+    /// When the tracks' conduct was last judged.
+    pub weighed_tick: u64,
     /// Hits of the target by each camera since the last change of state.
     pub hits_in_state: [u32; 3],
     /// Last measured error of the target from each camera's boresight.
@@ -209,6 +214,8 @@ pub struct Tracker {
     pub rival: Option<(u32, u64)>,
     /// Whether the range finder had an echo of the target.
     pub lased: bool,
+    /// For how many ticks the laser has been fired at the target.
+    pub fired_ticks: u64,
     /// How fast the target lost height when the laser was first fired at it [m/s].
     pub sink_at_fire_mps: Option<f64>,
     /// Since when the target, fired at, has been falling.
@@ -224,7 +231,7 @@ impl Default for Tracker {
             state: TrackingState::Search,
             since_tick: 0,
             target: None,
-            rejected: Vec::new(),
+            weighed_tick: 0,
             hits_in_state: [0; 3],
             error: [None; 3],
             locked_since: None,
@@ -233,6 +240,7 @@ impl Default for Tracker {
             designated: false,
             rival: None,
             lased: false,
+            fired_ticks: 0,
             sink_at_fire_mps: None,
             falling_since: None,
             changes: vec![StateChange {
@@ -269,16 +277,17 @@ impl Tracker {
     /// Takes up a target and turns to it.
     pub fn acquire(&mut self, tick: u64, id: u32, reason: impl Into<String>) {
         self.target = Some(id);
-        self.rejected.retain(|(rejected, _)| *rejected != id);
         self.forget();
         self.change(tick, TrackingState::Acquire, reason);
     }
 
-    /// Gives the target up; `reject` keeps its track from becoming the target again.
-    pub fn give_up(&mut self, tick: u64, reject: bool, reason: impl Into<String>) {
+    /// Gives the target up; its track is no target again until `bar_until_s` [s], if there is one.
+    pub fn give_up(&mut self, tick: u64, bar_until_s: Option<f64>, reason: impl Into<String>) {
         let target = self.target.take();
-        if reject {
-            self.rejected.extend(target.map(|id| (id, tick)));
+        if let (Some(until_s), Some(track)) =
+            (bar_until_s, target.and_then(|id| self.table.get_mut(id)))
+        {
+            track.barred_until_s = until_s;
         }
         self.designated = false;
         self.forget();
@@ -292,6 +301,7 @@ impl Tracker {
         self.aim_rad = DVec2::ZERO;
         self.rival = None;
         self.lased = false;
+        self.fired_ticks = 0;
         self.sink_at_fire_mps = None;
         self.falling_since = None;
     }
@@ -304,11 +314,8 @@ impl Tracker {
                     *id = *old;
                 }
             };
-            // The young track has been judged on its own: what was held against the old is over.
-            self.rejected.retain(|(id, _)| id != old);
             self.target.iter_mut().for_each(rename);
             self.rival.iter_mut().for_each(|(id, _)| rename(id));
-            self.rejected.iter_mut().for_each(|(id, _)| rename(id));
         }
     }
 

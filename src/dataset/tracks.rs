@@ -166,7 +166,7 @@ impl Take {
         let mut flying = world.query::<(&Uav, Option<&Distractor>)>();
         for (uav, distractor) in flying.iter(world) {
             let class = distractor.map_or(TrackClass::Uav, |distractor| {
-                TrackClass::named(distractor.kind.name()).unwrap_or(TrackClass::Other)
+                TrackClass::of_detector(distractor.kind.class().name())
             });
             objects.insert(uav.index, (uav.name.clone(), class));
         }

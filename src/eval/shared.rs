@@ -2,7 +2,6 @@
 //! when a track counts as confirmed.
 
 use super::EvalError;
-use crate::components::track::TrackerParams;
 use crate::models::tracking::table::Track;
 use crate::output::{self, OutputError};
 use serde::Serialize;
@@ -94,8 +93,8 @@ const CONFIRMED_HITS: u32 = 6;
 pub(super) const FRESH_S: f64 = 0.25;
 
 /// Whether a track is confirmed at `t_s`.
-pub(super) fn confirmed(track: &Track, params: &TrackerParams, t_s: f64) -> bool {
+pub(super) fn confirmed(track: &Track, t_s: f64) -> bool {
     track.total_hits() >= CONFIRMED_HITS
         && track.filter.coast_s(t_s) < FRESH_S
-        && params.convinced(track)
+        && track.log_odds() > 0.0
 }

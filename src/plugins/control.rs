@@ -139,6 +139,7 @@ fn radar(scenario: &Scenario, seed: Seed, clock: SimClock) -> Radar {
         period_ticks: cue.map_or(1, |cue| clock.ticks_of(1.0 / cue.rate_hz).max(1)),
         latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
         target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+        dismissed: Vec::new(),
         rng: seed.stream(0, "radar"),
         waiting: VecDeque::new(),
         track: None,

@@ -55,9 +55,11 @@ fn set_up(
             } else {
                 Inference::on_thread(model).map_err(ThreadError)?
             };
+            let score_threshold = settings.score_threshold.unwrap_or(recommended);
             Detector::Onnx {
                 inference: Box::new(inference),
-                score_threshold: settings.score_threshold.unwrap_or(recommended),
+                score_threshold,
+                weak_threshold: settings.weak_share * score_threshold,
                 roi_px: Some(settings.roi_px).filter(|side| *side > 0),
             }
         }

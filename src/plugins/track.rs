@@ -1,11 +1,14 @@
 //! Tracks and the tracking state.
 
+use crate::components::capture::Tier;
+use crate::components::detect::Detector;
 use crate::components::mount::Mount;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
     Designation, Gallery, Operator, Order, RangeFinder, Recogniser, Tracker, TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
+use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
 use crate::scenario::{self, AssociationRule, ControllerPreset, DetectorKind, Scenario};
 use crate::systems::run::nothing_failed;
@@ -43,10 +46,14 @@ fn set_up(
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
     clock: Res<SimClock>,
+    detector: Res<Detector>,
     mount: Single<&Mount>,
 ) {
     let scenario = &loaded.scenario;
-    commands.insert_resource(tracker_params(scenario, mount.r_enu_m));
+    let mut params = tracker_params(scenario, mount.r_enu_m);
+    params.start_score = detector.start_score();
+    params.reads.other_classes = detector.other_classes();
+    commands.insert_resource(params);
     commands.insert_resource(operator(scenario, *clock));
     commands.insert_resource(RangeFinder {
         params: default(),
@@ -98,25 +105,35 @@ pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerPar
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.preset == ControllerPreset::Paper;
-    let (specified_px, least_score, aim) = match scenario.detector.kind {
-        DetectorKind::Onnx => (0.5, 0.0, Some(engage.aim)), // [px], score
+    let truth = &scenario.detector.truth;
+    let (specified_px, centre_sigma_rel, score, aim) = match scenario.detector.kind {
+        // As the shipped network errs on boxes of 3 to 80 px (docs/validation.md).
+        DetectorKind::Onnx => (0.5, 0.015, ScoreModel::BySize, Some(engage.aim)),
         // With no noise at all the filter would ignore its own prediction.
-        DetectorKind::Truth => (scenario.detector.truth.noise_px.max(0.02), 0.72, None),
+        DetectorKind::Truth => (truth.noise_px.max(0.02), 0.0, ScoreModel::Fixed(0.72), None),
     };
+    let cameras = scenario.station.cameras.resolved();
+    let precise = &cameras[Tier::Precise as usize];
+    let height_share = f64::from(precise.height_px) / f64::from(precise.width_px);
     TrackerParams {
         nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
         linear_angles: paper,
         centre_sigma_px: centre_sigma_px.unwrap_or(specified_px),
-        min_quality,
-        min_score: min_score.unwrap_or(least_score),
+        centre_sigma_rel,
+        start_score: 0.0,
+        reads: EvidenceParams {
+            min_quality,
+            score: min_score.map_or(score, ScoreModel::Fixed),
+            other_classes: 0,
+        },
+        precise_field_rad: precise.hfov_deg.to_radians() * height_share.min(1.0),
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
         aim,
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,
-        patience_s: (scenario.station.cameras.resolved())
-            .map(|camera| patience_s(f64::from(camera.rate_hz))),
+        patience_s: cameras.map(|camera| patience_s(f64::from(camera.rate_hz))),
     }
 }
 

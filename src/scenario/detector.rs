@@ -19,10 +19,13 @@ pub struct DetectorConfig {
     pub onnx_model: PathBuf,
     /// What runs the network; the loaded ONNX Runtime must have it.
     pub provider: Provider,
-    /// Detections with a lower score are dropped, 0 to 1; absent: the score that the model recommends.
+    /// Detections with a lower score start no track, 0 to 1; absent: the score that the model recommends.
     pub score_threshold: Option<f64>,
+    /// Share of that threshold, 0 to 1, from which on a detection may go on with a track that several
+    /// frames have confirmed; what scores lower is dropped.
+    pub weak_share: f64,
     /// Side of the square around the predicted target in which the network looks while a camera
-    /// follows it; 0: in all that the camera reads out.
+    /// follows it, twice the target's size if that is more; 0: in all that the camera reads out.
     pub roi_px: u32,
     /// Errors of the truth detector.
     pub truth: TruthErrorsConfig,
@@ -35,6 +38,7 @@ impl Default for DetectorConfig {
             onnx_model: PathBuf::from("assets/models/boresight-p2-roi.onnx"),
             provider: Provider::Cpu,
             score_threshold: None,
+            weak_share: 0.5,
             roi_px: 256,
             truth: TruthErrorsConfig::default(),
         }
@@ -109,6 +113,7 @@ impl Default for TruthErrorsConfig {
 impl DetectorConfig {
     pub(super) fn check(&self, check: &mut Check) {
         check.maybe_within("score_threshold", self.score_threshold, FRACTION);
+        check.within("weak_share", self.weak_share, FRACTION);
         let roi_px = self.roi_px;
         let right = roi_px == 0 || (16..=8192).contains(&roi_px);
         check.that(right, "roi_px", || {

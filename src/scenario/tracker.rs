@@ -18,10 +18,11 @@ pub struct TrackerConfig {
     /// Standard deviation of a detection's centre that the tracker assumes; absent: the truth
     /// detector's noise, or 0.5 for an ONNX model.
     pub centre_sigma_px: Option<f64>,
-    /// Least share of its frames in which the detector must see a track for it to be a UAV.
+    /// Share of its frames in which the detector must see a track for that to speak for a UAV.
     pub min_quality: f64,
-    /// Least mean score of a track's detections for it to be a UAV; absent: 0.72 for the truth
-    /// detector, half way between its scores of UAVs and of distractors, and 0 for an ONNX model.
+    /// Score from which on a detection speaks for a UAV; absent: 0.72 for the truth
+    /// detector, half way between its scores of UAVs and of distractors, and what fits the box's size for an
+    /// ONNX model.
     pub min_score: Option<f64>,
     /// Another track becomes the target when it could reach the asset sooner by this factor.
     pub switch_ratio: f64,

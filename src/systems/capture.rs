@@ -4,6 +4,7 @@ use crate::components::capture::{
     AutoExposure, ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth, SensorCamera,
     UavInFrame,
 };
+use crate::components::detect::region_px;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
 use crate::components::mount::Optics;
@@ -172,7 +173,14 @@ pub fn expose(
         };
         let rect = match (readout, camera.window_px) {
             (Readout::Off, _) => continue,
-            (Readout::Around { centre_px, .. }, Some(side)) => {
+            // What is too large for the window is read in full.
+            (
+                Readout::Around {
+                    centre_px,
+                    target_px,
+                },
+                Some(side),
+            ) if region_px(*target_px, side) == side => {
                 PixelRect::window(sensor_px, *centre_px, side)
             }
             _ => full,

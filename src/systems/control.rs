@@ -11,7 +11,7 @@ use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
-use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::tracking::radar::{Plot, RadarCue, RadarTrack};
 use crate::models::tracking::search::{SearchPattern, Sector};
 use bevy::prelude::*;
@@ -103,6 +103,7 @@ impl Radar {
         let errors = self.errors?;
         let seen = airborne
             .filter(|(index, _)| self.target.is_none_or(|target| target == *index))
+            .filter(|(index, _)| !self.dismissed.contains(index))
             .min_by_key(|(index, _)| *index);
         let r_enu_m = seen.map_or(DVec3::Y, |(_, r_enu_m)| r_enu_m);
         let plot = errors.plot(r_enu_m, t_s, &mut self.rng);
@@ -119,6 +120,14 @@ impl Radar {
             track.update(&plot);
             (index, track)
         });
+    }
+
+    /// Drops the track of what has been dealt with, for good: the next plots are of what else is in the air.
+    pub fn dismiss(&mut self) {
+        self.dismissed
+            .extend(self.track.take().map(|(index, _)| index));
+        self.waiting
+            .retain(|(_, seen)| seen.is_none_or(|(index, _)| !self.dismissed.contains(&index)));
     }
 
     /// Direction and range of the target by the radar at `t_s` [s].
@@ -218,7 +227,12 @@ fn search(
     let promising = tracker.table.tracks.iter().any(|track| {
         let fresh = track.filter.coast_s(t_s) < 0.3;
         let (rate, sigmas) = track.motion(t_s);
-        fresh && track.total_hits() >= PROMISING_HITS && rate > 1e-3 && sigmas > 3.0
+        fresh
+            && track.total_hits() >= PROMISING_HITS
+            && !track.conduct.is_scenery()
+            && track.log_odds() > 0.0
+            && rate > 1e-3
+            && sigmas > 3.0
     });
     let longest_s = if promising {
         LONGEST_GAZE_S
@@ -327,7 +341,6 @@ pub fn choose_readouts(
     for (camera, mut readout) in &mut cameras {
         // The exposure that comes next.
         let frame = clock.tick / camera.period_ticks + 1;
-        let track = tracker.target_track();
         let wanted = match (tracker.state, camera.tier) {
             (TrackingState::Search, Tier::Search) => Readout::Full,
             (TrackingState::Search, _) | (TrackingState::Acquire, Tier::Precise) => Readout::Off,
@@ -340,28 +353,38 @@ pub fn choose_readouts(
             // While a target is held, the wider cameras keep watch for others.
             (_, Tier::Search) if frame.is_multiple_of(WATCH_SEARCH) => Readout::Full,
             (_, Tier::Search) => Readout::Off,
-            (state, Tier::Coarse)
-                if state.holds(Tier::Coarse) && frame.is_multiple_of(WATCH_COARSE) =>
-            {
-                Readout::Full
+            (state, tier) => {
+                let pose = optics.pointing.believed_pose(mount.r_enu_m, tier);
+                let around = around_target(&tracker, camera, &pose, clock.t_s())
+                    .filter(|_| camera.window_px.or(detector.roi_px()).is_some());
+                let settled = state.holds(tier) || state.holds(Tier::Precise);
+                let watches = tier == Tier::Coarse
+                    && state.holds(Tier::Coarse)
+                    && frame.is_multiple_of(WATCH_COARSE);
+                match around {
+                    // What is too large for the network is shown to it shrunk, always.
+                    Some(large) if detector.shrinks(&large) > 1 => large,
+                    Some(around) if settled && !watches => around,
+                    _ => Readout::Full,
+                }
             }
-            (state, tier)
-                if camera.window_px.or(detector.roi_px()).is_some()
-                    && (state.holds(tier) || state.holds(Tier::Precise)) =>
-            {
-                let around = track.and_then(|track| {
-                    let pose = optics.pointing.believed_pose(mount.r_enu_m, camera.tier);
-                    let los = track.filter.predicted(clock.t_s()).az_el_rad();
-                    let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(los);
-                    Some(Readout::Around {
-                        centre_px: camera.pinhole.project(ray_cam)?.to_array(),
-                        target_px: track.size_rad / camera.pinhole.ifov_rad(),
-                    })
-                });
-                around.unwrap_or(Readout::Full)
-            }
-            _ => Readout::Full,
         };
         readout.set_if_neq(wanted);
     }
+}
+
+/// A readout around the predicted target, where a camera at `pose` sees it.
+fn around_target(
+    tracker: &Tracker,
+    camera: &SensorCamera,
+    pose: &Pose,
+    t_s: f64,
+) -> Option<Readout> {
+    let track = tracker.target_track()?;
+    let los = track.filter.predicted(t_s).az_el_rad();
+    let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(los);
+    Some(Readout::Around {
+        centre_px: camera.pinhole.project(ray_cam)?.to_array(),
+        target_px: track.size_rad / camera.pinhole.ifov_rad(),
+    })
 }

@@ -7,6 +7,7 @@ use crate::inference::DetectorInput;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::detection::{Candidate, Detection, TruthErrors, detect_truth};
 use bevy::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The detections of the truth detector in `frame`, in full-sensor pixels.
@@ -60,12 +61,13 @@ pub fn detect(
             frame: frame.clone(),
             available_tick: frame.tick + camera.latency_ticks,
             look: detector.look(readout, frame.rect),
+            shrunk: detector.shrinks(readout),
             detections: Vec::new(),
             answered: true,
         };
         match &*detector {
             Detector::Onnx { .. } => {
-                let picture = picture(frame, batch.look);
+                let picture = picture(frame, batch.look, batch.shrunk);
                 batch.answered = picture.is_none();
                 pictures.extend(picture);
             }
@@ -78,7 +80,7 @@ pub fn detect(
     }
     if let Detector::Onnx {
         inference,
-        score_threshold,
+        weak_threshold,
         ..
     } = &mut *detector
     {
@@ -90,7 +92,7 @@ pub fn detect(
                 failure.set(error);
                 Vec::new()
             });
-            found.retain(|detection| detection.score >= *score_threshold);
+            found.retain(|detection| detection.score >= *weak_threshold);
             queue.answer(&found);
         }
         stopwatch.inference += started.elapsed();
@@ -98,18 +100,53 @@ pub fn detect(
     queue.release(clock.tick);
 }
 
-/// The part `look` of a frame as the network takes it; none in a run that renders nothing.
-fn picture(frame: &ExposedFrame, look: PixelRect) -> Option<DetectorInput> {
+/// The part `look` of a frame as the network takes it, `shrunk` by a whole number; none in a run that
+/// renders nothing.
+fn picture(frame: &ExposedFrame, look: PixelRect, shrunk: u32) -> Option<DetectorInput> {
     let [left, top] = frame.rect.offset_px;
     let [x, y] = look.offset_px;
+    let look = PixelRect {
+        offset_px: [x - left, y - top],
+        ..look
+    };
+    let (rgb8, width_px) = (frame.rgb8.clone()?, frame.rect.size_px[0]);
+    if shrunk <= 1 {
+        return Some(DetectorInput {
+            rgb8,
+            width_px,
+            look,
+        });
+    }
+    let size_px = look.size_px.map(|side| side / shrunk);
     Some(DetectorInput {
-        rgb8: frame.rgb8.clone()?,
-        width_px: frame.rect.size_px[0],
+        rgb8: Arc::new(shrink(&rgb8, width_px, look.offset_px, size_px, shrunk)),
+        width_px: size_px[0],
         look: PixelRect {
-            offset_px: [x - left, y - top],
-            ..look
+            offset_px: [0, 0],
+            size_px,
         },
     })
+}
+
+/// `size_px` pixels, each the mean of `times` by `times` of a picture with rows of `width_px` RGB pixels.
+fn shrink(
+    rgb8: &[u8],
+    width_px: u32,
+    offset_px: [u32; 2],
+    size_px: [u32; 2],
+    times: u32,
+) -> Vec<u8> {
+    let mean = |x: u32, y: u32, channel: usize| {
+        let (left, top) = (offset_px[0] + times * x, offset_px[1] + times * y);
+        let rows = (top..top + times).flat_map(|y| (left..left + times).map(move |x| (x, y)));
+        let value = |(x, y)| rgb8.get(3 * (y * width_px + x) as usize + channel).copied();
+        let sum: u32 = rows.map(|at| u32::from(value(at).unwrap_or(0))).sum();
+        ((sum + times * times / 2) / (times * times)) as u8
+    };
+    let places = (0..size_px[1]).flat_map(|y| (0..size_px[0]).map(move |x| (x, y)));
+    places
+        .flat_map(|(x, y)| [0, 1, 2].map(|channel| mean(x, y, channel)))
+        .collect()
 }
 
 #[cfg(test)]
@@ -126,7 +163,16 @@ mod tests {
     use crate::models::shape::uav_mesh::uav_mesh;
     use crate::systems::capture::projected;
     use glam::{DMat3, DQuat, DVec2, DVec3};
-    use std::sync::Arc;
+
+    #[test]
+    fn a_shrunk_pixel_is_the_mean_of_its_own() {
+        // Columns 0, 10, 20, ... in every row; the red plane of a part that begins at (2, 1).
+        let rgb8: Vec<u8> = (0..6 * 8).flat_map(|i| [10 * (i % 8), 0, 255]).collect();
+        let small = shrink(&rgb8, 8, [2, 1], [3, 2], 2);
+        assert_eq!(small.len(), 3 * 3 * 2);
+        assert_eq!([small[0], small[3], small[6], small[9]], [25, 45, 65, 25]);
+        assert_eq!(small[2], 255);
+    }
 
     /// Without errors the box of the truth detector is centred on the part, however the UAV tilts.
     #[test]

@@ -239,6 +239,7 @@ impl Burst {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::recognition::Recognition;
     use crate::models::tracking::table::{CameraLook, Sighting, TrackTable};
 
@@ -268,10 +269,13 @@ mod tests {
             size_rad: 1e-3,
             score: 0.9,
             label: 0,
+            weak: false,
         };
         table.update(&CameraLook {
             tier: 0,
             t_s: 0.0,
+            ifov_rad: 1e-4,
+            reads: &EvidenceParams::default(),
             sightings: &[sighting],
             in_view: &|_| true,
             start_tracks: true,

@@ -17,6 +17,7 @@ use crate::inference::OnnxRecogniser;
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
+use crate::models::tracking::evidence::EvidenceParams;
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
 use crate::systems::track::recognise::Hung;
@@ -89,8 +90,13 @@ impl Follower {
                 nearest_to_centre: false,
                 linear_angles: false,
                 centre_sigma_px: arguments.centre_sigma_px,
-                min_quality: defaults.min_quality,
-                min_score: 0.0,
+                centre_sigma_rel: 0.0,
+                start_score: 0.0,
+                reads: EvidenceParams {
+                    min_quality: defaults.min_quality,
+                    ..EvidenceParams::default()
+                },
+                precise_field_rad: f64::INFINITY,
                 switch_ratio: defaults.switch_ratio,
                 r_asset_enu_m: DVec3::ZERO,
                 aim: None,
@@ -147,6 +153,7 @@ impl Follower {
             available_tick: tick,
             look: rect,
             detections: detections.to_vec(),
+            shrunk: 1,
             answered: true,
         };
         let (tracker, params, pinhole) = (&mut self.tracker, &self.params, &self.pinhole);
@@ -170,6 +177,7 @@ impl Follower {
             params: &self.params,
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
+            cue: None,
         };
         step(&now, &mut self.tracker, false, true);
         let found = |track: &Track| {
@@ -177,7 +185,7 @@ impl Follower {
             detections.get(index).map(|detection| detection.box_px)
         };
         let followed = (self.tracker.table.tracks.iter())
-            .filter(|track| confirmed(track, &self.params, t_s))
+            .filter(|track| confirmed(track, t_s))
             .filter_map(|track| {
                 let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
                 let px = (self.pinhole).project(self.pose.q_enu_cam.inverse() * los_enu)?;

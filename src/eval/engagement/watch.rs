@@ -219,8 +219,8 @@ impl Seen {
             states.push(entry);
             let on_uav = self.target == Some(What::Uav);
             if change.to == TrackingState::Search && on_uav && self.shown {
-                let left = |(id, _): &(u32, u64)| Some(*id) == self.identity;
-                let rejected = tracker.rejected.iter().any(left);
+                let left = self.identity.and_then(|id| tracker.table.get(id));
+                let rejected = left.is_some_and(|track| t_s < track.barred_until_s);
                 self.rejected = rejected;
                 self.record.given_up.push(GivenUp {
                     t_s,

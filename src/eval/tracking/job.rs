@@ -9,7 +9,6 @@ use crate::components::mount::{Mount, Optics};
 use crate::components::record::{History, KeptFrame};
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
-use crate::components::track::TrackerParams;
 use crate::eval::EvalError;
 use crate::eval::shared::{FRESH_S, confirmed, progress};
 use crate::eval::statistics::{Hold, Lock, Sums, lock};
@@ -398,13 +397,12 @@ impl Instant<'_> {
                 inside: pinhole.contains(px),
             })
         });
-        let params = self.world.resource::<TrackerParams>();
         let tracks = self.tracker.table.tracks.iter();
         let target = self.tracker.target_track();
         Snapshot {
             uavs: uavs.collect(),
             tracks: tracks
-                .filter(|track| confirmed(track, params, self.t_s))
+                .filter(|track| confirmed(track, self.t_s))
                 .filter_map(|track| self.place(track))
                 .filter(|(_, [x, y, _])| pinhole.contains(DVec2::new(*x, *y)))
                 .collect(),

@@ -35,6 +35,15 @@ impl Detection {
         [0.5 * (x0 + x1), 0.5 * (y0 + y1)]
     }
 
+    /// The detection in a picture with this many times as many pixels to a side.
+    pub fn enlarged(&self, times: f64) -> Self {
+        Self {
+            box_px: self.box_px.map(|x| times * x),
+            aim_px: self.aim_px.map(|x| times * x),
+            ..*self
+        }
+    }
+
     /// The detection shifted by the upper left corner of the window it was found in.
     pub fn shifted(&self, offset_px: [u32; 2]) -> Self {
         let [dx, dy] = offset_px.map(f64::from);

@@ -1,7 +1,10 @@
-//! From sightings to tracks: filters, the track table, ranges, search patterns, the radar,
-//! what a track is.
+//! From sightings to tracks: filters, the track table, what a track is, known scenery, ranges, search
+//! patterns, the radar.
 
+pub mod background;
 pub mod estimation;
+pub mod evidence;
+pub mod flutter;
 pub mod radar;
 pub mod ranging;
 pub mod recognition;

@@ -12,6 +12,7 @@
 //! wanders with the target's aspect, as a first-order Gauss–Markov process about the assumed one.
 
 use nalgebra::{Matrix3, RowVector3, Vector3};
+use std::ops::Range;
 use thiserror::Error;
 
 /// Standard deviation of the unknown closing speed at the start [m/s].
@@ -91,6 +92,22 @@ impl Ranging {
     pub fn nearest_m(&self, t_s: f64) -> Option<f64> {
         let Estimate { x, p, .. } = self.at(t_s)?;
         Some((x[0] - 2.0 * p[(0, 0)].sqrt()).exp())
+    }
+
+    /// The ranges [m] within four standard deviations (of the logarithm) of the estimate at `t_s` and some
+    /// metres: those of an echo that may be the target's.
+    pub fn gate_m(&self, t_s: f64) -> Option<Range<f64>> {
+        const SIGMAS: f64 = 4.0;
+        // An airframe is so deep, and its parts answer in turn.
+        const DEEP_M: f64 = 5.0; // [m]
+        let Estimate { x, p, .. } = self.at(t_s)?;
+        let reach = SIGMAS * p[(0, 0)].sqrt();
+        Some((x[0] - reach).exp() - DEEP_M..(x[0] + reach).exp() + DEEP_M)
+    }
+
+    /// Forgets what was known: it was another's.
+    pub fn restart(&mut self) {
+        self.estimate = None;
     }
 
     /// Closing speed [m/s] at `t_s`, positive for a target that comes nearer, once there was a sample.

@@ -4,16 +4,24 @@
 //! (global nearest neighbour, [`crate::models::maths::assignment`]): the cost of a pair is the squared
 //! distance in standard deviations plus the squared difference of log sizes, so that two targets
 //! at different ranges stay apart while their sight lines cross, plus the log of the spread, so
-//! that a vague track does not take the sighting of a sharp one.
+//! that a vague track does not take the sighting of a sharp one. The deviations are those that the
+//! track's own flutter has shown ([`crate::models::tracking::flutter`]).
+//!
+//! Detections below the detector's threshold go on with tracks that are established, and start none
+//! (Y. Zhang et al., "ByteTrack", 2022).
 
 use crate::models::ground::dsm::{Dsm, LineOfSight};
 use crate::models::maths::assignment::{Pair, assign};
 use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
+use crate::models::tracking::background::Background;
 use crate::models::tracking::estimation::{Gating, LosFilter, LosFilterParams, LosState};
+use crate::models::tracking::evidence::{Evidence, EvidenceParams, logit};
+use crate::models::tracking::flutter::{Flutter, Place};
 use crate::models::tracking::ranging::Ranging;
 use crate::models::tracking::recognition::Recognition;
 use glam::{DVec2, DVec3};
 use nalgebra::{Matrix2, Vector2};
+use std::ops::Range;
 
 /// A detection as a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +36,8 @@ pub struct Sighting {
     pub score: f64,
     /// Index of its class among the detector's.
     pub label: u32,
+    /// Whether its score falls short of the detector's threshold.
+    pub weak: bool,
 }
 
 /// What one frame of a camera saw.
@@ -36,6 +46,10 @@ pub struct CameraLook<'a> {
     pub tier: usize,
     /// Time of the exposure [s].
     pub t_s: f64,
+    /// Angle of a pixel [rad].
+    pub ifov_rad: f64,
+    /// How what it shows is read.
+    pub reads: &'a EvidenceParams,
     /// The detections.
     pub sightings: &'a [Sighting],
     /// Whether a direction (azimuth, elevation) lay in the pixels that were read out.
@@ -94,13 +108,61 @@ pub struct Track {
     pub score: f64,
     /// Scores of its detections summed by class, the older ones fading.
     votes: Vec<f64>,
+    /// What speaks for its being a UAV.
+    pub evidence: Evidence,
+    /// How much its box flutters in each camera.
+    flutter: [Flutter; 3],
+    /// What it has shown of its flight.
+    pub conduct: Conduct,
+    /// Pulses of the range finder in a row without an echo where its range is expected.
+    unanswered: u32,
+    /// It is no target until then [s]: it has fallen, or no camera could confirm it.
+    pub barred_until_s: f64,
     /// The next time that the city hides it, as far as predicted.
     pub occlusion: Option<Occlusion>,
     /// What it was last found to be.
     pub recognition: Option<Recognition>,
 }
 
+/// How a track behaves, judged over time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Conduct {
+    /// Time for which it has been seen to move, less that for which it stood still [s].
+    pub moving_s: f64,
+    /// Time for which it has stood still [s].
+    pub still_s: f64,
+    /// It has flown: scenery does not.
+    pub flown: bool,
+    /// It began where scenery is known to be.
+    pub in_scenery: bool,
+    /// Whether the sky is clear behind it and some way below it.
+    pub in_sky: bool,
+}
+
+impl Conduct {
+    /// Whether it is scenery for all that is known.
+    pub fn is_scenery(&self) -> bool {
+        self.in_scenery && !self.flown
+    }
+}
+
 impl Track {
+    /// Log-odds that it is a UAV: the one place in which what speaks for it is put together. A recogniser,
+    /// which has seen all that the evidence counts and the pictures besides, has the word.
+    pub fn log_odds(&self) -> f64 {
+        (self.recognition).map_or(self.evidence.log_odds(), |found| logit(found.p_uav()))
+    }
+
+    /// Probability that it is a UAV.
+    pub fn uav_belief(&self) -> f64 {
+        1.0 / (1.0 + (-self.log_odds()).exp())
+    }
+
+    /// Whether it has been dealt with and falls.
+    pub fn fallen(&self) -> bool {
+        self.barred_until_s == f64::INFINITY
+    }
+
     /// Hits of all cameras.
     pub fn total_hits(&self) -> u32 {
         self.hits.iter().sum()
@@ -158,10 +220,33 @@ impl Track {
     /// Takes in a measured range [m] with its standard deviation [m]; the manoeuvres that the
     /// filter expects on the sky follow from it.
     pub fn ranged(&mut self, range_m: f64, sigma_m: f64, t_s: f64) {
+        if !self
+            .range
+            .gate_m(t_s)
+            .is_none_or(|gate| gate.contains(&range_m))
+        {
+            self.range.restart();
+        }
+        self.unanswered = 0;
         self.range.on_laser(range_m, sigma_m, t_s);
         if let Some((range_m, _)) = self.range.range_m(t_s) {
             self.filter.set_range_m(range_m);
         }
+    }
+
+    /// The ranges [m] at which an echo may be the target's at `t_s` [s]; all of them after several pulses
+    /// without one, since the estimate may be wrong: it was another's echo, or no target is so large.
+    pub fn range_gate(&self, t_s: f64) -> Range<f64> {
+        const UNANSWERED: u32 = 4;
+        if self.unanswered >= UNANSWERED {
+            return 0.0..f64::INFINITY;
+        }
+        self.range.gate_m(t_s).unwrap_or(0.0..f64::INFINITY)
+    }
+
+    /// A pulse had no echo within the gate.
+    pub fn unanswered(&mut self) {
+        self.unanswered += 1;
     }
 
     /// Foresees when the city will next hide this track from `r_station_enu_m`, up to `horizon_s`
@@ -282,6 +367,8 @@ pub struct TrackTable {
     pub tracks: Vec<Track>,
     /// Identities that the last frame ended.
     pub joined: Vec<JoinedTrack>,
+    /// Where scenery has been seen.
+    pub background: Background,
     next_id: u32,
 }
 
@@ -293,8 +380,17 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 
 /// Hits from which on a track is established: a young one goes after as many misses as hits.
 const ESTABLISHED_HITS: u32 = 30;
+/// Hits from which on a weak detection may go on with a track.
+const CONFIRMED_HITS: u32 = 6;
+/// Largest box of a dot [px].
+const DOT_PX: f64 = 6.0;
+/// Extra cost of a pair with a weak detection: a strong one within 3σ is preferred.
+const WEAK_COST: f64 = 9.0;
 /// Share of the newest sighting in a track's smoothed size, and the least in its score and class.
 const SMOOTHING: f64 = 0.2;
+/// Most by which one sighting counts as larger or smaller than the track, in the logarithm: a box that
+/// clings to another part for a frame does not change the size.
+const MOST_GROWTH: f64 = 0.5;
 const LEAST_SCORE_SHARE: f64 = 0.05;
 /// Squared distance up to which a sighting is offered to a track, over the gate's.
 const OFFERED: f64 = 4.0;
@@ -332,14 +428,13 @@ impl TrackTable {
                 !refused
             });
             if !hit && !track.hidden(look.t_s) && (look.in_view)(predicted[row].az_el_rad()) {
-                track.misses += 1;
-                track.filter.miss(look.t_s);
+                track.missed(look);
             }
         }
         self.forget_silent(look.t_s);
         if look.start_tracks {
             for (s, sighting) in look.sightings.iter().enumerate() {
-                if assigned[s].is_none() {
+                if assigned[s].is_none() && !sighting.weak && !self.covers(sighting, look.t_s) {
                     assigned[s] = self.start(look, sighting);
                 }
             }
@@ -347,6 +442,15 @@ impl TrackTable {
         }
         self.stitch(look.t_s, &mut assigned);
         assigned
+    }
+
+    /// Whether a sighting lies on the picture of a track: the box of a part of it, or one that
+    /// has strayed too far to be taken, is no other object.
+    fn covers(&self, sighting: &Sighting, t_s: f64) -> bool {
+        self.tracks.iter().any(|track| {
+            let at = track.filter.predicted(t_s).az_el_rad();
+            !track.hidden(t_s) && separation_rad(at, sighting.az_el_rad) < 0.5 * track.size_rad
+        })
     }
 
     /// The pairs of tracks and sightings that may belong together, with their costs; `predicted`
@@ -367,20 +471,31 @@ impl TrackTable {
             }
             let spread = los.sigma_rad();
             let cos_el = los.el_rad.cos();
+            let flutter = &track.flutter[look.tier];
+            let (place_ratio, size_ratio) = (flutter.place_ratio(), flutter.size_ratio().max(1.0));
+            let confirmed = track.total_hits() >= CONFIRMED_HITS;
             for (column, sighting) in look.sightings.iter().enumerate() {
+                // A dot scores low in every frame: several in line are news, if one of them was strong.
+                let dot = sighting.size_rad < DOT_PX * look.ifov_rad;
+                if sighting.weak && !confirmed && !dot {
+                    continue;
+                }
+                let noise_rad = place_ratio * sighting.sigma_rad;
                 let up = sighting.az_el_rad.y - los.el_rad;
-                let variance = |sigma: f64| sigma * sigma + sighting.sigma_rad.powi(2);
+                let variance = |sigma: f64| sigma * sigma + noise_rad * noise_rad;
                 let variances = [variance(spread.x), variance(spread.y)];
                 if up * up > OFFERED * gate * variances[1] {
                     continue;
                 }
                 let right = wrap_pi(sighting.az_el_rad.x - los.az_rad) * cos_el;
                 let distance2 = right * right / variances[0] + up * up / variances[1];
-                let size = (sighting.size_rad / track.size_rad).ln() / self.params.size_log_sigma;
+                let spread_of_sizes = self.params.size_log_sigma * size_ratio;
+                let size = (sighting.size_rad / track.size_rad).ln() / spread_of_sizes;
                 // A box that touches the sky's noise may be of any size: its vote is limited.
                 let cost = distance2
                     + (size * size).min(4.0)
-                    + (variances[0] * variances[1] / sighting.sigma_rad.powi(4)).ln();
+                    + (variances[0] * variances[1] / sighting.sigma_rad.powi(4)).ln()
+                    + if sighting.weak { WEAK_COST } else { 0.0 };
                 // The filter refuses what lies outside its gate, until it has refused three that
                 // fit each other: they are offered from twice as far.
                 if distance2 < OFFERED * gate {
@@ -448,6 +563,10 @@ impl TrackTable {
                     track.size_rad = fresh.size_rad;
                     track.score = fresh.score;
                     track.recognition = fresh.recognition.or(track.recognition);
+                    track.evidence.join(&fresh.evidence);
+                    track.flutter = fresh.flutter;
+                    track.conduct.flown |= fresh.conduct.flown;
+                    track.barred_until_s = track.barred_until_s.max(fresh.barred_until_s);
                     for (mine, its) in track.hits.iter_mut().zip(fresh.hits) {
                         *mine += its;
                     }
@@ -530,10 +649,7 @@ impl TrackTable {
             return;
         };
         match sighting {
-            None => {
-                track.misses += 1;
-                track.filter.miss(look.t_s);
-            }
+            None => track.missed(look),
             Some(sighting) if matches!(track.take(look, sighting), Gating::Rejected { .. }) => {
                 let (at, sigma) = (sighting.az_el_rad, sighting.sigma_rad);
                 if let Ok(fresh) = LosFilter::start(filter, at, sigma, look.t_s) {
@@ -551,7 +667,7 @@ impl TrackTable {
             sigma_rad,
             size_rad,
             score,
-            label: _,
+            ..
         } = *sighting;
         let filter = LosFilter::start(self.params.filter, az_el_rad, sigma_rad, look.t_s).ok()?;
         let range = Ranging::new(self.params.span_m, self.params.span_sigma_rel).ok()?;
@@ -568,6 +684,14 @@ impl TrackTable {
             size_rad,
             score,
             votes: Vec::new(),
+            evidence: Evidence::default(),
+            flutter: [Flutter::default(); 3],
+            conduct: Conduct {
+                in_scenery: self.background.holds(az_el_rad, look.t_s),
+                ..Conduct::default()
+            },
+            unanswered: 0,
+            barred_until_s: f64::NEG_INFINITY,
             occlusion: None,
             recognition: None,
         };
@@ -580,13 +704,29 @@ impl TrackTable {
 impl Track {
     /// Offers a sighting to the filter. One that is too old for the filter still counts as a hit.
     fn take(&mut self, look: &CameraLook, sighting: &Sighting) -> Gating {
-        let gating = self
-            .filter
-            .update(sighting.az_el_rad, sighting.sigma_rad, look.t_s);
+        // What was offered shows its flutter whether it is accepted or not: so the filter learns that it
+        // must not be as sure of the next.
+        let flutter = &mut self.flutter[look.tier];
+        flutter.on_sighting(Place {
+            t_s: look.t_s,
+            az_el_rad: sighting.az_el_rad,
+            sigma_rad: sighting.sigma_rad,
+            size_rad: sighting.size_rad,
+        });
+        let sigma_rad = flutter.place_ratio() * sighting.sigma_rad;
+        let gating = self.filter.update(sighting.az_el_rad, sigma_rad, look.t_s);
         if !matches!(gating, Gating::Rejected { .. }) {
             self.record(look, sighting);
         }
         gating
+    }
+
+    /// A frame that should have shown it did not.
+    fn missed(&mut self, look: &CameraLook) {
+        self.misses += 1;
+        self.filter.miss(look.t_s);
+        let size_px = self.size_rad / look.ifov_rad;
+        (self.evidence).on_look(look.reads, look.reads.of_miss(), size_px, look.t_s);
     }
 
     fn record(&mut self, look: &CameraLook, sighting: &Sighting) {
@@ -594,7 +734,14 @@ impl Track {
         let last_s = &mut self.last_hit_s[look.tier];
         *last_s = Some(last_s.map_or(look.t_s, |last_s| last_s.max(look.t_s)));
         self.misses = 0;
-        self.size_rad += SMOOTHING * (sighting.size_rad - self.size_rad);
+        let growth = (sighting.size_rad / self.size_rad).ln();
+        self.size_rad *= (SMOOTHING * growth.clamp(-MOST_GROWTH, MOST_GROWTH)).exp();
+        let flutter = self.flutter[look.tier];
+        let size_px = self.size_rad / look.ifov_rad;
+        let lambda = look
+            .reads
+            .of_hit(sighting.score, sighting.label, size_px, flutter.ratio());
+        self.evidence.on_look(look.reads, lambda, size_px, look.t_s);
         // The mean of the first ones, so that a candidate is judged by several frames.
         let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
         self.score += share * (sighting.score - self.score);
@@ -606,8 +753,9 @@ impl Track {
             self.votes.resize(class + 1, 0.0);
         }
         self.votes[class] += sighting.score;
-        // A box's side is good to about two standard deviations of its centre.
-        let sigma_rel = 2.0 * sighting.sigma_rad / sighting.size_rad.max(sighting.sigma_rad);
+        // A box's side is good to about two standard deviations of its centre, or what its size flutters by.
+        let sigma_rel = 2.0 * flutter.size_ratio().max(1.0) * sighting.sigma_rad
+            / sighting.size_rad.max(sighting.sigma_rad);
         self.range.on_size(sighting.size_rad, sigma_rel, look.t_s);
     }
 }

@@ -155,9 +155,10 @@ pub fn recognise(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::capture::{ExposedFrame, PixelRect, Tier};
+    use crate::components::capture::{Conditions, ExposedFrame, PixelRect, Tier};
     use crate::components::mount::{Alignment, Pointing};
     use crate::models::optics::detection::Detection;
+    use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::table::{CameraLook, Sighting};
     use glam::DVec2;
     use std::sync::Arc;
@@ -172,10 +173,13 @@ mod tests {
                 size_rad: 1e-3,
                 score: 0.9,
                 label: 0,
+                weak: false,
             };
             table.update(&CameraLook {
                 tier: 1,
                 t_s: f64::from(frame) / 60.0,
+                ifov_rad: 1e-4,
+                reads: &EvidenceParams::default(),
                 sightings: &azimuths_rad.iter().map(sighting).collect::<Vec<_>>(),
                 in_view: &|_| true,
                 start_tracks: true,
@@ -230,6 +234,7 @@ mod tests {
             pose: pointing.believed_pose(DVec3::ZERO, Tier::Coarse),
             pointing,
             rect,
+            conditions: Conditions::default(),
             truth: Vec::new(),
             rgb8: rgb8.map(Arc::new),
         };
@@ -244,6 +249,7 @@ mod tests {
                 frame: Arc::new(frame(tick, rgb8)),
                 available_tick: tick,
                 look: rect,
+                shrunk: 1,
                 detections: vec![Detection::new([28.0, 20.0, 36.0, 28.0], 0.8, 0)],
                 answered: true,
             };

@@ -1,5 +1,6 @@
 use super::*;
 use crate::models::maths::rng::Stream;
+use crate::models::tracking::evidence::ScoreModel;
 
 fn sighting(az: f64, el: f64) -> Sighting {
     Sighting {
@@ -8,13 +9,22 @@ fn sighting(az: f64, el: f64) -> Sighting {
         size_rad: 3e-4,
         score: 0.9,
         label: 0,
+        weak: false,
     }
 }
+
+const READS: EvidenceParams = EvidenceParams {
+    min_quality: 0.6,
+    score: ScoreModel::BySize,
+    other_classes: 0,
+};
 
 fn look<'a>(t_s: f64, sightings: &'a [Sighting]) -> CameraLook<'a> {
     CameraLook {
         tier: 0,
         t_s,
+        ifov_rad: 1e-4,
+        reads: &READS,
         sightings,
         in_view: &|_| true,
         start_tracks: true,
@@ -143,6 +153,7 @@ fn an_occlusion_is_foreseen() {
             size_rad: 0.35 / at(t).distance(eye),
             score: 0.9,
             label: 0,
+            weak: false,
         };
         table.update(&look(t, &[exact]));
     }
@@ -240,4 +251,97 @@ fn what_comes_up_while_a_track_is_hidden_does_not_take_its_identity() {
         assert_eq!(ids[0], id);
         assert_eq!(table.tracks[0].total_hits() > 60, !hidden);
     }
+}
+
+#[test]
+fn an_echo_counts_within_the_gate_or_after_silence() {
+    let mut table = TrackTable::default();
+    table.update(&look(0.0, &[sighting(0.1, 0.1)]));
+    let track = &mut table.tracks[0];
+    track.ranged(800.0, 15.0, 0.0);
+    // A bird half way is no target; the target itself is.
+    assert!(!track.range_gate(0.1).contains(&400.0) && track.range_gate(0.1).contains(&810.0));
+    track.ranged(805.0, 0.5, 0.1);
+    for _ in 0..4 {
+        track.unanswered();
+    }
+    // The estimate was wrong: what answers now is believed at once.
+    assert!(track.range_gate(0.6).contains(&400.0));
+    track.ranged(400.0, 0.5, 0.6);
+    let (range_m, sigma_m) = track.range.range_m(0.6).unwrap();
+    assert!(
+        (range_m - 400.0).abs() < 1.0 && sigma_m < 1.0,
+        "{range_m} {sigma_m}"
+    );
+    assert!(!track.range_gate(0.7).contains(&805.0));
+}
+
+#[test]
+fn a_weak_detection_goes_on_with_a_track_and_starts_none() {
+    let weak = |az: f64| Sighting {
+        score: 0.08,
+        weak: true,
+        // No dot: it spans ten pixels.
+        size_rad: 1e-3,
+        ..sighting(az, 0.1)
+    };
+    let mut table = TrackTable::default();
+    table.update(&look(0.0, &[weak(0.1)]));
+    assert!(table.tracks.is_empty());
+    let strong = Sighting {
+        size_rad: 1e-3,
+        ..sighting(0.1, 0.1)
+    };
+    table.update(&look(0.0, &[strong]));
+    assert_eq!(table.update(&look(0.03, &[weak(0.1)])), [None]);
+    for i in 2..10 {
+        table.update(&look(f64::from(i) / 30.0, &[strong]));
+    }
+    let id = table.tracks[0].id;
+    assert_eq!(table.update(&look(10.0 / 30.0, &[weak(0.1)])), [Some(id)]);
+}
+
+/// A table that has followed a box for three seconds, which errs by so many specified deviations and shrinks
+/// to a part now and then, and the number of identities it took.
+fn fluttering(deviations: f64) -> (TrackTable, usize) {
+    let mut table = TrackTable::default();
+    let mut rng = Stream::new(7, 0, "test");
+    let mut ids = std::collections::BTreeSet::new();
+    let noise = deviations * 3e-5;
+    for i in 0..180 {
+        let t_s = f64::from(i) / 60.0;
+        let place = [(); 2].map(|()| noise * rng.normal());
+        let seen = Sighting {
+            size_rad: if i % 7 < 3 { 1e-3 } else { 2e-3 },
+            ..sighting(0.01 * t_s + place[0], 0.1 + place[1])
+        };
+        ids.extend(table.update(&look(t_s, &[seen])).into_iter().flatten());
+    }
+    (table, ids.len())
+}
+
+#[test]
+fn a_fluttering_box_does_not_break_its_track() {
+    // A gull's box errs by one to two pixels where half a one is specified.
+    let (table, identities) = fluttering(3.0);
+    assert_eq!(identities, 1);
+    let track = &table.tracks[0];
+    let los = track.filter.predicted(3.0);
+    assert!((los.az_rad - 0.03).abs() < 1e-4, "{}", los.az_rad);
+    // Scores and shape alone: what flutters so speaks less for a UAV than what holds still.
+    let says = |flutter| READS.of_hit(0.5, 0, 20.0, flutter);
+    assert!(track.flutter[0].ratio() > 2.0 && says(track.flutter[0].ratio()) < says(1.0) - 0.5);
+}
+
+#[test]
+fn what_began_in_scenery_is_scenery_until_it_flies() {
+    let mut table = TrackTable::default();
+    table.background.learn(DVec2::new(0.1, 0.1), 0.0);
+    table.update(&look(1.0, &[sighting(0.1, 0.1), sighting(0.2, 0.1)]));
+    let scenery: Vec<bool> = (table.tracks.iter())
+        .map(|track| track.conduct.is_scenery())
+        .collect();
+    assert_eq!(scenery, [true, false]);
+    table.tracks[0].conduct.flown = true;
+    assert!(!table.tracks[0].conduct.is_scenery());
 }

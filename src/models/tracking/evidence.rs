@@ -1,0 +1,227 @@
+//! Whether a track is a UAV, as log-odds gathered over the last second.
+//!
+//! Every look at a track says something: whether the detector saw it, with what score, as which class,
+//! whether its size holds still. What it says is put as a log-likelihood ratio λ. Looks close in time err alike: a
+//! look counts as one tenth of a second of independent news, and the evidence is the mean of λ with a memory
+//! of one second, times the ten such looks in it (a sequential test with forgetting: A. Wald, *Sequential
+//! Analysis*, 1947). A picture of few pixels tells little: the evidence of a dot is bounded, and what a camera
+//! saw in many pixels is not talked down by another that sees few.
+
+/// Memory [s].
+const MEMORY_S: f64 = 1.0;
+/// Looks closer together than this err alike [s].
+const CORRELATED_S: f64 = 0.1;
+/// Log-odds that a mean λ of one is worth: the independent looks of a memory.
+const LOOKS: f64 = MEMORY_S / CORRELATED_S;
+/// Evidence is bounded, so that a judgement of minutes can be undone in a second.
+const MOST: f64 = 6.0;
+/// What one look may say at most, and the step from "seen" to "not seen".
+const MOST_OF_SCORE: f64 = 1.5;
+const SEEN_STEP: f64 = 1.5;
+/// What a box of a class that is no UAV says.
+const OTHER_CLASS: f64 = -1.5;
+/// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
+/// times, in size or place (measured with the shipped network: docs/validation.md).
+const RIGID_RATIO: f64 = 1.5;
+/// How long the best view of a track is remembered [s].
+const VIEW_MEMORY_S: f64 = 10.0;
+/// Least weight of a look at fewer pixels than the best.
+const LEAST_WEIGHT: f64 = 0.02;
+
+/// From which score on a detection speaks for a UAV.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ScoreModel {
+    /// From this one on, at any size.
+    Fixed(f64),
+    /// A trained network: the fewer pixels, the lower its scores of UAVs are.
+    BySize,
+}
+
+/// How a detector's answers are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EvidenceParams {
+    /// Share of the frames in which it must see a track for its seeing to speak for a UAV.
+    pub min_quality: f64,
+    /// What its scores mean.
+    pub score: ScoreModel,
+    /// Bit by bit, which of its classes are no UAVs.
+    pub other_classes: u64,
+}
+
+impl Default for EvidenceParams {
+    fn default() -> Self {
+        Self {
+            min_quality: 0.6,
+            score: ScoreModel::BySize,
+            other_classes: 0,
+        }
+    }
+}
+
+/// Sizes of boxes [px], and the logits of the shipped network's scores that are as likely of a gull or of
+/// scenery as of a UAV.
+const NEUTRAL: [(f64, f64); 3] = [(5.0, -1.5), (8.0, -0.6), (20.0, -0.2)];
+
+/// The value at `x` of points in order of `x`, straight over its logarithm, and flat beyond them.
+fn interpolated(points: &[(f64, f64)], x: f64) -> f64 {
+    let after = points.partition_point(|(at, _)| *at <= x);
+    match (after.checked_sub(1).map(|i| points[i]), points.get(after)) {
+        (Some((x0, y0)), Some((x1, y1))) => y0 + (y1 - y0) * (x / x0).ln() / (x1 / x0).ln(),
+        (Some((_, y)), None) | (None, Some(&(_, y))) => y,
+        (None, None) => 0.0,
+    }
+}
+
+/// ln(p / (1 − p)).
+pub fn logit(p: f64) -> f64 {
+    let p = p.clamp(1e-3, 1.0 - 1e-3);
+    (p / (1.0 - p)).ln()
+}
+
+impl EvidenceParams {
+    /// The logit of a score that is as likely of a UAV as of anything else, at a size [px].
+    fn neutral(&self, size_px: f64) -> f64 {
+        match self.score {
+            ScoreModel::Fixed(score) => logit(score),
+            // Between what it gives UAVs and gulls in runs (docs/validation.md): dots and pictures apart.
+            ScoreModel::BySize => interpolated(&NEUTRAL, size_px),
+        }
+    }
+
+    /// What a detection says: of this score, class and size, its box fluttering so many times as much as
+    /// a rigid body's.
+    pub fn of_hit(&self, score: f64, label: u32, size_px: f64, flutter: f64) -> f64 {
+        let other = label < 64 && self.other_classes >> label & 1 == 1;
+        let of_score = if other {
+            OTHER_CLASS
+        } else {
+            (logit(score) - self.neutral(size_px)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
+        };
+        let of_shape = (RIGID_RATIO / flutter).ln().clamp(-1.5, 0.5);
+        SEEN_STEP * (1.0 - self.min_quality) + of_score + of_shape
+    }
+
+    /// What it says that a track in view was not seen.
+    pub fn of_miss(&self) -> f64 {
+        -SEEN_STEP * self.min_quality
+    }
+
+    /// Most that a view of so many pixels can say, as log-odds.
+    fn bound(&self, size_px: f64) -> f64 {
+        match self.score {
+            ScoreModel::Fixed(_) => MOST,
+            ScoreModel::BySize => (2.0 + 0.25 * size_px).min(MOST),
+        }
+    }
+}
+
+/// The evidence gathered on one track.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evidence {
+    /// Mean of λ.
+    mean: f64,
+    last_s: Option<f64>,
+    /// Size in the best view of it [px].
+    best_px: f64,
+}
+
+impl Evidence {
+    /// Log-odds that it is a UAV.
+    pub fn log_odds(&self) -> f64 {
+        LOOKS * self.mean
+    }
+
+    /// Takes in that a look at `t_s` [s], in which the track measures `size_px`, says λ.
+    pub fn on_look(&mut self, params: &EvidenceParams, lambda: f64, size_px: f64, t_s: f64) {
+        let since_s = self.last_s.map_or(CORRELATED_S, |last_s| t_s - last_s);
+        self.last_s = Some(self.last_s.map_or(t_s, |last_s| last_s.max(t_s)));
+        let elapsed_s = since_s.clamp(0.0, CORRELATED_S);
+        self.best_px = size_px.max(self.best_px * (-since_s.max(0.0) / VIEW_MEMORY_S).exp());
+        let view = match params.score {
+            ScoreModel::Fixed(_) => 1.0,
+            ScoreModel::BySize => (size_px / self.best_px).powi(2).max(LEAST_WEIGHT),
+        };
+        let share = 1.0 - (-view * elapsed_s / MEMORY_S).exp();
+        self.mean += share * (lambda - self.mean);
+        let bound = params.bound(self.best_px) / LOOKS;
+        self.mean = self.mean.clamp(-bound, bound);
+    }
+
+    /// Takes in something that is known of it besides its looks, for `elapsed_s` [s].
+    pub fn on_conduct(&mut self, lambda: f64, elapsed_s: f64) {
+        let share = 1.0 - (-elapsed_s / MEMORY_S).exp();
+        self.mean = (self.mean + share * lambda).clamp(-MOST / LOOKS, MOST / LOOKS);
+    }
+
+    /// Takes over what a track says that continues this one: the better view counts.
+    pub fn join(&mut self, young: &Self) {
+        if young.best_px >= self.best_px {
+            self.mean = young.mean;
+        }
+        self.best_px = self.best_px.max(young.best_px);
+        self.last_s = young.last_s.or(self.last_s);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Log-odds after looks at `hz` [Hz] for `span_s` [s], each with this score (0: not seen).
+    fn after(
+        start: Evidence,
+        hz: u32,
+        span_s: f64,
+        size_px: f64,
+        score: impl Fn(u32) -> f64,
+    ) -> Evidence {
+        let params = EvidenceParams::default();
+        let mut evidence = start;
+        let from_s = start.last_s.unwrap_or(0.0);
+        for i in 1..=(span_s * f64::from(hz)) as u32 {
+            let lambda = match score(i) {
+                0.0 => params.of_miss(),
+                score => params.of_hit(score, 0, size_px, 1.0),
+            };
+            evidence.on_look(
+                &params,
+                lambda,
+                size_px,
+                from_s + f64::from(i) / f64::from(hz),
+            );
+        }
+        evidence
+    }
+
+    #[test]
+    fn the_frame_rate_does_not_matter() {
+        let at = |hz| after(Evidence::default(), hz, 0.3, 20.0, |_| 0.5).log_odds();
+        assert!(
+            (at(30) - at(120)).abs() < 0.15 * at(30),
+            "{} {}",
+            at(30),
+            at(120)
+        );
+    }
+
+    #[test]
+    fn a_judgement_takes_time_and_can_be_undone() {
+        let sure = after(Evidence::default(), 60, 2.0, 20.0, |_| 0.7);
+        assert_eq!(sure.log_odds(), MOST);
+        // Three bad frames are no verdict, a bad second is.
+        let still = after(sure, 60, 0.05, 20.0, |_| 0.2);
+        assert!(still.log_odds() > 4.0, "{}", still.log_odds());
+        let doubted = after(sure, 60, 1.2, 20.0, |i| if i % 3 == 0 { 0.2 } else { 0.0 });
+        assert!(doubted.log_odds() < -2.0, "{}", doubted.log_odds());
+    }
+
+    #[test]
+    fn a_dot_does_not_overrule_a_picture() {
+        let dot = after(Evidence::default(), 30, 3.0, 3.0, |_| 0.6);
+        assert!((2.0..3.0).contains(&dot.log_odds()), "{}", dot.log_odds());
+        let seen = after(dot, 60, 2.0, 40.0, |_| 0.15);
+        assert!(seen.log_odds() < -2.0);
+        let again = after(seen, 30, 3.0, 3.0, |_| 0.6);
+        assert!(again.log_odds() < 0.0, "{}", again.log_odds());
+    }
+}

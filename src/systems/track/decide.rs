@@ -1,0 +1,554 @@
+//! The state machine of an engagement.
+
+use crate::components::beam::BeamState;
+use crate::components::capture::Tier;
+use crate::components::control::Radar;
+use crate::components::environment::Environment;
+use crate::components::mount::Mount;
+use crate::components::run::SimClock;
+use crate::components::track::{BoresightError, Tracker, TrackerParams, TrackingState};
+use crate::models::tracking::radar::RadarCue;
+use crate::models::tracking::table::{Track, TrackTable, separation_rad};
+use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ};
+use bevy::prelude::*;
+
+/// Hits that bring a lost target back: of the coarse camera, and of the search camera.
+const AGAIN_HITS: u32 = 2;
+const REFIND_HITS: u32 = 3;
+/// Time for which a track that no camera could confirm is left alone [s].
+const REJECTED_S: f64 = 10.0;
+/// Time the coarse camera has to confirm a candidate [s], and a lost target to come back.
+const ACQUIRE_TIMEOUT_S: f64 = 3.0;
+const LOST_TIMEOUT_S: f64 = 3.0;
+/// How long another track must have been the greater threat before it becomes the target [s].
+const RIVAL_S: f64 = 1.0;
+/// Log-odds at which a target is given up (one to seven): as far below even odds as it was above them when
+/// it was chosen, and then some.
+const GIVEN_UP: f64 = -2.0;
+/// Time for which it must have been held before it is doubted [s].
+const DOUBT_AFTER_S: f64 = 0.3;
+/// A target that has been fired at for so long [s] and sinks faster by this [m/s] than before it, for this
+/// long [s], has been dealt with.
+const FIRED_S: f64 = 0.1;
+const FALLING_MPS: f64 = 6.0;
+const FALLING_S: f64 = 0.3;
+/// Lock and break radius as a share of the smaller side of a large target's box: a beam on a larger body
+/// may wander more.
+const LOCK_SHARE: f64 = 0.1;
+const BREAK_SHARE: f64 = 0.25;
+/// Share of the precise camera's field that a target may fill: beyond, its edges come and go.
+const FITS_SHARE: f64 = 0.8;
+/// Longest time between two judgements that counts [s].
+const LONGEST_WEIGHED_S: f64 = 0.2;
+
+/// Moves the state machine.
+pub fn decide(
+    clock: Res<SimClock>,
+    params: Res<TrackerParams>,
+    environment: Res<Environment>,
+    station: Single<(&Mount, &BeamState)>,
+    mut radar: ResMut<Radar>,
+    mut tracker: ResMut<Tracker>,
+) {
+    let (mount, beam) = *station;
+    let tracker = &mut *tracker;
+    let now = Situation {
+        tick: clock.tick,
+        clock: &clock,
+        params: &params,
+        dsm: Some(&environment.city.dsm),
+        r_station_enu_m: mount.r_enu_m,
+        cue: radar.cue(clock.t_s()),
+    };
+    let before = tracker.target;
+    let searched = tracker.state == TrackingState::Search;
+    step(&now, tracker, beam.firing, clock.due(WEIGHING_HZ));
+    let Some(cue) = now.cue else {
+        return;
+    };
+    if searched && let Some(id) = tracker.target {
+        take_radar_range(&cue, &mut tracker.table, id, now.t_s());
+    }
+    // The radar is told that what it tracks has been dealt with.
+    if let Some(track) = before.and_then(|id| tracker.table.get(id))
+        && tracker.target.is_none()
+        && track.fallen()
+        && points_at(&cue, track, now.t_s())
+    {
+        radar.dismiss();
+    }
+}
+
+/// Moves the state machine by one look at the situation; `weighs`: tracks are judged now, and threats
+/// compared.
+pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs: bool) {
+    let tick = now.tick;
+    if weighs {
+        let elapsed_s = now.clock.at_s(tick - tracker.weighed_tick);
+        tracker.weighed_tick = tick;
+        now.weigh(&mut tracker.table, elapsed_s.min(LONGEST_WEIGHED_S));
+    }
+    if tracker.state == TrackingState::Search {
+        if let Some((id, threat_s, reason)) = now.candidate(tracker) {
+            let reason = format!("track {id} {reason}, could arrive in {threat_s:.0} s");
+            tracker.acquire(tick, id, reason);
+        }
+        return;
+    }
+    if tracker.target_track().is_none() {
+        tracker.give_up(tick, None, "no camera saw the target any more");
+        return;
+    }
+    if falls(now, tracker, firing) {
+        tracker.give_up(tick, Some(f64::INFINITY), "the target falls");
+        return;
+    }
+    hold(now, tracker);
+    // What is being fired at is not left for another.
+    if !now.params.nearest_to_centre
+        && !tracker.designated
+        && !firing
+        && matches!(
+            tracker.state,
+            TrackingState::Coarse
+                | TrackingState::Precise
+                | TrackingState::Engage
+                | TrackingState::Lost
+        )
+    {
+        if weighs {
+            compare(now, tracker);
+        }
+    } else {
+        tracker.rival = None;
+    }
+}
+
+/// Whether the target has been falling since it was fired at.
+fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
+    let Some(sink_mps) = tracker.target_track().map(|track| now.sink_mps(track)) else {
+        return false;
+    };
+    // The laser fires at what is engaged; in the tick of a change it may still be on at the last target.
+    if firing && tracker.state == TrackingState::Engage {
+        tracker.sink_at_fire_mps.get_or_insert(sink_mps);
+        tracker.fired_ticks += 1;
+    }
+    let fired = now.clock.at_s(tracker.fired_ticks) >= FIRED_S;
+    // One that dived at the station before it was hit still attacks.
+    let sinks = (tracker.sink_at_fire_mps).is_some_and(|before| sink_mps - before > FALLING_MPS);
+    if !(fired && sinks && tracker.lased) {
+        tracker.falling_since = None;
+        return false;
+    }
+    let since = *tracker.falling_since.get_or_insert(now.tick);
+    now.clock.at_s(now.tick - since) > FALLING_S
+}
+
+/// Whether a cue may mean a track, by their directions.
+fn points_at(cue: &RadarCue, track: &Track, t_s: f64) -> bool {
+    const GATE_SIGMAS: f64 = 3.0;
+    let gate_rad = GATE_SIGMAS * cue.sigma_rad.max_element();
+    separation_rad(track.filter.predicted(t_s).az_el_rad(), cue.az_el_rad) < gate_rad
+}
+
+/// The range of a cue goes to the track that it points at, if there is only one.
+fn take_radar_range(cue: &RadarCue, table: &mut TrackTable, id: u32, t_s: f64) {
+    let mut near = table
+        .tracks
+        .iter_mut()
+        .filter(|track| track.total_hits() >= CONFIRM_HITS && points_at(cue, track, t_s));
+    if let (Some(track), None) = (near.next(), near.next())
+        && track.id == id
+    {
+        track.ranged(cue.range_m, cue.range_sigma_m, t_s);
+    }
+}
+
+/// Steps the states that have a target.
+fn hold(now: &Situation, tracker: &mut Tracker) {
+    let (tick, params) = (now.tick, now.params);
+    let in_state_s = now.clock.at_s(tick - tracker.since_tick);
+    let Some(track) = tracker.target_track() else {
+        return;
+    };
+    let (quality, log_odds) = (track.filter.quality(), track.log_odds());
+    let hidden = track.hidden(now.t_s());
+    let fits = track.size_rad < FITS_SHARE * params.precise_field_rad;
+    // The paper's rule has no track to judge by.
+    let judged = !params.nearest_to_centre;
+    let hits = tracker.hits_in_state;
+    match tracker.state {
+        TrackingState::Search => {}
+        TrackingState::Acquire
+        | TrackingState::Coarse
+        | TrackingState::Precise
+        | TrackingState::Engage
+            if judged
+                && !hidden
+                && !tracker.designated
+                && in_state_s > DOUBT_AFTER_S
+                && log_odds < GIVEN_UP =>
+        {
+            doubt(now, tracker);
+        }
+        TrackingState::Acquire => {
+            let convincing = !judged || log_odds > 0.0;
+            if hits[Tier::Coarse as usize] >= CONFIRM_HITS && convincing {
+                let reason = format!(
+                    "coarse camera confirms with {CONFIRM_HITS} hits, seen in {:.0} % of the frames",
+                    100.0 * quality
+                );
+                tracker.change(tick, TrackingState::Coarse, reason);
+            } else if !hidden && in_state_s > ACQUIRE_TIMEOUT_S + hidden_s(track) {
+                // What the precise camera has seen is a UAV, wherever it is now.
+                let bar = track.hits[Tier::Precise as usize] < CONFIRM_HITS;
+                let until_s = bar.then_some(now.t_s() + REJECTED_S);
+                let reason = format!(
+                    "coarse camera saw the candidate {} times in {in_state_s:.1} s",
+                    hits[Tier::Coarse as usize]
+                );
+                tracker.give_up(tick, until_s, reason);
+            }
+        }
+        TrackingState::Coarse => {
+            if hits[Tier::Precise as usize] >= CONFIRM_HITS && fits {
+                let reason = format!("precise camera confirms with {CONFIRM_HITS} hits");
+                tracker.change(tick, TrackingState::Precise, reason);
+            } else if now.lost_by(tracker, Tier::Coarse) {
+                lose(now, tracker, Tier::Coarse);
+            }
+        }
+        TrackingState::Precise | TrackingState::Engage => {
+            if now.lost_by(tracker, Tier::Precise) {
+                if now.lost_by(tracker, Tier::Coarse) {
+                    lose(now, tracker, Tier::Precise);
+                } else {
+                    tracker.change(tick, TrackingState::Coarse, silence(now, Tier::Precise));
+                }
+            } else if !fits && !now.lost_by(tracker, Tier::Coarse) {
+                let reason = "too large for the precise camera";
+                tracker.change(tick, TrackingState::Coarse, reason);
+            } else if let Some(error) = tracker.error[Tier::Precise as usize] {
+                lock(now, tracker, &error);
+            }
+        }
+        TrackingState::Lost => find_again(now, tracker, in_state_s),
+    }
+}
+
+/// Gives up a target that the evidence has turned against.
+fn doubt(now: &Situation, tracker: &mut Tracker) {
+    let Some(track) = tracker.target_track() else {
+        return;
+    };
+    let reason = format!(
+        "track {} is no UAV: belief {:.0} %, seen in {:.0} % of the frames, with a mean score of {:.2}",
+        track.id,
+        100.0 * track.uav_belief(),
+        100.0 * track.filter.quality(),
+        track.score
+    );
+    // Its evidence is its verdict: what speaks for it anew must outweigh it first.
+    tracker.give_up(now.tick, None, reason);
+}
+
+/// Steps a lost target: a camera sees it again, or it is given up.
+fn find_again(now: &Situation, tracker: &mut Tracker, in_state_s: f64) {
+    let Some(track) = tracker.target_track() else {
+        return;
+    };
+    let (id, hits) = (track.id, tracker.hits_in_state);
+    let waits = track.hidden(now.t_s()) || in_state_s <= LOST_TIMEOUT_S + hidden_s(track);
+    let reason = format!("track {id} seen again after {in_state_s:.2} s");
+    if hits[Tier::Coarse as usize] >= AGAIN_HITS {
+        tracker.change(now.tick, TrackingState::Coarse, reason);
+    } else if hits[Tier::Precise as usize] >= CONFIRM_HITS {
+        tracker.change(now.tick, TrackingState::Precise, reason);
+    } else if hits[Tier::Search as usize] >= REFIND_HITS {
+        let reason = format!("search camera sees track {id} again after {in_state_s:.2} s");
+        tracker.change(now.tick, TrackingState::Acquire, reason);
+    } else if !waits {
+        let reason = format!("not seen again within {in_state_s:.1} s");
+        tracker.give_up(now.tick, None, reason);
+    }
+}
+
+/// How long the city hid a track that has come out again, or should have [s].
+fn hidden_s(track: &Track) -> f64 {
+    track
+        .occlusion
+        .and_then(|occlusion| Some(occlusion.exit_s? - occlusion.enter_s))
+        .map_or(0.0, |hidden_s| hidden_s.max(0.0))
+}
+
+/// Goes to Lost and says why, if the city explains it.
+fn lose(now: &Situation, tracker: &mut Tracker, tier: Tier) {
+    let foreseen = tracker.target_track().and_then(|track| track.occlusion);
+    let reason = match foreseen.filter(|occlusion| occlusion.hides(now.t_s())) {
+        Some(occlusion) => match occlusion.exit_s {
+            Some(exit_s) => format!("behind a building, expected out at {exit_s:.2} s"),
+            None => "behind a building".into(),
+        },
+        None => silence(now, tier),
+    };
+    tracker.change(now.tick, TrackingState::Lost, reason);
+}
+
+/// Why a camera has lost the target.
+fn silence(now: &Situation, tier: Tier) -> String {
+    let patience_s = now.params.patience_s[tier as usize];
+    format!("{} camera had no hit for {patience_s} s", tier.word())
+}
+
+/// Follows the lock of the precise camera between Precise and Engage.
+fn lock(now: &Situation, tracker: &mut Tracker, error: &BoresightError) {
+    let (tick, params) = (now.tick, now.params);
+    let (distance_px, side_px) = (error.distance_px, 2.0 * error.half_side_px);
+    let engaged = tracker.state == TrackingState::Engage;
+    let radius_px = if engaged {
+        params.break_radius_px.max(BREAK_SHARE * side_px)
+    } else {
+        params.lock_radius_px.max(LOCK_SHARE * side_px)
+    };
+    if distance_px > radius_px {
+        tracker.locked_since = None;
+    } else if tracker.locked_since.is_none() {
+        tracker.locked_since = Some(tick);
+    }
+    match (engaged, tracker.locked_since) {
+        (false, Some(since)) if now.clock.at_s(tick - since) >= params.lock_dwell_s => {
+            let reason = format!(
+                "precise error below {radius_px:.0} px for {} s",
+                params.lock_dwell_s
+            );
+            tracker.change(tick, TrackingState::Engage, reason);
+        }
+        (true, None) => {
+            let reason = format!("precise error is {distance_px:.1} px");
+            tracker.change(tick, TrackingState::Precise, reason);
+        }
+        _ => {}
+    }
+}
+
+/// Turns to another track that has been the greater threat for long enough.
+fn compare(now: &Situation, tracker: &mut Tracker) {
+    let Some(target) = tracker.target_track() else {
+        return;
+    };
+    let held_s = now.threat_s(target);
+    let greater = now.candidate(tracker).filter(|(id, threat_s, _)| {
+        *id != target.id && threat_s * now.params.switch_ratio < held_s
+    });
+    let Some((id, threat_s, _)) = greater else {
+        tracker.rival = None;
+        return;
+    };
+    match tracker.rival {
+        Some((rival, since)) if rival == id => {
+            if now.clock.at_s(now.tick - since) > RIVAL_S {
+                let reason = format!(
+                    "track {id} is the greater threat: it could arrive in {threat_s:.0} s, \
+                     the target in {held_s:.0} s"
+                );
+                tracker.acquire(now.tick, id, reason);
+            }
+        }
+        _ => tracker.rival = Some((id, now.tick)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
+    use crate::models::tracking::evidence::EvidenceParams;
+    use crate::models::tracking::table::{CameraLook, Sighting};
+    use crate::systems::track::situation::patience_s;
+    use glam::{DVec2, DVec3};
+
+    const CLOCK: SimClock = SimClock {
+        tick: 0,
+        tick_hz: 960,
+    };
+    /// Ticks from one frame of the cameras to the next.
+    const FRAME: u32 = 16;
+
+    fn params() -> TrackerParams {
+        TrackerParams {
+            nearest_to_centre: false,
+            linear_angles: false,
+            centre_sigma_px: 0.5,
+            centre_sigma_rel: 0.0,
+            start_score: 0.0,
+            reads: EvidenceParams::default(),
+            precise_field_rad: f64::INFINITY,
+            switch_ratio: 2.0,
+            r_asset_enu_m: DVec3::ZERO,
+            aim: None,
+            lock_radius_px: 5.0,
+            lock_dwell_s: 0.1,
+            break_radius_px: 20.0,
+            patience_s: [patience_s(60.0); 3],
+        }
+    }
+
+    fn situation(params: &TrackerParams, tick: u32) -> Situation<'_> {
+        Situation {
+            tick: u64::from(tick),
+            clock: &CLOCK,
+            params,
+            dsm: None,
+            r_station_enu_m: DVec3::ZERO,
+            cue: None,
+        }
+    }
+
+    /// A frame of the precise camera that shows UAVs where they are, their ranges known.
+    fn see(tracker: &mut Tracker, t_s: f64, uavs_enu_m: &[DVec3]) {
+        let sighting = |r_enu_m: &DVec3| Sighting {
+            az_el_rad: los_to_az_el(*r_enu_m),
+            sigma_rad: 1e-5,
+            size_rad: 6e-4,
+            score: 0.9,
+            label: 0,
+            weak: false,
+        };
+        tracker.table.update(&CameraLook {
+            tier: Tier::Precise as usize,
+            t_s,
+            ifov_rad: 3e-5,
+            reads: &EvidenceParams::default(),
+            sightings: &uavs_enu_m.iter().map(sighting).collect::<Vec<_>>(),
+            in_view: &|_| true,
+            start_tracks: true,
+        });
+        for track in &mut tracker.table.tracks {
+            let los = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
+            if let Some(r_enu_m) = uavs_enu_m.iter().find(|r| r.angle_between(los) < 1e-3) {
+                track.ranged(r_enu_m.length(), 0.5, t_s);
+            }
+        }
+    }
+
+    /// A UAV 600 m away that sinks at `sink_mps`, is fired at for 0.2 s or not, and falls with `fall_mps2`
+    /// from then on for two seconds: why it is no target any more.
+    fn given_up(sink_mps: f64, fall_mps2: f64, fired: bool) -> Option<String> {
+        let params = params();
+        let mut tracker = Tracker::default();
+        for frame in 0..180_u32 {
+            let t_s = f64::from(frame) / 60.0;
+            let sunk_m = sink_mps * t_s + 0.5 * fall_mps2 * (t_s - 1.0).max(0.0).powi(2);
+            see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0 - sunk_m)]);
+            if frame == 30 {
+                let id = tracker.table.tracks[0].id;
+                tracker.acquire(u64::from(frame * FRAME), id, "test");
+                tracker.change(u64::from(frame * FRAME), TrackingState::Engage, "test");
+                tracker.lased = true;
+            }
+            for tick in frame * FRAME..(frame + 1) * FRAME {
+                if frame > 30 && tracker.target.is_some() {
+                    let now = situation(&params, tick);
+                    let silent = BoresightError {
+                        exposure_tick: now.tick,
+                        available_tick: now.tick,
+                        angle_rad: DVec2::ZERO,
+                        distance_px: 0.0,
+                        half_side_px: 4.0,
+                    };
+                    tracker.error = [Some(silent); 3];
+                    tracker.locked_since.get_or_insert(0);
+                    step(
+                        &now,
+                        &mut tracker,
+                        fired && (48..60).contains(&frame),
+                        false,
+                    );
+                }
+            }
+            if frame > 30 && tracker.target.is_none() {
+                return tracker.changes.last().map(|change| change.reason.clone());
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn a_lost_target_gives_way_to_a_greater_threat() {
+        let params = params();
+        let mut tracker = Tracker::default();
+        let (mut first, mut changed_s) = (0, None);
+        for frame in 0..240_u32 {
+            let t_s = f64::from(frame) / 60.0;
+            // One flies away and is hidden from 1 s on, the other comes straight at the asset.
+            let leaves = DVec3::new(60.0, 700.0 + 5.0 * t_s, 80.0);
+            let comes = DVec3::new(-60.0, 500.0 - 20.0 * t_s, 80.0);
+            let both = [comes, leaves];
+            see(&mut tracker, t_s, &both[..if frame < 60 { 2 } else { 1 }]);
+            if frame == 59 {
+                let right = |track: &&Track| track.filter.predicted(t_s).az_el_rad().x > 0.0;
+                first = tracker.table.tracks.iter().find(right).unwrap().id;
+                tracker.acquire(u64::from(frame * FRAME), first, "test");
+                tracker.change(u64::from(frame * FRAME), TrackingState::Lost, "test");
+            }
+            if frame > 59 && changed_s.is_none() {
+                step(
+                    &situation(&params, frame * FRAME),
+                    &mut tracker,
+                    false,
+                    true,
+                );
+                if tracker.target != Some(first) {
+                    changed_s = Some(t_s);
+                }
+            }
+        }
+        assert_eq!(
+            tracker.state,
+            TrackingState::Acquire,
+            "{:?}",
+            tracker.changes
+        );
+        let waited_s = changed_s.unwrap() - 1.0;
+        assert!((RIVAL_S..RIVAL_S + 0.1).contains(&waited_s), "{waited_s}");
+    }
+
+    #[test]
+    fn silence_begins_when_the_news_arrives() {
+        let params = params();
+        let mut tracker = Tracker::default();
+        // Exposed at the start, known 0.4 s later: a slow detector is no lost target.
+        tracker.error[Tier::Coarse as usize] = Some(BoresightError {
+            exposure_tick: 0,
+            available_tick: 384,
+            angle_rad: DVec2::ZERO,
+            distance_px: 0.0,
+            half_side_px: 4.0,
+        });
+        let lost = |tick| situation(&params, tick).lost_by(&tracker, Tier::Coarse);
+        assert_eq!([390, 624, 625].map(lost), [false, false, true]);
+    }
+
+    #[test]
+    fn a_slow_camera_may_miss_a_frame() {
+        assert_eq!([960.0, 60.0, 10.0].map(patience_s), [0.25; 3]);
+        // At 4 Hz and below a quarter of a second holds no frame but the last.
+        assert!(patience_s(4.0) > 2.0 / 4.0 && patience_s(1.0) > 2.0);
+    }
+
+    #[test]
+    fn only_what_was_fired_at_and_did_not_dive_before_falls() {
+        assert_eq!(given_up(8.0, 0.0, true), None);
+        assert_eq!(given_up(0.0, 0.0, true), None);
+        assert_eq!(given_up(0.0, 9.8, false), None);
+        assert_eq!(
+            given_up(0.0, 9.8, true).as_deref(),
+            Some("the target falls")
+        );
+        assert_eq!(
+            given_up(8.0, 9.8, true).as_deref(),
+            Some("the target falls")
+        );
+    }
+}

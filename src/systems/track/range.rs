@@ -1,0 +1,104 @@
+//! The range finder: what its pulse meets, and which echo is the target's.
+
+use crate::components::capture::Tier;
+use crate::components::environment::Environment;
+use crate::components::flight::{Flight, Uav};
+use crate::components::mount::Optics;
+use crate::components::run::SimClock;
+use crate::components::track::{RangeFinder, Tracker};
+use crate::models::engage::interlock::FAR_M;
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::laser::range_finder::{LitSurface, RangeFinderParams};
+use crate::models::maths::kinematics::az_el_to_los;
+use bevy::prelude::*;
+use glam::DVec3;
+
+/// Pulses of the range finder a second.
+const RANGE_HZ: u32 = 10;
+/// A range with a smaller deviation than this is good enough to focus and to judge by [m].
+const RANGE_KNOWN_M: f64 = 10.0;
+/// Diffuse reflectance of airframes, birds, walls and ground at the range finder's wavelength
+/// (assumption).
+const REFLECTANCE: f64 = 0.3;
+
+/// Ranges what the pulse meets first within the gate about the target's range, while the precise camera holds a target and the station
+/// believes it in the range finder's field.
+pub fn find_range(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    optics: Single<&Optics>,
+    uavs: Query<(&Uav, &Flight)>,
+    mut finder: ResMut<RangeFinder>,
+    mut tracker: ResMut<Tracker>,
+) {
+    if !clock.due(RANGE_HZ) {
+        return;
+    }
+    let held = tracker.state.holds(Tier::Precise);
+    let t_s = clock.t_s();
+    let RangeFinder { params, rng } = &mut *finder;
+    let believed_rad = tracker.aim_los(t_s).map(|los| {
+        let axis_enu = optics.pointing.laser_axis_enu();
+        az_el_to_los(los.az_el_rad()).angle_between(axis_enu)
+    });
+    let Some(track) = tracker.target.and_then(|id| tracker.table.get_mut(id)) else {
+        return;
+    };
+    let pulses = held && believed_rad.is_some_and(|off_rad| off_rad < params.half_field_rad);
+    let echo_m = if pulses {
+        let gate = track.range_gate(t_s);
+        let mut surfaces = lit_surfaces(params, &environment, &optics, &uavs);
+        surfaces.retain(|surface| gate.contains(&surface.range_m));
+        let extinction_per_m = environment.weather.extinction_per_m(params.wavelength_m);
+        params.first_echo_m(surfaces, extinction_per_m)
+    } else {
+        None
+    };
+    if let Some(range_m) = echo_m {
+        let measured_m = range_m + params.sigma_m * rng.normal();
+        track.ranged(measured_m, params.sigma_m, t_s);
+    } else if pulses {
+        track.unanswered();
+    }
+    let known = track.range.range_m(t_s);
+    tracker.lased |= echo_m.is_some();
+    // A radar's range alone, which may be another's, is not good enough to fire by.
+    tracker.range_m = known
+        .filter(|(_, sigma_m)| tracker.lased && *sigma_m < RANGE_KNOWN_M)
+        .map(|(range_m, _)| range_m);
+}
+
+/// What a pulse along the laser's axis may meet: anything that flies or falls in its field, and the
+/// city on its axis.
+fn lit_surfaces(
+    params: &RangeFinderParams,
+    environment: &Environment,
+    optics: &Optics,
+    uavs: &Query<(&Uav, &Flight)>,
+) -> Vec<LitSurface> {
+    let pose = optics.laser;
+    let axis_enu = pose.q_enu_cam * DVec3::Z;
+    let flying = uavs.iter().filter_map(|(uav, flight)| {
+        let r_enu_m = flight.aim_enu_m();
+        let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+        let lit = r_cam_m.z > 0.0
+            && r_cam_m.truncate().length() < params.half_field_rad * r_cam_m.z
+            && environment.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear;
+        let [_, width_m, height_m] = uav.size_m;
+        lit.then(|| LitSurface {
+            range_m: r_enu_m.distance(pose.r_enu_m),
+            area_m2: width_m * height_m,
+            reflectance: REFLECTANCE,
+        })
+    });
+    let city = environment
+        .city
+        .dsm
+        .first_hit(pose.r_enu_m, axis_enu, FAR_M)
+        .map(|range_m| LitSurface {
+            range_m,
+            area_m2: f64::INFINITY,
+            reflectance: REFLECTANCE,
+        });
+    flying.chain(city).collect()
+}

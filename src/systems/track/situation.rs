@@ -1,0 +1,225 @@
+//! What the state machine looks at, and what it makes of the tracks.
+
+use crate::components::capture::Tier;
+use crate::components::run::SimClock;
+use crate::components::track::{Tracker, TrackerParams};
+use crate::models::engage::interlock::FAR_M;
+use crate::models::engage::threat::time_to_asset_s;
+use crate::models::ground::dsm::Dsm;
+use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::tracking::radar::RadarCue;
+use crate::models::tracking::table::{Track, TrackTable, separation_rad};
+use glam::{DVec2, DVec3};
+
+/// Hits that confirm a target to the next camera.
+pub(super) const CONFIRM_HITS: u32 = 4;
+/// How often tracks are judged, threats compared and occlusions foreseen [Hz].
+pub(super) const WEIGHING_HZ: u32 = 10;
+/// Hits after which a search track may become the target.
+const CANDIDATE_HITS: u32 = 6;
+/// Log-odds from which on a track is chosen (four to one), and from which on one takes the place of a target
+/// that is held.
+const CHOSEN: f64 = 1.5;
+const RIVAL: f64 = 4.0;
+/// Hits that make a track worth judging: a false alarm seldom comes back.
+const JUDGED_HITS: u32 = 3;
+/// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
+/// still, a flickering facade does not move far.
+const MOVING_RADPS: f64 = 1.0e-3;
+const MOVING_SIGMAS: f64 = 6.0;
+/// How long a track must move to be a candidate in front of scenery, and to have flown for good [s].
+const MOVED_S: f64 = 0.2;
+const FLOWN_S: f64 = 0.5;
+/// How long what stands still must do so to be learned as scenery [s].
+const SCENERY_S: f64 = 0.8;
+/// Faster across the sight line than any UAV of the catalogue flies [m/s], at the nearest it may be; and
+/// what that says, a look.
+const FASTEST_MPS: f64 = 70.0;
+const TOO_FAST: f64 = -2.0;
+/// Clear sky that must lie below a candidate that does not move [rad].
+const SKY_MARGIN_RAD: f64 = 4e-3;
+/// What a radar's cue adds at most to the log-odds of a track at its place, and takes from one elsewhere.
+const CUE_FOR: f64 = 1.0;
+const CUE_AGAINST: f64 = -3.0;
+/// A target's squared distance from the cue at which that says nothing: the mean of three Gaussian degrees
+/// of freedom, doubled.
+const CUE_NEUTRAL: f64 = 6.0;
+
+/// Time without a hit after which a camera of `rate_hz` [Hz] has lost the target [s]: a slow one may
+/// miss a frame, as the faster ones may miss several.
+pub fn patience_s(rate_hz: f64) -> f64 {
+    const LEAST_S: f64 = 0.25; // [s]
+    const FRAMES: f64 = 2.5;
+    LEAST_S.max(FRAMES / rate_hz)
+}
+
+/// What the state machine looks at.
+pub(crate) struct Situation<'a> {
+    pub(crate) tick: u64,
+    pub(crate) clock: &'a SimClock,
+    pub(crate) params: &'a TrackerParams,
+    /// The city's heights; `None` under an open sky.
+    pub(crate) dsm: Option<&'a Dsm>,
+    pub(crate) r_station_enu_m: DVec3,
+    /// Where the radar has its target.
+    pub(crate) cue: Option<RadarCue>,
+}
+
+impl Situation<'_> {
+    pub(super) fn t_s(&self) -> f64 {
+        self.clock.at_s(self.tick)
+    }
+
+    /// Time without news of a hit of the target by a camera [s].
+    fn silent_s(&self, tracker: &Tracker, tier: Tier) -> f64 {
+        tracker.error[tier as usize].map_or(f64::INFINITY, |error| {
+            self.clock.at_s(self.tick - error.available_tick)
+        })
+    }
+
+    /// Whether a camera has had no news of the target for so long that it has lost it.
+    pub(super) fn lost_by(&self, tracker: &Tracker, tier: Tier) -> bool {
+        self.silent_s(tracker, tier) > self.params.patience_s[tier as usize]
+    }
+
+    /// Whether a track was seen so lately by any camera that it may still be there.
+    pub(super) fn fresh(&self, track: &Track) -> bool {
+        let longest_s = self.params.patience_s.into_iter().fold(0.0, f64::max);
+        self.t_s() - track.seen_s() <= longest_s
+    }
+
+    /// Speed with which a track loses height [m/s].
+    pub(super) fn sink_mps(&self, track: &Track) -> f64 {
+        track
+            .position_enu(self.r_station_enu_m, self.t_s())
+            .map_or(0.0, |(_, v_enu_mps)| -v_enu_mps.z)
+    }
+
+    /// Time that a track needs to reach the asset [s].
+    pub(super) fn threat_s(&self, track: &Track) -> f64 {
+        track
+            .position_enu(self.r_station_enu_m, self.t_s())
+            .map_or(f64::INFINITY, |(r_enu_m, v_enu_mps)| {
+                time_to_asset_s(r_enu_m, v_enu_mps, self.params.r_asset_enu_m)
+            })
+    }
+
+    /// Whether there is clear sky behind a direction and some way below it.
+    fn in_sky(&self, az_el_rad: DVec2) -> bool {
+        let below = az_el_rad - DVec2::new(0.0, SKY_MARGIN_RAD);
+        self.dsm.is_none_or(|dsm| {
+            dsm.first_hit(self.r_station_enu_m, az_el_to_los(below), FAR_M)
+                .is_none()
+        })
+    }
+
+    /// Judges the conduct of every track that is seen, over the `elapsed_s` since the last time; what
+    /// stands still without being taken for a UAV is learned as scenery.
+    pub(super) fn weigh(&self, table: &mut TrackTable, elapsed_s: f64) {
+        let t_s = self.t_s();
+        let TrackTable {
+            tracks, background, ..
+        } = table;
+        for track in tracks {
+            if track.total_hits() < JUDGED_HITS || track.hidden(t_s) || !self.fresh(track) {
+                continue;
+            }
+            let at = track.filter.predicted(t_s).az_el_rad();
+            let (rate_radps, sigmas) = track.motion(t_s);
+            let significant = sigmas > MOVING_SIGMAS;
+            let nearest_m = track.range.nearest_m(t_s).unwrap_or(0.0);
+            if significant && rate_radps * nearest_m > FASTEST_MPS {
+                track.evidence.on_conduct(TOO_FAST, elapsed_s);
+            }
+            let doubted = track.log_odds() < 0.0;
+            let conduct = &mut track.conduct;
+            conduct.in_sky = self.in_sky(at);
+            if significant && rate_radps > MOVING_RADPS {
+                conduct.moving_s += elapsed_s;
+                conduct.still_s = 0.0;
+            } else {
+                conduct.moving_s = (conduct.moving_s - elapsed_s).max(0.0);
+                conduct.still_s += elapsed_s;
+            }
+            conduct.flown |= conduct.moving_s >= FLOWN_S;
+            // A UAV may hover in the sky; before a wood or a wall what never flew is part of it.
+            let scenery = !conduct.in_sky || doubted;
+            if !conduct.flown && conduct.still_s >= SCENERY_S && scenery {
+                conduct.in_scenery = true;
+                background.learn(at, t_s);
+            }
+        }
+    }
+
+    /// What the radar's cue says for a track, as log-odds.
+    fn cue_log_odds(&self, track: &Track) -> f64 {
+        let Some(cue) = self.cue else {
+            return 0.0;
+        };
+        let los = track.filter.predicted(self.t_s());
+        let apart_rad = separation_rad(los.az_el_rad(), cue.az_el_rad);
+        let direction = apart_rad
+            / cue
+                .sigma_rad
+                .max_element()
+                .hypot(los.sigma_rad().max_element());
+        let range = track
+            .range
+            .range_m(self.t_s())
+            .map_or(0.0, |(range_m, sigma_m)| {
+                let sigma = (sigma_m / range_m).hypot(cue.range_sigma_m / cue.range_m);
+                (range_m / cue.range_m).ln() / sigma
+            });
+        let distance2 = direction * direction + range * range;
+        (0.5 * (CUE_NEUTRAL - distance2)).clamp(CUE_AGAINST, CUE_FOR)
+    }
+
+    /// The most threatening track that looks like a UAV, each threat weighed with how likely it is one, and
+    /// why it does.
+    pub(super) fn candidate(&self, tracker: &Tracker) -> Option<(u32, f64, String)> {
+        let least = if tracker.target.is_some() {
+            RIVAL
+        } else {
+            CHOSEN
+        };
+        let tracks = tracker.table.tracks.iter();
+        tracks
+            .filter(|track| Some(track.id) != tracker.target && self.may_be_target(track))
+            .filter_map(|track| {
+                let log_odds = track.log_odds() + self.cue_log_odds(track);
+                if log_odds < least {
+                    return None;
+                }
+                let threat_s = self.threat_s(track);
+                let expected_s = threat_s * (1.0 + (-log_odds).exp());
+                Some((expected_s, track, threat_s))
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)))
+            .map(|(_, track, threat_s)| (track.id, threat_s, self.reason(track)))
+    }
+
+    /// Whether a track has been seen long enough, and moves or stands in clear sky.
+    fn may_be_target(&self, track: &Track) -> bool {
+        let conduct = &track.conduct;
+        track.total_hits() >= CANDIDATE_HITS
+            && self.t_s() >= track.barred_until_s
+            && (track.misses == 0 || self.fresh(track))
+            && !conduct.is_scenery()
+            && (conduct.in_sky || conduct.flown || conduct.moving_s >= MOVED_S)
+    }
+
+    /// Why a track may be a UAV.
+    fn reason(&self, track: &Track) -> String {
+        let (rate_radps, _) = track.motion(self.t_s());
+        let belief = format!(
+            "{:.0} % a UAV, seen in {:.0} % of its frames",
+            100.0 * track.uav_belief(),
+            100.0 * track.filter.quality()
+        );
+        if track.conduct.moving_s > 0.0 {
+            format!("moves at {:.1} mrad/s, {belief}", 1e3 * rate_radps)
+        } else {
+            format!("stands in clear sky, {belief}")
+        }
+    }
+}
