@@ -430,7 +430,7 @@ mod tests {
     #[test]
     fn a_clear_sky_is_never_mauve() {
         // The hue of a clear sky goes from blue over white to orange: green is never the least
-        // channel, and the horizon opposite a high sun is nearly white.
+        // channel, and the horizon opposite a high sun is nearly white, but for haze.
         for h in [10.0, 25.0, 40.0, 60.0] {
             for visibility_m in [8e3, 18e3, 40e3] {
                 let sky = sky(h, visibility_m, 0.0);
@@ -438,7 +438,7 @@ mod tests {
                     let [r, g, b] = sky.radiance(toward(az, el));
                     assert!(g > r.min(b), "{r} {g} {b} at {h} {visibility_m} {az} {el}");
                 }
-                if h >= 40.0 {
+                if h >= 40.0 && visibility_m > 10e3 {
                     let [r, g, b] = sky.radiance(toward(0.0, 1.0));
                     let spread = r.max(g).max(b) / r.min(g).min(b);
                     assert!(spread < 1.25, "{r} {g} {b} at {h} {visibility_m}");
