@@ -149,6 +149,8 @@ pub struct Wreck {
     pub origin_enu_m: DVec3,
     /// The patch of city below it.
     pub patch: Entity,
+    /// How long it has lain still [s].
+    pub still_s: f64,
 }
 
 /// Marks a UAV that has a [`Wreck`].

@@ -2,7 +2,7 @@
 
 use super::recipe::Recipe;
 use super::scene::Scene;
-use super::stage::Rendered;
+use super::stage::{CONTROL, Rendered};
 use crate::components::capture::Conditions;
 use crate::models::air::daylight;
 use crate::models::maths::rng::Stream;
@@ -24,14 +24,6 @@ fn channel(pixels: &[u8], index: usize, channel: usize) -> f64 {
 pub fn luminance(pixels: &[u8], index: usize) -> f64 {
     daylight::luminance([0, 1, 2].map(|c| channel(pixels, index, c)))
 }
-
-/// How the cameras of a set are exposed, apart from the longest time, which every scene draws.
-pub const CONTROL: ExposureControl = ExposureControl {
-    level: 0.5,
-    time_s: [1e-6, 1.0 / 50.0], // [s]
-    max_gain: 48.0,
-    settling_s: 0.25, // [s]
-};
 
 /// How a rendered frame is exposed, `more_stops` brighter than the scene's others.
 pub fn conditions(

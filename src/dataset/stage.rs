@@ -1,7 +1,6 @@
 //! One Bevy app that shows one scene after the other and renders single frames of them.
 
 use super::error::DatasetError;
-use super::exposure::CONTROL;
 use crate::app::{self, Options, RunError};
 use crate::components::capture::{Conditions, ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
@@ -13,6 +12,7 @@ use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::{Pinhole, PixelRect};
+use crate::models::optics::exposure::ExposureControl;
 use crate::models::optics::sensor::Sensor;
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::UavMesh;
@@ -27,6 +27,14 @@ use std::sync::Arc;
 const MAX_PATCHES: usize = 6;
 /// Samples a pixel of the renderer.
 pub const ANTIALIAS: u32 = 4;
+
+/// How the cameras of a set are exposed, apart from the longest time, which every scene draws.
+pub const CONTROL: ExposureControl = ExposureControl {
+    level: 0.5,
+    time_s: [1e-6, 1.0 / 50.0], // [s]
+    max_gain: 48.0,
+    settling_s: 0.25, // [s]
+};
 
 /// What may appear in a scene: its meshes, and what it is.
 #[derive(Clone)]

@@ -56,8 +56,8 @@ pub(crate) struct Patch {
 
 /// Enlargement of a patch.
 pub const MAGNIFY: u32 = 8;
-/// Samples of an enlarged pixel: 64 make one of the frame.
-pub const MAGNIFIED_SAMPLES: u32 = 1;
+/// Samples of an enlarged pixel.
+pub const MAGNIFIED_SAMPLES: u32 = 4;
 /// Side of a patch [px].
 pub const PATCH_PX: u32 = 16;
 /// UAVs with a box smaller than this get a patch [px]: the patch holds the box with a margin.

@@ -74,8 +74,9 @@ const PATCH_STEP_M: f64 = 2.0;
 /// Ticks to a step of Rapier: a tumbling wreck needs no more than its usual hundred or so steps a
 /// second.
 pub const FALL_PERIOD_TICKS: u64 = 8;
-/// Below this speed a wreck rests [m/s].
+/// Below this speed [m/s] for this long [s] a wreck rests: at the top of a bounce it is slow for a moment.
 const REST_MPS: f32 = 0.15;
+const REST_S: f64 = 0.1;
 
 /// Gives every UAV that began to fall its body and the ground below it.
 pub fn drop_wrecks(
@@ -121,6 +122,7 @@ pub fn drop_wrecks(
                 uav: entity,
                 origin_enu_m,
                 patch,
+                still_s: 0.0,
             },
             RigidBody::Dynamic,
             Collider::cuboid(length, width, height),
@@ -178,10 +180,10 @@ pub fn follow_wrecks(
     mut commands: Commands,
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    wrecks: Query<(Entity, &Wreck, &Transform, &Velocity)>,
+    mut wrecks: Query<(Entity, &mut Wreck, &Transform, &Velocity)>,
     mut uavs: Query<(&mut Flight, &mut UavStatus)>,
 ) {
-    for (entity, wreck, transform, velocity) in &wrecks {
+    for (entity, mut wreck, transform, velocity) in &mut wrecks {
         let Ok((mut flight, mut status)) = uavs.get_mut(wreck.uav) else {
             continue;
         };
@@ -211,7 +213,9 @@ pub fn follow_wrecks(
         let r = state.r_enu_m;
         let near = r.z - environment.city.dsm.surface_m(r.x, r.y) < 1.0;
         let lost = (r - wreck.origin_enu_m).truncate().abs().max_element() > PATCH_HALF_M;
-        if near && velocity.linear.length() < REST_MPS || lost {
+        let slow = near && velocity.linear.length() < REST_MPS;
+        wreck.still_s = if slow { wreck.still_s + step_s } else { 0.0 };
+        if wreck.still_s > REST_S || lost {
             *status = UavStatus::Down;
             state.v_enu_mps = DVec3::ZERO;
             state.omega_body_radps = DVec3::ZERO;

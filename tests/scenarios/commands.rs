@@ -1,6 +1,7 @@
 //! Evaluation, tuning and sets of annotated pictures.
 
 use crate::common::{ROOT, boresight, refused, rendering, stderr};
+use boresight::models::flight::class::ObjectClass;
 use boresight::models::maths::rng::Stream;
 use glam::DVec2;
 use serde_json::Value;
@@ -545,7 +546,8 @@ fn well_formed(folder: &Path) {
             .iter()
             .map(|c| c["name"].clone())
             .collect();
-        assert_eq!(names, ["fpv", "quadcopter", "hexacopter"]);
+        let classes = ObjectClass::ALL.map(|class| class.name());
+        assert_eq!(names, classes);
         let images = list("images");
         for (i, image) in images.iter().enumerate() {
             assert_eq!(image["id"], i + 1);

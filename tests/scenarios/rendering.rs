@@ -386,6 +386,8 @@ fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
         // Nothing is found, so that the search camera goes on looking.
         "detector.truth={ miss_rate = 1, false_alarms_per_frame = 0 }".to_string(),
         "station.position_enu_m=[0, 0, 48]".to_string(),
+        // Stray light in the lens would take contrast as well.
+        "station.cameras.search.glare=0".to_string(),
         "search={ centre_azimuth_deg = 315, elevation_deg = 1, pattern = 'stare' }".to_string(),
         "city={ building_density = 0, max_trees = 0, relief_m = 0, river = false }".to_string(),
         format!("weather={{ visibility_m = {VISIBILITY_M}, wind_speed_mps = 0 }}"),

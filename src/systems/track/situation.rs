@@ -186,7 +186,12 @@ impl Situation<'_> {
         tracks
             .filter(|track| Some(track.id) != tracker.target && self.may_be_target(track))
             .filter_map(|track| {
-                let log_odds = track.log_odds() + self.cue_log_odds(track);
+                // Beside a target the radar's cue, which may be the target's own, says nothing.
+                let cue = match tracker.target {
+                    Some(_) => 0.0,
+                    None => self.cue_log_odds(track),
+                };
+                let log_odds = track.log_odds() + cue;
                 if log_odds < least {
                     return None;
                 }
