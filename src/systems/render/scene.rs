@@ -255,7 +255,6 @@ fn light(environment: &Environment) -> LightUniform {
         // A lit window seen from outside: some 80 cd/m^2.
         night: Vec4::new(0.08, 0.0, 0.0, 0.0),
         airlight_kcd_m2: airlight_polynomial(sky, environment.sun_dir_enu),
-        ..default()
     }
 }
 
