@@ -345,10 +345,13 @@ fn the_range_finder_sees_what_light_sees() {
     // The truth detector sees through fog; the pulse does not.
     let fog = "weather={ visibility_m = 300.0 }";
     assert_eq!(ranged(&[fog], 5), (None, false));
-    // A balloon half way hides nothing from the truth detector and answers first, but what it says is not
-    // where the radar has the target.
+    // A balloon half way hides nothing from the truth detector, but it answers first: believed where nothing
+    // else is known of the range, and not where the radar has the target twice as far.
     let balloon = "distractors=[{ name = 'b', kind = 'balloon', \
                    trajectory = { kind = 'hover', position_enu_m = [-247, 247, 83] } }]";
+    let unaided = "search={ centre_azimuth_deg = 315, elevation_deg = 5.8, pattern = 'stare' }";
+    let (near_m, lased) = ranged(&[balloon, "weather.wind_speed_mps=0", unaided], 5);
+    assert!(lased && near_m.is_some_and(|m| m < 600.0), "{near_m:?}");
     let (behind_m, _) = ranged(&[balloon, "weather.wind_speed_mps=0"], 5);
     let right = |m: f64| (680.0..730.0).contains(&m);
     assert!(behind_m.is_none_or(right), "{behind_m:?}");
