@@ -243,7 +243,8 @@ class BoresightP2Roi(BoresightP2):
     """
 
     tells_class = False
-    peaks_kept = 24  # that get a second look
+    looks = (6, 24)  # highest peaks that get a second look in the smallest and in a large picture
+    look_area = 8192  # [px] of picture a look, between them: a second look costs what 10,000 px of maps cost
     grid = 24  # samples a side of the picture, and a quarter as many of the features
     taught = 12  # highest peaks of a picture that the second stage learns from
 
@@ -343,12 +344,15 @@ class BoresightP2Roi(BoresightP2):
     def decode(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """As `BoresightP2.decode`, by the second look."""
         features = self.features(images)
-        first, heat, rows = self.peaks(self.maps(features), self.peaks_kept)
+        # A tensor, so that a traced graph counts anew for each size of picture.
+        area = torch.as_tensor(images.shape[2]) * torch.as_tensor(images.shape[3])
+        count = (torch.div(area, self.look_area, rounding_mode="floor")).clamp(*self.looks)
+        first, heat, rows = self.peaks(self.maps(features), count)
         quality, boxes, kinds, middles = self.second(images, features, first, rows[..., 0])
         labels, share = verdict(kinds.softmax(-1))
-        scores, best = ((quality.sigmoid() * heat).sqrt() * share).topk(self.peaks_kept)
+        scores, best = ((quality.sigmoid() * heat).sqrt() * share).topk(count)
         boxes = rows_at(boxes, best)
-        scores, order = suppress(boxes, scores, 0.4).topk(self.peaks_kept)
+        scores, order = suppress(boxes, scores, 0.4).topk(count)
         best = rows_at(best, order)
         return rows_at(boxes, order), scores, rows_at(labels, best), rows_at(middles, best)
 

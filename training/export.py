@@ -53,6 +53,8 @@ def to_onnx(
     example = torch.zeros(1, 3, height, width)
     with torch.no_grad():
         shapes = [list(output.shape) for output in model.decode(example)]
+        smallest = example if model.fixed_size else torch.zeros(1, 3, model.min_side_px, model.min_side_px)
+        fixed_count = model.decode(smallest)[0].shape[1] == shapes[0][1]
     dynamic = {"image": {0: "batch"} | ({} if model.fixed_size else {2: "height", 3: "width"})}
     buffer = io.BytesIO()
     with warnings.catch_warnings():
@@ -68,9 +70,11 @@ def to_onnx(
     for value, shape in zip(graph.graph.output, shapes):
         dims = value.type.tensor_type.shape
         del dims.dim[:]
-        dims.dim.add().dim_param = "batch"
-        for side in shape[1:]:
-            dims.dim.add().dim_value = side
+        for name in ("batch", "detections"):
+            dims.dim.add().dim_param = name
+        for axis, side in enumerate(shape[1:], 1):
+            if axis > 1 or fixed_count:
+                (dims.dim[axis] if axis == 1 else dims.dim.add()).dim_value = side
     left = [n.name for n in graph.graph.node if n.op_type == "BatchNormalization"]
     if left and not model.fixed_size:
         raise RuntimeError(f"batch normalisation not folded: {', '.join(left)}")

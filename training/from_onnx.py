@@ -118,6 +118,7 @@ def main() -> None:
         worst = max(worst, float(np.abs(theirs[:, :5] - ours[:, :5]).max()))
     if worst > 0.02:
         raise SystemExit(f"{args.model}: the checkpoint's scores differ by up to {worst:.3f}")
+    args.out.parent.mkdir(parents=True, exist_ok=True)
     torch.save(state, args.out)
     print(f"{args.out}: {name}, {', '.join(classes)}; scores agree within {worst:.1e}")
 

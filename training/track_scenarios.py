@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws scenarios for `boresight tracks`: UAVs, birds, aeroplanes, balloons and leaves before sky, city and woods.
+"""Draws scenarios for `boresight tracks`: UAVs, birds, aircraft, balloons and leaves before sky, city and woods.
 
 In each one object is held by an operator's orders, so that what is no UAV fills the precise camera as UAVs do; others
 fly within two degrees of it. A part searches a wide sector without help, for tracks of scenery. Nothing is fired at.
@@ -11,9 +11,20 @@ import random
 from pathlib import Path
 
 STATION_UP_M = 48.0
-UAVS = {"phantom4": 0.35, "mavic2": 0.35, "matrice200": 0.64, "matrice600": 1.13, "fpv5": 0.22}  # [m] diagonal
-OTHERS = {"bird": 1.35, "balloon": 0.9, "aeroplane": 35.8, "leaf": 0.16}  # [m] largest extent
-HELD = {"uav": 0.4, "bird": 0.3, "aeroplane": 0.12, "balloon": 0.1, "leaf": 0.08}
+# The kinds of each class, with their largest extents [m].
+KINDS = {
+    "uav": {"phantom4": 0.35, "mavic2": 0.35, "mavic_air": 0.21, "matrice200": 0.64, "matrice600": 1.13, "fpv5": 0.22},
+    "bird": {"bird": 1.4, "crow": 0.95, "pigeon": 0.66, "swift": 0.42, "goose": 1.6, "raptor": 1.25},
+    "balloon": {"balloon": 0.3},
+    "aeroplane": {"aeroplane": 35.8, "light_aircraft": 11.0},
+    "helicopter": {"helicopter": 12.2},
+    "leaf": {"leaf": 0.16},
+}
+SPEED_MPS = {"uav": (0, 16), "bird": (6, 14), "aeroplane": (50, 200), "helicopter": (0, 60)}  # the others drift
+RANGE_M = {  # nearest and farthest
+    "uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (800, 14000), "helicopter": (600, 9000),
+}  # fmt: skip
+HELD = {"uav": 0.42, "bird": 0.3, "aeroplane": 0.08, "helicopter": 0.08, "balloon": 0.07, "leaf": 0.05}
 FINE_IFOV_RAD = math.radians(1.0) / 640
 TIMES = ("05:40", "08:50", "11:30", "15:10", "17:20")  # UTC
 WEATHER = (
@@ -36,10 +47,9 @@ def place(az_deg: float, el_deg: float, range_m: float) -> list[float]:
 
 def flight(rng: random.Random, what: str, at: list[float], az_deg: float, range_m: float) -> str:
     """A trajectory that begins near `at`; mostly across the line of sight."""
-    if what == "balloon" or what == "leaf":
+    if what not in SPEED_MPS:
         return f'{{ kind = "hover", position_enu_m = {rounded(at)} }}'
-    low, high = {"uav": (0, 16), "bird": (6, 14), "aeroplane": (70, 200)}[what]
-    speed = rng.uniform(low, high)
+    speed = rng.uniform(*SPEED_MPS[what])
     course = math.radians(az_deg) + rng.choice((-1, 1)) * rng.uniform(0.3, 1.0) * math.pi / 2 + rng.choice((0, math.pi))
     climb = rng.uniform(-0.08, 0.08) * speed
     v = [speed * math.sin(course), speed * math.cos(course), climb]
@@ -65,17 +75,17 @@ def rounded(xs: list[float]) -> list[float]:
 
 def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float) -> tuple[str, str]:
     """A table of the scenario, and which list it belongs to."""
-    model = rng.choice(list(UAVS)) if what == "uav" else what
-    extent_m = UAVS[model] if what == "uav" else OTHERS[what]
+    kind = rng.choice(list(KINDS[what]))
+    extent_m = KINDS[what][kind]
     # Its size in the precise camera, evenly over the logarithm.
     wanted_px = math.exp(rng.uniform(math.log(5), math.log(120)))
-    near, far = {"uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (2500, 14000)}[what]
+    near, far = RANGE_M[what]
     range_m = min(max(extent_m / (wanted_px * FINE_IFOV_RAD), near), far)
-    if what == "aeroplane":
+    if range_m > 2000:  # above the hills
         el_deg = max(el_deg, 3.0)
     at = place(az_deg, el_deg, range_m)
     key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
-    return f'[[{table}]]\nname = "{name}"\n{key} = "{model}"\ntrajectory = {flight(rng, what, at, az_deg, range_m)}\n', table
+    return f'[[{table}]]\nname = "{name}"\n{key} = "{kind}"\ntrajectory = {flight(rng, what, at, az_deg, range_m)}\n', table
 
 
 def scenario(seed: int, duration_s: float) -> str:
@@ -105,7 +115,7 @@ def scenario(seed: int, duration_s: float) -> str:
     text, table = thing(rng, held, "held", az, el)
     tables[table].append(text)
     for k in range(rng.choice((0, 1, 1, 2))):
-        other = rng.choice(("uav", "bird", "bird", "aeroplane", "balloon"))
+        other = rng.choice(("uav", "bird", "bird", "aeroplane", "helicopter", "balloon"))
         text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(0.8, el + rng.uniform(-1, 1)))
         tables[table].append(text)
     parts += tables["uavs"] + tables["distractors"]
