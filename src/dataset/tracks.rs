@@ -166,7 +166,7 @@ impl Take {
         let mut flying = world.query::<(&Uav, Option<&Distractor>)>();
         for (uav, distractor) in flying.iter(world) {
             let class = distractor.map_or(TrackClass::Uav, |distractor| {
-                TrackClass::of_detector(distractor.kind.class().name())
+                distractor.kind.class().into()
             });
             objects.insert(uav.index, (uav.name.clone(), class));
         }

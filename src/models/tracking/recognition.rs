@@ -4,6 +4,7 @@
 //! that saw the track counts, with one chip and the boxes of all its frames. Directions are those on
 //! the sky, so that the camera's motion is out of them as far as the station knows it.
 
+use crate::models::flight::class::ObjectClass;
 use crate::models::maths::kinematics::wrap_pi;
 use crate::models::optics::chip::Chip;
 use glam::DVec2;
@@ -40,26 +41,34 @@ impl TrackClass {
         Self::Other,
     ];
 
-    /// The name that models and data sets use.
+    /// The name that models and data sets use: `uav`, or that of the class of objects.
     pub fn name(self) -> &'static str {
         match self {
             Self::Uav => "uav",
-            Self::Bird => "bird",
-            Self::Aeroplane => "aeroplane",
-            Self::Helicopter => "helicopter",
-            Self::Balloon => "balloon",
-            Self::Other => "other",
+            Self::Bird => ObjectClass::Bird.name(),
+            Self::Aeroplane => ObjectClass::Aeroplane.name(),
+            Self::Helicopter => ObjectClass::Helicopter.name(),
+            Self::Balloon => ObjectClass::Balloon.name(),
+            Self::Other => ObjectClass::Other.name(),
         }
     }
 
-    /// The class of a name, if it is one of these.
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|class| class.name() == name)
-    }
-
-    /// What a detector's class stands for: its own name, and otherwise a kind of UAV.
+    /// What a detector's class stands for: every unknown name is a kind of UAV.
     pub fn of_detector(name: &str) -> Self {
-        Self::named(name).unwrap_or(Self::Uav)
+        ObjectClass::of_name(name).map_or(Self::Uav, Self::from)
+    }
+}
+
+impl From<ObjectClass> for TrackClass {
+    fn from(class: ObjectClass) -> Self {
+        match class {
+            ObjectClass::Fpv | ObjectClass::Quadcopter | ObjectClass::Hexacopter => Self::Uav,
+            ObjectClass::Bird => Self::Bird,
+            ObjectClass::Aeroplane => Self::Aeroplane,
+            ObjectClass::Helicopter => Self::Helicopter,
+            ObjectClass::Balloon => Self::Balloon,
+            ObjectClass::Other => Self::Other,
+        }
     }
 }
 
@@ -414,7 +423,7 @@ mod tests {
         for class in TrackClass::ALL {
             let name = FEATURES[FEATURE_SEEN + 1 + class as usize];
             assert_eq!(name.strip_prefix("named_"), Some(class.name()));
-            assert_eq!(TrackClass::named(class.name()), Some(class));
+            assert_eq!(TrackClass::of_detector(class.name()), class);
         }
         assert_eq!(TrackClass::of_detector("hexacopter"), TrackClass::Uav);
         assert_eq!(TrackClass::of_detector("bird"), TrackClass::Bird);
