@@ -207,9 +207,9 @@ impl DetectionQueue {
 mod tests {
     use super::*;
     use crate::components::capture::Conditions;
-    use crate::components::mount::{Alignment, Pointing};
+    use crate::components::mount::Pointing;
     use crate::models::maths::kinematics::Pose;
-    use glam::{DQuat, DVec2, DVec3};
+    use glam::{DQuat, DVec3};
 
     #[test]
     fn a_region_grows_with_the_target() {
@@ -233,12 +233,7 @@ mod tests {
                 r_enu_m: DVec3::ZERO,
                 q_enu_cam: DQuat::IDENTITY,
             },
-            pointing: Pointing {
-                az_el_rad: DVec2::ZERO,
-                mirror_rad: DVec2::ZERO,
-                base_tilt_rad: DVec3::ZERO,
-                alignment: Alignment::default(),
-            },
+            pointing: Pointing::default(),
             rect: look,
             conditions: Conditions::default(),
             truth: Vec::new(),

@@ -122,7 +122,7 @@ pub struct MountCommand {
 
 /// What the station knows of its own pointing: encoders, mirror sensor, gyro and calibrated
 /// boresights; not the gyro's drift nor what calibration left.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pointing {
     /// Encoder azimuth and elevation [rad].
     pub az_el_rad: DVec2,

@@ -5,7 +5,7 @@ use crate::app::{self, Options, RunError};
 use crate::components::capture::{Conditions, ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
-use crate::components::mount::{Alignment, Pointing};
+use crate::components::mount::Pointing;
 use crate::components::render::{SceneHandles, SensorViews};
 use crate::models::air::backdrop::Backdrop;
 use crate::models::flight::distractor::DistractorKind;
@@ -20,7 +20,7 @@ use crate::systems::capture::{self, ImageScratch, Patch, Shot};
 use crate::systems::render::renderer::{Renderer, settle, spawn_sensor_view};
 use crate::systems::render::scene;
 use bevy::prelude::*;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 /// Most patches of a frame after the first.
@@ -205,12 +205,7 @@ impl Stage {
             tick: 0,
             number: 0,
             pose,
-            pointing: Pointing {
-                az_el_rad: DVec2::ZERO,
-                mirror_rad: DVec2::ZERO,
-                base_tilt_rad: DVec3::ZERO,
-                alignment: Alignment::default(),
-            },
+            pointing: Pointing::default(),
             rect: PixelRect {
                 offset_px: [0, 0],
                 size_px: [pinhole.width_px, pinhole.height_px],

@@ -165,9 +165,8 @@ impl Take {
         let mut objects = BTreeMap::new();
         let mut flying = world.query::<(&Uav, Option<&Distractor>)>();
         for (uav, distractor) in flying.iter(world) {
-            let class = distractor.map_or(TrackClass::Uav, |distractor| {
-                distractor.kind.class().into()
-            });
+            let class =
+                distractor.map_or(TrackClass::Uav, |distractor| distractor.kind.class().into());
             objects.insert(uav.index, (uav.name.clone(), class));
         }
         Self {

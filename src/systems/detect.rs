@@ -154,7 +154,7 @@ mod tests {
     use super::*;
     use crate::components::capture::{Conditions, ExposedFrame, Tier};
     use crate::components::flight::{Flight, UavShape};
-    use crate::components::mount::{Alignment, Pointing};
+    use crate::components::mount::Pointing;
     use crate::models::flight::multirotor::{self, Airframe};
     use crate::models::flight::trajectory::Trajectory;
     use crate::models::flight::uav::{AimPart, UavKind, model};
@@ -223,12 +223,7 @@ mod tests {
                     tick,
                     number: tick / 8,
                     pose,
-                    pointing: Pointing {
-                        az_el_rad: DVec2::ZERO,
-                        mirror_rad: DVec2::ZERO,
-                        base_tilt_rad: DVec3::ZERO,
-                        alignment: Alignment::default(),
-                    },
+                    pointing: Pointing::default(),
                     rect: PixelRect {
                         offset_px: [0, 0],
                         size_px: sensor_px,

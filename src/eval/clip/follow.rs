@@ -8,7 +8,7 @@ use super::arguments::Arguments;
 use super::figures::State;
 use crate::components::capture::{Conditions, ExposedFrame, PixelRect, Tier};
 use crate::components::detect::DetectionBatch;
-use crate::components::mount::{Alignment, Pointing};
+use crate::components::mount::Pointing;
 use crate::components::run::SimClock;
 use crate::components::track::{Gallery, Tracker, TrackerParams};
 use crate::eval::EvalError;
@@ -75,12 +75,7 @@ impl Follower {
         let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians())
             .map_err(EvalError::FieldOfView)?;
         let defaults = scenario::TrackerConfig::default();
-        let pointing = Pointing {
-            az_el_rad: DVec2::ZERO,
-            mirror_rad: DVec2::ZERO,
-            base_tilt_rad: DVec3::ZERO,
-            alignment: Alignment::default(),
-        };
+        let pointing = Pointing::default();
         Ok(Self {
             clock: SimClock {
                 tick: 0,

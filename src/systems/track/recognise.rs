@@ -156,7 +156,7 @@ pub fn recognise(
 mod tests {
     use super::*;
     use crate::components::capture::{Conditions, ExposedFrame, PixelRect, Tier};
-    use crate::components::mount::{Alignment, Pointing};
+    use crate::components::mount::Pointing;
     use crate::models::optics::detection::Detection;
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::table::{CameraLook, Sighting};
@@ -223,9 +223,7 @@ mod tests {
         }
         let pointing = Pointing {
             az_el_rad: DVec2::new(0.2, 0.1),
-            mirror_rad: DVec2::ZERO,
-            base_tilt_rad: DVec3::ZERO,
-            alignment: Alignment::default(),
+            ..Pointing::default()
         };
         let frame = |tick: u64, rgb8: Option<Vec<u8>>| ExposedFrame {
             tier: Tier::Coarse,
