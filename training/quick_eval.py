@@ -66,16 +66,11 @@ def summary(rows: list, errors: list, truths: int, frames: int) -> dict[str, flo
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("model", type=Path, help="a .onnx file, or a checkpoint .pt")
-    parser.add_argument("--data", type=Path, required=True, help="folder with annotations.json")
-    parser.add_argument("--frames", type=int, default=0, help="so many frames at even distances; 0: all")
-    parser.add_argument("--threads", type=int, default=1)
-    args = parser.parse_args()
-    torch.set_num_threads(args.threads)
-    if args.model.suffix == ".onnx":
-        runtime = export.session(args.model.read_bytes(), args.threads)
+def measure(path: Path, data: Path, frames: int = 0, threads: int = 1) -> dict:
+    """Figures of a .onnx file or a checkpoint on the pictures of a COCO folder, or `frames` of them at even distances."""
+    torch.set_num_threads(threads)
+    if path.suffix == ".onnx":
+        runtime = export.session(path.read_bytes(), threads)
         meta = runtime.get_modelmeta().custom_metadata_map
         stride, least = int(meta["stride"]), int(meta["min_side_px"])
         high, wide = runtime.get_inputs()[0].shape[2:]
@@ -83,13 +78,13 @@ def main() -> None:
         bare = isinstance(runtime.get_inputs()[0].shape[0], int)  # it takes one picture: no batch axis in its outputs
         infer = lambda image: [x if bare else x[0] for x in runtime.run(None, {"image": image})]  # noqa: E731
     else:
-        model, _ = export.load(args.model)
+        model, _ = export.load(path)
         stride, least, fixed = model.stride, model.min_side_px, model.fixed_size
         infer = lambda image: [x[0].numpy() for x in export.Decoder(model)(torch.from_numpy(image))]  # noqa: E731
-    coco = json.loads((args.data / "annotations.json").read_text())
+    coco = json.loads((data / "annotations.json").read_text())
     images = coco["images"]
-    if args.frames and args.frames < len(images):
-        images = [images[k * len(images) // args.frames] for k in range(args.frames)]
+    if frames and frames < len(images):
+        images = [images[k * len(images) // frames] for k in range(frames)]
     truth: dict[int, list] = {i["id"]: [] for i in images}
     ignore: dict[int, list] = {i["id"]: [] for i in images}
     aims: dict[int, list] = {i["id"]: [] for i in images}  # bodies' middles, known of rendered pictures
@@ -105,11 +100,11 @@ def main() -> None:
     aimed: list[tuple[float, float]] = []  # [px] from a body's middle: the box's middle, the model's `centres`
     spent = 0.0
     for image in images:
-        path = args.data / image["file_name"]
-        path = path if path.exists() else args.data / "images" / image["file_name"]
-        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        file = data / image["file_name"]
+        file = file if file.exists() else data / "images" / image["file_name"]
+        picture = cv2.imread(str(file), cv2.IMREAD_COLOR)
         if picture is None:
-            raise SystemExit(f"{path}: no picture")
+            raise SystemExit(f"{file}: no picture")
         planes = native(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), stride, least, fixed)
         begin = time.perf_counter()
         with torch.no_grad():
@@ -135,7 +130,17 @@ def main() -> None:
     if aimed:
         box, own = (np.array(aimed) ** 2).mean(0) ** 0.5
         out["miss_of_body_middle_rms_px"] = {"box": round(float(box), 3), "centres": round(float(own), 3), "targets": len(aimed)}
-    print(json.dumps(out, indent=1))
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("model", type=Path, help="a .onnx file, or a checkpoint .pt")
+    parser.add_argument("--data", type=Path, required=True, help="folder with annotations.json")
+    parser.add_argument("--frames", type=int, default=0, help="so many frames at even distances; 0: all")
+    parser.add_argument("--threads", type=int, default=1)
+    args = parser.parse_args()
+    print(json.dumps(measure(args.model, args.data, args.frames, args.threads), indent=1))
 
 
 if __name__ == "__main__":

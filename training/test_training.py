@@ -17,6 +17,7 @@ import torch  # noqa: E402
 
 import augment
 import export
+import figures
 import from_onnx
 import models
 import pack
@@ -333,6 +334,23 @@ def test_resumed_equals_uninterrupted(tmp_path):
     assert refused.returncode != 0 and "--resume" in refused.stderr
     other = run(tmp_path / "whole", "--resume", "--lr", "1")
     assert other.returncode != 0 and "another lr" in other.stderr
+
+
+def test_figures_of_a_run_and_of_misses(tmp_path, folder):
+    done = run(tmp_path / "kept", "--keep-every", "3")
+    assert done.returncode == 0, done.stderr
+    assert {p.name for p in (tmp_path / "kept").glob("step-*.pt")} == {"step-3.pt", "step-6.pt"}
+    figures.learning([tmp_path / "kept"], folder / "train", 2, tmp_path / "figure.svg")
+    assert all("polyline" in (tmp_path / f"figure_{kind}.svg").read_text() for kind in ("loss", "ap"))
+    coco = json.loads((folder / "train/annotations.json").read_text())
+    truth = next(a for a in coco["annotations"] if a["category_id"] <= 3)
+    x, y, w, h = truth["bbox"]
+    found = [{"image_id": truth["image_id"], "category_id": truth["category_id"], "bbox": [x + 1, y, w, h], "score": 0.9}]
+    (tmp_path / "found.json").write_text(json.dumps(found))
+    figures.misses(folder / "train", {"shifted": tmp_path / "found.json"}, tmp_path / "misses.svg")
+    assert "shifted: 1.00 px, 1 of" in (tmp_path / "misses.svg").read_text()
+    with pytest.raises(SystemExit, match="--keep-every"):
+        figures.learning([folder], folder / "train", 2, tmp_path / "figure.svg")
 
 
 def test_trains_in_bfloat16_on_small_crops(tmp_path):

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains a detector on a rendered data set (`boresight dataset`), on procedural pictures, or on both.
 
-A run is a folder: `last.pt` (resumable), `log.csv`, `curves.svg`. Stopped by SIGTERM, SIGINT or `--time-limit` it
+A run is a folder: `last.pt` (resumable), `log.csv`, `curves.svg`, with `--keep-every` `step-N.pt`. Stopped by SIGTERM, SIGINT or `--time-limit` it
 saves first; `--resume` then goes on exactly as if it had not been stopped.
 """
 
@@ -51,6 +51,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=1, help="processes that make pictures; 0: in the training process")
     parser.add_argument("--time-limit", type=float, default=math.inf, help="save and stop after so many minutes")
     parser.add_argument("--save-every", type=int, default=500)
+    parser.add_argument("--keep-every", type=int, default=0, help="also keep the weights of every so many steps, for figures.py; 0: do not")
     parser.add_argument("--log-every", type=int, default=50)
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     return parser.parse_args()
@@ -163,11 +164,13 @@ def main() -> None:
     waited = 0.0
 
     def checkpoint(step: int) -> None:
-        save(last, {
-            "model": model.state_dict(), "ema": average, "optimizer": optimizer.state_dict(), "step": step, "sums": sums,
-            "seconds": spent_s + time.monotonic() - begin, "recipe": recipe, "classes": classes,
+        weights = {
+            "ema": average, "step": step, "seconds": spent_s + time.monotonic() - begin, "recipe": recipe, "classes": classes,
             "machine": f"{platform.machine()}, {args.threads} threads, {args.device}",
-        })  # fmt: skip
+        }  # fmt: skip
+        save(last, weights | {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "sums": sums})
+        if args.keep_every and step % args.keep_every == 0:
+            save(args.out / f"step-{step}.pt", weights)
         fields = list(dict.fromkeys(k for row in log for k in row))
         with log_path.open("w", newline="") as file:
             writer = csv.DictWriter(file, fields, restval="")
@@ -210,7 +213,8 @@ def main() -> None:
             parts = " ".join(f"{k} {float(row[k]):.3f}" for k in sums)
             print(f"step {step}: {parts}; {each_ms:.1f} ms a crop, {share:.0f} % waiting for pictures", flush=True)
             sums = {}
-        if step % args.save_every == 0 or step == args.steps or stop:
+        keeps = args.keep_every and step % args.keep_every == 0
+        if step % args.save_every == 0 or keeps or step == args.steps or stop:
             checkpoint(step)
         if stop:
             print(f"stopped at step {step}; --resume goes on")
