@@ -36,13 +36,7 @@ impl Plugin for ScenePlugin {
         // The handle is a constant of this crate, so it is always there to insert at.
         let _ = shaders.insert(
             &LEAN_SHADER,
-            Shader::from_wgsl(
-                std::env::var("LEAN")
-                    .ok()
-                    .and_then(|p| std::fs::read_to_string(p).ok())
-                    .unwrap_or_else(|| include_str!("../../assets/shaders/lean.wgsl").to_string()),
-                "lean.wgsl",
-            ),
+            Shader::from_wgsl(include_str!("../../assets/shaders/lean.wgsl"), "lean.wgsl"),
         );
     }
 }

@@ -141,7 +141,7 @@ pub enum AutoWord {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WhiteBalance {
-    /// The light of sun and sky on level ground, between some 3,000 K and 10,000 K.
+    /// The light of sun and sky on level ground, between some 4,000 K and 10,000 K.
     Auto,
     /// Always D65, average daylight.
     Daylight,

@@ -21,8 +21,8 @@ use glam::{DVec2, DVec3};
 /// and this slow [rad/s]: below a fifth of a pixel in a 5 ms exposure.
 const SETTLED_RAD: f64 = 2e-3;
 const SETTLED_RADPS: f64 = 5e-3;
-/// Least duration of a gaze [s], and least number of frames in it. A still candidate needs 12 hits,
-/// a moving one 6 (`systems::track`): 15 frames leave room for misses, and within half a second
+/// Least duration of a gaze [s], and least number of frames in it. A candidate needs 6 hits
+/// (`systems::track`): 15 frames leave room for misses, and within half a second
 /// a rate of 1 mrad/s stands six deviations out of the noise of 0.5 px of the search camera.
 const GAZE_S: f64 = 0.5;
 const GAZE_FRAMES: f64 = 15.0;
@@ -231,8 +231,7 @@ fn search(
             && track.total_hits() >= PROMISING_HITS
             && !track.conduct.is_scenery()
             && track.log_odds() > 0.0
-            && rate > 1e-3
-            && sigmas > 3.0
+            && (track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0)
     });
     let longest_s = if promising {
         LONGEST_GAZE_S

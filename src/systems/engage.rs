@@ -52,6 +52,8 @@ const SURROUNDINGS_HZ: u32 = 120;
 const LOOKS_AHEAD: u32 = 3;
 /// Hits that make a track an object to be spared: a false alarm seldom comes back.
 const OBJECT_HITS: u32 = 3;
+/// Time since the last hit for which it does [s].
+const OBJECT_S: f64 = 1.0;
 
 /// The beam's line to a target and beyond it.
 struct Way<'a> {
@@ -204,11 +206,12 @@ fn look_along(
     if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
         refused.push("sun behind the target");
     }
-    let mut others = tracker
-        .table
-        .tracks
-        .iter()
-        .filter(|other| other.id != track.id && other.total_hits() >= OBJECT_HITS);
+    let mut others = tracker.table.tracks.iter().filter(|other| {
+        other.id != track.id
+            && other.total_hits() >= OBJECT_HITS
+            && !other.conduct.is_scenery()
+            && t_s - other.seen_s() < OBJECT_S
+    });
     if others.any(|other| {
         let nearest_m = other.range.nearest_m(t_s).unwrap_or(range_m);
         let beam_rad = beam_half_angle_rad(rules.beam_radius_m, range_m, nearest_m);

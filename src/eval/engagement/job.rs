@@ -81,8 +81,9 @@ impl Bench<'_> {
             DetectorKind::Onnx => digest(&detector.onnx_model).unwrap_or_default(),
             DetectorKind::Truth => 0,
         };
+        let recogniser = digest(&loaded.scenario.recogniser.onnx_model).unwrap_or_default();
         let text = format!(
-            "{program} {model} {} {:?} {:?}",
+            "{program} {model} {recogniser} {} {:?} {:?}",
             self.arguments.seed,
             self.changes(),
             self.recipe

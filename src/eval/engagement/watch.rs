@@ -220,7 +220,8 @@ impl Seen {
             let on_uav = self.target == Some(What::Uav);
             if change.to == TrackingState::Search && on_uav && self.shown {
                 let left = self.identity.and_then(|id| tracker.table.get(id));
-                let rejected = left.is_some_and(|track| t_s < track.barred_until_s);
+                let rejected =
+                    left.is_some_and(|track| t_s < track.barred_until_s || track.log_odds() < 0.0);
                 self.rejected = rejected;
                 self.record.given_up.push(GivenUp {
                     t_s,

@@ -131,6 +131,11 @@ impl Evidence {
         LOOKS * self.mean
     }
 
+    /// Size in the best view of it [px].
+    pub fn best_px(&self) -> f64 {
+        self.best_px
+    }
+
     /// Takes in that a look at `t_s` [s], in which the track measures `size_px`, says λ.
     pub fn on_look(&mut self, params: &EvidenceParams, lambda: f64, size_px: f64, t_s: f64) {
         let since_s = self.last_s.map_or(CORRELATED_S, |last_s| t_s - last_s);

@@ -72,6 +72,9 @@ impl From<ObjectClass> for TrackClass {
     }
 }
 
+/// Time over which answers are averaged [s].
+const JUDGED_OVER_S: f64 = 0.4; // [s]
+
 /// What a track was found to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recognition {
@@ -82,6 +85,18 @@ pub struct Recognition {
 }
 
 impl Recognition {
+    /// This one, found after another: one answer alone overturns no judgement.
+    pub fn after(&self, before: &Self) -> Self {
+        let share = 1.0 - (-(self.t_s - before.t_s).max(0.0) / JUDGED_OVER_S).exp();
+        let mean = |i: usize| {
+            before.probabilities[i] + share * (self.probabilities[i] - before.probabilities[i])
+        };
+        Self {
+            probabilities: std::array::from_fn(mean),
+            t_s: self.t_s,
+        }
+    }
+
     /// Probability that it is a UAV.
     pub fn p_uav(&self) -> f64 {
         self.probabilities[TrackClass::Uav as usize]

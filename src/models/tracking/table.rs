@@ -382,6 +382,8 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 const ESTABLISHED_HITS: u32 = 30;
 /// Hits from which on a weak detection may go on with a track.
 const CONFIRMED_HITS: u32 = 6;
+/// Size at which a camera that has not yet confirmed a track is taken to see it, over that in its best view.
+const UNCONFIRMED_SHARE: f64 = 0.5;
 /// Largest box of a dot [px].
 const DOT_PX: f64 = 6.0;
 /// Extra cost of a pair with a weak detection: a strong one within 3σ is preferred.
@@ -498,12 +500,15 @@ impl TrackTable {
                     + if sighting.weak { WEAK_COST } else { 0.0 };
                 // The filter refuses what lies outside its gate, until it has refused three that
                 // fit each other: they are offered from twice as far.
-                if distance2 < OFFERED * gate {
-                    pairs.push(Pair {
-                        row,
-                        column,
-                        cost: cost - ALONE,
-                    });
+                // What it will refuse must take no sighting from another.
+                let share = distance2 / (OFFERED * gate);
+                let cost = if distance2 <= self.params.filter.gate_nis {
+                    cost - ALONE
+                } else {
+                    share - 1.0
+                };
+                if share < 1.0 {
+                    pairs.push(Pair { row, column, cost });
                 }
             }
         }
@@ -582,15 +587,18 @@ impl TrackTable {
     /// The silent track that track `young` continues.
     fn continued_by(&self, young: usize, t_s: f64) -> Option<usize> {
         const SILENT_S: f64 = 0.2;
-        const YOUNG_HITS: std::ops::Range<u32> = 6..ESTABLISHED_HITS;
+        const LEAST_HITS: u32 = 6;
+        const YOUNG_S: f64 = 1.5;
         // Rms acceleration while nobody sees it [m/s²].
         const UNSEEN_MPS2: f64 = 2.0;
         // Chi-squared of four degrees of freedom, 99.9 %.
         const GATE: f64 = 18.5;
         let fresh = &self.tracks[young];
-        if !YOUNG_HITS.contains(&fresh.total_hits()) {
+        if fresh.total_hits() < LEAST_HITS || t_s - fresh.started_s > YOUNG_S {
             return None;
         }
+        // What stands before scenery does not continue what flew.
+        let stands = !fresh.conduct.in_sky && fresh.conduct.moving_s <= 0.0;
         let b = fresh.filter.predicted(t_s);
         let mut best: Option<(f64, usize)> = None;
         for (old, track) in self.tracks[..young].iter().enumerate() {
@@ -598,6 +606,7 @@ impl TrackTable {
             if track.total_hits() < ESTABLISHED_HITS
                 || t_s - seen_s < SILENT_S
                 || fresh.started_s < seen_s
+                || stands && track.conduct.flown
                 // A track that appeared while the city hid the silent one is another object.
                 || (track.occlusion)
                     .is_some_and(|occlusion| occlusion.surely_hides(fresh.started_s))
@@ -725,7 +734,11 @@ impl Track {
     fn missed(&mut self, look: &CameraLook) {
         self.misses += 1;
         self.filter.miss(look.t_s);
-        let size_px = self.size_rad / look.ifov_rad;
+        let mut size_px = self.size_rad / look.ifov_rad;
+        if self.hits[look.tier] < CONFIRMED_HITS {
+            // A camera that has never shown it may be turned past it: its view is not yet the best one.
+            size_px = size_px.min(UNCONFIRMED_SHARE * self.evidence.best_px());
+        }
         (self.evidence).on_look(look.reads, look.reads.of_miss(), size_px, look.t_s);
     }
 

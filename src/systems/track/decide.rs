@@ -135,8 +135,9 @@ fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
         tracker.fired_ticks += 1;
     }
     let fired = now.clock.at_s(tracker.fired_ticks) >= FIRED_S;
-    // One that dived at the station before it was hit still attacks.
-    let sinks = (tracker.sink_at_fire_mps).is_some_and(|before| sink_mps - before > FALLING_MPS);
+    // One that dived at the station before it was hit still attacks, and one that rose has only levelled off.
+    let sinks =
+        (tracker.sink_at_fire_mps).is_some_and(|before| sink_mps - before.max(0.0) > FALLING_MPS);
     if !(fired && sinks && tracker.lased) {
         tracker.falling_since = None;
         return false;

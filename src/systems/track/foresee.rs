@@ -13,6 +13,8 @@ use glam::DVec2;
 
 /// Foresight of occlusions [s].
 const FORESIGHT_S: f64 = 4.0;
+/// What was seen so lately is not hidden [s].
+const SEEN_S: f64 = 0.15;
 
 /// Finds where on the target's picture the part aimed at is expected.
 pub fn aim(
@@ -57,7 +59,11 @@ pub fn foresee(
     let dsm = &environment.city.dsm;
     for track in &mut tracker.table.tracks {
         let was = track.occlusion;
-        let next = track.foresee_occlusion(dsm, mount.r_enu_m, t_s, FORESIGHT_S);
+        // What is being seen is not hidden: its range is taken for too long.
+        let seen = t_s - track.seen_s() < SEEN_S;
+        let next = track
+            .foresee_occlusion(dsm, mount.r_enu_m, t_s, FORESIGHT_S)
+            .filter(|next| !(seen && next.hides(t_s)));
         track.occlusion = match (was, next) {
             // It is behind the building since it went there, not since the last look ahead.
             (Some(was), Some(next)) if was.hides(t_s) && next.hides(t_s) => Some(Occlusion {

@@ -146,7 +146,10 @@ pub fn recognise(
     recogniser.waiting.retain(|(arrives, id, found)| {
         let here = *arrives <= clock.tick;
         if here && let Some(track) = tracker.table.get_mut(*id) {
-            track.recognition = Some(*found);
+            track.recognition = Some(match track.recognition {
+                Some(before) => found.after(&before),
+                None => *found,
+            });
         }
         !here
     });

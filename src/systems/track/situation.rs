@@ -8,6 +8,7 @@ use crate::models::engage::threat::time_to_asset_s;
 use crate::models::ground::dsm::Dsm;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::radar::RadarCue;
+use crate::models::tracking::recognition::Recognition;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
 
@@ -36,8 +37,16 @@ const SCENERY_S: f64 = 0.8;
 /// what that says, a look.
 const FASTEST_MPS: f64 = 70.0;
 const TOO_FAST: f64 = -2.0;
+/// Probability of a UAV by the recogniser, or deviations from a radar's cue, for which one that stands before
+/// scenery is taken for a hovering UAV.
+const HOVER_PROBABILITY: f64 = 0.9;
+const HOVER_SIGMAS: f64 = 2.0;
 /// Clear sky that must lie below a candidate that does not move [rad].
 const SKY_MARGIN_RAD: f64 = 4e-3;
+/// A range less sure than this, over the range, comes from the size alone; the spans of the catalogue's UAVs
+/// part from the one assumed by this, in the logarithm.
+const MEASURED_REL: f64 = 0.3;
+const SPANS_SIGMA_REL: f64 = 0.8;
 /// What a radar's cue adds at most to the log-odds of a track at its place, and takes from one elsewhere.
 const CUE_FOR: f64 = 1.0;
 const CUE_AGAINST: f64 = -3.0;
@@ -147,6 +156,8 @@ impl Situation<'_> {
             if !conduct.flown && conduct.still_s >= SCENERY_S && scenery {
                 conduct.in_scenery = true;
                 background.learn(at, t_s);
+            } else if conduct.in_sky && !doubted {
+                conduct.in_scenery = false;
             }
         }
     }
@@ -167,7 +178,13 @@ impl Situation<'_> {
             .range
             .range_m(self.t_s())
             .map_or(0.0, |(range_m, sigma_m)| {
-                let sigma = (sigma_m / range_m).hypot(cue.range_sigma_m / cue.range_m);
+                let sigma_rel = sigma_m / range_m;
+                let sigma_rel = if sigma_rel > MEASURED_REL {
+                    sigma_rel.max(SPANS_SIGMA_REL)
+                } else {
+                    sigma_rel
+                };
+                let sigma = sigma_rel.hypot(cue.range_sigma_m / cue.range_m);
                 (range_m / cue.range_m).ln() / sigma
             });
         let distance2 = direction * direction + range * range;
@@ -209,8 +226,20 @@ impl Situation<'_> {
         track.total_hits() >= CANDIDATE_HITS
             && self.t_s() >= track.barred_until_s
             && (track.misses == 0 || self.fresh(track))
-            && !conduct.is_scenery()
-            && (conduct.in_sky || conduct.flown || conduct.moving_s >= MOVED_S)
+            && (self.may_hover(track)
+                || !conduct.is_scenery()
+                    && (conduct.in_sky || conduct.flown || conduct.moving_s >= MOVED_S))
+    }
+
+    /// Whether a track may be a UAV though it stands before scenery: the recogniser is sure, or it
+    /// looks like one where the radar has its target.
+    fn may_hover(&self, track: &Track) -> bool {
+        let at = track.filter.predicted(self.t_s()).az_el_rad();
+        let cued = self.cue.is_some_and(|cue| {
+            separation_rad(at, cue.az_el_rad) < HOVER_SIGMAS * cue.sigma_rad.max_element()
+        });
+        let sure = |found: Recognition| found.p_uav() > HOVER_PROBABILITY;
+        track.recognition.is_some_and(sure) || cued && track.log_odds() > CHOSEN
     }
 
     /// Why a track may be a UAV.
