@@ -255,9 +255,9 @@ def test_what_is_no_uav_is_named(maker, label):
 
 
 def test_a_bird_does_not_raise_a_uavs_score():
-    shares = torch.tensor([[0.3, 0.25, 0.05, 0.4, 0, 0, 0, 0], [0.1, 0.1, 0.1, 0.3, 0.4, 0, 0, 0]])
+    shares = torch.tensor([[0.3, 0.25, 0.05, 0.4, 0, 0, 0, 0], [0.1, 0.05, 0.1, 0.35, 0.4, 0, 0, 0], [0.1, 0.25, 0, 0.65, 0, 0, 0, 0]])
     labels, share = verdict(shares)
-    assert labels.tolist() == [0, 4] and share.tolist() == pytest.approx([0.6, 0.7])
+    assert labels.tolist() == [0, 4, 1] and share.tolist() == pytest.approx([0.6, 0.75, 0.35])
     labels, score = any_of(torch.tensor([[0.5, 0.5, 0.0, 0.7, 0, 0, 0, 0], [0.1, 0, 0, 0.2, 0.2, 0, 0, 0]]))
     assert labels.tolist() == [0, 3] and score.tolist() == pytest.approx([0.75, 0.36])
     assert verdict(torch.tensor([[0.2, 0.5, 0.3]]))[1].tolist() == [1.0]  # nothing but UAVs

@@ -33,7 +33,7 @@ const LEAST_WEIGHT: f64 = 0.02;
 pub enum ScoreModel {
     /// From this one on, at any size.
     Fixed(f64),
-    /// A trained network: the fewer pixels, the lower its scores of UAVs are.
+    /// A trained network: the fewer pixels, the less its answer says.
     BySize,
 }
 
@@ -58,19 +58,9 @@ impl Default for EvidenceParams {
     }
 }
 
-/// Sizes of boxes [px], and the logits of the shipped network's scores that are as likely of a gull or of
-/// scenery as of a UAV.
-const NEUTRAL: [(f64, f64); 3] = [(5.0, -1.5), (8.0, -0.6), (20.0, -0.2)];
-
-/// The value at `x` of points in order of `x`, straight over its logarithm, and flat beyond them.
-fn interpolated(points: &[(f64, f64)], x: f64) -> f64 {
-    let after = points.partition_point(|(at, _)| *at <= x);
-    match (after.checked_sub(1).map(|i| points[i]), points.get(after)) {
-        (Some((x0, y0)), Some((x1, y1))) => y0 + (y1 - y0) * (x / x0).ln() / (x1 / x0).ln(),
-        (Some((_, y)), None) | (None, Some(&(_, y))) => y,
-        (None, None) => 0.0,
-    }
-}
+/// The logit of a trained network's score that is as likely of a UAV as of anything else it calls one, at any
+/// size: where the counts of the two cross on rendered pictures (docs/validation.md).
+const NEUTRAL: f64 = -0.9;
 
 /// ln(p / (1 − p)).
 pub fn logit(p: f64) -> f64 {
@@ -79,23 +69,22 @@ pub fn logit(p: f64) -> f64 {
 }
 
 impl EvidenceParams {
-    /// The logit of a score that is as likely of a UAV as of anything else, at a size [px].
-    fn neutral(&self, size_px: f64) -> f64 {
+    /// The logit of a score that is as likely of a UAV as of anything else.
+    fn neutral(&self) -> f64 {
         match self.score {
             ScoreModel::Fixed(score) => logit(score),
-            // Between what it gives UAVs and gulls in runs (docs/validation.md): dots and pictures apart.
-            ScoreModel::BySize => interpolated(&NEUTRAL, size_px),
+            ScoreModel::BySize => NEUTRAL,
         }
     }
 
-    /// What a detection says: of this score, class and size, its box fluttering so many times as much as
-    /// a rigid body's.
-    pub fn of_hit(&self, score: f64, label: u32, size_px: f64, flutter: f64) -> f64 {
+    /// What a detection says: of this score and class, its box fluttering so many times as much as a rigid
+    /// body's.
+    pub fn of_hit(&self, score: f64, label: u32, flutter: f64) -> f64 {
         let other = label < 64 && self.other_classes >> label & 1 == 1;
         let of_score = if other {
             OTHER_CLASS
         } else {
-            (logit(score) - self.neutral(size_px)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
+            (logit(score) - self.neutral()).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
         };
         let of_shape = (RIGID_RATIO / flutter).ln().clamp(-1.5, 0.5);
         SEEN_STEP * (1.0 - self.min_quality) + of_score + of_shape
@@ -186,7 +175,7 @@ mod tests {
         for i in 1..=(span_s * f64::from(hz)) as u32 {
             let lambda = match score(i) {
                 0.0 => params.of_miss(),
-                score => params.of_hit(score, 0, size_px, 1.0),
+                score => params.of_hit(score, 0, 1.0),
             };
             evidence.on_look(
                 &params,

@@ -433,6 +433,24 @@ mod tests {
     }
 
     #[test]
+    fn one_answer_overturns_no_judgement() {
+        let found = |p_uav: f64, t_s: f64| {
+            let mut probabilities = [0.0; CLASSES];
+            (probabilities[0], probabilities[1]) = (p_uav, 1.0 - p_uav);
+            Recognition { probabilities, t_s }
+        };
+        let mut now = found(0.95, 0.0);
+        let mut after_s = 0.0;
+        while now.p_uav() > 0.5 {
+            after_s += 0.125;
+            now = found(0.05, after_s).after(&now);
+            assert!((now.probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+        // A mean over 0.4 s is half turned after 0.4 ln 2 s, at the next answer.
+        assert_eq!(after_s, 0.375);
+    }
+
+    #[test]
     fn features_stand_where_their_names_say() {
         assert_eq!(FEATURES[FEATURE_SEEN], "seen_share");
         for class in TrackClass::ALL {

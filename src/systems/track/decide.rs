@@ -436,12 +436,21 @@ mod tests {
     /// A UAV 600 m away that sinks at `sink_mps`, is fired at for 0.2 s or not, and falls with `fall_mps2`
     /// from then on for two seconds: why it is no target any more.
     fn given_up(sink_mps: f64, fall_mps2: f64, fired: bool) -> Option<String> {
+        let sunk_m = |t_s: f64| sink_mps * t_s + 0.5 * fall_mps2 * (t_s - 1.0).max(0.0).powi(2);
+        given_up_on(sunk_m, fired)
+    }
+
+    /// The same of one that has sunk so far [m] at a time [s].
+    fn given_up_on(sunk_m: impl Fn(f64) -> f64, fired: bool) -> Option<String> {
         let params = params();
         let mut tracker = Tracker::default();
         for frame in 0..180_u32 {
             let t_s = f64::from(frame) / 60.0;
-            let sunk_m = sink_mps * t_s + 0.5 * fall_mps2 * (t_s - 1.0).max(0.0).powi(2);
-            see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0 - sunk_m)]);
+            see(
+                &mut tracker,
+                t_s,
+                &[DVec3::new(0.0, 600.0, 80.0 - sunk_m(t_s))],
+            );
             if frame == 30 {
                 let id = tracker.table.tracks[0].id;
                 tracker.acquire(u64::from(frame * FRAME), id, "test");
@@ -543,6 +552,8 @@ mod tests {
         assert_eq!(given_up(8.0, 0.0, true), None);
         assert_eq!(given_up(0.0, 0.0, true), None);
         assert_eq!(given_up(0.0, 9.8, false), None);
+        // It rose to its place while it was fired at.
+        assert_eq!(given_up_on(|t_s| -8.0 * t_s.min(1.2), true), None);
         assert_eq!(
             given_up(0.0, 9.8, true).as_deref(),
             Some("the target falls")

@@ -329,7 +329,7 @@ fn a_fluttering_box_does_not_break_its_track() {
     let los = track.filter.predicted(3.0);
     assert!((los.az_rad - 0.03).abs() < 1e-4, "{}", los.az_rad);
     // Scores and shape alone: what flutters so speaks less for a UAV than what holds still.
-    let says = |flutter| READS.of_hit(0.5, 0, 20.0, flutter);
+    let says = |flutter| READS.of_hit(0.5, 0, flutter);
     assert!(track.flutter[0].ratio() > 2.0 && says(track.flutter[0].ratio()) < says(1.0) - 0.5);
 }
 
@@ -344,4 +344,56 @@ fn what_began_in_scenery_is_scenery_until_it_flies() {
     assert_eq!(scenery, [true, false]);
     table.tracks[0].conduct.flown = true;
     assert!(!table.tracks[0].conduct.is_scenery());
+}
+
+#[test]
+fn a_camera_that_never_saw_a_track_does_not_talk_it_down() {
+    let log_odds = |finer: bool| {
+        let mut table = TrackTable::default();
+        let mut id = 0;
+        for i in 0..120_u32 {
+            let t_s = f64::from(i) / 60.0;
+            let seen = Sighting {
+                size_rad: 1e-3,
+                score: 0.5,
+                ..sighting(0.1, 0.1)
+            };
+            id = table.update(&look(t_s, &[seen]))[0].expect("a track");
+            for half in 0..if finer && i > 60 { 2 } else { 0 } {
+                let unseen = CameraLook {
+                    tier: 2,
+                    ifov_rad: 3e-5,
+                    start_tracks: false,
+                    ..look(t_s + f64::from(half) / 120.0, &[])
+                };
+                table.update(&unseen);
+            }
+        }
+        table.get(id).expect("the track").log_odds()
+    };
+    let (alone, doubted) = (log_odds(false), log_odds(true));
+    assert!(
+        alone > 2.0 && (0.0..alone).contains(&doubted),
+        "{alone} {doubted}"
+    );
+}
+
+#[test]
+fn a_box_that_a_track_would_refuse_takes_none_from_it() {
+    let mut table = TrackTable::default();
+    let sigma_rad = 6e-5;
+    let seen = |az| Sighting {
+        sigma_rad,
+        ..sighting(az, 0.1)
+    };
+    for i in 0..30 {
+        table.update(&look(f64::from(i) / 60.0, &[seen(0.1), seen(0.1002)]));
+    }
+    assert_eq!(table.tracks.len(), 2);
+    let right = table.tracks[1].id;
+    // The right one is seen where it is, the left one not at all; a false box lies 6.5σ to the right.
+    let spread_rad = table.tracks[1].filter.predicted(0.5).sigma_rad().x;
+    let false_az = 0.1002 + 6.5 * spread_rad.hypot(sigma_rad) / 0.1_f64.cos();
+    let assigned = table.update(&look(0.5, &[seen(0.1002), seen(false_az)]));
+    assert_eq!(assigned[0], Some(right));
 }
