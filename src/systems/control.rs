@@ -342,6 +342,10 @@ pub fn choose_readouts(
         let frame = clock.tick / camera.period_ticks + 1;
         let wanted = match (tracker.state, camera.tier) {
             (TrackingState::Search, Tier::Search) => Readout::Full,
+            // In the middle of the gaze it shows what is too small for the search camera.
+            (TrackingState::Search, Tier::Coarse) if frame.is_multiple_of(WATCH_COARSE) => {
+                Readout::Full
+            }
             (TrackingState::Search, _) | (TrackingState::Acquire, Tier::Precise) => Readout::Off,
             // It helps where the coarse camera has not found the target again at once.
             (TrackingState::Lost, Tier::Search)
