@@ -53,8 +53,8 @@ def to_onnx(
     example = torch.zeros(1, 3, height, width)
     with torch.no_grad():
         shapes = [list(output.shape) for output in model.decode(example)]
-        smallest = example if model.fixed_size else torch.zeros(1, 3, model.min_side_px, model.min_side_px)
-        fixed_count = model.decode(smallest)[0].shape[1] == shapes[0][1]
+        smaller = example if model.fixed_size else example[..., : height // 2, : width // 2]
+        fixed_count = model.decode(smaller)[0].shape[1] == shapes[0][1]
     dynamic = {"image": {0: "batch"} | ({} if model.fixed_size else {2: "height", 3: "width"})}
     buffer = io.BytesIO()
     with warnings.catch_warnings():

@@ -12,7 +12,7 @@ pub struct Rules {
     pub keep_out: Vec<Zone>,
     /// Least angle from a risen sun [rad].
     pub sun_exclusion_rad: f64,
-    /// Least probability that a recognised target is a UAV.
+    /// Least probability that the target is a UAV.
     pub min_uav_probability: f64,
     /// How far ahead the line of sight is checked [s].
     pub look_ahead_s: f64,

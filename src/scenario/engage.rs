@@ -22,8 +22,8 @@ pub struct Engage {
     /// How far ahead the line of sight is checked for obstacles and keep-out zones: the laser is
     /// off before it gets there.
     pub look_ahead_s: f64,
-    /// Least probability by the recogniser that the target is a UAV, 0 to 1; a target that it has not
-    /// judged is left to the tracker's own evidence.
+    /// Least probability that the target is a UAV, 0 to 1: by the recogniser, or by the tracker's own
+    /// evidence where that has not judged it.
     pub min_uav_probability: f64,
     /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
     pub allow_backstop: Vec<Backstop>,
@@ -47,7 +47,7 @@ impl Default for Engage {
             keep_out: Vec::new(),
             sun_exclusion_deg: 5.0,
             look_ahead_s: 0.3,
-            min_uav_probability: 0.5,
+            min_uav_probability: 0.7,
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
             lock_radius_px: 3.0,

@@ -18,10 +18,9 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
 impl Rules {
-    /// Whether a track may be a UAV, by what it was recognised as, if it was.
+    /// Whether a track is likely enough a UAV.
     fn takes_for_uav(&self, track: &Track) -> bool {
-        let least = self.min_uav_probability;
-        track.recognition.is_none_or(|found| found.p_uav() >= least)
+        track.uav_belief() >= self.min_uav_probability
     }
 
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
@@ -251,7 +250,7 @@ mod tests {
             authorised: true,
             keep_out: Vec::new(),
             sun_exclusion_rad: 0.1,
-            min_uav_probability: 0.5,
+            min_uav_probability: 0.7,
             look_ahead_s: 0.3,
             beam_radius_m: 0.05,
             allow_sky: allow[0],
@@ -284,9 +283,9 @@ mod tests {
             start_tracks: true,
         });
         let track = &mut table.tracks[0];
-        // Nobody has looked at it yet: the tracker's own evidence counts.
-        assert!(rules([true; 3]).takes_for_uav(track));
-        for (p_uav, fires) in [(0.49, false), (0.5, true)] {
+        // One look is no evidence to fire on.
+        assert!(!rules([true; 3]).takes_for_uav(track));
+        for (p_uav, fires) in [(0.69, false), (0.71, true)] {
             track.recognition = Some(Recognition {
                 probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
                 t_s: 1.0,
