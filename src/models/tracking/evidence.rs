@@ -23,6 +23,8 @@ const OTHER_CLASS: f64 = -1.5;
 /// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
 /// times, in size or place (measured with the shipped network: docs/validation.md).
 const RIGID_RATIO: f64 = 1.5;
+/// Score from which on a box's flutter counts in full.
+const CLEAR_SCORE: f64 = 0.5;
 /// How long the best view of a track is remembered [s].
 const VIEW_MEMORY_S: f64 = 10.0;
 /// Least weight of a look at fewer pixels than the best.
@@ -86,7 +88,9 @@ impl EvidenceParams {
         } else {
             (logit(score) - self.neutral()).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
         };
-        let of_shape = (RIGID_RATIO / flutter).ln().clamp(-1.5, 0.5);
+        // The box of a faint picture flutters with its noise, whatever it shows.
+        let clear = (score / CLEAR_SCORE).min(1.0);
+        let of_shape = clear * (RIGID_RATIO / flutter).ln().clamp(-1.5, 0.5);
         SEEN_STEP * (1.0 - self.min_quality) + of_score + of_shape
     }
 
