@@ -1,4 +1,5 @@
 use super::*;
+use crate::models::flight::class::ObjectClass;
 use crate::models::optics::camera::PixelRect;
 use crate::models::optics::detection::Detection;
 use crate::scenario::Provider;
@@ -35,10 +36,11 @@ fn quadcopter(left_px: usize) -> Vec<u8> {
 #[test]
 fn the_shipped_models_load() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
+    let all = ObjectClass::ALL.map(ObjectClass::name);
     for (name, classes) in [
         ("saliency", &["uav"][..]),
-        ("boresight-p2-roi", &["fpv", "quadcopter", "hexacopter"]),
-        ("d-fine-nwd-p2-dsam", &["fpv", "quadcopter", "hexacopter"]),
+        ("boresight-p2-roi", &all),
+        ("d-fine-nwd-p2-dsam", &all[..3]),
     ] {
         let path = folder.join(format!("{name}.onnx"));
         let mut model = OnnxDetector::load(&path, 1).expect("a shipped model");

@@ -269,7 +269,7 @@ mod tests {
             az_el_rad: DVec2::new(0.1, 0.1),
             sigma_rad: 1e-5,
             size_rad: 1e-3,
-            score: 0.9,
+            score: 0.15,
             label: 0,
             weak: false,
         };
@@ -283,7 +283,7 @@ mod tests {
             start_tracks: true,
         });
         let track = &mut table.tracks[0];
-        // One look is no evidence to fire on.
+        // Nobody has looked at its last second yet: the tracker's own evidence counts.
         assert!(!rules([true; 3]).takes_for_uav(track));
         for (p_uav, fires) in [(0.69, false), (0.71, true)] {
             track.recognition = Some(Recognition {

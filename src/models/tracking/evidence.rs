@@ -63,6 +63,8 @@ impl Default for EvidenceParams {
 /// The logit of a trained network's score that is as likely of a UAV as of anything else it calls one, at any
 /// size: where the counts of the two cross on rendered pictures (docs/validation.md).
 const NEUTRAL: f64 = -0.9;
+/// How much more than its logit a score says: the counts part faster.
+const SCORE_SLOPE: f64 = 1.5;
 
 /// ln(p / (1 − p)).
 pub fn logit(p: f64) -> f64 {
@@ -71,11 +73,11 @@ pub fn logit(p: f64) -> f64 {
 }
 
 impl EvidenceParams {
-    /// The logit of a score that is as likely of a UAV as of anything else.
-    fn neutral(&self) -> f64 {
+    /// What a score says.
+    fn of_score(&self, score: f64) -> f64 {
         match self.score {
-            ScoreModel::Fixed(score) => logit(score),
-            ScoreModel::BySize => NEUTRAL,
+            ScoreModel::Fixed(neutral) => logit(score) - logit(neutral),
+            ScoreModel::BySize => SCORE_SLOPE * (logit(score) - NEUTRAL),
         }
     }
 
@@ -86,7 +88,7 @@ impl EvidenceParams {
         let of_score = if other {
             OTHER_CLASS
         } else {
-            (logit(score) - self.neutral()).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
+            (self.of_score(score)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
         };
         // The box of a faint picture flutters with its noise, whatever it shows.
         let clear = (score / CLEAR_SCORE).min(1.0);

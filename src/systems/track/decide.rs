@@ -553,7 +553,8 @@ mod tests {
         assert_eq!(given_up(0.0, 0.0, true), None);
         assert_eq!(given_up(0.0, 9.8, false), None);
         // It rose to its place while it was fired at.
-        assert_eq!(given_up_on(|t_s| -8.0 * t_s.min(1.2), true), None);
+        let rises = |t_s: f64| -8.0 * t_s.min(2.0) + 4.0 * (t_s.min(2.0) - 1.0).max(0.0).powi(2);
+        assert_eq!(given_up_on(rises, true), None);
         assert_eq!(
             given_up(0.0, 9.8, true).as_deref(),
             Some("the target falls")
