@@ -20,6 +20,8 @@ const MOST_OF_SCORE: f64 = 1.5;
 const SEEN_STEP: f64 = 1.5;
 /// What a box of a class that is no UAV says.
 const OTHER_CLASS: f64 = -1.5;
+/// Sizes up to which a class says nothing, and from which on it says all [px].
+const NAMED_PX: [f64; 2] = [5.0, 10.0];
 /// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
 /// times, in size or place (measured with the shipped network: docs/validation.md).
 const RIGID_RATIO: f64 = 1.5;
@@ -81,12 +83,14 @@ impl EvidenceParams {
         }
     }
 
-    /// What a detection says: of this score and class, its box fluttering so many times as much as a rigid
-    /// body's.
-    pub fn of_hit(&self, score: f64, label: u32, flutter: f64) -> f64 {
+    /// What a detection says: of this score, class and size, its box fluttering so many times as much as
+    /// a rigid body's.
+    pub fn of_hit(&self, score: f64, label: u32, size_px: f64, flutter: f64) -> f64 {
         let other = label < 64 && self.other_classes >> label & 1 == 1;
         let of_score = if other {
-            OTHER_CLASS
+            // Nobody can name a dot.
+            let named = (size_px - NAMED_PX[0]) / (NAMED_PX[1] - NAMED_PX[0]);
+            OTHER_CLASS * named.clamp(0.0, 1.0)
         } else {
             (self.of_score(score)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
         };
@@ -181,7 +185,7 @@ mod tests {
         for i in 1..=(span_s * f64::from(hz)) as u32 {
             let lambda = match score(i) {
                 0.0 => params.of_miss(),
-                score => params.of_hit(score, 0, 1.0),
+                score => params.of_hit(score, 0, size_px, 1.0),
             };
             evidence.on_look(
                 &params,
@@ -213,6 +217,17 @@ mod tests {
         assert!(still.log_odds() > 4.0, "{}", still.log_odds());
         let doubted = after(sure, 60, 1.2, 20.0, |i| if i % 3 == 0 { 0.2 } else { 0.0 });
         assert!(doubted.log_odds() < -2.0, "{}", doubted.log_odds());
+    }
+
+    #[test]
+    fn a_dot_has_no_name() {
+        let params = EvidenceParams {
+            other_classes: 0b10,
+            ..EvidenceParams::default()
+        };
+        let named = |size_px| params.of_hit(0.35, 1, size_px, 1.0);
+        assert!(named(4.5) > 0.5 && named(8.0) < 0.2 && named(12.0) < -0.4);
+        assert_eq!(named(12.0), named(40.0));
     }
 
     #[test]

@@ -753,7 +753,7 @@ impl Track {
         let size_px = self.size_rad / look.ifov_rad;
         let lambda = look
             .reads
-            .of_hit(sighting.score, sighting.label, flutter.ratio());
+            .of_hit(sighting.score, sighting.label, size_px, flutter.ratio());
         self.evidence.on_look(look.reads, lambda, size_px, look.t_s);
         // The mean of the first ones, so that a candidate is judged by several frames.
         let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);

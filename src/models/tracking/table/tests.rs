@@ -329,7 +329,7 @@ fn a_fluttering_box_does_not_break_its_track() {
     let los = track.filter.predicted(3.0);
     assert!((los.az_rad - 0.03).abs() < 1e-4, "{}", los.az_rad);
     // Scores and shape alone: what flutters so speaks less for a UAV than what holds still.
-    let says = |flutter| READS.of_hit(0.5, 0, flutter);
+    let says = |flutter| READS.of_hit(0.5, 0, 20.0, flutter);
     assert!(track.flutter[0].ratio() > 2.0 && says(track.flutter[0].ratio()) < says(1.0) - 0.5);
 }
 
