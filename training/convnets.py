@@ -244,7 +244,7 @@ class BoresightP2Roi(BoresightP2):
 
     tells_class = False
     looks = (6, 24)  # highest peaks that get a second look in the smallest and in a large picture
-    look_area = 8192  # [px] of picture a look, between them: a second look costs what 10,000 px of maps cost
+    look_area = 8192  # [px] of picture a look, between them: a look costs what some 3,500 px of maps cost
     grid = 24  # samples a side of the picture, and a quarter as many of the features
     taught = 12  # highest peaks of a picture that the second stage learns from
 

@@ -220,7 +220,7 @@ impl Situation<'_> {
             .map(|(_, track, threat_s)| (track.id, threat_s, self.reason(track)))
     }
 
-    /// Whether a track has been seen long enough, and moves or stands in clear sky.
+    /// Whether a track has been seen long enough, and moves, stands in clear sky or may hover.
     fn may_be_target(&self, track: &Track) -> bool {
         let conduct = &track.conduct;
         track.total_hits() >= CANDIDATE_HITS
