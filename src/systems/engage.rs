@@ -190,6 +190,14 @@ pub struct Surroundings {
     refused: Vec<&'static str>,
 }
 
+/// Whether a track is something to be spared: seen often enough and lately, and no part of what stands
+/// solid behind it. What stands in clear sky, a balloon or a kestrel, is spared whatever it is taken for.
+fn is_object(track: &Track, t_s: f64) -> bool {
+    track.total_hits() >= OBJECT_HITS
+        && t_s - track.seen_s() < OBJECT_S
+        && (track.conduct.in_sky || !track.conduct.is_scenery())
+}
+
 /// Adds the reasons not to fire at a track that hold in this tick: the sun, others in the beam, its fall.
 fn look_along(
     clock: &SimClock,
@@ -205,12 +213,8 @@ fn look_along(
     if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
         refused.push("sun behind the target");
     }
-    let mut others = tracker.table.tracks.iter().filter(|other| {
-        other.id != track.id
-            && other.total_hits() >= OBJECT_HITS
-            && !other.conduct.is_scenery()
-            && t_s - other.seen_s() < OBJECT_S
-    });
+    let mut others =
+        (tracker.table.tracks.iter()).filter(|other| other.id != track.id && is_object(other, t_s));
     if others.any(|other| {
         let nearest_m = other.range.nearest_m(t_s).unwrap_or(range_m);
         let beam_rad = beam_half_angle_rad(rules.beam_radius_m, range_m, nearest_m);
@@ -262,29 +266,50 @@ mod tests {
         }
     }
 
+    /// A table with one track, seen so many times with a score until 0 s.
+    fn seen(times: u32, score: f64) -> TrackTable {
+        let mut table = TrackTable::default();
+        for i in 1..=times {
+            let sighting = Sighting {
+                az_el_rad: DVec2::new(0.1, 0.1),
+                sigma_rad: 1e-5,
+                size_rad: 1e-3,
+                score,
+                label: 0,
+                weak: false,
+            };
+            table.update(&CameraLook {
+                tier: 0,
+                t_s: (f64::from(i) - f64::from(times)) / 60.0,
+                ifov_rad: 1e-4,
+                reads: &EvidenceParams::default(),
+                sightings: &[sighting],
+                in_view: &|_| true,
+                start_tracks: true,
+            });
+        }
+        table
+    }
+
+    #[test]
+    fn scenery_is_not_spared_but_what_stands_in_the_sky_is() {
+        let mut table = seen(OBJECT_HITS, 0.5);
+        let track = &mut table.tracks[0];
+        assert!(is_object(track, 0.5) && !is_object(track, 1.5));
+        track.conduct.in_scenery = true;
+        assert!(!is_object(track, 0.5));
+        track.conduct.in_sky = true;
+        assert!(is_object(track, 0.5));
+        assert!(!is_object(&seen(OBJECT_HITS - 1, 0.5).tracks[0], 0.5));
+    }
+
     #[test]
     fn what_is_recognised_as_no_uav_is_not_fired_at() {
-        let mut table = TrackTable::default();
-        let sighting = Sighting {
-            az_el_rad: DVec2::new(0.1, 0.1),
-            sigma_rad: 1e-5,
-            size_rad: 1e-3,
-            score: 0.15,
-            label: 0,
-            weak: false,
-        };
-        table.update(&CameraLook {
-            tier: 0,
-            t_s: 0.0,
-            ifov_rad: 1e-4,
-            reads: &EvidenceParams::default(),
-            sightings: &[sighting],
-            in_view: &|_| true,
-            start_tracks: true,
-        });
-        let track = &mut table.tracks[0];
         // Nobody has looked at its last second yet: the tracker's own evidence counts.
-        assert!(!rules([true; 3]).takes_for_uav(track));
+        let takes = |score| rules([true; 3]).takes_for_uav(&seen(1, score).tracks[0]);
+        assert!(takes(0.9) && !takes(0.15));
+        let mut table = seen(1, 0.9);
+        let track = &mut table.tracks[0];
         for (p_uav, fires) in [(0.69, false), (0.71, true)] {
             track.recognition = Some(Recognition {
                 probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],

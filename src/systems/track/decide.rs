@@ -365,6 +365,7 @@ mod tests {
     use super::*;
     use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
     use crate::models::tracking::evidence::EvidenceParams;
+    use crate::models::tracking::recognition::Recognition;
     use crate::models::tracking::table::{CameraLook, Sighting};
     use crate::systems::track::situation::patience_s;
     use glam::{DVec2, DVec3};
@@ -522,6 +523,40 @@ mod tests {
         );
         let waited_s = changed_s.unwrap() - 1.0;
         assert!((RIVAL_S..RIVAL_S + 0.1).contains(&waited_s), "{waited_s}");
+    }
+
+    #[test]
+    fn scenery_may_hover_where_the_recogniser_or_the_radar_says_so() {
+        let params = params();
+        let mut tracker = Tracker::default();
+        let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+        for frame in 0..12_u32 {
+            see(&mut tracker, f64::from(frame) / 60.0, &[r_enu_m]);
+        }
+        tracker.table.tracks[0].conduct.in_scenery = true;
+        let at = los_to_az_el(r_enu_m);
+        let cue = |off_rad: f64| RadarCue {
+            az_el_rad: at + DVec2::new(off_rad, 0.0),
+            sigma_rad: DVec2::splat(0.01),
+            range_m: r_enu_m.length(),
+            range_sigma_m: 15.0,
+        };
+        let chosen = |tracker: &Tracker, cue| {
+            let now = Situation {
+                cue,
+                ..situation(&params, 12 * FRAME)
+            };
+            now.candidate(tracker).is_some()
+        };
+        assert!(!chosen(&tracker, None) && !chosen(&tracker, Some(cue(0.03))));
+        assert!(chosen(&tracker, Some(cue(0.01))));
+        for (p_uav, may) in [(0.85, false), (0.95, true)] {
+            tracker.table.tracks[0].recognition = Some(Recognition {
+                probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                t_s: 0.2,
+            });
+            assert_eq!(chosen(&tracker, None), may, "{p_uav}");
+        }
     }
 
     #[test]
