@@ -25,6 +25,7 @@ import torch  # noqa: E402
 from torch import nn  # noqa: E402
 from torch.nn import functional as F  # noqa: E402
 
+import plot  # noqa: E402
 from recogniser_interface import CHIP, CLASSES, FEATURES, STEPS  # noqa: E402
 
 AT = {name: k for k, name in enumerate(FEATURES)}
@@ -320,27 +321,6 @@ def measures(p: np.ndarray, tracks: Tracks) -> dict:
     }  # fmt: skip
 
 
-def reliability_svg(rows: list[dict], path: Path, title: str) -> None:
-    """How often what is given a probability of being a UAV is one."""
-    left, top, side = 60, 40, 320
-    x, y = (lambda p: left + side * p), (lambda p: top + side * (1 - p))
-    out = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + side + 30}" height="{top + side + 60}" font-family="sans-serif" font-size="12">',
-        f'<rect width="100%" height="100%" fill="white"/><text x="{left}" y="20">{title}</text>',
-        f'<path d="M{x(0)} {y(0)}L{x(1)} {y(1)}" stroke="#999" stroke-dasharray="4 3"/>',
-        f'<rect x="{left}" y="{top}" width="{side}" height="{side}" fill="none" stroke="#444"/>',
-    ]
-    for k in range(0, 11, 2):
-        out.append(f'<text x="{x(k / 10) - 8:.0f}" y="{top + side + 18}">{k / 10}</text><text x="{left - 28}" y="{y(k / 10) + 4:.0f}">{k / 10}</text>')
-    out.append(f'<text x="{left + 70}" y="{top + side + 42}">probability of being a UAV</text>')
-    out.append(f'<text transform="translate(16 {top + side - 70}) rotate(-90)">share that are UAVs</text>')
-    places = [(x(row["p"]), y(row["share"]), 2 + 12 * row["weight"] ** 0.5) for row in rows]
-    line = " ".join(f"{a:.1f},{b:.1f}" for a, b, _ in places)
-    out.append(f'<polyline points="{line}" fill="none" stroke="#1f4e8c" stroke-width="1.5"/>')
-    out += [f'<circle cx="{a:.1f}" cy="{b:.1f}" r="{r:.1f}" fill="#1f4e8c" fill-opacity="0.5"/>' for a, b, r in places]
-    path.write_text("\n".join(out) + "\n</svg>\n")
-
-
 # --- export ---
 
 
@@ -492,7 +472,7 @@ def main() -> None:
         writer = csv.DictWriter(file, log[0].keys())
         writer.writeheader()
         writer.writerows(log)
-    reliability_svg(report["test"]["reliability_uav"], args.out / "reliability.svg", f"{len(test)} sequences of runs held out")
+    plot.reliability(report["test"]["reliability_uav"], args.out / "reliability.svg", f"{len(test)} sequences of runs held out")
     shown = {k: v for k, v in report["test"].items() if k not in ("reliability_uav",)}
     print(json.dumps(report | {"test": shown}, indent=1))
     print(f"{args.out / 'recogniser.onnx'}: {len(graph)} bytes, differs from PyTorch by {worst:.1e}")

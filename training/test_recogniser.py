@@ -48,8 +48,8 @@ def test_names_are_those_of_the_program():
     text = RUST.read_text()
     listed = re.search(r"FEATURES: \[&str; \d+\] = \[(.*?)\];", text, re.S).group(1)
     assert tuple(re.findall(r'"(\w+)"', listed)) == FEATURES
-    names = re.findall(r'Self::\w+ => "(\w+)"', text)
-    assert tuple(names) == CLASSES
+    named = re.search(r"ALL: \[Self; CLASSES\] = \[(.*?)\];", text, re.S).group(1)
+    assert tuple(name.lower() for name in re.findall(r"Self::(\w+)", named)) == CLASSES
     assert f"STEPS: usize = {STEPS}" in text
 
 
@@ -137,8 +137,8 @@ def test_it_learns_exports_and_keeps_to_its_size(tmp_path):
     ask = lambda c: r.session(graph).run(None, {"chips": r.planes(c).numpy(), "features": features.numpy(), "mask": mask.numpy()})[0]
     assert np.abs(ask(chips) - ask(other)).max() < 1e-5
     path = tmp_path / "reliability.svg"
-    r.reliability_svg(r.measures(torch.softmax(r.logits_of(model, fresh), 1).numpy(), fresh)["reliability_uav"], path, "test")
-    assert path.read_text().count("<circle") >= 1
+    r.plot.reliability(r.measures(torch.softmax(r.logits_of(model, fresh), 1).numpy(), fresh)["reliability_uav"], path, "test")
+    assert "share that are UAVs" in path.read_text()
 
 
 def test_scenarios_are_drawn_from_their_seeds():

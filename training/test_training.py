@@ -329,7 +329,7 @@ def test_resumed_equals_uninterrupted(tmp_path):
         assert all(torch.equal(v, b[key][k]) for k, v in a[key].items())
     logs = [[r.split(",")[0:2] + r.split(",")[3:] for r in (tmp_path / n / "log.csv").read_text().splitlines()] for n in ("whole", "parts")]
     assert logs[0] == logs[1]  # but for the seconds
-    assert (tmp_path / "whole/curves.svg").read_text().startswith("<svg")
+    assert "<svg" in (tmp_path / "whole/curves.svg").read_text()
     refused = run(tmp_path / "whole")
     assert refused.returncode != 0 and "--resume" in refused.stderr
     other = run(tmp_path / "whole", "--resume", "--lr", "1")
@@ -341,7 +341,7 @@ def test_figures_of_a_run_and_of_misses(tmp_path, folder):
     assert done.returncode == 0, done.stderr
     assert {p.name for p in (tmp_path / "kept").glob("step-*.pt")} == {"step-3.pt", "step-6.pt"}
     figures.learning([tmp_path / "kept"], folder / "train", 2, tmp_path / "figure.svg")
-    assert all("polyline" in (tmp_path / f"figure_{kind}.svg").read_text() for kind in ("loss", "ap"))
+    assert all("thousand crops" in (tmp_path / f"figure_{kind}.svg").read_text() for kind in ("loss", "ap"))
     coco = json.loads((folder / "train/annotations.json").read_text())
     truth = next(a for a in coco["annotations"] if a["category_id"] <= 3)
     x, y, w, h = truth["bbox"]

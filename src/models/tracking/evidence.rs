@@ -74,6 +74,11 @@ pub fn logit(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
 }
 
+/// How much the class says that is named at such a size, 0 to 1: nobody can name a dot.
+pub fn named_share(size_px: f64) -> f64 {
+    ((size_px - NAMED_PX[0]) / (NAMED_PX[1] - NAMED_PX[0])).clamp(0.0, 1.0)
+}
+
 impl EvidenceParams {
     /// What a score says.
     fn of_score(&self, score: f64) -> f64 {
@@ -88,9 +93,7 @@ impl EvidenceParams {
     pub fn of_hit(&self, score: f64, label: u32, size_px: f64, flutter: f64) -> f64 {
         let other = label < 64 && self.other_classes >> label & 1 == 1;
         let of_score = if other {
-            // Nobody can name a dot.
-            let named = (size_px - NAMED_PX[0]) / (NAMED_PX[1] - NAMED_PX[0]);
-            OTHER_CLASS * named.clamp(0.0, 1.0)
+            OTHER_CLASS * named_share(size_px)
         } else {
             (self.of_score(score)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
         };

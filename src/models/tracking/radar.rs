@@ -82,6 +82,9 @@ pub struct RadarCue {
     pub range_m: f64,
     /// Its standard deviation [m].
     pub range_sigma_m: f64,
+    /// Rates on the sky, cross-elevation (x) and elevation (y) [rad/s], and their standard deviations.
+    pub rate_radps: DVec2,
+    pub rate_sigma_radps: DVec2,
 }
 
 /// A radar's track of one target: position and velocity relative to the radar, in `enu`.
@@ -154,19 +157,22 @@ impl RadarTrack {
         let range_m = r_m.length().max(LEAST_RANGE_M);
         let az_el_rad = los_to_az_el(r_m);
         let ((sin_az, cos_az), (sin_el, cos_el)) = (az_el_rad.x.sin_cos(), az_el_rad.y.sin_cos());
-        let position = p.fixed_view::<3, 3>(0, 0);
-        let sigma_m = |x: f64, y: f64, z: f64| {
-            let axis = Vector3::new(x, y, z);
-            (axis.transpose() * position * axis)[0].max(0.0).sqrt()
-        };
+        let (right, up, along) = (
+            Vector3::new(cos_az, -sin_az, 0.0),
+            Vector3::new(-sin_az * sin_el, -cos_az * sin_el, cos_el),
+            Vector3::new(sin_az * cos_el, cos_az * cos_el, sin_el),
+        );
+        let (position, velocity) = (p.fixed_view::<3, 3>(0, 0), p.fixed_view::<3, 3>(3, 3));
+        let sigma = |of: Matrix3<f64>, axis: Vector3<f64>| axis.dot(&(of * axis)).max(0.0).sqrt();
+        let sky = |of: Matrix3<f64>| DVec2::new(sigma(of, right), sigma(of, up)) / range_m;
+        let v_mps: Vector3<f64> = x.fixed_rows::<3>(3).into();
         RadarCue {
             az_el_rad,
-            sigma_rad: DVec2::new(
-                sigma_m(cos_az, -sin_az, 0.0),
-                sigma_m(-sin_az * sin_el, -cos_az * sin_el, cos_el),
-            ) / range_m,
+            sigma_rad: sky(position.into()),
             range_m,
-            range_sigma_m: sigma_m(sin_az * cos_el, cos_az * cos_el, sin_el),
+            range_sigma_m: sigma(position.into(), along),
+            rate_radps: DVec2::new(v_mps.dot(&right), v_mps.dot(&up)) / range_m,
+            rate_sigma_radps: sky(velocity.into()),
         }
     }
 }
@@ -205,8 +211,8 @@ mod tests {
     }
 
     /// Flies a target under the track's own assumptions; squared errors in units of the covariance
-    /// of the state (6 degrees of freedom) and of direction and range (3).
-    fn normalised_errors(seed: u64) -> (f64, f64) {
+    /// of the state (6 degrees of freedom), of direction and range (3) and of the rates on the sky (2).
+    fn normalised_errors(seed: u64) -> [f64; 3] {
         let mut rng = Stream::new(seed, 0, "test");
         let mut r = DVec3::new(-700.0, 650.0, 90.0);
         let mut v = DVec3::from(FIRST_VELOCITY_SIGMA_MPS) * rng.normal3();
@@ -228,21 +234,26 @@ mod tests {
         let (cue, at) = (track.cue(t), los_to_az_el(r));
         let off = (at - cue.az_el_rad) * DVec2::new(at.y.cos(), 1.0) / cue.sigma_rad;
         let range = (r.length() - cue.range_m) / cue.range_sigma_m;
-        (state, off.length_squared() + range * range)
+        let step = 1e-3; // [s]
+        let rates = (los_to_az_el(r + v * step) - at) * DVec2::new(at.y.cos(), 1.0) / step;
+        let rates_off = (rates - cue.rate_radps) / cue.rate_sigma_radps;
+        [
+            state,
+            off.length_squared() + range * range,
+            rates_off.length_squared(),
+        ]
     }
 
     #[test]
     fn the_track_knows_its_own_error() {
         let n = 400;
         let errors: Vec<_> = (0..n).map(normalised_errors).collect();
-        let mean = |f: fn(&(f64, f64)) -> f64| errors.iter().map(f).sum::<f64>() / n as f64;
-        // Chi-squared means of k degrees of freedom: five standard errors sqrt(2 k / n).
-        let (state, cue) = (mean(|e| e.0), mean(|e| e.1));
-        assert!(
-            (state - 6.0).abs() < 5.0 * (12.0 / n as f64).sqrt(),
-            "{state}"
-        );
-        assert!((cue - 3.0).abs() < 5.0 * (6.0 / n as f64).sqrt(), "{cue}");
+        for (k, degrees) in [6.0_f64, 3.0, 2.0].into_iter().enumerate() {
+            let mean = errors.iter().map(|error| error[k]).sum::<f64>() / n as f64;
+            // Five standard errors of a chi-squared mean.
+            let bound = 5.0 * (2.0 * degrees / n as f64).sqrt();
+            assert!((mean - degrees).abs() < bound, "{k}: {mean}");
+        }
     }
 
     #[test]

@@ -194,8 +194,8 @@ impl Track {
         self.occlusion.is_some_and(|occlusion| occlusion.hides(t_s))
     }
 
-    /// Rate on the sky [rad/s] and how many standard deviations it differs from zero.
-    pub fn motion(&self, t_s: f64) -> (f64, f64) {
+    /// Rates on the sky, cross-elevation and elevation [rad/s], and their standard deviations.
+    pub fn rates(&self, t_s: f64) -> (DVec2, DVec2) {
         let los = self.filter.predicted(t_s);
         let cos_el = los.el_rad.cos();
         let rate = DVec2::new(los.az_rate_radps * cos_el, los.el_rate_radps);
@@ -203,6 +203,12 @@ impl Track {
             los.covariance[0][(1, 1)].sqrt() * cos_el,
             los.covariance[1][(1, 1)].sqrt(),
         );
+        (rate, sigma)
+    }
+
+    /// Rate on the sky [rad/s] and how many standard deviations it differs from zero.
+    pub fn motion(&self, t_s: f64) -> (f64, f64) {
+        let (rate, sigma) = self.rates(t_s);
         (rate.length(), (rate / sigma).length())
     }
 

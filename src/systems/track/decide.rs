@@ -535,11 +535,13 @@ mod tests {
         }
         tracker.table.tracks[0].conduct.in_scenery = true;
         let at = los_to_az_el(r_enu_m);
-        let cue = |off_rad: f64| RadarCue {
+        let cue = |off_rad: f64, rate_radps: f64| RadarCue {
             az_el_rad: at + DVec2::new(off_rad, 0.0),
             sigma_rad: DVec2::splat(0.01),
             range_m: r_enu_m.length(),
             range_sigma_m: 15.0,
+            rate_radps: DVec2::new(rate_radps, 0.0),
+            rate_sigma_radps: DVec2::splat(5e-3),
         };
         let chosen = |tracker: &Tracker, cue| {
             let now = Situation {
@@ -548,8 +550,10 @@ mod tests {
             };
             now.candidate(tracker).is_some()
         };
-        assert!(!chosen(&tracker, None) && !chosen(&tracker, Some(cue(0.03))));
-        assert!(chosen(&tracker, Some(cue(0.01))));
+        assert!(!chosen(&tracker, None) && !chosen(&tracker, Some(cue(0.03, 0.0))));
+        assert!(chosen(&tracker, Some(cue(0.01, 0.005))));
+        // What the radar sees fly does not stand there.
+        assert!(!chosen(&tracker, Some(cue(0.01, 0.03))));
         for (p_uav, may) in [(0.85, false), (0.95, true)] {
             tracker.table.tracks[0].recognition = Some(Recognition {
                 probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],

@@ -7,6 +7,7 @@ use crate::models::engage::interlock::FAR_M;
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::ground::dsm::Dsm;
 use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::tracking::evidence::named_share;
 use crate::models::tracking::radar::RadarCue;
 use crate::models::tracking::recognition::Recognition;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
@@ -18,9 +19,10 @@ pub(super) const CONFIRM_HITS: u32 = 4;
 pub(super) const WEIGHING_HZ: u32 = 10;
 /// Hits after which a search track may become the target.
 const CANDIDATE_HITS: u32 = 6;
-/// Log-odds from which on a track is chosen (four to one), and from which on one takes the place of a target
-/// that is held.
+/// Log-odds from which on a track is chosen: four to one where its class can be named, less for a dot,
+/// which only a closer look can tell; and from which on one takes the place of a target that is held.
 const CHOSEN: f64 = 1.5;
+const CHOSEN_DOT: f64 = 0.5;
 const RIVAL: f64 = 4.0;
 /// Hits that make a track worth judging: a false alarm seldom comes back.
 const JUDGED_HITS: u32 = 3;
@@ -51,8 +53,11 @@ const SPANS_SIGMA_REL: f64 = 0.8;
 const CUE_FOR: f64 = 1.0;
 const CUE_AGAINST: f64 = -3.0;
 /// A target's squared distance from the cue at which that says nothing: the mean of three Gaussian degrees
-/// of freedom, doubled.
+/// of freedom, doubled; and the mean of that of its two rates, below which they say nothing.
 const CUE_NEUTRAL: f64 = 6.0;
+const RATES_EXPECTED: f64 = 2.0;
+/// Squared distance of a hovering UAV's rates from the radar's that is exceeded once in a hundred times.
+const RATES_MOST: f64 = 9.2;
 
 /// Time without a hit after which a camera of `rate_hz` [Hz] has lost the target [s]: a slow one may
 /// miss a frame, as the faster ones may miss several.
@@ -187,26 +192,36 @@ impl Situation<'_> {
                 let sigma = sigma_rel.hypot(cue.range_sigma_m / cue.range_m);
                 (range_m / cue.range_m).ln() / sigma
             });
-        let distance2 = direction * direction + range * range;
+        let rates = (self.rates_distance2(&cue, track) - RATES_EXPECTED).max(0.0);
+        let distance2 = direction * direction + range * range + rates;
         (0.5 * (CUE_NEUTRAL - distance2)).clamp(CUE_AGAINST, CUE_FOR)
+    }
+
+    /// Squared distance of a track's rates on the sky from those that the radar sees, in deviations.
+    fn rates_distance2(&self, cue: &RadarCue, track: &Track) -> f64 {
+        let (rate_radps, sigma_radps) = track.rates(self.t_s());
+        let variance = sigma_radps * sigma_radps + cue.rate_sigma_radps * cue.rate_sigma_radps;
+        let off_radps = rate_radps - cue.rate_radps;
+        (off_radps * off_radps / variance).element_sum()
+    }
+
+    /// Log-odds from which on a track is chosen.
+    fn chosen(&self, track: &Track) -> f64 {
+        let named = named_share(track.evidence.best_px());
+        CHOSEN_DOT + (CHOSEN - CHOSEN_DOT) * named
     }
 
     /// The most threatening track that looks like a UAV, each threat weighed with how likely it is one, and
     /// why it does.
     pub(super) fn candidate(&self, tracker: &Tracker) -> Option<(u32, f64, String)> {
-        let least = if tracker.target.is_some() {
-            RIVAL
-        } else {
-            CHOSEN
-        };
         let tracks = tracker.table.tracks.iter();
         tracks
             .filter(|track| Some(track.id) != tracker.target && self.may_be_target(track))
             .filter_map(|track| {
                 // Beside a target the radar's cue, which may be the target's own, says nothing.
-                let cue = match tracker.target {
-                    Some(_) => 0.0,
-                    None => self.cue_log_odds(track),
+                let (cue, least) = match tracker.target {
+                    Some(_) => (0.0, RIVAL),
+                    None => (self.cue_log_odds(track), self.chosen(track)),
                 };
                 let log_odds = track.log_odds() + cue;
                 if log_odds < least {
@@ -237,6 +252,7 @@ impl Situation<'_> {
         let at = track.filter.predicted(self.t_s()).az_el_rad();
         let cued = self.cue.is_some_and(|cue| {
             separation_rad(at, cue.az_el_rad) < HOVER_SIGMAS * cue.sigma_rad.max_element()
+                && self.rates_distance2(&cue, track) < RATES_MOST
         });
         let sure = |found: Recognition| found.p_uav() > HOVER_PROBABILITY;
         track.recognition.is_some_and(sure) || cued && track.log_odds() > CHOSEN
@@ -252,8 +268,10 @@ impl Situation<'_> {
         );
         if track.conduct.moving_s > 0.0 {
             format!("moves at {:.1} mrad/s, {belief}", 1e3 * rate_radps)
-        } else {
+        } else if track.conduct.in_sky {
             format!("stands in clear sky, {belief}")
+        } else {
+            format!("seems to hover, {belief}")
         }
     }
 }
