@@ -10,7 +10,7 @@ import math
 import random
 from pathlib import Path
 
-STATION_UP_M = 48.0
+STATION_UP_M, LOWEST_M = 48.0, 15.0
 # The kinds of each class, with their largest extents [m].
 KINDS = {
     "uav": {"phantom4": 0.35, "mavic2": 0.35, "mavic_air": 0.21, "matrice200": 0.64, "matrice600": 1.13, "fpv5": 0.22},
@@ -83,6 +83,8 @@ def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float
     range_m = min(max(extent_m / (wanted_px * FINE_IFOV_RAD), near), far)
     if range_m > 2000:  # above the hills
         el_deg = max(el_deg, 3.0)
+    if el_deg < 0:  # above the roofs of low houses, before meadows, streets and facades
+        range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
     at = place(az_deg, el_deg, range_m)
     key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
     return f'[[{table}]]\nname = "{name}"\n{key} = "{kind}"\ntrajectory = {flight(rng, what, at, az_deg, range_m)}\n', table
@@ -90,7 +92,7 @@ def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float
 
 def scenario(seed: int, duration_s: float) -> str:
     rng = random.Random(seed)
-    az, el = rng.uniform(0, 360), rng.choice((rng.uniform(1.2, 4), rng.uniform(2, 12)))
+    az, el = rng.uniform(0, 360), rng.choice((rng.uniform(-3, 1), rng.uniform(1.2, 4), rng.uniform(2, 12)))
     held = pick(rng, HELD)
     wide = rng.random() < 0.15
     metar, visibility_m, texture = rng.choice(WEATHER)
@@ -99,7 +101,7 @@ def scenario(seed: int, duration_s: float) -> str:
         f'name = "tracks_{seed}"\ndescription = "{held} held"\nseed = {seed}\nduration_s = {duration_s}\n'
         f"time_utc = 2025-09-20T{rng.choice(TIMES)}:00Z\n",
         "[site]\nlatitude_deg = 47.3769\nlongitude_deg = 8.5417\naltitude_m = 455.0\n",
-        f"[city]\nseed = {rng.randrange(1, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else ""),
+        f"[city]\nseed = {rng.randrange(1, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else "building_density = 0.4\n" if el < 1 else ""),
         f"[station]\nposition_enu_m = [0.0, 0.0, {STATION_UP_M}]\n",
         # Half the rates of the preset: twice the seconds for the time.
         "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n",
@@ -116,7 +118,7 @@ def scenario(seed: int, duration_s: float) -> str:
     tables[table].append(text)
     for k in range(rng.choice((0, 1, 1, 2))):
         other = rng.choice(("uav", "bird", "bird", "aeroplane", "helicopter", "balloon"))
-        text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(0.8, el + rng.uniform(-1, 1)))
+        text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(min(el, 0.8), el + rng.uniform(-1, 1)))
         tables[table].append(text)
     parts += tables["uavs"] + tables["distractors"]
     # Given up, it is designated again.

@@ -72,15 +72,13 @@ fn set_up_recogniser(
     clock: Res<SimClock>,
 ) -> Result<(), PartError> {
     let config = &loaded.scenario.recogniser;
-    let named = !config.onnx_model.as_os_str().is_empty();
-    let wanted = named && loaded.scenario.detector.kind == DetectorKind::Onnx;
     let key = "recogniser.onnx_model";
-    let model = wanted
-        .then(|| OnnxRecogniser::load(&config.onnx_model, key))
+    let model = (config.model(&loaded.scenario.detector))
+        .map(|file| OnnxRecogniser::load(file, key))
         .transpose()
         .map_err(|error| loaded.refuse(key, error))?;
     commands.insert_resource(Gallery {
-        wanted,
+        wanted: model.is_some(),
         ..default()
     });
     commands.insert_resource(Recogniser {

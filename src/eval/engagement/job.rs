@@ -81,9 +81,10 @@ impl Bench<'_> {
             DetectorKind::Onnx => digest(&detector.onnx_model).unwrap_or_default(),
             DetectorKind::Truth => 0,
         };
-        let recogniser = digest(&loaded.scenario.recogniser.onnx_model).unwrap_or_default();
+        let recogniser =
+            (loaded.scenario.recogniser.model(detector)).and_then(|file| digest(file).ok());
         let text = format!(
-            "{program} {model} {recogniser} {} {:?} {:?}",
+            "{program} {model} {recogniser:?} {} {:?} {:?}",
             self.arguments.seed,
             self.changes(),
             self.recipe

@@ -338,21 +338,30 @@ fn compare(now: &Situation, tracker: &mut Tracker) {
     let Some(target) = tracker.target_track() else {
         return;
     };
-    let held_s = now.threat_s(target);
-    let greater = now.candidate(tracker).filter(|(id, threat_s, _)| {
-        *id != target.id && threat_s * now.params.switch_ratio < held_s
+    let expected_s = |track: &Track| now.expected_s(track, track.log_odds());
+    let held_s = expected_s(target);
+    let greater = now.candidate(tracker).and_then(|(id, ..)| {
+        let rival = tracker.table.get(id).filter(|_| id != target.id)?;
+        let less = expected_s(rival) * now.params.switch_ratio < held_s;
+        less.then(|| {
+            let word = |track: &Track| {
+                let (p, in_s) = (100.0 * track.uav_belief(), now.threat_s(track));
+                format!("{p:.0} % a UAV that could arrive in {in_s:.0} s")
+            };
+            let (new, old) = (word(rival), word(target));
+            (
+                id,
+                format!("track {id} is the greater threat: {new}, the target {old}"),
+            )
+        })
     });
-    let Some((id, threat_s, _)) = greater else {
+    let Some((id, reason)) = greater else {
         tracker.rival = None;
         return;
     };
     match tracker.rival {
         Some((rival, since)) if rival == id => {
             if now.clock.at_s(now.tick - since) > RIVAL_S {
-                let reason = format!(
-                    "track {id} is the greater threat: it could arrive in {threat_s:.0} s, \
-                     the target in {held_s:.0} s"
-                );
                 tracker.acquire(now.tick, id, reason);
             }
         }
@@ -523,6 +532,47 @@ mod tests {
         );
         let waited_s = changed_s.unwrap() - 1.0;
         assert!((RIVAL_S..RIVAL_S + 0.1).contains(&waited_s), "{waited_s}");
+    }
+
+    #[test]
+    fn a_doubted_target_gives_way_to_a_uav() {
+        let params = params();
+        let weighed = |p_target: f64| {
+            let mut tracker = Tracker::default();
+            let mut first = 0;
+            for frame in 0..120_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                // Both come at the same speed, the target from nearer by.
+                let target = DVec3::new(-60.0, 500.0 - 20.0 * t_s, 80.0);
+                let other = DVec3::new(60.0, 600.0 - 20.0 * t_s, 80.0);
+                see(&mut tracker, t_s, &[target, other]);
+                for track in &mut tracker.table.tracks {
+                    let held = track.filter.predicted(t_s).az_el_rad().x < 0.0;
+                    let p_uav = if held { p_target } else { 0.95 };
+                    first = if held { track.id } else { first };
+                    track.recognition = Some(Recognition {
+                        probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                        t_s,
+                    });
+                }
+                let tick = u64::from(frame * FRAME);
+                if frame == 10 {
+                    tracker.acquire(tick, first, "test");
+                    tracker.change(tick, TrackingState::Precise, "test");
+                }
+                if frame > 10 {
+                    let now = situation(&params, frame * FRAME);
+                    step(&now, &mut tracker, false, true);
+                }
+                if tracker.target.is_some_and(|id| id != first) {
+                    return Some(t_s);
+                }
+            }
+            None
+        };
+        assert_eq!(weighed(0.95), None);
+        let changed_s = weighed(0.3).unwrap() - 10.0 / 60.0;
+        assert!((RIVAL_S..RIVAL_S + 0.1).contains(&changed_s), "{changed_s}");
     }
 
     #[test]

@@ -22,7 +22,7 @@ const CANDIDATE_HITS: u32 = 6;
 /// Log-odds from which on a track is chosen: four to one where its class can be named, less for a dot,
 /// which only a closer look can tell; and from which on one takes the place of a target that is held.
 const CHOSEN: f64 = 1.5;
-const CHOSEN_DOT: f64 = 0.5;
+const CHOSEN_DOT: f64 = -0.5;
 const RIVAL: f64 = 4.0;
 /// Hits that make a track worth judging: a false alarm seldom comes back.
 const JUDGED_HITS: u32 = 3;
@@ -219,7 +219,9 @@ impl Situation<'_> {
             .filter(|track| Some(track.id) != tracker.target && self.may_be_target(track))
             .filter_map(|track| {
                 // Beside a target the radar's cue, which may be the target's own, says nothing.
-                let (cue, least) = match tracker.target {
+                let (cue, least) = match tracker.target_track() {
+                    // One that is itself in doubt gives way to what would be chosen.
+                    Some(target) if target.log_odds() < CHOSEN => (0.0, CHOSEN),
                     Some(_) => (0.0, RIVAL),
                     None => (self.cue_log_odds(track), self.chosen(track)),
                 };
@@ -227,12 +229,15 @@ impl Situation<'_> {
                 if log_odds < least {
                     return None;
                 }
-                let threat_s = self.threat_s(track);
-                let expected_s = threat_s * (1.0 + (-log_odds).exp());
-                Some((expected_s, track, threat_s))
+                Some((self.expected_s(track, log_odds), track))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)))
-            .map(|(_, track, threat_s)| (track.id, threat_s, self.reason(track)))
+            .map(|(_, track)| (track.id, self.threat_s(track), self.reason(track)))
+    }
+
+    /// Time that a track needs to reach the asset over its probability of being a UAV [s].
+    pub(super) fn expected_s(&self, track: &Track, log_odds: f64) -> f64 {
+        self.threat_s(track) * (1.0 + (-log_odds).exp())
     }
 
     /// Whether a track has been seen long enough, and moves, stands in clear sky or may hover.
