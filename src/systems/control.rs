@@ -28,9 +28,11 @@ const GAZE_S: f64 = 0.5;
 const GAZE_FRAMES: f64 = 15.0;
 /// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;
-/// Hits that make a track worth a longer gaze, and log-odds (one to three: a dot may still be chosen).
+/// Hits that make a track worth a longer gaze, and log-odds: even, or one to three for what the recogniser
+/// has judged, of which a dot may still be chosen.
 const PROMISING_HITS: u32 = 3;
-const PROMISING: f64 = -1.0;
+const PROMISING: f64 = 0.0;
+const PROMISING_JUDGED: f64 = -1.0;
 /// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
 /// the next.
 const OVERLAP: f64 = 0.1;
@@ -228,10 +230,12 @@ fn search(
     let promising = tracker.table.tracks.iter().any(|track| {
         let fresh = track.filter.coast_s(t_s) < 0.3;
         let (rate, sigmas) = track.motion(t_s);
+        let judged = track.recognition.is_some();
+        let least = if judged { PROMISING_JUDGED } else { PROMISING };
         fresh
             && track.total_hits() >= PROMISING_HITS
             && !track.conduct.is_scenery()
-            && track.log_odds() > PROMISING
+            && track.log_odds() > least
             && (track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0)
     });
     let longest_s = if promising {

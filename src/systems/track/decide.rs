@@ -418,6 +418,11 @@ mod tests {
 
     /// A frame of the precise camera that shows UAVs where they are, their ranges known.
     fn see(tracker: &mut Tracker, t_s: f64, uavs_enu_m: &[DVec3]) {
+        see_by(3e-5, tracker, t_s, uavs_enu_m);
+    }
+
+    /// As `see`, by a camera of this angle a pixel [rad].
+    fn see_by(ifov_rad: f64, tracker: &mut Tracker, t_s: f64, uavs_enu_m: &[DVec3]) {
         let sighting = |r_enu_m: &DVec3| Sighting {
             az_el_rad: los_to_az_el(*r_enu_m),
             sigma_rad: 1e-5,
@@ -429,7 +434,7 @@ mod tests {
         tracker.table.update(&CameraLook {
             tier: Tier::Precise as usize,
             t_s,
-            ifov_rad: 3e-5,
+            ifov_rad,
             reads: &EvidenceParams::default(),
             sightings: &uavs_enu_m.iter().map(sighting).collect::<Vec<_>>(),
             in_view: &|_| true,
@@ -532,6 +537,29 @@ mod tests {
         );
         let waited_s = changed_s.unwrap() - 1.0;
         assert!((RIVAL_S..RIVAL_S + 0.1).contains(&waited_s), "{waited_s}");
+    }
+
+    #[test]
+    fn a_dot_that_the_recogniser_doubts_is_looked_at_closer() {
+        let params = params();
+        // 20 and 4 px long.
+        for (ifov_rad, dot) in [(3e-5, false), (1.5e-4, true)] {
+            let mut tracker = Tracker::default();
+            for frame in 0..12_u32 {
+                let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+                see_by(ifov_rad, &mut tracker, f64::from(frame) / 60.0, &[r_enu_m]);
+            }
+            tracker.table.tracks[0].conduct.in_sky = true;
+            let now = situation(&params, 12 * FRAME);
+            for (p_uav, chosen) in [(0.3, false), (0.45, dot), (0.9, true)] {
+                tracker.table.tracks[0].recognition = Some(Recognition {
+                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                    t_s: 0.2,
+                });
+                let found = now.candidate(&tracker).is_some();
+                assert_eq!(found, chosen, "{dot} {p_uav}");
+            }
+        }
     }
 
     #[test]

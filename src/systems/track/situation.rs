@@ -23,6 +23,7 @@ const CANDIDATE_HITS: u32 = 6;
 /// which only a closer look can tell; and from which on one takes the place of a target that is held.
 const CHOSEN: f64 = 1.5;
 const CHOSEN_DOT: f64 = -0.5;
+const DOT_QUALITY: f64 = 0.5;
 const RIVAL: f64 = 4.0;
 /// Hits that make a track worth judging: a false alarm seldom comes back.
 const JUDGED_HITS: u32 = 3;
@@ -205,10 +206,17 @@ impl Situation<'_> {
         (off_radps * off_radps / variance).element_sum()
     }
 
-    /// Log-odds from which on a track is chosen.
+    /// Log-odds from which on a track is chosen: a dot that the recogniser has judged, and that is seen in
+    /// most frames, needs less.
     fn chosen(&self, track: &Track) -> f64 {
-        let named = named_share(track.evidence.best_px());
-        CHOSEN_DOT + (CHOSEN - CHOSEN_DOT) * named
+        let judged = track.recognition.is_some() && track.filter.quality() > DOT_QUALITY;
+        let dot = 1.0 - named_share(track.evidence.best_px());
+        CHOSEN
+            - if judged {
+                (CHOSEN - CHOSEN_DOT) * dot
+            } else {
+                0.0
+            }
     }
 
     /// The most threatening track that looks like a UAV, each threat weighed with how likely it is one, and
