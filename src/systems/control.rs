@@ -28,11 +28,11 @@ const GAZE_S: f64 = 0.5;
 const GAZE_FRAMES: f64 = 15.0;
 /// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;
-/// Hits that make a track worth a longer gaze, and log-odds: even, or one to three for what the recogniser
-/// has judged, of which a dot may still be chosen.
+/// Hits that make a track worth a longer gaze, and log-odds: even, or less for what the recogniser has
+/// judged, of which a dot may still be chosen.
 const PROMISING_HITS: u32 = 3;
 const PROMISING: f64 = 0.0;
-const PROMISING_JUDGED: f64 = -1.0;
+const PROMISING_JUDGED: f64 = -0.7;
 /// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
 /// the next.
 const OVERLAP: f64 = 0.1;

@@ -21,7 +21,7 @@ const SEEN_STEP: f64 = 1.5;
 /// What a box of a class that is no UAV says.
 const OTHER_CLASS: f64 = -1.5;
 /// Sizes up to which a class says nothing, and from which on it says all [px].
-const NAMED_PX: [f64; 2] = [5.0, 10.0];
+const NAMED_PX: [f64; 2] = [6.0, 12.0];
 /// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
 /// times, in size or place (measured with the shipped network: docs/validation.md).
 const RIGID_RATIO: f64 = 1.5;

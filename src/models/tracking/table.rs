@@ -15,7 +15,7 @@ use crate::models::maths::assignment::{Pair, assign};
 use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::tracking::background::Background;
 use crate::models::tracking::estimation::{Gating, LosFilter, LosFilterParams, LosState};
-use crate::models::tracking::evidence::{Evidence, EvidenceParams, logit};
+use crate::models::tracking::evidence::{Evidence, EvidenceParams, logit, named_share};
 use crate::models::tracking::flutter::{Flutter, Place};
 use crate::models::tracking::ranging::Ranging;
 use crate::models::tracking::recognition::Recognition;
@@ -148,9 +148,14 @@ impl Conduct {
 
 impl Track {
     /// Log-odds that it is a UAV: the one place in which what speaks for it is put together. A recogniser,
-    /// which has seen all that the evidence counts and the pictures besides, has the word.
+    /// which has seen all that the evidence counts and the pictures besides, has the word; of a dot it mostly
+    /// says which birds and UAVs are about where it learned.
     pub fn log_odds(&self) -> f64 {
-        (self.recognition).map_or(self.evidence.log_odds(), |found| logit(found.p_uav()))
+        let Some(found) = self.recognition else {
+            return self.evidence.log_odds();
+        };
+        let named = named_share(self.evidence.best_px());
+        logit(found.p_uav()) * (OF_A_DOT + (1.0 - OF_A_DOT) * named)
     }
 
     /// Probability that it is a UAV.
@@ -386,6 +391,8 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 
 /// Hits from which on a track is established: a young one goes after as many misses as hits.
 const ESTABLISHED_HITS: u32 = 30;
+/// What a recogniser's word on a dot counts.
+const OF_A_DOT: f64 = 0.3;
 /// Hits from which on a weak detection may go on with a track.
 const CONFIRMED_HITS: u32 = 6;
 /// Size at which a camera that has not yet confirmed a track is taken to see it, over that in its best view.

@@ -9,7 +9,7 @@ use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Tracker, TrackerParams, TrackingState};
 use crate::models::tracking::radar::RadarCue;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
-use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ};
+use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ, dot_share};
 use bevy::prelude::*;
 
 /// Hits that bring a lost target back: of the coarse camera, and of the search camera.
@@ -25,6 +25,8 @@ const RIVAL_S: f64 = 1.0;
 /// Log-odds at which a target is given up (one to seven): as far below even odds as it was above them when
 /// it was chosen, and then some.
 const GIVEN_UP: f64 = -2.0;
+/// Log-odds below which not even a dot is shown to the precise camera.
+const SURELY_NONE: f64 = -1.5;
 /// Time for which it must have been held before it is doubted [s].
 const DOUBT_AFTER_S: f64 = 0.3;
 /// A target that has been fired at for so long [s] and sinks faster by this [m/s] than before it, for this
@@ -194,7 +196,8 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
             doubt(now, tracker);
         }
         TrackingState::Acquire => {
-            let convincing = !judged || log_odds > 0.0;
+            // What is a dot to the coarse camera, too, is shown to the precise one unless it is surely none.
+            let convincing = !judged || log_odds > SURELY_NONE * dot_share(track);
             if hits[Tier::Coarse as usize] >= CONFIRM_HITS && convincing {
                 let reason = format!(
                     "coarse camera confirms with {CONFIRM_HITS} hits, seen in {:.0} % of the frames",
@@ -551,7 +554,7 @@ mod tests {
             }
             tracker.table.tracks[0].conduct.in_sky = true;
             let now = situation(&params, 12 * FRAME);
-            for (p_uav, chosen) in [(0.3, false), (0.45, dot), (0.9, true)] {
+            for (p_uav, chosen) in [(0.05, false), (0.45, dot), (0.9, true)] {
                 tracker.table.tracks[0].recognition = Some(Recognition {
                     probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
                     t_s: 0.2,

@@ -68,6 +68,16 @@ pub fn patience_s(rate_hz: f64) -> f64 {
     LEAST_S.max(FRAMES / rate_hz)
 }
 
+/// How much of a dot a track is that the recogniser has judged and most frames show, 0 to 1: only a closer
+/// look can tell what it is.
+pub(super) fn dot_share(track: &Track) -> f64 {
+    if track.recognition.is_some() && track.filter.quality() > DOT_QUALITY {
+        1.0 - named_share(track.evidence.best_px())
+    } else {
+        0.0
+    }
+}
+
 /// What the state machine looks at.
 pub(crate) struct Situation<'a> {
     pub(crate) tick: u64,
@@ -206,17 +216,9 @@ impl Situation<'_> {
         (off_radps * off_radps / variance).element_sum()
     }
 
-    /// Log-odds from which on a track is chosen: a dot that the recogniser has judged, and that is seen in
-    /// most frames, needs less.
+    /// Log-odds from which on a track is chosen.
     fn chosen(&self, track: &Track) -> f64 {
-        let judged = track.recognition.is_some() && track.filter.quality() > DOT_QUALITY;
-        let dot = 1.0 - named_share(track.evidence.best_px());
-        CHOSEN
-            - if judged {
-                (CHOSEN - CHOSEN_DOT) * dot
-            } else {
-                0.0
-            }
+        CHOSEN - (CHOSEN - CHOSEN_DOT) * dot_share(track)
     }
 
     /// The most threatening track that looks like a UAV, each threat weighed with how likely it is one, and
