@@ -281,7 +281,7 @@ mod tests {
             table.update(&CameraLook {
                 tier: 0,
                 t_s: (f64::from(i) - f64::from(times)) / 60.0,
-                ifov_rad: 1e-4,
+                ifov_rad: 5e-5,
                 reads: &EvidenceParams::default(),
                 sightings: &[sighting],
                 in_view: &|_| true,
