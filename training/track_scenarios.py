@@ -54,9 +54,9 @@ def flight(rng: random.Random, what: str, at: list[float], az_deg: float, range_
     climb = rng.uniform(-0.08, 0.08) * speed
     v = [speed * math.sin(course), speed * math.cos(course), climb]
     kind = rng.random()
-    if what == "uav" and (kind < 0.15 or speed < 1.0):
+    if what == "uav" and (kind < 0.25 or speed < 1.0):
         return f'{{ kind = "hover", position_enu_m = {rounded(at)}, heading_deg = {rng.uniform(0, 360):.1f} }}'
-    if what == "uav" and kind < 0.35:
+    if what == "uav" and kind < 0.45:
         return (f'{{ kind = "weave", start_enu_m = {rounded(at)}, velocity_enu_mps = {rounded(v)}, '
                 f"lateral_acceleration_mps2 = {rng.uniform(1, 5):.2f}, period_s = {rng.uniform(2, 5):.2f} }}")  # fmt: skip
     if what in ("uav", "bird") and kind > 0.8:

@@ -22,9 +22,10 @@ const CANDIDATE_HITS: u32 = 6;
 /// Log-odds from which on a track is chosen: four to one where its class can be named, less for a dot,
 /// which only a closer look can tell; and from which on one takes the place of a target that is held.
 const CHOSEN: f64 = 1.5;
-const CHOSEN_DOT: f64 = -0.5;
-const DOT_QUALITY: f64 = 0.5;
+const CHOSEN_DOT: f64 = -0.15;
 const RIVAL: f64 = 4.0;
+/// Share of the frames that must show a dot for that: a chain of false alarms is seen in fewer.
+const DOT_QUALITY: f64 = 0.5;
 /// Hits that make a track worth judging: a false alarm seldom comes back.
 const JUDGED_HITS: u32 = 3;
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
