@@ -26,13 +26,14 @@ RANGE_M = {  # nearest and farthest
 }  # fmt: skip
 HELD = {"uav": 0.42, "bird": 0.3, "aeroplane": 0.08, "helicopter": 0.08, "balloon": 0.07, "leaf": 0.05}
 FINE_IFOV_RAD = math.radians(1.0) / 640
-TIMES = ("05:40", "08:50", "11:30", "15:10", "17:20")  # UTC
+TIMES = ("04:50", "05:40", "08:50", "11:30", "15:10", "17:20", "17:45")  # UTC; the sun rises at 05:10 and sets at 17:28
 WEATHER = (
     ("24005KT 9999 FEW045 19/11 Q1020", 18_000, False),
     ("24010KT 9999 SCT040 17/11 Q1016", 15_000, True),
     ("20007KT 8000 BKN035 14/12 Q1012", 8_000, True),
     ("26004KT 9999 OVC050 12/08 Q1019", 12_000, False),
     ("VRB02KT CAVOK 22/09 Q1024", 25_000, False),
+    ("26010KT 7000 -RA BKN018 OVC040 10/09 Q1004", 10_000, False),
 )
 
 
@@ -54,9 +55,9 @@ def flight(rng: random.Random, what: str, at: list[float], az_deg: float, range_
     climb = rng.uniform(-0.08, 0.08) * speed
     v = [speed * math.sin(course), speed * math.cos(course), climb]
     kind = rng.random()
-    if what == "uav" and (kind < 0.25 or speed < 1.0):
+    if what == "uav" and (kind < 0.3 or speed < 1.0):
         return f'{{ kind = "hover", position_enu_m = {rounded(at)}, heading_deg = {rng.uniform(0, 360):.1f} }}'
-    if what == "uav" and kind < 0.45:
+    if what == "uav" and kind < 0.5:
         return (f'{{ kind = "weave", start_enu_m = {rounded(at)}, velocity_enu_mps = {rounded(v)}, '
                 f"lateral_acceleration_mps2 = {rng.uniform(1, 5):.2f}, period_s = {rng.uniform(2, 5):.2f} }}")  # fmt: skip
     if what in ("uav", "bird") and kind > 0.8:
@@ -92,7 +93,7 @@ def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float
 
 def scenario(seed: int, duration_s: float) -> str:
     rng = random.Random(seed)
-    az, el = rng.uniform(0, 360), rng.choice((rng.uniform(-3, 1), rng.uniform(1.2, 4), rng.uniform(2, 12)))
+    az, el = rng.uniform(0, 360), rng.choice((rng.uniform(-3, 1), rng.uniform(-2, 1.5), rng.uniform(1.2, 4), rng.uniform(2, 12)))
     held = pick(rng, HELD)
     wide = rng.random() < 0.15
     metar, visibility_m, texture = rng.choice(WEATHER)

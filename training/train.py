@@ -181,7 +181,9 @@ def main() -> None:
             writer.writeheader()
             writer.writerows(log)
         if log:
-            if curves is not None:
+            if curves is None:
+                print("no curves.svg: Matplotlib is not installed")
+            else:
                 curves(log, args.out / "curves.svg", f"{args.model}, {step} of {args.steps} steps")
 
     model.train()

@@ -4,9 +4,11 @@ use crate::models::control::law::HandOver;
 use crate::models::control::paper::{PaperLaw, PaperPid};
 use crate::models::control::pointing::PointingLaw;
 use crate::models::maths::rng::Stream;
+use crate::models::optics::tier::Tier;
 use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};
 use crate::models::tracking::search::{SearchPattern, Sector};
 use bevy::prelude::*;
+use glam::DVec2;
 use std::collections::VecDeque;
 
 /// The control law of a run.
@@ -68,17 +70,25 @@ pub struct SearchScan {
     pub pattern: SearchPattern,
     /// The sector that is searched without a cue; a cue's area is never larger.
     pub sector: Sector,
-    /// Field of view of the search camera, horizontal and vertical [rad].
-    pub fov_rad: [f64; 2],
-    /// How long a gaze without anything promising lasts [s].
-    pub gaze_s: f64,
-    /// The area that the gazes cover.
+    /// Field of view of each camera, horizontal and vertical [rad].
+    pub fields_rad: [[f64; 2]; 3],
+    /// How long a gaze without anything promising lasts in each camera's pass [s].
+    pub gaze_s: [f64; 3],
+    /// The camera for whose field the present pass is laid out.
+    pub tier: Tier,
+    /// The area that is searched, as it was at [`Self::area_s`].
     pub area: Sector,
-    /// Azimuth and elevation of every gaze [rad].
-    pub gazes_rad: Vec<[f64; 2]>,
+    /// That time [s].
+    pub area_s: f64,
+    /// Rates of its centre, azimuth (x) and elevation (y) [rad/s].
+    pub drift_radps: DVec2,
+    /// Whether that is where a radar has its target.
+    pub cued: bool,
+    /// The pass's gazes, from the centre of the area (azimuth, elevation) [rad].
+    pub offsets_rad: Vec<DVec2>,
     /// The present gaze.
     pub index: usize,
-    /// Since when the mount rests at it.
+    /// Since when the mount rests at it, or moves with it.
     pub settled_since: Option<u64>,
 }
 

@@ -14,7 +14,6 @@ use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::{self, MountPlant};
 use crate::models::mount::gimbal::{GimbalParams, GimbalState};
 use crate::models::mount::mirror::MirrorParams;
-use crate::models::optics::camera::Pinhole;
 use crate::models::tracking::estimation::LosFilterParams;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
@@ -60,13 +59,8 @@ fn set_up(
         .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
     let first = radar.look(0.0, airborne);
     radar.take(first);
-    let search = cameras
-        .iter()
-        .find(|camera| camera.tier == Tier::Search)
-        .ok_or_else(|| loaded.refuse("station.cameras", "no search camera"))?;
-    let frame_s = clock.at_s(search.period_ticks);
-    let scan = search_scan(&loaded.scenario, &search.pinhole, frame_s, &radar);
-    let first_gaze = mount.params.within_stops(scan.gazes_rad[0].into());
+    let scan = search_scan(&loaded, &cameras, &clock, &radar)?;
+    let first_gaze = mount.params.within_stops(scan.gaze(0.0).az_el_rad);
     mount.gimbal = GimbalState::at_rest(first_gaze);
     *optics = mount.optics(misalignment);
     let dt_s = clock.dt_s();
@@ -146,19 +140,38 @@ fn radar(scenario: &Scenario, seed: Seed, clock: SimClock) -> Radar {
     }
 }
 
-/// Where the search camera looks: the sector, or the part of it that the radar points at.
-fn search_scan(scenario: &Scenario, search: &Pinhole, frame_s: f64, radar: &Radar) -> SearchScan {
-    let sector = &scenario.search;
-    SearchScan::new(
+/// Where the cameras look for a target: the sector, or the part of it that the radar points at.
+fn search_scan(
+    loaded: &Loaded,
+    cameras: &Query<&SensorCamera>,
+    clock: &SimClock,
+    radar: &Radar,
+) -> Result<SearchScan, InputError> {
+    let sector = &loaded.scenario.search;
+    let (mut fields_rad, mut frames_s) = ([[0.0; 2]; 3], [0.0; 3]);
+    for tier in Tier::ALL {
+        let camera = cameras
+            .iter()
+            .find(|camera| camera.tier == tier)
+            .ok_or_else(|| {
+                loaded.refuse("station.cameras", format!("no {} camera", tier.word()))
+            })?;
+        let pinhole = &camera.pinhole;
+        fields_rad[tier as usize] = [pinhole.hfov_rad(), pinhole.vfov_rad()];
+        frames_s[tier as usize] = clock.at_s(camera.period_ticks);
+    }
+    let area = Sector {
+        centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
+        centre_elevation_rad: sector.elevation_deg.to_radians(),
+        width_rad: sector.width_deg.to_radians(),
+        height_rad: sector.height_deg.to_radians(),
+    };
+    let cue = radar.cue(0.0);
+    Ok(SearchScan::new(
         sector.pattern,
-        Sector {
-            centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
-            centre_elevation_rad: sector.elevation_deg.to_radians(),
-            width_rad: sector.width_deg.to_radians(),
-            height_rad: sector.height_deg.to_radians(),
-        },
-        [search.hfov_rad(), search.vfov_rad()],
-        frame_s,
-        radar.cue(0.0),
-    )
+        area,
+        fields_rad,
+        frames_s,
+        cue,
+    ))
 }

@@ -145,12 +145,13 @@ fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
         acceleration_radps2: axis.torque_limit_nm / axis.inertia_kg_m2,
         settle_s: SETTLE_S,
     };
+    let gazes_rad: Vec<_> = scan.offsets_rad.iter().map(|o| o.to_array()).collect();
     format!(
         "{} pattern, gazes: {}, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",
         scan.pattern.name(),
-        scan.gazes_rad.len(),
+        gazes_rad.len(),
         scan.area.width_rad.to_degrees(),
         scan.area.height_rad.to_degrees(),
-        coverage_time_s(&scan.gazes_rad, scan.gaze_s, &slew),
+        coverage_time_s(&gazes_rad, scan.gaze_s(), &slew),
     )
 }

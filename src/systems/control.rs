@@ -1,5 +1,7 @@
 //! Tracks become commands: mount rates, mirror deflection, readout windows.
 
+pub(crate) mod search;
+
 use crate::components::capture::{Readout, SensorCamera, Tier};
 use crate::components::control::{
     Controller, PaperController, PointingController, Radar, SearchScan,
@@ -13,86 +15,10 @@ use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::tracking::radar::{Plot, RadarCue, RadarTrack};
-use crate::models::tracking::search::{SearchPattern, Sector};
+use crate::systems::control::search::{Gaze, closer_every, search};
+use crate::systems::track::CONFIRM_HITS;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
-
-/// A gaze begins when the mount is this close to it [rad], a fiftieth of the search camera's field,
-/// and this slow [rad/s]: below a fifth of a pixel in a 5 ms exposure.
-const SETTLED_RAD: f64 = 2e-3;
-const SETTLED_RADPS: f64 = 5e-3;
-/// Least duration of a gaze [s], and least number of frames in it. A candidate needs 6 hits
-/// (`systems::track`): 15 frames leave room for misses, and within half a second
-/// a rate of 1 mrad/s stands six deviations out of the noise of 0.5 px of the search camera.
-const GAZE_S: f64 = 0.5;
-const GAZE_FRAMES: f64 = 15.0;
-/// How long a gaze lasts at most while something in it looks like a target [s].
-const LONGEST_GAZE_S: f64 = 2.0;
-/// Hits that make a track worth a longer gaze, and log-odds: even, or less for what the recogniser has
-/// judged, of which a dot may still be chosen.
-const PROMISING_HITS: u32 = 3;
-const PROMISING: f64 = 0.0;
-const PROMISING_JUDGED: f64 = -0.4;
-/// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
-/// the next.
-const OVERLAP: f64 = 0.1;
-/// Share of the field by which a border of the cued area must move before the gazes follow.
-const FOLLOW_FIELDS: f64 = 0.25;
-
-impl SearchScan {
-    /// A scan with a camera of `fov_rad` (horizontal, vertical) and `frame_s` [s] a frame; with a cue
-    /// it begins about it.
-    pub fn new(
-        pattern: SearchPattern,
-        sector: Sector,
-        fov_rad: [f64; 2],
-        frame_s: f64,
-        cue: Option<RadarCue>,
-    ) -> Self {
-        let mut scan = Self {
-            pattern,
-            sector,
-            fov_rad,
-            gaze_s: GAZE_S.max(GAZE_FRAMES * frame_s),
-            area: sector,
-            gazes_rad: Vec::new(),
-            index: 0,
-            settled_since: None,
-        };
-        scan.area = scan.wanted(cue);
-        scan.gazes_rad = pattern.gazes(&scan.area, fov_rad, OVERLAP);
-        scan
-    }
-
-    /// The area to search: two deviations to either side of the cue, or the sector.
-    fn wanted(&self, cue: Option<RadarCue>) -> Sector {
-        cue.map_or(self.sector, |cue| {
-            let about = Sector::about(cue.az_el_rad, cue.sigma_rad);
-            Sector {
-                width_rad: about.width_rad.min(self.sector.width_rad),
-                height_rad: about.height_rad.min(self.sector.height_rad),
-                ..about
-            }
-        })
-    }
-
-    /// Lays the gazes anew where the cue has moved on. A pass of as many gazes goes on where it is,
-    /// so that a target that crosses fast does not hold the scan at its start.
-    fn follow(&mut self, cue: Option<RadarCue>) {
-        let area = self.wanted(cue);
-        let shift = area.border_shift_rad(&self.area);
-        if (0..2).all(|axis| shift[axis] <= FOLLOW_FIELDS * self.fov_rad[axis]) {
-            return;
-        }
-        self.area = area;
-        let gazes_rad = self.pattern.gazes(&area, self.fov_rad, OVERLAP);
-        if gazes_rad.len() != self.gazes_rad.len() {
-            self.index = 0;
-        }
-        self.gazes_rad = gazes_rad;
-        self.settled_since = None;
-    }
-}
 
 impl Radar {
     /// The plot at `t_s` [s] of its target among what is in the air: scenario index and position
@@ -199,7 +125,8 @@ pub fn command_mount(
                 .target_track()
                 .filter(|_| tracker.state == TrackingState::Acquire)
                 .map(|track| track.filter.predicted(clock.t_s()).az_el_rad());
-            if let Some(to) = gaze.or(acquired) {
+            let to = gaze.map(|gaze| gaze.az_el_rad).or(acquired);
+            if let Some(to) = to {
                 command.gimbal = mount.params.position_command(&mount.gimbal, to);
                 command.mirror_rad = DVec2::ZERO;
             } else if tracker.state != TrackingState::Acquire {
@@ -209,56 +136,11 @@ pub fn command_mount(
     }
 }
 
-/// The present gaze; moves on when it has lasted, and along with the radar's cue.
-fn search(
-    clock: &SimClock,
-    tracker: &Tracker,
-    radar: &Radar,
-    scan: &mut SearchScan,
-    mount: &Mount,
-) -> DVec2 {
-    let t_s = clock.t_s();
-    let gaze: DVec2 = scan.gazes_rad[scan.index].into();
-    let error = mount.params.error_rad(gaze, mount.measured_az_el_rad());
-    let slow = mount.measured_rates_radps().length() < SETTLED_RADPS;
-    if scan.settled_since.is_none() && error.length() < SETTLED_RAD && slow {
-        scan.settled_since = Some(clock.tick);
-    }
-    let rested_s = scan
-        .settled_since
-        .map_or(0.0, |since| clock.at_s(clock.tick - since));
-    let promising = tracker.table.tracks.iter().any(|track| {
-        let fresh = track.filter.coast_s(t_s) < 0.3;
-        let (rate, sigmas) = track.motion(t_s);
-        let judged = track.recognition.is_some();
-        let least = if judged { PROMISING_JUDGED } else { PROMISING };
-        fresh
-            && track.total_hits() >= PROMISING_HITS
-            && !track.conduct.is_scenery()
-            && track.log_odds() > least
-            && (track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0)
-    });
-    let longest_s = if promising {
-        LONGEST_GAZE_S
-    } else {
-        scan.gaze_s
-    };
-    if rested_s > longest_s && scan.gazes_rad.len() > 1 {
-        scan.index = (scan.index + 1) % scan.gazes_rad.len();
-        scan.settled_since = None;
-    }
-    // Nothing moves under a promising gaze.
-    if !promising || rested_s > longest_s {
-        scan.follow(radar.cue(t_s));
-    }
-    scan.gazes_rad[scan.index].into()
-}
-
 /// The law on the target's predicted line of sight; otherwise the mount turns to a gaze, or stops.
 fn point(
     clock: &SimClock,
     tracker: &Tracker,
-    gaze: Option<DVec2>,
+    gaze: Option<Gaze>,
     pointing: &mut PointingController,
     mount: &Mount,
     command: &mut MountCommand,
@@ -275,7 +157,8 @@ fn point(
         law.command(hand_over, &mount.params, &input)
     } else {
         law.rest();
-        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, gaze)
+        let to = gaze.map(|gaze| (gaze.az_el_rad, gaze.rates_radps));
+        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, to)
     };
     command.gimbal = output.gimbal;
     command.mirror_rad = output.mirror_rad;
@@ -337,21 +220,36 @@ const WATCH_COARSE: u64 = 6;
 pub fn choose_readouts(
     clock: Res<SimClock>,
     tracker: Res<Tracker>,
+    scan: Res<SearchScan>,
     detector: Res<Detector>,
     station: Single<(&Mount, &Optics)>,
     mut cameras: Query<(&SensorCamera, &mut Readout)>,
 ) {
     let (mount, optics) = *station;
+    let found_precisely = tracker
+        .target_track()
+        .is_some_and(|track| track.hits[Tier::Precise as usize] >= CONFIRM_HITS);
     for (camera, mut readout) in &mut cameras {
         // The exposure that comes next.
         let frame = clock.tick / camera.period_ticks + 1;
         let wanted = match (tracker.state, camera.tier) {
-            (TrackingState::Search, Tier::Search) => Readout::Full,
-            // In the middle of the gaze it shows what is too small for the search camera.
-            (TrackingState::Search, Tier::Coarse) if frame.is_multiple_of(WATCH_COARSE) => {
-                Readout::Full
+            (TrackingState::Search, tier) => {
+                let every = match tier {
+                    Tier::Search if scan.tier == Tier::Search => 1,
+                    Tier::Search => WATCH_SEARCH,
+                    _ if tier == scan.tier => closer_every(clock.at_s(camera.period_ticks)),
+                    // In the middle of the gaze it shows what is too small for the search camera.
+                    Tier::Coarse => WATCH_COARSE,
+                    Tier::Precise => 0,
+                };
+                if every > 0 && frame.is_multiple_of(every) {
+                    Readout::Full
+                } else {
+                    Readout::Off
+                }
             }
-            (TrackingState::Search, _) | (TrackingState::Acquire, Tier::Precise) => Readout::Off,
+            // It helps with a candidate that it has found.
+            (TrackingState::Acquire, Tier::Precise) if !found_precisely => Readout::Off,
             // It helps where the coarse camera has not found the target again at once.
             (TrackingState::Lost, Tier::Search)
                 if clock.at_s(clock.tick - tracker.since_tick) > REFIND_S =>

@@ -268,6 +268,11 @@ mod tests {
 
     /// A table with one track, seen so many times with a score until 0 s.
     fn seen(times: u32, score: f64) -> TrackTable {
+        seen_by(5e-5, times, score)
+    }
+
+    /// As `seen`, by a camera of this angle a pixel [rad].
+    fn seen_by(ifov_rad: f64, times: u32, score: f64) -> TrackTable {
         let mut table = TrackTable::default();
         for i in 1..=times {
             let sighting = Sighting {
@@ -281,7 +286,7 @@ mod tests {
             table.update(&CameraLook {
                 tier: 0,
                 t_s: (f64::from(i) - f64::from(times)) / 60.0,
-                ifov_rad: 5e-5,
+                ifov_rad,
                 reads: &EvidenceParams::default(),
                 sightings: &[sighting],
                 in_view: &|_| true,
@@ -308,9 +313,15 @@ mod tests {
         // Nobody has looked at its last second yet: the tracker's own evidence counts.
         let takes = |score| rules([true; 3]).takes_for_uav(&seen(1, score).tracks[0]);
         assert!(takes(0.9) && !takes(0.15));
-        let mut table = seen(1, 0.9);
-        let track = &mut table.tracks[0];
-        for (p_uav, fires) in [(0.69, false), (0.71, true)] {
+        // 20 px long, and a dot of 5 px, of which nobody can be so sure.
+        for (ifov_rad, p_uav, fires) in [
+            (5e-5, 0.69, false),
+            (5e-5, 0.71, true),
+            (2e-4, 0.91, false),
+            (2e-4, 0.95, true),
+        ] {
+            let mut table = seen_by(ifov_rad, 1, 0.9);
+            let track = &mut table.tracks[0];
             track.recognition = Some(Recognition {
                 probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
                 t_s: 1.0,

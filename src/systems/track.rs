@@ -15,8 +15,8 @@ pub(crate) use decide::step;
 pub use foresee::{aim, foresee};
 pub use orders::obey;
 pub use range::find_range;
-pub(crate) use situation::Situation;
 pub use situation::patience_s;
+pub(crate) use situation::{CONFIRM_HITS, Situation};
 
 use crate::components::flight::{Flight, Uav};
 use crate::components::track::Tracker;

@@ -466,7 +466,12 @@ fn hand_over_study(mut law: PointingLaw) -> (f64, f64, f64, f64) {
             law.command(&mut hand_over, &params, &input)
         } else {
             law.rest();
-            hand_over.slew(&params, &command, state.encoder_az_el_rad(), Some(gaze))
+            hand_over.slew(
+                &params,
+                &command,
+                state.encoder_az_el_rad(),
+                Some((gaze, DVec2::ZERO)),
+            )
         };
         for i in 0..2 {
             let jump = output.gimbal.rate_radps[i] - command.rate_radps[i];

@@ -229,7 +229,8 @@ mod tests {
             ..EvidenceParams::default()
         };
         let named = |size_px| params.of_hit(0.35, 1, size_px, 1.0);
-        assert!(named(6.0) > 0.5 && named(9.0) < 0.3 && named(12.0) < -0.4);
+        assert!(named(6.0) > 0.5 && named(12.0) < -0.4);
+        assert!((named(9.0) - 0.5 * (named(6.0) + named(12.0))).abs() < 1e-12);
         assert_eq!(named(12.0), named(40.0));
     }
 

@@ -65,16 +65,6 @@ impl Sector {
             height_rad: 4.0 * sigma_rad.y,
         }
     }
-
-    /// How far the border that moved most has moved from `earlier`, in azimuth and elevation [rad].
-    pub fn border_shift_rad(&self, earlier: &Sector) -> [f64; 2] {
-        let azimuth = wrap_pi(self.centre_azimuth_rad - earlier.centre_azimuth_rad).abs();
-        let elevation = (self.centre_elevation_rad - earlier.centre_elevation_rad).abs();
-        [
-            azimuth + 0.5 * (self.width_rad - earlier.width_rad).abs(),
-            elevation + 0.5 * (self.height_rad - earlier.height_rad).abs(),
-        ]
-    }
 }
 
 /// Rows from bottom to top, alternately swept right and left. Gazes are spread evenly, so that the
@@ -275,16 +265,6 @@ mod tests {
             let step = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
             assert!((step - 0.1).abs() < 1e-9, "a spiral never jumps: {pair:?}");
         }
-    }
-
-    #[test]
-    fn a_border_may_pass_south() {
-        let at = |azimuth: f64| Sector::about(DVec2::new(azimuth, 0.1), DVec2::splat(0.01));
-        let [azimuth, elevation] = at(-3.1).border_shift_rad(&at(3.1));
-        assert!((azimuth - (std::f64::consts::TAU - 6.2)).abs() < 1e-12);
-        assert_eq!(elevation, 0.0);
-        let wide = Sector::about(DVec2::new(3.1, 0.1), DVec2::splat(0.02));
-        assert!((wide.border_shift_rad(&at(3.1))[1] - 0.02).abs() < 1e-12);
     }
 
     #[test]

@@ -74,8 +74,8 @@ pub(crate) fn take_in(
         reads: &params.reads,
         sightings: &sightings,
         in_view: &in_view,
-        // The precise camera sees what it was turned to: a track already.
-        start_tracks: frame.tier != Tier::Precise,
+        // But in the search the precise camera sees what it was turned to: a track already.
+        start_tracks: frame.tier != Tier::Precise || tracker.state == TrackingState::Search,
     };
     let blind = params.nearest_to_centre
         && frame.tier != Tier::Search

@@ -91,8 +91,12 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         now.weigh(&mut tracker.table, elapsed_s.min(LONGEST_WEIGHED_S));
     }
     if tracker.state == TrackingState::Search {
-        if let Some((id, threat_s, reason)) = now.candidate(tracker) {
-            let reason = format!("track {id} {reason}, could arrive in {threat_s:.0} s");
+        if let Some(track) = now.candidate(tracker) {
+            let (id, threat_s) = (track.id, now.threat_s(track));
+            let reason = format!(
+                "track {id} {}, could arrive in {threat_s:.0} s",
+                now.reason(track)
+            );
             tracker.acquire(tick, id, reason);
         }
         return;
@@ -204,6 +208,10 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                     100.0 * quality
                 );
                 tracker.change(tick, TrackingState::Coarse, reason);
+            } else if hits[Tier::Precise as usize] >= CONFIRM_HITS && convincing && fits {
+                // It found the candidate before the coarse camera.
+                let reason = format!("precise camera confirms with {CONFIRM_HITS} hits");
+                tracker.change(tick, TrackingState::Precise, reason);
             } else if !hidden && in_state_s > ACQUIRE_TIMEOUT_S + hidden_s(track) {
                 // What the precise camera has seen is a UAV, wherever it is now.
                 let bar = track.hits[Tier::Precise as usize] < CONFIRM_HITS;
@@ -343,10 +351,10 @@ fn compare(now: &Situation, tracker: &mut Tracker) {
     };
     let expected_s = |track: &Track| now.expected_s(track, track.log_odds());
     let held_s = expected_s(target);
-    let greater = now.candidate(tracker).and_then(|(id, ..)| {
-        let rival = tracker.table.get(id).filter(|_| id != target.id)?;
+    let greater = now.candidate(tracker).and_then(|rival| {
         let less = expected_s(rival) * now.params.switch_ratio < held_s;
         less.then(|| {
+            let id = rival.id;
             let word = |track: &Track| {
                 let (p, in_s) = (100.0 * track.uav_belief(), now.threat_s(track));
                 format!("{p:.0} % a UAV that could arrive in {in_s:.0} s")

@@ -14,7 +14,7 @@ use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
 
 /// Hits that confirm a target to the next camera.
-pub(super) const CONFIRM_HITS: u32 = 4;
+pub(crate) const CONFIRM_HITS: u32 = 4;
 /// How often tracks are judged, threats compared and occlusions foreseen [Hz].
 pub(super) const WEIGHING_HZ: u32 = 10;
 /// Hits after which a search track may become the target.
@@ -222,9 +222,9 @@ impl Situation<'_> {
         CHOSEN - (CHOSEN - CHOSEN_DOT) * dot_share(track)
     }
 
-    /// The most threatening track that looks like a UAV, each threat weighed with how likely it is one, and
-    /// why it does.
-    pub(super) fn candidate(&self, tracker: &Tracker) -> Option<(u32, f64, String)> {
+    /// The most threatening track beside the target that looks like a UAV, each threat weighed with how
+    /// likely it is one.
+    pub(super) fn candidate<'t>(&self, tracker: &'t Tracker) -> Option<&'t Track> {
         let tracks = tracker.table.tracks.iter();
         tracks
             .filter(|track| Some(track.id) != tracker.target && self.may_be_target(track))
@@ -243,7 +243,7 @@ impl Situation<'_> {
                 Some((self.expected_s(track, log_odds), track))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)))
-            .map(|(_, track)| (track.id, self.threat_s(track), self.reason(track)))
+            .map(|(_, track)| track)
     }
 
     /// Time that a track needs to reach the asset over its probability of being a UAV [s].
@@ -275,7 +275,7 @@ impl Situation<'_> {
     }
 
     /// Why a track may be a UAV.
-    fn reason(&self, track: &Track) -> String {
+    pub(super) fn reason(&self, track: &Track) -> String {
         let (rate_radps, _) = track.motion(self.t_s());
         let belief = format!(
             "{:.0} % a UAV, seen in {:.0} % of its frames",

@@ -1,0 +1,336 @@
+//! The search: gazes over the sector or about the radar's cue, ever closer where nothing was found.
+
+use crate::components::capture::Tier;
+use crate::components::control::{Radar, SearchScan};
+use crate::components::mount::Mount;
+use crate::components::run::SimClock;
+use crate::components::track::Tracker;
+use crate::models::tracking::radar::RadarCue;
+use crate::models::tracking::search::{SearchPattern, Sector};
+use crate::models::tracking::table::{Track, separation_rad};
+use glam::DVec2;
+
+/// A gaze begins when the mount is this close to it [rad], a fiftieth of the search camera's field,
+/// and moves with it but for this [rad/s]: below a fifth of a pixel in a 5 ms exposure.
+const SETTLED_RAD: f64 = 2e-3;
+const SETTLED_RADPS: f64 = 5e-3;
+/// Least duration of a gaze [s], and least number of frames in it. A candidate needs 6 hits
+/// (`systems::track`): 15 frames leave room for misses, and within half a second
+/// a rate of 1 mrad/s stands six deviations out of the noise of 0.5 px of the search camera.
+const GAZE_S: f64 = 0.5;
+const GAZE_FRAMES: f64 = 15.0;
+/// How long a gaze lasts at most while something in it looks like a target [s].
+const LONGEST_GAZE_S: f64 = 2.0;
+/// Hits that make a track worth a longer gaze, and log-odds: even, or less for what the recogniser has
+/// judged, of which a dot may still be chosen.
+const PROMISING_HITS: u32 = 3;
+const PROMISING: f64 = 0.0;
+const PROMISING_JUDGED: f64 = -0.4;
+/// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
+/// the next.
+const OVERLAP: f64 = 0.1;
+/// Share of the field by which the mount may be off a gaze that a plot has moved before it begins anew.
+const FOLLOW_FIELDS: f64 = 0.25;
+/// A pass with a finer camera, in whose field a target is larger, is made where so many gazes cover the area:
+/// as a rule about a radar's cue. It goes outward from the middle, in gazes of so many frames, of which
+/// [`PROMISING_HITS`] make it longer, and reads about as many a second as the search camera [Hz].
+const MOST_CLOSER_GAZES: usize = 20;
+const CLOSER_FRAMES: f64 = 10.0;
+const CLOSER_HZ: f64 = 30.0;
+
+/// Where the mount is to look, and how that moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaze {
+    /// Azimuth (x) and elevation (y) [rad].
+    pub az_el_rad: DVec2,
+    /// Their rates [rad/s].
+    pub rates_radps: DVec2,
+}
+
+/// Of how many of its exposures a finer camera of `frame_s` [s] a frame reads one in its pass.
+pub(super) fn closer_every(frame_s: f64) -> u64 {
+    (1.0 / (CLOSER_HZ * frame_s)).round().max(1.0) as u64
+}
+
+impl SearchScan {
+    /// A scan with cameras of these fields (horizontal, vertical) [rad] and times from frame to frame [s],
+    /// wide to narrow; with a cue it begins about it.
+    pub fn new(
+        pattern: SearchPattern,
+        sector: Sector,
+        fields_rad: [[f64; 2]; 3],
+        frames_s: [f64; 3],
+        cue: Option<RadarCue>,
+    ) -> Self {
+        let gaze_s = Tier::ALL.map(|tier| {
+            let frame_s = frames_s[tier as usize];
+            match tier {
+                Tier::Search => GAZE_S.max(GAZE_FRAMES * frame_s),
+                _ => CLOSER_FRAMES * frame_s * closer_every(frame_s) as f64,
+            }
+        });
+        let mut scan = Self {
+            pattern,
+            sector,
+            fields_rad,
+            gaze_s,
+            tier: Tier::Search,
+            area: sector,
+            area_s: 0.0,
+            drift_radps: DVec2::ZERO,
+            cued: false,
+            offsets_rad: Vec::new(),
+            index: 0,
+            settled_since: None,
+        };
+        scan.follow(cue, 0.0);
+        scan.begin(Tier::Search);
+        scan
+    }
+
+    /// The present gaze at `t_s` [s].
+    pub fn gaze(&self, t_s: f64) -> Gaze {
+        let centre = DVec2::new(self.area.centre_azimuth_rad, self.area.centre_elevation_rad);
+        Gaze {
+            az_el_rad: centre
+                + self.drift_radps * (t_s - self.area_s)
+                + self.offsets_rad[self.index],
+            rates_radps: self.drift_radps,
+        }
+    }
+
+    /// How long a gaze of the present pass lasts where nothing is promising [s].
+    pub fn gaze_s(&self) -> f64 {
+        self.gaze_s[self.tier as usize]
+    }
+
+    /// Gazes of a pass with a camera over the area, from its centre [rad].
+    fn laid_out(&self, tier: Tier) -> Vec<DVec2> {
+        let centre = DVec2::new(self.area.centre_azimuth_rad, self.area.centre_elevation_rad);
+        let pattern = match (tier, self.pattern) {
+            (Tier::Coarse | Tier::Precise, SearchPattern::Raster) => SearchPattern::Spiral,
+            (_, pattern) => pattern,
+        };
+        pattern
+            .gazes(&self.area, self.fields_rad[tier as usize], OVERLAP)
+            .into_iter()
+            .map(|gaze| DVec2::from(gaze) - centre)
+            .collect()
+    }
+
+    /// Takes the radar's word where the area is and how it moves. The gazes of a pass move with it; they begin
+    /// anew where the radar finds a target, or loses it.
+    fn follow(&mut self, cue: Option<RadarCue>, t_s: f64) {
+        // Two deviations to either side of the cue, or the sector.
+        self.area = cue.map_or(self.sector, |cue| {
+            let about = Sector::about(cue.az_el_rad, cue.sigma_rad);
+            Sector {
+                width_rad: about.width_rad.min(self.sector.width_rad),
+                height_rad: about.height_rad.min(self.sector.height_rad),
+                ..about
+            }
+        });
+        self.area_s = t_s;
+        self.drift_radps = cue.map_or(DVec2::ZERO, |cue| {
+            cue.rate_radps / DVec2::new(cue.az_el_rad.y.cos().max(0.1), 1.0)
+        });
+        if cue.is_some() != self.cued {
+            self.cued = cue.is_some();
+            self.begin(Tier::Search);
+        }
+    }
+
+    /// Begins a pass with a camera.
+    fn begin(&mut self, tier: Tier) {
+        self.tier = tier;
+        self.offsets_rad = self.laid_out(tier);
+        self.index = 0;
+        self.settled_since = None;
+    }
+
+    /// Goes on to the next gaze; after the last of a pass to the next finer camera, whose pass takes in less of
+    /// the area at a time, and back to the search camera.
+    fn advance(&mut self) {
+        self.settled_since = None;
+        self.index += 1;
+        if self.index < self.offsets_rad.len() {
+            return;
+        }
+        let closer = Tier::ALL
+            .get(self.tier as usize + 1)
+            .copied()
+            .filter(|tier| self.laid_out(*tier).len() <= MOST_CLOSER_GAZES);
+        self.begin(closer.unwrap_or(Tier::Search));
+    }
+}
+
+/// The present gaze; moves on when it has lasted, and along with the radar's cue.
+pub(super) fn search(
+    clock: &SimClock,
+    tracker: &Tracker,
+    radar: &Radar,
+    scan: &mut SearchScan,
+    mount: &Mount,
+) -> Gaze {
+    let t_s = clock.t_s();
+    let gaze = scan.gaze(t_s);
+    let error_rad = mount
+        .params
+        .error_rad(gaze.az_el_rad, mount.measured_az_el_rad())
+        .length();
+    let off_radps = (mount.measured_rates_radps() - gaze.rates_radps).length();
+    if scan.settled_since.is_none() && error_rad < SETTLED_RAD && off_radps < SETTLED_RADPS {
+        scan.settled_since = Some(clock.tick);
+    } else if error_rad > FOLLOW_FIELDS * scan.fields_rad[scan.tier as usize][1] {
+        scan.settled_since = None;
+    }
+    let rested_s = scan
+        .settled_since
+        .map_or(0.0, |since| clock.at_s(clock.tick - since));
+    let cue = radar.cue(t_s);
+    let promising = tracker
+        .table
+        .tracks
+        .iter()
+        .any(|track| is_promising(track, cue.as_ref(), t_s));
+    let longest_s = if promising {
+        LONGEST_GAZE_S
+    } else {
+        scan.gaze_s()
+    };
+    if rested_s > longest_s {
+        scan.advance();
+    }
+    // A promising gaze drifts on as it did: a plot would move it off what it looks at.
+    if !promising || rested_s > longest_s {
+        scan.follow(cue, t_s);
+    }
+    scan.gaze(t_s)
+}
+
+/// Whether a track is worth a longer gaze: it flies, stands in the sky or where the radar points.
+fn is_promising(track: &Track, cue: Option<&RadarCue>, t_s: f64) -> bool {
+    let fresh = track.filter.coast_s(t_s) < 0.3;
+    let (rate, sigmas) = track.motion(t_s);
+    let judged = track.recognition.is_some();
+    let least = if judged { PROMISING_JUDGED } else { PROMISING };
+    let cued = || {
+        cue.is_some_and(|cue| {
+            let at = track.filter.predicted(t_s).az_el_rad();
+            separation_rad(at, cue.az_el_rad) < cue.sigma_rad.max_element()
+        })
+    };
+    fresh
+        && track.total_hits() >= PROMISING_HITS
+        && !track.conduct.is_scenery()
+        && track.log_odds() > least
+        && (track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::maths::kinematics::wrap_pi;
+    use glam::DVec3;
+
+    const FIELDS_RAD: [[f64; 2]; 3] = [[0.105, 0.079], [0.052, 0.039], [0.0175, 0.0131]];
+    const SECTOR: Sector = Sector {
+        centre_azimuth_rad: -3.0,
+        centre_elevation_rad: 0.1,
+        width_rad: 0.6,
+        height_rad: 0.15,
+    };
+
+    fn cue(az_el_rad: [f64; 2], sigma_rad: f64, rate_radps: f64) -> RadarCue {
+        RadarCue {
+            az_el_rad: az_el_rad.into(),
+            sigma_rad: DVec2::splat(sigma_rad),
+            range_m: 600.0,
+            range_sigma_m: 15.0,
+            rate_radps: DVec2::new(rate_radps, 0.0),
+            rate_sigma_radps: DVec2::splat(5e-3),
+        }
+    }
+
+    fn scan(cue: Option<RadarCue>) -> SearchScan {
+        let frames_s = [1.0 / 30.0, 1.0 / 60.0, 1.0 / 120.0];
+        SearchScan::new(SearchPattern::Raster, SECTOR, FIELDS_RAD, frames_s, cue)
+    }
+
+    /// Tier and number of gazes of the first passes.
+    fn passes(scan: &mut SearchScan) -> Vec<(Tier, usize)> {
+        (0..4)
+            .map(|_| {
+                let (tier, gazes) = (scan.tier, scan.offsets_rad.len());
+                (0..gazes).for_each(|_| scan.advance());
+                (tier, gazes)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_small_area_is_searched_ever_closer() {
+        use Tier::{Coarse, Precise, Search};
+        // Two deviations to either side: 1.4°, then 5.7°.
+        let mut near = scan(Some(cue([1.0, 0.1], 6e-3, 0.0)));
+        let ever_closer = [(Search, 1), (Coarse, 1), (Precise, 4), (Search, 1)];
+        assert_eq!(passes(&mut near), ever_closer);
+        let mut wide = scan(Some(cue([1.0, 0.1], 25e-3, 0.0)));
+        let not_closest = [(Search, 4), (Coarse, 9), (Search, 4), (Coarse, 9)];
+        assert_eq!(passes(&mut wide), not_closest);
+        // A sector is too large for that.
+        assert!(
+            passes(&mut scan(None))
+                .iter()
+                .all(|pass| *pass == (Search, 14))
+        );
+    }
+
+    #[test]
+    fn the_gazes_move_with_the_cue() {
+        let mut scan = scan(Some(cue([1.0, 0.1], 6e-3, 0.02)));
+        let before = scan.gaze(0.0);
+        let along = DVec2::new(0.02 / 0.1f64.cos(), 0.0);
+        assert!((before.rates_radps - along).length() < 1e-12);
+        let later = scan.gaze(2.0);
+        assert!((later.az_el_rad - before.az_el_rad - 2.0 * along).length() < 1e-12);
+        // The next plot puts it elsewhere; the pass goes on.
+        scan.begin(Tier::Precise);
+        (scan.index, scan.settled_since) = (2, Some(7));
+        let off = scan.offsets_rad[2];
+        scan.follow(Some(cue([1.05, 0.1], 6e-3, 0.0)), 2.0);
+        assert_eq!((scan.index, scan.settled_since), (2, Some(7)));
+        let centre = DVec2::new(1.05, 0.1);
+        assert!((scan.gaze(2.0).az_el_rad - off - centre).length() < 1e-12);
+        // Without a radar's track it is the sector again.
+        scan.follow(None, 3.0);
+        assert_eq!((scan.tier, scan.offsets_rad.len()), (Tier::Search, 14));
+    }
+
+    #[test]
+    fn a_sector_may_lie_south() {
+        // Offsets do not wrap where the azimuth does.
+        let scan = scan(None);
+        let widest = scan
+            .offsets_rad
+            .iter()
+            .map(|o| o.x.abs())
+            .fold(0.0, f64::max);
+        assert!(widest < 0.3, "{widest}");
+        assert!(wrap_pi(scan.gaze(0.0).az_el_rad.x + 3.0).abs() < 0.3);
+    }
+
+    #[test]
+    fn a_gaze_has_frames_enough() {
+        let slow = SearchScan::new(
+            SearchPattern::Raster,
+            SECTOR,
+            FIELDS_RAD,
+            [0.1, 1.0 / 60.0, 1.0 / 120.0],
+            None,
+        );
+        let off_s = DVec3::from(slow.gaze_s) - DVec3::new(1.5, 1.0 / 3.0, 1.0 / 3.0);
+        assert!(off_s.abs().max_element() < 1e-9);
+        assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(closer_every), [4, 2, 1]);
+    }
+}
