@@ -66,7 +66,7 @@ pub fn show(world: &mut World) {
     }
     let tiles = environment.city.chunks();
     world.insert_resource(Solids(Skyline::new(&tiles, r_station_enu_m)));
-    scene::spawn(world, &environment, &tiles, backdrop, r_station_enu_m);
+    scene::spawn(world, &environment, tiles, backdrop, r_station_enu_m);
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let uavs: Vec<_> = uavs
         .iter(world)

@@ -3,7 +3,7 @@
 //! Builders take coordinates of the mesh's parent frame (ENU or body) as f64 and store f32 about
 //! an f64 origin, so that a city tile kilometres away keeps sub-millimetre vertices.
 
-use glam::{DAffine3, DMat3, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3, Vec3};
 
 use crate::models::maths::polygon::rectangle;
 
@@ -113,6 +113,26 @@ impl MeshData {
             (surface, part)
         });
         parts.filter(|(_, part)| !part.indices.is_empty()).collect()
+    }
+
+    /// Orders the triangles from near to far as seen from a place [m] in the parent frame: drawn so, hardly
+    /// any is shaded and then covered.
+    pub fn sort_from(&mut self, eye_enu_m: DVec3) {
+        let eye = (eye_enu_m - self.origin_enu_m).as_vec3();
+        let (triangles, _) = self.indices.as_chunks::<3>();
+        let mut ranked: Vec<(f32, [u32; 3])> = triangles
+            .iter()
+            .map(|triangle| {
+                let corners = triangle.map(|i| Vec3::from(self.positions[i as usize]));
+                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+                (middle.distance_squared(eye), *triangle)
+            })
+            .collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        self.indices = ranked
+            .into_iter()
+            .flat_map(|(_, corners)| corners)
+            .collect();
     }
 
     /// Number of triangles.
@@ -445,6 +465,21 @@ mod tests {
         surface: Surface::Plain,
         variant: 0.5,
     };
+
+    #[test]
+    fn sorted_triangles_are_the_same_ones_near_to_far() {
+        let mut mesh = MeshData::new(DVec3::new(100.0, 0.0, 0.0));
+        for x in [30.0, -60.0, 0.0] {
+            let at = |y: f64, z: f64| DVec3::new(x, y, z);
+            mesh.face(&[at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0)], GREY);
+        }
+        let before = mesh.clone();
+        mesh.sort_from(DVec3::ZERO);
+        assert_eq!(mesh.positions, before.positions);
+        let (sorted, _) = mesh.indices.as_chunks::<3>();
+        let (drawn, _) = before.indices.as_chunks::<3>();
+        assert_eq!(sorted, [drawn[1], drawn[2], drawn[0]]);
+    }
 
     fn check_winding(mesh: &MeshData) {
         let at = |v: &Vec<[f32; 3]>, i: u32| DVec3::from(v[i as usize].map(f64::from));

@@ -262,7 +262,7 @@ fn light(environment: &Environment) -> LightUniform {
 pub fn spawn(
     world: &mut World,
     environment: &Environment,
-    tiles: &[MeshData],
+    mut tiles: Vec<MeshData>,
     backdrop: Backdrop,
     r_station_enu_m: DVec3,
 ) {
@@ -327,8 +327,15 @@ pub fn spawn(
     }
     world.insert_resource(SkyView(backdrop));
     world.insert_resource(SceneHandles { site_grid, solid });
-    for tile in tiles {
-        add_structure(world, tile);
+    // Near ones first: of one material, meshes are drawn in the order they were added in, and what is hidden
+    // by then is not shaded.
+    tiles.sort_by(|a, b| {
+        let away_m = |tile: &MeshData| tile.origin_enu_m.distance(r_station_enu_m);
+        away_m(a).total_cmp(&away_m(b))
+    });
+    for mut tile in tiles {
+        tile.sort_from(r_station_enu_m);
+        add_structure(world, &tile);
     }
 }
 
