@@ -74,15 +74,17 @@ pub enum Shading {
 }
 
 impl Shading {
-    /// The definition that selects the shader's variant.
-    fn definition(self) -> &'static str {
+    /// The definitions that select the shader's variant.
+    fn definitions(self) -> &'static [&'static str] {
         match self {
-            Self::Solid(Surface::Plain) => "PLAIN",
-            Self::Solid(Surface::FacadeResidential | Surface::FacadeOffice) => "FACADE",
-            Self::Solid(Surface::Ground) => "GROUND",
-            Self::Solid(Surface::Foliage) => "FOLIAGE",
-            Self::Solid(Surface::Water) => "WATER",
-            Self::Sky => "SKY",
+            Self::Solid(Surface::Plain) => &[],
+            Self::Solid(Surface::FacadeResidential | Surface::FacadeOffice) => {
+                &["MIRRORS", "FACADE"]
+            }
+            Self::Solid(Surface::Ground) => &["GROUND"],
+            Self::Solid(Surface::Foliage) => &["FOLIAGE"],
+            Self::Solid(Surface::Water) => &["MIRRORS"],
+            Self::Sky => &["SKY"],
         }
     }
 }
@@ -124,9 +126,14 @@ impl Material for LeanMaterial {
         layout: &MeshVertexBufferLayoutRef,
         key: MaterialPipelineKey<Self>,
     ) -> Result<(), SpecializedMeshPipelineError> {
-        if let Some(fragment) = &mut descriptor.fragment {
-            let definition = key.bind_group_data.definition();
-            fragment.shader_defs.push(definition.into());
+        let definitions = key.bind_group_data.definitions();
+        let both = (descriptor
+            .fragment
+            .iter_mut()
+            .map(|stage| &mut stage.shader_defs))
+        .chain([&mut descriptor.vertex.shader_defs]);
+        for defined in both {
+            defined.extend(definitions.iter().map(|&definition| definition.into()));
         }
         descriptor.vertex.buffers = vec![layout.0.get_layout(&[
             Mesh::ATTRIBUTE_POSITION.at_shader_location(0),
