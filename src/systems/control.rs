@@ -124,10 +124,14 @@ pub fn command_mount(
             let acquired = tracker
                 .target_track()
                 .filter(|_| tracker.state == TrackingState::Acquire)
-                .map(|track| track.filter.predicted(clock.t_s()).az_el_rad());
-            let to = gaze.map(|gaze| gaze.az_el_rad).or(acquired);
-            if let Some(to) = to {
-                command.gimbal = mount.params.position_command(&mount.gimbal, to);
+                .map(|track| Gaze {
+                    az_el_rad: track.filter.predicted(clock.t_s()).az_el_rad(),
+                    rates_radps: DVec2::ZERO,
+                });
+            if let Some(to) = gaze.or(acquired) {
+                let slews = (mount.params).position_command(&mount.gimbal, to.az_el_rad);
+                let rates_radps = DVec2::from(slews.rate_radps) + to.rates_radps;
+                command.gimbal.rate_radps = rates_radps.to_array();
                 command.mirror_rad = DVec2::ZERO;
             } else if tracker.state != TrackingState::Acquire {
                 steer_paper(&clock, &tracker, &cameras, paper, mount, &mut command);

@@ -276,7 +276,7 @@ mod tests {
         let ever_closer = [(Search, 1), (Coarse, 1), (Precise, 4), (Search, 1)];
         assert_eq!(passes(&mut near), ever_closer);
         let mut wide = scan(Some(cue([1.0, 0.1], 25e-3, 0.0)));
-        let not_closest = [(Search, 4), (Coarse, 9), (Search, 4), (Coarse, 9)];
+        let not_closest = [(Search, 2), (Coarse, 9), (Search, 2), (Coarse, 9)];
         assert_eq!(passes(&mut wide), not_closest);
         // A sector is too large for that.
         assert!(
