@@ -220,6 +220,8 @@ pub struct Tracker {
     pub sink_at_fire_mps: Option<f64>,
     /// Since when the target, fired at, has been falling.
     pub falling_since: Option<u64>,
+    /// Since when it has been mere scenery.
+    pub scenery_since: Option<u64>,
     /// Every change so far.
     pub changes: Vec<StateChange>,
 }
@@ -243,6 +245,7 @@ impl Default for Tracker {
             fired_ticks: 0,
             sink_at_fire_mps: None,
             falling_since: None,
+            scenery_since: None,
             changes: vec![StateChange {
                 tick: 0,
                 to: TrackingState::Search,
@@ -304,6 +307,7 @@ impl Tracker {
         self.fired_ticks = 0;
         self.sink_at_fire_mps = None;
         self.falling_since = None;
+        self.scenery_since = None;
     }
 
     /// Takes over the identities that the table has joined to older ones.

@@ -25,7 +25,7 @@ const LONGEST_GAZE_S: f64 = 2.0;
 /// judged, of which a dot may still be chosen.
 const PROMISING_HITS: u32 = 3;
 const PROMISING: f64 = 0.0;
-const PROMISING_JUDGED: f64 = -0.4;
+const PROMISING_JUDGED: f64 = -0.6;
 /// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
 /// the next.
 const OVERLAP: f64 = 0.1;

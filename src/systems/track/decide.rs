@@ -34,6 +34,8 @@ const DOUBT_AFTER_S: f64 = 0.3;
 const FIRED_S: f64 = 0.1;
 const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
+/// Time for which a target that stands before scenery may be less than surely a UAV [s].
+const SCENERY_S: f64 = 2.0;
 /// Lock and break radius as a share of the smaller side of a large target's box: a beam on a larger body
 /// may wander more.
 const LOCK_SHARE: f64 = 0.1;
@@ -109,6 +111,15 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         tracker.give_up(tick, Some(f64::INFINITY), "the target falls");
         return;
     }
+    if stands(now, tracker) {
+        let until_s = now.t_s() + REJECTED_S;
+        tracker.give_up(
+            tick,
+            Some(until_s),
+            "it stands before scenery, and is not surely a UAV",
+        );
+        return;
+    }
     hold(now, tracker);
     // What is being fired at is not left for another.
     if !now.params.nearest_to_centre
@@ -150,6 +161,18 @@ fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
     }
     let since = *tracker.falling_since.get_or_insert(now.tick);
     now.clock.at_s(now.tick - since) > FALLING_S
+}
+
+/// Whether the target has been mere scenery for so long that the search goes on.
+fn stands(now: &Situation, tracker: &mut Tracker) -> bool {
+    let left_alone = now.params.nearest_to_centre || tracker.designated;
+    let mere = |track: &Track| !track.hidden(now.t_s()) && now.is_mere_scenery(track);
+    if left_alone || !tracker.target_track().is_some_and(mere) {
+        tracker.scenery_since = None;
+        return false;
+    }
+    let since = *tracker.scenery_since.get_or_insert(now.tick);
+    now.clock.at_s(now.tick - since) > SCENERY_S
 }
 
 /// Whether a cue may mean a track, by their directions.
@@ -650,6 +673,66 @@ mod tests {
             });
             assert_eq!(chosen(&tracker, None), may, "{p_uav}");
         }
+    }
+
+    #[test]
+    fn a_target_that_stands_before_scenery_must_go_on_to_look_like_a_uav() {
+        let params = params();
+        let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+        let los = los_to_az_el(r_enu_m);
+        let cue = RadarCue {
+            az_el_rad: los,
+            sigma_rad: DVec2::splat(0.01),
+            range_m: r_enu_m.length(),
+            range_sigma_m: 15.0,
+            rate_radps: DVec2::ZERO,
+            rate_sigma_radps: DVec2::splat(5e-3),
+        };
+        let given_up_s = |p_uav: f64, in_scenery: bool, cue: Option<RadarCue>| {
+            let mut tracker = Tracker::default();
+            for frame in 0..240_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                see(&mut tracker, t_s, &[r_enu_m]);
+                let track = &mut tracker.table.tracks[0];
+                (track.conduct.in_scenery, track.conduct.in_sky) = (in_scenery, !in_scenery);
+                track.recognition = Some(Recognition {
+                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                    t_s,
+                });
+                let (id, tick) = (track.id, u64::from(frame * FRAME));
+                if frame == 10 {
+                    tracker.acquire(tick, id, "test");
+                    tracker.change(tick, TrackingState::Precise, "test");
+                }
+                if frame > 10 {
+                    let now = Situation {
+                        cue,
+                        ..situation(&params, frame * FRAME)
+                    };
+                    tracker.error = [Some(BoresightError {
+                        exposure_tick: now.tick,
+                        available_tick: now.tick,
+                        angle_rad: DVec2::ZERO,
+                        distance_px: 0.0,
+                        half_side_px: 4.0,
+                    }); 3];
+                    step(&now, &mut tracker, false, false);
+                    if tracker.target.is_none() {
+                        return Some(t_s - 10.0 / 60.0);
+                    }
+                }
+            }
+            None
+        };
+        let waited_s = given_up_s(0.6, true, None).unwrap();
+        assert!(
+            (SCENERY_S..SCENERY_S + 0.1).contains(&waited_s),
+            "{waited_s}"
+        );
+        // Sure of it, pointed at by the radar, or in the sky.
+        assert_eq!(given_up_s(0.95, true, None), None);
+        assert_eq!(given_up_s(0.6, true, Some(cue)), None);
+        assert_eq!(given_up_s(0.6, false, None), None);
     }
 
     #[test]

@@ -24,6 +24,8 @@ const CANDIDATE_HITS: u32 = 6;
 const CHOSEN: f64 = 1.5;
 const CHOSEN_DOT: f64 = -0.15;
 const RIVAL: f64 = 4.0;
+/// The same of a dot in clear sky, where there is little else to look at.
+const CHOSEN_DOT_IN_SKY: f64 = -0.6;
 /// Share of the frames that must show a dot for that: a chain of false alarms is seen in fewer.
 const DOT_QUALITY: f64 = 0.5;
 /// Hits that make a track worth judging: a false alarm seldom comes back.
@@ -219,7 +221,12 @@ impl Situation<'_> {
 
     /// Log-odds from which on a track is chosen.
     fn chosen(&self, track: &Track) -> f64 {
-        CHOSEN - (CHOSEN - CHOSEN_DOT) * dot_share(track)
+        let dot = if track.conduct.in_sky {
+            CHOSEN_DOT_IN_SKY
+        } else {
+            CHOSEN_DOT
+        };
+        CHOSEN - (CHOSEN - dot) * dot_share(track)
     }
 
     /// The most threatening track beside the target that looks like a UAV, each threat weighed with how
@@ -265,13 +272,23 @@ impl Situation<'_> {
     /// Whether a track may be a UAV though it stands before scenery: the recogniser is sure, or it
     /// looks like one where the radar has its target.
     fn may_hover(&self, track: &Track) -> bool {
+        let sure = |found: Recognition| found.p_uav() > HOVER_PROBABILITY;
+        track.recognition.is_some_and(sure) || self.cued(track) && track.log_odds() > CHOSEN
+    }
+
+    /// Whether the radar has its target where a track is, and sees it fly alike.
+    fn cued(&self, track: &Track) -> bool {
         let at = track.filter.predicted(self.t_s()).az_el_rad();
-        let cued = self.cue.is_some_and(|cue| {
+        self.cue.is_some_and(|cue| {
             separation_rad(at, cue.az_el_rad) < HOVER_SIGMAS * cue.sigma_rad.max_element()
                 && self.rates_distance2(&cue, track) < RATES_MOST
-        });
-        let sure = |found: Recognition| found.p_uav() > HOVER_PROBABILITY;
-        track.recognition.is_some_and(sure) || cued && track.log_odds() > CHOSEN
+        })
+    }
+
+    /// Whether a target has nothing that speaks for a UAV any more but having been chosen: it stands before
+    /// scenery, the recogniser is no longer sure, and no radar points at it.
+    pub(super) fn is_mere_scenery(&self, track: &Track) -> bool {
+        track.conduct.is_scenery() && !self.may_hover(track) && !self.cued(track)
     }
 
     /// Why a track may be a UAV.
