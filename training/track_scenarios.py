@@ -47,11 +47,11 @@ def place(az_deg: float, el_deg: float, range_m: float) -> list[float]:
 
 
 def flight(rng: random.Random, what: str, at: list[float], az_deg: float, range_m: float) -> str:
-    """A trajectory that begins near `at`; mostly across the line of sight."""
+    """A trajectory that begins near `at`, in any direction: wings seen from behind look like arms."""
     if what not in SPEED_MPS:
         return f'{{ kind = "hover", position_enu_m = {rounded(at)} }}'
     speed = rng.uniform(*SPEED_MPS[what])
-    course = math.radians(az_deg) + rng.choice((-1, 1)) * rng.uniform(0.3, 1.0) * math.pi / 2 + rng.choice((0, math.pi))
+    course = math.radians(az_deg) + rng.uniform(-math.pi, math.pi)
     climb = rng.uniform(-0.08, 0.08) * speed
     v = [speed * math.sin(course), speed * math.cos(course), climb]
     kind = rng.random()
