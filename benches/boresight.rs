@@ -7,6 +7,7 @@ use boresight::app::{self, Options};
 use boresight::cli;
 use boresight::components::capture::{Frames, Readout, SensorCamera, Tier};
 use boresight::components::detect::DetectionQueue;
+use boresight::components::mount::{Stations, first_station};
 use boresight::components::render::SensorViews;
 use boresight::components::run::SimClock;
 use boresight::components::track::{Tracker, TrackingState};
@@ -27,6 +28,11 @@ const DEMO: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/scenarios/urban_intercept.toml"
 );
+
+/// What the station has.
+fn of<C: Component>(world: &World) -> &C {
+    first_station(world).expect("a station has all its parts")
+}
 
 /// The demo with `uavs` UAVs that circle 1 km away, so that a bench may go on for ever, and
 /// overrides.
@@ -89,7 +95,7 @@ fn ticks(criterion: &mut Criterion) {
             // A station that has lost its target has less to do.
             println!(
                 "{uavs} UAV, {name}: ends in {}",
-                app.world().resource::<Tracker>().state.name()
+                of::<Tracker>(app.world()).state.name()
             );
         }
     }
@@ -117,26 +123,24 @@ fn track_and_control(criterion: &mut Criterion) {
         let loaded = demo(uavs, &overrides);
         let mut app = app::build(&loaded, &Options::default()).expect("the demo builds");
         let world = app.world_mut();
-        while world.resource::<Tracker>().state != TrackingState::Precise {
+        while of::<Tracker>(world).state != TrackingState::Precise {
             assert!(!app::step(world).expect("a tick"), "nothing is held");
         }
         for _ in 0..world.resource::<SimClock>().tick_hz {
             app::step(world).expect("a tick");
         }
-        let (clock, tracker) = (
-            *world.resource::<SimClock>(),
-            world.resource::<Tracker>().clone(),
-        );
+        let (clock, tracker) = (*world.resource::<SimClock>(), of::<Tracker>(world).clone());
         let second: Vec<_> = (0..clock.tick_hz)
             .map(|_| {
                 app::step(world).expect("a tick");
-                world.resource::<DetectionQueue>().arrived.clone()
+                of::<DetectionQueue>(world).arrived.clone()
             })
             .collect();
         println!(
             "{uavs} UAV: {} tracks at the end of the second",
-            world.resource::<Tracker>().table.tracks.len()
+            of::<Tracker>(world).table.tracks.len()
         );
+        let station = world.resource::<Stations>().0[0];
         let mut schedule = Schedule::default();
         schedule.set_executor(SingleThreadedExecutor::new());
         schedule.add_systems(
@@ -159,11 +163,12 @@ fn track_and_control(criterion: &mut Criterion) {
             bencher.iter_batched(
                 || (tracker.clone(), second.clone()),
                 |(tracker, second)| {
-                    world.insert_resource(tracker);
+                    world.entity_mut(station).insert(tracker);
                     *world.resource_mut::<SimClock>() = clock;
                     for arrived in second {
                         world.resource_mut::<SimClock>().tick += 1;
-                        world.resource_mut::<DetectionQueue>().arrived = arrived;
+                        let queue = world.get_mut::<DetectionQueue>(station);
+                        queue.expect("a station has a queue").arrived = arrived;
                         schedule.run(world);
                     }
                 },
@@ -206,7 +211,7 @@ fn frames(criterion: &mut Criterion) {
     };
     let mut app = app::build(&loaded, &options).expect("a graphics adapter");
     let world = app.world_mut();
-    while world.resource::<Tracker>().state != TrackingState::Precise {
+    while of::<Tracker>(world).state != TrackingState::Precise {
         assert!(
             !app::step(world).expect("a tick"),
             "the precise camera never gets the UAV"

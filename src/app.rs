@@ -83,8 +83,10 @@ pub fn build(loaded: &Loaded, options: &Options) -> Result<App, RunError> {
 /// #[derive(Resource, Default)]
 /// struct MostTracks(usize);
 ///
-/// fn count(tracker: Res<Tracker>, mut most: ResMut<MostTracks>) {
-///     most.0 = most.0.max(tracker.table.tracks.len());
+/// fn count(stations: Query<&Tracker>, mut most: ResMut<MostTracks>) {
+///     for tracker in &stations {
+///         most.0 = most.0.max(tracker.table.tracks.len());
+///     }
 /// }
 ///
 /// let path = std::path::Path::new("scenarios/urban_intercept.toml");

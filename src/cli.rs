@@ -1,7 +1,8 @@
 //! The command line.
 
 use crate::app::{self, Options, RunError};
-use crate::components::record::History;
+use crate::components::mount::first_station;
+use crate::components::record::Neutralised;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::dataset::{self, DatasetError};
@@ -331,13 +332,8 @@ fn bar(loaded: &Loaded, progress: bool) -> ProgressBar {
 
 fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
     let t_s = world.resource::<SimClock>().t_s();
-    let state = world.resource::<Tracker>().state.name();
-    let down = world
-        .resource::<History>()
-        .neutralised_s
-        .iter()
-        .flatten()
-        .count();
+    let state = first_station::<Tracker>(world).map_or("", |tracker| tracker.state.name());
+    let down = world.resource::<Neutralised>().0.iter().flatten().count();
     let factor = t_s / elapsed.as_secs_f64().max(1e-9);
     bar.set_position((1e3 * t_s) as u64);
     bar.set_message(format!(

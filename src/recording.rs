@@ -96,31 +96,10 @@ pub struct Meta<'a> {
     pub epoch_unix_ns: u64,
     /// Ticks per simulated second \[Hz\].
     pub tick_hz: NonZeroU32,
-}
-
-/// The three cameras in the order of their channels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CameraTopic {
-    /// Search.
-    Stv,
-    /// Coarse tracking.
-    Ctv,
-    /// Precise tracking.
-    Ptv,
-}
-
-impl CameraTopic {
-    /// Every camera, in channel order.
-    pub const ALL: [Self; 3] = [Self::Stv, Self::Ctv, Self::Ptv];
-
-    /// Its short name: first part of its topics, frame of its images, `camera` of the own messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Stv => "stv",
-            Self::Ctv => "ctv",
-            Self::Ptv => "ptv",
-        }
-    }
+    /// Names of the cameras: first part of their topics, frame of their images, `camera` of the own messages.
+    pub cameras: &'a [&'a str],
+    /// Names of the stations after the first, whose states have topics of their own.
+    pub more_stations: &'a [&'a str],
 }
 
 /// The pose of `child` in `parent`.
@@ -206,8 +185,8 @@ pub trait OwnMessage: prost::Message {
 macro_rules! own_channels {
     ($($index:literal $message:ident $topic:literal)*) => {
         /// Topic and schema name of the own channels.
-        const OWN_CHANNELS: &[(&str, &str)] =
-            &[$(($topic, concat!("boresight.", stringify!($message)))),*];
+        const OWN_CHANNELS: [(&str, &str); [$($index),*].len()] =
+            [$(($topic, concat!("boresight.", stringify!($message)))),*];
         $(impl OwnMessage for proto::$message {
             const INDEX: usize = $index;
         })*
@@ -225,26 +204,28 @@ own_channels! {
     7 MissDistance "/boresight/miss_distance"
 }
 
+/// The own channels that every station has.
+const OF_STATION: std::ops::Range<usize> = 2..5;
+
 // Places of the other channels; each camera has three in a row.
 const TF: usize = 0;
 const SCENE: usize = 1;
 const LOCATION: usize = 2;
 const LOG: usize = 3;
 const CAMERAS: usize = 4;
-const OWN: usize = CAMERAS + 3 * CameraTopic::ALL.len();
 const IMAGE: usize = 0;
 const ANNOTATIONS: usize = 1;
 const CALIBRATION: usize = 2;
 
 /// Every topic with its schema, in the order of their channels.
-fn channels() -> Vec<(String, Option<Schema>)> {
+fn channels(meta: &Meta) -> Vec<(String, Option<Schema>)> {
     let mut channels = vec![
         ("/tf".to_owned(), FrameTransforms::get_schema()),
         ("/scene".to_owned(), SceneUpdate::get_schema()),
         ("/site/location".to_owned(), LocationFix::get_schema()),
         ("/log".to_owned(), fg::Log::get_schema()),
     ];
-    for camera in CameraTopic::ALL.map(CameraTopic::name) {
+    for camera in meta.cameras {
         channels.extend([
             (format!("/{camera}/image"), CompressedImage::get_schema()),
             (
@@ -257,12 +238,14 @@ fn channels() -> Vec<(String, Option<Schema>)> {
             ),
         ]);
     }
-    channels.extend(OWN_CHANNELS.iter().map(|&(topic, name)| {
-        (
-            topic.to_owned(),
-            Some(Schema::new(name, "protobuf", DESCRIPTORS)),
-        )
-    }));
+    let own = |name: &str| Some(Schema::new(name, "protobuf", DESCRIPTORS));
+    channels.extend(OWN_CHANNELS.map(|(topic, name)| (topic.to_owned(), own(name))));
+    for station in meta.more_stations {
+        channels.extend(OWN_CHANNELS[OF_STATION].iter().map(|(topic, name)| {
+            let topic = topic.replacen("/boresight/", &format!("/boresight/{station}/"), 1);
+            (topic, own(name))
+        }));
+    }
     channels
 }
 
@@ -289,6 +272,7 @@ pub struct Recorder {
     writer: Option<Writer<NoSeek<BufWriter<File>>>>,
     epoch_unix_ns: u64,
     tick_hz: NonZeroU32,
+    cameras: Vec<String>,
     /// MCAP id and next sequence number of each channel.
     channels: Vec<(u16, u32)>,
     tick: Option<u64>,
@@ -349,7 +333,7 @@ impl Recorder {
         })?;
         writer.flush()?;
         let mut ids = Vec::new();
-        for (topic, schema) in channels() {
+        for (topic, schema) in channels(meta) {
             let schema_id = match &schema {
                 Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
                 None => 0,
@@ -364,6 +348,7 @@ impl Recorder {
             writer: Some(writer),
             epoch_unix_ns: meta.epoch_unix_ns,
             tick_hz: meta.tick_hz,
+            cameras: meta.cameras.iter().map(ToString::to_string).collect(),
             channels: ids,
             tick: None,
             pending: Vec::new(),
@@ -433,20 +418,20 @@ impl Recorder {
         )
     }
 
-    /// Records the image that a camera exposed at this tick, as JPEG.
+    /// Records the image that a camera, by its number, exposed at this tick, as JPEG.
     pub fn compressed_image(
         &mut self,
         tick: u64,
-        camera: CameraTopic,
+        camera: usize,
         jpeg: Vec<u8>,
     ) -> Result<(), RecordingError> {
         let message = CompressedImage {
             timestamp: self.timestamp(tick),
-            frame_id: camera.name().to_owned(),
+            frame_id: self.cameras[camera].clone(),
             data: jpeg.into(),
             format: "jpeg".to_owned(),
         };
-        self.push(tick, CAMERAS + 3 * camera as usize + IMAGE, &message)
+        self.push(tick, CAMERAS + 3 * camera + IMAGE, &message)
     }
 
     /// Records boxes and the reticle \[px\] on the image that was exposed at `exposure_tick`.
@@ -454,7 +439,7 @@ impl Recorder {
         &mut self,
         tick: u64,
         exposure_tick: u64,
-        camera: CameraTopic,
+        camera: usize,
         boxes: &[BoxAnnotation],
         reticle_px: [f64; 2],
     ) -> Result<(), RecordingError> {
@@ -502,14 +487,14 @@ impl Recorder {
             thickness: 1.0, // [px]
             ..Default::default()
         });
-        self.push(tick, CAMERAS + 3 * camera as usize + ANNOTATIONS, &message)
+        self.push(tick, CAMERAS + 3 * camera + ANNOTATIONS, &message)
     }
 
     /// Records a camera's intrinsics: image size \[px\] and row-major K \[px\]; again on every zoom.
     pub fn camera_calibration(
         &mut self,
         tick: u64,
-        camera: CameraTopic,
+        camera: usize,
         width_px: u32,
         height_px: u32,
         k_px: [f64; 9],
@@ -517,7 +502,7 @@ impl Recorder {
         let [fx, s, cx, z0, fy, cy, z1, z2, w] = k_px;
         let message = CameraCalibration {
             timestamp: self.timestamp(tick),
-            frame_id: camera.name().to_owned(),
+            frame_id: self.cameras[camera].clone(),
             width: width_px,
             height: height_px,
             distortion_model: "plumb_bob".to_owned(),
@@ -526,7 +511,7 @@ impl Recorder {
             r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             p: vec![fx, s, cx, 0.0, z0, fy, cy, 0.0, z1, z2, w, 0.0],
         };
-        self.push(tick, CAMERAS + 3 * camera as usize + CALIBRATION, &message)
+        self.push(tick, CAMERAS + 3 * camera + CALIBRATION, &message)
     }
 
     /// Records where `frame` lies on the Earth: WGS 84 latitude, longitude \[deg\], height \[m\].
@@ -569,9 +554,32 @@ impl Recorder {
         self.push(tick, LOG, &message)
     }
 
-    /// Records one of the project's own messages on its topic.
+    /// Records one of the project's own messages on its topic, the first station's where each has one.
     pub fn own<M: OwnMessage>(&mut self, tick: u64, message: &M) -> Result<(), RecordingError> {
-        self.push(tick, OWN + M::INDEX, message)
+        self.push(tick, self.first_own() + M::INDEX, message)
+    }
+
+    /// Records the state of a station, by its number.
+    pub fn of_station<M: OwnMessage>(
+        &mut self,
+        tick: u64,
+        station: usize,
+        message: &M,
+    ) -> Result<(), RecordingError> {
+        if station == 0 || !OF_STATION.contains(&M::INDEX) {
+            return self.own(tick, message);
+        }
+        let further = OF_STATION.len() * (station - 1) + M::INDEX - OF_STATION.start;
+        self.push(
+            tick,
+            self.first_own() + OWN_CHANNELS.len() + further,
+            message,
+        )
+    }
+
+    /// Place of the first own channel.
+    fn first_own(&self) -> usize {
+        CAMERAS + 3 * self.cameras.len()
     }
 
     /// Writes what is left and closes the file.

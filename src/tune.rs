@@ -180,7 +180,7 @@ impl Tuning {
             let measured = measure_pointing_loop(&plant, axis, precise, filter, law);
             loops.push(measured.map_err(refused)?);
         }
-        let controller = controller(loaded, &plant.gimbal, &plant.mirror, plant.dt_s)?;
+        let controller = controller(loaded, "station", &plant.gimbal, &plant.mirror, plant.dt_s)?;
         let in_use = match controller {
             Controller::Pointing(pointing) => Some(pointing.law),
             Controller::Paper(paper) => {
@@ -384,7 +384,7 @@ fn timing(scenario: &Scenario, clock: &SimClock, tier: Tier) -> Result<CameraTim
         Exposure::Auto(_) => AUTO_EXPOSURE_S,
     };
     let latency_s = 0.5 * exposure_s + camera.readout_latency_s + camera.inference_latency_s;
-    let sigma_px = tracker_params(scenario, DVec3::ZERO).centre_sigma_px;
+    let sigma_px = tracker_params(scenario, &cameras, DVec3::ZERO).centre_sigma_px;
     Ok(CameraTiming {
         period_ticks: u64::from(scenario.tick_hz / camera.rate_hz),
         latency_ticks: clock.ticks_of(latency_s),

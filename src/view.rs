@@ -1,6 +1,7 @@
 //! `boresight view`: a run in a window.
 
 use crate::app::{self, Options, RunError};
+use crate::components::mount::first_station;
 use crate::components::run::SimClock;
 use crate::components::track::{Designation, Operator, Order};
 use crate::components::view::{Pacing, ScreenshotRequest, Session};
@@ -128,7 +129,7 @@ fn with_orders(
     let clock = world.resource::<SimClock>();
     let mut scenario = loaded.scenario.clone();
     scenario.seed = options.seed.unwrap_or(scenario.seed);
-    let orders = &world.resource::<Operator>().orders;
+    let orders = first_station::<Operator>(world).map_or(&[][..], |operator| &operator.orders);
     let order = |order: &Order| OrderConfig {
         t_s: clock.at_s(order.tick),
         designate: match order.target {
@@ -183,14 +184,16 @@ mod tests {
         let world = app.world_mut();
         // Given out of order, as a script and a window may.
         for order in [orders[1], orders[0], orders[2]] {
-            world.resource_mut::<Operator>().give(order);
+            let mut operators = world.query::<&mut Operator>();
+            operators.single_mut(world).unwrap().give(order);
         }
         let text = with_orders(world, &loaded, &options).unwrap();
         let kept = Loaded::parse(text, "kept.toml".into(), Vec::new()).unwrap();
         assert_eq!(kept.scenario.seed, 7);
         assert_eq!(kept.scenario.duration_s, 2.0);
         let again = app::build(&kept, &Options::default()).unwrap();
-        assert_eq!(again.world().resource::<Operator>().orders, orders);
+        let kept = first_station::<Operator>(again.world()).unwrap();
+        assert_eq!(kept.orders, orders);
     }
 
     #[test]

@@ -1,21 +1,42 @@
 //! Sensor cameras and the frames they deliver.
 
-use crate::components::mount::Pointing;
+use crate::components::mount::{Boresight, OpticalPath, Pointing};
+use crate::models::maths::kinematics::Pose;
 pub use crate::models::optics::camera::PixelRect;
 pub use crate::models::optics::tier::Tier;
 
-use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::ExposureControl;
 pub use crate::models::optics::sensor::Conditions;
 use crate::models::optics::sensor::Sensor;
 use bevy::prelude::*;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use std::sync::Arc;
+
+/// The station that a camera belongs to.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[relationship(relationship_target = Cameras)]
+pub struct CameraOf(pub Entity);
+
+/// The cameras of a station, in the order of the scenario.
+#[derive(Component, Clone, Debug, Default)]
+#[relationship_target(relationship = CameraOf)]
+pub struct Cameras(Vec<Entity>);
+
+impl Cameras {
+    /// Their entities.
+    pub fn entities(&self) -> &[Entity] {
+        &self.0
+    }
+}
 
 /// A sensor camera: data that never change during a run.
 #[derive(Component, Clone, Debug)]
 pub struct SensorCamera {
+    /// Its number among all cameras of the run, in the order of the scenario.
+    pub index: usize,
+    /// Its name, which heads its topics in a recording.
+    pub name: Arc<str>,
     /// Search, coarse or precise.
     pub tier: Tier,
     /// Geometry of the full sensor.
@@ -97,16 +118,27 @@ pub struct AutoExposure {
 /// One exposure of one camera.
 #[derive(Clone, Debug)]
 pub struct ExposedFrame {
-    /// Tier of the camera.
+    /// The camera.
+    pub camera: Entity,
+    /// The station that it belongs to.
+    pub station: Entity,
+    /// Its number and name.
+    pub index: usize,
+    pub name: Arc<str>,
+    /// Its tier.
     pub tier: Tier,
+    /// Geometry of its full sensor.
+    pub pinhole: Pinhole,
     /// The tick of the exposure.
     pub tick: u64,
     /// Exposures of this camera before this one.
     pub number: u64,
-    /// Optical pose at the exposure.
+    /// Where the camera looked.
     pub pose: Pose,
-    /// What the station knew of its pointing then.
-    pub pointing: Pointing,
+    /// Where the station believed it to look.
+    pub believed: Pose,
+    /// How it is turned against the laser.
+    pub boresight: Boresight,
     /// The pixels read out.
     pub rect: PixelRect,
     /// How the sensor was exposed.
@@ -118,12 +150,37 @@ pub struct ExposedFrame {
 }
 
 impl ExposedFrame {
+    /// A full frame without content, at tick 0, of a camera that belongs to no station and looks level to the north.
+    pub fn bare(tier: Tier, pinhole: Pinhole) -> Self {
+        let north = Pointing::default().pose(DVec3::ZERO, OpticalPath::OnGimbal, DVec3::ZERO);
+        Self {
+            camera: Entity::PLACEHOLDER,
+            station: Entity::PLACEHOLDER,
+            index: tier as usize,
+            name: tier.name().into(),
+            tier,
+            pinhole,
+            tick: 0,
+            number: 0,
+            pose: north,
+            believed: north,
+            boresight: Boresight::default(),
+            rect: PixelRect {
+                offset_px: [0; 2],
+                size_px: [pinhole.width_px, pinhole.height_px],
+            },
+            conditions: Conditions::default(),
+            truth: Vec::new(),
+            rgb8: None,
+        }
+    }
+
     /// Where the laser's axis is on the sensor [px], by what the station knew at the exposure.
-    pub fn reticle_px(&self, pinhole: &Pinhole) -> DVec2 {
-        self.pointing.alignment.reticle_px(pinhole, self.tier)
+    pub fn reticle_px(&self) -> DVec2 {
+        self.boresight.reticle_px(&self.pinhole)
     }
 }
 
-/// The frames exposed in this tick, wide to narrow.
+/// The frames exposed in this tick, in the order of the cameras.
 #[derive(Resource, Default, Debug)]
 pub struct Frames(pub Vec<Arc<ExposedFrame>>);

@@ -12,7 +12,7 @@ use glam::DVec2;
 use std::collections::VecDeque;
 
 /// The control law of a run.
-#[derive(Resource, Clone, Debug)]
+#[derive(Component, Clone, Debug)]
 pub enum Controller {
     /// Eqs. 8 to 10 as printed, frame by frame.
     Paper(Box<PaperController>),
@@ -64,7 +64,7 @@ impl PaperController {
 }
 
 /// The search scan: what it covers, its gazes and where it stands.
-#[derive(Resource, Clone, Debug)]
+#[derive(Component, Clone, Debug)]
 pub struct SearchScan {
     /// How an area is covered.
     pub pattern: SearchPattern,
@@ -94,7 +94,7 @@ pub struct SearchScan {
 
 /// The external radar that cues the search, at the station. Its plots are truth plus a set error;
 /// nothing else of the truth comes through it.
-#[derive(Resource, Clone, Debug)]
+#[derive(Component, Clone, Debug)]
 pub struct Radar {
     /// Errors of its plots; `None` without a radar.
     pub errors: Option<RadarErrors>,

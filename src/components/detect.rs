@@ -1,6 +1,6 @@
 //! The detector, and detections on their way to the tracker.
 
-use crate::components::capture::{ExposedFrame, PixelRect, Readout, Tier};
+use crate::components::capture::{ExposedFrame, PixelRect, Readout};
 use crate::inference::Inference;
 use crate::models::flight::class::is_uav;
 use crate::models::optics::detection::{Detection, TruthErrors};
@@ -21,6 +21,8 @@ pub enum Detector {
         weak_threshold: f64,
         /// Side of the square around the predicted target in which it looks for that [px].
         roi_px: Option<u32>,
+        /// The stations that wait for an answer, one for each picture, in the order in which they asked.
+        asked: VecDeque<Entity>,
     },
     /// The geometric truth with set errors; needs no image.
     Truth {
@@ -149,15 +151,15 @@ pub struct DetectionBatch {
 
 impl DetectionBatch {
     /// Frames go to the detector, and are answered, in this order.
-    fn asked(&self) -> (u64, Tier) {
-        (self.frame.tick, self.frame.tier)
+    fn asked(&self) -> (u64, usize) {
+        (self.frame.tick, self.frame.index)
     }
 }
 
-/// Batches that wait out their latency.
-#[derive(Resource, Default, Debug)]
+/// Batches of a station that wait out their latency.
+#[derive(Component, Default, Debug)]
 pub struct DetectionQueue {
-    /// Ordered by (available tick, exposure tick, tier).
+    /// Ordered by (available tick, exposure tick, camera).
     pub waiting: VecDeque<DetectionBatch>,
     /// The batches that arrived in this tick.
     pub arrived: Vec<DetectionBatch>,
@@ -206,10 +208,8 @@ impl DetectionQueue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::capture::Conditions;
-    use crate::components::mount::Pointing;
-    use crate::models::maths::kinematics::Pose;
-    use glam::{DQuat, DVec3};
+    use crate::components::capture::Tier;
+    use crate::models::optics::camera::Pinhole;
 
     #[test]
     fn a_region_grows_with_the_target() {
@@ -225,19 +225,11 @@ mod tests {
             offset_px: [100, 50],
             size_px: [160; 2],
         };
+        let pinhole = Pinhole::from_hfov(640, 480, 0.1).unwrap();
         let frame = ExposedFrame {
-            tier,
             tick,
-            number: 0,
-            pose: Pose {
-                r_enu_m: DVec3::ZERO,
-                q_enu_cam: DQuat::IDENTITY,
-            },
-            pointing: Pointing::default(),
             rect: look,
-            conditions: Conditions::default(),
-            truth: Vec::new(),
-            rgb8: None,
+            ..ExposedFrame::bare(tier, pinhole)
         };
         DetectionBatch {
             frame: Arc::new(frame),

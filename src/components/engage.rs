@@ -4,7 +4,7 @@ use crate::models::engage::interlock::Zone;
 use bevy::prelude::*;
 
 /// The rules of engagement of a run.
-#[derive(Resource, Clone, Debug)]
+#[derive(Component, Clone, Debug)]
 pub struct Rules {
     /// Whether the laser may fire at all.
     pub authorised: bool,
@@ -32,12 +32,17 @@ pub struct Rules {
     pub pause_s: f64,
 }
 
-/// Why the laser does not fire; empty while it may.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct Interlocks(pub Vec<&'static str>);
+/// Why the laser does not fire.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Interlocks {
+    /// The reasons; none while it may.
+    pub reasons: Vec<&'static str>,
+    /// The track whose surroundings were last looked over, and what spoke against firing at it there.
+    pub looked_over: Option<(u32, Vec<&'static str>)>,
+}
 
 /// When the present burst began, and when the last full one ended.
-#[derive(Resource, Clone, Copy, Debug, Default)]
+#[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Burst {
     /// First tick of the present burst.
     pub began: Option<u64>,

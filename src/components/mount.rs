@@ -7,9 +7,28 @@ use crate::models::mount::base_motion::BaseMotion;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalParams, GimbalState, WindLoad};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::models::optics::camera::Pinhole;
-use crate::models::optics::tier::Tier;
 use bevy::prelude::*;
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
+
+/// A laser station. What it has once hangs on its entity; its cameras are entities of their own. Stations and
+/// cameras are spawned in the order of the scenario and given the same components, so that every query meets
+/// them in that order.
+#[derive(Component, Clone, Debug, PartialEq, Eq)]
+pub struct Station {
+    /// Its number in the scenario.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+}
+
+/// The stations in the order of the scenario.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Stations(pub Vec<Entity>);
+
+/// What the first station has: the one that a run of a single station is about.
+pub fn first_station<C: Component>(world: &World) -> Option<&C> {
+    world.get(*world.get_resource::<Stations>()?.0.first()?)
+}
 
 /// The two-axis mount on its moving base, and the fast steering mirror behind it.
 #[derive(Component, Clone, Debug)]
@@ -36,8 +55,6 @@ pub struct Mount {
     pub gyro: Gyro,
     /// Wind on the gimbal, where it is modelled.
     pub wind: Option<StationWind>,
-    /// The cameras' boresights as calibrated.
-    pub alignment: Alignment,
 }
 
 impl Mount {
@@ -51,31 +68,46 @@ impl Mount {
         self.gimbal.gyro_rates_radps()
     }
 
-    /// The true poses and the known pointing.
-    pub fn optics(&self, misalignment: &Misalignment) -> Optics {
+    /// Where the laser really points, and what the station knows of it.
+    pub fn optics(&self) -> Optics {
         let pointing = Pointing {
             az_el_rad: self.measured_az_el_rad(),
             mirror_rad: self.mirror.deflection_rad(),
             base_tilt_rad: self.gyro.tilt_enu_rad,
-            alignment: self.alignment,
-        };
-        let [az, el] = self.gimbal.az_el_rad().to_array();
-        let tilt = self.base.tilt_rad();
-        let pose = |mirror_rad: DVec2, misalignment_rad: DVec3| {
-            boresight_chain(self.r_enu_m, tilt, az, el, mirror_rad, misalignment_rad)
         };
         Optics {
-            cameras: Tier::ALL.map(|tier| {
-                let mirror_rad = if tier == Tier::Precise {
-                    pointing.mirror_rad
-                } else {
-                    DVec2::ZERO
-                };
-                pose(mirror_rad, misalignment.0[tier as usize])
-            }),
-            laser: pose(pointing.mirror_rad, DVec3::ZERO),
+            laser: self.true_pose(OpticalPath::BehindMirror, DVec3::ZERO),
             pointing,
         }
+    }
+
+    /// Where a camera on this mount looks now, at rest so far.
+    pub fn camera_view(
+        &self,
+        path: OpticalPath,
+        boresight: &Boresight,
+        optics: &Optics,
+    ) -> CameraView {
+        let pose = self.true_pose(path, boresight.true_rad);
+        CameraView {
+            pose,
+            believed: (optics.pointing).pose(self.r_enu_m, path, boresight.known_rad),
+            q_before_enu_cam: pose.q_enu_cam,
+        }
+    }
+
+    /// The true pose of an optic on this mount, turned against the laser by a rotation vector [rad].
+    fn true_pose(&self, path: OpticalPath, turned_rad: DVec3) -> Pose {
+        let [az, el] = self.gimbal.az_el_rad().to_array();
+        let mirror_rad = path.mirror_rad(self.mirror.deflection_rad());
+        boresight_chain(
+            self.r_enu_m,
+            self.base.tilt_rad(),
+            az,
+            el,
+            mirror_rad,
+            turned_rad,
+        )
     }
 }
 
@@ -120,8 +152,7 @@ pub struct MountCommand {
     pub mirror_rad: DVec2,
 }
 
-/// What the station knows of its own pointing: encoders, mirror sensor, gyro and calibrated
-/// boresights; not the gyro's drift nor what calibration left.
+/// What the station knows of its own pointing: encoders, mirror sensor and gyro; not the gyro's drift.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pointing {
     /// Encoder azimuth and elevation [rad].
@@ -130,85 +161,90 @@ pub struct Pointing {
     pub mirror_rad: DVec2,
     /// Tilt of the base by the gyro [rad].
     pub base_tilt_rad: DVec3,
-    /// The cameras' boresights as calibrated.
-    pub alignment: Alignment,
 }
 
 impl Pointing {
-    /// The pose the station believes a camera of `tier` to have.
-    pub fn believed_pose(&self, r_station_enu_m: DVec3, tier: Tier) -> Pose {
+    /// The pose that the station at `r_station_enu_m` [m] believes an optic to have, turned against the laser by
+    /// a rotation vector [rad].
+    pub fn pose(&self, r_station_enu_m: DVec3, path: OpticalPath, turned_rad: DVec3) -> Pose {
         let [az, el] = self.az_el_rad.to_array();
-        let mirror_rad = if tier == Tier::Precise {
-            self.mirror_rad
-        } else {
-            DVec2::ZERO
-        };
+        let mirror_rad = path.mirror_rad(self.mirror_rad);
         boresight_chain(
             r_station_enu_m,
             self.base_tilt_rad,
             az,
             el,
             mirror_rad,
-            self.alignment.rotation_rad[tier as usize],
+            turned_rad,
         )
     }
 
     /// Where the station believes its laser to point.
     pub fn laser_axis_enu(&self) -> DVec3 {
-        let [az, el] = self.az_el_rad.to_array();
-        let pose = boresight_chain(
-            DVec3::ZERO,
-            self.base_tilt_rad,
-            az,
-            el,
-            self.mirror_rad,
-            DVec3::ZERO,
-        );
+        let pose = self.pose(DVec3::ZERO, OpticalPath::BehindMirror, DVec3::ZERO);
         pose.q_enu_cam * DVec3::Z
     }
 }
 
-/// Where the optics really point in this tick.
+/// Where the laser really points in this tick.
 #[derive(Component, Clone, Copy, Debug)]
 pub struct Optics {
-    /// Poses of the cameras, in the order of [`Tier::ALL`].
-    pub cameras: [Pose; 3],
-    /// Pose of the laser, which shares the precise camera's path.
+    /// Pose of the laser, whose path is that of what stands behind the mirror.
     pub laser: Pose,
     /// What the station knows of it.
     pub pointing: Pointing,
 }
 
-impl Optics {
-    /// Pose of the camera of `tier`.
-    pub fn camera(&self, tier: Tier) -> Pose {
-        self.cameras[tier as usize]
+/// What turns an optic.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OpticalPath {
+    /// The gimbal.
+    OnGimbal,
+    /// The gimbal, and behind it the mirror, as the laser.
+    BehindMirror,
+}
+
+impl OpticalPath {
+    /// What a mirror's deflection [rad] turns of it.
+    fn mirror_rad(self, deflection_rad: DVec2) -> DVec2 {
+        match self {
+            OpticalPath::OnGimbal => DVec2::ZERO,
+            OpticalPath::BehindMirror => deflection_rad,
+        }
     }
 }
 
-/// What the station holds for the boresights of its cameras, in the order of [`Tier::ALL`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Alignment {
-    /// Rotation vectors against the laser in camera axes [rad].
-    pub rotation_rad: [DVec3; 3],
-    /// Their standard errors across the line of sight, per axis [rad].
-    pub sigma_rad: [f64; 3],
+/// How a camera is turned against its station's laser, which defines the axis: rotation vectors in camera axes.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Boresight {
+    /// The true turn [rad].
+    pub true_rad: DVec3,
+    /// The turn as calibrated [rad].
+    pub known_rad: DVec3,
+    /// Standard error of that across the line of sight, per axis [rad].
+    pub sigma_rad: f64,
 }
 
-impl Alignment {
-    /// Where a camera of `tier` would show the laser's axis [px], by what the station knows; for
-    /// the cameras on the gimbal with the mirror at its centre.
-    pub fn reticle_px(&self, pinhole: &Pinhole, tier: Tier) -> DVec2 {
+impl Boresight {
+    /// Where the camera would show the laser's axis [px], by what the station knows; for a camera on the gimbal
+    /// with the mirror at its centre.
+    pub fn reticle_px(&self, pinhole: &Pinhole) -> DVec2 {
         pinhole
-            .project(exp_so3(-self.rotation_rad[tier as usize]) * DVec3::Z)
+            .project(exp_so3(-self.known_rad) * DVec3::Z)
             .unwrap_or(pinhole.centre_px())
     }
 }
 
-/// True boresight errors [rad], rotation vectors in camera axes, in the order of [`Tier::ALL`]; the
-/// laser defines the axis.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct Misalignment(pub [DVec3; 3]);
+/// Where a camera looks in this tick.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct CameraView {
+    /// Its true pose.
+    pub pose: Pose,
+    /// The pose that the station believes it to have.
+    pub believed: Pose,
+    /// Its true attitude one tick ago.
+    pub q_before_enu_cam: DQuat,
+}
 
 #[cfg(test)]
 mod tests {
@@ -224,8 +260,8 @@ mod tests {
             (DVec3::ZERO, DVec2::new(30e-6, 40e-6)),
             (truth, DVec2::ZERO),
         ] {
-            let alignment = Alignment {
-                rotation_rad: [DVec3::ZERO, DVec3::ZERO, known],
+            let boresight = Boresight {
+                known_rad: known,
                 ..default()
             };
             let at = DVec2::new(0.4, 0.2);
@@ -240,16 +276,16 @@ mod tests {
                 )
             };
             // A target on the reticle ...
-            let ray_cam = pinhole.ray(alignment.reticle_px(&pinhole, Tier::Precise));
+            let ray_cam = pinhole.ray(boresight.reticle_px(&pinhole));
             let target_enu = pose(truth).q_enu_cam * ray_cam;
             // ... is on the station's axis, and off the laser's by what is not known.
             let pointing = Pointing {
                 az_el_rad: at,
                 mirror_rad: DVec2::ZERO,
                 base_tilt_rad: DVec3::ZERO,
-                alignment,
             };
-            let believed = pointing.believed_pose(DVec3::ZERO, Tier::Precise).q_enu_cam * ray_cam;
+            let believed = pointing.pose(DVec3::ZERO, OpticalPath::BehindMirror, known);
+            let believed = believed.q_enu_cam * ray_cam;
             assert!(error_angles(pose(DVec3::ZERO).q_enu_cam, believed).length() < 1e-12);
             let miss = error_angles(pose(DVec3::ZERO).q_enu_cam, target_enu);
             assert!((miss.abs() - expected_rad).length() < 1e-8, "{miss}");

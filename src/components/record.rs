@@ -2,10 +2,10 @@
 
 use crate::components::capture::ExposedFrame;
 use crate::models::optics::detection::Detection;
-use crate::models::optics::tier::Tier;
 use crate::recording::Recorder;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
+use std::sync::Arc;
 
 /// Hash of the whole state after the last tick; each tick's hash covers the one before.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,11 +22,20 @@ pub struct Recording {
     pub image_every: u64,
     /// JPEG quality.
     pub jpeg_quality: u8,
-    /// State changes already logged.
-    pub changes_logged: usize,
-    /// Operator's orders already logged.
-    pub orders_logged: usize,
 }
+
+/// What of a station the recording's log has.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Logged {
+    /// State changes.
+    pub changes: usize,
+    /// Operator's orders.
+    pub orders: usize,
+}
+
+/// When each UAV was neutralised [s], by scenario index.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Neutralised(pub Vec<Option<f64>>);
 
 impl Recording {
     /// Whether the picture of a frame is recorded.
@@ -38,8 +47,8 @@ impl Recording {
 /// A picture whose detections have arrived, for report and window.
 #[derive(Clone, Debug)]
 pub struct KeptFrame {
-    /// Camera that took it.
-    pub tier: Tier,
+    /// Name of the camera that took it.
+    pub camera: Arc<str>,
     /// Tick of the exposure.
     pub tick: u64,
     /// Time of the exposure [s].
@@ -47,7 +56,7 @@ pub struct KeptFrame {
     /// Width and height [px].
     pub size_px: [u32; 2],
     /// 8-bit RGB rows.
-    pub rgb8: std::sync::Arc<Vec<u8>>,
+    pub rgb8: Arc<Vec<u8>>,
     /// Upper left corner on the sensor [px].
     pub offset_px: [u32; 2],
     /// What the detector found in it, in sensor pixels.
@@ -58,12 +67,18 @@ pub struct KeptFrame {
     pub state: &'static str,
 }
 
-/// Time series and pictures for summary and report.
-#[derive(Resource, Default)]
+/// What a camera leaves for summary, report and window.
+#[derive(Component, Default)]
+pub struct CameraHistory {
+    /// True distance of the target from the boresight while the camera holds it: (time [s], distance [px]).
+    pub miss_px: Vec<(f64, f64)>,
+    /// Last picture whose detections have arrived.
+    pub latest: Option<KeptFrame>,
+}
+
+/// Time series and pictures of a station for summary and report.
+#[derive(Component, Default)]
 pub struct History {
-    /// True distance of the target from each camera's boresight while that camera holds it:
-    /// (time [s], distance [px]).
-    pub miss_px: [Vec<(f64, f64)>; 3],
     /// Irradiance on the aim point: (time [s], [W/m^2]).
     pub irradiance_wpm2: Vec<(f64, f64)>,
     /// Power in the bucket: (time [s], [W]).
@@ -74,10 +89,6 @@ pub struct History {
     pub los_error_urad: Vec<(f64, f64)>,
     /// Pictures for the contact sheet.
     pub frames: Vec<KeptFrame>,
-    /// Last picture of each camera whose detections have arrived, for a window to show.
-    pub latest: [Option<KeptFrame>; 3],
-    /// Time at which each UAV was neutralised [s], by scenario index.
-    pub neutralised_s: Vec<Option<f64>>,
     /// Time of the first Coarse state [s].
     pub acquired_s: Option<f64>,
 }

@@ -81,7 +81,7 @@ pub struct BoresightError {
 }
 
 /// How detections become tracks, and tracks targets.
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct TrackerParams {
     /// The paper's rule: whatever the detector sees nearest to the image centre is the target.
     /// Otherwise identity comes from the track table.
@@ -116,7 +116,7 @@ pub struct TrackerParams {
 }
 
 /// The laser range finder, on the laser's axis.
-#[derive(Resource, Clone, Debug)]
+#[derive(Component, Clone, Debug)]
 pub struct RangeFinder {
     /// Rating, field and error.
     pub params: RangeFinderParams,
@@ -125,7 +125,7 @@ pub struct RangeFinder {
 }
 
 /// What each track looked like in its last second.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Component, Clone, Debug, Default)]
 pub struct Gallery {
     /// Whether anybody looks at it; otherwise it stays empty.
     pub wanted: bool,
@@ -134,7 +134,7 @@ pub struct Gallery {
 }
 
 /// The network that says what tracks are; without one nothing is recognised.
-#[derive(Resource, Default)]
+#[derive(Component, Default)]
 pub struct Recogniser {
     /// The network.
     pub model: Option<OnnxRecogniser>,
@@ -168,7 +168,7 @@ pub struct Order {
 }
 
 /// The operator's orders, in order of time, and those that wait for a track to hold on to.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Component, Clone, Debug, Default)]
 pub struct Operator {
     /// Orders sorted by tick, those carried out included.
     pub orders: Vec<Order>,
@@ -185,7 +185,7 @@ impl Operator {
 }
 
 /// The tracker: table, state machine, what it knows of its target.
-#[derive(Resource, Clone, Debug)]
+#[derive(Component, Clone, Debug)]
 pub struct Tracker {
     /// Tracks of everything that the cameras report.
     pub table: TrackTable,

@@ -5,6 +5,7 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_egui::egui;
 use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -107,9 +108,9 @@ pub struct Uploaded {
     pub texture: egui::TextureId,
 }
 
-/// The pictures of the insets, in the order of [`crate::models::optics::tier::Tier::ALL`].
+/// The pictures of the insets, by the cameras' numbers.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct Insets(pub [Option<Uploaded>; 3]);
+pub struct Insets(pub BTreeMap<usize, Uploaded>);
 
 /// Marks the window's camera.
 #[derive(Component)]

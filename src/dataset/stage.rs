@@ -2,16 +2,15 @@
 
 use super::error::DatasetError;
 use crate::app::{self, Options, RunError};
-use crate::components::capture::{Conditions, ExposedFrame, SensorCamera, Tier};
+use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
-use crate::components::mount::Pointing;
 use crate::components::render::{SceneHandles, SensorViews};
 use crate::models::air::backdrop::Backdrop;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::maths::kinematics::Pose;
-use crate::models::optics::camera::{Pinhole, PixelRect};
+use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::ExposureControl;
 use crate::models::optics::sensor::Sensor;
 use crate::models::shape::mesh::MeshData;
@@ -172,6 +171,8 @@ impl Stage {
         let world = self.app.world_mut();
         let views = self.views.clone().ok_or(RunError::NoAdapter)?;
         let camera = SensorCamera {
+            index: 0,
+            name: Tier::Search.name().into(),
             tier: Tier::Search,
             pinhole,
             period_ticks: 1,
@@ -201,18 +202,9 @@ impl Stage {
         }
         truth.sort_by_key(|seen| seen.uav);
         let frame = ExposedFrame {
-            tier: Tier::Search,
-            tick: 0,
-            number: 0,
             pose,
-            pointing: Pointing::default(),
-            rect: PixelRect {
-                offset_px: [0, 0],
-                size_px: [pinhole.width_px, pinhole.height_px],
-            },
-            conditions: Conditions::default(),
             truth,
-            rgb8: None,
+            ..ExposedFrame::bare(Tier::Search, pinhole)
         };
         let shots = [Shot::new(&frame, camera, &views, None)];
         let mut frames = [frame];

@@ -11,6 +11,7 @@ use crate::app::{self, Options};
 use crate::components::capture::{Tier, UavInFrame};
 use crate::components::detect::DetectionQueue;
 use crate::components::flight::{Distractor, Uav};
+use crate::components::mount::first_station;
 use crate::components::run::{Seed, SimClock};
 use crate::components::track::{Gallery, Tracker};
 use crate::models::optics::chip::{CHIP_PX, Chip};
@@ -18,7 +19,7 @@ use crate::models::tracking::recognition::{FEATURES, STEPS, Sequence, Step, Trac
 use crate::models::tracking::table::Track;
 use crate::output;
 use crate::scenario::Scenario;
-use bevy::prelude::{Mut, World};
+use bevy::prelude::World;
 use clap::Args;
 use glam::DVec2;
 use serde::Serialize;
@@ -105,14 +106,17 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
             ..Options::default()
         };
         let mut app = app::build_with(&loaded, &options, |_| {})?;
-        app.world_mut().resource_mut::<Gallery>().wanted = true;
+        let mut galleries = app.world_mut().query::<(&mut Gallery, &Tracker)>();
+        for (mut gallery, _) in galleries.iter_mut(app.world_mut()) {
+            gallery.wanted = true;
+        }
         let mut take = Take::new(app.world_mut());
         loop {
             let over = app::step(app.world_mut())?;
             take.tick(app.world(), arguments.rate_hz);
-            (app.world_mut()).resource_scope(|world, mut gallery: Mut<Gallery>| {
-                gallery.tidy(&world.resource::<Tracker>().table);
-            });
+            for (mut gallery, tracker) in galleries.iter_mut(app.world_mut()) {
+                gallery.tidy(&tracker.table);
+            }
             if over {
                 break;
             }
@@ -183,7 +187,8 @@ impl Take {
     /// Looks at the run after a tick.
     fn tick(&mut self, world: &World, rate_hz: u32) {
         let clock = world.resource::<SimClock>();
-        for batch in &world.resource::<DetectionQueue>().arrived {
+        let queue = first_station::<DetectionQueue>(world);
+        for batch in queue.iter().flat_map(|queue| &queue.arrived) {
             let frame = &batch.frame;
             let known = (frame.tick, frame.tier, frame.truth.clone());
             self.frames.push_back(known);
@@ -193,7 +198,12 @@ impl Take {
         }
         let kept_ticks = clock.ticks_of(KEPT_S);
         (self.frames).retain(|(tick, ..)| tick + kept_ticks > clock.tick);
-        let (tracker, gallery) = (world.resource::<Tracker>(), world.resource::<Gallery>());
+        let (Some(tracker), Some(gallery)) = (
+            first_station::<Tracker>(world),
+            first_station::<Gallery>(world),
+        ) else {
+            return;
+        };
         for track in &tracker.table.tracks {
             if let Some(sequence) = gallery.sequence(track, clock.t_s(), true) {
                 let target = tracker.target == Some(track.id);

@@ -1,8 +1,10 @@
 //! Cameras: lenses, sensors, boresights; exposures and their pictures.
 
-use crate::components::capture::{AutoExposure, Exposures, Frames, Readout, SensorCamera, Tier};
+use crate::components::capture::{
+    AutoExposure, CameraOf, Exposures, Frames, Readout, SensorCamera, Tier,
+};
 use crate::components::environment::Environment;
-use crate::components::mount::{Alignment, Misalignment, Mount, Optics};
+use crate::components::mount::{Boresight, Mount, OpticalPath, Optics, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::optics::calibration::{self, CalibrationError};
@@ -28,7 +30,6 @@ impl Plugin for CapturePlugin {
                 SetUp,
                 (
                     fallible(spawn_cameras),
-                    fallible(align),
                     render::show.run_if(render::renders),
                 )
                     .chain()
@@ -57,106 +58,106 @@ fn spawn_cameras(
     clock: Res<SimClock>,
     seed: Res<Seed>,
     environment: Res<Environment>,
-    mount: Single<&Mount>,
+    stations: Query<(Entity, &Station, &Mount, &Optics)>,
 ) -> Result<(), PartError> {
-    let cameras = loaded.scenario.station.cameras.resolved();
-    for (tier, camera) in Tier::ALL.into_iter().zip(&cameras) {
-        let pinhole = pinhole(&loaded, tier, camera)?;
-        let key = seed.stream(tier as u64, "fixed pattern").bits();
-        let params = sensor_params(camera, &environment, mount.r_enu_m, &pinhole, key);
-        let control = exposure_control(camera);
-        // In the light on level ground; the control changes it by a tick or two.
-        let bright_kcd_m2 = metering::bright_ground_kcd_m2(&environment);
-        let exposure = control.wanted_s(bright_kcd_m2, params.saturation_kcd_s_m2());
-        let latency_s = 0.5 * control.setting(exposure).time_s
-            + camera.readout_latency_s
-            + camera.inference_latency_s;
-        let sensor = Sensor::new(&params).map_err(|error| loaded.refuse(place(tier), error))?;
-        let windowed = camera.readout == scenario::ReadoutMode::Window;
-        commands.spawn((
-            SensorCamera {
-                tier,
-                pinhole,
-                period_ticks: u64::from(clock.tick_hz / camera.rate_hz),
-                latency_ticks: clock.ticks_of(latency_s),
-                sensor,
-                control,
-                window_px: windowed.then_some(camera.window_px),
-                antialias: camera.antialias,
-            },
-            Readout::Off,
-            Exposures::default(),
-            AutoExposure::default(),
-        ));
+    let scenario_stations = loaded.scenario.stations();
+    let mut index = 0;
+    for (entity, station, mount, optics) in &stations {
+        let site = &scenario_stations[station.index];
+        for (tier, camera) in Tier::ALL.into_iter().zip(&site.config.cameras.resolved()) {
+            let place = format!("{}.cameras.{}", site.place, tier.word());
+            let name = match station.index {
+                0 => tier.name().into(),
+                _ => format!("{}/{}", station.name, tier.name()).into(),
+            };
+            let pinhole = pinhole(&loaded, &place, camera)?;
+            let key = seed.stream(index as u64, "fixed pattern").bits();
+            let params = sensor_params(camera, &environment, mount.r_enu_m, &pinhole, key);
+            let control = exposure_control(camera);
+            // In the light on level ground; the control changes it by a tick or two.
+            let bright_kcd_m2 = metering::bright_ground_kcd_m2(&environment);
+            let exposure = control.wanted_s(bright_kcd_m2, params.saturation_kcd_s_m2());
+            let latency_s = 0.5 * control.setting(exposure).time_s
+                + camera.readout_latency_s
+                + camera.inference_latency_s;
+            let sensor = Sensor::new(&params).map_err(|error| loaded.refuse(&place, error))?;
+            let boresight = boresight(site.config, tier, &pinhole, *seed, index as u64)
+                .map_err(|error| loaded.refuse(&format!("{}.calibrate", site.place), error))?;
+            let path = match tier {
+                Tier::Precise => OpticalPath::BehindMirror,
+                Tier::Search | Tier::Coarse => OpticalPath::OnGimbal,
+            };
+            let view = mount.camera_view(path, &boresight, optics);
+            let windowed = camera.readout == scenario::ReadoutMode::Window;
+            commands.spawn((
+                CameraOf(entity),
+                SensorCamera {
+                    index,
+                    name,
+                    tier,
+                    pinhole,
+                    period_ticks: u64::from(clock.tick_hz / camera.rate_hz),
+                    latency_ticks: clock.ticks_of(latency_s),
+                    sensor,
+                    control,
+                    window_px: windowed.then_some(camera.window_px),
+                    antialias: camera.antialias,
+                },
+                Readout::Off,
+                Exposures::default(),
+                AutoExposure::default(),
+                (path, boresight, view),
+            ));
+            index += 1;
+        }
     }
     Ok(())
-}
-
-/// Turns the cameras' boresights against the laser, and calibrates what the station knows of that.
-fn align(
-    loaded: Res<RunScenario>,
-    seed: Res<Seed>,
-    cameras: Query<&SensorCamera>,
-    station: Single<(&mut Mount, &mut Misalignment, &mut Optics)>,
-) -> Result<(), PartError> {
-    let (mut mount, mut misalignment, mut optics) = station.into_inner();
-    (*misalignment, mount.alignment) = boresights(&loaded.scenario.station, &cameras, *seed)
-        .map_err(|error| loaded.refuse("station.calibrate", error))?;
-    *optics = mount.optics(&misalignment);
-    Ok(())
-}
-
-/// Where the camera of a tier stands in a scenario.
-fn place(tier: Tier) -> &'static str {
-    match tier {
-        Tier::Search => "station.cameras.search",
-        Tier::Coarse => "station.cameras.coarse",
-        Tier::Precise => "station.cameras.precise",
-    }
 }
 
 /// The geometry of a scenario's camera.
 fn pinhole(
     loaded: &Loaded,
-    tier: Tier,
+    place: &str,
     camera: &scenario::CameraConfig,
 ) -> Result<Pinhole, InputError> {
     let hfov_rad = camera.hfov_deg.to_radians();
     Pinhole::from_hfov(camera.width_px, camera.height_px, hfov_rad)
-        .map_err(|error| loaded.refuse(place(tier), error))
+        .map_err(|error| loaded.refuse(place, error))
 }
 
-/// How the cameras are turned against the laser, and what the calibration finds of it.
-fn boresights(
+/// How a camera is turned against the laser, and what the calibration finds of it; `key`: of its streams.
+fn boresight(
     station: &scenario::Station,
-    cameras: &Query<&SensorCamera>,
+    tier: Tier,
+    pinhole: &Pinhole,
     seed: Seed,
-) -> Result<(Misalignment, Alignment), CalibrationError> {
-    let sigma_rad = 1e-6 * station.mount.boresight_sigma_urad;
-    let (mut truth, mut known) = (Misalignment::default(), Alignment::default());
-    for SensorCamera { tier, pinhole, .. } in cameras {
-        let i = *tier as usize;
-        let mut rng = seed.stream(i as u64, "boresight");
-        // The precise camera looks through the laser's own optics.
-        let share = if *tier == Tier::Precise {
-            1.0 / 3.0
-        } else {
-            1.0
-        };
-        let mut draw = || share * sigma_rad * rng.normal();
-        truth.0[i] = DVec3::new(draw(), draw(), draw());
-        if station.calibrate {
-            let mut rng = seed.stream(i as u64, "calibration");
-            let centroids =
-                calibration::measure(pinhole, truth.0[i], CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
-            let found = calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?;
-            known.rotation_rad[i] = found.rotation_rad;
-            known.sigma_rad[i] = found.standard_error_rad.truncate().max_element();
-        } else {
-            known.sigma_rad[i] = share * sigma_rad;
-        }
+    key: u64,
+) -> Result<Boresight, CalibrationError> {
+    // The precise camera looks through the laser's own optics.
+    let share = if tier == Tier::Precise {
+        1.0 / 3.0
+    } else {
+        1.0
+    };
+    let sigma_rad = share * (1e-6 * station.mount.boresight_sigma_urad);
+    let mut rng = seed.stream(key, "boresight");
+    let mut draw = || sigma_rad * rng.normal();
+    let true_rad = DVec3::new(draw(), draw(), draw());
+    if !station.calibrate {
+        return Ok(Boresight {
+            true_rad,
+            known_rad: DVec3::ZERO,
+            sigma_rad,
+        });
     }
-    Ok((truth, known))
+    let mut rng = seed.stream(key, "calibration");
+    let centroids = calibration::measure(pinhole, true_rad, CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
+    let found = calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?;
+    Ok(Boresight {
+        true_rad,
+        known_rad: found.rotation_rad,
+        sigma_rad: found.standard_error_rad.truncate().max_element(),
+    })
 }
 
 /// Lens and sensor of a scenario's camera in the light and air of the run.

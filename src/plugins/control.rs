@@ -1,25 +1,28 @@
 //! Radar, search scan and control law; commands for mount and cameras.
 
-use crate::components::capture::{SensorCamera, Tier};
+use crate::components::capture::{Cameras, SensorCamera, Tier};
 use crate::components::control::{
     Controller, PaperController, PointingController, Radar, SearchScan,
 };
 use crate::components::flight::{Distractor, Flight, Uav};
-use crate::components::mount::{Misalignment, Mount, Optics};
+use crate::components::mount::{Mount, Optics, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::control::law::HandOver;
 use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::{self, MountPlant};
+use crate::models::maths::rng::Stream;
 use crate::models::mount::gimbal::{GimbalParams, GimbalState};
 use crate::models::mount::mirror::MirrorParams;
 use crate::models::tracking::estimation::LosFilterParams;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, ControllerPreset, InputError, Loaded, Scenario};
-use crate::systems::control as systems;
+use crate::scenario::{
+    self, ControllerPreset, InputError, Loaded, Scenario, SearchSector, SiteStation,
+};
+use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
 use std::collections::VecDeque;
 
@@ -28,17 +31,22 @@ pub struct ControlPlugin;
 
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(SetUp, fallible(set_up).in_set(TickSet::Control))
-            .add_systems(
-                Tick,
-                (
-                    systems::track_by_radar,
-                    systems::command_mount,
-                    systems::choose_readouts,
-                )
-                    .chain()
-                    .in_set(TickSet::Control),
-            );
+        app.add_systems(
+            SetUp,
+            (fallible(set_up), mount::look)
+                .chain()
+                .in_set(TickSet::Control),
+        )
+        .add_systems(
+            Tick,
+            (
+                systems::track_by_radar,
+                systems::command_mount,
+                systems::choose_readouts,
+            )
+                .chain()
+                .in_set(TickSet::Control),
+        );
     }
 }
 
@@ -50,37 +58,51 @@ fn set_up(
     clock: Res<SimClock>,
     uavs: Query<(&Uav, &Flight), Without<Distractor>>,
     cameras: Query<&SensorCamera>,
-    station: Single<(&mut Mount, &Misalignment, &mut Optics)>,
+    mut stations: Query<(Entity, &Station, &Cameras, &mut Mount, &mut Optics)>,
 ) -> Result<(), PartError> {
-    let (mut mount, misalignment, mut optics) = station.into_inner();
-    let mut radar = radar(&loaded.scenario, *seed, *clock);
-    let airborne = uavs
-        .iter()
-        .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
-    let first = radar.look(0.0, airborne);
-    radar.take(first);
-    let scan = search_scan(&loaded, &cameras, &clock, &radar)?;
-    let first_gaze = mount.params.within_stops(scan.gaze(0.0).az_el_rad);
-    mount.gimbal = GimbalState::at_rest(first_gaze);
-    *optics = mount.optics(misalignment);
-    let dt_s = clock.dt_s();
-    let controller = controller(&loaded, &mount.params, &mount.mirror_params, dt_s)?;
-    commands.insert_resource(controller);
-    commands.insert_resource(scan);
-    commands.insert_resource(radar);
+    let known = loaded.scenario.stations();
+    for (entity, station, own, mut mount, mut optics) in &mut stations {
+        let site = &known[station.index];
+        let mut radar = radar(
+            &loaded.scenario,
+            site.search,
+            seed.stream(station.index as u64, "radar"),
+            *clock,
+        );
+        let airborne = uavs
+            .iter()
+            .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
+        let first = radar.look(0.0, airborne);
+        radar.take(first);
+        let cameras: Vec<_> = cameras.iter_many(own.entities()).collect();
+        let scan = search_scan(&loaded, site, &cameras, &clock, &radar)?;
+        let first_gaze = mount.params.within_stops(scan.gaze(0.0).az_el_rad);
+        mount.gimbal = GimbalState::at_rest(first_gaze);
+        *optics = mount.optics();
+        let dt_s = clock.dt_s();
+        let controller = controller(
+            &loaded,
+            &site.place,
+            &mount.params,
+            &mount.mirror_params,
+            dt_s,
+        )?;
+        commands.entity(entity).insert((controller, scan, radar));
+    }
     Ok(())
 }
 
-/// The controller of a scenario for its mount.
+/// The controller of a scenario for the mount of the station that stands at `station` in the file.
 pub fn controller(
     loaded: &Loaded,
+    station: &str,
     gimbal: &GimbalParams,
     mirror: &MirrorParams,
     dt_s: f64,
 ) -> Result<Controller, InputError> {
     let settings = &loaded.scenario.controller;
     // The gains follow from the mount: where none is stable, the mount is what to change.
-    let refused = |error: String| loaded.refuse("station.mount", error);
+    let refused = |error: String| loaded.refuse(&format!("{station}.mount"), error);
     let pointing = |law| {
         Controller::Pointing(Box::new(PointingController {
             law,
@@ -122,8 +144,8 @@ pub fn controller(
 }
 
 /// The radar of a scenario, before its first plot.
-fn radar(scenario: &Scenario, seed: Seed, clock: SimClock) -> Radar {
-    let cue = scenario.search.cue.as_ref();
+fn radar(scenario: &Scenario, search: &SearchSector, rng: Stream, clock: SimClock) -> Radar {
+    let cue = search.cue.as_ref();
     let name = cue.and_then(|cue| cue.target.as_ref());
     Radar {
         errors: cue.map(|cue| RadarErrors {
@@ -134,7 +156,7 @@ fn radar(scenario: &Scenario, seed: Seed, clock: SimClock) -> Radar {
         latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
         target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
         dismissed: Vec::new(),
-        rng: seed.stream(0, "radar"),
+        rng,
         waiting: VecDeque::new(),
         track: None,
     }
@@ -143,18 +165,20 @@ fn radar(scenario: &Scenario, seed: Seed, clock: SimClock) -> Radar {
 /// Where the cameras look for a target: the sector, or the part of it that the radar points at.
 fn search_scan(
     loaded: &Loaded,
-    cameras: &Query<&SensorCamera>,
+    site: &SiteStation,
+    cameras: &[&SensorCamera],
     clock: &SimClock,
     radar: &Radar,
 ) -> Result<SearchScan, InputError> {
-    let sector = &loaded.scenario.search;
+    let sector = site.search;
     let (mut fields_rad, mut frames_s) = ([[0.0; 2]; 3], [0.0; 3]);
     for tier in Tier::ALL {
         let camera = cameras
             .iter()
             .find(|camera| camera.tier == tier)
             .ok_or_else(|| {
-                loaded.refuse("station.cameras", format!("no {} camera", tier.word()))
+                let place = format!("{}.cameras", site.place);
+                loaded.refuse(&place, format!("no {} camera", tier.word()))
             })?;
         let pinhole = &camera.pinhole;
         fields_rad[tier as usize] = [pinhole.hfov_rad(), pinhole.vfov_rad()];

@@ -1,6 +1,8 @@
 //! The detector; detections and their latency.
 
+use crate::components::capture::SensorCamera;
 use crate::components::detect::{DetectionQueue, Detector};
+use crate::components::mount::Station;
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::inference::{Inference, OnnxDetector, Setup};
 use crate::models::optics::detection::TruthErrors;
@@ -14,8 +16,7 @@ pub struct DetectPlugin;
 
 impl Plugin for DetectPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<DetectionQueue>()
-            .add_systems(SetUp, fallible(set_up).in_set(TickSet::Detect))
+        app.add_systems(SetUp, fallible(set_up).in_set(TickSet::Detect))
             .add_systems(Tick, systems::detect.in_set(TickSet::Detect));
     }
 }
@@ -33,7 +34,12 @@ fn set_up(
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
     options: Res<Options>,
+    stations: Query<Entity, With<Station>>,
+    cameras: Query<&SensorCamera>,
 ) -> Result<(), PartError> {
+    for station in &stations {
+        commands.entity(station).insert(DetectionQueue::default());
+    }
     let settings = &loaded.scenario.detector;
     commands.insert_resource(match settings.kind {
         DetectorKind::Onnx => {
@@ -44,9 +50,9 @@ fn set_up(
             };
             let model = OnnxDetector::load_with(&settings.onnx_model, &setup)
                 .map_err(|error| loaded.refuse("detector.onnx_model", error))?;
-            for camera in &loaded.scenario.station.cameras.resolved() {
+            for camera in &cameras {
                 model
-                    .input_px([camera.width_px, camera.height_px])
+                    .input_px([camera.pinhole.width_px, camera.pinhole.height_px])
                     .map_err(|error| loaded.refuse("detector.onnx_model", error))?;
             }
             let recommended = model.score_threshold();
@@ -61,6 +67,7 @@ fn set_up(
                 score_threshold,
                 weak_threshold: settings.weak_share * score_threshold,
                 roi_px: Some(settings.roi_px).filter(|side| *side > 0),
+                asked: default(),
             }
         }
         DetectorKind::Truth => {

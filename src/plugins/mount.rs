@@ -1,13 +1,14 @@
 //! The station's mount: gimbal, mirror and the base they stand on.
 
 use crate::components::environment::Environment;
-use crate::components::mount::{Alignment, Gyro, Misalignment, Mount, MountCommand, StationWind};
+use crate::components::mount::{Gyro, Mount, MountCommand, Station, StationWind, Stations};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::air::wind::DrydenGust;
+use crate::models::maths::rng::Stream;
 use crate::models::mount::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::plugins::run::fallible;
-use crate::scenario;
+use crate::scenario::{self, InputError, Loaded, SiteStation};
 use crate::systems::mount as systems;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -19,14 +20,19 @@ pub struct MountPlugin;
 impl Plugin for MountPlugin {
     fn build(&self, app: &mut App) {
         app.add_systems(SetUp, fallible(set_up).in_set(TickSet::Mount))
-            .add_systems(Tick, systems::turn.in_set(TickSet::Mount));
+            .add_systems(
+                Tick,
+                (systems::turn, systems::look)
+                    .chain()
+                    .in_set(TickSet::Mount),
+            );
     }
 }
 
 /// Angle random walk of the base gyro, 0.01 deg/sqrt(h) [rad/sqrt(s)]: a small fibre gyro.
 const GYRO_WALK: f64 = 0.01 * std::f64::consts::PI / 180.0 / 60.0;
 
-/// Spawns the station with its mount; its optics are perfect until the cameras bring theirs.
+/// Spawns the stations with their mounts.
 fn set_up(
     mut commands: Commands,
     loaded: Res<RunScenario>,
@@ -34,46 +40,68 @@ fn set_up(
     clock: Res<SimClock>,
     environment: Res<Environment>,
 ) -> Result<(), PartError> {
-    let station = &loaded.scenario.station;
-    let r_enu_m = station
-        .position_enu_m
+    let mut stations = Stations::default();
+    for (index, station) in loaded.scenario.stations().into_iter().enumerate() {
+        let mount = mount(&loaded, &station, *seed, index as u64, *clock, &environment)?;
+        let optics = mount.optics();
+        let name = station.name;
+        let spawned = commands.spawn((
+            Station { index, name },
+            mount,
+            MountCommand::default(),
+            optics,
+        ));
+        stations.0.push(spawned.id());
+    }
+    commands.insert_resource(stations);
+    Ok(())
+}
+
+/// The mount of a station, whose streams have the key `key`.
+fn mount(
+    loaded: &Loaded,
+    station: &SiteStation,
+    seed: Seed,
+    key: u64,
+    clock: SimClock,
+    environment: &Environment,
+) -> Result<Mount, InputError> {
+    let config = &station.config.mount;
+    let r_enu_m = (station.config.position_enu_m)
         .map_or_else(|| environment.city.station_enu_m(), DVec3::from_array);
-    let refuse = |error: String| loaded.refuse("station.mount", error);
-    let params = gimbal_params(&station.mount, clock.dt_s());
+    let place = format!("{}.mount", station.place);
+    let refuse = |error: String| loaded.refuse(&place, error);
+    let params = gimbal_params(config, clock.dt_s());
     params
         .validate()
         .map_err(|error| refuse(error.to_string()))?;
-    let mirror_params = mirror_params(&station.mount);
+    let mirror_params = mirror_params(config);
     let mirror =
         Mirror::new(&mirror_params, clock.dt_s()).map_err(|error| refuse(error.to_string()))?;
-    let mut rng = seed.stream(0, "base motion");
-    let mut base = (station.mount.base_motion)
+    let mut rng = seed.stream(key, "base motion");
+    let mut base = (config.base_motion)
         .model(clock.dt_s(), &mut rng)
-        .map_err(|error| loaded.refuse("station.mount.base_motion", error))?;
+        .map_err(|error| loaded.refuse(&format!("{place}.base_motion"), error))?;
     base.step(&mut rng);
-    let mount = Mount {
+    Ok(Mount {
         r_enu_m,
         gimbal: GimbalState::at_rest(params.within_stops(DVec2::ZERO)),
         params,
-        axis_gyro_rng: seed.stream(0, "axis gyros"),
+        axis_gyro_rng: seed.stream(key, "axis gyros"),
         mirror_params,
         mirror,
         rng,
         base_rate_radps: [0.0; 2],
         gyro: Gyro {
             angle_random_walk: GYRO_WALK,
-            rng: seed.stream(0, "gyro"),
+            rng: seed.stream(key, "gyro"),
             rate_enu_radps: DVec3::ZERO,
             tilt_enu_rad: base.tilt_rad(),
         },
         base,
-        wind: (station.mount.wind_load).then(|| station_wind(&environment, *seed, r_enu_m)),
-        alignment: Alignment::default(),
-    };
-    let misalignment = Misalignment::default();
-    let optics = mount.optics(&misalignment);
-    commands.spawn((mount, MountCommand::default(), misalignment, optics));
-    Ok(())
+        wind: (config.wind_load)
+            .then(|| station_wind(environment, seed.stream(key, "station wind"), r_enu_m)),
+    })
 }
 
 /// The mirror of a scenario's mount.
@@ -118,10 +146,9 @@ pub fn gimbal_params(mount: &scenario::MountConfig, dt_s: f64) -> GimbalParams {
 }
 
 /// The wind at the station.
-fn station_wind(environment: &Environment, seed: Seed, r_station_enu_m: DVec3) -> StationWind {
+fn station_wind(environment: &Environment, mut rng: Stream, r_station_enu_m: DVec3) -> StationWind {
     let [x, y, z] = r_station_enu_m.to_array();
     let height_agl_m = z - environment.city.dsm.terrain_m(x, y);
-    let mut rng = seed.stream(0, "station wind");
     StationWind {
         load: WindLoad::default(),
         mean_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_agl_m),

@@ -1,9 +1,12 @@
 //! State hash, statistics, recording.
 
+use crate::components::capture::SensorCamera;
 use crate::components::control::SearchScan;
 use crate::components::environment::Environment;
-use crate::components::mount::Mount;
-use crate::components::record::{History, Recording, StateHash};
+use crate::components::mount::{Mount, Station};
+use crate::components::record::{
+    CameraHistory, History, Logged, Neutralised, Recording, StateHash,
+};
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::ground::city::City;
 use crate::models::mount::gimbal::GimbalParams;
@@ -24,7 +27,7 @@ pub struct RecordPlugin;
 impl Plugin for RecordPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<StateHash>()
-            .init_resource::<History>()
+            .init_resource::<Neutralised>()
             .add_systems(SetUp, fallible(set_up).in_set(TickSet::Record))
             .add_systems(
                 Tick,
@@ -46,19 +49,37 @@ fn set_up(
     options: Res<Options>,
     seed: Res<Seed>,
     environment: Res<Environment>,
-    scan: Res<SearchScan>,
-    mount: Single<&Mount>,
+    stations: Query<(Entity, &Station, &SearchScan, &Mount)>,
+    cameras: Query<(Entity, &SensorCamera)>,
 ) -> Result<(), PartError> {
+    for (station, ..) in &stations {
+        let own = (History::default(), Logged::default());
+        commands.entity(station).insert(own);
+    }
+    for (camera, _) in &cameras {
+        commands.entity(camera).insert(CameraHistory::default());
+    }
     let scenario = &loaded.scenario;
     let record = &scenario.record;
     let mut recorder = match (&options.out, NonZeroU32::new(scenario.tick_hz)) {
-        (Some(out), Some(tick_hz)) => Some(recorder(&loaded, out, *seed, tick_hz)?),
+        (Some(out), Some(tick_hz)) => {
+            let cameras: Vec<&str> = cameras.iter().map(|(_, camera)| &*camera.name).collect();
+            let more = stations.iter().skip(1);
+            let more: Vec<&str> = more.map(|(_, station, ..)| &*station.name).collect();
+            Some(recorder(&loaded, out, *seed, tick_hz, &cameras, &more)?)
+        }
         _ => None,
     };
     if let Some(recorder) = &mut recorder {
         record_city(recorder, &environment.city)?;
-        let text = search_plan(&scan, &mount.params);
-        recorder.log(0, LogLevel::Info, "search", &text)?;
+        for (_, station, scan, mount) in &stations {
+            let name = match station.index {
+                0 => "search".to_owned(),
+                _ => format!("{}/search", station.name),
+            };
+            let text = search_plan(scan, &mount.params);
+            recorder.log(0, LogLevel::Info, &name, &text)?;
+        }
     }
     commands.insert_resource(Recording {
         recorder: recorder.map(SyncCell::new),
@@ -69,8 +90,6 @@ fn set_up(
             Images::Every(every) => u64::from(every),
         },
         jpeg_quality: record.jpeg_quality,
-        changes_logged: 0,
-        orders_logged: 0,
     });
     Ok(())
 }
@@ -81,6 +100,8 @@ fn recorder(
     out: &Path,
     seed: Seed,
     tick_hz: NonZeroU32,
+    cameras: &[&str],
+    more_stations: &[&str],
 ) -> Result<Recorder, PartError> {
     let scenario = &loaded.scenario;
     crate::output::create_dir(out)?;
@@ -95,6 +116,8 @@ fn recorder(
             version: crate::VERSION,
             epoch_unix_ns: u64::try_from(epoch).unwrap_or(0),
             tick_hz,
+            cameras,
+            more_stations,
         },
     )?;
     let site = &scenario.site;

@@ -49,11 +49,11 @@ pub fn renders(renderer: Option<NonSend<Renderer>>, failure: Res<Failure>) -> bo
 /// Builds the scene around the truth that was set up: city, sky, UAVs, and a view for each camera.
 pub fn show(world: &mut World) {
     let environment = world.resource::<Environment>().clone();
-    let mut mounts = world.query::<&Mount>();
-    let r_station_enu_m = mounts
-        .iter(world)
-        .next()
-        .map_or(glam::DVec3::ZERO, |mount| mount.r_enu_m);
+    let mut mounts = world.query::<(Entity, &Mount)>();
+    let stations: Vec<_> = (mounts.iter(world))
+        .map(|(entity, mount)| (entity, mount.r_enu_m))
+        .collect();
+    let r_station_enu_m = stations.first().map_or(glam::DVec3::ZERO, |first| first.1);
     let mut backdrop = Backdrop::new(environment.sky.clone(), environment.sun_dir_enu);
     if world
         .resource::<RunScenario>()
@@ -65,7 +65,10 @@ pub fn show(world: &mut World) {
         backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
     }
     let tiles = environment.city.chunks();
-    world.insert_resource(Solids(Skyline::new(&tiles, r_station_enu_m)));
+    for (station, r_enu_m) in stations {
+        let solids = Solids(Skyline::new(&tiles, r_enu_m));
+        world.entity_mut(station).insert(solids);
+    }
     scene::spawn(world, &environment, tiles, backdrop, r_station_enu_m);
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let uavs: Vec<_> = uavs

@@ -2,7 +2,7 @@
 
 use crate::components::capture::Tier;
 use crate::components::detect::Detector;
-use crate::components::mount::Mount;
+use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
     Designation, Gallery, Operator, Order, RangeFinder, Recogniser, Tracker, TrackerParams,
@@ -10,7 +10,9 @@ use crate::components::track::{
 use crate::inference::OnnxRecogniser;
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, AssociationRule, ControllerPreset, DetectorKind, Scenario};
+use crate::scenario::{
+    self, AssociationRule, CameraConfig, ControllerPreset, DetectorKind, Scenario,
+};
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
@@ -21,23 +23,26 @@ pub struct TrackPlugin;
 
 impl Plugin for TrackPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<Tracker>()
-            .add_systems(SetUp, set_up.in_set(TickSet::Track).run_if(nothing_failed))
-            .add_systems(SetUp, fallible(set_up_recogniser).in_set(TickSet::Track))
-            .add_systems(
-                Tick,
-                (
-                    systems::associate,
-                    systems::recognise::recognise,
-                    systems::find_range,
-                    systems::aim,
-                    systems::foresee,
-                    systems::obey,
-                    systems::decide,
-                )
-                    .chain()
-                    .in_set(TickSet::Track),
-            );
+        app.add_systems(
+            SetUp,
+            (set_up.run_if(nothing_failed), fallible(set_up_recogniser))
+                .chain()
+                .in_set(TickSet::Track),
+        )
+        .add_systems(
+            Tick,
+            (
+                systems::associate,
+                systems::recognise::recognise,
+                systems::find_range,
+                systems::aim,
+                systems::foresee,
+                systems::obey,
+                systems::decide,
+            )
+                .chain()
+                .in_set(TickSet::Track),
+        );
     }
 }
 
@@ -47,18 +52,25 @@ fn set_up(
     seed: Res<Seed>,
     clock: Res<SimClock>,
     detector: Res<Detector>,
-    mount: Single<&Mount>,
+    stations: Query<(Entity, &Station, &Mount)>,
 ) {
     let scenario = &loaded.scenario;
-    let mut params = tracker_params(scenario, mount.r_enu_m);
-    params.start_score = detector.start_score();
-    params.reads.other_classes = detector.other_classes();
-    commands.insert_resource(params);
-    commands.insert_resource(operator(scenario, *clock));
-    commands.insert_resource(RangeFinder {
-        params: default(),
-        rng: seed.stream(0, "range finder"),
-    });
+    let known = scenario.stations();
+    for (entity, station, mount) in &stations {
+        let cameras = &known[station.index].config.cameras.resolved();
+        let mut params = tracker_params(scenario, cameras, mount.r_enu_m);
+        params.start_score = detector.start_score();
+        params.reads.other_classes = detector.other_classes();
+        commands.entity(entity).insert((
+            params,
+            Tracker::default(),
+            operator(scenario, *clock),
+            RangeFinder {
+                params: default(),
+                rng: seed.stream(station.index as u64, "range finder"),
+            },
+        ));
+    }
 }
 
 /// From a question to the recogniser to its answer: a small network on chips that are there.
@@ -70,29 +82,37 @@ fn set_up_recogniser(
     mut commands: Commands,
     loaded: Res<RunScenario>,
     clock: Res<SimClock>,
+    stations: Query<Entity, With<Station>>,
 ) -> Result<(), PartError> {
     let config = &loaded.scenario.recogniser;
     let key = "recogniser.onnx_model";
-    let model = (config.model(&loaded.scenario.detector))
-        .map(|file| OnnxRecogniser::load(file, key))
-        .transpose()
-        .map_err(|error| loaded.refuse(key, error))?;
-    commands.insert_resource(Gallery {
-        wanted: model.is_some(),
-        ..default()
-    });
-    commands.insert_resource(Recogniser {
-        model,
-        rate_hz: config.rate_hz,
-        max_tracks: config.max_tracks as usize,
-        latency_ticks: clock.ticks_of(RECOGNISER_LATENCY_S),
-        waiting: Vec::new(),
-    });
+    for station in &stations {
+        let model = (config.model(&loaded.scenario.detector))
+            .map(|file| OnnxRecogniser::load(file, key))
+            .transpose()
+            .map_err(|error| loaded.refuse(key, error))?;
+        let gallery = Gallery {
+            wanted: model.is_some(),
+            ..default()
+        };
+        let recogniser = Recogniser {
+            model,
+            rate_hz: config.rate_hz,
+            max_tracks: config.max_tracks as usize,
+            latency_ticks: clock.ticks_of(RECOGNISER_LATENCY_S),
+            waiting: Vec::new(),
+        };
+        commands.entity(station).insert((gallery, recogniser));
+    }
     Ok(())
 }
 
-/// How the tracker of a scenario works, for a station at `r_station_enu_m` [m].
-pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerParams {
+/// How the tracker of a scenario works, for a station with these cameras at `r_station_enu_m` [m].
+pub fn tracker_params(
+    scenario: &Scenario,
+    cameras: &[CameraConfig; 3],
+    r_station_enu_m: DVec3,
+) -> TrackerParams {
     let scenario::TrackerConfig {
         rule,
         centre_sigma_px,
@@ -110,7 +130,6 @@ pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerPar
         // With no noise at all the filter would ignore its own prediction.
         DetectorKind::Truth => (truth.noise_px.max(0.02), 0.0, ScoreModel::Fixed(0.72), None),
     };
-    let cameras = scenario.station.cameras.resolved();
     let precise = &cameras[Tier::Precise as usize];
     let height_share = f64::from(precise.height_px) / f64::from(precise.width_px);
     TrackerParams {
@@ -131,7 +150,7 @@ pub fn tracker_params(scenario: &Scenario, r_station_enu_m: DVec3) -> TrackerPar
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,
-        patience_s: cameras.map(|camera| patience_s(f64::from(camera.rate_hz))),
+        patience_s: (cameras.each_ref()).map(|camera| patience_s(f64::from(camera.rate_hz))),
     }
 }
 

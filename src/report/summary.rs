@@ -7,13 +7,15 @@ use super::statistics::MissStats;
 use crate::VERSION;
 use crate::app::Options;
 use crate::components::beam::{BeamState, Dose};
-use crate::components::capture::Tier;
+use crate::components::capture::{Cameras, SensorCamera, Tier};
 use crate::components::detect::Detector;
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
-use crate::components::mount::Mount;
-use crate::components::record::{History, KeptFrame, Recording, StateHash};
+use crate::components::mount::{Mount, Stations, first_station};
+use crate::components::record::{
+    CameraHistory, History, KeptFrame, Neutralised, Recording, StateHash,
+};
 use crate::components::run::SimClock;
 use crate::components::run::Stopwatch;
 use crate::components::track::{Tracker, TrackingState};
@@ -136,8 +138,6 @@ pub fn finish(
 ) -> Finished {
     let fates = fates(world);
     let conditions = conditions(world);
-    let mut stations = world.query::<&BeamState>();
-    let beam = stations.iter(world).next().copied().unwrap_or_default();
     let (outcome, reason) = outcome(world, &fates, &conditions);
     let summary = Summary {
         scenario: loaded.scenario.name.clone(),
@@ -145,7 +145,7 @@ pub fn finish(
         seed: options.seed.unwrap_or(loaded.scenario.seed),
         outcome: outcome.into(),
         reason,
-        ..summary(world, &fates, &beam, elapsed)
+        ..summary(world, &fates, elapsed)
     };
     let report = report(world, loaded, &summary, &fates);
     Finished { summary, report }
@@ -187,31 +187,45 @@ fn brought_down(fates: &[Fate]) -> usize {
 }
 
 /// The numbers that the world has; those of the scenario are left empty.
-fn summary(world: &World, fates: &[Fate], beam: &BeamState, elapsed: Duration) -> Summary {
+fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
     let clock = world.resource::<SimClock>();
-    let history = world.resource::<History>();
+    let neutralised_s = &world.resource::<Neutralised>().0;
+    let stations = &world.resource::<Stations>().0;
+    let beams = stations
+        .iter()
+        .filter_map(|station| world.get::<BeamState>(*station));
+    let sum = |of: fn(&BeamState) -> f64| beams.clone().map(of).sum::<f64>();
+    let energy_j = sum(|beam| beam.energy_j);
+    let acquired_s = (stations.iter())
+        .filter_map(|station| world.get::<History>(*station)?.acquired_s)
+        .reduce(f64::min);
     let stopwatch = world.resource::<Stopwatch>();
     let elapsed_s = elapsed.as_secs_f64().max(1e-9);
-    let miss = |tier: Tier| MissStats::of(history.miss_px[tier as usize].iter().map(|(_, px)| *px));
+    let miss = |tier: Tier| {
+        let all = stations
+            .iter()
+            .flat_map(|station| miss_px(world, *station, tier));
+        MissStats::of(all.map(|(_, px)| px))
+    };
     let down = brought_down(fates);
     let all_down = down == fates.len() && !fates.is_empty();
-    let last_s = (history.neutralised_s.iter().flatten().copied()).reduce(f64::max);
+    let last_s = (neutralised_s.iter().flatten().copied()).reduce(f64::max);
     let share = |part: Duration| part.as_secs_f64() / elapsed_s;
     let (render, inference) = (share(stopwatch.render), share(stopwatch.inference));
     Summary {
         state_hash: format!("{:016x}", world.resource::<StateHash>().0),
         simulated_s: clock.t_s(),
         real_time_factor: clock.t_s() / elapsed_s,
-        time_to_acquire_s: history.acquired_s,
+        time_to_acquire_s: acquired_s,
         time_to_neutralise_s: last_s.filter(|_| all_down),
         miss_distance_px: MissDistances {
             coarse: miss(Tier::Coarse),
             precise: miss(Tier::Precise),
         },
-        dwell_s: beam.dwell_s,
-        distractor_s: beam.distractor_s,
-        energy_j: beam.energy_j,
-        energy_per_neutralised_j: (down > 0).then(|| beam.energy_j / down as f64),
+        dwell_s: sum(|beam| beam.dwell_s),
+        distractor_s: sum(|beam| beam.distractor_s),
+        energy_j,
+        energy_per_neutralised_j: (down > 0).then(|| energy_j / down as f64),
         uavs: fates
             .iter()
             .map(|fate| UavSummary {
@@ -219,7 +233,7 @@ fn summary(world: &World, fates: &[Fate], beam: &BeamState, elapsed: Duration) -
                 status: fate.status.name().into(),
                 energy_j: fate.dose.energy_j,
                 dwell_s: fate.dose.dwell_s,
-                neutralised_s: history.neutralised_s.get(fate.index).copied().flatten(),
+                neutralised_s: neutralised_s.get(fate.index).copied().flatten(),
             })
             .collect(),
         share: Shares {
@@ -229,6 +243,20 @@ fn summary(world: &World, fates: &[Fate], beam: &BeamState, elapsed: Duration) -
         },
         ..Summary::default()
     }
+}
+
+/// Miss distances of a station's cameras of a tier: (time [s], distance [px]), camera after camera.
+fn miss_px(world: &World, station: Entity, tier: Tier) -> Vec<(f64, f64)> {
+    let cameras = world
+        .get::<Cameras>(station)
+        .map_or(&[][..], Cameras::entities);
+    let of_tier = |camera: &&Entity| {
+        (world.get::<SensorCamera>(**camera)).is_some_and(|camera| camera.tier == tier)
+    };
+    (cameras.iter().filter(of_tier))
+        .filter_map(|camera| world.get::<CameraHistory>(*camera))
+        .flat_map(|history| history.miss_px.iter().copied())
+        .collect()
 }
 
 /// What of its contrast the nearest UAV keeps through the air, where that is too little to see.
@@ -257,9 +285,17 @@ fn conditions(world: &mut World) -> String {
 
 /// One word and one sentence on how it ended.
 fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, String) {
-    let history = world.resource::<History>();
-    let tracker = world.resource::<Tracker>();
-    let interlocks = world.resource::<Interlocks>();
+    let stations = &world.resource::<Stations>().0;
+    let trackers = || {
+        stations
+            .iter()
+            .filter_map(|station| world.get::<Tracker>(*station))
+    };
+    let acquired = (stations.iter()).any(|station| {
+        world
+            .get::<History>(*station)
+            .is_some_and(|history| history.acquired_s.is_some())
+    });
     let down = brought_down(fates);
     let crashed: Vec<&str> = fates
         .iter()
@@ -284,24 +320,27 @@ fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, St
             format!("{} flew into the city", crashed.join(", ")),
         );
     }
-    if history.acquired_s.is_some() {
-        let reached = tracker
-            .changes
-            .iter()
+    if acquired {
+        let reached = trackers()
+            .flat_map(|tracker| &tracker.changes)
             .map(|change| change.to)
             .filter(|state| *state != TrackingState::Lost)
             .max_by_key(|state| *state as u8);
-        let why = if interlocks.0.is_empty() {
+        let mut reasons: Vec<&str> = (stations.iter())
+            .filter_map(|station| world.get::<Interlocks>(*station))
+            .flat_map(|interlocks| interlocks.reasons.iter().copied())
+            .collect();
+        reasons.dedup();
+        let why = if reasons.is_empty() {
             "the target outlasted the run".to_string()
         } else {
-            format!("at the end: {}", interlocks.0.join(", "))
+            format!("at the end: {}", reasons.join(", "))
         };
         let reached = reached.map_or("search", TrackingState::name);
         return ("tracked", format!("tracking reached {reached}; {why}"));
     }
-    let tried = tracker
-        .changes
-        .iter()
+    let tried = trackers()
+        .flat_map(|tracker| &tracker.changes)
         .filter(|change| change.to == TrackingState::Acquire)
         .count();
     let why = if tried == 0 {
@@ -314,9 +353,12 @@ fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, St
 
 /// What the page of the run shows.
 fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> ReportData {
-    let history = world.resource::<History>();
     let detector = world.resource::<Detector>();
+    let none = History::default();
+    let history = first_station::<History>(world).unwrap_or(&none);
     let frames = history.frames.iter();
+    let first = world.resource::<Stations>().0.first().copied();
+    let miss = |tier: Tier| first.map_or_else(Vec::new, |first| miss_px(world, first, tier));
     ReportData {
         title: format!("Boresight: {}", loaded.scenario.name),
         scenario: summary.scenario.clone(),
@@ -326,8 +368,8 @@ fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> 
         outcome: summary.outcome.clone(),
         succeeded: summary.outcome == "neutralised",
         summary: rows(summary),
-        miss_coarse_px: history.miss_px[Tier::Coarse as usize].clone(),
-        miss_precise_px: history.miss_px[Tier::Precise as usize].clone(),
+        miss_coarse_px: miss(Tier::Coarse),
+        miss_precise_px: miss(Tier::Precise),
         irradiance_wpm2: history.irradiance_wpm2.clone(),
         power_in_bucket_w: history.power_in_bucket_w.clone(),
         skin_temperature_k: history.skin_k.clone(),
@@ -340,7 +382,7 @@ fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> 
 
 /// The states of the tracker until `end_s`.
 fn state_spans(world: &World, loaded: &Loaded, end_s: f64) -> Vec<StateSpan> {
-    let changes = &world.resource::<Tracker>().changes;
+    let changes = first_station::<Tracker>(world).map_or(&[][..], |tracker| &tracker.changes);
     let hz = f64::from(loaded.scenario.tick_hz);
     let at_s = |tick: u64| tick as f64 / hz;
     let ends = changes.iter().skip(1).map(|change| at_s(change.tick));
@@ -368,7 +410,7 @@ fn contact_frame(detector: &Detector, frame: &KeptFrame) -> ContactFrame {
         }
     });
     ContactFrame {
-        camera: frame.tier.name().into(),
+        camera: frame.camera.to_string(),
         time_s: frame.t_s,
         width: frame.size_px[0] as u16,
         height: frame.size_px[1] as u16,

@@ -142,11 +142,34 @@ impl Scenario {
         load::parse(text, file_name, overrides).map(|parsed| parsed.value)
     }
 
+    /// The stations in their order.
+    pub fn stations(&self) -> Vec<SiteStation<'_>> {
+        vec![SiteStation {
+            name: "station".into(),
+            place: "station".into(),
+            config: &self.station,
+            search: &self.search,
+        }]
+    }
+
     /// Names of all that flies, in the order of their indices: UAVs, then distractors.
     pub fn flying(&self) -> impl Iterator<Item = &str> {
         let uavs = self.uavs.iter().map(|uav| uav.name.as_str());
         uavs.chain(self.distractors.iter().map(|other| other.name.as_str()))
     }
+}
+
+/// A station of a scenario.
+#[derive(Clone, Debug)]
+pub struct SiteStation<'a> {
+    /// Its name.
+    pub name: String,
+    /// Where it stands in the file, for errors.
+    pub place: String,
+    /// Mount, cameras and laser.
+    pub config: &'a Station,
+    /// Where it looks for targets.
+    pub search: &'a SearchSector,
 }
 
 impl Checked for Scenario {

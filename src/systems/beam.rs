@@ -69,54 +69,62 @@ type Targets = (
 pub fn propagate(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    tracker: Res<Tracker>,
-    station: Single<(&Optics, &mut LaserSource, &FireCommand, &mut BeamState)>,
+    mut stations: Query<(
+        &Tracker,
+        &Optics,
+        &mut LaserSource,
+        &FireCommand,
+        &mut BeamState,
+    )>,
     mut uavs: Query<Targets>,
 ) {
-    let (optics, mut source, command, mut beam) = station.into_inner();
-    let dt_s = clock.dt_s();
-    *beam = BeamState {
-        firing: command.fire,
-        energy_j: beam.energy_j,
-        dwell_s: beam.dwell_s,
-        distractor_s: beam.distractor_s,
-        ..default()
-    };
-    let aimed = aimed(&optics.laser, &mut uavs);
-    if let Some(aimed) = &aimed {
-        let arriving = cross_air(
-            &clock,
-            &environment,
-            &optics.laser,
-            &mut source,
-            command,
-            aimed,
-            &mut beam,
-        );
-        if command.fire {
-            light(
+    for (.., mut skin, _) in &mut uavs {
+        skin.irradiance_wpm2 = 0.0;
+    }
+    for (tracker, optics, mut source, command, mut beam) in &mut stations {
+        let dt_s = clock.dt_s();
+        *beam = BeamState {
+            firing: command.fire,
+            energy_j: beam.energy_j,
+            dwell_s: beam.dwell_s,
+            distractor_s: beam.distractor_s,
+            ..default()
+        };
+        let aimed = aimed(&optics.laser, &uavs);
+        if let Some(aimed) = &aimed {
+            let arriving = cross_air(
                 &clock,
                 &environment,
-                &tracker,
                 &optics.laser,
-                source.laser.power_w * dt_s,
-                (aimed, &arriving),
+                &mut source,
+                command,
+                aimed,
                 &mut beam,
-                &mut uavs,
             );
+            if command.fire {
+                light(
+                    &clock,
+                    &environment,
+                    tracker,
+                    &optics.laser,
+                    source.laser.power_w * dt_s,
+                    (aimed, &arriving),
+                    &mut beam,
+                    &mut uavs,
+                );
+            }
         }
-    }
-    if command.fire {
-        beam.energy_j += source.laser.power_w * dt_s;
+        if command.fire {
+            beam.energy_j += source.laser.power_w * dt_s;
+        }
     }
 }
 
-/// The UAV whose aim point lies closest to the axis, if any lies near it; no skin is lit yet.
-fn aimed(laser: &Pose, uavs: &mut Query<Targets>) -> Option<Aimed> {
+/// The UAV whose aim point lies closest to the axis, if any lies near it.
+fn aimed(laser: &Pose, uavs: &Query<Targets>) -> Option<Aimed> {
     let q_cam_enu = laser.q_enu_cam.inverse();
     let mut aimed: Option<Aimed> = None;
-    for (uav, flight, air, status, mut skin, _) in uavs {
-        skin.irradiance_wpm2 = 0.0;
+    for (uav, flight, air, status, ..) in uavs {
         let r_cam_m = q_cam_enu * (flight.aim_enu_m() - laser.r_enu_m);
         let angle_rad = r_cam_m.truncate().length() / r_cam_m.z;
         let best = aimed
@@ -242,10 +250,12 @@ fn light(
         // Wander and jitter sweep the spot over the component within its thermal time: the lumped
         // skin takes the mean over the bucket.
         let bucket_w = power_in_bucket_w(power_w, spot_radius_m, offset_m, BUCKET_RADIUS_M);
-        skin.irradiance_wpm2 = bucket_w / (PI * BUCKET_RADIUS_M * BUCKET_RADIUS_M);
+        // Several lasers add up.
+        let irradiance_wpm2 = bucket_w / (PI * BUCKET_RADIUS_M * BUCKET_RADIUS_M);
+        skin.irradiance_wpm2 += irradiance_wpm2;
         if is_aimed {
             beam.power_at_target_w = power_w;
-            beam.irradiance_wpm2 = skin.irradiance_wpm2;
+            beam.irradiance_wpm2 = irradiance_wpm2;
             beam.power_in_bucket_w = bucket_w;
             if offset_m < BUCKET_RADIUS_M {
                 dose.dwell_s += clock.dt_s();
@@ -262,26 +272,27 @@ fn light(
 pub fn count_distractors(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    station: Single<(&Optics, &FireCommand, &mut BeamState)>,
+    mut stations: Query<(&Optics, &FireCommand, &mut BeamState)>,
     distractors: Query<(&Uav, &Flight), With<Distractor>>,
 ) {
-    let (optics, command, mut beam) = station.into_inner();
-    if !command.fire {
-        return;
-    }
-    let pose = optics.laser;
-    let hit = distractors.iter().any(|(uav, flight)| {
-        let r_enu_m = flight.aim_enu_m();
-        let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
-        // A disc as large as the mean silhouette of its bounding box seen from the side.
-        let [_, width_m, height_m] = uav.size_m;
-        let radius_m = (width_m * height_m / PI).sqrt();
-        r_cam_m.z > 0.0
-            && r_cam_m.truncate().length() < radius_m
-            && environment.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear
-    });
-    if hit {
-        beam.distractor_s += clock.dt_s();
+    for (optics, command, mut beam) in &mut stations {
+        if !command.fire {
+            continue;
+        }
+        let pose = optics.laser;
+        let hit = distractors.iter().any(|(uav, flight)| {
+            let r_enu_m = flight.aim_enu_m();
+            let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+            // A disc as large as the mean silhouette of its bounding box seen from the side.
+            let [_, width_m, height_m] = uav.size_m;
+            let radius_m = (width_m * height_m / PI).sqrt();
+            r_cam_m.z > 0.0
+                && r_cam_m.truncate().length() < radius_m
+                && environment.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear
+        });
+        if hit {
+            beam.distractor_s += clock.dt_s();
+        }
     }
 }
 

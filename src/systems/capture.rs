@@ -1,13 +1,13 @@
 //! Cameras that are due expose: truth, picture and pose of one tick.
 
 use crate::components::capture::{
-    AutoExposure, ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth, SensorCamera,
-    UavInFrame,
+    AutoExposure, CameraOf, ExposedFrame, Exposures, Frames, PixelRect, Readout, RenderedTruth,
+    SensorCamera, UavInFrame,
 };
 use crate::components::detect::region_px;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
-use crate::components::mount::Optics;
+use crate::components::mount::{Boresight, CameraView};
 use crate::components::render::{
     SensorProjection, SensorViews, SkyView, Solids, UavBody, UavRotor,
 };
@@ -21,6 +21,7 @@ use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
 use crate::systems::render::renderer::{RenderError, Renderer, aim_sensor_view};
 use crate::systems::render::scene::{bevy_attitude, place_in_site, sync_scene};
+use bevy::ecs::query::QueryData;
 use bevy::mesh::MeshTag;
 use bevy::prelude::*;
 use bevy::tasks::ComputeTaskPool;
@@ -153,19 +154,40 @@ impl Patch {
     }
 }
 
+/// A camera as it exposes.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct Exposing {
+    entity: Entity,
+    of: &'static CameraOf,
+    camera: &'static SensorCamera,
+    readout: &'static Readout,
+    view: &'static CameraView,
+    boresight: &'static Boresight,
+    exposures: &'static mut Exposures,
+    auto: &'static mut AutoExposure,
+}
+
 /// Opens the shutter of every camera that is due: pose, rectangle and geometric truth.
 pub fn expose(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    optics: Single<&Optics>,
-    mut cameras: Query<(&SensorCamera, &Readout, &mut Exposures, &mut AutoExposure)>,
+    mut cameras: Query<Exposing>,
     uavs: Query<(&Uav, &Flight, &UavShape, Has<Distractor>)>,
     mut frames: ResMut<Frames>,
-    mut before: Local<Option<[Pose; 3]>>,
 ) {
-    let before = before.replace(optics.cameras).unwrap_or(optics.cameras);
     frames.0.clear();
-    for (camera, readout, mut exposures, mut auto) in &mut cameras {
+    for camera in &mut cameras {
+        let ExposingItem {
+            entity,
+            of,
+            camera,
+            readout,
+            view,
+            boresight,
+            mut exposures,
+            mut auto,
+        } = camera;
         let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
         let full = PixelRect {
             offset_px: [0, 0],
@@ -188,7 +210,7 @@ pub fn expose(
         if !clock.tick.is_multiple_of(camera.period_ticks) {
             continue;
         }
-        let pose = optics.camera(camera.tier);
+        let pose = view.pose;
         let mut truth: Vec<_> = uavs
             .iter()
             .filter_map(|(uav, flight, shape, distractor)| {
@@ -205,7 +227,7 @@ pub fn expose(
         let motion = conditions::image_motion(
             &camera.pinhole,
             &pose,
-            before[camera.tier as usize].q_enu_cam,
+            view.q_before_enu_cam,
             now.1,
             &truth,
             |index| {
@@ -216,11 +238,17 @@ pub fn expose(
         let conditions =
             conditions::conditions(&mut auto, camera, &environment, &pose, now, motion);
         frames.0.push(Arc::new(ExposedFrame {
+            camera: entity,
+            station: of.0,
+            index: camera.index,
+            name: camera.name.clone(),
             tier: camera.tier,
+            pinhole: camera.pinhole,
             tick: clock.tick,
             number: exposures.0,
-            pose,
-            pointing: optics.pointing,
+            pose: view.pose,
+            believed: view.believed,
+            boresight: *boresight,
             rect,
             conditions,
             truth,
@@ -228,7 +256,6 @@ pub fn expose(
         }));
         exposures.0 += 1;
     }
-    frames.0.sort_by_key(|frame| frame.tier);
 }
 
 /// What a camera would see of a UAV if nothing stood before it; without its identity.
@@ -330,10 +357,8 @@ fn render_with(
     let shots: Vec<_> = frames
         .iter()
         .filter_map(|frame| {
-            let (camera, views) = cameras
-                .iter(world)
-                .find(|(camera, _)| camera.tier == frame.tier)?;
-            let solids = world.get_resource();
+            let (camera, views) = cameras.get(world, frame.camera).ok()?;
+            let solids = world.get(frame.station);
             Some(Shot::new(frame, camera.clone(), views, solids))
         })
         .collect();
@@ -343,7 +368,7 @@ fn render_with(
         // Nobody else holds a frame before the tick goes on: nothing is copied.
         let frame = Arc::make_mut(frame);
         read(world, renderer, frame, shot, &digits, scratch)?;
-        let key = seed.stream(frame.tick, frame.tier.name()).bits();
+        let key = seed.stream(frame.tick, &frame.name).bits();
         let rgb8 = form_image(frame, &shot.camera.sensor, key, scratch)?;
         frame.rgb8 = Some(Arc::new(rgb8));
     }

@@ -1,22 +1,24 @@
 //! Tracks become commands: mount rates, mirror deflection, readout windows.
 
-pub(crate) mod search;
+mod search;
 
-use crate::components::capture::{Readout, SensorCamera, Tier};
+use crate::components::capture::{CameraOf, Cameras, Readout, SensorCamera, Tier};
 use crate::components::control::{
     Controller, PaperController, PointingController, Radar, SearchScan,
 };
 use crate::components::detect::Detector;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
-use crate::components::mount::{Mount, MountCommand, Optics};
+use crate::components::mount::{CameraView, Mount, MountCommand};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::tracking::radar::{Plot, RadarCue, RadarTrack};
-use crate::systems::control::search::{Gaze, closer_every, search};
+use crate::models::tracking::search::Gaze;
+use crate::systems::control::search::{closer_every, search};
 use crate::systems::track::CONFIRM_HITS;
+use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -73,68 +75,91 @@ impl Radar {
 /// The radar measures, and plots that have arrived update its track.
 pub fn track_by_radar(
     clock: Res<SimClock>,
-    mount: Single<&Mount>,
     uavs: Query<(&Uav, &Flight, &UavStatus), Without<Distractor>>,
-    mut radar: ResMut<Radar>,
+    mut stations: Query<(&Mount, &mut Radar)>,
 ) {
-    if radar.errors.is_none() {
-        return;
-    }
-    if clock.tick.is_multiple_of(radar.period_ticks) {
-        // What lies on the city is out of the radar's sight.
-        let airborne = uavs
-            .iter()
-            .filter(|(_, _, status)| matches!(status, UavStatus::Flying | UavStatus::Falling))
-            .map(|(uav, flight, _)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
-        let seen = radar.look(clock.t_s(), airborne);
-        let available = clock.tick + radar.latency_ticks;
-        radar.waiting.push_back((available, seen));
-    }
-    while let Some((available, seen)) = radar.waiting.front().copied()
-        && available <= clock.tick
-    {
-        radar.waiting.pop_front();
-        radar.take(seen);
+    for (mount, mut radar) in &mut stations {
+        if radar.errors.is_none() {
+            continue;
+        }
+        if clock.tick.is_multiple_of(radar.period_ticks) {
+            // What lies on the city is out of the radar's sight.
+            let airborne = uavs
+                .iter()
+                .filter(|(_, _, status)| matches!(status, UavStatus::Flying | UavStatus::Falling))
+                .map(|(uav, flight, _)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
+            let seen = radar.look(clock.t_s(), airborne);
+            let available = clock.tick + radar.latency_ticks;
+            radar.waiting.push_back((available, seen));
+        }
+        while let Some((available, seen)) = radar.waiting.front().copied()
+            && available <= clock.tick
+        {
+            radar.waiting.pop_front();
+            radar.take(seen);
+        }
     }
 }
 
-/// Commands for the mount.
+/// A station as its mount is commanded.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct Commanded {
+    mount: &'static Mount,
+    tracker: &'static Tracker,
+    radar: &'static Radar,
+    cameras: &'static Cameras,
+    scan: &'static mut SearchScan,
+    controller: &'static mut Controller,
+    command: &'static mut MountCommand,
+}
+
+/// Commands for the mounts.
 pub fn command_mount(
     clock: Res<SimClock>,
-    tracker: Res<Tracker>,
     cameras: Query<&SensorCamera>,
-    mut controller: ResMut<Controller>,
-    mut scan: ResMut<SearchScan>,
-    radar: Res<Radar>,
-    station: Single<(&Mount, &mut MountCommand)>,
+    mut stations: Query<Commanded>,
 ) {
-    let (mount, mut command) = station.into_inner();
-    let gaze = (tracker.state == TrackingState::Search)
-        .then(|| search(&clock, &tracker, &radar, &mut scan, mount));
-    if gaze.is_none() {
-        // An interrupted gaze restarts.
-        scan.settled_since = None;
-    }
-    match &mut *controller {
-        Controller::Pointing(pointing) => {
-            point(&clock, &tracker, gaze, pointing, mount, &mut command)
+    for station in &mut stations {
+        let CommandedItem {
+            mount,
+            tracker,
+            radar,
+            cameras: own,
+            mut scan,
+            mut controller,
+            mut command,
+        } = station;
+        let gaze = (tracker.state == TrackingState::Search)
+            .then(|| search(&clock, tracker, radar, &mut scan, mount));
+        if gaze.is_none() {
+            // An interrupted gaze restarts.
+            scan.settled_since = None;
         }
-        Controller::Paper(paper) => {
-            // The paper is silent on acquisition: the mount turns to the candidate.
-            let acquired = tracker
-                .target_track()
-                .filter(|_| tracker.state == TrackingState::Acquire)
-                .map(|track| Gaze {
-                    az_el_rad: track.filter.predicted(clock.t_s()).az_el_rad(),
-                    rates_radps: DVec2::ZERO,
-                });
-            if let Some(to) = gaze.or(acquired) {
-                let slews = (mount.params).position_command(&mount.gimbal, to.az_el_rad);
-                let rates_radps = DVec2::from(slews.rate_radps) + to.rates_radps;
-                command.gimbal.rate_radps = rates_radps.to_array();
-                command.mirror_rad = DVec2::ZERO;
-            } else if tracker.state != TrackingState::Acquire {
-                steer_paper(&clock, &tracker, &cameras, paper, mount, &mut command);
+        match &mut *controller {
+            Controller::Pointing(pointing) => {
+                point(&clock, tracker, gaze, pointing, mount, &mut command)
+            }
+            Controller::Paper(paper) => {
+                // The paper is silent on acquisition: the mount turns to the candidate.
+                let acquired = tracker
+                    .target_track()
+                    .filter(|_| tracker.state == TrackingState::Acquire)
+                    .map(|track| Gaze::still(track.filter.predicted(clock.t_s()).az_el_rad()));
+                if let Some(to) = gaze.or(acquired) {
+                    let slews = (mount.params).position_command(&mount.gimbal, to.az_el_rad);
+                    let rates_radps = DVec2::from(slews.rate_radps) + to.rates_radps;
+                    command.gimbal.rate_radps = rates_radps.to_array();
+                    command.mirror_rad = DVec2::ZERO;
+                } else if tracker.state != TrackingState::Acquire {
+                    let periods_s = |tier: Tier| {
+                        cameras
+                            .iter_many(own.entities())
+                            .find(|camera| camera.tier == tier)
+                            .map(|camera| clock.at_s(camera.period_ticks))
+                    };
+                    steer_paper(tracker, periods_s, paper, mount, &mut command);
+                }
             }
         }
     }
@@ -161,8 +186,7 @@ fn point(
         law.command(hand_over, &mount.params, &input)
     } else {
         law.rest();
-        let to = gaze.map(|gaze| (gaze.az_el_rad, gaze.rates_radps));
-        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, to)
+        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, gaze)
     };
     command.gimbal = output.gimbal;
     command.mirror_rad = output.mirror_rad;
@@ -170,9 +194,8 @@ fn point(
 
 /// Eqs. 9 and 10: each new frame of a camera turns its attitude by the law's increment.
 fn steer_paper(
-    clock: &SimClock,
     tracker: &Tracker,
-    cameras: &Query<&SensorCamera>,
+    frame_s: impl Fn(Tier) -> Option<f64>,
     paper: &mut PaperController,
     mount: &Mount,
     command: &mut MountCommand,
@@ -187,14 +210,13 @@ fn steer_paper(
         let Some(error) = tracker.error[tier as usize] else {
             continue;
         };
-        let Some(camera) = cameras.iter().find(|camera| camera.tier == tier) else {
+        let Some(frame_s) = frame_s(tier) else {
             continue;
         };
         if paper.used_tick[slot] == Some(error.exposure_tick) {
             continue;
         }
         paper.used_tick[slot] = Some(error.exposure_tick);
-        let frame_s = clock.at_s(camera.period_ticks);
         if tier == Tier::Coarse {
             let u = paper
                 .coarse
@@ -223,17 +245,17 @@ const WATCH_COARSE: u64 = 6;
 /// What each camera reads out next.
 pub fn choose_readouts(
     clock: Res<SimClock>,
-    tracker: Res<Tracker>,
-    scan: Res<SearchScan>,
     detector: Res<Detector>,
-    station: Single<(&Mount, &Optics)>,
-    mut cameras: Query<(&SensorCamera, &mut Readout)>,
+    stations: Query<(&Tracker, &SearchScan)>,
+    mut cameras: Query<(&CameraOf, &SensorCamera, &CameraView, &mut Readout)>,
 ) {
-    let (mount, optics) = *station;
-    let found_precisely = tracker
-        .target_track()
-        .is_some_and(|track| track.hits[Tier::Precise as usize] >= CONFIRM_HITS);
-    for (camera, mut readout) in &mut cameras {
+    for (of, camera, view, mut readout) in &mut cameras {
+        let Ok((tracker, scan)) = stations.get(of.0) else {
+            continue;
+        };
+        let found_precisely = tracker
+            .target_track()
+            .is_some_and(|track| track.hits[Tier::Precise as usize] >= CONFIRM_HITS);
         // The exposure that comes next.
         let frame = clock.tick / camera.period_ticks + 1;
         let wanted = match (tracker.state, camera.tier) {
@@ -264,8 +286,7 @@ pub fn choose_readouts(
             (_, Tier::Search) if frame.is_multiple_of(WATCH_SEARCH) => Readout::Full,
             (_, Tier::Search) => Readout::Off,
             (state, tier) => {
-                let pose = optics.pointing.believed_pose(mount.r_enu_m, tier);
-                let around = around_target(&tracker, camera, &pose, clock.t_s())
+                let around = around_target(tracker, camera, &view.believed, clock.t_s())
                     .filter(|_| camera.window_px.or(detector.roi_px()).is_some());
                 let settled = state.holds(tier) || state.holds(Tier::Precise);
                 let watches = tier == Tier::Coarse

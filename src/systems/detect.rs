@@ -11,12 +11,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The detections of the truth detector in `frame`, in full-sensor pixels.
-fn truth(
-    errors: &TruthErrors,
-    seed: u64,
-    frame: &ExposedFrame,
-    sensor_px: [u32; 2],
-) -> Vec<Detection> {
+fn truth(errors: &TruthErrors, seed: u64, frame: &ExposedFrame) -> Vec<Detection> {
     // Control work wants a detector whose only errors are the set ones: the box is
     // centred on the aim point, whatever the gear below it or the rotors above.
     let candidates = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
@@ -30,8 +25,9 @@ fn truth(
         }
     });
     // Sensor noise has a key of the same parts: another seed keeps the two apart.
-    let key = Stream::new(!seed, frame.tick, frame.tier.name()).bits();
+    let key = Stream::new(!seed, frame.tick, &frame.name).bits();
     let PixelRect { offset_px, size_px } = frame.rect;
+    let sensor_px = [frame.pinhole.width_px, frame.pinhole.height_px];
     let mut found = Vec::new();
     detect_truth(
         candidates, errors, offset_px, size_px, sensor_px, key, &mut found,
@@ -46,15 +42,16 @@ pub fn detect(
     frames: Res<Frames>,
     cameras: Query<(&SensorCamera, &Readout)>,
     mut detector: ResMut<Detector>,
-    mut queue: ResMut<DetectionQueue>,
+    mut queues: Query<&mut DetectionQueue>,
     mut stopwatch: ResMut<Stopwatch>,
     mut failure: ResMut<Failure>,
 ) {
     let started = Instant::now();
-    let mut pictures = Vec::new();
+    let (mut pictures, mut stations) = (Vec::new(), Vec::new());
     for frame in &frames.0 {
-        let of_frame = |(camera, _): &(&SensorCamera, &Readout)| camera.tier == frame.tier;
-        let Some((camera, readout)) = cameras.iter().find(of_frame) else {
+        let (Ok((camera, readout)), Ok(mut queue)) =
+            (cameras.get(frame.camera), queues.get_mut(frame.station))
+        else {
             continue;
         };
         let mut batch = DetectionBatch {
@@ -67,37 +64,45 @@ pub fn detect(
         };
         match &*detector {
             Detector::Onnx { .. } => {
-                let picture = picture(frame, batch.look, batch.shrunk);
-                batch.answered = picture.is_none();
-                pictures.extend(picture);
+                if let Some(picture) = picture(frame, batch.look, batch.shrunk) {
+                    batch.answered = false;
+                    pictures.push(picture);
+                    stations.push(frame.station);
+                }
             }
-            Detector::Truth { errors, seed } => {
-                let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
-                batch.detections = truth(errors, *seed, frame, sensor_px);
-            }
+            Detector::Truth { errors, seed } => batch.detections = truth(errors, *seed, frame),
         }
         queue.push(batch);
     }
     if let Detector::Onnx {
         inference,
         weak_threshold,
+        asked,
         ..
     } = &mut *detector
     {
         if !pictures.is_empty() {
             inference.submit(pictures);
         }
-        while queue.wants_answer(clock.tick) {
+        asked.extend(stations);
+        // Answers come in the order of the questions, whose ever they are.
+        while queues.iter().any(|queue| queue.wants_answer(clock.tick))
+            && let Some(station) = asked.pop_front()
+        {
             let mut found = inference.fetch().unwrap_or_else(|error| {
                 failure.set(error);
                 Vec::new()
             });
             found.retain(|detection| detection.score >= *weak_threshold);
-            queue.answer(&found);
+            if let Ok(mut queue) = queues.get_mut(station) {
+                queue.answer(&found);
+            }
         }
         stopwatch.inference += started.elapsed();
     }
-    queue.release(clock.tick);
+    for mut queue in &mut queues {
+        queue.release(clock.tick);
+    }
 }
 
 /// The part `look` of a frame as the network takes it, `shrunk` by a whole number; none in a run that
@@ -152,9 +157,8 @@ fn shrink(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::capture::{Conditions, ExposedFrame, Tier};
+    use crate::components::capture::{ExposedFrame, Tier};
     use crate::components::flight::{Flight, UavShape};
-    use crate::components::mount::Pointing;
     use crate::models::flight::multirotor::{self, Airframe};
     use crate::models::flight::trajectory::Trajectory;
     use crate::models::flight::uav::{AimPart, UavKind, model};
@@ -196,7 +200,6 @@ mod tests {
             q_enu_cam: DQuat::from_mat3(&axes),
         };
         let pinhole = Pinhole::from_hfov(1280, 960, 0.35).unwrap();
-        let sensor_px = [pinhole.width_px, pinhole.height_px];
         let errors = TruthErrors {
             noise_px: 0.0,
             miss_rate: 0.0,
@@ -219,20 +222,12 @@ mod tests {
                 }
                 let seen = projected(&pinhole, &pose, &flight, &shape).unwrap();
                 let frame = ExposedFrame {
-                    tier: Tier::Precise,
                     tick,
-                    number: tick / 8,
                     pose,
-                    pointing: Pointing::default(),
-                    rect: PixelRect {
-                        offset_px: [0, 0],
-                        size_px: sensor_px,
-                    },
-                    conditions: Conditions::default(),
                     truth: vec![seen],
-                    rgb8: None,
+                    ..ExposedFrame::bare(Tier::Precise, pinhole)
                 };
-                let found = super::truth(&errors, 1, &frame, sensor_px);
+                let found = super::truth(&errors, 1, &frame);
                 assert_eq!(found.len(), 1, "{part:?} tick {tick}");
                 // The part's projection, worked out by hand.
                 let at_px = |r_enu_m: DVec3| {

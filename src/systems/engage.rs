@@ -1,7 +1,7 @@
 //! Interlocks and the firing command.
 
 use crate::components::beam::FireCommand;
-use crate::components::capture::{SensorCamera, Tier};
+use crate::components::capture::{Cameras, SensorCamera, Tier};
 use crate::components::engage::{Burst, Interlocks, Rules};
 use crate::components::environment::Environment;
 use crate::components::mount::Mount;
@@ -14,6 +14,7 @@ use crate::models::ground::dsm::HitKind;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::estimation::LosFilter;
 use crate::models::tracking::table::Track;
+use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -109,85 +110,99 @@ impl Way<'_> {
     }
 }
 
+/// A station as its fire is decided.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct Firing {
+    mount: &'static Mount,
+    rules: &'static Rules,
+    tracker: &'static Tracker,
+    cameras: &'static Cameras,
+    interlocks: &'static mut Interlocks,
+    burst: &'static mut Burst,
+    command: &'static mut FireCommand,
+}
+
 /// Checks every interlock and sets the firing command for the next tick.
 pub fn decide_fire(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    rules: Res<Rules>,
-    tracker: Res<Tracker>,
     cameras: Query<&SensorCamera>,
-    mut interlocks: ResMut<Interlocks>,
-    mut burst: ResMut<Burst>,
-    mut surroundings: Local<Surroundings>,
-    station: Single<(&Mount, &mut FireCommand)>,
+    mut stations: Query<Firing>,
 ) {
-    let (mount, mut command) = station.into_inner();
-    let reasons = &mut interlocks.0;
-    reasons.clear();
-    if !rules.authorised {
-        reasons.push("not authorised");
-    }
-    if tracker.state != TrackingState::Engage {
-        reasons.push("track not stable");
-        surroundings.track = None;
-    }
-    if let Some(error) = tracker.error[Tier::Precise as usize]
-        && error.distance_px > error.half_side_px
-    {
-        reasons.push("aim point outside the target");
-    }
-    if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
-        reasons.push("not recognised as a UAV");
-    }
-    match (tracker.target_track(), tracker.range_m) {
-        (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
-            if surroundings.track != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
-                // The beam's whole width must be clear: look around the line by some pixels.
-                let precise = cameras.iter().find(|camera| camera.tier == Tier::Precise);
-                let way = Way {
-                    rules: &rules,
-                    environment: &environment,
-                    r_enu_m: mount.r_enu_m,
-                    range_m,
-                    spread_rad: precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad()),
-                };
-                surroundings.track = Some(track.id);
-                surroundings.refused.clear();
-                way.look(&track.filter, clock.t_s(), &mut surroundings.refused);
-            }
-            reasons.extend(&surroundings.refused);
-            look_along(
-                &clock,
-                &environment,
-                &rules,
-                &tracker,
-                (track, range_m),
-                reasons,
-            );
-            command.focus_range_m = range_m;
+    for station in &mut stations {
+        let FiringItem {
+            mount,
+            rules,
+            tracker,
+            cameras: own,
+            mut interlocks,
+            mut burst,
+            mut command,
+        } = station;
+        let Interlocks {
+            reasons,
+            looked_over,
+        } = &mut *interlocks;
+        reasons.clear();
+        if !rules.authorised {
+            reasons.push("not authorised");
         }
-        (Some(_), None) => reasons.push("no range"),
-        // Without a track nothing of the above can be checked.
-        (None, _) if tracker.state == TrackingState::Engage => reasons.push("no track"),
-        _ => {}
+        if tracker.state != TrackingState::Engage {
+            reasons.push("track not stable");
+            *looked_over = None;
+        }
+        if let Some(error) = tracker.error[Tier::Precise as usize]
+            && error.distance_px > error.half_side_px
+        {
+            reasons.push("aim point outside the target");
+        }
+        if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
+            reasons.push("not recognised as a UAV");
+        }
+        match (tracker.target_track(), tracker.range_m) {
+            (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
+                let known = looked_over.as_ref().map(|(id, _)| *id);
+                if known != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
+                    // The beam's whole width must be clear: look around the line by some pixels.
+                    let precise = (cameras.iter_many(own.entities()))
+                        .find(|camera| camera.tier == Tier::Precise);
+                    let way = Way {
+                        rules,
+                        environment: &environment,
+                        r_enu_m: mount.r_enu_m,
+                        range_m,
+                        spread_rad: precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad()),
+                    };
+                    let (_, refused) = looked_over.insert((track.id, Vec::new()));
+                    way.look(&track.filter, clock.t_s(), refused);
+                }
+                reasons.extend(looked_over.iter().flat_map(|(_, refused)| refused));
+                look_along(
+                    &clock,
+                    &environment,
+                    rules,
+                    tracker,
+                    (track, range_m),
+                    reasons,
+                );
+                command.focus_range_m = range_m;
+            }
+            (Some(_), None) => reasons.push("no range"),
+            // Without a track nothing of the above can be checked.
+            (None, _) if tracker.state == TrackingState::Engage => reasons.push("no track"),
+            _ => {}
+        }
+        if burst.pauses(rules, &clock) {
+            reasons.push("burst limit");
+        }
+        command.fire = reasons.is_empty();
+        burst.began = match (command.fire, burst.began) {
+            (true, None) => Some(clock.tick),
+            (true, began) => began,
+            (false, _) => None,
+        };
     }
-    if burst.pauses(&rules, &clock) {
-        reasons.push("burst limit");
-    }
-    command.fire = reasons.is_empty();
-    burst.began = match (command.fire, burst.began) {
-        (true, None) => Some(clock.tick),
-        (true, began) => began,
-        (false, _) => None,
-    };
-}
-
-/// Reasons not to fire at a track, from the last check of its surroundings.
-#[derive(Default)]
-pub struct Surroundings {
-    /// Identity of the track.
-    track: Option<u32>,
-    refused: Vec<&'static str>,
 }
 
 /// Whether a track is something to be spared: seen often enough and lately, and no part of what stands

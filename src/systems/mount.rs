@@ -1,17 +1,36 @@
 //! The mount obeys last tick's commands on a base that moves.
 
-use crate::components::mount::{Misalignment, Mount, MountCommand, Optics};
+use crate::components::capture::CameraOf;
+use crate::components::mount::{Boresight, CameraView, Mount, MountCommand, OpticalPath, Optics};
 use crate::components::run::SimClock;
 use crate::models::mount::gimbal;
 use bevy::prelude::*;
 
-/// Steps base, gimbal and mirror, and computes where every optic points.
-pub fn turn(
-    clock: Res<SimClock>,
-    station: Single<(&mut Mount, &MountCommand, &Misalignment, &mut Optics)>,
+/// Steps base, gimbal and mirror of every station.
+pub fn turn(clock: Res<SimClock>, mut stations: Query<(&mut Mount, &MountCommand, &mut Optics)>) {
+    for (mut mount, command, mut optics) in &mut stations {
+        turn_mount(&mut mount, command, clock.dt_s());
+        *optics = mount.optics();
+    }
+}
+
+/// Where every camera looks after its mount has turned.
+pub fn look(
+    stations: Query<(&Mount, &Optics)>,
+    mut cameras: Query<(&CameraOf, &OpticalPath, &Boresight, &mut CameraView)>,
 ) {
-    let (mut mount, command, misalignment, mut optics) = station.into_inner();
-    let dt_s = clock.dt_s();
+    for (of, path, boresight, mut view) in &mut cameras {
+        if let Ok((mount, optics)) = stations.get(of.0) {
+            *view = CameraView {
+                q_before_enu_cam: view.pose.q_enu_cam,
+                ..mount.camera_view(*path, boresight, optics)
+            };
+        }
+    }
+}
+
+/// Steps base, gimbal and mirror of one station.
+fn turn_mount(mount: &mut Mount, command: &MountCommand, dt_s: f64) {
     let Mount {
         base,
         rng,
@@ -22,7 +41,7 @@ pub fn turn(
         gyro,
         wind,
         ..
-    } = &mut *mount;
+    } = mount;
     let before_rad = base.tilt_rad();
     base.step(rng);
     let noise = gyro.rng.normal3() * (gyro.angle_random_walk / dt_s.sqrt());
@@ -45,5 +64,4 @@ pub fn turn(
     gimbal::step(gimbal, params, &command.gimbal, torque_nm, dt_s);
     gimbal.add_gyro_noise(params, axis_gyro_rng, dt_s);
     mount.mirror.step(command.mirror_rad);
-    *optics = mount.optics(misalignment);
 }

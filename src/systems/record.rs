@@ -3,47 +3,57 @@
 pub mod mcap;
 
 use crate::components::beam::{BeamState, FireCommand};
-use crate::components::capture::{Frames, SensorCamera, Tier};
+use crate::components::capture::{ExposedFrame, Frames, Tier};
 use crate::components::detect::DetectionQueue;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics};
-use crate::components::record::{History, KeptFrame, Recording, StateHash};
+use crate::components::record::{
+    CameraHistory, History, KeptFrame, Neutralised, Recording, StateHash,
+};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::maths::kinematics::error_angles;
 use crate::systems::track::followed;
 use bevy::prelude::*;
+use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
 
 /// Hashes the state after this tick.
 pub fn hash_state(
     clock: Res<SimClock>,
     mut hash: ResMut<StateHash>,
-    station: Single<(&Mount, &MountCommand, &BeamState, &FireCommand)>,
+    stations: Query<(
+        &Mount,
+        &MountCommand,
+        &BeamState,
+        &FireCommand,
+        &Tracker,
+        &DetectionQueue,
+    )>,
     uavs: Query<(&Flight, &HeatedSkin, &UavStatus)>,
     distractors: Query<&Flight, With<Distractor>>,
-    tracker: Res<Tracker>,
-    queue: Res<DetectionQueue>,
     mut bytes: Local<Vec<u8>>,
 ) {
     bytes.clear();
-    let (mount, command, beam, fire) = *station;
-    put_mount(&mut bytes, mount);
+    for (mount, command, beam, fire, tracker, _) in &stations {
+        put_mount(&mut bytes, mount);
+        let mut put = |values: &[f64]| put_all(&mut bytes, values);
+        put(&command.gimbal.rate_radps);
+        put(&command.mirror_rad.to_array());
+        put(&[
+            beam.irradiance_wpm2,
+            beam.offset_m,
+            beam.scintillation,
+            beam.energy_j,
+            beam.dwell_s,
+        ]);
+        put(&[
+            f64::from(u8::from(fire.fire)),
+            fire.focus_range_m,
+            tracker.range_m.unwrap_or(-1.0),
+        ]);
+    }
     let mut put = |values: &[f64]| put_all(&mut bytes, values);
-    put(&command.gimbal.rate_radps);
-    put(&command.mirror_rad.to_array());
-    put(&[
-        beam.irradiance_wpm2,
-        beam.offset_m,
-        beam.scintillation,
-        beam.energy_j,
-        beam.dwell_s,
-    ]);
-    put(&[
-        f64::from(u8::from(fire.fire)),
-        fire.focus_range_m,
-        tracker.range_m.unwrap_or(-1.0),
-    ]);
     for (flight, skin, status) in &uavs {
         let state = &flight.state;
         put(&state.r_enu_m.to_array());
@@ -60,24 +70,26 @@ pub fn hash_state(
         put(&flight.state.q_enu_body.to_array());
         put(&flight.state.rotor_phase_rad[..1]);
     }
-    put(&[
-        tracker.state as u8 as f64,
-        tracker.target.map_or(-1.0, f64::from),
-    ]);
-    put(&[tracker.table.tracks.len() as f64]);
-    let recognised = tracker
-        .table
-        .tracks
-        .iter()
-        .filter_map(|track| track.recognition);
-    for found in recognised {
-        put(&found.probabilities);
-    }
-    for batch in &queue.arrived {
-        put(&[batch.frame.tick as f64, batch.frame.tier as u8 as f64]);
-        for detection in &batch.detections {
-            put(&detection.box_px);
-            put(&[detection.score, f64::from(detection.label)]);
+    for (.., tracker, queue) in &stations {
+        put(&[
+            tracker.state as u8 as f64,
+            tracker.target.map_or(-1.0, f64::from),
+        ]);
+        put(&[tracker.table.tracks.len() as f64]);
+        let recognised = tracker
+            .table
+            .tracks
+            .iter()
+            .filter_map(|track| track.recognition);
+        for found in recognised {
+            put(&found.probabilities);
+        }
+        for batch in &queue.arrived {
+            put(&[batch.frame.tick as f64, batch.frame.tier as u8 as f64]);
+            for detection in &batch.detections {
+                put(&detection.box_px);
+                put(&[detection.score, f64::from(detection.label)]);
+            }
         }
     }
     let mut hasher = Xxh3::new();
@@ -124,60 +136,63 @@ pub fn keep_series(
     clock: Res<SimClock>,
     recording: Res<Recording>,
     frames: Res<Frames>,
-    tracker: Res<Tracker>,
-    cameras: Query<&SensorCamera>,
-    station: Single<(&Mount, &Optics, &BeamState)>,
+    mut stations: Query<(Entity, &Mount, &Optics, &BeamState, &Tracker, &mut History)>,
+    mut cameras: Query<&mut CameraHistory>,
     uavs: Query<(&Uav, &Flight, &HeatedSkin, &UavStatus)>,
     distractors: Query<(&Uav, &Flight), With<Distractor>>,
-    mut history: ResMut<History>,
+    mut neutralised: ResMut<Neutralised>,
 ) {
-    let (mount, optics, beam) = *station;
     let t_s = clock.t_s();
     for (uav, _, _, status) in &uavs {
-        if history.neutralised_s.len() <= uav.index {
-            history.neutralised_s.resize(uav.index + 1, None);
+        let times_s = &mut neutralised.0;
+        if times_s.len() <= uav.index {
+            times_s.resize(uav.index + 1, None);
         }
-        if status.neutralised() && history.neutralised_s[uav.index].is_none() {
-            history.neutralised_s[uav.index] = Some(t_s);
+        if status.neutralised() {
+            times_s[uav.index].get_or_insert(t_s);
         }
     }
-    if tracker.state == TrackingState::Coarse && history.acquired_s.is_none() {
-        history.acquired_s = Some(t_s);
-    }
-    let sampled = clock.tick.is_multiple_of(recording.state_period_ticks);
-    if !sampled && frames.0.is_empty() {
-        return;
-    }
-    // A distractor that is followed is no UAV: no series takes it for one.
-    let flying = uavs.iter().map(|(uav, flight, ..)| (uav, flight));
-    let all = flying.chain(&distractors);
-    let target = followed(&tracker, t_s, mount.r_enu_m, all);
-    let target = uavs.iter().find(|(uav, ..)| Some(uav.index) == target);
-    if sampled {
-        history.irradiance_wpm2.push((t_s, beam.irradiance_wpm2));
-        history
-            .power_in_bucket_w
-            .push((t_s, beam.power_in_bucket_w));
-        if let Some((_, flight, skin, _)) = target {
-            history.skin_k.push((t_s, skin.skin.temperature_k));
-            if tracker.state.holds(Tier::Precise) {
-                let los_enu = flight.aim_enu_m() - optics.laser.r_enu_m;
-                let error_rad = error_angles(optics.laser.q_enu_cam, los_enu).length();
-                history.los_error_urad.push((t_s, 1e6 * error_rad));
+    for (station, mount, optics, beam, tracker, mut history) in &mut stations {
+        if tracker.state == TrackingState::Coarse && history.acquired_s.is_none() {
+            history.acquired_s = Some(t_s);
+        }
+        let sampled = clock.tick.is_multiple_of(recording.state_period_ticks);
+        if !sampled && frames.0.is_empty() {
+            continue;
+        }
+        // A distractor that is followed is no UAV: no series takes it for one.
+        let flying = uavs.iter().map(|(uav, flight, ..)| (uav, flight));
+        let all = flying.chain(&distractors);
+        let target = followed(tracker, t_s, mount.r_enu_m, all);
+        let target = uavs.iter().find(|(uav, ..)| Some(uav.index) == target);
+        if sampled {
+            history.irradiance_wpm2.push((t_s, beam.irradiance_wpm2));
+            history
+                .power_in_bucket_w
+                .push((t_s, beam.power_in_bucket_w));
+            if let Some((_, flight, skin, _)) = target {
+                history.skin_k.push((t_s, skin.skin.temperature_k));
+                if tracker.state.holds(Tier::Precise) {
+                    let los_enu = flight.aim_enu_m() - optics.laser.r_enu_m;
+                    let error_rad = error_angles(optics.laser.q_enu_cam, los_enu).length();
+                    history.los_error_urad.push((t_s, 1e6 * error_rad));
+                }
             }
         }
-    }
-    // What falls has been dealt with: its miss distance is no measure of the tracking.
-    let Some((uav, ..)) = target.filter(|(.., status)| **status == UavStatus::Flying) else {
-        return;
-    };
-    for frame in &frames.0 {
-        if tracker.state.holds(frame.tier)
-            && let Some(camera) = cameras.iter().find(|camera| camera.tier == frame.tier)
-            && let Some(seen) = frame.truth.iter().find(|seen| seen.uav == uav.index)
-        {
-            let reticle = frame.reticle_px(&camera.pinhole);
-            history.miss_px[frame.tier as usize].push((t_s, reticle.distance(seen.aim_px.into())));
+        // What falls has been dealt with: its miss distance is no measure of the tracking.
+        let Some((uav, ..)) = target.filter(|(.., status)| **status == UavStatus::Flying) else {
+            continue;
+        };
+        let held = |frame: &&Arc<ExposedFrame>| {
+            frame.station == station && tracker.state.holds(frame.tier)
+        };
+        for frame in frames.0.iter().filter(held) {
+            if let Some(seen) = frame.truth.iter().find(|seen| seen.uav == uav.index)
+                && let Ok(mut camera) = cameras.get_mut(frame.camera)
+            {
+                let miss_px = frame.reticle_px().distance(seen.aim_px.into());
+                camera.miss_px.push((t_s, miss_px));
+            }
         }
     }
 }
@@ -186,36 +201,36 @@ pub fn keep_series(
 /// for a window.
 pub fn keep_pictures(
     clock: Res<SimClock>,
-    tracker: Res<Tracker>,
-    queue: Res<DetectionQueue>,
-    cameras: Query<&SensorCamera>,
-    mut history: ResMut<History>,
+    mut stations: Query<(&Tracker, &DetectionQueue, &mut History)>,
+    mut cameras: Query<&mut CameraHistory>,
 ) {
-    for batch in &queue.arrived {
-        let frame = &batch.frame;
-        let camera = cameras.iter().find(|camera| camera.tier == frame.tier);
-        let (Some(camera), Some(rgb8)) = (camera, &frame.rgb8) else {
-            continue;
-        };
-        let kept = KeptFrame {
-            tier: frame.tier,
-            tick: frame.tick,
-            t_s: clock.at_s(frame.tick),
-            size_px: frame.rect.size_px,
-            rgb8: rgb8.clone(),
-            offset_px: frame.rect.offset_px,
-            detections: batch.detections.clone(),
-            centre_px: frame.reticle_px(&camera.pinhole).to_array(),
-            state: tracker.state_at(frame.tick).name(),
-        };
-        let last = (history.frames.iter().rev()).find(|last| last.tier == kept.tier);
-        let wanted =
-            last.is_none_or(|last| last.state != kept.state || kept.t_s - last.t_s >= KEEP_EVERY_S);
-        if wanted && history.frames.len() < KEEP_MOST {
-            let at = history.frames.partition_point(|f| f.tick <= kept.tick);
-            history.frames.insert(at, kept.clone());
+    for (tracker, queue, mut history) in &mut stations {
+        for batch in &queue.arrived {
+            let frame = &batch.frame;
+            let Some(rgb8) = &frame.rgb8 else {
+                continue;
+            };
+            let kept = KeptFrame {
+                camera: frame.name.clone(),
+                tick: frame.tick,
+                t_s: clock.at_s(frame.tick),
+                size_px: frame.rect.size_px,
+                rgb8: rgb8.clone(),
+                offset_px: frame.rect.offset_px,
+                detections: batch.detections.clone(),
+                centre_px: frame.reticle_px().to_array(),
+                state: tracker.state_at(frame.tick).name(),
+            };
+            let last = (history.frames.iter().rev()).find(|last| last.camera == kept.camera);
+            let wanted = last
+                .is_none_or(|last| last.state != kept.state || kept.t_s - last.t_s >= KEEP_EVERY_S);
+            if wanted && history.frames.len() < KEEP_MOST {
+                let at = history.frames.partition_point(|f| f.tick <= kept.tick);
+                history.frames.insert(at, kept.clone());
+            }
+            if let Ok(mut camera) = cameras.get_mut(frame.camera) {
+                camera.latest = Some(kept);
+            }
         }
-        let tier = kept.tier as usize;
-        history.latest[tier] = Some(kept);
     }
 }

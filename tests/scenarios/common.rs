@@ -1,5 +1,7 @@
 //! What the tests share: the command, its runs and their recordings.
 
+use bevy::prelude::{Component, World};
+use boresight::components::mount::first_station;
 use boresight::recording::proto;
 use prost::Message as _;
 use serde_json::Value;
@@ -18,6 +20,11 @@ pub const BLIND: [&str; 3] = ["--set", "detector.kind=truth", "--no-capture"];
 pub fn rendering() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What the first station has.
+pub fn of<C: Component>(world: &World) -> &C {
+    first_station(world).expect("a station has all its parts")
 }
 
 pub fn boresight() -> Command {

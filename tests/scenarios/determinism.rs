@@ -1,7 +1,7 @@
 //! One seed is one run, to the bit.
 
 use crate::common::{
-    BLIND, ROOT, boresight, messages, read_with_python, rendering, run_scenario, tick_hashes,
+    BLIND, ROOT, boresight, messages, of, read_with_python, rendering, run_scenario, tick_hashes,
 };
 use boresight::app::{self, Options};
 use boresight::components::capture::Frames;
@@ -180,7 +180,7 @@ fn a_thread_for_the_network_changes_no_state() {
         for _ in 0..(2.5 * f64::from(loaded.scenario.tick_hz)) as u64 {
             app::step(world).unwrap();
             hashes.push(world.resource::<StateHash>().0);
-            let arrived = &world.resource::<DetectionQueue>().arrived;
+            let arrived = &of::<DetectionQueue>(world).arrived;
             let region = |batch: &&DetectionBatch| batch.look.size_px == [160; 2];
             regions += arrived.iter().filter(region).count();
             assert!(

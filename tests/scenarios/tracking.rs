@@ -1,6 +1,6 @@
 //! Tracking against the truth.
 
-use crate::common::{BLIND, ROOT, run_scenario};
+use crate::common::{BLIND, ROOT, of, run_scenario};
 use bevy::prelude::World;
 use boresight::app::{self, Options};
 use boresight::components::capture::Tier;
@@ -127,7 +127,7 @@ fn watched(name: &str, seed: u64, set: &[&str]) -> Watched {
                 error_angles(axis.q_enu_cam, flight.aim_enu_m() - axis.r_enu_m).length()
             };
             let dsm = &world.resource::<Environment>().city.dsm;
-            let tracker = world.resource::<Tracker>();
+            let tracker = of::<Tracker>(world);
             moments.push(Moment {
                 t_s: clock.t_s(),
                 state: tracker.state,
@@ -143,7 +143,7 @@ fn watched(name: &str, seed: u64, set: &[&str]) -> Watched {
     }
     let watched = Watched {
         moments,
-        changes: world.resource::<Tracker>().changes.clone(),
+        changes: of::<Tracker>(world).changes.clone(),
     };
     println!(
         "{name} {seed} {set:?}: {:.1} s",
@@ -260,7 +260,8 @@ fn ordered(set: &[String], given: &[(f64, Designation)], seconds: f64) -> (Vec<u
         .map(|tick| {
             for (t_s, target) in given {
                 if (t_s * hz) as u64 == tick {
-                    world.resource_mut::<Operator>().give(Order {
+                    let mut operator = world.query::<&mut Operator>().single_mut(world).unwrap();
+                    operator.give(Order {
                         tick: tick + 1,
                         target: *target,
                     });
@@ -270,7 +271,7 @@ fn ordered(set: &[String], given: &[(f64, Designation)], seconds: f64) -> (Vec<u
             world.resource::<StateHash>().0
         })
         .collect();
-    (hashes, world.resource::<Operator>().orders.clone())
+    (hashes, of::<Operator>(world).orders.clone())
 }
 
 #[test]
@@ -286,7 +287,7 @@ fn a_session_in_the_window_is_repeated_by_its_orders() {
     for _ in 0..3 * loaded.scenario.tick_hz {
         app::step(app.world_mut()).unwrap();
     }
-    let tracker = app.world().resource::<Tracker>();
+    let tracker = of::<Tracker>(app.world());
     let target = tracker.target.unwrap();
     let other = tracker.table.tracks.iter().find(|track| track.id != target);
     let other = other.expect("both UAVs have tracks").id;
@@ -332,7 +333,7 @@ fn ranged(set: &[&str], seconds: u32) -> (Option<f64>, bool) {
     for _ in 0..seconds * loaded.scenario.tick_hz {
         app::step(world).unwrap();
     }
-    let tracker = world.resource::<Tracker>();
+    let tracker = of::<Tracker>(world);
     assert!(tracker.state.holds(Tier::Precise), "{:?}", tracker.changes);
     (tracker.range_m, tracker.lased)
 }
@@ -419,18 +420,18 @@ fn a_gaze_that_was_left_is_begun_anew() {
     let at = |world: &World| {
         let tick = world.resource::<SimClock>().tick;
         assert!(tick < 30 * 960, "nothing happens");
-        let scan = world.resource::<SearchScan>();
+        let scan = of::<SearchScan>(world);
         (tick, scan.index, scan.settled_since)
     };
     let searches =
-        |world: &bevy::prelude::World| world.resource::<Tracker>().state == TrackingState::Search;
+        |world: &bevy::prelude::World| of::<Tracker>(world).state == TrackingState::Search;
     while searches(world) {
         app::step(world).unwrap();
         at(world);
     }
     let (_, left, settled_since) = at(world);
     assert_eq!((left, settled_since), (2, None));
-    let gaze_ticks = (960.0 * world.resource::<SearchScan>().gaze_s()) as u64;
+    let gaze_ticks = (960.0 * of::<SearchScan>(world).gaze_s()) as u64;
 
     let mut uavs = world.query::<(&mut Flight, &mut UavStatus)>();
     let (mut flight, mut status) = uavs.single_mut(world).unwrap();

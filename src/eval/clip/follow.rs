@@ -6,15 +6,14 @@
 
 use super::arguments::Arguments;
 use super::figures::State;
-use crate::components::capture::{Conditions, ExposedFrame, PixelRect, Tier};
+use crate::components::capture::{ExposedFrame, Tier};
 use crate::components::detect::DetectionBatch;
-use crate::components::mount::Pointing;
 use crate::components::run::SimClock;
 use crate::components::track::{Gallery, Tracker, TrackerParams};
 use crate::eval::EvalError;
 use crate::eval::shared::confirmed;
 use crate::inference::OnnxRecogniser;
-use crate::models::maths::kinematics::{Pose, az_el_to_los};
+use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
 use crate::models::tracking::evidence::EvidenceParams;
@@ -34,8 +33,6 @@ pub(super) struct Follower {
     params: TrackerParams,
     tracker: Tracker,
     pinhole: Pinhole,
-    pointing: Pointing,
-    pose: Pose,
     /// What says what the tracks are, if anything does, and when it does so next [s].
     recogniser: Option<OnnxRecogniser>,
     recognises_s: f64,
@@ -75,7 +72,6 @@ impl Follower {
         let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians())
             .map_err(EvalError::FieldOfView)?;
         let defaults = scenario::TrackerConfig::default();
-        let pointing = Pointing::default();
         Ok(Self {
             clock: SimClock {
                 tick: 0,
@@ -103,8 +99,6 @@ impl Follower {
             },
             tracker: Tracker::default(),
             pinhole,
-            pointing,
-            pose: pointing.believed_pose(DVec3::ZERO, Tier::Coarse),
             gallery: Gallery {
                 wanted: arguments.recogniser.is_some(),
                 ..Gallery::default()
@@ -127,36 +121,24 @@ impl Follower {
         let tick = (t_s * f64::from(TICK_HZ)).round() as u64;
         self.clock.tick = tick;
         let t_s = self.clock.t_s();
-        let (width, height) = (self.pinhole.width_px, self.pinhole.height_px);
-        let rect = PixelRect {
-            offset_px: [0, 0],
-            size_px: [width, height],
-        };
         let frame = ExposedFrame {
-            tier: Tier::Coarse,
             tick,
-            number: 0,
-            pose: self.pose,
-            pointing: self.pointing,
-            rect,
-            conditions: Conditions::default(),
-            truth: Vec::new(),
             rgb8: (self.gallery.wanted).then(|| Arc::new(rgb8.to_vec())),
+            ..ExposedFrame::bare(Tier::Coarse, self.pinhole)
         };
+        let q_enu_cam = frame.pose.q_enu_cam;
         let batch = DetectionBatch {
-            frame: Arc::new(frame),
             available_tick: tick,
-            look: rect,
+            look: frame.rect,
+            frame: Arc::new(frame),
             detections: detections.to_vec(),
             shrunk: 1,
             answered: true,
         };
-        let (tracker, params, pinhole) = (&mut self.tracker, &self.params, &self.pinhole);
-        let assigned = take_in(tracker, params, &batch, pinhole, DVec3::ZERO, t_s);
+        let (tracker, params) = (&mut self.tracker, &self.params);
+        let assigned = take_in(tracker, params, &batch, t_s);
         let hung = Hung {
             batch: &batch,
-            pinhole,
-            r_enu_m: DVec3::ZERO,
             t_s,
             assigned: &assigned,
         };
@@ -183,7 +165,7 @@ impl Follower {
             .filter(|track| confirmed(track, t_s))
             .filter_map(|track| {
                 let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
-                let px = (self.pinhole).project(self.pose.q_enu_cam.inverse() * los_enu)?;
+                let px = (self.pinhole).project(q_enu_cam.inverse() * los_enu)?;
                 Some(Followed {
                     id: track.id,
                     px,

@@ -7,7 +7,7 @@ use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
 use crate::components::engage::{Interlocks, Rules};
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape, UavStatus};
-use crate::components::mount::{Mount, Optics};
+use crate::components::mount::{CameraView, Mount, Optics};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::engage::interlock::{FAR_M, faces_sun};
@@ -33,7 +33,13 @@ const BESIDE_SHARE: f64 = 0.25;
 /// States that a record keeps from the start, and from the end.
 const KEPT_STATES: usize = 30;
 
-type Station = (&'static Mount, &'static Optics, &'static BeamState);
+type Station = (
+    Entity,
+    &'static Mount,
+    &'static Optics,
+    &'static BeamState,
+    &'static Tracker,
+);
 type Flying = (
     &'static Uav,
     &'static Flight,
@@ -52,7 +58,7 @@ pub struct Watch {
 /// What the watch has seen so far.
 struct Seen {
     record: Record,
-    cameras: [Option<SensorCamera>; 3],
+    cameras: [Option<(Entity, SensorCamera)>; 3],
     /// The last pictures whose detections have arrived.
     latest: [Option<DetectionBatch>; 3],
     /// Pictures of the first moment of each cause.
@@ -78,6 +84,7 @@ struct Seen {
 /// A tick, and what is looked at in it.
 struct Now<'a> {
     world: &'a World,
+    station: Entity,
     clock: SimClock,
     t_s: f64,
     tracker: &'a Tracker,
@@ -103,8 +110,8 @@ impl Watch {
     /// A watch over a run that is about to start.
     pub fn new(world: &mut World) -> Self {
         let mut cameras = [None, None, None];
-        for camera in world.query::<&SensorCamera>().iter(world) {
-            cameras[camera.tier as usize] = Some(camera.clone());
+        for (entity, camera) in world.query::<(Entity, &SensorCamera)>().iter(world) {
+            cameras[camera.tier as usize] = Some((entity, camera.clone()));
         }
         Self {
             station: world.query(),
@@ -143,7 +150,7 @@ impl Watch {
         let now = Now::of(&mut self.station, &mut self.flying, world);
         let seen = &mut self.seen;
         if seen.sizes.0 > 0
-            && let [Some(search), _, Some(precise)] = &seen.cameras
+            && let [Some((_, search)), _, Some((_, precise))] = &seen.cameras
         {
             let mean_px = seen.sizes.1 / f64::from(seen.sizes.0);
             let larger = precise.pinhole.focal_px / search.pinhole.focal_px;
@@ -184,8 +191,8 @@ impl Seen {
 
     /// Keeps the pictures that have arrived, and whether the UAV was found in them.
     fn pictures(&mut self, now: &Now) {
-        let queue = now.world.resource::<DetectionQueue>();
-        for batch in &queue.arrived {
+        let queue = now.world.get::<DetectionQueue>(now.station);
+        for batch in queue.iter().flat_map(|queue| &queue.arrived) {
             let tier = batch.frame.tier as usize;
             let uav = batch.frame.truth.iter().find(|seen| !seen.distractor);
             if let Some(uav) = uav.filter(|uav| uav.clear && within(batch, uav.aim_px)) {
@@ -309,7 +316,8 @@ impl Seen {
 
     /// Charges the time of a look to a cause.
     fn charge(&mut self, now: &Now, shown: bool, target: Option<What>, dt_s: f64) {
-        let interlocks = &now.world.resource::<Interlocks>().0;
+        let interlocks = (now.world.get::<Interlocks>(now.station))
+            .map_or(&[][..], |interlocks| &interlocks.reasons);
         let on_uav = target == Some(What::Uav);
         if on_uav && now.tracker.state == TrackingState::Engage && !now.firing {
             for reason in interlocks {
@@ -346,7 +354,7 @@ impl Seen {
 
     /// The longer side of the UAV in the search camera, were it in the middle of the picture [px].
     fn size_px(&self, now: &Now, uav: &Thing) -> f64 {
-        let Some(search) = &self.cameras[0] else {
+        let Some((_, search)) = &self.cameras[0] else {
             return 0.0;
         };
         let [az, el] = los_to_az_el(uav.to_m).to_array();
@@ -361,14 +369,12 @@ impl Seen {
     /// The last picture of each camera with what was found and what is true in it.
     fn moment(&self, now: &Now, why: &str) -> Vec<ContactFrame> {
         let detector = now.world.resource::<Detector>();
-        let batches = self.latest.iter().zip(&self.cameras);
-        let fresh = batches.filter_map(|(batch, camera)| {
-            let (batch, camera) = (batch.as_ref()?, camera.as_ref()?);
+        let fresh = self.latest.iter().flatten().filter_map(|batch| {
             let t_s = now.clock.at_s(batch.frame.tick);
-            (now.t_s - t_s < STALE_S).then_some((batch, camera, t_s))
+            (now.t_s - t_s < STALE_S).then_some((batch, t_s))
         });
         fresh
-            .filter_map(|(batch, camera, t_s)| {
+            .filter_map(|(batch, t_s)| {
                 let frame = &batch.frame;
                 let [dx, dy] = frame.rect.offset_px.map(f64::from);
                 let mark = |label: String, [x0, y0, x1, y1]: [f64; 4], colour| ContactBox {
@@ -383,10 +389,10 @@ impl Seen {
                 });
                 let found = batch.detections.iter();
                 let found = found.map(|d| mark(detector.caption(d), d.box_px, GREEN));
-                let reticle = frame.reticle_px(&camera.pinhole);
+                let reticle = frame.reticle_px();
                 let state = now.tracker.state_at(frame.tick).name();
                 Some(ContactFrame {
-                    camera: frame.tier.name().into(),
+                    camera: frame.name.to_string(),
                     time_s: t_s,
                     width: frame.rect.size_px[0] as u16,
                     height: frame.rect.size_px[1] as u16,
@@ -428,7 +434,7 @@ impl<'w> Now<'w> {
         world: &'w World,
     ) -> Option<Self> {
         let clock = *world.resource::<SimClock>();
-        let (mount, optics, beam) = station.single(world).ok()?;
+        let (station, mount, optics, beam, tracker) = station.single(world).ok()?;
         let mut flying: Vec<Thing> = (flying.iter(world))
             .map(|(uav, flight, shape, distractor, status)| Thing {
                 index: uav.index,
@@ -442,9 +448,10 @@ impl<'w> Now<'w> {
         flying.sort_unstable_by_key(|thing| thing.index);
         Some(Self {
             world,
+            station,
             clock,
             t_s: clock.t_s(),
-            tracker: world.resource(),
+            tracker,
             r_station_enu_m: mount.r_enu_m,
             optics,
             firing: beam.firing,
@@ -476,8 +483,10 @@ impl<'w> Now<'w> {
         environment.line_of_sight(self.r_station_enu_m, r_enu_m) == LineOfSight::Clear
     }
 
-    fn in_field(&self, camera: &SensorCamera, thing: &Thing) -> bool {
-        let pose = self.optics.camera(camera.tier);
+    fn in_field(&self, (entity, camera): &(Entity, SensorCamera), thing: &Thing) -> bool {
+        let Some(CameraView { pose, .. }) = self.world.get(*entity) else {
+            return false;
+        };
         let r_cam_m = pose.q_enu_cam.inverse() * (self.r_station_enu_m + thing.to_m - pose.r_enu_m);
         let px = camera.pinhole.project(r_cam_m);
         px.is_some_and(|px| camera.pinhole.contains(px))
@@ -486,7 +495,9 @@ impl<'w> Now<'w> {
     /// Whether the rules allow fire at a UAV in clear sight: what lies behind it, and the sun.
     fn open(&self, uav: &Thing) -> bool {
         let environment = self.world.resource::<Environment>();
-        let rules = self.world.resource::<Rules>();
+        let Some(rules) = self.world.get::<Rules>(self.station) else {
+            return false;
+        };
         let (direction, range_m) = (uav.to_m.normalize(), uav.to_m.length());
         let dsm = &environment.city.dsm;
         let behind = dsm.first_hit_kind(self.r_station_enu_m, direction, FAR_M);

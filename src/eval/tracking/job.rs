@@ -5,8 +5,8 @@ use crate::components::beam::BeamState;
 use crate::components::capture::{Frames, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
-use crate::components::mount::{Mount, Optics};
-use crate::components::record::{History, KeptFrame};
+use crate::components::mount::{CameraView, Mount, Optics, first_station};
+use crate::components::record::{CameraHistory, KeptFrame};
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::eval::EvalError;
@@ -181,13 +181,18 @@ pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError>
     Ok(watch.conclude(world))
 }
 
-type Station = (&'static Mount, &'static Optics, &'static BeamState);
+type Station = (
+    &'static Mount,
+    &'static Optics,
+    &'static BeamState,
+    &'static Tracker,
+);
 
 struct Watch {
     seen: Observed,
     uavs: QueryState<(&'static Uav, &'static Flight)>,
     station: QueryState<Station>,
-    cameras: [Option<SensorCamera>; 3],
+    cameras: [Option<(Entity, SensorCamera)>; 3],
     hidden: bool,
     /// Number of UAVs: what has a higher index is a bird or a balloon.
     count: usize,
@@ -196,8 +201,8 @@ struct Watch {
 impl Watch {
     fn new(world: &mut World, scenario: &Scenario) -> Self {
         let mut cameras = [None, None, None];
-        for camera in world.query::<&SensorCamera>().iter(world) {
-            cameras[camera.tier as usize] = Some(camera.clone());
+        for (entity, camera) in world.query::<(Entity, &SensorCamera)>().iter(world) {
+            cameras[camera.tier as usize] = Some((entity, camera.clone()));
         }
         Self {
             seen: Observed::default(),
@@ -212,11 +217,13 @@ impl Watch {
     /// Takes in what a tick left.
     fn tick(&mut self, world: &World) {
         let clock = world.resource::<SimClock>();
-        let tracker = world.resource::<Tracker>();
         let t_s = clock.t_s();
-        let (Ok((mount, optics, beam)), Some(coarse)) =
+        let (Ok((mount, optics, beam, tracker)), Some((entity, coarse))) =
             (self.station.single(world), &self.cameras[1])
         else {
+            return;
+        };
+        let Some(view) = world.get::<CameraView>(*entity) else {
             return;
         };
         let held = tracker.state.holds(Tier::Coarse);
@@ -245,6 +252,7 @@ impl Watch {
             optics,
             beam,
             coarse,
+            view,
             flights: &flights,
             count: self.count,
         };
@@ -261,15 +269,21 @@ impl Watch {
 
     fn conclude(mut self, world: &mut World) -> Observed {
         let clock = *world.resource::<SimClock>();
-        self.seen.state = world.resource::<Tracker>().state.name();
-        let mut history = world.resource_mut::<History>();
-        self.seen.miss_px = [Tier::Coarse, Tier::Precise]
-            .map(|tier| std::mem::take(&mut history.miss_px[tier as usize]));
-        self.seen.pictures = std::mem::take(&mut history.latest)
-            .into_iter()
-            .flatten()
-            .collect();
-        if let [_, Some(coarse), Some(precise)] = &self.cameras {
+        self.seen.state =
+            first_station::<Tracker>(world).map_or("", |tracker| tracker.state.name());
+        let mut histories = world.query::<&mut CameraHistory>();
+        for (tier, camera) in Tier::ALL.into_iter().zip(&self.cameras) {
+            if let Some((entity, _)) = camera
+                && let Ok(mut history) = histories.get_mut(world, *entity)
+            {
+                let history = std::mem::take(&mut *history);
+                self.seen.pictures.extend(history.latest);
+                if tier != Tier::Search {
+                    self.seen.miss_px[tier as usize - 1] = history.miss_px;
+                }
+            }
+        }
+        if let [_, Some((_, coarse)), Some((_, precise))] = &self.cameras {
             let pinhole = &coarse.pinhole;
             let rate_hz = u64::from(clock.tick_hz) / coarse.period_ticks.max(1);
             self.seen.coarse = ([pinhole.width_px, pinhole.height_px], rate_hz as u32);
@@ -295,6 +309,7 @@ struct Instant<'a> {
     optics: &'a Optics,
     beam: &'a BeamState,
     coarse: &'a SensorCamera,
+    view: &'a CameraView,
     /// All that fly, by index.
     flights: &'a [(usize, &'a Flight)],
     /// Number of UAVs among them, which come first.
@@ -379,7 +394,7 @@ impl Instant<'_> {
     /// Truth and tracks in the coarse camera.
     fn snapshot(&self) -> Snapshot {
         let pinhole = &self.coarse.pinhole;
-        let pose = self.optics.camera(Tier::Coarse);
+        let pose = self.view.pose;
         let frames = self.world.resource::<Frames>();
         let exposed = frames.0.iter().find(|frame| frame.tier == Tier::Coarse);
         let uavs = self.flights.iter().filter(|(index, _)| *index < self.count);
@@ -415,10 +430,8 @@ impl Instant<'_> {
     /// Identity of a track, and where the station believes it in the coarse camera.
     fn place(&self, track: &Track) -> Option<(u32, Square)> {
         let pinhole = &self.coarse.pinhole;
-        let pointing = &self.optics.pointing;
-        let believed = pointing.believed_pose(self.mount.r_enu_m, Tier::Coarse);
         let los_enu = az_el_to_los(track.filter.predicted(self.t_s).az_el_rad());
-        let px = pinhole.project(believed.q_enu_cam.inverse() * los_enu)?;
+        let px = pinhole.project(self.view.believed.q_enu_cam.inverse() * los_enu)?;
         Some((track.id, [px.x, px.y, track.size_rad / pinhole.ifov_rad()]))
     }
 }

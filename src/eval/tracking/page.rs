@@ -53,10 +53,7 @@ fn pictures_of(row: &Table2) -> Result<Vec<(String, Vec<u8>)>, ImageError> {
         .map(|frame| {
             let [width, height] = frame.size_px.map(|side| side as u16);
             let jpeg = encode_jpeg(&frame.rgb8, width, height, 90)?;
-            Ok((
-                format!("{}-{}.jpg", file_stem(row), frame.tier.name()),
-                jpeg,
-            ))
+            Ok((format!("{}-{}.jpg", file_stem(row), frame.camera), jpeg))
         })
         .collect()
 }

@@ -1,28 +1,23 @@
 //! A tick in the MCAP recording.
 
 use crate::components::beam::{BeamState, LaserSource};
-use crate::components::capture::{ExposedFrame, Frames, SensorCamera, Tier};
+use crate::components::capture::{ExposedFrame, Frames, SensorCamera};
 use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
 use crate::components::engage::Interlocks;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
-use crate::components::mount::{Mount, MountCommand, Optics};
-use crate::components::record::{Recording, StateHash};
+use crate::components::mount::{CameraView, Mount, MountCommand, Optics, Station};
+use crate::components::record::{Logged, Recording, StateHash};
 use crate::components::run::{Failure, PartError, SimClock};
 use crate::components::track::{Designation, Operator, Order, Tracker};
 use crate::media::image::encode_jpeg;
-use crate::models::optics::camera::Pinhole;
 use crate::recording::{
-    BoxAnnotation, CameraTopic, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity,
-    SceneShape, proto,
+    BoxAnnotation, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, SceneShape,
+    proto,
 };
 use crate::systems::track::followed;
+use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
-
-/// The recording's camera of a tier.
-fn camera_of(tier: Tier) -> CameraTopic {
-    CameraTopic::ALL[tier as usize]
-}
 
 fn xyz(v: DVec3) -> proto::Vec3 {
     proto::Vec3 {
@@ -65,29 +60,33 @@ pub struct Recorded<'w, 's> {
     clock: Res<'w, SimClock>,
     hash: Res<'w, StateHash>,
     frames: Res<'w, Frames>,
-    queue: Res<'w, DetectionQueue>,
     detector: Res<'w, Detector>,
-    tracker: Res<'w, Tracker>,
-    operator: Res<'w, Operator>,
-    interlocks: Res<'w, Interlocks>,
-    station: Single<
-        'w,
-        's,
-        (
-            &'static Mount,
-            &'static MountCommand,
-            &'static Optics,
-            &'static LaserSource,
-            &'static BeamState,
-        ),
-    >,
+    stations: Query<'w, 's, RecordedStation>,
     uavs: Query<'w, 's, Flying>,
-    cameras: Query<'w, 's, &'static SensorCamera>,
+    cameras: Query<'w, 's, (&'static SensorCamera, &'static CameraView)>,
 }
+
+/// A station as it is recorded.
+#[derive(QueryData)]
+pub struct RecordedStation {
+    entity: Entity,
+    station: &'static Station,
+    mount: &'static Mount,
+    command: &'static MountCommand,
+    optics: &'static Optics,
+    source: &'static LaserSource,
+    beam: &'static BeamState,
+    queue: &'static DetectionQueue,
+    tracker: &'static Tracker,
+    operator: &'static Operator,
+    interlocks: &'static Interlocks,
+}
+type OneStation<'a> = RecordedStationItem<'a, 'a>;
 
 /// Writes this tick into the recording.
 pub fn write_recording(
     now: Recorded,
+    mut logged: Query<&mut Logged>,
     mut recording: ResMut<Recording>,
     mut failure: ResMut<Failure>,
 ) {
@@ -95,7 +94,7 @@ pub fn write_recording(
     let Some(mut recorder) = recording.recorder.take() else {
         return;
     };
-    match now.write(recorder.get(), recording) {
+    match now.write(recorder.get(), recording, &mut logged) {
         Ok(()) => recording.recorder = Some(recorder),
         // The file is dropped; the error is reported.
         Err(error) => failure.set(error),
@@ -103,7 +102,12 @@ pub fn write_recording(
 }
 
 impl Recorded<'_, '_> {
-    fn write(&self, recorder: &mut Recorder, recording: &mut Recording) -> Result<(), PartError> {
+    fn write(
+        &self,
+        recorder: &mut Recorder,
+        recording: &Recording,
+        logged: &mut Query<&mut Logged>,
+    ) -> Result<(), PartError> {
         let tick = self.clock.tick;
         let t_s = self.clock.t_s();
         let own = proto::Tick {
@@ -112,29 +116,52 @@ impl Recorded<'_, '_> {
             state_hash: self.hash.0,
         };
         recorder.own(tick, &own)?;
-        for order in &self.operator.orders[recording.orders_logged..] {
-            if order.tick > tick {
-                break;
+        for station in &self.stations {
+            if let Ok(mut logged) = logged.get_mut(station.entity) {
+                self.write_log(recorder, &station, &mut logged)?;
             }
-            let text = self.order_text(order);
-            recorder.log(tick, LogLevel::Info, "operator", &text)?;
-            recording.orders_logged += 1;
         }
-        for change in &self.tracker.changes[recording.changes_logged..] {
-            let text = format!("{}: {}", change.to.name(), change.reason);
-            recorder.log(tick, LogLevel::Info, "tracker", &text)?;
-        }
-        recording.changes_logged = self.tracker.changes.len();
         if tick.is_multiple_of(recording.state_period_ticks) {
             self.write_states(recorder, tick)?;
         }
         for frame in &self.frames.0 {
             self.write_frame(recorder, recording, frame)?;
         }
-        for batch in &self.queue.arrived {
+        for batch in self
+            .stations
+            .iter()
+            .flat_map(|station| &station.queue.arrived)
+        {
             self.write_detections(recorder, tick, batch)?;
             self.mark(recorder, recording, batch)?;
         }
+        Ok(())
+    }
+
+    /// Logs a station's orders and changes of state that are new.
+    fn write_log(
+        &self,
+        recorder: &mut Recorder,
+        station: &OneStation,
+        logged: &mut Logged,
+    ) -> Result<(), RecordingError> {
+        let tick = self.clock.tick;
+        // A run of one station need not say which.
+        let part = |name: &str| match station.station.index {
+            0 => name.to_owned(),
+            _ => format!("{}/{name}", station.station.name),
+        };
+        let orders = station.operator.orders[logged.orders..].iter();
+        for order in orders.take_while(|order| order.tick <= tick) {
+            let text = self.order_text(order);
+            recorder.log(tick, LogLevel::Info, &part("operator"), &text)?;
+            logged.orders += 1;
+        }
+        for change in &station.tracker.changes[logged.changes..] {
+            let text = format!("{}: {}", change.to.name(), change.reason);
+            recorder.log(tick, LogLevel::Info, &part("tracker"), &text)?;
+        }
+        logged.changes = station.tracker.changes.len();
         Ok(())
     }
 
@@ -171,20 +198,19 @@ impl Recorded<'_, '_> {
                 },
             )?;
         }
-        recorder.own(tick, &self.mount_state())?;
-        recorder.own(tick, &self.track_state())?;
-        recorder.own(tick, &self.beam_state())
+        for station in &self.stations {
+            let index = station.station.index;
+            recorder.of_station(tick, index, &mount_state(&station))?;
+            recorder.of_station(tick, index, &self.track_state(&station))?;
+            recorder.of_station(tick, index, &beam_state(&station))?;
+        }
+        Ok(())
     }
 
     /// Where cameras and UAVs are.
     fn write_transforms(&self, recorder: &mut Recorder, tick: u64) -> Result<(), RecordingError> {
-        let (_, _, optics, ..) = *self.station;
-        let mut transforms: Vec<_> = Tier::ALL
-            .iter()
-            .map(|tier| {
-                let pose = optics.camera(*tier);
-                transform(tier.name(), pose.r_enu_m, pose.q_enu_cam)
-            })
+        let mut transforms: Vec<_> = (self.cameras.iter())
+            .map(|(camera, view)| transform(&camera.name, view.pose.r_enu_m, view.pose.q_enu_cam))
             .collect();
         transforms.extend(self.uavs.iter().map(|(uav, flight, ..)| {
             transform(&uav.name, flight.state.r_enu_m, flight.state.q_enu_body)
@@ -194,12 +220,6 @@ impl Recorded<'_, '_> {
 
     /// UAVs as boxes, and the beam as a line.
     fn write_scene(&self, recorder: &mut Recorder, tick: u64) -> Result<(), RecordingError> {
-        let (.., optics, _, beam) = *self.station;
-        let end = |range_m: f64| {
-            optics.laser.r_enu_m + optics.laser.q_enu_cam * DVec3::new(0.0, 0.0, range_m)
-        };
-        let range_m = self.tracker.range_m.unwrap_or(1_500.0);
-        let line = [optics.laser.r_enu_m.to_array(), end(range_m).to_array()];
         let shapes: Vec<_> = self
             .uavs
             .iter()
@@ -216,11 +236,28 @@ impl Recorded<'_, '_> {
                 }]
             })
             .collect();
-        let beam_line = [SceneShape::Line {
-            points_m: &line,
-            width_m: 0.1,
-            colour: [0.84, 0.37, 0.0, 0.8],
-        }];
+        let beams: Vec<_> = (self.stations.iter())
+            .filter(|station| station.beam.firing)
+            .map(|station| {
+                let laser = station.optics.laser;
+                let range_m = station.tracker.range_m.unwrap_or(1_500.0);
+                let end_m = laser.r_enu_m + laser.q_enu_cam * DVec3::new(0.0, 0.0, range_m);
+                let id = match station.station.index {
+                    0 => "beam".to_owned(),
+                    _ => format!("{}/beam", station.station.name),
+                };
+                (id, [laser.r_enu_m.to_array(), end_m.to_array()])
+            })
+            .collect();
+        let lines: Vec<_> = (beams.iter())
+            .map(|(_, points_m)| {
+                [SceneShape::Line {
+                    points_m,
+                    width_m: 0.1,
+                    colour: [0.84, 0.37, 0.0, 0.8],
+                }]
+            })
+            .collect();
         let shown_s = 1.0 / 60.0; // [s]
         let lifetime_ticks = u32::try_from(self.clock.ticks_of(shown_s)).unwrap_or(1);
         let mut entities: Vec<_> = self
@@ -234,51 +271,33 @@ impl Recorded<'_, '_> {
                 shapes,
             })
             .collect();
-        if beam.firing {
-            entities.push(SceneEntity {
-                id: "beam",
-                frame: "enu",
-                lifetime_ticks,
-                shapes: &beam_line,
-            });
-        }
+        entities.extend(
+            beams
+                .iter()
+                .zip(&lines)
+                .map(|((id, _), shapes)| SceneEntity {
+                    id,
+                    frame: "enu",
+                    lifetime_ticks,
+                    shapes,
+                }),
+        );
         recorder.scene_update(tick, &entities)
     }
 
-    fn mount_state(&self) -> proto::MountState {
-        let (mount, command, ..) = *self.station;
-        let (angle, rate) = (mount.gimbal.az_el_rad(), mount.gimbal.rates_radps());
-        let tilt = mount.base.tilt_rad();
-        proto::MountState {
-            azimuth_rad: angle.x,
-            elevation_rad: angle.y,
-            azimuth_rate_radps: rate.x,
-            elevation_rate_radps: rate.y,
-            azimuth_rate_command_radps: command.gimbal.rate_radps[0],
-            elevation_rate_command_radps: command.gimbal.rate_radps[1],
-            mirror_x_rad: mount.mirror.deflection_rad().x,
-            mirror_y_rad: mount.mirror.deflection_rad().y,
-            mirror_x_command_rad: command.mirror_rad.x,
-            mirror_y_command_rad: command.mirror_rad.y,
-            base_tilt_east_rad: tilt.x,
-            base_tilt_north_rad: tilt.y,
-        }
-    }
-
-    fn track_state(&self) -> proto::TrackState {
-        let (mount, ..) = *self.station;
-        let t_s = self.clock.t_s();
+    fn track_state(&self, station: &OneStation) -> proto::TrackState {
+        let (tracker, t_s) = (station.tracker, self.clock.t_s());
         let mut state = proto::TrackState {
-            state: self.tracker.state.name().into(),
-            range_m: self.tracker.range_m.unwrap_or(f64::NAN),
+            state: tracker.state.name().into(),
+            range_m: tracker.range_m.unwrap_or(f64::NAN),
             ..Default::default()
         };
-        let Some(target) = self.tracker.target_track() else {
+        let Some(target) = tracker.target_track() else {
             return state;
         };
         let los = target.filter.predicted(t_s);
         let uavs = self.uavs.iter().map(|(uav, flight, ..)| (uav, flight));
-        let index = followed(&self.tracker, t_s, mount.r_enu_m, uavs);
+        let index = followed(tracker, t_s, station.mount.r_enu_m, uavs);
         let name = self.uavs.iter().find(|(uav, ..)| Some(uav.index) == index);
         state.target = name.map(|(uav, ..)| uav.name.clone()).unwrap_or_default();
         state.los_azimuth_rad = los.az_rad;
@@ -296,26 +315,6 @@ impl Recorded<'_, '_> {
         state
     }
 
-    fn beam_state(&self) -> proto::BeamState {
-        let (.., source, beam) = *self.station;
-        proto::BeamState {
-            firing: beam.firing,
-            power_at_exit_w: if beam.firing {
-                source.laser.power_w
-            } else {
-                0.0
-            },
-            power_at_target_w: beam.power_at_target_w,
-            power_in_bucket_w: beam.power_in_bucket_w,
-            irradiance_wpm2: beam.irradiance_wpm2,
-            spot_radius_m: beam.spot_radius_m,
-            offset_m: beam.offset_m,
-            transmittance: beam.transmittance,
-            scintillation: beam.scintillation,
-            interlocks: self.interlocks.0.iter().map(ToString::to_string).collect(),
-        }
-    }
-
     fn write_frame(
         &self,
         recorder: &mut Recorder,
@@ -323,14 +322,11 @@ impl Recorded<'_, '_> {
         frame: &ExposedFrame,
     ) -> Result<(), PartError> {
         self.write_truth(recorder, frame)?;
-        let Some(camera) = self.cameras.iter().find(|c| c.tier == frame.tier) else {
-            return Ok(());
-        };
-        self.write_miss(recorder, frame, &camera.pinhole)?;
+        self.write_miss(recorder, frame)?;
         if let Some(rgb8) = &frame.rgb8
             && recording.keeps(frame)
         {
-            write_image(recorder, recording, frame, &camera.pinhole, rgb8)?;
+            write_image(recorder, recording, frame, rgb8)?;
         }
         Ok(())
     }
@@ -365,7 +361,7 @@ impl Recorded<'_, '_> {
             })
             .collect();
         let truth = proto::FrameTruth {
-            camera: frame.tier.name().into(),
+            camera: frame.name.to_string(),
             exposure_tick: frame.tick,
             uavs,
         };
@@ -377,9 +373,11 @@ impl Recorded<'_, '_> {
         &self,
         recorder: &mut Recorder,
         frame: &ExposedFrame,
-        pinhole: &Pinhole,
     ) -> Result<(), RecordingError> {
-        if !self.tracker.state.holds(frame.tier) {
+        let Ok(station) = self.stations.get(frame.station) else {
+            return Ok(());
+        };
+        if !station.tracker.state.holds(frame.tier) {
             return Ok(());
         }
         let uavs = self
@@ -387,15 +385,15 @@ impl Recorded<'_, '_> {
             .iter()
             .filter(|(_, _, _, status, _)| **status == UavStatus::Flying)
             .map(|(uav, flight, ..)| (uav, flight));
-        let target = followed(&self.tracker, self.clock.t_s(), frame.pose.r_enu_m, uavs);
+        let target = followed(station.tracker, self.clock.t_s(), frame.pose.r_enu_m, uavs);
         let seen = frame.truth.iter().find(|seen| Some(seen.uav) == target);
         let Some(seen) = seen.filter(|seen| !seen.distractor) else {
             return Ok(());
         };
         let miss = proto::MissDistance {
-            camera: frame.tier.name().into(),
+            camera: frame.name.to_string(),
             exposure_tick: frame.tick,
-            miss_px: frame.reticle_px(pinhole).distance(seen.aim_px.into()),
+            miss_px: frame.reticle_px().distance(seen.aim_px.into()),
         };
         recorder.own(frame.tick, &miss)
     }
@@ -408,12 +406,11 @@ impl Recorded<'_, '_> {
         batch: &DetectionBatch,
     ) -> Result<(), RecordingError> {
         let frame = &batch.frame;
-        let camera = self.cameras.iter().find(|c| c.tier == frame.tier);
-        let (Some(camera), Some(_), true) = (camera, &frame.rgb8, recording.keeps(frame)) else {
+        if frame.rgb8.is_none() || !recording.keeps(frame) {
             return Ok(());
-        };
+        }
         let [dx, dy] = frame.rect.offset_px.map(f64::from);
-        let reticle = frame.reticle_px(&camera.pinhole);
+        let reticle = frame.reticle_px();
         let boxes: Vec<_> = batch
             .detections
             .iter()
@@ -429,7 +426,7 @@ impl Recorded<'_, '_> {
         recorder.image_annotations(
             self.clock.tick,
             frame.tick,
-            camera_of(frame.tier),
+            frame.index,
             &boxes,
             [reticle.x - dx, reticle.y - dy],
         )
@@ -453,7 +450,7 @@ impl Recorded<'_, '_> {
         recorder.own(
             tick,
             &proto::Detections {
-                camera: batch.frame.tier.name().into(),
+                camera: batch.frame.name.to_string(),
                 exposure_tick: batch.frame.tick,
                 available_tick: batch.available_tick,
                 detections,
@@ -462,15 +459,59 @@ impl Recorded<'_, '_> {
     }
 }
 
+fn mount_state(station: &OneStation) -> proto::MountState {
+    let (mount, command) = (station.mount, station.command);
+    let (angle, rate) = (mount.gimbal.az_el_rad(), mount.gimbal.rates_radps());
+    let tilt = mount.base.tilt_rad();
+    proto::MountState {
+        azimuth_rad: angle.x,
+        elevation_rad: angle.y,
+        azimuth_rate_radps: rate.x,
+        elevation_rate_radps: rate.y,
+        azimuth_rate_command_radps: command.gimbal.rate_radps[0],
+        elevation_rate_command_radps: command.gimbal.rate_radps[1],
+        mirror_x_rad: mount.mirror.deflection_rad().x,
+        mirror_y_rad: mount.mirror.deflection_rad().y,
+        mirror_x_command_rad: command.mirror_rad.x,
+        mirror_y_command_rad: command.mirror_rad.y,
+        base_tilt_east_rad: tilt.x,
+        base_tilt_north_rad: tilt.y,
+    }
+}
+
+fn beam_state(station: &OneStation) -> proto::BeamState {
+    let (source, beam) = (station.source, station.beam);
+    proto::BeamState {
+        firing: beam.firing,
+        power_at_exit_w: if beam.firing {
+            source.laser.power_w
+        } else {
+            0.0
+        },
+        power_at_target_w: beam.power_at_target_w,
+        power_in_bucket_w: beam.power_in_bucket_w,
+        irradiance_wpm2: beam.irradiance_wpm2,
+        spot_radius_m: beam.spot_radius_m,
+        offset_m: beam.offset_m,
+        transmittance: beam.transmittance,
+        scintillation: beam.scintillation,
+        interlocks: station
+            .interlocks
+            .reasons
+            .iter()
+            .map(ToString::to_string)
+            .collect(),
+    }
+}
+
 /// Records the picture of a frame.
 fn write_image(
     recorder: &mut Recorder,
     recording: &Recording,
     frame: &ExposedFrame,
-    pinhole: &Pinhole,
     rgb8: &[u8],
 ) -> Result<(), PartError> {
-    let camera = camera_of(frame.tier);
+    let (camera, pinhole) = (frame.index, &frame.pinhole);
     let [w, h] = frame.rect.size_px;
     let jpeg = encode_jpeg(rgb8, w as u16, h as u16, recording.jpeg_quality)?;
     // A window is a picture of its own: its calibration has the shifted principal point.

@@ -1,8 +1,7 @@
 //! Detections become sightings, and sightings tracks.
 
-use crate::components::capture::{PixelRect, SensorCamera, Tier};
+use crate::components::capture::{PixelRect, Tier};
 use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
-use crate::components::mount::Mount;
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Gallery, Tracker, TrackerParams, TrackingState};
 use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el};
@@ -10,7 +9,7 @@ use crate::models::optics::camera::Pinhole;
 use crate::models::tracking::table::{CameraLook, Sighting};
 use crate::systems::track::recognise::Hung;
 use bevy::prelude::*;
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 /// Standard deviation of the pointing knowledge [rad]: the drift of the base gyro within the
 /// memory of the filter.
@@ -19,54 +18,36 @@ const POINTING_SIGMA_RAD: f64 = 5e-6;
 /// Updates the track table with the batches that arrived in this tick.
 pub fn associate(
     clock: Res<SimClock>,
-    params: Res<TrackerParams>,
-    queue: Res<DetectionQueue>,
-    mount: Single<&Mount>,
-    cameras: Query<&SensorCamera>,
     detector: Res<Detector>,
-    mut gallery: ResMut<Gallery>,
-    mut tracker: ResMut<Tracker>,
+    mut stations: Query<(&TrackerParams, &DetectionQueue, &mut Gallery, &mut Tracker)>,
 ) {
-    for batch in &queue.arrived {
-        let tier = batch.frame.tier;
-        let Some(camera) = cameras.iter().find(|camera| camera.tier == tier) else {
-            continue;
-        };
-        let t_s = clock.at_s(batch.frame.tick);
-        let assigned = take_in(
-            &mut tracker,
-            &params,
-            batch,
-            &camera.pinhole,
-            mount.r_enu_m,
-            t_s,
-        );
-        let hung = Hung {
-            batch,
-            pinhole: &camera.pinhole,
-            r_enu_m: mount.r_enu_m,
-            t_s,
-            assigned: &assigned,
-        };
-        gallery.hang(&hung, &tracker.table, |label| detector.class(label));
+    for (params, queue, mut gallery, mut tracker) in &mut stations {
+        for batch in &queue.arrived {
+            let t_s = clock.at_s(batch.frame.tick);
+            let assigned = take_in(&mut tracker, params, batch, t_s);
+            let hung = Hung {
+                batch,
+                t_s,
+                assigned: &assigned,
+            };
+            gallery.hang(&hung, &tracker.table, |label| detector.class(label));
+        }
     }
 }
 
-/// Updates the track table with one batch, exposed at `t_s` by a camera at `r_enu_m`; returns for
-/// each detection the track it went to (of the paper's rule, which knows no others, nothing).
+/// Updates the track table with one batch, exposed at `t_s`; returns for each detection the track it went to
+/// (of the paper's rule, which knows no others, nothing).
 pub(crate) fn take_in(
     tracker: &mut Tracker,
     params: &TrackerParams,
     batch: &DetectionBatch,
-    pinhole: &Pinhole,
-    r_enu_m: DVec3,
     t_s: f64,
 ) -> Vec<Option<u32>> {
     let frame = &batch.frame;
-    let pose = frame.pointing.believed_pose(r_enu_m, frame.tier);
-    let sightings = sightings(batch, pinhole, &pose, params);
+    let pinhole = &frame.pinhole;
+    let sightings = sightings(batch, params);
     let tier = frame.tier as usize;
-    let in_view = |az_el: DVec2| sees(pinhole, &pose, batch.look, az_el);
+    let in_view = |az_el: DVec2| sees(pinhole, &frame.believed, batch.look, az_el);
     let look = CameraLook {
         tier,
         t_s,
@@ -85,7 +66,7 @@ pub(crate) fn take_in(
         );
     let mut assigned = Vec::new();
     let chosen = if blind {
-        let nearest = nearest_to_centre(batch, pinhole);
+        let nearest = nearest_to_centre(batch);
         if let Some(target) = tracker.target {
             let sighting = nearest.map(|index| &sightings[index]);
             tracker.table.force(target, &look, sighting);
@@ -102,22 +83,17 @@ pub(crate) fn take_in(
         tracker.hits_in_state[tier] += 1;
         let linear = params.linear_angles;
         let aim_rad = tracker.aim_rad;
-        tracker.error[tier] = Some(boresight_error(batch, index, pinhole, linear, aim_rad));
+        tracker.error[tier] = Some(boresight_error(batch, index, linear, aim_rad));
     }
     assigned
 }
 
 /// The directions of a batch's detections.
-fn sightings(
-    batch: &DetectionBatch,
-    pinhole: &Pinhole,
-    pose: &Pose,
-    params: &TrackerParams,
-) -> Vec<Sighting> {
-    let ifov_rad = pinhole.ifov_rad();
+fn sightings(batch: &DetectionBatch, params: &TrackerParams) -> Vec<Sighting> {
     let frame = &batch.frame;
-    let boresight_rad = frame.pointing.alignment.sigma_rad[frame.tier as usize];
-    let pointing_rad = POINTING_SIGMA_RAD.hypot(boresight_rad);
+    let pinhole = &frame.pinhole;
+    let ifov_rad = pinhole.ifov_rad();
+    let pointing_rad = POINTING_SIGMA_RAD.hypot(frame.boresight.sigma_rad);
     batch
         .detections
         .iter()
@@ -129,7 +105,7 @@ fn sightings(
             let centre_px = params.centre_sigma_px * f64::from(batch.shrunk);
             let sigma_px = centre_px.hypot(params.centre_sigma_rel * size_px);
             Sighting {
-                az_el_rad: los_to_az_el(pose.q_enu_cam * ray_cam),
+                az_el_rad: los_to_az_el(frame.believed.q_enu_cam * ray_cam),
                 sigma_rad: (sigma_px * ifov_rad).hypot(pointing_rad),
                 size_rad: size_px * ifov_rad,
                 score: detection.score,
@@ -156,8 +132,8 @@ fn sees(pinhole: &Pinhole, pose: &Pose, rect: PixelRect, az_el_rad: DVec2) -> bo
     })
 }
 
-fn nearest_to_centre(batch: &DetectionBatch, pinhole: &Pinhole) -> Option<usize> {
-    let centre = pinhole.centre_px();
+fn nearest_to_centre(batch: &DetectionBatch) -> Option<usize> {
+    let centre = batch.frame.pinhole.centre_px();
     let distance = |i: &usize| centre.distance(batch.detections[*i].aim_px.into());
     (0..batch.detections.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
@@ -165,17 +141,17 @@ fn nearest_to_centre(batch: &DetectionBatch, pinhole: &Pinhole) -> Option<usize>
 fn boresight_error(
     batch: &DetectionBatch,
     index: usize,
-    pinhole: &Pinhole,
     linear: bool,
     aim_rad: DVec2,
 ) -> BoresightError {
+    let pinhole = &batch.frame.pinhole;
     let detection = &batch.detections[index];
     // Right and up on the sky is right and, in an image whose rows run down, up against them.
     let aim_px = DVec2::new(aim_rad.x, -aim_rad.y) / pinhole.ifov_rad();
     let px = DVec2::from(detection.aim_px) + aim_px;
     let [x0, y0, x1, y1] = detection.box_px;
     // What is to be brought to the target is the laser's axis, not the image's centre.
-    let reticle_px = batch.frame.reticle_px(pinhole);
+    let reticle_px = batch.frame.reticle_px();
     let angles = |px| {
         if linear {
             pinhole.angles_linear(px)

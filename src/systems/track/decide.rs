@@ -48,38 +48,36 @@ const LONGEST_WEIGHED_S: f64 = 0.2;
 /// Moves the state machine.
 pub fn decide(
     clock: Res<SimClock>,
-    params: Res<TrackerParams>,
     environment: Res<Environment>,
-    station: Single<(&Mount, &BeamState)>,
-    mut radar: ResMut<Radar>,
-    mut tracker: ResMut<Tracker>,
+    mut stations: Query<(&TrackerParams, &Mount, &BeamState, &mut Radar, &mut Tracker)>,
 ) {
-    let (mount, beam) = *station;
-    let tracker = &mut *tracker;
-    let now = Situation {
-        tick: clock.tick,
-        clock: &clock,
-        params: &params,
-        dsm: Some(&environment.city.dsm),
-        r_station_enu_m: mount.r_enu_m,
-        cue: radar.cue(clock.t_s()),
-    };
-    let before = tracker.target;
-    let searched = tracker.state == TrackingState::Search;
-    step(&now, tracker, beam.firing, clock.due(WEIGHING_HZ));
-    let Some(cue) = now.cue else {
-        return;
-    };
-    if searched && let Some(id) = tracker.target {
-        take_radar_range(&cue, &mut tracker.table, id, now.t_s());
-    }
-    // The radar is told that what it tracks has been dealt with.
-    if let Some(track) = before.and_then(|id| tracker.table.get(id))
-        && tracker.target.is_none()
-        && track.fallen()
-        && points_at(&cue, track, now.t_s())
-    {
-        radar.dismiss();
+    for (params, mount, beam, mut radar, mut tracker) in &mut stations {
+        let tracker = &mut *tracker;
+        let now = Situation {
+            tick: clock.tick,
+            clock: &clock,
+            params,
+            dsm: Some(&environment.city.dsm),
+            r_station_enu_m: mount.r_enu_m,
+            cue: radar.cue(clock.t_s()),
+        };
+        let before = tracker.target;
+        let searched = tracker.state == TrackingState::Search;
+        step(&now, tracker, beam.firing, clock.due(WEIGHING_HZ));
+        let Some(cue) = now.cue else {
+            continue;
+        };
+        if searched && let Some(id) = tracker.target {
+            take_radar_range(&cue, &mut tracker.table, id, now.t_s());
+        }
+        // The radar is told that what it tracks has been dealt with.
+        if let Some(track) = before.and_then(|id| tracker.table.get(id))
+            && tracker.target.is_none()
+            && track.fallen()
+            && points_at(&cue, track, now.t_s())
+        {
+            radar.dismiss();
+        }
     }
 }
 

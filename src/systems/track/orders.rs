@@ -13,14 +13,25 @@ use glam::DVec2;
 /// An operator points at a UAV's picture; the track must be this close to it [rad].
 const DESIGNATION_RAD: f64 = 3e-3;
 
-/// Carries out the operator's orders: a track, or the one nearest to the UAV pointed at, becomes the
+/// Carries out the operators' orders: a track, or the one nearest to the UAV pointed at, becomes the
 /// target, or the choice goes back to the tracker.
 pub fn obey(
     clock: Res<SimClock>,
-    mount: Single<&Mount>,
     uavs: Query<(&Uav, &Flight)>,
-    mut operator: ResMut<Operator>,
-    mut tracker: ResMut<Tracker>,
+    mut stations: Query<(&Mount, &mut Operator, &mut Tracker)>,
+) {
+    for (mount, mut operator, mut tracker) in &mut stations {
+        obey_next(&clock, mount, &uavs, &mut operator, &mut tracker);
+    }
+}
+
+/// Carries out the next order of a station's operator, if it is due.
+fn obey_next(
+    clock: &SimClock,
+    mount: &Mount,
+    uavs: &Query<(&Uav, &Flight)>,
+    operator: &mut Operator,
+    tracker: &mut Tracker,
 ) {
     let due = |order: &&Order| clock.tick >= order.tick;
     let Some(order) = operator.orders.get(operator.next).filter(due) else {

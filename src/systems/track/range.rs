@@ -26,17 +26,35 @@ const REFLECTANCE: f64 = 0.3;
 pub fn find_range(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    optics: Single<&Optics>,
     uavs: Query<(&Uav, &Flight)>,
-    mut finder: ResMut<RangeFinder>,
-    mut tracker: ResMut<Tracker>,
+    mut stations: Query<(&Optics, &mut RangeFinder, &mut Tracker)>,
 ) {
     if !clock.due(RANGE_HZ) {
         return;
     }
+    for (optics, mut finder, mut tracker) in &mut stations {
+        pulse(
+            clock.t_s(),
+            &environment,
+            optics,
+            &uavs,
+            &mut finder,
+            &mut tracker,
+        );
+    }
+}
+
+/// Sends a station's pulse, if it has what to send it at.
+fn pulse(
+    t_s: f64,
+    environment: &Environment,
+    optics: &Optics,
+    uavs: &Query<(&Uav, &Flight)>,
+    finder: &mut RangeFinder,
+    tracker: &mut Tracker,
+) {
     let held = tracker.state.holds(Tier::Precise);
-    let t_s = clock.t_s();
-    let RangeFinder { params, rng } = &mut *finder;
+    let RangeFinder { params, rng } = finder;
     let believed_rad = tracker.aim_los(t_s).map(|los| {
         let axis_enu = optics.pointing.laser_axis_enu();
         az_el_to_los(los.az_el_rad()).angle_between(axis_enu)
@@ -47,7 +65,7 @@ pub fn find_range(
     let pulses = held && believed_rad.is_some_and(|off_rad| off_rad < params.half_field_rad);
     let echo_m = if pulses {
         let gate = track.range_gate(t_s);
-        let mut surfaces = lit_surfaces(params, &environment, &optics, &uavs);
+        let mut surfaces = lit_surfaces(params, environment, optics, uavs);
         surfaces.retain(|surface| gate.contains(&surface.range_m));
         let extinction_per_m = environment.weather.extinction_per_m(params.wavelength_m);
         params.first_echo_m(surfaces, extinction_per_m)

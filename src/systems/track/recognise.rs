@@ -5,23 +5,19 @@ use crate::components::run::{Failure, SimClock};
 use crate::components::track::{Gallery, Recogniser, Tracker};
 use crate::inference::{OnnxRecogniser, RecogniserError};
 use crate::models::maths::kinematics::los_to_az_el;
-use crate::models::optics::camera::Pinhole;
 use crate::models::optics::chip::chip;
 use crate::models::tracking::recognition::{Glimpse, Recognition, Sequence, TrackClass};
 use crate::models::tracking::table::{Track, TrackTable};
 use bevy::prelude::*;
-use glam::DVec3;
 
 /// Hits from which on a track is looked at.
 const LOOKED_AT_HITS: u32 = 4;
 /// Longest time since the last hit of a track that is looked at [s].
 const LOOKED_AT_S: f64 = 0.5; // [s]
 
-/// A batch as the gallery takes it: where its camera was, when, and which track each detection went to.
+/// A batch as the gallery takes it: when it was exposed, and which track each detection went to.
 pub(crate) struct Hung<'a> {
     pub(crate) batch: &'a DetectionBatch,
-    pub(crate) pinhole: &'a Pinhole,
-    pub(crate) r_enu_m: DVec3,
     pub(crate) t_s: f64,
     pub(crate) assigned: &'a [Option<u32>],
 }
@@ -44,7 +40,6 @@ impl Gallery {
                 self.histories.entry(joined.old).or_default().join(young);
             }
         }
-        let pose = frame.pointing.believed_pose(hung.r_enu_m, frame.tier);
         for (detection, id) in hung.batch.detections.iter().zip(hung.assigned) {
             let Some(track) = id.and_then(|id| table.get(id)) else {
                 continue;
@@ -55,10 +50,12 @@ impl Gallery {
                 tick: frame.tick,
                 t_s: hung.t_s,
                 tier: frame.tier as usize,
-                az_el_rad: los_to_az_el(pose.q_enu_cam * hung.pinhole.ray(centre_px.into())),
+                az_el_rad: los_to_az_el(
+                    frame.believed.q_enu_cam * frame.pinhole.ray(centre_px.into()),
+                ),
                 centre_px,
                 size_px: [x1 - x0, y1 - y0],
-                ifov_rad: hung.pinhole.ifov_rad(),
+                ifov_rad: frame.pinhole.ifov_rad(),
                 score: detection.score,
                 named: TrackClass::of_detector(class(detection.label)),
             };
@@ -120,28 +117,34 @@ fn in_turn(table: &TrackTable, first: Option<u32>, t_s: f64) -> Vec<&Track> {
 /// Asks the recogniser what the tracks are, and gives them the answers that have arrived.
 pub fn recognise(
     clock: Res<SimClock>,
-    mut recogniser: ResMut<Recogniser>,
-    mut gallery: ResMut<Gallery>,
-    mut tracker: ResMut<Tracker>,
+    mut stations: Query<(&mut Recogniser, &mut Gallery, &mut Tracker)>,
     mut failure: ResMut<Failure>,
 ) {
-    let recogniser = &mut *recogniser;
+    for (mut recogniser, mut gallery, mut tracker) in &mut stations {
+        if let Err(error) = ask(&clock, &mut recogniser, &mut gallery, &mut tracker) {
+            failure.set(error);
+        }
+    }
+}
+
+/// Asks a station's recogniser, when it is time, and takes in its answers.
+fn ask(
+    clock: &SimClock,
+    recogniser: &mut Recogniser,
+    gallery: &mut Gallery,
+    tracker: &mut Tracker,
+) -> Result<(), RecogniserError> {
     let Some(model) = &mut recogniser.model else {
-        return;
+        return Ok(());
     };
     if clock.due(recogniser.rate_hz) {
         gallery.tidy(&tracker.table);
         let most = recogniser.max_tracks;
         let at = (clock.t_s(), true);
-        let found = gallery.recognise(model, &tracker.table, tracker.target, most, at);
-        match found {
-            Ok(found) => {
-                let arrives = clock.tick + recogniser.latency_ticks;
-                let waiting = found.into_iter().map(|(id, found)| (arrives, id, found));
-                recogniser.waiting.extend(waiting);
-            }
-            Err(error) => failure.set(error),
-        }
+        let found = gallery.recognise(model, &tracker.table, tracker.target, most, at)?;
+        let arrives = clock.tick + recogniser.latency_ticks;
+        let waiting = found.into_iter().map(|(id, found)| (arrives, id, found));
+        recogniser.waiting.extend(waiting);
     }
     recogniser.waiting.retain(|(arrives, id, found)| {
         let here = *arrives <= clock.tick;
@@ -153,17 +156,19 @@ pub fn recognise(
         }
         !here
     });
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::capture::{Conditions, ExposedFrame, PixelRect, Tier};
-    use crate::components::mount::Pointing;
+    use crate::components::capture::{ExposedFrame, PixelRect, Tier};
+    use crate::components::mount::{OpticalPath, Pointing};
+    use crate::models::optics::camera::Pinhole;
     use crate::models::optics::detection::Detection;
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::table::{CameraLook, Sighting};
-    use glam::DVec2;
+    use glam::{DVec2, DVec3};
     use std::sync::Arc;
 
     /// A table that has seen things at these azimuths [rad] in so many frames at 60 Hz.
@@ -229,15 +234,10 @@ mod tests {
             ..Pointing::default()
         };
         let frame = |tick: u64, rgb8: Option<Vec<u8>>| ExposedFrame {
-            tier: Tier::Coarse,
             tick,
-            number: 0,
-            pose: pointing.believed_pose(DVec3::ZERO, Tier::Coarse),
-            pointing,
-            rect,
-            conditions: Conditions::default(),
-            truth: Vec::new(),
+            believed: pointing.pose(DVec3::ZERO, OpticalPath::OnGimbal, DVec3::ZERO),
             rgb8: rgb8.map(Arc::new),
+            ..ExposedFrame::bare(Tier::Coarse, pinhole)
         };
         let table = table(&[0.2], 10);
         let id = table.tracks[0].id;
@@ -256,8 +256,6 @@ mod tests {
             };
             let hung = Hung {
                 batch: &batch,
-                pinhole: &pinhole,
-                r_enu_m: DVec3::ZERO,
                 t_s: tick as f64 / 960.0,
                 assigned: &[Some(id)],
             };

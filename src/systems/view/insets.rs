@@ -1,9 +1,9 @@
 //! The cameras' pictures in the window.
 
 use super::style::{AMBER, GREEN, GREY, panel_frame, rimmed, screen_ui};
-use crate::components::capture::{Readout, SensorCamera, Tier};
+use crate::components::capture::{Readout, SensorCamera};
 use crate::components::detect::Detector;
-use crate::components::record::{History, KeptFrame};
+use crate::components::record::{CameraHistory, KeptFrame};
 use crate::components::view::{Insets, Uploaded};
 use bevy::asset::RenderAssetUsages;
 use bevy::prelude::*;
@@ -19,14 +19,17 @@ const INSET_ZOOM: f32 = 0.5;
 /// are new images at every change, and those are drawn a frame too late to be seen while the
 /// simulation runs.
 pub fn upload_pictures(
-    history: Res<History>,
+    cameras: Query<(&SensorCamera, &CameraHistory)>,
     mut insets: ResMut<Insets>,
     mut images: ResMut<Assets<Image>>,
     mut textures: ResMut<EguiUserTextures>,
 ) -> Result {
-    for (latest, inset) in history.latest.iter().zip(&mut insets.0) {
-        let Some(frame) = latest else { continue };
-        if inset.as_ref().is_some_and(|inset| inset.t_s == frame.t_s) {
+    for (camera, history) in &cameras {
+        let Some(frame) = &history.latest else {
+            continue;
+        };
+        let shown = insets.0.get_mut(&camera.index);
+        if shown.as_ref().is_some_and(|inset| inset.t_s == frame.t_s) {
             continue;
         }
         let [width, height] = frame.size_px;
@@ -46,7 +49,7 @@ pub fn upload_pictures(
             TextureFormat::Rgba8UnormSrgb,
             RenderAssetUsages::RENDER_WORLD,
         );
-        match inset {
+        match shown {
             Some(inset) => {
                 inset.t_s = frame.t_s;
                 images.insert(inset.image.id(), picture)?;
@@ -54,24 +57,24 @@ pub fn upload_pictures(
             None => {
                 let image = images.add(picture);
                 let texture = textures.add_image(EguiTextureHandle::Weak(image.id()));
-                *inset = Some(Uploaded {
+                let uploaded = Uploaded {
                     t_s: frame.t_s,
                     image,
                     texture,
-                });
+                };
+                insets.0.insert(camera.index, uploaded);
             }
         }
     }
     Ok(())
 }
 
-/// The pictures of the three cameras with what the detector found in them.
+/// The pictures of the cameras with what the detector found in them.
 pub fn draw_insets(
     mut contexts: EguiContexts,
-    history: Res<History>,
     insets: Res<Insets>,
     detector: Res<Detector>,
-    cameras: Query<(&SensorCamera, &Readout)>,
+    cameras: Query<(&SensorCamera, &Readout, &CameraHistory)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     let panel = egui::Panel::right("insets")
@@ -80,23 +83,24 @@ pub fn draw_insets(
         .show_separator_line(false)
         .frame(panel_frame().inner_margin(8.0));
     panel.show(&mut screen_ui(ctx), |ui| {
-        let height = (ui.available_height() / 3.0 - 26.0).min(0.75 * INSET_WIDTH);
-        for (tier, inset) in Tier::ALL.into_iter().zip(&insets.0) {
-            let camera = cameras.iter().find(|(camera, _)| camera.tier == tier);
-            let latest = history.latest[tier as usize].as_ref();
-            title(ui, tier, camera, latest);
+        let share = ui.available_height() / cameras.iter().len().max(1) as f32;
+        let height = (share - 26.0).clamp(20.0, 0.75 * INSET_WIDTH);
+        for (camera, readout, history) in &cameras {
+            let inset = insets.0.get(&camera.index);
+            let latest = history.latest.as_ref();
+            title(ui, camera, readout, latest);
             let (slot, _) = ui.allocate_exact_size(vec2(INSET_WIDTH, height), egui::Sense::hover());
             let painter = ui.painter_at(slot);
             painter.rect_filled(slot, 2.0, Color32::from_gray(18));
             match latest {
                 Some(frame) => {
-                    let placed = PlacedPicture::new(slot, frame, camera.map(|(camera, _)| camera));
-                    placed.draw(&painter, frame, inset.as_ref(), &detector);
+                    let placed = PlacedPicture::new(slot, frame, camera);
+                    placed.draw(&painter, frame, inset, &detector);
                     rimmed(
                         &painter,
                         slot.left_top() + vec2(5.0, 4.0),
                         Align2::LEFT_TOP,
-                        &format!("{}  {}", tier.name(), frame.state),
+                        &format!("{}  {}", camera.name, frame.state),
                         Color32::WHITE,
                     );
                 }
@@ -116,23 +120,20 @@ pub fn draw_insets(
 }
 
 /// The line above a picture: which camera, what it reads out, when it was exposed.
-fn title(
-    ui: &mut egui::Ui,
-    tier: Tier,
-    camera: Option<(&SensorCamera, &Readout)>,
-    latest: Option<&KeptFrame>,
-) {
-    let readout = match camera {
-        Some((_, Readout::Full)) => "full frame",
-        Some((camera, Readout::Around { .. })) if camera.window_px.is_none() => {
-            "full frame, region"
-        }
-        Some((_, Readout::Around { .. })) => "window",
-        Some((_, Readout::Off)) | None => "off",
+fn title(ui: &mut egui::Ui, camera: &SensorCamera, readout: &Readout, latest: Option<&KeptFrame>) {
+    let readout = match readout {
+        Readout::Full => "full frame",
+        Readout::Around { .. } if camera.window_px.is_none() => "full frame, region",
+        Readout::Around { .. } => "window",
+        Readout::Off => "off",
     };
     let when = latest.map_or(String::new(), |frame| format!("{:.3} s", frame.t_s));
     ui.horizontal(|ui| {
-        ui.strong(format!("{} {}", tier.name().to_uppercase(), tier.word()));
+        ui.strong(format!(
+            "{} {}",
+            camera.name.to_uppercase(),
+            camera.tier.word()
+        ));
         ui.colored_label(GREY, format!("{readout}  {when}"));
     });
 }
@@ -147,12 +148,14 @@ struct PlacedPicture {
 }
 
 impl PlacedPicture {
-    fn new(slot: Rect, frame: &KeptFrame, camera: Option<&SensorCamera>) -> Self {
+    fn new(slot: Rect, frame: &KeptFrame, camera: &SensorCamera) -> Self {
         let [width, rows] = frame.size_px.map(|n| n as f32);
-        let whole_sensor = camera.is_some_and(|camera| {
-            [camera.pinhole.width_px, camera.pinhole.height_px] == frame.size_px
-        });
-        let zoom = if whole_sensor { 1.0 } else { INSET_ZOOM };
+        let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+        let zoom = if frame.size_px == sensor_px {
+            1.0
+        } else {
+            INSET_ZOOM
+        };
         let scale = (slot.width() / (zoom * width)).min(slot.height() / (zoom * rows));
         Self {
             shown: Rect::from_center_size(slot.center(), vec2(width, rows) * scale),

@@ -3,7 +3,7 @@
 use super::style::{GREEN, GREY, RED, rimmed, status_colour};
 use crate::components::beam::BeamState;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
-use crate::components::mount::Mount;
+use crate::components::mount::{Mount, Station};
 use crate::components::view::FreeCamera;
 use bevy::prelude::*;
 use bevy_egui::EguiContexts;
@@ -61,32 +61,30 @@ impl Screen {
 pub fn draw_overlay(
     mut contexts: EguiContexts,
     camera: Res<FreeCamera>,
-    station: Single<(&Mount, &BeamState)>,
+    stations: Query<(&Station, &Mount, &BeamState)>,
     uavs: Query<(&Uav, &Flight, &UavStatus, Option<&Distractor>)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     let painter = ctx.layer_painter(egui::LayerId::background());
     let screen = Screen::new(ctx.viewport_rect(), &camera);
-    let (mount, beam) = *station;
-    let station_cam_m = camera.to_cam(mount.r_enu_m);
-    if let Some(at) = screen.at(station_cam_m) {
-        painter.circle_filled(at, 3.5, GREEN);
-        rimmed(
-            &painter,
-            at + vec2(0.0, 8.0),
-            Align2::CENTER_TOP,
-            "station",
-            GREEN,
-        );
+    for (station, mount, _) in &stations {
+        if let Some(at) = screen.at(camera.to_cam(mount.r_enu_m)) {
+            painter.circle_filled(at, 3.5, GREEN);
+            let below = at + vec2(0.0, 8.0);
+            rimmed(&painter, below, Align2::CENTER_TOP, &station.name, GREEN);
+        }
     }
+    let first = stations.iter().next().map(|(_, mount, _)| mount.r_enu_m);
     for (uav, flight, status, distractor) in &uavs {
         let r_cam_m = camera.to_cam(flight.state.r_enu_m);
-        if beam.firing
-            && beam.aimed == Some(uav.index)
-            && let Some(line) = screen.line(station_cam_m, r_cam_m)
-        {
-            painter.line_segment(line, Stroke::new(4.0, RED.gamma_multiply(0.35)));
-            painter.line_segment(line, Stroke::new(1.5, RED));
+        for (_, mount, beam) in &stations {
+            if beam.firing
+                && beam.aimed == Some(uav.index)
+                && let Some(line) = screen.line(camera.to_cam(mount.r_enu_m), r_cam_m)
+            {
+                painter.line_segment(line, Stroke::new(4.0, RED.gamma_multiply(0.35)));
+                painter.line_segment(line, Stroke::new(1.5, RED));
+            }
         }
         let Some(at) = screen.at(r_cam_m) else {
             continue;
@@ -97,7 +95,7 @@ pub fn draw_overlay(
         };
         painter.circle_stroke(at, 12.0, Stroke::new(3.5, Color32::from_black_alpha(110)));
         painter.circle_stroke(at, 12.0, Stroke::new(1.8, colour));
-        let range_m = flight.state.r_enu_m.distance(mount.r_enu_m);
+        let range_m = first.map_or(0.0, |first| flight.state.r_enu_m.distance(first));
         let text = format!("{}  {range_m:.0} m  {word}", uav.name);
         rimmed(
             &painter,

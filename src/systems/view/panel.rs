@@ -6,7 +6,7 @@ use crate::components::detect::Detector;
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
-use crate::components::mount::Mount;
+use crate::components::mount::{Mount, Station};
 use crate::components::run::SimClock;
 use crate::components::track::{Designation, Operator, Order, Tracker, TrackingState};
 use crate::components::view::{Pacing, StepSize};
@@ -24,16 +24,20 @@ pub fn draw_panel(
     mut contexts: EguiContexts,
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    tracker: Res<Tracker>,
     detector: Res<Detector>,
-    interlocks: Res<Interlocks>,
     mut pacing: ResMut<Pacing>,
-    mut operator: ResMut<Operator>,
-    station: Single<(&Mount, &BeamState)>,
+    mut stations: Query<(
+        &Station,
+        &Mount,
+        &BeamState,
+        &Tracker,
+        &Interlocks,
+        &mut Operator,
+    )>,
     uavs: Query<(&Uav, &Flight, &UavStatus, &HeatedSkin)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
-    let (mount, beam) = *station;
+    let many = stations.iter().len() > 1;
     let panel = egui::Panel::left("panel")
         .exact_size(PANEL_WIDTH)
         .resizable(false)
@@ -44,21 +48,26 @@ pub fn draw_panel(
             ui.spacing_mut().item_spacing.y = 3.0;
             ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
             pace(ui, &clock, &mut pacing);
-            tracking(ui, &clock, &tracker);
-            let known: Vec<_> = uavs
-                .iter()
-                .map(|(uav, flight, ..)| {
-                    (
-                        uav.name.as_str(),
-                        los_to_az_el(flight.state.r_enu_m - mount.r_enu_m),
-                    )
-                })
-                .collect();
-            if let Some(target) = targets(ui, &clock, &tracker, &detector, &known) {
-                operator.give(Order {
-                    tick: clock.tick + 1,
-                    target,
-                });
+            for (station, mount, _, tracker, _, mut operator) in &mut stations {
+                if many {
+                    heading(ui, &station.name);
+                }
+                tracking(ui, &clock, tracker);
+                let known: Vec<_> = uavs
+                    .iter()
+                    .map(|(uav, flight, ..)| {
+                        (
+                            uav.name.as_str(),
+                            los_to_az_el(flight.state.r_enu_m - mount.r_enu_m),
+                        )
+                    })
+                    .collect();
+                if let Some(target) = targets(ui, &clock, tracker, &detector, &known) {
+                    operator.give(Order {
+                        tick: clock.tick + 1,
+                        target,
+                    });
+                }
             }
             heading(ui, "UAVs");
             for (uav, _, status, skin) in &uavs {
@@ -72,7 +81,10 @@ pub fn draw_panel(
                     format!("{:.0} °C", skin.skin.temperature_k - 273.15),
                 );
             }
-            engagement(ui, beam, &interlocks);
+            for (station, _, beam, _, interlocks, _) in &stations {
+                let name = if many { station.name.as_str() } else { "" };
+                engagement(ui, name, beam, interlocks);
+            }
             conditions(ui, &environment.weather);
             ui.add_space(8.0);
             ui.small("Fly: W A S D Q E, shift for haste. Look: right mouse button.");
@@ -82,15 +94,20 @@ pub fn draw_panel(
     Ok(())
 }
 
-fn engagement(ui: &mut egui::Ui, beam: &BeamState, interlocks: &Interlocks) {
-    heading(ui, "Engagement");
+fn engagement(ui: &mut egui::Ui, station: &str, beam: &BeamState, interlocks: &Interlocks) {
+    let title = if station.is_empty() {
+        "Engagement".into()
+    } else {
+        format!("Engagement, {station}")
+    };
+    heading(ui, &title);
     let (word, colour) = if beam.firing {
         ("FIRING", RED)
     } else {
         ("safe", GREEN)
     };
     ui.colored_label(colour, format!("laser: {word}"));
-    for interlock in &interlocks.0 {
+    for interlock in &interlocks.reasons {
         ui.colored_label(GREY, format!("interlock: {interlock}"));
     }
     let shown = |value: f64| if beam.firing { value } else { 0.0 };
