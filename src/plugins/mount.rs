@@ -69,6 +69,13 @@ fn mount(
     let config = &station.config.mount;
     let r_enu_m = (station.config.position_enu_m)
         .map_or_else(|| environment.city.station_enu_m(), DVec3::from_array);
+    let [x, y, z] = r_enu_m.to_array();
+    let solid_m = environment.city.dsm.surface_m(x, y);
+    if z < solid_m {
+        let what =
+            format!("{z} m up, inside what reaches up to {solid_m:.1} m there; put it above");
+        return Err(loaded.refuse(&format!("{}.position_enu_m", station.place), what));
+    }
     let place = format!("{}.mount", station.place);
     let refuse = |error: String| loaded.refuse(&place, error);
     let params = gimbal_params(config, clock.dt_s());

@@ -33,6 +33,17 @@ pub struct ReportData {
     pub succeeded: bool,
     /// Rows (label, value with unit) of the summary.
     pub summary: Vec<(String, String)>,
+    /// What each station did.
+    pub stations: Vec<StationReport>,
+    /// Images of the run, in order.
+    pub frames: Vec<ContactFrame>,
+}
+
+/// What a station did.
+#[derive(Clone, Debug, Default)]
+pub struct StationReport {
+    /// Its name.
+    pub name: String,
     /// Miss distance of the coarse camera \[px\].
     pub miss_coarse_px: Series,
     /// Miss distance of the precise camera \[px\].
@@ -49,8 +60,6 @@ pub struct ReportData {
     pub los_error_urad: Series,
     /// States of the acquisition, tracking and pointing machine, in order.
     pub states: Vec<StateSpan>,
-    /// Images of the run, in order.
-    pub frames: Vec<ContactFrame>,
 }
 
 /// One image of the contact sheet.
@@ -137,18 +146,24 @@ fn body(data: &ReportData, jpegs: &[Vec<u8>]) -> Markup {
         p .outcome .good[data.succeeded] { (data.outcome) }
         h2 { "Summary" }
         (tiles(&data.summary))
-        h2 { "Miss distance" }
-        (miss_table(data))
-        h2 { "Time histories" }
-        (charts(data, end_s))
-        h2 { "States" }
-        (states(&data.states, end_s))
+        @for station in &data.stations {
+            @let heading = |what: &str| match &data.stations[..] {
+                [_] => what.to_owned(),
+                _ => format!("{}: {what}", station.name),
+            };
+            h2 { (heading("Miss distance")) }
+            (miss_table(station))
+            h2 { (heading("Time histories")) }
+            (charts(station, end_s))
+            h2 { (heading("States")) }
+            (states(&station.states, end_s))
+        }
         h2 { "Contact sheet" }
         (contact_sheet(&data.frames, jpegs))
     }
 }
 
-fn charts(data: &ReportData, end_s: f64) -> Markup {
+fn charts(data: &StationReport, end_s: f64) -> Markup {
     let chart = |title, unit, scale, series| Chart {
         title,
         unit,
@@ -184,6 +199,11 @@ fn charts(data: &ReportData, end_s: f64) -> Markup {
 
 /// Latest time that anything in the report has \[s\].
 fn end_of_run_s(data: &ReportData) -> f64 {
+    data.stations.iter().map(end_s).fold(0.0, f64::max)
+}
+
+/// Latest time that anything of a station has \[s\].
+fn end_s(data: &StationReport) -> f64 {
     [
         &data.miss_coarse_px,
         &data.miss_precise_px,
@@ -199,7 +219,7 @@ fn end_of_run_s(data: &ReportData) -> f64 {
     .fold(0.0, f64::max)
 }
 
-fn miss_table(data: &ReportData) -> Markup {
+fn miss_table(data: &StationReport) -> Markup {
     let rows = [
         ("coarse", &data.miss_coarse_px),
         ("precise", &data.miss_precise_px),

@@ -1,7 +1,7 @@
 //! The end of a run: outcome, summary, report.
 
 use super::ReportError;
-use super::run::{ContactBox, ContactFrame, ReportData, write_report};
+use super::run::{ContactBox, ContactFrame, ReportData, StationReport, write_report};
 use super::states::StateSpan;
 use super::statistics::MissStats;
 use crate::VERSION;
@@ -12,7 +12,7 @@ use crate::components::detect::Detector;
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
-use crate::components::mount::{Mount, Stations, first_station};
+use crate::components::mount::{Mount, Station, Stations};
 use crate::components::record::{
     CameraHistory, History, KeptFrame, Neutralised, Recording, StateHash,
 };
@@ -62,6 +62,8 @@ pub struct Summary {
     pub energy_per_neutralised_j: Option<f64>,
     /// Each UAV, in the order of the scenario.
     pub uavs: Vec<UavSummary>,
+    /// Each station, in the order of the scenario.
+    pub stations: Vec<StationSummary>,
     /// Where the elapsed time went.
     pub share: Shares,
 }
@@ -79,6 +81,21 @@ pub struct UavSummary {
     pub dwell_s: f64,
     /// Time at which its skin failed \[s\].
     pub neutralised_s: Option<f64>,
+}
+
+/// What a station did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StationSummary {
+    /// Name in the scenario.
+    pub name: String,
+    /// Time of its first coarse track \[s\].
+    pub acquired_s: Option<f64>,
+    /// Energy emitted \[J\].
+    pub energy_j: f64,
+    /// Time for which its firing beam's centre lay on its target's aim point \[s\].
+    pub dwell_s: f64,
+    /// Time for which its firing beam lay on a distractor \[s\].
+    pub distractor_s: f64,
 }
 
 /// Miss distance of both tracking cameras \[px\].
@@ -191,14 +208,10 @@ fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
     let clock = world.resource::<SimClock>();
     let neutralised_s = &world.resource::<Neutralised>().0;
     let stations = &world.resource::<Stations>().0;
-    let beams = stations
-        .iter()
-        .filter_map(|station| world.get::<BeamState>(*station));
-    let sum = |of: fn(&BeamState) -> f64| beams.clone().map(of).sum::<f64>();
-    let energy_j = sum(|beam| beam.energy_j);
-    let acquired_s = (stations.iter())
-        .filter_map(|station| world.get::<History>(*station)?.acquired_s)
-        .reduce(f64::min);
+    let of_stations = station_summaries(world);
+    let sum = |of: fn(&StationSummary) -> f64| of_stations.iter().map(of).sum::<f64>();
+    let energy_j = sum(|station| station.energy_j);
+    let acquired_s = (of_stations.iter()).filter_map(|station| station.acquired_s);
     let stopwatch = world.resource::<Stopwatch>();
     let elapsed_s = elapsed.as_secs_f64().max(1e-9);
     let miss = |tier: Tier| {
@@ -216,14 +229,14 @@ fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
         state_hash: format!("{:016x}", world.resource::<StateHash>().0),
         simulated_s: clock.t_s(),
         real_time_factor: clock.t_s() / elapsed_s,
-        time_to_acquire_s: acquired_s,
+        time_to_acquire_s: acquired_s.reduce(f64::min),
         time_to_neutralise_s: last_s.filter(|_| all_down),
         miss_distance_px: MissDistances {
             coarse: miss(Tier::Coarse),
             precise: miss(Tier::Precise),
         },
-        dwell_s: sum(|beam| beam.dwell_s),
-        distractor_s: sum(|beam| beam.distractor_s),
+        dwell_s: sum(|station| station.dwell_s),
+        distractor_s: sum(|station| station.distractor_s),
         energy_j,
         energy_per_neutralised_j: (down > 0).then(|| energy_j / down as f64),
         uavs: fates
@@ -236,6 +249,7 @@ fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
                 neutralised_s: neutralised_s.get(fate.index).copied().flatten(),
             })
             .collect(),
+        stations: of_stations,
         share: Shares {
             render,
             inference,
@@ -243,6 +257,22 @@ fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
         },
         ..Summary::default()
     }
+}
+
+/// What each station did, in the order of the scenario.
+fn station_summaries(world: &World) -> Vec<StationSummary> {
+    let of = |station: &Entity| {
+        let beam: &BeamState = world.get(*station)?;
+        Some(StationSummary {
+            name: world.get::<Station>(*station)?.name.clone(),
+            acquired_s: world.get::<History>(*station)?.acquired_s,
+            energy_j: beam.energy_j,
+            dwell_s: beam.dwell_s,
+            distractor_s: beam.distractor_s,
+        })
+    };
+    let stations = &world.resource::<Stations>().0;
+    stations.iter().filter_map(of).collect()
 }
 
 /// Miss distances of a station's cameras of a tier: (time [s], distance [px]), camera after camera.
@@ -354,11 +384,13 @@ fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, St
 /// What the page of the run shows.
 fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> ReportData {
     let detector = world.resource::<Detector>();
-    let none = History::default();
-    let history = first_station::<History>(world).unwrap_or(&none);
-    let frames = history.frames.iter();
-    let first = world.resource::<Stations>().0.first().copied();
-    let miss = |tier: Tier| first.map_or_else(Vec::new, |first| miss_px(world, first, tier));
+    let stations = &world.resource::<Stations>().0;
+    let mut frames: Vec<&KeptFrame> = (stations.iter())
+        .filter_map(|station| world.get::<History>(*station))
+        .flat_map(|history| &history.frames)
+        .collect();
+    frames.sort_by_key(|frame| frame.tick);
+    let failure_temperature_k = fates.first().map(|fate| fate.failure_temperature_k);
     ReportData {
         title: format!("Boresight: {}", loaded.scenario.name),
         scenario: summary.scenario.clone(),
@@ -368,21 +400,43 @@ fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> 
         outcome: summary.outcome.clone(),
         succeeded: summary.outcome == "neutralised",
         summary: rows(summary),
-        miss_coarse_px: miss(Tier::Coarse),
-        miss_precise_px: miss(Tier::Precise),
-        irradiance_wpm2: history.irradiance_wpm2.clone(),
-        power_in_bucket_w: history.power_in_bucket_w.clone(),
-        skin_temperature_k: history.skin_k.clone(),
-        failure_temperature_k: fates.first().map(|fate| fate.failure_temperature_k),
-        los_error_urad: history.los_error_urad.clone(),
-        states: state_spans(world, loaded, summary.simulated_s),
-        frames: frames.map(|frame| contact_frame(detector, frame)).collect(),
+        stations: (stations.iter())
+            .filter_map(|station| station_report(world, *station, loaded, summary.simulated_s))
+            .map(|report| StationReport {
+                failure_temperature_k,
+                ..report
+            })
+            .collect(),
+        frames: (frames.into_iter())
+            .map(|frame| contact_frame(detector, frame))
+            .collect(),
     }
 }
 
+/// What the page shows of a station, in a run that ended at `end_s` [s].
+fn station_report(
+    world: &World,
+    station: Entity,
+    loaded: &Loaded,
+    end_s: f64,
+) -> Option<StationReport> {
+    let history: &History = world.get(station)?;
+    Some(StationReport {
+        name: world.get::<Station>(station)?.name.clone(),
+        miss_coarse_px: miss_px(world, station, Tier::Coarse),
+        miss_precise_px: miss_px(world, station, Tier::Precise),
+        irradiance_wpm2: history.irradiance_wpm2.clone(),
+        power_in_bucket_w: history.power_in_bucket_w.clone(),
+        skin_temperature_k: history.skin_k.clone(),
+        failure_temperature_k: None,
+        los_error_urad: history.los_error_urad.clone(),
+        states: state_spans(world.get(station)?, loaded, end_s),
+    })
+}
+
 /// The states of the tracker until `end_s`.
-fn state_spans(world: &World, loaded: &Loaded, end_s: f64) -> Vec<StateSpan> {
-    let changes = first_station::<Tracker>(world).map_or(&[][..], |tracker| &tracker.changes);
+fn state_spans(tracker: &Tracker, loaded: &Loaded, end_s: f64) -> Vec<StateSpan> {
+    let changes = &tracker.changes;
     let hz = f64::from(loaded.scenario.tick_hz);
     let at_s = |tick: u64| tick as f64 / hz;
     let ends = changes.iter().skip(1).map(|change| at_s(change.tick));
@@ -486,6 +540,14 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
     ]
     .map(|(label, value)| (label.to_string(), value))
     .into_iter()
+    .chain(several(&summary.stations).iter().map(|station| {
+        let value = format!(
+            "{:.1} kJ, dwell {:.2} s",
+            1e-3 * station.energy_j,
+            station.dwell_s
+        );
+        (format!("station {}", station.name), value)
+    }))
     .chain(summary.uavs.iter().map(|uav| {
         let value = format!(
             "{}, {:.1} kJ, dwell {:.2} s",
@@ -496,6 +558,14 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
         (format!("UAV {}", uav.name), value)
     }))
     .collect()
+}
+
+/// The stations where there are several: what one alone did is what the run did.
+fn several(stations: &[StationSummary]) -> &[StationSummary] {
+    match stations {
+        [_] => &[],
+        stations => stations,
+    }
 }
 
 /// The summary for a terminal.
@@ -545,6 +615,13 @@ mod tests {
                 energy_j: 8500.0,
                 dwell_s: 3.0,
                 neutralised_s: Some(9.0),
+            }],
+            stations: vec![StationSummary {
+                name: "roof".into(),
+                acquired_s: None,
+                energy_j: 9000.0,
+                dwell_s: 3.0,
+                distractor_s: 0.0,
             }],
             share: Shares {
                 render: 0.0,

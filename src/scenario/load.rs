@@ -20,6 +20,9 @@ use super::text::{join, one_line};
 pub(crate) trait Checked: DeserializeOwned {
     /// Reports values that are out of range or contradict each other.
     fn check(&self, check: &mut Check);
+
+    /// Puts into the document what some of its tables take over from others.
+    fn inherit(_document: &mut DeTable) {}
 }
 
 /// A checked value, and where its keys stand.
@@ -133,6 +136,9 @@ pub(crate) fn parse<T: Checked>(
         })?;
     }
 
+    if let DeValue::Table(document) = root.get_mut() {
+        T::inherit(document);
+    }
     let root = places.number(root, String::new())?;
     let value = T::deserialize(toml::de::ValueDeserializer::from(root))
         .map_err(|error| places.explain(&error))?;
@@ -168,6 +174,24 @@ fn apply<'i>(
         Spanned::new(start..start, DeValue::String(text.trim().to_owned().into()))
     });
     Ok(())
+}
+
+/// Gives a table what it lacks of another, table by table.
+pub(super) fn fill<'i>(table: &mut DeTable<'i>, from: &DeTable<'i>) {
+    for (key, value) in from {
+        match table.get_mut(key) {
+            None => {
+                table.insert(key.clone(), value.clone());
+            }
+            Some(own) => {
+                if let (DeValue::Table(own), DeValue::Table(other)) =
+                    (own.get_mut(), value.get_ref())
+                {
+                    fill(own, other);
+                }
+            }
+        }
+    }
 }
 
 /// The value under `key` of a table, or the item of an array; else why there is none. A key that

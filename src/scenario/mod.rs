@@ -48,6 +48,7 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, Utc};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use toml::de::{DeTable, DeValue};
 
 use crate::models::ground::city::CityParams;
 use check::{Check, MAX_DURATION_S};
@@ -88,6 +89,9 @@ pub struct Scenario {
     /// The protected station: mount, cameras and laser.
     #[serde(default)]
     pub station: Station,
+    /// Several stations in place of the one: each is as `[station]` but for what it gives itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stations: Vec<Station>,
     /// Where the station looks for targets.
     pub search: SearchSector,
     /// The UAVs; none makes a false-alarm run.
@@ -144,12 +148,18 @@ impl Scenario {
 
     /// The stations in their order.
     pub fn stations(&self) -> Vec<SiteStation<'_>> {
-        vec![SiteStation {
-            name: "station".into(),
-            place: "station".into(),
-            config: &self.station,
-            search: &self.search,
-        }]
+        let one = [(&self.station, "station".to_owned())];
+        let several = (self.stations.iter().enumerate())
+            .map(|(index, station)| (station, format!("stations[{index}]")));
+        (one.into_iter().filter(|_| self.stations.is_empty()))
+            .chain(several)
+            .map(|(config, place)| SiteStation {
+                name: config.name.clone(),
+                place,
+                config,
+                search: config.search.as_ref().unwrap_or(&self.search),
+            })
+            .collect()
     }
 
     /// Names of all that flies, in the order of their indices: UAVs, then distractors.
@@ -173,6 +183,22 @@ pub struct SiteStation<'a> {
 }
 
 impl Checked for Scenario {
+    fn inherit(document: &mut DeTable) {
+        let Some(DeValue::Table(common)) = document.get("station").map(|s| s.get_ref().clone())
+        else {
+            return;
+        };
+        if let Some(stations) = document.get_mut("stations")
+            && let DeValue::Array(stations) = stations.get_mut()
+        {
+            for station in stations.iter_mut() {
+                if let DeValue::Table(own) = station.get_mut() {
+                    load::fill(own, &common);
+                }
+            }
+        }
+    }
+
     fn check(&self, check: &mut Check) {
         check.name("name", &self.name, &[]);
         check.positive("duration_s", self.duration_s);
@@ -186,7 +212,17 @@ impl Checked for Scenario {
                 check.within(key, value, range);
             }
         });
-        check.table("station", |check| self.station.check(check, self.tick_hz));
+        if self.stations.is_empty() {
+            check.table("station", |check| {
+                self.station.check(check, self.tick_hz, &self.uavs);
+            });
+        }
+        for (index, station) in self.stations.iter().enumerate() {
+            check.table(&format!("stations[{index}]"), |check| {
+                station.check(check, self.tick_hz, &self.uavs);
+            });
+        }
+        station::check_apart(&self.stations, check);
         check.table("search", |check| self.search.check(check, &self.uavs));
         targets::check(&self.uavs, &self.distractors, check);
         check.table("detector", |check| self.detector.check(check));

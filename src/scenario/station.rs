@@ -6,11 +6,16 @@ use serde::{Deserialize, Serialize};
 use super::cameras::Cameras;
 use super::check::Check;
 use super::mount::MountConfig;
+use super::search::SearchSector;
+use super::targets::UavConfig;
+use glam::DVec3;
 
 /// The protected station.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Station {
+    /// Its name; topics and logs of every station but the first begin with it.
+    pub name: String,
     /// East, north, up of the mount's axes crossing; absent: on the city's station rooftop.
     pub position_enu_m: Option<[f64; 3]>,
     /// The two-axis gimbal and its steering mirror.
@@ -22,16 +27,21 @@ pub struct Station {
     pub cameras: Cameras,
     /// The laser and its beam director.
     pub laser: LaserConfig,
+    /// Where it looks for targets; absent: as `[search]` says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchSector>,
 }
 
 impl Default for Station {
     fn default() -> Self {
         Self {
+            name: "station".into(),
             position_enu_m: None,
             mount: MountConfig::default(),
             calibrate: true,
             cameras: Cameras::default(),
             laser: LaserConfig::default(),
+            search: None,
         }
     }
 }
@@ -87,10 +97,44 @@ pub enum TargetWord {
 }
 
 impl Station {
-    pub(super) fn check(&self, check: &mut Check, tick_hz: u32) {
+    pub(super) fn check(&self, check: &mut Check, tick_hz: u32, uavs: &[UavConfig]) {
+        check.name("name", &self.name, &[]);
+        check.that(!self.name.contains('/'), "name", || {
+            format!("found '{}', must not contain a slash", self.name)
+        });
+        if let Some(search) = &self.search {
+            check.table("search", |check| search.check(check, uavs));
+        }
         check.table("mount", |check| self.mount.check(check, tick_hz));
         check.table("cameras", |check| self.cameras.check(check, tick_hz));
         check.table("laser", |check| self.laser.check(check));
+    }
+}
+
+/// Stations are told apart by name, and stand apart.
+pub(super) fn check_apart(stations: &[Station], check: &mut Check) {
+    /// Twice what a beam keeps clear of a station.
+    const APART_M: f64 = 20.0; // [m]
+    for (index, station) in stations.iter().enumerate() {
+        check.table(&format!("stations[{index}]"), |check| {
+            let earlier: Vec<&str> = (stations[..index].iter())
+                .map(|other| other.name.as_str())
+                .collect();
+            check.name("name", &station.name, &earlier);
+            for other in &stations[..index] {
+                let apart_m = match (other.position_enu_m, station.position_enu_m) {
+                    (Some(a), Some(b)) => DVec3::from(a).distance(b.into()),
+                    (None, None) => 0.0,
+                    _ => f64::INFINITY,
+                };
+                check.that(apart_m >= APART_M, "position_enu_m", || {
+                    format!(
+                        "{apart_m:.1} m from station '{}', must be at least {APART_M} m",
+                        other.name
+                    )
+                });
+            }
+        });
     }
 }
 

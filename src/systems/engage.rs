@@ -60,6 +60,8 @@ struct Way<'a> {
     rules: &'a Rules,
     environment: &'a Environment,
     r_enu_m: DVec3,
+    /// Where all stations are, this one among them [m].
+    stations_enu_m: &'a [DVec3],
     range_m: f64,
     /// Half angle of the bundle of rays that stands for the beam [rad].
     spread_rad: f64,
@@ -90,8 +92,17 @@ impl Way<'_> {
             let mut zones = self.rules.keep_out.iter();
             zones.any(|zone| zone.meets(self.r_enu_m, az_el_rad, FAR_M))
         };
+        let at_station = |az_el_rad: DVec2| {
+            let others = self.stations_enu_m.iter();
+            others
+                .filter(|other| **other != self.r_enu_m)
+                .any(|other| passes(*other - self.r_enu_m, az_el_to_los(az_el_rad)))
+        };
         if protected(los.az_el_rad()) {
             refused.push("keep-out zone");
+        }
+        if at_station(los.az_el_rad()) {
+            refused.push("another station in the line of fire");
         }
         // The laser must be off before the line of sight gets anywhere it must not fire.
         let mut ahead = (1..=LOOKS_AHEAD).map(|i| {
@@ -104,8 +115,11 @@ impl Way<'_> {
         {
             refused.push("line of sight will be blocked");
         }
-        if ahead.any(protected) {
+        if ahead.clone().any(protected) {
             refused.push("keep-out zone ahead");
+        }
+        if ahead.any(at_station) {
+            refused.push("another station ahead in the line of fire");
         }
     }
 }
@@ -123,6 +137,16 @@ pub struct Firing {
     command: &'static mut FireCommand,
 }
 
+/// How close to another station a beam must not pass [m]: mount, mast and crew, whatever stands behind or before.
+const STATION_CLEARANCE_M: f64 = 10.0;
+
+/// Whether a ray passes another station, which is at `to_enu_m` [m] from its origin, too closely.
+fn passes(to_enu_m: DVec3, ray_enu: DVec3) -> bool {
+    let along_m = to_enu_m.dot(ray_enu);
+    let nearest_m = to_enu_m - along_m.max(0.0) * ray_enu;
+    nearest_m.length() < STATION_CLEARANCE_M
+}
+
 /// Checks every interlock and sets the firing command for the next tick.
 pub fn decide_fire(
     clock: Res<SimClock>,
@@ -130,6 +154,9 @@ pub fn decide_fire(
     cameras: Query<&SensorCamera>,
     mut stations: Query<Firing>,
 ) {
+    let stations_enu_m: Vec<DVec3> = (stations.iter())
+        .map(|station| station.mount.r_enu_m)
+        .collect();
     for station in &mut stations {
         let FiringItem {
             mount,
@@ -171,6 +198,7 @@ pub fn decide_fire(
                         rules,
                         environment: &environment,
                         r_enu_m: mount.r_enu_m,
+                        stations_enu_m: &stations_enu_m,
                         range_m,
                         spread_rad: precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad()),
                     };
@@ -342,6 +370,22 @@ mod tests {
                 t_s: 1.0,
             });
             assert_eq!(rules([true; 3]).takes_for_uav(track), fires, "{p_uav}");
+        }
+    }
+
+    #[test]
+    fn a_beam_keeps_clear_of_another_station() {
+        let ray_enu = DVec3::new(0.6, 0.8, 0.0);
+        let aside = DVec3::new(0.8, -0.6, 0.0);
+        for (along_m, aside_m, close) in [
+            (300.0, 9.0, true),
+            (300.0, 11.0, false),
+            (4000.0, 9.0, true),
+            // Behind the mount.
+            (-300.0, 0.0, false),
+        ] {
+            let to_m = along_m * ray_enu + aside_m * aside;
+            assert_eq!(passes(to_m, ray_enu), close, "{along_m} {aside_m}");
         }
     }
 

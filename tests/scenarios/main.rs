@@ -13,5 +13,6 @@ mod determinism;
 mod flight;
 mod rendering;
 mod shipped;
+mod stations;
 mod structure;
 mod tracking;

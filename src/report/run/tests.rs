@@ -18,8 +18,12 @@ fn demonstration() -> ReportData {
         state_hash: "5d1c8f0e77ab3924".into(),
         outcome: "Neutralised: the skin of uav-1 failed after 6.2 s of dwell".into(),
         succeeded: true,
-        failure_temperature_k: Some(933.0),
         ..ReportData::default()
+    };
+    let mut station = StationReport {
+        name: "roof".into(),
+        failure_temperature_k: Some(933.0),
+        ..StationReport::default()
     };
     data.summary = [
         ("Simulated time", "20.0 s"),
@@ -43,11 +47,12 @@ fn demonstration() -> ReportData {
         } else {
             0.0
         };
-        data.power_in_bucket_w.push((t, power_w));
-        data.irradiance_wpm2
+        station.power_in_bucket_w.push((t, power_w));
+        station
+            .irradiance_wpm2
             .push((t, power_w * 1000.0 * scintillation));
         skin_k += (power_w * 0.075 - (skin_k - 288.0) * 0.04) / 960.0;
-        data.skin_temperature_k.push((t, skin_k));
+        station.skin_temperature_k.push((t, skin_k));
         let seen = t > 2.417 && !(6.0..6.4).contains(&t);
         let settle = 400.0 * (-(t - 2.4) * 1.6).exp();
         let los = if seen {
@@ -55,14 +60,14 @@ fn demonstration() -> ReportData {
         } else {
             f64::NAN
         };
-        data.los_error_urad.push((t, los));
+        station.los_error_urad.push((t, los));
         if i % 16 == 0 {
             let miss = if seen {
                 los / 18.0 + 1.5 + noise()
             } else {
                 f64::NAN
             };
-            data.miss_coarse_px.push((t, miss));
+            station.miss_coarse_px.push((t, miss));
         }
         if i % 8 == 0 && t > 4.0 {
             let miss = if seen {
@@ -70,10 +75,10 @@ fn demonstration() -> ReportData {
             } else {
                 f64::NAN
             };
-            data.miss_precise_px.push((t, miss));
+            station.miss_precise_px.push((t, miss));
         }
     }
-    data.states = [
+    station.states = [
         (0.0, 2.417, "search", "start of the run"),
         (2.417, 4.0, "coarse track", "3 of 4 frames confirm uav-1"),
         (
@@ -136,9 +141,10 @@ fn demonstration() -> ReportData {
                 colour: [230, 159, 0],
             }],
             reticle_px: [320.0, 240.0],
-            caption: data.states[i.min(5)].name.clone(),
+            caption: station.states[i.min(5)].name.clone(),
         });
     }
+    data.stations.push(station);
     data
 }
 
@@ -170,10 +176,27 @@ fn report_is_one_small_safe_file() {
 fn empty_data_gives_a_page_that_says_so() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("report.html");
-    write_report(&path, &ReportData::default()).unwrap();
+    let mut data = ReportData {
+        stations: vec![StationReport::default()],
+        ..ReportData::default()
+    };
+    write_report(&path, &data).unwrap();
     let page = std::fs::read_to_string(&path).unwrap();
     assert_eq!(page.matches("no samples").count(), 7);
     assert!(page.contains("no states") && page.contains("no images"));
+    assert!(page.contains(">Miss distance<"));
+
+    // Of several stations each has its own part.
+    data.stations = ["north", "south"]
+        .map(|name| StationReport {
+            name: name.into(),
+            ..StationReport::default()
+        })
+        .into();
+    write_report(&path, &data).unwrap();
+    let page = std::fs::read_to_string(&path).unwrap();
+    assert_eq!(page.matches("no states").count(), 2);
+    assert!(page.contains(">north: Miss distance<") && page.contains(">south: States<"));
 }
 
 #[test]
