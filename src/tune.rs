@@ -3,10 +3,8 @@
 use crate::components::capture::Tier;
 use crate::components::control::Controller;
 use crate::components::run::SimClock;
-use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::pointing::PointingLaw;
-use crate::models::control::tuned::MirrorRemainder;
+use crate::models::control::pointing::{LawRegistry, PointingLaw};
 use crate::models::control::tuning::{
     CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, TuningError, derive,
     measure_mirror, measure_paper_loop, measure_pointing_loop, measure_position_loop,
@@ -21,7 +19,7 @@ use crate::plugins::mount::{gimbal_params, mirror_params};
 use crate::plugins::track::tracker_params;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::page::{Head, note, page};
-use crate::scenario::{ControllerPreset, Exposure, InputError, Loaded, Scenario};
+use crate::scenario::{Exposure, InputError, Loaded, Scenario};
 use glam::DVec3;
 use maud::{Markup, html};
 use serde::Serialize;
@@ -68,10 +66,10 @@ const AUTO_EXPOSURE_S: f64 = 1e-3;
 pub struct Tuning {
     scenario: String,
     axis: AxisName,
-    preset: ControllerPreset,
+    preset: String,
     latency_s: f64,
     loops: Vec<LoopMeasurement>,
-    in_use: Option<PointingLaw>,
+    in_use: Option<Box<dyn PointingLaw>>,
     derived: Derived,
 }
 
@@ -99,11 +97,11 @@ struct TuneJson<'a> {
     scenario: &'a str,
     version: &'static str,
     axis: AxisName,
-    preset: ControllerPreset,
+    preset: &'a str,
     latency_s: f64,
     loops: Vec<LoopJson<'a>>,
-    in_use: Option<[(&'static str, f64); 4]>,
-    derived: [(&'static str, f64); 4],
+    in_use: Option<Vec<(&'static str, f64)>>,
+    derived: Vec<(&'static str, f64)>,
     limited_by: &'static str,
 }
 
@@ -114,27 +112,6 @@ fn decibels(responses: &[Response]) -> Vec<f64> {
 fn degrees(responses: &[Response]) -> Vec<f64> {
     let phases = unwrapped_phase_rad(responses);
     phases.into_iter().map(f64::to_degrees).collect()
-}
-
-/// The gains of a law with their names.
-fn gains(law: &PointingLaw) -> [(&'static str, f64); 4] {
-    let [gain_per_s, lead_s, offset, rate_s] = match law {
-        PointingLaw::Tuned(law) => {
-            let MirrorRemainder { offset, rate_s } = law.mirror_left;
-            [law.gimbal_gain_per_s, law.lead_s, offset, rate_s]
-        }
-        // The regulator has no lead; its mirror rows are gains of another kind.
-        PointingLaw::Lqg(law, _) => {
-            let [az, el] = law.gimbal_gains_per_s();
-            [az.min(el), 0.0, f64::NAN, f64::NAN]
-        }
-    };
-    [
-        ("gimbal gain [1/s]", gain_per_s),
-        ("lead [s]", lead_s),
-        ("mirror offset left", offset),
-        ("mirror rate left [s]", rate_s),
-    ]
 }
 
 impl Tuning {
@@ -160,27 +137,21 @@ impl Tuning {
         let axis = axis_name.into();
         let derived = derive(&plant).map_err(refused)?;
         let filter = LosFilterParams::default();
-        let lqg = LqgPointing::new(
-            &plant.gimbal,
-            &plant.mirror,
-            filter.accel_tau_s,
-            &LqgWeights::default(),
-            plant.dt_s,
-        )
-        .map_err(|error| refuse_mount(error.to_string()))?;
         let mut loops = vec![
             measure_rate_loop(&plant, axis),
             measure_position_loop(&plant, axis, derived.law.gimbal_gain_per_s),
             measure_mirror(&plant).map_err(refused)?,
         ];
-        for law in [
-            PointingLaw::Tuned(derived.law),
-            PointingLaw::Lqg(lqg, LqgMemory::default()),
-        ] {
-            let measured = measure_pointing_loop(&plant, axis, precise, filter, law);
-            loops.push(measured.map_err(refused)?);
+        let laws = LawRegistry::default();
+        for name in laws.names() {
+            let law = laws.make(name, &plant).into_iter();
+            for law in law {
+                let law = law.map_err(|error| refuse_mount(error.to_string()))?;
+                let measured = measure_pointing_loop(&plant, axis, precise, filter, (name, &*law));
+                loops.push(measured.map_err(refused)?);
+            }
         }
-        let controller = controller(loaded, "station", &plant.gimbal, &plant.mirror, plant.dt_s)?;
+        let controller = controller(loaded, &laws, "station", &plant)?;
         let in_use = match controller {
             Controller::Pointing(pointing) => Some(pointing.law),
             Controller::Paper(paper) => {
@@ -192,7 +163,7 @@ impl Tuning {
         Ok(Self {
             scenario: scenario.name.clone(),
             axis: axis_name,
-            preset: scenario.controller.preset,
+            preset: scenario.controller.preset.clone(),
             latency_s: precise.latency_ticks as f64 * plant.dt_s,
             loops,
             in_use,
@@ -230,20 +201,20 @@ impl Tuning {
 
     fn gain_rows(&self) -> Vec<(&'static str, String, String)> {
         let show = |x: f64| {
-            if x.is_nan() {
-                "-".into()
-            } else if x.abs() < 0.1 {
+            if x.abs() < 0.1 {
                 format!("{x:.3e}")
             } else {
                 format!("{x:.3}")
             }
         };
-        let derived = gains(&PointingLaw::Tuned(self.derived.law));
-        let in_use = self.in_use.as_ref().map(gains);
-        (0..derived.len())
-            .map(|k| {
-                let (name, value) = derived[k];
-                let used = in_use.map_or("-".into(), |gains| show(gains[k].1));
+        let in_use = self
+            .in_use
+            .as_ref()
+            .map_or_else(Vec::new, |law| law.gains());
+        (self.derived.law.gains().into_iter())
+            .map(|(name, value)| {
+                let used = in_use.iter().find(|(other, _)| *other == name);
+                let used = used.map_or("-".into(), |(_, value)| show(*value));
                 (name, used, show(value))
             })
             .collect()
@@ -278,11 +249,11 @@ impl Tuning {
             scenario: &self.scenario,
             version: crate::VERSION,
             axis: self.axis,
-            preset: self.preset,
+            preset: &self.preset,
             latency_s: self.latency_s,
             loops: loops.collect(),
-            in_use: self.in_use.as_ref().map(gains),
-            derived: gains(&PointingLaw::Tuned(self.derived.law)),
+            in_use: self.in_use.as_ref().map(|law| law.gains()),
+            derived: self.derived.law.gains(),
             limited_by: self.derived.limit,
         })?;
         text.push('\n');
@@ -482,11 +453,10 @@ mod tests {
         let loaded = Scenario::load(file, &[]).unwrap();
         let tuning = Tuning::measure(&loaded, AxisName::Elevation).unwrap();
         // The gains in use are the derived ones.
-        let Some(PointingLaw::Tuned(in_use)) = tuning.in_use else {
-            panic!("{:?}", tuning.in_use);
-        };
-        let derived = tuning.derived.law.gimbal_gain_per_s;
-        assert!((in_use.gimbal_gain_per_s / derived - 1.0).abs() < 0.03);
+        let in_use = tuning.in_use.as_ref().unwrap().gains();
+        let derived = tuning.derived.law.gains();
+        assert_eq!(in_use[0].0, "gimbal gain [1/s]");
+        assert!((in_use[0].1 / derived[0].1 - 1.0).abs() < 0.03);
         let folder = tempfile::tempdir().unwrap();
         let page = tuning.write(folder.path()).unwrap();
         let html = std::fs::read_to_string(page).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::{PaperLaw, PaperPid};
-use crate::models::control::pointing::PointingLaw;
+use crate::models::control::pointing::{LawRegistry, PointingLaw};
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
 use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};
@@ -16,18 +16,24 @@ use std::collections::VecDeque;
 pub enum Controller {
     /// Eqs. 8 to 10 as printed, frame by frame.
     Paper(Box<PaperController>),
-    /// Prediction, rate feed-forward, mirror on the residual: tuned loops or an optimal regulator.
+    /// A law on the predicted line of sight.
     Pointing(Box<PointingController>),
 }
 
 /// A pointing law and what carries it over from one stage to the next.
 #[derive(Clone, Debug)]
 pub struct PointingController {
-    /// Tuned loops or regulator, with their memory.
-    pub law: PointingLaw,
+    /// The law's name.
+    pub name: String,
+    /// The law, with its memory.
+    pub law: Box<dyn PointingLaw>,
     /// Keeps commands from jumping.
     pub hand_over: HandOver,
 }
+
+/// The pointing laws that a scenario may name.
+#[derive(Resource, Default, Deref, DerefMut)]
+pub struct PointingLaws(pub LawRegistry);
 
 /// Laws and memory of the paper's two loops.
 #[derive(Clone, Debug)]

@@ -2,26 +2,21 @@
 
 use crate::components::capture::{Cameras, SensorCamera, Tier};
 use crate::components::control::{
-    Controller, PaperController, PointingController, Radar, SearchScan,
+    Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
 use crate::components::flight::{Distractor, Flight, Uav};
 use crate::components::mount::{Mount, Optics, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::control::law::HandOver;
-use crate::models::control::lqg::{LqgMemory, LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::pointing::PointingLaw;
-use crate::models::control::tuning::{self, MountPlant};
+use crate::models::control::pointing::LawRegistry;
+use crate::models::control::tuning::MountPlant;
 use crate::models::maths::rng::Stream;
-use crate::models::mount::gimbal::{GimbalParams, GimbalState};
-use crate::models::mount::mirror::MirrorParams;
-use crate::models::tracking::estimation::LosFilterParams;
+use crate::models::mount::gimbal::GimbalState;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
 use crate::plugins::run::fallible;
-use crate::scenario::{
-    self, ControllerPreset, InputError, Loaded, Scenario, SearchSector, SiteStation,
-};
+use crate::scenario::{self, InputError, Loaded, Scenario, SearchSector, SiteStation};
 use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -31,22 +26,23 @@ pub struct ControlPlugin;
 
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(
-            SetUp,
-            (fallible(set_up), mount::look)
-                .chain()
-                .in_set(TickSet::Control),
-        )
-        .add_systems(
-            Tick,
-            (
-                systems::track_by_radar,
-                systems::command_mount,
-                systems::choose_readouts,
+        app.init_resource::<PointingLaws>()
+            .add_systems(
+                SetUp,
+                (fallible(set_up), mount::look)
+                    .chain()
+                    .in_set(TickSet::Control),
             )
-                .chain()
-                .in_set(TickSet::Control),
-        );
+            .add_systems(
+                Tick,
+                (
+                    systems::track_by_radar,
+                    systems::command_mount,
+                    systems::choose_readouts,
+                )
+                    .chain()
+                    .in_set(TickSet::Control),
+            );
     }
 }
 
@@ -57,6 +53,7 @@ fn set_up(
     seed: Res<Seed>,
     clock: Res<SimClock>,
     uavs: Query<(&Uav, &Flight), Without<Distractor>>,
+    laws: Res<PointingLaws>,
     cameras: Query<&SensorCamera>,
     mut stations: Query<(Entity, &Station, &Cameras, &mut Mount, &mut Optics)>,
 ) -> Result<(), PartError> {
@@ -79,14 +76,12 @@ fn set_up(
         let first_gaze = mount.params.within_stops(scan.gaze(0.0).az_el_rad);
         mount.gimbal = GimbalState::at_rest(first_gaze);
         *optics = mount.optics();
-        let dt_s = clock.dt_s();
-        let controller = controller(
-            &loaded,
-            &site.place,
-            &mount.params,
-            &mount.mirror_params,
-            dt_s,
-        )?;
+        let plant = MountPlant {
+            gimbal: mount.params,
+            mirror: mount.mirror_params,
+            dt_s: clock.dt_s(),
+        };
+        let controller = controller(&loaded, &laws, &site.place, &plant)?;
         commands.entity(entity).insert((controller, scan, radar));
     }
     Ok(())
@@ -95,52 +90,39 @@ fn set_up(
 /// The controller of a scenario for the mount of the station that stands at `station` in the file.
 pub fn controller(
     loaded: &Loaded,
+    laws: &LawRegistry,
     station: &str,
-    gimbal: &GimbalParams,
-    mirror: &MirrorParams,
-    dt_s: f64,
+    plant: &MountPlant,
 ) -> Result<Controller, InputError> {
     let settings = &loaded.scenario.controller;
+    if settings.is_paper() {
+        let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
+            Some(gains) => PaperLaw {
+                kp: gains.kp,
+                ki_per_s: gains.ki_per_s,
+                kd_s: gains.kd_s,
+                ..printed
+            },
+            None => printed,
+        };
+        return Ok(Controller::Paper(Box::new(PaperController::new(
+            law(PaperLaw::COARSE, settings.coarse),
+            law(PaperLaw::PRECISE, settings.precise),
+        ))));
+    }
+    let name = &settings.preset;
+    let law = laws.make(name, plant).ok_or_else(|| {
+        let known: Vec<&str> = laws.names().chain([scenario::PAPER]).collect();
+        let hint = scenario::suggestion(name, &known);
+        loaded.refuse("controller.preset", format!("no law '{name}'{hint}"))
+    })?;
     // The gains follow from the mount: where none is stable, the mount is what to change.
-    let refused = |error: String| loaded.refuse(&format!("{station}.mount"), error);
-    let pointing = |law| {
-        Controller::Pointing(Box::new(PointingController {
-            law,
-            hand_over: HandOver::new(mirror.stroke_rad, dt_s),
-        }))
-    };
-    Ok(match settings.preset {
-        ControllerPreset::Tuned => {
-            let plant = MountPlant {
-                gimbal: *gimbal,
-                mirror: *mirror,
-                dt_s,
-            };
-            let derived = tuning::derive(&plant).map_err(|error| refused(error.to_string()))?;
-            pointing(PointingLaw::Tuned(derived.law))
-        }
-        ControllerPreset::Lqg => {
-            let tau_s = LosFilterParams::default().accel_tau_s;
-            let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), dt_s)
-                .map_err(|error| refused(error.to_string()))?;
-            pointing(PointingLaw::Lqg(law, LqgMemory::default()))
-        }
-        ControllerPreset::Paper => {
-            let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
-                Some(gains) => PaperLaw {
-                    kp: gains.kp,
-                    ki_per_s: gains.ki_per_s,
-                    kd_s: gains.kd_s,
-                    ..printed
-                },
-                None => printed,
-            };
-            Controller::Paper(Box::new(PaperController::new(
-                law(PaperLaw::COARSE, settings.coarse),
-                law(PaperLaw::PRECISE, settings.precise),
-            )))
-        }
-    })
+    let law = law.map_err(|error| loaded.refuse(&format!("{station}.mount"), error))?;
+    Ok(Controller::Pointing(Box::new(PointingController {
+        name: name.clone(),
+        law,
+        hand_over: HandOver::new(plant.mirror.stroke_rad, plant.dt_s),
+    })))
 }
 
 /// The radar of a scenario, before its first plot.

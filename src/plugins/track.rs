@@ -10,9 +10,7 @@ use crate::components::track::{
 use crate::inference::OnnxRecogniser;
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
-use crate::scenario::{
-    self, AssociationRule, CameraConfig, ControllerPreset, DetectorKind, Scenario,
-};
+use crate::scenario::{self, AssociationRule, CameraConfig, DetectorKind, Scenario};
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
@@ -122,7 +120,7 @@ pub fn tracker_params(
         asset_enu_m,
     } = scenario.tracker;
     let engage = &scenario.engage;
-    let paper = scenario.controller.preset == ControllerPreset::Paper;
+    let paper = scenario.controller.is_paper();
     let truth = &scenario.detector.truth;
     let (specified_px, centre_sigma_rel, score, aim) = match scenario.detector.kind {
         // As the shipped network errs on boxes of 3 to 80 px (docs/validation.md).

@@ -6,30 +6,23 @@ use serde::{Deserialize, Serialize};
 use super::check::{AT_LEAST_ZERO, Check};
 
 /// The tracking loops: a preset, and what differs from it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "Controller")]
 pub struct ControllerConfig {
-    /// The set of loops to start from.
-    pub preset: ControllerPreset,
+    /// The loops to start from: "tuned" (exact pixel-to-angle map, prediction over the latency, gains tuned for
+    /// this mount), "lqg" (the same with one optimal regulator for gimbal and mirror), "paper" (the paper's
+    /// equations 8 to 10 with its printed gains and its linear map), or a law that a plugin adds.
+    pub preset: String,
     /// Gains of the coarse loop; absent: the preset's.
     pub coarse: Option<Gains>,
     /// Gains of the precise loop; absent: the preset's.
     pub precise: Option<Gains>,
 }
 
-/// Named sets of tracking loops.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ControllerPreset {
-    /// The paper's equations 8 to 10 with its printed gains and its linear pixel-to-angle map.
-    Paper,
-    /// Exact pixel-to-angle map, prediction over the latency, gains tuned for this mount.
-    #[default]
-    Tuned,
-    /// As tuned, with one optimal regulator for gimbal and mirror.
-    Lqg,
-}
+/// The preset that is no law on a predicted line of sight: the paper's equations 8 to 10 with its printed gains
+/// and its linear pixel-to-angle map.
+pub const PAPER: &str = "paper";
 
 /// Gains of one proportional-integral-derivative loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -43,7 +36,22 @@ pub struct Gains {
     pub kd_s: f64,
 }
 
+impl Default for ControllerConfig {
+    fn default() -> Self {
+        Self {
+            preset: "tuned".into(),
+            coarse: None,
+            precise: None,
+        }
+    }
+}
+
 impl ControllerConfig {
+    /// Whether the loops are the paper's.
+    pub fn is_paper(&self) -> bool {
+        self.preset == PAPER
+    }
+
     pub(super) fn check(&self, check: &mut Check) {
         for (name, gains) in [("coarse", self.coarse), ("precise", self.precise)] {
             if let Some(gains) = gains {

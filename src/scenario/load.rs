@@ -393,7 +393,7 @@ impl Places {
 }
 
 /// "did you mean" and the known names.
-pub(super) fn suggestion(found: &str, known: &[&str]) -> String {
+pub fn suggestion(found: &str, known: &[&str]) -> String {
     let mut text = String::new();
     let distance = |name: &&str| strsim::levenshtein(found, name);
     let nearest = known.iter().copied().min_by_key(distance);

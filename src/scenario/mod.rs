@@ -28,11 +28,11 @@ pub use cameras::{
     AutoWord, CameraChanges, CameraConfig, CameraPreset, Cameras, Exposure, Mosaic, ReadoutMode,
     Shutter, WhiteBalance,
 };
-pub use control::{ControllerConfig, ControllerPreset, Gains};
+pub use control::{ControllerConfig, Gains, PAPER};
 pub use detector::{DetectorConfig, DetectorKind, Provider, TruthErrorsConfig};
 pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
-pub use load::{InputError, Place, Places};
+pub use load::{InputError, Place, Places, suggestion};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
 pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};

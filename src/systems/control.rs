@@ -8,8 +8,8 @@ use crate::components::control::{
 };
 use crate::components::detect::Detector;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
-use crate::components::mount::{CameraView, Mount, MountCommand};
-use crate::components::run::SimClock;
+use crate::components::mount::{CameraView, Mount, MountCommand, Station};
+use crate::components::run::{Failure, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
@@ -105,6 +105,7 @@ pub fn track_by_radar(
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub struct Commanded {
+    station: &'static Station,
     mount: &'static Mount,
     tracker: &'static Tracker,
     radar: &'static Radar,
@@ -119,9 +120,11 @@ pub fn command_mount(
     clock: Res<SimClock>,
     cameras: Query<&SensorCamera>,
     mut stations: Query<Commanded>,
+    mut failure: ResMut<Failure>,
 ) {
-    for station in &mut stations {
+    for commanded in &mut stations {
         let CommandedItem {
+            station,
             mount,
             tracker,
             radar,
@@ -129,7 +132,7 @@ pub fn command_mount(
             mut scan,
             mut controller,
             mut command,
-        } = station;
+        } = commanded;
         let gaze = (tracker.state == TrackingState::Search)
             .then(|| search(&clock, tracker, radar, &mut scan, mount));
         if gaze.is_none() {
@@ -138,7 +141,15 @@ pub fn command_mount(
         }
         match &mut *controller {
             Controller::Pointing(pointing) => {
-                point(&clock, tracker, gaze, pointing, mount, &mut command)
+                let fault = point(&clock, tracker, gaze, pointing, mount, &mut command);
+                if let Some(fault) = fault {
+                    failure.set(LawFault {
+                        station: station.name.clone(),
+                        law: pointing.name.clone(),
+                        command: fault,
+                        t_s: clock.t_s(),
+                    });
+                }
             }
             Controller::Paper(paper) => {
                 // The paper is silent on acquisition: the mount turns to the candidate.
@@ -165,7 +176,20 @@ pub fn command_mount(
     }
 }
 
-/// The law on the target's predicted line of sight; otherwise the mount turns to a gaze, or stops.
+/// Why a law's command is not obeyed.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "station '{station}': the law '{law}' commands {command} at {t_s:.3} s; a law must return finite numbers"
+)]
+pub struct LawFault {
+    station: String,
+    law: String,
+    command: String,
+    t_s: f64,
+}
+
+/// The law on the target's predicted line of sight; otherwise the mount turns to a gaze, or stops. Says what is
+/// wrong with the command, if it is not obeyed.
 fn point(
     clock: &SimClock,
     tracker: &Tracker,
@@ -173,8 +197,8 @@ fn point(
     pointing: &mut PointingController,
     mount: &Mount,
     command: &mut MountCommand,
-) {
-    let PointingController { law, hand_over } = pointing;
+) -> Option<String> {
+    let PointingController { law, hand_over, .. } = pointing;
     let gimbal_az_el_rad = mount.measured_az_el_rad();
     let aim = tracker.aim_los(clock.t_s() + law.lead_s());
     let output = if let Some(los) = aim.filter(|_| gaze.is_none()) {
@@ -188,8 +212,16 @@ fn point(
         law.rest();
         hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, gaze)
     };
+    let rates_radps = DVec2::from(output.gimbal.rate_radps);
+    if !rates_radps.is_finite() || !output.mirror_rad.is_finite() {
+        return Some(format!(
+            "rates {rates_radps} rad/s, mirror {} rad",
+            output.mirror_rad
+        ));
+    }
     command.gimbal = output.gimbal;
     command.mirror_rad = output.mirror_rad;
+    None
 }
 
 /// Eqs. 9 and 10: each new frame of a camera turns its attitude by the law's increment.

@@ -10,6 +10,7 @@ mod beam;
 mod commands;
 mod common;
 mod determinism;
+mod doors;
 mod flight;
 mod rendering;
 mod shipped;

@@ -57,7 +57,7 @@ pub struct PointingOutput {
 
 /// The line of sight as the gimbal sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Aim {
+pub struct Aim {
     /// Rates of the line of sight relative to the moving base, azimuth and elevation [rad/s].
     pub rates_radps: DVec2,
     /// Axis angles still to turn [rad].
@@ -173,7 +173,7 @@ impl HandOver {
     }
 
     /// Gimbal rates [rad/s] for an aim, by the gain of each axis [1/s].
-    pub(super) fn gimbal_rates(
+    pub fn gimbal_rates(
         &mut self,
         gimbal: &GimbalParams,
         gains_per_s: [f64; 2],
@@ -195,7 +195,7 @@ impl HandOver {
     }
 
     /// The mirror's set deflection [rad] on its way to `wanted_rad`.
-    pub(super) fn mirror(&mut self, wanted_rad: DVec2) -> DVec2 {
+    pub fn mirror(&mut self, wanted_rad: DVec2) -> DVec2 {
         let stroke = DVec2::splat(self.stroke_rad);
         let wanted = if wanted_rad.abs().max_element() > ENGAGE_STROKES * self.stroke_rad {
             DVec2::ZERO

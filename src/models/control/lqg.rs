@@ -29,6 +29,7 @@ use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
 use super::law::{Aim, HandOver, PointingInput, PointingOutput};
+use super::pointing::PointingLaw;
 use crate::models::maths::kinematics::base_rate_on_axes;
 use crate::models::maths::second_order::{SecondOrderError, second_order_transition};
 use crate::models::mount::gimbal::{AxisParams, GimbalCommand, GimbalParams};
@@ -228,24 +229,11 @@ pub struct LqgPointing {
     /// Share of the innovation that corrects the disturbance.
     observer: f64,
     dt_s: f64,
-}
-
-/// What the law remembers: per axis, servo integrator plus disturbance, and the last command.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LqgMemory {
+    /// What it remembers of each axis.
     axes: [Observer; 2],
 }
 
-impl LqgMemory {
-    /// Keeps the disturbance, but not a last command that is no longer the last.
-    pub fn rest(&mut self) {
-        for axis in &mut self.axes {
-            axis.last = None;
-        }
-    }
-}
-
-/// Observer of one axis.
+/// Observer of one axis: servo integrator plus disturbance, and the last command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Observer {
     /// ξ [rad/s²].
@@ -310,6 +298,7 @@ impl LqgPointing {
             gains: [gain(&gimbal.azimuth)?, gain(&gimbal.elevation)?],
             observer: p / (p + noise),
             dt_s,
+            axes: [Observer::default(); 2],
         })
     }
 
@@ -318,11 +307,11 @@ impl LqgPointing {
     pub fn gimbal_gains_per_s(&self) -> [f64; 2] {
         self.gains.map(|[rate, _]| -rate[0] / (1.0 + rate[1]))
     }
+}
 
-    /// The commands of one tick.
-    pub fn command(
-        &self,
-        memory: &mut LqgMemory,
+impl PointingLaw for LqgPointing {
+    fn command(
+        &mut self,
         hand_over: &mut HandOver,
         gimbal: &GimbalParams,
         input: &PointingInput,
@@ -347,7 +336,7 @@ impl LqgPointing {
             mirror_rad: DVec2::ZERO,
         };
         for (i, axis) in [&gimbal.azimuth, &gimbal.elevation].into_iter().enumerate() {
-            let observer = &mut memory.axes[i];
+            let observer = &mut self.axes[i];
             observer.correct(axis, self.observer, in_space[i], self.dt_s);
             let excess = input.gimbal_rates_radps[i] - aim.rates_radps[i];
             let mut x = [
@@ -374,6 +363,19 @@ impl LqgPointing {
             output.mirror_rad[i] = apply(&self.gains[i][1], &x);
         }
         output
+    }
+
+    /// Keeps the disturbance, but not a last command that is no longer the last.
+    fn rest(&mut self) {
+        for axis in &mut self.axes {
+            axis.last = None;
+        }
+    }
+
+    /// Its mirror rows are gains of another kind.
+    fn gains(&self) -> Vec<(&'static str, f64)> {
+        let [az, el] = self.gimbal_gains_per_s();
+        vec![("gimbal gain [1/s]", az.min(el))]
     }
 }
 

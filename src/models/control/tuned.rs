@@ -22,6 +22,7 @@
 //! mount's own error is 0.4.
 
 use super::law::{Aim, HandOver, PointingInput, PointingOutput};
+use super::pointing::PointingLaw;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalParams};
 
 /// Gains of the tuned pointing law.
@@ -46,10 +47,13 @@ pub struct MirrorRemainder {
     pub rate_s: f64,
 }
 
-impl TunedPointing {
-    /// The commands of one tick.
-    pub fn command(
-        &self,
+impl PointingLaw for TunedPointing {
+    fn lead_s(&self) -> f64 {
+        self.lead_s
+    }
+
+    fn command(
+        &mut self,
         hand_over: &mut HandOver,
         gimbal: &GimbalParams,
         input: &PointingInput,
@@ -68,5 +72,14 @@ impl TunedPointing {
             },
             mirror_rad,
         }
+    }
+
+    fn gains(&self) -> Vec<(&'static str, f64)> {
+        vec![
+            ("gimbal gain [1/s]", self.gimbal_gain_per_s),
+            ("lead [s]", self.lead_s),
+            ("mirror offset left", self.mirror_left.offset),
+            ("mirror rate left [s]", self.mirror_left.rate_s),
+        ]
     }
 }

@@ -231,7 +231,7 @@ fn pointing_loop(
     axis: MountAxis,
     camera: CameraTiming,
     filter: LosFilterParams,
-    law: PointingLaw,
+    law: Box<dyn PointingLaw>,
 ) -> impl FnMut(f64) -> f64 + use<> {
     let MountPlant {
         gimbal,
@@ -406,20 +406,16 @@ pub fn measure_mirror(plant: &MountPlant) -> Result<LoopMeasurement, TuningError
     ))
 }
 
-/// Measures the whole pointing loop under a law.
+/// Measures the whole pointing loop under a law of a name.
 pub fn measure_pointing_loop(
     plant: &MountPlant,
     axis: MountAxis,
     camera: CameraTiming,
     filter: LosFilterParams,
-    law: PointingLaw,
+    (name, law): (&str, &dyn PointingLaw),
 ) -> Result<LoopMeasurement, TuningError> {
     filter.validate()?;
     Mirror::new(&plant.mirror, plant.dt_s)?;
-    let name = match law {
-        PointingLaw::Tuned(_) => "pointing, tuned",
-        PointingLaw::Lqg(..) => "pointing, lqg",
-    };
     let sweep = Sweep {
         dt_s: plant.dt_s,
         // So small that the filter stays in its calm mode: it answers a larger sine by changing
@@ -431,12 +427,12 @@ pub fn measure_pointing_loop(
     let frame_hz = 1.0 / (camera.period_ticks as f64 * plant.dt_s);
     let frequencies = log_spaced(0.1, 0.45 * frame_hz, 60);
     Ok(measure(
-        name.into(),
+        format!("pointing, {name}"),
         "rad",
         &sweep,
         &frequencies,
         5.0,
-        || pointing_loop(plant, axis, camera, filter, law),
+        || pointing_loop(plant, axis, camera, filter, law.boxed()),
     ))
 }
 
@@ -698,7 +694,7 @@ mod tests {
                 sigma_rad: 14e-6, // [rad]
             };
             let filter = LosFilterParams::default();
-            let law = PointingLaw::Tuned(law);
+            let law = ("tuned", &law as &dyn PointingLaw);
             measure_pointing_loop(&plant, MountAxis::Azimuth, camera, filter, law).unwrap()
         };
         let (late, early) = (measured(29), measured(8));

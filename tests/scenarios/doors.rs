@@ -1,0 +1,74 @@
+//! What a user adds from outside: every example runs, and does what it says.
+
+use crate::common::ROOT;
+use boresight::app::{self, Options};
+use boresight::components::control::PointingLaws;
+use boresight::models::control::law::{HandOver, PointingInput, PointingOutput};
+use boresight::models::control::pointing::PointingLaw;
+use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
+use boresight::scenario::Scenario;
+use glam::DVec2;
+use std::path::Path;
+
+#[path = "../../examples/own_law.rs"]
+mod own_law;
+
+#[test]
+fn a_law_of_ones_own_points() {
+    let [tuned, alone] = ["tuned", "gimbal_alone"].map(|law| own_law::rms_urad(law).unwrap());
+    assert!(tuned < 30.0 && alone < 300.0, "{tuned} {alone}");
+    // What the mirror is for.
+    assert!(alone > 1.5 * tuned, "{tuned} {alone}");
+}
+
+/// A law that loses its mind.
+#[derive(Clone, Debug)]
+struct Lost;
+
+impl PointingLaw for Lost {
+    fn command(
+        &mut self,
+        _hand_over: &mut HandOver,
+        _gimbal: &GimbalParams,
+        _input: &PointingInput,
+    ) -> PointingOutput {
+        PointingOutput {
+            gimbal: GimbalCommand {
+                rate_radps: [f64::NAN, 0.0],
+            },
+            mirror_rad: DVec2::ZERO,
+        }
+    }
+}
+
+#[test]
+fn a_law_that_is_unknown_or_returns_no_number_is_one_error() {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let start = |preset: &str| {
+        let set = [
+            "detector.kind=truth",
+            &format!("controller.preset={preset}"),
+        ];
+        let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
+        app::build_with(&loaded, &Options::default(), |app| {
+            let mut laws = app.world_mut().resource_mut::<PointingLaws>();
+            laws.add("lost", |_plant| Ok(Lost));
+        })
+    };
+    let unknown = start("tunde").err().unwrap().to_string();
+    for wanted in [
+        "controller.preset",
+        "no law 'tunde'",
+        "did you mean 'tuned'",
+        "lost",
+        "paper",
+    ] {
+        assert!(unknown.contains(wanted), "{unknown}");
+    }
+    let mut app = start("lost").unwrap();
+    let fault = (0..960).find_map(|_| app::step(app.world_mut()).err());
+    let fault = fault.unwrap().to_string();
+    for wanted in ["station 'station'", "law 'lost'", "NaN", "finite"] {
+        assert!(fault.contains(wanted), "{fault}");
+    }
+}
