@@ -126,14 +126,11 @@ impl Material for LeanMaterial {
         layout: &MeshVertexBufferLayoutRef,
         key: MaterialPipelineKey<Self>,
     ) -> Result<(), SpecializedMeshPipelineError> {
-        let definitions = key.bind_group_data.definitions();
-        let both = (descriptor
-            .fragment
-            .iter_mut()
-            .map(|stage| &mut stage.shader_defs))
-        .chain([&mut descriptor.vertex.shader_defs]);
-        for defined in both {
-            defined.extend(definitions.iter().map(|&definition| definition.into()));
+        for &definition in key.bind_group_data.definitions() {
+            descriptor.vertex.shader_defs.push(definition.into());
+            if let Some(fragment) = &mut descriptor.fragment {
+                fragment.shader_defs.push(definition.into());
+            }
         }
         descriptor.vertex.buffers = vec![layout.0.get_layout(&[
             Mesh::ATTRIBUTE_POSITION.at_shader_location(0),

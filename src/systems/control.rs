@@ -1,6 +1,6 @@
 //! Tracks become commands: mount rates, mirror deflection, readout windows.
 
-pub(crate) mod search;
+mod search;
 
 use crate::components::capture::{Readout, SensorCamera, Tier};
 use crate::components::control::{
@@ -15,7 +15,8 @@ use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::tracking::radar::{Plot, RadarCue, RadarTrack};
-use crate::systems::control::search::{Gaze, closer_every, search};
+use crate::models::tracking::search::Gaze;
+use crate::systems::control::search::{closer_every, search};
 use crate::systems::track::CONFIRM_HITS;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -124,10 +125,7 @@ pub fn command_mount(
             let acquired = tracker
                 .target_track()
                 .filter(|_| tracker.state == TrackingState::Acquire)
-                .map(|track| Gaze {
-                    az_el_rad: track.filter.predicted(clock.t_s()).az_el_rad(),
-                    rates_radps: DVec2::ZERO,
-                });
+                .map(|track| Gaze::still(track.filter.predicted(clock.t_s()).az_el_rad()));
             if let Some(to) = gaze.or(acquired) {
                 let slews = (mount.params).position_command(&mount.gimbal, to.az_el_rad);
                 let rates_radps = DVec2::from(slews.rate_radps) + to.rates_radps;
@@ -161,8 +159,7 @@ fn point(
         law.command(hand_over, &mount.params, &input)
     } else {
         law.rest();
-        let to = gaze.map(|gaze| (gaze.az_el_rad, gaze.rates_radps));
-        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, to)
+        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, gaze)
     };
     command.gimbal = output.gimbal;
     command.mirror_rad = output.mirror_rad;

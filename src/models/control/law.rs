@@ -9,6 +9,7 @@ use crate::models::maths::kinematics::{exp_so3, los_to_az_el};
 use crate::models::mount::gimbal::{GimbalCommand, GimbalParams, GimbalState};
 use crate::models::mount::mirror::Mirror;
 use crate::models::tracking::estimation::LosState;
+use crate::models::tracking::search::Gaze;
 
 /// What a pointing law reads at the start of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -206,26 +207,24 @@ impl HandOver {
         self.set_rad
     }
 
-    /// Lets go of the target and slews to a place `to` that moves (azimuth x, elevation y [rad], and their
-    /// rates [rad/s]), or stops without one: from the rates commanded before, and the mirror on its way home.
+    /// Lets go of the target and slews to a gaze and along with it, or stops without one: from the rates
+    /// commanded before, and the mirror on its way home.
     pub fn slew(
         &mut self,
         gimbal: &GimbalParams,
         commanded: &GimbalCommand,
         az_el_rad: DVec2,
-        to: Option<(DVec2, DVec2)>,
+        gaze: Option<Gaze>,
     ) -> PointingOutput {
         self.turn_radps = None;
-        let (error, moves_radps) = to
-            .map_or((DVec2::ZERO, DVec2::ZERO), |(to_rad, rates_radps)| {
-                (gimbal.error_rad(to_rad, az_el_rad), rates_radps)
-            });
+        let gaze = gaze.unwrap_or(Gaze::still(az_el_rad));
+        let error = gimbal.error_rad(gaze.az_el_rad, az_el_rad);
         let rate_radps = [0, 1].map(|i| {
             let axis = [&gimbal.azimuth, &gimbal.elevation][i];
             let accel = TORQUE_SHARE * axis.torque_limit_nm / axis.inertia_kg_m2;
             // A quarter of the rate loop's bandwidth keeps the cascade well damped.
             let wanted =
-                turn_rate(0.25 * TAU * axis.bandwidth_hz, accel, error[i]) + moves_radps[i];
+                turn_rate(0.25 * TAU * axis.bandwidth_hz, accel, error[i]) + gaze.rates_radps[i];
             let (before, step) = (commanded.rate_radps[i], EASE * accel * self.dt_s);
             wanted.min(before + step).max(before - step)
         });

@@ -40,6 +40,25 @@ impl SearchPattern {
     }
 }
 
+/// Where the mount is to look, and how that moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaze {
+    /// Azimuth (x) and elevation (y) [rad].
+    pub az_el_rad: DVec2,
+    /// Their rates [rad/s].
+    pub rates_radps: DVec2,
+}
+
+impl Gaze {
+    /// A gaze that rests at an azimuth (x) and elevation (y) [rad].
+    pub fn still(az_el_rad: DVec2) -> Self {
+        Self {
+            az_el_rad,
+            rates_radps: DVec2::ZERO,
+        }
+    }
+}
+
 /// A sector of the sky to be searched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sector {

@@ -6,7 +6,7 @@ use crate::components::mount::Mount;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::models::tracking::radar::RadarCue;
-use crate::models::tracking::search::{SearchPattern, Sector};
+use crate::models::tracking::search::{Gaze, SearchPattern, Sector};
 use crate::models::tracking::table::{Track, separation_rad};
 use glam::DVec2;
 
@@ -37,15 +37,6 @@ const FOLLOW_FIELDS: f64 = 0.25;
 const MOST_CLOSER_GAZES: usize = 20;
 const CLOSER_FRAMES: f64 = 10.0;
 const CLOSER_HZ: f64 = 30.0;
-
-/// Where the mount is to look, and how that moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gaze {
-    /// Azimuth (x) and elevation (y) [rad].
-    pub az_el_rad: DVec2,
-    /// Their rates [rad/s].
-    pub rates_radps: DVec2,
-}
 
 /// Of how many of its exposures a finer camera of `frame_s` [s] a frame reads one in its pass.
 pub(super) fn closer_every(frame_s: f64) -> u64 {
