@@ -1,9 +1,10 @@
 //! From a scenario to an app that steps: Bevy, the plugins, the set-up.
 
+use crate::components::detect::DetectorInUse;
 use crate::components::run::{Failure, PartError, RunScenario, SetUp};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::render::ScenePlugin;
-use crate::scenario::{DetectorKind, InputError, Loaded};
+use crate::scenario::{InputError, Loaded};
 use crate::systems::render::renderer::Renderer;
 use crate::systems::run;
 use bevy::app::{Main, PluginGroupBuilder, TaskPoolThreadAssignmentPolicy};
@@ -106,10 +107,12 @@ pub fn build_with(
     options: &Options,
     more: impl FnOnce(&mut App),
 ) -> Result<App, RunError> {
-    if loaded.scenario.detector.kind == DetectorKind::Onnx && !options.capture {
+    let app = set_up(loaded, options, more)?;
+    let detector = &app.world().resource::<DetectorInUse>().detector;
+    if detector.wants_pictures() && !options.capture {
         return Err(RunError::NeedsImages);
     }
-    set_up(loaded, options, more)
+    Ok(app)
 }
 
 /// An app with every plugin, its set-up run.

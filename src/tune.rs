@@ -2,6 +2,7 @@
 
 use crate::components::capture::Tier;
 use crate::components::control::Controller;
+use crate::components::detect::Reading;
 use crate::components::run::SimClock;
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::{LawRegistry, PointingLaw};
@@ -355,7 +356,13 @@ fn timing(scenario: &Scenario, clock: &SimClock, tier: Tier) -> Result<CameraTim
         Exposure::Auto(_) => AUTO_EXPOSURE_S,
     };
     let latency_s = 0.5 * exposure_s + camera.readout_latency_s + camera.inference_latency_s;
-    let sigma_px = tracker_params(scenario, &cameras, DVec3::ZERO).centre_sigma_px;
+    let detector = &scenario.detector;
+    let reading = if detector.is_truth() {
+        Reading::of_truth(detector.truth.noise_px)
+    } else {
+        Reading::of_network(0.0, 0.0, None)
+    };
+    let sigma_px = tracker_params(scenario, &cameras, DVec3::ZERO, &reading).centre_sigma_px;
     Ok(CameraTiming {
         period_ticks: u64::from(scenario.tick_hz / camera.rate_hz),
         latency_ticks: clock.ticks_of(latency_s),

@@ -1,36 +1,95 @@
 //! The detector, and detections on their way to the tracker.
 
 use crate::components::capture::{ExposedFrame, PixelRect, Readout};
-use crate::inference::Inference;
+use crate::components::run::{Options, PartError, Seed};
 use crate::models::flight::class::is_uav;
-use crate::models::optics::detection::{Detection, TruthErrors};
+use crate::models::optics::detection::Detection;
+use crate::models::tracking::evidence::ScoreModel;
+use crate::scenario::Loaded;
 use bevy::prelude::*;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-/// The detector of a run: an image goes in, boxes with scores come out.
-#[derive(Resource)]
-pub enum Detector {
-    /// A network on the rendered image.
-    Onnx {
-        /// The model at work.
-        inference: Box<Inference>,
-        /// A detection of this score counts by itself.
-        score_threshold: f64,
-        /// One of a lower score goes on with a track; below this one it is dropped.
-        weak_threshold: f64,
-        /// Side of the square around the predicted target in which it looks for that [px].
-        roi_px: Option<u32>,
-        /// The stations that wait for an answer, one for each picture, in the order in which they asked.
-        asked: VecDeque<Entity>,
-    },
-    /// The geometric truth with set errors; needs no image.
-    Truth {
-        /// Noise, misses, false alarms and scores.
-        errors: TruthErrors,
-        /// Seed of the run.
-        seed: u64,
-    },
+/// A frame, and how a detector is to look at it.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// What was exposed.
+    pub frame: Arc<ExposedFrame>,
+    /// The pixels in which to look.
+    pub look: PixelRect,
+    /// By how much, a whole number, the picture is to be shrunk.
+    pub shrunk: u32,
+}
+
+/// What finds UAVs in frames: questions go in, answers come out in their order.
+pub trait Detector: Send + Sync {
+    /// Names of its classes, by the labels of its detections.
+    fn classes(&self) -> &[String];
+
+    /// How its answers are read.
+    fn reading(&self) -> Reading;
+
+    /// Whether it looks at pictures: a run that renders nothing refuses it then.
+    fn wants_pictures(&self) -> bool {
+        true
+    }
+
+    /// Takes the questions of a tick; it may work on them meanwhile.
+    fn ask(&mut self, questions: Vec<Question>);
+
+    /// The detections, in full-sensor pixels, of the oldest question without an answer; waits for them.
+    fn answer(&mut self) -> Result<Vec<Detection>, PartError>;
+}
+
+/// How a detector's answers are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// A detection of this score counts by itself.
+    pub start_score: f64,
+    /// One of a lower score goes on with a track; below this one it is dropped.
+    pub weak_score: f64,
+    /// What its scores mean.
+    pub score: ScoreModel,
+    /// Side of the square around the predicted target in which it looks for that [px]; `None`: in all that is read.
+    pub roi_px: Option<u32>,
+    /// What is larger than this is shown to it shrunk, so that it is no larger [px].
+    pub largest_shown_px: f64,
+    /// Standard deviation of a detection's centre [px], and what a larger box adds to it, as a share of its side.
+    pub centre_sigma_px: f64,
+    pub centre_sigma_rel: f64,
+    /// Whether it boxes the part aimed at rather than the whole UAV.
+    pub boxes_part: bool,
+}
+
+impl Reading {
+    /// That of a network for small UAVs, as the shipped one errs on boxes of 3 to 80 px (docs/validation.md).
+    pub fn of_network(start_score: f64, weak_score: f64, roi_px: Option<u32>) -> Self {
+        Self {
+            start_score,
+            weak_score,
+            score: ScoreModel::BySize,
+            roi_px,
+            largest_shown_px: LARGEST_SHOWN_PX,
+            centre_sigma_px: 0.5,
+            centre_sigma_rel: 0.015,
+            boxes_part: false,
+        }
+    }
+
+    /// That of the geometric truth with noise of this standard deviation [px].
+    pub fn of_truth(noise_px: f64) -> Self {
+        Self {
+            start_score: 0.0,
+            weak_score: 0.0,
+            score: ScoreModel::Fixed(0.72),
+            roi_px: None,
+            largest_shown_px: f64::INFINITY,
+            // With no noise at all the filter would ignore its own prediction.
+            centre_sigma_px: noise_px.max(0.02),
+            centre_sigma_rel: 0.0,
+            boxes_part: true,
+        }
+    }
 }
 
 /// A target must not be larger than this share of the region in which the network looks for it, or the
@@ -38,22 +97,34 @@ pub enum Detector {
 const LARGEST_SHARE: f64 = 0.5;
 /// A region grows in steps of this many pixels, a common stride of networks.
 const REGION_STEP_PX: u32 = 64;
-/// What is larger than this is shown to the network shrunk, so that it is no larger: networks for small UAVs
-/// do not know larger ones (the shipped one scores 0.8 at 40 px, 0.3 at 125 px; docs/validation.md).
+/// What is larger than this is shown to a network shrunk: networks for small UAVs do not know larger ones (the
+/// shipped one scores 0.8 at 40 px, 0.3 at 125 px; docs/validation.md).
 const LARGEST_SHOWN_PX: f64 = 64.0;
 
-impl Detector {
-    /// Side of the square in which it looks for a predicted target [px], if it does so at all.
-    pub fn roi_px(&self) -> Option<u32> {
-        match self {
-            Detector::Onnx { roi_px, .. } => *roi_px,
-            Detector::Truth { .. } => None,
+/// The detector of a run, which serves all stations.
+#[derive(Resource)]
+pub struct DetectorInUse {
+    /// The detector at work.
+    pub detector: Box<dyn Detector>,
+    /// How its answers are read.
+    pub reading: Reading,
+    /// The stations that wait for an answer, one for each question, in the order in which they asked.
+    pub asked: VecDeque<Entity>,
+}
+
+impl DetectorInUse {
+    /// Puts a detector to work.
+    pub fn new(detector: Box<dyn Detector>) -> Self {
+        Self {
+            reading: detector.reading(),
+            detector,
+            asked: VecDeque::new(),
         }
     }
 
     /// The part of the pixels `rect` in which it looks.
     pub fn look(&self, readout: &Readout, rect: PixelRect) -> PixelRect {
-        match (readout, self.roi_px()) {
+        match (readout, self.reading.roi_px) {
             (
                 Readout::Around {
                     centre_px,
@@ -65,53 +136,78 @@ impl Detector {
         }
     }
 
-    /// By how much, a whole number, the network's picture of a readout is shrunk.
+    /// By how much, a whole number, its picture of a readout is shrunk.
     pub fn shrinks(&self, readout: &Readout) -> u32 {
-        match (self, readout) {
-            (Detector::Onnx { .. }, Readout::Around { target_px, .. }) => {
-                (target_px / LARGEST_SHOWN_PX).ceil().max(1.0) as u32
+        match readout {
+            Readout::Around { target_px, .. } => {
+                (target_px / self.reading.largest_shown_px).ceil().max(1.0) as u32
             }
             _ => 1,
         }
     }
 
-    /// The score from which on a detection counts by itself.
-    pub fn start_score(&self) -> f64 {
-        match self {
-            Detector::Onnx {
-                score_threshold, ..
-            } => *score_threshold,
-            Detector::Truth { .. } => 0.0,
-        }
-    }
-
     /// Bit by bit, which of its classes are no UAVs.
     pub fn other_classes(&self) -> u64 {
-        match self {
-            Detector::Onnx { inference, .. } => other_classes(inference.classes()),
-            Detector::Truth { .. } => 0,
-        }
+        other_classes(self.detector.classes())
     }
 
     /// Name of the class with the index that detections and tracks carry.
     pub fn class(&self, label: u32) -> &str {
-        match self {
-            Detector::Onnx { inference, .. } => inference
-                .classes()
-                .get(label as usize)
-                .map_or("uav", String::as_str),
-            Detector::Truth { .. } => "uav",
-        }
+        let known = self.detector.classes().get(label as usize);
+        known.map_or("uav", String::as_str)
     }
 
     /// What a picture's box is labelled with: the score, and the class where there are several.
     pub fn caption(&self, detection: &Detection) -> String {
-        match self {
-            Detector::Onnx { inference, .. } if inference.classes().len() > 1 => {
-                format!("{} {:.2}", self.class(detection.label), detection.score)
-            }
-            _ => format!("{:.2}", detection.score),
+        if self.detector.classes().len() > 1 {
+            format!("{} {:.2}", self.class(detection.label), detection.score)
+        } else {
+            format!("{:.2}", detection.score)
         }
+    }
+}
+
+/// What a detector is made for.
+pub struct DetectorSite<'a> {
+    /// The scenario, and how it is run.
+    pub loaded: &'a Loaded,
+    pub options: &'a Options,
+    /// The seed of the run.
+    pub seed: Seed,
+    /// Sizes of the cameras' sensors [px].
+    pub sensors_px: &'a [[u32; 2]],
+}
+
+/// Makes a detector.
+type Make = Box<dyn Fn(&DetectorSite) -> Result<Box<dyn Detector>, PartError> + Send + Sync>;
+
+/// The detectors that a scenario may name.
+#[derive(Resource, Default)]
+pub struct Detectors(BTreeMap<String, Make>);
+
+impl Detectors {
+    /// Adds a detector under a name, in place of one that had it.
+    pub fn add<D: Detector + 'static>(
+        &mut self,
+        name: &str,
+        make: impl Fn(&DetectorSite) -> Result<D, PartError> + Send + Sync + 'static,
+    ) {
+        let make: Make = Box::new(move |site| Ok(Box::new(make(site)?)));
+        self.0.insert(name.to_owned(), make);
+    }
+
+    /// Names of the detectors, in their alphabet's order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
+    /// The detector of a name; `None` where there is none of that name.
+    pub fn make(
+        &self,
+        name: &str,
+        site: &DetectorSite,
+    ) -> Option<Result<Box<dyn Detector>, PartError>> {
+        Some(self.0.get(name)?(site))
     }
 }
 
@@ -180,14 +276,11 @@ impl DetectionQueue {
             .any(|batch| !batch.answered)
     }
 
-    /// Puts the detector's next answer, in pixels of the part that it looked at, into its batch.
-    pub fn answer(&mut self, found: &[Detection]) {
+    /// Puts the detector's next answer into its batch.
+    pub fn answer(&mut self, found: Vec<Detection>) {
         let open = self.waiting.iter_mut().filter(|batch| !batch.answered);
         if let Some(batch) = open.min_by_key(|batch| batch.asked()) {
-            let offset_px = batch.look.offset_px;
-            let shrunk = f64::from(batch.shrunk);
-            let placed = |found: &Detection| found.enlarged(shrunk).shifted(offset_px);
-            batch.detections = found.iter().map(placed).collect();
+            batch.detections = found;
             batch.answered = true;
         }
     }
@@ -254,22 +347,21 @@ mod tests {
             label: 0,
         };
         assert!(!queue.wants_answer(23) && queue.wants_answer(24));
-        queue.answer(&[seen(1.0)]);
+        queue.answer(vec![seen(1.0)]);
         assert!(
             queue.wants_answer(24),
             "the first answer was the search camera's"
         );
-        queue.answer(&[seen(2.0)]);
+        queue.answer(vec![seen(2.0)]);
         assert!(!queue.wants_answer(40));
         queue.release(24);
         let [precise] = &queue.arrived[..] else {
             panic!("{:?}", queue.arrived)
         };
         assert_eq!(precise.frame.tier, Tier::Precise);
-        // In pixels of the sensor, not of the part looked at.
-        assert_eq!(precise.detections[0].box_px, [102.0, 50.0, 106.0, 54.0]);
+        assert_eq!(precise.detections[0].box_px[0], 2.0);
         queue.release(40);
-        assert_eq!(queue.arrived[0].detections[0].box_px[0], 101.0);
+        assert_eq!(queue.arrived[0].detections[0].box_px[0], 1.0);
         assert!(queue.waiting.is_empty());
     }
 }

@@ -1,7 +1,7 @@
 //! Tracks and the tracking state.
 
 use crate::components::capture::Tier;
-use crate::components::detect::Detector;
+use crate::components::detect::{DetectorInUse, Reading};
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
@@ -10,7 +10,7 @@ use crate::components::track::{
 use crate::inference::OnnxRecogniser;
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, AssociationRule, CameraConfig, DetectorKind, Scenario};
+use crate::scenario::{self, AssociationRule, CameraConfig, Scenario};
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
@@ -49,15 +49,14 @@ fn set_up(
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
     clock: Res<SimClock>,
-    detector: Res<Detector>,
+    detector: Res<DetectorInUse>,
     stations: Query<(Entity, &Station, &Mount)>,
 ) {
     let scenario = &loaded.scenario;
     let known = scenario.stations();
     for (entity, station, mount) in &stations {
         let cameras = &known[station.index].config.cameras.resolved();
-        let mut params = tracker_params(scenario, cameras, mount.r_enu_m);
-        params.start_score = detector.start_score();
+        let mut params = tracker_params(scenario, cameras, mount.r_enu_m, &detector.reading);
         params.reads.other_classes = detector.other_classes();
         commands.entity(entity).insert((
             params,
@@ -110,6 +109,7 @@ pub fn tracker_params(
     scenario: &Scenario,
     cameras: &[CameraConfig; 3],
     r_station_enu_m: DVec3,
+    reading: &Reading,
 ) -> TrackerParams {
     let scenario::TrackerConfig {
         rule,
@@ -121,30 +121,23 @@ pub fn tracker_params(
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.is_paper();
-    let truth = &scenario.detector.truth;
-    let (specified_px, centre_sigma_rel, score, aim) = match scenario.detector.kind {
-        // As the shipped network errs on boxes of 3 to 80 px (docs/validation.md).
-        DetectorKind::Onnx => (0.5, 0.015, ScoreModel::BySize, Some(engage.aim)),
-        // With no noise at all the filter would ignore its own prediction.
-        DetectorKind::Truth => (truth.noise_px.max(0.02), 0.0, ScoreModel::Fixed(0.72), None),
-    };
     let precise = &cameras[Tier::Precise as usize];
     let height_share = f64::from(precise.height_px) / f64::from(precise.width_px);
     TrackerParams {
         nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
         linear_angles: paper,
-        centre_sigma_px: centre_sigma_px.unwrap_or(specified_px),
-        centre_sigma_rel,
-        start_score: 0.0,
+        centre_sigma_px: centre_sigma_px.unwrap_or(reading.centre_sigma_px),
+        centre_sigma_rel: reading.centre_sigma_rel,
+        start_score: reading.start_score,
         reads: EvidenceParams {
             min_quality,
-            score: min_score.map_or(score, ScoreModel::Fixed),
+            score: min_score.map_or(reading.score, ScoreModel::Fixed),
             other_classes: 0,
         },
         precise_field_rad: precise.hfov_deg.to_radians() * height_share.min(1.0),
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
-        aim,
+        aim: (!reading.boxes_part).then_some(engage.aim),
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,

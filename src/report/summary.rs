@@ -8,7 +8,7 @@ use crate::VERSION;
 use crate::app::Options;
 use crate::components::beam::{BeamState, Dose};
 use crate::components::capture::{Cameras, SensorCamera, Tier};
-use crate::components::detect::Detector;
+use crate::components::detect::DetectorInUse;
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
@@ -383,7 +383,7 @@ fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, St
 
 /// What the page of the run shows.
 fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> ReportData {
-    let detector = world.resource::<Detector>();
+    let detector = world.resource::<DetectorInUse>();
     let stations = &world.resource::<Stations>().0;
     let mut frames: Vec<&KeptFrame> = (stations.iter())
         .filter_map(|station| world.get::<History>(*station))
@@ -453,7 +453,7 @@ fn state_spans(tracker: &Tracker, loaded: &Loaded, end_s: f64) -> Vec<StateSpan>
 }
 
 /// A picture of the run with its detections, in pixels of the picture.
-fn contact_frame(detector: &Detector, frame: &KeptFrame) -> ContactFrame {
+fn contact_frame(detector: &DetectorInUse, frame: &KeptFrame) -> ContactFrame {
     let [dx, dy] = frame.offset_px.map(f64::from);
     let boxes = frame.detections.iter().map(|detection| {
         let [x0, y0, x1, y1] = detection.box_px;

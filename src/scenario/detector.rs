@@ -13,8 +13,9 @@ use super::check::{Check, FRACTION};
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "Detector")]
 pub struct DetectorConfig {
-    /// A neural network on the rendered images, or the truth with errors added.
-    pub kind: DetectorKind,
+    /// "onnx": a neural network on the rendered images; "truth": the true positions with errors added, which needs
+    /// no images; or a detector that a plugin adds.
+    pub kind: String,
     /// The ONNX file, relative to the working directory.
     pub onnx_model: PathBuf,
     /// What runs the network; the loaded ONNX Runtime must have it.
@@ -34,7 +35,7 @@ pub struct DetectorConfig {
 impl Default for DetectorConfig {
     fn default() -> Self {
         Self {
-            kind: DetectorKind::Onnx,
+            kind: ONNX.into(),
             onnx_model: PathBuf::from("assets/models/boresight-p2-roi.onnx"),
             provider: Provider::Cpu,
             score_threshold: None,
@@ -45,15 +46,10 @@ impl Default for DetectorConfig {
     }
 }
 
-/// Kind of detector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum DetectorKind {
-    /// A neural network in ONNX form.
-    Onnx,
-    /// True positions with noise, misses and false alarms; needs no images.
-    Truth,
-}
+/// The kind of detector that is a neural network in ONNX form.
+pub const ONNX: &str = "onnx";
+/// The kind that is the true positions with noise, misses and false alarms; it needs no images.
+pub const TRUTH: &str = "truth";
 
 /// Execution provider of ONNX Runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -111,6 +107,16 @@ impl Default for TruthErrorsConfig {
 }
 
 impl DetectorConfig {
+    /// Whether it is a network.
+    pub fn is_onnx(&self) -> bool {
+        self.kind == ONNX
+    }
+
+    /// Whether it is the truth with errors added.
+    pub fn is_truth(&self) -> bool {
+        self.kind == TRUTH
+    }
+
     pub(super) fn check(&self, check: &mut Check) {
         check.maybe_within("score_threshold", self.score_threshold, FRACTION);
         check.within("weak_share", self.weak_share, FRACTION);

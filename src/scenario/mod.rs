@@ -29,7 +29,7 @@ pub use cameras::{
     Shutter, WhiteBalance,
 };
 pub use control::{ControllerConfig, Gains, PAPER};
-pub use detector::{DetectorConfig, DetectorKind, Provider, TruthErrorsConfig};
+pub use detector::{DetectorConfig, ONNX, Provider, TRUTH, TruthErrorsConfig};
 pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
 pub use load::{InputError, Place, Places, suggestion};

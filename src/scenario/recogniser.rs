@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::DetectorConfig;
 use super::check::Check;
-use super::{DetectorConfig, DetectorKind};
 
 /// A network that says over time what a track is: UAV, bird, aeroplane, helicopter, balloon, other.
 /// It looks at pictures: beside the truth detector it rests.
@@ -42,7 +42,7 @@ impl RecogniserConfig {
             Some(file) => Some(file.as_path()),
             None => own.then(|| Path::new(SHIPPED)),
         };
-        named.filter(|file| !file.as_os_str().is_empty() && detector.kind == DetectorKind::Onnx)
+        named.filter(|file| !file.as_os_str().is_empty() && detector.is_onnx())
     }
 
     pub(super) fn check(&self, check: &mut Check, tick_hz: u32) {
@@ -63,7 +63,7 @@ mod tests {
             ..shipped.clone()
         };
         let truth = DetectorConfig {
-            kind: DetectorKind::Truth,
+            kind: crate::scenario::TRUTH.into(),
             ..shipped.clone()
         };
         let named = |file: Option<&str>| RecogniserConfig {

@@ -361,7 +361,7 @@ fn overrides_replace_and_add() {
         "time_utc=2025-01-01T00:00:00Z",
         "station.cameras.coarse.exposure_s=1e-3",
     ]);
-    assert_eq!(scenario.detector.kind, DetectorKind::Truth);
+    assert!(scenario.detector.is_truth());
     assert_eq!(scenario.uavs[0].model, UavKind::Mavic2);
     assert_eq!(
         scenario.uavs[0].trajectory,

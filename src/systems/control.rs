@@ -6,7 +6,7 @@ use crate::components::capture::{CameraOf, Cameras, Readout, SensorCamera, Tier}
 use crate::components::control::{
     Controller, PaperController, PointingController, Radar, SearchScan,
 };
-use crate::components::detect::Detector;
+use crate::components::detect::DetectorInUse;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
 use crate::components::mount::{CameraView, Mount, MountCommand, Station};
 use crate::components::run::{Failure, SimClock};
@@ -277,7 +277,7 @@ const WATCH_COARSE: u64 = 6;
 /// What each camera reads out next.
 pub fn choose_readouts(
     clock: Res<SimClock>,
-    detector: Res<Detector>,
+    detector: Res<DetectorInUse>,
     stations: Query<(&Tracker, &SearchScan)>,
     mut cameras: Query<(&CameraOf, &SensorCamera, &CameraView, &mut Readout)>,
 ) {
@@ -319,7 +319,7 @@ pub fn choose_readouts(
             (_, Tier::Search) => Readout::Off,
             (state, tier) => {
                 let around = around_target(tracker, camera, &view.believed, clock.t_s())
-                    .filter(|_| camera.window_px.or(detector.roi_px()).is_some());
+                    .filter(|_| camera.window_px.or(detector.reading.roi_px).is_some());
                 let settled = state.holds(tier) || state.holds(Tier::Precise);
                 let watches = tier == Tier::Coarse
                     && state.holds(Tier::Coarse)

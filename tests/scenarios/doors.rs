@@ -1,7 +1,8 @@
 //! What a user adds from outside: every example runs, and does what it says.
 
-use crate::common::ROOT;
+use crate::common::{ROOT, boresight, refused, rendering};
 use boresight::app::{self, Options};
+use boresight::components::capture::Tier;
 use boresight::components::control::PointingLaws;
 use boresight::models::control::law::{HandOver, PointingInput, PointingOutput};
 use boresight::models::control::pointing::PointingLaw;
@@ -10,8 +11,34 @@ use boresight::scenario::Scenario;
 use glam::DVec2;
 use std::path::Path;
 
+#[path = "../../examples/own_detector.rs"]
+mod own_detector;
 #[path = "../../examples/own_law.rs"]
 mod own_law;
+
+#[test]
+fn a_detector_of_ones_own_finds() {
+    let _one = rendering();
+    let tracker = own_detector::run().unwrap();
+    assert!(tracker.state.holds(Tier::Coarse), "{:?}", tracker.changes);
+}
+
+#[test]
+fn an_unknown_detector_is_one_error() {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let wanted = [
+        "detector.kind",
+        "no detector 'onxn'",
+        "did you mean 'onnx'",
+        "truth",
+    ];
+    let mut command = boresight();
+    command
+        .arg("check")
+        .arg(path)
+        .args(["--set", "detector.kind=onxn"]);
+    refused(&mut command, &wanted);
+}
 
 #[test]
 fn a_law_of_ones_own_points() {

@@ -13,7 +13,7 @@ use crate::eval::shared::{put, put_json, quoted};
 use crate::media::image::encode_jpeg;
 use crate::output::OutputError;
 use crate::report::run::ContactFrame;
-use crate::scenario::{DetectorKind, Loaded, Scenario};
+use crate::scenario::{Loaded, Scenario};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
@@ -76,11 +76,10 @@ impl Bench<'_> {
         let program = program.and_then(|path| digest(&path));
         let program = program.map_err(|source| EvalError::Program { source })?;
         let detector = &loaded.scenario.detector;
-        let model = match detector.kind {
-            // One that cannot be read is refused by the run, with its line.
-            DetectorKind::Onnx => digest(&detector.onnx_model).unwrap_or_default(),
-            DetectorKind::Truth => 0,
-        };
+        // One that cannot be read is refused by the run, with its line.
+        let model = (detector.is_onnx())
+            .then(|| digest(&detector.onnx_model).unwrap_or_default())
+            .unwrap_or_default();
         let recogniser =
             (loaded.scenario.recogniser.model(detector)).and_then(|file| digest(file).ok());
         let text = format!(
@@ -104,7 +103,7 @@ impl Bench<'_> {
         let (facts, loaded) = self.draw(index)?;
         let key = self.key(&loaded)?;
         let options = Options {
-            capture: loaded.scenario.detector.kind == DetectorKind::Onnx,
+            capture: !loaded.scenario.detector.is_truth(),
             ..Options::default()
         };
         let (record, pictures) = watched(&loaded, &options)?;
@@ -132,7 +131,7 @@ impl Bench<'_> {
     fn command(&self, loaded: &Loaded) -> String {
         let set = self.changes();
         let set = set.iter().map(|set| format!(" --set {}", quoted(set)));
-        let truth = loaded.scenario.detector.kind == DetectorKind::Truth;
+        let truth = loaded.scenario.detector.is_truth();
         format!(
             "boresight run {}{}{}",
             quoted(loaded.path.display()),

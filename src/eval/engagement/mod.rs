@@ -17,7 +17,6 @@ mod watch;
 use super::EvalError;
 use super::shared::{progress, put_json, threads, within, writable};
 use crate::app;
-use crate::scenario::DetectorKind;
 pub use arguments::Arguments;
 use job::{Bench, Outcome};
 use recipe::Recipe;
@@ -43,7 +42,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     writable(&json)?;
     // What keeps all of them from running is told before the work.
     let (_, loaded) = bench.draw(0)?;
-    let rendered = loaded.scenario.detector.kind == DetectorKind::Onnx;
+    let rendered = !loaded.scenario.detector.is_truth();
     if rendered {
         app::adapter()?;
     }

@@ -3,7 +3,7 @@
 use super::verdict::{Cause, GivenUp, Glance, LATELY_S, LEAST_PX, Record, What, charge};
 use crate::components::beam::BeamState;
 use crate::components::capture::{SensorCamera, Tier};
-use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
+use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::engage::{Interlocks, Rules};
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape, UavStatus};
@@ -368,7 +368,7 @@ impl Seen {
 
     /// The last picture of each camera with what was found and what is true in it.
     fn moment(&self, now: &Now, why: &str) -> Vec<ContactFrame> {
-        let detector = now.world.resource::<Detector>();
+        let detector = now.world.resource::<DetectorInUse>();
         let fresh = self.latest.iter().flatten().filter_map(|batch| {
             let t_s = now.clock.at_s(batch.frame.tick);
             (now.t_s - t_s < STALE_S).then_some((batch, t_s))

@@ -2,7 +2,7 @@
 
 use crate::components::beam::{BeamState, LaserSource};
 use crate::components::capture::{ExposedFrame, Frames, SensorCamera};
-use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
+use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::engage::Interlocks;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{CameraView, Mount, MountCommand, Optics, Station};
@@ -60,7 +60,7 @@ pub struct Recorded<'w, 's> {
     clock: Res<'w, SimClock>,
     hash: Res<'w, StateHash>,
     frames: Res<'w, Frames>,
-    detector: Res<'w, Detector>,
+    detector: Res<'w, DetectorInUse>,
     stations: Query<'w, 's, RecordedStation>,
     uavs: Query<'w, 's, Flying>,
     cameras: Query<'w, 's, (&'static SensorCamera, &'static CameraView)>,

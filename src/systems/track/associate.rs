@@ -1,7 +1,7 @@
 //! Detections become sightings, and sightings tracks.
 
 use crate::components::capture::{PixelRect, Tier};
-use crate::components::detect::{DetectionBatch, DetectionQueue, Detector};
+use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Gallery, Tracker, TrackerParams, TrackingState};
 use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el};
@@ -18,7 +18,7 @@ const POINTING_SIGMA_RAD: f64 = 5e-6;
 /// Updates the track table with the batches that arrived in this tick.
 pub fn associate(
     clock: Res<SimClock>,
-    detector: Res<Detector>,
+    detector: Res<DetectorInUse>,
     mut stations: Query<(&TrackerParams, &DetectionQueue, &mut Gallery, &mut Tracker)>,
 ) {
     for (params, queue, mut gallery, mut tracker) in &mut stations {

@@ -2,7 +2,7 @@
 
 use super::style::{AMBER, GREEN, GREY, panel_frame, rimmed, screen_ui};
 use crate::components::capture::{Readout, SensorCamera};
-use crate::components::detect::Detector;
+use crate::components::detect::DetectorInUse;
 use crate::components::record::{CameraHistory, KeptFrame};
 use crate::components::view::{Insets, Uploaded};
 use bevy::asset::RenderAssetUsages;
@@ -73,7 +73,7 @@ pub fn upload_pictures(
 pub fn draw_insets(
     mut contexts: EguiContexts,
     insets: Res<Insets>,
-    detector: Res<Detector>,
+    detector: Res<DetectorInUse>,
     cameras: Query<(&SensorCamera, &Readout, &CameraHistory)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
@@ -175,7 +175,7 @@ impl PlacedPicture {
         painter: &egui::Painter,
         frame: &KeptFrame,
         inset: Option<&Uploaded>,
-        detector: &Detector,
+        detector: &DetectorInUse,
     ) {
         if let Some(inset) = inset {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));

@@ -2,7 +2,7 @@
 
 use super::style::{AMBER, GREEN, GREY, RED, heading, panel_frame, row, screen_ui, status_colour};
 use crate::components::beam::BeamState;
-use crate::components::detect::Detector;
+use crate::components::detect::DetectorInUse;
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
@@ -24,7 +24,7 @@ pub fn draw_panel(
     mut contexts: EguiContexts,
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    detector: Res<Detector>,
+    detector: Res<DetectorInUse>,
     mut pacing: ResMut<Pacing>,
     mut stations: Query<(
         &Station,
@@ -241,7 +241,7 @@ fn targets(
     ui: &mut egui::Ui,
     clock: &SimClock,
     tracker: &Tracker,
-    detector: &Detector,
+    detector: &DetectorInUse,
     known: &[(&str, DVec2)],
 ) -> Option<Designation> {
     /// A track this near to a UAV is listed under its name [rad].

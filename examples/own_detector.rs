@@ -1,0 +1,99 @@
+//! A detector of one's own: what is darkest against its surroundings.
+//!
+//! `source scripts/env.sh; cargo run --release --example own_detector`
+
+use boresight::app::{Options, build_with, step};
+use boresight::components::detect::{Detector, Detectors, Question, Reading};
+use boresight::components::mount::first_station;
+use boresight::components::run::PartError;
+use boresight::components::track::Tracker;
+use boresight::models::optics::detection::Detection;
+use boresight::scenario::Scenario;
+use std::collections::VecDeque;
+use std::error::Error;
+use std::path::Path;
+
+/// Boxes of 5 px about the darkest spot of each picture.
+#[derive(Default)]
+struct Darkest {
+    classes: [String; 0],
+    answers: VecDeque<Vec<Detection>>,
+}
+
+impl Detector for Darkest {
+    fn classes(&self) -> &[String] {
+        &self.classes
+    }
+
+    fn reading(&self) -> Reading {
+        Reading::of_network(0.3, 0.15, Some(256))
+    }
+
+    fn ask(&mut self, questions: Vec<Question>) {
+        self.answers.extend(questions.iter().map(darkest));
+    }
+
+    fn answer(&mut self) -> Result<Vec<Detection>, PartError> {
+        Ok(self.answers.pop_front().unwrap_or_default())
+    }
+}
+
+/// The pixel that is darker than those 6 px away on all four sides, by most.
+fn darkest(question: &Question) -> Vec<Detection> {
+    let Question { frame, look, .. } = question;
+    let Some(rgb8) = &frame.rgb8 else {
+        return Vec::new();
+    };
+    let green = |x: u32, y: u32| {
+        let [column, row] = [x - frame.rect.offset_px[0], y - frame.rect.offset_px[1]];
+        f64::from(rgb8[3 * (row * frame.rect.size_px[0] + column) as usize + 1])
+    };
+    let ([x0, y0], [w, h]) = (look.offset_px, look.size_px);
+    let places = (y0 + 6..y0 + h - 6).flat_map(|y| (x0 + 6..x0 + w - 6).map(move |x| (x, y)));
+    let depth = |(x, y): &(u32, u32)| {
+        let around = [(x - 6, *y), (x + 6, *y), (*x, y - 6), (*x, y + 6)];
+        around
+            .map(|(x, y)| green(x, y))
+            .into_iter()
+            .fold(255.0, f64::min)
+            - green(*x, *y)
+    };
+    let best = places.max_by(|a, b| depth(a).total_cmp(&depth(b)));
+    let found = best.filter(|at| depth(at) > 12.0).map(|(x, y)| {
+        let [x, y] = [x, y].map(|at| f64::from(at) + 0.5);
+        Detection::new([x - 2.5, y - 2.5, x + 2.5, y + 2.5], 0.8, 0)
+    });
+    found.into_iter().collect()
+}
+
+/// The tracker after a second of the demo, its UAV before an even sky.
+pub fn run() -> Result<Tracker, Box<dyn Error>> {
+    let set = ["detector.kind=darkest", "engage.authorised=false"].map(String::from);
+    let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;
+    let options = Options {
+        capture: true,
+        ..Options::default()
+    };
+    let mut app = build_with(&loaded, &options, |app| {
+        let mut detectors = app.world_mut().resource_mut::<Detectors>();
+        detectors.add("darkest", |_site| Ok(Darkest::default()));
+    })?;
+    for _ in 0..loaded.scenario.tick_hz {
+        step(app.world_mut())?;
+    }
+    let tracker: &Tracker = first_station(app.world()).ok_or("no station")?;
+    Ok(tracker.clone())
+}
+
+#[allow(dead_code)] // The tests call the function above.
+fn main() -> Result<(), Box<dyn Error>> {
+    for change in run()?.changes {
+        println!(
+            "tick {}: {}, {}",
+            change.tick,
+            change.to.name(),
+            change.reason
+        );
+    }
+    Ok(())
+}
