@@ -9,6 +9,7 @@ import copy
 import csv
 import io
 import json
+import multiprocessing
 import os
 import time
 import warnings
@@ -244,6 +245,17 @@ class Recogniser(nn.Module):
         return self.head(torch.cat([mean, most], 1))
 
 
+class Ensemble(nn.Module):
+    """The mean of what several models say, as logits: models that learned from other beginnings err apart."""
+
+    def __init__(self, members: list[nn.Module]):
+        super().__init__()
+        self.members = nn.ModuleList(members)
+
+    def forward(self, chips: torch.Tensor, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        return torch.stack([member(chips, features, mask) for member in self.members]).mean(0)
+
+
 class Calibrated(nn.Module):
     """Probabilities: the softmax of the logits over a temperature."""
 
@@ -430,9 +442,25 @@ def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, log: lis
                 mean_of.lerp_(own, share)
         mean = loss.item() if mean is None else 0.98 * mean + 0.02 * loss.item()
         if step % 100 == 0 or step == steps:
-            log.append({"step": step, "loss": round(mean, 4), "seconds": round(time.monotonic() - started, 1)})
-            print(f"step {step}: loss {mean:.3f}, {log[-1]['seconds']} s", flush=True)
+            log.append({"seed": seed, "step": step, "loss": round(mean, 4), "seconds": round(time.monotonic() - started, 1)})
+            print(f"seed {seed}, step {step}: loss {mean:.3f}, {log[-1]['seconds']} s", flush=True)
     return average.eval()
+
+
+def member(work: tuple[Tracks, int, int, float, int]) -> tuple[Recogniser, list[dict]]:
+    """One model of an ensemble, trained on one thread."""
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    log: list[dict] = []
+    return train(*work, log), log
+
+
+def ensemble(tracks: Tracks, seeds: range, steps: int, batch: int, lr: float, processes: int) -> tuple[Ensemble, list[dict]]:
+    """A model for each seed, several at once, and their logs."""
+    works = [(tracks, steps, batch, lr, seed) for seed in seeds]
+    with multiprocessing.get_context("fork").Pool(min(processes, len(works))) as pool:
+        found = pool.map(member, works, chunksize=1)
+    return Ensemble([model for model, _ in found]).eval(), [row for _, log in found for row in log]
 
 
 def main() -> None:
@@ -444,20 +472,18 @@ def main() -> None:
     parser.add_argument("--lr", type=float, default=3e-3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--held-out", type=float, default=0.15, help="share of the runs for calibration, and as many for the test")
-    parser.add_argument("--threads", type=int, default=max(1, os.cpu_count() or 1))
+    parser.add_argument("--members", type=int, default=4, help="models whose mean it is")
+    parser.add_argument("--processes", type=int, default=max(1, os.cpu_count() or 1), help="models trained at once")
     args = parser.parse_args()
-    torch.set_num_threads(args.threads)
-    cv2.setNumThreads(1)
     tracks = load(args.data)
     learn, calibrate, test = split(tracks, args.held_out, args.seed)
     for name, part in (("training", learn), ("calibration", calibrate), ("test", test)):
         by_class = {n: len(set(part.track[part.labels == i].tolist())) for i, n in enumerate(CLASSES)}
         print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")
     args.out.mkdir(parents=True, exist_ok=True)
-    log: list[dict] = []
-    model = train(learn, args.steps, args.batch, args.lr, args.seed, log)
+    model, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes)
     temperature = temperature_of(logits_of(model, calibrate), calibrate.labels, track_weights(calibrate))
-    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "runs": len(set(tracks.run.tolist())),
+    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "runs": len(set(tracks.run.tolist())),
               "sequences": len(learn)}  # fmt: skip
     graph = to_onnx(model, temperature, recipe)
     worst = compare(model, temperature, graph, test)

@@ -141,6 +141,39 @@ def test_it_learns_exports_and_keeps_to_its_size(tmp_path):
     assert "PathCollection_1" in path.read_text()  # the bins
 
 
+def test_an_ensemble_is_the_mean_of_its_members():
+    tracks = made(12, 2)
+    both, log = r.ensemble(tracks, range(3, 5), 4, 16, 3e-3, 2)
+    assert [row["seed"] for row in log] == [3, 4]
+    alone = [r.logits_of(r.train(tracks, 4, 16, 3e-3, seed, []), tracks) for seed in (3, 4)]
+    assert torch.allclose(r.logits_of(both, tracks), sum(alone) / 2, atol=1e-5) and not torch.allclose(*alone)
+
+
+def test_company_stays_in_the_precise_field():
+    number = r"(-?[\d.]+(?:e-?\d+)?)"
+    vector = rf"\[{number}, {number}, {number}\]"
+    read = lambda text: [np.array([float(x) for x in found]) for found in re.findall(vector, text)]
+    rng = track_scenarios.random.Random(5)
+    beside = 0
+    for _ in range(200):
+        az, el = rng.uniform(0, 360), rng.uniform(1, 12)
+        held, _, rate = track_scenarios.crossing(rng, rng.choice(("uav", "bird")), az, el)
+        found = track_scenarios.companion(rng, "beside", az, el, rate)
+        if found is None:
+            continue
+        beside += 1
+        # One second on, in units of the precise camera's field of 17 by 13 mrad.
+        bearings = []
+        for text in (held, found[0]):
+            at, *moves = read(text)
+            at = at + (moves[0] if moves else 0) - [0, 0, track_scenarios.STATION_UP_M]
+            bearings.append([np.arctan2(at[0], at[1]), np.arcsin(at[2] / np.linalg.norm(at))])
+        apart = np.array(bearings[1]) - bearings[0]
+        apart[0] = np.angle(np.exp(1j * apart[0])) * np.cos(bearings[0][1])
+        assert np.abs(apart).max() < 0.02, (held, found)
+    assert beside > 50
+
+
 def test_scenarios_are_drawn_from_their_seeds():
     one = track_scenarios.scenario(7, 5.0)
     assert one == track_scenarios.scenario(7, 5.0) != track_scenarios.scenario(8, 5.0)

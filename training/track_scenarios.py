@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Draws scenarios for `boresight tracks`: UAVs, birds, aircraft, balloons and leaves before sky, city and woods.
 
-In each one object is held by an operator's orders, so that what is no UAV fills the precise camera as UAVs do; others
-fly within two degrees of it. A part searches a wide sector without help, for tracks of scenery. Nothing is fired at.
+In each one object is held by an operator's orders, so that what is no UAV fills the precise camera as UAVs do. Some
+fly along with it in that camera's field, others within two degrees of it. A part searches a wide sector without help,
+for tracks of scenery. Nothing is fired at.
 """
 
 import argparse
@@ -49,14 +50,14 @@ def place(az_deg: float, el_deg: float, range_m: float) -> list[float]:
 def flight(rng: random.Random, what: str, at: list[float], az_deg: float, range_m: float) -> str:
     """A trajectory that begins near `at`, in any direction: wings seen from behind look like arms."""
     if what not in SPEED_MPS:
-        return f'{{ kind = "hover", position_enu_m = {rounded(at)} }}'
+        return hover(at)
     speed = rng.uniform(*SPEED_MPS[what])
     course = math.radians(az_deg) + rng.uniform(-math.pi, math.pi)
     climb = rng.uniform(-0.08, 0.08) * speed
     v = [speed * math.sin(course), speed * math.cos(course), climb]
     kind = rng.random()
     if what == "uav" and (kind < 0.3 or speed < 1.0):
-        return f'{{ kind = "hover", position_enu_m = {rounded(at)}, heading_deg = {rng.uniform(0, 360):.1f} }}'
+        return hover(at, rng.uniform(0, 360))
     if what == "uav" and kind < 0.5:
         return (f'{{ kind = "weave", start_enu_m = {rounded(at)}, velocity_enu_mps = {rounded(v)}, '
                 f"lateral_acceleration_mps2 = {rng.uniform(1, 5):.2f}, period_s = {rng.uniform(2, 5):.2f} }}")  # fmt: skip
@@ -67,7 +68,68 @@ def flight(rng: random.Random, what: str, at: list[float], az_deg: float, range_
         centre = [at[0] - radius * math.sin(b), at[1] - radius * math.cos(b), at[2]]
         return (f'{{ kind = "orbit", centre_enu_m = {rounded(centre)}, radius_m = {radius:.1f}, '
                 f"speed_mps = {max(speed, 4):.2f}, start_bearing_deg = {bearing:.1f} }}")  # fmt: skip
+    return straight(at, v)
+
+
+def hover(at: list[float], heading_deg: float | None = None) -> str:
+    heading = "" if heading_deg is None else f", heading_deg = {heading_deg:.1f}"
+    return f'{{ kind = "hover", position_enu_m = {rounded(at)}{heading} }}'
+
+
+def straight(at: list[float], v: list[float]) -> str:
     return f'{{ kind = "straight", start_enu_m = {rounded(at)}, velocity_enu_mps = {rounded(v)} }}'
+
+
+def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_radps: float) -> tuple[str, str] | None:
+    """A UAV or bird that stays beside the held one, which moves at this rate to the right: the farther, the faster, and
+    for the rest along the line of sight."""
+    what = rng.choice(("uav", "bird"))
+    kind = rng.choice(list(KINDS[what]))
+    slow, fast = SPEED_MPS[what]
+    wanted_px = math.exp(rng.uniform(math.log(7), math.log(140)))
+    range_m = KINDS[what][kind] / (wanted_px * FINE_IFOV_RAD)
+    across = rate_radps * range_m
+    near, far = RANGE_M[what]
+    if not near <= range_m <= far or abs(across) > fast:
+        return None
+    speed = rng.uniform(max(slow, abs(across)), fast)
+    along = math.sqrt(speed**2 - across**2) * rng.choice((-1, 1))
+    if what == "uav" and rng.random() < 0.5:
+        along = 0.0
+    if range_m + 5 * min(along, 0.0) < near:
+        along = -along
+    az_deg += math.degrees(rng.uniform(-5e-3, 5e-3))
+    el_deg += math.degrees(rng.uniform(-4e-3, 4e-3))
+    if el_deg < 0:
+        range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
+    a, e = math.radians(az_deg), math.radians(el_deg)
+    v = [across * math.cos(a) + along * math.cos(e) * math.sin(a), -across * math.sin(a) + along * math.cos(e) * math.cos(a),
+         along * math.sin(e)]  # fmt: skip
+    at = place(az_deg, el_deg, range_m)
+    moves = hover(at, rng.uniform(0, 360)) if math.hypot(*v) < 0.5 else straight(at, v)
+    key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
+    return f'[[{table}]]\nname = "{name}"\n{key} = "{kind}"\ntrajectory = {moves}\n', table
+
+
+def crossing(rng: random.Random, what: str, az_deg: float, el_deg: float) -> tuple[str, str, float]:
+    """The held one in straight flight, or at rest, and its rate to the right [rad/s]."""
+    kind = rng.choice(list(KINDS[what]))
+    wanted_px = math.exp(rng.uniform(math.log(7), math.log(140)))
+    near, far = RANGE_M[what]
+    range_m = min(max(KINDS[what][kind] / (wanted_px * FINE_IFOV_RAD), near), far)
+    if el_deg < 0:
+        range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
+    speed = rng.uniform(*SPEED_MPS[what])
+    across = speed * rng.uniform(-1, 1)
+    along = math.sqrt(speed**2 - across**2) * rng.choice((-1, 1))
+    a = math.radians(az_deg)
+    v = [across * math.cos(a) + along * math.sin(a), -across * math.sin(a) + along * math.cos(a), 0.0]
+    if what == "uav" and rng.random() < 0.3:
+        across, v = 0.0, [0.0] * 3
+    at = place(az_deg, el_deg, range_m)
+    moves = hover(at, rng.uniform(0, 360)) if math.hypot(*v) < 0.5 else straight(at, v)
+    key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
+    return f'[[{table}]]\nname = "held"\n{key} = "{kind}"\ntrajectory = {moves}\n', table, across / range_m
 
 
 def rounded(xs: list[float]) -> list[float]:
@@ -115,7 +177,13 @@ def scenario(seed: int, duration_s: float) -> str:
         off = rng.uniform(-0.6, 0.6)
         parts.append(f"[search]\ncentre_azimuth_deg = {(az + off) % 360:.2f}\nwidth_deg = 3.0\nelevation_deg = {el:.2f}\nheight_deg = 2.0\n")
     tables = {"uavs": [], "distractors": []}
-    text, table = thing(rng, held, "held", az, el)
+    if held in ("uav", "bird") and rng.random() < 0.75:
+        text, table, rate = crossing(rng, held, az, el)
+        company = [companion(rng, f"beside {k}", az, el, rate) for k in range(9)]
+        for other, of in [found for found in company if found][:3]:
+            tables[of].append(other)
+    else:
+        text, table = thing(rng, held, "held", az, el)
     tables[table].append(text)
     for k in range(rng.choice((0, 1, 1, 2))):
         other = rng.choice(("uav", "bird", "bird", "aeroplane", "helicopter", "balloon"))
