@@ -100,6 +100,19 @@ pub struct Meta<'a> {
     pub cameras: &'a [&'a str],
     /// Names of the stations after the first, whose states have topics of their own.
     pub more_stations: &'a [&'a str],
+    /// Topics of a caller's own.
+    pub own_topics: &'a [OwnTopic],
+}
+
+/// A topic of a caller's own, whose messages are JSON.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OwnTopic {
+    /// Its name, such as `/mine/wind`.
+    pub topic: String,
+    /// Name of its schema.
+    pub schema_name: String,
+    /// The JSON Schema of its messages, as text.
+    pub schema: String,
 }
 
 /// The pose of `child` in `parent`.
@@ -219,6 +232,11 @@ const CALIBRATION: usize = 2;
 
 /// Every topic with its schema, in the order of their channels.
 fn channels(meta: &Meta) -> Vec<(String, Option<Schema>)> {
+    let json = |own: &OwnTopic| {
+        let schema = own.schema.clone().into_bytes();
+        let schema = Schema::new(own.schema_name.clone(), "jsonschema", schema);
+        (own.topic.clone(), Some(schema))
+    };
     let mut channels = vec![
         ("/tf".to_owned(), FrameTransforms::get_schema()),
         ("/scene".to_owned(), SceneUpdate::get_schema()),
@@ -246,6 +264,7 @@ fn channels(meta: &Meta) -> Vec<(String, Option<Schema>)> {
             (topic, own(name))
         }));
     }
+    channels.extend(meta.own_topics.iter().map(json));
     channels
 }
 
@@ -273,6 +292,7 @@ pub struct Recorder {
     epoch_unix_ns: u64,
     tick_hz: NonZeroU32,
     cameras: Vec<String>,
+    more_stations: usize,
     /// MCAP id and next sequence number of each channel.
     channels: Vec<(u16, u32)>,
     tick: Option<u64>,
@@ -338,8 +358,10 @@ impl Recorder {
                 Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
                 None => 0,
             };
+            let json = schema.is_some_and(|schema| schema.encoding == "jsonschema");
+            let encoding = if json { "json" } else { "protobuf" };
             ids.push((
-                writer.add_channel(schema_id, &topic, "protobuf", &BTreeMap::new())?,
+                writer.add_channel(schema_id, &topic, encoding, &BTreeMap::new())?,
                 0,
             ));
         }
@@ -349,6 +371,7 @@ impl Recorder {
             epoch_unix_ns: meta.epoch_unix_ns,
             tick_hz: meta.tick_hz,
             cameras: meta.cameras.iter().map(ToString::to_string).collect(),
+            more_stations: meta.more_stations.len(),
             channels: ids,
             tick: None,
             pending: Vec::new(),
@@ -577,6 +600,15 @@ impl Recorder {
         )
     }
 
+    /// Records a message on a topic of a caller's own, by its number; `json` is its text.
+    pub fn json(&mut self, tick: u64, topic: usize, json: &[u8]) -> Result<(), RecordingError> {
+        let own = OWN_CHANNELS.len() + OF_STATION.len() * self.more_stations;
+        self.place(tick, self.first_own() + own + topic, |encoded| {
+            encoded.extend_from_slice(json);
+            Ok(())
+        })
+    }
+
     /// Place of the first own channel.
     fn first_own(&self) -> usize {
         CAMERAS + 3 * self.cameras.len()
@@ -606,6 +638,16 @@ impl Recorder {
         channel: usize,
         message: &impl prost::Message,
     ) -> Result<(), RecordingError> {
+        self.place(tick, channel, |encoded| Ok(message.encode(encoded)?))
+    }
+
+    /// Keeps what `encode` appends until its tick is over.
+    fn place(
+        &mut self,
+        tick: u64,
+        channel: usize,
+        encode: impl FnOnce(&mut Vec<u8>) -> Result<(), RecordingError>,
+    ) -> Result<(), RecordingError> {
         match self.tick {
             Some(last) if tick < last => return Err(RecordingError::Backwards { tick, last }),
             Some(last) if tick == last => {}
@@ -615,7 +657,7 @@ impl Recorder {
             }
         }
         let start = self.encoded.len();
-        message.encode(&mut self.encoded)?;
+        encode(&mut self.encoded)?;
         self.pending.push(Pending {
             channel,
             start,

@@ -11,6 +11,7 @@ A recording of a killed run is read up to the cut and called truncated, which is
 """
 
 import collections
+import json
 import struct
 import sys
 
@@ -60,12 +61,16 @@ def read(path):
             elif isinstance(record, Message):
                 channel = channels[record.channel_id]
                 try:
-                    if channel.id not in decoders:
-                        decoders[channel.id] = factory.decoder_for(
-                            channel.message_encoding, schemas[channel.schema_id]
-                        )
-                    decoded = decoders[channel.id](record.data)
-                    if any(_unknown_fields(decoded)):
+                    schema = schemas[channel.schema_id]
+                    if channel.message_encoding == "json":
+                        known = json.loads(schema.data)["properties"]
+                        unknown = set(json.loads(record.data)) - set(known)
+                    else:
+                        if channel.id not in decoders:
+                            decoder = factory.decoder_for(channel.message_encoding, schema)
+                            decoders[channel.id] = decoder
+                        unknown = _unknown_fields(decoders[channel.id](record.data))
+                    if any(unknown):
                         raise ValueError("field that its schema does not know")
                 except Exception as error:  # whatever it is, the message cannot be used
                     failures.append(f"{channel.topic} #{record.sequence}: {error!r}")

@@ -2,9 +2,12 @@
 
 use crate::components::capture::ExposedFrame;
 use crate::models::optics::detection::Detection;
-use crate::recording::Recorder;
+use crate::recording::{OwnTopic, Recorder};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 /// Hash of the whole state after the last tick; each tick's hash covers the one before.
@@ -31,6 +34,64 @@ pub struct Logged {
     pub changes: usize,
     /// Operator's orders.
     pub orders: usize,
+}
+
+/// Topics of a caller's own, and what is to be recorded on them in this tick. Messages are JSON.
+#[derive(Resource, Default)]
+pub struct OwnTopics {
+    topics: Vec<OwnTopic>,
+    waiting: Vec<(usize, Vec<u8>)>,
+}
+
+/// A topic of a caller's own, and its type of message.
+pub struct TopicOf<M> {
+    index: usize,
+    message: PhantomData<fn(M)>,
+}
+
+impl<M> Clone for TopicOf<M> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<M> Copy for TopicOf<M> {}
+
+impl OwnTopics {
+    /// Adds a topic such as `/mine/wind`; before the set-up, which opens the recording.
+    pub fn add<M: Serialize + JsonSchema>(&mut self, topic: &str) -> TopicOf<M> {
+        let schema = schemars::schema_for!(M);
+        self.topics.push(OwnTopic {
+            topic: topic.to_owned(),
+            schema_name: M::schema_name().into_owned(),
+            schema: schema.as_value().to_string(),
+        });
+        TopicOf {
+            index: self.topics.len() - 1,
+            message: PhantomData,
+        }
+    }
+
+    /// Records a message in this tick, if the run is recorded.
+    pub fn publish<M: Serialize>(
+        &mut self,
+        topic: TopicOf<M>,
+        message: &M,
+    ) -> Result<(), serde_json::Error> {
+        let json = serde_json::to_vec(message)?;
+        self.waiting.push((topic.index, json));
+        Ok(())
+    }
+
+    /// The topics, in the order in which they were added.
+    pub fn topics(&self) -> &[OwnTopic] {
+        &self.topics
+    }
+
+    /// Takes what is to be recorded: number of the topic and JSON.
+    pub fn take(&mut self) -> Vec<(usize, Vec<u8>)> {
+        std::mem::take(&mut self.waiting)
+    }
 }
 
 /// When each UAV was neutralised [s], by scenario index.

@@ -5,14 +5,16 @@ use crate::components::control::SearchScan;
 use crate::components::environment::Environment;
 use crate::components::mount::{Mount, Station};
 use crate::components::record::{
-    CameraHistory, History, Logged, Neutralised, Recording, StateHash,
+    CameraHistory, History, Logged, Neutralised, OwnTopics, Recording, StateHash,
 };
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::ground::city::City;
 use crate::models::mount::gimbal::GimbalParams;
 use crate::models::tracking::search::{SETTLE_S, SlewLimits, coverage_time_s};
 use crate::plugins::run::fallible;
-use crate::recording::{LogLevel, Meta, Recorder, RecordingError, SceneEntity, SceneShape};
+use crate::recording::{
+    LogLevel, Meta, OwnTopic, Recorder, RecordingError, SceneEntity, SceneShape,
+};
 use crate::scenario::{Images, Loaded};
 use crate::systems::record as systems;
 use bevy::platform::cell::SyncCell;
@@ -28,6 +30,7 @@ impl Plugin for RecordPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<StateHash>()
             .init_resource::<Neutralised>()
+            .init_resource::<OwnTopics>()
             .add_systems(SetUp, fallible(set_up).in_set(TickSet::Record))
             .add_systems(
                 Tick,
@@ -51,6 +54,7 @@ fn set_up(
     environment: Res<Environment>,
     stations: Query<(Entity, &Station, &SearchScan, &Mount)>,
     cameras: Query<(Entity, &SensorCamera)>,
+    own_topics: Res<OwnTopics>,
 ) -> Result<(), PartError> {
     for (station, ..) in &stations {
         let own = (History::default(), Logged::default());
@@ -66,7 +70,8 @@ fn set_up(
             let cameras: Vec<&str> = cameras.iter().map(|(_, camera)| &*camera.name).collect();
             let more = stations.iter().skip(1);
             let more: Vec<&str> = more.map(|(_, station, ..)| &*station.name).collect();
-            Some(recorder(&loaded, out, *seed, tick_hz, &cameras, &more)?)
+            let names = (&cameras[..], &more[..], own_topics.topics());
+            Some(recorder(&loaded, out, *seed, tick_hz, names)?)
         }
         _ => None,
     };
@@ -100,8 +105,7 @@ fn recorder(
     out: &Path,
     seed: Seed,
     tick_hz: NonZeroU32,
-    cameras: &[&str],
-    more_stations: &[&str],
+    (cameras, more_stations, own_topics): (&[&str], &[&str], &[OwnTopic]),
 ) -> Result<Recorder, PartError> {
     let scenario = &loaded.scenario;
     crate::output::create_dir(out)?;
@@ -118,6 +122,7 @@ fn recorder(
             tick_hz,
             cameras,
             more_stations,
+            own_topics,
         },
     )?;
     let site = &scenario.site;

@@ -19,6 +19,7 @@ const META: Meta = Meta {
     tick_hz: HZ,
     cameras: &["stv", "ctv", "ptv"],
     more_stations: &[],
+    own_topics: &[],
 };
 
 /// Calls every method, at the rates of a real run, for `ticks` ticks.

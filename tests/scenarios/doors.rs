@@ -1,6 +1,6 @@
 //! What a user adds from outside: every example runs, and does what it says.
 
-use crate::common::{ROOT, boresight, refused, rendering};
+use crate::common::{ROOT, boresight, messages, read_with_python, refused, rendering};
 use boresight::app::{self, Options};
 use boresight::components::capture::Tier;
 use boresight::components::control::PointingLaws;
@@ -9,12 +9,30 @@ use boresight::models::control::pointing::PointingLaw;
 use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
 use boresight::scenario::Scenario;
 use glam::DVec2;
+use serde_json::Value;
 use std::path::Path;
+use tempfile::TempDir;
 
 #[path = "../../examples/own_detector.rs"]
 mod own_detector;
 #[path = "../../examples/own_law.rs"]
 mod own_law;
+#[path = "../../examples/own_topic.rs"]
+mod own_topic;
+
+#[test]
+fn a_topic_of_ones_own_is_recorded() {
+    let folder = TempDir::new().unwrap();
+    own_topic::record(folder.path()).unwrap();
+    let mcap = folder.path().join("run.mcap");
+    let counts: Vec<Value> = (messages(&mcap, "/mine/tracks").iter())
+        .map(|json| serde_json::from_slice(json).unwrap())
+        .collect();
+    assert_eq!(counts.len(), 20);
+    assert_eq!(counts[19]["station"], "station");
+    assert_eq!(counts[19]["tracks"], 1);
+    read_with_python(&mcap, false);
+}
 
 #[test]
 fn a_detector_of_ones_own_finds() {

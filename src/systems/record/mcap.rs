@@ -6,7 +6,7 @@ use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::engage::Interlocks;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{CameraView, Mount, MountCommand, Optics, Station};
-use crate::components::record::{Logged, Recording, StateHash};
+use crate::components::record::{Logged, OwnTopics, Recording, StateHash};
 use crate::components::run::{Failure, PartError, SimClock};
 use crate::components::track::{Designation, Operator, Order, Tracker};
 use crate::media::image::encode_jpeg;
@@ -87,14 +87,19 @@ type OneStation<'a> = RecordedStationItem<'a, 'a>;
 pub fn write_recording(
     now: Recorded,
     mut logged: Query<&mut Logged>,
+    mut own: ResMut<OwnTopics>,
     mut recording: ResMut<Recording>,
     mut failure: ResMut<Failure>,
 ) {
+    let own = own.take();
     let recording = &mut *recording;
     let Some(mut recorder) = recording.recorder.take() else {
         return;
     };
-    match now.write(recorder.get(), recording, &mut logged) {
+    let written = now
+        .write(recorder.get(), recording, &mut logged)
+        .and_then(|()| Ok(now.write_own(recorder.get(), &own)?));
+    match written {
         Ok(()) => recording.recorder = Some(recorder),
         // The file is dropped; the error is reported.
         Err(error) => failure.set(error),
@@ -136,6 +141,16 @@ impl Recorded<'_, '_> {
             self.mark(recorder, recording, batch)?;
         }
         Ok(())
+    }
+
+    /// Writes what a caller's own systems have published in this tick.
+    fn write_own(
+        &self,
+        recorder: &mut Recorder,
+        own: &[(usize, Vec<u8>)],
+    ) -> Result<(), RecordingError> {
+        own.iter()
+            .try_for_each(|(topic, json)| recorder.json(self.clock.tick, *topic, json))
     }
 
     /// Logs a station's orders and changes of state that are new.
