@@ -21,6 +21,16 @@ pub struct Station {
     pub name: String,
 }
 
+impl Station {
+    /// What topics, frames and logs call a part of this station: the first one's go by their own names.
+    pub fn named(&self, part: &str) -> String {
+        match self.index {
+            0 => part.to_owned(),
+            _ => format!("{}/{part}", self.name),
+        }
+    }
+}
+
 /// The stations in the order of the scenario.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Stations(pub Vec<Entity>);

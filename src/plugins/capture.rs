@@ -66,10 +66,6 @@ fn spawn_cameras(
         let site = &scenario_stations[station.index];
         for (tier, camera) in Tier::ALL.into_iter().zip(&site.config.cameras.resolved()) {
             let place = format!("{}.cameras.{}", site.place, tier.word());
-            let name = match station.index {
-                0 => tier.name().into(),
-                _ => format!("{}/{}", station.name, tier.name()).into(),
-            };
             let pinhole = pinhole(&loaded, &place, camera)?;
             let key = seed.stream(index as u64, "fixed pattern").bits();
             let params = sensor_params(camera, &environment, mount.r_enu_m, &pinhole, key);
@@ -93,7 +89,7 @@ fn spawn_cameras(
                 CameraOf(entity),
                 SensorCamera {
                     index,
-                    name,
+                    name: station.named(tier.name()).into(),
                     tier,
                     pinhole,
                     period_ticks: u64::from(clock.tick_hz / camera.rate_hz),

@@ -78,12 +78,8 @@ fn set_up(
     if let Some(recorder) = &mut recorder {
         record_city(recorder, &environment.city)?;
         for (_, station, scan, mount) in &stations {
-            let name = match station.index {
-                0 => "search".to_owned(),
-                _ => format!("{}/search", station.name),
-            };
             let text = search_plan(scan, &mount.params);
-            recorder.log(0, LogLevel::Info, &name, &text)?;
+            recorder.log(0, LogLevel::Info, &station.named("search"), &text)?;
         }
     }
     commands.insert_resource(Recording {

@@ -161,11 +161,7 @@ impl Recorded<'_, '_> {
         logged: &mut Logged,
     ) -> Result<(), RecordingError> {
         let tick = self.clock.tick;
-        // A run of one station need not say which.
-        let part = |name: &str| match station.station.index {
-            0 => name.to_owned(),
-            _ => format!("{}/{name}", station.station.name),
-        };
+        let part = |name: &str| station.station.named(name);
         let orders = station.operator.orders[logged.orders..].iter();
         for order in orders.take_while(|order| order.tick <= tick) {
             let text = self.order_text(order);
@@ -257,11 +253,10 @@ impl Recorded<'_, '_> {
                 let laser = station.optics.laser;
                 let range_m = station.tracker.range_m.unwrap_or(1_500.0);
                 let end_m = laser.r_enu_m + laser.q_enu_cam * DVec3::new(0.0, 0.0, range_m);
-                let id = match station.station.index {
-                    0 => "beam".to_owned(),
-                    _ => format!("{}/beam", station.station.name),
-                };
-                (id, [laser.r_enu_m.to_array(), end_m.to_array()])
+                (
+                    station.station.named("beam"),
+                    [laser.r_enu_m.to_array(), end_m.to_array()],
+                )
             })
             .collect();
         let lines: Vec<_> = (beams.iter())
