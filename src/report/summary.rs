@@ -639,6 +639,8 @@ mod tests {
                 r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"energy_j":9000.0,"#,
                 r#""energy_per_neutralised_j":9000.0,"uavs":[{"name":"one","status":"down","#,
                 r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0}],"#,
+                r#""stations":[{"name":"roof","acquired_s":null,"energy_j":9000.0,"#,
+                r#""dwell_s":3.0,"distractor_s":0.0}],"#,
                 r#""share":{"render":0.0,"inference":0.25,"other":0.75}}"#
             )
         );
