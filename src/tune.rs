@@ -362,7 +362,13 @@ fn timing(scenario: &Scenario, clock: &SimClock, tier: Tier) -> Result<CameraTim
     } else {
         Reading::of_network(0.0, 0.0, None)
     };
-    let sigma_px = tracker_params(scenario, &cameras, DVec3::ZERO, &reading).centre_sigma_px;
+    let sigma_px = tracker_params(
+        scenario,
+        &scenario.station.cameras.all(),
+        DVec3::ZERO,
+        &reading,
+    )
+    .centre_sigma_px;
     Ok(CameraTiming {
         period_ticks: u64::from(scenario.tick_hz / camera.rate_hz),
         latency_ticks: clock.ticks_of(latency_s),

@@ -69,6 +69,17 @@ impl PaperController {
     }
 }
 
+/// A pass of the search with one of the cameras that the gimbal turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pass {
+    /// What the camera is for.
+    pub tier: Tier,
+    /// Its field of view, horizontal and vertical [rad].
+    pub field_rad: [f64; 2],
+    /// How long a gaze without anything promising lasts [s].
+    pub gaze_s: f64,
+}
+
 /// The search scan: what it covers, its gazes and where it stands.
 #[derive(Component, Clone, Debug)]
 pub struct SearchScan {
@@ -76,12 +87,10 @@ pub struct SearchScan {
     pub pattern: SearchPattern,
     /// The sector that is searched without a cue; a cue's area is never larger.
     pub sector: Sector,
-    /// Field of view of each camera, horizontal and vertical [rad].
-    pub fields_rad: [[f64; 2]; 3],
-    /// How long a gaze without anything promising lasts in each camera's pass [s].
-    pub gaze_s: [f64; 3],
-    /// The camera for whose field the present pass is laid out.
-    pub tier: Tier,
+    /// The passes, each with a finer camera than the one before.
+    pub passes: Vec<Pass>,
+    /// The present one.
+    pub pass: usize,
     /// The area that is searched, as it was at [`Self::area_s`].
     pub area: Sector,
     /// That time [s].

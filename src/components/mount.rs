@@ -108,7 +108,7 @@ impl Mount {
 
     /// The true pose of an optic on this mount, turned against the laser by a rotation vector [rad].
     fn true_pose(&self, path: OpticalPath, turned_rad: DVec3) -> Pose {
-        let [az, el] = self.gimbal.az_el_rad().to_array();
+        let [az, el] = path.az_el_rad(self.gimbal.az_el_rad()).to_array();
         let mirror_rad = path.mirror_rad(self.mirror.deflection_rad());
         boresight_chain(
             self.r_enu_m,
@@ -177,7 +177,7 @@ impl Pointing {
     /// The pose that the station at `r_station_enu_m` [m] believes an optic to have, turned against the laser by
     /// a rotation vector [rad].
     pub fn pose(&self, r_station_enu_m: DVec3, path: OpticalPath, turned_rad: DVec3) -> Pose {
-        let [az, el] = self.az_el_rad.to_array();
+        let [az, el] = path.az_el_rad(self.az_el_rad).to_array();
         let mirror_rad = path.mirror_rad(self.mirror_rad);
         boresight_chain(
             r_station_enu_m,
@@ -206,20 +206,30 @@ pub struct Optics {
 }
 
 /// What turns an optic.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub enum OpticalPath {
     /// The gimbal.
     OnGimbal,
     /// The gimbal, and behind it the mirror, as the laser.
     BehindMirror,
+    /// Nothing but the base: it looks at this azimuth (x) and elevation (y) [rad].
+    Fixed(DVec2),
 }
 
 impl OpticalPath {
     /// What a mirror's deflection [rad] turns of it.
     fn mirror_rad(self, deflection_rad: DVec2) -> DVec2 {
         match self {
-            OpticalPath::OnGimbal => DVec2::ZERO,
             OpticalPath::BehindMirror => deflection_rad,
+            OpticalPath::OnGimbal | OpticalPath::Fixed(_) => DVec2::ZERO,
+        }
+    }
+
+    /// Where it points, the gimbal being at this azimuth and elevation [rad].
+    fn az_el_rad(self, gimbal_rad: DVec2) -> DVec2 {
+        match self {
+            OpticalPath::OnGimbal | OpticalPath::BehindMirror => gimbal_rad,
+            OpticalPath::Fixed(az_el_rad) => az_el_rad,
         }
     }
 }

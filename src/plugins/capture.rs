@@ -1,7 +1,7 @@
 //! Cameras: lenses, sensors, boresights; exposures and their pictures.
 
 use crate::components::capture::{
-    AutoExposure, CameraOf, Exposures, Frames, Readout, SensorCamera, Tier,
+    AutoExposure, CameraOf, Exposures, Frames, Readout, SensorCamera,
 };
 use crate::components::environment::Environment;
 use crate::components::mount::{Boresight, Mount, OpticalPath, Optics, Station};
@@ -15,10 +15,10 @@ use crate::models::optics::motion::Shutter;
 use crate::models::optics::sensor::{Sensor, SensorParams, Transfer};
 use crate::plugins::render;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, Exposure, InputError, Loaded, WhiteBalance};
+use crate::scenario::{self, CameraPath, Exposure, InputError, Loaded, SiteCamera, WhiteBalance};
 use crate::systems::capture::{self as systems, metering};
 use bevy::prelude::*;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Adds the domain to both schedules, in [`TickSet::Capture`].
 pub struct CapturePlugin;
@@ -44,6 +44,8 @@ impl Plugin for CapturePlugin {
     }
 }
 
+/// Radians in a degree.
+const RAD_PER_DEG: f64 = std::f64::consts::PI / 180.0;
 /// Distance for which the cameras' turbulence blur is taken [m].
 const BLUR_RANGE_M: f64 = 1_000.0;
 /// Standard deviation of a beacon's centroid in a calibration [px].
@@ -64,8 +66,11 @@ fn spawn_cameras(
     let mut index = 0;
     for (entity, station, mount, optics) in &stations {
         let site = &scenario_stations[station.index];
-        for (tier, camera) in Tier::ALL.into_iter().zip(&site.config.cameras.resolved()) {
-            let place = format!("{}.cameras.{}", site.place, tier.word());
+        for camera in site.config.cameras.all() {
+            let place = format!("{}.cameras.{}", site.place, camera.place);
+            let SiteCamera { name, tier, .. } = camera;
+            let path = optical_path(camera.path);
+            let camera = &camera.config;
             let pinhole = pinhole(&loaded, &place, camera)?;
             let key = seed.stream(index as u64, "fixed pattern").bits();
             let params = sensor_params(camera, &environment, mount.r_enu_m, &pinhole, key);
@@ -77,19 +82,15 @@ fn spawn_cameras(
                 + camera.readout_latency_s
                 + camera.inference_latency_s;
             let sensor = Sensor::new(&params).map_err(|error| loaded.refuse(&place, error))?;
-            let boresight = boresight(site.config, tier, &pinhole, *seed, index as u64)
+            let boresight = boresight(site.config, path, &pinhole, *seed, index as u64)
                 .map_err(|error| loaded.refuse(&format!("{}.calibrate", site.place), error))?;
-            let path = match tier {
-                Tier::Precise => OpticalPath::BehindMirror,
-                Tier::Search | Tier::Coarse => OpticalPath::OnGimbal,
-            };
             let view = mount.camera_view(path, &boresight, optics);
             let windowed = camera.readout == scenario::ReadoutMode::Window;
             commands.spawn((
                 CameraOf(entity),
                 SensorCamera {
                     index,
-                    name: station.named(tier.name()).into(),
+                    name: station.named(&name).into(),
                     tier,
                     pinhole,
                     period_ticks: u64::from(clock.tick_hz / camera.rate_hz),
@@ -110,6 +111,18 @@ fn spawn_cameras(
     Ok(())
 }
 
+/// What turns a scenario's camera.
+fn optical_path(path: CameraPath) -> OpticalPath {
+    match path {
+        CameraPath::Gimbal => OpticalPath::OnGimbal,
+        CameraPath::Mirror => OpticalPath::BehindMirror,
+        CameraPath::Fixed {
+            azimuth_deg,
+            elevation_deg,
+        } => OpticalPath::Fixed(DVec2::new(azimuth_deg, elevation_deg) * RAD_PER_DEG),
+    }
+}
+
 /// The geometry of a scenario's camera.
 fn pinhole(
     loaded: &Loaded,
@@ -124,13 +137,13 @@ fn pinhole(
 /// How a camera is turned against the laser, and what the calibration finds of it; `key`: of its streams.
 fn boresight(
     station: &scenario::Station,
-    tier: Tier,
+    path: OpticalPath,
     pinhole: &Pinhole,
     seed: Seed,
     key: u64,
 ) -> Result<Boresight, CalibrationError> {
-    // The precise camera looks through the laser's own optics.
-    let share = if tier == Tier::Precise {
+    // What stands behind the mirror looks through the laser's own optics.
+    let share = if path == OpticalPath::BehindMirror {
         1.0 / 3.0
     } else {
         1.0

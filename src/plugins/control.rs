@@ -5,7 +5,7 @@ use crate::components::control::{
     Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
 use crate::components::flight::{Distractor, Flight, Uav};
-use crate::components::mount::{Mount, Optics, Station};
+use crate::components::mount::{Mount, OpticalPath, Optics, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::PaperLaw;
@@ -54,7 +54,7 @@ fn set_up(
     clock: Res<SimClock>,
     uavs: Query<(&Uav, &Flight), Without<Distractor>>,
     laws: Res<PointingLaws>,
-    cameras: Query<&SensorCamera>,
+    cameras: Query<(&SensorCamera, &OpticalPath)>,
     mut stations: Query<(Entity, &Station, &Cameras, &mut Mount, &mut Optics)>,
 ) -> Result<(), PartError> {
     let known = loaded.scenario.stations();
@@ -148,23 +148,24 @@ fn radar(scenario: &Scenario, search: &SearchSector, rng: Stream, clock: SimCloc
 fn search_scan(
     loaded: &Loaded,
     site: &SiteStation,
-    cameras: &[&SensorCamera],
+    cameras: &[(&SensorCamera, &OpticalPath)],
     clock: &SimClock,
     radar: &Radar,
 ) -> Result<SearchScan, InputError> {
     let sector = site.search;
-    let (mut fields_rad, mut frames_s) = ([[0.0; 2]; 3], [0.0; 3]);
-    for tier in Tier::ALL {
-        let camera = cameras
-            .iter()
-            .find(|camera| camera.tier == tier)
-            .ok_or_else(|| {
-                let place = format!("{}.cameras", site.place);
-                loaded.refuse(&place, format!("no {} camera", tier.word()))
-            })?;
+    let turned =
+        |(_, path): &&(&SensorCamera, &OpticalPath)| !matches!(path, OpticalPath::Fixed(_));
+    let first_of = |tier: Tier| {
+        let mut cameras = cameras.iter().filter(turned);
+        let (camera, _) = cameras.find(|(camera, _)| camera.tier == tier)?;
         let pinhole = &camera.pinhole;
-        fields_rad[tier as usize] = [pinhole.hfov_rad(), pinhole.vfov_rad()];
-        frames_s[tier as usize] = clock.at_s(camera.period_ticks);
+        let field_rad = [pinhole.hfov_rad(), pinhole.vfov_rad()];
+        Some((tier, field_rad, clock.at_s(camera.period_ticks)))
+    };
+    let searching: Vec<_> = Tier::ALL.into_iter().filter_map(first_of).collect();
+    if searching.is_empty() {
+        let place = format!("{}.cameras", site.place);
+        return Err(loaded.refuse(&place, "the gimbal turns no camera"));
     }
     let area = Sector {
         centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
@@ -173,11 +174,5 @@ fn search_scan(
         height_rad: sector.height_deg.to_radians(),
     };
     let cue = radar.cue(0.0);
-    Ok(SearchScan::new(
-        sector.pattern,
-        area,
-        fields_rad,
-        frames_s,
-        cue,
-    ))
+    Ok(SearchScan::new(sector.pattern, area, &searching, cue))
 }

@@ -10,7 +10,7 @@ use crate::components::track::{
 use crate::inference::OnnxRecogniser;
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, AssociationRule, CameraConfig, Scenario};
+use crate::scenario::{self, AssociationRule, Scenario, SiteCamera};
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
@@ -55,7 +55,7 @@ fn set_up(
     let scenario = &loaded.scenario;
     let known = scenario.stations();
     for (entity, station, mount) in &stations {
-        let cameras = &known[station.index].config.cameras.resolved();
+        let cameras = &known[station.index].config.cameras.all();
         let mut params = tracker_params(scenario, cameras, mount.r_enu_m, &detector.reading);
         params.reads.other_classes = detector.other_classes();
         commands.entity(entity).insert((
@@ -107,7 +107,7 @@ fn set_up_recogniser(
 /// How the tracker of a scenario works, for a station with these cameras at `r_station_enu_m` [m].
 pub fn tracker_params(
     scenario: &Scenario,
-    cameras: &[CameraConfig; 3],
+    cameras: &[SiteCamera],
     r_station_enu_m: DVec3,
     reading: &Reading,
 ) -> TrackerParams {
@@ -121,8 +121,19 @@ pub fn tracker_params(
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.is_paper();
-    let precise = &cameras[Tier::Precise as usize];
-    let height_share = f64::from(precise.height_px) / f64::from(precise.width_px);
+    let of_tier = |tier: Tier| {
+        let own = cameras.iter().filter(move |camera| camera.tier == tier);
+        own.map(|camera| &camera.config)
+    };
+    let precise_field_rad = of_tier(Tier::Precise).next().map_or(0.0, |precise| {
+        let height_share = f64::from(precise.height_px) / f64::from(precise.width_px);
+        precise.hfov_deg.to_radians() * height_share.min(1.0)
+    });
+    // The slowest of a tier sets its patience; what is not there has none.
+    let slowest_s = |tier: Tier| {
+        let slowest_hz = of_tier(tier).map(|camera| camera.rate_hz).min();
+        slowest_hz.map_or(0.0, |rate_hz| patience_s(f64::from(rate_hz)))
+    };
     TrackerParams {
         nearest_to_centre: rule.map_or(paper, |rule| rule == AssociationRule::Paper),
         linear_angles: paper,
@@ -134,14 +145,14 @@ pub fn tracker_params(
             score: min_score.map_or(reading.score, ScoreModel::Fixed),
             other_classes: 0,
         },
-        precise_field_rad: precise.hfov_deg.to_radians() * height_share.min(1.0),
+        precise_field_rad,
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
         aim: (!reading.boxes_part).then_some(engage.aim),
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,
-        patience_s: (cameras.each_ref()).map(|camera| patience_s(f64::from(camera.rate_hz))),
+        patience_s: Tier::ALL.map(slowest_s),
     }
 }
 

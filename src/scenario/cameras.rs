@@ -3,10 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::check::{AT_LEAST_ZERO, Check, FRACTION};
+use super::check::{AT_LEAST_ZERO, Check, ELEVATION, FRACTION, TURN};
+use crate::models::optics::tier::Tier;
 
-/// The three cameras: a preset, and what differs from it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// The cameras: a preset's three, and what differs from it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cameras {
     /// The set of cameras to start from.
@@ -17,6 +18,71 @@ pub struct Cameras {
     pub coarse: CameraChanges,
     /// Changes to the precise tracking camera.
     pub precise: CameraChanges,
+    /// Whether the search camera is there; without it the coarse one searches, as a rule about a radar's cue.
+    pub has_search: bool,
+    /// Further cameras.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub more: Vec<MoreCamera>,
+}
+
+impl Default for Cameras {
+    fn default() -> Self {
+        Self {
+            preset: CameraPreset::default(),
+            search: CameraChanges::default(),
+            coarse: CameraChanges::default(),
+            precise: CameraChanges::default(),
+            has_search: true,
+            more: Vec::new(),
+        }
+    }
+}
+
+/// A camera beside the three.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MoreCamera {
+    /// Its name, which heads its topics.
+    pub name: String,
+    /// What it is for.
+    pub role: Tier,
+    /// What turns it; absent: the mirror where it is a precise one, or else the gimbal.
+    pub path: Option<CameraPath>,
+    /// What differs from the preset's camera of that role.
+    #[serde(default)]
+    pub changes: CameraChanges,
+}
+
+/// What turns a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraPath {
+    /// The gimbal.
+    Gimbal,
+    /// The gimbal and the mirror behind it.
+    Mirror,
+    /// Nothing: it looks one way.
+    Fixed {
+        /// Azimuth, clockwise from north.
+        azimuth_deg: f64,
+        /// Elevation.
+        elevation_deg: f64,
+    },
+}
+
+/// A camera of a station, all changes made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SiteCamera {
+    /// Its name.
+    pub name: String,
+    /// What it is for.
+    pub tier: Tier,
+    /// What turns it.
+    pub path: CameraPath,
+    /// Where it stands in the table of the cameras, for errors.
+    pub place: String,
+    /// Its values.
+    pub config: CameraConfig,
 }
 
 /// Named sets of cameras.
@@ -196,6 +262,34 @@ impl Cameras {
             self.precise.applied_to(precise),
         ]
     }
+
+    /// All cameras that are there: wide to narrow, then the further ones.
+    pub fn all(&self) -> Vec<SiteCamera> {
+        let usual = |tier: Tier| match tier {
+            Tier::Search | Tier::Coarse => CameraPath::Gimbal,
+            Tier::Precise => CameraPath::Mirror,
+        };
+        let three = Tier::ALL.into_iter().zip(self.resolved());
+        let three = three.map(|(tier, config)| SiteCamera {
+            name: tier.name().into(),
+            tier,
+            path: usual(tier),
+            place: tier.word().into(),
+            config,
+        });
+        let preset = self.preset.cameras();
+        let more = (self.more.iter().enumerate()).map(|(index, more)| SiteCamera {
+            name: more.name.clone(),
+            tier: more.role,
+            path: more.path.unwrap_or(usual(more.role)),
+            place: format!("more[{index}]"),
+            config: (more.changes).applied_to(preset[more.role as usize].clone()),
+        });
+        three
+            .filter(|camera| self.has_search || camera.tier != Tier::Search)
+            .chain(more)
+            .collect()
+    }
 }
 
 impl CameraPreset {
@@ -281,8 +375,23 @@ impl CameraPreset {
 
 impl Cameras {
     pub(super) fn check(&self, check: &mut Check, tick_hz: u32) {
-        for (name, camera) in ["search", "coarse", "precise"].iter().zip(self.resolved()) {
-            check.table(name, |check| camera.check(check, tick_hz));
+        let cameras = self.all();
+        for (index, camera) in cameras.iter().enumerate() {
+            check.table(&camera.place, |check| {
+                camera.config.check(check, tick_hz);
+                let earlier: Vec<&str> = (cameras[..index].iter())
+                    .map(|other| other.name.as_str())
+                    .collect();
+                check.name("name", &camera.name, &earlier);
+                if let CameraPath::Fixed {
+                    azimuth_deg,
+                    elevation_deg,
+                } = camera.path
+                {
+                    check.within("path.fixed.azimuth_deg", azimuth_deg, TURN);
+                    check.within("path.fixed.elevation_deg", elevation_deg, ELEVATION);
+                }
+            });
         }
     }
 }

@@ -25,8 +25,8 @@ mod tracker;
 
 pub use air::{IntensityModel, Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};
 pub use cameras::{
-    AutoWord, CameraChanges, CameraConfig, CameraPreset, Cameras, Exposure, Mosaic, ReadoutMode,
-    Shutter, WhiteBalance,
+    AutoWord, CameraChanges, CameraConfig, CameraPath, CameraPreset, Cameras, Exposure, MoreCamera,
+    Mosaic, ReadoutMode, Shutter, SiteCamera, WhiteBalance,
 };
 pub use control::{ControllerConfig, Gains, PAPER};
 pub use detector::{DetectorConfig, ONNX, Provider, TRUTH, TruthErrorsConfig};

@@ -8,7 +8,7 @@ use crate::components::control::{
 };
 use crate::components::detect::DetectorInUse;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
-use crate::components::mount::{CameraView, Mount, MountCommand, Station};
+use crate::components::mount::{CameraView, Mount, MountCommand, OpticalPath, Station};
 use crate::components::run::{Failure, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
@@ -16,7 +16,7 @@ use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::tracking::radar::{Plot, RadarCue, RadarTrack};
 use crate::models::tracking::search::Gaze;
-use crate::systems::control::search::{closer_every, search};
+use crate::systems::control::search::{read_every, search};
 use crate::systems::track::CONFIRM_HITS;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -279,9 +279,15 @@ pub fn choose_readouts(
     clock: Res<SimClock>,
     detector: Res<DetectorInUse>,
     stations: Query<(&Tracker, &SearchScan)>,
-    mut cameras: Query<(&CameraOf, &SensorCamera, &CameraView, &mut Readout)>,
+    mut cameras: Query<(
+        &CameraOf,
+        &SensorCamera,
+        &OpticalPath,
+        &CameraView,
+        &mut Readout,
+    )>,
 ) {
-    for (of, camera, view, mut readout) in &mut cameras {
+    for (of, camera, path, view, mut readout) in &mut cameras {
         let Ok((tracker, scan)) = stations.get(of.0) else {
             continue;
         };
@@ -293,9 +299,10 @@ pub fn choose_readouts(
         let wanted = match (tracker.state, camera.tier) {
             (TrackingState::Search, tier) => {
                 let every = match tier {
-                    Tier::Search if scan.tier == Tier::Search => 1,
+                    // What the mount does not turn searches by itself.
+                    Tier::Search if matches!(path, OpticalPath::Fixed(_)) => 1,
+                    _ if tier == scan.tier() => read_every(tier, clock.at_s(camera.period_ticks)),
                     Tier::Search => WATCH_SEARCH,
-                    _ if tier == scan.tier => closer_every(clock.at_s(camera.period_ticks)),
                     // In the middle of the gaze it shows what is too small for the search camera.
                     Tier::Coarse => WATCH_COARSE,
                     Tier::Precise => 0,

@@ -6,7 +6,10 @@ use boresight::components::beam::BeamState;
 use boresight::components::engage::Interlocks;
 use boresight::components::mount::Stations;
 use boresight::components::track::{Tracker, TrackingState};
+use boresight::recording::proto;
 use boresight::scenario::Scenario;
+use prost::Message as _;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// A UAV that hovers 700 m north-west of the first station.
@@ -82,6 +85,30 @@ fn nobody_fires_across_another_station() {
 }
 
 #[test]
+fn a_station_may_have_no_search_camera_or_two() {
+    // Nearest to the radar's cue there is a UAV; the coarse camera finds it alone.
+    let none = ["--set", "station.cameras.has_search=false", "--set", HOVERS];
+    let run = run_scenario("urban_intercept", &[&BLIND[..], &none].concat());
+    assert_eq!(run.text("outcome"), "neutralised");
+    // The second looks at the UAV from the start, while the mount searches elsewhere.
+    let more = "station.cameras.more=[{ name = 'watch', role = 'search', path = { fixed = \
+                { azimuth_deg = 315, elevation_deg = 5 } }, changes = { hfov_deg = 8 } }]";
+    let elsewhere = "search={ centre_azimuth_deg = 45, width_deg = 20, height_deg = 4 }";
+    let two = ["--set", more, "--set", elsewhere, "--set", HOVERS];
+    let run = run_scenario("urban_intercept", &[&BLIND[..], &two].concat());
+    assert_eq!(run.text("outcome"), "neutralised");
+    assert!(run.number("/time_to_acquire_s") < 3.0);
+    let truths = messages(&run.file("run.mcap"), "/boresight/frame_truth");
+    let cameras: BTreeSet<String> = (truths.iter())
+        .map(|data| proto::FrameTruth::decode(&data[..]).unwrap().camera)
+        .collect();
+    assert_eq!(
+        cameras,
+        ["ctv", "ptv", "stv", "watch"].map(String::from).into()
+    );
+}
+
+#[test]
 fn stations_that_cannot_stand_are_refused() {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     for (stations, wanted) in [
@@ -96,6 +123,10 @@ fn stations_that_cannot_stand_are_refused() {
         (
             "stations=[{ name = 'a' }, { name = 'b', position_enu_m = [90, 0, -5] }]",
             ["stations[1].position_enu_m", "put it above"],
+        ),
+        (
+            "station.cameras.more=[{ name = 'ctv', role = 'coarse' }]",
+            ["station.cameras.more[0].name", "taken by an earlier one"],
         ),
         ("stations=[{ name = 'a/b' }]", ["stations[0].name", "slash"]),
         (

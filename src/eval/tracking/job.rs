@@ -202,7 +202,7 @@ impl Watch {
     fn new(world: &mut World, scenario: &Scenario) -> Self {
         let mut cameras = [None, None, None];
         for (entity, camera) in world.query::<(Entity, &SensorCamera)>().iter(world) {
-            cameras[camera.tier as usize] = Some((entity, camera.clone()));
+            cameras[camera.tier as usize].get_or_insert((entity, camera.clone()));
         }
         Self {
             seen: Observed::default(),

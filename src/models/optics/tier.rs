@@ -1,7 +1,13 @@
 //! The three tiers of the acquisition chain.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 /// Which tier of the acquisition chain a camera is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
 pub enum Tier {
     /// Search camera (STV): wide, finds candidates.
     Search,

@@ -1,7 +1,7 @@
 //! The search: gazes over the sector or about the radar's cue, ever closer where nothing was found.
 
 use crate::components::capture::Tier;
-use crate::components::control::{Radar, SearchScan};
+use crate::components::control::{Pass, Radar, SearchScan};
 use crate::components::mount::Mount;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
@@ -38,34 +38,40 @@ const MOST_CLOSER_GAZES: usize = 20;
 const CLOSER_FRAMES: f64 = 10.0;
 const CLOSER_HZ: f64 = 30.0;
 
-/// Of how many of its exposures a finer camera of `frame_s` [s] a frame reads one in its pass.
-pub(super) fn closer_every(frame_s: f64) -> u64 {
-    (1.0 / (CLOSER_HZ * frame_s)).round().max(1.0) as u64
+/// Of how many of its exposures a camera of `frame_s` [s] a frame reads one in its pass.
+pub(super) fn read_every(tier: Tier, frame_s: f64) -> u64 {
+    match tier {
+        Tier::Search => 1,
+        Tier::Coarse | Tier::Precise => (1.0 / (CLOSER_HZ * frame_s)).round().max(1.0) as u64,
+    }
 }
 
 impl SearchScan {
-    /// A scan with cameras of these fields (horizontal, vertical) [rad] and times from frame to frame [s],
-    /// wide to narrow; with a cue it begins about it.
+    /// A scan with cameras of these tiers, fields (horizontal, vertical) [rad] and times from frame to frame [s],
+    /// wide to narrow, one at least; with a cue it begins about it.
     pub fn new(
         pattern: SearchPattern,
         sector: Sector,
-        fields_rad: [[f64; 2]; 3],
-        frames_s: [f64; 3],
+        cameras: &[(Tier, [f64; 2], f64)],
         cue: Option<RadarCue>,
     ) -> Self {
-        let gaze_s = Tier::ALL.map(|tier| {
-            let frame_s = frames_s[tier as usize];
-            match tier {
-                Tier::Search => GAZE_S.max(GAZE_FRAMES * frame_s),
-                _ => CLOSER_FRAMES * frame_s * closer_every(frame_s) as f64,
+        let passes = cameras.iter().enumerate();
+        let passes = passes.map(|(index, (tier, field_rad, frame_s))| {
+            let read_s = frame_s * read_every(*tier, *frame_s) as f64;
+            Pass {
+                tier: *tier,
+                field_rad: *field_rad,
+                gaze_s: match index {
+                    0 => GAZE_S.max(GAZE_FRAMES * read_s),
+                    _ => CLOSER_FRAMES * read_s,
+                },
             }
         });
         let mut scan = Self {
             pattern,
             sector,
-            fields_rad,
-            gaze_s,
-            tier: Tier::Search,
+            passes: passes.collect(),
+            pass: 0,
             area: sector,
             area_s: 0.0,
             drift_radps: DVec2::ZERO,
@@ -75,8 +81,13 @@ impl SearchScan {
             settled_since: None,
         };
         scan.follow(cue, 0.0);
-        scan.begin(Tier::Search);
+        scan.begin(0);
         scan
+    }
+
+    /// What the camera of the present pass is for.
+    pub fn tier(&self) -> Tier {
+        self.passes[self.pass].tier
     }
 
     /// The present gaze at `t_s` [s].
@@ -92,18 +103,18 @@ impl SearchScan {
 
     /// How long a gaze of the present pass lasts where nothing is promising [s].
     pub fn gaze_s(&self) -> f64 {
-        self.gaze_s[self.tier as usize]
+        self.passes[self.pass].gaze_s
     }
 
-    /// Gazes of a pass with a camera over the area, from its centre [rad].
-    fn laid_out(&self, tier: Tier) -> Vec<DVec2> {
+    /// Gazes of a pass over the area, from its centre [rad].
+    fn laid_out(&self, pass: usize) -> Vec<DVec2> {
         let centre = DVec2::new(self.area.centre_azimuth_rad, self.area.centre_elevation_rad);
-        let pattern = match (tier, self.pattern) {
-            (Tier::Coarse | Tier::Precise, SearchPattern::Raster) => SearchPattern::Spiral,
+        let pattern = match (pass, self.pattern) {
+            (1.., SearchPattern::Raster) => SearchPattern::Spiral,
             (_, pattern) => pattern,
         };
         pattern
-            .gazes(&self.area, self.fields_rad[tier as usize], OVERLAP)
+            .gazes(&self.area, self.passes[pass].field_rad, OVERLAP)
             .into_iter()
             .map(|gaze| DVec2::from(gaze) - centre)
             .collect()
@@ -127,14 +138,14 @@ impl SearchScan {
         });
         if cue.is_some() != self.cued {
             self.cued = cue.is_some();
-            self.begin(Tier::Search);
+            self.begin(0);
         }
     }
 
-    /// Begins a pass with a camera.
-    fn begin(&mut self, tier: Tier) {
-        self.tier = tier;
-        self.offsets_rad = self.laid_out(tier);
+    /// Begins a pass.
+    fn begin(&mut self, pass: usize) {
+        self.pass = pass;
+        self.offsets_rad = self.laid_out(pass);
         self.index = 0;
         self.settled_since = None;
     }
@@ -147,11 +158,9 @@ impl SearchScan {
         if self.index < self.offsets_rad.len() {
             return;
         }
-        let closer = Tier::ALL
-            .get(self.tier as usize + 1)
-            .copied()
-            .filter(|tier| self.laid_out(*tier).len() <= MOST_CLOSER_GAZES);
-        self.begin(closer.unwrap_or(Tier::Search));
+        let next = self.pass + 1;
+        let closer = next < self.passes.len() && self.laid_out(next).len() <= MOST_CLOSER_GAZES;
+        self.begin(if closer { next } else { 0 });
     }
 }
 
@@ -172,7 +181,7 @@ pub(super) fn search(
     let off_radps = (mount.measured_rates_radps() - gaze.rates_radps).length();
     if scan.settled_since.is_none() && error_rad < SETTLED_RAD && off_radps < SETTLED_RADPS {
         scan.settled_since = Some(clock.tick);
-    } else if error_rad > FOLLOW_FIELDS * scan.fields_rad[scan.tier as usize][1] {
+    } else if error_rad > FOLLOW_FIELDS * scan.passes[scan.pass].field_rad[1] {
         scan.settled_since = None;
     }
     let rested_s = scan
@@ -243,16 +252,21 @@ mod tests {
         }
     }
 
+    /// The cameras, the search camera with this time from frame to frame [s].
+    fn cameras(search_s: f64) -> [(Tier, [f64; 2], f64); 3] {
+        let frames_s = [search_s, 1.0 / 60.0, 1.0 / 120.0];
+        [0, 1, 2].map(|i| (Tier::ALL[i], FIELDS_RAD[i], frames_s[i]))
+    }
+
     fn scan(cue: Option<RadarCue>) -> SearchScan {
-        let frames_s = [1.0 / 30.0, 1.0 / 60.0, 1.0 / 120.0];
-        SearchScan::new(SearchPattern::Raster, SECTOR, FIELDS_RAD, frames_s, cue)
+        SearchScan::new(SearchPattern::Raster, SECTOR, &cameras(1.0 / 30.0), cue)
     }
 
     /// Tier and number of gazes of the first passes.
     fn passes(scan: &mut SearchScan) -> Vec<(Tier, usize)> {
         (0..4)
             .map(|_| {
-                let (tier, gazes) = (scan.tier, scan.offsets_rad.len());
+                let (tier, gazes) = (scan.tier(), scan.offsets_rad.len());
                 (0..gazes).for_each(|_| scan.advance());
                 (tier, gazes)
             })
@@ -286,7 +300,7 @@ mod tests {
         let later = scan.gaze(2.0);
         assert!((later.az_el_rad - before.az_el_rad - 2.0 * along).length() < 1e-12);
         // The next plot puts it elsewhere; the pass goes on.
-        scan.begin(Tier::Precise);
+        scan.begin(2);
         (scan.index, scan.settled_since) = (2, Some(7));
         let off = scan.offsets_rad[2];
         scan.follow(Some(cue([1.05, 0.1], 6e-3, 0.0)), 2.0);
@@ -295,7 +309,7 @@ mod tests {
         assert!((scan.gaze(2.0).az_el_rad - off - centre).length() < 1e-12);
         // Without a radar's track it is the sector again.
         scan.follow(None, 3.0);
-        assert_eq!((scan.tier, scan.offsets_rad.len()), (Tier::Search, 14));
+        assert_eq!((scan.tier(), scan.offsets_rad.len()), (Tier::Search, 14));
     }
 
     #[test]
@@ -313,15 +327,21 @@ mod tests {
 
     #[test]
     fn a_gaze_has_frames_enough() {
-        let slow = SearchScan::new(
-            SearchPattern::Raster,
-            SECTOR,
-            FIELDS_RAD,
-            [0.1, 1.0 / 60.0, 1.0 / 120.0],
-            None,
-        );
-        let off_s = DVec3::from(slow.gaze_s) - DVec3::new(1.5, 1.0 / 3.0, 1.0 / 3.0);
+        let slow = SearchScan::new(SearchPattern::Raster, SECTOR, &cameras(0.1), None);
+        let gaze_s = DVec3::from([0, 1, 2].map(|pass| slow.passes[pass].gaze_s));
+        let off_s = gaze_s - DVec3::new(1.5, 1.0 / 3.0, 1.0 / 3.0);
         assert!(off_s.abs().max_element() < 1e-9);
-        assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(closer_every), [4, 2, 1]);
+        let every = |frame_s| read_every(Tier::Coarse, frame_s);
+        assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(every), [4, 2, 1]);
+    }
+
+    #[test]
+    fn without_a_search_camera_the_next_finer_one_begins() {
+        let two = &cameras(1.0 / 30.0)[1..];
+        let cue = cue([1.0, 0.1], 6e-3, 0.0);
+        let mut scan = SearchScan::new(SearchPattern::Raster, SECTOR, two, Some(cue));
+        assert!((scan.gaze_s() - 0.5).abs() < 1e-12);
+        let coarse_first = [(Tier::Coarse, 1), (Tier::Precise, 4)];
+        assert_eq!(passes(&mut scan)[..2], coarse_first);
     }
 }
