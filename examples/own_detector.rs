@@ -66,9 +66,14 @@ fn darkest(question: &Question) -> Vec<Detection> {
     found.into_iter().collect()
 }
 
-/// The tracker after a second of the demo, its UAV before an even sky.
+/// The tracker after a second of the demo, its UAV high before an even sky.
 pub fn run() -> Result<Tracker, Box<dyn Error>> {
-    let set = ["detector.kind=darkest", "engage.authorised=false"].map(String::from);
+    let set = [
+        "detector.kind=darkest",
+        "engage.authorised=false",
+        "uavs.0.trajectory={ kind = 'straight', start_enu_m = [-350, 350, 250], velocity_enu_mps = [5, 5, 0] }",
+    ];
+    let set = set.map(String::from);
     let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;
     let options = Options {
         capture: true,

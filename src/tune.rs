@@ -5,7 +5,8 @@ use crate::components::control::Controller;
 use crate::components::detect::Reading;
 use crate::components::run::SimClock;
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::pointing::{LawRegistry, PointingLaw};
+use crate::models::control::pointing::PointingLaw;
+use crate::models::control::registry::LawRegistry;
 use crate::models::control::tuning::{
     CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, TuningError, derive,
     measure_mirror, measure_paper_loop, measure_pointing_loop, measure_position_loop,

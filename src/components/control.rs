@@ -2,7 +2,8 @@
 
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::{PaperLaw, PaperPid};
-use crate::models::control::pointing::{LawRegistry, PointingLaw};
+use crate::models::control::pointing::PointingLaw;
+use crate::models::control::registry::LawRegistry;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
 use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};

@@ -9,7 +9,7 @@ use crate::components::mount::{Mount, OpticalPath, Optics, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::pointing::LawRegistry;
+use crate::models::control::registry::LawRegistry;
 use crate::models::control::tuning::MountPlant;
 use crate::models::maths::rng::Stream;
 use crate::models::mount::gimbal::GimbalState;
