@@ -77,9 +77,11 @@ impl Bench<'_> {
         let program = program.map_err(|source| EvalError::Program { source })?;
         let detector = &loaded.scenario.detector;
         // One that cannot be read is refused by the run, with its line.
-        let model = (detector.is_onnx())
-            .then(|| digest(&detector.onnx_model).unwrap_or_default())
-            .unwrap_or_default();
+        let model = if detector.is_onnx() {
+            digest(&detector.onnx_model).unwrap_or_default()
+        } else {
+            0
+        };
         let recogniser =
             (loaded.scenario.recogniser.model(detector)).and_then(|file| digest(file).ok());
         let text = format!(
