@@ -1,4 +1,4 @@
-//! A detector of one's own: what is darkest against its surroundings.
+//! A detector of one's own: what stands out most from its surroundings.
 //!
 //! `source scripts/env.sh; cargo run --release --example own_detector`
 
@@ -13,14 +13,14 @@ use std::collections::VecDeque;
 use std::error::Error;
 use std::path::Path;
 
-/// Boxes of 5 px about the darkest spot of each picture.
+/// Boxes of 5 px about the spot of each picture that stands out most.
 #[derive(Default)]
-struct Darkest {
+struct Contrast {
     classes: [String; 0],
     answers: VecDeque<Vec<Detection>>,
 }
 
-impl Detector for Darkest {
+impl Detector for Contrast {
     fn classes(&self) -> &[String] {
         &self.classes
     }
@@ -30,7 +30,7 @@ impl Detector for Darkest {
     }
 
     fn ask(&mut self, questions: Vec<Question>) {
-        self.answers.extend(questions.iter().map(darkest));
+        self.answers.extend(questions.iter().map(stands_out));
     }
 
     fn answer(&mut self) -> Result<Vec<Detection>, PartError> {
@@ -38,8 +38,8 @@ impl Detector for Darkest {
     }
 }
 
-/// The pixel that is darker than those 6 px away on all four sides, by most.
-fn darkest(question: &Question) -> Vec<Detection> {
+/// The pixel that is brighter, or darker, than those 6 px away on all four sides, by most.
+fn stands_out(question: &Question) -> Vec<Detection> {
     let Question { frame, look, .. } = question;
     let Some(rgb8) = &frame.rgb8 else {
         return Vec::new();
@@ -50,16 +50,14 @@ fn darkest(question: &Question) -> Vec<Detection> {
     };
     let ([x0, y0], [w, h]) = (look.offset_px, look.size_px);
     let places = (y0 + 6..y0 + h - 6).flat_map(|y| (x0 + 6..x0 + w - 6).map(move |x| (x, y)));
-    let depth = |(x, y): &(u32, u32)| {
+    let contrast = |(x, y): &(u32, u32)| {
         let around = [(x - 6, *y), (x + 6, *y), (*x, y - 6), (*x, y + 6)];
-        around
-            .map(|(x, y)| green(x, y))
-            .into_iter()
-            .fold(255.0, f64::min)
-            - green(*x, *y)
+        let over = around.map(|(x_to, y_to)| green(*x, *y) - green(x_to, y_to));
+        let least = |sign: f64| over.iter().map(|by| sign * by).fold(255.0, f64::min);
+        least(1.0).max(least(-1.0))
     };
-    let best = places.max_by(|a, b| depth(a).total_cmp(&depth(b)));
-    let found = best.filter(|at| depth(at) > 12.0).map(|(x, y)| {
+    let best = places.max_by(|a, b| contrast(a).total_cmp(&contrast(b)));
+    let found = best.filter(|at| contrast(at) > 10.0).map(|(x, y)| {
         let [x, y] = [x, y].map(|at| f64::from(at) + 0.5);
         Detection::new([x - 2.5, y - 2.5, x + 2.5, y + 2.5], 0.8, 0)
     });
@@ -69,7 +67,7 @@ fn darkest(question: &Question) -> Vec<Detection> {
 /// The tracker after a second of the demo, its UAV high before an even sky.
 pub fn run() -> Result<Tracker, Box<dyn Error>> {
     let set = [
-        "detector.kind=darkest",
+        "detector.kind=contrast",
         "engage.authorised=false",
         "uavs.0.trajectory={ kind = 'straight', start_enu_m = [-350, 350, 250], velocity_enu_mps = [5, 5, 0] }",
     ];
@@ -81,7 +79,7 @@ pub fn run() -> Result<Tracker, Box<dyn Error>> {
     };
     let mut app = build_with(&loaded, &options, |app| {
         let mut detectors = app.world_mut().resource_mut::<Detectors>();
-        detectors.add("darkest", |_site| Ok(Darkest::default()));
+        detectors.add("contrast", |_site| Ok(Contrast::default()));
     })?;
     for _ in 0..loaded.scenario.tick_hz {
         step(app.world_mut())?;
