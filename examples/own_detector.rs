@@ -79,7 +79,7 @@ pub fn run() -> Result<Tracker, Box<dyn Error>> {
     };
     let mut app = build_with(&loaded, &options, |app| {
         let mut detectors = app.world_mut().resource_mut::<Detectors>();
-        detectors.add("contrast", |_site| Ok(Contrast::default()));
+        detectors.add("contrast", |_context| Ok(Box::new(Contrast::default())));
     })?;
     for _ in 0..loaded.scenario.tick_hz {
         step(app.world_mut())?;

@@ -46,7 +46,9 @@ pub fn rms_urad(law: &str) -> Result<f64, Box<dyn Error>> {
     let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;
     let mut app = build_with(&loaded, &Options::default(), |app| {
         let mut laws = app.world_mut().resource_mut::<PointingLaws>();
-        laws.add("gimbal_alone", |_plant| Ok(GimbalAlone { gain_per_s: 8.0 }));
+        laws.add("gimbal_alone", |_plant| {
+            Ok(Box::new(GimbalAlone { gain_per_s: 8.0 }))
+        });
     })?;
     for _ in 0..2 * loaded.scenario.tick_hz {
         step(app.world_mut())?;

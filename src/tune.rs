@@ -6,7 +6,6 @@ use crate::components::detect::Reading;
 use crate::components::run::SimClock;
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::pointing::PointingLaw;
-use crate::models::control::registry::LawRegistry;
 use crate::models::control::tuning::{
     CameraTiming, Derived, LoopMeasurement, MountAxis, MountPlant, TuningError, derive,
     measure_mirror, measure_paper_loop, measure_pointing_loop, measure_position_loop,
@@ -16,12 +15,12 @@ use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapp
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::tracking::estimation::LosFilterParams;
 use crate::output::{self, OutputError};
-use crate::plugins::control::controller;
+use crate::plugins::control::{controller, laws};
 use crate::plugins::mount::{gimbal_params, mirror_params};
 use crate::plugins::track::tracker_params;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::page::{Head, note, page};
-use crate::scenario::{Exposure, InputError, Loaded, Scenario};
+use crate::scenario::{self, Exposure, InputError, Loaded, Scenario};
 use glam::DVec3;
 use maud::{Markup, html};
 use serde::Serialize;
@@ -124,9 +123,10 @@ impl Tuning {
             tick: 0,
             tick_hz: scenario.tick_hz,
         };
+        let station = first_station(scenario);
         let plant = MountPlant {
-            gimbal: gimbal_params(&scenario.station.mount, clock.dt_s()),
-            mirror: mirror_params(&scenario.station.mount),
+            gimbal: gimbal_params(&station.mount, clock.dt_s()),
+            mirror: mirror_params(&station.mount),
             dt_s: clock.dt_s(),
         };
         let refuse_mount = |error: String| loaded.refuse("station.mount", error);
@@ -144,10 +144,9 @@ impl Tuning {
             measure_position_loop(&plant, axis, derived.law.gimbal_gain_per_s),
             measure_mirror(&plant).map_err(refused)?,
         ];
-        let laws = LawRegistry::default();
+        let laws = laws();
         for name in laws.names() {
-            let law = laws.make(name, &plant).into_iter();
-            for law in law {
+            if let Some(law) = laws.make(name, &plant) {
                 let law = law.map_err(|error| refuse_mount(error.to_string()))?;
                 let measured = measure_pointing_loop(&plant, axis, precise, filter, (name, &*law));
                 loops.push(measured.map_err(refused)?);
@@ -346,10 +345,15 @@ impl Tuning {
     }
 }
 
+/// The station that is tuned.
+fn first_station(scenario: &Scenario) -> &scenario::Station {
+    scenario.stations.first().unwrap_or(&scenario.station)
+}
+
 /// The timing of a camera and the noise of its detections, for the loops.
 fn timing(scenario: &Scenario, clock: &SimClock, tier: Tier) -> Result<CameraTiming, CameraError> {
-    let cameras = scenario.station.cameras.resolved();
-    let camera = &cameras[tier as usize];
+    let cameras = &first_station(scenario).cameras;
+    let camera = &cameras.resolved()[tier as usize];
     let hfov_rad = camera.hfov_deg.to_radians();
     let pinhole = Pinhole::from_hfov(camera.width_px, camera.height_px, hfov_rad)?;
     let exposure_s = match camera.exposure_s {

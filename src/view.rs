@@ -1,9 +1,9 @@
 //! `boresight view`: a run in a window.
 
 use crate::app::{self, Options, RunError};
-use crate::components::mount::first_station;
+use crate::components::mount::{Station, Stations};
 use crate::components::run::SimClock;
-use crate::components::track::{Designation, Operator, Order};
+use crate::components::track::{Designation, Operator};
 use crate::components::view::{Pacing, ScreenshotRequest, Session};
 use crate::models::flight::trajectory::Trajectory;
 use crate::output::{self, OutputError};
@@ -129,19 +129,33 @@ fn with_orders(
     let clock = world.resource::<SimClock>();
     let mut scenario = loaded.scenario.clone();
     scenario.seed = options.seed.unwrap_or(scenario.seed);
-    let orders = first_station::<Operator>(world).map_or(&[][..], |operator| &operator.orders);
-    let order = |order: &Order| OrderConfig {
-        t_s: clock.at_s(order.tick),
-        designate: match order.target {
-            Designation::Uav(index) => loaded.scenario.flying().nth(index).map(String::from),
-            Designation::Track(_) | Designation::Release => None,
-        },
-        track: match order.target {
-            Designation::Track(id) => Some(id),
-            Designation::Uav(_) | Designation::Release => None,
-        },
+    let named = |target: &Designation| match target {
+        Designation::Uav(index) => loaded.scenario.flying().nth(*index).map(String::from),
+        Designation::Track(_) | Designation::Release => None,
     };
-    scenario.operator = orders.iter().map(order).collect();
+    let track = |target: &Designation| match target {
+        Designation::Track(id) => Some(*id),
+        Designation::Uav(_) | Designation::Release => None,
+    };
+    let stations = &world.resource::<Stations>().0;
+    let mut orders = Vec::new();
+    for station in stations {
+        let (Some(operator), Some(own)) = (
+            world.get::<Operator>(*station),
+            world.get::<Station>(*station),
+        ) else {
+            continue;
+        };
+        orders.extend(operator.orders.iter().map(|order| OrderConfig {
+            t_s: clock.at_s(order.tick),
+            designate: named(&order.target),
+            track: track(&order.target),
+            // Of one station an order need not say whose it is.
+            station: (stations.len() > 1).then(|| own.name.clone()),
+        }));
+    }
+    orders.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
+    scenario.operator = orders;
     // A recorded flight is found from wherever the file will lie.
     let folder = loaded.path.parent().unwrap_or(Path::new("."));
     let folder = folder.canonicalize().unwrap_or(folder.to_owned());
@@ -162,6 +176,8 @@ fn with_orders(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::components::mount::first_station;
+    use crate::components::track::Order;
     use crate::scenario::Scenario;
 
     #[test]
@@ -194,6 +210,37 @@ mod tests {
         let again = app::build(&kept, &Options::default()).unwrap();
         let kept = first_station::<Operator>(again.world()).unwrap();
         assert_eq!(kept.orders, orders);
+    }
+
+    #[test]
+    fn an_order_to_one_of_two_stations_is_kept_as_its_own() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let path = root.join("scenarios/crossing_pair.toml");
+        let set = [
+            "detector.kind=truth",
+            "duration_s=2",
+            "stations=[{ name = 'west' }, { name = 'east', position_enu_m = [150, 40, 62] }]",
+        ];
+        let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
+        let options = Options::default();
+        let mut app = app::build(&loaded, &options).unwrap();
+        let world = app.world_mut();
+        let orders = |world: &World| -> Vec<Vec<Order>> {
+            let stations = &world.resource::<Stations>().0;
+            let of = |station: &Entity| world.get::<Operator>(*station).unwrap().orders.clone();
+            stations.iter().map(of).collect()
+        };
+        let order = Order {
+            tick: 960,
+            target: Designation::Uav(1),
+        };
+        let east = world.resource::<Stations>().0[1];
+        world.get_mut::<Operator>(east).unwrap().give(order);
+        assert_eq!(orders(world), [vec![], vec![order]]);
+        let text = with_orders(world, &loaded, &options).unwrap();
+        let kept = Loaded::parse(text, "kept.toml".into(), Vec::new()).unwrap();
+        let again = app::build(&kept, &options).unwrap();
+        assert_eq!(orders(again.world()), [vec![], vec![order]]);
     }
 
     #[test]

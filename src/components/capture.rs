@@ -15,15 +15,15 @@ use std::sync::Arc;
 
 /// The station that a camera belongs to.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-#[relationship(relationship_target = Cameras)]
+#[relationship(relationship_target = StationCameras)]
 pub struct CameraOf(pub Entity);
 
 /// The cameras of a station, in the order of the scenario.
 #[derive(Component, Clone, Debug, Default)]
 #[relationship_target(relationship = CameraOf)]
-pub struct Cameras(Vec<Entity>);
+pub struct StationCameras(Vec<Entity>);
 
-impl Cameras {
+impl StationCameras {
     /// Their entities.
     pub fn entities(&self) -> &[Entity] {
         &self.0

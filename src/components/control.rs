@@ -1,9 +1,10 @@
 //! Controllers, the search scan and the radar that cues it.
 
+use crate::components::run::Registry;
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::{PaperLaw, PaperPid};
 use crate::models::control::pointing::PointingLaw;
-use crate::models::control::registry::LawRegistry;
+use crate::models::control::tuning::MountPlant;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
 use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};
@@ -32,9 +33,9 @@ pub struct PointingController {
     pub hand_over: HandOver,
 }
 
-/// The pointing laws that a scenario may name.
+/// The pointing laws that a scenario may name, each made for a mount.
 #[derive(Resource, Default, Deref, DerefMut)]
-pub struct PointingLaws(pub LawRegistry);
+pub struct PointingLaws(pub Registry<MountPlant, dyn PointingLaw>);
 
 /// Laws and memory of the paper's two loops.
 #[derive(Clone, Debug)]

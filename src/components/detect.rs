@@ -1,13 +1,13 @@
 //! The detector, and detections on their way to the tracker.
 
 use crate::components::capture::{ExposedFrame, PixelRect, Readout};
-use crate::components::run::{Options, PartError, Seed};
+use crate::components::run::{Options, PartError, Registry, Seed};
 use crate::models::flight::class::is_uav;
 use crate::models::optics::detection::Detection;
 use crate::models::tracking::evidence::ScoreModel;
 use crate::scenario::Loaded;
 use bevy::prelude::*;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// A frame, and how a detector is to look at it.
@@ -168,48 +168,19 @@ impl DetectorInUse {
 }
 
 /// What a detector is made for.
-pub struct DetectorSite<'a> {
+pub struct DetectorContext {
     /// The scenario, and how it is run.
-    pub loaded: &'a Loaded,
-    pub options: &'a Options,
+    pub loaded: Arc<Loaded>,
+    pub options: Options,
     /// The seed of the run.
     pub seed: Seed,
     /// Sizes of the cameras' sensors [px].
-    pub sensors_px: &'a [[u32; 2]],
+    pub sensors_px: Vec<[u32; 2]>,
 }
-
-/// Makes a detector.
-type Make = Box<dyn Fn(&DetectorSite) -> Result<Box<dyn Detector>, PartError> + Send + Sync>;
 
 /// The detectors that a scenario may name.
-#[derive(Resource, Default)]
-pub struct Detectors(BTreeMap<String, Make>);
-
-impl Detectors {
-    /// Adds a detector under a name, in place of one that had it.
-    pub fn add<D: Detector + 'static>(
-        &mut self,
-        name: &str,
-        make: impl Fn(&DetectorSite) -> Result<D, PartError> + Send + Sync + 'static,
-    ) {
-        let make: Make = Box::new(move |site| Ok(Box::new(make(site)?)));
-        self.0.insert(name.to_owned(), make);
-    }
-
-    /// Names of the detectors, in their alphabet's order.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.0.keys().map(String::as_str)
-    }
-
-    /// The detector of a name; `None` where there is none of that name.
-    pub fn make(
-        &self,
-        name: &str,
-        site: &DetectorSite,
-    ) -> Option<Result<Box<dyn Detector>, PartError>> {
-        Some(self.0.get(name)?(site))
-    }
-}
+#[derive(Resource, Default, Deref, DerefMut)]
+pub struct Detectors(pub Registry<DetectorContext, dyn Detector>);
 
 /// Bit by bit, which of these classes are no UAVs.
 pub fn other_classes(classes: &[String]) -> u64 {

@@ -5,6 +5,7 @@ use crate::models::maths::rng::Stream;
 use crate::scenario::Loaded;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -133,6 +134,39 @@ pub struct RunEnd {
 
 /// What a domain, or a user's own plugin, reports when it cannot go on: any typed error.
 pub type PartError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Makes a part in the light of a context.
+type Make<C, T> = Box<dyn Fn(&C) -> Result<Box<T>, PartError> + Send + Sync>;
+
+/// The parts of one kind that a scenario may name.
+pub struct Registry<C, T: ?Sized>(BTreeMap<String, Make<C, T>>);
+
+impl<C, T: ?Sized> Default for Registry<C, T> {
+    fn default() -> Self {
+        Self(BTreeMap::new())
+    }
+}
+
+impl<C, T: ?Sized> Registry<C, T> {
+    /// Adds a part under a name, in place of one that had it.
+    pub fn add(
+        &mut self,
+        name: &str,
+        make: impl Fn(&C) -> Result<Box<T>, PartError> + Send + Sync + 'static,
+    ) {
+        self.0.insert(name.to_owned(), Box::new(make));
+    }
+
+    /// Names of the parts, in their alphabet's order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
+    /// Makes the part of a name; `None` where there is none of that name.
+    pub fn make(&self, name: &str, context: &C) -> Option<Result<Box<T>, PartError>> {
+        Some(self.0.get(name)?(context))
+    }
+}
 
 /// The first error of a set-up or a run; a tick in which one appears is the last.
 #[derive(Resource, Default)]

@@ -15,7 +15,9 @@ use crate::models::optics::motion::Shutter;
 use crate::models::optics::sensor::{Sensor, SensorParams, Transfer};
 use crate::plugins::render;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, CameraPath, Exposure, InputError, Loaded, SiteCamera, WhiteBalance};
+use crate::scenario::{
+    self, CameraPath, Exposure, InputError, Loaded, ResolvedCamera, WhiteBalance,
+};
 use crate::systems::capture::{self as systems, metering};
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -44,8 +46,6 @@ impl Plugin for CapturePlugin {
     }
 }
 
-/// Radians in a degree.
-const RAD_PER_DEG: f64 = std::f64::consts::PI / 180.0;
 /// Distance for which the cameras' turbulence blur is taken [m].
 const BLUR_RANGE_M: f64 = 1_000.0;
 /// Standard deviation of a beacon's centroid in a calibration [px].
@@ -68,7 +68,7 @@ fn spawn_cameras(
         let site = &scenario_stations[station.index];
         for camera in site.config.cameras.all() {
             let place = format!("{}.cameras.{}", site.place, camera.place);
-            let SiteCamera { name, tier, .. } = camera;
+            let ResolvedCamera { name, tier, .. } = camera;
             let path = optical_path(camera.path);
             let camera = &camera.config;
             let pinhole = pinhole(&loaded, &place, camera)?;
@@ -119,7 +119,10 @@ fn optical_path(path: CameraPath) -> OpticalPath {
         CameraPath::Fixed {
             azimuth_deg,
             elevation_deg,
-        } => OpticalPath::Fixed(DVec2::new(azimuth_deg, elevation_deg) * RAD_PER_DEG),
+        } => {
+            let [az_rad, el_rad] = [azimuth_deg, elevation_deg].map(f64::to_radians);
+            OpticalPath::Fixed(DVec2::new(az_rad, el_rad))
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Radar, search scan and control law; commands for mount and cameras.
 
-use crate::components::capture::{Cameras, SensorCamera, Tier};
+use crate::components::capture::{SensorCamera, StationCameras, Tier};
 use crate::components::control::{
     Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
@@ -8,15 +8,16 @@ use crate::components::flight::{Distractor, Flight, Uav};
 use crate::components::mount::{Mount, OpticalPath, Optics, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::control::law::HandOver;
+use crate::models::control::lqg::{LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::registry::LawRegistry;
-use crate::models::control::tuning::MountPlant;
+use crate::models::control::tuning::{self, MountPlant};
 use crate::models::maths::rng::Stream;
 use crate::models::mount::gimbal::GimbalState;
+use crate::models::tracking::estimation::LosFilterParams;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, InputError, Loaded, Scenario, SearchSector, SiteStation};
+use crate::scenario::{self, InputError, Loaded, ResolvedStation, Scenario, SearchSector};
 use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -26,7 +27,7 @@ pub struct ControlPlugin;
 
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<PointingLaws>()
+        app.insert_resource(laws())
             .add_systems(
                 SetUp,
                 (fallible(set_up), mount::look)
@@ -46,6 +47,19 @@ impl Plugin for ControlPlugin {
     }
 }
 
+/// The pointing laws that every run knows.
+pub fn laws() -> PointingLaws {
+    let mut laws = PointingLaws::default();
+    laws.add("tuned", |plant| Ok(Box::new(tuning::derive(plant)?.law)));
+    laws.add("lqg", |plant| {
+        let tau_s = LosFilterParams::default().accel_tau_s;
+        let (gimbal, mirror) = (&plant.gimbal, &plant.mirror);
+        let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), plant.dt_s)?;
+        Ok(Box::new(law))
+    });
+    laws
+}
+
 /// The engagement begins with the radar's first plot and the mount at the scan's first gaze.
 fn set_up(
     mut commands: Commands,
@@ -55,7 +69,7 @@ fn set_up(
     uavs: Query<(&Uav, &Flight), Without<Distractor>>,
     laws: Res<PointingLaws>,
     cameras: Query<(&SensorCamera, &OpticalPath)>,
-    mut stations: Query<(Entity, &Station, &Cameras, &mut Mount, &mut Optics)>,
+    mut stations: Query<(Entity, &Station, &StationCameras, &mut Mount, &mut Optics)>,
 ) -> Result<(), PartError> {
     let known = loaded.scenario.stations();
     for (entity, station, own, mut mount, mut optics) in &mut stations {
@@ -90,7 +104,7 @@ fn set_up(
 /// The controller of a scenario for the mount of the station that stands at `station` in the file.
 pub fn controller(
     loaded: &Loaded,
-    laws: &LawRegistry,
+    laws: &PointingLaws,
     station: &str,
     plant: &MountPlant,
 ) -> Result<Controller, InputError> {
@@ -147,7 +161,7 @@ fn radar(scenario: &Scenario, search: &SearchSector, rng: Stream, clock: SimCloc
 /// Where the cameras look for a target: the sector, or the part of it that the radar points at.
 fn search_scan(
     loaded: &Loaded,
-    site: &SiteStation,
+    site: &ResolvedStation,
     cameras: &[(&SensorCamera, &OpticalPath)],
     clock: &SimClock,
     radar: &Radar,

@@ -1,7 +1,9 @@
 //! The detector; detections and their latency.
 
 use crate::components::capture::SensorCamera;
-use crate::components::detect::{DetectionQueue, DetectorInUse, DetectorSite, Detectors, Reading};
+use crate::components::detect::{
+    DetectionQueue, DetectorContext, DetectorInUse, Detectors, Reading,
+};
 use crate::components::mount::Station;
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::inference::{Inference, OnnxDetector, Setup};
@@ -35,35 +37,36 @@ pub struct ThreadError(std::io::Error);
 /// The detectors that every run knows.
 fn known() -> Detectors {
     let mut detectors = Detectors::default();
-    detectors.add(scenario::ONNX, network);
-    detectors.add(scenario::TRUTH, |site| {
-        let errors = &site.loaded.scenario.detector.truth;
+    detectors.add(scenario::ONNX, |context| Ok(Box::new(network(context)?)));
+    detectors.add(scenario::TRUTH, |context| {
+        let errors = &context.loaded.scenario.detector.truth;
         let errors = TruthErrors {
             noise_px: errors.noise_px,
             miss_rate: errors.miss_rate,
             distractor_rate: errors.distractor_rate,
             false_alarms_per_frame: errors.false_alarms_per_frame,
         };
-        Ok(TruthDetector::new(errors, site.seed))
+        Ok(Box::new(TruthDetector::new(errors, context.seed)))
     });
     detectors
 }
 
 /// The network of a scenario.
-fn network(site: &DetectorSite) -> Result<NetworkDetector, PartError> {
-    let settings = &site.loaded.scenario.detector;
-    let refuse = |error: &dyn std::fmt::Display| site.loaded.refuse("detector.onnx_model", error);
+fn network(context: &DetectorContext) -> Result<NetworkDetector, PartError> {
+    let settings = &context.loaded.scenario.detector;
+    let refuse =
+        |error: &dyn std::fmt::Display| context.loaded.refuse("detector.onnx_model", error);
     let setup = Setup {
         threads: INFERENCE_THREADS,
         provider: settings.provider,
         named_in: "detector.onnx_model",
     };
     let model = OnnxDetector::load_with(&settings.onnx_model, &setup).map_err(|e| refuse(&e))?;
-    for size_px in site.sensors_px {
+    for size_px in &context.sensors_px {
         model.input_px(*size_px).map_err(|e| refuse(&e))?;
     }
     let recommended = model.score_threshold();
-    let inference = if site.options.one_thread {
+    let inference = if context.options.one_thread {
         Inference::on_caller(model)
     } else {
         Inference::on_thread(model).map_err(ThreadError)?
@@ -89,14 +92,14 @@ fn set_up(
     let sensors_px: Vec<[u32; 2]> = (cameras.iter())
         .map(|camera| [camera.pinhole.width_px, camera.pinhole.height_px])
         .collect();
-    let site = DetectorSite {
-        loaded: &loaded,
-        options: &options,
+    let context = DetectorContext {
+        loaded: loaded.0.clone(),
+        options: options.clone(),
         seed: *seed,
-        sensors_px: &sensors_px,
+        sensors_px,
     };
     let kind = &loaded.scenario.detector.kind;
-    let detector = detectors.make(kind, &site).ok_or_else(|| {
+    let detector = detectors.make(kind, &context).ok_or_else(|| {
         let known: Vec<&str> = detectors.names().collect();
         let hint = scenario::suggestion(kind, &known);
         loaded.refuse("detector.kind", format!("no detector '{kind}'{hint}"))

@@ -8,7 +8,7 @@ use crate::models::maths::rng::Stream;
 use crate::models::mount::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, InputError, Loaded, SiteStation};
+use crate::scenario::{self, InputError, Loaded, ResolvedStation};
 use crate::systems::mount as systems;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -60,7 +60,7 @@ fn set_up(
 /// The mount of a station, whose streams have the key `key`.
 fn mount(
     loaded: &Loaded,
-    station: &SiteStation,
+    station: &ResolvedStation,
     seed: Seed,
     key: u64,
     clock: SimClock,

@@ -10,7 +10,7 @@ use crate::components::track::{
 use crate::inference::OnnxRecogniser;
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, AssociationRule, Scenario, SiteCamera};
+use crate::scenario::{self, AssociationRule, OrderConfig, ResolvedCamera, Scenario};
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
@@ -61,7 +61,7 @@ fn set_up(
         commands.entity(entity).insert((
             params,
             Tracker::default(),
-            operator(scenario, *clock),
+            operator(scenario, &station.name, *clock),
             RangeFinder {
                 params: default(),
                 rng: seed.stream(station.index as u64, "range finder"),
@@ -107,7 +107,7 @@ fn set_up_recogniser(
 /// How the tracker of a scenario works, for a station with these cameras at `r_station_enu_m` [m].
 pub fn tracker_params(
     scenario: &Scenario,
-    cameras: &[SiteCamera],
+    cameras: &[ResolvedCamera],
     r_station_enu_m: DVec3,
     reading: &Reading,
 ) -> TrackerParams {
@@ -156,10 +156,11 @@ pub fn tracker_params(
     }
 }
 
-/// The operator's orders of a scenario.
-fn operator(scenario: &Scenario, clock: SimClock) -> Operator {
+/// The orders of a scenario that a station obeys.
+fn operator(scenario: &Scenario, station: &str, clock: SimClock) -> Operator {
     let index = |name: &String| scenario.flying().position(|known| known == name);
-    let orders = scenario.operator.iter().map(|order| Order {
+    let meant = |order: &&OrderConfig| order.station.as_deref().is_none_or(|name| name == station);
+    let orders = scenario.operator.iter().filter(meant).map(|order| Order {
         tick: clock.ticks_of(order.t_s),
         target: match (order.designate.as_ref().and_then(index), order.track) {
             (Some(index), _) => Designation::Uav(index),

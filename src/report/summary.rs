@@ -7,7 +7,7 @@ use super::statistics::MissStats;
 use crate::VERSION;
 use crate::app::Options;
 use crate::components::beam::{BeamState, Dose};
-use crate::components::capture::{Cameras, SensorCamera, Tier};
+use crate::components::capture::{SensorCamera, StationCameras, Tier};
 use crate::components::detect::DetectorInUse;
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
@@ -278,8 +278,8 @@ fn station_summaries(world: &World) -> Vec<StationSummary> {
 /// Miss distances of a station's cameras of a tier: (time [s], distance [px]), camera after camera.
 fn miss_px(world: &World, station: Entity, tier: Tier) -> Vec<(f64, f64)> {
     let cameras = world
-        .get::<Cameras>(station)
-        .map_or(&[][..], Cameras::entities);
+        .get::<StationCameras>(station)
+        .map_or(&[][..], StationCameras::entities);
     let of_tier = |camera: &&Entity| {
         (world.get::<SensorCamera>(**camera)).is_some_and(|camera| camera.tier == tier)
     };
@@ -356,11 +356,15 @@ fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, St
             .map(|change| change.to)
             .filter(|state| *state != TrackingState::Lost)
             .max_by_key(|state| *state as u8);
-        let mut reasons: Vec<&str> = (stations.iter())
-            .filter_map(|station| world.get::<Interlocks>(*station))
-            .flat_map(|interlocks| interlocks.reasons.iter().copied())
-            .collect();
-        reasons.dedup();
+        let interlocks = stations
+            .iter()
+            .filter_map(|station| world.get::<Interlocks>(*station));
+        let mut reasons: Vec<&str> = Vec::new();
+        for reason in interlocks.flat_map(|interlocks| &interlocks.reasons) {
+            if !reasons.contains(reason) {
+                reasons.push(reason);
+            }
+        }
         let why = if reasons.is_empty() {
             "the target outlasted the run".to_string()
         } else {

@@ -72,7 +72,7 @@ pub enum CameraPath {
 
 /// A camera of a station, all changes made.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SiteCamera {
+pub struct ResolvedCamera {
     /// Its name.
     pub name: String,
     /// What it is for.
@@ -264,13 +264,13 @@ impl Cameras {
     }
 
     /// All cameras that are there: wide to narrow, then the further ones.
-    pub fn all(&self) -> Vec<SiteCamera> {
+    pub fn all(&self) -> Vec<ResolvedCamera> {
         let usual = |tier: Tier| match tier {
             Tier::Search | Tier::Coarse => CameraPath::Gimbal,
             Tier::Precise => CameraPath::Mirror,
         };
         let three = Tier::ALL.into_iter().zip(self.resolved());
-        let three = three.map(|(tier, config)| SiteCamera {
+        let three = three.map(|(tier, config)| ResolvedCamera {
             name: tier.name().into(),
             tier,
             path: usual(tier),
@@ -278,7 +278,7 @@ impl Cameras {
             config,
         });
         let preset = self.preset.cameras();
-        let more = (self.more.iter().enumerate()).map(|(index, more)| SiteCamera {
+        let more = (self.more.iter().enumerate()).map(|(index, more)| ResolvedCamera {
             name: more.name.clone(),
             tier: more.role,
             path: more.path.unwrap_or(usual(more.role)),
@@ -388,6 +388,9 @@ impl Cameras {
                     elevation_deg,
                 } = camera.path
                 {
+                    check.that(camera.tier == Tier::Search, "path", || {
+                        "a fixed camera can only search: give it the role search".to_owned()
+                    });
                     check.within("path.fixed.azimuth_deg", azimuth_deg, TURN);
                     check.within("path.fixed.elevation_deg", elevation_deg, ELEVATION);
                 }

@@ -26,7 +26,7 @@ mod tracker;
 pub use air::{IntensityModel, Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};
 pub use cameras::{
     AutoWord, CameraChanges, CameraConfig, CameraPath, CameraPreset, Cameras, Exposure, MoreCamera,
-    Mosaic, ReadoutMode, Shutter, SiteCamera, WhiteBalance,
+    Mosaic, ReadoutMode, ResolvedCamera, Shutter, WhiteBalance,
 };
 pub use control::{ControllerConfig, Gains, PAPER};
 pub use detector::{DetectorConfig, ONNX, Provider, TRUTH, TruthErrorsConfig};
@@ -147,13 +147,13 @@ impl Scenario {
     }
 
     /// The stations in their order.
-    pub fn stations(&self) -> Vec<SiteStation<'_>> {
+    pub fn stations(&self) -> Vec<ResolvedStation<'_>> {
         let one = [(&self.station, "station".to_owned())];
         let several = (self.stations.iter().enumerate())
             .map(|(index, station)| (station, format!("stations[{index}]")));
         (one.into_iter().filter(|_| self.stations.is_empty()))
             .chain(several)
-            .map(|(config, place)| SiteStation {
+            .map(|(config, place)| ResolvedStation {
                 name: config.name.clone(),
                 place,
                 config,
@@ -171,7 +171,7 @@ impl Scenario {
 
 /// A station of a scenario.
 #[derive(Clone, Debug)]
-pub struct SiteStation<'a> {
+pub struct ResolvedStation<'a> {
     /// Its name.
     pub name: String,
     /// Where it stands in the file, for errors.
@@ -230,7 +230,14 @@ impl Checked for Scenario {
             self.recogniser.check(check, self.tick_hz);
         });
         check.table("tracker", |check| self.tracker.check(check));
-        tracker::check_orders(&self.operator, &self.uavs, &self.distractors, check);
+        let stations = self.stations();
+        tracker::check_orders(
+            &self.operator,
+            &stations,
+            &self.uavs,
+            &self.distractors,
+            check,
+        );
         check.table("controller", |check| self.controller.check(check));
         check.table("engage", |check| self.engage.check(check));
         check.table("record", |check| self.record.check(check, self.tick_hz));

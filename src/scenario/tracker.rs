@@ -3,7 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::ResolvedStation;
 use super::check::{Check, FRACTION, MAX_DURATION_S};
+use super::load::suggestion;
 use super::search::check_named_uav;
 use super::targets::{DistractorConfig, UavConfig};
 
@@ -67,6 +69,9 @@ pub struct OrderConfig {
     /// Identity of the track that becomes the target and stays it, as recordings have it. The
     /// window records a choice in this way, so that its run can be repeated.
     pub track: Option<u32>,
+    /// Name of the station that obeys; absent: every one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub station: Option<String>,
 }
 
 impl TrackerConfig {
@@ -78,9 +83,10 @@ impl TrackerConfig {
     }
 }
 
-/// Orders must be in order of time.
+/// Orders must be in order of time, and name stations and UAVs that are there.
 pub(super) fn check_orders(
     orders: &[OrderConfig],
+    stations: &[ResolvedStation],
     uavs: &[UavConfig],
     distractors: &[DistractorConfig],
     check: &mut Check,
@@ -89,6 +95,12 @@ pub(super) fn check_orders(
     for (index, order) in orders.iter().enumerate() {
         check.table(&format!("operator[{index}]"), |check| {
             check.within("t_s", order.t_s, earliest_s..=MAX_DURATION_S);
+            if let Some(name) = &order.station {
+                let names: Vec<&str> = stations.iter().map(|s| s.name.as_str()).collect();
+                check.that(names.contains(&name.as_str()), "station", || {
+                    format!("no station '{name}'{}", suggestion(name, &names))
+                });
+            }
             if let Some(name) = &order.designate {
                 if !distractors.iter().any(|other| other.name == *name) {
                     check_named_uav(check, "designate", name, uavs);

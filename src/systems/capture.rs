@@ -188,24 +188,8 @@ pub fn expose(
             mut exposures,
             mut auto,
         } = camera;
-        let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
-        let full = PixelRect {
-            offset_px: [0, 0],
-            size_px: sensor_px,
-        };
-        let rect = match (readout, camera.window_px) {
-            (Readout::Off, _) => continue,
-            // What is too large for the window is read in full.
-            (
-                Readout::Around {
-                    centre_px,
-                    target_px,
-                },
-                Some(side),
-            ) if region_px(*target_px, side) == side => {
-                PixelRect::window(sensor_px, *centre_px, side)
-            }
-            _ => full,
+        let Some(rect) = read_out(camera, readout) else {
+            continue;
         };
         if !clock.tick.is_multiple_of(camera.period_ticks) {
             continue;
@@ -255,6 +239,30 @@ pub fn expose(
             rgb8: None,
         }));
         exposures.0 += 1;
+    }
+    // A plugin's own components may change the order in which queries meet the cameras.
+    frames.0.sort_by_key(|frame| frame.index);
+}
+
+/// The pixels that a camera reads out; none while it idles.
+fn read_out(camera: &SensorCamera, readout: &Readout) -> Option<PixelRect> {
+    let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+    match (readout, camera.window_px) {
+        (Readout::Off, _) => None,
+        // What is too large for the window is read in full.
+        (
+            Readout::Around {
+                centre_px,
+                target_px,
+            },
+            Some(side),
+        ) if region_px(*target_px, side) == side => {
+            Some(PixelRect::window(sensor_px, *centre_px, side))
+        }
+        _ => Some(PixelRect {
+            offset_px: [0, 0],
+            size_px: sensor_px,
+        }),
     }
 }
 

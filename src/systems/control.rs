@@ -2,7 +2,7 @@
 
 mod search;
 
-use crate::components::capture::{CameraOf, Cameras, Readout, SensorCamera, Tier};
+use crate::components::capture::{CameraOf, Readout, SensorCamera, StationCameras, Tier};
 use crate::components::control::{
     Controller, PaperController, PointingController, Radar, SearchScan,
 };
@@ -109,7 +109,7 @@ pub struct Commanded {
     mount: &'static Mount,
     tracker: &'static Tracker,
     radar: &'static Radar,
-    cameras: &'static Cameras,
+    cameras: &'static StationCameras,
     scan: &'static mut SearchScan,
     controller: &'static mut Controller,
     command: &'static mut MountCommand,

@@ -1,7 +1,7 @@
 //! Interlocks and the firing command.
 
 use crate::components::beam::FireCommand;
-use crate::components::capture::{Cameras, SensorCamera, Tier};
+use crate::components::capture::{SensorCamera, StationCameras, Tier};
 use crate::components::engage::{Burst, Interlocks, Rules};
 use crate::components::environment::Environment;
 use crate::components::mount::Mount;
@@ -131,7 +131,7 @@ pub struct Firing {
     mount: &'static Mount,
     rules: &'static Rules,
     tracker: &'static Tracker,
-    cameras: &'static Cameras,
+    cameras: &'static StationCameras,
     interlocks: &'static mut Interlocks,
     burst: &'static mut Burst,
     command: &'static mut FireCommand,
@@ -158,79 +158,90 @@ pub fn decide_fire(
         .map(|station| station.mount.r_enu_m)
         .collect();
     for station in &mut stations {
-        let FiringItem {
-            mount,
-            rules,
-            tracker,
-            cameras: own,
-            mut interlocks,
-            mut burst,
-            mut command,
-        } = station;
-        let Interlocks {
-            reasons,
-            looked_over,
-        } = &mut *interlocks;
-        reasons.clear();
-        if !rules.authorised {
-            reasons.push("not authorised");
-        }
-        if tracker.state != TrackingState::Engage {
-            reasons.push("track not stable");
-            *looked_over = None;
-        }
-        if let Some(error) = tracker.error[Tier::Precise as usize]
-            && error.distance_px > error.half_side_px
-        {
-            reasons.push("aim point outside the target");
-        }
-        if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
-            reasons.push("not recognised as a UAV");
-        }
-        match (tracker.target_track(), tracker.range_m) {
-            (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
-                let known = looked_over.as_ref().map(|(id, _)| *id);
-                if known != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
-                    // The beam's whole width must be clear: look around the line by some pixels.
-                    let precise = (cameras.iter_many(own.entities()))
-                        .find(|camera| camera.tier == Tier::Precise);
-                    let way = Way {
-                        rules,
-                        environment: &environment,
-                        r_enu_m: mount.r_enu_m,
-                        stations_enu_m: &stations_enu_m,
-                        range_m,
-                        spread_rad: precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad()),
-                    };
-                    let (_, refused) = looked_over.insert((track.id, Vec::new()));
-                    way.look(&track.filter, clock.t_s(), refused);
-                }
-                reasons.extend(looked_over.iter().flat_map(|(_, refused)| refused));
-                look_along(
-                    &clock,
-                    &environment,
-                    rules,
-                    tracker,
-                    (track, range_m),
-                    reasons,
-                );
-                command.focus_range_m = range_m;
-            }
-            (Some(_), None) => reasons.push("no range"),
-            // Without a track nothing of the above can be checked.
-            (None, _) if tracker.state == TrackingState::Engage => reasons.push("no track"),
-            _ => {}
-        }
-        if burst.pauses(rules, &clock) {
-            reasons.push("burst limit");
-        }
-        command.fire = reasons.is_empty();
-        burst.began = match (command.fire, burst.began) {
-            (true, None) => Some(clock.tick),
-            (true, began) => began,
-            (false, _) => None,
-        };
+        decide_station(&clock, &environment, &cameras, &stations_enu_m, station);
     }
+}
+
+/// Checks the interlocks of one station and sets its firing command.
+fn decide_station(
+    clock: &SimClock,
+    environment: &Environment,
+    cameras: &Query<&SensorCamera>,
+    stations_enu_m: &[DVec3],
+    station: FiringItem,
+) {
+    let FiringItem {
+        mount,
+        rules,
+        tracker,
+        cameras: own,
+        mut interlocks,
+        mut burst,
+        mut command,
+    } = station;
+    let Interlocks {
+        reasons,
+        looked_over,
+    } = &mut *interlocks;
+    reasons.clear();
+    if !rules.authorised {
+        reasons.push("not authorised");
+    }
+    if tracker.state != TrackingState::Engage {
+        reasons.push("track not stable");
+        *looked_over = None;
+    }
+    if let Some(error) = tracker.error[Tier::Precise as usize]
+        && error.distance_px > error.half_side_px
+    {
+        reasons.push("aim point outside the target");
+    }
+    if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
+        reasons.push("not recognised as a UAV");
+    }
+    match (tracker.target_track(), tracker.range_m) {
+        (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {
+            let known = looked_over.as_ref().map(|(id, _)| *id);
+            if known != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
+                // The beam's whole width must be clear: look around the line by some pixels.
+                let precise =
+                    (cameras.iter_many(own.entities())).find(|camera| camera.tier == Tier::Precise);
+                let way = Way {
+                    rules,
+                    environment,
+                    r_enu_m: mount.r_enu_m,
+                    stations_enu_m,
+                    range_m,
+                    spread_rad: precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad()),
+                };
+                let (_, refused) = looked_over.insert((track.id, Vec::new()));
+                way.look(&track.filter, clock.t_s(), refused);
+            }
+            reasons.extend(looked_over.iter().flat_map(|(_, refused)| refused));
+            look_along(
+                clock,
+                environment,
+                rules,
+                tracker,
+                (track, range_m),
+                reasons,
+            );
+            command.focus_range_m = range_m;
+        }
+        (Some(_), None) => reasons.push("no range"),
+        // Without a track nothing of the above can be checked.
+        (None, _) if tracker.state == TrackingState::Engage => reasons.push("no track"),
+        _ => {}
+    }
+    if burst.pauses(rules, clock) {
+        reasons.push("burst limit");
+    }
+    command.fire = reasons.is_empty();
+    burst.began = match (command.fire, burst.began) {
+        (true, None) => Some(clock.tick),
+        (true, began) => began,
+        (false, _) => None,
+    };
 }
 
 /// Whether a track is something to be spared: seen often enough and lately, and no part of what stands

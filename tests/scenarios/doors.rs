@@ -97,7 +97,7 @@ fn a_law_that_is_unknown_or_returns_no_number_is_one_error() {
         let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
         app::build_with(&loaded, &Options::default(), |app| {
             let mut laws = app.world_mut().resource_mut::<PointingLaws>();
-            laws.add("lost", |_plant| Ok(Lost));
+            laws.add("lost", |_plant| Ok(Box::new(Lost)));
         })
     };
     let unknown = start("tunde").err().unwrap().to_string();

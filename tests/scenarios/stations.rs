@@ -128,6 +128,15 @@ fn stations_that_cannot_stand_are_refused() {
             "station.cameras.more=[{ name = 'ctv', role = 'coarse' }]",
             ["station.cameras.more[0].name", "taken by an earlier one"],
         ),
+        (
+            "station.cameras.more=[{ name = 'w', role = 'coarse', path = { fixed = { azimuth_deg = 0, \
+             elevation_deg = 5 } } }]",
+            ["station.cameras.more[0].path", "only search"],
+        ),
+        (
+            "operator=[{ t_s = 1.0, track = 3, station = 'statoin' }]",
+            ["operator[0].station", "did you mean 'station'"],
+        ),
         ("stations=[{ name = 'a/b' }]", ["stations[0].name", "slash"]),
         (
             "stations=[{ name = 'a', laser = { watts = 3 } }]",
