@@ -38,7 +38,7 @@ pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
 pub use search::{Cue, SearchSector};
 pub use site::Site;
-pub use station::{Focus, LaserConfig, Station, TargetWord};
+pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};
 pub use targets::{DistractorConfig, SkinKind, UavConfig};
 pub use tracker::{AssociationRule, OrderConfig, TrackerConfig};
 
@@ -167,19 +167,6 @@ impl Scenario {
         let uavs = self.uavs.iter().map(|uav| uav.name.as_str());
         uavs.chain(self.distractors.iter().map(|other| other.name.as_str()))
     }
-}
-
-/// A station of a scenario.
-#[derive(Clone, Debug)]
-pub struct ResolvedStation<'a> {
-    /// Its name.
-    pub name: String,
-    /// Where it stands in the file, for errors.
-    pub place: String,
-    /// Mount, cameras and laser.
-    pub config: &'a Station,
-    /// Where it looks for targets.
-    pub search: &'a SearchSector,
 }
 
 impl Checked for Scenario {

@@ -46,6 +46,19 @@ impl Default for Station {
     }
 }
 
+/// A station of a scenario.
+#[derive(Clone, Debug)]
+pub struct ResolvedStation<'a> {
+    /// Its name.
+    pub name: String,
+    /// Where it stands in the file, for errors.
+    pub place: String,
+    /// Mount, cameras and laser.
+    pub config: &'a Station,
+    /// Where it looks for targets.
+    pub search: &'a SearchSector,
+}
+
 /// The laser and its beam director.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

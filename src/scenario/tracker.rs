@@ -3,10 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::ResolvedStation;
 use super::check::{Check, FRACTION, MAX_DURATION_S};
 use super::load::suggestion;
 use super::search::check_named_uav;
+use super::station::ResolvedStation;
 use super::targets::{DistractorConfig, UavConfig};
 
 /// How detections become tracks and which of them becomes the target.
