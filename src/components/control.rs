@@ -11,7 +11,7 @@ use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};
 use crate::models::tracking::search::{SearchPattern, Sector};
 use bevy::prelude::*;
 use glam::DVec2;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// The control law of a run.
 #[derive(Component, Clone, Debug)]
@@ -119,14 +119,16 @@ pub struct Radar {
     pub period_ticks: u64,
     /// Ticks from a measurement to its plot at the station.
     pub latency_ticks: u64,
-    /// Scenario index of the UAV that it tracks; otherwise the first that is in the air.
+    /// Scenario index of the UAV that it tracks; otherwise the first that is in the air, or all.
     pub target: Option<usize>,
+    /// Whether it tracks all that is in the air.
+    pub all: bool,
     /// What it no longer tracks, as it has been dealt with.
     pub dismissed: Vec<usize>,
     /// Stream of its errors.
     pub rng: Stream,
-    /// Plots on their way, with the tick they arrive in and the UAV they belong to.
-    pub waiting: VecDeque<(u64, Option<(usize, Plot)>)>,
-    /// Its track, and the UAV it belongs to.
-    pub track: Option<(usize, RadarTrack)>,
+    /// Plots of one look on their way, with the tick they arrive in and the UAVs they belong to.
+    pub waiting: VecDeque<(u64, Vec<(usize, Plot)>)>,
+    /// Its tracks, by the UAVs they belong to.
+    pub tracks: BTreeMap<usize, RadarTrack>,
 }

@@ -20,7 +20,7 @@ use crate::plugins::run::fallible;
 use crate::scenario::{self, InputError, Loaded, ResolvedStation, Scenario, SearchSector};
 use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Adds the domain to both schedules, in [`TickSet::Control`].
 pub struct ControlPlugin;
@@ -84,7 +84,7 @@ fn set_up(
             .iter()
             .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
         let first = radar.look(0.0, airborne);
-        radar.take(first);
+        radar.take(&first);
         let cameras: Vec<_> = cameras.iter_many(own.entities()).collect();
         let scan = search_scan(&loaded, site, &cameras, &clock, &radar)?;
         let first_gaze = mount.params.within_stops(scan.gaze(0.0).az_el_rad);
@@ -151,10 +151,11 @@ fn radar(scenario: &Scenario, search: &SearchSector, rng: Stream, clock: SimCloc
         period_ticks: cue.map_or(1, |cue| clock.ticks_of(1.0 / cue.rate_hz).max(1)),
         latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
         target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+        all: cue.is_some_and(|cue| cue.all),
         dismissed: Vec::new(),
         rng,
         waiting: VecDeque::new(),
-        track: None,
+        tracks: BTreeMap::new(),
     }
 }
 

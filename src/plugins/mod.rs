@@ -8,6 +8,7 @@ pub mod engage;
 pub mod environment;
 pub mod flight;
 pub mod mount;
+pub mod network;
 pub mod record;
 pub mod render;
 pub mod run;
@@ -31,6 +32,7 @@ impl PluginGroup for SimulationPlugins {
             .add(capture::CapturePlugin)
             .add(detect::DetectPlugin)
             .add(track::TrackPlugin)
+            .add(network::NetworkPlugin)
             .add(control::ControlPlugin)
             .add(engage::EngagePlugin)
             .add(record::RecordPlugin)

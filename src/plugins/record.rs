@@ -10,7 +10,7 @@ use crate::components::record::{
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::ground::city::City;
 use crate::models::mount::gimbal::GimbalParams;
-use crate::models::tracking::search::{SETTLE_S, SlewLimits, coverage_time_s};
+use crate::models::tracking::search::{SlewLimits, coverage_time_s};
 use crate::plugins::run::fallible;
 use crate::recording::{
     LogLevel, Meta, OwnTopic, Recorder, RecordingError, SceneEntity, SceneShape,
@@ -163,12 +163,7 @@ fn record_city(recorder: &mut Recorder, city: &City) -> Result<(), RecordingErro
 
 /// The search plan in words, for the log.
 fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
-    let axis = mount.azimuth;
-    let slew = SlewLimits {
-        rate_radps: axis.rate_limit_radps,
-        acceleration_radps2: axis.torque_limit_nm / axis.inertia_kg_m2,
-        settle_s: SETTLE_S,
-    };
+    let slew = SlewLimits::of(&mount.azimuth);
     let gazes_rad: Vec<_> = scan.offsets_rad.iter().map(|o| o.to_array()).collect();
     format!(
         "{} pattern, gazes: {}, {:.1} by {:.1} deg, covered in {:.1} s if nothing shows",

@@ -12,6 +12,7 @@ mod docs;
 mod engage;
 pub(crate) mod load;
 mod mount;
+mod network;
 mod recogniser;
 mod record;
 mod search;
@@ -34,6 +35,7 @@ pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
 pub use load::{InputError, Place, Places, suggestion};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
+pub use network::NetworkConfig;
 pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
 pub use search::{Cue, SearchSector};
@@ -92,6 +94,9 @@ pub struct Scenario {
     /// Several stations in place of the one: each is as `[station]` but for what it gives itself.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stations: Vec<Station>,
+    /// The link between the stations, and how targets are assigned to them; absent: the defaults for several
+    /// stations, none for one.
+    pub network: Option<NetworkConfig>,
     /// Where the station looks for targets.
     pub search: SearchSector,
     /// The UAVs; none makes a false-alarm run.
@@ -162,6 +167,12 @@ impl Scenario {
             .collect()
     }
 
+    /// How the stations are linked; `None` where they are not.
+    pub fn network(&self) -> Option<NetworkConfig> {
+        let several = self.stations.len() > 1;
+        (self.network.clone()).or_else(|| several.then(NetworkConfig::default))
+    }
+
     /// Names of all that flies, in the order of their indices: UAVs, then distractors.
     pub fn flying(&self) -> impl Iterator<Item = &str> {
         let uavs = self.uavs.iter().map(|uav| uav.name.as_str());
@@ -210,6 +221,9 @@ impl Checked for Scenario {
             });
         }
         station::check_apart(&self.stations, check);
+        if let Some(network) = &self.network {
+            check.table("network", |check| network.check(check, self.tick_hz));
+        }
         check.table("search", |check| self.search.check(check, &self.uavs));
         targets::check(&self.uavs, &self.distractors, check);
         check.table("detector", |check| self.detector.check(check));

@@ -60,6 +60,9 @@ pub struct Cue {
     pub latency_s: f64,
     /// Name of the UAV that is tracked; absent: the first that is still in the air.
     pub target: Option<String>,
+    /// Whether all UAVs in the air are tracked; a network of stations assigns them.
+    #[serde(default)]
+    pub all: bool,
 }
 
 fn default_cue_range_sigma() -> f64 {
@@ -94,6 +97,9 @@ impl Cue {
         check.within("range_sigma_m", self.range_sigma_m, 0.0..=10_000.0);
         check.positive("rate_hz", self.rate_hz);
         check.within("latency_s", self.latency_s, 0.0..=60.0);
+        check.that(!self.all || self.target.is_none(), "all", || {
+            "all UAVs are tracked, and 'target' names one: leave one of the two out".to_owned()
+        });
         if let Some(target) = &self.target {
             check_named_uav(check, "target", target, uavs);
         }

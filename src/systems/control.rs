@@ -9,13 +9,16 @@ use crate::components::control::{
 use crate::components::detect::DetectorInUse;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
 use crate::components::mount::{CameraView, Mount, MountCommand, OpticalPath, Station};
+use crate::components::network::Tasking;
 use crate::components::run::{Failure, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
-use crate::models::tracking::radar::{Plot, RadarCue, RadarTrack};
+use crate::models::tracking::cartesian::TargetCue;
+use crate::models::tracking::radar::{Plot, RadarTrack};
 use crate::models::tracking::search::Gaze;
+use crate::models::tracking::table::separation_rad;
 use crate::systems::control::search::{read_every, search};
 use crate::systems::track::CONFIRM_HITS;
 use bevy::ecs::query::QueryData;
@@ -23,47 +26,69 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
 impl Radar {
-    /// The plot at `t_s` [s] of its target among what is in the air: scenario index and position
-    /// relative to the radar [m], `enu`, in the order of the scenario. The errors are drawn whether
+    /// The plots at `t_s` [s] of its targets among what is in the air: scenario index and position
+    /// relative to the radar [m], `enu`, in the order of the scenario. The errors of one are drawn whether
     /// there is a target or not.
     pub fn look(
         &mut self,
         t_s: f64,
         airborne: impl Iterator<Item = (usize, DVec3)>,
-    ) -> Option<(usize, Plot)> {
-        let errors = self.errors?;
-        let seen = airborne
+    ) -> Vec<(usize, Plot)> {
+        let Some(errors) = self.errors else {
+            return Vec::new();
+        };
+        let mut seen: Vec<(usize, DVec3)> = airborne
             .filter(|(index, _)| self.target.is_none_or(|target| target == *index))
             .filter(|(index, _)| !self.dismissed.contains(index))
-            .min_by_key(|(index, _)| *index);
-        let r_enu_m = seen.map_or(DVec3::Y, |(_, r_enu_m)| r_enu_m);
-        let plot = errors.plot(r_enu_m, t_s, &mut self.rng);
-        seen.map(|(index, _)| (index, plot))
+            .collect();
+        seen.sort_by_key(|(index, _)| *index);
+        if !self.all {
+            seen.truncate(1);
+        }
+        if seen.is_empty() {
+            errors.plot(DVec3::Y, t_s, &mut self.rng);
+        }
+        let plot = |(index, r_enu_m)| (index, errors.plot(r_enu_m, t_s, &mut self.rng));
+        seen.into_iter().map(plot).collect()
     }
 
-    /// Takes a plot into the track; without a plot the radar drops its track.
-    pub fn take(&mut self, seen: Option<(usize, Plot)>) {
-        self.track = self.errors.zip(seen).map(|(errors, (index, plot))| {
-            let mut track = match self.track {
-                Some((tracked, track)) if tracked == index => track,
-                _ => return (index, RadarTrack::start(errors, &plot)),
-            };
-            track.update(&plot);
-            (index, track)
-        });
+    /// Takes the plots of a look into the tracks; the radar drops those without a plot.
+    pub fn take(&mut self, seen: &[(usize, Plot)]) {
+        let Some(errors) = self.errors else {
+            return;
+        };
+        (self.tracks).retain(|index, _| seen.iter().any(|(seen, _)| seen == index));
+        for (index, plot) in seen {
+            match self.tracks.get_mut(index) {
+                Some(track) => track.update(plot),
+                None => {
+                    self.tracks.insert(*index, RadarTrack::start(errors, plot));
+                }
+            }
+        }
     }
 
     /// Drops the track of what has been dealt with, for good: the next plots are of what else is in the air.
-    pub fn dismiss(&mut self) {
-        self.dismissed
-            .extend(self.track.take().map(|(index, _)| index));
-        self.waiting
-            .retain(|(_, seen)| seen.is_none_or(|(index, _)| !self.dismissed.contains(&index)));
+    pub fn dismiss(&mut self, index: usize) {
+        self.dismissed.push(index);
+        self.tracks.remove(&index);
+        for (_, seen) in &mut self.waiting {
+            seen.retain(|(waiting, _)| *waiting != index);
+        }
     }
 
-    /// Direction and range of the target by the radar at `t_s` [s].
-    pub fn cue(&self, t_s: f64) -> Option<RadarCue> {
-        self.track.map(|(_, track)| track.cue(t_s))
+    /// The target whose direction at `t_s` [s] is nearest to this azimuth and elevation [rad].
+    pub fn nearest(&self, az_el_rad: DVec2, t_s: f64) -> Option<(usize, TargetCue)> {
+        let cues = (self.tracks.iter()).map(|(index, track)| (*index, track.cue(t_s)));
+        cues.min_by(|a, b| {
+            let off_rad = |cue: &TargetCue| separation_rad(cue.az_el_rad, az_el_rad);
+            off_rad(&a.1).total_cmp(&off_rad(&b.1))
+        })
+    }
+
+    /// Direction and range of the first target by the radar at `t_s` [s].
+    pub fn cue(&self, t_s: f64) -> Option<TargetCue> {
+        self.tracks.values().next().map(|track| track.cue(t_s))
     }
 
     /// Its slant range of the target at `t_s` [s], in metres.
@@ -92,11 +117,10 @@ pub fn track_by_radar(
             let available = clock.tick + radar.latency_ticks;
             radar.waiting.push_back((available, seen));
         }
-        while let Some((available, seen)) = radar.waiting.front().copied()
-            && available <= clock.tick
+        while let Some((_, seen)) =
+            (radar.waiting).pop_front_if(|(available, _)| *available <= clock.tick)
         {
-            radar.waiting.pop_front();
-            radar.take(seen);
+            radar.take(&seen);
         }
     }
 }
@@ -109,6 +133,7 @@ pub struct Commanded {
     mount: &'static Mount,
     tracker: &'static Tracker,
     radar: &'static Radar,
+    tasking: &'static Tasking,
     cameras: &'static StationCameras,
     scan: &'static mut SearchScan,
     controller: &'static mut Controller,
@@ -128,13 +153,17 @@ pub fn command_mount(
             mount,
             tracker,
             radar,
+            tasking,
             cameras: own,
             mut scan,
             mut controller,
             mut command,
         } = commanded;
-        let gaze = (tracker.state == TrackingState::Search)
-            .then(|| search(&clock, tracker, radar, &mut scan, mount));
+        let gaze = (tracker.state == TrackingState::Search).then(|| {
+            let tasked = tasking.cue(mount.r_enu_m, clock.t_s());
+            let cue = tasked.or_else(|| radar.cue(clock.t_s()));
+            search(&clock, tracker, cue, &mut scan, mount)
+        });
         if gaze.is_none() {
             // An interrupted gaze restarts.
             scan.settled_since = None;

@@ -5,6 +5,7 @@ use crate::components::capture::{SensorCamera, StationCameras, Tier};
 use crate::components::engage::{Burst, Interlocks, Rules};
 use crate::components::environment::Environment;
 use crate::components::mount::Mount;
+use crate::components::network::Tasking;
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::engage::interlock::{
@@ -131,6 +132,7 @@ pub struct Firing {
     mount: &'static Mount,
     rules: &'static Rules,
     tracker: &'static Tracker,
+    tasking: &'static Tasking,
     cameras: &'static StationCameras,
     interlocks: &'static mut Interlocks,
     burst: &'static mut Burst,
@@ -174,6 +176,7 @@ fn decide_station(
         mount,
         rules,
         tracker,
+        tasking,
         cameras: own,
         mut interlocks,
         mut burst,
@@ -198,6 +201,9 @@ fn decide_station(
     }
     if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
         reasons.push("not recognised as a UAV");
+    }
+    if !tracker.designated && tracker.target.is_some_and(|id| !tasking.permits(id)) {
+        reasons.push("another station's target");
     }
     match (tracker.target_track(), tracker.range_m) {
         (Some(track), Some(range_m)) if tracker.state == TrackingState::Engage => {

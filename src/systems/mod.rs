@@ -8,6 +8,7 @@ pub mod engage;
 pub mod environment;
 pub mod flight;
 pub mod mount;
+pub mod network;
 pub mod record;
 pub mod render;
 pub mod run;

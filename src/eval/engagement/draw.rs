@@ -341,6 +341,7 @@ fn search(draw: &SearchDraw, start_enu_m: DVec3, rng: &mut Stream) -> SearchSect
         rate_hz: 1.0,        // [Hz]
         latency_s: 0.3,      // [s]
         target: None,
+        all: false,
     };
     SearchSector {
         centre_azimuth_deg: rounded(centre_deg),

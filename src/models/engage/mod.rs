@@ -1,4 +1,5 @@
 //! Interlocks that decide whether the laser may fire, and the order of threats.
 
+pub mod allocation;
 pub mod interlock;
 pub mod threat;

@@ -2,9 +2,11 @@
 //! patterns, the radar.
 
 pub mod background;
+pub mod cartesian;
 pub mod estimation;
 pub mod evidence;
 pub mod flutter;
+pub mod picture;
 pub mod radar;
 pub mod ranging;
 pub mod recognition;

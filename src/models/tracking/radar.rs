@@ -1,27 +1,20 @@
 //! An external radar that cues the search: noisy plots of one target and the track made of them.
 //!
-//! A plot is azimuth, elevation and slant range with independent Gaussian errors. The track is a
-//! Kalman filter of position and velocity in `enu` driven by white acceleration, fed by plots
-//! converted to Cartesian coordinates with the linearised covariance (Bar-Shalom, Li and
-//! Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, secs. 6.2.2 and
+//! A plot is azimuth, elevation and slant range with independent Gaussian errors. The track
+//! ([`CartesianTrack`]) is fed with plots converted to Cartesian coordinates with the linearised covariance
+//! (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, sec.
 //! 10.4.1). The conversion shortens a range by r σ²/2 (0.1 % at 2.5°), which is left in.
 
 use glam::{DVec2, DVec3};
-use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
+use nalgebra::Matrix3;
 
-use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
+use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::maths::rng::Stream;
+use crate::models::tracking::cartesian::{Bearing, CartesianTrack, LEAST_RANGE_M, TargetCue};
 
-/// Spectral density of the target's white acceleration [m²/s³]: a small multirotor that turns at
-/// some 2 m/s² and holds the turn for about a second.
-const ACCELERATION_PSD: f64 = 2.0;
-/// Standard deviation of the velocity of a target just found, east, north, up [m/s].
-const FIRST_VELOCITY_SIGMA_MPS: [f64; 3] = [12.0, 12.0, 3.0];
 /// Least standard deviations assumed of a plot [rad], [m]: they keep the covariance regular.
 const LEAST_SIGMA_RAD: f64 = 1e-6;
 const LEAST_RANGE_SIGMA_M: f64 = 1e-3;
-/// Nearest a target can be [m].
-const LEAST_RANGE_M: f64 = 1.0;
 
 /// Errors of a radar.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,129 +50,59 @@ impl RadarErrors {
         }
     }
 
-    /// A plot in Cartesian coordinates [m] and its covariance [m²].
-    fn converted(&self, plot: &Plot) -> (Vector3<f64>, Matrix3<f64>) {
-        let along = az_el_to_los(plot.az_el_rad);
-        let r_m = along * plot.range_m;
-        let across_m = plot.range_m * self.sigma_rad.max(LEAST_SIGMA_RAD);
-        let along_m = self.range_sigma_m.max(LEAST_RANGE_SIGMA_M);
-        let u = Vector3::new(along.x, along.y, along.z);
-        let line = u * u.transpose();
-        let covariance =
-            line * (along_m * along_m) + (Matrix3::identity() - line) * (across_m * across_m);
-        (Vector3::new(r_m.x, r_m.y, r_m.z), covariance)
+    /// A plot of a radar at `r_radar_enu_m` [m] as a position [m], and its covariance [m²].
+    pub fn converted(&self, plot: &Plot, r_radar_enu_m: DVec3) -> (DVec3, Matrix3<f64>) {
+        let bearing = Bearing {
+            r_from_enu_m: r_radar_enu_m,
+            az_el_rad: plot.az_el_rad,
+            sigma_rad: self.sigma_rad.max(LEAST_SIGMA_RAD),
+        };
+        bearing.at_range(plot.range_m, self.range_sigma_m.max(LEAST_RANGE_SIGMA_M))
     }
 }
 
-/// Where a track says the target is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RadarCue {
-    /// Azimuth (x) and elevation (y) [rad].
-    pub az_el_rad: DVec2,
-    /// Standard deviations on the sky, cross-elevation (x) and elevation (y) [rad].
-    pub sigma_rad: DVec2,
-    /// Slant range [m].
-    pub range_m: f64,
-    /// Its standard deviation [m].
-    pub range_sigma_m: f64,
-    /// Rates on the sky, cross-elevation (x) and elevation (y) [rad/s], and their standard deviations.
-    pub rate_radps: DVec2,
-    pub rate_sigma_radps: DVec2,
-}
-
-/// A radar's track of one target: position and velocity relative to the radar, in `enu`.
+/// A radar's track of one target, relative to the radar, in `enu`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadarTrack {
     errors: RadarErrors,
-    t_s: f64,
-    /// East, north, up [m], then their rates [m/s].
-    x: Vector6<f64>,
-    p: Matrix6<f64>,
+    track: CartesianTrack,
+    newest: Plot,
 }
 
 impl RadarTrack {
     /// Starts a track on a target's first plot.
     pub fn start(errors: RadarErrors, plot: &Plot) -> Self {
-        let (r, covariance) = errors.converted(plot);
-        let mut x = Vector6::zeros();
-        x.fixed_rows_mut::<3>(0).copy_from(&r);
-        let mut p = Matrix6::zeros();
-        p.fixed_view_mut::<3, 3>(0, 0).copy_from(&covariance);
-        for (axis, sigma) in FIRST_VELOCITY_SIGMA_MPS.into_iter().enumerate() {
-            p[(3 + axis, 3 + axis)] = sigma * sigma;
-        }
+        let (r_m, covariance) = errors.converted(plot, DVec3::ZERO);
+        let track = CartesianTrack::start(plot.t_s, r_m, &covariance);
         Self {
             errors,
-            t_s: plot.t_s,
-            x,
-            p,
+            track,
+            newest: *plot,
         }
-    }
-
-    /// State and covariance at `t_s` [s], not before the last plot.
-    fn advanced(&self, t_s: f64) -> (Vector6<f64>, Matrix6<f64>) {
-        let dt = (t_s - self.t_s).max(0.0);
-        let mut f = Matrix6::identity();
-        let mut q = Matrix6::zeros();
-        for axis in 0..3 {
-            f[(axis, axis + 3)] = dt;
-            // Eq. 6.2.2-12 of the book.
-            q[(axis, axis)] = dt.powi(3) / 3.0;
-            q[(axis, axis + 3)] = dt * dt / 2.0;
-            q[(axis + 3, axis)] = dt * dt / 2.0;
-            q[(axis + 3, axis + 3)] = dt;
-        }
-        let p = f * self.p * f.transpose() + q * ACCELERATION_PSD;
-        (f * self.x, p)
     }
 
     /// Takes in the target's next plot.
     pub fn update(&mut self, plot: &Plot) {
-        let (x, p) = self.advanced(plot.t_s);
-        let (z, r) = self.errors.converted(plot);
-        let gain_rows: SMatrix<f64, 6, 3> = p.fixed_view::<6, 3>(0, 0).into_owned();
-        let innovation = z - x.fixed_rows::<3>(0);
-        // The plot's covariance is positive definite, and so is the sum.
-        let Some(inverse) = (gain_rows.fixed_view::<3, 3>(0, 0) + r).try_inverse() else {
-            return;
-        };
-        let gain = gain_rows * inverse;
-        let p = p - gain * gain_rows.transpose();
-        self.t_s = self.t_s.max(plot.t_s);
-        self.x = x + gain * innovation;
-        self.p = (p + p.transpose()) * 0.5;
+        let (r_m, covariance) = self.errors.converted(plot, DVec3::ZERO);
+        self.track.take_position(plot.t_s, r_m, &covariance);
+        self.newest = *plot;
+    }
+
+    /// The radar's errors and its newest plot of the target.
+    pub fn newest(&self) -> (RadarErrors, Plot) {
+        (self.errors, self.newest)
     }
 
     /// Where the target is at `t_s` [s] (an earlier time than the last plot's gives that one).
-    pub fn cue(&self, t_s: f64) -> RadarCue {
-        let (x, p) = self.advanced(t_s);
-        let r_m = DVec3::new(x[0], x[1], x[2]);
-        let range_m = r_m.length().max(LEAST_RANGE_M);
-        let az_el_rad = los_to_az_el(r_m);
-        let ((sin_az, cos_az), (sin_el, cos_el)) = (az_el_rad.x.sin_cos(), az_el_rad.y.sin_cos());
-        let (right, up, along) = (
-            Vector3::new(cos_az, -sin_az, 0.0),
-            Vector3::new(-sin_az * sin_el, -cos_az * sin_el, cos_el),
-            Vector3::new(sin_az * cos_el, cos_az * cos_el, sin_el),
-        );
-        let (position, velocity) = (p.fixed_view::<3, 3>(0, 0), p.fixed_view::<3, 3>(3, 3));
-        let sigma = |of: Matrix3<f64>, axis: Vector3<f64>| axis.dot(&(of * axis)).max(0.0).sqrt();
-        let sky = |of: Matrix3<f64>| DVec2::new(sigma(of, right), sigma(of, up)) / range_m;
-        let v_mps: Vector3<f64> = x.fixed_rows::<3>(3).into();
-        RadarCue {
-            az_el_rad,
-            sigma_rad: sky(position.into()),
-            range_m,
-            range_sigma_m: sigma(position.into(), along),
-            rate_radps: DVec2::new(v_mps.dot(&right), v_mps.dot(&up)) / range_m,
-            rate_sigma_radps: sky(velocity.into()),
-        }
+    pub fn cue(&self, t_s: f64) -> TargetCue {
+        self.track.cue(DVec3::ZERO, t_s)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::tracking::cartesian::{ACCELERATION_PSD, FIRST_VELOCITY_SIGMA_MPS};
 
     const ERRORS: RadarErrors = RadarErrors {
         sigma_rad: 0.012, // 0.7 deg
@@ -228,9 +151,7 @@ mod tests {
             }
         }
         let t = 375.0 * dt;
-        let (x, p) = track.advanced(t);
-        let error = Vector6::new(r.x, r.y, r.z, v.x, v.y, v.z) - x;
-        let state = (error.transpose() * p.try_inverse().unwrap() * error)[0];
+        let state = track.track.advanced(t).distance2(r, v);
         let (cue, at) = (track.cue(t), los_to_az_el(r));
         let off = (at - cue.az_el_rad) * DVec2::new(at.y.cos(), 1.0) / cue.sigma_rad;
         let range = (r.length() - cue.range_m) / cue.range_sigma_m;

@@ -1,6 +1,7 @@
 //! Search patterns: the gazes of a step-and-stare scan over a sector, and how long they take.
 
 use crate::models::maths::kinematics::wrap_pi;
+use crate::models::mount::gimbal::AxisParams;
 use glam::DVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -166,6 +167,15 @@ pub struct SlewLimits {
 }
 
 impl SlewLimits {
+    /// Those of an axis of the mount.
+    pub fn of(axis: &AxisParams) -> Self {
+        Self {
+            rate_radps: axis.rate_limit_radps,
+            acceleration_radps2: axis.torque_limit_nm / axis.inertia_kg_m2,
+            settle_s: SETTLE_S,
+        }
+    }
+
     /// Time from rest to rest over `angle_rad` [s]: a trapezoid of rate, or a triangle if the limit
     /// is not reached, and settling.
     pub fn slew_s(&self, angle_rad: f64) -> f64 {

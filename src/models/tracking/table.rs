@@ -40,6 +40,28 @@ pub struct Sighting {
     pub weak: bool,
 }
 
+/// A direction in which a track was seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighted {
+    /// When [s].
+    pub t_s: f64,
+    /// Azimuth and elevation [rad].
+    pub az_el_rad: DVec2,
+    /// Standard deviation on the sky, its flutter counted [rad].
+    pub sigma_rad: f64,
+}
+
+/// An echo of the range finder from a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lased {
+    /// When [s].
+    pub t_s: f64,
+    /// The range [m].
+    pub range_m: f64,
+    /// Its standard deviation [m].
+    pub sigma_m: f64,
+}
+
 /// What one frame of a camera saw.
 pub struct CameraLook<'a> {
     /// Index of the camera, 0 (wide) to 2 (narrow).
@@ -94,6 +116,10 @@ pub struct Track {
     pub filter: LosFilter,
     /// Estimate of its range.
     pub range: Ranging,
+    /// Where it was last seen.
+    pub sighted: Sighted,
+    /// Its last echo.
+    pub lased: Option<Lased>,
     /// Frames of each camera that saw it.
     pub hits: [u32; 3],
     /// Frames in a row that should have seen it and did not.
@@ -577,6 +603,7 @@ impl TrackTable {
                         *id = Some(track.id);
                     }
                     track.filter = fresh.filter;
+                    track.sighted = fresh.sighted;
                     track.misses = fresh.misses;
                     track.size_rad = fresh.size_rad;
                     track.score = fresh.score;
@@ -699,6 +726,12 @@ impl TrackTable {
             id,
             filter,
             range,
+            sighted: Sighted {
+                t_s: look.t_s,
+                az_el_rad,
+                sigma_rad,
+            },
+            lased: None,
             hits: [0; 3],
             misses: 0,
             started_s: look.t_s,
@@ -763,6 +796,13 @@ impl Track {
         let growth = (sighting.size_rad / self.size_rad).ln();
         self.size_rad *= (SMOOTHING * growth.clamp(-MOST_GROWTH, MOST_GROWTH)).exp();
         let flutter = self.flutter[look.tier];
+        if look.t_s >= self.sighted.t_s {
+            self.sighted = Sighted {
+                t_s: look.t_s,
+                az_el_rad: sighting.az_el_rad,
+                sigma_rad: flutter.place_ratio() * sighting.sigma_rad,
+            };
+        }
         let size_px = self.size_rad / look.ifov_rad;
         let lambda = look
             .reads

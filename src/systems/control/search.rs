@@ -1,11 +1,11 @@
 //! The search: gazes over the sector or about the radar's cue, ever closer where nothing was found.
 
 use crate::components::capture::Tier;
-use crate::components::control::{Pass, Radar, SearchScan};
+use crate::components::control::{Pass, SearchScan};
 use crate::components::mount::Mount;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
-use crate::models::tracking::radar::RadarCue;
+use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::search::{Gaze, SearchPattern, Sector};
 use crate::models::tracking::table::{Track, separation_rad};
 use glam::DVec2;
@@ -53,7 +53,7 @@ impl SearchScan {
         pattern: SearchPattern,
         sector: Sector,
         cameras: &[(Tier, [f64; 2], f64)],
-        cue: Option<RadarCue>,
+        cue: Option<TargetCue>,
     ) -> Self {
         let passes = cameras.iter().enumerate();
         let passes = passes.map(|(index, (tier, field_rad, frame_s))| {
@@ -122,7 +122,7 @@ impl SearchScan {
 
     /// Takes the radar's word where the area is and how it moves. The gazes of a pass move with it; they begin
     /// anew where the radar finds a target, or loses it.
-    fn follow(&mut self, cue: Option<RadarCue>, t_s: f64) {
+    fn follow(&mut self, cue: Option<TargetCue>, t_s: f64) {
         // Two deviations to either side of the cue, or the sector.
         self.area = cue.map_or(self.sector, |cue| {
             let about = Sector::about(cue.az_el_rad, cue.sigma_rad);
@@ -168,7 +168,7 @@ impl SearchScan {
 pub(super) fn search(
     clock: &SimClock,
     tracker: &Tracker,
-    radar: &Radar,
+    cue: Option<TargetCue>,
     scan: &mut SearchScan,
     mount: &Mount,
 ) -> Gaze {
@@ -187,7 +187,6 @@ pub(super) fn search(
     let rested_s = scan
         .settled_since
         .map_or(0.0, |since| clock.at_s(clock.tick - since));
-    let cue = radar.cue(t_s);
     let promising = tracker
         .table
         .tracks
@@ -209,7 +208,7 @@ pub(super) fn search(
 }
 
 /// Whether a track is worth a longer gaze: it flies, stands in the sky or where the radar points.
-fn is_promising(track: &Track, cue: Option<&RadarCue>, t_s: f64) -> bool {
+fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
     let fresh = track.filter.coast_s(t_s) < 0.3;
     let (rate, sigmas) = track.motion(t_s);
     let judged = track.recognition.is_some();
@@ -241,8 +240,8 @@ mod tests {
         height_rad: 0.15,
     };
 
-    fn cue(az_el_rad: [f64; 2], sigma_rad: f64, rate_radps: f64) -> RadarCue {
-        RadarCue {
+    fn cue(az_el_rad: [f64; 2], sigma_rad: f64, rate_radps: f64) -> TargetCue {
+        TargetCue {
             az_el_rad: az_el_rad.into(),
             sigma_rad: DVec2::splat(sigma_rad),
             range_m: 600.0,
@@ -258,7 +257,7 @@ mod tests {
         [0, 1, 2].map(|i| (Tier::ALL[i], FIELDS_RAD[i], frames_s[i]))
     }
 
-    fn scan(cue: Option<RadarCue>) -> SearchScan {
+    fn scan(cue: Option<TargetCue>) -> SearchScan {
         SearchScan::new(SearchPattern::Raster, SECTOR, &cameras(1.0 / 30.0), cue)
     }
 

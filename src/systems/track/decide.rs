@@ -5,11 +5,13 @@ use crate::components::capture::Tier;
 use crate::components::control::Radar;
 use crate::components::environment::Environment;
 use crate::components::mount::Mount;
+use crate::components::network::Tasking;
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Tracker, TrackerParams, TrackingState};
-use crate::models::tracking::radar::RadarCue;
+use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ, dot_share};
+use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 
 /// Hits that bring a lost target back: of the coarse camera, and of the search camera.
@@ -45,38 +47,55 @@ const FITS_SHARE: f64 = 0.8;
 /// Longest time between two judgements that counts [s].
 const LONGEST_WEIGHED_S: f64 = 0.2;
 
+/// A station as its state machine moves.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct Deciding {
+    params: &'static TrackerParams,
+    mount: &'static Mount,
+    beam: &'static BeamState,
+    tasking: &'static Tasking,
+    radar: &'static mut Radar,
+    tracker: &'static mut Tracker,
+}
+
 /// Moves the state machine.
-pub fn decide(
-    clock: Res<SimClock>,
-    environment: Res<Environment>,
-    mut stations: Query<(&TrackerParams, &Mount, &BeamState, &mut Radar, &mut Tracker)>,
-) {
-    for (params, mount, beam, mut radar, mut tracker) in &mut stations {
+pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations: Query<Deciding>) {
+    for station in &mut stations {
+        let DecidingItem {
+            params,
+            mount,
+            beam,
+            tasking,
+            mut radar,
+            mut tracker,
+        } = station;
         let tracker = &mut *tracker;
+        let t_s = clock.t_s();
         let now = Situation {
             tick: clock.tick,
             clock: &clock,
             params,
             dsm: Some(&environment.city.dsm),
             r_station_enu_m: mount.r_enu_m,
-            cue: radar.cue(clock.t_s()),
+            cue: (tasking.cue(mount.r_enu_m, t_s)).or_else(|| radar.cue(t_s)),
+            tasking: Some(tasking),
         };
         let before = tracker.target;
         let searched = tracker.state == TrackingState::Search;
         step(&now, tracker, beam.firing, clock.due(WEIGHING_HZ));
-        let Some(cue) = now.cue else {
-            continue;
-        };
-        if searched && let Some(id) = tracker.target {
-            take_radar_range(&cue, &mut tracker.table, id, now.t_s());
+        if searched && let (Some(id), Some(cue)) = (tracker.target, &now.cue) {
+            take_radar_range(cue, &mut tracker.table, id, t_s);
         }
         // The radar is told that what it tracks has been dealt with.
         if let Some(track) = before.and_then(|id| tracker.table.get(id))
             && tracker.target.is_none()
             && track.fallen()
-            && points_at(&cue, track, now.t_s())
+            && let at = track.filter.predicted(t_s).az_el_rad()
+            && let Some((index, cue)) = radar.nearest(at, t_s)
+            && points_at(&cue, track, t_s)
         {
-            radar.dismiss();
+            radar.dismiss(index);
         }
     }
 }
@@ -118,11 +137,16 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         );
         return;
     }
+    if !firing && !tracker.designated && tracker.target.is_some_and(|id| now.spares(id)) {
+        tracker.give_up(tick, None, "another station's, or not the most pressing");
+        return;
+    }
     hold(now, tracker);
-    // What is being fired at is not left for another.
+    // What is being fired at is not left for another; who has a task has the defence's choice.
     if !now.params.nearest_to_centre
         && !tracker.designated
         && !firing
+        && now.task().is_none()
         && matches!(
             tracker.state,
             TrackingState::Coarse
@@ -174,14 +198,14 @@ fn stands(now: &Situation, tracker: &mut Tracker) -> bool {
 }
 
 /// Whether a cue may mean a track, by their directions.
-fn points_at(cue: &RadarCue, track: &Track, t_s: f64) -> bool {
+fn points_at(cue: &TargetCue, track: &Track, t_s: f64) -> bool {
     const GATE_SIGMAS: f64 = 3.0;
     let gate_rad = GATE_SIGMAS * cue.sigma_rad.max_element();
     separation_rad(track.filter.predicted(t_s).az_el_rad(), cue.az_el_rad) < gate_rad
 }
 
 /// The range of a cue goes to the track that it points at, if there is only one.
-fn take_radar_range(cue: &RadarCue, table: &mut TrackTable, id: u32, t_s: f64) {
+fn take_radar_range(cue: &TargetCue, table: &mut TrackTable, id: u32, t_s: f64) {
     let mut near = table
         .tracks
         .iter_mut()
@@ -445,6 +469,7 @@ mod tests {
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
             cue: None,
+            tasking: None,
         }
     }
 
@@ -645,7 +670,7 @@ mod tests {
         }
         tracker.table.tracks[0].conduct.in_scenery = true;
         let at = los_to_az_el(r_enu_m);
-        let cue = |off_rad: f64, rate_radps: f64| RadarCue {
+        let cue = |off_rad: f64, rate_radps: f64| TargetCue {
             az_el_rad: at + DVec2::new(off_rad, 0.0),
             sigma_rad: DVec2::splat(0.01),
             range_m: r_enu_m.length(),
@@ -678,7 +703,7 @@ mod tests {
         let params = params();
         let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
         let los = los_to_az_el(r_enu_m);
-        let cue = RadarCue {
+        let cue = TargetCue {
             az_el_rad: los,
             sigma_rad: DVec2::splat(0.01),
             range_m: r_enu_m.length(),
@@ -686,7 +711,7 @@ mod tests {
             rate_radps: DVec2::ZERO,
             rate_sigma_radps: DVec2::splat(5e-3),
         };
-        let given_up_s = |p_uav: f64, in_scenery: bool, cue: Option<RadarCue>| {
+        let given_up_s = |p_uav: f64, in_scenery: bool, cue: Option<TargetCue>| {
             let mut tracker = Tracker::default();
             for frame in 0..240_u32 {
                 let t_s = f64::from(frame) / 60.0;

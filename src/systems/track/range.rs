@@ -10,6 +10,7 @@ use crate::models::engage::interlock::FAR_M;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::laser::range_finder::{LitSurface, RangeFinderParams};
 use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::tracking::table::Lased;
 use bevy::prelude::*;
 use glam::DVec3;
 
@@ -75,6 +76,11 @@ fn pulse(
     if let Some(range_m) = echo_m {
         let measured_m = range_m + params.sigma_m * rng.normal();
         track.ranged(measured_m, params.sigma_m, t_s);
+        track.lased = Some(Lased {
+            t_s,
+            range_m: measured_m,
+            sigma_m: params.sigma_m,
+        });
     } else if pulses {
         track.unanswered();
     }

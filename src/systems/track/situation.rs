@@ -1,14 +1,15 @@
 //! What the state machine looks at, and what it makes of the tracks.
 
 use crate::components::capture::Tier;
+use crate::components::network::{Task, Tasking};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackerParams};
 use crate::models::engage::interlock::FAR_M;
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::ground::dsm::Dsm;
 use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::evidence::named_share;
-use crate::models::tracking::radar::RadarCue;
 use crate::models::tracking::recognition::Recognition;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
@@ -89,13 +90,25 @@ pub(crate) struct Situation<'a> {
     /// The city's heights; `None` under an open sky.
     pub(crate) dsm: Option<&'a Dsm>,
     pub(crate) r_station_enu_m: DVec3,
-    /// Where the radar has its target.
-    pub(crate) cue: Option<RadarCue>,
+    /// Where the target of the defence is, or the radar's.
+    pub(crate) cue: Option<TargetCue>,
+    /// What the defence wants of this station, if it is one of several.
+    pub(crate) tasking: Option<&'a Tasking>,
 }
 
 impl Situation<'_> {
     pub(super) fn t_s(&self) -> f64 {
         self.clock.at_s(self.tick)
+    }
+
+    /// The object that the station is to follow.
+    pub(super) fn task(&self) -> Option<&Task> {
+        self.tasking?.task.as_ref()
+    }
+
+    /// Whether a track is to be left to others.
+    pub(super) fn spares(&self, id: u32) -> bool {
+        (self.tasking).is_some_and(|tasking| tasking.spared.contains(&id))
     }
 
     /// Time without news of a hit of the target by a camera [s].
@@ -212,7 +225,7 @@ impl Situation<'_> {
     }
 
     /// Squared distance of a track's rates on the sky from those that the radar sees, in deviations.
-    fn rates_distance2(&self, cue: &RadarCue, track: &Track) -> f64 {
+    fn rates_distance2(&self, cue: &TargetCue, track: &Track) -> f64 {
         let (rate_radps, sigma_radps) = track.rates(self.t_s());
         let variance = sigma_radps * sigma_radps + cue.rate_sigma_radps * cue.rate_sigma_radps;
         let off_radps = rate_radps - cue.rate_radps;
@@ -235,6 +248,7 @@ impl Situation<'_> {
         let tracks = tracker.table.tracks.iter();
         tracks
             .filter(|track| Some(track.id) != tracker.target && self.may_be_target(track))
+            .filter(|track| !self.spares(track.id))
             .filter_map(|track| {
                 // Beside a target the radar's cue, which may be the target's own, says nothing.
                 let (cue, least) = match tracker.target_track() {
@@ -247,7 +261,10 @@ impl Situation<'_> {
                 if log_odds < least {
                     return None;
                 }
-                Some((self.expected_s(track, log_odds), track))
+                // The defence has weighed the threats.
+                let tasked = self.task().is_some_and(|task| task.track == Some(track.id));
+                let expected_s = self.expected_s(track, log_odds);
+                Some((if tasked { 0.0 } else { expected_s }, track))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)))
             .map(|(_, track)| track)

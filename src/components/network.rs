@@ -1,0 +1,140 @@
+//! The stations' network: the link, each station's picture of all objects, who takes which.
+
+use crate::models::engage::allocation::AllocationRule;
+use crate::models::maths::rng::Stream;
+use crate::models::tracking::cartesian::{CartesianTrack, TargetCue};
+use crate::models::tracking::picture::{Fix, Follower, Picture};
+use bevy::prelude::*;
+use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
+
+/// How the stations of a run are linked; absent where they are not.
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct Network {
+    /// Reports a second of every station.
+    pub rate_hz: u32,
+    /// Ticks from a report to its arrival.
+    pub latency_ticks: u64,
+    /// Share of the reports that are lost, at each receiver.
+    pub loss: f64,
+    /// For how long measurements wait for others of the same time [s]: all stations take them in in one order.
+    pub hold_s: f64,
+    /// How targets are assigned.
+    pub rule: AllocationRule,
+    /// Another target must be cheaper by this factor.
+    pub hysteresis: f64,
+}
+
+/// What a station says of a track.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackReport {
+    /// The track.
+    pub follower: Follower,
+    /// What the station calls the object.
+    pub identity: Option<Follower>,
+    /// Measurements since the last report.
+    pub fixes: Vec<Fix>,
+    /// Log-odds that it is a UAV.
+    pub log_odds: f64,
+    /// It was fired at and falls.
+    pub fell: bool,
+}
+
+/// What a station sends to all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// The station's number.
+    pub station: usize,
+    /// When it was sent.
+    pub tick: u64,
+    /// Its tracks.
+    pub tracks: Vec<TrackReport>,
+    /// How long it would take to have engaged each object [s].
+    pub bids: BTreeMap<Follower, f64>,
+}
+
+/// A station's end of the link.
+#[derive(Component, Clone, Debug)]
+pub struct Link {
+    /// Reports on their way to it, with the tick of their arrival.
+    pub inbox: VecDeque<(u64, Arc<Report>)>,
+    /// Which of them are lost.
+    pub rng: Stream,
+    /// Measurements that wait for others of the same time.
+    pub waiting: Vec<Fix>,
+    /// The last report of each station that has arrived.
+    pub latest: BTreeMap<usize, Arc<Report>>,
+    /// When the last measurement of each of its tracks was made that it sent [s]: of direction or position, of range.
+    pub sent_s: BTreeMap<Follower, [f64; 2]>,
+    /// Its last bids [s].
+    pub bids: BTreeMap<Follower, f64>,
+}
+
+/// All that a station knows of the objects about.
+#[derive(Component, Clone, Debug, Default, Deref, DerefMut)]
+pub struct SharedPicture(pub Picture);
+
+/// An object that a station is to follow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Task {
+    /// The object.
+    pub identity: Follower,
+    /// Whether it is to engage it, or only to watch it for the station that does.
+    pub engages: bool,
+    /// The object's number in the station's own track table.
+    pub track: Option<u32>,
+    /// Where it is.
+    pub object: CartesianTrack,
+}
+
+/// Which object a station is to follow, and what comes next.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Tasking {
+    /// The object; `None` without one, and where nobody assigns.
+    pub task: Option<Task>,
+    /// Numbers of its tracks that are other stations' business, or nobody's yet.
+    pub spared: BTreeSet<u32>,
+    /// Which object each station is assigned to engage, as this one sees it.
+    pub assigned: Vec<Option<Follower>>,
+    /// The objects that wait, the most pressing first.
+    pub queue: Vec<Follower>,
+}
+
+impl Tasking {
+    /// Where the station at `r_station_enu_m` [m] finds its object at `t_s` [s].
+    pub fn cue(&self, r_station_enu_m: DVec3, t_s: f64) -> Option<TargetCue> {
+        /// The straight flight that is assumed errs by this much [m].
+        const STRAYS_M: f64 = 2.0;
+        let task = self.task.as_ref()?;
+        let mut cue = task.object.cue(r_station_enu_m, t_s);
+        cue.sigma_rad = cue
+            .sigma_rad
+            .max(glam::DVec2::splat(STRAYS_M / cue.range_m));
+        Some(cue)
+    }
+
+    /// Whether a track may be fired at: it is no other station's.
+    pub fn permits(&self, track: u32) -> bool {
+        let watched = |task: &Task| task.track == Some(track) && !task.engages;
+        !self.spared.contains(&track) && !self.task.as_ref().is_some_and(watched)
+    }
+}
+
+/// How long the stations have held an object.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Holding {
+    /// When it was first in a picture, and last seen by a camera of a station [s].
+    pub from_s: f64,
+    pub to_s: f64,
+    /// Longest time between two exposures that showed it, of whatever station [s].
+    pub longest_gap_s: f64,
+    /// The stations whose cameras followed it.
+    pub stations: BTreeSet<usize>,
+    /// Who was assigned to engage it, one after the other: (time [s], station).
+    pub engaged_by: Vec<(f64, usize)>,
+}
+
+/// What became of the objects, for summary and report.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Holdings(pub BTreeMap<Follower, Holding>);

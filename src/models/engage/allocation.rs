@@ -1,0 +1,156 @@
+//! Which station takes which target.
+//!
+//! A pair costs the logarithm of (time in which the target could be at the asset, over its probability of being a UAV)
+//! times (time until the station would have engaged it): what is twice as urgent may take twice as long. Each station
+//! takes one target and each target one station, at the least total cost ([`assign`]); the weapon–target assignment
+//! of the literature (A. S. Manne, "A target-assignment problem", 1958) for effectors that take one target at a
+//! time and are assigned anew many times a second.
+
+use crate::models::maths::assignment::{Pair, assign};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How targets are assigned to stations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AllocationRule {
+    /// The assignment of the least total cost.
+    #[default]
+    LeastCost,
+    /// The cheapest pair, then the cheapest of what is left.
+    Greedy,
+    /// None: every station chooses for itself.
+    None,
+}
+
+/// What a station offers: to have engaged a target by then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bid {
+    /// Index of the station.
+    pub station: usize,
+    /// Index of the target.
+    pub target: usize,
+    /// Time until it would have engaged it [s].
+    pub engaged_s: f64,
+}
+
+/// The target of each of `stations` stations. `expected_s` is for each target the time in which it could be at
+/// the asset over its probability of being a UAV [s]; another target must be cheaper than a station's `present` one
+/// by the factor `hysteresis`.
+pub fn allocate(
+    rule: AllocationRule,
+    stations: usize,
+    expected_s: &[f64],
+    bids: &[Bid],
+    present: &[Option<usize>],
+    hysteresis: f64,
+) -> Vec<Option<usize>> {
+    /// Any pair is better than two that stay alone.
+    const ALONE: f64 = 1e3;
+    let pairs: Vec<Pair> = (bids.iter())
+        .filter(|bid| bid.engaged_s.is_finite())
+        .map(|bid| {
+            let kept = present.get(bid.station).copied().flatten() == Some(bid.target);
+            let kept = if kept { hysteresis.ln() } else { 0.0 };
+            let urgency = expected_s[bid.target].clamp(1e-3, 1e6).ln();
+            Pair {
+                row: bid.station,
+                column: bid.target,
+                cost: urgency + bid.engaged_s.max(1e-3).ln() - kept - ALONE,
+            }
+        })
+        .collect();
+    match rule {
+        AllocationRule::LeastCost => assign(stations, expected_s.len(), &pairs),
+        AllocationRule::Greedy => greedy(stations, pairs),
+        AllocationRule::None => vec![None; stations],
+    }
+}
+
+/// The cheapest pair first.
+fn greedy(stations: usize, mut pairs: Vec<Pair>) -> Vec<Option<usize>> {
+    pairs.sort_by(|a, b| {
+        let earlier = (a.row, a.column).cmp(&(b.row, b.column));
+        a.cost.total_cmp(&b.cost).then(earlier)
+    });
+    let mut chosen = vec![None; stations];
+    for pair in pairs {
+        if chosen[pair.row].is_none() && !chosen.contains(&Some(pair.column)) {
+            chosen[pair.row] = Some(pair.column);
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bids(times_s: &[[f64; 2]]) -> Vec<Bid> {
+        let of = |(station, times_s): (usize, &[f64; 2])| {
+            let times_s = times_s.iter().enumerate();
+            let bid = move |(target, engaged_s): (usize, &f64)| Bid {
+                station,
+                target,
+                engaged_s: *engaged_s,
+            };
+            times_s.map(bid).collect::<Vec<_>>()
+        };
+        times_s.iter().enumerate().flat_map(of).collect()
+    }
+
+    fn least(
+        expected_s: &[f64],
+        times_s: &[[f64; 2]],
+        present: &[Option<usize>],
+    ) -> Vec<Option<usize>> {
+        let rule = AllocationRule::LeastCost;
+        allocate(
+            rule,
+            times_s.len(),
+            expected_s,
+            &bids(times_s),
+            present,
+            1.5,
+        )
+    }
+
+    #[test]
+    fn the_least_total_is_not_the_cheapest_pair_first() {
+        // Greedy takes 3·10 and leaves 60·10; together 4·10 and 9·10 are less: 360 against 1800.
+        let times_s = [[3.0, 4.0], [9.0, 60.0]];
+        assert_eq!(least(&[10.0; 2], &times_s, &[]), [Some(1), Some(0)]);
+        let greedy = allocate(
+            AllocationRule::Greedy,
+            2,
+            &[10.0; 2],
+            &bids(&times_s),
+            &[],
+            1.5,
+        );
+        assert_eq!(greedy, [Some(0), Some(1)]);
+        let none = allocate(
+            AllocationRule::None,
+            2,
+            &[10.0; 2],
+            &bids(&times_s),
+            &[],
+            1.5,
+        );
+        assert_eq!(none, [None, None]);
+    }
+
+    #[test]
+    fn the_urgent_goes_first_and_a_target_is_kept_for_a_little_more() {
+        assert_eq!(least(&[10.0, 30.0], &[[4.0, 2.0]], &[]), [Some(0)]);
+        assert_eq!(least(&[10.0, 15.0], &[[4.0, 2.0]], &[]), [Some(1)]);
+        // 40 against 30: not cheaper by half.
+        assert_eq!(least(&[10.0, 15.0], &[[4.0, 2.0]], &[Some(0)]), [Some(0)]);
+        assert_eq!(least(&[10.0, 11.0], &[[4.0, 2.0]], &[Some(0)]), [Some(1)]);
+        // What it cannot see it does not take.
+        assert_eq!(
+            least(&[10.0, 99.0], &[[f64::INFINITY, 2.0]], &[]),
+            [Some(1)]
+        );
+    }
+}

@@ -1,0 +1,74 @@
+//! The stations' network.
+
+use crate::components::mount::Station;
+use crate::components::network::{Holdings, Link, Network, SharedPicture, Tasking};
+use crate::components::run::{RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::systems::network as systems;
+use crate::systems::run::nothing_failed;
+use crate::systems::track;
+use bevy::prelude::*;
+use std::collections::{BTreeMap, VecDeque};
+
+/// Adds the domain to both schedules, in [`TickSet::Track`]: what arrives tells the tracker which target to take.
+pub struct NetworkPlugin;
+
+impl Plugin for NetworkPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<Holdings>()
+            .add_systems(SetUp, set_up.run_if(nothing_failed).in_set(TickSet::Track))
+            .add_systems(
+                Tick,
+                (
+                    systems::report,
+                    systems::receive,
+                    systems::assign_targets,
+                    systems::note_holdings,
+                )
+                    .chain()
+                    .after(track::obey)
+                    .before(track::decide)
+                    .in_set(TickSet::Track),
+            );
+    }
+}
+
+fn set_up(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    clock: Res<SimClock>,
+    stations: Query<(Entity, &Station)>,
+) {
+    let scenario = &loaded.scenario;
+    for (entity, station) in &stations {
+        let link = Link {
+            inbox: VecDeque::new(),
+            rng: seed.stream(station.index as u64, "link"),
+            waiting: Vec::new(),
+            latest: BTreeMap::new(),
+            sent_s: BTreeMap::new(),
+            bids: BTreeMap::new(),
+        };
+        let own = (link, SharedPicture::default(), Tasking::default());
+        commands.entity(entity).insert(own);
+    }
+    let Some(config) = scenario.network() else {
+        return;
+    };
+    // The longest way of a measurement: exposure and inference, or the radar's latency; the wait for the next
+    // report; the link.
+    const DETECTED_S: f64 = 0.05; // [s]
+    let radars = scenario
+        .stations()
+        .into_iter()
+        .filter_map(|station| station.search.cue.as_ref().map(|cue| cue.latency_s));
+    let known_s = radars.fold(DETECTED_S, f64::max);
+    commands.insert_resource(Network {
+        rate_hz: config.rate_hz,
+        latency_ticks: clock.ticks_of(config.latency_s),
+        loss: config.loss,
+        hold_s: known_s + 1.0 / f64::from(config.rate_hz) + config.latency_s,
+        rule: config.assignment,
+        hysteresis: config.hysteresis,
+    });
+}

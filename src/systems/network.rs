@@ -1,0 +1,426 @@
+//! The stations' network: reports, the picture made of them, and who takes which target.
+
+use crate::components::beam::LaserSource;
+use crate::components::control::Radar;
+use crate::components::environment::Environment;
+use crate::components::mount::{Mount, Station};
+use crate::components::network::{
+    Holding, Holdings, Link, Network, Report, SharedPicture, Task, Tasking, TrackReport,
+};
+use crate::components::run::SimClock;
+use crate::components::track::{Tracker, TrackerParams};
+use crate::models::air::atmosphere::transmittance;
+use crate::models::engage::allocation::{AllocationRule, Bid, allocate};
+use crate::models::engage::threat::time_to_asset_s;
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::laser::beam::peak_irradiance_wpm2;
+use crate::models::laser::thermal::ABS_SHELL;
+use crate::models::maths::kinematics::los_to_az_el;
+use crate::models::tracking::cartesian::{Bearing, CartesianTrack};
+use crate::models::tracking::picture::{Fix, Follower, Measured, Picture, Sensor, SharedObject};
+use crate::models::tracking::search::SlewLimits;
+use crate::models::tracking::table::Track;
+use bevy::ecs::query::QueryData;
+use bevy::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Hits that make a track worth reporting, and the log-odds below which it is not.
+const REPORTED_HITS: u32 = 6;
+const REPORTED: f64 = -2.0;
+/// How often targets are assigned, and bids worked out anew [Hz].
+const ASSIGNED_HZ: u32 = 10;
+const BIDS_HZ: u32 = 5;
+/// A station that has been silent for so long is not counted on [s].
+const SILENT_S: f64 = 1.0;
+/// How far ahead lines of sight are looked up, and in what steps [s].
+const FORESIGHT_S: f64 = 6.0;
+const STEP_S: f64 = 0.25;
+/// From a mount at rest on a target to the first shot: confirmation by the cameras, lock, echo [s].
+const SETTLED_S: f64 = 1.0;
+/// Ambient temperature from which a skin is heated [K].
+const AMBIENT_K: f64 = 288.0;
+
+/// A station as it reports.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct Reporting {
+    station: &'static Station,
+    mount: &'static Mount,
+    laser: &'static LaserSource,
+    tracker: &'static Tracker,
+    radar: &'static Radar,
+    picture: &'static SharedPicture,
+    link: &'static mut Link,
+}
+
+/// Every station sends what it has measured since its last report, and its bids; to itself, too, so that all know
+/// the same at the same time.
+pub fn report(
+    clock: Res<SimClock>,
+    network: Option<Res<Network>>,
+    environment: Res<Environment>,
+    mut stations: Query<Reporting>,
+) {
+    let Some(network) = network.filter(|network| clock.due(network.rate_hz)) else {
+        return;
+    };
+    let reports: Vec<Arc<Report>> = (stations.iter_mut())
+        .map(|station| Arc::new(report_of(&clock, &environment, station)))
+        .collect();
+    let arrives = clock.tick + network.latency_ticks;
+    for mut station in &mut stations {
+        let link = &mut *station.link;
+        for report in &reports {
+            let own = report.station == station.station.index;
+            let lost = !own && link.rng.uniform() < network.loss;
+            if !lost {
+                link.inbox.push_back((arrives, report.clone()));
+            }
+        }
+    }
+}
+
+/// What a station sends.
+fn report_of(clock: &SimClock, environment: &Environment, station: ReportingItem) -> Report {
+    let (index, r_enu_m) = (station.station.index, station.mount.r_enu_m);
+    let picture: &Picture = station.picture;
+    let Link { sent_s, bids, .. } = station.link.into_inner();
+    let worth = |track: &&Track| {
+        track.fallen()
+            || track.total_hits() >= REPORTED_HITS
+                && track.log_odds() > REPORTED
+                && !track.conduct.is_scenery()
+    };
+    let follower = |sensor: Sensor, number: u32| Follower {
+        station: index,
+        sensor,
+        number,
+    };
+    // The newest measurement of a kind, if it has not been sent yet.
+    let mut news = |follower: Follower, kind: usize, t_s: f64, measured: Measured| {
+        let last_s = &mut sent_s.entry(follower).or_insert([f64::NEG_INFINITY; 2])[kind];
+        let new = t_s > *last_s;
+        *last_s = t_s;
+        new.then_some(Fix {
+            follower,
+            t_s,
+            measured,
+        })
+    };
+    let mut tracks = Vec::new();
+    let mut add = |follower: Follower, fixes: [Option<Fix>; 2], log_odds: f64, fell: bool| {
+        tracks.push(TrackReport {
+            follower,
+            identity: picture.of(follower).map(|object| object.identity),
+            fixes: fixes.into_iter().flatten().collect(),
+            log_odds,
+            fell,
+        });
+    };
+    for track in station.tracker.table.tracks.iter().filter(worth) {
+        let follower = follower(Sensor::Cameras, track.id);
+        let seen = track.sighted;
+        let bearing = Measured::Bearing(Bearing {
+            r_from_enu_m: r_enu_m,
+            az_el_rad: seen.az_el_rad,
+            sigma_rad: seen.sigma_rad,
+        });
+        let bearing = news(follower, 0, seen.t_s, bearing);
+        let range = track.lased.and_then(|lased| {
+            let range = Measured::Range(r_enu_m, lased.range_m, lased.sigma_m);
+            news(follower, 1, lased.t_s, range)
+        });
+        add(follower, [bearing, range], track.log_odds(), track.fallen());
+    }
+    for (number, track) in &station.radar.tracks {
+        let follower = follower(Sensor::Radar, *number as u32);
+        let (errors, plot) = track.newest();
+        let (r_plot_enu_m, covariance) = errors.converted(&plot, r_enu_m);
+        let plot = news(
+            follower,
+            0,
+            plot.t_s,
+            Measured::Position(r_plot_enu_m, covariance),
+        );
+        add(follower, [plot, None], 0.0, false);
+    }
+    if clock.due(BIDS_HZ) {
+        let bidder = Bidder {
+            environment,
+            mount: station.mount,
+            laser: station.laser,
+            slew: SlewLimits::of(&station.mount.params.azimuth),
+        };
+        *bids = (picture.objects.iter())
+            .filter(|object| !object.dealt_with)
+            .map(|object| {
+                (
+                    object.identity,
+                    bidder.engaged_s(&object.track, clock.t_s()),
+                )
+            })
+            .collect();
+    }
+    Report {
+        station: index,
+        tick: clock.tick,
+        tracks,
+        bids: bids.clone(),
+    }
+}
+
+/// What a station's bid depends on.
+struct Bidder<'a> {
+    environment: &'a Environment,
+    mount: &'a Mount,
+    laser: &'a LaserSource,
+    slew: SlewLimits,
+}
+
+impl Bidder<'_> {
+    /// Time until the station would have engaged an object [s]: slew, settling, and the dwell, for which it must be
+    /// in sight, as far as that can be foreseen; infinite if it never is.
+    fn engaged_s(&self, object: &CartesianTrack, t_s: f64) -> f64 {
+        let (r_enu_m, v_enu_mps) = object.advanced(t_s).motion_enu();
+        let from_m = self.mount.r_enu_m;
+        let at = los_to_az_el(r_enu_m - from_m);
+        let off_rad = self
+            .mount
+            .params
+            .error_rad(at, self.mount.measured_az_el_rad());
+        let ready_s = self.slew.slew_s(off_rad.abs().max_element()) + SETTLED_S;
+        let wanted_s = self.dwell_s(r_enu_m.distance(from_m));
+        let (mut seen_s, mut ahead_s) = (0.0, 0.0);
+        while ahead_s < FORESIGHT_S {
+            let there = r_enu_m + ahead_s * v_enu_mps;
+            if self.environment.line_of_sight(from_m, there) == LineOfSight::Clear {
+                seen_s += STEP_S;
+                if ahead_s >= ready_s && seen_s >= wanted_s {
+                    break;
+                }
+            }
+            ahead_s += STEP_S;
+        }
+        if seen_s <= 0.0 {
+            return f64::INFINITY;
+        }
+        // Slewing may go on out of sight; the dwell may not. What is hidden comes on top.
+        let hidden_s = ahead_s.min(FORESIGHT_S) - seen_s;
+        ready_s + wanted_s + hidden_s.max(0.0)
+    }
+
+    /// Time for which the laser would heat a common skin at a range [m] until it fails [s]: the spot of still air,
+    /// focused there, and no cooling.
+    fn dwell_s(&self, range_m: f64) -> f64 {
+        const LONGEST_S: f64 = 60.0;
+        let laser = &self.laser.laser;
+        let power_w = laser.power_w * transmittance(self.laser.extinction_per_m, range_m);
+        let spot_m = laser
+            .spot_radius_m(range_m, range_m)
+            .hypot(self.laser.jitter_rad * range_m);
+        let absorbed_wpm2 = ABS_SHELL.absorptivity * peak_irradiance_wpm2(power_w, spot_m);
+        let wanted_jpm2 = ABS_SHELL.areal_density_kgpm2
+            * ABS_SHELL.specific_heat_jpkgk
+            * (ABS_SHELL.failure_temperature_k - AMBIENT_K);
+        (wanted_jpm2 / absorbed_wpm2.max(1.0)).min(LONGEST_S)
+    }
+}
+
+/// Reports that have arrived go into each station's picture, in the order of the measurements' times.
+pub fn receive(
+    clock: Res<SimClock>,
+    network: Option<Res<Network>>,
+    mut stations: Query<(&mut Link, &mut SharedPicture)>,
+) {
+    let Some(network) = network else { return };
+    for (mut link, mut picture) in &mut stations {
+        let mut news = false;
+        while let Some((_, report)) = link.inbox.pop_front_if(|(tick, _)| *tick <= clock.tick) {
+            for track in &report.tracks {
+                link.waiting.extend(&track.fixes);
+                picture.judge(track.follower, track.log_odds, track.fell, track.identity);
+            }
+            link.latest.insert(report.station, report);
+            news = true;
+        }
+        if !news {
+            continue;
+        }
+        let until_s = clock.t_s() - network.hold_s;
+        let mut due: Vec<Fix> = link
+            .waiting
+            .extract_if(.., |fix| fix.t_s <= until_s)
+            .collect();
+        due.sort_by(|a, b| a.t_s.total_cmp(&b.t_s).then(a.follower.cmp(&b.follower)));
+        for fix in &due {
+            picture.take(fix);
+        }
+        picture.sort_out(until_s);
+    }
+}
+
+/// A station as its task is found.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct Tasked {
+    station: &'static Station,
+    params: &'static TrackerParams,
+    link: &'static Link,
+    picture: &'static SharedPicture,
+    tasking: &'static mut Tasking,
+}
+
+/// Finds out, at every station by itself and so at all alike, which object each is to engage, and which to watch.
+pub fn assign_targets(
+    clock: Res<SimClock>,
+    network: Option<Res<Network>>,
+    mut stations: Query<Tasked>,
+) {
+    let Some(network) = network.filter(|network| network.rule != AllocationRule::None) else {
+        return;
+    };
+    if !clock.due(ASSIGNED_HZ) {
+        return;
+    }
+    let count = stations.iter().count();
+    for station in &mut stations {
+        let TaskedItem {
+            station,
+            params,
+            link,
+            picture,
+            mut tasking,
+        } = station;
+        let open: Vec<&SharedObject> = (picture.objects.iter())
+            .filter(|object| !object.dealt_with)
+            .collect();
+        let index_of = |identity: &Follower| open.iter().position(|o| o.identity == *identity);
+        let expected_s: Vec<f64> = (open.iter())
+            .map(|object| {
+                let (r_enu_m, v_enu_mps) = object.track.advanced(clock.t_s()).motion_enu();
+                let threat_s = time_to_asset_s(r_enu_m, v_enu_mps, params.r_asset_enu_m);
+                threat_s * (1.0 + (-object.log_odds()).exp())
+            })
+            .collect();
+        let heard =
+            (link.latest.values()).filter(|report| clock.at_s(clock.tick - report.tick) < SILENT_S);
+        let mut bids = Vec::new();
+        for report in heard {
+            for (identity, engaged_s) in &report.bids {
+                if let Some(target) = index_of(identity) {
+                    bids.push(Bid {
+                        station: report.station,
+                        target,
+                        engaged_s: *engaged_s,
+                    });
+                }
+            }
+        }
+        let before = (tasking.assigned.iter())
+            .map(|identity| identity.as_ref().and_then(index_of))
+            .collect::<Vec<_>>();
+        let (rule, hysteresis) = (network.rule, network.hysteresis);
+        let assigned = allocate(rule, count, &expected_s, &bids, &before, hysteresis);
+        let own = station.index;
+        let engages = assigned[own].is_some();
+        let present = (tasking.task.as_ref()).and_then(|task| index_of(&task.identity));
+        let watches = || watched(own, &assigned, &expected_s, &bids, present, hysteresis);
+        let target = assigned[own].or_else(watches);
+        tasking.task = target.map(|target| Task {
+            identity: open[target].identity,
+            engages,
+            track: open[target].number_at(own),
+            object: open[target].track,
+        });
+        tasking.spared = (picture.objects.iter())
+            .filter(|object| {
+                tasking
+                    .task
+                    .is_none_or(|task| task.identity != object.identity)
+            })
+            .filter_map(|object| object.number_at(own))
+            .collect();
+        let mut order: Vec<usize> = (0..open.len())
+            .filter(|target| !assigned.contains(&Some(*target)))
+            .collect();
+        order.sort_by(|a, b| expected_s[*a].total_cmp(&expected_s[*b]).then(a.cmp(b)));
+        tasking.queue = order
+            .into_iter()
+            .map(|target| open[target].identity)
+            .collect();
+        tasking.assigned = (assigned.iter())
+            .map(|target| target.map(|target| open[target].identity))
+            .collect();
+    }
+}
+
+/// What a station without a target of its own watches, in case the one that engages it loses it: the target that it
+/// would take.
+fn watched(
+    own: usize,
+    assigned: &[Option<usize>],
+    expected_s: &[f64],
+    bids: &[Bid],
+    present: Option<usize>,
+    hysteresis: f64,
+) -> Option<usize> {
+    // Those without a target share the others' out among themselves, as if nobody had them.
+    let idle: Vec<Bid> = (bids.iter())
+        .filter(|bid| assigned[bid.station].is_none())
+        .copied()
+        .collect();
+    let mut before = vec![None; assigned.len()];
+    before[own] = present;
+    let rule = AllocationRule::LeastCost;
+    allocate(rule, assigned.len(), expected_s, &idle, &before, hysteresis)[own]
+}
+
+/// Notes how long the stations held each object, and who was assigned to it.
+pub fn note_holdings(
+    clock: Res<SimClock>,
+    network: Option<Res<Network>>,
+    stations: Query<(&Station, &SharedPicture, &Tracker, &Tasking)>,
+    mut holdings: ResMut<Holdings>,
+) {
+    if network.is_none() {
+        return;
+    }
+    let mut seen_s: BTreeMap<Follower, f64> = BTreeMap::new();
+    for (station, picture, tracker, tasking) in &stations {
+        for object in picture.objects.iter().filter(|object| !object.dealt_with) {
+            let Some(track) =
+                (object.number_at(station.index)).and_then(|id| tracker.table.get(id))
+            else {
+                continue;
+            };
+            let latest = seen_s.entry(object.identity).or_insert(f64::NEG_INFINITY);
+            *latest = latest.max(track.seen_s());
+            let holding = holdings
+                .0
+                .entry(object.identity)
+                .or_insert_with(|| Holding {
+                    from_s: clock.t_s(),
+                    to_s: clock.t_s(),
+                    ..default()
+                });
+            holding.stations.insert(station.index);
+        }
+        let task = tasking.task.filter(|task| task.engages);
+        if let Some(holding) = task.and_then(|task| holdings.0.get_mut(&task.identity))
+            && holding
+                .engaged_by
+                .last()
+                .is_none_or(|(_, last)| *last != station.index)
+        {
+            holding.engaged_by.push((clock.t_s(), station.index));
+        }
+    }
+    for (identity, seen_s) in seen_s {
+        if let Some(holding) = holdings.0.get_mut(&identity) {
+            // What ends with a last look has no gap behind it.
+            holding.longest_gap_s = holding.longest_gap_s.max(seen_s - holding.to_s);
+            holding.to_s = holding.to_s.max(seen_s);
+        }
+    }
+}
