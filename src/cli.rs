@@ -2,7 +2,7 @@
 
 use crate::app::{self, Options, RunError};
 use crate::components::mount::first_station;
-use crate::components::record::Neutralised;
+use crate::components::record::Fates;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::dataset::{self, DatasetError};
@@ -333,7 +333,12 @@ fn bar(loaded: &Loaded, progress: bool) -> ProgressBar {
 fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
     let t_s = world.resource::<SimClock>().t_s();
     let state = first_station::<Tracker>(world).map_or("", |tracker| tracker.state.name());
-    let down = world.resource::<Neutralised>().0.iter().flatten().count();
+    let down = world
+        .resource::<Fates>()
+        .uavs
+        .iter()
+        .filter(|fate| fate.neutralised_s.is_some())
+        .count();
     let factor = t_s / elapsed.as_secs_f64().max(1e-9);
     bar.set_position((1e3 * t_s) as u64);
     bar.set_message(format!(

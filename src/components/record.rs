@@ -5,6 +5,7 @@ use crate::models::optics::detection::Detection;
 use crate::recording::{OwnTopic, Recorder};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::marker::PhantomData;
@@ -94,9 +95,24 @@ impl OwnTopics {
     }
 }
 
-/// When each UAV was neutralised [s], by scenario index.
+/// What has become of a UAV, and when.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fate {
+    /// Its skin failed [s].
+    pub neutralised_s: Option<f64>,
+    /// It came within the asset's radius unharmed [s].
+    pub at_asset_s: Option<f64>,
+}
+
+/// The fate of each UAV, by scenario index.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct Neutralised(pub Vec<Option<f64>>);
+pub struct Fates {
+    /// The protected asset [m], and how near to it a UAV has got through [m].
+    pub r_asset_enu_m: DVec3,
+    pub asset_radius_m: f64,
+    /// The fates.
+    pub uavs: Vec<Fate>,
+}
 
 impl Recording {
     /// Whether the picture of a frame is recorded.
@@ -152,4 +168,6 @@ pub struct History {
     pub frames: Vec<KeptFrame>,
     /// Time of the first Coarse state [s].
     pub acquired_s: Option<f64>,
+    /// Every first shot at a UAV or distractor after one at another: time [s] and scenario index.
+    pub shots: Vec<(f64, usize)>,
 }

@@ -195,6 +195,8 @@ pub struct Tracker {
     pub since_tick: u64,
     /// Identity of the target's track.
     pub target: Option<u32>,
+    /// The tracks that would be next, the most pressing first.
+    pub queue: Vec<u32>,
     /// When the tracks' conduct was last judged.
     pub weighed_tick: u64,
     /// Hits of the target by each camera since the last change of state.
@@ -233,6 +235,7 @@ impl Default for Tracker {
             state: TrackingState::Search,
             since_tick: 0,
             target: None,
+            queue: Vec::new(),
             weighed_tick: 0,
             hits_in_state: [0; 3],
             error: [None; 3],

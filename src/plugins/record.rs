@@ -5,7 +5,7 @@ use crate::components::control::SearchScan;
 use crate::components::environment::Environment;
 use crate::components::mount::{Mount, Station};
 use crate::components::record::{
-    CameraHistory, History, Logged, Neutralised, OwnTopics, Recording, StateHash,
+    CameraHistory, Fates, History, Logged, OwnTopics, Recording, StateHash,
 };
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::ground::city::City;
@@ -19,7 +19,7 @@ use crate::scenario::{Images, Loaded};
 use crate::systems::record as systems;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use std::num::NonZeroU32;
 use std::path::Path;
 
@@ -29,7 +29,6 @@ pub struct RecordPlugin;
 impl Plugin for RecordPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<StateHash>()
-            .init_resource::<Neutralised>()
             .init_resource::<OwnTopics>()
             .add_systems(SetUp, fallible(set_up).in_set(TickSet::Record))
             .add_systems(
@@ -65,6 +64,13 @@ fn set_up(
     }
     let scenario = &loaded.scenario;
     let record = &scenario.record;
+    let first = stations.iter().next().map(|(.., mount)| mount.r_enu_m);
+    commands.insert_resource(Fates {
+        r_asset_enu_m: (scenario.tracker.asset_enu_m)
+            .map_or(first.unwrap_or_default(), DVec3::from_array),
+        asset_radius_m: scenario.tracker.asset_radius_m,
+        uavs: Vec::new(),
+    });
     let mut recorder = match (&options.out, NonZeroU32::new(scenario.tick_hz)) {
         (Some(out), Some(tick_hz)) => {
             let cameras: Vec<&str> = cameras.iter().map(|(_, camera)| &*camera.name).collect();

@@ -118,6 +118,7 @@ pub fn tracker_params(
         min_score,
         switch_ratio,
         asset_enu_m,
+        asset_radius_m: _,
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.is_paper();

@@ -13,13 +13,15 @@ use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, Station, Stations};
+use crate::components::network::{Holding, Holdings};
 use crate::components::record::{
-    CameraHistory, History, KeptFrame, Neutralised, Recording, StateHash,
+    CameraHistory, Fate, Fates, History, KeptFrame, Recording, StateHash,
 };
 use crate::components::run::SimClock;
 use crate::components::run::Stopwatch;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::air::atmosphere::{extinction_per_m, transmittance};
+use crate::models::tracking::picture::Follower;
 use crate::output;
 use crate::scenario::Loaded;
 use bevy::platform::cell::SyncCell;
@@ -64,6 +66,8 @@ pub struct Summary {
     pub uavs: Vec<UavSummary>,
     /// Each station, in the order of the scenario.
     pub stations: Vec<StationSummary>,
+    /// Each object of the stations' network, in the order of the identities; none without a network.
+    pub objects: Vec<ObjectSummary>,
     /// Where the elapsed time went.
     pub share: Shares,
 }
@@ -81,6 +85,8 @@ pub struct UavSummary {
     pub dwell_s: f64,
     /// Time at which its skin failed \[s\].
     pub neutralised_s: Option<f64>,
+    /// Time at which it came within the asset's radius unharmed \[s\].
+    pub at_asset_s: Option<f64>,
 }
 
 /// What a station did.
@@ -96,6 +102,24 @@ pub struct StationSummary {
     pub dwell_s: f64,
     /// Time for which its firing beam lay on a distractor \[s\].
     pub distractor_s: f64,
+    /// From each kill to its next first shot at another target \[s\].
+    pub kill_to_shot_s: Vec<f64>,
+}
+
+/// An object that the stations' network knew.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ObjectSummary {
+    /// Its identity: the station that first had it, and that station's number of it.
+    pub identity: String,
+    /// When it was first and last followed \[s\].
+    pub from_s: f64,
+    pub to_s: f64,
+    /// Longest time between two exposures that showed it, of whatever station \[s\].
+    pub longest_gap_s: f64,
+    /// The stations whose cameras followed it.
+    pub stations: Vec<String>,
+    /// The stations that were to engage it, one after the other, with the time \[s\].
+    pub engaged_by: Vec<(f64, String)>,
 }
 
 /// Miss distance of both tracking cameras \[px\].
@@ -169,7 +193,7 @@ pub fn finish(
 }
 
 /// What became of a UAV.
-struct Fate {
+struct Ended {
     /// Its index in the scenario.
     index: usize,
     name: String,
@@ -179,11 +203,11 @@ struct Fate {
 }
 
 /// What became of each UAV, in the order of the scenario.
-fn fates(world: &mut World) -> Vec<Fate> {
+fn fates(world: &mut World) -> Vec<Ended> {
     let mut uavs = world.query::<(&Uav, &UavStatus, &HeatedSkin, &Dose)>();
-    let mut fates: Vec<Fate> = uavs
+    let mut fates: Vec<Ended> = uavs
         .iter(world)
-        .map(|(uav, status, skin, dose)| Fate {
+        .map(|(uav, status, skin, dose)| Ended {
             index: uav.index,
             name: uav.name.clone(),
             status: *status,
@@ -196,7 +220,7 @@ fn fates(world: &mut World) -> Vec<Fate> {
 }
 
 /// Number of UAVs that the laser brought down.
-fn brought_down(fates: &[Fate]) -> usize {
+fn brought_down(fates: &[Ended]) -> usize {
     fates
         .iter()
         .filter(|fate| fate.status.neutralised())
@@ -204,9 +228,9 @@ fn brought_down(fates: &[Fate]) -> usize {
 }
 
 /// The numbers that the world has; those of the scenario are left empty.
-fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
+fn summary(world: &World, fates: &[Ended], elapsed: Duration) -> Summary {
     let clock = world.resource::<SimClock>();
-    let neutralised_s = &world.resource::<Neutralised>().0;
+    let known = &world.resource::<Fates>().uavs;
     let stations = &world.resource::<Stations>().0;
     let of_stations = station_summaries(world);
     let sum = |of: fn(&StationSummary) -> f64| of_stations.iter().map(of).sum::<f64>();
@@ -222,7 +246,7 @@ fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
     };
     let down = brought_down(fates);
     let all_down = down == fates.len() && !fates.is_empty();
-    let last_s = (neutralised_s.iter().flatten().copied()).reduce(f64::max);
+    let last_s = (known.iter().filter_map(|fate| fate.neutralised_s)).reduce(f64::max);
     let share = |part: Duration| part.as_secs_f64() / elapsed_s;
     let (render, inference) = (share(stopwatch.render), share(stopwatch.inference));
     Summary {
@@ -246,10 +270,12 @@ fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
                 status: fate.status.name().into(),
                 energy_j: fate.dose.energy_j,
                 dwell_s: fate.dose.dwell_s,
-                neutralised_s: neutralised_s.get(fate.index).copied().flatten(),
+                neutralised_s: known.get(fate.index).and_then(|fate| fate.neutralised_s),
+                at_asset_s: known.get(fate.index).and_then(|fate| fate.at_asset_s),
             })
             .collect(),
         stations: of_stations,
+        objects: object_summaries(world),
         share: Shares {
             render,
             inference,
@@ -261,18 +287,51 @@ fn summary(world: &World, fates: &[Fate], elapsed: Duration) -> Summary {
 
 /// What each station did, in the order of the scenario.
 fn station_summaries(world: &World) -> Vec<StationSummary> {
+    let fates = &world.resource::<Fates>().uavs;
     let of = |station: &Entity| {
         let beam: &BeamState = world.get(*station)?;
+        let history: &History = world.get(*station)?;
         Some(StationSummary {
             name: world.get::<Station>(*station)?.name.clone(),
-            acquired_s: world.get::<History>(*station)?.acquired_s,
+            acquired_s: history.acquired_s,
             energy_j: beam.energy_j,
             dwell_s: beam.dwell_s,
             distractor_s: beam.distractor_s,
+            kill_to_shot_s: kill_to_shot_s(&history.shots, fates),
         })
     };
     let stations = &world.resource::<Stations>().0;
     stations.iter().filter_map(of).collect()
+}
+
+/// From each kill by a station to its next first shot at another target [s].
+fn kill_to_shot_s(shots: &[(f64, usize)], fates: &[Fate]) -> Vec<f64> {
+    let of = |pair: &[(f64, usize)]| {
+        let ((first_s, target), (next_s, _)) = (pair[0], pair[1]);
+        let killed_s = fates.get(target)?.neutralised_s?;
+        (first_s <= killed_s && killed_s <= next_s).then_some(next_s - killed_s)
+    };
+    shots.windows(2).filter_map(of).collect()
+}
+
+/// What the stations' network knew, in the order of the identities.
+fn object_summaries(world: &World) -> Vec<ObjectSummary> {
+    let stations = &world.resource::<Stations>().0;
+    let names: Vec<&str> = (stations.iter())
+        .filter_map(|station| Some(world.get::<Station>(*station)?.name.as_str()))
+        .collect();
+    let name = |station: usize| names.get(station).copied().unwrap_or_default().to_owned();
+    let of = |(identity, holding): (&Follower, &Holding)| ObjectSummary {
+        identity: identity.named(&name(identity.station)),
+        from_s: holding.from_s,
+        to_s: holding.to_s,
+        longest_gap_s: holding.longest_gap_s,
+        stations: holding.stations.iter().copied().map(name).collect(),
+        engaged_by: (holding.engaged_by.iter())
+            .map(|(t_s, station)| (*t_s, name(*station)))
+            .collect(),
+    };
+    world.resource::<Holdings>().0.iter().map(of).collect()
 }
 
 /// Miss distances of a station's cameras of a tier: (time [s], distance [px]), camera after camera.
@@ -314,7 +373,7 @@ fn conditions(world: &mut World) -> String {
 }
 
 /// One word and one sentence on how it ended.
-fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, String) {
+fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (&'static str, String) {
     let stations = &world.resource::<Stations>().0;
     let trackers = || {
         stations
@@ -386,7 +445,7 @@ fn outcome(world: &World, fates: &[Fate], conditions: &str) -> (&'static str, St
 }
 
 /// What the page of the run shows.
-fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Fate]) -> ReportData {
+fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Ended]) -> ReportData {
     let detector = world.resource::<DetectorInUse>();
     let stations = &world.resource::<Stations>().0;
     let mut frames: Vec<&KeptFrame> = (stations.iter())
@@ -619,6 +678,7 @@ mod tests {
                 energy_j: 8500.0,
                 dwell_s: 3.0,
                 neutralised_s: Some(9.0),
+                at_asset_s: None,
             }],
             stations: vec![StationSummary {
                 name: "roof".into(),
@@ -626,6 +686,15 @@ mod tests {
                 energy_j: 9000.0,
                 dwell_s: 3.0,
                 distractor_s: 0.0,
+                kill_to_shot_s: vec![1.5],
+            }],
+            objects: vec![ObjectSummary {
+                identity: "roof/3".into(),
+                from_s: 1.0,
+                to_s: 8.0,
+                longest_gap_s: 0.125,
+                stations: vec!["roof".into()],
+                engaged_by: vec![(1.5, "roof".into())],
             }],
             share: Shares {
                 render: 0.0,
@@ -642,9 +711,11 @@ mod tests {
                 r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
                 r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"energy_j":9000.0,"#,
                 r#""energy_per_neutralised_j":9000.0,"uavs":[{"name":"one","status":"down","#,
-                r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0}],"#,
+                r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0,"at_asset_s":null}],"#,
                 r#""stations":[{"name":"roof","acquired_s":null,"energy_j":9000.0,"#,
-                r#""dwell_s":3.0,"distractor_s":0.0}],"#,
+                r#""dwell_s":3.0,"distractor_s":0.0,"kill_to_shot_s":[1.5]}],"#,
+                r#""objects":[{"identity":"roof/3","from_s":1.0,"to_s":8.0,"longest_gap_s":0.125,"#,
+                r#""stations":["roof"],"engaged_by":[[1.5,"roof"]]}],"#,
                 r#""share":{"render":0.0,"inference":0.25,"other":0.75}}"#
             )
         );

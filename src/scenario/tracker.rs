@@ -30,6 +30,8 @@ pub struct TrackerConfig {
     pub switch_ratio: f64,
     /// The protected asset, east, north, up from the site; absent: the station itself.
     pub asset_enu_m: Option<[f64; 3]>,
+    /// A UAV that comes this close to the asset unharmed has got through.
+    pub asset_radius_m: f64,
 }
 
 impl Default for TrackerConfig {
@@ -41,6 +43,7 @@ impl Default for TrackerConfig {
             min_score: None,
             switch_ratio: 1.5,
             asset_enu_m: None,
+            asset_radius_m: 50.0,
         }
     }
 }
@@ -79,6 +82,7 @@ impl TrackerConfig {
         check.maybe_within("centre_sigma_px", self.centre_sigma_px, 0.01..=20.0);
         check.within("min_quality", self.min_quality, FRACTION);
         check.maybe_within("min_score", self.min_score, FRACTION);
+        check.positive("asset_radius_m", self.asset_radius_m);
         check.within("switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
     }
 }

@@ -12,7 +12,7 @@ use crate::models::engage::interlock::{
     FAR_M, beam_half_angle_rad, bundle, bundle_hit_m, faces_sun, in_beam,
 };
 use crate::models::ground::dsm::HitKind;
-use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::tracking::estimation::LosFilter;
 use crate::models::tracking::table::Track;
 use bevy::ecs::query::QueryData;
@@ -56,53 +56,73 @@ const OBJECT_HITS: u32 = 3;
 /// Time since the last hit for which it does [s].
 const OBJECT_S: f64 = 1.0;
 
-/// The beam's line to a target and beyond it.
-struct Way<'a> {
-    rules: &'a Rules,
-    environment: &'a Environment,
-    r_enu_m: DVec3,
+/// What decides where a station's beam may go.
+pub(crate) struct Way<'a> {
+    pub(crate) rules: &'a Rules,
+    pub(crate) environment: &'a Environment,
+    pub(crate) r_enu_m: DVec3,
     /// Where all stations are, this one among them [m].
-    stations_enu_m: &'a [DVec3],
-    range_m: f64,
-    /// Half angle of the bundle of rays that stands for the beam [rad].
-    spread_rad: f64,
+    pub(crate) stations_enu_m: &'a [DVec3],
 }
 
 impl Way<'_> {
-    /// Adds the reasons not to fire along the line of sight of `filter`, now and within the look
-    /// ahead.
-    fn look(&self, filter: &LosFilter, t_s: f64, refused: &mut Vec<&'static str>) {
+    /// Whether a direction passes another station too closely.
+    fn at_station(&self, az_el_rad: DVec2) -> bool {
+        let others = self.stations_enu_m.iter();
+        others
+            .filter(|other| **other != self.r_enu_m)
+            .any(|other| passes(*other - self.r_enu_m, az_el_to_los(az_el_rad)))
+    }
+
+    /// Whether a direction meets what is protected.
+    fn protected(&self, az_el_rad: DVec2) -> bool {
+        let mut zones = self.rules.keep_out.iter();
+        zones.any(|zone| zone.meets(self.r_enu_m, az_el_rad, FAR_M))
+    }
+
+    /// Whether a target at a place [m] could be fired at as far as the way there and what lies behind it goes.
+    pub(crate) fn is_open(&self, r_target_enu_m: DVec3) -> bool {
+        let to_m = r_target_enu_m - self.r_enu_m;
+        let (ray_enu, az_el_rad) = (to_m.normalize(), los_to_az_el(to_m));
+        let dsm = &self.environment.city.dsm;
+        let hit = dsm.first_hit_kind(self.r_enu_m, ray_enu, FAR_M);
+        self.rules.refusal(to_m.length(), hit).is_none()
+            && !self.environment.in_cloud(r_target_enu_m)
+            && !self.protected(az_el_rad)
+            && !self.at_station(az_el_rad)
+    }
+
+    /// Adds the reasons not to fire along the line of sight of `filter` at a target at `range_m` [m], now and within
+    /// the look ahead. A bundle of rays of half angle `spread_rad` [rad] stands for the beam.
+    fn look(
+        &self,
+        filter: &LosFilter,
+        range_m: f64,
+        spread_rad: f64,
+        t_s: f64,
+        refused: &mut Vec<&'static str>,
+    ) {
         let los = filter.predicted(t_s);
         let direction = az_el_to_los(los.az_el_rad());
         if self
             .environment
-            .in_cloud(self.r_enu_m + self.range_m * direction)
+            .in_cloud(self.r_enu_m + range_m * direction)
         {
             refused.push("line of sight blocked");
         }
         let dsm = &self.environment.city.dsm;
-        for ray_enu in bundle(los.az_el_rad(), self.spread_rad) {
+        for ray_enu in bundle(los.az_el_rad(), spread_rad) {
             let hit = dsm.first_hit_kind(self.r_enu_m, ray_enu, FAR_M);
-            if let Some(reason) = self.rules.refusal(self.range_m, hit)
+            if let Some(reason) = self.rules.refusal(range_m, hit)
                 && !refused.contains(&reason)
             {
                 refused.push(reason);
             }
         }
-        let protected = |az_el_rad: DVec2| {
-            let mut zones = self.rules.keep_out.iter();
-            zones.any(|zone| zone.meets(self.r_enu_m, az_el_rad, FAR_M))
-        };
-        let at_station = |az_el_rad: DVec2| {
-            let others = self.stations_enu_m.iter();
-            others
-                .filter(|other| **other != self.r_enu_m)
-                .any(|other| passes(*other - self.r_enu_m, az_el_to_los(az_el_rad)))
-        };
-        if protected(los.az_el_rad()) {
+        if self.protected(los.az_el_rad()) {
             refused.push("keep-out zone");
         }
-        if at_station(los.az_el_rad()) {
+        if self.at_station(los.az_el_rad()) {
             refused.push("another station in the line of fire");
         }
         // The laser must be off before the line of sight gets anywhere it must not fire.
@@ -112,14 +132,14 @@ impl Way<'_> {
         });
         if ahead
             .clone()
-            .any(|at| bundle_hit_m(dsm, self.r_enu_m, at, self.spread_rad, self.range_m).is_some())
+            .any(|at| bundle_hit_m(dsm, self.r_enu_m, at, spread_rad, range_m).is_some())
         {
             refused.push("line of sight will be blocked");
         }
-        if ahead.clone().any(protected) {
+        if ahead.clone().any(|at| self.protected(at)) {
             refused.push("keep-out zone ahead");
         }
-        if ahead.any(at_station) {
+        if ahead.any(|at| self.at_station(at)) {
             refused.push("another station ahead in the line of fire");
         }
     }
@@ -217,11 +237,10 @@ fn decide_station(
                     environment,
                     r_enu_m: mount.r_enu_m,
                     stations_enu_m,
-                    range_m,
-                    spread_rad: precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad()),
                 };
+                let spread_rad = precise.map_or(1e-4, |camera| 4.0 * camera.pinhole.ifov_rad());
                 let (_, refused) = looked_over.insert((track.id, Vec::new()));
-                way.look(&track.filter, clock.t_s(), refused);
+                way.look(&track.filter, range_m, spread_rad, clock.t_s(), refused);
             }
             reasons.extend(looked_over.iter().flat_map(|(_, refused)| refused));
             look_along(

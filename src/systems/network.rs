@@ -2,6 +2,7 @@
 
 use crate::components::beam::LaserSource;
 use crate::components::control::Radar;
+use crate::components::engage::Rules;
 use crate::components::environment::Environment;
 use crate::components::mount::{Mount, Station};
 use crate::components::network::{
@@ -10,9 +11,8 @@ use crate::components::network::{
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackerParams};
 use crate::models::air::atmosphere::transmittance;
-use crate::models::engage::allocation::{AllocationRule, Bid, allocate};
+use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, allocate};
 use crate::models::engage::threat::time_to_asset_s;
-use crate::models::ground::dsm::LineOfSight;
 use crate::models::laser::beam::peak_irradiance_wpm2;
 use crate::models::laser::thermal::ABS_SHELL;
 use crate::models::maths::kinematics::los_to_az_el;
@@ -20,8 +20,10 @@ use crate::models::tracking::cartesian::{Bearing, CartesianTrack};
 use crate::models::tracking::picture::{Fix, Follower, Measured, Picture, Sensor, SharedObject};
 use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::Track;
+use crate::systems::engage::Way;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -36,8 +38,6 @@ const SILENT_S: f64 = 1.0;
 /// How far ahead lines of sight are looked up, and in what steps [s].
 const FORESIGHT_S: f64 = 6.0;
 const STEP_S: f64 = 0.25;
-/// From a mount at rest on a target to the first shot: confirmation by the cameras, lock, echo [s].
-const SETTLED_S: f64 = 1.0;
 /// Ambient temperature from which a skin is heated [K].
 const AMBIENT_K: f64 = 288.0;
 
@@ -48,6 +48,7 @@ pub struct Reporting {
     station: &'static Station,
     mount: &'static Mount,
     laser: &'static LaserSource,
+    rules: &'static Rules,
     tracker: &'static Tracker,
     radar: &'static Radar,
     picture: &'static SharedPicture,
@@ -65,8 +66,11 @@ pub fn report(
     let Some(network) = network.filter(|network| clock.due(network.rate_hz)) else {
         return;
     };
+    let stations_enu_m: Vec<DVec3> = (stations.iter())
+        .map(|station| station.mount.r_enu_m)
+        .collect();
     let reports: Vec<Arc<Report>> = (stations.iter_mut())
-        .map(|station| Arc::new(report_of(&clock, &environment, station)))
+        .map(|station| Arc::new(report_of(&clock, &environment, &stations_enu_m, station)))
         .collect();
     let arrives = clock.tick + network.latency_ticks;
     for mut station in &mut stations {
@@ -82,7 +86,12 @@ pub fn report(
 }
 
 /// What a station sends.
-fn report_of(clock: &SimClock, environment: &Environment, station: ReportingItem) -> Report {
+fn report_of(
+    clock: &SimClock,
+    environment: &Environment,
+    stations_enu_m: &[DVec3],
+    station: ReportingItem,
+) -> Report {
     let (index, r_enu_m) = (station.station.index, station.mount.r_enu_m);
     let picture: &Picture = station.picture;
     let Link { sent_s, bids, .. } = station.link.into_inner();
@@ -147,7 +156,12 @@ fn report_of(clock: &SimClock, environment: &Environment, station: ReportingItem
     }
     if clock.due(BIDS_HZ) {
         let bidder = Bidder {
-            environment,
+            way: Way {
+                rules: station.rules,
+                environment,
+                r_enu_m,
+                stations_enu_m,
+            },
             mount: station.mount,
             laser: station.laser,
             slew: SlewLimits::of(&station.mount.params.azimuth),
@@ -172,15 +186,15 @@ fn report_of(clock: &SimClock, environment: &Environment, station: ReportingItem
 
 /// What a station's bid depends on.
 struct Bidder<'a> {
-    environment: &'a Environment,
+    way: Way<'a>,
     mount: &'a Mount,
     laser: &'a LaserSource,
     slew: SlewLimits,
 }
 
 impl Bidder<'_> {
-    /// Time until the station would have engaged an object [s]: slew, settling, and the dwell, for which it must be
-    /// in sight, as far as that can be foreseen; infinite if it never is.
+    /// Time until the station would have engaged an object [s]: slew, settling, and the dwell, for which the way to it
+    /// and behind it must be open, as far as that can be foreseen; infinite if it never is.
     fn engaged_s(&self, object: &CartesianTrack, t_s: f64) -> f64 {
         let (r_enu_m, v_enu_mps) = object.advanced(t_s).motion_enu();
         let from_m = self.mount.r_enu_m;
@@ -189,25 +203,21 @@ impl Bidder<'_> {
             .mount
             .params
             .error_rad(at, self.mount.measured_az_el_rad());
-        let ready_s = self.slew.slew_s(off_rad.abs().max_element()) + SETTLED_S;
+        let ready_s = self.slew.slew_s(off_rad.abs().max_element()) + LOCKED_S;
         let wanted_s = self.dwell_s(r_enu_m.distance(from_m));
-        let (mut seen_s, mut ahead_s) = (0.0, 0.0);
-        while ahead_s < FORESIGHT_S {
-            let there = r_enu_m + ahead_s * v_enu_mps;
-            if self.environment.line_of_sight(from_m, there) == LineOfSight::Clear {
-                seen_s += STEP_S;
-                if ahead_s >= ready_s && seen_s >= wanted_s {
-                    break;
-                }
+        let mut open_s = 0.0;
+        let mut ahead_s = ready_s;
+        while open_s < wanted_s && ahead_s < ready_s + FORESIGHT_S {
+            if self.way.is_open(r_enu_m + ahead_s * v_enu_mps) {
+                open_s += STEP_S;
             }
             ahead_s += STEP_S;
         }
-        if seen_s <= 0.0 {
+        if open_s <= 0.0 {
             return f64::INFINITY;
         }
-        // Slewing may go on out of sight; the dwell may not. What is hidden comes on top.
-        let hidden_s = ahead_s.min(FORESIGHT_S) - seen_s;
-        ready_s + wanted_s + hidden_s.max(0.0)
+        // What lies beyond the foresight is taken to be open.
+        ahead_s + (wanted_s - open_s).max(0.0)
     }
 
     /// Time for which the laser would heat a common skin at a range [m] until it fails [s]: the spot of still air,

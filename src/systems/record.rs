@@ -7,9 +7,8 @@ use crate::components::capture::{ExposedFrame, Frames, Tier};
 use crate::components::detect::DetectionQueue;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics};
-use crate::components::record::{
-    CameraHistory, History, KeptFrame, Neutralised, Recording, StateHash,
-};
+use crate::components::network::{SharedPicture, Tasking};
+use crate::components::record::{CameraHistory, Fates, History, KeptFrame, Recording, StateHash};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::maths::kinematics::error_angles;
@@ -29,13 +28,15 @@ pub fn hash_state(
         &FireCommand,
         &Tracker,
         &DetectionQueue,
+        &SharedPicture,
+        &Tasking,
     )>,
     uavs: Query<(&Flight, &HeatedSkin, &UavStatus)>,
     distractors: Query<&Flight, With<Distractor>>,
     mut bytes: Local<Vec<u8>>,
 ) {
     bytes.clear();
-    for (mount, command, beam, fire, tracker, _) in &stations {
+    for (mount, command, beam, fire, tracker, ..) in &stations {
         put_mount(&mut bytes, mount);
         let mut put = |values: &[f64]| put_all(&mut bytes, values);
         put(&command.gimbal.rate_radps);
@@ -70,7 +71,7 @@ pub fn hash_state(
         put(&flight.state.q_enu_body.to_array());
         put(&flight.state.rotor_phase_rad[..1]);
     }
-    for (.., tracker, queue) in &stations {
+    for (.., tracker, queue, picture, tasking) in &stations {
         put(&[
             tracker.state as u8 as f64,
             tracker.target.map_or(-1.0, f64::from),
@@ -90,6 +91,15 @@ pub fn hash_state(
                 put(&detection.box_px);
                 put(&[detection.score, f64::from(detection.label)]);
             }
+        }
+        for object in &picture.objects {
+            let (r_enu_m, v_enu_mps) = object.track.motion_enu();
+            put(&r_enu_m.to_array());
+            put(&v_enu_mps.to_array());
+        }
+        if let Some(task) = tasking.task {
+            let number = task.track.map_or(-1.0, f64::from);
+            put(&[f64::from(u8::from(task.engages)), number]);
         }
     }
     let mut hasher = Xxh3::new();
@@ -140,21 +150,30 @@ pub fn keep_series(
     mut cameras: Query<&mut CameraHistory>,
     uavs: Query<(&Uav, &Flight, &HeatedSkin, &UavStatus)>,
     distractors: Query<(&Uav, &Flight), With<Distractor>>,
-    mut neutralised: ResMut<Neutralised>,
+    mut fates: ResMut<Fates>,
 ) {
     let t_s = clock.t_s();
-    for (uav, _, _, status) in &uavs {
-        let times_s = &mut neutralised.0;
-        if times_s.len() <= uav.index {
-            times_s.resize(uav.index + 1, None);
+    let (r_asset_enu_m, asset_radius_m) = (fates.r_asset_enu_m, fates.asset_radius_m);
+    for (uav, flight, _, status) in &uavs {
+        if fates.uavs.len() <= uav.index {
+            fates.uavs.resize(uav.index + 1, default());
         }
+        let fate = &mut fates.uavs[uav.index];
+        let near = flight.state.r_enu_m.distance(r_asset_enu_m) < asset_radius_m;
         if status.neutralised() {
-            times_s[uav.index].get_or_insert(t_s);
+            fate.neutralised_s.get_or_insert(t_s);
+        } else if *status == UavStatus::Flying && near {
+            fate.at_asset_s.get_or_insert(t_s);
         }
     }
     for (station, mount, optics, beam, tracker, mut history) in &mut stations {
         if tracker.state == TrackingState::Coarse && history.acquired_s.is_none() {
             history.acquired_s = Some(t_s);
+        }
+        if let Some(aimed) = beam.aimed.filter(|_| beam.firing)
+            && history.shots.last().is_none_or(|(_, last)| *last != aimed)
+        {
+            history.shots.push((t_s, aimed));
         }
         let sampled = clock.tick.is_multiple_of(recording.state_period_ticks);
         if !sampled && frames.0.is_empty() {

@@ -155,6 +155,7 @@ impl Follower {
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
             cue: None,
+            mount: None,
             tasking: None,
         };
         step(&now, &mut self.tracker, false, true);

@@ -23,6 +23,9 @@ pub enum AllocationRule {
     None,
 }
 
+/// From a mount at rest on a target to the first shot [s]: confirmation by the cameras, lock, echo; as runs show.
+pub const LOCKED_S: f64 = 1.0;
+
 /// What a station offers: to have engaged a target by then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bid {

@@ -9,6 +9,7 @@ use crate::components::network::Tasking;
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Tracker, TrackerParams, TrackingState};
 use crate::models::tracking::cartesian::TargetCue;
+use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ, dot_share};
 use bevy::ecs::query::QueryData;
@@ -79,6 +80,10 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
             dsm: Some(&environment.city.dsm),
             r_station_enu_m: mount.r_enu_m,
             cue: (tasking.cue(mount.r_enu_m, t_s)).or_else(|| radar.cue(t_s)),
+            mount: Some((
+                mount.measured_az_el_rad(),
+                SlewLimits::of(&mount.params.azimuth),
+            )),
             tasking: Some(tasking),
         };
         let before = tracker.target;
@@ -108,6 +113,7 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         let elapsed_s = now.clock.at_s(tick - tracker.weighed_tick);
         tracker.weighed_tick = tick;
         now.weigh(&mut tracker.table, elapsed_s.min(LONGEST_WEIGHED_S));
+        tracker.queue = now.queue(tracker);
     }
     if tracker.state == TrackingState::Search {
         if let Some(track) = now.candidate(tracker) {
@@ -469,6 +475,7 @@ mod tests {
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
             cue: None,
+            mount: None,
             tasking: None,
         }
     }

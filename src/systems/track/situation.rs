@@ -4,6 +4,7 @@ use crate::components::capture::Tier;
 use crate::components::network::{Task, Tasking};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackerParams};
+use crate::models::engage::allocation::LOCKED_S;
 use crate::models::engage::interlock::FAR_M;
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::ground::dsm::Dsm;
@@ -11,6 +12,7 @@ use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::evidence::named_share;
 use crate::models::tracking::recognition::Recognition;
+use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
 
@@ -92,6 +94,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) r_station_enu_m: DVec3,
     /// Where the target of the defence is, or the radar's.
     pub(crate) cue: Option<TargetCue>,
+    /// Where the mount points, azimuth and elevation [rad], and how fast it turns; `None` where nothing turns.
+    pub(crate) mount: Option<(DVec2, SlewLimits)>,
     /// What the defence wants of this station, if it is one of several.
     pub(crate) tasking: Option<&'a Tasking>,
 }
@@ -263,11 +267,32 @@ impl Situation<'_> {
                 }
                 // The defence has weighed the threats.
                 let tasked = self.task().is_some_and(|task| task.track == Some(track.id));
-                let expected_s = self.expected_s(track, log_odds);
-                Some((if tasked { 0.0 } else { expected_s }, track))
+                let cost = self.cost(track, log_odds);
+                Some((if tasked { 0.0 } else { cost }, track))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)))
             .map(|(_, track)| track)
+    }
+
+    /// The tracks that would be targets if the present one were dealt with, the most pressing first.
+    pub(super) fn queue(&self, tracker: &Tracker) -> Vec<u32> {
+        let tracks = tracker.table.tracks.iter();
+        let mut waiting: Vec<(f64, u32)> = tracks
+            .filter(|track| Some(track.id) != tracker.target && self.may_be_target(track))
+            .filter(|track| !self.spares(track.id) && track.log_odds() >= self.chosen(track))
+            .map(|track| (self.cost(track, track.log_odds()), track.id))
+            .collect();
+        waiting.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        waiting.into_iter().map(|(_, id)| id).collect()
+    }
+
+    /// What taking a track for a target costs, as [`crate::models::engage::allocation`] has it [s²].
+    fn cost(&self, track: &Track, log_odds: f64) -> f64 {
+        let at = track.filter.predicted(self.t_s()).az_el_rad();
+        let slew_s = self.mount.map_or(0.0, |(points_rad, slew)| {
+            slew.slew_s(separation_rad(at, points_rad))
+        });
+        self.expected_s(track, log_odds) * (slew_s + LOCKED_S)
     }
 
     /// Time that a track needs to reach the asset over its probability of being a UAV [s].

@@ -7,11 +7,13 @@ use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, Station};
+use crate::components::network::Tasking;
 use crate::components::run::SimClock;
 use crate::components::track::{Designation, Operator, Order, Tracker, TrackingState};
 use crate::components::view::{Pacing, StepSize};
 use crate::models::air::weather::Weather;
 use crate::models::maths::kinematics::los_to_az_el;
+use crate::models::tracking::picture::Follower;
 use crate::models::tracking::table::separation_rad;
 use bevy::prelude::*;
 use bevy_egui::EguiContexts;
@@ -32,12 +34,17 @@ pub fn draw_panel(
         &BeamState,
         &Tracker,
         &Interlocks,
+        &Tasking,
         &mut Operator,
     )>,
     uavs: Query<(&Uav, &Flight, &UavStatus, &HeatedSkin)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
-    let many = stations.iter().len() > 1;
+    let names: Vec<String> = stations
+        .iter()
+        .map(|(station, ..)| station.name.clone())
+        .collect();
+    let many = names.len() > 1;
     let panel = egui::Panel::left("panel")
         .exact_size(PANEL_WIDTH)
         .resizable(false)
@@ -48,11 +55,12 @@ pub fn draw_panel(
             ui.spacing_mut().item_spacing.y = 3.0;
             ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
             pace(ui, &clock, &mut pacing);
-            for (station, mount, _, tracker, _, mut operator) in &mut stations {
+            for (station, mount, _, tracker, _, tasking, mut operator) in &mut stations {
                 if many {
                     heading(ui, &station.name);
                 }
                 tracking(ui, &clock, tracker);
+                waiting(ui, tracker, tasking, &names);
                 let known: Vec<_> = uavs
                     .iter()
                     .map(|(uav, flight, ..)| {
@@ -81,7 +89,7 @@ pub fn draw_panel(
                     format!("{:.0} °C", skin.skin.temperature_k - 273.15),
                 );
             }
-            for (station, _, beam, _, interlocks, _) in &stations {
+            for (station, _, beam, _, interlocks, ..) in &stations {
                 let name = if many { station.name.as_str() } else { "" };
                 engagement(ui, name, beam, interlocks);
             }
@@ -233,6 +241,28 @@ fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
             change.to.name(),
             change.reason
         ));
+    }
+}
+
+/// The station's task, and what comes next: by the defence, or by its own tracks.
+fn waiting(ui: &mut egui::Ui, tracker: &Tracker, tasking: &Tasking, stations: &[String]) {
+    const SHOWN: usize = 5;
+    let name = |identity: &Follower| {
+        let station = stations.get(identity.station);
+        identity.named(station.map_or("", String::as_str))
+    };
+    let queue: Vec<String> = match &tasking.task {
+        Some(task) => {
+            let word = if task.engages { "engages" } else { "watches" };
+            row(ui, word, name(&task.identity));
+            tasking.queue.iter().take(SHOWN).map(name).collect()
+        }
+        None => (tracker.queue.iter().take(SHOWN))
+            .map(ToString::to_string)
+            .collect(),
+    };
+    if !queue.is_empty() {
+        row(ui, "next", queue.join(", "));
     }
 }
 
