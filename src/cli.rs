@@ -104,6 +104,9 @@ enum EvalCommand {
     /// Engagements drawn from a recipe, on rendered pixels: acquired, held, neutralised, and each failure
     /// with its cause and the frames that show it. Run it where the folder `recipes` lies.
     Engagement(eval::engagement::Arguments),
+    /// A raid against one, two and more of its stations, by every rule of assignment; blind, with the truth
+    /// detector. Run it where the folder `scenarios` lies.
+    Defence(eval::defence::Arguments),
     /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
     Detector(eval::detector::Arguments),
     /// A detector and the tracker on real clips: MP4 files or folders of pictures.
@@ -213,6 +216,12 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
         }
         Command::Eval(EvalCommand::Engagement(args)) => {
             say!("{}", eval::engagement::evaluate(&args)?.trim_end());
+            Ok(())
+        }
+        Command::Eval(EvalCommand::Defence(args)) => {
+            let evaluation = eval::defence::evaluate(&args)?;
+            say!("{}", evaluation.text().trim_end());
+            say!("json  {}", args.out.join("defence.json").display());
             Ok(())
         }
         Command::Eval(EvalCommand::Detector(args)) => {

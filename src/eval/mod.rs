@@ -1,7 +1,8 @@
 //! The evaluations: engagements drawn from a recipe, tracking over many runs, a detector on annotated
-//! pictures, detector and tracker on clips of real cameras.
+//! pictures, detector and tracker on clips of real cameras, several stations against a raid.
 
 pub mod clip;
+pub mod defence;
 pub mod detector;
 pub mod engagement;
 mod shared;

@@ -8,6 +8,8 @@ use serde::Serialize;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// A word of a command line, quoted where a shell would read it otherwise.
 pub(super) fn quoted(word: impl std::fmt::Display) -> String {
@@ -85,6 +87,51 @@ pub(super) fn writable(path: &Path) -> Result<(), OutputError> {
         std::fs::remove_file(path).map_err(failed(path.into()))?;
     }
     Ok(())
+}
+
+/// Works on every job, on so many threads, and says how far it has come; results come in the order of the
+/// jobs. After an error no further job is begun.
+pub(super) fn in_parallel<J: Sync, T: Send>(
+    label: &str,
+    jobs: &[J],
+    threads: usize,
+    work: impl Fn(&J) -> Result<T, EvalError> + Sync,
+) -> Result<Vec<T>, EvalError> {
+    const OFTEN: usize = 20;
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let slots: Vec<Mutex<Option<Result<T, EvalError>>>> =
+        jobs.iter().map(|_| Mutex::new(None)).collect();
+    let loops = || {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let (Some(job), Some(slot)) = (jobs.get(index), slots.get(index)) else {
+                break;
+            };
+            let result = work(job);
+            if result.is_err() {
+                // What has not begun need not begin.
+                next.store(jobs.len(), Ordering::Relaxed);
+            }
+            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            if done.is_multiple_of(OFTEN) || done == jobs.len() || threads == 1 {
+                progress(&format!("{label}: {done} of {} runs", jobs.len()));
+            }
+        }
+    };
+    if threads == 1 {
+        loops();
+    } else {
+        std::thread::scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(loops);
+            }
+        });
+    }
+    slots
+        .into_iter()
+        .filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner))
+        .collect()
 }
 
 /// A track is confirmed from this many hits on, and while the last one is this fresh [s].

@@ -10,7 +10,7 @@ use crate::components::record::{CameraHistory, KeptFrame};
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::eval::EvalError;
-use crate::eval::shared::{FRESH_S, confirmed, progress};
+use crate::eval::shared::{FRESH_S, confirmed, in_parallel};
 use crate::eval::statistics::{Hold, Lock, Sums, lock};
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
@@ -22,8 +22,7 @@ use bevy::prelude::*;
 use glam::DVec2;
 use serde::Serialize;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// A run to be made.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -451,39 +450,7 @@ pub fn all<T: Send>(
     } else {
         std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
     };
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let slots: Vec<Mutex<Option<Result<T, EvalError>>>> =
-        jobs.iter().map(|_| Mutex::new(None)).collect();
-    let work = || {
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            let (Some(job), Some(slot)) = (jobs.get(index), slots.get(index)) else {
-                break;
-            };
-            let seen = observe(job, Some(city.clone())).map_err(EvalError::from);
-            let result = seen.and_then(|seen| reduce(job, seen));
-            if result.is_err() {
-                // What has not begun need not begin.
-                next.store(jobs.len(), Ordering::Relaxed);
-            }
-            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            if done.is_multiple_of(20) || done == jobs.len() || rendered {
-                progress(&format!("{label}: {done} of {} runs", jobs.len()));
-            }
-        }
-    };
-    if threads == 1 {
-        work();
-    } else {
-        std::thread::scope(|scope| {
-            for _ in 0..threads {
-                scope.spawn(work);
-            }
-        });
-    }
-    slots
-        .into_iter()
-        .filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner))
-        .collect()
+    in_parallel(label, jobs, threads, |job| {
+        reduce(job, observe(job, Some(city.clone()))?)
+    })
 }

@@ -23,6 +23,17 @@ pub enum AllocationRule {
     None,
 }
 
+impl AllocationRule {
+    /// Its name in scenarios.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LeastCost => "least_cost",
+            Self::Greedy => "greedy",
+            Self::None => "none",
+        }
+    }
+}
+
 /// From a mount at rest on a target to the first shot [s]: confirmation by the cameras, lock, echo; as runs show.
 pub const LOCKED_S: f64 = 1.0;
 
