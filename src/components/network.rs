@@ -1,11 +1,14 @@
 //! The stations' network: the link, each station's picture of all objects, who takes which.
 
+use crate::components::record::TopicOf;
 use crate::models::engage::allocation::AllocationRule;
 use crate::models::maths::rng::Stream;
 use crate::models::tracking::cartesian::{CartesianTrack, TargetCue};
 use crate::models::tracking::picture::{Fix, Follower, Picture};
 use bevy::prelude::*;
 use glam::DVec3;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
@@ -24,6 +27,41 @@ pub struct Network {
     pub rule: AllocationRule,
     /// Another target must be cheaper by this factor.
     pub hysteresis: f64,
+    /// Where the pictures are recorded.
+    pub topic: TopicOf<NetworkState>,
+}
+
+/// A station's picture and its task, as they are recorded.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct NetworkState {
+    /// The station.
+    pub station: String,
+    /// The object that it follows, if it has one.
+    pub task: Option<String>,
+    /// Whether it is to engage that, or only to watch it.
+    pub engages: bool,
+    /// Objects that wait, the most pressing first.
+    pub queue: Vec<String>,
+    /// All objects that it knows of.
+    pub objects: Vec<ObjectState>,
+}
+
+/// An object of a station's picture, as it is recorded.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct ObjectState {
+    /// Its identity.
+    pub identity: String,
+    /// Position [m] and velocity [m/s], east, north, up.
+    pub r_enu_m: [f64; 3],
+    pub v_enu_mps: [f64; 3],
+    /// Standard deviation of the position, root of the sum over the axes [m].
+    pub sigma_m: f64,
+    /// Log-odds that it is a UAV.
+    pub log_odds: f64,
+    /// Tracks of stations that follow it.
+    pub followers: Vec<String>,
+    /// A station saw it fall.
+    pub dealt_with: bool,
 }
 
 /// What a station says of a track.

@@ -8,6 +8,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -57,6 +58,12 @@ impl<M> Clone for TopicOf<M> {
 }
 
 impl<M> Copy for TopicOf<M> {}
+
+impl<M> fmt::Debug for TopicOf<M> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "topic {}", self.index)
+    }
+}
 
 impl OwnTopics {
     /// Adds a topic such as `/mine/wind`; before the set-up, which opens the recording.

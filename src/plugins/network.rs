@@ -2,7 +2,9 @@
 
 use crate::components::mount::Station;
 use crate::components::network::{Holdings, Link, Network, SharedPicture, Tasking};
+use crate::components::record::OwnTopics;
 use crate::components::run::{RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::plugins::run::fallible;
 use crate::systems::network as systems;
 use crate::systems::run::nothing_failed;
 use crate::systems::track;
@@ -23,6 +25,7 @@ impl Plugin for NetworkPlugin {
                     systems::receive,
                     systems::assign_targets,
                     systems::note_holdings,
+                    fallible(systems::record_pictures),
                 )
                     .chain()
                     .after(track::obey)
@@ -37,6 +40,7 @@ fn set_up(
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
     clock: Res<SimClock>,
+    mut topics: ResMut<OwnTopics>,
     stations: Query<(Entity, &Station)>,
 ) {
     let scenario = &loaded.scenario;
@@ -70,5 +74,6 @@ fn set_up(
         hold_s: known_s + 1.0 / f64::from(config.rate_hz) + config.latency_s,
         rule: config.assignment,
         hysteresis: config.hysteresis,
+        topic: topics.add("/boresight/network"),
     });
 }

@@ -2,7 +2,7 @@
 
 use super::ReportError;
 use super::chart::{Across, Chart, Scale, Series};
-use super::page::{Head, data_url, note, page, tiles};
+use super::page::{Head, data_url, note, page, table, tiles};
 use super::states::{StateSpan, states};
 use super::statistics::MissStats;
 use crate::media::image::encode_jpeg;
@@ -35,6 +35,9 @@ pub struct ReportData {
     pub summary: Vec<(String, String)>,
     /// What each station did.
     pub stations: Vec<StationReport>,
+    /// The objects that the stations' network knew, each a row: identity, first and last followed, longest gap,
+    /// stations that followed it, stations that engaged it.
+    pub objects: Vec<[String; 6]>,
     /// Images of the run, in order.
     pub frames: Vec<ContactFrame>,
 }
@@ -158,9 +161,27 @@ fn body(data: &ReportData, jpegs: &[Vec<u8>]) -> Markup {
             h2 { (heading("States")) }
             (states(&station.states, end_s))
         }
+        @if !data.objects.is_empty() {
+            h2 { "Objects of the network" }
+            (table(&OBJECTS, &rows(&data.objects)))
+        }
         h2 { "Contact sheet" }
         (contact_sheet(&data.frames, jpegs))
     }
+}
+
+/// Columns of the network's objects.
+const OBJECTS: [&str; 6] = [
+    "object",
+    "from",
+    "to",
+    "longest gap",
+    "followed by",
+    "engaged by",
+];
+
+fn rows(objects: &[[String; 6]]) -> Vec<Vec<String>> {
+    objects.iter().map(|row| row.to_vec()).collect()
 }
 
 fn charts(data: &StationReport, end_s: f64) -> Markup {

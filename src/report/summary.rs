@@ -122,6 +122,22 @@ pub struct ObjectSummary {
     pub engaged_by: Vec<(f64, String)>,
 }
 
+impl ObjectSummary {
+    /// As the report has it.
+    fn row(&self) -> [String; 6] {
+        let seconds = |s: f64| format!("{s:.2} s");
+        let engaged = |(t_s, name): &(f64, String)| format!("{name} ({t_s:.1} s)");
+        [
+            self.identity.clone(),
+            seconds(self.from_s),
+            seconds(self.to_s),
+            seconds(self.longest_gap_s),
+            self.stations.join(", "),
+            (self.engaged_by.iter().map(engaged).collect::<Vec<_>>()).join(", "),
+        ]
+    }
+}
+
 /// Miss distance of both tracking cameras \[px\].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MissDistances {
@@ -470,6 +486,7 @@ fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Ended]) ->
                 ..report
             })
             .collect(),
+        objects: summary.objects.iter().map(ObjectSummary::row).collect(),
         frames: (frames.into_iter())
             .map(|frame| contact_frame(detector, frame))
             .collect(),

@@ -6,9 +6,11 @@ use crate::components::engage::Rules;
 use crate::components::environment::Environment;
 use crate::components::mount::{Mount, Station};
 use crate::components::network::{
-    Holding, Holdings, Link, Network, Report, SharedPicture, Task, Tasking, TrackReport,
+    Holding, Holdings, Link, Network, NetworkState, ObjectState, Report, SharedPicture, Task,
+    Tasking, TrackReport,
 };
-use crate::components::run::SimClock;
+use crate::components::record::{OwnTopics, Recording};
+use crate::components::run::{PartError, SimClock};
 use crate::components::track::{Tracker, TrackerParams};
 use crate::models::air::atmosphere::transmittance;
 use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, allocate};
@@ -442,4 +444,49 @@ pub fn note_holdings(
             holding.to_s = holding.to_s.max(seen_s);
         }
     }
+}
+
+/// Records every station's picture and task.
+pub fn record_pictures(
+    clock: Res<SimClock>,
+    network: Option<Res<Network>>,
+    stations: Query<(&Station, &SharedPicture, &Tasking)>,
+    recording: Res<Recording>,
+    mut topics: ResMut<OwnTopics>,
+) -> Result<(), PartError> {
+    let recorded = recording.recorder.is_some() && clock.due(ASSIGNED_HZ);
+    let Some(network) = network.filter(|_| recorded) else {
+        return Ok(());
+    };
+    let names: Vec<&str> = stations
+        .iter()
+        .map(|(station, ..)| station.name.as_str())
+        .collect();
+    let name = |follower: &Follower| {
+        follower.named(names.get(follower.station).copied().unwrap_or_default())
+    };
+    for (station, picture, tasking) in &stations {
+        let object = |object: &SharedObject| {
+            let track = object.track.advanced(clock.t_s());
+            let (r_enu_m, v_enu_mps) = track.motion_enu();
+            ObjectState {
+                identity: name(&object.identity),
+                r_enu_m: r_enu_m.to_array(),
+                v_enu_mps: v_enu_mps.to_array(),
+                sigma_m: track.sigma_m(),
+                log_odds: object.log_odds(),
+                followers: object.followers.keys().map(name).collect(),
+                dealt_with: object.dealt_with,
+            }
+        };
+        let state = NetworkState {
+            station: station.name.clone(),
+            task: tasking.task.map(|task| name(&task.identity)),
+            engages: tasking.task.is_some_and(|task| task.engages),
+            queue: tasking.queue.iter().map(name).collect(),
+            objects: picture.objects.iter().map(object).collect(),
+        };
+        topics.publish(network.topic, &state)?;
+    }
+    Ok(())
 }
