@@ -8,7 +8,6 @@ use super::*;
 use crate::models::air::wind::over_rough_ground;
 use crate::models::engage::interlock::Zone;
 use crate::models::flight::trajectory::Trajectory;
-use crate::models::flight::uav::UavKind;
 
 const GOOD: &str = r#"name = "test"
 duration_s = 10
@@ -362,7 +361,7 @@ fn overrides_replace_and_add() {
         "station.cameras.coarse.exposure_s=1e-3",
     ]);
     assert!(scenario.detector.is_truth());
-    assert_eq!(scenario.uavs[0].model, UavKind::Mavic2);
+    assert_eq!(scenario.uavs[0].model, "mavic2");
     assert_eq!(
         scenario.uavs[0].trajectory,
         Trajectory::Hover {
@@ -467,7 +466,7 @@ fn paper_targets_pass_at_the_printed_size_and_speed() {
         assert!((length(straight(&scenario.uavs[0]).1) - 8.0).abs() < 1e-3);
         let ranges = (0..=1500).map(|i| length(offset_m(&scenario, 0, f64::from(i) / 120.0)));
         let nearest_m = ranges.fold(f64::INFINITY, f64::min);
-        let span_m = crate::models::flight::uav::model(scenario.uavs[0].model).diagonal_m;
+        let span_m = catalogue::load(&scenario.uavs[0].model).unwrap().diagonal_m;
         let per_rad = precise.focal_length_m() / (1e-6 * precise.pixel_pitch_um);
         let share = span_m / nearest_m * per_rad / f64::from(precise.width_px);
         assert!(
