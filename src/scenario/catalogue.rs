@@ -52,20 +52,8 @@ pub fn names() -> Vec<&'static str> {
 
 /// A model must be a name of the catalogue, or a path, whose file is not read.
 pub(crate) fn check(check: &mut Check, key: &str, model: &str) {
-    if let Err(error) = find(model) {
-        check.that(false, key, || error.to_string());
-    }
-}
-
-fn find(model: &str) -> Result<(), UavError> {
-    let names = names();
-    if is_path(model) || names.contains(&model) {
-        return Ok(());
-    }
-    Err(UavError::Unknown {
-        model: model.to_owned(),
-        known: suggestion(model, &names),
-    })
+    let known = is_path(model) || names().contains(&model);
+    check.that(known, key, || unknown(model).to_string());
 }
 
 /// The UAV of a name of the catalogue, or of a path, from the working directory, that ends in `.toml`.
@@ -76,27 +64,29 @@ pub fn load(model: &str) -> Result<UavModel, UavError> {
         let beside = |name: &Path| std::fs::read(folder.join(name));
         return Ok(parse(&load::read(path)?, model, model, beside)?);
     }
-    find(model)?;
     let embedded = |name: &Path| {
         let file = SHIPPED.get_file(name);
         let bytes = file.map(|file| file.contents().to_vec());
         bytes.ok_or_else(|| io::Error::from(io::ErrorKind::NotFound))
     };
     let name = format!("{model}.toml");
-    let bytes = embedded(Path::new(&name)).unwrap_or_default();
-    let file = format!("assets/uavs/{name}");
-    Ok(parse(
-        &String::from_utf8_lossy(&bytes),
-        model,
-        &file,
-        embedded,
-    )?)
+    let file = SHIPPED.get_file(&name).ok_or_else(|| unknown(model))?;
+    let text = String::from_utf8_lossy(file.contents());
+    let place = format!("assets/uavs/{name}");
+    Ok(parse(&text, model, &place, embedded)?)
 }
 
 fn is_path(model: &str) -> bool {
     Path::new(model)
         .extension()
         .is_some_and(|extension| extension == "toml")
+}
+
+fn unknown(model: &str) -> UavError {
+    UavError::Unknown {
+        model: model.to_owned(),
+        known: suggestion(model, &names()),
+    }
 }
 
 /// Parses and checks a UAV's file; `file` is named in errors, `read` gives the bytes of a file beside it.
@@ -279,6 +269,7 @@ impl UavFile {
     fn shape(&self, read: impl FnOnce(&Path) -> io::Result<Vec<u8>>) -> Result<Shape, ShapeError> {
         let file = match (&self.shape.gltf, self.shape.frame) {
             (Some(file), _) => file.clone(),
+            // The check has made sure of one of them.
             (None, frame) => return Ok(Shape::Frame(frame.unwrap_or(Frame::Ribbed))),
         };
         let bytes = match read(&file) {

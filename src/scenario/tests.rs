@@ -3,7 +3,7 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 use serde_json::Value;
 
-use super::docs::{schema, words};
+use super::docs::{schema, uav_schema, words};
 use super::*;
 use crate::models::air::wind::over_rough_ground;
 use crate::models::engage::interlock::Zone;
@@ -520,12 +520,13 @@ fn every_field_is_documented() {
             visit(variant, path, bare);
         }
     }
-    let root = schema();
     let mut bare = BTreeSet::new();
-    visit(&root, "Scenario", &mut bare);
-    for (name, schema) in root["$defs"].as_object().unwrap() {
-        assert!(!words(schema).is_empty(), "{name}");
-        visit(schema, name, &mut bare);
+    for (name, root) in [("Scenario", schema()), ("UavFile", uav_schema())] {
+        visit(&root, name, &mut bare);
+        for (name, schema) in root["$defs"].as_object().unwrap() {
+            assert!(!words(schema).is_empty(), "{name}");
+            visit(schema, name, &mut bare);
+        }
     }
     assert_eq!(bare, BTreeSet::new());
 }

@@ -41,11 +41,11 @@ pub struct UavModel {
     pub drag_area_m2: f64,
     /// Time constant of the rotors' first-order speed lag [s].
     pub rotor_lag_s: f64,
-    /// Its vulnerable skin; aimed at, absent its place, at the centroid of the airframe's surface.
+    /// The hull; its middle, where none is given, is the centroid of the airframe's surface.
     pub body: Part<Option<DVec3>>,
     /// The battery, one of them where there are more.
     pub battery: Part,
-    /// The front left motor; absent its place, the hub of its rotor.
+    /// The front left motor; its middle, where none is given, is the hub of its rotor.
     pub rotor_hub: Part<Option<DVec3>>,
     /// The camera.
     pub camera: Part,

@@ -156,14 +156,13 @@ fn what_cannot_be_drawn_is_one_error_with_its_mend() {
 
 proptest! {
     #[test]
-    fn damaged_files_are_errors(cut in 0usize..1100, at in 0usize..1100, byte: u8) {
+    fn damaged_files_never_panic(cut: usize, at: usize, byte: u8) {
         let (document, data) = tetrahedron();
         let mut file = glb(&document, &data);
+        prop_assert!(gltf_mesh(&file[..cut % file.len()]).is_err());
         let at = at % file.len();
         file[at] = byte;
-        // No panic is what is asked for; some damage is harmless.
+        // Some damage is harmless.
         let _ = gltf_mesh(&file);
-        file.truncate(cut);
-        prop_assert!(gltf_mesh(&file).is_err());
     }
 }
