@@ -348,13 +348,13 @@ fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
 /// The catalogue as a table.
 fn models() -> Result<String, UavError> {
     let mut text = format!(
-        "{:<12} {:<18} {:>8} {:>11} {:>6} {:>9}\n",
+        "{:<12} {:<24} {:>8} {:>11} {:>6} {:>9}\n",
         "name", "model", "mass kg", "diagonal m", "props", "max m/s"
     );
     for name in catalogue::names() {
         let uav = catalogue::load(name)?;
         text += &format!(
-            "{name:<12} {:<18} {:>8.3} {:>11.3} {:>6} {:>9.0}\n",
+            "{name:<12} {:<24} {:>8.3} {:>11.3} {:>6} {:>9.0}\n",
             uav.name, uav.mass_kg, uav.diagonal_m, uav.rotor_count, uav.v_max_mps
         );
     }

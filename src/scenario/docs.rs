@@ -182,7 +182,7 @@ fn write_table(text: &mut String, schema: &Value) {
 
 /// Unit of a field, from the suffix of its name.
 fn unit(name: &str) -> &'static str {
-    match name.rsplit('_').next().unwrap_or_default() {
+    match name.rsplit_once('_').map_or("", |(_, suffix)| suffix) {
         "m" => "m",
         "m2" => "m²",
         "in" => "inch",
