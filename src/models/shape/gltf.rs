@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::Source;
 use gltf::mesh::Mode;
-use gltf::{Accessor, Gltf, Primitive, Semantic};
+use gltf::{Accessor, Document, Gltf, Primitive, Semantic};
 use thiserror::Error;
 
 use crate::models::shape::mesh::{MeshData, Paint};
@@ -45,7 +45,15 @@ pub fn gltf_mesh(bytes: &[u8]) -> Result<MeshData, GltfError> {
     if !bytes.starts_with(b"glTF") || length < HEADER {
         return Err(GltfError::NotBinary);
     }
-    let Gltf { document, blob } = Gltf::from_slice(bytes)?;
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes)?;
+    let root = document.into_json();
+    // The crate's validation looks these up before it has checked them.
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let mut accessors = primitives.flat_map(|primitive| primitive.attributes.values());
+    if accessors.any(|accessor| accessor.value() >= root.accessors.len()) {
+        return Err(GltfError::Data { what: "accessors" });
+    }
+    let document = Document::from_json(root)?;
     let blob = blob.unwrap_or_default();
     // Forward is glTF's z, left its x, up its y.
     let to_body = DAffine3::from_mat3(DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X));

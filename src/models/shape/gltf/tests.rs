@@ -137,6 +137,7 @@ fn what_cannot_be_drawn_is_one_error_with_its_mend() {
             "in another file",
         ),
         ("/nodes/1", json!({ "children": [0] }), "nodes are damaged"),
+        ("/accessors", json!([]), "accessors are damaged"),
         ("/nodes/1/mesh", json!(7), "export the shape anew"),
     ] {
         // A pointer leads to what is there; the mode is not.
