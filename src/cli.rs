@@ -7,10 +7,10 @@ use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::dataset::{self, DatasetError};
 use crate::eval::{self, EvalError};
-use crate::models::flight::uav::{UavKind, model};
 use crate::output::{self, OutputError};
 use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
+use crate::scenario::catalogue::{self, UavError};
 use crate::scenario::{self, Loaded, Scenario};
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
@@ -52,6 +52,9 @@ pub enum CliError {
     /// A set of annotated pictures.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// A file of the catalogue.
+    #[error(transparent)]
+    Uav(#[from] UavError),
     /// The time of a picture of the window.
     #[error("--screenshot: '{0}' is not a number of seconds")]
     Seconds(String),
@@ -245,7 +248,7 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
             Ok(())
         }
         Command::Models => {
-            say!("{}", models().trim_end());
+            say!("{}", models()?.trim_end());
             Ok(())
         }
         Command::Doctor => {
@@ -357,24 +360,19 @@ fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
 }
 
 /// The catalogue as a table.
-fn models() -> String {
+fn models() -> Result<String, UavError> {
     let mut text = format!(
-        "{:<12} {:<18} {:>8} {:>11} {:>6} {:>9}\n",
+        "{:<12} {:<24} {:>8} {:>11} {:>6} {:>9}\n",
         "name", "model", "mass kg", "diagonal m", "props", "max m/s"
     );
-    for kind in UavKind::ALL {
-        let uav = model(kind);
-        let name = serde_json::to_value(kind).ok();
-        let name = name
-            .as_ref()
-            .and_then(|name| name.as_str())
-            .unwrap_or_default();
+    for name in catalogue::names() {
+        let uav = catalogue::load(name)?;
         text += &format!(
-            "{name:<12} {:<18} {:>8.3} {:>11.3} {:>6} {:>9.0}\n",
+            "{name:<12} {:<24} {:>8.3} {:>11.3} {:>6} {:>9.0}\n",
             uav.name, uav.mass_kg, uav.diagonal_m, uav.rotor_count, uav.v_max_mps
         );
     }
-    text
+    Ok(text)
 }
 
 fn doctor() {

@@ -2,8 +2,6 @@
 
 use super::shares::{Background, Motion, Split};
 use crate::models::flight::class::ObjectClass;
-use crate::models::flight::distractor::DistractorKind;
-use crate::models::flight::uav::{self, UavKind};
 use crate::output::{self, OutputError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -62,35 +60,17 @@ pub struct Picture {
 impl Picture {
     /// Its UAVs.
     pub fn uavs(&self) -> impl Iterator<Item = &Annotation> {
-        (self.annotations.iter()).filter(|seen| seen.model.class().is_uav())
-    }
-}
-
-/// What something in a picture is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum Model {
-    /// A UAV of the catalogue.
-    Uav(UavKind),
-    /// What is none.
-    Distractor(DistractorKind),
-}
-
-impl Model {
-    /// Its class.
-    pub fn class(self) -> ObjectClass {
-        match self {
-            Self::Uav(kind) => uav::model(kind).class,
-            Self::Distractor(kind) => kind.class(),
-        }
+        (self.annotations.iter()).filter(|seen| seen.class.is_uav())
     }
 }
 
 /// Something in a picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Annotation {
-    /// Its model.
-    pub model: Model,
+    /// Its model in the catalogue, or the kind of what is none.
+    pub model: String,
+    /// Its class.
+    pub class: ObjectClass,
     /// Whether so little of it is seen, or so faintly, that it is neither asked for nor a false alarm.
     pub ignore: bool,
     /// x, y, width, height of what is seen of it [px].
@@ -138,7 +118,7 @@ pub fn file(records: &[&SceneRecord]) -> Value {
                 annotations.push(json!({
                     "id": annotations.len() + 1,
                     "image_id": id,
-                    "category_id": seen.model.class().category_id(),
+                    "category_id": seen.class.category_id(),
                     "bbox": seen.bbox,
                     "area": seen.area,
                     "aim": seen.aim.map(milli),
@@ -188,8 +168,8 @@ pub fn mot(record: &SceneRecord, name: &str, rate_hz: f64) -> (String, String) {
                 "{},{},{x:.3},{y:.3},{w:.3},{h:.3},{},{},{:.3}",
                 frame + 1,
                 seen.track_id,
-                u8::from(seen.model.class().is_uav()),
-                seen.model.class().category_id(),
+                u8::from(seen.class.is_uav()),
+                seen.class.category_id(),
                 seen.visible_fraction
             );
         }
@@ -217,7 +197,7 @@ pub fn yolo(image: &Picture) -> (String, String) {
         let _ = writeln!(
             lines,
             "{} {:.6} {:.6} {:.6} {:.6}",
-            seen.model.class().category_id() - 1,
+            seen.class.category_id() - 1,
             (x + 0.5 * w) / width,
             (y + 0.5 * h) / height,
             w / width,
@@ -239,7 +219,8 @@ mod tests {
             motion: Motion::Level,
             distractors: 1,
             annotations: vec![Annotation {
-                model: Model::Uav(UavKind::Mavic2),
+                model: "mavic2".into(),
+                class: ObjectClass::Quadcopter,
                 ignore: false,
                 bbox: [10.0, 20.0, 30.0, 10.0],
                 area: 120.0,

@@ -4,10 +4,8 @@ use super::recipe::Recipe;
 use super::scene::Scene;
 use super::shares::{Background, Motion, choose, log_range, pick};
 use super::stage::Placed;
-use crate::models::flight::class::ObjectClass;
 use crate::models::flight::distractor::{DistractorKind, tumbling_attitude};
 use crate::models::flight::multirotor::MAX_ROTORS;
-use crate::models::flight::uav::model;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{
     Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi,
@@ -128,17 +126,12 @@ impl Target {
 
 fn target(recipe: &Recipe, scene: &Scene, motion: Motion, rng: &mut Stream) -> Option<Target> {
     let targets = &recipe.targets;
-    let shares = [targets.fpv, targets.quadcopter, targets.hexacopter];
-    let classes = [
-        ObjectClass::Fpv,
-        ObjectClass::Quadcopter,
-        ObjectClass::Hexacopter,
-    ];
+    let (classes, shares) = targets.shares();
     let class = classes[choose(&shares, rng)];
     let of_class: Vec<usize> = (0..scene.uavs.len())
-        .filter(|i| model(scene.uavs[*i]).class == class)
+        .filter(|i| scene.uavs[*i].class == class)
         .collect();
-    let prop = of_class[pick(of_class.len(), rng)];
+    let prop = *of_class.get(pick(of_class.len(), rng))?;
     let [least, most] = targets.size_px;
     let size_px = if rng.uniform() < targets.even_share {
         log_range(targets.size_px, rng)
@@ -178,7 +171,7 @@ fn range_for(scene: &Scene, target: &Target) -> Option<f64> {
         height_px: SIDE_PX,
         focal_px: 20_000.0,
     };
-    let [length, width, _] = model(scene.uavs[target.prop]).size_m;
+    let [length, width, _] = scene.uavs[target.prop].size_m;
     let range_m = pinhole.focal_px * length.max(width) / LONG_PX;
     let zero = DVec3::ZERO;
     let pose = boresight_chain(zero, zero, 0.0, 0.0, DVec2::ZERO, zero);

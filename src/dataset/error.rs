@@ -3,11 +3,13 @@
 use crate::app::RunError;
 use crate::media::image::ImageError;
 use crate::models::air::wind::WindError;
+use crate::models::flight::class::ObjectClass;
 use crate::models::ground::city::CityError;
 use crate::models::optics::camera::CameraError;
 use crate::models::optics::sensor::SensorError;
 use crate::output::OutputError;
 use crate::scenario::InputError;
+use crate::scenario::catalogue::UavError;
 use crate::systems::capture::CaptureError;
 use std::path::PathBuf;
 
@@ -68,6 +70,19 @@ pub enum DatasetError {
         scene: u32,
         /// What is wrong.
         source: WindError,
+    },
+    /// A model of the recipe.
+    #[error(transparent)]
+    Uav(#[from] UavError),
+    /// A class without a model.
+    #[error(
+        "targets.models: none of them is of the class {}; add one, or set targets.{} = 0",
+        class.name(),
+        class.name()
+    )]
+    NoModel {
+        /// The class.
+        class: ObjectClass,
     },
     /// No view of a scene shows what the recipe wants.
     #[error(

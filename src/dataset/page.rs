@@ -275,7 +275,7 @@ impl SheetPicture<'_> {
 
     fn caption(&self) -> String {
         let seen = (self.image.uavs().next()).map_or("no UAV".into(), |seen| {
-            let (uav, long_px) = (named(seen.model), long_px(seen));
+            let (uav, long_px) = (&seen.model, long_px(seen));
             format!("{uav}, {long_px:.0} px at {:.0} m", seen.range_m)
         });
         let (split, scene) = (self.record.split.name(), self.record.scene);
@@ -287,7 +287,7 @@ impl SheetPicture<'_> {
 fn outline(seen: &Annotation) -> Markup {
     const MARGIN_PX: f64 = 4.0;
     let [x, y, w, h] = seen.bbox;
-    let colour = match seen.model.class().is_uav() {
+    let colour = match seen.class.is_uav() {
         true => "#f0883e",
         false => "#58a6ff",
     };

@@ -2,9 +2,9 @@
 
 use super::shares::Motion;
 use crate::models::flight::class::ObjectClass;
-use crate::scenario::InputError;
 use crate::scenario::check::{Check, FRACTION};
 use crate::scenario::load::{self, Checked};
+use crate::scenario::{InputError, catalogue};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -165,6 +165,8 @@ impl Motions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Targets {
+    /// Models as a scenario names them; several of a class are drawn equally often.
+    pub models: Vec<String>,
     /// Share of the stills without a UAV.
     pub none: f64,
     /// Share of the stills with two to four UAVs.
@@ -194,6 +196,16 @@ pub struct Targets {
 impl Default for Targets {
     fn default() -> Self {
         Self {
+            models: [
+                "phantom4",
+                "mavic2",
+                "mavic_air",
+                "matrice200",
+                "matrice600",
+                "fpv5",
+            ]
+            .map(String::from)
+            .to_vec(),
             none: 0.15,
             several: 0.12,
             mode_width_share: 0.02,
@@ -211,7 +223,20 @@ impl Default for Targets {
 }
 
 impl Targets {
+    /// The classes, and their shares.
+    pub fn shares(&self) -> ([ObjectClass; 3], [f64; 3]) {
+        let named = [
+            (ObjectClass::Fpv, self.fpv),
+            (ObjectClass::Quadcopter, self.quadcopter),
+            (ObjectClass::Hexacopter, self.hexacopter),
+        ];
+        (named.map(|(class, _)| class), named.map(|(_, share)| share))
+    }
+
     fn check(&self, check: &mut Check) {
+        for (index, model) in self.models.iter().enumerate() {
+            catalogue::check(check, &format!("models[{index}]"), model);
+        }
         check.within("none", self.none, FRACTION);
         check.within("several", self.several, 0.0..=1.0 - self.none);
         check.within("mode_width_share", self.mode_width_share, 1e-3..=0.5);
@@ -221,12 +246,9 @@ impl Targets {
         check.not_descending("range_m", self.range_m, 2.0..=10_000.0);
         check.within("min_visible", self.min_visible, 0.05..=1.0);
         check.within("min_contrast", self.min_contrast, 0.0..=100.0);
-        let shares = [
-            ("fpv", self.fpv),
-            ("quadcopter", self.quadcopter),
-            ("hexacopter", self.hexacopter),
-        ];
-        check_shares(check, &shares);
+        let (classes, shares) = self.shares();
+        let named: Vec<_> = classes.iter().map(|c| c.name()).zip(shares).collect();
+        check_shares(check, &named);
     }
 }
 

@@ -11,7 +11,7 @@ use crate::models::air::weather::Weather;
 use crate::models::air::wind::{MeanWind, WindError};
 use crate::models::flight::class::ObjectClass;
 use crate::models::flight::distractor::DistractorKind;
-use crate::models::flight::uav::{UavKind, model};
+use crate::models::flight::uav::UavModel;
 use crate::models::ground::city::{City, CityParams};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::kinematics::az_el_to_los;
@@ -25,7 +25,7 @@ use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::{UavStyle, drawn_distractor_mesh, styled_uav_mesh};
 use crate::plugins::environment::GROUND_ALBEDO;
-use crate::scenario::UNREPORTED_WEATHER;
+use crate::scenario::{UNREPORTED_WEATHER, catalogue};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub struct Scene {
     /// What may appear.
     pub props: Vec<Prop>,
     /// The UAVs among the props, which come first.
-    pub uavs: Vec<UavKind>,
+    pub uavs: Vec<Arc<UavModel>>,
     /// Cranes, masts and the like, about the origin.
     pub clutter: Vec<MeshData>,
     /// The seed of its clouds; none: their mean light only.
@@ -91,7 +91,7 @@ impl Scene {
                     source,
                 }
             })?;
-        let (props, uavs) = props(&mut stream("dataset looks"));
+        let (props, uavs) = props(&recipe.targets, &mut stream("dataset looks"))?;
         let mut rng = stream("dataset clouds");
         let clouds = (rng.uniform() < 0.8).then(|| rng.bits());
         let mut rng = stream("dataset clutter");
@@ -245,16 +245,27 @@ const FLOCK: usize = 6;
 
 /// What may appear, and which UAVs come first in it: as many looks of every class, so that the
 /// pictures of a scene differ in them, and some distractors.
-fn props(rng: &mut Stream) -> (Vec<Prop>, Vec<UavKind>) {
-    let uavs: Vec<UavKind> = (UavKind::ALL.into_iter())
-        .flat_map(|kind| match model(kind).class {
-            ObjectClass::Quadcopter => vec![kind; 2],
-            _ => vec![kind; 4],
-        })
-        .collect();
+fn props(
+    targets: &recipe::Targets,
+    rng: &mut Stream,
+) -> Result<(Vec<Prop>, Vec<Arc<UavModel>>), DatasetError> {
+    let mut uavs = Vec::new();
+    for model in &targets.models {
+        let uav = Arc::new(catalogue::load(model)?);
+        uavs.extend(match uav.class {
+            ObjectClass::Quadcopter => vec![uav; 2],
+            _ => vec![uav; 4],
+        });
+    }
+    let (classes, shares) = targets.shares();
+    for (class, share) in classes.into_iter().zip(shares) {
+        if share > 0.0 && uavs.iter().all(|uav| uav.class != class) {
+            return Err(DatasetError::NoModel { class });
+        }
+    }
     let mut props: Vec<_> = (uavs.iter())
-        .map(|kind| Prop {
-            mesh: Arc::new(styled_uav_mesh(*kind, &UavStyle::drawn(rng))),
+        .map(|uav| Prop {
+            mesh: Arc::new(styled_uav_mesh(uav, &UavStyle::drawn(rng))),
             distractor: None,
         })
         .collect();
@@ -283,7 +294,7 @@ fn props(rng: &mut Stream) -> (Vec<Prop>, Vec<UavKind>) {
         .cloned()
         .collect();
     props.extend(vec![birds[pick(birds.len(), rng)].clone(); FLOCK]);
-    (props, uavs)
+    Ok((props, uavs))
 }
 
 /// The world around a scene; its wind moves nothing in the pictures.

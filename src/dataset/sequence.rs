@@ -9,7 +9,6 @@ use crate::models::flight::class::ObjectClass;
 use crate::models::flight::distractor::{DistractorKind, tumbling_attitude};
 use crate::models::flight::multirotor::{self, Airframe, MultirotorState};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
-use crate::models::flight::uav::model;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{GRAVITY_MPS2, los_to_az_el, wrap_pi};
 use crate::models::maths::rng::Stream;
@@ -152,7 +151,7 @@ impl ClipProgress {
                 others.push(Drifter::new(*placed, kind, rng));
                 continue;
             }
-            let uav = model(scene.uavs[placed.prop]);
+            let uav = &scene.uavs[placed.prop];
             let range_m = r_enu_m.distance(still.pose.r_enu_m);
             // Half a picture's width a second at most.
             let width_m = f64::from(pinhole.width_px) * range_m / pinhole.focal_px;

@@ -1,6 +1,6 @@
 //! The pictures of a scene: drawn, rendered, developed, annotated and written.
 
-use super::coco::{self, Annotation, CameraRecord, Model, Picture, SceneRecord};
+use super::coco::{self, Annotation, CameraRecord, Picture, SceneRecord};
 use super::draw::{self, Still};
 use super::error::DatasetError;
 use super::recipe::Recipe;
@@ -161,12 +161,12 @@ fn clip(
                 .filter_map(|placed| annotation(recipe, scene, &rendered, stage, placed))
                 .filter(|seen| seen.visible_fraction >= MIN_CLIP_VISIBLE)
                 .map(|seen| Annotation {
-                    ignore: seen.ignore && !seen.model.class().is_uav(),
+                    ignore: seen.ignore && !seen.class.is_uav(),
                     ..seen
                 })
                 .collect();
             // A clip begins with a UAV that can be seen.
-            let mut uavs = (annotations.iter()).filter(|seen| seen.model.class().is_uav());
+            let mut uavs = (annotations.iter()).filter(|seen| seen.class.is_uav());
             let contrast = |seen: &Annotation| seen.contrast >= recipe.targets.min_contrast;
             let any = uavs.clone().next().is_some();
             if number == 1 && !(any && uavs.all(contrast)) {
@@ -304,14 +304,18 @@ fn annotation(
         return None;
     }
     let pixels = &stage.scratch.pixels;
-    let model = match scene.props[placed.prop].distractor {
-        Some(kind) => Model::Distractor(kind),
-        None => Model::Uav(scene.uavs[placed.prop]),
+    let (model, class) = match scene.props[placed.prop].distractor {
+        Some(kind) => (kind.name(), kind.class()),
+        None => {
+            let uav = &scene.uavs[placed.prop];
+            (uav.id.as_str(), uav.class)
+        }
     };
     let contrast = exposure::contrast(scene, rendered, pixels, &fine, label.box_px);
     let targets = &recipe.targets;
     Some(Annotation {
-        model,
+        model: model.to_owned(),
+        class,
         ignore: label.visible_fraction < targets.min_visible || contrast < targets.min_contrast,
         bbox: [x0, y0, x1 - x0, y1 - y0],
         area: label.area_px,

@@ -132,8 +132,8 @@ impl Statistics {
             *statistics.motions.entry(named(image.motion)).or_default() += 1;
         }
         for seen in all() {
-            let class = seen.model.class();
-            *statistics.models.entry(named(seen.model)).or_default() += 1;
+            let class = seen.class;
+            *statistics.models.entry(seen.model.clone()).or_default() += 1;
             *statistics.categories.entry(class.name()).or_default() += 1;
             let sizes = if class.is_uav() {
                 &mut statistics.sizes

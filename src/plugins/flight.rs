@@ -9,12 +9,11 @@ use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick
 use crate::models::air::wind::DrydenGust;
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
-use crate::models::flight::uav::model;
 use crate::models::laser::thermal::Skin;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
 use crate::models::shape::uav_mesh::{distractor_mesh, uav_mesh};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, InputError, Loaded};
+use crate::scenario::{self, InputError, Loaded, catalogue};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
 use bevy::transform::StaticTransformOptimizations;
@@ -95,40 +94,42 @@ fn spawn_uavs(
 ) -> Result<(), PartError> {
     let part = loaded.scenario.engage.aim;
     for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
-        let plan = flight_plan(&loaded, &format!("uavs[{index}]"), &uav.trajectory)?.spread(
+        let place = format!("uavs[{index}]");
+        let catalogued = catalogue::load(&uav.model)
+            .map_err(|error| loaded.refuse(&format!("{place}.model"), error))?;
+        let plan = flight_plan(&loaded, &place, &uav.trajectory)?.spread(
             uav.spread_m,
             uav.spread_s,
             &mut seed.stream(index as u64, "spread"),
         );
-        let catalogue = model(uav.model);
-        let airframe = Airframe::new(catalogue);
+        let airframe = Airframe::new(&catalogued);
         let air = air_at(&environment, *seed, index, plan.sample(0.0).r_enu_m);
         let state = plan.initial_state(&airframe, air.wind_enu_mps, environment.air_density_kgpm3);
-        let catalogued = catalogue.part_skin(part);
-        let mesh = Arc::new(uav_mesh(uav.model));
+        let mesh = Arc::new(uav_mesh(&catalogued));
         commands.spawn((
             Uav {
                 index,
                 name: uav.name.clone(),
-                size_m: catalogue.size_m,
+                size_m: catalogued.size_m,
             },
             Flight {
                 state,
-                aim_body_m: mesh.part_body_m(catalogue, part),
+                aim_body_m: mesh.part_body_m(&catalogued, part),
             },
             Guidance {
                 plan,
                 airframe,
-                mass_kg: catalogue.mass_kg,
+                mass_kg: catalogued.mass_kg,
             },
             air,
             HeatedSkin {
                 skin: Skin {
                     temperature_k: environment.weather.temperature_k,
                     // The shell's chord in the stream is about the airframe's height.
-                    length_m: catalogue.size_m[2],
+                    length_m: catalogued.size_m[2],
                 },
-                material: uav.skin.map_or(catalogued, scenario::SkinKind::material),
+                material: (uav.skin.map(scenario::SkinKind::material))
+                    .unwrap_or_else(|| catalogued.part_skin(part)),
                 irradiance_wpm2: 0.0,
             },
             UavStatus::Flying,

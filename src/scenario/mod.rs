@@ -5,6 +5,7 @@
 
 mod air;
 mod cameras;
+pub mod catalogue;
 pub(crate) mod check;
 mod control;
 mod detector;
@@ -17,6 +18,7 @@ mod recogniser;
 mod record;
 mod search;
 mod site;
+mod skin;
 mod station;
 mod targets;
 #[cfg(test)]
@@ -40,8 +42,9 @@ pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
 pub use search::{Cue, SearchSector};
 pub use site::Site;
+pub use skin::SkinKind;
 pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};
-pub use targets::{DistractorConfig, SkinKind, UavConfig};
+pub use targets::{DistractorConfig, UavConfig};
 pub use tracker::{AssociationRule, OrderConfig, TrackerConfig};
 
 use std::fmt;

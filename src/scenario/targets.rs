@@ -3,11 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check};
+use super::skin::SkinKind;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::trajectory::Trajectory;
-use crate::models::flight::uav::UavKind;
-use crate::models::laser::thermal::{self, SkinMaterial};
 
 /// One UAV.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -16,8 +16,9 @@ use crate::models::laser::thermal::{self, SkinMaterial};
 pub struct UavConfig {
     /// Name, unique in the scenario.
     pub name: String,
-    /// Its entry in the catalogue.
-    pub model: UavKind,
+    /// Its name in the catalogue (`boresight models`), or the path of a file like the catalogue's, which ends
+    /// in `.toml`, relative to the working directory.
+    pub model: String,
     /// Where it flies.
     pub trajectory: Trajectory,
     /// Material of the part the laser heats; absent: the catalogue's.
@@ -52,42 +53,13 @@ pub struct DistractorConfig {
     pub spread_s: f64,
 }
 
-/// Material of the part the laser heats.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(rename = "Skin")]
-pub enum SkinKind {
-    /// Dark polycarbonate shell.
-    PolycarbonateShell,
-    /// ABS shell.
-    AbsShell,
-    /// Carbon-fibre epoxy.
-    CarbonFibre,
-    /// Pouch of a lithium-polymer battery.
-    LipoPouch,
-    /// Aluminium.
-    Aluminium,
-}
-
-impl SkinKind {
-    /// Its thermal and optical constants.
-    pub fn material(self) -> SkinMaterial {
-        match self {
-            Self::PolycarbonateShell => thermal::POLYCARBONATE_SHELL,
-            Self::AbsShell => thermal::ABS_SHELL,
-            Self::CarbonFibre => thermal::CARBON_EPOXY,
-            Self::LipoPouch => thermal::LIPO_POUCH,
-            Self::Aluminium => thermal::ALUMINIUM,
-        }
-    }
-}
-
 /// UAVs and distractors together: names are unique among both.
 pub(super) fn check(uavs: &[UavConfig], distractors: &[DistractorConfig], check: &mut Check) {
     let mut names = Vec::new();
     for (index, uav) in uavs.iter().enumerate() {
         check.table(&format!("uavs[{index}]"), |check| {
             check.name("name", &uav.name, &names);
+            catalogue::check(check, "model", &uav.model);
             check_flight(&uav.trajectory, uav.spread_m, uav.spread_s, check);
         });
         names.push(&uav.name);

@@ -3,12 +3,11 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 use serde_json::Value;
 
-use super::docs::{schema, words};
+use super::docs::{schema, uav_schema, words};
 use super::*;
 use crate::models::air::wind::over_rough_ground;
 use crate::models::engage::interlock::Zone;
 use crate::models::flight::trajectory::Trajectory;
-use crate::models::flight::uav::UavKind;
 
 const GOOD: &str = r#"name = "test"
 duration_s = 10
@@ -76,7 +75,8 @@ fn errors_name_line_path_and_cure() {
     assert_eq!(
         change("phantom4", "phantom"),
         "s.toml:15: uavs[0].model: unknown model 'phantom' - did you mean 'phantom4'? expected \
-             one of phantom4, mavic2, mavic_air, matrice200, matrice600, fpv5"
+             one of fpv5, matrice200, matrice600, mavic2, mavic_air, phantom4, or a path that ends in \
+             .toml"
     );
     assert_eq!(
         change("latitude_deg", "lattitude_deg"),
@@ -362,7 +362,7 @@ fn overrides_replace_and_add() {
         "station.cameras.coarse.exposure_s=1e-3",
     ]);
     assert!(scenario.detector.is_truth());
-    assert_eq!(scenario.uavs[0].model, UavKind::Mavic2);
+    assert_eq!(scenario.uavs[0].model, "mavic2");
     assert_eq!(
         scenario.uavs[0].trajectory,
         Trajectory::Hover {
@@ -467,7 +467,7 @@ fn paper_targets_pass_at_the_printed_size_and_speed() {
         assert!((length(straight(&scenario.uavs[0]).1) - 8.0).abs() < 1e-3);
         let ranges = (0..=1500).map(|i| length(offset_m(&scenario, 0, f64::from(i) / 120.0)));
         let nearest_m = ranges.fold(f64::INFINITY, f64::min);
-        let span_m = crate::models::flight::uav::model(scenario.uavs[0].model).diagonal_m;
+        let span_m = catalogue::load(&scenario.uavs[0].model).unwrap().diagonal_m;
         let per_rad = precise.focal_length_m() / (1e-6 * precise.pixel_pitch_um);
         let share = span_m / nearest_m * per_rad / f64::from(precise.width_px);
         assert!(
@@ -521,12 +521,13 @@ fn every_field_is_documented() {
             visit(variant, path, bare);
         }
     }
-    let root = schema();
     let mut bare = BTreeSet::new();
-    visit(&root, "Scenario", &mut bare);
-    for (name, schema) in root["$defs"].as_object().unwrap() {
-        assert!(!words(schema).is_empty(), "{name}");
-        visit(schema, name, &mut bare);
+    for (name, root) in [("Scenario", schema()), ("UavFile", uav_schema())] {
+        visit(&root, name, &mut bare);
+        for (name, schema) in root["$defs"].as_object().unwrap() {
+            assert!(!words(schema).is_empty(), "{name}");
+            visit(schema, name, &mut bare);
+        }
     }
     assert_eq!(bare, BTreeSet::new());
 }

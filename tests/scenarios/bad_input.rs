@@ -108,6 +108,59 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
     }
 }
 
+#[test]
+fn a_bad_uav_is_one_error_that_names_its_place() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let good = std::fs::read_to_string(Path::new(ROOT).join("examples/own_uav.toml")).unwrap();
+    std::fs::write(folder.join("glass.glb"), "glass").unwrap();
+    let own = folder.join("own.toml");
+    let six = "hubs_body_m = [[1, 0.5, 0], [0, 1, 0], [-1, 0.5, 0], [-1, -0.5, 0], [0, -1, 0], [1, -0.5, 0]]";
+    // What is replaced, by what, and what the error must say beside file and line.
+    let cases: [(&str, String, &[&str]); 4] = [
+        (
+            "count = 6\n",
+            String::new(),
+            &["rotors.count: is missing: add 'count = ...'"],
+        ),
+        (
+            "frame = \"ribbed\"",
+            "frame = \"ribed\"".into(),
+            &["did you mean 'ribbed'"],
+        ),
+        (
+            "frame = \"ribbed\"",
+            "gltf = \"glass.glb\"".into(),
+            &["rotors.hubs_body_m: is missing"],
+        ),
+        (
+            "lag_s = 0.045",
+            format!("lag_s = 0.045\n{six}"),
+            &[
+                "shape.gltf: glass.glb: is no binary glTF",
+                "export the shape as .glb",
+            ],
+        ),
+    ];
+    for (from, to, wanted) in cases {
+        let text = good.replacen(from, &to, 1);
+        let text = match to.contains("hubs") {
+            true => text.replace("frame = \"ribbed\"", "gltf = \"glass.glb\""),
+            false => text,
+        };
+        assert_ne!(text, good);
+        std::fs::write(&own, text).unwrap();
+        let set = format!("uavs.0.model={}", own.display());
+        let wanted = [&["uavs[0].model: ", "own.toml:"], wanted].concat();
+        let demo = "scenarios/urban_intercept.toml";
+        refused(blind(folder, demo).args(["--set", &set]), &wanted);
+        refused(
+            boresight().arg("check").arg(demo).args(["--set", &set]),
+            &wanted,
+        );
+    }
+}
+
 /// What only the set-up of a run can find, its check finds too, with the line.
 #[test]
 fn a_check_finds_what_the_set_up_refuses() {

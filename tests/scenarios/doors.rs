@@ -19,6 +19,8 @@ mod own_detector;
 mod own_law;
 #[path = "../../examples/own_topic.rs"]
 mod own_topic;
+#[path = "../../examples/own_uav.rs"]
+mod own_uav;
 
 #[test]
 fn a_topic_of_ones_own_is_recorded() {
@@ -64,6 +66,14 @@ fn a_law_of_ones_own_points() {
     assert!(tuned < 30.0 && alone < 300.0, "{tuned} {alone}");
     // What the mirror is for.
     assert!(alone > 1.5 * tuned, "{tuned} {alone}");
+}
+
+#[test]
+fn a_uav_of_ones_own_flies_and_falls() {
+    let [phantom_s, own_s] =
+        ["phantom4", own_uav::OWN].map(|model| own_uav::neutralised_s(model).unwrap().unwrap());
+    // Its carbon-fibre plates stand more heat than the Phantom's shell.
+    assert!(phantom_s < own_s, "{phantom_s} {own_s}");
 }
 
 /// A law that loses its mind.

@@ -5,11 +5,10 @@ use boresight::app::{self, Options};
 use boresight::components::environment::Environment;
 use boresight::components::flight::{Flight, Uav, UavStatus};
 use boresight::components::run::SimClock;
-use boresight::models::flight::uav::{UavKind, model};
 use boresight::models::ground::city::{BuildingKind, City, CityParams, Roof};
 use boresight::models::maths::kinematics::GRAVITY_MPS2;
 use boresight::recording::proto;
-use boresight::scenario::Scenario;
+use boresight::scenario::{Scenario, catalogue};
 use glam::{DVec2, DVec3};
 use prost::Message as _;
 use serde_json::Value;
@@ -140,7 +139,7 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
             r.x, r.y, r.z
         )
     };
-    let kinds = [UavKind::Phantom4, UavKind::Matrice600];
+    let kinds = ["phantom4", "matrice600"];
     let set = [
         "detector.kind=truth".to_string(),
         "engage.authorised=false".to_string(),
@@ -183,7 +182,7 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
         }
     }
     for index in 0..2 {
-        let uav = model(kinds[index]);
+        let uav = catalogue::load(kinds[index]).unwrap();
         let (place, start) = (places[index], starts[index]);
         let surface_m = place.z - HEIGHT_M;
         let half_m = 0.5 * uav.size_m[2];

@@ -8,14 +8,13 @@ use super::recipe::{
 };
 use crate::models::air::sun::{Sun, SunError};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
-use crate::models::flight::uav::{UavKind, model};
 use crate::models::ground::city::{City, CityError, CityParams};
 use crate::models::ground::dsm::{Dsm, LineOfSight};
 use crate::models::maths::geodesy::Geodetic;
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::maths::rng::Stream;
 use crate::scenario::{
-    Backstop, Cue, DistractorConfig, SearchSector, Site, UavConfig, WeatherConfig,
+    Backstop, Cue, DistractorConfig, SearchSector, Site, UavConfig, WeatherConfig, catalogue,
 };
 use chrono::{DateTime, Duration, TimeZone as _, Utc};
 use glam::{DVec2, DVec3};
@@ -37,6 +36,14 @@ pub enum DrawError {
         flight: Flight,
         /// The background.
         background: Background,
+    },
+    /// Its UAV.
+    #[error("draw {index}: {source}")]
+    Uav {
+        /// Number of the draw.
+        index: u32,
+        /// What is wrong.
+        source: catalogue::UavError,
     },
     /// Its city.
     #[error("draw {index}: {source}")]
@@ -69,8 +76,8 @@ pub enum DrawError {
 pub struct Facts {
     /// Number of the draw.
     pub index: u32,
-    /// The UAV.
-    pub model: UavKind,
+    /// The UAV, as a scenario names it.
+    pub model: String,
     /// How it flies.
     pub flight: Flight,
     /// Range at the start [m].
@@ -143,7 +150,9 @@ impl Draw {
         let (city, station_enu_m) = place(recipe, index, background, &mut stream("place"))?;
         let mut rng = stream("flight");
         let flight = named(&recipe.uav.flights, &mut rng, Flight::Crossing);
-        let model = rng.pick(&recipe.uav.models);
+        let models: Vec<&str> = recipe.uav.models.iter().map(String::as_str).collect();
+        let model = rng.pick(&models);
+        let uav = catalogue::load(model).map_err(|source| DrawError::Uav { index, source })?;
         let stage = Stage {
             dsm: &city.dsm,
             station_enu_m,
@@ -155,7 +164,7 @@ impl Draw {
             background,
         };
         let (trajectory, plan) = stage
-            .flight(&recipe.uav, model, flight, background, &mut rng)
+            .flight(&recipe.uav, uav.v_max_mps, flight, background, &mut rng)
             .ok_or_else(no_place)?;
         let mut rng = stream("distractors");
         let (nearness, kind, distractors) = stage.distractors(recipe, &plan, &mut rng);
@@ -168,7 +177,7 @@ impl Draw {
         let search = search(&recipe.search, start_enu_m, &mut stream("search"));
         let facts = Facts {
             index,
-            model,
+            model: model.to_owned(),
             flight,
             range_m: start_enu_m.length().round(),
             background,
@@ -182,7 +191,7 @@ impl Draw {
         let draft = Draft {
             name: format!("engagement_{index:05}"),
             description: format!(
-                "Draw {index} under seed {seed}: {model:?}, {flight:?}, {background:?}, {light:?}, \
+                "Draw {index} under seed {seed}: {model}, {flight:?}, {background:?}, {light:?}, \
                  distractors {nearness:?}."
             ),
             // TOML's numbers have a sign.
@@ -249,10 +258,10 @@ fn place(
 }
 
 /// The UAV as a scenario has it.
-fn intruder(model: UavKind, trajectory: Trajectory) -> UavConfig {
+fn intruder(model: &str, trajectory: Trajectory) -> UavConfig {
     UavConfig {
         name: "intruder".into(),
-        model,
+        model: model.to_owned(),
         trajectory,
         skin: None,
         spread_m: [0.0; 2],
@@ -380,13 +389,13 @@ impl Stage<'_> {
     fn flight(
         &self,
         draw: &UavDraw,
-        kind: UavKind,
+        v_max_mps: f64,
         flight: Flight,
         background: Background,
         rng: &mut Stream,
     ) -> Option<(Trajectory, CompiledTrajectory)> {
         let range_m = log_range(draw.range_m, rng);
-        let fastest_mps = (0.7 * model(kind).v_max_mps).max(draw.speed_mps[0]);
+        let fastest_mps = (0.7 * v_max_mps).max(draw.speed_mps[0]);
         let speed_mps = rng.range(draw.speed_mps[0], draw.speed_mps[1].min(fastest_mps));
         (0..TRIES).find_map(|attempt| {
             // Where nothing fits at this range, others are tried.

@@ -2,11 +2,10 @@
 
 use crate::models::air::weather::Weather;
 use crate::models::flight::distractor::DistractorKind;
-use crate::models::flight::uav::UavKind;
 use crate::models::maths::rng::Stream;
 use crate::scenario::check::{Check, FRACTION};
 use crate::scenario::load::{self, Checked};
-use crate::scenario::{Backstop, InputError, Site};
+use crate::scenario::{Backstop, InputError, Site, catalogue};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -50,8 +49,8 @@ pub struct Recipe {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UavDraw {
-    /// Models, all equally likely.
-    pub models: Vec<UavKind>,
+    /// Models as a scenario names them, all equally likely.
+    pub models: Vec<String>,
     /// Nearest and farthest range at the start, even over its logarithm [m].
     pub range_m: [f64; 2],
     /// Slowest and fastest flight; no model flies faster than 0.7 of its greatest speed [m/s].
@@ -269,6 +268,9 @@ impl Checked for Recipe {
 impl UavDraw {
     fn check(&self, check: &mut Check) {
         not_empty(check, "models", self.models.len());
+        for (index, model) in self.models.iter().enumerate() {
+            catalogue::check(check, &format!("models[{index}]"), model);
+        }
         check.not_descending("range_m", self.range_m, DISTANCE_M);
         check.not_descending("speed_mps", self.speed_mps, 0.5..=60.0);
         check_shares(check, "flights", self.flights.values());
@@ -325,7 +327,7 @@ mod tests {
     #[test]
     fn the_shipped_recipe_is_read_and_a_bad_one_refused_with_its_line() {
         let recipe = Recipe::parse(SHIPPED, "r.toml").unwrap();
-        assert_eq!(recipe.uav.models.len(), UavKind::ALL.len());
+        assert_eq!(recipe.uav.models.len(), 6);
         let refused = |from: &str, to: &str| {
             assert!(SHIPPED.contains(from), "{from}");
             let text = SHIPPED.replacen(from, to, 1);

@@ -3,7 +3,6 @@
 use super::job::Outcome;
 use super::verdict::{Cause, HELD_SHARE, IN_TIME_S, VISIBLE_S, What, nearness_name, size_band};
 use crate::eval::statistics::Rate;
-use crate::models::flight::uav::UavKind;
 use crate::report::page::percent;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -103,13 +102,6 @@ fn neutralised<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> Rate {
     Rate::count(open.map(|o| o.verdict.neutralised))
 }
 
-/// The scenario name of a UAV model.
-fn model_name(kind: UavKind) -> String {
-    let name = serde_json::to_value(kind).ok();
-    let name = name.as_ref().and_then(serde_json::Value::as_str);
-    name.unwrap_or_default().to_owned()
-}
-
 /// A snake-case word of the recipe in plain words.
 fn words(value: &impl Serialize) -> String {
     let name = serde_json::to_value(value).ok();
@@ -121,7 +113,7 @@ fn words(value: &impl Serialize) -> String {
 type Property = (&'static str, fn(&Outcome) -> String);
 
 const PROPERTIES: [Property; 8] = [
-    ("model", |o| model_name(o.facts.model)),
+    ("model", |o| o.facts.model.clone()),
     ("size in the search camera", |o| {
         let size_px = o.record.size_px.map_or(0.0, |[search, _]| search);
         size_band(size_px).into()
@@ -156,7 +148,7 @@ impl Outcome {
             });
         format!(
             "{} at {:.0} m, {}, {size}; before {}, {}; beside it {other}; {}",
-            model_name(facts.model),
+            facts.model,
             facts.range_m,
             words(&facts.flight),
             words(&facts.background),

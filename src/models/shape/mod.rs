@@ -1,5 +1,6 @@
 //! Meshes of what is rendered: primitives, UAVs and distractors, clutter.
 
 pub mod clutter;
+pub mod gltf;
 pub mod mesh;
 pub mod uav_mesh;

@@ -87,10 +87,11 @@ mod tests {
     use crate::components::flight::{Flight, UavShape};
     use crate::models::flight::multirotor::{self, Airframe};
     use crate::models::flight::trajectory::Trajectory;
-    use crate::models::flight::uav::{AimPart, UavKind, model};
+    use crate::models::flight::uav::AimPart;
     use crate::models::maths::kinematics::Pose;
     use crate::models::optics::camera::Pinhole;
     use crate::models::shape::uav_mesh::uav_mesh;
+    use crate::scenario::catalogue;
     use crate::systems::capture::projected;
     use glam::{DMat3, DQuat, DVec2, DVec3};
     use std::sync::Arc;
@@ -106,9 +107,9 @@ mod tests {
             period_s: 3.0,
         };
         let plan = weave.compile(|_| Ok(String::new())).unwrap();
-        let uav = model(UavKind::Phantom4);
-        let airframe = Airframe::new(uav);
-        let mesh = Arc::new(uav_mesh(UavKind::Phantom4));
+        let uav = catalogue::load("phantom4").unwrap();
+        let airframe = Airframe::new(&uav);
+        let mesh = Arc::new(uav_mesh(&uav));
         let shape = UavShape::new(mesh.clone());
         // North, z forward and y down: the UAV passes through the field.
         let axes = DMat3::from_cols(DVec3::X, -DVec3::Z, DVec3::Y);
@@ -126,7 +127,7 @@ mod tests {
         for part in [AimPart::Battery, AimPart::RotorHub, AimPart::Camera] {
             let mut flight = Flight {
                 state: plan.initial_state(&airframe, DVec3::ZERO, density),
-                aim_body_m: mesh.part_body_m(uav, part),
+                aim_body_m: mesh.part_body_m(&uav, part),
             };
             let (mut worst_px, mut tilt_rad, mut frozen_px) = (0.0_f64, 0.0_f64, 0.0_f64);
             let offset_m = flight.state.q_enu_body * flight.aim_body_m;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::models::flight::uav::{self, UavKind};
+use crate::scenario::catalogue;
 
 const DT_S: f64 = 1.0 / 960.0; // [s]
 const RHO: f64 = SEA_LEVEL_DENSITY_KGPM3;
@@ -13,20 +13,20 @@ fn hover_at(r_enu_m: DVec3, yaw_rad: f64) -> Setpoint {
     }
 }
 
-fn airframe(kind: UavKind) -> Airframe {
-    Airframe::new(uav::model(kind))
+fn airframe(kind: &str) -> Airframe {
+    Airframe::new(&catalogue::load(kind).unwrap())
 }
 
 #[test]
 fn hover_rotor_speed_is_the_real_one() {
     // A Phantom 4 hovers near 5500 rpm.
-    let rpm = airframe(UavKind::Phantom4).hover_rotor_speed_radps * 60.0 / TAU;
+    let rpm = airframe("phantom4").hover_rotor_speed_radps * 60.0 / TAU;
     assert!((4800.0..6200.0).contains(&rpm), "{rpm}");
 }
 
 #[test]
 fn trim_faces_its_heading_and_stays() {
-    for kind in UavKind::ALL {
+    for kind in catalogue::names() {
         let airframe = airframe(kind);
         let setpoint = hover_at(DVec3::new(3.0, -4.0, 50.0), 0.6);
         let mut state = MultirotorState::trimmed(&airframe, &setpoint, DVec3::ZERO, RHO);
@@ -42,7 +42,7 @@ fn trim_faces_its_heading_and_stays() {
 
 #[test]
 fn hover_settles_within_a_centimetre() {
-    for kind in UavKind::ALL {
+    for kind in catalogue::names() {
         let airframe = airframe(kind);
         let mut state = MultirotorState::trimmed(
             &airframe,
@@ -64,9 +64,9 @@ fn hover_settles_within_a_centimetre() {
 
 #[test]
 fn tops_out_at_the_published_speed_and_tilt() {
-    for kind in UavKind::ALL {
-        let model = uav::model(kind);
-        let airframe = Airframe::new(model);
+    for kind in catalogue::names() {
+        let model = catalogue::load(kind).unwrap();
+        let airframe = Airframe::new(&model);
         let v_asked_enu_mps = DVec3::new(0.0, 2.0 * model.v_max_mps, 0.0);
         let mut setpoint = hover_at(DVec3::new(0.0, 0.0, 50.0), 0.0);
         let mut state = MultirotorState::trimmed(&airframe, &setpoint, DVec3::ZERO, RHO);
@@ -99,7 +99,7 @@ fn tops_out_at_the_published_speed_and_tilt() {
 
 #[test]
 fn recovers_from_upsets() {
-    for kind in UavKind::ALL {
+    for kind in catalogue::names() {
         for (angle_deg, axis) in [
             (30.0_f64, DVec3::X),
             (30.0, DVec3::Y),
@@ -113,7 +113,7 @@ fn recovers_from_upsets() {
                 step(&airframe, &mut state, &setpoint, DVec3::ZERO, RHO, DT_S);
                 if k == 960 {
                     let up = state.q_enu_body * DVec3::Z;
-                    let limit_rad = uav::model(kind).max_tilt_rad;
+                    let limit_rad = catalogue::load(kind).unwrap().max_tilt_rad;
                     assert!(
                         up.angle_between(DVec3::Z) < limit_rad,
                         "{kind:?} {angle_deg}"
@@ -128,7 +128,7 @@ fn recovers_from_upsets() {
 
 #[test]
 fn holds_against_a_steady_wind() {
-    let airframe = airframe(UavKind::Phantom4);
+    let airframe = airframe("phantom4");
     let setpoint = hover_at(DVec3::new(0.0, 0.0, 50.0), 0.0);
     let mut state = MultirotorState::trimmed(&airframe, &setpoint, DVec3::ZERO, RHO);
     let wind_enu_mps = DVec3::new(10.0, 0.0, 0.0);
@@ -145,7 +145,7 @@ fn holds_against_a_steady_wind() {
 
 #[test]
 fn mixer_inverts_the_wrench_and_gives_up_yaw_first() {
-    for kind in [UavKind::Phantom4, UavKind::Matrice600] {
+    for kind in ["phantom4", "matrice600"] {
         let airframe = airframe(kind);
         let k = airframe.thrust_k_ns2(RHO);
         let wrench = |thrust_n: [f64; MAX_ROTORS]| {
@@ -177,7 +177,7 @@ fn mixer_inverts_the_wrench_and_gives_up_yaw_first() {
 
 #[test]
 fn drag_follows_equation_6() {
-    let airframe = airframe(UavKind::Phantom4);
+    let airframe = airframe("phantom4");
     let drag = airframe.drag_enu_n(DVec3::new(0.0, 10.0, 0.0), DVec3::new(5.0, 10.0, 0.0), RHO);
     // Only the 5 m/s of relative wind count: 0.5 * 1.225 * 0.0498 * 25 = 0.7626 N.
     assert!((drag - DVec3::new(0.762_562_5, 0.0, 0.0)).length() < 1e-9);
@@ -185,7 +185,7 @@ fn drag_follows_equation_6() {
 
 #[test]
 fn free_spin_conserves_energy_and_momentum() {
-    let airframe = airframe(UavKind::Mavic2);
+    let airframe = airframe("mavic2");
     let mut state =
         MultirotorState::trimmed(&airframe, &hover_at(DVec3::ZERO, 0.0), DVec3::ZERO, RHO);
     state.omega_body_radps = DVec3::new(3.0, 5.0, 4.0);
@@ -205,7 +205,7 @@ fn free_spin_conserves_energy_and_momentum() {
 #[test]
 fn symmetric_top_precesses_at_the_analytic_rate() {
     let inertia = DVec3::new(2e-3, 2e-3, 3e-3);
-    let airframe = airframe(UavKind::MavicAir);
+    let airframe = airframe("mavic_air");
     let mut state =
         MultirotorState::trimmed(&airframe, &hover_at(DVec3::ZERO, 0.0), DVec3::ZERO, RHO);
     state.omega_body_radps = DVec3::new(1.0, 0.0, 8.0);
@@ -222,7 +222,7 @@ fn symmetric_top_precesses_at_the_analytic_rate() {
 
 #[test]
 fn rotor_phase_turns_with_the_rotor() {
-    let airframe = airframe(UavKind::Phantom4);
+    let airframe = airframe("phantom4");
     let setpoint = hover_at(DVec3::ZERO, 0.0);
     let mut state = MultirotorState::trimmed(&airframe, &setpoint, DVec3::ZERO, RHO);
     for _ in 0..100 {
@@ -250,7 +250,7 @@ fn open_loop_flight_matches_rotorpy() {
         torque_per_thrust_m: 1.36e-7 / 5.57e-6,
         rotor_lag_s: 0.005,
         drag_area_m2: 2.0 * 0.005 / RHO,
-        ..airframe(UavKind::MavicAir)
+        ..airframe("mavic_air")
     };
     let mut state = MultirotorState::trimmed(
         &airframe,

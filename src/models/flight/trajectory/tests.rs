@@ -1,8 +1,8 @@
 use super::*;
 use crate::models::air::wind::{DrydenGust, MeanWind};
 use crate::models::flight::multirotor;
-use crate::models::flight::uav::{self, UavKind};
 use crate::models::maths::rng::Stream;
+use crate::scenario::catalogue;
 use proptest::prelude::*;
 
 const CSV: &str = "t_s,east_m,north_m,up_m\n\
@@ -295,7 +295,7 @@ fn tracking_rms_m(path: &CompiledTrajectory) -> f64 {
     let mean = MeanWind::new(5.0, 240.0, 0.5, 0.0).unwrap();
     let mut rng = Stream::new(11, 0, "gust");
     let mut gust = DrydenGust::new(&mean, &mut rng);
-    let airframe = Airframe::new(uav::model(UavKind::Phantom4));
+    let airframe = Airframe::new(&catalogue::load("phantom4").unwrap());
     let start_m = path.sample(0.0).r_enu_m.z;
     let mut state = path.initial_state(&airframe, mean.mean_wind_enu_mps(start_m), rho);
     let ticks = 60 * 960;

@@ -24,7 +24,7 @@ pub(super) fn matrice_200(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
     for &hub in kit.hubs {
         arm_200(mesh, kit, hub, HUB_Z_M);
     }
-    camera(mesh, kit.uav.camera_body_m, 0.042, DARK);
+    camera(mesh, kit.camera_body_m, 0.042, DARK);
     mesh.frustum(
         (DVec3::new(0.15, 0.0, -0.058), 0.03),
         (DVec3::new(0.15, 0.0, -0.03), 0.036),
@@ -37,10 +37,10 @@ pub(super) fn matrice_200(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
 
 /// What the quadcopter has on a side `y`, -1 or 1: battery, skid, receiver.
 fn side_200(mesh: &mut MeshData, kit: &Kit, y: f64) {
-    let height = kit.uav.size_m[2];
+    let height = kit.size_m[2];
     let (top, foot) = (0.27 * height, -0.73 * height);
     // Twin batteries at the back.
-    let battery = DVec3::new(1.0, y, 1.0) * kit.uav.battery_body_m;
+    let battery = DVec3::new(1.0, y, 1.0) * kit.battery_body_m;
     block(mesh, battery, [0.09, 0.062, 0.07], GREY);
     if kit.lowered {
         let knee = DVec3::new(-0.02, y * 0.13, foot + 0.012);
@@ -87,7 +87,7 @@ fn arm_200(mesh: &mut MeshData, kit: &Kit, hub: DVec2, top: f64) {
 /// Adds the hexacopter and returns the heights of its hubs [m].
 pub(super) fn matrice_600(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
     const HUB_Z_M: f64 = 0.068;
-    let height = kit.uav.size_m[2];
+    let height = kit.size_m[2];
     let (top, foot) = (0.25 * height, -0.75 * height);
     let dark = Paint::plain(kit.coat.shell);
     #[rustfmt::skip]
@@ -122,7 +122,7 @@ pub(super) fn matrice_600(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
         };
         skid(mesh, [hip, knee], size, Paint::plain(kit.coat.gear));
     }
-    cinema_camera(mesh, kit.uav.camera_body_m);
+    cinema_camera(mesh, kit.camera_body_m);
     vec![HUB_Z_M; kit.hubs.len()]
 }
 
@@ -136,10 +136,11 @@ fn arm_600(mesh: &mut MeshData, kit: &Kit, i: usize, top: f64) {
     // The folding joint, and a battery between each pair of arms.
     let dark = Paint::plain(kit.coat.shell);
     tube(mesh, at(0.17, 0.005), at(0.25, 0.008), 0.021, dark);
-    let between = DVec2::from_angle(PI / 6.0 + TAU * i as f64 / 6.0 + PI / 6.0);
+    let n = kit.hubs.len() as f64;
+    let between = DVec2::from_angle(PI / n + TAU * i as f64 / n + PI / n);
     let mut battery = MeshData::new(DVec3::ZERO);
     let size = [0.07, 0.085, 0.085];
-    block(&mut battery, kit.uav.battery_body_m, size, GREY);
+    block(&mut battery, kit.battery_body_m, size, GREY);
     mesh.append(&battery, DAffine3::from_rotation_z(between.to_angle()));
     let bell = if hub.x > 0.1 { RED } else { kit.coat.motor };
     motor(mesh, hub, [-0.008, top], 0.038, bell);

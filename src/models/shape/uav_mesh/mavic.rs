@@ -9,7 +9,7 @@ use crate::models::shape::mesh::{MeshData, Paint};
 
 /// Adds the airframe and returns the heights of its hubs [m].
 pub(super) fn mavic(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
-    let [l, w, h] = kit.uav.size_m;
+    let [l, w, h] = kit.size_m;
     let coat = &kit.coat;
     #[rustfmt::skip]
     hull_forward(mesh, &[
@@ -19,18 +19,13 @@ pub(super) fn mavic(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
     ], 3.6, Paint::plain(coat.shell));
     // The battery forms the rear of the back.
     let back = [0.34 * l, 0.26 * w, 0.14 * h];
-    block(
-        mesh,
-        kit.uav.battery_body_m,
-        back,
-        coat.shell.map(|c| c * 0.85),
-    );
+    block(mesh, kit.battery_body_m, back, coat.shell.map(|c| c * 0.85));
     let heights = kit
         .hubs
         .iter()
         .map(|&hub| motor_arm(mesh, kit, hub))
         .collect();
-    camera(mesh, kit.uav.camera_body_m, 0.2 * h, DARK);
+    camera(mesh, kit.camera_body_m, 0.2 * h, DARK);
     let eyes = DVec3::new(0.335 * l, 0.0, 0.14 * h);
     block(mesh, eyes, [0.03 * l, 0.2 * w, 0.1 * h], LENS);
     let belly = DVec3::new(-0.02 * l, 0.0, -0.34 * h);
@@ -40,7 +35,7 @@ pub(super) fn mavic(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
 
 /// An arm with its motor and leg; returns the height of the hub [m].
 fn motor_arm(mesh: &mut MeshData, kit: &Kit, hub: DVec2) -> f64 {
-    let [l, w, h] = kit.uav.size_m;
+    let [l, w, h] = kit.size_m;
     let (coat, motor_m) = (&kit.coat, kit.motor_m);
     let (top, foot) = (0.42 * h, -0.58 * h);
     let front = hub.x > 0.0;

@@ -1,4 +1,4 @@
-//! Parametric UAV bodies and propellers at the catalogue's published sizes, in body axes
+//! Parametric UAV bodies and propellers at the catalogue's sizes, in body axes
 //! (forward-left-up) about the centre of the rotors' square or hexagon; and the distractors that a
 //! detector may take for UAVs: birds, balloons, aeroplanes, helicopters, leaves.
 //!
@@ -17,13 +17,14 @@ mod parts;
 mod phantom;
 mod racer;
 mod ribbed;
+mod shape;
 mod style;
 
 use std::f64::consts::{PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
-use crate::models::flight::uav::{AimPart, UavKind, UavModel, model};
+use crate::models::flight::uav::{AimPart, UavModel};
 use crate::models::shape::mesh::MeshData;
 pub use distractors::{distractor_mesh, drawn_distractor_mesh};
 use fittings::fit_out;
@@ -34,6 +35,7 @@ use parts::propeller;
 use phantom::phantom;
 use racer::racer;
 use ribbed::ribbed;
+pub use shape::{Frame, Shape};
 pub use style::{Coat, FrameStyle, Gear, Payload, UavStyle};
 
 /// Where a propeller, or a part of a bird's wing, sits.
@@ -103,10 +105,12 @@ impl UavMesh {
     /// Where the middle of `part` of a UAV lies [m, body].
     pub fn part_body_m(&self, uav: &UavModel, part: AimPart) -> DVec3 {
         match part {
-            AimPart::Body => self.centroid_body_m(),
-            AimPart::Battery => uav.battery_body_m,
-            AimPart::RotorHub => self.rotors.first().map_or(DVec3::ZERO, |r| r.hub_body_m),
-            AimPart::Camera => uav.camera_body_m,
+            AimPart::Body => (uav.body.at_body_m).unwrap_or_else(|| self.centroid_body_m()),
+            AimPart::Battery => uav.battery.at_body_m,
+            AimPart::RotorHub => (uav.rotor_hub.at_body_m)
+                .or_else(|| self.rotors.first().map(|r| r.hub_body_m))
+                .unwrap_or_default(),
+            AimPart::Camera => uav.camera.at_body_m,
         }
     }
 
@@ -158,47 +162,24 @@ impl UavMesh {
 }
 
 /// The body, hubs and propeller of a UAV as its maker publishes it.
-pub fn uav_mesh(kind: UavKind) -> UavMesh {
-    styled_uav_mesh(kind, &UavStyle::standard())
+pub fn uav_mesh(uav: &UavModel) -> UavMesh {
+    styled_uav_mesh(uav, &UavStyle::standard())
 }
 
 /// The body, hubs and propeller of a UAV in a given style. The flight model knows nothing of its
 /// payload and gear.
-pub fn styled_uav_mesh(kind: UavKind, style: &UavStyle) -> UavMesh {
-    let uav = model(kind);
-    let hubs = hub_plan_m(uav);
-    let coat = style.coat.unwrap_or_else(|| Coat::of(kind));
-    let kit = Kit {
-        uav,
-        hubs: &hubs,
-        motor_m: overhang_m(uav) / 2.0,
-        coat,
-        lowered: style.gear == Gear::Lowered,
-    };
-    let mut body = MeshData::new(DVec3::ZERO);
-    let hub_z_m = match (style.frame, kind) {
-        (FrameStyle::Ribbed, _) => ribbed(&mut body, &kit),
-        (_, UavKind::Phantom4) => phantom(&mut body, &kit),
-        (_, UavKind::Mavic2 | UavKind::MavicAir) => mavic(&mut body, &kit),
-        (_, UavKind::Matrice200) => matrice_200(&mut body, &kit),
-        (_, UavKind::Matrice600) => matrice_600(&mut body, &kit),
-        (_, UavKind::Fpv5) => racer(&mut body, &kit),
-    };
-    let hubs_body_m: Vec<DVec3> = hubs
-        .iter()
-        .zip(hub_z_m)
-        .map(|(hub, z)| hub.extend(z))
-        .collect();
-    fit_out(&mut body, &hubs_body_m, uav, style, &coat);
-    let mut rotor = propeller(uav.propeller_diameter_m / 2.0, style.blades, coat.blades);
-    if style.scale != 1.0 {
-        let scale = DAffine3::from_scale(DVec3::splat(style.scale));
-        for mesh in [&mut body, &mut rotor] {
-            let mut scaled = MeshData::new(DVec3::ZERO);
-            scaled.append(mesh, scale);
-            *mesh = scaled;
+pub fn styled_uav_mesh(uav: &UavModel, style: &UavStyle) -> UavMesh {
+    let coat = style.coat.unwrap_or(uav.coat);
+    let lowered = style.gear == Gear::Lowered;
+    let (mut body, hubs_body_m) = match (style.frame, &uav.shape) {
+        (FrameStyle::Ribbed, _) => built(Frame::Ribbed, uav, coat, lowered),
+        (FrameStyle::Maker, Shape::Frame(frame)) => built(*frame, uav, coat, lowered),
+        (FrameStyle::Maker, Shape::Own { body, hubs_body_m }) => {
+            (MeshData::clone(body), hubs_body_m.clone())
         }
-    }
+    };
+    fit_out(&mut body, &hubs_body_m, uav, style, &coat);
+    let rotor = propeller(uav.propeller_diameter_m / 2.0, style.blades, coat.blades);
     let rotors = hubs_body_m
         .iter()
         .enumerate()
@@ -212,33 +193,86 @@ pub fn styled_uav_mesh(kind: UavKind, style: &UavStyle) -> UavMesh {
         })
         .collect();
     UavMesh {
-        body,
+        body: scaled(body, style.scale),
         rotors,
-        blades: vec![rotor],
+        blades: vec![scaled(rotor, style.scale)],
     }
+}
+
+/// A frame in the UAV's sizes, and its hubs [m, body].
+fn built(frame: Frame, uav: &UavModel, coat: Coat, lowered: bool) -> (MeshData, Vec<DVec3>) {
+    // Frames with sizes of their own are built at those, and scaled.
+    let unit = (frame.diagonal_m()).map_or(1.0, |diagonal_m| uav.diagonal_m / diagonal_m);
+    let hubs: Vec<DVec2> = hub_plan_m(uav).iter().map(|hub| hub / unit).collect();
+    let kit = Kit {
+        size_m: uav.size_m.map(|side_m| side_m / unit),
+        diagonal_m: uav.diagonal_m / unit,
+        hubs: &hubs,
+        motor_m: motor_m(uav) / unit,
+        battery_body_m: uav.battery.at_body_m / unit,
+        camera_body_m: uav.camera.at_body_m / unit,
+        coat,
+        lowered,
+    };
+    let mut body = MeshData::new(DVec3::ZERO);
+    let hub_z_m = match frame {
+        Frame::Phantom => phantom(&mut body, &kit),
+        Frame::Mavic => mavic(&mut body, &kit),
+        Frame::Matrice200 => matrice_200(&mut body, &kit),
+        Frame::Matrice600 => matrice_600(&mut body, &kit),
+        Frame::Racer => racer(&mut body, &kit),
+        Frame::Ribbed => ribbed(&mut body, &kit),
+    };
+    let hubs = hubs.iter().zip(hub_z_m);
+    let hubs_body_m = hubs.map(|(hub, z)| hub.extend(z) * unit).collect();
+    (scaled(body, unit), hubs_body_m)
+}
+
+/// A mesh about the origin, `scale` times as large.
+fn scaled(mesh: MeshData, scale: f64) -> MeshData {
+    if scale == 1.0 {
+        return mesh;
+    }
+    let mut scaled = MeshData::new(DVec3::ZERO);
+    scaled.append(&mesh, DAffine3::from_scale(DVec3::splat(scale)));
+    scaled
 }
 
 /// What a rotor adds to the wheelbase on both sides together [m]: the m that solves
 /// (l − m)² + (w − m)² = diagonal² for a quadcopter of size l × w.
-fn overhang_m(uav: &UavModel) -> f64 {
-    let [l, w, _] = uav.size_m;
-    let rest = (l + w).powi(2) - 2.0 * (l * l + w * w - uav.diagonal_m.powi(2));
+pub fn overhang_m([l, w, _]: [f64; 3], diagonal_m: f64) -> f64 {
+    let rest = (l + w).powi(2) - 2.0 * (l * l + w * w - diagonal_m.powi(2));
     ((l + w) - rest.max(0.0).sqrt()) / 2.0
+}
+
+/// Radius of the motors [m]: they alone lie beyond the hubs, unless the size is that with propellers.
+fn motor_m(uav: &UavModel) -> f64 {
+    (overhang_m(uav.size_m, uav.diagonal_m) / 2.0)
+        .clamp(0.01 * uav.diagonal_m, 0.065 * uav.diagonal_m)
 }
 
 /// Hubs in plan [m, body]: front left first, counter-clockwise, none straight ahead.
 fn hub_plan_m(uav: &UavModel) -> Vec<DVec2> {
+    if let Shape::Own { hubs_body_m, .. } = &uav.shape {
+        return hubs_body_m.iter().map(|hub| hub.truncate()).collect();
+    }
     if uav.rotor_count == 4 {
         let [l, w, _] = uav.size_m;
-        let (x, y) = ((l - overhang_m(uav)) / 2.0, (w - overhang_m(uav)) / 2.0);
+        let beyond_m = overhang_m(uav.size_m, uav.diagonal_m);
+        let (x, y) = ((l - beyond_m) / 2.0, (w - beyond_m) / 2.0);
         return [(x, y), (-x, y), (-x, -y), (x, -y)]
             .map(DVec2::from)
             .to_vec();
     }
     let n = uav.rotor_count;
     (0..n)
-        .map(|i| uav.diagonal_m / 2.0 * DVec2::from_angle(PI * (2 * i + 1) as f64 / n as f64))
+        .map(|i| uav.diagonal_m / 2.0 * hub_direction(i, n))
         .collect()
+}
+
+/// Direction of hub `i` of `n` that are evenly spaced [body].
+pub fn hub_direction(i: usize, n: usize) -> DVec2 {
+    DVec2::from_angle(PI * (2 * i + 1) as f64 / n as f64)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::models::shape::mesh::{MeshData, Paint};
 
 /// Adds the airframe and returns the heights of its hubs [m].
 pub(super) fn phantom(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
-    let height = kit.uav.size_m[2];
+    let height = kit.size_m[2];
     let (top, foot) = (0.28 * height, -0.72 * height);
     #[rustfmt::skip]
     hull_up(mesh, DVec2::ZERO, &[
@@ -22,8 +22,8 @@ pub(super) fn phantom(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
     for &y in kit.skid_sides() {
         landing_skid(mesh, Paint::plain(kit.coat.gear), y, foot);
     }
-    camera(mesh, kit.uav.camera_body_m, 0.024, GREY);
-    block(mesh, kit.uav.battery_body_m, [0.05, 0.075, 0.036], SILVER);
+    camera(mesh, kit.camera_body_m, 0.024, GREY);
+    block(mesh, kit.battery_body_m, [0.05, 0.075, 0.036], SILVER);
     let eyes = DVec3::new(0.082, 0.0, 0.0);
     block(mesh, eyes, [0.012, 0.06, 0.014], LENS);
     vec![top; kit.hubs.len()]

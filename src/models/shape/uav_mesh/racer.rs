@@ -12,7 +12,7 @@ const BOARD: [f32; 3] = [0.02, 0.1, 0.05];
 
 /// Adds the airframe and returns the heights of its hubs [m].
 pub(super) fn racer(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
-    let height = kit.uav.size_m[2];
+    let height = kit.size_m[2];
     let low = -0.3 * height;
     let top = low + height;
     let deck = low + 0.005; // [m], the plate's thickness
@@ -21,8 +21,8 @@ pub(super) fn racer(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
     }
     let upper = deck + 0.022;
     plates(mesh, kit.coat.shell, deck, upper);
-    battery(mesh, kit.uav.battery_body_m, [upper + 0.0015, top]);
-    eye(mesh, kit.uav.camera_body_m, deck);
+    battery(mesh, kit.battery_body_m, [upper + 0.0015, top]);
+    eye(mesh, kit.camera_body_m, deck);
     // The antenna.
     tube(
         mesh,

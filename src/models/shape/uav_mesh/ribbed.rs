@@ -10,7 +10,7 @@ use crate::models::shape::mesh::{MeshData, Paint};
 /// Adds a self-built frame on the model's hubs and returns their heights [m]. Sizes are in units of
 /// a 450 mm diagonal.
 pub(super) fn ribbed(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
-    let unit = kit.uav.diagonal_m / 0.45;
+    let unit = kit.diagonal_m / 0.45;
     for z in [-0.022, 0.020] {
         let plate = [z, z + 0.004].map(|z| [z * unit, 0.062 * unit, 0.055 * unit]);
         hull_up(mesh, DVec2::ZERO, &plate, 3.0, Paint::plain(BLACK));
@@ -32,7 +32,7 @@ pub(super) fn ribbed(mesh: &mut MeshData, kit: &Kit) -> Vec<f64> {
 
 /// A ribbed arm with its foot, motor, up to `top` [m], and speed controller.
 fn motor_arm(mesh: &mut MeshData, kit: &Kit, hub: DVec2, top: f64) {
-    let unit = kit.uav.diagonal_m / 0.45;
+    let unit = kit.diagonal_m / 0.45;
     // Slender arms carry small motors.
     let motor_m = kit.motor_m.clamp(0.3 * 0.014 * unit, 0.014 * unit);
     let out = hub.normalize();

@@ -2,7 +2,6 @@
 
 use glam::DVec2;
 
-use crate::models::flight::uav::UavKind;
 use crate::models::maths::rng::Stream;
 use crate::models::shape::mesh::Paint;
 
@@ -150,25 +149,6 @@ impl UavStyle {
 }
 
 impl Coat {
-    /// The maker's paint.
-    pub(super) fn of(kind: UavKind) -> Self {
-        let plain = |shell: [f32; 3], arm: [f32; 3], gear, motor| Self {
-            shell,
-            arms: [arm; 2],
-            gear,
-            motor,
-            blades: CARBON,
-        };
-        let trim = |c: [f32; 3]| c.map(|c| c * 0.75);
-        match kind {
-            UavKind::Phantom4 => plain(WHITE, WHITE, WHITE, SILVER),
-            UavKind::Mavic2 => plain(DARK, trim(DARK), trim(DARK), DARK),
-            UavKind::MavicAir => plain(WHITE, trim(WHITE), trim(WHITE), DARK),
-            UavKind::Matrice200 | UavKind::Matrice600 => plain(DARK, CARBON, CARBON, SILVER),
-            UavKind::Fpv5 => plain(CARBON, CARBON, CARBON, [0.04, 0.12, 0.42]),
-        }
-    }
-
     /// One or two colours, and propellers of their own.
     fn drawn(rng: &mut Stream) -> Self {
         const COLOURS: [[f32; 3]; 14] = [

@@ -3,6 +3,25 @@ use crate::models::flight::bird::Species;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::uav::aim_offset_enu_m;
 use crate::models::maths::rng::Stream;
+use crate::scenario::catalogue;
+
+/// The UAVs that the program comes with, whatever has been added to the catalogue.
+const SHIPPED: [&str; 6] = [
+    "phantom4",
+    "mavic2",
+    "mavic_air",
+    "matrice200",
+    "matrice600",
+    "fpv5",
+];
+
+fn shipped() -> impl Iterator<Item = UavModel> {
+    SHIPPED.into_iter().map(uav)
+}
+
+fn uav(name: &str) -> UavModel {
+    catalogue::load(name).unwrap()
+}
 
 /// Length, width and height of the body, of the body with turning propellers.
 fn sizes_m(mesh: &UavMesh, radius: f64) -> [DVec3; 2] {
@@ -18,15 +37,14 @@ fn sizes_m(mesh: &UavMesh, radius: f64) -> [DVec3; 2] {
 
 #[test]
 fn sizes_match_the_published_ones() {
-    for kind in UavKind::ALL {
-        let uav = model(kind);
-        let mesh = uav_mesh(kind);
+    for uav in shipped() {
+        let (kind, mesh) = (&uav.id, uav_mesh(&uav));
         let [bare, turning] = sizes_m(&mesh, uav.propeller_diameter_m / 2.0);
         let published = DVec3::from(uav.size_m);
-        let (got, want) = match kind {
-            UavKind::Matrice200 => (turning, published),
+        let (got, want) = match &kind[..] {
+            "matrice200" => (turning, published),
             // The flight model's hexagon is wider than long; the maker names no axis.
-            UavKind::Matrice600 => (turning, DVec3::new(published.y, published.x, published.z)),
+            "matrice600" => (turning, DVec3::new(published.y, published.x, published.z)),
             _ => (bare, published),
         };
         for (got, want) in got.to_array().into_iter().zip(want.to_array()) {
@@ -40,9 +58,8 @@ fn sizes_match_the_published_ones() {
 
 #[test]
 fn hubs_lie_on_the_published_diagonal_in_the_flight_models_order() {
-    for kind in UavKind::ALL {
-        let uav = model(kind);
-        let mesh = uav_mesh(kind);
+    for uav in shipped() {
+        let (kind, mesh) = (&uav.id, uav_mesh(&uav));
         assert_eq!(mesh.rotors.len(), uav.rotor_count);
         for (i, r) in mesh.rotors.iter().enumerate() {
             let plan = r.hub_body_m.truncate();
@@ -59,8 +76,8 @@ fn hubs_lie_on_the_published_diagonal_in_the_flight_models_order() {
 
 #[test]
 fn bodies_face_outward_within_the_triangle_budget() {
-    for kind in UavKind::ALL {
-        let mesh = uav_mesh(kind);
+    for uav in shipped() {
+        let (kind, mesh) = (&uav.id, uav_mesh(&uav));
         let total = mesh.body.triangle_count();
         assert!(
             (400..=1500).contains(&total),
@@ -82,9 +99,9 @@ fn bodies_face_outward_within_the_triangle_budget() {
 
 #[test]
 fn propellers_are_round_and_climb_into_their_turn() {
-    for kind in UavKind::ALL {
-        let uav = model(kind);
-        let rotor = uav_mesh(kind).blades.swap_remove(0);
+    for uav in shipped() {
+        let kind = &uav.id;
+        let rotor = uav_mesh(&uav).blades.swap_remove(0);
         let reach = rotor
             .positions
             .iter()
@@ -111,11 +128,10 @@ fn propellers_are_round_and_climb_into_their_turn() {
 
 #[test]
 fn parts_lie_where_the_mesh_has_them() {
-    for kind in UavKind::ALL {
-        let uav = model(kind);
-        let mesh = uav_mesh(kind);
+    for uav in shipped() {
+        let (kind, mesh) = (&uav.id, uav_mesh(&uav));
         for part in [AimPart::Battery, AimPart::RotorHub, AimPart::Camera] {
-            let at = mesh.part_body_m(uav, part);
+            let at = mesh.part_body_m(&uav, part);
             // Vertices on both sides of the middle, within a battery's half length.
             let near: Vec<_> = mesh
                 .body
@@ -150,11 +166,11 @@ fn expected_offsets_are_the_catalogues_means() {
     ] {
         let mut sum = DVec3::ZERO;
         let mut worst = 0.0_f64;
-        for kind in UavKind::ALL {
-            let mesh = uav_mesh(kind);
+        for uav in shipped() {
+            let (kind, mesh) = (&uav.id, uav_mesh(&uav));
             let (middle, span_m) = silhouette(&mesh);
             // Northbound: forward is north, left is west, up is up.
-            let body = mesh.part_body_m(model(kind), part) - middle;
+            let body = mesh.part_body_m(&uav, part) - middle;
             let enu_m = DVec3::new(-body.y, body.x, body.z);
             let expected = aim_offset_enu_m(part, span_m, DVec3::new(0.0, 12.0, 1.0));
             let error = (enu_m - expected) / span_m;
@@ -166,7 +182,7 @@ fn expected_offsets_are_the_catalogues_means() {
             sum += error;
             worst = worst.max(error.length());
         }
-        let mean = sum / UavKind::ALL.len() as f64;
+        let mean = sum / SHIPPED.len() as f64;
         println!("{part:?}: mean {mean:.3}, worst {worst:.3}");
         assert!(mean.length() < 0.01, "{part:?}: {mean}");
         assert!(worst < 0.18, "{part:?}: {worst}");
@@ -284,12 +300,12 @@ fn wings_beat_alike_on_both_sides_and_bend_at_the_wrist() {
 #[test]
 fn drawn_styles_repeat_and_keep_the_published_size() {
     let mut changed = 0;
-    for (i, kind) in UavKind::ALL.into_iter().cycle().take(120).enumerate() {
+    for (i, kind) in SHIPPED.into_iter().cycle().take(120).enumerate() {
         let draw = || UavStyle::drawn(&mut Stream::new(5, i as u64, "look"));
         let style = draw();
         assert_eq!(style, draw());
-        let uav = model(kind);
-        let (mesh, standard) = (styled_uav_mesh(kind, &style), uav_mesh(kind));
+        let uav = uav(kind);
+        let (mesh, standard) = (styled_uav_mesh(&uav, &style), uav_mesh(&uav));
         changed += usize::from(mesh.body.colors != standard.body.colors);
         assert!((0.92..1.08).contains(&style.scale));
         assert!(mesh.body.signed_volume_m3() > 0.0 && mesh.blades[0].signed_volume_m3() > 0.0);
@@ -314,17 +330,17 @@ fn drawn_styles_repeat_and_keep_the_published_size() {
         assert!(wide.z < style.scale * (2.2 * uav.size_m[2] + 0.95 * uav.diagonal_m));
     }
     assert!(changed > 90, "{changed}");
-    let standard = styled_uav_mesh(UavKind::Phantom4, &UavStyle::standard());
+    let standard = styled_uav_mesh(&uav("phantom4"), &UavStyle::standard());
     assert_eq!(
         standard.body.positions,
-        uav_mesh(UavKind::Phantom4).body.positions
+        uav_mesh(&uav("phantom4")).body.positions
     );
 }
 
 #[test]
 fn styles_show_what_they_name() {
     let lowest = |style: UavStyle| {
-        let mesh = styled_uav_mesh(UavKind::Phantom4, &style);
+        let mesh = styled_uav_mesh(&uav("phantom4"), &style);
         mesh.body.bounds_m().map_or(0.0, |(low, _)| low.z)
     };
     let standard = UavStyle::standard();
@@ -341,7 +357,7 @@ fn styles_show_what_they_name() {
     assert!(with(Gear::Raised, Payload::Box) < raised - 0.05);
     assert!(with(Gear::Raised, Payload::Parcel) < raised - 0.2);
     let three = styled_uav_mesh(
-        UavKind::Fpv5,
+        &uav("fpv5"),
         &UavStyle {
             blades: 3,
             ..standard
@@ -349,7 +365,7 @@ fn styles_show_what_they_name() {
     )
     .blades
     .swap_remove(0);
-    let two = uav_mesh(UavKind::Fpv5).blades.swap_remove(0);
+    let two = uav_mesh(&uav("fpv5")).blades.swap_remove(0);
     assert!(three.triangle_count() > two.triangle_count());
 }
 
