@@ -296,6 +296,44 @@ pub fn count_distractors(
     }
 }
 
+/// Turbulence on the way from a station to a place so far from it [m].
+fn turbulence_to(
+    source: &LaserSource,
+    environment: &Environment,
+    r_station_enu_m: DVec3,
+    to_enu_m: DVec3,
+) -> PathTurbulence {
+    let height_m = |r: DVec3| (r.z - environment.city.dsm.terrain_m(r.x, r.y)).max(1.0);
+    PathTurbulence::new(
+        &environment.cn2,
+        &AirPath {
+            length_m: to_enu_m.length(),
+            h0_m: height_m(r_station_enu_m),
+            h1_m: height_m(r_station_enu_m + to_enu_m),
+        },
+        source.laser.wavelength_m,
+    )
+}
+
+/// Mean irradiance on a component so far from a station [m] that its laser is focused on [W/m²]: the long-term spot in
+/// the bucket, without blooming.
+pub(crate) fn expected_irradiance_wpm2(
+    source: &LaserSource,
+    environment: &Environment,
+    r_station_enu_m: DVec3,
+    to_enu_m: DVec3,
+) -> f64 {
+    let range_m = to_enu_m.length();
+    let turbulence = turbulence_to(source, environment, r_station_enu_m, to_enu_m);
+    let focus_m = source.focus_m.unwrap_or(range_m);
+    let spot_m = source
+        .laser
+        .long_term_radius_m(range_m, focus_m, &turbulence);
+    let power_w = source.laser.power_w * transmittance(source.extinction_per_m, range_m);
+    let swept_m = spot_m.hypot(2.0 * source.jitter_rad * range_m);
+    power_in_bucket_w(power_w, swept_m, 0.0, BUCKET_RADIUS_M) / (PI * BUCKET_RADIUS_M.powi(2))
+}
+
 /// Works out the air on the path to UAV `index` at `to_enu_m` [m] from the station.
 fn renew_path(
     source: &mut LaserSource,
@@ -305,16 +343,7 @@ fn renew_path(
     crosswind_mps: f64,
 ) -> BeamPath {
     let range_m = to_enu_m.length();
-    let height_m = |r: DVec3| (r.z - environment.city.dsm.terrain_m(r.x, r.y)).max(1.0);
-    let turbulence = PathTurbulence::new(
-        &environment.cn2,
-        &AirPath {
-            length_m: range_m,
-            h0_m: height_m(r_station_enu_m),
-            h1_m: height_m(r_station_enu_m + to_enu_m),
-        },
-        source.laser.wavelength_m,
-    );
+    let turbulence = turbulence_to(source, environment, r_station_enu_m, to_enu_m);
     // What drops and flakes absorb heats them, not the air.
     let aerosol_per_m = (environment.weather).aerosol_extinction_per_m(source.laser.wavelength_m);
     let air = BloomingAir {

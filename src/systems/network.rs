@@ -12,16 +12,15 @@ use crate::components::network::{
 use crate::components::record::{OwnTopics, Recording};
 use crate::components::run::{PartError, SimClock};
 use crate::components::track::{Tracker, TrackerParams};
-use crate::models::air::atmosphere::transmittance;
 use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, allocate};
 use crate::models::engage::threat::time_to_asset_s;
-use crate::models::laser::beam::peak_irradiance_wpm2;
 use crate::models::laser::thermal::ABS_SHELL;
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::cartesian::{Bearing, CartesianTrack};
 use crate::models::tracking::picture::{Fix, Follower, Measured, Picture, Sensor, SharedObject};
 use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::Track;
+use crate::systems::beam::expected_irradiance_wpm2;
 use crate::systems::engage::Way;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -206,7 +205,7 @@ impl Bidder<'_> {
             .params
             .error_rad(at, self.mount.measured_az_el_rad());
         let ready_s = self.slew.slew_s(off_rad.abs().max_element()) + LOCKED_S;
-        let wanted_s = self.dwell_s(r_enu_m.distance(from_m));
+        let wanted_s = self.dwell_s(r_enu_m - from_m);
         let mut open_s = 0.0;
         let mut ahead_s = ready_s;
         while open_s < wanted_s && ahead_s < ready_s + FORESIGHT_S {
@@ -222,20 +221,16 @@ impl Bidder<'_> {
         ahead_s + (wanted_s - open_s).max(0.0)
     }
 
-    /// Time for which the laser would heat a common skin at a range [m] until it fails [s]: the spot of still air,
-    /// focused there, and no cooling.
-    fn dwell_s(&self, range_m: f64) -> f64 {
+    /// Time for which the laser would heat a common skin so far away [m] until it fails [s], without cooling.
+    fn dwell_s(&self, to_enu_m: DVec3) -> f64 {
         const LONGEST_S: f64 = 60.0;
-        let laser = &self.laser.laser;
-        let power_w = laser.power_w * transmittance(self.laser.extinction_per_m, range_m);
-        let spot_m = laser
-            .spot_radius_m(range_m, range_m)
-            .hypot(self.laser.jitter_rad * range_m);
-        let absorbed_wpm2 = ABS_SHELL.absorptivity * peak_irradiance_wpm2(power_w, spot_m);
+        let way = &self.way;
+        let irradiance_wpm2 =
+            expected_irradiance_wpm2(self.laser, way.environment, way.r_enu_m, to_enu_m);
         let wanted_jpm2 = ABS_SHELL.areal_density_kgpm2
             * ABS_SHELL.specific_heat_jpkgk
             * (ABS_SHELL.failure_temperature_k - AMBIENT_K);
-        (wanted_jpm2 / absorbed_wpm2.max(1.0)).min(LONGEST_S)
+        (wanted_jpm2 / (ABS_SHELL.absorptivity * irradiance_wpm2).max(1.0)).min(LONGEST_S)
     }
 }
 
