@@ -99,6 +99,21 @@ fn ticks(criterion: &mut Criterion) {
             );
         }
     }
+    // What a second station costs, and the network between the two.
+    const TWO: &str = "stations=[{ name = 'west', position_enu_m = [0, 0, 60] }, { name = 'east', position_enu_m = [150, 40, 62] }]";
+    const ONE: &str = "stations=[{ name = 'west', position_enu_m = [0, 0, 60] }]";
+    for (name, stations) in [("one station", ONE), ("two stations", TWO)] {
+        let overrides = [truth[0], truth[1], stations];
+        let loaded = demo(1, &overrides);
+        let mut app = app::build(&loaded, &Options::default()).expect("the demo builds");
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| {
+                for _ in 0..TICKS {
+                    app::step(app.world_mut()).expect("a tick");
+                }
+            });
+        });
+    }
     group.finish();
 }
 

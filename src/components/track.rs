@@ -14,6 +14,26 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
+/// What [`crate::components::run::TickSet::Track`] walks in every tick. A stage's systems can be removed
+/// (`App::remove_systems_in_set`) and others put in their place.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TrackStage {
+    /// Detections that have arrived become tracks of the table.
+    Associate,
+    /// What each track is.
+    Recognise,
+    /// The range finder asks for the target's range.
+    Range,
+    /// The part aimed at, and what will hide the tracks.
+    Foresee,
+    /// The operator's orders.
+    Obey,
+    /// The stations tell each other what they see, and share the targets out.
+    Share,
+    /// The state machine: which track is the target, and how it is held.
+    Decide,
+}
+
 /// Stages of an engagement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrackingState {

@@ -4,14 +4,14 @@ use crate::components::mount::Station;
 use crate::components::network::{Holdings, Link, Network, SharedPicture, Tasking};
 use crate::components::record::OwnTopics;
 use crate::components::run::{RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::components::track::TrackStage;
 use crate::plugins::run::fallible;
 use crate::systems::network as systems;
 use crate::systems::run::nothing_failed;
-use crate::systems::track;
 use bevy::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Adds the domain to both schedules, in [`TickSet::Track`]: what arrives tells the tracker which target to take.
+/// Adds the domain to both schedules, in [`TrackStage::Share`]: what arrives tells the tracker which target to take.
 pub struct NetworkPlugin;
 
 impl Plugin for NetworkPlugin {
@@ -28,9 +28,7 @@ impl Plugin for NetworkPlugin {
                     fallible(systems::record_pictures),
                 )
                     .chain()
-                    .after(track::obey)
-                    .before(track::decide)
-                    .in_set(TickSet::Track),
+                    .in_set(TrackStage::Share),
             );
     }
 }

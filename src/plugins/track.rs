@@ -5,7 +5,8 @@ use crate::components::detect::{DetectorInUse, Reading};
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
-    Designation, Gallery, Operator, Order, RangeFinder, Recogniser, Tracker, TrackerParams,
+    Designation, Gallery, Operator, Order, RangeFinder, Recogniser, TrackStage, Tracker,
+    TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
@@ -27,19 +28,32 @@ impl Plugin for TrackPlugin {
                 .chain()
                 .in_set(TickSet::Track),
         )
-        .add_systems(
+        .configure_sets(
             Tick,
             (
-                systems::associate,
-                systems::recognise::recognise,
-                systems::find_range,
-                systems::aim,
-                systems::foresee,
-                systems::obey,
-                systems::decide,
+                TrackStage::Associate,
+                TrackStage::Recognise,
+                TrackStage::Range,
+                TrackStage::Foresee,
+                TrackStage::Obey,
+                TrackStage::Share,
+                TrackStage::Decide,
             )
                 .chain()
                 .in_set(TickSet::Track),
+        )
+        .add_systems(
+            Tick,
+            (
+                systems::associate.in_set(TrackStage::Associate),
+                systems::recognise::recognise.in_set(TrackStage::Recognise),
+                systems::find_range.in_set(TrackStage::Range),
+                (systems::aim, systems::foresee)
+                    .chain()
+                    .in_set(TrackStage::Foresee),
+                systems::obey.in_set(TrackStage::Obey),
+                systems::decide.in_set(TrackStage::Decide),
+            ),
         );
     }
 }

@@ -13,10 +13,14 @@ use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;
 
+#[path = "../../examples/bare_run.rs"]
+mod bare_run;
 #[path = "../../examples/own_detector.rs"]
 mod own_detector;
 #[path = "../../examples/own_law.rs"]
 mod own_law;
+#[path = "../../examples/own_stage.rs"]
+mod own_stage;
 #[path = "../../examples/own_topic.rs"]
 mod own_topic;
 #[path = "../../examples/own_uav.rs"]
@@ -41,6 +45,23 @@ fn a_detector_of_ones_own_finds() {
     let _one = rendering();
     let tracker = own_detector::run().unwrap();
     assert!(tracker.state.holds(Tier::Coarse), "{:?}", tracker.changes);
+}
+
+#[test]
+fn a_bare_run_reads_frames_and_truth() {
+    let _one = rendering();
+    let shown = bare_run::frames().unwrap();
+    assert!(shown.len() >= 3, "{}", shown.len());
+    for frame in &shown {
+        assert!((0.0..=0.1).contains(&frame.t_s) && !frame.camera.is_empty());
+        assert!(frame.rgb8.iter().any(|value| *value > 0), "black");
+    }
+}
+
+#[test]
+fn a_stage_of_the_tracker_is_replaced() {
+    assert!(own_stage::energy_j(0.1).unwrap() > 0.0);
+    assert_eq!(own_stage::energy_j(5.0).unwrap(), 0.0);
 }
 
 #[test]

@@ -37,7 +37,17 @@ fn two_stations_repeat_whatever_the_threads() {
 #[test]
 fn every_station_tracks_fires_and_is_recorded() {
     let mut args = BLIND.to_vec();
-    args.extend(["--set", "duration_s=4", "--set", EAST, "--set", HOVERS]);
+    let alone = "network={ assignment = 'none' }";
+    args.extend([
+        "--set",
+        "duration_s=4",
+        "--set",
+        EAST,
+        "--set",
+        HOVERS,
+        "--set",
+        alone,
+    ]);
     let run = run_scenario("urban_intercept", &args);
     let energy_j = |station: &str| run.number(&format!("/stations/{station}/energy_j"));
     assert!(energy_j("0") > 0.0 && energy_j("1") > 0.0);
