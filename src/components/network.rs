@@ -1,7 +1,7 @@
 //! The stations' network: the link, each station's picture of all objects, who takes which.
 
 use crate::components::record::TopicOf;
-use crate::models::engage::allocation::AllocationRule;
+use crate::models::engage::allocation::{AllocationRule, Offer};
 use crate::models::maths::rng::Stream;
 use crate::models::tracking::cartesian::{CartesianTrack, TargetCue};
 use crate::models::tracking::picture::{Fix, Follower, Picture};
@@ -88,8 +88,8 @@ pub struct Report {
     pub tick: u64,
     /// Its tracks.
     pub tracks: Vec<TrackReport>,
-    /// How long it would take to have engaged each object [s].
-    pub bids: BTreeMap<Follower, f64>,
+    /// What it offers for each object.
+    pub bids: BTreeMap<Follower, Offer>,
 }
 
 /// A station's end of the link.
@@ -105,8 +105,8 @@ pub struct Link {
     pub latest: BTreeMap<usize, Arc<Report>>,
     /// When the last measurement of each of its tracks was made that it sent [s]: of direction or position, of range.
     pub sent_s: BTreeMap<Follower, [f64; 2]>,
-    /// Its last bids [s].
-    pub bids: BTreeMap<Follower, f64>,
+    /// Its last offers.
+    pub bids: BTreeMap<Follower, Offer>,
 }
 
 /// All that a station knows of the objects about.

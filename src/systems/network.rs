@@ -12,7 +12,7 @@ use crate::components::network::{
 use crate::components::record::{OwnTopics, Recording};
 use crate::components::run::{PartError, SimClock};
 use crate::components::track::{Tracker, TrackerParams};
-use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, allocate};
+use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, Offer, allocate};
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::laser::thermal::ABS_SHELL;
 use crate::models::maths::kinematics::los_to_az_el;
@@ -94,7 +94,7 @@ fn report_of(
     station: ReportingItem,
 ) -> Report {
     let (index, r_enu_m) = (station.station.index, station.mount.r_enu_m);
-    let picture: &Picture = station.picture;
+    let (picture, tracker): (&Picture, _) = (station.picture, station.tracker);
     let Link { sent_s, bids, .. } = station.link.into_inner();
     let worth = |track: &&Track| {
         track.fallen()
@@ -128,7 +128,7 @@ fn report_of(
             fell,
         });
     };
-    for track in station.tracker.table.tracks.iter().filter(worth) {
+    for track in tracker.table.tracks.iter().filter(worth) {
         let follower = follower(Sensor::Cameras, track.id);
         let seen = track.sighted;
         let bearing = Measured::Bearing(Bearing {
@@ -170,10 +170,10 @@ fn report_of(
         *bids = (picture.objects.iter())
             .filter(|object| !object.dealt_with)
             .map(|object| {
-                (
-                    object.identity,
-                    bidder.engaged_s(&object.track, clock.t_s()),
-                )
+                let held = tracker.target.is_some() && object.number_at(index) == tracker.target;
+                let fired_s = held.then(|| clock.at_s(tracker.fired_ticks));
+                let offer = bidder.offer(&object.track, clock.t_s(), fired_s);
+                (object.identity, offer)
             })
             .collect();
     }
@@ -194,9 +194,10 @@ struct Bidder<'a> {
 }
 
 impl Bidder<'_> {
-    /// Time until the station would have engaged an object [s]: slew, settling, and the dwell, for which the way to it
-    /// and behind it must be open, as far as that can be foreseen; infinite if it never is.
-    fn engaged_s(&self, object: &CartesianTrack, t_s: f64) -> f64 {
+    /// What the station offers for an object that it has fired at for so long without a break [s], if it is its target:
+    /// slew, settling, and the dwell, for which the way there and what lies behind must stay open, as far as that can
+    /// be foreseen. What was hidden in between is heated anew.
+    fn offer(&self, object: &CartesianTrack, t_s: f64, fired_s: Option<f64>) -> Offer {
         let (r_enu_m, v_enu_mps) = object.advanced(t_s).motion_enu();
         let from_m = self.mount.r_enu_m;
         let at = los_to_az_el(r_enu_m - from_m);
@@ -204,21 +205,29 @@ impl Bidder<'_> {
             .mount
             .params
             .error_rad(at, self.mount.measured_az_el_rad());
-        let ready_s = self.slew.slew_s(off_rad.abs().max_element()) + LOCKED_S;
-        let wanted_s = self.dwell_s(r_enu_m - from_m);
-        let mut open_s = 0.0;
-        let mut ahead_s = ready_s;
+        let ready_s = match fired_s {
+            Some(fired_s) if fired_s > 0.0 => 0.0,
+            _ => self.slew.slew_s(off_rad.abs().max_element()) + LOCKED_S,
+        };
+        let dwell_s = self.dwell_s(r_enu_m - from_m);
+        let mut wanted_s = (dwell_s - fired_s.unwrap_or(0.0)).max(STEP_S);
+        let (mut open_s, mut ahead_s, mut ever, mut steady) = (0.0, ready_s, false, true);
         while open_s < wanted_s && ahead_s < ready_s + FORESIGHT_S {
             if self.way.is_open(r_enu_m + ahead_s * v_enu_mps) {
                 open_s += STEP_S;
+                ever = true;
+            } else {
+                (open_s, wanted_s, steady) = (0.0, dwell_s, false);
             }
             ahead_s += STEP_S;
         }
-        if open_s <= 0.0 {
-            return f64::INFINITY;
-        }
         // What lies beyond the foresight is taken to be open.
-        ahead_s + (wanted_s - open_s).max(0.0)
+        let engaged_s = if ever {
+            ahead_s + (wanted_s - open_s).max(0.0)
+        } else {
+            f64::INFINITY
+        };
+        Offer { engaged_s, steady }
     }
 
     /// Time for which the laser would heat a common skin so far away [m] until it fails [s], without cooling.
@@ -323,12 +332,12 @@ pub fn assign_targets(
             (link.latest.values()).filter(|report| clock.at_s(clock.tick - report.tick) < SILENT_S);
         let mut bids = Vec::new();
         for report in heard {
-            for (identity, engaged_s) in &report.bids {
+            for (identity, offer) in &report.bids {
                 if let Some(target) = index_of(identity) {
                     bids.push(Bid {
                         station: report.station,
                         target,
-                        engaged_s: *engaged_s,
+                        offer: *offer,
                     });
                 }
             }

@@ -1,6 +1,8 @@
 //! Several stations in one run.
 
-use crate::common::{BLIND, ROOT, boresight, messages, refused, run_scenario, tick_hashes};
+use crate::common::{
+    BLIND, ROOT, Run, boresight, messages, refused, rendering, run_scenario, tick_hashes,
+};
 use boresight::app::{self, Options};
 use boresight::components::beam::BeamState;
 use boresight::components::engage::Interlocks;
@@ -9,6 +11,7 @@ use boresight::components::track::{Tracker, TrackingState};
 use boresight::recording::proto;
 use boresight::scenario::Scenario;
 use prost::Message as _;
+use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -63,6 +66,103 @@ fn every_station_tracks_fires_and_is_recorded() {
             "{state}"
         );
     }
+}
+
+/// The one object of a run, and its longest time unseen [s].
+fn only_object(run: &Run) -> f64 {
+    let objects = run.summary["objects"].as_array().unwrap();
+    assert_eq!(objects.len(), 1, "{objects:?}");
+    let by: Vec<_> = (objects[0]["stations"].as_array().unwrap().iter())
+        .map(|name| name.as_str().unwrap())
+        .collect();
+    assert_eq!(by, ["yard", "tower"]);
+    objects[0]["longest_gap_s"].as_f64().unwrap()
+}
+
+/// When each station took the object over [s].
+fn engaged_by(run: &Run) -> Vec<(f64, String)> {
+    let engaged = run.summary["objects"][0]["engaged_by"].clone();
+    serde_json::from_value(engaged).unwrap()
+}
+
+#[test]
+fn a_target_is_handed_over_before_a_building_hides_it() {
+    let run = run_scenario("two_stations", &BLIND);
+    assert!(only_object(&run) <= 0.2);
+    // The yard is nearer; 9.4 s in it loses sight of the UAV.
+    let [(_, first), (over_s, second)] = &engaged_by(&run)[..] else {
+        panic!("{:?}", engaged_by(&run))
+    };
+    assert_eq!((first.as_str(), second.as_str()), ("yard", "tower"));
+    assert!((2.0..9.4).contains(over_s), "{over_s}");
+    // Each fired, and only while the target was its own, but for the first second, in which they knew of no other.
+    let energy_j = |station: &str| run.number(&format!("/stations/{station}/energy_j"));
+    assert!(energy_j("0") > 100.0 && energy_j("1") > 500.0);
+    let states: Vec<Value> = (messages(&run.file("run.mcap"), "/boresight/network").iter())
+        .map(|json| serde_json::from_slice(json).unwrap())
+        .collect();
+    let engaging = |station: &str, from_s: f64| {
+        let own = states
+            .iter()
+            .filter(move |state| state["station"] == station);
+        own.skip((10.0 * from_s) as usize)
+            .take_while(|state| !state["objects"].as_array().unwrap().is_empty())
+            .filter(|state| state["engages"] == true)
+            .count()
+    };
+    assert!(engaging("yard", 0.0) > 10 && engaging("yard", over_s + 0.2) == 0);
+}
+
+#[test]
+fn a_bad_link_costs_no_identity() {
+    let slow = "network={ latency_s = 0.4, loss = 0.4 }";
+    let run = run_scenario("two_stations", &[&BLIND[..], &["--set", slow]].concat());
+    assert!(only_object(&run) <= 0.2);
+}
+
+#[test]
+fn one_station_holds_on_pixels_what_a_building_hides_from_the_other() {
+    let _one = rendering();
+    let run = run_scenario("two_stations", &["--set", "duration_s=13"]);
+    assert!(only_object(&run) <= 0.2);
+    let held = |state: &str, station: &str| {
+        let data = messages(
+            &run.file("run.mcap"),
+            &format!("/boresight/{station}track_state"),
+        );
+        let names = data
+            .iter()
+            .map(|data| proto::TrackState::decode(&data[..]).unwrap().state);
+        names.filter(|name| name == state).count()
+    };
+    // The yard loses it for a second and more, and the tower never does.
+    assert!(held("lost", "") > 100 && held("lost", "tower/") == 0);
+}
+
+#[test]
+fn of_two_stations_one_engages_and_one_watches() {
+    let mut args = BLIND.to_vec();
+    args.extend(["--set", "duration_s=4", "--set", EAST, "--set", HOVERS]);
+    let run = run_scenario("urban_intercept", &args);
+    // Until each knew of the other, for less than a second, both fired.
+    let energy_j = |station: &str| run.number(&format!("/stations/{station}/energy_j"));
+    let [most_j, least_j] = if energy_j("0") > energy_j("1") {
+        ["0", "1"]
+    } else {
+        ["1", "0"]
+    };
+    assert!(energy_j(most_j) > 1000.0 && energy_j(least_j) < 800.0);
+    let mcap = run.file("run.mcap");
+    let watcher = if least_j == "0" { "" } else { "east/" };
+    let beams = messages(&mcap, &format!("/boresight/{watcher}beam_state"));
+    let refused = (beams.iter())
+        .map(|data| proto::BeamState::decode(&data[..]).unwrap().interlocks)
+        .filter(|interlocks| {
+            interlocks
+                .iter()
+                .any(|one| one == "another station's target")
+        });
+    assert!(refused.count() > 100);
 }
 
 #[test]
@@ -148,6 +248,16 @@ fn stations_that_cannot_stand_are_refused() {
             ["operator[0].station", "did you mean 'station'"],
         ),
         ("stations=[{ name = 'a/b' }]", ["stations[0].name", "slash"]),
+        ("network.loss=1.5", ["network.loss", "must be 0 to 1"]),
+        ("network.rate_hz=7", ["network.rate_hz", "does not divide"]),
+        (
+            "network.assignment='fair'",
+            ["network.assignment", "least_cost"],
+        ),
+        (
+            "search.cue={ sigma_deg = 1, all = true, target = 'intruder' }",
+            ["search.cue.all", "leave one of the two out"],
+        ),
         (
             "stations=[{ name = 'a', laser = { watts = 3 } }]",
             ["stations[0].laser.watts", "unknown key"],

@@ -37,20 +37,29 @@ impl AllocationRule {
 /// From a mount at rest on a target to the first shot [s]: confirmation by the cameras, lock, echo; as runs show.
 pub const LOCKED_S: f64 = 1.0;
 
-/// What a station offers: to have engaged a target by then.
+/// What a station offers for a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Offer {
+    /// Time until it would have engaged it [s]; infinite if it cannot.
+    pub engaged_s: f64,
+    /// Whether nothing is foreseen to come between.
+    pub steady: bool,
+}
+
+/// A station's offer for a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bid {
     /// Index of the station.
     pub station: usize,
     /// Index of the target.
     pub target: usize,
-    /// Time until it would have engaged it [s].
-    pub engaged_s: f64,
+    /// The offer.
+    pub offer: Offer,
 }
 
 /// The target of each of `stations` stations. `expected_s` is for each target the time in which it could be at
 /// the asset over its probability of being a UAV [s]; another target must be cheaper than a station's `present` one
-/// by the factor `hysteresis`.
+/// by the factor `hysteresis`, unless something is about to come between the station and that.
 pub fn allocate(
     rule: AllocationRule,
     stations: usize,
@@ -62,15 +71,19 @@ pub fn allocate(
     /// Any pair is better than two that stay alone.
     const ALONE: f64 = 1e3;
     let pairs: Vec<Pair> = (bids.iter())
-        .filter(|bid| bid.engaged_s.is_finite())
+        .filter(|bid| bid.offer.engaged_s.is_finite())
         .map(|bid| {
-            let kept = present.get(bid.station).copied().flatten() == Some(bid.target);
-            let kept = if kept { hysteresis.ln() } else { 0.0 };
+            let held = present.get(bid.station).copied().flatten() == Some(bid.target);
+            let kept = if held && bid.offer.steady {
+                hysteresis.ln()
+            } else {
+                0.0
+            };
             let urgency = expected_s[bid.target].clamp(1e-3, 1e6).ln();
             Pair {
                 row: bid.station,
                 column: bid.target,
-                cost: urgency + bid.engaged_s.max(1e-3).ln() - kept - ALONE,
+                cost: urgency + bid.offer.engaged_s.max(1e-3).ln() - kept - ALONE,
             }
         })
         .collect();
@@ -106,7 +119,10 @@ mod tests {
             let bid = move |(target, engaged_s): (usize, &f64)| Bid {
                 station,
                 target,
-                engaged_s: *engaged_s,
+                offer: Offer {
+                    engaged_s: *engaged_s,
+                    steady: true,
+                },
             };
             times_s.map(bid).collect::<Vec<_>>()
         };
@@ -161,6 +177,14 @@ mod tests {
         // 40 against 30: not cheaper by half.
         assert_eq!(least(&[10.0, 15.0], &[[4.0, 2.0]], &[Some(0)]), [Some(0)]);
         assert_eq!(least(&[10.0, 11.0], &[[4.0, 2.0]], &[Some(0)]), [Some(1)]);
+        // What is about to be hidden is not kept for less.
+        let mut hidden = bids(&[[4.0, 2.0]]);
+        hidden[0].offer.steady = false;
+        let rule = AllocationRule::LeastCost;
+        assert_eq!(
+            allocate(rule, 1, &[10.0, 15.0], &hidden, &[Some(0)], 1.5),
+            [Some(1)]
+        );
         // What it cannot see it does not take.
         assert_eq!(
             least(&[10.0, 99.0], &[[f64::INFINITY, 2.0]], &[]),
