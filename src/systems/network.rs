@@ -284,7 +284,6 @@ pub struct Tasked {
     params: &'static TrackerParams,
     link: &'static Link,
     picture: &'static SharedPicture,
-    tracker: &'static mut Tracker,
     tasking: &'static mut Tasking,
 }
 
@@ -307,16 +306,8 @@ pub fn assign_targets(
             params,
             link,
             picture,
-            mut tracker,
             mut tasking,
         } = station;
-        for object in picture.objects.iter().filter(|object| object.dealt_with) {
-            if let Some(track) =
-                (object.number_at(station.index)).and_then(|id| tracker.table.get_mut(id))
-            {
-                track.barred_until_s = f64::INFINITY;
-            }
-        }
         let open: Vec<&SharedObject> = (picture.objects.iter())
             .filter(|object| !object.dealt_with)
             .collect();

@@ -18,6 +18,8 @@ use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 /// Spectral density of the target's white acceleration [m²/s³]: a small multirotor that turns at
 /// some 2 m/s² and holds the turn for about a second.
 pub const ACCELERATION_PSD: f64 = 2.0;
+/// The same of one that falls: within a second it is as fast as gravity makes it [m²/s³].
+const FALLING_PSD: f64 = 100.0;
 /// Standard deviation of the velocity of a target just found, east, north, up [m/s].
 pub const FIRST_VELOCITY_SIGMA_MPS: [f64; 3] = [12.0, 12.0, 3.0];
 /// Nearest a target can be [m].
@@ -69,6 +71,8 @@ pub struct CartesianTrack {
     /// East, north, up [m], then their rates [m/s].
     x: Vector6<f64>,
     p: Matrix6<f64>,
+    /// Spectral density of its acceleration [m²/s³].
+    acceleration_psd: f64,
 }
 
 fn to_vector(v: DVec3) -> Vector3<f64> {
@@ -150,7 +154,17 @@ impl CartesianTrack {
         for (axis, sigma) in FIRST_VELOCITY_SIGMA_MPS.into_iter().enumerate() {
             p[(3 + axis, 3 + axis)] = sigma * sigma;
         }
-        Self { t_s, x, p }
+        Self {
+            t_s,
+            x,
+            p,
+            acceleration_psd: ACCELERATION_PSD,
+        }
+    }
+
+    /// From now on its target falls.
+    pub fn falls(&mut self) {
+        self.acceleration_psd = FALLING_PSD;
     }
 
     /// The track at `t_s` [s], not before its last measurement.
@@ -169,7 +183,8 @@ impl CartesianTrack {
         Self {
             t_s: self.t_s.max(t_s),
             x: f * self.x,
-            p: f * self.p * f.transpose() + q * ACCELERATION_PSD,
+            p: f * self.p * f.transpose() + q * self.acceleration_psd,
+            ..*self
         }
     }
 
@@ -275,9 +290,9 @@ impl CartesianTrack {
         let gain = cross * inverse;
         let p = self.p - gain * cross.transpose();
         Self {
-            t_s: self.t_s,
             x: self.x + gain * innovation,
             p: (p + p.transpose()) * 0.5,
+            ..*self
         }
     }
 

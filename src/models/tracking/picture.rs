@@ -170,13 +170,18 @@ impl SharedObject {
         }
     }
 
+    /// A station saw it fall.
+    fn fell(&mut self) {
+        self.dealt_with = true;
+        self.track.falls();
+    }
+
     /// Takes another object in, which it is.
     fn absorb(&mut self, other: Self) {
         self.identity = self.identity.min(other.identity);
         if other.track.sigma_m() < self.track.sigma_m() {
             self.track = other.track;
         }
-        self.dealt_with |= other.dealt_with;
         self.followers.extend(other.followers);
     }
 
@@ -186,7 +191,7 @@ impl SharedObject {
         let Some(followed) = self.followers.get_mut(&fix.follower) else {
             return false;
         };
-        if far && !self.dealt_with {
+        if far {
             followed.misfits += 1;
             return followed.misfits < MISFITS;
         }
@@ -194,10 +199,6 @@ impl SharedObject {
         followed.last_s = followed.last_s.max(fix.t_s);
         match &fix.measured {
             Measured::Bearing(bearing) => self.track.take_bearing(fix.t_s, bearing),
-            Measured::Position(r_enu_m, covariance) if far => {
-                // What falls follows no straight line.
-                self.track = CartesianTrack::start(fix.t_s, *r_enu_m, covariance);
-            }
             Measured::Position(r_enu_m, covariance) => {
                 self.track.take_position(fix.t_s, *r_enu_m, covariance);
             }
@@ -271,7 +272,9 @@ impl Picture {
         if let Some(followed) = object.followers.get_mut(&follower) {
             followed.log_odds = log_odds;
         }
-        object.dealt_with |= fell;
+        if fell {
+            object.fell();
+        }
         if let Some(name) = called.filter(|name| !taken && *name < object.identity) {
             object.identity = name;
         }
@@ -314,7 +317,8 @@ impl Picture {
                             && fix.t_s - followed.last_s < REPLACED_S
                     });
                     let cost = object.distance2(fix) - FITS;
-                    if !taken && cost < 0.0 {
+                    // What is near one that falls may be its neighbour.
+                    if !taken && !object.dealt_with && cost < 0.0 {
                         pairs.push(Pair { row, column, cost });
                     }
                 }
@@ -467,13 +471,14 @@ impl Picture {
     }
 }
 
-/// Squared distance of two objects in six degrees of freedom; infinite where one sensor follows both.
+/// Squared distance of two objects in six degrees of freedom; infinite where one sensor follows both, and of one
+/// that falls.
 fn apart2(a: &SharedObject, b: &SharedObject) -> f64 {
     let sensors = |object: &SharedObject| -> BTreeSet<(usize, Sensor)> {
         let of = |f: &Follower| (f.station, f.sensor);
         object.followers.keys().map(of).collect()
     };
-    if !sensors(a).is_disjoint(&sensors(b)) {
+    if a.dealt_with || b.dealt_with || !sensors(a).is_disjoint(&sensors(b)) {
         return f64::INFINITY;
     }
     let t_s = a.track.t_s().max(b.track.t_s());
