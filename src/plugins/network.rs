@@ -1,5 +1,7 @@
 //! The stations' network.
 
+use crate::components::capture::SensorCamera;
+use crate::components::control::Radar;
 use crate::components::mount::Station;
 use crate::components::network::{Holdings, Link, Network, SharedPicture, Tasking};
 use crate::components::record::OwnTopics;
@@ -11,13 +13,14 @@ use crate::systems::run::nothing_failed;
 use bevy::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Adds the domain to both schedules, in [`TrackStage::Share`]: what arrives tells the tracker which target to take.
+/// Adds the domain to the ticks, in [`TrackStage::Share`]: what arrives tells the tracker which target to take.
 pub struct NetworkPlugin;
 
 impl Plugin for NetworkPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Holdings>()
-            .add_systems(SetUp, set_up.run_if(nothing_failed).in_set(TickSet::Track))
+            // Once the radars are there.
+            .add_systems(SetUp, set_up.run_if(nothing_failed).in_set(TickSet::Engage))
             .add_systems(
                 Tick,
                 (
@@ -39,6 +42,8 @@ fn set_up(
     seed: Res<Seed>,
     clock: Res<SimClock>,
     mut topics: ResMut<OwnTopics>,
+    cameras: Query<&SensorCamera>,
+    radars: Query<&Radar>,
     stations: Query<(Entity, &Station)>,
 ) {
     let scenario = &loaded.scenario;
@@ -57,14 +62,10 @@ fn set_up(
     let Some(config) = scenario.network() else {
         return;
     };
-    // The longest way of a measurement: exposure and inference, or the radar's latency; the wait for the next
-    // report; the link.
-    const DETECTED_S: f64 = 0.05; // [s]
-    let radars = scenario
-        .stations()
-        .into_iter()
-        .filter_map(|station| station.search.cue.as_ref().map(|cue| cue.latency_s));
-    let known_s = radars.fold(DETECTED_S, f64::max);
+    // The longest way of a measurement: camera and detector, or radar; the wait for the next report; the link.
+    let latencies = cameras.iter().map(|camera| camera.latency_ticks);
+    let latencies = latencies.chain(radars.iter().map(|radar| radar.latency_ticks));
+    let known_s = clock.at_s(latencies.max().unwrap_or_default());
     commands.insert_resource(Network {
         rate_hz: config.rate_hz,
         latency_ticks: clock.ticks_of(config.latency_s),

@@ -13,30 +13,43 @@ use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::maths::kinematics::error_angles;
 use crate::systems::track::followed;
+use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
+
+/// A station as its state is hashed.
+#[derive(QueryData)]
+pub struct Hashed {
+    mount: &'static Mount,
+    command: &'static MountCommand,
+    beam: &'static BeamState,
+    fire: &'static FireCommand,
+    tracker: &'static Tracker,
+    queue: &'static DetectionQueue,
+    picture: &'static SharedPicture,
+    tasking: &'static Tasking,
+}
 
 /// Hashes the state after this tick.
 pub fn hash_state(
     clock: Res<SimClock>,
     mut hash: ResMut<StateHash>,
-    stations: Query<(
-        &Mount,
-        &MountCommand,
-        &BeamState,
-        &FireCommand,
-        &Tracker,
-        &DetectionQueue,
-        &SharedPicture,
-        &Tasking,
-    )>,
+    stations: Query<Hashed>,
     uavs: Query<(&Flight, &HeatedSkin, &UavStatus)>,
     distractors: Query<&Flight, With<Distractor>>,
     mut bytes: Local<Vec<u8>>,
 ) {
     bytes.clear();
-    for (mount, command, beam, fire, tracker, ..) in &stations {
+    for station in &stations {
+        let HashedItem {
+            mount,
+            command,
+            beam,
+            fire,
+            tracker,
+            ..
+        } = station;
         put_mount(&mut bytes, mount);
         let mut put = |values: &[f64]| put_all(&mut bytes, values);
         put(&command.gimbal.rate_radps);
@@ -71,7 +84,14 @@ pub fn hash_state(
         put(&flight.state.q_enu_body.to_array());
         put(&flight.state.rotor_phase_rad[..1]);
     }
-    for (.., tracker, queue, picture, tasking) in &stations {
+    for station in &stations {
+        let HashedItem {
+            tracker,
+            queue,
+            picture,
+            tasking,
+            ..
+        } = station;
         put(&[
             tracker.state as u8 as f64,
             tracker.target.map_or(-1.0, f64::from),

@@ -381,7 +381,7 @@ mod tests {
                 v += root * kick;
             }
             let t = f64::from(k) * REPORT_S;
-            for from in 0..2 {
+            for (from, station) in STATIONS.into_iter().enumerate() {
                 let seen = bearing(from, r, &mut rng);
                 if rng.uniform() < loss {
                     continue;
@@ -390,7 +390,7 @@ mod tests {
                 let mut exact = bound.advanced(t);
                 (exact.x[0], exact.x[1], exact.x[2]) = (r.x, r.y, r.z);
                 bound = exact;
-                let az_el_rad = los_to_az_el(r - STATIONS[from]);
+                let az_el_rad = los_to_az_el(r - station);
                 bound.take_bearing(t, &Bearing { az_el_rad, ..seen });
             }
         }

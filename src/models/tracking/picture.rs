@@ -663,11 +663,11 @@ mod tests {
         let far = |i: u32, t_s: f64| uav(i, t_s) + DVec3::X * 150.0 * f64::from(i);
         for k in 0..200 {
             let t_s = 0.05 * f64::from(k);
-            for station in 0..2 {
+            for (station, from_m) in STATIONS.into_iter().enumerate() {
                 for i in 0..3 {
                     if k % 20 == 0 {
-                        let plot = errors.plot(far(i, t_s) - STATIONS[station], t_s, &mut rng);
-                        let (r_enu_m, covariance) = errors.converted(&plot, STATIONS[station]);
+                        let plot = errors.plot(far(i, t_s) - from_m, t_s, &mut rng);
+                        let (r_enu_m, covariance) = errors.converted(&plot, from_m);
                         let follower = Follower {
                             station,
                             sensor: Sensor::Radar,
