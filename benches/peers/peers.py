@@ -20,13 +20,11 @@ import os
 import pathlib
 import random
 import statistics
-import subprocess
 import sys
 import time
-import venv
 
-HERE = pathlib.Path(__file__).resolve().parent
-CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "boresight"
+import own_venv
+
 WIDTH, HEIGHT = 640, 480
 STATION_M = (0.0, 0.0, 48.0)
 UAV_M = (-707.0, 707.0, 58.0)
@@ -165,31 +163,16 @@ def ours_ms(criterion, field_deg):
         return None
 
 
-def in_own_venv():
-    """Continues in a venv that has the pinned packages, made on the first call."""
-    folder = CACHE / "peers-venv"
-    python = folder / "bin" / "python"
-    wanted = (HERE / "requirements.txt").read_text()
-    stamp = folder / "requirements.txt"
-    if not stamp.is_file() or stamp.read_text() != wanted:
-        print(f"peers: installing MuJoCo and PyBullet into {folder}", flush=True)
-        venv.create(folder, with_pip=True, clear=True)
-        pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        subprocess.run([*pip, "-r", HERE / "requirements.txt"], check=True)
-        stamp.write_text(wanted)
-    os.execv(python, [str(python), __file__, "--inside", *sys.argv[1:]])
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    target = pathlib.Path(os.environ.get("CARGO_TARGET_DIR") or CACHE / "target")
+    target = pathlib.Path(os.environ.get("CARGO_TARGET_DIR") or own_venv.CACHE / "target")
     parser.add_argument("--frames", type=int, default=20, help="frames a figure (default 20)")
     parser.add_argument("--criterion", type=pathlib.Path, default=target / "criterion",
                         help="folder that `cargo bench` filled (default %(default)s)")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if not args.inside:
-        in_own_venv()
+        own_venv.continue_in("peers-venv", "requirements.txt")
     # On the CPU, whatever GPU there is: Boresight's figures are for software rendering too.
     os.environ.setdefault("MUJOCO_GL", "egl")
     os.environ.setdefault("LIBGL_ALWAYS_SOFTWARE", "1")
