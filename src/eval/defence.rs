@@ -218,8 +218,8 @@ impl Evaluation {
             .map(|(name, case)| (name.as_str(), &case.left))
             .collect();
         let chart = Chart {
-            title: "UAVs not brought down, mean",
-            unit: "",
+            title: "Not brought down, mean",
+            unit: "UAVs",
             scale: Scale::Linear,
             series: &series,
             limit: None,
