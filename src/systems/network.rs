@@ -70,8 +70,11 @@ pub fn report(
     let stations_enu_m: Vec<DVec3> = (stations.iter())
         .map(|station| station.mount.r_enu_m)
         .collect();
+    let number = clock.tick * u64::from(network.rate_hz) / u64::from(clock.tick_hz);
+    let renews = number.is_multiple_of(u64::from((network.rate_hz / BIDS_HZ).max(1)));
     let reports: Vec<Arc<Report>> = (stations.iter_mut())
-        .map(|station| Arc::new(report_of(&clock, &environment, &stations_enu_m, station)))
+        .map(|station| report_of(&clock, &environment, &stations_enu_m, renews, station))
+        .map(Arc::new)
         .collect();
     let arrives = clock.tick + network.latency_ticks;
     for mut station in &mut stations {
@@ -86,11 +89,12 @@ pub fn report(
     }
 }
 
-/// What a station sends.
+/// What a station sends; `renews`: its bids are worked out anew.
 fn report_of(
     clock: &SimClock,
     environment: &Environment,
     stations_enu_m: &[DVec3],
+    renews: bool,
     station: ReportingItem,
 ) -> Report {
     let (index, r_enu_m) = (station.station.index, station.mount.r_enu_m);
@@ -155,7 +159,7 @@ fn report_of(
         );
         add(follower, [plot, None], 0.0, false);
     }
-    if clock.due(BIDS_HZ) {
+    if renews {
         let bidder = Bidder {
             way: Way {
                 rules: station.rules,
