@@ -101,16 +101,14 @@ fn a_target_is_handed_over_before_a_building_hides_it() {
     let states: Vec<Value> = (messages(&run.file("run.mcap"), "/boresight/network").iter())
         .map(|json| serde_json::from_slice(json).unwrap())
         .collect();
-    let engaging = |station: &str, from_s: f64| {
-        let own = states
-            .iter()
-            .filter(move |state| state["station"] == station);
-        own.skip((10.0 * from_s) as usize)
-            .take_while(|state| !state["objects"].as_array().unwrap().is_empty())
-            .filter(|state| state["engages"] == true)
-            .count()
+    let engaging = |station: &str, [from_s, to_s]: [f64; 2]| {
+        let own = states.iter().filter(|state| state["station"] == station);
+        let span = own.skip((10.0 * from_s) as usize);
+        let span = span.take((10.0 * (to_s - from_s)) as usize);
+        span.filter(|state| state["engages"] == true).count()
     };
-    assert!(engaging("yard", 0.0) > 10 && engaging("yard", over_s + 0.2) == 0);
+    assert!(engaging("yard", [0.0, *over_s]) > 10 && engaging("yard", [over_s + 0.2, 9.0]) == 0);
+    assert!(engaging("tower", [0.0, over_s - 0.2]) == 0 && engaging("tower", [*over_s, 9.0]) > 10);
 }
 
 #[test]
