@@ -166,7 +166,9 @@ fn of_two_stations_one_engages_and_one_watches() {
 #[test]
 fn nobody_fires_across_another_station() {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
-    let set = ["detector.kind=truth", HOVERS, BETWEEN].map(String::from);
+    // Told by the network, the rear one would leave the UAV to the other.
+    let alone = "network={ assignment = 'none' }";
+    let set = ["detector.kind=truth", HOVERS, BETWEEN, alone].map(String::from);
     let loaded = Scenario::load(&path, &set).unwrap();
     let mut app = app::build(&loaded, &Options::default()).unwrap();
     let world = app.world_mut();
@@ -246,7 +248,7 @@ fn stations_that_cannot_stand_are_refused() {
             ["operator[0].station", "did you mean 'station'"],
         ),
         ("stations=[{ name = 'a/b' }]", ["stations[0].name", "slash"]),
-        ("network.loss=1.5", ["network.loss", "must be 0 to 1"]),
+        ("network.loss=1.5", ["network.loss", "must be from 0 to 1"]),
         ("network.rate_hz=7", ["network.rate_hz", "does not divide"]),
         (
             "network.assignment='fair'",
