@@ -262,7 +262,8 @@ fn waiting(ui: &mut egui::Ui, tracker: &Tracker, tasking: &Tasking, stations: &[
             .collect(),
     };
     if !queue.is_empty() {
-        row(ui, "next", queue.join(", "));
+        // Several names are wider than a row.
+        ui.small(format!("next: {}", queue.join(", ")));
     }
 }
 
