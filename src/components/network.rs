@@ -6,7 +6,7 @@ use crate::models::maths::rng::Stream;
 use crate::models::tracking::cartesian::{CartesianTrack, TargetCue};
 use crate::models::tracking::picture::{Fix, Follower, Picture};
 use bevy::prelude::*;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -21,6 +21,8 @@ pub struct Network {
     pub latency_ticks: u64,
     /// Share of the reports that are lost, at each receiver.
     pub loss: f64,
+    /// A station whose last report is older is not counted on.
+    pub silent_ticks: u64,
     /// For how long measurements wait for others of the same time [s]: all stations take them in in one order.
     pub hold_s: f64,
     /// How targets are assigned.
@@ -89,7 +91,7 @@ pub struct Report {
     /// Its tracks.
     pub tracks: Vec<TrackReport>,
     /// What it offers for each object.
-    pub bids: BTreeMap<Follower, Offer>,
+    pub offers: BTreeMap<Follower, Offer>,
 }
 
 /// A station's end of the link.
@@ -106,7 +108,7 @@ pub struct Link {
     /// When the last measurement of each of its tracks was made that it sent [s]: of direction or position, of range.
     pub sent_s: BTreeMap<Follower, [f64; 2]>,
     /// Its last offers.
-    pub bids: BTreeMap<Follower, Offer>,
+    pub offers: BTreeMap<Follower, Offer>,
 }
 
 /// All that a station knows of the objects about.
@@ -129,7 +131,7 @@ pub struct Task {
 /// Which object a station is to follow, and what comes next.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Tasking {
-    /// The object; `None` without one, and where nobody assigns.
+    /// The object; `None` without one.
     pub task: Option<Task>,
     /// Numbers of its tracks that are other stations' business, or nobody's yet.
     pub spared: BTreeSet<u32>,
@@ -146,9 +148,7 @@ impl Tasking {
         const STRAYS_M: f64 = 2.0;
         let task = self.task.as_ref()?;
         let mut cue = task.object.cue(r_station_enu_m, t_s);
-        cue.sigma_rad = cue
-            .sigma_rad
-            .max(glam::DVec2::splat(STRAYS_M / cue.range_m));
+        cue.sigma_rad = cue.sigma_rad.max(DVec2::splat(STRAYS_M / cue.range_m));
         Some(cue)
     }
 

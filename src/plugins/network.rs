@@ -36,6 +36,10 @@ impl Plugin for NetworkPlugin {
     }
 }
 
+/// A station is not counted on after so long without a report [s], or so many that did not come.
+const SILENT_S: f64 = 1.0;
+const SILENT_REPORTS: f64 = 3.0;
+
 fn set_up(
     mut commands: Commands,
     loaded: Res<RunScenario>,
@@ -54,7 +58,7 @@ fn set_up(
             waiting: Vec::new(),
             latest: BTreeMap::new(),
             sent_s: BTreeMap::new(),
-            bids: BTreeMap::new(),
+            offers: BTreeMap::new(),
         };
         let own = (link, SharedPicture::default(), Tasking::default());
         commands.entity(entity).insert(own);
@@ -62,6 +66,7 @@ fn set_up(
     let Some(config) = scenario.network() else {
         return;
     };
+    let period_s = 1.0 / f64::from(config.rate_hz);
     // The longest way of a measurement: camera and detector, or radar; the wait for the next report; the link.
     let latencies = cameras.iter().map(|camera| camera.latency_ticks);
     let latencies = latencies.chain(radars.iter().map(|radar| radar.latency_ticks));
@@ -69,8 +74,9 @@ fn set_up(
     commands.insert_resource(Network {
         rate_hz: config.rate_hz,
         latency_ticks: clock.ticks_of(config.latency_s),
+        silent_ticks: clock.ticks_of(config.latency_s + SILENT_S.max(SILENT_REPORTS * period_s)),
         loss: config.loss,
-        hold_s: known_s + 1.0 / f64::from(config.rate_hz) + config.latency_s,
+        hold_s: known_s + period_s + config.latency_s,
         rule: config.assignment,
         hysteresis: config.hysteresis,
         topic: topics.add("/boresight/network"),

@@ -18,7 +18,7 @@ pub struct NetworkConfig {
     /// Share of the reports that are lost, 0 to 1, at each receiver by itself.
     pub loss: f64,
     /// How targets are assigned: "least_cost" (by urgency, slew, dwell and lines of sight together), "greedy"
-    /// (the cheapest pair first) or "none" (every station chooses for itself).
+    /// (the cheapest pair first) or "none" (every station takes what is cheapest for itself).
     pub assignment: AllocationRule,
     /// Another target must be cheaper than the present one by this factor.
     pub hysteresis: f64,

@@ -12,7 +12,7 @@ use crate::components::network::{
 use crate::components::record::{OwnTopics, Recording};
 use crate::components::run::{PartError, SimClock};
 use crate::components::track::{Tracker, TrackerParams};
-use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, Offer, allocate};
+use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, Offer, allocate, watch};
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::laser::thermal::ABS_SHELL;
 use crate::models::maths::kinematics::los_to_az_el;
@@ -31,16 +31,12 @@ use std::sync::Arc;
 /// Hits that make a track worth reporting, and the log-odds below which it is not.
 const REPORTED_HITS: u32 = 6;
 const REPORTED: f64 = -2.0;
-/// How often targets are assigned, and bids worked out anew [Hz].
+/// How often targets are assigned, and offers worked out anew [Hz].
 const ASSIGNED_HZ: u32 = 10;
-const BIDS_HZ: u32 = 5;
-/// A station that has been silent for so long is not counted on [s].
-const SILENT_S: f64 = 1.0;
+const OFFERS_HZ: u32 = 5;
 /// How far ahead lines of sight are looked up, and in what steps [s].
 const FORESIGHT_S: f64 = 6.0;
 const STEP_S: f64 = 0.25;
-/// Ambient temperature from which a skin is heated [K].
-const AMBIENT_K: f64 = 288.0;
 
 /// A station as it reports.
 #[derive(QueryData)]
@@ -56,7 +52,7 @@ pub struct Reporting {
     link: &'static mut Link,
 }
 
-/// Every station sends what it has measured since its last report, and its bids; to itself, too, so that all know
+/// Every station sends what it has measured since its last report, and its offers; to itself, too, so that all know
 /// the same at the same time.
 pub fn report(
     clock: Res<SimClock>,
@@ -71,7 +67,7 @@ pub fn report(
         .map(|station| station.mount.r_enu_m)
         .collect();
     let number = clock.tick * u64::from(network.rate_hz) / u64::from(clock.tick_hz);
-    let renews = number.is_multiple_of(u64::from((network.rate_hz / BIDS_HZ).max(1)));
+    let renews = number.is_multiple_of(u64::from((network.rate_hz / OFFERS_HZ).max(1)));
     let reports: Vec<Arc<Report>> = (stations.iter_mut())
         .map(|station| report_of(&clock, &environment, &stations_enu_m, renews, station))
         .map(Arc::new)
@@ -89,7 +85,7 @@ pub fn report(
     }
 }
 
-/// What a station sends; `renews`: its bids are worked out anew.
+/// What a station sends; `renews`: its offers are worked out anew.
 fn report_of(
     clock: &SimClock,
     environment: &Environment,
@@ -99,7 +95,7 @@ fn report_of(
 ) -> Report {
     let (index, r_enu_m) = (station.station.index, station.mount.r_enu_m);
     let (picture, tracker): (&Picture, _) = (station.picture, station.tracker);
-    let Link { sent_s, bids, .. } = station.link.into_inner();
+    let Link { sent_s, offers, .. } = station.link.into_inner();
     let worth = |track: &&Track| {
         track.fallen()
             || track.total_hits() >= REPORTED_HITS
@@ -111,6 +107,11 @@ fn report_of(
         sensor,
         number,
     };
+    // Numbers are never used again.
+    sent_s.retain(|sent, _| match sent.sensor {
+        Sensor::Cameras => tracker.table.get(sent.number).is_some(),
+        Sensor::Radar => station.radar.tracks.contains_key(&(sent.number as usize)),
+    });
     // The newest measurement of a kind, if it has not been sent yet.
     let mut news = |follower: Follower, kind: usize, t_s: f64, measured: Measured| {
         let last_s = &mut sent_s.entry(follower).or_insert([f64::NEG_INFINITY; 2])[kind];
@@ -171,7 +172,7 @@ fn report_of(
             laser: station.laser,
             slew: SlewLimits::of(&station.mount.params.azimuth),
         };
-        *bids = (picture.objects.iter())
+        *offers = (picture.objects.iter())
             .filter(|object| !object.dealt_with)
             .map(|object| {
                 let held = tracker.target.is_some() && object.number_at(index) == tracker.target;
@@ -185,11 +186,11 @@ fn report_of(
         station: index,
         tick: clock.tick,
         tracks,
-        bids: bids.clone(),
+        offers: offers.clone(),
     }
 }
 
-/// What a station's bid depends on.
+/// What a station's offers depend on.
 struct Bidder<'a> {
     way: Way<'a>,
     mount: &'a Mount,
@@ -198,9 +199,9 @@ struct Bidder<'a> {
 }
 
 impl Bidder<'_> {
-    /// What the station offers for an object that it has fired at for so long without a break [s], if it is its target:
-    /// slew, settling, and the dwell, for which the way there and what lies behind must stay open, as far as that can
-    /// be foreseen. What was hidden in between is heated anew.
+    /// What the station offers for an object, at which it has fired for so long [s] if it is its target: slew, settling,
+    /// and the dwell, for which the way there and what lies behind must stay open, as far as that can be foreseen. What
+    /// is hidden in between is heated anew.
     fn offer(&self, object: &CartesianTrack, t_s: f64, fired_s: Option<f64>) -> Offer {
         let (r_enu_m, v_enu_mps) = object.advanced(t_s).motion_enu();
         let from_m = self.mount.r_enu_m;
@@ -240,10 +241,8 @@ impl Bidder<'_> {
         let way = &self.way;
         let irradiance_wpm2 =
             expected_irradiance_wpm2(self.laser, way.environment, way.r_enu_m, to_enu_m);
-        let wanted_jpm2 = ABS_SHELL.areal_density_kgpm2
-            * ABS_SHELL.specific_heat_jpkgk
-            * (ABS_SHELL.failure_temperature_k - AMBIENT_K);
-        (wanted_jpm2 / (ABS_SHELL.absorptivity * irradiance_wpm2).max(1.0)).min(LONGEST_S)
+        let air_k = way.environment.weather.temperature_k;
+        ABS_SHELL.failure_s(irradiance_wpm2, air_k).min(LONGEST_S)
     }
 }
 
@@ -297,103 +296,79 @@ pub fn assign_targets(
     network: Option<Res<Network>>,
     mut stations: Query<Tasked>,
 ) {
-    let Some(network) = network.filter(|network| network.rule != AllocationRule::None) else {
+    let Some(network) = network.filter(|_| clock.due(ASSIGNED_HZ)) else {
         return;
     };
-    if !clock.due(ASSIGNED_HZ) {
-        return;
-    }
     let count = stations.iter().count();
     for station in &mut stations {
-        let TaskedItem {
-            station,
-            params,
-            link,
-            picture,
-            mut tasking,
-        } = station;
-        let open: Vec<&SharedObject> = (picture.objects.iter())
-            .filter(|object| !object.dealt_with)
-            .collect();
-        let index_of = |identity: &Follower| open.iter().position(|o| o.identity == *identity);
-        let expected_s: Vec<f64> = (open.iter())
-            .map(|object| {
-                let (r_enu_m, v_enu_mps) = object.track.advanced(clock.t_s()).motion_enu();
-                let threat_s = time_to_asset_s(r_enu_m, v_enu_mps, params.r_asset_enu_m);
-                threat_s * (1.0 + (-object.log_odds()).exp())
-            })
-            .collect();
-        let heard =
-            (link.latest.values()).filter(|report| clock.at_s(clock.tick - report.tick) < SILENT_S);
-        let mut bids = Vec::new();
-        for report in heard {
-            for (identity, offer) in &report.bids {
-                if let Some(target) = index_of(identity) {
-                    bids.push(Bid {
-                        station: report.station,
-                        target,
-                        offer: *offer,
-                    });
-                }
-            }
-        }
-        let before = (tasking.assigned.iter())
-            .map(|identity| identity.as_ref().and_then(index_of))
-            .collect::<Vec<_>>();
-        let (rule, hysteresis) = (network.rule, network.hysteresis);
-        let assigned = allocate(rule, count, &expected_s, &bids, &before, hysteresis);
-        let own = station.index;
-        let engages = assigned[own].is_some();
-        let present = (tasking.task.as_ref()).and_then(|task| index_of(&task.identity));
-        let watches = || watched(own, &assigned, &expected_s, &bids, present, hysteresis);
-        let target = assigned[own].or_else(watches);
-        tasking.task = target.map(|target| Task {
-            identity: open[target].identity,
-            engages,
-            track: open[target].number_at(own),
-            object: open[target].track,
-        });
-        tasking.spared = (picture.objects.iter())
-            .filter(|object| {
-                tasking
-                    .task
-                    .is_none_or(|task| task.identity != object.identity)
-            })
-            .filter_map(|object| object.number_at(own))
-            .collect();
-        let mut order: Vec<usize> = (0..open.len())
-            .filter(|target| !assigned.contains(&Some(*target)))
-            .collect();
-        order.sort_by(|a, b| expected_s[*a].total_cmp(&expected_s[*b]).then(a.cmp(b)));
-        tasking.queue = order
-            .into_iter()
-            .map(|target| open[target].identity)
-            .collect();
-        tasking.assigned = (assigned.iter())
-            .map(|target| target.map(|target| open[target].identity))
-            .collect();
+        assign_at(&clock, &network, count, station);
     }
 }
 
-/// What a station without a target of its own watches, in case the one that engages it loses it: the target that it
-/// would take.
-fn watched(
-    own: usize,
-    assigned: &[Option<usize>],
-    expected_s: &[f64],
-    bids: &[Bid],
-    present: Option<usize>,
-    hysteresis: f64,
-) -> Option<usize> {
-    // Those without a target share the others' out among themselves, as if nobody had them.
-    let idle: Vec<Bid> = (bids.iter())
-        .filter(|bid| assigned[bid.station].is_none())
-        .copied()
+/// Finds the task of one of so many stations.
+fn assign_at(clock: &SimClock, network: &Network, count: usize, station: TaskedItem) {
+    let TaskedItem {
+        station,
+        params,
+        link,
+        picture,
+        mut tasking,
+    } = station;
+    let own = station.index;
+    let open: Vec<&SharedObject> = (picture.objects.iter())
+        .filter(|object| !object.dealt_with)
         .collect();
-    let mut before = vec![None; assigned.len()];
-    before[own] = present;
-    let rule = AllocationRule::LeastCost;
-    allocate(rule, assigned.len(), expected_s, &idle, &before, hysteresis)[own]
+    let index_of = |identity: &Follower| open.iter().position(|o| o.identity == *identity);
+    let expected_s: Vec<f64> = (open.iter())
+        .map(|object| {
+            let (r_enu_m, v_enu_mps) = object.track.advanced(clock.t_s()).motion_enu();
+            let threat_s = time_to_asset_s(r_enu_m, v_enu_mps, params.r_asset_enu_m);
+            threat_s * (1.0 + (-object.log_odds()).exp())
+        })
+        .collect();
+    let heard = |report: &&Arc<Report>| clock.tick - report.tick < network.silent_ticks;
+    let bids: Vec<Bid> = (link.latest.values().filter(heard))
+        .flat_map(|report| {
+            let of = |(identity, offer): (&Follower, &Offer)| {
+                Some(Bid {
+                    station: report.station,
+                    target: index_of(identity)?,
+                    offer: *offer,
+                })
+            };
+            report.offers.iter().filter_map(of)
+        })
+        .collect();
+    let before: Vec<Option<usize>> = (tasking.assigned.iter())
+        .map(|identity| identity.as_ref().and_then(index_of))
+        .collect();
+    let (rule, hysteresis) = (network.rule, network.hysteresis);
+    let assigned = allocate(rule, count, &expected_s, &bids, &before, hysteresis);
+    let mut present = vec![None; count];
+    present[own] = (tasking.task.as_ref()).and_then(|task| index_of(&task.identity));
+    let watches = || watch(&assigned, &expected_s, &bids, &present, hysteresis)[own];
+    tasking.task = assigned[own].or_else(watches).map(|target| Task {
+        identity: open[target].identity,
+        engages: assigned[own].is_some(),
+        track: open[target].number_at(own),
+        object: open[target].track,
+    });
+    let task = tasking.task.map(|task| task.identity);
+    tasking.spared = (picture.objects.iter())
+        .filter(|object| task != Some(object.identity))
+        // Who chooses for itself leaves alone only what falls.
+        .filter(|object| rule != AllocationRule::None || object.dealt_with)
+        .filter_map(|object| object.number_at(own))
+        .collect();
+    let mut waiting: Vec<usize> = (0..open.len())
+        .filter(|target| !assigned.contains(&Some(*target)))
+        .collect();
+    waiting.sort_by(|a, b| expected_s[*a].total_cmp(&expected_s[*b]).then(a.cmp(b)));
+    let identity = |target: usize| open[target].identity;
+    tasking.queue = waiting.into_iter().map(identity).collect();
+    tasking.assigned = (assigned.iter())
+        .map(|target| target.map(identity))
+        .collect();
 }
 
 /// Notes how long the stations held each object, and who was assigned to it.

@@ -116,6 +116,10 @@ fn a_bad_link_costs_no_identity() {
     let slow = "network={ latency_s = 0.4, loss = 0.4 }";
     let run = run_scenario("two_stations", &[&BLIND[..], &["--set", slow]].concat());
     assert!(only_object(&run) <= 0.2);
+    // News of seconds ago still tell whose turn it is.
+    let late = "network={ latency_s = 2.0, rate_hz = 2 }";
+    let run = run_scenario("two_stations", &[&BLIND[..], &["--set", late]].concat());
+    assert!(!engaged_by(&run).is_empty());
 }
 
 #[test]
@@ -133,6 +137,8 @@ fn one_station_holds_on_pixels_what_a_building_hides_from_the_other() {
             .map(|data| proto::TrackState::decode(&data[..]).unwrap().state);
         names.filter(|name| name == state).count()
     };
+    // By the truth it is the UAV that the tower is on.
+    assert!(run.number("/stations/1/dwell_s") > 3.0);
     // The yard loses it for a second and more, and the tower never does.
     assert!(held("lost", "") > 100 && held("lost", "tower/") == 0);
 }

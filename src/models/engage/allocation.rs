@@ -19,7 +19,7 @@ pub enum AllocationRule {
     LeastCost,
     /// The cheapest pair, then the cheapest of what is left.
     Greedy,
-    /// None: every station chooses for itself.
+    /// None: every station takes what is cheapest for itself, whatever the others do.
     None,
 }
 
@@ -90,8 +90,36 @@ pub fn allocate(
     match rule {
         AllocationRule::LeastCost => assign(stations, expected_s.len(), &pairs),
         AllocationRule::Greedy => greedy(stations, pairs),
-        AllocationRule::None => vec![None; stations],
+        AllocationRule::None => alone(stations, &pairs),
     }
+}
+
+/// The target that each station without one of its own watches, in case the station that engages it loses it: idle
+/// stations share the targets out among themselves, as if nobody had them.
+pub fn watch(
+    assigned: &[Option<usize>],
+    expected_s: &[f64],
+    bids: &[Bid],
+    present: &[Option<usize>],
+    hysteresis: f64,
+) -> Vec<Option<usize>> {
+    let idle: Vec<Bid> = (bids.iter())
+        .filter(|bid| assigned[bid.station].is_none())
+        .copied()
+        .collect();
+    let (rule, stations) = (AllocationRule::LeastCost, assigned.len());
+    allocate(rule, stations, expected_s, &idle, present, hysteresis)
+}
+
+/// Each station's cheapest pair.
+fn alone(stations: usize, pairs: &[Pair]) -> Vec<Option<usize>> {
+    let cheapest = |station: usize| {
+        let own = pairs.iter().filter(|pair| pair.row == station);
+        own.min_by(|a, b| a.cost.total_cmp(&b.cost).then(a.column.cmp(&b.column)))
+    };
+    (0..stations)
+        .map(|station| cheapest(station).map(|pair| pair.column))
+        .collect()
 }
 
 /// The cheapest pair first.
@@ -167,7 +195,28 @@ mod tests {
             &[],
             1.5,
         );
-        assert_eq!(none, [None, None]);
+        assert_eq!(none, [Some(0), Some(0)]);
+    }
+
+    #[test]
+    fn idle_stations_watch_what_they_would_take() {
+        // One target, the second station is the quicker.
+        let times_s = [[5.0], [3.0], [4.0]];
+        let of = |(station, [engaged_s]): (usize, [f64; 1])| Bid {
+            station,
+            target: 0,
+            offer: Offer {
+                engaged_s,
+                steady: true,
+            },
+        };
+        let bids: Vec<Bid> = times_s.into_iter().enumerate().map(of).collect();
+        let assigned = allocate(AllocationRule::LeastCost, 3, &[9.0], &bids, &[], 1.5);
+        assert_eq!(assigned, [None, Some(0), None]);
+        let watches = |present: &[Option<usize>]| watch(&assigned, &[9.0], &bids, present, 1.5);
+        assert_eq!(watches(&[]), [None, None, Some(0)]);
+        // Not left for one that is quicker by a fifth.
+        assert_eq!(watches(&[Some(0), None, None]), [Some(0), None, None]);
     }
 
     #[test]

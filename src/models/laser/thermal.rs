@@ -35,6 +35,15 @@ pub struct SkinMaterial {
     pub failure_temperature_k: f64,
 }
 
+impl SkinMaterial {
+    /// Time for which an irradiance [W/m²] must last until a skin at this temperature [K] fails, without cooling [s].
+    pub fn failure_s(&self, irradiance_wpm2: f64, temperature_k: f64) -> f64 {
+        let rise_k = (self.failure_temperature_k - temperature_k).max(0.0);
+        let wanted_jpm2 = self.areal_density_kgpm2 * self.specific_heat_jpkgk * rise_k;
+        wanted_jpm2 / (self.absorptivity * irradiance_wpm2)
+    }
+}
+
 /// Dark polycarbonate shell, 1.5 mm.
 ///
 /// 1200 kg/m^3, 1250 J/(kg K) and a glass transition at 147 °C are handbook values (Mark, Polymer
@@ -242,6 +251,22 @@ mod tests {
         let (loss, slope) = hot.loss_wpm2(AIR_K, 10.0, &linear());
         assert!((loss / 50.0 / 27.66 - 1.0).abs() < 0.02, "{}", loss / 50.0);
         assert!((slope * 50.0 / loss - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_skin_under_a_strong_beam_fails_when_its_heat_says() {
+        const IRRADIANCE_WPM2: f64 = 1e6;
+        for material in [ABS_SHELL, CARBON_EPOXY] {
+            let expected_s = material.failure_s(IRRADIANCE_WPM2, AIR_K);
+            let (mut hot, mut t_s) = (skin(), 0.0);
+            while !hot.failed(&material) {
+                hot.step(1e-4, IRRADIANCE_WPM2, AIR_K, 10.0, &material);
+                t_s += 1e-4;
+            }
+            // Cooling takes half a percent by then.
+            assert!((t_s / expected_s - 1.0).abs() < 0.01, "{t_s} {expected_s}");
+            assert_eq!(material.failure_s(IRRADIANCE_WPM2, 1e3), 0.0);
+        }
     }
 
     #[test]
