@@ -40,17 +40,38 @@ pub fn first_station<C: Component>(world: &World) -> Option<&C> {
     world.get(*world.get_resource::<Stations>()?.0.first()?)
 }
 
+/// Two driven axes on a base, and what senses them.
+#[derive(Clone, Debug)]
+pub struct Gimbal {
+    /// Constants.
+    pub params: GimbalParams,
+    /// Angles and rates; the true ones: what the station knows is measured.
+    pub state: GimbalState,
+    /// Stream of the noise of its gyros.
+    pub gyro_rng: Stream,
+    /// Base rate about the axes in the last tick [rad/s], for the reaction torque.
+    pub base_rate_radps: [f64; 2],
+}
+
+impl Gimbal {
+    /// A gimbal at rest, as near to an azimuth and elevation of 0 as its stops allow.
+    pub fn new(params: GimbalParams, gyro_rng: Stream) -> Self {
+        Self {
+            state: GimbalState::at_rest(params.within_stops(DVec2::ZERO)),
+            params,
+            gyro_rng,
+            base_rate_radps: [0.0; 2],
+        }
+    }
+}
+
 /// The two-axis mount on its moving base, and the fast steering mirror behind it.
 #[derive(Component, Clone, Debug)]
 pub struct Mount {
     /// Where the axes cross [m].
     pub r_enu_m: DVec3,
-    /// Constants of the gimbal.
-    pub params: GimbalParams,
-    /// Angles and rates of the gimbal; the true ones: what the station knows is measured.
-    pub gimbal: GimbalState,
-    /// Stream of the noise of the axes' gyros.
-    pub axis_gyro_rng: Stream,
+    /// The gimbal.
+    pub gimbal: Gimbal,
     /// Constants of the mirror.
     pub mirror_params: MirrorParams,
     /// Deflection and rate of the mirror.
@@ -59,8 +80,6 @@ pub struct Mount {
     pub base: BaseMotion,
     /// Stream of the base motion.
     pub rng: Stream,
-    /// Base rate about the axes in the last tick [rad/s], for the reaction torque.
-    pub base_rate_radps: [f64; 2],
     /// Fibre-optic gyro on the base.
     pub gyro: Gyro,
     /// Wind on the gimbal, where it is modelled.
@@ -70,12 +89,12 @@ pub struct Mount {
 impl Mount {
     /// Azimuth and elevation from the encoders [rad].
     pub fn measured_az_el_rad(&self) -> DVec2 {
-        self.gimbal.encoder_az_el_rad()
+        self.gimbal.state.encoder_az_el_rad()
     }
 
     /// Azimuth and elevation rates from the axes' gyros [rad/s].
     pub fn measured_rates_radps(&self) -> DVec2 {
-        self.gimbal.gyro_rates_radps()
+        self.gimbal.state.gyro_rates_radps()
     }
 
     /// Where the laser really points, and what the station knows of it.
@@ -108,7 +127,11 @@ impl Mount {
 
     /// The true pose of an optic on this mount, turned against the laser by a rotation vector [rad].
     fn true_pose(&self, path: OpticalPath, turned_rad: DVec3) -> Pose {
-        let [az, el] = path.az_el_rad(self.gimbal.az_el_rad()).to_array();
+        let [az, el] = match path {
+            OpticalPath::Apart { az_el_rad, .. } => az_el_rad,
+            _ => self.gimbal.state.az_el_rad(),
+        }
+        .to_array();
         let mirror_rad = path.mirror_rad(self.mirror.deflection_rad());
         boresight_chain(
             self.r_enu_m,
@@ -177,7 +200,13 @@ impl Pointing {
     /// The pose that the station at `r_station_enu_m` [m] believes an optic to have, turned against the laser by
     /// a rotation vector [rad].
     pub fn pose(&self, r_station_enu_m: DVec3, path: OpticalPath, turned_rad: DVec3) -> Pose {
-        let [az, el] = path.az_el_rad(self.az_el_rad).to_array();
+        let [az, el] = match path {
+            OpticalPath::Apart {
+                measured_az_el_rad, ..
+            } => measured_az_el_rad,
+            _ => self.az_el_rad,
+        }
+        .to_array();
         let mirror_rad = path.mirror_rad(self.mirror_rad);
         boresight_chain(
             r_station_enu_m,
@@ -212,8 +241,13 @@ pub enum OpticalPath {
     OnGimbal,
     /// The gimbal, and behind it the mirror, as the laser.
     BehindMirror,
-    /// Nothing but the base: it looks at this azimuth (x) and elevation (y) [rad].
-    Fixed(DVec2),
+    /// Neither: it stands on the base, fixed or on a [`PanTilt`] of its own.
+    Apart {
+        /// Azimuth (x) and elevation (y) that it looks at [rad].
+        az_el_rad: DVec2,
+        /// The same as measured [rad].
+        measured_az_el_rad: DVec2,
+    },
 }
 
 impl OpticalPath {
@@ -221,15 +255,36 @@ impl OpticalPath {
     fn mirror_rad(self, deflection_rad: DVec2) -> DVec2 {
         match self {
             OpticalPath::BehindMirror => deflection_rad,
-            OpticalPath::OnGimbal | OpticalPath::Fixed(_) => DVec2::ZERO,
+            OpticalPath::OnGimbal | OpticalPath::Apart { .. } => DVec2::ZERO,
         }
     }
 
-    /// Where it points, the gimbal being at this azimuth and elevation [rad].
-    fn az_el_rad(self, gimbal_rad: DVec2) -> DVec2 {
-        match self {
-            OpticalPath::OnGimbal | OpticalPath::BehindMirror => gimbal_rad,
-            OpticalPath::Fixed(az_el_rad) => az_el_rad,
+    /// Whether the station's gimbal turns it.
+    pub fn is_on_gimbal(self) -> bool {
+        !matches!(self, OpticalPath::Apart { .. })
+    }
+}
+
+/// A gimbal that turns one camera alone and searches with it, whatever the station does. It hangs on an entity
+/// of its own, so that all cameras have the same components. The wind does not reach it.
+#[derive(Component, Clone, Debug)]
+pub struct PanTilt {
+    /// The station on whose base it stands.
+    pub station: Entity,
+    /// What it turns.
+    pub camera: Entity,
+    /// Its axes.
+    pub gimbal: Gimbal,
+    /// What it was told; it obeys from the next tick on.
+    pub command: GimbalCommand,
+}
+
+impl PanTilt {
+    /// The path of its camera.
+    pub fn path(&self) -> OpticalPath {
+        OpticalPath::Apart {
+            az_el_rad: self.gimbal.state.az_el_rad(),
+            measured_az_el_rad: self.gimbal.state.encoder_az_el_rad(),
         }
     }
 }

@@ -120,9 +120,17 @@ fn optical_path(path: CameraPath) -> OpticalPath {
             azimuth_deg,
             elevation_deg,
         } => {
-            let [az_rad, el_rad] = [azimuth_deg, elevation_deg].map(f64::to_radians);
-            OpticalPath::Fixed(DVec2::new(az_rad, el_rad))
+            let az_el_rad = DVec2::from([azimuth_deg, elevation_deg].map(f64::to_radians));
+            OpticalPath::Apart {
+                az_el_rad,
+                measured_az_el_rad: az_el_rad,
+            }
         }
+        // Until its pan-tilt is there.
+        CameraPath::PanTilt(_) => OpticalPath::Apart {
+            az_el_rad: DVec2::ZERO,
+            measured_az_el_rad: DVec2::ZERO,
+        },
     }
 }
 

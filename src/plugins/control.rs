@@ -5,19 +5,22 @@ use crate::components::control::{
     Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
 use crate::components::flight::{Distractor, Flight, Uav};
-use crate::components::mount::{Mount, OpticalPath, Optics, Station};
+use crate::components::mount::{Gimbal, Mount, OpticalPath, Optics, PanTilt, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::control::law::HandOver;
 use crate::models::control::lqg::{LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::tuning::{self, MountPlant};
 use crate::models::maths::rng::Stream;
-use crate::models::mount::gimbal::GimbalState;
+use crate::models::mount::gimbal::{GimbalCommand, GimbalState};
 use crate::models::tracking::estimation::LosFilterParams;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
+use crate::plugins::mount::gimbal_params;
 use crate::plugins::run::fallible;
-use crate::scenario::{self, InputError, Loaded, ResolvedStation, Scenario, SearchSector};
+use crate::scenario::{
+    self, CameraPath, InputError, Loaded, ResolvedStation, Scenario, SearchSector,
+};
 use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
@@ -30,7 +33,7 @@ impl Plugin for ControlPlugin {
         app.insert_resource(laws())
             .add_systems(
                 SetUp,
-                (fallible(set_up), mount::look)
+                (fallible(set_up), fallible(spawn_pan_tilts), mount::look)
                     .chain()
                     .in_set(TickSet::Control),
             )
@@ -39,6 +42,7 @@ impl Plugin for ControlPlugin {
                 (
                     systems::track_by_radar,
                     systems::command_mount,
+                    systems::command_pan_tilts,
                     systems::choose_readouts,
                 )
                     .chain()
@@ -86,17 +90,65 @@ fn set_up(
         let first = radar.look(0.0, airborne);
         radar.take(&first);
         let cameras: Vec<_> = cameras.iter_many(own.entities()).collect();
-        let scan = search_scan(&loaded, site, &cameras, &clock, &radar)?;
-        let first_gaze = mount.params.within_stops(scan.gaze(0.0).az_el_rad);
-        mount.gimbal = GimbalState::at_rest(first_gaze);
+        let turned = |(_, path): &(&SensorCamera, &OpticalPath)| path.is_on_gimbal();
+        let turned: Vec<_> = cameras.into_iter().filter(turned).collect();
+        if turned.is_empty() {
+            let place = format!("{}.cameras", site.place);
+            return Err(loaded.refuse(&place, "the gimbal turns no camera").into());
+        }
+        let turned = turned.into_iter().map(|(camera, _)| camera);
+        let scan = search_scan(site, turned.collect(), &clock, &radar);
+        let first_gaze = mount.gimbal.params.within_stops(scan.gaze(0.0).az_el_rad);
+        mount.gimbal.state = GimbalState::at_rest(first_gaze);
         *optics = mount.optics();
         let plant = MountPlant {
-            gimbal: mount.params,
+            gimbal: mount.gimbal.params,
             mirror: mount.mirror_params,
             dt_s: clock.dt_s(),
         };
         let controller = controller(&loaded, &laws, &site.place, &plant)?;
         commands.entity(entity).insert((controller, scan, radar));
+    }
+    Ok(())
+}
+
+/// Spawns the gimbals that turn one camera alone, each at the first gaze of its own scan.
+fn spawn_pan_tilts(
+    mut commands: Commands,
+    loaded: Res<RunScenario>,
+    seed: Res<Seed>,
+    clock: Res<SimClock>,
+    stations: Query<(Entity, &Station, &StationCameras, &Radar)>,
+    mut cameras: Query<(&SensorCamera, &mut OpticalPath)>,
+) -> Result<(), PartError> {
+    let known = loaded.scenario.stations();
+    for (station, Station { index, .. }, own, radar) in &stations {
+        let site = &known[*index];
+        for (entity, config) in own.iter().zip(site.config.cameras.all()) {
+            let CameraPath::PanTilt(axes) = config.path else {
+                continue;
+            };
+            let Ok((camera, mut path)) = cameras.get_mut(entity) else {
+                continue;
+            };
+            let params = gimbal_params(&axes.as_mount(&site.config.mount), clock.dt_s());
+            let place = format!("{}.cameras.{}", site.place, config.place);
+            params
+                .validate()
+                .map_err(|error| loaded.refuse(&place, error))?;
+            let mut gimbal = Gimbal::new(params, seed.stream(camera.index as u64, "pan-tilt"));
+            let scan = search_scan(site, vec![camera], &clock, radar);
+            let first_gaze = params.within_stops(scan.gaze(0.0).az_el_rad);
+            gimbal.state = GimbalState::at_rest(first_gaze);
+            let pan_tilt = PanTilt {
+                station,
+                camera: entity,
+                gimbal,
+                command: GimbalCommand::default(),
+            };
+            *path = pan_tilt.path();
+            commands.spawn((pan_tilt, scan));
+        }
     }
     Ok(())
 }
@@ -159,29 +211,22 @@ fn radar(scenario: &Scenario, search: &SearchSector, rng: Stream, clock: SimCloc
     }
 }
 
-/// Where the cameras look for a target: the sector, or the part of it that the radar points at.
+/// Where cameras, which one gimbal turns, look for a target: the sector, or the part of it that the radar
+/// points at.
 fn search_scan(
-    loaded: &Loaded,
     site: &ResolvedStation,
-    cameras: &[(&SensorCamera, &OpticalPath)],
+    cameras: Vec<&SensorCamera>,
     clock: &SimClock,
     radar: &Radar,
-) -> Result<SearchScan, InputError> {
+) -> SearchScan {
     let sector = site.search;
-    let turned =
-        |(_, path): &&(&SensorCamera, &OpticalPath)| !matches!(path, OpticalPath::Fixed(_));
     let first_of = |tier: Tier| {
-        let mut cameras = cameras.iter().filter(turned);
-        let (camera, _) = cameras.find(|(camera, _)| camera.tier == tier)?;
+        let camera = cameras.iter().find(|camera| camera.tier == tier)?;
         let pinhole = &camera.pinhole;
         let field_rad = [pinhole.hfov_rad(), pinhole.vfov_rad()];
         Some((tier, field_rad, clock.at_s(camera.period_ticks)))
     };
     let searching: Vec<_> = Tier::ALL.into_iter().filter_map(first_of).collect();
-    if searching.is_empty() {
-        let place = format!("{}.cameras", site.place);
-        return Err(loaded.refuse(&place, "the gimbal turns no camera"));
-    }
     let area = Sector {
         centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
         centre_elevation_rad: sector.elevation_deg.to_radians(),
@@ -189,5 +234,5 @@ fn search_scan(
         height_rad: sector.height_deg.to_radians(),
     };
     let cue = radar.cue(0.0);
-    Ok(SearchScan::new(sector.pattern, area, &searching, cue))
+    SearchScan::new(sector.pattern, area, &searching, cue)
 }

@@ -1,17 +1,17 @@
 //! The station's mount: gimbal, mirror and the base they stand on.
 
 use crate::components::environment::Environment;
-use crate::components::mount::{Gyro, Mount, MountCommand, Station, StationWind, Stations};
+use crate::components::mount::{Gimbal, Gyro, Mount, MountCommand, Station, StationWind, Stations};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::air::wind::DrydenGust;
 use crate::models::maths::rng::Stream;
-use crate::models::mount::gimbal::{AxisParams, GimbalParams, GimbalState, Structure, WindLoad};
+use crate::models::mount::gimbal::{AxisParams, GimbalParams, Structure, WindLoad};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::plugins::run::fallible;
 use crate::scenario::{self, InputError, Loaded, ResolvedStation};
 use crate::systems::mount as systems;
 use bevy::prelude::*;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use std::f64::consts::TAU;
 
 /// Adds the domain to both schedules, in [`TickSet::Mount`].
@@ -92,13 +92,10 @@ fn mount(
     base.step(&mut rng);
     Ok(Mount {
         r_enu_m,
-        gimbal: GimbalState::at_rest(params.within_stops(DVec2::ZERO)),
-        params,
-        axis_gyro_rng: seed.stream(key, "axis gyros"),
+        gimbal: Gimbal::new(params, seed.stream(key, "axis gyros")),
         mirror_params,
         mirror,
         rng,
-        base_rate_radps: [0.0; 2],
         gyro: Gyro {
             angle_random_walk: GYRO_WALK,
             rng: seed.stream(key, "gyro"),

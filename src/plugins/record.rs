@@ -84,7 +84,7 @@ fn set_up(
     if let Some(recorder) = &mut recorder {
         record_city(recorder, &environment.city)?;
         for (_, station, scan, mount) in &stations {
-            let text = search_plan(scan, &mount.params);
+            let text = search_plan(scan, &mount.gimbal.params);
             recorder.log(0, LogLevel::Info, &station.named("search"), &text)?;
         }
     }

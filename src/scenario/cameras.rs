@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::check::{AT_LEAST_ZERO, Check, ELEVATION, FRACTION, TURN};
+use super::mount::MountConfig;
 use crate::models::optics::tier::Tier;
 
 /// The cameras: a preset's three, and what differs from it.
@@ -68,6 +69,48 @@ pub enum CameraPath {
         /// Elevation.
         elevation_deg: f64,
     },
+    /// A gimbal of its own, which searches the sector whatever the station does.
+    PanTilt(PanTiltConfig),
+}
+
+/// A gimbal that turns one camera: as the station's, but for this.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "PanTilt")]
+pub struct PanTiltConfig {
+    /// Azimuth stops [from, to]; absent: turns without end.
+    pub azimuth_limits_deg: Option<[f64; 2]>,
+    /// Elevation stops [from, to].
+    pub elevation_limits_deg: [f64; 2],
+    /// Fastest turn of either axis.
+    pub max_rate_degps: f64,
+    /// Largest angular acceleration of either axis.
+    pub max_acceleration_degps2: f64,
+}
+
+impl Default for PanTiltConfig {
+    fn default() -> Self {
+        let mount = MountConfig::default();
+        Self {
+            azimuth_limits_deg: mount.azimuth_limits_deg,
+            elevation_limits_deg: mount.elevation_limits_deg,
+            max_rate_degps: mount.max_rate_degps,
+            max_acceleration_degps2: mount.max_acceleration_degps2,
+        }
+    }
+}
+
+impl PanTiltConfig {
+    /// The mount of a station with these axes.
+    pub fn as_mount(&self, station: &MountConfig) -> MountConfig {
+        MountConfig {
+            azimuth_limits_deg: self.azimuth_limits_deg,
+            elevation_limits_deg: self.elevation_limits_deg,
+            max_rate_degps: self.max_rate_degps,
+            max_acceleration_degps2: self.max_acceleration_degps2,
+            ..station.clone()
+        }
+    }
 }
 
 /// A camera of a station, all changes made.
@@ -383,17 +426,22 @@ impl Cameras {
                     .map(|other| other.name.as_str())
                     .collect();
                 check.name("name", &camera.name, &earlier);
-                if let CameraPath::Fixed {
-                    azimuth_deg,
-                    elevation_deg,
-                } = camera.path
-                {
-                    check.that(camera.tier == Tier::Search, "path", || {
-                        "a fixed camera can only search: give it the role search".to_owned()
-                    });
-                    check.within("path.fixed.azimuth_deg", azimuth_deg, TURN);
-                    check.within("path.fixed.elevation_deg", elevation_deg, ELEVATION);
+                match camera.path {
+                    CameraPath::Gimbal | CameraPath::Mirror => return,
+                    CameraPath::Fixed {
+                        azimuth_deg,
+                        elevation_deg,
+                    } => {
+                        check.within("path.fixed.azimuth_deg", azimuth_deg, TURN);
+                        check.within("path.fixed.elevation_deg", elevation_deg, ELEVATION);
+                    }
+                    CameraPath::PanTilt(axes) => check.table("path.pan_tilt", |check| {
+                        axes.as_mount(&MountConfig::default()).check(check, tick_hz);
+                    }),
                 }
+                check.that(camera.tier == Tier::Search, "path", || {
+                    "a camera beside the gimbal can only search: give it the role search".into()
+                });
             });
         }
     }

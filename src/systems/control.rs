@@ -8,13 +8,16 @@ use crate::components::control::{
 };
 use crate::components::detect::DetectorInUse;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
-use crate::components::mount::{CameraView, Mount, MountCommand, OpticalPath, Station};
+use crate::components::mount::{
+    CameraView, Gimbal, Mount, MountCommand, OpticalPath, PanTilt, Station,
+};
 use crate::components::network::Tasking;
 use crate::components::run::{Failure, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
+use crate::models::mount::gimbal::GimbalCommand;
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::radar::{Plot, RadarTrack};
 use crate::models::tracking::search::Gaze;
@@ -162,7 +165,7 @@ pub fn command_mount(
         let gaze = (tracker.state == TrackingState::Search).then(|| {
             let tasked = tasking.cue(mount.r_enu_m, clock.t_s());
             let cue = tasked.or_else(|| radar.cue(clock.t_s()));
-            search(&clock, tracker, cue, &mut scan, mount)
+            search(&clock, tracker, cue, &mut scan, &mount.gimbal)
         });
         if gaze.is_none() {
             // An interrupted gaze restarts.
@@ -187,9 +190,7 @@ pub fn command_mount(
                     .filter(|_| tracker.state == TrackingState::Acquire)
                     .map(|track| Gaze::still(track.filter.predicted(clock.t_s()).az_el_rad()));
                 if let Some(to) = gaze.or(acquired) {
-                    let slews = (mount.params).position_command(&mount.gimbal, to.az_el_rad);
-                    let rates_radps = DVec2::from(slews.rate_radps) + to.rates_radps;
-                    command.gimbal.rate_radps = rates_radps.to_array();
+                    command.gimbal = turn_to(&mount.gimbal, &to);
                     command.mirror_rad = DVec2::ZERO;
                 } else if tracker.state != TrackingState::Acquire {
                     let periods_s = |tier: Tier| {
@@ -202,6 +203,33 @@ pub fn command_mount(
                 }
             }
         }
+    }
+}
+
+/// The command that turns a gimbal to a gaze and moves along with it.
+fn turn_to(gimbal: &Gimbal, gaze: &Gaze) -> GimbalCommand {
+    let slews = (gimbal.params).position_command(&gimbal.state, gaze.az_el_rad);
+    let rates_radps = DVec2::from(slews.rate_radps) + gaze.rates_radps;
+    GimbalCommand {
+        rate_radps: rates_radps.to_array(),
+    }
+}
+
+/// Commands for the cameras' own pan-tilts: while the station searches they look where its radar has the
+/// target, and otherwise through the sector.
+pub fn command_pan_tilts(
+    clock: Res<SimClock>,
+    stations: Query<(&Tracker, &Radar)>,
+    mut pan_tilts: Query<(&mut PanTilt, &mut SearchScan)>,
+) {
+    for (mut pan_tilt, mut scan) in &mut pan_tilts {
+        let Ok((tracker, radar)) = stations.get(pan_tilt.station) else {
+            continue;
+        };
+        let searches = tracker.state == TrackingState::Search;
+        let cue = radar.cue(clock.t_s()).filter(|_| searches);
+        let gaze = search(&clock, tracker, cue, &mut scan, &pan_tilt.gimbal);
+        pan_tilt.command = turn_to(&pan_tilt.gimbal, &gaze);
     }
 }
 
@@ -234,12 +262,13 @@ fn point(
         let input = PointingInput {
             base_tilt_rad: mount.gyro.tilt_enu_rad,
             base_rate_radps: mount.gyro.rate_enu_radps,
-            ..PointingInput::sensed(los, &mount.gimbal, &mount.mirror)
+            ..PointingInput::sensed(los, &mount.gimbal.state, &mount.mirror)
         };
-        law.command(hand_over, &mount.params, &input)
+        law.command(hand_over, &mount.gimbal.params, &input)
     } else {
         law.rest();
-        hand_over.slew(&mount.params, &command.gimbal, gimbal_az_el_rad, gaze)
+        let params = &mount.gimbal.params;
+        hand_over.slew(params, &command.gimbal, gimbal_az_el_rad, gaze)
     };
     let rates_radps = DVec2::from(output.gimbal.rate_radps);
     if !rates_radps.is_finite() || !output.mirror_rad.is_finite() {
@@ -326,10 +355,10 @@ pub fn choose_readouts(
         // The exposure that comes next.
         let frame = clock.tick / camera.period_ticks + 1;
         let wanted = match (tracker.state, camera.tier) {
+            // What the mount does not turn searches by itself.
+            _ if !path.is_on_gimbal() => Readout::Full,
             (TrackingState::Search, tier) => {
                 let every = match tier {
-                    // What the mount does not turn searches by itself.
-                    Tier::Search if matches!(path, OpticalPath::Fixed(_)) => 1,
                     _ if tier == scan.tier() => read_every(tier, clock.at_s(camera.period_ticks)),
                     Tier::Search => WATCH_SEARCH,
                     // In the middle of the gaze it shows what is too small for the search camera.

@@ -170,7 +170,7 @@ fn report_of(
             },
             mount: station.mount,
             laser: station.laser,
-            slew: SlewLimits::of(&station.mount.params.azimuth),
+            slew: SlewLimits::of(&station.mount.gimbal.params.azimuth),
         };
         *offers = (picture.objects.iter())
             .filter(|object| !object.dealt_with)
@@ -208,6 +208,7 @@ impl Bidder<'_> {
         let at = los_to_az_el(r_enu_m - from_m);
         let off_rad = self
             .mount
+            .gimbal
             .params
             .error_rad(at, self.mount.measured_az_el_rad());
         let ready_s = match fired_s {

@@ -6,7 +6,7 @@ use crate::components::beam::{BeamState, FireCommand};
 use crate::components::capture::{ExposedFrame, Frames, Tier};
 use crate::components::detect::DetectionQueue;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
-use crate::components::mount::{Mount, MountCommand, Optics};
+use crate::components::mount::{Mount, MountCommand, Optics, PanTilt};
 use crate::components::network::{SharedPicture, Tasking};
 use crate::components::record::{CameraHistory, Fates, History, KeptFrame, Recording, StateHash};
 use crate::components::run::SimClock;
@@ -36,6 +36,7 @@ pub fn hash_state(
     clock: Res<SimClock>,
     mut hash: ResMut<StateHash>,
     stations: Query<Hashed>,
+    pan_tilts: Query<&PanTilt>,
     uavs: Query<(&Flight, &HeatedSkin, &UavStatus)>,
     distractors: Query<&Flight, With<Distractor>>,
     mut bytes: Local<Vec<u8>>,
@@ -76,6 +77,10 @@ pub fn hash_state(
         put(&state.omega_body_radps.to_array());
         put(&state.rotor_speed_radps);
         put(&[skin.skin.temperature_k, *status as u8 as f64]);
+    }
+    for pan_tilt in &pan_tilts {
+        put(&pan_tilt.gimbal.state.az_el_rad().to_array());
+        put(&pan_tilt.gimbal.state.rates_radps().to_array());
     }
     // One archetype for good: always in the scenario's order.
     for flight in &distractors {
@@ -139,13 +144,13 @@ fn put_all(bytes: &mut Vec<u8>, values: &[f64]) {
 /// Appends the state of gimbal, mirror, base and gyro.
 fn put_mount(bytes: &mut Vec<u8>, mount: &Mount) {
     let mut put = |values: &[f64]| put_all(bytes, values);
-    put(&mount.gimbal.az_el_rad().to_array());
-    put(&mount.gimbal.rates_radps().to_array());
+    put(&mount.gimbal.state.az_el_rad().to_array());
+    put(&mount.gimbal.state.rates_radps().to_array());
     put(&mount.mirror.deflection_rad().to_array());
     put(&mount.mirror.rate_radps().to_array());
     put(&mount.base.tilt_rad().to_array());
     put(&mount.gyro.tilt_enu_rad.to_array());
-    for axis in [&mount.gimbal.azimuth, &mount.gimbal.elevation] {
+    for axis in [&mount.gimbal.state.azimuth, &mount.gimbal.state.elevation] {
         put(&[
             axis.twist_rad,
             axis.twist_rate_radps,

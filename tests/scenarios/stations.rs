@@ -225,6 +225,27 @@ fn a_station_may_have_no_search_camera_or_two() {
 }
 
 #[test]
+fn a_search_camera_of_its_own_mount_finds_the_next_target_meanwhile() {
+    // Two UAVs at the ends of the sector, no radar; the mount turns to one of them.
+    let two = "uavs=[{ name = 'left', model = 'phantom4', trajectory = { kind = 'hover', \
+               position_enu_m = [-860, 500, 110] } }, { name = 'right', model = 'phantom4', \
+               trajectory = { kind = 'hover', position_enu_m = [-500, 860, 110] } }]";
+    let sector =
+        "search={ centre_azimuth_deg = 315, width_deg = 40, height_deg = 4, elevation_deg = 3 }";
+    let alone = [&BLIND[..], &["--set", two, "--set", sector]].concat();
+    let watch =
+        "station.cameras.more=[{ name = 'watch', role = 'search', path = { pan_tilt = {} } }]";
+    let watched = [&alone[..], &["--set", watch]].concat();
+    let pause_s = |args: &[&str]| {
+        let run = run_scenario("urban_intercept", args);
+        assert_eq!(run.text("outcome"), "neutralised");
+        run.number("/stations/0/kill_to_shot_s/0")
+    };
+    let (without_s, with_s) = (pause_s(&alone), pause_s(&watched));
+    assert!(with_s < 0.7 * without_s, "{with_s} s, {without_s} s");
+}
+
+#[test]
 fn stations_that_cannot_stand_are_refused() {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     for (stations, wanted) in [
@@ -248,6 +269,11 @@ fn stations_that_cannot_stand_are_refused() {
             "station.cameras.more=[{ name = 'w', role = 'coarse', path = { fixed = { azimuth_deg = 0, \
              elevation_deg = 5 } } }]",
             ["station.cameras.more[0].path", "only search"],
+        ),
+        (
+            "station.cameras.more=[{ name = 'w', role = 'search', path = { pan_tilt = { \
+             max_rate_degps = -1 } } }]",
+            ["path.pan_tilt.max_rate_degps", "above 0"],
         ),
         (
             "operator=[{ t_s = 1.0, track = 3, station = 'statoin' }]",

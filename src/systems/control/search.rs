@@ -2,7 +2,7 @@
 
 use crate::components::capture::Tier;
 use crate::components::control::{Pass, SearchScan};
-use crate::components::mount::Mount;
+use crate::components::mount::Gimbal;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::models::tracking::cartesian::TargetCue;
@@ -170,15 +170,15 @@ pub(super) fn search(
     tracker: &Tracker,
     cue: Option<TargetCue>,
     scan: &mut SearchScan,
-    mount: &Mount,
+    gimbal: &Gimbal,
 ) -> Gaze {
     let t_s = clock.t_s();
     let gaze = scan.gaze(t_s);
-    let error_rad = mount
-        .params
-        .error_rad(gaze.az_el_rad, mount.measured_az_el_rad())
+    let state = &gimbal.state;
+    let error_rad = (gimbal.params)
+        .error_rad(gaze.az_el_rad, state.encoder_az_el_rad())
         .length();
-    let off_radps = (mount.measured_rates_radps() - gaze.rates_radps).length();
+    let off_radps = (state.gyro_rates_radps() - gaze.rates_radps).length();
     if scan.settled_since.is_none() && error_rad < SETTLED_RAD && off_radps < SETTLED_RADPS {
         scan.settled_since = Some(clock.tick);
     } else if error_rad > FOLLOW_FIELDS * scan.passes[scan.pass].field_rad[1] {
@@ -191,6 +191,7 @@ pub(super) fn search(
         .table
         .tracks
         .iter()
+        .filter(|track| tracker.target != Some(track.id))
         .any(|track| is_promising(track, cue.as_ref(), t_s));
     let longest_s = if promising {
         LONGEST_GAZE_S

@@ -471,7 +471,10 @@ impl Recorded<'_, '_> {
 
 fn mount_state(station: &OneStation) -> proto::MountState {
     let (mount, command) = (station.mount, station.command);
-    let (angle, rate) = (mount.gimbal.az_el_rad(), mount.gimbal.rates_radps());
+    let (angle, rate) = (
+        mount.gimbal.state.az_el_rad(),
+        mount.gimbal.state.rates_radps(),
+    );
     let tilt = mount.base.tilt_rad();
     proto::MountState {
         azimuth_rad: angle.x,

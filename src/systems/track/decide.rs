@@ -82,7 +82,7 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
             cue: (tasking.cue(mount.r_enu_m, t_s)).or_else(|| radar.cue(t_s)),
             mount: Some((
                 mount.measured_az_el_rad(),
-                SlewLimits::of(&mount.params.azimuth),
+                SlewLimits::of(&mount.gimbal.params.azimuth),
             )),
             tasking: Some(tasking),
         };

@@ -34,7 +34,7 @@ pub fn spawn_window_camera(world: &mut World) {
     let mount = mounts
         .iter(world)
         .next()
-        .map(|mount| (mount.r_enu_m, mount.gimbal.az_el_rad()));
+        .map(|mount| (mount.r_enu_m, mount.gimbal.state.az_el_rad()));
     let (r_station_enu_m, gaze_rad) = mount.unwrap_or((DVec3::ZERO, DVec2::ZERO));
     let mut uavs = world.query::<(&Uav, &Flight)>();
     let first = uavs.iter(world).find(|(uav, _)| uav.index == 0);
