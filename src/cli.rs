@@ -7,7 +7,10 @@ use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::dataset::{self, DatasetError};
 use crate::eval::{self, EvalError};
+use crate::experiment::diff::{Comparison, Tolerances};
+use crate::experiment::{self, ExperimentError};
 use crate::output::{self, OutputError};
+use crate::recording::read::Recorded;
 use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
@@ -17,7 +20,8 @@ use crate::view::{self, ViewError};
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// `println!` that does not mind a closed pipe: `boresight run … | head` is no error.
@@ -40,6 +44,9 @@ pub enum CliError {
     /// An evaluation.
     #[error(transparent)]
     Eval(#[from] EvalError),
+    /// An experiment.
+    #[error(transparent)]
+    Experiment(#[from] ExperimentError),
     /// The tuning of a mount.
     #[error(transparent)]
     Tune(#[from] TuneError),
@@ -77,7 +84,15 @@ enum Command {
     View(ViewArgs),
     /// Check a scenario without running it.
     Check(ScenarioArgs),
-    /// Sweep the loops of a scenario's mount: margins, bandwidths, Bode and step plots, and the
+    /// Hold scenarios to what they expect of their runs. Ends with 0 where all is met, with 1 where something is
+    /// not, with 2 where a scenario cannot be run.
+    Test(experiment::test::Arguments),
+    /// Compare two recordings, or a recording and a new run of the scenario inside it: equal, or where they part
+    /// and what follows. Ends with 0 where they are equal, with 1 where they are not.
+    Diff(experiment::diff::Arguments),
+    /// Carry out an experiment: a scenario with factors varied, on all cores; leaves a table and a page.
+    Sweep(experiment::sweep::Arguments),
+    /// Measure the loops of a scenario's mount: margins, bandwidths, Bode and step plots, and the
     /// gains that follow.
     Tune(TuneArgs),
     /// Measure the tracking over many runs and write numbers, pictures and a page.
@@ -118,7 +133,7 @@ enum EvalCommand {
 
 #[derive(Args, Debug)]
 struct ScenarioArgs {
-    /// Scenario file (TOML).
+    /// Scenario file (TOML), or a recording (MCAP): the scenario inside it, with its seed.
     scenario: PathBuf,
     /// Change a value of the scenario, such as `detector.kind=truth`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -126,8 +141,15 @@ struct ScenarioArgs {
 }
 
 impl ScenarioArgs {
-    fn load(&self) -> Result<Loaded, RunError> {
-        Ok(Scenario::load(&self.scenario, &self.set)?)
+    /// The scenario, and the seed of the recording it is from.
+    fn load(&self) -> Result<(Loaded, Option<u64>), CliError> {
+        if self.scenario.extension().is_some_and(|end| end == "mcap") {
+            let recorded = Recorded::open(&self.scenario).map_err(ExperimentError::from)?;
+            let loaded = recorded.scenario(&self.set).map_err(RunError::from)?;
+            return Ok((loaded, Some(recorded.seed)));
+        }
+        let loaded = Scenario::load(&self.scenario, &self.set).map_err(RunError::from)?;
+        Ok((loaded, None))
     }
 }
 
@@ -180,12 +202,31 @@ struct TuneArgs {
 }
 
 /// Carries out a command line.
-pub fn run(cli: Cli) -> Result<(), CliError> {
-    match cli.command {
+pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
+    let done: Result<(), CliError> = match cli.command {
+        Command::Test(args) => {
+            let tests = experiment::test::test(&args)?;
+            say!("{}", tests.text());
+            return Ok(ExitCode::from(tests.exit_code()));
+        }
+        Command::Sweep(args) => {
+            let swept = experiment::sweep::sweep(&args)?;
+            say!("{}", swept.text());
+            if swept.table {
+                say!("table {}", args.out.join("table.parquet").display());
+                say!("page  {}", args.out.join("sweep.html").display());
+            }
+            Ok(())
+        }
+        Command::Diff(args) => {
+            let comparison = diff(&args)?;
+            say!("{}", comparison.text());
+            return Ok(ExitCode::from(u8::from(!comparison.equal())));
+        }
         Command::Run(args) => {
-            let loaded = args.scenario.load()?;
+            let (loaded, seed) = args.scenario.load()?;
             let options = Options {
-                seed: args.seed,
+                seed: args.seed.or(seed),
                 threads: args.threads,
                 capture: !args.no_capture,
                 out: Some(args.out.clone()),
@@ -199,13 +240,17 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
         }
         Command::View(args) => view(args),
         Command::Check(args) => {
-            let loaded = args.load()?;
+            let (loaded, _) = args.load()?;
             app::check(&loaded)?;
+            if let Some(expect) = &loaded.scenario.expect {
+                experiment::test::check(&loaded, expect).map_err(ExperimentError::from)?;
+            }
             say!("{}: ok", loaded.path.display());
             Ok(())
         }
         Command::Tune(args) => {
-            let tuning = tune::Tuning::measure(&args.scenario.load()?, args.axis)?;
+            let (loaded, _) = args.scenario.load()?;
+            let tuning = tune::Tuning::measure(&loaded, args.axis)?;
             say!("{}", tuning.table().trim_end());
             let page = tuning.write(&args.out)?;
             say!("page  {}", page.display());
@@ -267,12 +312,34 @@ pub fn run(cli: Cli) -> Result<(), CliError> {
             }
             Ok(())
         }
+    };
+    done.map(|()| ExitCode::SUCCESS)
+}
+
+/// Compares two recordings, or one and a new run of its scenario.
+fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
+    let tolerances = Tolerances::parse(&args.tolerance)?;
+    let open = |path: &Path| Recorded::open(path).map_err(ExperimentError::from);
+    let a = open(&args.a)?;
+    if let Some(b) = &args.b {
+        return Ok(Comparison::of(&a, &open(b)?, &tolerances));
     }
+    let folder = tempfile::tempdir().map_err(ExperimentError::Folder)?;
+    let options = Options {
+        seed: Some(a.seed),
+        capture: a.has_pictures(),
+        out: Some(folder.path().into()),
+        log: true,
+        ..Options::default()
+    };
+    run_headless(&a.scenario(&[]).map_err(RunError::from)?, &options, true)?;
+    let b = open(&folder.path().join("run.mcap"))?;
+    Ok(Comparison::of(&a, &b, &tolerances))
 }
 
 /// Runs a scenario in a window.
 fn view(args: ViewArgs) -> Result<(), CliError> {
-    let loaded = args.scenario.load()?;
+    let (loaded, seed) = args.scenario.load()?;
     let screenshot = match args.screenshot.as_deref() {
         Some([file, seconds]) => {
             let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;
@@ -281,7 +348,7 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
         _ => None,
     };
     let options = Options {
-        seed: args.seed,
+        seed: args.seed.or(seed),
         capture: true,
         out: args.out,
         window: true,

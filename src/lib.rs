@@ -7,6 +7,7 @@ pub mod cli;
 pub mod components;
 pub mod dataset;
 pub mod eval;
+pub mod experiment;
 pub mod inference;
 pub mod media;
 pub mod models;

@@ -26,6 +26,8 @@ use mcap::{
     write::NoSeek,
 };
 
+pub mod read;
+
 pub use foxglove::messages::log::Level as LogLevel;
 
 /// The project's own messages, generated from `proto/boresight.proto`.

@@ -175,6 +175,10 @@ pub struct History {
     pub frames: Vec<KeptFrame>,
     /// Time of the first Coarse state [s].
     pub acquired_s: Option<f64>,
+    /// Time for which the firing beam's axis met a keep-out zone [s].
+    pub keep_out_s: f64,
+    /// Time for which the coarse or precise camera held what is no UAV [s].
+    pub wrong_object_s: f64,
     /// Every first shot at a UAV or distractor after one at another: time [s] and scenario index.
     pub shots: Vec<(f64, usize)>,
 }

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// A word of a command line, quoted where a shell would read it otherwise.
-pub(super) fn quoted(word: impl std::fmt::Display) -> String {
+pub(crate) fn quoted(word: impl std::fmt::Display) -> String {
     let word = word.to_string();
     let plain = |c: char| c.is_alphanumeric() || "/._-+,:=@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
@@ -23,7 +23,7 @@ pub(super) fn quoted(word: impl std::fmt::Display) -> String {
 }
 
 /// Refuses a number that is not from `low` to `high`.
-pub(super) fn within(
+pub(crate) fn within(
     argument: &'static str,
     value: f64,
     low: f64,
@@ -41,23 +41,23 @@ pub(super) fn within(
 }
 
 /// Refuses a share, where one is given, that is not from 0 to 1.
-pub(super) fn within_share(argument: &'static str, value: Option<f64>) -> Result<(), EvalError> {
+pub(crate) fn within_share(argument: &'static str, value: Option<f64>) -> Result<(), EvalError> {
     value.map_or(Ok(()), |value| within(argument, value, 0.0, 1.0))
 }
 
 /// Threads of a model: `wanted`, or one a core.
-pub(super) fn threads(wanted: Option<NonZeroUsize>) -> usize {
+pub(crate) fn threads(wanted: Option<NonZeroUsize>) -> usize {
     let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     wanted.unwrap_or_else(cores).get()
 }
 
 /// One line on standard error; a closed pipe is no error.
-pub(super) fn progress(text: &str) {
+pub(crate) fn progress(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Writes a file and the folders above it.
-pub(super) fn put(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), OutputError> {
+pub(crate) fn put(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), OutputError> {
     if let Some(folder) = path.parent() {
         output::create_dir(folder)?;
     }
@@ -65,7 +65,7 @@ pub(super) fn put(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), OutputErro
 }
 
 /// Writes what was measured as JSON.
-pub(super) fn put_json(path: &Path, value: &impl Serialize) -> Result<(), EvalError> {
+pub(crate) fn put_json(path: &Path, value: &impl Serialize) -> Result<(), EvalError> {
     let text = serde_json::to_string_pretty(value).map_err(|source| EvalError::Json {
         path: path.into(),
         source,
@@ -74,7 +74,7 @@ pub(super) fn put_json(path: &Path, value: &impl Serialize) -> Result<(), EvalEr
 }
 
 /// Makes sure, before the work, that a file can be written; what it holds stays.
-pub(super) fn writable(path: &Path) -> Result<(), OutputError> {
+pub(crate) fn writable(path: &Path) -> Result<(), OutputError> {
     let failed = |path: PathBuf| move |source| OutputError::File { path, source };
     if let Some(folder) = path.parent() {
         output::create_dir(folder)?;
@@ -91,7 +91,7 @@ pub(super) fn writable(path: &Path) -> Result<(), OutputError> {
 
 /// Works on every job, on so many threads, and says how far it has come; results come in the order of the
 /// jobs. After an error no further job is begun.
-pub(super) fn in_parallel<J: Sync, T: Send>(
+pub(crate) fn in_parallel<J: Sync, T: Send>(
     label: &str,
     jobs: &[J],
     threads: usize,
@@ -137,10 +137,10 @@ pub(super) fn in_parallel<J: Sync, T: Send>(
 /// A track is confirmed from this many hits on, and while the last one is this fresh [s].
 const CONFIRMED_HITS: u32 = 6;
 /// Longest time since the last hit of a track that counts as seen [s].
-pub(super) const FRESH_S: f64 = 0.25;
+pub(crate) const FRESH_S: f64 = 0.25;
 
 /// Whether a track is confirmed at `t_s`.
-pub(super) fn confirmed(track: &Track, t_s: f64) -> bool {
+pub(crate) fn confirmed(track: &Track, t_s: f64) -> bool {
     track.total_hits() >= CONFIRMED_HITS
         && track.filter.coast_s(t_s) < FRESH_S
         && track.log_odds() > 0.0

@@ -56,6 +56,48 @@ impl Rate {
     }
 }
 
+/// Least share that `successes` in `trials` show with a confidence from 0 to 1: the one-sided lower limit of
+/// Clopper and Pearson (Biometrika 26 (1934) 404), below which so many successes or more have a chance of at most
+/// 1 − confidence. By bisection, to 1e-12.
+pub fn least_share(successes: usize, trials: usize, confidence: f64) -> f64 {
+    if successes == 0 || trials == 0 {
+        return 0.0;
+    }
+    let n = trials as f64;
+    // Logarithms of the binomial coefficients from `successes` to `trials`.
+    let mut ln_choose: f64 = (0..successes)
+        .map(|k| ((n - k as f64) / (k as f64 + 1.0)).ln())
+        .sum();
+    let mut terms = vec![ln_choose];
+    for k in successes..trials {
+        ln_choose += ((n - k as f64) / (k as f64 + 1.0)).ln();
+        terms.push(ln_choose);
+    }
+    let chance = |p: f64| -> f64 {
+        let term = |(more, ln_choose): (usize, &f64)| {
+            let k = (successes + more) as f64;
+            let misses = n - k;
+            let ln_misses = if misses > 0.0 {
+                misses * (-p).ln_1p()
+            } else {
+                0.0
+            };
+            (ln_choose + k * p.ln() + ln_misses).exp()
+        };
+        terms.iter().enumerate().map(term).sum()
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    while high - low > 1e-12 {
+        let middle = 0.5 * (low + high);
+        if chance(middle) > 1.0 - confidence {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    low
+}
+
 /// A mean with its 95 % interval by Student's t.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mean {
@@ -222,6 +264,24 @@ mod tests {
             );
         }
         assert_eq!(Rate::of(0, 0).rate, None);
+    }
+
+    #[test]
+    fn the_least_share_is_clopper_and_pearsons() {
+        // One-sided limits of an exact binomial test.
+        for (successes, trials, confidence, wanted) in [
+            (20, 20, 0.95, 0.05f64.powf(1.0 / 20.0)),
+            (19, 20, 0.95, 0.783_894_3),
+            (18, 20, 0.95, 0.717_381_5),
+            (0, 20, 0.95, 0.0),
+            (50, 100, 0.99, 0.380_717_5),
+        ] {
+            let found = least_share(successes, trials, confidence);
+            assert!(
+                (found - wanted).abs() < 1e-6,
+                "{successes} of {trials}: {found}"
+            );
+        }
     }
 
     #[test]

@@ -61,6 +61,15 @@ impl<'a> Across<'a> {
         Self { label, axis }
     }
 
+    /// From `low` to `high`; logarithmic where they lie more than a factor of 20 apart.
+    pub fn values(label: &'a str, low: f64, high: f64) -> Self {
+        let axis = match low > 0.0 && high / low > 20.0 {
+            true => ValueAxis::log(low, high),
+            false => ValueAxis::linear(low, high),
+        };
+        Self { label, axis }
+    }
+
     /// Frequency, logarithmic [Hz].
     pub fn frequency(low_hz: f64, high_hz: f64) -> Self {
         Self {
@@ -160,7 +169,10 @@ impl Chart<'_> {
     /// Title, and unit with its prefix.
     fn heading(&self) -> String {
         let (_, prefix) = self.prefix();
-        format!("{} [{prefix}{}]", self.title, self.unit)
+        match format!("{prefix}{}", self.unit).as_str() {
+            "" => self.title.to_owned(),
+            unit => format!("{} [{unit}]", self.title),
+        }
     }
 
     /// Whether a value can be drawn.

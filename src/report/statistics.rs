@@ -4,7 +4,7 @@ use serde::Serialize;
 
 /// Statistics of the miss distance \[px\]; quantiles interpolate linearly between the sorted samples
 /// (Hyndman and Fan's rule 7).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MissStats {
     /// Arithmetic mean: what eq. 12 prints.
     pub mean: f64,

@@ -21,6 +21,7 @@ use crate::components::run::SimClock;
 use crate::components::run::Stopwatch;
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::air::atmosphere::{extinction_per_m, transmittance};
+use crate::models::engage::outcome::Outcome;
 use crate::models::tracking::picture::Follower;
 use crate::output;
 use crate::scenario::Loaded;
@@ -38,8 +39,8 @@ pub struct Summary {
     pub version: String,
     /// Seed of every random stream.
     pub seed: u64,
-    /// How the run ended, in one word.
-    pub outcome: String,
+    /// How the run ended.
+    pub outcome: Outcome,
     /// Why it ended so.
     pub reason: String,
     /// Hash of the final state, 16 hexadecimal digits.
@@ -56,8 +57,14 @@ pub struct Summary {
     pub miss_distance_px: MissDistances,
     /// Time for which the firing beam's centre lay on the aim point \[s\].
     pub dwell_s: f64,
-    /// Time for which the firing beam's axis lay on a distractor [s].
+    /// Time for which the firing beam's axis lay on a distractor \[s\].
     pub distractor_s: f64,
+    /// Time for which the firing beam's axis met a keep-out zone \[s\].
+    pub keep_out_s: f64,
+    /// Time for which the coarse or precise camera held what is no UAV \[s\].
+    pub wrong_object_s: f64,
+    /// UAVs that came within the asset's radius unharmed.
+    pub leakers: usize,
     /// Energy that left the laser \[J\].
     pub energy_j: f64,
     /// The same for each UAV brought down by it \[J\]; `None` without any.
@@ -102,12 +109,18 @@ pub struct StationSummary {
     pub dwell_s: f64,
     /// Time for which its firing beam lay on a distractor \[s\].
     pub distractor_s: f64,
+    /// Time for which its firing beam met one of its keep-out zones \[s\].
+    pub keep_out_s: f64,
+    /// Time for which its coarse or precise camera held what is no UAV \[s\].
+    pub wrong_object_s: f64,
+    /// Times at which it lost its target \[s\].
+    pub lost_s: Vec<f64>,
     /// From each kill to its next first shot at another target \[s\].
     pub kill_to_shot_s: Vec<f64>,
 }
 
 /// An object that the stations' network knew.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ObjectSummary {
     /// Its identity: the station that first had it, and that station's number of it.
     pub identity: String,
@@ -200,7 +213,7 @@ pub fn finish(
         scenario: loaded.scenario.name.clone(),
         version: VERSION.into(),
         seed: options.seed.unwrap_or(loaded.scenario.seed),
-        outcome: outcome.into(),
+        outcome,
         reason,
         ..summary(world, &fates, elapsed)
     };
@@ -277,6 +290,12 @@ fn summary(world: &World, fates: &[Ended], elapsed: Duration) -> Summary {
         },
         dwell_s: sum(|station| station.dwell_s),
         distractor_s: sum(|station| station.distractor_s),
+        keep_out_s: sum(|station| station.keep_out_s),
+        wrong_object_s: sum(|station| station.wrong_object_s),
+        leakers: known
+            .iter()
+            .filter(|fate| fate.at_asset_s.is_some())
+            .count(),
         energy_j,
         energy_per_neutralised_j: (down > 0).then(|| energy_j / down as f64),
         uavs: fates
@@ -304,15 +323,23 @@ fn summary(world: &World, fates: &[Ended], elapsed: Duration) -> Summary {
 /// What each station did, in the order of the scenario.
 fn station_summaries(world: &World) -> Vec<StationSummary> {
     let fates = &world.resource::<Fates>().uavs;
+    let clock = world.resource::<SimClock>();
     let of = |station: &Entity| {
         let beam: &BeamState = world.get(*station)?;
         let history: &History = world.get(*station)?;
+        let tracker: &Tracker = world.get(*station)?;
         Some(StationSummary {
             name: world.get::<Station>(*station)?.name.clone(),
             acquired_s: history.acquired_s,
             energy_j: beam.energy_j,
             dwell_s: beam.dwell_s,
             distractor_s: beam.distractor_s,
+            keep_out_s: history.keep_out_s,
+            wrong_object_s: history.wrong_object_s,
+            lost_s: (tracker.changes.iter())
+                .filter(|change| change.to == TrackingState::Lost)
+                .map(|change| clock.at_s(change.tick))
+                .collect(),
             kill_to_shot_s: kill_to_shot_s(&history.shots, fates),
         })
     };
@@ -389,7 +416,7 @@ fn conditions(world: &mut World) -> String {
 }
 
 /// One word and one sentence on how it ended.
-fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (&'static str, String) {
+fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (Outcome, String) {
     let stations = &world.resource::<Stations>().0;
     let trackers = || {
         stations
@@ -409,19 +436,19 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (&'static str, S
         .collect();
     if !fates.is_empty() && down == fates.len() {
         return (
-            "neutralised",
+            Outcome::Neutralised,
             format!("{down} of {down} UAVs brought down by the laser"),
         );
     }
     if down > 0 {
         return (
-            "partly_neutralised",
+            Outcome::PartlyNeutralised,
             format!("{down} of {} UAVs brought down", fates.len()),
         );
     }
     if !crashed.is_empty() {
         return (
-            "crashed",
+            Outcome::Crashed,
             format!("{} flew into the city", crashed.join(", ")),
         );
     }
@@ -446,7 +473,10 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (&'static str, S
             format!("at the end: {}", reasons.join(", "))
         };
         let reached = reached.map_or("search", TrackingState::name);
-        return ("tracked", format!("tracking reached {reached}; {why}"));
+        return (
+            Outcome::Tracked,
+            format!("tracking reached {reached}; {why}"),
+        );
     }
     let tried = trackers()
         .flat_map(|tracker| &tracker.changes)
@@ -457,7 +487,7 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (&'static str, S
     } else {
         format!("{tried} candidates were not confirmed by the coarse camera")
     };
-    ("not_acquired", why)
+    (Outcome::NotAcquired, why)
 }
 
 /// What the page of the run shows.
@@ -476,8 +506,8 @@ fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Ended]) ->
         version: summary.version.clone(),
         seed: summary.seed,
         state_hash: summary.state_hash.clone(),
-        outcome: summary.outcome.clone(),
-        succeeded: summary.outcome == "neutralised",
+        outcome: summary.outcome.name().into(),
+        succeeded: summary.outcome == Outcome::Neutralised,
         summary: rows(summary),
         stations: (stations.iter())
             .filter_map(|station| station_report(world, *station, loaded, summary.simulated_s))
@@ -571,7 +601,7 @@ fn rows(summary: &Summary) -> Vec<(String, String)> {
     [
         (
             "outcome",
-            format!("{}: {}", summary.outcome, summary.reason),
+            format!("{}: {}", summary.outcome.name(), summary.reason),
         ),
         ("time to acquire", seconds(summary.time_to_acquire_s)),
         ("time to neutralise", seconds(summary.time_to_neutralise_s)),
@@ -674,7 +704,7 @@ mod tests {
             scenario: "urban".into(),
             version: "0.1.0".into(),
             seed: 7,
-            outcome: "neutralised".into(),
+            outcome: Outcome::Neutralised,
             reason: "skin failed".into(),
             state_hash: "00000000deadbeef".into(),
             simulated_s: 12.5,
@@ -687,6 +717,9 @@ mod tests {
             },
             dwell_s: 3.0,
             distractor_s: 0.0,
+            keep_out_s: 0.0,
+            wrong_object_s: 0.0,
+            leakers: 0,
             energy_j: 9000.0,
             energy_per_neutralised_j: Some(9000.0),
             uavs: vec![UavSummary {
@@ -703,6 +736,9 @@ mod tests {
                 energy_j: 9000.0,
                 dwell_s: 3.0,
                 distractor_s: 0.0,
+                keep_out_s: 0.0,
+                wrong_object_s: 0.0,
+                lost_s: vec![],
                 kill_to_shot_s: vec![1.5],
             }],
             objects: vec![ObjectSummary {
@@ -726,11 +762,11 @@ mod tests {
                 r#""reason":"skin failed","state_hash":"00000000deadbeef","simulated_s":12.5,"#,
                 r#""real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
                 r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
-                r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"energy_j":9000.0,"#,
+                r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"keep_out_s":0.0,"wrong_object_s":0.0,"leakers":0,"energy_j":9000.0,"#,
                 r#""energy_per_neutralised_j":9000.0,"uavs":[{"name":"one","status":"down","#,
                 r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0,"at_asset_s":null}],"#,
                 r#""stations":[{"name":"roof","acquired_s":null,"energy_j":9000.0,"#,
-                r#""dwell_s":3.0,"distractor_s":0.0,"kill_to_shot_s":[1.5]}],"#,
+                r#""dwell_s":3.0,"distractor_s":0.0,"keep_out_s":0.0,"wrong_object_s":0.0,"lost_s":[],"kill_to_shot_s":[1.5]}],"#,
                 r#""objects":[{"identity":"roof/3","from_s":1.0,"to_s":8.0,"longest_gap_s":0.125,"#,
                 r#""stations":["roof"],"engaged_by":[[1.5,"roof"]]}],"#,
                 r#""share":{"render":0.0,"inference":0.25,"other":0.75}}"#

@@ -11,6 +11,7 @@ mod control;
 mod detector;
 mod docs;
 mod engage;
+mod expect;
 pub(crate) mod load;
 mod mount;
 mod network;
@@ -35,6 +36,7 @@ pub use control::{ControllerConfig, Gains, PAPER};
 pub use detector::{DetectorConfig, ONNX, Provider, TRUTH, TruthErrorsConfig};
 pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
+pub use expect::{Bound, Expect, Never, Seeds, ShareConfig};
 pub use load::{InputError, Place, Places, suggestion};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
 pub use network::NetworkConfig;
@@ -129,6 +131,8 @@ pub struct Scenario {
     /// What is written down.
     #[serde(default)]
     pub record: Record,
+    /// What runs of it must show, for `boresight test`.
+    pub expect: Option<Expect>,
 }
 
 fn default_seed() -> u64 {
@@ -245,6 +249,9 @@ impl Checked for Scenario {
         check.table("controller", |check| self.controller.check(check));
         check.table("engage", |check| self.engage.check(check));
         check.table("record", |check| self.record.check(check, self.tick_hz));
+        if let Some(expect) = &self.expect {
+            check.table("expect", |check| expect.check(check));
+        }
     }
 }
 

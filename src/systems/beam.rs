@@ -223,7 +223,7 @@ fn light(
         .iter()
         .filter(|(_, _, _, status, ..)| **status == UavStatus::Flying)
         .map(|(uav, flight, ..)| (uav, flight));
-    let target = followed(tracker, clock.t_s(), laser.r_enu_m, flying);
+    let target = followed(tracker, clock.t_s(), laser.r_enu_m, flying).map(|(index, _)| index);
     let q_cam_enu = laser.q_enu_cam.inverse();
     let Arriving {
         power_w,

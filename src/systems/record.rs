@@ -5,16 +5,19 @@ pub mod mcap;
 use crate::components::beam::{BeamState, FireCommand};
 use crate::components::capture::{ExposedFrame, Frames, Tier};
 use crate::components::detect::DetectionQueue;
+use crate::components::engage::Rules;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics, PanTilt};
 use crate::components::network::{SharedPicture, Tasking};
 use crate::components::record::{CameraHistory, Fates, History, KeptFrame, Recording, StateHash};
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackingState};
-use crate::models::maths::kinematics::error_angles;
+use crate::models::engage::interlock::FAR_M;
+use crate::models::maths::kinematics::{error_angles, los_to_az_el};
 use crate::systems::track::followed;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
+use glam::DVec3;
 use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -166,12 +169,28 @@ fn put_mount(bytes: &mut Vec<u8>, mount: &Mount) {
 const KEEP_EVERY_S: f64 = 2.0;
 const KEEP_MOST: usize = 48;
 
+/// What is followed further than this from every UAV is none [rad]: three widths of a UAV at 1 km.
+const ON_UAV_RAD: f64 = 1e-3;
+
+/// A station as its series are kept.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct Kept {
+    station: Entity,
+    mount: &'static Mount,
+    optics: &'static Optics,
+    beam: &'static BeamState,
+    tracker: &'static Tracker,
+    rules: &'static Rules,
+    history: &'static mut History,
+}
+
 /// Collects the series of summary and report.
 pub fn keep_series(
     clock: Res<SimClock>,
     recording: Res<Recording>,
     frames: Res<Frames>,
-    mut stations: Query<(Entity, &Mount, &Optics, &BeamState, &Tracker, &mut History)>,
+    mut stations: Query<Kept>,
     mut cameras: Query<&mut CameraHistory>,
     uavs: Query<(&Uav, &Flight, &HeatedSkin, &UavStatus)>,
     distractors: Query<(&Uav, &Flight), With<Distractor>>,
@@ -191,7 +210,17 @@ pub fn keep_series(
             fate.at_asset_s.get_or_insert(t_s);
         }
     }
-    for (station, mount, optics, beam, tracker, mut history) in &mut stations {
+    let sampled = clock.tick.is_multiple_of(recording.state_period_ticks);
+    for kept in &mut stations {
+        let KeptItem {
+            station,
+            mount,
+            optics,
+            beam,
+            tracker,
+            rules,
+            mut history,
+        } = kept;
         if tracker.state == TrackingState::Coarse && history.acquired_s.is_none() {
             history.acquired_s = Some(t_s);
         }
@@ -200,16 +229,30 @@ pub fn keep_series(
         {
             history.shots.push((t_s, aimed));
         }
-        let sampled = clock.tick.is_multiple_of(recording.state_period_ticks);
+        if beam.firing {
+            let at_rad = los_to_az_el(optics.laser.q_enu_cam * DVec3::Z);
+            let mut zones = rules.keep_out.iter();
+            if zones.any(|zone| zone.meets(optics.laser.r_enu_m, at_rad, FAR_M)) {
+                history.keep_out_s += clock.dt_s();
+            }
+        }
         if !sampled && frames.0.is_empty() {
             continue;
         }
         // A distractor that is followed is no UAV: no series takes it for one.
         let flying = uavs.iter().map(|(uav, flight, ..)| (uav, flight));
         let all = flying.chain(&distractors);
-        let target = followed(tracker, t_s, mount.r_enu_m, all);
-        let target = uavs.iter().find(|(uav, ..)| Some(uav.index) == target);
+        let nearest = followed(tracker, t_s, mount.r_enu_m, all);
+        let target =
+            nearest.and_then(|(index, _)| uavs.iter().find(|(uav, ..)| uav.index == index));
         if sampled {
+            let holds = [Tier::Coarse, Tier::Precise].map(|tier| tracker.state.holds(tier));
+            let off_rad = target
+                .and(nearest)
+                .map_or(f64::INFINITY, |(_, off_rad)| off_rad);
+            if holds.contains(&true) && off_rad > ON_UAV_RAD {
+                history.wrong_object_s += clock.at_s(recording.state_period_ticks);
+            }
             history.irradiance_wpm2.push((t_s, beam.irradiance_wpm2));
             history
                 .power_in_bucket_w

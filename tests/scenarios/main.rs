@@ -11,6 +11,7 @@ mod commands;
 mod common;
 mod determinism;
 mod doors;
+mod experiments;
 mod flight;
 mod rendering;
 mod shipped;

@@ -133,19 +133,6 @@ fn every_shipped_scenario_passes_its_check() {
 }
 
 #[test]
-fn a_foggy_night_ends_without_acquisition() {
-    let _one = rendering();
-    let run = run_scenario("night_fog", &["--set", "duration_s=3"]);
-    assert_eq!(run.text("outcome"), "not_acquired", "{:#}", run.summary);
-    assert!(!run.text("reason").is_empty());
-    assert_eq!(run.summary["time_to_acquire_s"], Value::Null);
-    assert_eq!(run.summary["time_to_neutralise_s"], Value::Null);
-    assert_eq!(run.number("/energy_j"), 0.0);
-    let changes = messages(&run.file("run.mcap"), "/log");
-    assert!(!changes.is_empty(), "no reasons are logged");
-}
-
-#[test]
 fn a_crossing_pair_is_taken_apart_one_by_one() {
     for seed in ["1", "2", "3"] {
         let run = run_scenario("crossing_pair", &[&BLIND[..], &["--seed", seed]].concat());
@@ -177,37 +164,6 @@ fn a_crossing_pair_is_taken_apart_one_by_one() {
                 .map(|data| proto::UavState::decode(&data[..]).unwrap().name)
                 .collect();
         assert_eq!(names.into_iter().collect::<Vec<_>>(), ["far", "near"]);
-    }
-}
-
-#[test]
-fn the_papers_table_2_runs_to_its_end() {
-    // Measured over the seeds 1 to 5: the mean miss distance of a model spreads by 2 px about these
-    // (standard deviation), its frames by 10. Held to five deviations.
-    for (name, mean_px, frames) in [
-        ("phantom4", 180.0, 1_218.0),
-        ("mavic", 180.9, 1_236.0),
-        ("matrice200", 133.0, 1_463.0),
-    ] {
-        for seed in ["1", "2", "3"] {
-            let scenario = format!("paper_table2_{name}");
-            let run = run_scenario(&scenario, &[&BLIND[..], &["--seed", seed]].concat());
-            // The paper measures tracking alone: 1,500 frames at 120 Hz, no shot.
-            assert_eq!(run.number("/simulated_s"), 12.5);
-            assert_eq!(run.text("outcome"), "tracked", "{:#}", run.summary);
-            assert_eq!(run.number("/energy_j"), 0.0);
-            let of = |key: &str| run.number(&format!("/miss_distance_px/precise/{key}"));
-            let (found_px, found_frames) = (of("mean"), of("n"));
-            println!("{name}, seed {seed}: {found_px:.1} px in {found_frames} frames");
-            assert!(
-                (found_px - mean_px).abs() < 10.0,
-                "{name} {seed}: {found_px} px"
-            );
-            assert!(
-                (found_frames - frames).abs() < 50.0 && found_frames <= 1_500.0,
-                "{name} {seed}: {found_frames} frames"
-            );
-        }
     }
 }
 

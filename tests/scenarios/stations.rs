@@ -123,27 +123,6 @@ fn a_bad_link_costs_no_identity() {
 }
 
 #[test]
-fn one_station_holds_on_pixels_what_a_building_hides_from_the_other() {
-    let _one = rendering();
-    let run = run_scenario("two_stations", &["--set", "duration_s=13"]);
-    assert!(only_object(&run) <= 0.2);
-    let held = |state: &str, station: &str| {
-        let data = messages(
-            &run.file("run.mcap"),
-            &format!("/boresight/{station}track_state"),
-        );
-        let names = data
-            .iter()
-            .map(|data| proto::TrackState::decode(&data[..]).unwrap().state);
-        names.filter(|name| name == state).count()
-    };
-    // By the truth it is the UAV that the tower is on.
-    assert!(run.number("/stations/1/dwell_s") > 3.0);
-    // The yard loses it for a second and more, and the tower never does.
-    assert!(held("lost", "") > 100 && held("lost", "tower/") == 0);
-}
-
-#[test]
 fn of_two_stations_one_engages_and_one_watches() {
     let mut args = BLIND.to_vec();
     args.extend(["--set", "duration_s=4", "--set", EAST, "--set", HOVERS]);

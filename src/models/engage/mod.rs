@@ -2,4 +2,5 @@
 
 pub mod allocation;
 pub mod interlock;
+pub mod outcome;
 pub mod threat;

@@ -307,7 +307,7 @@ impl Recorded<'_, '_> {
         };
         let los = target.filter.predicted(t_s);
         let uavs = self.uavs.iter().map(|(uav, flight, ..)| (uav, flight));
-        let index = followed(tracker, t_s, station.mount.r_enu_m, uavs);
+        let index = followed(tracker, t_s, station.mount.r_enu_m, uavs).map(|(index, _)| index);
         let name = self.uavs.iter().find(|(uav, ..)| Some(uav.index) == index);
         state.target = name.map(|(uav, ..)| uav.name.clone()).unwrap_or_default();
         state.los_azimuth_rad = los.az_rad;
@@ -395,7 +395,8 @@ impl Recorded<'_, '_> {
             .iter()
             .filter(|(_, _, _, status, _)| **status == UavStatus::Flying)
             .map(|(uav, flight, ..)| (uav, flight));
-        let target = followed(station.tracker, self.clock.t_s(), frame.pose.r_enu_m, uavs);
+        let target = followed(station.tracker, self.clock.t_s(), frame.pose.r_enu_m, uavs)
+            .map(|(index, _)| index);
         let seen = frame.truth.iter().find(|seen| Some(seen.uav) == target);
         let Some(seen) = seen.filter(|seen| !seen.distractor) else {
             return Ok(());

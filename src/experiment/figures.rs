@@ -1,0 +1,208 @@
+//! Figures of a run by their keys in `summary.json`, such as `uavs.intruder.neutralised_s`.
+
+use crate::report::statistics::MissStats;
+use crate::report::summary::{MissDistances, ObjectSummary, StationSummary, Summary, UavSummary};
+use crate::scenario::{Scenario, suggestion};
+use serde_json::{Map, Value, json};
+
+/// What finds an element of a list beside its place.
+const NAMES: [&str; 2] = ["name", "identity"];
+
+/// The figure at a key: tables and lists by their keys with dots between, an element of a list by its name or its
+/// place from 0. A list has `count`, one of numbers also `least`, `most` and `mean`. What the run does not have is
+/// null, and so is all below it; `Err`: the keys that would have been right.
+pub fn figure(summary: &Value, key: &str) -> Result<Value, Vec<String>> {
+    if key.is_empty() {
+        return Ok(summary.clone());
+    }
+    // A name may hold dots itself.
+    let after = |name: &str| match key.strip_prefix(name)? {
+        "" => Some(""),
+        rest => rest.strip_prefix('.'),
+    };
+    match summary {
+        Value::Null => Ok(Value::Null),
+        Value::Object(table) => {
+            let found = (table.iter()).find_map(|(name, value)| Some((value, after(name)?)));
+            let (value, rest) = found.ok_or_else(|| table.keys().cloned().collect::<Vec<_>>())?;
+            figure(value, rest)
+        }
+        Value::Array(list) => {
+            let names = |element: &Value| {
+                let named = |key: &&str| element.get(key)?.as_str().map(str::to_owned);
+                NAMES.iter().find_map(named)
+            };
+            let found = list.iter().enumerate().find_map(|(index, element)| {
+                let by_name = names(element).and_then(|name| after(&name));
+                Some((element, by_name.or_else(|| after(&index.to_string()))?))
+            });
+            if let Some((element, rest)) = found {
+                return figure(element, rest);
+            }
+            let numbers: Vec<f64> = list.iter().filter_map(Value::as_f64).collect();
+            match key {
+                "count" => Ok(json!(list.len())),
+                "least" => Ok(json!(numbers.iter().copied().reduce(f64::min))),
+                "most" => Ok(json!(numbers.iter().copied().reduce(f64::max))),
+                "mean" if numbers.is_empty() => Ok(Value::Null),
+                "mean" => Ok(json!(numbers.iter().sum::<f64>() / numbers.len() as f64)),
+                // The place of an element that this run does not have.
+                _ if key.split('.').next().is_some_and(is_place) => Ok(Value::Null),
+                _ => {
+                    let own = ["count", "least", "most", "mean"].map(String::from);
+                    Err(list.iter().filter_map(names).chain(own).collect())
+                }
+            }
+        }
+        _ => Err(Vec::new()),
+    }
+}
+
+fn is_place(word: &str) -> bool {
+    word.parse::<usize>().is_ok()
+}
+
+/// What a figure is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A number.
+    Number,
+    /// A word or a sentence.
+    Text,
+}
+
+/// What the figure of this key is in the runs of a scenario; what is wrong with the key if they have none.
+pub fn kind(key: &str, scenario: &Scenario) -> Result<Kind, String> {
+    // Identities of objects are not known before the run.
+    let key = match key.split_once('.') {
+        Some(("objects", rest)) if !is_place(rest.split('.').next().unwrap_or("")) => {
+            match rest.rsplit_once('.') {
+                Some((_, field)) => &format!("objects.0.{field}"),
+                None => key,
+            }
+        }
+        _ => key,
+    };
+    let wrong = |known: &[String]| {
+        let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        let last = key.rsplit('.').next().unwrap_or(key);
+        match known[..] {
+            [] => format!("no figure '{key}': what stands before the last dot has no parts"),
+            _ => format!("no figure '{key}'{}", suggestion(last, &known)),
+        }
+    };
+    match figure(&sample(scenario), key).map_err(|known| wrong(&known))? {
+        Value::Object(table) => Err(wrong(&table.keys().cloned().collect::<Vec<_>>())),
+        Value::Array(_) => Err(wrong(&["count", "least", "most", "mean"].map(String::from))),
+        Value::Number(_) => Ok(Kind::Number),
+        _ => Ok(Kind::Text),
+    }
+}
+
+/// A summary of a scenario's run that has every figure.
+fn sample(scenario: &Scenario) -> Value {
+    let time = Some(0.0);
+    let miss = Some(MissStats::default());
+    let summary = Summary {
+        time_to_acquire_s: time,
+        time_to_neutralise_s: time,
+        energy_per_neutralised_j: time,
+        miss_distance_px: MissDistances {
+            coarse: miss,
+            precise: miss,
+        },
+        uavs: (scenario.uavs.iter())
+            .map(|uav| UavSummary {
+                name: uav.name.clone(),
+                status: String::new(),
+                energy_j: 0.0,
+                dwell_s: 0.0,
+                neutralised_s: time,
+                at_asset_s: time,
+            })
+            .collect(),
+        stations: (scenario.stations().into_iter())
+            .map(|station| StationSummary {
+                name: station.name,
+                acquired_s: time,
+                energy_j: 0.0,
+                dwell_s: 0.0,
+                distractor_s: 0.0,
+                keep_out_s: 0.0,
+                wrong_object_s: 0.0,
+                lost_s: vec![0.0],
+                kill_to_shot_s: vec![0.0],
+            })
+            .collect(),
+        objects: vec![ObjectSummary::default()],
+        ..Summary::default()
+    };
+    serde_json::to_value(summary).unwrap_or_else(|_| Value::Object(Map::new()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn summary() -> Value {
+        json!({
+            "outcome": "tracked",
+            "time_to_acquire_s": null,
+            "miss_distance_px": { "coarse": null, "precise": { "p95": 2.0 } },
+            "uavs": [{ "name": "a.b", "dwell_s": 1.0 }, { "name": "c", "dwell_s": 2.0 }],
+            "stations": [{ "name": "yard", "kill_to_shot_s": [2.0, 4.0, 3.0], "lost_s": [] }],
+        })
+    }
+
+    #[test]
+    fn figures_are_found_by_key_name_and_place() {
+        for (key, wanted) in [
+            ("outcome", json!("tracked")),
+            ("time_to_acquire_s", Value::Null),
+            ("miss_distance_px.precise.p95", json!(2.0)),
+            ("miss_distance_px.coarse.p95", Value::Null),
+            ("uavs.a.b.dwell_s", json!(1.0)),
+            ("uavs.1.dwell_s", json!(2.0)),
+            ("uavs.7.dwell_s", Value::Null),
+            ("uavs.count", json!(2)),
+            ("stations.yard.kill_to_shot_s.1", json!(4.0)),
+            ("stations.yard.kill_to_shot_s.most", json!(4.0)),
+            ("stations.yard.kill_to_shot_s.least", json!(2.0)),
+            ("stations.yard.kill_to_shot_s.mean", json!(3.0)),
+            ("stations.yard.lost_s.count", json!(0)),
+            ("stations.yard.lost_s.most", Value::Null),
+        ] {
+            assert_eq!(figure(&summary(), key), Ok(wanted), "{key}");
+        }
+        assert!(figure(&summary(), "uavs.d.dwell_s").is_err());
+        assert!(figure(&summary(), "outcome.x").is_err());
+    }
+
+    #[test]
+    fn a_key_that_no_run_has_is_refused() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/two_stations.toml");
+        let scenario = Scenario::load(&path, &[]).unwrap().scenario;
+        for key in [
+            "dwell_s",
+            "miss_distance_px.precise.p95",
+            "uavs.0.neutralised_s",
+            "stations.tower.kill_to_shot_s.most",
+            "objects.count",
+            "objects.yard 1.longest_gap_s",
+        ] {
+            assert_eq!(kind(key, &scenario), Ok(Kind::Number), "{key}");
+        }
+        assert_eq!(kind("outcome", &scenario), Ok(Kind::Text));
+        for (key, hint) in [
+            ("dwel_s", "did you mean 'dwell_s'"),
+            ("stations.towr.dwell_s", "tower"),
+            ("miss_distance_px.precise", "p95"),
+            ("stations.tower.lost_s", "count"),
+            ("dwell_s.mean", "has no parts"),
+        ] {
+            let message = kind(key, &scenario).unwrap_err();
+            assert!(message.contains(hint), "{key}: {message}");
+        }
+    }
+}

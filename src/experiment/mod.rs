@@ -1,0 +1,110 @@
+//! Experiments on scenarios: what a run must show, and how it is found out.
+
+pub mod diff;
+pub mod figures;
+pub mod sweep;
+pub mod test;
+
+use crate::app::{self, Options, RunError};
+use crate::models::ground::city::{City, CityParams};
+use crate::output::OutputError;
+use crate::recording::read::ReadError;
+use crate::report::summary::finish;
+use crate::scenario::{InputError, Loaded};
+use serde_json::Value;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// Why an experiment cannot be carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum ExperimentError {
+    /// A scenario.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A file that it leaves.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A path without scenarios.
+    #[error("{}: {what}", path.display())]
+    Path {
+        /// The path.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A tolerance of `diff`.
+    #[error("--tolerance {0}: expected FIELD=MOST such as azimuth_rad=1e-9")]
+    Tolerance(String),
+    /// No folder for what is thrown away afterwards.
+    #[error("no temporary folder: {0}; set TMPDIR to one with room")]
+    Folder(std::io::Error),
+    /// A recording.
+    #[error(transparent)]
+    Recording(#[from] ReadError),
+    /// What was found cannot be written as JSON or XML.
+    #[error("{}: {message}", path.display())]
+    Text {
+        /// The file.
+        path: PathBuf,
+        /// What the writer says.
+        message: String,
+    },
+}
+
+/// Cities that are kept for further runs.
+const MOST_CITIES: usize = 8;
+
+/// Makes runs for several threads.
+#[derive(Default)]
+pub(crate) struct Runner {
+    /// Held while something renders: the software rasteriser takes all cores for itself.
+    rendering: Mutex<()>,
+    cities: Mutex<Vec<(CityParams, Arc<City>)>>,
+}
+
+impl Runner {
+    /// Makes a run to its end and gives its summary; without pictures the detector must need none.
+    pub(crate) fn run(
+        &self,
+        loaded: &Loaded,
+        seed: u64,
+        pictures: bool,
+    ) -> Result<Value, RunError> {
+        let _one = pictures.then(|| {
+            self.rendering
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        });
+        let city = (!pictures)
+            .then(|| self.city(&loaded.scenario.city))
+            .flatten();
+        let options = Options {
+            seed: Some(seed),
+            one_thread: !pictures,
+            capture: pictures,
+            city,
+            ..Options::default()
+        };
+        let mut app = app::build(loaded, &options)?;
+        let started = Instant::now();
+        while !app::step(app.world_mut())? {}
+        let finished = finish(app.world_mut(), loaded, &options, started.elapsed());
+        Ok(serde_json::to_value(finished.summary).unwrap_or_default())
+    }
+
+    /// The city of these parameters; `None` where the run itself will say what is wrong with them.
+    fn city(&self, params: &CityParams) -> Option<Arc<City>> {
+        let mut known = self.cities.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, city)) = known.iter().find(|(of, _)| of == params) {
+            return Some(city.clone());
+        }
+        let city = Arc::new(City::generate(params).ok()?);
+        // A sweep over cities needs each one for a while only.
+        if known.len() >= MOST_CITIES {
+            known.remove(0);
+        }
+        known.push((params.clone(), city.clone()));
+        Some(city)
+    }
+}
