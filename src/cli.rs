@@ -10,6 +10,7 @@ use crate::eval::{self, EvalError};
 use crate::experiment::diff::{Comparison, Tolerances};
 use crate::experiment::{self, ExperimentError};
 use crate::output::{self, OutputError};
+use crate::recording::film::{self, FilmError};
 use crate::recording::read::Recorded;
 use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
@@ -44,6 +45,9 @@ pub enum CliError {
     /// An evaluation.
     #[error(transparent)]
     Eval(#[from] EvalError),
+    /// A film.
+    #[error(transparent)]
+    Film(#[from] FilmError),
     /// An experiment.
     #[error(transparent)]
     Experiment(#[from] ExperimentError),
@@ -87,6 +91,8 @@ enum Command {
     /// Hold scenarios to what they expect of their runs. Ends with 0 where all is met, with 1 where something is
     /// not, with 2 where a scenario cannot be run.
     Test(experiment::test::Arguments),
+    /// Make a film of a recording.
+    Video(film::Arguments),
     /// Compare two recordings, or a recording and a new run of the scenario inside it: equal, or where they part
     /// and what follows. Ends with 0 where they are equal, with 1 where they are not.
     Diff(experiment::diff::Arguments),
@@ -216,6 +222,11 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 say!("table {}", args.out.join("table.parquet").display());
                 say!("page  {}", args.out.join("sweep.html").display());
             }
+            Ok(())
+        }
+        Command::Video(args) => {
+            let pictures = film::film(&args)?;
+            say!("film  {} ({pictures} pictures)", args.film.display());
             Ok(())
         }
         Command::Diff(args) => {

@@ -26,6 +26,7 @@ use mcap::{
     write::NoSeek,
 };
 
+pub mod film;
 pub mod read;
 
 pub use foxglove::messages::log::Level as LogLevel;

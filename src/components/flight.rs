@@ -3,6 +3,7 @@
 use crate::models::air::wind::DrydenGust;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{Airframe, MultirotorState};
+use crate::models::flight::swarm::{Behaviour, Steering};
 use crate::models::flight::trajectory::CompiledTrajectory;
 use crate::models::laser::thermal::{Skin, SkinMaterial};
 use crate::models::maths::rng::Stream;
@@ -50,11 +51,24 @@ impl Flight {
     }
 }
 
+/// Where a UAV wants to be at any time.
+#[derive(Clone, Debug)]
+pub enum Plan {
+    /// On a path that is set before.
+    Path(CompiledTrajectory),
+    /// Where it steers as a member of a swarm.
+    Swarm(Box<Steering>),
+}
+
+/// The swarms of a run, in the order of the scenario.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Swarms(pub Vec<Behaviour>);
+
 /// What flies by a rotor model: its flight plan and airframe.
 #[derive(Component, Clone, Debug)]
 pub struct Guidance {
-    /// Where it wants to be at any time.
-    pub plan: CompiledTrajectory,
+    /// Where it wants to be.
+    pub plan: Plan,
     /// Constants of the airframe.
     pub airframe: Airframe,
     /// Take-off mass [kg].
@@ -90,9 +104,11 @@ pub enum UavStatus {
     Flying,
     /// The laser has burnt it through; it falls.
     Falling,
+    /// It has met another UAV in the air; it falls.
+    Struck,
     /// It lies on the city.
     Down,
-    /// It flew into the city without help.
+    /// It flew into the city, or lies on it after it met another.
     Crashed,
 }
 
@@ -102,6 +118,7 @@ impl UavStatus {
         match self {
             UavStatus::Flying => "flying",
             UavStatus::Falling => "falling",
+            UavStatus::Struck => "struck",
             UavStatus::Down => "down",
             UavStatus::Crashed => "crashed",
         }

@@ -14,7 +14,7 @@ use crate::scenario::{InputError, Loaded};
 use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Why an experiment cannot be carried out.
 #[derive(Debug, thiserror::Error)]
@@ -64,13 +64,13 @@ pub(crate) struct Runner {
 }
 
 impl Runner {
-    /// Makes a run to its end and gives its summary; without pictures the detector must need none.
+    /// Makes a run to its end and gives its summary, and the time it took; without pictures the detector must need none.
     pub(crate) fn run(
         &self,
         loaded: &Loaded,
         seed: u64,
         pictures: bool,
-    ) -> Result<Value, RunError> {
+    ) -> Result<(Value, Duration), RunError> {
         let _one = pictures.then(|| {
             self.rendering
                 .lock()
@@ -86,11 +86,12 @@ impl Runner {
             city,
             ..Options::default()
         };
-        let mut app = app::build(loaded, &options)?;
         let started = Instant::now();
+        let mut app = app::build(loaded, &options)?;
         while !app::step(app.world_mut())? {}
         let finished = finish(app.world_mut(), loaded, &options, started.elapsed());
-        Ok(serde_json::to_value(finished.summary).unwrap_or_default())
+        let summary = serde_json::to_value(finished.summary).unwrap_or_default();
+        Ok((summary, started.elapsed()))
     }
 
     /// The city of these parameters; `None` where the run itself will say what is wrong with them.

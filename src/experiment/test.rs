@@ -16,7 +16,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// What `boresight test` is asked for.
 #[derive(Args, Clone, Debug)]
@@ -288,13 +288,12 @@ impl Case {
         let Some(plan) = &self.plan else {
             return;
         };
-        let started = Instant::now();
         let summary = runner.run(&plan.loaded, seed, !plan.expect.blind);
         let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
-        found.elapsed += started.elapsed();
         found.runs += 1;
         match summary {
-            Ok(summary) => {
+            Ok((summary, elapsed)) => {
+                found.elapsed += elapsed;
                 found.summaries.insert(seed, summary);
             }
             Err(error) => found.wrong = Some(format!("seed {seed}: {error}")),
@@ -570,7 +569,8 @@ mod tests {
         let plan = |expect: &str| {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("s.toml");
-            std::fs::write(&path, format!("{text}\n[expect]\nblind = true\n{expect}")).unwrap();
+            let own = text.split("[expect]").next().unwrap();
+            std::fs::write(&path, format!("{own}\n[expect]\nblind = true\n{expect}")).unwrap();
             Plan::read(&path).map(Option::unwrap)
         };
         let run = |acquired_s: Option<f64>| json!({ "outcome": "neutralised", "time_to_acquire_s": acquired_s, "state_hash": "0" });

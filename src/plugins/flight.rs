@@ -3,11 +3,12 @@
 use crate::components::beam::Dose;
 use crate::components::environment::Environment;
 use crate::components::flight::{
-    Air, Distractor, Flight, Guidance, HeatedSkin, Uav, UavShape, UavStatus,
+    Air, Distractor, Flight, Guidance, HeatedSkin, Plan, Swarms, Uav, UavShape, UavStatus,
 };
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::air::wind::DrydenGust;
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
+use crate::models::flight::swarm::Steering;
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::laser::thermal::Skin;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
@@ -66,7 +67,9 @@ impl Plugin for FlightPlugin {
             .add_systems(
                 Tick,
                 (
+                    systems::steer,
                     systems::fly,
+                    systems::collide,
                     systems::drift,
                     systems::drop_wrecks,
                     systems::fall,
@@ -93,6 +96,13 @@ fn spawn_uavs(
     environment: Res<Environment>,
 ) -> Result<(), PartError> {
     let part = loaded.scenario.engage.aim;
+    let asset_enu_m = (loaded.scenario.tracker.asset_enu_m)
+        .unwrap_or_default()
+        .into();
+    let swarms = loaded.scenario.swarms.iter();
+    commands.insert_resource(Swarms(
+        swarms.map(|swarm| swarm.behaviour(asset_enu_m)).collect(),
+    ));
     for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
         let place = format!("uavs[{index}]");
         let catalogued = catalogue::load(&uav.model)
@@ -103,7 +113,8 @@ fn spawn_uavs(
             &mut seed.stream(index as u64, "spread"),
         );
         let airframe = Airframe::new(&catalogued);
-        let air = air_at(&environment, *seed, index, plan.sample(0.0).r_enu_m);
+        let start = plan.sample(0.0);
+        let air = air_at(&environment, *seed, index, start.r_enu_m);
         let state = plan.initial_state(&airframe, air.wind_enu_mps, environment.air_density_kgpm3);
         let mesh = Arc::new(uav_mesh(&catalogued));
         commands.spawn((
@@ -117,7 +128,15 @@ fn spawn_uavs(
                 aim_body_m: mesh.part_body_m(&catalogued, part),
             },
             Guidance {
-                plan,
+                plan: match &uav.member {
+                    None => Plan::Path(plan),
+                    Some(member) => Plan::Swarm(Box::new(Steering::new(
+                        (member.swarm, member.group),
+                        (member.middle_enu_m, member.slot_m),
+                        start,
+                        seed.stream(index as u64, "steering"),
+                    ))),
+                },
                 airframe,
                 mass_kg: catalogued.mass_kg,
             },

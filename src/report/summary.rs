@@ -84,7 +84,7 @@ pub struct Summary {
 pub struct UavSummary {
     /// Name in the scenario.
     pub name: String,
-    /// Flying, falling, down or crashed.
+    /// Flying, falling, struck, down or crashed.
     pub status: String,
     /// Energy emitted while the beam was aimed at it \[J\].
     pub energy_j: f64,

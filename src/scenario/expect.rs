@@ -115,7 +115,7 @@ impl JsonSchema for SeedRange {
     }
 
     fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({ "type": "string", "pattern": r"^\s*\d+\s*\.\.=\s*\d+\s*$" })
+        schemars::json_schema!({ "type": "string", "description": "From one seed to another, both among them.", "pattern": r"^\s*\d+\s*\.\.=\s*\d+\s*$" })
     }
 }
 

@@ -18,6 +18,9 @@ use super::text::{join, one_line};
 
 /// A kind of input file.
 pub(crate) trait Checked: DeserializeOwned {
+    /// Adds what follows from its values; before the check.
+    fn complete(&mut self) {}
+
     /// Reports values that are out of range or contradict each other.
     fn check(&self, check: &mut Check);
 
@@ -140,8 +143,9 @@ pub(crate) fn parse<T: Checked>(
         T::inherit(document);
     }
     let root = places.number(root, String::new())?;
-    let value = T::deserialize(toml::de::ValueDeserializer::from(root))
+    let mut value = T::deserialize(toml::de::ValueDeserializer::from(root))
         .map_err(|error| places.explain(&error))?;
+    value.complete();
     let mut check = Check::default();
     value.check(&mut check);
     match check.into_problem() {

@@ -21,6 +21,7 @@ mod search;
 mod site;
 mod skin;
 mod station;
+pub(crate) mod swarms;
 mod targets;
 #[cfg(test)]
 mod tests;
@@ -46,6 +47,7 @@ pub use search::{Cue, SearchSector};
 pub use site::Site;
 pub use skin::SkinKind;
 pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};
+pub use swarms::{SwarmConfig, SwarmOrigin};
 pub use targets::{DistractorConfig, UavConfig};
 pub use tracker::{AssociationRule, OrderConfig, TrackerConfig};
 
@@ -107,6 +109,9 @@ pub struct Scenario {
     /// The UAVs; none makes a false-alarm run.
     #[serde(default)]
     pub uavs: Vec<UavConfig>,
+    /// Swarms of UAVs: each adds its members to the UAVs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub swarms: Vec<SwarmConfig>,
     /// Birds, balloons, aircraft and leaves, which a detector may take for UAVs.
     #[serde(default)]
     pub distractors: Vec<DistractorConfig>,
@@ -204,6 +209,15 @@ impl Checked for Scenario {
         }
     }
 
+    fn complete(&mut self) {
+        let asset_enu_m = self.tracker.asset_enu_m;
+        for (number, swarm) in self.swarms.iter().enumerate() {
+            let (uavs, decoys) = swarm.members(number, asset_enu_m, self.seed);
+            self.uavs.extend(uavs);
+            self.distractors.extend(decoys);
+        }
+    }
+
     fn check(&self, check: &mut Check) {
         check.name("name", &self.name, &[]);
         check.positive("duration_s", self.duration_s);
@@ -232,6 +246,14 @@ impl Checked for Scenario {
             check.table("network", |check| network.check(check, self.tick_hz));
         }
         check.table("search", |check| self.search.check(check, &self.uavs));
+        let mut names: Vec<&str> = Vec::new();
+        for (index, swarm) in self.swarms.iter().enumerate() {
+            check.table(&format!("swarms[{index}]"), |check| {
+                check.name("name", &swarm.name, &names);
+                swarm.check(check, self.tracker.asset_enu_m.is_some());
+            });
+            names.push(&swarm.name);
+        }
         targets::check(&self.uavs, &self.distractors, check);
         check.table("detector", |check| self.detector.check(check));
         check.table("recogniser", |check| {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check};
 use super::skin::SkinKind;
+use super::swarms::Member;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::trajectory::Trajectory;
 
@@ -30,6 +31,9 @@ pub struct UavConfig {
     /// The flight starts up to this much earlier, drawn from the seed.
     #[serde(default)]
     pub spread_s: f64,
+    /// Its place in the swarm that it belongs to.
+    #[serde(skip)]
+    pub member: Option<Member>,
 }
 
 /// A bird, balloon, aircraft or leaf: every camera sees it, and it counts for no success.

@@ -381,8 +381,8 @@ fn overrides_replace_and_add() {
         error(GOOD, &["seed=3", "detctor.kind=truth"]),
         "s.toml: --set detctor.kind=truth: detctor: unknown key - did you mean 'detector'? \
              expected one of name, description, seed, duration_s, tick_hz, site, time_utc, weather, \
-             turbulence, city, station, stations, network, search, uavs, distractors, detector, recogniser, tracker, operator, \
-             controller, engage, record"
+             turbulence, city, station, stations, network, search, uavs, swarms, distractors, detector, recogniser, tracker, operator, \
+             controller, engage, record, expect"
     );
     assert_eq!(
         error(GOOD, &["uavs.1.model=fpv5"]),

@@ -6,19 +6,135 @@
 
 use crate::components::environment::Environment;
 use crate::components::flight::{
-    Air, Distractor, Flight, Guidance, HasWreck, Uav, UavStatus, Wreck,
+    Air, Distractor, Flight, Guidance, HasWreck, HeatedSkin, Plan, Swarms, Uav, UavStatus, Wreck,
 };
 use crate::components::run::SimClock;
 use crate::models::flight::multirotor;
+use crate::models::flight::swarm::Mate;
 use crate::models::maths::kinematics::exp_so3;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_rapier3d::prelude::*;
 use glam::{DQuat, DVec3};
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
 
 /// The schedule Rapier steps in, run from the Flight set while something falls.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Fall;
+
+/// How often members of swarms choose their way, and UAVs in the air are looked at for collisions [Hz].
+const STEER_HZ: u32 = 20;
+const COLLIDE_HZ: u32 = 120;
+/// How far ahead ground and buildings are looked at [s], and in how many places.
+const AHEAD_S: f64 = 4.0;
+const AHEAD_PLACES: usize = 8;
+
+/// A place in the air that knows whose it is.
+type Placed = GeomWithData<[f64; 3], usize>;
+
+/// Members of swarms choose their accelerations, and their points move on.
+pub fn steer(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    swarms: Res<Swarms>,
+    mut uavs: Query<(&Flight, &mut Guidance, &HeatedSkin, &UavStatus)>,
+) {
+    if swarms.0.is_empty() {
+        return;
+    }
+    let t_s = clock.t_s();
+    if clock.due(STEER_HZ) {
+        let mut mates: Vec<(usize, Mate)> = Vec::new();
+        let mut places: Vec<Placed> = Vec::new();
+        for (flight, guidance, _, status) in &uavs {
+            let swarm = match &guidance.plan {
+                Plan::Swarm(member) if *status == UavStatus::Flying => member.swarm,
+                _ => continue,
+            };
+            places.push(Placed::new(flight.state.r_enu_m.to_array(), mates.len()));
+            let mate = Mate {
+                r_enu_m: flight.state.r_enu_m,
+                v_enu_mps: flight.state.v_enu_mps,
+            };
+            mates.push((swarm, mate));
+        }
+        let tree = RTree::bulk_load(places);
+        let mut own = 0;
+        for (flight, mut guidance, skin, status) in &mut uavs {
+            let member = match &mut guidance.plan {
+                Plan::Swarm(member) if *status == UavStatus::Flying => member,
+                _ => continue,
+            };
+            let behaviour = &swarms.0[member.swarm];
+            let reach_m = behaviour.reach_m();
+            let around = flight.state.r_enu_m.to_array();
+            let mut near: Vec<usize> = (tree.locate_within_distance(around, reach_m * reach_m))
+                .map(|place| place.data)
+                .filter(|other| *other != own && mates[*other].0 == member.swarm)
+                .collect();
+            // The order of sums must not depend on the tree.
+            near.sort_unstable();
+            let near: Vec<Mate> = near.into_iter().map(|other| mates[other].1).collect();
+            let ahead = (0..=AHEAD_PLACES).map(|place| {
+                let after_s = AHEAD_S * place as f64 / AHEAD_PLACES as f64;
+                let at = flight.state.r_enu_m + after_s * flight.state.v_enu_mps;
+                environment.city.dsm.surface_m(at.x, at.y)
+            });
+            let floor_m = ahead.fold(f64::NEG_INFINITY, f64::max);
+            member.steer(behaviour, t_s, &near, floor_m, skin.irradiance_wpm2);
+            own += 1;
+        }
+    }
+    for (_, mut guidance, _, status) in &mut uavs {
+        if let Plan::Swarm(member) = &mut guidance.plan
+            && *status == UavStatus::Flying
+        {
+            member.advance(clock.dt_s());
+        }
+    }
+}
+
+/// UAVs that touch each other fall, both.
+pub fn collide(
+    clock: Res<SimClock>,
+    mut uavs: Query<(&Uav, &Flight, &mut UavStatus), Without<Distractor>>,
+) {
+    if !clock.due(COLLIDE_HZ) {
+        return;
+    }
+    // Half the longer side of the airframe, rotors included.
+    let radius_m = |uav: &Uav| 0.5 * uav.size_m[0].max(uav.size_m[1]);
+    let mut widest_m: f64 = 0.0;
+    let mut places: Vec<Placed> = Vec::new();
+    for (index, (uav, flight, status)) in uavs.iter().enumerate() {
+        if *status == UavStatus::Flying {
+            places.push(Placed::new(flight.state.r_enu_m.to_array(), index));
+            widest_m = widest_m.max(radius_m(uav));
+        }
+    }
+    if places.len() < 2 {
+        return;
+    }
+    let radii_m: Vec<f64> = uavs.iter().map(|(uav, ..)| radius_m(uav)).collect();
+    let tree = RTree::bulk_load(places.clone());
+    let mut struck = vec![false; radii_m.len()];
+    for place in &places {
+        let reach_m = radii_m[place.data] + widest_m;
+        for other in tree.locate_within_distance(*place.geom(), reach_m * reach_m) {
+            let touch_m = radii_m[place.data] + radii_m[other.data];
+            let between_m = DVec3::from(*place.geom()).distance(DVec3::from(*other.geom()));
+            if other.data != place.data && between_m < touch_m {
+                struck[place.data] = true;
+            }
+        }
+    }
+    for ((.., mut status), struck) in uavs.iter_mut().zip(struck) {
+        if struck {
+            *status = UavStatus::Struck;
+        }
+    }
+}
 
 /// Steps every flying UAV; one that meets the city has crashed.
 pub fn fly(
@@ -31,7 +147,10 @@ pub fn fly(
         if *status != UavStatus::Flying {
             continue;
         }
-        let setpoint = guidance.plan.sample(t_s);
+        let setpoint = match &guidance.plan {
+            Plan::Path(path) => path.sample(t_s),
+            Plan::Swarm(member) => member.reference,
+        };
         let (airframe, state) = (&guidance.airframe, &mut flight.state);
         let density = environment.air_density_kgpm3;
         multirotor::step(airframe, state, &setpoint, air.wind_enu_mps, density, dt_s);
@@ -85,7 +204,7 @@ pub fn drop_wrecks(
     uavs: Query<(Entity, &Uav, &Flight, &Guidance, &UavStatus), Without<HasWreck>>,
 ) {
     for (entity, uav, flight, guidance, status) in &uavs {
-        if *status != UavStatus::Falling {
+        if !matches!(status, UavStatus::Falling | UavStatus::Struck) {
             continue;
         }
         let state = &flight.state;
@@ -216,7 +335,10 @@ pub fn follow_wrecks(
         let slow = near && velocity.linear.length() < REST_MPS;
         wreck.still_s = if slow { wreck.still_s + step_s } else { 0.0 };
         if wreck.still_s > REST_S || lost {
-            *status = UavStatus::Down;
+            *status = match *status {
+                UavStatus::Struck => UavStatus::Crashed,
+                _ => UavStatus::Down,
+            };
             state.v_enu_mps = DVec3::ZERO;
             state.omega_body_radps = DVec3::ZERO;
             commands.entity(entity).despawn();

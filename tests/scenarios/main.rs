@@ -17,4 +17,5 @@ mod rendering;
 mod shipped;
 mod stations;
 mod structure;
+mod swarms;
 mod tracking;

@@ -6,7 +6,6 @@ use crate::common::{
 use boresight::recording::proto;
 use boresight::scenario::Scenario;
 use prost::Message as _;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};

@@ -1,8 +1,6 @@
 //! Several stations in one run.
 
-use crate::common::{
-    BLIND, ROOT, Run, boresight, messages, refused, rendering, run_scenario, tick_hashes,
-};
+use crate::common::{BLIND, ROOT, Run, boresight, messages, refused, run_scenario, tick_hashes};
 use boresight::app::{self, Options};
 use boresight::components::beam::BeamState;
 use boresight::components::engage::Interlocks;

@@ -266,6 +266,7 @@ fn intruder(model: &str, trajectory: Trajectory) -> UavConfig {
         skin: None,
         spread_m: [0.0; 2],
         spread_s: 0.0,
+        member: None,
     }
 }
 

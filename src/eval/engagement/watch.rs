@@ -181,7 +181,7 @@ impl Seen {
                 self.record.neutralised_s = Some(now.t_s);
                 true
             }
-            Some(UavStatus::Crashed) => {
+            Some(UavStatus::Struck | UavStatus::Crashed) => {
                 self.record.crashed = true;
                 true
             }

@@ -247,7 +247,7 @@ fn one(plan: &Plan, index: u64, runner: &Runner) -> Done {
         runner.run(&loaded, run.seed, plan.experiment.pictures)
     }));
     let result = match summary {
-        Ok(Ok(summary)) => Ok(kept(plan, &summary)),
+        Ok(Ok((summary, _))) => Ok(kept(plan, &summary)),
         Ok(Err(error)) => Err(error.to_string()),
         Err(panic) => {
             let said = (panic.downcast_ref::<String>().map(String::as_str))

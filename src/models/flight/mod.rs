@@ -4,5 +4,6 @@ pub mod bird;
 pub mod class;
 pub mod distractor;
 pub mod multirotor;
+pub mod swarm;
 pub mod trajectory;
 pub mod uav;
