@@ -282,6 +282,26 @@ fn a_sweeps_table_depends_on_neither_cores_nor_order_nor_kills() {
         println!("SKIP: BORESIGHT_PYTHON is not set; ./test sets it");
     }
 
+    // On a cluster of three nodes, of which one is killed midway.
+    let ray = std::env::var_os("BORESIGHT_PYTHON").filter(|python| {
+        let output = Command::new(python).args(["-c", "import ray"]).output();
+        output.is_ok_and(|output| output.status.success())
+    });
+    if let Some(python) = ray {
+        let output = Command::new(python)
+            .arg(Path::new(ROOT).join("python/tests/cluster.py"))
+            .arg(env!("CARGO_BIN_EXE_boresight"))
+            .args(["sweep.toml", "one"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{text}{}", stderr(&output));
+        assert!(text.contains("same table"), "{text}");
+    } else {
+        println!("SKIP: no Python with ray; ./test installs it");
+    }
+
     // Another experiment does not go on in the folder of this one.
     let other = path("other.toml");
     std::fs::write(&other, SWEEP.replace("500.0", "600.0")).unwrap();
