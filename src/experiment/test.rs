@@ -151,7 +151,11 @@ pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
     let queues = [false, true].map(|blind| {
         let mut runs: Vec<(usize, u64)> = Vec::new();
         for (index, case) in cases.iter().enumerate() {
-            if let Some(plan) = case.plan.as_ref().filter(|plan| plan.expect.blind == blind) {
+            if let Some(plan) = case
+                .plan
+                .as_ref()
+                .filter(|plan| plan.expected.blind == blind)
+            {
                 runs.extend(plan.seeds.iter().map(|seed| (index, *seed)));
             }
         }
@@ -252,7 +256,7 @@ struct Case {
 /// The runs of a scenario.
 struct Plan {
     loaded: Loaded,
-    expect: Expect,
+    expected: Expect,
     seeds: Vec<u64>,
 }
 
@@ -288,7 +292,7 @@ impl Case {
         let Some(plan) = &self.plan else {
             return;
         };
-        let summary = runner.run(&plan.loaded, seed, !plan.expect.blind);
+        let summary = runner.run(&plan.loaded, seed, !plan.expected.blind);
         let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         found.runs += 1;
         match summary {
@@ -382,7 +386,7 @@ impl Plan {
     /// The runs that a scenario asks for; `None` where it expects nothing.
     fn read(path: &Path) -> Result<Option<Self>, InputError> {
         let loaded = Scenario::load(path, &[])?;
-        let Some(expect) = loaded.scenario.expect.clone() else {
+        let Some(expect) = loaded.scenario.expected.clone() else {
             return Ok(None);
         };
         check(&loaded, &expect)?;
@@ -399,14 +403,14 @@ impl Plan {
         };
         Ok(Some(Self {
             loaded,
-            expect,
+            expected: expect,
             seeds,
         }))
     }
 
     /// What is not as expected, one sentence each.
     fn judge(&self, summaries: &BTreeMap<u64, Value>) -> Vec<String> {
-        let expect = &self.expect;
+        let expect = &self.expected;
         let each = Run {
             outcome: expect.outcome.map(|outcome| outcome.name()),
             never: &expect.never,

@@ -130,12 +130,10 @@ fn spawn_uavs(
             Guidance {
                 plan: match &uav.member {
                     None => Plan::Path(plan),
-                    Some(member) => Plan::Swarm(Box::new(Steering::new(
-                        (member.swarm, member.group),
-                        (member.middle_enu_m, member.slot_m),
-                        start,
-                        seed.stream(index as u64, "steering"),
-                    ))),
+                    Some(member) => {
+                        let rng = seed.stream(index as u64, "steering");
+                        Plan::Swarm(Box::new(Steering::new(member.clone(), start, rng)))
+                    }
                 },
                 airframe,
                 mass_kg: catalogued.mass_kg,

@@ -102,6 +102,8 @@ impl<T> Track<T> {
 /// All that a film shows.
 #[derive(Default)]
 struct Scenes {
+    /// The cameras with pictures, in the order of their channels.
+    cameras: BTreeMap<u16, String>,
     /// JPEG files by camera.
     pictures: BTreeMap<String, Track<Vec<u8>>>,
     /// Lines on a camera's pictures by the time stamp of the picture: colour and ends [px].
@@ -145,7 +147,7 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
     };
     let shows = |layout| [Layout::All, layout].contains(&arguments.layout);
     let cameras: Vec<&String> = match shows(Layout::Cameras) {
-        true => scenes.pictures.keys().collect(),
+        true => scenes.cameras.values().collect(),
         false => Vec::new(),
     };
     if arguments.layout == Layout::Cameras && cameras.is_empty() {
@@ -222,6 +224,7 @@ impl Scenes {
             if let Some(camera) = camera("/image") {
                 let data = fields["data"].as_str().unwrap_or_default();
                 if let Ok(jpeg) = BASE64_STANDARD.decode(data) {
+                    scenes.cameras.insert(message.channel.id, camera.clone());
                     scenes
                         .pictures
                         .entry(camera.clone())
@@ -306,7 +309,7 @@ impl Scenes {
     fn strip(&self, picture: &mut RgbImage, t_s: f64, tick: u64) {
         let top = picture.height() - STRIP_PX + 8;
         text(picture, [8, top], &format!("{t_s:7.2} s"), WHITE);
-        let mut x = 150;
+        let mut x = 180;
         for (station, states) in &self.states {
             let state = states.at(tick).map_or("", String::as_str);
             let fires = self.firing.get(station).and_then(|track| track.at(tick)) == Some(&true);

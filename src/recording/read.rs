@@ -73,6 +73,9 @@ impl Recorded {
             path: path.into(),
             what,
         };
+        if !bytes.starts_with(mcap::MAGIC) {
+            return Err(broken(McapError::BadMagic));
+        }
         let mut texts: BTreeMap<String, String> = BTreeMap::new();
         let mut metadata = BTreeMap::new();
         let options = mcap::read::Options::IgnoreEndMagic.into();

@@ -21,7 +21,7 @@ mod search;
 mod site;
 mod skin;
 mod station;
-pub(crate) mod swarms;
+mod swarms;
 mod targets;
 #[cfg(test)]
 mod tests;
@@ -137,7 +137,8 @@ pub struct Scenario {
     #[serde(default)]
     pub record: Record,
     /// What runs of it must show, for `boresight test`.
-    pub expect: Option<Expect>,
+    #[serde(rename = "expect")]
+    pub expected: Option<Expect>,
 }
 
 fn default_seed() -> u64 {
@@ -271,7 +272,7 @@ impl Checked for Scenario {
         check.table("controller", |check| self.controller.check(check));
         check.table("engage", |check| self.engage.check(check));
         check.table("record", |check| self.record.check(check, self.tick_hz));
-        if let Some(expect) = &self.expect {
+        if let Some(expect) = &self.expected {
             check.table("expect", |check| expect.check(check));
         }
     }

@@ -7,7 +7,7 @@ use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check, TURN};
 use super::targets::{DistractorConfig, UavConfig};
 use crate::models::flight::distractor::DistractorKind;
-use crate::models::flight::swarm::{Behaviour, Evasion, Formation};
+use crate::models::flight::swarm::{Behaviour, Evasion, Formation, Member};
 use crate::models::flight::trajectory::Trajectory;
 use crate::models::maths::rng::Stream;
 use glam::DVec3;
@@ -66,18 +66,6 @@ pub struct SwarmOrigin {
     /// Height above the goal.
     #[serde(default)]
     pub above_m: f64,
-}
-
-/// A UAV's place in a swarm.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Member {
-    /// The swarm's number in the scenario, and that of the wave and sector within it.
-    pub swarm: usize,
-    pub group: usize,
-    /// Its slot in the formation (forward, left, up) [m].
-    pub slot_m: DVec3,
-    /// Where the middle of the formation begins [m].
-    pub middle_enu_m: DVec3,
 }
 
 fn default_spacing_m() -> f64 {
@@ -163,7 +151,6 @@ impl SwarmConfig {
                         spread_s: 0.0,
                         member: Some(Member {
                             swarm: number,
-                            group,
                             slot_m: slot,
                             middle_enu_m: middle,
                         }),

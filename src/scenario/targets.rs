@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check};
 use super::skin::SkinKind;
-use super::swarms::Member;
 use crate::models::flight::distractor::DistractorKind;
+use crate::models::flight::swarm::Member;
 use crate::models::flight::trajectory::Trajectory;
 
 /// One UAV.

@@ -49,7 +49,7 @@ pub fn steer(
         let mut places: Vec<Placed> = Vec::new();
         for (flight, guidance, _, status) in &uavs {
             let swarm = match &guidance.plan {
-                Plan::Swarm(member) if *status == UavStatus::Flying => member.swarm,
+                Plan::Swarm(steering) if *status == UavStatus::Flying => steering.member.swarm,
                 _ => continue,
             };
             places.push(Placed::new(flight.state.r_enu_m.to_array(), mates.len()));
@@ -62,16 +62,17 @@ pub fn steer(
         let tree = RTree::bulk_load(places);
         let mut own = 0;
         for (flight, mut guidance, skin, status) in &mut uavs {
-            let member = match &mut guidance.plan {
-                Plan::Swarm(member) if *status == UavStatus::Flying => member,
+            let steering = match &mut guidance.plan {
+                Plan::Swarm(steering) if *status == UavStatus::Flying => steering,
                 _ => continue,
             };
-            let behaviour = &swarms.0[member.swarm];
+            let swarm = steering.member.swarm;
+            let behaviour = &swarms.0[swarm];
             let reach_m = behaviour.reach_m();
             let around = flight.state.r_enu_m.to_array();
             let mut near: Vec<usize> = (tree.locate_within_distance(around, reach_m * reach_m))
                 .map(|place| place.data)
-                .filter(|other| *other != own && mates[*other].0 == member.swarm)
+                .filter(|other| *other != own && mates[*other].0 == swarm)
                 .collect();
             // The order of sums must not depend on the tree.
             near.sort_unstable();
@@ -82,15 +83,15 @@ pub fn steer(
                 environment.city.dsm.surface_m(at.x, at.y)
             });
             let floor_m = ahead.fold(f64::NEG_INFINITY, f64::max);
-            member.steer(behaviour, t_s, &near, floor_m, skin.irradiance_wpm2);
+            steering.steer(behaviour, t_s, &near, floor_m, skin.irradiance_wpm2);
             own += 1;
         }
     }
     for (_, mut guidance, _, status) in &mut uavs {
-        if let Plan::Swarm(member) = &mut guidance.plan
+        if let Plan::Swarm(steering) = &mut guidance.plan
             && *status == UavStatus::Flying
         {
-            member.advance(clock.dt_s());
+            steering.advance(clock.dt_s());
         }
     }
 }
@@ -149,7 +150,7 @@ pub fn fly(
         }
         let setpoint = match &guidance.plan {
             Plan::Path(path) => path.sample(t_s),
-            Plan::Swarm(member) => member.reference,
+            Plan::Swarm(steering) => steering.reference,
         };
         let (airframe, state) = (&guidance.airframe, &mut flight.state);
         let density = environment.air_density_kgpm3;

@@ -5,6 +5,7 @@
 
 mod page;
 pub mod plan;
+pub mod run;
 mod table;
 
 use super::figures::figure;
@@ -14,6 +15,7 @@ use crate::output::{self, OutputError};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Plan, PlannedRun};
+use run::{Done, STATE_HASH};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -63,17 +65,6 @@ fn shard(text: &str) -> Result<Shard, String> {
         Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
         _ => Err("expected I/N such as 2/8, I from 1 to N".into()),
     }
-}
-
-/// A run that is over.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Done {
-    /// Its number.
-    pub run: u64,
-    /// Hash of its scenario, all changes made.
-    pub scenario_hash: String,
-    /// What was kept of its summary; `Err`: why there is none.
-    pub result: Result<BTreeMap<String, Value>, String>,
 }
 
 /// First line of a journal.
@@ -196,12 +187,9 @@ fn make(
     let made = Mutex::new(Vec::new());
     let failure = Mutex::new(None);
     let work = || {
-        loop {
-            let Some(index) = left.get(next.fetch_add(1, Ordering::Relaxed)) else {
-                break;
-            };
+        while let Some(index) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
             let done = one(plan, *index, &runner);
-            let kept = journal.keep(&done);
+            let kept = journal.write(&done);
             bar.inc(1);
             match kept {
                 Ok(()) => made
@@ -273,8 +261,6 @@ fn kept(plan: &Plan, summary: &Value) -> BTreeMap<String, Value> {
         .collect()
 }
 
-/// Every row has it.
-const STATE_HASH: &str = "state_hash";
 /// How the names of journals begin.
 const JOURNAL: &str = "runs-";
 
@@ -358,11 +344,7 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Writes a run.
-    fn keep(&self, done: &Done) -> Result<(), OutputError> {
-        self.write(done)
-    }
-
+    /// Writes a line.
     fn write(&self, line: &impl Serialize) -> Result<(), OutputError> {
         let text = serde_json::to_string(line).unwrap_or_default() + "\n";
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);

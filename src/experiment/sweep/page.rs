@@ -1,7 +1,7 @@
 //! The page of an experiment: main effects with intervals, curves, heat maps, best and worst runs.
 
-use super::Done;
 use super::plan::{Plan, PlannedRun};
+use super::run::Done;
 use crate::eval::shared::quoted;
 use crate::eval::statistics::{Mean, Rate};
 use crate::experiment::ExperimentError;

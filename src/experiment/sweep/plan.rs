@@ -371,7 +371,7 @@ impl Plan {
             let mut taken = figures
                 .iter()
                 .map(|(key, _)| key.as_str())
-                .chain(super::table::OWN);
+                .chain(super::run::OWN_COLUMNS);
             if taken.any(|name| name == factor.name) {
                 let what = format!(
                     "the table has a column '{}' already: give the factor another name",

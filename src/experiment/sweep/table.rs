@@ -1,7 +1,7 @@
 //! The table of an experiment, as Parquet and CSV: a row a run.
 
 use super::plan::{Plan, PlannedRun};
-use super::{Done, STATE_HASH};
+use super::run::{Done, STATE_HASH};
 use crate::experiment::ExperimentError;
 use crate::experiment::figures::Kind;
 use crate::output::{self, OutputError};
@@ -14,9 +14,6 @@ use parquet::schema::types::Type;
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Columns that every table has beside factors and figures.
-pub(super) const OWN: [&str; 5] = ["run", "seed", "scenario_hash", "version", STATE_HASH];
 
 /// A column with a cell for each row; a cell may be empty.
 struct Column {

@@ -121,6 +121,17 @@ const PLACE_S: f64 = 2.0;
 const COHESION: f64 = 0.25;
 const ALIGNMENT: f64 = 0.5;
 
+/// A UAV's place in a swarm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Member {
+    /// The swarm's number in the scenario.
+    pub swarm: usize,
+    /// Its slot in the formation (forward, left, up) [m].
+    pub slot_m: DVec3,
+    /// Where the middle of the formation begins [m].
+    pub middle_enu_m: DVec3,
+}
+
 /// Another member, or the member itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mate {
@@ -133,13 +144,8 @@ pub struct Mate {
 /// How a member is steered: a point with limited acceleration that its autopilot follows.
 #[derive(Clone, Debug)]
 pub struct Steering {
-    /// The swarm's number in the scenario, and that of the formation within it.
-    pub swarm: usize,
-    pub group: usize,
-    /// Where the middle of the formation began [m].
-    pub middle_enu_m: DVec3,
-    /// From the middle of the formation to its slot (forward, left, up) [m].
-    pub slot_m: DVec3,
+    /// Its place in the swarm.
+    pub member: Member,
     /// The point.
     pub reference: Setpoint,
     /// Stream of its evasions.
@@ -152,17 +158,9 @@ pub struct Steering {
 
 impl Steering {
     /// A member at the start.
-    pub fn new(
-        (swarm, group): (usize, usize),
-        (middle_enu_m, slot_m): (DVec3, DVec3),
-        reference: Setpoint,
-        rng: Stream,
-    ) -> Self {
+    pub fn new(member: Member, reference: Setpoint, rng: Stream) -> Self {
         Self {
-            swarm,
-            group,
-            middle_enu_m,
-            slot_m,
+            member,
             reference,
             rng,
             evades_until_s: f64::NEG_INFINITY,
@@ -210,13 +208,14 @@ impl Steering {
         let mut wanted_mps = way;
         if behaviour.keeps_formation {
             // The middle of the formation goes its way whatever becomes of the members.
-            let whole_m = behaviour.goal_enu_m - self.middle_enu_m;
+            let whole_m = behaviour.goal_enu_m - self.member.middle_enu_m;
             let gone_m = (speed_mps * t_s).min(whole_m.length());
-            let middle_enu_m = self.middle_enu_m + gone_m * whole_m.normalize_or_zero();
+            let middle_enu_m = self.member.middle_enu_m + gone_m * whole_m.normalize_or_zero();
             let ahead = whole_m.truncate().normalize_or(glam::DVec2::Y);
             let (forward, left) = (ahead.extend(0.0), ahead.perp().extend(0.0));
-            let slot_enu_m =
-                self.slot_m.x * forward + self.slot_m.y * left + self.slot_m.z * DVec3::Z;
+            let slot_enu_m = self.member.slot_m.x * forward
+                + self.member.slot_m.y * left
+                + self.member.slot_m.z * DVec3::Z;
             let off_m = middle_enu_m + slot_enu_m - r_enu_m;
             let arrives = (middle_enu_m - behaviour.goal_enu_m).length() < 1.0;
             let along = if arrives {
@@ -335,7 +334,12 @@ mod tests {
                     yaw_rad: 0.0,
                 };
                 let rng = Stream::new(1, index as u64, "steering");
-                Steering::new((0, 0), (start, *slot), reference, rng)
+                let member = Member {
+                    swarm: 0,
+                    slot_m: *slot,
+                    middle_enu_m: start,
+                };
+                Steering::new(member, reference, rng)
             })
             .collect();
         let (dt_s, mut least_m) = (0.05, f64::INFINITY);
