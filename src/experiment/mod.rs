@@ -12,6 +12,7 @@ use crate::recording::read::ReadError;
 use crate::report::summary::finish;
 use crate::scenario::{InputError, Loaded};
 use serde_json::Value;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -64,34 +65,47 @@ pub(crate) struct Runner {
 }
 
 impl Runner {
-    /// Makes a run to its end and gives its summary, and the time it took; without pictures the detector must need none.
+    /// Makes a run to its end and gives its summary, and the time it took; without pictures the detector must need
+    /// none. `Err`: why there is no summary. A fault of the program in one run does not take the others with it.
     pub(crate) fn run(
         &self,
         loaded: &Loaded,
         seed: u64,
         pictures: bool,
-    ) -> Result<(Value, Duration), RunError> {
+    ) -> Result<(Value, Duration), String> {
         let _one = pictures.then(|| {
             self.rendering
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
         });
-        let city = (!pictures)
-            .then(|| self.city(&loaded.scenario.city))
-            .flatten();
-        let options = Options {
-            seed: Some(seed),
-            one_thread: !pictures,
-            capture: pictures,
-            city,
-            ..Options::default()
+        let run = || -> Result<(Value, Duration), RunError> {
+            let options = Options {
+                seed: Some(seed),
+                one_thread: !pictures,
+                capture: pictures,
+                city: (!pictures)
+                    .then(|| self.city(&loaded.scenario.city))
+                    .flatten(),
+                ..Options::default()
+            };
+            let started = Instant::now();
+            let mut app = app::build(loaded, &options)?;
+            while !app::step(app.world_mut())? {}
+            let finished = finish(app.world_mut(), loaded, &options, started.elapsed());
+            let summary = serde_json::to_value(finished.summary).unwrap_or_default();
+            Ok((summary, started.elapsed()))
         };
-        let started = Instant::now();
-        let mut app = app::build(loaded, &options)?;
-        while !app::step(app.world_mut())? {}
-        let finished = finish(app.world_mut(), loaded, &options, started.elapsed());
-        let summary = serde_json::to_value(finished.summary).unwrap_or_default();
-        Ok((summary, started.elapsed()))
+        match catch_unwind(AssertUnwindSafe(run)) {
+            Ok(result) => result.map_err(|error| error.to_string()),
+            Err(panic) => {
+                let said = (panic.downcast_ref::<String>().map(String::as_str))
+                    .or_else(|| panic.downcast_ref::<&str>().copied());
+                Err(format!(
+                    "a fault of the program: {}",
+                    said.unwrap_or("no message")
+                ))
+            }
+        }
     }
 
     /// The city of these parameters; `None` where the run itself will say what is wrong with them.

@@ -107,13 +107,13 @@ pub struct Scenario {
     /// Where the station looks for targets.
     pub search: SearchSector,
     /// The UAVs; none makes a false-alarm run.
-    #[serde(default)]
+    #[serde(default, serialize_with = "targets::named_uavs")]
     pub uavs: Vec<UavConfig>,
     /// Swarms of UAVs: each adds its members to the UAVs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub swarms: Vec<SwarmConfig>,
     /// Birds, balloons, aircraft and leaves, which a detector may take for UAVs.
-    #[serde(default)]
+    #[serde(default, serialize_with = "targets::named_distractors")]
     pub distractors: Vec<DistractorConfig>,
     /// What finds UAVs in the images.
     #[serde(default)]

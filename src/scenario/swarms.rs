@@ -162,6 +162,7 @@ impl SwarmConfig {
                         trajectory,
                         spread_m: [0.0; 2],
                         spread_s: 0.0,
+                        decoy: true,
                     });
                 }
             }

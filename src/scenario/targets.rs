@@ -1,7 +1,7 @@
 //! What flies in a scenario.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check};
@@ -55,6 +55,22 @@ pub struct DistractorConfig {
     /// The flight starts up to this much earlier, drawn from the seed.
     #[serde(default)]
     pub spread_s: f64,
+    /// Whether it belongs to a swarm.
+    #[serde(skip)]
+    pub decoy: bool,
+}
+
+/// The UAVs that the file itself names: a swarm's follow from the swarm.
+pub(super) fn named_uavs<S: Serializer>(all: &[UavConfig], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(all.iter().filter(|uav| uav.member.is_none()))
+}
+
+/// The distractors that the file itself names.
+pub(super) fn named_distractors<S: Serializer>(
+    all: &[DistractorConfig],
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    to.collect_seq(all.iter().filter(|other| !other.decoy))
 }
 
 /// UAVs and distractors together: names are unique among both.

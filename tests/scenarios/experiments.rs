@@ -347,3 +347,57 @@ fn a_sweeps_table_depends_on_neither_cores_nor_order_nor_kills() {
         refused(&mut command, &[wanted]);
     }
 }
+
+/// The blocks of a Markdown text in a language.
+fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
+    let fence = format!("```{language}\n");
+    let parts = text.split(&fence[..]).skip(1);
+    parts
+        .map(|part| part.split("```").next().unwrap())
+        .collect()
+}
+
+#[test]
+fn the_tutorial_can_be_followed() {
+    let text = std::fs::read_to_string(Path::new(ROOT).join("docs/tutorial.md")).unwrap();
+    let folder = TempDir::new().unwrap();
+    for name in ["scenarios", "assets"] {
+        std::os::unix::fs::symlink(Path::new(ROOT).join(name), folder.path().join(name)).unwrap();
+    }
+    for (name, block) in ["mine.toml", "sweep.toml"]
+        .iter()
+        .zip(blocks(&text, "toml"))
+    {
+        std::fs::write(folder.path().join(name), block).unwrap();
+    }
+    let commands: Vec<&str> = (blocks(&text, "sh").into_iter().flat_map(str::lines))
+        .filter_map(|line| line.strip_prefix("boresight "))
+        .collect();
+    assert!(commands.len() >= 7, "{commands:?}");
+    for command in commands {
+        let mut words = command.split_whitespace();
+        let output = boresight()
+            .args(&mut words)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(
+            output.status.success(),
+            "{command}: {said}{}",
+            stderr(&output)
+        );
+    }
+    for file in [
+        "out/demo/report.html",
+        "out/mine/sweep.html",
+        "out/second.mp4",
+    ] {
+        assert!(folder.path().join(file).exists(), "{file}");
+    }
+    // What it says of a wrong expectation is so.
+    let mine = folder.path().join("mine.toml");
+    let wrong = std::fs::read_to_string(&mine).unwrap();
+    std::fs::write(&mine, wrong.replace("at_most = 0 }", "at_most = -1 }")).unwrap();
+    assert_eq!(test(&mine, &[]).0, 1);
+}

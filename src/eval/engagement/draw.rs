@@ -606,6 +606,7 @@ impl Stage<'_> {
                 trajectory,
                 spread_m: [0.0; 2],
                 spread_s: 0.0,
+                decoy: false,
             }
         });
         (nearness, Some(kind), others.collect())

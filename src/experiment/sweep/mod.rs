@@ -22,7 +22,6 @@ use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::num::NonZeroUsize;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -230,22 +229,9 @@ fn one(plan: &Plan, index: u64, runner: &Runner) -> Done {
         }
     };
     let text = serde_json::to_string(&loaded.scenario).unwrap_or_default();
-    // A fault of the program in one run must not take the others with it.
-    let summary = catch_unwind(AssertUnwindSafe(|| {
-        runner.run(&loaded, run.seed, plan.experiment.pictures)
-    }));
-    let result = match summary {
-        Ok(Ok((summary, _))) => Ok(kept(plan, &summary)),
-        Ok(Err(error)) => Err(error.to_string()),
-        Err(panic) => {
-            let said = (panic.downcast_ref::<String>().map(String::as_str))
-                .or_else(|| panic.downcast_ref::<&str>().copied());
-            Err(format!(
-                "a fault of the program: {}",
-                said.unwrap_or("no message")
-            ))
-        }
-    };
+    let result = runner
+        .run(&loaded, run.seed, plan.experiment.pictures)
+        .map(|(summary, _)| kept(plan, &summary));
     Done {
         run: index,
         scenario_hash: format!("{:016x}", xxh3_64(text.as_bytes())),
