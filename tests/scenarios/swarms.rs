@@ -34,10 +34,12 @@ fn run_for(app: &mut bevy::app::App, seconds: f64) {
 fn members(app: &mut bevy::app::App) -> Vec<(DVec3, UavStatus)> {
     let world = app.world_mut();
     let mut uavs = world.query::<(&Uav, &Flight, &UavStatus)>();
-    let found = uavs
-        .iter(world)
-        .map(|(_, flight, status)| (flight.state.r_enu_m, *status));
-    found.collect()
+    let mut found: Vec<_> = (uavs.iter(world))
+        .map(|(uav, flight, status)| (uav.index, (flight.state.r_enu_m, *status)))
+        .collect();
+    // What falls has come to stand behind what flies.
+    found.sort_by_key(|(index, _)| *index);
+    found.into_iter().map(|(_, member)| member).collect()
 }
 
 #[test]
@@ -110,7 +112,9 @@ fn evasion_costs_the_laser_time_and_repeats_bit_for_bit() {
     };
     let run = |evasion: &str| {
         let swarm = raider(evasion);
-        let args = [&BLIND[..], &["--set", "uavs=[]", "--set", &swarm]].concat();
+        // In a third of the runs it comes out of sight before it falls, and so with this seed.
+        let more = ["--seed", "13", "--set", "uavs=[]", "--set", &swarm];
+        let args = [&BLIND[..], &more].concat();
         run_scenario("urban_intercept", &args)
     };
     let (straight, evading, again) = (run(""), run("'jink', 'dive'"), run("'jink', 'dive'"));
