@@ -69,6 +69,12 @@ pub enum CliError {
     /// The time of a picture of the window.
     #[error("--screenshot: '{0}' is not a number of seconds")]
     Seconds(String),
+    /// An option that only a simulation has.
+    #[error("{0}: a recording is played back as it is; with --simulate its scenario runs again")]
+    PlaysBack(&'static str),
+    /// A second file beside a simulation.
+    #[error("{}: only recordings are shown beside each other; give two of them (.mcap)", .0.display())]
+    Beside(PathBuf),
 }
 
 /// Simulator of urban laser counter-UAV systems. Simulation only: it drives no real mount and no
@@ -84,7 +90,7 @@ pub struct Cli {
 enum Command {
     /// Run a scenario without a window; leaves run.mcap, summary.json and report.html.
     Run(RunArgs),
-    /// Open the same simulation in a window.
+    /// Open the same simulation in a window, or play recordings back.
     View(ViewArgs),
     /// Check a scenario without running it.
     Check(ScenarioArgs),
@@ -179,8 +185,16 @@ struct RunArgs {
 
 #[derive(Args, Debug)]
 struct ViewArgs {
-    #[command(flatten)]
-    scenario: ScenarioArgs,
+    /// Scenario file (TOML) to simulate, or recording (MCAP) to play back.
+    file: PathBuf,
+    /// A second recording, played back beside the first.
+    beside: Option<PathBuf>,
+    /// Simulate the scenario in a recording again instead of playing it back.
+    #[arg(long)]
+    simulate: bool,
+    /// Change a value of the scenario, such as `detector.kind=truth`; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
     /// Seed instead of the scenario's.
     #[arg(long)]
     seed: Option<u64>,
@@ -354,9 +368,8 @@ fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
     Ok(Comparison::of(&a, &b, &tolerances))
 }
 
-/// Runs a scenario in a window.
+/// Runs a scenario in a window, or plays recordings back in one.
 fn view(args: ViewArgs) -> Result<(), CliError> {
-    let (loaded, seed) = args.scenario.load()?;
     let screenshot = match args.screenshot.as_deref() {
         Some([file, seconds]) => {
             let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;
@@ -364,6 +377,30 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
         }
         _ => None,
     };
+    let recorded = args.file.extension().is_some_and(|end| end == "mcap");
+    if recorded && !args.simulate {
+        let only_simulated = [
+            (!args.set.is_empty(), "--set"),
+            (args.seed.is_some(), "--seed"),
+            (args.out.is_some(), "--out"),
+            (args.save_orders.is_some(), "--save-orders"),
+        ];
+        if let Some((_, name)) = only_simulated.into_iter().find(|(given, _)| *given) {
+            return Err(CliError::PlaysBack(name));
+        }
+        let recordings: Result<Vec<_>, _> = (std::iter::once(&args.file).chain(&args.beside))
+            .map(|path| Recorded::open(path).map_err(ExperimentError::from))
+            .collect();
+        return Ok(view::play(recordings?, screenshot)?);
+    }
+    if let Some(beside) = args.beside {
+        return Err(CliError::Beside(beside));
+    }
+    let scenario = ScenarioArgs {
+        scenario: args.file,
+        set: args.set,
+    };
+    let (loaded, seed) = scenario.load()?;
     let options = Options {
         seed: args.seed.or(seed),
         capture: true,

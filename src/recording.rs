@@ -28,6 +28,7 @@ use mcap::{
 
 pub mod film;
 pub mod read;
+pub mod timeline;
 
 pub use foxglove::messages::log::Level as LogLevel;
 

@@ -1,13 +1,15 @@
-//! `boresight view`: a run in a window.
+//! `boresight view`: a run in a window, or recordings played back in one.
 
 use crate::app::{self, Options, RunError};
 use crate::components::mount::{Station, Stations};
 use crate::components::run::SimClock;
 use crate::components::track::{Designation, Operator};
-use crate::components::view::{Pacing, ScreenshotRequest, Session};
+use crate::components::view::{Pacing, Playback, ScreenshotRequest, Session, SessionEnd};
 use crate::models::flight::trajectory::Trajectory;
 use crate::output::{self, OutputError};
 use crate::plugins::view::ViewPlugin;
+use crate::recording::read::Recorded;
+use crate::recording::timeline::Timeline;
 use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
 use crate::scenario::{Loaded, OrderConfig};
@@ -32,6 +34,9 @@ pub enum ViewError {
     /// A screenshot's name without a known ending.
     #[error("--screenshot: {} must end in .jpg or .png", .0.display())]
     Screenshot(PathBuf),
+    /// A recording without anything to play back.
+    #[error("{}: has no states: its run was stopped before the first", .0.display())]
+    Nothing(PathBuf),
     /// The operator's orders cannot be written as TOML.
     #[error("--save-orders: {0}")]
     Orders(#[from] toml::ser::Error),
@@ -75,36 +80,23 @@ pub fn view(
     options: &Options,
     keep: &Keep,
 ) -> Result<Option<Finished>, ViewError> {
-    if let Some((file, _)) = &keep.screenshot {
-        check_screenshot(file)?;
-    }
-    display()?;
     let (sender, receiver) = channel();
     let (in_end_loaded, in_end_options, orders) =
         (loaded.clone(), options.clone(), keep.orders.clone());
-    let now = Instant::now();
-    let session = Session {
-        started: now,
-        last: now,
-        lately: VecDeque::new(),
-        screenshot: keep.screenshot.as_ref().map(|(file, _)| ScreenshotRequest {
-            file: file.clone(),
-            drawn: 0,
-        }),
-        ended: Some(Box::new(move |world, result, elapsed| {
-            let (loaded, options) = (&in_end_loaded, &in_end_options);
-            let finished = result
-                .map_err(|error| ViewError::Run(error.into()))
-                .and_then(|()| {
-                    if let Some(file) = &orders {
-                        output::write(file, with_orders(world, loaded, options)?)?;
-                    }
-                    Ok(summary::conclude(world, loaded, options, elapsed)?)
-                });
-            // The receiver waits below for the event loop to return.
-            let _ = sender.send(finished);
-        })),
-    };
+    let ended: SessionEnd = Box::new(move |world, result, elapsed| {
+        let (loaded, options) = (&in_end_loaded, &in_end_options);
+        let finished = result
+            .map_err(|error| ViewError::Run(error.into()))
+            .and_then(|()| {
+                if let Some(file) = &orders {
+                    output::write(file, with_orders(world, loaded, options)?)?;
+                }
+                Ok(summary::conclude(world, loaded, options, elapsed)?)
+            });
+        // The receiver waits below for the event loop to return.
+        let _ = sender.send(finished);
+    });
+    let session = session(keep.screenshot.as_ref(), ended)?;
     let mut app = app::build_with(loaded, options, |app| {
         app.insert_resource(session).add_plugins(ViewPlugin);
     })?;
@@ -118,6 +110,74 @@ pub fn view(
     }
     app.run();
     receiver.try_recv().ok().transpose()
+}
+
+/// Plays recordings back in a window until that is closed: the first fills the scene, a second is marked in it.
+pub fn play(
+    recordings: Vec<Recorded>,
+    screenshot: Option<(PathBuf, f64)>,
+) -> Result<(), ViewError> {
+    let Some(first) = recordings.first() else {
+        return Ok(());
+    };
+    // Nothing detects: what was found has been recorded.
+    let scene = first
+        .scenario(&["detector.kind=truth".into()])
+        .map_err(RunError::from)?;
+    let timelines: Vec<Timeline> = recordings.iter().map(Timeline::of).collect();
+    if let Some(empty) = timelines.iter().find(|timeline| timeline.last_tick == 0) {
+        return Err(ViewError::Nothing(empty.path.clone()));
+    }
+    // They are large, and all that is shown of them has been taken over.
+    drop(recordings);
+    let (sender, receiver) = channel();
+    let ended: SessionEnd = Box::new(move |_, result, _| {
+        // As above.
+        let _ = sender.send(result);
+    });
+    let session = session(screenshot.as_ref(), ended)?;
+    let mut playback = Playback::new(timelines);
+    let mut pacing = Pacing::default();
+    if let Some((_, at_s)) = screenshot {
+        playback.t_s = at_s.clamp(0.0, playback.end_s());
+        pacing.paused = true;
+    }
+    let options = Options {
+        capture: true,
+        window: true,
+        log: true,
+        ..Options::default()
+    };
+    let mut app = app::build_with(&scene, &options, |app| {
+        app.insert_resource(session)
+            .insert_resource(playback)
+            .insert_resource(pacing)
+            .add_plugins(ViewPlugin);
+    })?;
+    app.run();
+    match receiver.try_recv() {
+        Ok(Err(error)) => Err(RunError::from(error).into()),
+        Ok(Ok(())) | Err(_) => Ok(()),
+    }
+}
+
+/// A session of a window that can be opened.
+fn session(screenshot: Option<&(PathBuf, f64)>, ended: SessionEnd) -> Result<Session, ViewError> {
+    if let Some((file, _)) = screenshot {
+        check_screenshot(file)?;
+    }
+    display()?;
+    let now = Instant::now();
+    Ok(Session {
+        started: now,
+        last: now,
+        lately: VecDeque::new(),
+        screenshot: screenshot.map(|(file, _)| ScreenshotRequest {
+            file: file.clone(),
+            drawn: 0,
+        }),
+        ended: Some(ended),
+    })
 }
 
 /// The scenario as it was run, with the orders that the operator gave in the window.

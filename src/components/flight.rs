@@ -124,6 +124,18 @@ impl UavStatus {
         }
     }
 
+    /// The status of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        let all = [
+            UavStatus::Flying,
+            UavStatus::Falling,
+            UavStatus::Struck,
+            UavStatus::Down,
+            UavStatus::Crashed,
+        ];
+        all.into_iter().find(|status| status.name() == name)
+    }
+
     /// Whether the laser has done its work.
     pub fn neutralised(self) -> bool {
         matches!(self, UavStatus::Falling | UavStatus::Down)

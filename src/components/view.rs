@@ -1,13 +1,15 @@
-//! The window's own data: pace, free camera, session.
+//! The window's own data: pace, free camera, session, what it plays back.
 
 use crate::components::run::PartError;
+use crate::recording::timeline::Timeline;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_egui::egui;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::collections::VecDeque;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How far a single step goes.
@@ -97,7 +99,41 @@ pub type SessionEnd = Box<dyn FnOnce(&mut World, Result<(), PartError>, Duration
 #[derive(Resource)]
 pub struct Taken(pub Image);
 
-/// A camera picture on the GPU.
+/// A camera's picture as the window shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Time of the exposure [s].
+    pub t_s: f64,
+    /// Width and height [px].
+    pub size_px: [u32; 2],
+    /// 8-bit RGB rows.
+    pub rgb8: Arc<Vec<u8>>,
+    /// Whether it is but a part of the camera's sensor.
+    pub part: bool,
+    /// What the detector found in it: x0, y0, x1, y1 [px], and what it takes that for.
+    pub boxes: Vec<([f64; 4], String)>,
+    /// Where the boresight is [px].
+    pub reticle_px: Option<[f64; 2]>,
+    /// The tracking state then.
+    pub state: String,
+}
+
+/// A camera beside the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraShown {
+    /// Its name.
+    pub name: String,
+    /// What else stands above its picture.
+    pub note: String,
+    /// Its last picture.
+    pub picture: Option<Picture>,
+}
+
+/// The cameras beside the scene: a column for the run, or for each recording that is played back.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Pictures(pub Vec<Vec<CameraShown>>);
+
+/// A picture on the GPU.
 #[derive(Clone, Debug)]
 pub struct Uploaded {
     /// Time of the exposure it shows [s].
@@ -108,9 +144,99 @@ pub struct Uploaded {
     pub texture: egui::TextureId,
 }
 
-/// The pictures of the insets, by the cameras' numbers.
+/// The pictures of [`Pictures`] on the GPU, by column and camera.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct Insets(pub BTreeMap<usize, Uploaded>);
+pub struct Insets(pub BTreeMap<(usize, String), Uploaded>);
+
+/// Where a station believes its target to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The station [m].
+    pub r_station_enu_m: DVec3,
+    /// Azimuth and elevation of the target [rad].
+    pub az_el_rad: DVec2,
+    /// Standard deviation of its direction, the larger of both [rad].
+    pub sigma_rad: f64,
+    /// Its range [m], if it is known.
+    pub range_m: Option<f64>,
+    /// Number of the recording that it is from.
+    pub source: usize,
+}
+
+/// What all stations believe.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Estimates(pub Vec<Estimate>);
+
+/// How far a step of a playback goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlayStep {
+    /// One tick.
+    Tick,
+    /// To the next picture of any camera, or state where there is none.
+    Frame,
+    /// To the next entry of the log, or change of a laser.
+    Event,
+    /// To the end.
+    End,
+}
+
+/// A figure over time, from each recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// What it is, with its unit.
+    pub title: &'static str,
+    /// Whether its scale is logarithmic.
+    pub logarithmic: bool,
+    /// Points by line: number of the recording, time [s] and value.
+    pub lines: Vec<(usize, Vec<[f64; 2]>)>,
+    /// Least and greatest value shown.
+    pub range: [f64; 2],
+}
+
+/// Recordings that are played back: no tick runs, and what was recorded takes the places of UAVs, cameras and
+/// lasers. The first fills the scene, a second is marked in it.
+#[derive(Resource, Clone, Debug)]
+pub struct Playback {
+    /// One or two recordings.
+    pub timelines: Vec<Timeline>,
+    /// The time shown [s].
+    pub t_s: f64,
+    /// Whether time runs backwards.
+    pub backwards: bool,
+    /// A step that was asked for, forwards or back.
+    pub step: Option<(PlayStep, bool)>,
+    /// The part of the run that the time line shows: from, to [s].
+    pub span_s: [f64; 2],
+    /// Times of events in the order of time [s].
+    pub events_s: Vec<f64>,
+    /// Figures over time.
+    pub curves: Vec<Curve>,
+}
+
+impl Playback {
+    /// Time of the last tick of all [s].
+    pub fn end_s(&self) -> f64 {
+        let ends = self.timelines.iter().map(|t| t.t_s(t.last_tick));
+        ends.fold(0.0, f64::max)
+    }
+}
+
+/// From where the window looks at the scene.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub enum Sight {
+    /// From wherever the user has flown.
+    #[default]
+    Free,
+    /// From beside a UAV or distractor, by its scenario index.
+    Chase {
+        /// Whom.
+        uav: usize,
+        /// From how far [m].
+        distance_m: f64,
+    },
+    /// As a camera of a station looks, by the camera's number.
+    Camera(usize),
+}
 
 /// Marks the window's camera.
 #[derive(Component)]

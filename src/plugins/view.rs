@@ -1,7 +1,9 @@
 //! The window.
 
 use crate::components::run::{SetUp, TickSet};
-use crate::components::view::{DrawAndTick, Insets, Pacing, WindowFrame};
+use crate::components::view::{
+    DrawAndTick, Estimates, Insets, Pacing, Pictures, Playback, Sight, WindowFrame,
+};
 use crate::plugins::render::renders;
 use crate::systems::view as systems;
 use bevy::ecs::schedule::ScheduleLabel;
@@ -11,12 +13,14 @@ use bevy_egui::{
     EguiGlobalSettings, EguiPlugin, EguiPostUpdateSet, EguiPreUpdateSet, EguiPrimaryContextPass,
 };
 
-/// The window: it drives the ticks and draws between them.
+/// The window: it drives the ticks and draws between them, or shows a [`Playback`] if there is one.
 pub struct ViewPlugin;
 
 impl Plugin for ViewPlugin {
     fn build(&self, app: &mut App) {
         let in_window = |frame: Res<WindowFrame>| frame.active;
+        let plays_back = || resource_exists::<Playback>;
+        let simulates = || not(resource_exists::<Playback>);
         app.add_plugins(EguiPlugin::default())
             .insert_resource(EguiGlobalSettings {
                 // The first camera is a sensor's; the panels belong to the window's.
@@ -27,6 +31,9 @@ impl Plugin for ViewPlugin {
             .init_resource::<WindowFrame>()
             .init_resource::<Pacing>()
             .init_resource::<Insets>()
+            .init_resource::<Pictures>()
+            .init_resource::<Estimates>()
+            .init_resource::<Sight>()
             .configure_sets(
                 PreUpdate,
                 (EguiPreUpdateSet::ProcessInput, EguiPreUpdateSet::BeginPass).run_if(in_window),
@@ -49,8 +56,11 @@ impl Plugin for ViewPlugin {
             .add_systems(
                 Update,
                 (
-                    systems::obey_keys,
+                    systems::obey_keys.run_if(simulates()),
+                    systems::playback::obey_keys.run_if(plays_back()),
                     systems::camera::fly_camera,
+                    systems::insets::look_at_cameras.run_if(simulates()),
+                    systems::overlay::look_at_tracks.run_if(simulates()),
                     systems::insets::upload_pictures,
                 )
                     .chain()
@@ -60,7 +70,9 @@ impl Plugin for ViewPlugin {
                 EguiPrimaryContextPass,
                 (
                     systems::overlay::draw_overlay,
-                    systems::panel::draw_panel,
+                    systems::timeline::draw_timeline.run_if(plays_back()),
+                    systems::panel::draw_panel.run_if(simulates()),
+                    systems::recorded::draw_recorded.run_if(plays_back()),
                     systems::insets::draw_insets,
                 )
                     .chain(),

@@ -1,16 +1,14 @@
 //! `boresight video`: a film of a recording, its cameras side by side over a map and the states.
 
-use super::read::{Decoder, ReadError, Recorded};
+use super::read::{ReadError, Recorded};
+use super::timeline::{CameraTrack, Timeline};
 use crate::media::image::{self as pictures, ImageError};
 use crate::media::video::{VideoError, Writer};
-use base64::Engine as _;
-use base64::prelude::BASE64_STANDARD;
 use clap::{Args, ValueEnum};
 use font8x8::legacy::BASIC_LEGACY;
+use glam::DVec3;
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
-use serde_json::Value;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// What `boresight video` is asked for.
@@ -82,47 +80,6 @@ const RED: Rgb<u8> = Rgb([255, 80, 60]);
 const AMBER: Rgb<u8> = Rgb([255, 190, 70]);
 const GREEN: Rgb<u8> = Rgb([60, 220, 150]);
 
-/// What was recorded at a time, in the order of time.
-struct Track<T>(Vec<(u64, T)>);
-
-impl<T> Default for Track<T> {
-    fn default() -> Self {
-        Self(Vec::new())
-    }
-}
-
-impl<T> Track<T> {
-    /// The last one up to a tick.
-    fn at(&self, tick: u64) -> Option<&T> {
-        let after = self.0.partition_point(|(of, _)| *of <= tick);
-        Some(&self.0.get(after.checked_sub(1)?)?.1)
-    }
-}
-
-/// All that a film shows.
-#[derive(Default)]
-struct Scenes {
-    /// The cameras with pictures, in the order of their channels.
-    cameras: BTreeMap<u16, String>,
-    /// JPEG files by camera.
-    pictures: BTreeMap<String, Track<Vec<u8>>>,
-    /// Lines on a camera's pictures by the time stamp of the picture: colour and ends [px].
-    lines: BTreeMap<(String, String), Vec<Stroke>>,
-    /// Time stamps of a camera's pictures.
-    stamps: BTreeMap<String, Track<String>>,
-    /// Place and status by UAV.
-    uavs: BTreeMap<String, Track<([f64; 2], String)>>,
-    /// Tracking state by station.
-    states: BTreeMap<String, Track<String>>,
-    /// Whether the laser fires, by station.
-    firing: BTreeMap<String, Track<bool>>,
-    /// Azimuth by station [rad].
-    azimuths: BTreeMap<String, Track<f64>>,
-    last_tick: u64,
-}
-
-type Stroke = (Rgb<u8>, [[f64; 2]; 2]);
-
 /// Makes the film; the number of its pictures.
 pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
     if arguments.rate_hz == 0 || arguments.rate_hz > 240 {
@@ -139,15 +96,15 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
         );
         return Err(FilmError::Argument(what));
     }
-    let recorded = Recorded::open(&arguments.recording)?;
-    let scenes = Scenes::of(&recorded);
+    let timeline = Timeline::of(&Recorded::open(&arguments.recording)?);
     let nothing = |what| FilmError::Nothing {
         path: arguments.recording.clone(),
         what,
     };
     let shows = |layout| [Layout::All, layout].contains(&arguments.layout);
-    let cameras: Vec<&String> = match shows(Layout::Cameras) {
-        true => scenes.cameras.values().collect(),
+    let pictured = |camera: &&CameraTrack| !camera.pictures.entries().is_empty();
+    let cameras: Vec<&CameraTrack> = match shows(Layout::Cameras) {
+        true => timeline.cameras.iter().filter(pictured).collect(),
         false => Vec::new(),
     };
     if arguments.layout == Layout::Cameras && cameras.is_empty() {
@@ -155,7 +112,7 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
             "pictures: take --layout map, or record a run that renders",
         ));
     }
-    if scenes.last_tick == 0 {
+    if timeline.last_tick == 0 {
         return Err(nothing("states: its run was stopped before the first"));
     }
     let cells = cameras.len() + usize::from(shows(Layout::Map));
@@ -165,13 +122,13 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
         CELL_PX[0] * columns as u32,
         CELL_PX[1] * rows as u32 + STRIP_PX,
     ];
-    let map = Map::of(&scenes, &recorded);
+    let map = Map::of(&timeline);
     let mut writer = Writer::create(&arguments.film, size_px, arguments.rate_hz.into())?;
-    let end_s = recorded.t_s(scenes.last_tick);
+    let end_s = timeline.t_s(timeline.last_tick);
     let count = (end_s / arguments.speed * f64::from(arguments.rate_hz)) as usize + 1;
     for number in 0..count {
         let t_s = number as f64 / f64::from(arguments.rate_hz) * arguments.speed;
-        let tick = (t_s * f64::from(recorded.tick_hz)).round() as u64;
+        let tick = timeline.tick_at(t_s);
         let mut picture = RgbImage::from_pixel(size_px[0], size_px[1], DARK);
         let corner = |cell: usize| {
             [
@@ -180,187 +137,89 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
             ]
         };
         for (cell, camera) in cameras.iter().enumerate() {
-            let shown = scenes
-                .camera(camera, tick)
-                .map_err(|source| FilmError::Picture {
-                    path: arguments.recording.clone(),
-                    source,
-                })?;
-            if let Some(shown) = shown {
+            let drawn = camera_cell(camera, tick).map_err(|source| FilmError::Picture {
+                path: arguments.recording.clone(),
+                source,
+            })?;
+            if let Some(drawn) = drawn {
                 let [x, y] = corner(cell);
-                imageops::overlay(&mut picture, &shown, x, y);
+                imageops::overlay(&mut picture, &drawn, x, y);
             }
         }
         if shows(Layout::Map) {
             let [x, y] = corner(cameras.len());
-            imageops::overlay(&mut picture, &map.draw(&scenes, tick), x, y);
+            imageops::overlay(&mut picture, &map.draw(&timeline, tick), x, y);
         }
-        scenes.strip(&mut picture, t_s, tick);
+        strip(&mut picture, &timeline, t_s);
         writer.push(&picture)?;
     }
     writer.finish(arguments.rate_hz.into())?;
     Ok(count)
 }
 
-impl Scenes {
-    fn of(recorded: &Recorded) -> Self {
-        let mut scenes = Self::default();
-        let mut decoder = Decoder::default();
-        for message in recorded.messages() {
-            let tick = recorded.tick(&message);
-            let topic = message.channel.topic.clone();
-            let station = |kind: &str| {
-                let rest = topic.strip_prefix("/boresight/")?.strip_suffix(kind)?;
-                Some(rest.trim_end_matches('/').to_owned())
-            };
-            let camera = |kind: &str| Some(topic.strip_prefix('/')?.strip_suffix(kind)?.to_owned());
-            let wanted = ["/image", "/annotations", "_state"]
-                .iter()
-                .any(|end| topic.ends_with(end));
-            let Some(fields) = wanted.then(|| decoder.decode(&message)).flatten() else {
-                continue;
-            };
-            let stamp = fields["timestamp"].to_string();
-            if let Some(camera) = camera("/image") {
-                let data = fields["data"].as_str().unwrap_or_default();
-                if let Ok(jpeg) = BASE64_STANDARD.decode(data) {
-                    scenes.cameras.insert(message.channel.id, camera.clone());
-                    scenes
-                        .pictures
-                        .entry(camera.clone())
-                        .or_default()
-                        .0
-                        .push((tick, jpeg));
-                    scenes
-                        .stamps
-                        .entry(camera)
-                        .or_default()
-                        .0
-                        .push((tick, stamp));
-                }
-            } else if let Some(camera) = camera("/annotations") {
-                scenes.lines.insert((camera, stamp), strokes(&fields));
-            } else if topic == "/boresight/uav_state" {
-                let r = &fields["r_enu_m"];
-                let at = [&r["x"], &r["y"]].map(|value| value.as_f64().unwrap_or(0.0));
-                let text = |key: &str| fields[key].as_str().unwrap_or_default().to_owned();
-                scenes
-                    .uavs
-                    .entry(text("name"))
-                    .or_default()
-                    .0
-                    .push((tick, (at, text("status"))));
-                scenes.last_tick = tick;
-            } else if let Some(station) = station("track_state") {
-                let state = fields["state"].as_str().unwrap_or_default().to_owned();
-                scenes
-                    .states
-                    .entry(station)
-                    .or_default()
-                    .0
-                    .push((tick, state));
-                scenes.last_tick = tick;
-            } else if let Some(station) = station("beam_state") {
-                let firing = fields["firing"].as_bool().unwrap_or(false);
-                scenes
-                    .firing
-                    .entry(station)
-                    .or_default()
-                    .0
-                    .push((tick, firing));
-            } else if let Some(station) = station("mount_state") {
-                let azimuth_rad = fields["azimuth_rad"].as_f64().unwrap_or(0.0);
-                scenes
-                    .azimuths
-                    .entry(station)
-                    .or_default()
-                    .0
-                    .push((tick, azimuth_rad));
+/// A camera's last picture, with what is drawn on it, as large as a cell takes.
+fn camera_cell(camera: &CameraTrack, tick: u64) -> Result<Option<RgbImage>, ImageError> {
+    let Some(jpeg) = camera.pictures.at(tick) else {
+        return Ok(None);
+    };
+    let picture = pictures::decode(jpeg)?;
+    let [width, height] = [0, 1].map(|i| f64::from(CELL_PX[i]));
+    let scale = (width / f64::from(picture.width())).min(height / f64::from(picture.height()));
+    let [w, h] = [picture.width(), picture.height()].map(|side| (f64::from(side) * scale) as u32);
+    let large = imageops::resize(&picture, w.max(1), h.max(1), FilterType::Triangle);
+    let mut cell = RgbImage::from_pixel(CELL_PX[0], CELL_PX[1], DARK);
+    let [left, top] = [(CELL_PX[0] - w) / 2, (CELL_PX[1] - h) / 2];
+    imageops::overlay(&mut cell, &large, left.into(), top.into());
+    let at = |[x, y]: [f64; 2]| [x * scale + f64::from(left), y * scale + f64::from(top)];
+    if let Some(marks) = camera.marks_at(tick) {
+        for ([x0, y0, x1, y1], _) in &marks.boxes {
+            let corners = [[*x0, *y0], [*x1, *y0], [*x1, *y1], [*x0, *y1]].map(at);
+            for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+                line(&mut cell, [*from, *to], GREEN);
             }
         }
-        scenes
-    }
-
-    /// A camera's last picture, with what is drawn on it, as large as a cell takes.
-    fn camera(&self, camera: &str, tick: u64) -> Result<Option<RgbImage>, ImageError> {
-        let Some(jpeg) = self.pictures.get(camera).and_then(|track| track.at(tick)) else {
-            return Ok(None);
-        };
-        let picture = pictures::decode(jpeg)?;
-        let [width, height] = [0, 1].map(|i| f64::from(CELL_PX[i]));
-        let scale = (width / f64::from(picture.width())).min(height / f64::from(picture.height()));
-        let [w, h] =
-            [picture.width(), picture.height()].map(|side| (f64::from(side) * scale) as u32);
-        let large = imageops::resize(&picture, w.max(1), h.max(1), FilterType::Triangle);
-        let mut cell = RgbImage::from_pixel(CELL_PX[0], CELL_PX[1], DARK);
-        let [left, top] = [(CELL_PX[0] - w) / 2, (CELL_PX[1] - h) / 2];
-        imageops::overlay(&mut cell, &large, left.into(), top.into());
-        let stamp = self.stamps.get(camera).and_then(|track| track.at(tick));
-        let lines = stamp.and_then(|stamp| self.lines.get(&(camera.to_owned(), stamp.clone())));
-        for (colour, ends) in lines.into_iter().flatten() {
-            let at = |[x, y]: [f64; 2]| [x * scale + f64::from(left), y * scale + f64::from(top)];
-            line(&mut cell, ends.map(at), *colour);
+        if let Some([x, y]) = marks.reticle_px.map(at) {
+            for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+                let arm = |px: f64| [x + px * dx, y + px * dy];
+                line(&mut cell, [arm(5.0), arm(14.0)], WHITE);
+            }
         }
-        text(&mut cell, [8, 8], camera, WHITE);
-        Ok(Some(cell))
     }
-
-    /// The strip below: time, and the state of every station.
-    fn strip(&self, picture: &mut RgbImage, t_s: f64, tick: u64) {
-        let top = picture.height() - STRIP_PX + 8;
-        text(picture, [8, top], &format!("{t_s:7.2} s"), WHITE);
-        let mut x = 180;
-        for (station, states) in &self.states {
-            let state = states.at(tick).map_or("", String::as_str);
-            let fires = self.firing.get(station).and_then(|track| track.at(tick)) == Some(&true);
-            let word = if fires { "fires" } else { state };
-            let shown = format!("{station} {word}");
-            text(
-                picture,
-                [x, top],
-                shown.trim(),
-                if fires { RED } else { WHITE },
-            );
-            x += 16 * (shown.len() as u32 + 2);
-        }
-        let count = |wanted: &[&str]| {
-            let states = self.uavs.values().filter_map(|track| track.at(tick));
-            states
-                .filter(|(_, status)| wanted.contains(&status.as_str()))
-                .count()
-        };
-        let uavs = format!(
-            "{} flying, {} neutralised, {} crashed",
-            count(&["flying"]),
-            count(&["falling", "down"]),
-            count(&["struck", "crashed"])
-        );
-        text(picture, [8, top + 24], &uavs, GREY);
-    }
+    text(&mut cell, [8, 8], &camera.name, WHITE);
+    Ok(Some(cell))
 }
 
-/// The lines of an annotation message.
-fn strokes(fields: &Value) -> Vec<Stroke> {
-    let mut strokes = Vec::new();
-    let empty = Vec::new();
-    for shape in fields["points"].as_array().unwrap_or(&empty) {
-        let colour = &shape["outline_color"];
-        let part = |key: &str| (255.0 * colour[key].as_f64().unwrap_or(1.0)) as u8;
-        let colour = Rgb([part("r"), part("g"), part("b")]);
-        let points: Vec<[f64; 2]> = (shape["points"].as_array().unwrap_or(&empty).iter())
-            .map(|point| ["x", "y"].map(|key| point[key].as_f64().unwrap_or(0.0)))
-            .collect();
-        match shape["type"].as_str() {
-            Some("LINE_LIST") => {
-                strokes.extend((points.chunks_exact(2)).map(|pair| (colour, [pair[0], pair[1]])))
-            }
-            _ => {
-                let next = points.iter().cycle().skip(1);
-                strokes.extend(points.iter().zip(next).map(|(a, b)| (colour, [*a, *b])));
-            }
-        }
+/// The strip below: time, the state of every station, and how many UAVs fly.
+fn strip(picture: &mut RgbImage, timeline: &Timeline, t_s: f64) {
+    let tick = timeline.tick_at(t_s);
+    let top = picture.height() - STRIP_PX + 8;
+    text(picture, [8, top], &format!("{t_s:7.2} s"), WHITE);
+    let mut x = 180;
+    for station in &timeline.stations {
+        let fires = station.fires(tick);
+        let state = station.track.at(tick).map_or("", |track| &track.state);
+        let word = if fires { "fires" } else { state };
+        let shown = match timeline.stations.len() {
+            1 => word.to_owned(),
+            _ => format!("{} {word}", station.name),
+        };
+        text(picture, [x, top], &shown, if fires { RED } else { WHITE });
+        x += 16 * (shown.len() as u32 + 2);
     }
-    strokes
+    let count = |wanted: &[&str]| {
+        let now = timeline
+            .uavs
+            .iter()
+            .filter_map(|(_, series)| series.at(tick));
+        now.filter(|uav| wanted.contains(&&*uav.status)).count()
+    };
+    let uavs = format!(
+        "{} flying, {} neutralised, {} crashed",
+        count(&["flying"]),
+        count(&["falling", "down"]),
+        count(&["struck", "crashed"])
+    );
+    text(picture, [8, top + 24], &uavs, GREY);
 }
 
 /// A map from above.
@@ -368,31 +227,16 @@ struct Map {
     /// Middle [m, east and north], and pixels to a metre.
     middle_m: [f64; 2],
     scale: f64,
-    /// Stations by their name in topics [m, east and north].
-    stations: BTreeMap<String, [f64; 2]>,
 }
 
 impl Map {
     /// One that holds all that flies, and the stations.
-    fn of(scenes: &Scenes, recorded: &Recorded) -> Self {
-        let scenario = recorded.scenario(&[]).ok();
-        let mut stations = BTreeMap::new();
-        if let Some(loaded) = scenario {
-            for (index, station) in loaded.scenario.stations().into_iter().enumerate() {
-                let r = station.config.position_enu_m.unwrap_or_default();
-                let name = if index == 0 {
-                    String::new()
-                } else {
-                    station.name
-                };
-                stations.insert(name, [r[0], r[1]]);
-            }
-        }
-        let flown = scenes
-            .uavs
-            .values()
-            .flat_map(|track| track.0.iter().map(|(_, (at, _))| *at));
-        let all: Vec<[f64; 2]> = flown.chain(stations.values().copied()).collect();
+    fn of(timeline: &Timeline) -> Self {
+        let series = timeline.uavs.iter().map(|(_, series)| series.entries());
+        let flown = series.flat_map(|entries| entries.iter().map(|(_, uav)| uav.r_enu_m));
+        let stations = timeline.stations.iter();
+        let stations = stations.filter_map(|station| timeline.r_enu_m(station));
+        let all: Vec<DVec3> = flown.chain(stations).collect();
         let span = |axis: usize| {
             let values = all.iter().map(|at| at[axis]);
             let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
@@ -405,7 +249,6 @@ impl Map {
         Self {
             middle_m: [0.5 * (east.0 + east.1), 0.5 * (north.0 + north.1)],
             scale: fits(east, CELL_PX[0]).min(fits(north, CELL_PX[1])),
-            stations,
         }
     }
 
@@ -416,30 +259,39 @@ impl Map {
         ]
     }
 
-    fn draw(&self, scenes: &Scenes, tick: u64) -> RgbImage {
+    fn draw(&self, timeline: &Timeline, tick: u64) -> RgbImage {
         let mut cell = RgbImage::from_pixel(CELL_PX[0], CELL_PX[1], Rgb([26, 30, 37]));
-        for track in scenes.uavs.values() {
-            let Some((at, status)) = track.at(tick) else {
-                continue;
-            };
-            let colour = match status.as_str() {
+        for uav in timeline
+            .uavs
+            .iter()
+            .filter_map(|(_, series)| series.at(tick))
+        {
+            let colour = match &*uav.status {
                 "flying" => AMBER,
                 "falling" | "down" => GREEN,
                 _ => GREY,
             };
-            dot(&mut cell, self.px(*at), 3, colour);
+            dot(
+                &mut cell,
+                self.px([uav.r_enu_m.x, uav.r_enu_m.y]),
+                3,
+                colour,
+            );
         }
-        for (station, at) in &self.stations {
-            let px = self.px(*at);
+        for station in &timeline.stations {
+            let Some(r_enu_m) = timeline.r_enu_m(station) else {
+                continue;
+            };
+            let px = self.px([r_enu_m.x, r_enu_m.y]);
             dot(&mut cell, px, 4, WHITE);
-            if let Some(azimuth_rad) = scenes.azimuths.get(station).and_then(|t| t.at(tick)) {
-                let fires = scenes.firing.get(station).and_then(|t| t.at(tick)) == Some(&true);
+            if let Some(mount) = station.mount.at(tick) {
                 let far = f64::from(CELL_PX[0]);
                 let end = [
-                    px[0] + far * azimuth_rad.sin(),
-                    px[1] - far * azimuth_rad.cos(),
+                    px[0] + far * mount.azimuth_rad.sin(),
+                    px[1] - far * mount.azimuth_rad.cos(),
                 ];
-                line(&mut cell, [px, end], if fires { RED } else { GREY });
+                let colour = if station.fires(tick) { RED } else { GREY };
+                line(&mut cell, [px, end], colour);
             }
         }
         let metres = 10f64.powf((0.3 * f64::from(CELL_PX[0]) / self.scale).log10().floor());

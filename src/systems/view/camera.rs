@@ -1,10 +1,11 @@
 //! The window's free camera.
 
+use crate::components::capture::SensorCamera;
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
-use crate::components::mount::Mount;
+use crate::components::mount::{CameraView, Mount};
 use crate::components::render::{SceneHandles, WINDOW_LAYER};
-use crate::components::view::{FreeCamera, Session, WindowCamera, WindowFrame};
+use crate::components::view::{FreeCamera, Session, Sight, WindowCamera, WindowFrame};
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::systems::render::scene::{bevy_attitude, place_in_site};
 use bevy::camera::Exposure;
@@ -18,6 +19,9 @@ use bevy_egui::PrimaryEguiContext;
 use bevy_egui::input::EguiWantsInput;
 use big_space::prelude::CellCoord;
 use glam::{DVec2, DVec3};
+
+/// Vertical field of view of the free camera [rad].
+const VFOV_RAD: f64 = 0.85;
 
 /// Longest wall-clock time that counts as passed between two window frames [s].
 pub const LONGEST_FRAME_S: f64 = 0.25;
@@ -47,7 +51,7 @@ pub fn spawn_window_camera(world: &mut World) {
         r_enu_m: r_station_enu_m - 60.0 * back_m + 30.0 * DVec3::Z,
         azimuth_rad,
         elevation_rad: -0.09,
-        vfov_rad: 0.85,
+        vfov_rad: VFOV_RAD,
     };
     // Grey of 18 % on level ground comes out at a linear 0.2; moonless night sets the limit.
     let klx = world
@@ -101,7 +105,8 @@ fn placed(camera: &FreeCamera) -> (CellCoord, Transform) {
     place_in_site(camera.r_enu_m, bevy_attitude(camera.q_enu_cam()))
 }
 
-/// Flies the free camera: WASD and QE, the mouse with its right button held, shift for haste.
+/// Moves the window's camera. Free: WASD and QE fly, the mouse with its right button held looks, shift is for
+/// haste. Beside a UAV the mouse turns around it, W and S change the distance. With a camera it looks as that does.
 pub fn fly_camera(
     frame: Res<WindowFrame>,
     keys: Res<ButtonInput<KeyCode>>,
@@ -109,14 +114,22 @@ pub fn fly_camera(
     motion: Res<AccumulatedMouseMotion>,
     wants: Res<EguiWantsInput>,
     environment: Res<Environment>,
+    mut sight: ResMut<Sight>,
     mut camera: ResMut<FreeCamera>,
-    view: Single<(&mut CellCoord, &mut Transform), With<WindowCamera>>,
+    uavs: Query<(&Uav, &Flight)>,
+    cameras: Query<(&SensorCamera, &CameraView)>,
+    view: Single<(&mut CellCoord, &mut Transform, &mut Projection), With<WindowCamera>>,
 ) {
     const LOOK_RAD_PER_PX: f64 = 3e-3;
     const SPEED_MPS: f64 = 60.0;
     const HASTE: f64 = 8.0;
     const STEEPEST_RAD: f64 = 1.5;
     const LEAST_HEIGHT_M: f64 = 2.0;
+    /// Change of the distance from a UAV in a second, as a share of it.
+    const APPROACH_PER_S: f64 = 1.5;
+    const DISTANCES_M: [f64; 2] = [1.0, 2_000.0];
+    /// The window shows somewhat more than the camera whose way it looks.
+    const AROUND: f64 = 1.5;
     // Inside the sky dome, and near enough to the floating origin for millimetres in f32.
     const FARTHEST_M: f64 = 20_000.0;
     if buttons.pressed(MouseButton::Right) && !wants.wants_any_pointer_input() {
@@ -124,28 +137,60 @@ pub fn fly_camera(
         camera.azimuth_rad = (camera.azimuth_rad + turn.x).rem_euclid(std::f64::consts::TAU);
         camera.elevation_rad = (camera.elevation_rad - turn.y).clamp(-STEEPEST_RAD, STEEPEST_RAD);
     }
-    if !wants.wants_any_keyboard_input() {
-        let axis = |plus: KeyCode, minus: KeyCode| {
-            f64::from(i8::from(keys.pressed(plus)) - i8::from(keys.pressed(minus)))
-        };
-        let q = camera.q_enu_cam();
-        let way = q * DVec3::X * axis(KeyCode::KeyD, KeyCode::KeyA)
-            + q * DVec3::Z * axis(KeyCode::KeyW, KeyCode::KeyS)
-            + DVec3::Z * axis(KeyCode::KeyE, KeyCode::KeyQ);
-        let haste = if keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]) {
-            HASTE
-        } else {
-            1.0
-        };
-        let step_s = frame.wall_s.min(LONGEST_FRAME_S);
-        let r_enu_m = camera.r_enu_m + way.normalize_or_zero() * (SPEED_MPS * haste * step_s);
-        camera.r_enu_m = r_enu_m.clamp_length_max(FARTHEST_M);
+    let pressed = |key| !wants.wants_any_keyboard_input() && keys.pressed(key);
+    let axis = |plus: KeyCode, minus: KeyCode| {
+        f64::from(i8::from(pressed(plus)) - i8::from(pressed(minus)))
+    };
+    let haste = if pressed(KeyCode::ShiftLeft) || pressed(KeyCode::ShiftRight) {
+        HASTE
+    } else {
+        1.0
+    };
+    let step_s = frame.wall_s.min(LONGEST_FRAME_S);
+    camera.vfov_rad = VFOV_RAD;
+    match *sight {
+        Sight::Free => {
+            let q = camera.q_enu_cam();
+            let way = q * DVec3::X * axis(KeyCode::KeyD, KeyCode::KeyA)
+                + q * DVec3::Z * axis(KeyCode::KeyW, KeyCode::KeyS)
+                + DVec3::Z * axis(KeyCode::KeyE, KeyCode::KeyQ);
+            let r_enu_m = camera.r_enu_m + way.normalize_or_zero() * (SPEED_MPS * haste * step_s);
+            camera.r_enu_m = r_enu_m.clamp_length_max(FARTHEST_M);
+        }
+        Sight::Chase {
+            uav,
+            ref mut distance_m,
+        } => {
+            let nearer = axis(KeyCode::KeyW, KeyCode::KeyS);
+            *distance_m *= (-nearer * APPROACH_PER_S * haste * step_s).exp();
+            *distance_m = distance_m.clamp(DISTANCES_M[0], DISTANCES_M[1]);
+            let chased = uavs.iter().find(|(own, _)| own.index == uav);
+            if let Some((_, flight)) = chased {
+                let ahead = az_el_to_los(DVec2::new(camera.azimuth_rad, camera.elevation_rad));
+                camera.r_enu_m = flight.state.r_enu_m - *distance_m * ahead;
+            }
+        }
+        Sight::Camera(index) => {
+            let looking = cameras.iter().find(|(own, _)| own.index == index);
+            if let Some((own, view)) = looking {
+                let az_el_rad = los_to_az_el(view.pose.q_enu_cam * DVec3::Z);
+                camera.r_enu_m = view.pose.r_enu_m;
+                (camera.azimuth_rad, camera.elevation_rad) = (az_el_rad.x, az_el_rad.y);
+                let half = 0.5 * f64::from(own.pinhole.height_px) / own.pinhole.focal_px;
+                camera.vfov_rad = 2.0 * (AROUND * half).atan();
+            }
+        }
     }
-    let floor_m = environment
-        .city
-        .dsm
-        .terrain_m(camera.r_enu_m.x, camera.r_enu_m.y);
-    camera.r_enu_m.z = camera.r_enu_m.z.max(floor_m + LEAST_HEIGHT_M);
-    let (mut cell, mut transform) = view.into_inner();
+    if !matches!(*sight, Sight::Camera(_)) {
+        let floor_m = environment
+            .city
+            .dsm
+            .terrain_m(camera.r_enu_m.x, camera.r_enu_m.y);
+        camera.r_enu_m.z = camera.r_enu_m.z.max(floor_m + LEAST_HEIGHT_M);
+    }
+    let (mut cell, mut transform, mut projection) = view.into_inner();
     (*cell, *transform) = placed(&camera);
+    if let Projection::Perspective(perspective) = &mut *projection {
+        perspective.fov = camera.vfov_rad as f32;
+    }
 }

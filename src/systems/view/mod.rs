@@ -1,6 +1,6 @@
 //! The window: it looks, sets the pace and passes on what the operator orders.
 //!
-//! A window frame first draws, then runs ticks. Drawing first lets the frame's Bevy main schedule
+//! A window frame first draws, then runs ticks, or moves through what was recorded. Drawing first lets the frame's Bevy main schedule
 //! be the one that meets the fresh input; the sensor frames inside the ticks, which run that
 //! schedule too, find none left. The wall clock decides how many ticks run and enters no state.
 
@@ -8,12 +8,15 @@ pub mod camera;
 pub mod insets;
 pub mod overlay;
 pub mod panel;
+pub mod playback;
+pub mod recorded;
 mod style;
+pub mod timeline;
 
 use crate::components::capture::Frames;
 use crate::components::run::{PartError, SimClock};
 use crate::components::view::{
-    Pacing, ScreenshotRequest, Session, StepSize, Taken, WindowCamera, WindowFrame,
+    Pacing, Playback, ScreenshotRequest, Session, StepSize, Taken, WindowCamera, WindowFrame,
 };
 use crate::systems::render::renderer::Renderer;
 use crate::systems::render::scene::sync_scene;
@@ -59,7 +62,10 @@ pub fn frame(world: &mut World) {
         };
         let began = Instant::now();
         let in_budget = || began.elapsed() < budget;
-        if let Err(error) = advance(world, wall_s.min(LONGEST_FRAME_S), in_budget) {
+        let wall_s = wall_s.min(LONGEST_FRAME_S);
+        if world.contains_resource::<Playback>() {
+            playback::advance(world, wall_s);
+        } else if let Err(error) = advance(world, wall_s, in_budget) {
             failure = Some(error);
         }
         let simulated_s = world.resource::<SimClock>().t_s() - before;

@@ -1,7 +1,10 @@
 //! The window's panel: pace, tracking, target choice, engagement, weather.
 
-use super::style::{AMBER, GREEN, GREY, RED, heading, panel_frame, row, screen_ui, status_colour};
+use super::style::{
+    AMBER, GREEN, GREY, RED, heading, panel_frame, row, screen_ui, state_colour, status_colour,
+};
 use crate::components::beam::BeamState;
+use crate::components::capture::SensorCamera;
 use crate::components::detect::DetectorInUse;
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
@@ -9,8 +12,8 @@ use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, Station};
 use crate::components::network::Tasking;
 use crate::components::run::SimClock;
-use crate::components::track::{Designation, Operator, Order, Tracker, TrackingState};
-use crate::components::view::{Pacing, StepSize};
+use crate::components::track::{Designation, Operator, Order, Tracker};
+use crate::components::view::{Pacing, Sight, StepSize};
 use crate::models::air::weather::Weather;
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::picture::Follower;
@@ -20,7 +23,8 @@ use bevy_egui::EguiContexts;
 use bevy_egui::egui::{self, Color32};
 use glam::DVec2;
 
-const PANEL_WIDTH: f32 = 250.0;
+pub const PANEL_WIDTH: f32 = 250.0;
+
 /// The panel: pace, tracking, target choice, engagement, weather.
 pub fn draw_panel(
     mut contexts: EguiContexts,
@@ -28,6 +32,8 @@ pub fn draw_panel(
     environment: Res<Environment>,
     detector: Res<DetectorInUse>,
     mut pacing: ResMut<Pacing>,
+    mut sight: ResMut<Sight>,
+    cameras: Query<&SensorCamera>,
     mut stations: Query<(
         &Station,
         &Mount,
@@ -55,6 +61,8 @@ pub fn draw_panel(
             ui.spacing_mut().item_spacing.y = 3.0;
             ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
             pace(ui, &clock, &mut pacing);
+            let flying = uavs.iter().map(|(uav, ..)| uav);
+            choose_sight(ui, &mut sight, flying, cameras.iter());
             for (station, mount, _, tracker, _, tasking, mut operator) in &mut stations {
                 if many {
                     heading(ui, &station.name);
@@ -91,18 +99,69 @@ pub fn draw_panel(
             }
             for (station, _, beam, _, interlocks, ..) in &stations {
                 let name = if many { station.name.as_str() } else { "" };
-                engagement(ui, name, beam, interlocks);
+                let reasons = interlocks.reasons.iter().map(ToString::to_string);
+                engagement(ui, name, beam, reasons);
+                row(ui, "dwell", format!("{:.2} s", beam.dwell_s));
+                row(
+                    ui,
+                    "energy emitted",
+                    format!("{:.1} kJ", 1e-3 * beam.energy_j),
+                );
             }
             conditions(ui, &environment.weather);
             ui.add_space(8.0);
-            ui.small("Fly: W A S D Q E, shift for haste. Look: right mouse button.");
+            ui.small(FLY_KEYS);
             ui.small("Space: pause. Full stop: one tick. Slash: one frame.");
         });
     });
     Ok(())
 }
 
-fn engagement(ui: &mut egui::Ui, station: &str, beam: &BeamState, interlocks: &Interlocks) {
+/// How the window's camera is moved.
+pub const FLY_KEYS: &str = "Fly: W A S D Q E, shift for haste. Look: right mouse button.";
+
+/// Lets the user choose from where the window looks.
+pub fn choose_sight<'a>(
+    ui: &mut egui::Ui,
+    sight: &mut Sight,
+    flying: impl Iterator<Item = &'a Uav> + Clone,
+    cameras: impl Iterator<Item = &'a SensorCamera> + Clone,
+) {
+    const DISTANCE_M: f64 = 25.0;
+    let chase = |uav: &Uav| format!("look at {}", uav.name);
+    let look = |camera: &SensorCamera| format!("look with camera {}", camera.name);
+    let shown = match *sight {
+        Sight::Free => None,
+        Sight::Chase { uav, .. } => flying.clone().find(|own| own.index == uav).map(chase),
+        Sight::Camera(index) => cameras.clone().find(|own| own.index == index).map(look),
+    };
+    let free = "look from anywhere".to_owned();
+    egui::ComboBox::from_id_salt("sight")
+        .selected_text(shown.unwrap_or_else(|| free.clone()))
+        .show_ui(ui, |ui| {
+            ui.selectable_value(sight, Sight::Free, free);
+            for uav in flying {
+                let chosen = matches!(*sight, Sight::Chase { uav: own, .. } if own == uav.index);
+                if ui.selectable_label(chosen, chase(uav)).clicked() {
+                    *sight = Sight::Chase {
+                        uav: uav.index,
+                        distance_m: DISTANCE_M,
+                    };
+                }
+            }
+            for camera in cameras {
+                ui.selectable_value(sight, Sight::Camera(camera.index), look(camera));
+            }
+        });
+}
+
+/// What a laser does, and what keeps it from firing.
+pub fn engagement(
+    ui: &mut egui::Ui,
+    station: &str,
+    beam: &BeamState,
+    interlocks: impl Iterator<Item = String>,
+) {
     let title = if station.is_empty() {
         "Engagement".into()
     } else {
@@ -115,7 +174,7 @@ fn engagement(ui: &mut egui::Ui, station: &str, beam: &BeamState, interlocks: &I
         ("safe", GREEN)
     };
     ui.colored_label(colour, format!("laser: {word}"));
-    for interlock in &interlocks.reasons {
+    for interlock in interlocks {
         ui.colored_label(GREY, format!("interlock: {interlock}"));
     }
     let shown = |value: f64| if beam.firing { value } else { 0.0 };
@@ -135,14 +194,12 @@ fn engagement(ui: &mut egui::Ui, station: &str, beam: &BeamState, interlocks: &I
         ),
         ("spot radius", millimetres(beam.spot_radius_m)),
         ("spot off aim point", millimetres(beam.offset_m)),
-        ("dwell", format!("{:.2} s", beam.dwell_s)),
-        ("energy emitted", format!("{:.1} kJ", 1e-3 * beam.energy_j)),
     ] {
         row(ui, name, value);
     }
 }
 
-fn conditions(ui: &mut egui::Ui, weather: &Weather) {
+pub fn conditions(ui: &mut egui::Ui, weather: &Weather) {
     heading(ui, "Weather");
     let wind_deg = weather.wind_from_rad.to_degrees();
     for (name, value) in [
@@ -211,20 +268,16 @@ fn pace(ui: &mut egui::Ui, clock: &SimClock, pacing: &mut Pacing) {
     row(ui, "reached", format!("{:.2}× real time", pacing.reached));
 }
 
+/// A tracking state, large.
+pub fn tracking_state(ui: &mut egui::Ui, state: &str) {
+    let text = egui::RichText::new(state.to_uppercase()).size(18.0);
+    ui.label(text.color(state_colour(state)));
+}
+
 fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
     const SHOWN: usize = 4;
     heading(ui, "Tracking");
-    let colour = match tracker.state {
-        TrackingState::Engage => RED,
-        TrackingState::Coarse | TrackingState::Precise => GREEN,
-        TrackingState::Lost => GREY,
-        TrackingState::Search | TrackingState::Acquire => AMBER,
-    };
-    ui.label(
-        egui::RichText::new(tracker.state.name().to_uppercase())
-            .size(18.0)
-            .color(colour),
-    );
+    tracking_state(ui, tracker.state.name());
     let since_s = clock.at_s(clock.tick - tracker.since_tick);
     row(ui, "for", format!("{since_s:.2} s"));
     row(

@@ -8,6 +8,27 @@ pub const AMBER: Color32 = Color32::from_rgb(255, 190, 70);
 pub const RED: Color32 = Color32::from_rgb(255, 70, 60);
 pub const GREY: Color32 = Color32::from_rgb(165, 170, 180);
 pub const DARK: Color32 = Color32::from_rgba_premultiplied(10, 12, 16, 235);
+
+/// Colours of two recordings: marks, names and curves.
+pub fn source_colour(source: usize) -> Color32 {
+    match source {
+        0 => AMBER,
+        _ => Color32::from_rgb(110, 190, 255),
+    }
+}
+
+/// The colour of a tracking state, by its name.
+pub fn state_colour(state: &str) -> Color32 {
+    match state {
+        "engage" => Color32::from_rgb(200, 90, 60),
+        "precise" => GREEN,
+        "coarse" => Color32::from_rgb(40, 150, 110),
+        "acquire" => AMBER,
+        "search" => Color32::from_rgb(90, 100, 120),
+        _ => Color32::from_rgb(120, 60, 90),
+    }
+}
+
 pub fn status_colour(status: UavStatus) -> Color32 {
     match status {
         UavStatus::Flying => AMBER,
@@ -36,11 +57,24 @@ pub fn rimmed(painter: &egui::Painter, at: Pos2, align: Align2, text: &str, colo
     painter.text(at, align, text, font, colour);
 }
 
+/// Where egui keeps what the time line leaves of the window to the panels above it.
+fn room() -> egui::Id {
+    egui::Id::new("room above the time line")
+}
+
+/// Keeps the panels that are drawn after this above a height [points].
+pub fn keep_above(ctx: &egui::Context, y: f32) {
+    let mut rect = ctx.viewport_rect();
+    rect.max.y = y;
+    ctx.data_mut(|data| data.insert_temp(room(), rect));
+}
+
 /// The region that panels take their place from.
 pub fn screen_ui(ctx: &egui::Context) -> egui::Ui {
+    let rect = ctx.data(|data| data.get_temp(room()));
     let layer = egui::UiBuilder::new()
         .layer_id(egui::LayerId::background())
-        .max_rect(ctx.viewport_rect());
+        .max_rect(rect.unwrap_or(ctx.viewport_rect()));
     egui::Ui::new(ctx.clone(), "window".into(), layer)
 }
 
