@@ -5,7 +5,7 @@ use crate::models::flight::uav::AimPart;
 use crate::models::laser::range_finder::RangeFinderParams;
 use crate::models::maths::kinematics::wrap_pi;
 use crate::models::maths::rng::Stream;
-use crate::models::optics::tier::Tier;
+use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::estimation::LosState;
 use crate::models::tracking::evidence::EvidenceParams;
 use crate::models::tracking::recognition::{History, Recognition};
@@ -132,7 +132,7 @@ pub struct TrackerParams {
     /// A precise error beyond this ends Engage [px].
     pub break_radius_px: f64,
     /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
-    pub patience_s: [f64; 3],
+    pub patience_s: PerTier<f64>,
 }
 
 /// The laser range finder, on the laser's axis.
@@ -220,9 +220,9 @@ pub struct Tracker {
     /// When the tracks' conduct was last judged.
     pub weighed_tick: u64,
     /// Hits of the target by each camera since the last change of state.
-    pub hits_in_state: [u32; 3],
+    pub hits_in_state: PerTier<u32>,
     /// Last measured error of the target from each camera's boresight.
-    pub error: [Option<BoresightError>; 3],
+    pub error: PerTier<Option<BoresightError>>,
     /// Since when the precise error has stayed inside the lock radius.
     pub locked_since: Option<u64>,
     /// Range of the target, once it is known well enough to focus at [m].
@@ -257,8 +257,8 @@ impl Default for Tracker {
             target: None,
             queue: Vec::new(),
             weighed_tick: 0,
-            hits_in_state: [0; 3],
-            error: [None; 3],
+            hits_in_state: PerTier::default(),
+            error: PerTier::default(),
             locked_since: None,
             range_m: None,
             aim_rad: DVec2::ZERO,
@@ -283,7 +283,7 @@ impl Tracker {
     pub fn change(&mut self, tick: u64, to: TrackingState, reason: impl Into<String>) {
         self.state = to;
         self.since_tick = tick;
-        self.hits_in_state = [0; 3];
+        self.hits_in_state = PerTier::default();
         if !matches!(to, TrackingState::Precise | TrackingState::Engage) {
             self.locked_since = None;
         }
@@ -322,7 +322,7 @@ impl Tracker {
 
     /// Forgets what was known of the former target.
     fn forget(&mut self) {
-        self.error = [None; 3];
+        self.error = PerTier::default();
         self.range_m = None;
         self.aim_rad = DVec2::ZERO;
         self.rival = None;

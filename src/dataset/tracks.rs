@@ -218,7 +218,7 @@ impl Take {
         let (.., truth) = self
             .frames
             .iter()
-            .find(|(tick, tier, _)| *tick == glimpse.tick && *tier as usize == glimpse.tier)?;
+            .find(|(tick, tier, _)| *tick == glimpse.tick && *tier == glimpse.tier)?;
         let at = DVec2::from(glimpse.centre_px);
         let near = truth.iter().filter_map(|seen| {
             let shown = match &seen.rendered {
@@ -263,7 +263,7 @@ impl Take {
             object: named.map(|(name, _)| name.clone()),
             share,
             seen: steps.len(),
-            camera: Tier::ALL[newest.tier].name(),
+            camera: newest.tier.name(),
             size_px: newest.size_px[0].max(newest.size_px[1]),
             range_m: (on.iter().rev().flatten())
                 .find(|(index, _)| Some(*index) == object)

@@ -284,7 +284,7 @@ mod tests {
                 let glimpse = Glimpse {
                     tick: 0,
                     t_s,
-                    tier: 1,
+                    tier: crate::models::optics::tier::Tier::Coarse,
                     az_el_rad: DVec2::new(rate_radps * t_s, 0.1),
                     centre_px: [50.0; 2],
                     size_px: [10.0, 6.0],

@@ -1,6 +1,5 @@
 //! Tracks and the tracking state.
 
-use crate::components::capture::Tier;
 use crate::components::detect::{DetectorInUse, Reading};
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
@@ -9,6 +8,7 @@ use crate::components::track::{
     TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
+use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
 use crate::scenario::{self, AssociationRule, OrderConfig, ResolvedCamera, Scenario};
@@ -167,7 +167,7 @@ pub fn tracker_params(
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,
-        patience_s: Tier::ALL.map(slowest_s),
+        patience_s: PerTier::of(slowest_s),
     }
 }
 

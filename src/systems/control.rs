@@ -297,7 +297,7 @@ fn steer_paper(
     }
     for tier in [Tier::Coarse, Tier::Precise] {
         let slot = tier as usize - Tier::Coarse as usize;
-        let Some(error) = tracker.error[tier as usize] else {
+        let Some(error) = tracker.error[tier] else {
             continue;
         };
         let Some(frame_s) = frame_s(tier) else {
@@ -351,7 +351,7 @@ pub fn choose_readouts(
         };
         let found_precisely = tracker
             .target_track()
-            .is_some_and(|track| track.hits[Tier::Precise as usize] >= CONFIRM_HITS);
+            .is_some_and(|track| track.hits[Tier::Precise] >= CONFIRM_HITS);
         // The exposure that comes next.
         let frame = clock.tick / camera.period_ticks + 1;
         let wanted = match (tracker.state, camera.tier) {

@@ -214,7 +214,7 @@ fn decide_station(
         reasons.push("track not stable");
         *looked_over = None;
     }
-    if let Some(error) = tracker.error[Tier::Precise as usize]
+    if let Some(error) = tracker.error[Tier::Precise]
         && error.distance_px > error.half_side_px
     {
         reasons.push("aim point outside the target");
@@ -363,7 +363,7 @@ mod tests {
                 weak: false,
             };
             table.update(&CameraLook {
-                tier: 0,
+                tier: Tier::Search,
                 t_s: (f64::from(i) - f64::from(times)) / 60.0,
                 ifov_rad,
                 reads: &EvidenceParams::default(),

@@ -16,6 +16,7 @@ use crate::inference::OnnxRecogniser;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
+use crate::models::optics::tier::PerTier;
 use crate::models::tracking::evidence::EvidenceParams;
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
@@ -95,7 +96,7 @@ impl Follower {
                 lock_radius_px: 0.0,
                 lock_dwell_s: f64::INFINITY,
                 break_radius_px: 0.0,
-                patience_s: [patience_s(rate_hz); 3],
+                patience_s: PerTier::of(|_| patience_s(rate_hz)),
             },
             tracker: Tracker::default(),
             pinhole,

@@ -13,6 +13,7 @@ use crate::components::track::{Tracker, TrackingState};
 use crate::models::engage::interlock::{FAR_M, faces_sun};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, boresight_chain, los_to_az_el};
+use crate::models::optics::tier::PerTier;
 use crate::report::run::{ContactBox, ContactFrame};
 use crate::systems::capture::projected;
 use bevy::prelude::*;
@@ -58,9 +59,9 @@ pub struct Watch {
 /// What the watch has seen so far.
 struct Seen {
     record: Record,
-    cameras: [Option<(Entity, SensorCamera)>; 3],
+    cameras: PerTier<Option<(Entity, SensorCamera)>>,
     /// The last pictures whose detections have arrived.
-    latest: [Option<DetectionBatch>; 3],
+    latest: PerTier<Option<DetectionBatch>>,
     /// Pictures of the first moment of each cause.
     moments: BTreeMap<Cause, Vec<ContactFrame>>,
     /// What time is being charged to, and since when [s].
@@ -109,9 +110,9 @@ struct Thing<'a> {
 impl Watch {
     /// A watch over a run that is about to start.
     pub fn new(world: &mut World) -> Self {
-        let mut cameras = [None, None, None];
+        let mut cameras: PerTier<Option<(Entity, SensorCamera)>> = PerTier::default();
         for (entity, camera) in world.query::<(Entity, &SensorCamera)>().iter(world) {
-            cameras[camera.tier as usize].get_or_insert((entity, camera.clone()));
+            cameras[camera.tier].get_or_insert((entity, camera.clone()));
         }
         Self {
             station: world.query(),
@@ -119,7 +120,7 @@ impl Watch {
             seen: Seen {
                 record: Record::default(),
                 cameras,
-                latest: [None, None, None],
+                latest: PerTier::default(),
                 moments: BTreeMap::new(),
                 charged: None,
                 target: None,
@@ -150,7 +151,8 @@ impl Watch {
         let now = Now::of(&mut self.station, &mut self.flying, world);
         let seen = &mut self.seen;
         if seen.sizes.0 > 0
-            && let [Some((_, search)), _, Some((_, precise))] = &seen.cameras
+            && let Some((_, search)) = &seen.cameras.search
+            && let Some((_, precise)) = &seen.cameras.precise
         {
             let mean_px = seen.sizes.1 / f64::from(seen.sizes.0);
             let larger = precise.pinhole.focal_px / search.pinhole.focal_px;
@@ -193,7 +195,7 @@ impl Seen {
     fn pictures(&mut self, now: &Now) {
         let queue = now.world.get::<DetectionQueue>(now.station);
         for batch in queue.iter().flat_map(|queue| &queue.arrived) {
-            let tier = batch.frame.tier as usize;
+            let tier = batch.frame.tier;
             let uav = batch.frame.truth.iter().find(|seen| !seen.distractor);
             if let Some(uav) = uav.filter(|uav| uav.clear && within(batch, uav.aim_px)) {
                 let t_s = now.clock.at_s(batch.frame.tick);
@@ -205,7 +207,7 @@ impl Seen {
                 if found {
                     self.found_s = self.found_s.max(t_s);
                 }
-                let looks = &mut self.record.looks[tier];
+                let looks = &mut self.record.looks[tier as usize];
                 looks.frames += 1;
                 looks.found += u32::from(found);
             }
@@ -289,7 +291,9 @@ impl Seen {
         if shown {
             record.shown_s += dt_s;
             self.sizes = (self.sizes.0 + 1, self.sizes.1 + size_px);
-            if self.cameras[0]
+            if self
+                .cameras
+                .search
                 .as_ref()
                 .is_some_and(|c| now.in_field(c, uav))
             {
@@ -354,7 +358,7 @@ impl Seen {
 
     /// The longer side of the UAV in the search camera, were it in the middle of the picture [px].
     fn size_px(&self, now: &Now, uav: &Thing) -> f64 {
-        let Some((_, search)) = &self.cameras[0] else {
+        let Some((_, search)) = &self.cameras.search else {
             return 0.0;
         };
         let [az, el] = los_to_az_el(uav.to_m).to_array();
@@ -369,10 +373,13 @@ impl Seen {
     /// The last picture of each camera with what was found and what is true in it.
     fn moment(&self, now: &Now, why: &str) -> Vec<ContactFrame> {
         let detector = now.world.resource::<DetectorInUse>();
-        let fresh = self.latest.iter().flatten().filter_map(|batch| {
-            let t_s = now.clock.at_s(batch.frame.tick);
-            (now.t_s - t_s < STALE_S).then_some((batch, t_s))
-        });
+        let fresh = Tier::ALL
+            .iter()
+            .filter_map(|tier| self.latest[*tier].as_ref())
+            .filter_map(|batch| {
+                let t_s = now.clock.at_s(batch.frame.tick);
+                (now.t_s - t_s < STALE_S).then_some((batch, t_s))
+            });
         fresh
             .filter_map(|(batch, t_s)| {
                 let frame = &batch.frame;

@@ -15,6 +15,7 @@ use crate::eval::statistics::{Hold, Lock, Sums, lock};
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, error_angles, los_to_az_el};
+use crate::models::optics::tier::PerTier;
 use crate::models::tracking::table::{Track, separation_rad};
 use crate::report::chart::Series;
 use crate::scenario::Scenario;
@@ -191,7 +192,7 @@ struct Watch {
     seen: Observed,
     uavs: QueryState<(&'static Uav, &'static Flight)>,
     station: QueryState<Station>,
-    cameras: [Option<(Entity, SensorCamera)>; 3],
+    cameras: PerTier<Option<(Entity, SensorCamera)>>,
     hidden: bool,
     /// Number of UAVs: what has a higher index is a bird or a balloon.
     count: usize,
@@ -199,9 +200,9 @@ struct Watch {
 
 impl Watch {
     fn new(world: &mut World, scenario: &Scenario) -> Self {
-        let mut cameras = [None, None, None];
+        let mut cameras: PerTier<Option<(Entity, SensorCamera)>> = PerTier::default();
         for (entity, camera) in world.query::<(Entity, &SensorCamera)>().iter(world) {
-            cameras[camera.tier as usize].get_or_insert((entity, camera.clone()));
+            cameras[camera.tier].get_or_insert((entity, camera.clone()));
         }
         Self {
             seen: Observed::default(),
@@ -218,7 +219,7 @@ impl Watch {
         let clock = world.resource::<SimClock>();
         let t_s = clock.t_s();
         let (Ok((mount, optics, beam, tracker)), Some((entity, coarse))) =
-            (self.station.single(world), &self.cameras[1])
+            (self.station.single(world), &self.cameras.coarse)
         else {
             return;
         };
@@ -271,8 +272,8 @@ impl Watch {
         self.seen.state =
             first_station::<Tracker>(world).map_or("", |tracker| tracker.state.name());
         let mut histories = world.query::<&mut CameraHistory>();
-        for (tier, camera) in Tier::ALL.into_iter().zip(&self.cameras) {
-            if let Some((entity, _)) = camera
+        for tier in Tier::ALL {
+            if let Some((entity, _)) = &self.cameras[tier]
                 && let Ok(mut history) = histories.get_mut(world, *entity)
             {
                 let history = std::mem::take(&mut *history);
@@ -282,7 +283,9 @@ impl Watch {
                 }
             }
         }
-        if let [_, Some((_, coarse)), Some((_, precise))] = &self.cameras {
+        if let (Some((_, coarse)), Some((_, precise))) =
+            (&self.cameras.coarse, &self.cameras.precise)
+        {
             let pinhole = &coarse.pinhole;
             let rate_hz = u64::from(clock.tick_hz) / coarse.period_ticks.max(1);
             self.seen.coarse = ([pinhole.width_px, pinhole.height_px], rate_hz as u32);

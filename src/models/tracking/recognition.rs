@@ -7,6 +7,7 @@
 use crate::models::flight::class::ObjectClass;
 use crate::models::maths::kinematics::wrap_pi;
 use crate::models::optics::chip::Chip;
+use crate::models::optics::tier::Tier;
 use glam::DVec2;
 use std::collections::VecDeque;
 
@@ -158,8 +159,8 @@ pub struct Glimpse {
     pub tick: u64,
     /// Its time [s].
     pub t_s: f64,
-    /// Index of the camera, 0 (wide) to 2 (narrow).
-    pub tier: usize,
+    /// What the camera is for.
+    pub tier: Tier,
     /// Azimuth and elevation of the box's middle [rad].
     pub az_el_rad: DVec2,
     /// Middle of the box in pixels of the sensor.
@@ -406,7 +407,7 @@ mod tests {
     use super::*;
     use crate::models::maths::rng::Stream;
 
-    fn glimpse(t_s: f64, tier: usize, az_el_rad: DVec2) -> Glimpse {
+    fn glimpse(t_s: f64, tier: Tier, az_el_rad: DVec2) -> Glimpse {
         Glimpse {
             tick: (t_s * 960.0).round() as u64,
             t_s,
@@ -476,7 +477,7 @@ mod tests {
                 let dt_s = t_s - shift_s;
                 let az = wrap_pi(start.x + rate.x * dt_s / start.y.cos());
                 let at = DVec2::new(az, start.y + rate.y * dt_s);
-                history.take(glimpse(t_s, 1, at), || chip(1));
+                history.take(glimpse(t_s, Tier::Coarse, at), || chip(1));
             }
             let t_s = shift_s + 69.0 / 60.0;
             let found = history.sequence(t_s, 0.9, true).unwrap();
@@ -505,7 +506,7 @@ mod tests {
             let beat = (std::f64::consts::TAU * 3.1 * t_s).sin();
             let flaps = Glimpse {
                 size_px: [20.0, 8.0 + 6.0 * beat],
-                ..glimpse(t_s, 2, DVec2::new(0.1, 0.1 + 2e-4 * beat))
+                ..glimpse(t_s, Tier::Precise, DVec2::new(0.1, 0.1 + 2e-4 * beat))
             };
             history.take(flaps, || chip(1));
         }
@@ -527,12 +528,12 @@ mod tests {
     fn the_finest_camera_of_a_step_counts_whatever_arrives_first() {
         let at = DVec2::new(0.1, 0.1);
         let seen = [
-            (0.01, 0),
-            (0.07, 1),
-            (0.13, 2),
-            (0.02, 2),
-            (0.03, 0),
-            (0.14, 1),
+            (0.01, Tier::Search),
+            (0.07, Tier::Coarse),
+            (0.13, Tier::Precise),
+            (0.02, Tier::Precise),
+            (0.03, Tier::Search),
+            (0.14, Tier::Coarse),
         ];
         let mut found = Vec::new();
         // Batches of slow cameras arrive late.
@@ -548,7 +549,14 @@ mod tests {
             });
             found.push(tiers.collect::<Vec<_>>());
         }
-        assert_eq!(found[0], [(0, 2, 1), (1, 1, 1), (2, 2, 1)]);
+        assert_eq!(
+            found[0],
+            [
+                (0, Tier::Precise, 1),
+                (1, Tier::Coarse, 1),
+                (2, Tier::Precise, 1)
+            ]
+        );
         assert!(found.iter().all(|tiers| *tiers == found[0]), "{found:?}");
     }
 
@@ -558,7 +566,9 @@ mod tests {
         let history = |times: std::ops::Range<u32>| {
             let mut history = History::default();
             for k in times {
-                history.take(glimpse(f64::from(k) / 16.0, 1, at), || chip(k as u8));
+                history.take(glimpse(f64::from(k) / 16.0, Tier::Coarse, at), || {
+                    chip(k as u8)
+                });
             }
             history
         };

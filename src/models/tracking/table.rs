@@ -13,6 +13,7 @@
 use crate::models::ground::dsm::{Dsm, LineOfSight};
 use crate::models::maths::assignment::{Pair, assign};
 use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
+use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::background::Background;
 use crate::models::tracking::estimation::{Gating, LosFilter, LosFilterParams, LosState};
 use crate::models::tracking::evidence::{Evidence, EvidenceParams, logit, named_share};
@@ -64,8 +65,8 @@ pub struct Lased {
 
 /// What one frame of a camera saw.
 pub struct CameraLook<'a> {
-    /// Index of the camera, 0 (wide) to 2 (narrow).
-    pub tier: usize,
+    /// What the camera is for.
+    pub tier: Tier,
     /// Time of the exposure [s].
     pub t_s: f64,
     /// Angle of a pixel [rad].
@@ -121,13 +122,13 @@ pub struct Track {
     /// Its last echo.
     pub lased: Option<Lased>,
     /// Frames of each camera that saw it.
-    pub hits: [u32; 3],
+    pub hits: PerTier<u32>,
     /// Frames in a row that should have seen it and did not.
     pub misses: u32,
     /// Time of the first exposure that saw it [s].
     pub started_s: f64,
     /// Time of the last exposure of each camera that saw it [s].
-    pub last_hit_s: [Option<f64>; 3],
+    pub last_hit_s: PerTier<Option<f64>>,
     /// Larger side of its box [rad], smoothed.
     pub size_rad: f64,
     /// Mean score of its detections, of the last twenty or so.
@@ -137,7 +138,7 @@ pub struct Track {
     /// What speaks for its being a UAV.
     pub evidence: Evidence,
     /// How much its box flutters in each camera.
-    flutter: [Flutter; 3],
+    flutter: PerTier<Flutter>,
     /// What it has shown of its flight.
     pub conduct: Conduct,
     /// Pulses of the range finder in a row without an echo where its range is expected.
@@ -196,7 +197,7 @@ impl Track {
 
     /// Hits of all cameras.
     pub fn total_hits(&self) -> u32 {
-        self.hits.iter().sum()
+        self.hits.each().iter().sum()
     }
 
     /// Index of the class that its detections name most, among the detector's.
@@ -214,6 +215,7 @@ impl Track {
     /// Time of the newest exposure that saw it [s].
     pub fn seen_s(&self) -> f64 {
         self.last_hit_s
+            .each()
             .iter()
             .flatten()
             .copied()
@@ -612,11 +614,10 @@ impl TrackTable {
                     track.flutter = fresh.flutter;
                     track.conduct.flown |= fresh.conduct.flown;
                     track.barred_until_s = track.barred_until_s.max(fresh.barred_until_s);
-                    for (mine, its) in track.hits.iter_mut().zip(fresh.hits) {
-                        *mine += its;
-                    }
-                    for (mine, its) in track.last_hit_s.iter_mut().zip(fresh.last_hit_s) {
-                        *mine = its.or(*mine);
+                    for tier in Tier::ALL {
+                        track.hits[tier] += fresh.hits[tier];
+                        let last_s = &mut track.last_hit_s[tier];
+                        *last_s = fresh.last_hit_s[tier].or(*last_s);
                     }
                 }
                 None => young += 1,
@@ -732,15 +733,15 @@ impl TrackTable {
                 sigma_rad,
             },
             lased: None,
-            hits: [0; 3],
+            hits: PerTier::default(),
             misses: 0,
             started_s: look.t_s,
-            last_hit_s: [None; 3],
+            last_hit_s: PerTier::default(),
             size_rad,
             score,
             votes: Vec::new(),
             evidence: Evidence::default(),
-            flutter: [Flutter::default(); 3],
+            flutter: PerTier::default(),
             conduct: Conduct {
                 in_scenery: self.background.holds(az_el_rad, look.t_s),
                 ..Conduct::default()

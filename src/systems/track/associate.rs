@@ -46,7 +46,7 @@ pub(crate) fn take_in(
     let frame = &batch.frame;
     let pinhole = &frame.pinhole;
     let sightings = sightings(batch, params);
-    let tier = frame.tier as usize;
+    let tier = frame.tier;
     let in_view = |az_el: DVec2| sees(pinhole, &frame.believed, batch.look, az_el);
     let look = CameraLook {
         tier,

@@ -253,29 +253,29 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
         TrackingState::Acquire => {
             // What is a dot to the coarse camera, too, is shown to the precise one unless it is surely none.
             let convincing = !judged || log_odds > SURELY_NONE * dot_share(track);
-            if hits[Tier::Coarse as usize] >= CONFIRM_HITS && convincing {
+            if hits[Tier::Coarse] >= CONFIRM_HITS && convincing {
                 let reason = format!(
                     "coarse camera confirms with {CONFIRM_HITS} hits, seen in {:.0} % of the frames",
                     100.0 * quality
                 );
                 tracker.change(tick, TrackingState::Coarse, reason);
-            } else if hits[Tier::Precise as usize] >= CONFIRM_HITS && convincing && fits {
+            } else if hits[Tier::Precise] >= CONFIRM_HITS && convincing && fits {
                 // It found the candidate before the coarse camera.
                 let reason = format!("precise camera confirms with {CONFIRM_HITS} hits");
                 tracker.change(tick, TrackingState::Precise, reason);
             } else if !hidden && in_state_s > ACQUIRE_TIMEOUT_S + hidden_s(track) {
                 // What the precise camera has seen is a UAV, wherever it is now.
-                let bar = track.hits[Tier::Precise as usize] < CONFIRM_HITS;
+                let bar = track.hits[Tier::Precise] < CONFIRM_HITS;
                 let until_s = bar.then_some(now.t_s() + REJECTED_S);
                 let reason = format!(
                     "coarse camera saw the candidate {} times in {in_state_s:.1} s",
-                    hits[Tier::Coarse as usize]
+                    hits[Tier::Coarse]
                 );
                 tracker.give_up(tick, until_s, reason);
             }
         }
         TrackingState::Coarse => {
-            if hits[Tier::Precise as usize] >= CONFIRM_HITS && fits {
+            if hits[Tier::Precise] >= CONFIRM_HITS && fits {
                 let reason = format!("precise camera confirms with {CONFIRM_HITS} hits");
                 tracker.change(tick, TrackingState::Precise, reason);
             } else if now.lost_by(tracker, Tier::Coarse) {
@@ -292,7 +292,7 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
             } else if !fits && !now.lost_by(tracker, Tier::Coarse) {
                 let reason = "too large for the precise camera";
                 tracker.change(tick, TrackingState::Coarse, reason);
-            } else if let Some(error) = tracker.error[Tier::Precise as usize] {
+            } else if let Some(error) = tracker.error[Tier::Precise] {
                 lock(now, tracker, &error);
             }
         }
@@ -324,11 +324,11 @@ fn find_again(now: &Situation, tracker: &mut Tracker, in_state_s: f64) {
     let (id, hits) = (track.id, tracker.hits_in_state);
     let waits = track.hidden(now.t_s()) || in_state_s <= LOST_TIMEOUT_S + hidden_s(track);
     let reason = format!("track {id} seen again after {in_state_s:.2} s");
-    if hits[Tier::Coarse as usize] >= AGAIN_HITS {
+    if hits[Tier::Coarse] >= AGAIN_HITS {
         tracker.change(now.tick, TrackingState::Coarse, reason);
-    } else if hits[Tier::Precise as usize] >= CONFIRM_HITS {
+    } else if hits[Tier::Precise] >= CONFIRM_HITS {
         tracker.change(now.tick, TrackingState::Precise, reason);
-    } else if hits[Tier::Search as usize] >= REFIND_HITS {
+    } else if hits[Tier::Search] >= REFIND_HITS {
         let reason = format!("search camera sees track {id} again after {in_state_s:.2} s");
         tracker.change(now.tick, TrackingState::Acquire, reason);
     } else if !waits {
@@ -360,7 +360,7 @@ fn lose(now: &Situation, tracker: &mut Tracker, tier: Tier) {
 
 /// Why a camera has lost the target.
 fn silence(now: &Situation, tier: Tier) -> String {
-    let patience_s = now.params.patience_s[tier as usize];
+    let patience_s = now.params.patience_s[tier];
     format!("{} camera had no hit for {patience_s} s", tier.word())
 }
 
@@ -435,6 +435,7 @@ fn compare(now: &Situation, tracker: &mut Tracker) {
 mod tests {
     use super::*;
     use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
+    use crate::models::optics::tier::PerTier;
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::recognition::Recognition;
     use crate::models::tracking::table::{CameraLook, Sighting};
@@ -463,7 +464,7 @@ mod tests {
             lock_radius_px: 5.0,
             lock_dwell_s: 0.1,
             break_radius_px: 20.0,
-            patience_s: [patience_s(60.0); 3],
+            patience_s: PerTier::of(|_| patience_s(60.0)),
         }
     }
 
@@ -496,7 +497,7 @@ mod tests {
             weak: false,
         };
         tracker.table.update(&CameraLook {
-            tier: Tier::Precise as usize,
+            tier: Tier::Precise,
             t_s,
             ifov_rad,
             reads: &EvidenceParams::default(),
@@ -546,7 +547,7 @@ mod tests {
                         distance_px: 0.0,
                         half_side_px: 4.0,
                     };
-                    tracker.error = [Some(silent); 3];
+                    tracker.error = PerTier::of(|_| Some(silent));
                     tracker.locked_since.get_or_insert(0);
                     step(
                         &now,
@@ -739,13 +740,14 @@ mod tests {
                         cue,
                         ..situation(&params, frame * FRAME)
                     };
-                    tracker.error = [Some(BoresightError {
+                    let centred = BoresightError {
                         exposure_tick: now.tick,
                         available_tick: now.tick,
                         angle_rad: DVec2::ZERO,
                         distance_px: 0.0,
                         half_side_px: 4.0,
-                    }); 3];
+                    };
+                    tracker.error = PerTier::of(|_| Some(centred));
                     step(&now, &mut tracker, false, false);
                     if tracker.target.is_none() {
                         return Some(t_s - 10.0 / 60.0);
@@ -770,7 +772,7 @@ mod tests {
         let params = params();
         let mut tracker = Tracker::default();
         // Exposed at the start, known 0.4 s later: a slow detector is no lost target.
-        tracker.error[Tier::Coarse as usize] = Some(BoresightError {
+        tracker.error[Tier::Coarse] = Some(BoresightError {
             exposure_tick: 0,
             available_tick: 384,
             angle_rad: DVec2::ZERO,

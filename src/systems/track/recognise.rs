@@ -49,7 +49,7 @@ impl Gallery {
             let glimpse = Glimpse {
                 tick: frame.tick,
                 t_s: hung.t_s,
-                tier: frame.tier as usize,
+                tier: frame.tier,
                 az_el_rad: los_to_az_el(
                     frame.believed.q_enu_cam * frame.pinhole.ray(centre_px.into()),
                 ),
@@ -184,7 +184,7 @@ mod tests {
                 weak: false,
             };
             table.update(&CameraLook {
-                tier: 1,
+                tier: Tier::Coarse,
                 t_s: f64::from(frame) / 60.0,
                 ifov_rad: 1e-4,
                 reads: &EvidenceParams::default(),

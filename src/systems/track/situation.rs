@@ -117,19 +117,24 @@ impl Situation<'_> {
 
     /// Time without news of a hit of the target by a camera [s].
     fn silent_s(&self, tracker: &Tracker, tier: Tier) -> f64 {
-        tracker.error[tier as usize].map_or(f64::INFINITY, |error| {
+        tracker.error[tier].map_or(f64::INFINITY, |error| {
             self.clock.at_s(self.tick - error.available_tick)
         })
     }
 
     /// Whether a camera has had no news of the target for so long that it has lost it.
     pub(super) fn lost_by(&self, tracker: &Tracker, tier: Tier) -> bool {
-        self.silent_s(tracker, tier) > self.params.patience_s[tier as usize]
+        self.silent_s(tracker, tier) > self.params.patience_s[tier]
     }
 
     /// Whether a track was seen so lately by any camera that it may still be there.
     pub(super) fn fresh(&self, track: &Track) -> bool {
-        let longest_s = self.params.patience_s.into_iter().fold(0.0, f64::max);
+        let longest_s = self
+            .params
+            .patience_s
+            .each()
+            .into_iter()
+            .fold(0.0, f64::max);
         self.t_s() - track.seen_s() <= longest_s
     }
 

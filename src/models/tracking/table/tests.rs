@@ -21,7 +21,7 @@ const READS: EvidenceParams = EvidenceParams {
 
 fn look<'a>(t_s: f64, sightings: &'a [Sighting]) -> CameraLook<'a> {
     CameraLook {
-        tier: 0,
+        tier: Tier::Search,
         t_s,
         ifov_rad: 1e-4,
         reads: &READS,
@@ -330,7 +330,10 @@ fn a_fluttering_box_does_not_break_its_track() {
     assert!((los.az_rad - 0.03).abs() < 1e-4, "{}", los.az_rad);
     // Scores and shape alone: what flutters so speaks less for a UAV than what holds still.
     let says = |flutter| READS.of_hit(0.5, 0, 20.0, flutter);
-    assert!(track.flutter[0].ratio() > 2.0 && says(track.flutter[0].ratio()) < says(1.0) - 0.5);
+    assert!(
+        track.flutter[Tier::Search].ratio() > 2.0
+            && says(track.flutter[Tier::Search].ratio()) < says(1.0) - 0.5
+    );
 }
 
 #[test]
@@ -361,7 +364,7 @@ fn a_camera_that_never_saw_a_track_does_not_talk_it_down() {
             id = table.update(&look(t_s, &[seen]))[0].expect("a track");
             for half in 0..if finer && i > 60 { 2 } else { 0 } {
                 let unseen = CameraLook {
-                    tier: 2,
+                    tier: Tier::Precise,
                     ifov_rad: 3e-5,
                     start_tracks: false,
                     ..look(t_s + f64::from(half) / 120.0, &[])
