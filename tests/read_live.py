@@ -12,6 +12,7 @@ server does not close.
 
 import base64
 import collections
+import functools
 import json
 import struct
 import sys
@@ -26,9 +27,8 @@ PROTOCOL = "foxglove.sdk.v1"
 MESSAGE, TIME = 1, 2
 
 
-def join(address):
-    """Connects, and subscribes to every topic; returns the connection and the channels by subscription."""
-    socket = connect(address, subprotocols=[PROTOCOL], max_size=None, proxy=None)
+def subscribe(socket):
+    """Subscribes to every topic; returns the channels by subscription."""
     assert socket.subprotocol == PROTOCOL, socket.subprotocol
     info = json.loads(socket.recv())
     assert info["op"] == "serverInfo" and "time" in info["capabilities"], info
@@ -37,7 +37,7 @@ def join(address):
     channels = {channel["id"]: channel for channel in advertised["channels"]}
     wanted = [{"id": id, "channelId": id} for id in channels]
     socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-    return socket, channels
+    return channels
 
 
 def schema_of(channel):
@@ -50,25 +50,25 @@ def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
     address, recording = sys.argv[1:]
-    stalled, _ = join(address)
-    vanished, _ = join(address)
-    vanished.socket.close()
-    socket, channels = join(address)
-
     received = collections.defaultdict(list)
     times = []
-    try:
-        while True:
-            data = socket.recv(timeout=60)
-            assert isinstance(data, bytes), data
-            if data[0] == TIME:
-                times.append(struct.unpack_from("<Q", data, 1)[0])
-            elif data[0] == MESSAGE:
-                id, log_time = struct.unpack_from("<IQ", data, 1)
-                received[channels[id]["topic"]].append((log_time, data[13:]))
-    except ConnectionClosed as closed:
-        assert closed.rcvd is not None, "the connection was cut, not closed"
-    stalled.socket.close()
+    join = functools.partial(connect, address, subprotocols=[PROTOCOL], max_size=None, close_timeout=1)
+    with join() as stalled, join() as vanished, join() as socket:
+        subscribe(stalled)
+        subscribe(vanished)
+        vanished.socket.close()
+        channels = subscribe(socket)
+        try:
+            while True:
+                data = socket.recv(timeout=60)
+                assert isinstance(data, bytes), data
+                if data[0] == TIME:
+                    times.append(struct.unpack_from("<Q", data, 1)[0])
+                elif data[0] == MESSAGE:
+                    id, log_time = struct.unpack_from("<IQ", data, 1)
+                    received[channels[id]["topic"]].append((log_time, data[13:]))
+        except ConnectionClosed as closed:
+            assert closed.rcvd is not None, "the connection was cut, not closed"
 
     factory = DecoderFactory()
     failures = []

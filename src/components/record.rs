@@ -19,7 +19,7 @@ pub struct StateHash(pub u64);
 /// The recording of this run, to a file or to whoever looks on, if there is one, and what goes into it.
 #[derive(Resource)]
 pub struct Recording {
-    /// Open.
+    /// Takes the messages.
     pub recorder: Option<SyncCell<Recorder>>,
     /// Ticks between recorded states.
     pub state_period_ticks: u64,

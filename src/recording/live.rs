@@ -1,7 +1,7 @@
 //! The topics of a run over Foxglove's WebSocket, while it goes on.
 //!
-//! Clients read and send nothing back. Each has a queue of its own that a thread of the server's works off; what no
-//! longer fits pushes out the oldest, so that nobody who looks on holds up a run.
+//! Nothing that a client sends reaches the run. Each has a queue of its own that the server's threads work off; what no
+//! longer fits pushes out the oldest, so that nobody who looks on holds up a tick.
 
 use foxglove::websocket::{Capability, ChannelView, Client, ServerListener};
 use foxglove::{
