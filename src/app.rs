@@ -43,8 +43,8 @@ pub enum RunError {
     NoAdapter,
 }
 
-/// Log filter for Bevy and wgpu; `RUST_LOG` overrides it.
-const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_render::extract_resource=off,bevy_winit=error,winit=error,bevy_egui=error,bevy_render::renderer=error";
+/// Log filter for Bevy, wgpu and Foxglove, to which a client that goes is an error; `RUST_LOG` overrides it.
+const LOG_FILTER: &str = "wgpu=error,naga=warn,bevy_render=error,bevy_render::extract_resource=off,bevy_winit=error,winit=error,bevy_egui=error,bevy_render::renderer=error,foxglove=off";
 
 /// The graphics adapter that would render, if there is one.
 pub fn adapter() -> Result<wgpu::AdapterInfo, RunError> {

@@ -21,6 +21,7 @@ use crate::view::{self, ViewError};
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -181,6 +182,30 @@ struct RunArgs {
     /// Render no camera pictures; needs `--set detector.kind=truth`.
     #[arg(long)]
     no_capture: bool,
+    #[command(flatten)]
+    live: LiveArgs,
+    /// Simulated seconds per wall-clock second at most, such as 1 (default: as fast as it goes); changes no result.
+    #[arg(long, value_parser = pace)]
+    pace: Option<f64>,
+}
+
+#[derive(Args, Debug)]
+struct LiveArgs {
+    /// Serve the recording's topics to Foxglove over its WebSocket while the run goes on, on this IP address and
+    /// port; port 0 is a free one. Only this machine reaches the default.
+    #[arg(
+        long = "live",
+        value_name = "ADDRESS",
+        num_args = 0..=1,
+        default_missing_value = "127.0.0.1:8765"
+    )]
+    address: Option<SocketAddr>,
+}
+
+fn pace(text: &str) -> Result<f64, &'static str> {
+    let usable = |pace: &f64| pace.is_finite() && *pace > 0.0;
+    let pace = text.parse().ok().filter(usable);
+    pace.ok_or("must be a number above 0")
 }
 
 #[derive(Args, Debug)]
@@ -201,6 +226,8 @@ struct ViewArgs {
     /// Folder for a recording; nothing is written without it.
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    live: LiveArgs,
     /// Save a picture of the window here after that many seconds of simulated time and close.
     #[arg(long, num_args = 2, value_names = ["FILE", "SECONDS"])]
     screenshot: Option<Vec<String>>,
@@ -255,6 +282,8 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 threads: args.threads,
                 capture: !args.no_capture,
                 out: Some(args.out.clone()),
+                live: args.live.address,
+                pace: args.pace,
                 log: true,
                 ..Options::default()
             };
@@ -405,6 +434,7 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
         seed: args.seed.or(seed),
         capture: true,
         out: args.out,
+        live: args.live.address,
         window: true,
         log: true,
         ..Options::default()
@@ -437,6 +467,11 @@ pub fn run_headless(
         }
         if over {
             break;
+        }
+        if let Some(pace) = options.pace {
+            let due_s = app.world().resource::<SimClock>().t_s() / pace;
+            let due = Duration::try_from_secs_f64(due_s).unwrap_or(Duration::MAX);
+            std::thread::sleep(due.saturating_sub(started.elapsed()));
         }
     }
     bar.finish_and_clear();

@@ -1,4 +1,5 @@
-//! MCAP recordings: Foxglove's schemas for what has one, `proto/boresight.proto` for the rest.
+//! MCAP recordings: Foxglove's schemas for what has one, `proto/boresight.proto` for the rest. The same messages can be
+//! served while the run goes on.
 //!
 //! The same calls give the same bytes: the log time is simulated time, header strings, channel order
 //! and chunk rules are fixed, and nothing is compressed on another thread. Within one tick the messages
@@ -8,6 +9,7 @@ use std::{
     collections::BTreeMap,
     fs::File,
     io::{self, BufWriter, Write},
+    net::SocketAddr,
     num::NonZeroU32,
     path::{Path, PathBuf},
 };
@@ -27,8 +29,11 @@ use mcap::{
 };
 
 pub mod film;
+pub mod live;
 pub mod read;
 pub mod timeline;
+
+use live::{Live, LiveError};
 
 pub use foxglove::messages::log::Level as LogLevel;
 
@@ -81,6 +86,9 @@ pub enum RecordingError {
         /// Newest tick written.
         last: u64,
     },
+    /// It cannot be served.
+    #[error(transparent)]
+    Live(#[from] LiveError),
 }
 
 /// What a recording says about its run, written before the first message so that a killed run has it.
@@ -272,6 +280,15 @@ fn channels(meta: &Meta) -> Vec<(String, Option<Schema>)> {
     channels
 }
 
+/// Message encoding of a channel with that schema.
+fn encoding(schema: Option<&Schema>) -> &'static str {
+    if schema.is_some_and(|schema| schema.encoding == "jsonschema") {
+        "json"
+    } else {
+        "protobuf"
+    }
+}
+
 /// Simulated time of a tick \[ns\], rounded down, exact for any tick.
 pub fn log_time_ns(tick: u64, tick_hz: NonZeroU32) -> u64 {
     let ns = u128::from(tick) * 1_000_000_000 / u128::from(tick_hz.get());
@@ -285,30 +302,19 @@ struct Pending {
     end: usize,
 }
 
-/// Writes one recording.
-///
-/// Every method takes the tick of the message; ticks may not decrease. Dropping it closes the file as
-/// [`Recorder::finish`] does, without saying whether that worked.
-pub struct Recorder {
+/// The file of a recording.
+struct Mcap {
     path: PathBuf,
-    /// `None` once closed. The writer never seeks: a chunk reaches the file whole or not at all.
-    writer: Option<Writer<NoSeek<BufWriter<File>>>>,
-    epoch_unix_ns: u64,
-    tick_hz: NonZeroU32,
-    cameras: Vec<String>,
-    more_stations: usize,
+    /// It never seeks: a chunk reaches the file whole or not at all.
+    writer: Writer<NoSeek<BufWriter<File>>>,
     /// MCAP id and next sequence number of each channel.
     channels: Vec<(u16, u32)>,
-    tick: Option<u64>,
-    pending: Vec<Pending>,
-    encoded: Vec<u8>,
     chunk_start_ns: Option<u64>,
     chunk_bytes: usize,
 }
 
-impl Recorder {
-    /// Creates the file, with the run's scenario, seed and version already on the disk on return.
-    pub fn create(path: &Path, meta: &Meta) -> Result<Self, RecordingError> {
+impl Mcap {
+    fn create(path: &Path, meta: &Meta) -> Result<Self, RecordingError> {
         let file = File::create(path).map_err(|source| RecordingError::Create {
             path: path.to_owned(),
             source,
@@ -362,27 +368,101 @@ impl Recorder {
                 Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
                 None => 0,
             };
-            let json = schema.is_some_and(|schema| schema.encoding == "jsonschema");
-            let encoding = if json { "json" } else { "protobuf" };
-            ids.push((
-                writer.add_channel(schema_id, &topic, encoding, &BTreeMap::new())?,
-                0,
-            ));
+            let encoding = encoding(schema.as_ref());
+            let id = writer.add_channel(schema_id, &topic, encoding, &BTreeMap::new())?;
+            ids.push((id, 0));
         }
         Ok(Self {
             path: path.to_owned(),
-            writer: Some(writer),
+            writer,
+            channels: ids,
+            chunk_start_ns: None,
+            chunk_bytes: 0,
+        })
+    }
+
+    fn write(&mut self, channel: usize, log_time: u64, message: &[u8]) -> Result<(), McapError> {
+        let (channel_id, sequence) = &mut self.channels[channel];
+        let header = MessageHeader {
+            channel_id: *channel_id,
+            sequence: *sequence,
+            log_time,
+            publish_time: log_time,
+        };
+        *sequence = sequence.wrapping_add(1);
+        self.chunk_bytes += message.len();
+        self.writer.write_to_known_channel(&header, message)
+    }
+
+    /// Closes the chunk when it is long enough.
+    fn end_tick(&mut self, log_time: u64) -> Result<(), McapError> {
+        let start = *self.chunk_start_ns.get_or_insert(log_time);
+        if log_time - start >= CHUNK_NS || self.chunk_bytes >= CHUNK_BYTES {
+            self.writer.flush()?;
+            self.chunk_start_ns = None;
+            self.chunk_bytes = 0;
+        }
+        Ok(())
+    }
+
+    fn close(mut self) -> Result<(), RecordingError> {
+        let finished = self.writer.finish();
+        let flushed = self.writer.into_inner().into_inner().flush();
+        finished
+            .map(drop)
+            .and_then(|()| Ok(flushed?))
+            .map_err(|source| write_error(&self.path, source))
+    }
+}
+
+/// Makes one recording.
+///
+/// Every method takes the tick of the message; ticks may not decrease. Dropping it closes the file as
+/// [`Recorder::finish`] does, without saying whether that worked.
+pub struct Recorder {
+    /// `None` without a file, and once closed.
+    file: Option<Mcap>,
+    live: Option<Live>,
+    epoch_unix_ns: u64,
+    tick_hz: NonZeroU32,
+    cameras: Vec<String>,
+    more_stations: usize,
+    tick: Option<u64>,
+    pending: Vec<Pending>,
+    encoded: Vec<u8>,
+}
+
+impl Recorder {
+    /// Listens on the address `live` and creates the file, with the run's scenario, seed and version already on the
+    /// disk on return; each where it is asked for.
+    pub fn create(
+        file: Option<&Path>,
+        live: Option<SocketAddr>,
+        meta: &Meta,
+    ) -> Result<Self, RecordingError> {
+        let serve = |address| {
+            let with_encoding = |(topic, schema): (String, Option<Schema>)| {
+                (topic, encoding(schema.as_ref()), schema)
+            };
+            let channels = channels(meta).into_iter().map(with_encoding).collect();
+            Live::start(address, meta.scenario_name, meta.epoch_unix_ns, channels)
+        };
+        Ok(Self {
+            live: live.map(serve).transpose()?,
+            file: file.map(|path| Mcap::create(path, meta)).transpose()?,
             epoch_unix_ns: meta.epoch_unix_ns,
             tick_hz: meta.tick_hz,
             cameras: meta.cameras.iter().map(ToString::to_string).collect(),
             more_stations: meta.more_stations.len(),
-            channels: ids,
             tick: None,
             pending: Vec::new(),
             encoded: Vec::new(),
-            chunk_start_ns: None,
-            chunk_bytes: 0,
         })
+    }
+
+    /// Where it is served, if it is.
+    pub fn live_address(&self) -> Option<SocketAddr> {
+        self.live.as_ref().map(Live::address)
     }
 
     /// Records the frames that moved.
@@ -670,51 +750,39 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes the messages of the tick that is over, and the chunk when it is long enough.
+    /// Hands on the messages of the tick that is over.
     fn write_pending(&mut self) -> Result<(), RecordingError> {
-        let (Some(tick), Some(writer)) = (self.tick, &mut self.writer) else {
+        let Some(tick) = self.tick else {
             return Ok(());
         };
-        let log_time = self
-            .epoch_unix_ns
-            .saturating_add(log_time_ns(tick, self.tick_hz));
-        // Forgotten whether or not the write works: a full disk must not let them pile up.
-        self.pending
-            .sort_unstable_by_key(|pending| (pending.channel, pending.start));
-        let mut result = self.pending.drain(..).try_for_each(|pending| {
-            let (channel_id, sequence) = &mut self.channels[pending.channel];
-            let header = MessageHeader {
-                channel_id: *channel_id,
-                sequence: *sequence,
-                log_time,
-                publish_time: log_time,
-            };
-            *sequence = sequence.wrapping_add(1);
-            writer.write_to_known_channel(&header, &self.encoded[pending.start..pending.end])
-        });
-        self.chunk_bytes += self.encoded.len();
-        self.encoded.clear();
-        let start = *self.chunk_start_ns.get_or_insert(log_time);
-        if log_time - start >= CHUNK_NS || self.chunk_bytes >= CHUNK_BYTES {
-            result = result.and_then(|()| writer.flush());
-            self.chunk_start_ns = None;
-            self.chunk_bytes = 0;
+        let log_time = self.unix_ns(tick);
+        let (pending, encoded) = (&mut self.pending, &mut self.encoded);
+        pending.sort_unstable_by_key(|pending| (pending.channel, pending.start));
+        let messages = || {
+            let bytes = |pending: &Pending| &encoded[pending.start..pending.end];
+            (pending.iter()).map(move |pending| (pending.channel, bytes(pending)))
+        };
+        if let Some(live) = &mut self.live {
+            live.set_clock(log_time);
+            messages().for_each(|(channel, message)| live.send(channel, log_time, message));
         }
-        result.map_err(|source| write_error(&self.path, source))
+        let written = self.file.as_mut().map_or(Ok(()), |file| {
+            messages()
+                .try_for_each(|(channel, message)| file.write(channel, log_time, message))
+                .and_then(|()| file.end_tick(log_time))
+                .map_err(|source| write_error(&file.path, source))
+        });
+        // Forgotten whether or not the write worked: a full disk must not let them pile up.
+        pending.clear();
+        encoded.clear();
+        written
     }
 
     fn close(&mut self) -> Result<(), RecordingError> {
         let written = self.write_pending();
-        let Some(mut writer) = self.writer.take() else {
-            return written;
-        };
-        let finished = writer.finish();
-        let flushed = writer.into_inner().into_inner().flush();
-        written?;
-        finished
-            .map(drop)
-            .and_then(|()| Ok(flushed?))
-            .map_err(|source| write_error(&self.path, source))
+        let closed = self.file.take().map_or(Ok(()), Mcap::close);
+        self.live = None;
+        written.and(closed)
     }
 }
 

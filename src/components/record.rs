@@ -16,10 +16,10 @@ use std::sync::Arc;
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StateHash(pub u64);
 
-/// The MCAP file of this run, if it is recorded, and what goes into it.
+/// The recording of this run, to a file or to whoever looks on, if there is one, and what goes into it.
 #[derive(Resource)]
 pub struct Recording {
-    /// The open file.
+    /// Takes the messages.
     pub recorder: Option<SyncCell<Recorder>>,
     /// Ticks between recorded states.
     pub state_period_ticks: u64,

@@ -6,6 +6,7 @@ use crate::scenario::Loaded;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -58,6 +59,10 @@ pub struct Options {
     pub capture: bool,
     /// Folder for recording, summary and report; none writes nothing.
     pub out: Option<PathBuf>,
+    /// Address on which the recording's topics are served to Foxglove while the run goes on; it changes no result.
+    pub live: Option<SocketAddr>,
+    /// Simulated seconds per wall-clock second at most, of a run without a window; none is as fast as it goes.
+    pub pace: Option<f64>,
     /// Whether the app gets a window.
     pub window: bool,
     /// Whether Bevy's warnings go to standard error; a process can start its log once only.

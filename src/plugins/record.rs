@@ -20,8 +20,8 @@ use crate::systems::record as systems;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
+use std::io::{self, Write};
 use std::num::NonZeroU32;
-use std::path::Path;
 
 /// Adds the domain to both schedules, in [`TickSet::Record`].
 pub struct RecordPlugin;
@@ -71,15 +71,16 @@ fn set_up(
         asset_radius_m: scenario.tracker.asset_radius_m,
         uavs: Vec::new(),
     });
-    let mut recorder = match (&options.out, NonZeroU32::new(scenario.tick_hz)) {
-        (Some(out), Some(tick_hz)) => {
+    let wanted = options.out.is_some() || options.live.is_some();
+    let mut recorder = match NonZeroU32::new(scenario.tick_hz).filter(|_| wanted) {
+        Some(tick_hz) => {
             let cameras: Vec<&str> = cameras.iter().map(|(_, camera)| &*camera.name).collect();
             let more = stations.iter().skip(1);
             let more: Vec<&str> = more.map(|(_, station, ..)| &*station.name).collect();
             let names = (&cameras[..], &more[..], own_topics.topics());
-            Some(recorder(&loaded, out, *seed, tick_hz, names)?)
+            Some(recorder(&loaded, &options, *seed, tick_hz, names)?)
         }
-        _ => None,
+        None => None,
     };
     if let Some(recorder) = &mut recorder {
         record_city(recorder, &environment.city)?;
@@ -101,19 +102,21 @@ fn set_up(
     Ok(())
 }
 
-/// Creates the output folder and the recording in it.
+/// Creates the output folder and the recording in it, and serves it, each where it is asked for.
 fn recorder(
     loaded: &Loaded,
-    out: &Path,
+    options: &Options,
     seed: Seed,
     tick_hz: NonZeroU32,
     (cameras, more_stations, own_topics): (&[&str], &[&str], &[OwnTopic]),
 ) -> Result<Recorder, PartError> {
     let scenario = &loaded.scenario;
-    crate::output::create_dir(out)?;
+    let out = options.out.as_deref();
+    out.map(crate::output::create_dir).transpose()?;
     let epoch = scenario.time_utc.timestamp_nanos_opt().unwrap_or(0);
     let mut recorder = Recorder::create(
-        &out.join("run.mcap"),
+        out.map(|out| out.join("run.mcap")).as_deref(),
+        options.live,
         &Meta {
             scenario_name: &scenario.name,
             scenario_toml: &loaded.source,
@@ -127,6 +130,10 @@ fn recorder(
             own_topics,
         },
     )?;
+    if let Some(address) = recorder.live_address() {
+        // Whoever has closed standard error does not ask.
+        let _ = writeln!(io::stderr(), "live  ws://{address}");
+    }
     let site = &scenario.site;
     recorder.location_fix(
         0,

@@ -3,6 +3,8 @@ use std::{fs, mem};
 use foxglove::messages as fg;
 use mcap::{MessageStream, Summary, read::Options};
 use prost::Message as _;
+use prost_reflect::{DescriptorPool, Kind, MessageDescriptor};
+use serde_json::Value;
 
 use super::*;
 use crate::media::image::encode_jpeg;
@@ -191,7 +193,7 @@ fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
 }
 
 fn record(path: &Path, ticks: u64) -> Vec<u8> {
-    let mut recorder = Recorder::create(path, &META).unwrap();
+    let mut recorder = Recorder::create(Some(path), None, &META).unwrap();
     drive(&mut recorder, ticks).unwrap();
     recorder.finish().unwrap();
     fs::read(path).unwrap()
@@ -305,7 +307,7 @@ fn same_calls_give_same_bytes() {
     // The order of calls within a tick does not show; another value does.
     let swapped = |first_log: bool, text: &str| {
         let path = dir.path().join("c.mcap");
-        let mut recorder = Recorder::create(&path, &META).unwrap();
+        let mut recorder = Recorder::create(Some(&path), None, &META).unwrap();
         if first_log {
             recorder.log(0, LogLevel::Info, "atp", text).unwrap();
         }
@@ -324,7 +326,7 @@ fn same_calls_give_same_bytes() {
 fn a_killed_run_loses_less_than_a_second() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("killed.mcap");
-    let mut recorder = Recorder::create(&path, &META).unwrap();
+    let mut recorder = Recorder::create(Some(&path), None, &META).unwrap();
     let empty = fs::read(&path).unwrap();
     assert!(
         empty.windows(13).any(|w| w == b"scenario.toml"),
@@ -348,16 +350,15 @@ fn a_killed_run_loses_less_than_a_second() {
 fn failures_are_typed() {
     let missing = Path::new("/nonexistent/directory/a.mcap");
     assert!(matches!(
-        Recorder::create(missing, &META),
+        Recorder::create(Some(missing), None, &META),
         Err(RecordingError::Create { path, .. }) if path == missing
     ));
     // Linux's full disk.
     assert!(matches!(
-        Recorder::create(Path::new("/dev/full"), &META),
+        Recorder::create(Some(Path::new("/dev/full")), None, &META),
         Err(RecordingError::DiskFull { .. })
     ));
-    let dir = tempfile::tempdir().unwrap();
-    let mut recorder = Recorder::create(&dir.path().join("a.mcap"), &META).unwrap();
+    let mut recorder = Recorder::create(None, None, &META).unwrap();
     recorder.own(5, &proto::Tick::default()).unwrap();
     assert!(matches!(
         recorder.own(4, &proto::Tick::default()),
@@ -370,19 +371,18 @@ fn failures_are_typed() {
 fn a_disk_that_fills_up_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
-    let mut recorder = Recorder::create(&path, &META).unwrap();
+    let mut recorder = Recorder::create(Some(&path), None, &META).unwrap();
     let full = File::options().write(true).open("/dev/full").unwrap();
     let writer = WriteOptions::new()
         .chunk_size(None)
         .disable_seeking(true)
         .create(NoSeek::new(BufWriter::new(full)))
         .unwrap();
-    recorder.writer = Some(writer);
-    for (id, _) in &mut recorder.channels {
-        *id = recorder
+    let file = recorder.file.as_mut().unwrap();
+    file.writer = writer;
+    for (id, _) in &mut file.channels {
+        *id = file
             .writer
-            .as_mut()
-            .unwrap()
             .add_channel(0, &format!("/{id}"), "protobuf", &BTreeMap::new())
             .unwrap();
     }
@@ -390,4 +390,100 @@ fn a_disk_that_fills_up_is_reported() {
     assert!(matches!(error, RecordingError::DiskFull { .. }), "{error}");
     assert!(drive(&mut recorder, 960).is_err());
     assert!(recorder.finish().is_err());
+}
+
+/// What a message path such as `/topic{name=="x"}.field.field` names: topic, and fields on the way.
+fn named(path: &str) -> (&str, Vec<Vec<&str>>) {
+    let end = path.find(['{', '.']).unwrap_or(path.len());
+    let (topic, mut rest) = path.split_at(end);
+    let mut fields = Vec::new();
+    if let Some((filter, after)) = rest.strip_prefix('{').and_then(|rest| rest.split_once('}')) {
+        fields.push(vec![filter.split_once("==").unwrap().0]);
+        rest = after;
+    }
+    fields.extend(rest.strip_prefix('.').map(|rest| rest.split('.').collect()));
+    (topic, fields)
+}
+
+/// Every text in a JSON value, keys too.
+fn texts<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
+    match value {
+        Value::String(text) => found.push(text),
+        Value::Array(values) => values.iter().for_each(|value| texts(value, found)),
+        Value::Object(values) => values.iter().for_each(|(key, value)| {
+            found.push(key);
+            texts(value, found);
+        }),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_layout_names_topics_and_fields_that_there_are() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/foxglove-layout.json");
+    let layout: Value = serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap();
+    let messages: BTreeMap<String, MessageDescriptor> = channels(&META)
+        .into_iter()
+        .map(|(topic, schema)| {
+            let schema = schema.unwrap();
+            let pool = DescriptorPool::decode(&*schema.data).unwrap();
+            (topic, pool.get_message_by_name(&schema.name).unwrap())
+        })
+        .collect();
+    let mut paths = Vec::new();
+    texts(&layout["configById"], &mut paths);
+    paths.retain(|text| text.starts_with('/'));
+    for path in &paths {
+        let (topic, fields) = named(path);
+        let message = messages.get(topic);
+        let message = message.unwrap_or_else(|| panic!("{path}: no such topic"));
+        for way in fields {
+            let mut at = Kind::Message(message.clone());
+            for field in way {
+                let field = at.as_message().and_then(|at| at.get_field_by_name(field));
+                at = field
+                    .unwrap_or_else(|| panic!("{path}: no such field"))
+                    .kind();
+            }
+            assert!(at.as_message().is_none(), "{path}: is no value");
+        }
+    }
+    // What an engagement is looked at by is on it.
+    let of = |schema: &str| {
+        let shown = |topic: &&&str| {
+            messages
+                .get(**topic)
+                .is_some_and(|m| m.full_name() == schema)
+        };
+        paths
+            .iter()
+            .filter(shown)
+            .collect::<std::collections::BTreeSet<_>>()
+            .len()
+    };
+    for schema in ["CompressedImage", "ImageAnnotations", "CameraCalibration"] {
+        assert_eq!(
+            of(&format!("foxglove.{schema}")),
+            META.cameras.len(),
+            "{schema}"
+        );
+    }
+    for schema in ["SceneUpdate", "FrameTransforms", "Log"] {
+        assert_eq!(of(&format!("foxglove.{schema}")), 1, "{schema}");
+    }
+    for wanted in [
+        "miss_px",
+        "power_in_bucket_w",
+        "skin_temperature_k",
+        "track_state.state",
+    ] {
+        assert!(paths.iter().any(|path| path.ends_with(wanted)), "{wanted}");
+    }
+    // Each panel has its place, and each place its panel.
+    let mut places = Vec::new();
+    texts(&layout["layout"], &mut places);
+    places.retain(|text| text.contains('!'));
+    places.sort_unstable();
+    let panels = layout["configById"].as_object().unwrap();
+    assert_eq!(places, panels.keys().collect::<Vec<_>>());
 }

@@ -116,30 +116,30 @@ pub fn tick_hashes(run: &Run) -> Vec<(u64, u64)> {
         .collect()
 }
 
-/// Reads a recording with the format's own Python library, as an outside user would.
-pub fn read_with_python(mcap: &Path, pictures: bool) {
+/// A Python script of the tests; none where Python or one of the modules it imports is not there.
+pub fn python(script: &str, modules: &str) -> Option<Command> {
     let Some(python) = std::env::var_os("BORESIGHT_PYTHON") else {
         println!("SKIP: BORESIGHT_PYTHON is not set; ./test sets it");
+        return None;
+    };
+    let mut imports = Command::new(&python);
+    let imports = imports.args(["-c", &format!("import {modules}")]).output();
+    if !imports.is_ok_and(|output| output.status.success()) {
+        let python = python.display();
+        println!("SKIP: {python} lacks one of {modules}; ./test installs them");
+        return None;
+    }
+    let mut command = Command::new(python);
+    command.arg(Path::new(ROOT).join(script));
+    Some(command)
+}
+
+/// Reads a recording with the format's own Python library, as an outside user would.
+pub fn read_with_python(mcap: &Path, pictures: bool) {
+    let Some(mut reader) = python("tests/read_mcap.py", "mcap, mcap_protobuf") else {
         return;
     };
-    let modules = ["-c", "import mcap, mcap_protobuf"];
-    if !Command::new(&python)
-        .args(modules)
-        .output()
-        .is_ok_and(|o| o.status.success())
-    {
-        println!(
-            "SKIP: {} lacks mcap and mcap_protobuf; ./test installs them",
-            python.display()
-        );
-        return;
-    }
-    let script = Path::new(ROOT).join("tests/read_mcap.py");
-    let output = Command::new(&python)
-        .arg(script)
-        .arg(mcap)
-        .output()
-        .unwrap();
+    let output = reader.arg(mcap).output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}{}", stderr(&output));
     assert!(text.contains("\ncomplete, "), "{text}");

@@ -13,6 +13,7 @@ mod determinism;
 mod doors;
 mod experiments;
 mod flight;
+mod live;
 mod rendering;
 mod shipped;
 mod stations;
