@@ -7,13 +7,12 @@ use crate::components::control::{
 use crate::components::flight::{Distractor, Flight, Uav};
 use crate::components::mount::{Gimbal, Mount, OpticalPath, Optics, PanTilt, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::control::POINTING_LAWS;
 use crate::models::control::law::HandOver;
-use crate::models::control::lqg::{LqgPointing, LqgWeights};
 use crate::models::control::paper::PaperLaw;
-use crate::models::control::tuning::{self, MountPlant};
+use crate::models::control::tuning::MountPlant;
 use crate::models::maths::rng::Stream;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalState};
-use crate::models::tracking::estimation::LosFilterParams;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
 use crate::plugins::mount::gimbal_params;
@@ -54,13 +53,9 @@ impl Plugin for ControlPlugin {
 /// The pointing laws that every run knows.
 pub fn laws() -> PointingLaws {
     let mut laws = PointingLaws::default();
-    laws.add("tuned", |plant| Ok(Box::new(tuning::derive(plant)?.law)));
-    laws.add("lqg", |plant| {
-        let tau_s = LosFilterParams::default().accel_tau_s;
-        let (gimbal, mirror) = (&plant.gimbal, &plant.mirror);
-        let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), plant.dt_s)?;
-        Ok(Box::new(law))
-    });
+    for (name, make) in POINTING_LAWS {
+        laws.add(name, make);
+    }
     laws
 }
 

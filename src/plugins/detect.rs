@@ -1,18 +1,12 @@
 //! The detector; detections and their latency.
 
 use crate::components::capture::SensorCamera;
-use crate::components::detect::{
-    DetectionQueue, DetectorContext, DetectorInUse, Detectors, Reading,
-};
+use crate::components::detect::{DetectionQueue, DetectorContext, DetectorInUse, Detectors};
 use crate::components::mount::Station;
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
-use crate::inference::{Inference, OnnxDetector, Setup};
-use crate::models::optics::detection::TruthErrors;
 use crate::plugins::run::fallible;
 use crate::scenario;
 use crate::systems::detect as systems;
-use crate::systems::detect::network::NetworkDetector;
-use crate::systems::detect::truth::TruthDetector;
 use bevy::prelude::*;
 
 /// Adds the domain to both schedules, in [`TickSet::Detect`].
@@ -26,55 +20,13 @@ impl Plugin for DetectPlugin {
     }
 }
 
-/// Threads of the detector: fixed, since the order of its sums must not depend on the machine.
-const INFERENCE_THREADS: usize = 2;
-
-/// Why the detector's thread does not work.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot start the detector's thread: {0}")]
-pub struct ThreadError(std::io::Error);
-
 /// The detectors that every run knows.
 fn known() -> Detectors {
     let mut detectors = Detectors::default();
-    detectors.add(scenario::ONNX, |context| Ok(Box::new(network(context)?)));
-    detectors.add(scenario::TRUTH, |context| {
-        let errors = &context.loaded.scenario.detector.truth;
-        let errors = TruthErrors {
-            noise_px: errors.noise_px,
-            miss_rate: errors.miss_rate,
-            distractor_rate: errors.distractor_rate,
-            false_alarms_per_frame: errors.false_alarms_per_frame,
-        };
-        Ok(Box::new(TruthDetector::new(errors, context.seed)))
-    });
-    detectors
-}
-
-/// The network of a scenario.
-fn network(context: &DetectorContext) -> Result<NetworkDetector, PartError> {
-    let settings = &context.loaded.scenario.detector;
-    let refuse =
-        |error: &dyn std::fmt::Display| context.loaded.refuse("detector.onnx_model", error);
-    let setup = Setup {
-        threads: INFERENCE_THREADS,
-        provider: settings.provider,
-        named_in: "detector.onnx_model",
-    };
-    let model = OnnxDetector::load_with(&settings.onnx_model, &setup).map_err(|e| refuse(&e))?;
-    for size_px in &context.sensors_px {
-        model.input_px(*size_px).map_err(|e| refuse(&e))?;
+    for (name, make) in systems::DETECTORS {
+        detectors.add(name, make);
     }
-    let recommended = model.score_threshold();
-    let inference = if context.options.one_thread {
-        Inference::on_caller(model)
-    } else {
-        Inference::on_thread(model).map_err(ThreadError)?
-    };
-    let start_score = settings.score_threshold.unwrap_or(recommended);
-    let roi_px = Some(settings.roi_px).filter(|side| *side > 0);
-    let reading = Reading::of_network(start_score, settings.weak_share * start_score, roi_px);
-    Ok(NetworkDetector::new(inference, reading))
+    detectors
 }
 
 fn set_up(

@@ -4,10 +4,26 @@ pub mod network;
 pub mod truth;
 
 use crate::components::capture::{Frames, Readout, SensorCamera};
-use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse, Question};
-use crate::components::run::{Failure, SimClock, Stopwatch};
+use crate::components::detect::{
+    DetectionBatch, DetectionQueue, Detector, DetectorContext, DetectorInUse, Question,
+};
+use crate::components::run::{Failure, PartError, SimClock, Stopwatch};
+use crate::scenario;
 use bevy::prelude::*;
 use std::time::Instant;
+
+/// What makes a detector for a run.
+pub type MakeDetector = fn(&DetectorContext) -> Result<Box<dyn Detector>, PartError>;
+
+/// The detectors that every run knows, by the names that scenarios give them.
+pub const DETECTORS: [(&str, MakeDetector); 2] = [
+    (scenario::ONNX, |context| {
+        Ok(Box::new(network::make(context)?))
+    }),
+    (scenario::TRUTH, |context| {
+        Ok(Box::new(truth::make(context)))
+    }),
+];
 
 /// Hands every frame of this tick to the detector and releases what has become available. A network
 /// has until then to answer; only what is still missing at that tick is waited for.

@@ -8,5 +8,25 @@ pub mod pointing;
 pub mod tuned;
 pub mod tuning;
 
+use crate::models::tracking::estimation::LosFilterParams;
+use lqg::{LqgPointing, LqgWeights};
+use pointing::PointingLaw;
+use std::error::Error;
+use tuning::MountPlant;
+
+/// What makes a law for a mount.
+pub type MakeLaw = fn(&MountPlant) -> Result<Box<dyn PointingLaw>, Box<dyn Error + Send + Sync>>;
+
+/// The pointing laws that every run knows, by the names that scenarios give them.
+pub const POINTING_LAWS: [(&str, MakeLaw); 2] = [
+    ("tuned", |plant| Ok(Box::new(tuning::derive(plant)?.law))),
+    ("lqg", |plant| {
+        let tau_s = LosFilterParams::default().accel_tau_s;
+        let (gimbal, mirror) = (&plant.gimbal, &plant.mirror);
+        let law = LqgPointing::new(gimbal, mirror, tau_s, &LqgWeights::default(), plant.dt_s)?;
+        Ok(Box::new(law))
+    }),
+];
+
 #[cfg(test)]
 mod tests;

@@ -1,12 +1,46 @@
 //! The network as a detector: pictures go in, boxes with scores come out.
 
 use crate::components::capture::PixelRect;
-use crate::components::detect::{Detector, Question, Reading};
+use crate::components::detect::{Detector, DetectorContext, Question, Reading};
 use crate::components::run::PartError;
-use crate::inference::{DetectorInput, Inference};
+use crate::inference::{DetectorInput, Inference, OnnxDetector, Setup};
 use crate::models::optics::detection::Detection;
 use std::collections::VecDeque;
 use std::sync::Arc;
+
+/// Threads of the detector: fixed, since the order of its sums must not depend on the machine.
+const INFERENCE_THREADS: usize = 2;
+
+/// Why the detector's thread does not work.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot start the detector's thread: {0}")]
+pub struct ThreadError(std::io::Error);
+
+/// The network of a scenario.
+pub fn make(context: &DetectorContext) -> Result<NetworkDetector, PartError> {
+    let settings = &context.loaded.scenario.detector;
+    let refuse =
+        |error: &dyn std::fmt::Display| context.loaded.refuse("detector.onnx_model", error);
+    let setup = Setup {
+        threads: INFERENCE_THREADS,
+        provider: settings.provider,
+        named_in: "detector.onnx_model",
+    };
+    let model = OnnxDetector::load_with(&settings.onnx_model, &setup).map_err(|e| refuse(&e))?;
+    for size_px in &context.sensors_px {
+        model.input_px(*size_px).map_err(|e| refuse(&e))?;
+    }
+    let recommended = model.score_threshold();
+    let inference = if context.options.one_thread {
+        Inference::on_caller(model)
+    } else {
+        Inference::on_thread(model).map_err(ThreadError)?
+    };
+    let start_score = settings.score_threshold.unwrap_or(recommended);
+    let roi_px = Some(settings.roi_px).filter(|side| *side > 0);
+    let reading = Reading::of_network(start_score, settings.weak_share * start_score, roi_px);
+    Ok(NetworkDetector::new(inference, reading))
+}
 
 /// A network on the rendered pictures.
 pub struct NetworkDetector {

@@ -1,11 +1,23 @@
 //! The geometric truth with set errors as a detector; it needs no picture.
 
 use crate::components::capture::{ExposedFrame, PixelRect};
-use crate::components::detect::{Detector, Question, Reading};
+use crate::components::detect::{Detector, DetectorContext, Question, Reading};
 use crate::components::run::{PartError, Seed};
 use crate::models::maths::rng::Stream;
 use crate::models::optics::detection::{Candidate, Detection, TruthErrors, detect_truth};
 use std::collections::VecDeque;
+
+/// The truth with the errors of a scenario.
+pub fn make(context: &DetectorContext) -> TruthDetector {
+    let errors = &context.loaded.scenario.detector.truth;
+    let errors = TruthErrors {
+        noise_px: errors.noise_px,
+        miss_rate: errors.miss_rate,
+        distractor_rate: errors.distractor_rate,
+        false_alarms_per_frame: errors.false_alarms_per_frame,
+    };
+    TruthDetector::new(errors, context.seed)
+}
 
 /// The truth of every frame, with errors.
 pub struct TruthDetector {
