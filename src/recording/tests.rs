@@ -487,3 +487,35 @@ fn the_layout_names_topics_and_fields_that_there_are() {
     let panels = layout["configById"].as_object().unwrap();
     assert_eq!(places, panels.keys().collect::<Vec<_>>());
 }
+
+#[test]
+fn a_timeline_has_what_was_recorded_when() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut recorder = Recorder::create(Some(&path), None, &META).unwrap();
+    drive(&mut recorder, 96).unwrap();
+    recorder.finish().unwrap();
+    let timeline = timeline::Timeline::of(&read::Recorded::open(&path).unwrap());
+    assert_eq!((timeline.tick_hz, timeline.last_tick), (960, 95));
+    assert!(timeline.whole);
+    let [(name, uav)] = &timeline.uavs[..] else {
+        panic!("{:?}", timeline.uavs.len())
+    };
+    assert_eq!(name, "uav-1");
+    for tick in [0, 1, 50, 95, 1_000] {
+        let at = uav.at(tick).unwrap();
+        let known = tick.min(95) as f64 / 960.0;
+        assert!((at.r_enu_m.x - 8.0 * known).abs() < 1e-12 && at.r_enu_m.z == 60.0);
+        assert!((at.skin_k - 290.0 - known).abs() < 1e-12 && &*at.status == "flying");
+    }
+    assert_eq!((uav.after(5), uav.before(5)), (Some(6), Some(4)));
+    assert_eq!((uav.after(95), uav.before(0)), (None, None));
+    // UAVs are no cameras, whatever moves them.
+    let cameras: Vec<&str> = timeline.cameras.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(cameras.len(), 3, "{cameras:?}");
+    let camera = timeline.cameras.iter().find(|c| c.name == "ctv").unwrap();
+    let pictures: Vec<u64> = camera.pictures.entries().iter().map(|(t, _)| *t).collect();
+    assert_eq!(pictures, [0, 16, 32, 48, 64, 80]);
+    assert_eq!(camera.pictures.entry_at(31).unwrap().0, 16);
+    assert_eq!(camera.full_px(), [64, 48]);
+}

@@ -339,30 +339,17 @@ fn a_clips_regions_to_ignore_are_neither_hits_nor_false_alarms() {
     assert_eq!(number(&bare, share), 0.0);
 }
 
-/// Opens the window on a virtual display and looks at what it shows: the panel on the left, the
-/// city and the sky beside it.
-#[test]
-fn the_window_shows_panel_and_scene() {
-    let _one = rendering();
+/// A picture of the window that `view` opens on a virtual display.
+fn window(args: &[&str], at_s: &str) -> image::RgbImage {
     let folder = TempDir::new().unwrap();
-    let file = folder.path().join("window.jpg");
+    let file = folder.path().join("window.png");
     let started = Instant::now();
-    let boresight = boresight();
-    let mut command = Command::new("xvfb-run");
-    command.arg("-a").arg(boresight.get_program());
-    for (key, value) in boresight.get_envs() {
-        match value {
-            Some(value) => command.env(key, value),
-            None => command.env_remove(key),
-        };
-    }
-    let output = command
-        .current_dir(ROOT)
-        .stdin(Stdio::null())
-        .args(["view", "scenarios/urban_intercept.toml"])
-        .args(["--set", "detector.kind=truth", "--screenshot"])
+    let output = on_display()
+        .arg("view")
+        .args(args)
+        .arg("--screenshot")
         .arg(&file)
-        .arg("0.5")
+        .arg(at_s)
         .output()
         .unwrap_or_else(|error| panic!("xvfb-run: {error}; ./setup.sh installs it (xvfb, xauth)"));
     assert!(
@@ -374,34 +361,156 @@ fn the_window_shows_panel_and_scene() {
     println!("the window: {:.1} s", started.elapsed().as_secs_f64());
     let picture = image::open(&file).unwrap().to_rgb8();
     assert_eq!(picture.dimensions(), (1280, 800));
-    // Mean and spread of the grey levels of a part: left, top, right, bottom.
-    let part = |[x0, y0, x1, y1]: [u32; 4]| {
-        let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
-        let grey: Vec<f64> = pixels
-            .map(|(x, y)| {
-                picture
-                    .get_pixel(x, y)
-                    .0
-                    .iter()
-                    .map(|c| f64::from(*c))
-                    .sum::<f64>()
-                    / 3.0
-            })
-            .collect();
-        let mean = grey.iter().sum::<f64>() / grey.len() as f64;
-        let square = grey.iter().map(|grey| (grey - mean).powi(2)).sum::<f64>();
-        (mean, (square / grey.len() as f64).sqrt())
-    };
+    picture
+}
+
+/// Mean and spread of the grey levels of a part: left, top, right, bottom.
+fn grey(picture: &image::RgbImage, [x0, y0, x1, y1]: [u32; 4]) -> (f64, f64) {
+    let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+    let grey: Vec<f64> = pixels
+        .map(|(x, y)| {
+            let sum: f64 = picture
+                .get_pixel(x, y)
+                .0
+                .iter()
+                .map(|c| f64::from(*c))
+                .sum();
+            sum / 3.0
+        })
+        .collect();
+    let mean = grey.iter().sum::<f64>() / grey.len() as f64;
+    let square = grey.iter().map(|grey| (grey - mean).powi(2)).sum::<f64>();
+    (mean, (square / grey.len() as f64).sqrt())
+}
+
+/// Opens the window on a virtual display and looks at what it shows: the panel on the left, the
+/// city and the sky beside it.
+#[test]
+fn the_window_shows_panel_and_scene() {
+    let _one = rendering();
+    let args = [
+        "scenarios/urban_intercept.toml",
+        "--set",
+        "detector.kind=truth",
+    ];
+    let picture = window(&args, "0.5");
     let (panel, sky, city) = (
-        part([4, 4, 240, 796]),
-        part([300, 20, 900, 80]),
-        part([300, 400, 900, 740]),
+        grey(&picture, [4, 4, 240, 796]),
+        grey(&picture, [300, 20, 900, 80]),
+        grey(&picture, [300, 400, 900, 740]),
     );
     println!("grey levels: panel {panel:.1?}, sky {sky:.1?}, city {city:.1?}");
     // Dark, with light text on it.
     assert!(panel.0 < 90.0 && panel.1 > 15.0, "no panel: {panel:?}");
     assert!(sky.0 > panel.0 + 50.0 && sky.1 < 10.0, "no sky: {sky:?}");
     assert!(city.1 > 15.0, "one colour: {city:?}");
+}
+
+/// Films are made of recordings with and without pictures, and refused where there is nothing to show.
+#[test]
+fn a_film_shows_what_was_recorded() {
+    let folder = TempDir::new().unwrap();
+    let mut run = boresight();
+    run.args([
+        "run",
+        "scenarios/urban_intercept.toml",
+        "--set",
+        "duration_s=1",
+    ]);
+    let output = run.args(BLIND).arg("--out").arg(folder.path()).output();
+    assert!(output.unwrap().status.success());
+    let film = |args: &[&str]| {
+        let output = boresight()
+            .arg("video")
+            .args(["run.mcap", "film.mp4"])
+            .args(args)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.code(), said, stderr(&output))
+    };
+    let (code, said, _) = film(&["--layout", "map", "--rate-hz", "10"]);
+    assert_eq!(code, Some(0));
+    assert!(said.contains("(11 pictures)"), "{said}");
+    let bytes = std::fs::read(folder.path().join("film.mp4")).unwrap();
+    assert_eq!(&bytes[4..8], b"ftyp");
+    for (args, names) in [
+        (["--layout", "cameras"], "has no pictures"),
+        (["--speed", "0"], "--speed"),
+        (["--rate-hz", "0"], "--rate-hz"),
+    ] {
+        let (code, _, error) = film(&args);
+        assert_eq!(code, Some(2), "{args:?}");
+        assert!(
+            error.contains(names) && error.lines().count() == 1,
+            "{error}"
+        );
+    }
+}
+
+/// A recording is played back: its pictures stand beside the scene, its states on the time line; a recording
+/// that was cut short opens too, and a second one beside it.
+#[test]
+fn recordings_are_played_back_in_the_window() {
+    let _one = rendering();
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("run");
+    let mut command = boresight();
+    command.args(["run", "scenarios/urban_intercept.toml"]);
+    command.args(["--set", "detector.kind=truth", "--set", "duration_s=1.5"]);
+    let output = command.arg("--out").arg(&out).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let whole = out.join("run.mcap");
+    let bytes = std::fs::read(&whole).unwrap();
+    let cut = folder.path().join("cut.mcap");
+    std::fs::write(&cut, &bytes[..bytes.len() * 3 / 4]).unwrap();
+    let path = |path: &Path| path.to_str().unwrap().to_owned();
+
+    let (whole, cut) = (path(&whole), path(&cut));
+    let picture = window(&[&whole], "1.0");
+    let sky = grey(&picture, [300, 20, 900, 80]);
+    let inset = grey(&picture, [980, 40, 1_260, 160]);
+    // The time line's states, as bright as colours are, and nothing of the scene behind its plots.
+    let line = |picture: &image::RgbImage| grey(picture, [130, 600, 1_260, 796]);
+    println!(
+        "grey levels: sky {sky:.1?}, picture {inset:.1?}, line {:.1?}",
+        line(&picture)
+    );
+    assert!(sky.1 < 10.0, "no sky: {sky:?}");
+    assert!(inset.0 > 60.0, "no picture: {inset:?}");
+    assert!(
+        line(&picture).0 < 60.0 && line(&picture).1 > 12.0,
+        "no line"
+    );
+    let two = window(&[&cut, &whole], "0.8");
+    assert!(line(&two).1 > 12.0, "no line of two");
+    // Two columns of pictures.
+    let columns = [[850, 40, 1_040, 90], [1_070, 40, 1_260, 90]].map(|part| grey(&two, part));
+    assert!(columns.iter().all(|column| column.0 > 30.0), "{columns:?}");
+
+    let mut refused = boresight();
+    let refused = refused
+        .args(["view", &whole, "--seed", "3"])
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        stderr(&refused).contains("--simulate"),
+        "{}",
+        stderr(&refused)
+    );
+    let mut refused = boresight();
+    let refused = refused
+        .args(["view", "scenarios/urban_intercept.toml", &whole])
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        stderr(&refused).contains("two of them"),
+        "{}",
+        stderr(&refused)
+    );
 }
 
 /// Makes the tiny set, or the part of it that `args` ask for, in `folder`.

@@ -41,6 +41,21 @@ pub fn boresight() -> Command {
     command
 }
 
+/// The command on a virtual display.
+pub fn on_display() -> Command {
+    let boresight = boresight();
+    let mut command = Command::new("xvfb-run");
+    command.arg("-a").arg(boresight.get_program());
+    for (key, value) in boresight.get_envs() {
+        match value {
+            Some(value) => command.env(key, value),
+            None => command.env_remove(key),
+        };
+    }
+    command.current_dir(ROOT).stdin(Stdio::null());
+    command
+}
+
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }

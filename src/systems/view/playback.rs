@@ -378,3 +378,102 @@ pub fn obey_keys(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::{self, Options};
+    use crate::recording::read::Recorded;
+    use crate::scenario::{Loaded, Scenario};
+    use glam::DVec3;
+    use std::path::Path;
+
+    const TICKS: u64 = 700;
+
+    fn loaded() -> Loaded {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/urban_intercept.toml");
+        Scenario::load(&path, &["detector.kind=truth".into()]).unwrap()
+    }
+
+    fn place(world: &mut World) -> DVec3 {
+        let mut uavs = world.query::<(&Uav, &Flight)>();
+        uavs.iter(world).next().unwrap().1.state.r_enu_m
+    }
+
+    #[test]
+    fn what_was_recorded_comes_back_at_its_time_in_any_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = Options {
+            out: Some(folder.path().into()),
+            ..Options::default()
+        };
+        let mut run = app::build(&loaded(), &options).unwrap();
+        let mut truth = vec![place(run.world_mut())];
+        for _ in 0..TICKS {
+            app::step(run.world_mut()).unwrap();
+            truth.push(place(run.world_mut()));
+        }
+        drop(run);
+        let recorded = Recorded::open(&folder.path().join("run.mcap")).unwrap();
+        let timeline = Timeline::of(&recorded);
+        assert!(timeline.last_tick >= TICKS - 1);
+        let states = &timeline.uavs[0].1;
+        let playback = Playback::new(vec![timeline.clone(), timeline.clone()]);
+        let (end_s, first_event_s) = (playback.end_s(), playback.events_s[0]);
+
+        let mut app = app::build(&loaded(), &Options::default()).unwrap();
+        let world = app.world_mut();
+        world.insert_resource(playback);
+        world.insert_resource(Pacing::default());
+        world.init_resource::<Estimates>();
+        world.init_resource::<Pictures>();
+        let at_s = |world: &World| world.resource::<Playback>().t_s;
+        for tick in [600, 3, 333, 0] {
+            world.resource_mut::<Playback>().t_s = timeline.t_s(tick);
+            world.resource_mut::<Pacing>().paused = true;
+            advance(world, 0.1);
+            // States are recorded every few ticks; the last one is shown.
+            let (of, _) = states.entry_at(tick).unwrap();
+            assert_eq!(place(world), truth[of as usize], "tick {tick}");
+            assert_eq!(world.resource::<SimClock>().tick, tick);
+            assert!(world.resource::<Pacing>().paused);
+        }
+        // The second recording is the same run: so are its estimates.
+        world.resource_mut::<Playback>().t_s = 0.6;
+        advance(world, 0.0);
+        let estimates = &world.resource::<Estimates>().0;
+        assert_eq!(estimates.len(), 2);
+        assert_eq!(estimates[0].az_el_rad, estimates[1].az_el_rad);
+
+        // Forwards at twice the speed, backwards, and to both ends, where it stops.
+        let mut pacing = world.resource_mut::<Pacing>();
+        (pacing.paused, pacing.speed) = (false, 2.0);
+        advance(world, 0.025);
+        assert!((at_s(world) - 0.65).abs() < 1e-12);
+        world.resource_mut::<Playback>().backwards = true;
+        advance(world, 0.05);
+        assert!((at_s(world) - 0.55).abs() < 1e-12);
+        advance(world, 10.0);
+        assert_eq!(at_s(world), 0.0);
+        assert!(world.resource::<Pacing>().paused);
+
+        let mut step = |step, forwards| {
+            world.resource_mut::<Playback>().step = Some((step, forwards));
+            advance(world, 0.0);
+            world.resource::<Playback>().t_s
+        };
+        assert_eq!(step(PlayStep::Tick, true), timeline.t_s(1));
+        assert_eq!(step(PlayStep::Tick, false), 0.0);
+        assert_eq!(step(PlayStep::Tick, false), 0.0);
+        // Without pictures a frame is a state.
+        let state_s = step(PlayStep::Frame, true);
+        assert_eq!(state_s, timeline.t_s(states.after(0).unwrap()));
+        assert_eq!(step(PlayStep::Frame, false), 0.0);
+        let event_s = step(PlayStep::Event, true);
+        assert!(event_s > first_event_s && event_s < end_s, "{event_s}");
+        assert_eq!(step(PlayStep::Event, false), first_event_s);
+        assert_eq!(step(PlayStep::End, true), end_s);
+        assert_eq!(step(PlayStep::Event, true), end_s);
+        assert_eq!(step(PlayStep::End, false), 0.0);
+    }
+}
