@@ -207,30 +207,8 @@ pub trait OwnMessage: prost::Message {
     const INDEX: usize;
 }
 
-macro_rules! own_channels {
-    ($($index:literal $message:ident $topic:literal)*) => {
-        /// Topic and schema name of the own channels.
-        const OWN_CHANNELS: [(&str, &str); [$($index),*].len()] =
-            [$(($topic, concat!("boresight.", stringify!($message)))),*];
-        $(impl OwnMessage for proto::$message {
-            const INDEX: usize = $index;
-        })*
-    };
-}
-
-own_channels! {
-    0 Tick "/boresight/tick"
-    1 UavState "/boresight/uav_state"
-    2 MountState "/boresight/mount_state"
-    3 TrackState "/boresight/track_state"
-    4 BeamState "/boresight/beam_state"
-    5 FrameTruth "/boresight/frame_truth"
-    6 Detections "/boresight/detections"
-    7 MissDistance "/boresight/miss_distance"
-}
-
-/// The own channels that every station has.
-const OF_STATION: std::ops::Range<usize> = 2..5;
+// One for each message of the proto file that is a topic.
+include!(concat!(env!("OUT_DIR"), "/topics.rs"));
 
 // Places of the other channels; each camera has three in a row.
 const TF: usize = 0;
