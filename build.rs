@@ -60,13 +60,21 @@ fn topics(file: &FileDescriptorProto) -> Result<String, Box<dyn Error>> {
         return Err("no topics of every station".into());
     };
     if last + 1 - first != of_station.len() {
-        return Err("proto/boresight.proto: the topics of every station must stand together".into());
+        return Err(
+            "proto/boresight.proto: the topics of every station must stand together".into(),
+        );
     }
     let count = names.len();
     writeln!(code, "/// Topic and schema name of the own channels.")?;
-    writeln!(code, "const OWN_CHANNELS: [(&str, &str); {count}] = {names:?};")?;
+    writeln!(
+        code,
+        "const OWN_CHANNELS: [(&str, &str); {count}] = {names:?};"
+    )?;
     writeln!(code, "/// The own channels that every station has.")?;
     let end = last + 1;
-    writeln!(code, "const OF_STATION: std::ops::Range<usize> = {first}..{end};")?;
+    writeln!(
+        code,
+        "const OF_STATION: std::ops::Range<usize> = {first}..{end};"
+    )?;
     Ok(code)
 }

@@ -104,6 +104,22 @@ pub fn bundle_hit_m(
         .min_by(f64::total_cmp)
 }
 
+/// Least angle [rad] between a unit direction and the points of a segment as they are seen from a place, all in
+/// `enu` [m]: on the unit sphere the segment is an arc of a great circle.
+pub fn arc_distance_rad(from_enu_m: DVec3, direction_enu: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+    let [a, b] = [a, b].map(|end_enu_m| (end_enu_m - from_enu_m).normalize_or_zero());
+    let pole = a.cross(b);
+    // The nearest point of the circle is on the arc where the direction lies past one end and before the other.
+    let beside = pole.cross(a).dot(direction_enu) >= 0.0 && b.cross(pole).dot(direction_enu) >= 0.0;
+    match pole.try_normalize() {
+        Some(pole) if beside => pole.dot(direction_enu).abs().asin(),
+        _ => {
+            let ends = [a, b].map(|end| end.angle_between(direction_enu));
+            ends[0].min(ends[1])
+        }
+    }
+}
+
 /// Whether a unit direction lies within `exclusion_rad` of a sun that has risen; both in `enu`.
 pub fn faces_sun(direction_enu: DVec3, sun_dir_enu: DVec3, exclusion_rad: f64) -> bool {
     sun_dir_enu.z > 0.0 && direction_enu.angle_between(sun_dir_enu) < exclusion_rad
@@ -238,6 +254,26 @@ mod tests {
         assert_eq!(hit(1e-3), None);
         let range = hit(5e-3).unwrap();
         assert!((300.0..302.0).contains(&range), "{range}");
+    }
+
+    #[test]
+    fn the_angle_to_a_beam_is_that_to_its_nearest_point() {
+        let mut stream = crate::models::maths::rng::Stream::new(3, 0, "arcs");
+        let mut point = || DVec3::from_array([0; 3].map(|_| 200.0 * stream.uniform() - 100.0));
+        for _ in 0..300 {
+            let (from_m, ends_m, to_m) = (point(), [point(), point()], point());
+            let direction = (to_m - from_m).normalize();
+            let sampled = (0..=20_000).map(|k| {
+                let at_m = ends_m[0].lerp(ends_m[1], f64::from(k) / 20_000.0);
+                (at_m - from_m).angle_between(direction)
+            });
+            let least_rad = sampled.fold(f64::INFINITY, f64::min);
+            let found_rad = arc_distance_rad(from_m, direction, ends_m);
+            assert!(
+                (found_rad - least_rad).abs() < 2e-3,
+                "{found_rad} {least_rad}"
+            );
+        }
     }
 
     #[test]
