@@ -223,6 +223,7 @@ fn sensor_params(
         mosaic: match camera.mosaic {
             scenario::Mosaic::None => Mosaic::None,
             scenario::Mosaic::Rggb => Mosaic::Rggb,
+            scenario::Mosaic::Mono => Mosaic::Mono,
         },
         shutter: match camera.shutter {
             scenario::Shutter::Global => Shutter::Global,
@@ -232,6 +233,7 @@ fn sensor_params(
         glare: camera.glare,
         blur_sigma_px: blur.min(16.0),
         white_balance: match camera.white_balance {
+            _ if camera.mosaic == scenario::Mosaic::Mono => [1.0; 3],
             WhiteBalance::Auto => white_balance(environment.sky.illuminant_klx()),
             WhiteBalance::Daylight => [1.0; 3],
         },

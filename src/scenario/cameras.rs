@@ -264,6 +264,8 @@ pub enum Mosaic {
     None,
     /// Bayer's pattern with red in the first pixel; what is missing is interpolated linearly.
     Rggb,
+    /// No filters: a grey picture of all visible light, three times as much of it.
+    Mono,
 }
 
 /// How the rows are exposed.

@@ -8,13 +8,24 @@ pub enum Mosaic {
     None,
     /// Bayer's: red and green in even rows, green and blue in odd ones.
     Rggb,
+    /// No filters: every pixel counts all light, and the picture is grey.
+    Mono,
 }
 
 impl Mosaic {
+    /// How many times the light of one filter a pixel counts, where the light is white.
+    pub fn filters(self) -> f64 {
+        match self {
+            Self::None | Self::Rggb => 1.0,
+            Self::Mono => 3.0,
+        }
+    }
+
     /// The channels that the pixels at (`x`, `y`) of the whole sensor count.
     pub fn channels(self, x: usize, y: usize) -> std::ops::Range<usize> {
         match self {
             Self::None => 0..3,
+            Self::Mono => 0..1,
             Self::Rggb => {
                 let channel = x % 2 + y % 2;
                 channel..channel + 1

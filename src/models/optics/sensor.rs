@@ -104,7 +104,11 @@ impl SensorParams {
     pub fn electrons_per_kcd_m2_s(&self) -> f64 {
         let lux_per_kcd_m2 =
             1000.0 * std::f64::consts::PI * self.transmission / (4.0 * self.f_number.powi(2));
-        lux_per_kcd_m2 * PHOTONS_PER_LUX_S_M2 * self.pixel_pitch_m.powi(2) * self.quantum_efficiency
+        lux_per_kcd_m2
+            * PHOTONS_PER_LUX_S_M2
+            * self.pixel_pitch_m.powi(2)
+            * self.quantum_efficiency
+            * self.mosaic.filters()
     }
 
     /// Luminance times exposure time that fills the well [kcd s/m^2].
@@ -410,7 +414,9 @@ impl Sensor {
                 let rows = [above, y, below].map(|row| &raw[row % 3][..]);
                 mosaic::interpolate(rows, x0, y0 + y, &self.codes, neighbours, out);
             } else {
-                for (channel, raw) in raw.iter().enumerate() {
+                let mono = self.params.mosaic == Mosaic::Mono;
+                for channel in 0..3 {
+                    let raw = &raw[if mono { 0 } else { channel }];
                     let codes = &self.codes[channel];
                     for (out, code) in out.iter_mut().skip(channel).step_by(3).zip(&raw[1..]) {
                         *out = codes[*code as usize % CODES];
@@ -422,7 +428,7 @@ impl Sensor {
     }
 
     /// The 12-bit codes of a whole frame before any of it is interpolated or balanced: one a pixel
-    /// behind a mosaic, else three.
+    /// behind a mosaic and without filters, else three.
     pub fn raw(
         &self,
         frame: &RenderedFrame<'_>,
@@ -438,6 +444,8 @@ impl Sensor {
             let raw = &scratch.raw;
             if mosaic {
                 codes.extend_from_slice(&raw[y % 3][1..=frame.width]);
+            } else if self.params.mosaic == Mosaic::Mono {
+                codes.extend_from_slice(&raw[0][1..=frame.width]);
             } else {
                 codes.extend((1..=frame.width).flat_map(|x| [raw[0][x], raw[1][x], raw[2][x]]));
             }
@@ -462,7 +470,15 @@ impl Sensor {
             read_variance_e2: params.read_noise_e.powi(2) as f32,
             codes_per_e: self.codes_per_e(exposure) as f32,
             glare: (frame.conditions.sun.filter(counts))
-                .map(|sun| (sun, sun.sun_klx.map(|klx| klx as f32))),
+                .map(|sun| (sun, self.filtered(sun.sun_klx.map(|klx| klx as f32)))),
+        }
+    }
+
+    /// Light as the pixels count it, channel by channel: without filters the first has the mean of all.
+    fn filtered(&self, [r, g, b]: [f32; 3]) -> [f32; 3] {
+        match self.params.mosaic {
+            Mosaic::None | Mosaic::Rggb => [r, g, b],
+            Mosaic::Mono => [(r + g + b) / 3.0; 3],
         }
     }
 
@@ -516,7 +532,7 @@ impl Sensor {
                 self.convert(gains, x, row, mean, pattern, noise);
                 let place = match self.params.mosaic {
                     Mosaic::Rggb => y % 3,
-                    Mosaic::None => channel,
+                    Mosaic::None | Mosaic::Mono => channel,
                 };
                 raw[place].resize(frame.width + 2, 0);
                 let columns = raw[place][1 + parity..].chunks_mut(2);
@@ -634,6 +650,11 @@ impl Sensor {
                 },
                 rgba,
             ),
+        }
+        if self.params.mosaic == Mosaic::Mono {
+            for pixel in rgba.as_chunks_mut::<4>().0 {
+                [pixel[0], ..] = self.filtered([pixel[0], pixel[1], pixel[2]]);
+            }
         }
         let pad = Self::pad(self.taps.len() - 1);
         // A comparison with a NaN is false: it becomes 0.

@@ -641,7 +641,7 @@ fn emva_1288_finds_what_was_set() {
 #[test]
 fn every_effect_can_be_switched_off() {
     // Without noise, pattern, losses and motion a flat field is flat, with a mosaic or without.
-    for mosaic in [Mosaic::None, Mosaic::Rggb] {
+    for mosaic in [Mosaic::None, Mosaic::Rggb, Mosaic::Mono] {
         let params = SensorParams {
             full_well_e: 1e9,
             read_noise_e: 0.0,
@@ -653,6 +653,52 @@ fn every_effect_can_be_switched_off() {
         let codes = expose(&params, &render(40, 30, |_, _| half_white.min(6e4)), 40, 30);
         assert!(codes.iter().all(|code| *code == codes[0]), "{mosaic:?}");
     }
+}
+
+#[test]
+fn without_filters_a_pixel_counts_all_light_and_shows_no_colour() {
+    let rggb = Emva::new(Mosaic::Rggb);
+    let mono = Emva::new(Mosaic::Mono);
+    let exposure = Exposure {
+        time_s: 1e-4,
+        ..Exposure::default()
+    };
+    // A white field: three times the signal, and so the root of three times the ratio to its noise.
+    let signal = |emva: &Emva| {
+        let (mean, variance) = emva.pair(2.0, exposure);
+        let (dark, _) = emva.pair(0.0, exposure);
+        (mean - dark, (mean - dark) / variance.sqrt())
+    };
+    let ((least, noisy), (most, clean)) = (signal(&rggb), signal(&mono));
+    assert!((most / least - 3.0).abs() < 0.05, "{least} {most}");
+    assert!(
+        (clean / noisy - 3f64.sqrt()).abs() < 0.15,
+        "{noisy} {clean}"
+    );
+    // Red light and blue light of the same strength are the same grey.
+    let params = SensorParams {
+        mosaic: Mosaic::Mono,
+        read_noise_e: 0.0,
+        full_well_e: 1e9,
+        ..params()
+    };
+    let half = (0.5 * params.saturation_kcd_s_m2() / 1e-3) as f32;
+    let shown = |rgb: [f32; 3]| {
+        let mut rendered = render(16, 16, |_, _| 0.0);
+        for pixel in rendered.chunks_exact_mut(8) {
+            for (place, value) in pixel.chunks_exact_mut(2).zip(rgb) {
+                place.copy_from_slice(&f16::from_f32(value.min(6e4)).to_le_bytes());
+            }
+        }
+        expose(&params, &rendered, 16, 16)
+    };
+    let (red, blue) = (shown([half, 0.0, 0.0]), shown([0.0, 0.0, half]));
+    assert_eq!(red, blue);
+    assert!(
+        red.iter().all(|code| *code == red[0]) && red[0] > 20,
+        "{}",
+        red[0]
+    );
 }
 
 #[test]
