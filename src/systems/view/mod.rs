@@ -36,6 +36,9 @@ const SETTLE_FRAMES: u32 = 5;
 /// Simulated time within which a step to the next exposure gives up [s].
 const STEP_FRAME_LIMIT_S: f64 = 1.0;
 
+/// Longest wall-clock time that a playback makes up for at once [s].
+const LONGEST_PLAYED_S: f64 = 1.0;
+
 /// One frame of the window: draw, then as many ticks as are due.
 pub fn frame(world: &mut World) {
     let now = Instant::now();
@@ -62,10 +65,10 @@ pub fn frame(world: &mut World) {
         };
         let began = Instant::now();
         let in_budget = || began.elapsed() < budget;
-        let wall_s = wall_s.min(LONGEST_FRAME_S);
         if world.contains_resource::<Playback>() {
-            playback::advance(world, wall_s);
-        } else if let Err(error) = advance(world, wall_s, in_budget) {
+            // Nothing is computed, so that a slow frame loses no time.
+            playback::advance(world, wall_s.min(LONGEST_PLAYED_S));
+        } else if let Err(error) = advance(world, wall_s.min(LONGEST_FRAME_S), in_budget) {
             failure = Some(error);
         }
         let simulated_s = world.resource::<SimClock>().t_s() - before;
