@@ -12,8 +12,9 @@ use crate::components::network::{
 use crate::components::record::{OwnTopics, Recording};
 use crate::components::run::{PartError, SimClock};
 use crate::components::track::{Tracker, TrackerParams};
-use crate::models::engage::allocation::{AllocationRule, Bid, LOCKED_S, Offer, allocate, watch};
-use crate::models::engage::interlock::arc_distance_rad;
+use crate::models::engage::allocation::{
+    AllocationRule, Bid, LOCKED_S, Offer, allocate, allocate_apart, watch,
+};
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::laser::thermal::ABS_SHELL;
 use crate::models::maths::kinematics::los_to_az_el;
@@ -38,12 +39,6 @@ const OFFERS_HZ: u32 = 5;
 /// How far ahead lines of sight are looked up, and in what steps [s].
 const FORESIGHT_S: f64 = 6.0;
 const STEP_S: f64 = 0.25;
-/// A beam scatters light. Where it would pass a line of sight of another station so closely [rad], about the field of a
-/// precise camera, that station's offer counts longer [s], and the targets are assigned anew, so many times at most.
-const GLARE_RAD: f64 = 0.017;
-const GLARE_S: f64 = 5.0;
-const GLARE_ROUNDS: usize = 2;
-
 /// A station as it reports.
 #[derive(QueryData)]
 #[query_data(mutable)]
@@ -315,31 +310,6 @@ pub fn assign_targets(
     }
 }
 
-/// The stations, by number, whose line of sight to their target another's beam would pass closely.
-fn dazzled(
-    stations_enu_m: &[DVec3],
-    targets_enu_m: &[DVec3],
-    assigned: &[Option<usize>],
-) -> Vec<usize> {
-    let pairs = || {
-        let pairs = assigned.iter().enumerate();
-        pairs.filter_map(|(station, target)| Some((station, (*target)?)))
-    };
-    let meets = |(station, target): (usize, usize)| {
-        let from_enu_m = stations_enu_m[station];
-        let direction = (targets_enu_m[target] - from_enu_m).normalize_or_zero();
-        let mut others = pairs().filter(|(other, at)| *other != station && *at != target);
-        others.any(|(other, at)| {
-            let beam_enu_m = [stations_enu_m[other], targets_enu_m[at]];
-            arc_distance_rad(from_enu_m, direction, beam_enu_m) < GLARE_RAD
-        })
-    };
-    pairs()
-        .filter(|pair| meets(*pair))
-        .map(|pair| pair.0)
-        .collect()
-}
-
 /// Finds the task of one of the stations, which stand there [m].
 fn assign_at(clock: &SimClock, network: &Network, stations_enu_m: &[DVec3], station: TaskedItem) {
     let count = stations_enu_m.len();
@@ -380,30 +350,15 @@ fn assign_at(clock: &SimClock, network: &Network, stations_enu_m: &[DVec3], stat
         .map(|identity| identity.as_ref().and_then(index_of))
         .collect();
     let (rule, hysteresis) = (network.rule, network.hysteresis);
-    let mut assigned = allocate(rule, count, &expected_s, &bids, &before, hysteresis);
-    if rule != AllocationRule::None {
-        let places = open.iter().map(|o| o.track.advanced(clock.t_s()));
-        let targets_enu_m: Vec<DVec3> = places.map(|track| track.motion_enu().0).collect();
-        let (first, mut offers) = (assigned.clone(), bids.clone());
-        for round in 0..=GLARE_ROUNDS {
-            let dazzled = dazzled(stations_enu_m, &targets_enu_m, &assigned);
-            if dazzled.is_empty() {
-                break;
-            }
-            if round == GLARE_ROUNDS {
-                // Better a target in another's light than a worse choice for nothing.
-                assigned = first;
-                break;
-            }
-            for bid in &mut offers {
-                let own = assigned[bid.station] == Some(bid.target);
-                if own && dazzled.contains(&bid.station) {
-                    bid.offer.engaged_s += GLARE_S;
-                }
-            }
-            assigned = allocate(rule, count, &expected_s, &offers, &before, hysteresis);
+    let places = open.iter().map(|o| o.track.advanced(clock.t_s()));
+    let targets_enu_m: Vec<DVec3> = places.map(|track| track.motion_enu().0).collect();
+    let share_out = |bids: &[Bid]| allocate(rule, count, &expected_s, bids, &before, hysteresis);
+    let assigned = match rule {
+        AllocationRule::None => share_out(&bids),
+        AllocationRule::LeastCost | AllocationRule::Greedy => {
+            allocate_apart(stations_enu_m, &targets_enu_m, &bids, share_out)
         }
-    }
+    };
     let mut present = vec![None; count];
     present[own] = (tasking.task.as_ref()).and_then(|task| index_of(&task.identity));
     let watches = || watch(&assigned, &expected_s, &bids, &present, hysteresis)[own];

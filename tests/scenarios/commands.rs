@@ -1,12 +1,12 @@
 //! Evaluation, tuning and sets of annotated pictures.
 
-use crate::common::{ROOT, boresight, refused, rendering, stderr};
+use crate::common::{BLIND, ROOT, boresight, on_display, refused, rendering, stderr};
 use boresight::models::flight::class::ObjectClass;
 use boresight::models::maths::rng::Stream;
 use glam::DVec2;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 use std::time::Instant;
 use tempfile::TempDir;
 

@@ -1,6 +1,6 @@
 //! Expectations, comparisons and recordings run again, by the commands.
 
-use crate::common::{BLIND, ROOT, boresight, refused, run_scenario, stderr};
+use crate::common::{BLIND, ROOT, boresight, on_display, refused, run_scenario, stderr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -177,59 +177,6 @@ fn nobody_fires_across_another_station() {
     assert!(energy_j(front) > 0.0);
 }
 
-/// From the west the far UAV stands behind the near one, and the east's beam at that would pass before it. The east is
-/// nearer to the near UAV and its laser is the weaker one: but for the light it would take that.
-#[test]
-fn no_station_looks_along_anothers_beam() {
-    let mut args = BLIND.to_vec();
-    let stations = "stations=[{ name = 'west', position_enu_m = [-150, 0, 60], laser = { power_w = 4000 } }, \
-                    { name = 'east', position_enu_m = [150, 0, 60] }]";
-    let hovers = |far: &str| {
-        let near = "trajectory = { kind = 'hover', position_enu_m = [129.8, 600, 118] }";
-        let far = format!("trajectory = {{ kind = 'hover', position_enu_m = {far} }}");
-        format!(
-            "uavs=[{{ name = 'near', model = 'phantom4', {near} }}, \
-             {{ name = 'far', model = 'phantom4', {far} }}]"
-        )
-    };
-    for set in [
-        stations,
-        "duration_s=4",
-        "search.width_deg=70",
-        "search.centre_azimuth_deg=15",
-        "search.cue={ sigma_deg = 0.5, all = true }",
-        "engage.authorised=false",
-    ] {
-        args.extend(["--set", set]);
-    }
-    // The stations' tasks every tenth of a second, once the picture has settled, by where they lie.
-    let tasks = |far: &str| {
-        let uavs = hovers(far);
-        let run = run_scenario("urban_intercept", &[&args[..], &["--set", &uavs]].concat());
-        let states: Vec<Value> = (messages(&run.file("run.mcap"), "/boresight/network").iter())
-            .map(|json| serde_json::from_slice(json).unwrap())
-            .collect();
-        let mut found = BTreeSet::new();
-        for state in &states[states.len() / 2..] {
-            let task = &state["task"];
-            let objects = state["objects"].as_array().unwrap();
-            let object = objects.iter().find(|object| object["identity"] == *task);
-            let north_m = object.map(|object| object["r_enu_m"][1].as_f64().unwrap());
-            let word = if north_m.unwrap() < 700.0 {
-                "near"
-            } else {
-                "far"
-            };
-            found.insert((state["station"].as_str().unwrap().to_owned(), word));
-        }
-        found
-    };
-    let pairs = |west, east| BTreeSet::from([("west".to_owned(), west), ("east".to_owned(), east)]);
-    assert_eq!(tasks("[269.7, 900, 147]"), pairs("near", "far"));
-    // Away from that beam the far one is the west's.
-    assert_eq!(tasks("[150, 900, 147]"), pairs("far", "near"));
-}
-
 #[test]
 fn a_station_may_have_no_search_camera_or_two() {
     // Nearest to the radar's cue there is a UAV; the coarse camera finds it alone.

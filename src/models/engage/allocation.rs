@@ -6,7 +6,9 @@
 //! of the literature (A. S. Manne, "A target-assignment problem", 1958) for effectors that take one target at a
 //! time and are assigned anew many times a second.
 
+use crate::models::engage::interlock::arc_distance_rad;
 use crate::models::maths::assignment::{Pair, assign};
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -94,6 +96,64 @@ pub fn allocate(
     }
 }
 
+/// As `allocate` answers to offers, but so that no station looks along another's beam, which scatters light, if that can
+/// be had at a bearable price: where a beam would pass a line of sight as closely as a precise camera's field, the
+/// offers of that station for that target count twice as long, and `allocate` is asked again, twice at most.
+/// Stations and targets stand there [m].
+pub fn allocate_apart(
+    stations_enu_m: &[DVec3],
+    targets_enu_m: &[DVec3],
+    bids: &[Bid],
+    allocate: impl Fn(&[Bid]) -> Vec<Option<usize>>,
+) -> Vec<Option<usize>> {
+    const DEARER: f64 = 2.0;
+    const ROUNDS: usize = 2;
+    let first = allocate(bids);
+    let (mut assigned, mut offers) = (first.clone(), bids.to_vec());
+    for _ in 0..ROUNDS {
+        let dazzled = dazzled(stations_enu_m, targets_enu_m, &assigned);
+        if dazzled.is_empty() {
+            return assigned;
+        }
+        for bid in &mut offers {
+            if dazzled.contains(&(bid.station, bid.target)) {
+                bid.offer.engaged_s *= DEARER;
+            }
+        }
+        assigned = allocate(&offers);
+    }
+    // Better a target in another's light than a worse choice for nothing.
+    if dazzled(stations_enu_m, targets_enu_m, &assigned).is_empty() {
+        assigned
+    } else {
+        first
+    }
+}
+
+/// The pairs of station and target whose line of sight another pair's beam passes closely.
+fn dazzled(
+    stations_enu_m: &[DVec3],
+    targets_enu_m: &[DVec3],
+    assigned: &[Option<usize>],
+) -> Vec<(usize, usize)> {
+    /// The field of a usual precise camera [rad].
+    const FIELD_RAD: f64 = 0.017;
+    let pairs = || {
+        let pairs = assigned.iter().enumerate();
+        pairs.filter_map(|(station, target)| Some((station, (*target)?)))
+    };
+    let meets = |(station, target): &(usize, usize)| {
+        let from_enu_m = stations_enu_m[*station];
+        let direction = (targets_enu_m[*target] - from_enu_m).normalize_or_zero();
+        let mut others = pairs().filter(|(other, at)| other != station && at != target);
+        others.any(|(other, at)| {
+            let beam_enu_m = [stations_enu_m[other], targets_enu_m[at]];
+            arc_distance_rad(from_enu_m, direction, beam_enu_m) < FIELD_RAD
+        })
+    };
+    pairs().filter(meets).collect()
+}
+
 /// The target that each station without one of its own watches, in case the station that engages it loses it: idle
 /// stations share the targets out among themselves, as if nobody had them.
 pub fn watch(
@@ -171,6 +231,39 @@ mod tests {
             present,
             1.5,
         )
+    }
+
+    /// Two stations and two targets, whose beams cross where they are the cheapest.
+    #[test]
+    fn beams_that_cross_are_kept_apart_at_a_bearable_price() {
+        let stations_m = [DVec3::new(-150.0, 0.0, 60.0), DVec3::new(150.0, 0.0, 60.0)];
+        let targets = |height_m: f64| {
+            [
+                DVec3::new(-120.0, 700.0, 160.0),
+                DVec3::new(120.0, 700.0, height_m),
+            ]
+        };
+        let of = |height_m: f64, times_s: [[f64; 2]; 2]| {
+            let bids = bids(&times_s);
+            allocate_apart(&stations_m, &targets(height_m), &bids, |bids| {
+                allocate(
+                    AllocationRule::LeastCost,
+                    2,
+                    &[60.0; 2],
+                    bids,
+                    &[None; 2],
+                    1.2,
+                )
+            })
+        };
+        let (crossed, straight) = ([Some(1), Some(0)], [Some(0), Some(1)]);
+        let dear = [[2.0, 1.0], [1.0, 2.0]];
+        // In one plane each beam passes before the other's target; of different heights they do not meet.
+        assert_eq!(of(160.0, dear), straight);
+        assert_eq!(of(240.0, dear), crossed);
+        // Light is borne where all else takes too long, or is impossible.
+        assert_eq!(of(160.0, [[20.0, 1.0], [1.0, 20.0]]), crossed);
+        assert_eq!(of(160.0, [[f64::INFINITY, 1.0], [1.0, 2.0]]), crossed);
     }
 
     #[test]
