@@ -120,13 +120,16 @@ fn ticks(criterion: &mut Criterion) {
                          keep_formation = false, above_ground_m = 40 }]";
     let loaded = demo(1, &[truth[0], truth[1], "uavs=[]", FLOCK]);
     let mut app = app::build(&loaded, &Options::default()).expect("the flock builds");
-    group.bench_function("1000 UAVs in a flock, collisions, shared gusts", |bencher| {
-        bencher.iter(|| {
-            for _ in 0..TICKS {
-                app::step(app.world_mut()).expect("a tick");
-            }
-        });
-    });
+    group.bench_function(
+        "1000 UAVs in a flock, collisions, shared gusts",
+        |bencher| {
+            bencher.iter(|| {
+                for _ in 0..TICKS {
+                    app::step(app.world_mut()).expect("a tick");
+                }
+            });
+        },
+    );
     group.finish();
 }
 

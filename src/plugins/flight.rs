@@ -9,21 +9,21 @@ use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick
 use crate::models::air::shared_gusts::SharedNoise;
 use crate::models::air::wind::DrydenGust;
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, Setpoint};
-use crate::models::flight::swarm::{Member, Steering};
+use crate::models::flight::swarm::{Behaviour, Mate, Member, Steering, low_course};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::dsm::Dsm;
 use crate::models::laser::thermal::Skin;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
 use crate::models::shape::uav_mesh::{distractor_mesh, uav_mesh};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, InputError, Loaded, SwarmConfig, catalogue};
+use crate::scenario::{self, InputError, Loaded, SwarmTakeOff, catalogue};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
 use bevy::transform::StaticTransformOptimizations;
 use bevy_rapier3d::plugin::systems::sync_removals;
 use bevy_rapier3d::prelude::*;
 use bevy_rapier3d::rapier::prelude::IntegrationParameters;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
@@ -102,9 +102,7 @@ fn spawn_uavs(
         .unwrap_or_default()
         .into();
     let swarms = loaded.scenario.swarms.iter();
-    commands.insert_resource(Swarms(
-        swarms.map(|swarm| swarm.behaviour(asset_enu_m)).collect(),
-    ));
+    let behaviours: Vec<Behaviour> = (swarms).map(|swarm| swarm.behaviour(asset_enu_m)).collect();
     let noise = noise_at_start(&loaded, *seed);
     for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
         let place = format!("uavs[{index}]");
@@ -119,9 +117,11 @@ fn spawn_uavs(
         let mut start = plan.sample(0.0);
         let mut member = uav.member.clone();
         if let Some(member) = &mut member {
-            let swarm = &loaded.scenario.swarms[member.swarm];
+            let take_off = loaded.scenario.swarms[member.swarm].take_off.as_ref();
+            let behaviour = &behaviours[member.swarm];
             let half_m = 0.5 * catalogued.size_m[2];
-            stand_on(&environment.city.dsm, swarm, half_m, member, &mut start);
+            let dsm = &environment.city.dsm;
+            put_down(dsm, (behaviour, take_off), half_m, member, &mut start);
         }
         let shared = noise.as_ref().filter(|_| member.is_some());
         let air = air_at(&environment, *seed, index, start.r_enu_m, shared);
@@ -175,6 +175,7 @@ fn spawn_uavs(
             UavShape::new(mesh),
         ));
     }
+    commands.insert_resource(Swarms(behaviours));
     Ok(())
 }
 
@@ -189,9 +190,9 @@ fn noise_at_start(loaded: &Loaded, seed: Seed) -> Option<SharedNoise> {
 }
 
 /// Stands a member, `half_m` [m] high over its legs, on its pads; a low approach begins low.
-fn stand_on(
+fn put_down(
     dsm: &Dsm,
-    swarm: &SwarmConfig,
+    (behaviour, pads): (&Behaviour, Option<&SwarmTakeOff>),
     half_m: f64,
     member: &mut Member,
     start: &mut Setpoint,
@@ -200,13 +201,20 @@ fn stand_on(
     if let Some(landing) = &mut member.landing {
         landing.pad_enu_m.z = surface_m(landing.pad_enu_m) + half_m;
     }
-    if let (Some(take_off), Some(pads)) = (&mut member.take_off, &swarm.take_off) {
+    if let (Some(take_off), Some(pads)) = (&mut member.take_off, pads) {
         start.r_enu_m.z = surface_m(start.r_enu_m) + half_m;
         take_off.to_enu_m = start.r_enu_m.z + pads.climb_m;
         let heights_m = pads.pads_en_m.iter().map(|[e, n]| dsm.surface_m(*e, *n));
         member.middle_enu_m.z = heights_m.fold(f64::NEG_INFINITY, f64::max) + pads.climb_m;
-    } else if let Some(low) = swarm.pop_up {
-        start.r_enu_m.z = surface_m(start.r_enu_m) + low.low_m;
+    } else if let Some(low) = behaviour.pop_up {
+        let own = Mate {
+            group: 0,
+            r_enu_m: start.r_enu_m,
+            v_enu_mps: start.v_enu_mps,
+        };
+        let way_mps = start.v_enu_mps.truncate();
+        let surface_m = |at: DVec2| dsm.surface_m(at.x, at.y);
+        start.r_enu_m.z = low_course(&own, way_mps, behaviour, surface_m).1 + low.low_m;
     }
 }
 

@@ -538,9 +538,9 @@ impl Steering {
     }
 }
 
-/// Course and floor [m] of a low approach: what the ground asks for now, so that a climb ahead clears what is there. Flocks choose
+/// Course and floor [m] of a low approach on a way [m/s]: what the ground asks for now, so that a climb ahead clears what is there. Flocks choose
 /// the course on which that is least; formations keep theirs.
-fn low_course(
+pub fn low_course(
     own: &Mate,
     way_mps: DVec2,
     behaviour: &Behaviour,
