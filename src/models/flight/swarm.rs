@@ -141,14 +141,17 @@ const ALIGNMENT: f64 = 0.5;
 /// How far ahead ground and buildings are looked at [s], and in how many places.
 const AHEAD_S: f64 = 4.0;
 const AHEAD_PLACES: usize = 8;
-/// On a low approach: how far ahead [s], in steps of [s], and how far to each side [m].
+/// On a low approach: how far ahead [s], in steps of at most [s] and [m], and how far to each side [m].
 const LOW_AHEAD_S: f64 = 10.0;
-const LOW_STEP_S: f64 = 0.5;
+const LOW_STEP_S: f64 = 0.4;
+const LOW_STEP_M: f64 = 5.0;
 const LOW_ASIDE_M: f64 = 3.0;
 /// The climb that it counts on [m/s], the time until it has begun [s], and that in which it makes up for an error of height [s].
 const LOW_CLIMB_MPS: f64 = 4.0;
 const LOW_LEAD_S: f64 = 1.5;
 const LOW_PLACE_S: f64 = 0.8;
+/// How far below the floor it stops [m].
+const LOW_STOP_M: f64 = 8.0;
 /// Courses that it compares, off its way [deg], and how much lower the ground must be for each degree [m].
 const LOW_COURSES_DEG: [f64; 7] = [0.0, -15.0, 15.0, -30.0, 30.0, -45.0, 45.0];
 const LOW_COURSE_MPDEG: f64 = 0.2;
@@ -367,53 +370,42 @@ impl Steering {
         };
         let speed_mps = behaviour.speed_mps;
         let mut apart_m = behaviour.separation_m * if evades(Evasion::Spread) { 4.0 } else { 1.0 };
-        let mut wanted_mps;
         let to_goal_m = behaviour.goal_enu_m - r_enu_m;
-        if let Some(way_mps) = self.pad_way(t_s, behaviour, floor_m) {
-            wanted_mps = way_mps;
-            if self.over_pad() || self.near_pad() {
-                apart_m = apart_m.min(PAD_SEPARATION_M);
-            }
-        } else {
-            wanted_mps = self.way(behaviour, t_s, mates);
-            let low = (behaviour.pop_up).filter(|low| to_goal_m.truncate().length() > low.at_m);
-            if let Some(low) = low {
-                let way = wanted_mps.truncate();
-                let (course, floor_m) = low_course(own, way, behaviour, &surface_m);
-                if !behaviour.keeps_formation {
-                    wanted_mps = (way.length() * course).extend(0.0);
-                }
-                wanted_mps.z = (floor_m + low.low_m - r_enu_m.z) / LOW_PLACE_S;
-            } else if let Some(height_m) = behaviour.above_ground_m {
-                let height_m = match evades(Evasion::Dive) {
-                    true => (0.1 * height_m).max(10.0),
-                    false => height_m,
-                };
-                wanted_mps.z = (floor_m() + height_m - r_enu_m.z) / PLACE_S;
-            } else if evades(Evasion::Dive) {
-                let floor_m = floor_m();
-                let low_m = floor_m + (0.1 * (r_enu_m.z - floor_m)).max(10.0);
-                wanted_mps.z = (low_m - r_enu_m.z).min(0.0) / PLACE_S;
-            } else if behaviour.pop_up.is_some() {
-                // Up to the straight way, which it left low.
-                let whole_m = behaviour.goal_enu_m - self.member.middle_enu_m;
-                let left = to_goal_m.truncate().length() / whole_m.truncate().length().max(1.0);
-                let way_m = behaviour.goal_enu_m.z - left.min(1.0) * whole_m.z;
-                wanted_mps.z = (way_m + self.member.slot_m.z - r_enu_m.z) / PLACE_S;
-            }
+        let by_pad = self.pad_way(t_s, behaviour, floor_m);
+        if self.over_pad() || self.near_pad() {
+            apart_m = apart_m.min(PAD_SEPARATION_M);
         }
+        let mut wanted_mps = by_pad.unwrap_or_else(|| self.way(behaviour, t_s, mates));
         for mate in mates {
             let from_m = r_enu_m - mate.r_enu_m;
             let near = 1.0 - from_m.length() / apart_m;
             if near > 0.0 {
-                let push_mps = speed_mps.max(3.0) * near * from_m.normalize_or(DVec3::X);
-                // The height over the ground is not theirs to change.
-                wanted_mps += match behaviour.pop_up.is_some() || behaviour.above_ground_m.is_some()
-                {
-                    true => push_mps.with_z(0.0),
-                    false => push_mps,
-                };
+                wanted_mps += speed_mps.max(3.0) * near * from_m.normalize_or(DVec3::X);
             }
+        }
+        let low = (behaviour.pop_up).filter(|low| to_goal_m.truncate().length() > low.at_m);
+        if by_pad.is_some() {
+            // It has its height.
+        } else if let Some(low) = low {
+            let way_mps = wanted_mps.truncate().clamp_length_max(1.2 * speed_mps);
+            let (course_mps, floor_m) = low_course(own, way_mps, behaviour, &surface_m);
+            wanted_mps = course_mps.extend((floor_m + low.low_m - r_enu_m.z) / LOW_PLACE_S);
+        } else if let Some(height_m) = behaviour.above_ground_m {
+            let height_m = match evades(Evasion::Dive) {
+                true => (0.1 * height_m).max(10.0),
+                false => height_m,
+            };
+            wanted_mps.z = (floor_m() + height_m - r_enu_m.z) / PLACE_S;
+        } else if evades(Evasion::Dive) {
+            let floor_m = floor_m();
+            let low_m = floor_m + (0.1 * (r_enu_m.z - floor_m)).max(10.0);
+            wanted_mps.z = (low_m - r_enu_m.z).min(0.0) / PLACE_S;
+        } else if behaviour.pop_up.is_some() {
+            // Up to the straight way, which it left low.
+            let whole_m = behaviour.goal_enu_m - self.member.middle_enu_m;
+            let left = to_goal_m.truncate().length() / whole_m.truncate().length().max(1.0);
+            let way_m = behaviour.goal_enu_m.z - left.min(1.0) * whole_m.z;
+            wanted_mps.z = (way_m + self.member.slot_m.z - r_enu_m.z) / PLACE_S;
         }
         wanted_mps.z = wanted_mps.z.clamp(-6.0, 6.0);
         // Lagging behind it may be faster than the swarm.
@@ -538,44 +530,50 @@ impl Steering {
     }
 }
 
-/// Course and floor [m] of a low approach on a way [m/s]: what the ground asks for now, so that a climb ahead clears what is there. Flocks choose
-/// the course on which that is least; formations keep theirs.
+/// Velocity [m/s] and floor [m] of a low approach that would fly at `wanted_mps` [m/s]: the floor is what the ground asks for
+/// now, so that a climb clears all of it on the way there. Of some courses beside the wanted one, each with the turn to it,
+/// a flock takes that of the least floor (Fox, Burgard and Thrun, *The dynamic window approach to collision avoidance*,
+/// 1997); a formation keeps its own.
 pub fn low_course(
     own: &Mate,
-    way_mps: DVec2,
+    wanted_mps: DVec2,
     behaviour: &Behaviour,
     surface_m: impl Fn(DVec2) -> f64,
 ) -> (DVec2, f64) {
-    let r_m = own.r_enu_m.truncate();
-    let floor_m = |velocity_mps: DVec2, until_s: f64| {
-        let aside = LOW_ASIDE_M * velocity_mps.perp().normalize_or_zero();
+    let fastest_mps = wanted_mps.length().max(own.v_enu_mps.truncate().length());
+    let step_s = LOW_STEP_M / fastest_mps.max(LOW_STEP_M / LOW_STEP_S);
+    let floor_m = |course_mps: DVec2| {
+        let (mut r_m, mut v_mps) = (own.r_enu_m.truncate(), own.v_enu_mps.truncate());
         let mut floor_m = f64::NEG_INFINITY;
-        for step in 0..=(until_s / LOW_STEP_S) as usize {
-            let after_s = LOW_STEP_S * step as f64;
-            let at_m = r_m + after_s * velocity_mps;
-            let highest_m = [at_m, at_m - aside, at_m + aside].map(&surface_m);
+        for step in 0..=(LOW_AHEAD_S / step_s) as usize {
+            let aside_m = LOW_ASIDE_M * v_mps.perp().normalize_or_zero();
+            let highest_m = [r_m, r_m - aside_m, r_m + aside_m].map(&surface_m);
             let highest_m = highest_m.into_iter().fold(f64::NEG_INFINITY, f64::max);
-            let climb_m = LOW_CLIMB_MPS * (after_s - LOW_LEAD_S).max(0.0);
+            let climb_m = LOW_CLIMB_MPS * (step_s * step as f64 - LOW_LEAD_S).max(0.0);
             floor_m = floor_m.max(highest_m - climb_m);
+            let a_mps2 = ((course_mps - v_mps) / TURN_S).clamp_length_max(MOST_MPS2);
+            v_mps += (a_mps2 * step_s).clamp_length_max((course_mps - v_mps).length());
+            r_m += v_mps * step_s;
         }
         floor_m
     };
-    let ahead = way_mps.normalize_or(DVec2::Y);
     let courses = match behaviour.keeps_formation {
         true => &LOW_COURSES_DEG[..1],
         false => &LOW_COURSES_DEG,
     };
-    let mut best = (f64::INFINITY, ahead, f64::NEG_INFINITY);
+    let (mut least_m, mut best) = (f64::INFINITY, (wanted_mps, f64::NEG_INFINITY));
     for bearing_deg in courses {
-        let course = DVec2::from_angle(-bearing_deg.to_radians()).rotate(ahead);
-        let floor_m = floor_m(behaviour.speed_mps * course, LOW_AHEAD_S);
+        let course_mps = DVec2::from_angle(-bearing_deg.to_radians()).rotate(wanted_mps);
+        let floor_m = floor_m(course_mps);
         let cost_m = floor_m + LOW_COURSE_MPDEG * bearing_deg.abs();
-        if cost_m < best.0 {
-            best = (cost_m, course, floor_m);
+        if cost_m < least_m {
+            (least_m, best) = (cost_m, (course_mps, floor_m));
         }
     }
-    // It turns to the course only within a while.
-    (best.1, best.2.max(floor_m(own.v_enu_mps.truncate(), 2.0)))
+    // What is too low for what comes slows down.
+    let (course_mps, floor_m) = best;
+    let slow = (1.0 - (floor_m - own.r_enu_m.z) / LOW_STOP_M).clamp(0.05, 1.0);
+    (slow * course_mps, floor_m)
 }
 
 impl Behaviour {
