@@ -114,19 +114,22 @@ fn ticks(criterion: &mut Criterion) {
             });
         });
     }
-    // A flock of a thousand, which collisions and mates are looked for among.
+    // A flock of a thousand: mates and collisions are looked for, and gusts are shared.
     const FLOCK: &str = "swarms=[{ name = 's', count = 1000, models = ['fpv5', 'mavic2'], formation = 'grid', \
                          from = [{ azimuth_deg = 315, distance_m = 900, above_m = 80 }], to_enu_m = [0, 0, 60], \
                          keep_formation = false, above_ground_m = 40 }]";
     let loaded = demo(1, &[truth[0], truth[1], "uavs=[]", FLOCK]);
     let mut app = app::build(&loaded, &Options::default()).expect("the flock builds");
-    group.bench_function("1000 UAVs in a flock", |bencher| {
-        bencher.iter(|| {
-            for _ in 0..TICKS {
-                app::step(app.world_mut()).expect("a tick");
-            }
-        });
-    });
+    group.bench_function(
+        "1000 UAVs in a flock, collisions, shared gusts",
+        |bencher| {
+            bencher.iter(|| {
+                for _ in 0..TICKS {
+                    app::step(app.world_mut()).expect("a tick");
+                }
+            });
+        },
+    );
     group.finish();
 }
 

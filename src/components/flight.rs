@@ -80,8 +80,8 @@ pub struct Guidance {
 pub struct Air {
     /// Gust generator.
     pub gusts: DrydenGust,
-    /// Random stream of the gusts.
-    pub rng: Stream,
+    /// Random stream of the gusts; `None` where neighbours share them.
+    pub rng: Option<Stream>,
     /// Mean wind plus gust at the UAV [m/s].
     pub wind_enu_mps: DVec3,
 }
@@ -104,12 +104,14 @@ pub enum UavStatus {
     Flying,
     /// The laser has burnt it through; it falls.
     Falling,
-    /// It has met another UAV in the air; it falls.
+    /// It has met another UAV in the air, or the city; it falls.
     Struck,
     /// It lies on the city.
     Down,
-    /// It flew into the city, or lies on it after it met another.
+    /// It lies on the city after it was struck.
     Crashed,
+    /// It stands on its pad, before it takes off or after it has landed.
+    Landed,
 }
 
 impl UavStatus {
@@ -121,6 +123,7 @@ impl UavStatus {
             UavStatus::Struck => "struck",
             UavStatus::Down => "down",
             UavStatus::Crashed => "crashed",
+            UavStatus::Landed => "landed",
         }
     }
 
@@ -132,8 +135,17 @@ impl UavStatus {
             UavStatus::Struck,
             UavStatus::Down,
             UavStatus::Crashed,
+            UavStatus::Landed,
         ];
         all.into_iter().find(|status| status.name() == name)
+    }
+
+    /// Whether it lies or stands on the city.
+    pub fn grounded(self) -> bool {
+        matches!(
+            self,
+            UavStatus::Down | UavStatus::Crashed | UavStatus::Landed
+        )
     }
 
     /// Whether the laser has done its work.
@@ -178,6 +190,8 @@ pub struct Wreck {
     pub origin_enu_m: DVec3,
     /// The patch of city below it.
     pub patch: Entity,
+    /// Half the side of the patch [m].
+    pub half_m: f64,
     /// How long it has lain still [s].
     pub still_s: f64,
 }

@@ -6,22 +6,24 @@ use crate::components::flight::{
     Air, Distractor, Flight, Guidance, HeatedSkin, Plan, Swarms, Uav, UavShape, UavStatus,
 };
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::air::shared_gusts::SharedNoise;
 use crate::models::air::wind::DrydenGust;
-use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState};
-use crate::models::flight::swarm::Steering;
+use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, Setpoint};
+use crate::models::flight::swarm::{Behaviour, Mate, Member, Steering, low_course};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
+use crate::models::ground::dsm::Dsm;
 use crate::models::laser::thermal::Skin;
 use crate::models::maths::kinematics::GRAVITY_MPS2;
 use crate::models::shape::uav_mesh::{distractor_mesh, uav_mesh};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, InputError, Loaded, catalogue};
+use crate::scenario::{self, InputError, Loaded, SwarmTakeOff, catalogue};
 use crate::systems::flight::{self as systems, Fall};
 use bevy::prelude::*;
 use bevy::transform::StaticTransformOptimizations;
 use bevy_rapier3d::plugin::systems::sync_removals;
 use bevy_rapier3d::prelude::*;
 use bevy_rapier3d::rapier::prelude::IntegrationParameters;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
@@ -100,9 +102,8 @@ fn spawn_uavs(
         .unwrap_or_default()
         .into();
     let swarms = loaded.scenario.swarms.iter();
-    commands.insert_resource(Swarms(
-        swarms.map(|swarm| swarm.behaviour(asset_enu_m)).collect(),
-    ));
+    let behaviours: Vec<Behaviour> = (swarms).map(|swarm| swarm.behaviour(asset_enu_m)).collect();
+    let noise = noise_at_start(&loaded, *seed);
     for (index, uav) in loaded.scenario.uavs.iter().enumerate() {
         let place = format!("uavs[{index}]");
         let catalogued = catalogue::load(&uav.model)
@@ -113,9 +114,26 @@ fn spawn_uavs(
             &mut seed.stream(index as u64, "spread"),
         );
         let airframe = Airframe::new(&catalogued);
-        let start = plan.sample(0.0);
-        let air = air_at(&environment, *seed, index, start.r_enu_m);
-        let state = plan.initial_state(&airframe, air.wind_enu_mps, environment.air_density_kgpm3);
+        let mut start = plan.sample(0.0);
+        let mut member = uav.member.clone();
+        if let Some(member) = &mut member {
+            let take_off = loaded.scenario.swarms[member.swarm].take_off.as_ref();
+            let behaviour = &behaviours[member.swarm];
+            let half_m = 0.5 * catalogued.size_m[2];
+            let dsm = &environment.city.dsm;
+            put_down(dsm, (behaviour, take_off), half_m, member, &mut start);
+        }
+        let shared = noise.as_ref().filter(|_| member.is_some());
+        let air = air_at(&environment, *seed, index, start.r_enu_m, shared);
+        let density = environment.air_density_kgpm3;
+        let mut state = plan.initial_state(&airframe, air.wind_enu_mps, density);
+        state.r_enu_m = start.r_enu_m;
+        let waits = member
+            .as_ref()
+            .is_some_and(|member| member.take_off.is_some());
+        if waits {
+            systems::stand(&mut state);
+        }
         let mesh = Arc::new(uav_mesh(&catalogued));
         commands.spawn((
             Uav {
@@ -128,11 +146,11 @@ fn spawn_uavs(
                 aim_body_m: mesh.part_body_m(&catalogued, part),
             },
             Guidance {
-                plan: match &uav.member {
+                plan: match member {
                     None => Plan::Path(plan),
                     Some(member) => {
                         let rng = seed.stream(index as u64, "steering");
-                        Plan::Swarm(Box::new(Steering::new(member.clone(), start, rng)))
+                        Plan::Swarm(Box::new(Steering::new(member, start, rng)))
                     }
                 },
                 airframe,
@@ -149,12 +167,55 @@ fn spawn_uavs(
                     .unwrap_or_else(|| catalogued.part_skin(part)),
                 irradiance_wpm2: 0.0,
             },
-            UavStatus::Flying,
+            match waits {
+                true => UavStatus::Landed,
+                false => UavStatus::Flying,
+            },
             Dose::default(),
             UavShape::new(mesh),
         ));
     }
+    commands.insert_resource(Swarms(behaviours));
     Ok(())
+}
+
+/// The noise by which the gusts of a swarm's members start; `None` where no two share any.
+fn noise_at_start(loaded: &Loaded, seed: Seed) -> Option<SharedNoise> {
+    /// Leaves a correlation of a thirtieth between places that should share nothing.
+    const WAVES: usize = 500;
+    let uavs = loaded.scenario.uavs.iter();
+    let members = uavs.filter(|uav| uav.member.is_some()).count();
+    (members > 1)
+        .then(|| SharedNoise::draw(WAVES, &mut seed.stream(0, "shared gusts at the start")))
+}
+
+/// Stands a member, `half_m` [m] high over its legs, on its pads; a low approach begins low.
+fn put_down(
+    dsm: &Dsm,
+    (behaviour, pads): (&Behaviour, Option<&SwarmTakeOff>),
+    half_m: f64,
+    member: &mut Member,
+    start: &mut Setpoint,
+) {
+    let surface_m = |at: DVec3| dsm.surface_m(at.x, at.y);
+    if let Some(landing) = &mut member.landing {
+        landing.pad_enu_m.z = surface_m(landing.pad_enu_m) + half_m;
+    }
+    if let (Some(take_off), Some(pads)) = (&mut member.take_off, pads) {
+        start.r_enu_m.z = surface_m(start.r_enu_m) + half_m;
+        take_off.to_enu_m = start.r_enu_m.z + pads.climb_m;
+        let heights_m = pads.pads_en_m.iter().map(|[e, n]| dsm.surface_m(*e, *n));
+        member.middle_enu_m.z = heights_m.fold(f64::NEG_INFINITY, f64::max) + pads.climb_m;
+    } else if let Some(low) = behaviour.pop_up {
+        let own = Mate {
+            group: 0,
+            r_enu_m: start.r_enu_m,
+            v_enu_mps: start.v_enu_mps,
+        };
+        let way_mps = start.v_enu_mps.truncate();
+        let surface_m = |at: DVec2| dsm.surface_m(at.x, at.y);
+        start.r_enu_m.z = low_course(&own, way_mps, behaviour, surface_m).1 + low.low_m;
+    }
 }
 
 /// Birds, balloons, aircraft and leaves: their indices come after the UAVs'.
@@ -165,6 +226,7 @@ fn spawn_distractors(
     environment: Res<Environment>,
 ) -> Result<(), PartError> {
     let uavs = loaded.scenario.uavs.len();
+    let noise = noise_at_start(&loaded, *seed);
     for (number, distractor) in loaded.scenario.distractors.iter().enumerate() {
         let index = uavs + number;
         let place = format!("distractors[{number}]");
@@ -198,7 +260,13 @@ fn spawn_distractors(
                 plan,
                 phase_rad: seed.stream(index as u64, "wingbeat").range(0.0, TAU),
             },
-            air_at(&environment, *seed, index, start.r_enu_m),
+            air_at(
+                &environment,
+                *seed,
+                index,
+                start.r_enu_m,
+                noise.as_ref().filter(|_| distractor.decoy),
+            ),
             UavStatus::Flying,
             UavShape::new(mesh),
         ));
@@ -218,18 +286,25 @@ fn flight_plan(
         .map_err(|error| loaded.refuse(&format!("{place}.trajectory"), error))
 }
 
-/// The air at the start of a flight.
-fn air_at(environment: &Environment, seed: Seed, index: usize, r_enu_m: DVec3) -> Air {
+/// The air at the start of a flight, of what shares its gusts with its neighbours by `noise` or has its own.
+fn air_at(
+    environment: &Environment,
+    seed: Seed,
+    index: usize,
+    r_enu_m: DVec3,
+    noise: Option<&SharedNoise>,
+) -> Air {
     let mut rng = seed.stream(index as u64, "gusts");
-    let gusts =
-        DrydenGust::new(&environment.mean_wind, &mut rng).reaching(environment.weather.gust_mps);
     let ground_m = environment.city.dsm.terrain_m(r_enu_m.x, r_enu_m.y);
-    let wind_enu_mps = environment
-        .mean_wind
-        .mean_wind_enu_mps(r_enu_m.z - ground_m);
+    let height_m = r_enu_m.z - ground_m;
+    let mut gusts =
+        DrydenGust::new(&environment.mean_wind, &mut rng).reaching(environment.weather.gust_mps);
+    if let Some(noise) = noise {
+        gusts = gusts.started_together(r_enu_m, height_m, noise);
+    }
     Air {
         gusts,
-        rng,
-        wind_enu_mps,
+        rng: noise.is_none().then_some(rng),
+        wind_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_m),
     }
 }

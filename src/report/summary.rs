@@ -84,7 +84,7 @@ pub struct Summary {
 pub struct UavSummary {
     /// Name in the scenario.
     pub name: String,
-    /// Flying, falling, struck, down or crashed.
+    /// Flying, falling, struck, down, crashed or landed.
     pub status: String,
     /// Energy emitted while the beam was aimed at it \[J\].
     pub energy_j: f64,
@@ -431,7 +431,7 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (Outcome, String
     let down = brought_down(fates);
     let crashed: Vec<&str> = fates
         .iter()
-        .filter(|fate| fate.status == UavStatus::Crashed)
+        .filter(|fate| matches!(fate.status, UavStatus::Struck | UavStatus::Crashed))
         .map(|fate| fate.name.as_str())
         .collect();
     if !fates.is_empty() && down == fates.len() {

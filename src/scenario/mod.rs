@@ -47,7 +47,7 @@ pub use search::{Cue, SearchSector};
 pub use site::Site;
 pub use skin::SkinKind;
 pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};
-pub use swarms::{SwarmConfig, SwarmOrigin};
+pub use swarms::{SwarmConfig, SwarmLanding, SwarmOrigin, SwarmSplit, SwarmTakeOff};
 pub use targets::{DistractorConfig, UavConfig};
 pub use tracker::{AssociationRule, OrderConfig, TrackerConfig};
 

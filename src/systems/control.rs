@@ -114,7 +114,7 @@ pub fn track_by_radar(
             // What lies on the city is out of the radar's sight.
             let airborne = uavs
                 .iter()
-                .filter(|(_, _, status)| !matches!(status, UavStatus::Down | UavStatus::Crashed))
+                .filter(|(_, _, status)| !status.grounded())
                 .map(|(uav, flight, _)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
             let seen = radar.look(clock.t_s(), airborne);
             let available = clock.tick + radar.latency_ticks;

@@ -9,13 +9,13 @@ use crate::components::flight::{
     Air, Distractor, Flight, Guidance, HasWreck, HeatedSkin, Plan, Swarms, Uav, UavStatus, Wreck,
 };
 use crate::components::run::SimClock;
-use crate::models::flight::multirotor;
+use crate::models::flight::multirotor::{self, MultirotorState};
 use crate::models::flight::swarm::Mate;
 use crate::models::maths::kinematics::exp_so3;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 use bevy_rapier3d::prelude::*;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
@@ -26,9 +26,6 @@ pub struct Fall;
 /// How often members of swarms choose their way, and UAVs in the air are looked at for collisions [Hz].
 const STEER_HZ: u32 = 20;
 const COLLIDE_HZ: u32 = 120;
-/// How far ahead ground and buildings are looked at [s], and in how many places.
-const AHEAD_S: f64 = 4.0;
-const AHEAD_PLACES: usize = 8;
 
 /// A place in the air that knows whose it is.
 type Placed = GeomWithData<[f64; 3], usize>;
@@ -48,16 +45,17 @@ pub fn steer(
         let mut mates: Vec<(usize, Mate)> = Vec::new();
         let mut places: Vec<Placed> = Vec::new();
         for (flight, guidance, _, status) in &uavs {
-            let swarm = match &guidance.plan {
-                Plan::Swarm(steering) if *status == UavStatus::Flying => steering.member.swarm,
+            let steering = match &guidance.plan {
+                Plan::Swarm(steering) if *status == UavStatus::Flying => steering,
                 _ => continue,
             };
             places.push(Placed::new(flight.state.r_enu_m.to_array(), mates.len()));
             let mate = Mate {
+                group: steering.group(),
                 r_enu_m: flight.state.r_enu_m,
                 v_enu_mps: flight.state.v_enu_mps,
             };
-            mates.push((swarm, mate));
+            mates.push((steering.member.swarm, mate));
         }
         let tree = RTree::bulk_load(places);
         let mut own = 0;
@@ -77,13 +75,10 @@ pub fn steer(
             // The order of sums must not depend on the tree.
             near.sort_unstable();
             let near: Vec<Mate> = near.into_iter().map(|other| mates[other].1).collect();
-            let ahead = (0..=AHEAD_PLACES).map(|place| {
-                let after_s = AHEAD_S * place as f64 / AHEAD_PLACES as f64;
-                let at = flight.state.r_enu_m + after_s * flight.state.v_enu_mps;
-                environment.city.dsm.surface_m(at.x, at.y)
-            });
-            let floor_m = ahead.fold(f64::NEG_INFINITY, f64::max);
-            steering.steer(behaviour, t_s, &near, floor_m, skin.irradiance_wpm2);
+            let surface_m = |at: DVec2| environment.city.dsm.surface_m(at.x, at.y);
+            let irradiance_wpm2 = skin.irradiance_wpm2;
+            let own_mate = &mates[own].1;
+            steering.steer(behaviour, t_s, own_mate, &near, surface_m, irradiance_wpm2);
             own += 1;
         }
     }
@@ -137,32 +132,66 @@ pub fn collide(
     }
 }
 
-/// Steps every flying UAV; one that meets the city has crashed.
+/// Steps every flying UAV; one that meets the city is struck, unless it takes off or lands there.
 pub fn fly(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    mut uavs: Query<(&mut Flight, &Guidance, &Air, &mut UavStatus)>,
+    mut uavs: Query<(&Uav, &mut Flight, &mut Guidance, &Air, &mut UavStatus)>,
 ) {
     let (t_s, dt_s) = (clock.t_s(), clock.dt_s());
-    for (mut flight, guidance, air, mut status) in &mut uavs {
+    let density = environment.air_density_kgpm3;
+    let dsm = &environment.city.dsm;
+    for (uav, mut flight, mut guidance, air, mut status) in &mut uavs {
+        let Guidance { plan, airframe, .. } = &mut *guidance;
+        let (state, wind_enu_mps) = (&mut flight.state, air.wind_enu_mps);
+        if *status == UavStatus::Landed
+            && let Plan::Swarm(steering) = plan
+            && steering.takes_off(t_s)
+        {
+            // Spinning up is not modelled.
+            *state = MultirotorState::trimmed(airframe, &steering.reference, wind_enu_mps, density);
+            *status = UavStatus::Flying;
+        }
         if *status != UavStatus::Flying {
             continue;
         }
-        let setpoint = match &guidance.plan {
+        let setpoint = match plan {
             Plan::Path(path) => path.sample(t_s),
             Plan::Swarm(steering) => steering.reference,
         };
-        let (airframe, state) = (&guidance.airframe, &mut flight.state);
-        let density = environment.air_density_kgpm3;
-        multirotor::step(airframe, state, &setpoint, air.wind_enu_mps, density, dt_s);
+        multirotor::step(airframe, state, &setpoint, wind_enu_mps, density, dt_s);
         let r = state.r_enu_m;
-        if r.z < environment.city.dsm.surface_m(r.x, r.y) {
-            *status = UavStatus::Crashed;
-            state.v_enu_mps = DVec3::ZERO;
-            state.omega_body_radps = DVec3::ZERO;
-            state.rotor_speed_radps = Default::default();
+        let surface_m = dsm.surface_m(r.x, r.y);
+        let [length_m, width_m, height_m] = uav.size_m;
+        if let Plan::Swarm(steering) = plan
+            && steering.over_pad()
+        {
+            // On its legs; beside a wall it is struck all the same.
+            let under_m = surface_m + 0.5 * height_m - r.z;
+            if (0.0..1.0).contains(&under_m) {
+                state.r_enu_m.z += under_m;
+                state.v_enu_mps.z = state.v_enu_mps.z.max(0.0);
+                if steering.lands() {
+                    *status = UavStatus::Landed;
+                    stand(state);
+                }
+                continue;
+            }
+        }
+        if r.z < surface_m {
+            *status = UavStatus::Struck;
+            // Rapier's surface is thin: what begins within it would fall on for ever.
+            let radius_m = 0.5 * length_m.max(width_m) + CLOSE_STEP_M;
+            state.r_enu_m = dsm.nearest_clear(r, radius_m, 0.5 * height_m);
         }
     }
+}
+
+/// Rotors and motion come to rest.
+pub fn stand(state: &mut MultirotorState) {
+    state.v_enu_mps = DVec3::ZERO;
+    state.omega_body_radps = DVec3::ZERO;
+    state.rotor_speed_radps = Default::default();
 }
 
 /// Moves birds and aircraft along their paths, and balloons and leaves with the air around them.
@@ -191,6 +220,11 @@ pub fn drift(clock: Res<SimClock>, mut distractors: Query<(&mut Flight, &Distrac
 const PATCH_HALF_M: f64 = 160.0;
 /// Spacing of the patch's heights [m], that of the city's surface raster.
 const PATCH_STEP_M: f64 = 2.0;
+/// The same of the patch for what is struck close to walls: its heights rise from one place to the next, and so do walls.
+const CLOSE_HALF_M: f64 = 40.0;
+const CLOSE_STEP_M: f64 = 0.25;
+/// How close that is [m].
+const CLOSE_M: f64 = 3.0;
 /// Ticks to a step of Rapier: a tumbling wreck needs no more than its usual hundred or so steps a
 /// second.
 pub const FALL_PERIOD_TICKS: u64 = 8;
@@ -213,21 +247,26 @@ pub fn drop_wrecks(
         let [length, width, height] = uav.size_m.map(|side| side as f32 / 2.0);
         let omega_enu = state.q_enu_body * state.omega_body_radps;
         let dsm = &environment.city.dsm;
-        let n = (2.0 * PATCH_HALF_M / PATCH_STEP_M) as usize + 1;
+        let at_wall = *status == UavStatus::Struck && !dsm.clear(origin_enu_m, CLOSE_M);
+        let (half_m, step_m) = match at_wall {
+            true => (CLOSE_HALF_M, CLOSE_STEP_M),
+            false => (PATCH_HALF_M, PATCH_STEP_M),
+        };
+        let n = (2.0 * half_m / step_m) as usize + 1;
         // Rapier's height field spans x (columns) and z (rows) and rises along y: seen from
         // east-north-up, turned by a quarter about east, so that its z runs to the south.
         let mut heights = vec![0.0; n * n];
         for column in 0..n {
             for row in 0..n {
-                let e = origin_enu_m.x - PATCH_HALF_M + column as f64 * PATCH_STEP_M;
-                let north = origin_enu_m.y + PATCH_HALF_M - row as f64 * PATCH_STEP_M;
+                let e = origin_enu_m.x - half_m + column as f64 * step_m;
+                let north = origin_enu_m.y + half_m - row as f64 * step_m;
                 heights[column * n + row] = (dsm.surface_m(e, north) - origin_enu_m.z) as f32;
             }
         }
         // Every wreck has a world of its own: all of them are centred on the same origin.
         let group = Group::from_bits_truncate(1 << (uav.index % 32));
         let alone = CollisionGroups::new(group, group);
-        let side = 2.0 * PATCH_HALF_M as f32;
+        let side = 2.0 * half_m as f32;
         let patch = commands
             .spawn((
                 RigidBody::Fixed,
@@ -242,6 +281,7 @@ pub fn drop_wrecks(
                 uav: entity,
                 origin_enu_m,
                 patch,
+                half_m,
                 still_s: 0.0,
             },
             RigidBody::Dynamic,
@@ -331,11 +371,24 @@ pub fn follow_wrecks(
             *phase = (*phase + *speed * step_s).rem_euclid(std::f64::consts::TAU);
         }
         let r = state.r_enu_m;
-        let near = r.z - environment.city.dsm.surface_m(r.x, r.y) < 1.0;
-        let lost = (r - wreck.origin_enu_m).truncate().abs().max_element() > PATCH_HALF_M;
+        let dsm = &environment.city.dsm;
+        let surface_m = dsm.surface_m(r.x, r.y);
+        let near = r.z - surface_m < 1.0;
+        let off_m = (r - wreck.origin_enu_m).truncate().abs().max_element();
+        // A thin surface may let it through.
+        let through = r.z < dsm.terrain_m(r.x, r.y) - 2.0;
+        let lost = off_m > wreck.half_m || through;
+        if through {
+            state.r_enu_m.z = surface_m;
+        }
         let slow = near && velocity.linear.length() < REST_MPS;
         wreck.still_s = if slow { wreck.still_s + step_s } else { 0.0 };
-        if wreck.still_s > REST_S || lost {
+        if lost && *status == UavStatus::Struck && !near {
+            // It falls on over the next patch.
+            commands.entity(wreck.uav).remove::<HasWreck>();
+            commands.entity(entity).despawn();
+            commands.entity(wreck.patch).despawn();
+        } else if wreck.still_s > REST_S || lost {
             *status = match *status {
                 UavStatus::Struck => UavStatus::Crashed,
                 _ => UavStatus::Down,

@@ -4,6 +4,7 @@ pub mod atmosphere;
 pub mod backdrop;
 pub mod daylight;
 pub mod metar;
+pub mod shared_gusts;
 pub mod sky;
 pub mod sun;
 pub mod turbulence;

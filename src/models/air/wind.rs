@@ -4,6 +4,7 @@
 //! low altitude, discretised exactly, so that the statistics do not depend on the tick. A reported
 //! gust speed scales them up where they fall short of it.
 
+use crate::models::air::shared_gusts::{NUMBERS, SharedNoise};
 use crate::models::maths::rng::Stream;
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -180,8 +181,8 @@ impl TransverseStep {
         }
     }
 
-    fn advance(&self, x: &mut [f64; 2], rng: &mut Stream) {
-        let (n1, n2) = (rng.normal(), rng.normal());
+    /// `n1` and `n2` are standard normal.
+    fn advance(&self, x: &mut [f64; 2], n1: f64, n2: f64) {
         let second = self.decay * (x[1] + self.tau * x[0]) + self.l21 * n1 + self.l22 * n2;
         *x = [self.decay * x[0] + self.l11 * n1, second];
     }
@@ -272,6 +273,22 @@ impl DrydenGust {
         self
     }
 
+    /// The same gusts, started in the state that `noise` makes neighbours share at `r_enu_m` [m], `height_agl_m` [m] above
+    /// ground.
+    pub fn started_together(
+        mut self,
+        r_enu_m: DVec3,
+        height_agl_m: f64,
+        noise: &SharedNoise,
+    ) -> Self {
+        let scales = dryden_scales(height_agl_m, self.w20_mps);
+        let [u, v1, v2, w1, w2] = noise.normals(r_enu_m, scales.l_u_m, scales.l_w_m);
+        self.u = u;
+        self.v = [v1, 0.5 * (v1 + v2)];
+        self.w = [w1, 0.5 * (w1 + w2)];
+        self
+    }
+
     /// Gust velocity [m/s, enu] a tick of `dt_s` [s] later at `height_agl_m` [m] above ground, for a
     /// UAV of airspeed `airspeed_mps` [m/s]. The turbulence is carried past a hovering UAV by the
     /// mean wind, so the faster of the two sets the pace, at least 1 m/s.
@@ -281,6 +298,32 @@ impl DrydenGust {
         height_agl_m: f64,
         airspeed_mps: f64,
         rng: &mut Stream,
+    ) -> DVec3 {
+        self.driven(dt_s, height_agl_m, airspeed_mps, |_| {
+            [(); NUMBERS].map(|()| rng.normal())
+        })
+    }
+
+    /// [`Self::step`] at `r_enu_m` [m], by noise that neighbours share.
+    pub fn step_together(
+        &mut self,
+        dt_s: f64,
+        r_enu_m: DVec3,
+        height_agl_m: f64,
+        airspeed_mps: f64,
+        noise: &SharedNoise,
+    ) -> DVec3 {
+        self.driven(dt_s, height_agl_m, airspeed_mps, |scales| {
+            noise.normals(r_enu_m, scales.l_u_m, scales.l_w_m)
+        })
+    }
+
+    fn driven(
+        &mut self,
+        dt_s: f64,
+        height_agl_m: f64,
+        airspeed_mps: f64,
+        normals: impl FnOnce(&DrydenScales) -> [f64; NUMBERS],
     ) -> DVec3 {
         if self.w20_mps <= 0.0 {
             return DVec3::ZERO;
@@ -298,9 +341,10 @@ impl DrydenGust {
         let c = kept.unwrap_or_else(|| self.coefficients_at(dt_s, height_agl_m, airspeed_mps));
         self.coefficients = Some(c);
 
-        self.u = c.decay_u * self.u + c.noise_u * rng.normal();
-        c.v.advance(&mut self.v, rng);
-        c.w.advance(&mut self.w, rng);
+        let [u, v1, v2, w1, w2] = normals(&c.scales);
+        self.u = c.decay_u * self.u + c.noise_u * u;
+        c.v.advance(&mut self.v, v1, v2);
+        c.w.advance(&mut self.w, w1, w2);
         let along = self.mean.direction_enu;
         let left = DVec3::Z.cross(along);
         c.scales.sigma_u_mps * (self.u * along + transverse(&self.v) * left)

@@ -5,6 +5,7 @@
 //! a coarse raster of maxima lets it skip blocks it passes above.
 
 use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
 
 /// A raster of at least one height; a cell's value belongs to its centre, row 0 lies south.
 #[derive(Clone, Debug, PartialEq)]
@@ -231,6 +232,38 @@ impl Dsm {
         }
     }
 
+    /// Whether nothing within `radius_m` [m] on the map reaches up to a point [m].
+    pub fn clear(&self, r_enu_m: DVec3, radius_m: f64) -> bool {
+        let around = (0..16).flat_map(|k| {
+            let out_m = radius_m * DVec2::from_angle(f64::from(k) * TAU / 16.0);
+            [out_m, 0.5 * out_m]
+        });
+        (around.chain([DVec2::ZERO])).all(|off_m| {
+            let at_m = r_enu_m.truncate() + off_m;
+            self.surface_m(at_m.x, at_m.y) < r_enu_m.z
+        })
+    }
+
+    /// The place nearest to a point [m] just inside the surface that is [`Self::clear`] within `radius_m` [m]: beside a
+    /// wall, or `up_m` [m] above what it sank into from above.
+    pub fn nearest_clear(&self, r_enu_m: DVec3, radius_m: f64, up_m: f64) -> DVec3 {
+        /// What is deeper below the surface than this came in from the side [m].
+        const DEEP_M: f64 = 0.5;
+        const STEP_M: f64 = 0.1;
+        let above = r_enu_m.with_z(self.surface_m(r_enu_m.x, r_enu_m.y) + up_m);
+        if above.z - up_m - r_enu_m.z < DEEP_M {
+            return above;
+        }
+        let beside = (1..40).flat_map(|ring| {
+            (0..16).map(move |k| {
+                let off_m = STEP_M * f64::from(ring) * DVec2::from_angle(f64::from(k) * TAU / 16.0);
+                r_enu_m + off_m.extend(0.0)
+            })
+        });
+        let mut beside = beside.filter(|place| self.clear(*place, radius_m));
+        beside.next().unwrap_or(above)
+    }
+
     /// The surface raster.
     pub fn surface(&self) -> &HeightGrid {
         &self.surface
@@ -336,6 +369,25 @@ mod tests {
                 .fold(0.0, |top, b| b[4].max(top))
         });
         Dsm::new(terrain, surface, 0.0)
+    }
+
+    #[test]
+    fn what_sank_into_a_wall_comes_out_beside_it() {
+        let dsm = site(&[[10.0, 30.0, -20.0, 20.0, 25.0]]);
+        // From the west, 2 cm deep.
+        let r_enu_m = DVec3::new(10.02, 3.0, 12.0);
+        let out = dsm.nearest_clear(r_enu_m, 0.5, 0.1);
+        assert!(dsm.clear(out, 0.5), "{out}");
+        assert!((0.5..0.75).contains(&(out - r_enu_m).length()), "{out}");
+        assert!(out.x < 9.5 && out.z == 12.0, "{out}");
+        // On to the roof and the ground.
+        let roof = dsm.nearest_clear(DVec3::new(20.0, 3.0, 24.97), 0.5, 0.1);
+        assert!(
+            (roof - DVec3::new(20.0, 3.0, 25.1)).length() < 1e-9,
+            "{roof}"
+        );
+        let ground = dsm.nearest_clear(DVec3::new(-50.0, 3.0, -0.03), 0.5, 0.1);
+        assert!((ground.z - 0.1).abs() < 1e-9, "{ground}");
     }
 
     /// Entry range into boxes and the ground plane by slabs.

@@ -33,7 +33,7 @@ pub fn status_colour(status: UavStatus) -> Color32 {
     match status {
         UavStatus::Flying => AMBER,
         UavStatus::Falling | UavStatus::Down => GREEN,
-        UavStatus::Struck | UavStatus::Crashed => GREY,
+        UavStatus::Struck | UavStatus::Crashed | UavStatus::Landed => GREY,
     }
 }
 

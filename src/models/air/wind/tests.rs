@@ -139,13 +139,22 @@ fn noise_keeps_its_digits_at_a_short_tick() {
 
 /// Sigma of each component and correlations a distance `lag` ticks on, against
 /// `exp(-r/L)` and `exp(-r/L) (1 - r/2L)`, the Dryden autocorrelations.
-fn check_statistics(dt_s: f64, ticks: usize, lag: usize, airspeed_mps: f64) {
+/// `together` takes the noise that neighbours share.
+fn check_statistics(dt_s: f64, ticks: usize, lag: usize, airspeed_mps: f64, together: bool) {
     let mean = open_field(8.0);
     let mut rng = Stream::new(3, 0, "gust");
     let mut gust = DrydenGust::new(&mean, &mut rng);
     let h_m = 30.0;
     let trace: Vec<DVec3> = (0..ticks)
-        .map(|_| gust.step(dt_s, h_m, airspeed_mps, &mut rng))
+        .map(|tick| {
+            if together {
+                let noise = SharedNoise::draw(1, &mut rng);
+                let r_enu_m = DVec3::new(tick as f64 * dt_s * airspeed_mps, 50.0, h_m);
+                gust.step_together(dt_s, r_enu_m, h_m, airspeed_mps, &noise)
+            } else {
+                gust.step(dt_s, h_m, airspeed_mps, &mut rng)
+            }
+        })
         .collect();
     let n = ticks as f64;
     let variance = trace.iter().map(|g| *g * *g).sum::<DVec3>() / n;
@@ -176,17 +185,19 @@ fn check_statistics(dt_s: f64, ticks: usize, lag: usize, airspeed_mps: f64) {
 
 #[test]
 fn gusts_have_dryden_statistics_at_a_long_tick() {
-    check_statistics(1.0, 100_000, 5, 15.0);
+    check_statistics(1.0, 100_000, 5, 15.0, false);
+    check_statistics(1.0, 100_000, 5, 15.0, true);
 }
 
 #[test]
 fn gusts_of_a_hovering_uav_do_not_freeze() {
-    check_statistics(1.0, 200_000, 5, 0.0);
+    check_statistics(1.0, 200_000, 5, 0.0, false);
 }
 
 #[test]
 fn statistics_do_not_depend_on_the_tick() {
-    check_statistics(1.0 / 960.0 * 96.0, 600_000, 20, 20.0);
+    check_statistics(1.0 / 960.0 * 96.0, 600_000, 20, 20.0, false);
+    check_statistics(1.0 / 960.0 * 96.0, 600_000, 20, 20.0, true);
 }
 
 #[test]
@@ -200,5 +211,57 @@ fn coefficients_follow_height_and_speed() {
         let speed_mps = v_mps.max(gust.mean.speed_mps(h_m));
         assert!((c.height_agl_m / h_m - 1.0).abs() < 0.0102);
         assert!((c.speed_mps / speed_mps - 1.0).abs() < 0.0102);
+    }
+}
+
+/// Correlation of the gusts of UAVs that fly side by side, with the first one's: horizontal and upright, over `runs` runs
+/// of `ticks` ticks.
+fn beside(apart_m: &[f64], runs: u64, ticks: usize) -> Vec<[f64; 2]> {
+    const H_M: f64 = 60.0; // [m]
+    const DT_S: f64 = 0.02; // [s]
+    let mean = open_field(8.0);
+    let mut sums = vec![[0.0; 2]; apart_m.len()];
+    let mut own = [0.0; 2];
+    for run in 0..runs {
+        let mut rng = Stream::new(8, run, "shared gusts");
+        let start = SharedNoise::draw(256, &mut rng);
+        let at = |d_m: &f64, t_s: f64| DVec3::new(12.0 * t_s, -300.0 + d_m, H_M);
+        let mut gusts: Vec<DrydenGust> = (apart_m.iter())
+            .map(|d_m| DrydenGust::new(&mean, &mut rng).started_together(at(d_m, 0.0), H_M, &start))
+            .collect();
+        for tick in 0..ticks {
+            let noise = SharedNoise::draw(1, &mut rng);
+            let t_s = tick as f64 * DT_S;
+            let winds: Vec<DVec3> = (gusts.iter_mut().zip(apart_m))
+                .map(|(gust, d_m)| gust.step_together(DT_S, at(d_m, t_s), H_M, 12.0, &noise))
+                .collect();
+            for (sum, wind) in sums.iter_mut().zip(&winds) {
+                let product = *wind * winds[0];
+                sum[0] += product.x + product.y;
+                sum[1] += product.z;
+            }
+            let square = winds[0] * winds[0];
+            own[0] += square.x + square.y;
+            own[1] += square.z;
+        }
+    }
+    let share = |sum: [f64; 2]| [sum[0] / own[0], sum[1] / own[1]];
+    sums.into_iter().map(share).collect()
+}
+
+#[test]
+fn neighbours_fly_through_the_same_gusts() {
+    let apart_m = [0.0, 5.0, 20.0, 60.0, 2_000.0];
+    let scales = dryden_scales(60.0, 1.0);
+    // The second takes the state at the start alone.
+    for (runs, ticks) in [(60, 2_000), (4_000, 1)] {
+        let shared = beside(&apart_m, runs, ticks);
+        for (d_m, got) in apart_m.iter().zip(shared) {
+            println!("{d_m} m: {got:.3?}");
+            for (got, l_m) in got.into_iter().zip([scales.l_u_m, scales.l_w_m]) {
+                let wanted = (-d_m / l_m).exp();
+                assert!((got - wanted).abs() < 0.1, "{d_m} m: {got}, {wanted}");
+            }
+        }
     }
 }
