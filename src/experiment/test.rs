@@ -2,9 +2,10 @@
 
 use super::figures::{figure, kind};
 use super::{ExperimentError, Runner};
-use crate::eval::shared::{put, put_json, threads};
-use crate::eval::statistics::least_share;
+use crate::models::maths::statistics::least_share;
 use crate::output;
+use crate::output::{put, put_json};
+use crate::parallel::threads;
 use crate::scenario::{Bound, Expect, InputError, Loaded, Never, Scenario};
 use clap::Args;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};

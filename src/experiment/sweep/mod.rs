@@ -10,8 +10,8 @@ mod table;
 
 use super::figures::figure;
 use super::{ExperimentError, Runner};
-use crate::eval::shared::threads;
 use crate::output::{self, OutputError};
+use crate::parallel::threads;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Plan, PlannedRun};

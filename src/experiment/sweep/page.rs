@@ -2,12 +2,12 @@
 
 use super::plan::{Plan, PlannedRun};
 use super::run::Done;
-use crate::eval::shared::quoted;
-use crate::eval::statistics::{Mean, Rate};
 use crate::experiment::ExperimentError;
 use crate::experiment::figures::Kind;
 use crate::models::engage::outcome::Outcome;
+use crate::models::maths::statistics::{Mean, Rate};
 use crate::output;
+use crate::output::quoted;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::page::{Head, note, page, table};
 use maud::{Markup, html};

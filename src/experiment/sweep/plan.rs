@@ -457,11 +457,11 @@ impl Plan {
         let changes = run.settings.iter().flat_map(|setting| &setting.set);
         let mut command = format!(
             "boresight run {} --seed {}",
-            crate::eval::shared::quoted(self.scenario.display()),
+            crate::output::quoted(self.scenario.display()),
             run.seed
         );
         for change in self.experiment.set.iter().chain(changes) {
-            command += &format!(" --set {}", crate::eval::shared::quoted(change));
+            command += &format!(" --set {}", crate::output::quoted(change));
         }
         if !self.experiment.pictures {
             command += " --no-capture";
