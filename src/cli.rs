@@ -96,7 +96,8 @@ enum Command {
     /// Compare two recordings, or a recording and a new run of the scenario inside it: equal, or where they part
     /// and what follows. Ends with 0 where they are equal, with 1 where they are not.
     Diff(experiment::diff::Arguments),
-    /// Carry out an experiment: a scenario with factors varied, on all cores; leaves a table and a page.
+    /// Carry out an experiment: a scenario with factors varied, on all cores; leaves a table and a page. Ends with 0
+    /// where every run has its figures, with 1 where a run failed, with 2 where the experiment cannot be carried out.
     Sweep(experiment::sweep::Arguments),
     /// Measure the loops of a scenario's mount: margins, bandwidths, Bode and step plots, and the
     /// gains that follow.
@@ -222,7 +223,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 say!("table {}", args.out.join("table.parquet").display());
                 say!("page  {}", args.out.join("sweep.html").display());
             }
-            Ok(())
+            return Ok(ExitCode::from(swept.exit_code()));
         }
         Command::Video(args) => {
             let pictures = film::film(&args)?;
