@@ -501,6 +501,11 @@ impl Plan {
         self.points * self.seeds.len() as u64
     }
 
+    /// How many seeds every point has.
+    pub fn seeds(&self) -> usize {
+        self.seeds.len()
+    }
+
     /// A run by its number; the seeds of a point stand together.
     pub fn run(&self, index: u64) -> PlannedRun {
         let seeds = self.seeds.len() as u64;

@@ -19,22 +19,14 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// The rate of `successes` in `trials` (Wilson, J. Am. Stat. Assoc. 22 (1927) 209).
+    /// The rate of `successes` in `trials`.
     pub fn of(successes: usize, trials: usize) -> Self {
         let rate = (trials > 0).then(|| successes as f64 / trials as f64);
-        let interval_95 = rate.map_or([0.0, 1.0], |p| {
-            let n = trials as f64;
-            let z2 = Z95 * Z95;
-            let centre = p + z2 / (2.0 * n);
-            let half = Z95 * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
-            // At a rate of 0 or 1 the bound is exact but for rounding.
-            [centre - half, centre + half].map(|x| (x / (1.0 + z2 / n)).clamp(0.0, 1.0))
-        });
         Self {
             successes,
             trials,
             rate,
-            interval_95,
+            interval_95: rate.map_or([0.0, 1.0], |rate| wilson_95(rate, trials as f64)),
         }
     }
 
@@ -54,6 +46,16 @@ impl Rate {
             self.successes, self.trials
         )
     }
+}
+
+/// The 95 % score interval of a rate in so many trials (Wilson, J. Am. Stat. Assoc. 22 (1927) 209).
+pub fn wilson_95(rate: f64, trials: f64) -> [f64; 2] {
+    let (p, n) = (rate, trials);
+    let z2 = Z95 * Z95;
+    let centre = p + z2 / (2.0 * n);
+    let half = Z95 * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
+    // At a rate of 0 or 1 the bound is exact but for rounding.
+    [centre - half, centre + half].map(|x| (x / (1.0 + z2 / n)).clamp(0.0, 1.0))
 }
 
 /// Least share that `successes` in `trials` show with a confidence from 0 to 1: the one-sided lower limit of
