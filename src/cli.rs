@@ -69,6 +69,9 @@ pub enum CliError {
     /// The time of a picture of the window.
     #[error("--screenshot: '{0}' is not a number of seconds")]
     Seconds(String),
+    /// A run would write over the recording that it is made from.
+    #[error("{}: the new recording would take its place; name another folder with --out", .0.display())]
+    Overwrites(PathBuf),
 }
 
 /// Simulator of urban laser counter-UAV systems. Simulation only: it drives no real mount and no
@@ -158,6 +161,16 @@ impl ScenarioArgs {
         let loaded = Scenario::load(&self.scenario, &self.set).map_err(RunError::from)?;
         Ok((loaded, None))
     }
+
+    /// Refuses an output folder whose recording is the one that is run again.
+    fn keeps(&self, out: &Path) -> Result<(), CliError> {
+        let real = |path: &Path| path.canonicalize().ok();
+        let own = real(&out.join("run.mcap"));
+        if own.is_some() && own == real(&self.scenario) {
+            return Err(CliError::Overwrites(self.scenario.clone()));
+        }
+        Ok(())
+    }
 }
 
 #[derive(Args, Debug)]
@@ -237,6 +250,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
         }
         Command::Run(args) => {
             let (loaded, seed) = args.scenario.load()?;
+            args.scenario.keeps(&args.out)?;
             let options = Options {
                 seed: args.seed.or(seed),
                 threads: args.threads,
@@ -337,7 +351,11 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
 /// Compares two recordings, or one and a new run of its scenario.
 fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
     let tolerances = Tolerances::parse(&args.tolerance)?;
-    let open = |path: &Path| Recorded::open(path).map_err(ExperimentError::from);
+    let open = |path: &Path| -> Result<Recorded, ExperimentError> {
+        let recorded = Recorded::open(path)?;
+        recorded.check()?;
+        Ok(recorded)
+    };
     let a = open(&args.a)?;
     if let Some(b) = &args.b {
         return Ok(Comparison::of(&a, &open(b)?, &tolerances));
@@ -358,6 +376,9 @@ fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
 /// Runs a scenario in a window.
 fn view(args: ViewArgs) -> Result<(), CliError> {
     let (loaded, seed) = args.scenario.load()?;
+    args.out
+        .iter()
+        .try_for_each(|out| args.scenario.keeps(out))?;
     let screenshot = match args.screenshot.as_deref() {
         Some([file, seconds]) => {
             let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;

@@ -77,7 +77,8 @@ fn set_up(
             let more = stations.iter().skip(1);
             let more: Vec<&str> = more.map(|(_, station, ..)| &*station.name).collect();
             let names = (&cameras[..], &more[..], own_topics.topics());
-            Some(recorder(&loaded, out, *seed, tick_hz, names)?)
+            let pictures = options.capture;
+            Some(recorder(&loaded, out, *seed, tick_hz, names, pictures)?)
         }
         _ => None,
     };
@@ -108,6 +109,7 @@ fn recorder(
     seed: Seed,
     tick_hz: NonZeroU32,
     (cameras, more_stations, own_topics): (&[&str], &[&str], &[OwnTopic]),
+    pictures: bool,
 ) -> Result<Recorder, PartError> {
     let scenario = &loaded.scenario;
     crate::output::create_dir(out)?;
@@ -119,6 +121,7 @@ fn recorder(
             scenario_toml: &loaded.source,
             overrides: &loaded.overrides,
             seed: seed.0,
+            pictures,
             version: crate::VERSION,
             epoch_unix_ns: u64::try_from(epoch).unwrap_or(0),
             tick_hz,
