@@ -656,9 +656,51 @@ mod tests {
             env!("CARGO_MANIFEST_DIR"),
             "/scenarios/urban_intercept.toml"
         );
-        let head = format!("name = 'x'\nscenario = '{scenario}'\n");
+        let head = format!("name = 'x'\nscenario = '{scenario}'\nset = ['detector.kind=truth']\n");
         std::fs::write(&path, head + text).unwrap();
         Plan::read(&path).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_shipped_experiments_can_be_read() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
+        let mut read = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let plan = Plan::read(&path);
+            assert!(plan.is_ok(), "{}: {:?}", path.display(), plan.err());
+            read += 1;
+        }
+        assert!(read >= 5);
+    }
+
+    #[test]
+    fn whole_numbers_are_as_likely_as_each_other() {
+        let text = "sampling = 'latin_hypercube'\nsamples = 300\n[[factors]]\nkey = 'detector.roi_px'\n\
+                    range = [16, 18]\nwhole = true\n";
+        let plan = plan(text).unwrap();
+        let mut counts = [0; 3];
+        for index in 0..plan.runs() {
+            let number = plan.run(index).settings[0].number.unwrap();
+            counts[number as usize - 16] += 1;
+        }
+        assert_eq!(counts, [100; 3]);
+    }
+
+    #[test]
+    fn a_changed_model_is_another_experiment() {
+        let folder = tempfile::tempdir().unwrap();
+        let uav = folder.path().join("own.toml");
+        let text = format!(
+            "[[factors]]\nkey = 'uavs.0.model'\nvalues = ['{}', 'fpv5']\n",
+            uav.display()
+        );
+        let hash = |content: &str| {
+            std::fs::write(&uav, content).unwrap();
+            plan(&text).unwrap().hash
+        };
+        let [one, same, other] = ["a", "a", "b"].map(hash);
+        assert!(one == same && one != other);
     }
 
     const POWER: &str = "[[factors]]\nkey = 'station.laser.power_w'\nrange = [100.0, 1600.0]\n";
@@ -750,6 +792,57 @@ mod tests {
             (
                 "[[factors]]\nkey = 'station.laser.power_w'\nrange = [2, 1]\nsteps = 2\n",
                 "below the second",
+            ),
+            (
+                &format!("sampling = 'sobol'\nsamples = 65537\n{POWER}"),
+                "65536 points",
+            ),
+            (
+                &format!(
+                    "sampling = 'sobol'\nsamples = 2\n{}",
+                    (0..257)
+                        .map(|n| POWER.replace("key", &format!("name = 'f{n}'\nkey")))
+                        .collect::<String>()
+                ),
+                "256 dimensions",
+            ),
+            ("[[factors]]\nkey = 'seed'\nvalues = [1, 2]\n", "with seeds"),
+            (
+                "[[factors]]\nname = 'x'\nlevels = [{ name = 'a', set = ['seed=3'] }]\n",
+                "with seeds",
+            ),
+            (&format!("seeds = []\n{POWER}steps = 2\n"), "found 0 seeds"),
+            (
+                &format!("seeds = [4, 4]\n{POWER}steps = 2\n"),
+                "holds 4 twice",
+            ),
+            (
+                "[[factors]]\nkey = 'station.laser.power_w'\nvalues = [1, 2, 1]\n",
+                "'1' twice",
+            ),
+            (
+                "[[factors]]\nkey = 'detector.roi_px'\nrange = [16, 18]\nsteps = 5\nwhole = true\n",
+                "'17' twice",
+            ),
+            (
+                "[[factors]]\nkey = 'detector.roi_px'\nrange = [16.5, 18]\nsteps = 2\nwhole = true\n",
+                "whole ends",
+            ),
+            (
+                &format!("keep = ['dwell_s', 'dwell_s']\n{POWER}steps = 2\n"),
+                "column 'dwell_s' already",
+            ),
+            (
+                &format!("keep = ['seed']\n{POWER}steps = 2\n"),
+                "column 'seed' already",
+            ),
+            (
+                &format!("keep = ['real_time_factor']\n{POWER}steps = 2\n"),
+                "wall-clock",
+            ),
+            (
+                "[[factors]]\nkey = 'detector.kind'\nvalues = ['truth', 'onnx']\n",
+                "kind = onnx: detector.kind = \"onnx\" needs pictures",
             ),
         ] {
             let message = plan(text).unwrap_err();
