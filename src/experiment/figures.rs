@@ -141,7 +141,12 @@ fn sampled(sample: &Value, key: &str, above: &str) -> Result<Kind, Vec<String>> 
             };
             match word.parse::<usize>() {
                 // Any place of a list that grows is like its first.
-                Ok(_) if GROWING.contains(&above) => sampled(&list[0], rest, above),
+                Ok(_) if GROWING.contains(&above) => {
+                    // What is a list itself has so many elements.
+                    let fixed = format!("{above}.");
+                    let above = if list[0].is_array() { &fixed } else { above };
+                    sampled(&list[0], rest, above)
+                }
                 Ok(place) => match list.get(place) {
                     Some(element) => sampled(element, rest, above),
                     None => Err(own().map(str::to_owned).collect()),
@@ -295,6 +300,7 @@ mod tests {
             ("uavs.mean", "count"),
             ("stations.2.dwell_s", "tower"),
             ("objects.0.engaged_by.0.2", "no figure"),
+            ("objects.0.engaged_by.0", "count"),
             ("objects.yard 1.longest_gap", "longest_gap_s"),
             ("objects.0.stations.most", "no figure"),
             ("real_time_factor", "wall-clock"),
