@@ -115,10 +115,9 @@ impl Swept {
             0 => String::new(),
             resumed => format!(", {resumed} of them made before"),
         };
-        let again = match (failed, self.table) {
-            (0, _) => "",
-            (_, true) => ": failed.csv says why; the same command makes them again",
-            (_, false) => ": the same command makes them again",
+        let again = match failed {
+            0 => "",
+            _ => ": a further sweep into this folder makes them again",
         };
         format!("{runs} runs{earlier}, {failed} failed{again}")
     }
