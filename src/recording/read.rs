@@ -200,7 +200,11 @@ impl Recorded {
 
 /// Whether a file that ends early is read so.
 fn was_cut(error: &McapError) -> bool {
-    matches!(error, McapError::UnexpectedEof | McapError::UnexpectedEoc)
+    // A record may be said to be longer than all that is left of a file.
+    matches!(
+        error,
+        McapError::UnexpectedEof | McapError::UnexpectedEoc | McapError::RecordTooLarge { .. }
+    )
 }
 
 /// Decodes the messages of one recording by the schemas that their channels carry.

@@ -370,8 +370,8 @@ fn a_cut_recording_is_read_and_a_damaged_one_is_told() {
     // There are pictures in it, but its cameras are said to have rendered none.
     assert!(whole.is_whole() && !whole.has_pictures());
     assert_eq!(whole.overrides, overrides);
-    let head = bytes.len() / 4;
-    for cut in (head..bytes.len() - 8).step_by(997) {
+    // What every recording begins with ends below 3000 bytes.
+    for cut in (3000..bytes.len() - 8).step_by(997) {
         let cut = open(&bytes[..cut]);
         assert!(!cut.is_whole());
         cut.check().unwrap();

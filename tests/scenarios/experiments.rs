@@ -205,7 +205,8 @@ fn two_recordings_are_compared_and_one_is_run_again() {
     let (code, text) = diff(&[&mcap[0], &cut]);
     assert!(code == 1 && text.contains("nothing   is in both"), "{text}");
     let mut damaged = bytes.clone();
-    damaged[bytes.len() / 2] ^= 0x10;
+    // Inside a chunk: 04 22 4D 18 begins its LZ4 frame.
+    damaged[after(bytes.len() / 2, b"\x04\x22\x4d\x18") + 200] ^= 0x10;
     std::fs::write(&cut, &damaged).unwrap();
     refused(
         boresight().arg("diff").arg(&mcap[0]).arg(&cut),
