@@ -5,7 +5,7 @@ pub mod clip;
 pub mod defence;
 pub mod detector;
 pub mod engagement;
-pub(crate) mod shared;
+mod shared;
 pub mod statistics;
 pub mod tracking;
 
