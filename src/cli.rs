@@ -76,6 +76,9 @@ pub enum CliError {
     /// A second file beside a simulation.
     #[error("{}: only recordings are shown beside each other; give two of them (.mcap)", .0.display())]
     Beside(PathBuf),
+    /// A run would write over the recording that it is made from.
+    #[error("{}: the new recording would take its place; name another folder with --out", .0.display())]
+    Overwrites(PathBuf),
 }
 
 /// Simulator of urban laser counter-UAV systems. Simulation only: it drives no real mount and no
@@ -103,7 +106,8 @@ enum Command {
     /// Compare two recordings, or a recording and a new run of the scenario inside it: equal, or where they part
     /// and what follows. Ends with 0 where they are equal, with 1 where they are not.
     Diff(experiment::diff::Arguments),
-    /// Carry out an experiment: a scenario with factors varied, on all cores; leaves a table and a page.
+    /// Carry out an experiment: a scenario with factors varied, on all cores; leaves a table and a page. Ends with 0
+    /// where every run has its figures, with 1 where a run failed, with 2 where the experiment cannot be carried out.
     Sweep(experiment::sweep::Arguments),
     /// Measure the loops of a scenario's mount: margins, bandwidths, Bode and step plots, and the
     /// gains that follow.
@@ -163,6 +167,16 @@ impl ScenarioArgs {
         }
         let loaded = Scenario::load(&self.scenario, &self.set).map_err(RunError::from)?;
         Ok((loaded, None))
+    }
+
+    /// Refuses an output folder whose recording is the one that is run again.
+    fn keeps(&self, out: &Path) -> Result<(), CliError> {
+        let real = |path: &Path| path.canonicalize().ok();
+        let own = real(&out.join("run.mcap"));
+        if own.is_some() && own == real(&self.scenario) {
+            return Err(CliError::Overwrites(self.scenario.clone()));
+        }
+        Ok(())
     }
 }
 
@@ -263,7 +277,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 say!("table {}", args.out.join("table.parquet").display());
                 say!("page  {}", args.out.join("sweep.html").display());
             }
-            Ok(())
+            return Ok(ExitCode::from(swept.exit_code()));
         }
         Command::Video(args) => {
             let pictures = film::film(&args)?;
@@ -277,6 +291,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
         }
         Command::Run(args) => {
             let (loaded, seed) = args.scenario.load()?;
+            args.scenario.keeps(&args.out)?;
             let options = Options {
                 seed: args.seed.or(seed),
                 threads: args.threads,
@@ -379,7 +394,11 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
 /// Compares two recordings, or one and a new run of its scenario.
 fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
     let tolerances = Tolerances::parse(&args.tolerance)?;
-    let open = |path: &Path| Recorded::open(path).map_err(ExperimentError::from);
+    let open = |path: &Path| -> Result<Recorded, ExperimentError> {
+        let recorded = Recorded::open(path)?;
+        recorded.check()?;
+        Ok(recorded)
+    };
     let a = open(&args.a)?;
     if let Some(b) = &args.b {
         return Ok(Comparison::of(&a, &open(b)?, &tolerances));
@@ -430,6 +449,7 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
         set: args.set,
     };
     let (loaded, seed) = scenario.load()?;
+    args.out.iter().try_for_each(|out| scenario.keeps(out))?;
     let options = Options {
         seed: args.seed.or(seed),
         capture: true,

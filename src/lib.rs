@@ -12,6 +12,7 @@ pub mod inference;
 pub mod media;
 pub mod models;
 pub mod output;
+mod parallel;
 pub mod plugins;
 pub mod recording;
 pub mod report;

@@ -102,6 +102,8 @@ pub struct Meta<'a> {
     pub overrides: &'a [String],
     /// Seed of every random stream.
     pub seed: u64,
+    /// Whether its cameras render.
+    pub pictures: bool,
     /// Version of the program.
     pub version: &'a str,
     /// UTC time of tick 0 since 1970-01-01 \[ns\].
@@ -335,6 +337,9 @@ impl Mcap {
                     ("version", meta.version.to_owned()),
                     ("epoch_unix_ns", meta.epoch_unix_ns.to_string()),
                     ("tick_hz", meta.tick_hz.to_string()),
+                    ("pictures", meta.pictures.to_string()),
+                    // A change may hold a line break.
+                    ("overrides", serde_json::json!(meta.overrides).to_string()),
                 ]
                 .map(|(key, value)| (key.to_owned(), value)),
             ),

@@ -9,5 +9,8 @@ cases = [case for suite in report for case in suite]
 failed = [case for case in cases if not case.is_passed and not case.is_skipped]
 assert report.tests == len(cases), (report.tests, len(cases))
 assert report.failures + report.errors == len(failed), (report.failures, report.errors, failed)
-assert all(case.result[0].message for case in failed), "a failure says why"
+assert all(case.result[0].message and case.result[0].type for case in failed), "a failure says why"
+assert all(case.classname for case in cases), "runners group by class"
+spent_s = sum(case.time for case in cases)
+assert all(abs(part.time - spent_s) < 0.1 for part in [report, *report]), (report.time, spent_s)
 print(f"{len(cases)} tests, {len(failed)} failure")

@@ -1,5 +1,5 @@
 """Boresight's sweeps on a Ray cluster: shards as tasks, one table."""
 
-from .sweep import Bundle, SweepError, sweep
+from .sweep import RUNTIME_ENV, Bundle, Swept, SweepError, sweep
 
-__all__ = ["Bundle", "SweepError", "sweep"]
+__all__ = ["RUNTIME_ENV", "Bundle", "Swept", "SweepError", "sweep"]

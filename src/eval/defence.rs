@@ -4,11 +4,13 @@
 //! blind: the truth detector proves nothing about finding or choosing targets.
 
 use super::EvalError;
-use super::shared::{in_parallel, progress, put, put_json, quoted, threads, within, writable};
-use super::statistics::{Mean, Rate};
+use super::shared::{in_parallel, progress, within};
 use crate::app::{self, Options};
 use crate::models::engage::allocation::AllocationRule;
 use crate::models::ground::city::City;
+use crate::models::maths::statistics::{Mean, Rate};
+use crate::output::{put, put_json, quoted, writable};
+use crate::parallel::threads;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::summary::{Summary, finish};
 use crate::scenario::{Loaded, Scenario};

@@ -5,7 +5,7 @@ pub mod clip;
 pub mod defence;
 pub mod detector;
 pub mod engagement;
-pub(crate) mod shared;
+mod shared;
 pub mod statistics;
 pub mod tracking;
 
@@ -20,7 +20,6 @@ use crate::scenario::InputError;
 use clip::truth::BoxesError;
 use detector::coco::CocoError;
 use engagement::draw::DrawError;
-use std::path::PathBuf;
 
 /// Why an evaluation cannot be carried out.
 #[derive(Debug, thiserror::Error)]
@@ -100,12 +99,4 @@ pub enum EvalError {
     /// The city of the runs.
     #[error("the city of the evaluation: {0}")]
     City(#[from] CityError),
-    /// The figures cannot be encoded.
-    #[error("cannot encode {path}: {source}")]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: serde_json::Error,
-    },
 }

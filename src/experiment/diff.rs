@@ -83,6 +83,8 @@ pub struct Comparison {
     pub last_tick: u64,
     /// First line of the scenario that differs, from 1, with its text in both.
     pub scenario: Option<(usize, [String; 2])>,
+    /// What else the recordings say of their runs and differ in.
+    pub runs: Vec<(&'static str, [String; 2])>,
     /// The fields that differ, the earliest first.
     pub fields: Vec<FieldDifference>,
     /// Where the runs end, if not at one tick.
@@ -91,6 +93,8 @@ pub struct Comparison {
     states: [BTreeMap<String, Vec<(u64, String)>>; 2],
     /// Last known status by UAV.
     fates: [BTreeMap<String, String>; 2],
+    /// Operator's orders.
+    orders: [usize; 2],
     /// Files that lack their end.
     cut: Vec<PathBuf>,
     tick_hz: u32,
@@ -107,6 +111,14 @@ impl Comparison {
     pub fn of(a: &Recorded, b: &Recorded, tolerances: &Tolerances) -> Self {
         let mut found = Self {
             scenario: first_line(&a.scenario_toml, &b.scenario_toml),
+            runs: [
+                ("changes", [a, b].map(|of| of.overrides.join(" "))),
+                ("seed", [a, b].map(|of| of.seed.to_string())),
+                ("version", [a, b].map(|of| of.version.clone())),
+            ]
+            .into_iter()
+            .filter(|(_, [a, b])| a != b)
+            .collect(),
             cut: [a, b]
                 .into_iter()
                 .filter(|recorded| !recorded.is_whole())
@@ -198,9 +210,9 @@ impl Comparison {
         found
     }
 
-    /// Whether nothing that counts differs.
+    /// Whether something was compared and nothing that counts differs.
     pub fn equal(&self) -> bool {
-        self.fields.is_empty() && self.ends.is_none()
+        self.messages > 0 && self.fields.is_empty() && self.ends.is_none()
     }
 
     /// Takes in what a tick's messages say of states and fates.
@@ -221,6 +233,11 @@ impl Comparison {
                 && let (Some(name), Some(status)) = (text(&fields, "name"), text(&fields, "status"))
             {
                 self.fates[side].insert(name, status);
+            } else if topic == "/log"
+                && let Some(name) = decoder.decode(message).and_then(|m| text(&m, "name"))
+                && name.rsplit('/').next() == Some("operator")
+            {
+                self.orders[side] += 1;
             }
         }
     }
@@ -238,6 +255,10 @@ impl Comparison {
                 b.trim()
             ));
         }
+        for (what, [a, b]) in &self.runs {
+            let shown = |text: &str| if text.is_empty() { "none" } else { text }.replace('\n', " ");
+            lines.push(format!("{what:<9} {} | {}", shown(a), shown(b)));
+        }
         for path in &self.cut {
             lines.push(format!(
                 "cut       {} lacks its end: its run was stopped",
@@ -251,6 +272,9 @@ impl Comparison {
                 self.messages
             ));
             return lines.join("\n");
+        }
+        if self.messages == 0 {
+            lines.push("nothing   is in both recordings that could be compared".to_owned());
         }
         for (index, difference) in self.fields.iter().take(MOST).enumerate() {
             let FieldDifference {
@@ -309,6 +333,13 @@ impl Comparison {
                 }
             };
             lines.push(format!("states    {topic}: {} | {}", rest(a), rest(b)));
+        }
+        if let [a, b] = self.orders
+            && a != b
+        {
+            lines.push(format!(
+                "orders    {a} | {b}: those of a window are not in its scenario; `view --save-orders` writes one with them"
+            ));
         }
         if let Some([a, b]) = self.ends {
             lines.push(format!("ends      {:.3} s | {:.3} s", t_s(a), t_s(b)));

@@ -28,12 +28,8 @@ pub fn figure(summary: &Value, key: &str) -> Result<Value, Vec<String>> {
             figure(value, rest)
         }
         Value::Array(list) => {
-            let names = |element: &Value| {
-                let named = |key: &&str| element.get(key)?.as_str().map(str::to_owned);
-                NAMES.iter().find_map(named)
-            };
             let found = list.iter().enumerate().find_map(|(index, element)| {
-                let by_name = names(element).and_then(|name| after(&name));
+                let by_name = name_of(element).and_then(after);
                 Some((element, by_name.or_else(|| after(&index.to_string()))?))
             });
             if let Some((element, rest)) = found {
@@ -50,12 +46,18 @@ pub fn figure(summary: &Value, key: &str) -> Result<Value, Vec<String>> {
                 _ if key.split('.').next().is_some_and(is_place) => Ok(Value::Null),
                 _ => {
                     let own = ["count", "least", "most", "mean"].map(String::from);
-                    Err(list.iter().filter_map(names).chain(own).collect())
+                    let names = list.iter().filter_map(name_of).map(str::to_owned);
+                    Err(names.chain(own).collect())
                 }
             }
         }
         _ => Err(Vec::new()),
     }
+}
+
+/// The name of a list's element.
+fn name_of(element: &Value) -> Option<&str> {
+    NAMES.iter().find_map(|key| element.get(key)?.as_str())
 }
 
 fn is_place(word: &str) -> bool {
@@ -71,31 +73,110 @@ pub enum Kind {
     Text,
 }
 
+/// Figures of wall-clock time: no two runs share them.
+const WALL_CLOCK: [&str; 2] = ["real_time_factor", "share"];
+
+/// Lists whose elements are not known before the run, by the keys that lead to them; the sample has one element of each.
+const GROWING: [&str; 5] = [
+    "objects",
+    "objects.stations",
+    "objects.engaged_by",
+    "stations.lost_s",
+    "stations.kill_to_shot_s",
+];
+
 /// What the figure of this key is in the runs of a scenario; what is wrong with the key if they have none.
 pub fn kind(key: &str, scenario: &Scenario) -> Result<Kind, String> {
-    // Identities of objects are not known before the run.
-    let key = match key.split_once('.') {
-        Some(("objects", rest)) if !is_place(rest.split('.').next().unwrap_or("")) => {
-            match rest.rsplit_once('.') {
-                Some((_, field)) => &format!("objects.0.{field}"),
-                None => key,
-            }
-        }
-        _ => key,
-    };
-    let wrong = |known: &[String]| {
+    let first = key.split('.').next().unwrap_or(key);
+    if WALL_CLOCK.contains(&first) {
+        return Err(format!(
+            "'{key}' is wall-clock time, which is another in every run: leave it out"
+        ));
+    }
+    sampled(&sample(scenario), key, "").map_err(|known| {
         let known: Vec<&str> = known.iter().map(String::as_str).collect();
         let last = key.rsplit('.').next().unwrap_or(key);
         match known[..] {
             [] => format!("no figure '{key}': what stands before the last dot has no parts"),
             _ => format!("no figure '{key}'{}", suggestion(last, &known)),
         }
+    })
+}
+
+/// The kind of what stands at a key of the sample, whose own keys are `above`; `Err`: what would have been right.
+fn sampled(sample: &Value, key: &str, above: &str) -> Result<Kind, Vec<String>> {
+    let inside = |name: &str| match above {
+        "" => name.to_owned(),
+        _ => format!("{above}.{name}"),
     };
-    match figure(&sample(scenario), key).map_err(|known| wrong(&known))? {
-        Value::Object(table) => Err(wrong(&table.keys().cloned().collect::<Vec<_>>())),
-        Value::Array(_) => Err(wrong(&["count", "least", "most", "mean"].map(String::from))),
-        Value::Number(_) => Ok(Kind::Number),
-        _ => Ok(Kind::Text),
+    let keys = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    match (sample, key) {
+        (Value::Object(table), "") => Err(table.keys().cloned().collect()),
+        (Value::Object(table), _) => {
+            let (name, rest) = key.split_once('.').unwrap_or((key, ""));
+            match table.get(name) {
+                Some(value) => sampled(value, rest, &inside(name)),
+                None => Err(table.keys().cloned().collect()),
+            }
+        }
+        (Value::Array(list), _) => {
+            let of_all = match list.first() {
+                Some(Value::Number(_)) if list.iter().all(Value::is_number) => {
+                    &["count", "least", "most", "mean"][..]
+                }
+                _ => &["count"],
+            };
+            if of_all.contains(&key) {
+                return Ok(Kind::Number);
+            }
+            let named: Vec<(&str, &Value)> = (list.iter())
+                .filter_map(|element| Some((name_of(element)?, element)))
+                .collect();
+            let (word, rest) = key.split_once('.').unwrap_or((key, ""));
+            let own = || {
+                named
+                    .iter()
+                    .map(|(name, _)| *name)
+                    .chain(of_all.iter().copied())
+            };
+            match word.parse::<usize>() {
+                // Any place of a list that grows is like its first.
+                Ok(_) if GROWING.contains(&above) => {
+                    // What is a list itself has so many elements.
+                    let fixed = format!("{above}.");
+                    let above = if list[0].is_array() { &fixed } else { above };
+                    sampled(&list[0], rest, above)
+                }
+                Ok(place) => match list.get(place) {
+                    Some(element) => sampled(element, rest, above),
+                    None => Err(own().map(str::to_owned).collect()),
+                },
+                // Identities are not known before the run, and may hold dots.
+                Err(_) if above == "objects" && !word.is_empty() => {
+                    let parts = key.match_indices('.').map(|(at, _)| &key[at + 1..]);
+                    let kinds = parts.map(|rest| sampled(&list[0], rest, above));
+                    kinds
+                        .reduce(|first, next| first.or(next))
+                        .unwrap_or_else(|| Err(keys(of_all)))
+                }
+                Err(_) => {
+                    let found = named.iter().find_map(|(name, element)| {
+                        let rest = match key.strip_prefix(name)? {
+                            "" => "",
+                            rest => rest.strip_prefix('.')?,
+                        };
+                        Some((*element, rest))
+                    });
+                    match found {
+                        Some((element, rest)) => sampled(element, rest, above),
+                        None => Err(own().map(str::to_owned).collect()),
+                    }
+                }
+            }
+        }
+        (Value::Number(_), "") => Ok(Kind::Number),
+        (_, "") => Ok(Kind::Text),
+        _ => Err(Vec::new()),
     }
 }
 
@@ -134,7 +215,11 @@ fn sample(scenario: &Scenario) -> Value {
                 kill_to_shot_s: vec![0.0],
             })
             .collect(),
-        objects: vec![ObjectSummary::default()],
+        objects: vec![ObjectSummary {
+            stations: vec![String::new()],
+            engaged_by: vec![(0.0, String::new())],
+            ..ObjectSummary::default()
+        }],
         ..Summary::default()
     };
     serde_json::to_value(summary).unwrap_or_else(|_| Value::Object(Map::new()))
@@ -190,16 +275,36 @@ mod tests {
             "stations.tower.kill_to_shot_s.most",
             "objects.count",
             "objects.yard 1.longest_gap_s",
+            "objects.y.a 1.engaged_by.count",
+            "objects.7.engaged_by.3.0",
+            "stations.0.lost_s.3",
+            "stations.tower.kill_to_shot_s.9",
         ] {
             assert_eq!(kind(key, &scenario), Ok(Kind::Number), "{key}");
         }
-        assert_eq!(kind("outcome", &scenario), Ok(Kind::Text));
+        for key in [
+            "outcome",
+            "uavs.0.status",
+            "objects.0.engaged_by.1.1",
+            "objects.2.stations.5",
+        ] {
+            assert_eq!(kind(key, &scenario), Ok(Kind::Text), "{key}");
+        }
         for (key, hint) in [
             ("dwel_s", "did you mean 'dwell_s'"),
             ("stations.towr.dwell_s", "tower"),
             ("miss_distance_px.precise", "p95"),
             ("stations.tower.lost_s", "count"),
             ("dwell_s.mean", "has no parts"),
+            ("uavs.7.dwell_s", "no figure 'uavs.7.dwell_s'"),
+            ("uavs.mean", "count"),
+            ("stations.2.dwell_s", "tower"),
+            ("objects.0.engaged_by.0.2", "no figure"),
+            ("objects.0.engaged_by.0", "count"),
+            ("objects.yard 1.longest_gap", "longest_gap_s"),
+            ("objects.0.stations.most", "no figure"),
+            ("real_time_factor", "wall-clock"),
+            ("share.render", "wall-clock"),
         ] {
             let message = kind(key, &scenario).unwrap_err();
             assert!(message.contains(hint), "{key}: {message}");

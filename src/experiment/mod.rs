@@ -40,6 +40,9 @@ pub enum ExperimentError {
     /// No folder for what is thrown away afterwards.
     #[error("no temporary folder: {0}; set TMPDIR to one with room")]
     Folder(std::io::Error),
+    /// The program cannot be read to tell its build from others.
+    #[error("this program cannot be read: {0}; start it by its path")]
+    Program(std::io::Error),
     /// A recording.
     #[error(transparent)]
     Recording(#[from] ReadError),

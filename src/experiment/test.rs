@@ -1,10 +1,10 @@
 //! `boresight test`: holds scenarios to their `[expect]`, as test runners do.
 
-use super::figures::{figure, kind};
+use super::figures::{Kind, figure, kind};
 use super::{ExperimentError, Runner};
-use crate::eval::shared::{put, put_json, threads};
-use crate::eval::statistics::least_share;
-use crate::output;
+use crate::models::maths::statistics::least_share;
+use crate::output::{self, OutputError, put, put_json, writable};
+use crate::parallel::threads;
 use crate::scenario::{Bound, Expect, InputError, Loaded, Never, Scenario};
 use clap::Args;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
@@ -121,14 +121,28 @@ impl Tests {
                 Verdict::BadInput => TestCaseStatus::non_success(NonSuccessKind::Error),
                 Verdict::NothingExpected => TestCaseStatus::skipped(),
             };
+            match tested.verdict {
+                Verdict::NotMet => status.set_type("not met"),
+                Verdict::BadInput => status.set_type("cannot be run"),
+                Verdict::Met | Verdict::NothingExpected => &mut status,
+            };
             if !tested.reasons.is_empty() {
                 status.set_message(tested.reasons.join("; "));
             }
+            // Runners group by the class, which is the folder here.
+            let folder = (tested.path.parent())
+                .filter(|folder| !folder.as_os_str().is_empty())
+                .unwrap_or(Path::new("."));
             let mut case = TestCase::new(tested.path.display().to_string(), status);
+            case.set_classname(folder.display().to_string());
             case.set_time(Duration::from_secs_f64(tested.elapsed_s));
             suite.add_test_case(case);
         }
+        let elapsed_s = self.scenarios.iter().map(|tested| tested.elapsed_s).sum();
+        let elapsed = Duration::from_secs_f64(elapsed_s);
+        suite.set_time(elapsed);
         let mut report = Report::new("boresight");
+        report.set_time(elapsed);
         report.add_test_suite(suite);
         report
     }
@@ -142,11 +156,23 @@ pub fn platform() -> String {
 
 /// Tests every scenario, says of each how it went once its runs are over, and writes what is asked for.
 pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
-    let mut paths = Vec::new();
-    for path in &arguments.paths {
-        scenarios_below(path, &mut paths)?;
+    let files = [("--json", &arguments.json), ("--junit", &arguments.junit)];
+    for (option, path) in files {
+        if let Some(path) = path {
+            writable(path).map_err(|error| unwritable(option, path, error))?;
+        }
     }
-    let mut cases: Vec<Case> = paths.into_iter().map(Case::read).collect();
+    let (mut paths, mut met) = (Vec::new(), BTreeMap::new());
+    for path in &arguments.paths {
+        if !scenarios_below(path, &mut paths, &mut met)? {
+            return Err(ExperimentError::Path {
+                path: path.into(),
+                what: "holds no scenario (*.toml)".into(),
+            });
+        }
+    }
+    let read = |path| Case::read(path, arguments.bless);
+    let cases: Vec<Case> = paths.into_iter().map(read).collect();
     // What renders does so one at a time: one thread begins with that, the others with the rest.
     let queues = [false, true].map(|blind| {
         let mut runs: Vec<(usize, u64)> = Vec::new();
@@ -178,71 +204,73 @@ pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
             scope.spawn(move || work(thread));
         }
     });
-    if arguments.bless {
-        for case in &mut cases {
-            case.bless()?;
-        }
-    }
     let tests = Tests {
         version: crate::VERSION,
         platform: platform(),
         scenarios: cases.into_iter().map(Case::tested).collect(),
     };
     if let Some(path) = &arguments.json {
-        put_json(path, &tests).map_err(|error| text_error(path, error))?;
+        put_json(path, &tests).map_err(|error| unwritable("--json", path, error))?;
     }
     if let Some(path) = &arguments.junit {
         let xml = tests.junit().to_string();
-        put(path, xml.map_err(|error| text_error(path, error))?)?;
+        let xml = xml.map_err(|error| ExperimentError::Text {
+            path: path.into(),
+            message: error.to_string(),
+        })?;
+        put(path, xml).map_err(|error| unwritable("--junit", path, error))?;
     }
     Ok(tests)
 }
 
-fn text_error(path: &Path, error: impl ToString) -> ExperimentError {
-    ExperimentError::Text {
+/// The error of a file that was asked for by an option.
+fn unwritable(option: &str, path: &Path, error: OutputError) -> ExperimentError {
+    let why = match error {
+        OutputError::Folder { source, .. } | OutputError::File { source, .. } => source.to_string(),
+        OutputError::Json { source, .. } => source.to_string(),
+    };
+    ExperimentError::Path {
         path: path.into(),
-        message: error.to_string(),
+        what: format!("cannot be written: {why}; name another file with {option}"),
     }
 }
 
-/// The scenario files of a path: itself, or all TOML files below a folder, in order.
-fn scenarios_below(path: &Path, found: &mut Vec<PathBuf>) -> Result<(), ExperimentError> {
-    let wrong = |what: String| ExperimentError::Path {
+/// Finds the scenario files of a path: itself, or all TOML files below a folder, in order; each file and folder once,
+/// whatever paths and links lead to it. True if there is one; `met` has what was met so far, and whether it is or holds one.
+fn scenarios_below(
+    path: &Path,
+    found: &mut Vec<PathBuf>,
+    met: &mut BTreeMap<PathBuf, bool>,
+) -> Result<bool, ExperimentError> {
+    let unread = |error: std::io::Error| ExperimentError::Path {
         path: path.into(),
-        what,
+        what: format!("cannot be read: {error}; name a scenario or a folder"),
     };
-    if path.is_file() {
-        found.push(path.into());
-        return Ok(());
+    let real = path.canonicalize().map_err(unread)?;
+    if let Some(holds) = met.get(&real) {
+        return Ok(*holds);
     }
-    let before = found.len();
+    if real.is_file() {
+        found.push(path.into());
+        met.insert(real, true);
+        return Ok(true);
+    }
+    // A link back up finds none there.
+    met.insert(real.clone(), false);
     let entries = std::fs::read_dir(path)
         .and_then(|entries| entries.collect::<Result<Vec<_>, _>>())
-        .map_err(|error| {
-            wrong(format!(
-                "cannot be read: {error}; name a scenario or a folder"
-            ))
-        })?;
+        .map_err(unread)?;
     let mut entries: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
     entries.sort();
+    let mut holds = false;
     for entry in entries {
-        if entry.is_dir() {
-            // A folder of pictures below holds none, and that is no error.
-            match scenarios_below(&entry, found) {
-                Err(ExperimentError::Path { .. }) => {}
-                other => other?,
-            }
-        } else if entry
-            .extension()
-            .is_some_and(|extension| extension == "toml")
-        {
-            found.push(entry);
+        let is_toml = (entry.extension()).is_some_and(|extension| extension == "toml");
+        if entry.is_dir() || is_toml {
+            holds |= scenarios_below(&entry, found, met)?;
         }
     }
-    if found.len() == before {
-        return Err(wrong("holds no scenario (*.toml)".into()));
-    }
-    Ok(())
+    met.insert(real, holds);
+    Ok(holds)
 }
 
 /// A scenario under test.
@@ -250,6 +278,8 @@ struct Case {
     path: PathBuf,
     /// Its runs; none where it expects nothing or cannot be read.
     plan: Option<Plan>,
+    /// Whether the hash of its run is written into the file.
+    bless: bool,
     found: Mutex<Found>,
 }
 
@@ -265,24 +295,35 @@ struct Plan {
 struct Found {
     /// The summaries, by seed.
     summaries: BTreeMap<u64, Value>,
-    /// What is wrong with the file.
+    /// What is wrong with the file, or with its runs, by their seeds.
     wrong: Option<String>,
+    failed: BTreeMap<u64, String>,
     /// What was not met.
     not_met: Vec<String>,
     runs: usize,
     elapsed: Duration,
 }
 
+impl Found {
+    /// What is wrong or not met, one sentence each.
+    fn reasons(&self) -> impl Iterator<Item = &String> {
+        (self.wrong.iter())
+            .chain(self.failed.values())
+            .chain(&self.not_met)
+    }
+}
+
 impl Case {
-    fn read(path: PathBuf) -> Self {
+    fn read(path: PathBuf, bless: bool) -> Self {
         let mut found = Found::default();
-        let plan = Plan::read(&path).unwrap_or_else(|error| {
+        let plan = Plan::read(&path, bless).unwrap_or_else(|error| {
             found.wrong = Some(error.to_string());
             None
         });
         Self {
             path,
             plan,
+            bless,
             found: Mutex::new(found),
         }
     }
@@ -300,10 +341,17 @@ impl Case {
                 found.elapsed += elapsed;
                 found.summaries.insert(seed, summary);
             }
-            Err(error) => found.wrong = Some(format!("seed {seed}: {error}")),
+            Err(error) => {
+                found.failed.insert(seed, format!("seed {seed}: {error}"));
+            }
         }
         if found.runs == plan.seeds.len() {
             found.not_met = plan.judge(&found.summaries);
+            if self.bless
+                && let Err(error) = self.bless(plan, &mut found)
+            {
+                found.wrong = Some(error.to_string());
+            }
             drop(found);
             self.say();
         }
@@ -311,6 +359,7 @@ impl Case {
 
     fn verdict(&self, found: &Found) -> Verdict {
         match (&found.wrong, &self.plan) {
+            _ if !found.failed.is_empty() => Verdict::BadInput,
             (Some(_), _) => Verdict::BadInput,
             (None, None) => Verdict::NothingExpected,
             (None, Some(_)) if found.not_met.is_empty() => Verdict::Met,
@@ -333,24 +382,25 @@ impl Case {
             let elapsed_s = found.elapsed.as_secs_f64();
             text += &format!("  ({} run{plural}, {elapsed_s:.1} s)", found.runs);
         }
-        for reason in found.wrong.iter().chain(&found.not_met) {
+        for reason in found.reasons() {
             text += &format!("\n         {reason}");
         }
         let _ = writeln!(std::io::stdout(), "{text}");
     }
 
     /// Writes the hash of this platform into the file, which stays as it is otherwise.
-    fn bless(&mut self) -> Result<(), ExperimentError> {
-        let found = self.found.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let Some(plan) = &self.plan else {
-            return Ok(());
-        };
+    fn bless(&self, plan: &Plan, found: &mut Found) -> Result<(), ExperimentError> {
         let own = found.summaries.get(&plan.loaded.scenario.seed);
         let Some(hash) = own.and_then(|summary| summary["state_hash"].as_str()) else {
             return Ok(());
         };
         let mut document: toml_edit::DocumentMut =
-            (plan.loaded.source.parse()).map_err(|error| text_error(&self.path, error))?;
+            (plan.loaded.source.parse()).map_err(|error: toml_edit::TomlError| {
+                ExperimentError::Text {
+                    path: self.path.clone(),
+                    message: error.to_string(),
+                }
+            })?;
         let expect = document["expect"].or_insert(toml_edit::table());
         let hashes =
             expect["state_hash"].or_insert(toml_edit::value(toml_edit::InlineTable::new()));
@@ -373,7 +423,7 @@ impl Case {
             path: self.path,
             verdict,
             runs: found.runs,
-            reasons: found.wrong.into_iter().chain(found.not_met).collect(),
+            reasons: found.reasons().cloned().collect(),
             elapsed_s: found.elapsed.as_secs_f64(),
         }
     }
@@ -384,7 +434,7 @@ const HASH: &str = "state_hash";
 
 impl Plan {
     /// The runs that a scenario asks for; `None` where it expects nothing.
-    fn read(path: &Path) -> Result<Option<Self>, InputError> {
+    fn read(path: &Path, bless: bool) -> Result<Option<Self>, InputError> {
         let loaded = Scenario::load(path, &[])?;
         let Some(expect) = loaded.scenario.expected.clone() else {
             return Ok(None);
@@ -392,8 +442,10 @@ impl Plan {
         check(&loaded, &expect)?;
         let own = loaded.scenario.seed;
         let seeds = expect.seeds.as_ref().map_or(vec![own], |seeds| seeds.all());
-        if !expect.state_hash.is_empty() && !seeds.contains(&own) {
-            let what = format!("is of the scenario's seed, {own}, which is not among expect.seeds");
+        if (bless || !expect.state_hash.is_empty()) && !seeds.contains(&own) {
+            let what = format!(
+                "is of the scenario's seed, {own}, which is not among expect.seeds: add it there"
+            );
             return Err(loaded.refuse("expect.state_hash", what));
         }
         // Every run goes by the file alone, but for the eyes of a blind one.
@@ -460,15 +512,26 @@ impl Plan {
     }
 }
 
-/// Refuses bounds on figures that no run of the scenario has.
+/// Refuses bounds on figures that no run of the scenario has, of numbers on words, and of words on numbers.
 pub fn check(loaded: &Loaded, expect: &Expect) -> Result<(), InputError> {
     let shares = expect.shares.iter().enumerate();
     let tables = std::iter::once(("expect".to_owned(), &expect.values))
         .chain(shares.map(|(index, share)| (format!("expect.shares[{index}]"), &share.values)));
     for (table, values) in tables {
-        for key in values.keys() {
-            kind(key, &loaded.scenario)
-                .map_err(|wrong| loaded.refuse(&format!("{table}.values"), wrong))?;
+        for (key, bound) in values {
+            let refuse = |wrong: String| loaded.refuse(&format!("{table}.values"), wrong);
+            let kind = kind(key, &loaded.scenario).map_err(refuse)?;
+            let numbers = bound.at_least.is_some() || bound.at_most.is_some();
+            match kind {
+                Kind::Text if numbers => {
+                    return Err(refuse(format!("'{key}' is a word: bound it with is")));
+                }
+                Kind::Number if bound.is.is_some() => {
+                    let what = format!("'{key}' is a number: bound it with at_least and at_most");
+                    return Err(refuse(what));
+                }
+                _ => {}
+            }
         }
     }
     Ok(())
@@ -575,7 +638,7 @@ mod tests {
             let path = folder.path().join("s.toml");
             let own = text.split("[expect]").next().unwrap();
             std::fs::write(&path, format!("{own}\n[expect]\nblind = true\n{expect}")).unwrap();
-            Plan::read(&path).map(Option::unwrap)
+            Plan::read(&path, false).map(Option::unwrap)
         };
         let run = |acquired_s: Option<f64>| json!({ "outcome": "neutralised", "time_to_acquire_s": acquired_s, "state_hash": "0" });
         // Nineteen of twenty acquire within 2 s.
@@ -616,5 +679,66 @@ mod tests {
         );
         let refused = plan(&hash).map(|_| ()).unwrap_err().to_string();
         assert!(refused.contains("expect.state_hash"), "{refused}");
+    }
+
+    #[test]
+    fn expectations_that_cannot_fail_are_refused() {
+        let text = include_str!("../../scenarios/urban_intercept.toml");
+        let own = text.split("[expect]").next().unwrap();
+        let read = |expect: &str, bless: bool| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("s.toml");
+            std::fs::write(&path, format!("{own}\n[expect]\n{expect}")).unwrap();
+            Plan::read(&path, bless)
+                .map(|_| ())
+                .map_err(|error| error.to_string())
+        };
+        for (expect, wanted) in [
+            ("blind = true", "expects nothing"),
+            ("shares = [{ at_least = 0.5 }]", "asks nothing"),
+            ("values.outcome.at_most = 1", "'outcome' is a word"),
+            ("values.dwell_s.is = 'long'", "'dwell_s' is a number"),
+            ("values.real_time_factor.at_least = 1", "wall-clock"),
+            ("seeds = [1, 2, 1]\noutcome = 'tracked'", "holds 1 twice"),
+            ("seeds = []\noutcome = 'tracked'", "found 0 seeds"),
+        ] {
+            let message = read(expect, false).unwrap_err();
+            assert!(message.contains(wanted), "{expect}: {message}");
+        }
+        let others = "seeds = '2..=3'\noutcome = 'tracked'";
+        assert_eq!(read(others, false), Ok(()));
+        assert!(read(others, true).unwrap_err().contains("add it there"));
+    }
+
+    #[test]
+    fn scenarios_are_found_once_and_what_cannot_be_read_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(path("a/empty")).unwrap();
+        std::fs::write(path("a/one.toml"), "").unwrap();
+        std::os::unix::fs::symlink(path("a"), path("a/back")).unwrap();
+        let (mut found, mut met) = (Vec::new(), BTreeMap::new());
+        for name in ["a", "a/one.toml", "a/back"] {
+            assert!(scenarios_below(&path(name), &mut found, &mut met).unwrap());
+        }
+        assert_eq!(found, [path("a/one.toml")]);
+        assert!(!scenarios_below(&path("a/empty"), &mut found, &mut met).unwrap());
+        std::os::unix::fs::symlink(path("gone"), path("a/gone.toml")).unwrap();
+        let again = scenarios_below(&path("a"), &mut Vec::new(), &mut BTreeMap::new());
+        let message = again.unwrap_err().to_string();
+        assert!(
+            message.contains("gone.toml") && message.contains("cannot be read"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn every_seed_that_failed_is_named_in_order() {
+        let mut found = Found::default();
+        for seed in [3, 1, 2] {
+            found.failed.insert(seed, format!("seed {seed}"));
+        }
+        let reasons: Vec<&String> = found.reasons().collect();
+        assert_eq!(reasons, ["seed 1", "seed 2", "seed 3"]);
     }
 }

@@ -122,6 +122,7 @@ fn recorder(
             scenario_toml: &loaded.source,
             overrides: &loaded.overrides,
             seed: seed.0,
+            pictures: options.capture,
             version: crate::VERSION,
             epoch_unix_ns: u64::try_from(epoch).unwrap_or(0),
             tick_hz,

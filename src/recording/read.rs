@@ -36,6 +36,14 @@ pub enum ReadError {
         /// What is not there.
         what: &'static str,
     },
+    /// What it holds is not what was written.
+    #[error("{}: is damaged: {source}; make the run again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the reader says.
+        source: McapError,
+    },
 }
 
 /// A recording in memory.
@@ -55,6 +63,8 @@ pub struct Recorded {
     pub tick_hz: u32,
     /// UTC time of tick 0 since 1970-01-01 \[ns\].
     pub epoch_unix_ns: u64,
+    /// Whether its cameras rendered, where it says so.
+    pictures: Option<bool>,
     bytes: Vec<u8>,
 }
 
@@ -90,7 +100,15 @@ impl Recorded {
                     metadata = found.metadata;
                     break;
                 }
-                Ok(Record::Chunk { .. }) | Err(_) => break,
+                Ok(Record::Chunk { .. }) => break,
+                // Of a run that was killed at once this is all.
+                Err(error) if was_cut(&error) => break,
+                Err(source) => {
+                    return Err(ReadError::Damaged {
+                        path: path.into(),
+                        source,
+                    });
+                }
                 Ok(_) => {}
             }
         }
@@ -100,11 +118,17 @@ impl Recorded {
         let epoch_unix_ns = number("epoch_unix_ns").ok_or(lacks("its time"))?;
         let tick_hz = number("tick_hz").and_then(|hz| u32::try_from(hz).ok());
         let tick_hz = tick_hz.filter(|hz| *hz > 0).ok_or(lacks("its tick rate"))?;
-        let overrides = texts.remove("overrides.txt").unwrap_or_default();
+        let overrides =
+            (metadata.get("overrides")).and_then(|text| serde_json::from_str(text).ok());
+        // Recordings of earlier versions have them one a line.
+        let lines = texts.remove("overrides.txt").unwrap_or_default();
+        let overrides = overrides.unwrap_or_else(|| lines.lines().map(str::to_owned).collect());
+        let pictures = metadata.get("pictures").map(|text| text == "true");
         Ok(Self {
             path: path.into(),
             scenario_toml,
-            overrides: overrides.lines().map(str::to_owned).collect(),
+            overrides,
+            pictures,
             seed,
             version: metadata.remove("version").unwrap_or_default(),
             tick_hz,
@@ -130,8 +154,26 @@ impl Recorded {
 
     /// Whether cameras rendered in the run.
     pub fn has_pictures(&self) -> bool {
-        let mut messages = self.messages();
-        messages.any(|message| message.channel.topic.ends_with("/image"))
+        // Recordings of earlier versions show it by their images alone.
+        self.pictures.unwrap_or_else(|| {
+            let mut messages = self.messages();
+            messages.any(|message| message.channel.topic.ends_with("/image"))
+        })
+    }
+
+    /// Whether all that is there can be read; a file that was cut short may end anywhere.
+    pub fn check(&self) -> Result<(), ReadError> {
+        let options = mcap::read::Options::IgnoreEndMagic | mcap::read::Options::ValidateChunkCrcs;
+        let messages = MessageStream::new_with_options(&self.bytes, options);
+        let found =
+            messages.and_then(|mut messages| messages.try_for_each(|message| message.map(drop)));
+        match found {
+            Err(source) if self.is_whole() || !was_cut(&source) => Err(ReadError::Damaged {
+                path: self.path.clone(),
+                source,
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// The messages in their order, as far as the file can be read.
@@ -154,6 +196,15 @@ impl Recorded {
     pub fn t_s(&self, tick: u64) -> f64 {
         tick as f64 / f64::from(self.tick_hz)
     }
+}
+
+/// Whether a file that ends early is read so.
+fn was_cut(error: &McapError) -> bool {
+    // A record may be said to be longer than all that is left of a file.
+    matches!(
+        error,
+        McapError::UnexpectedEof | McapError::UnexpectedEoc | McapError::RecordTooLarge { .. }
+    )
 }
 
 /// Decodes the messages of one recording by the schemas that their channels carry.

@@ -6,6 +6,7 @@ use prost::Message as _;
 use prost_reflect::{DescriptorPool, Kind, MessageDescriptor};
 use serde_json::Value;
 
+use super::read::{ReadError, Recorded};
 use super::*;
 use crate::media::image::encode_jpeg;
 
@@ -16,6 +17,7 @@ const META: Meta = Meta {
     scenario_toml: "name = \"test\"\n",
     overrides: &[],
     seed: 42,
+    pictures: true,
     version: "0.1.0",
     epoch_unix_ns: EPOCH_NS,
     tick_hz: HZ,
@@ -344,6 +346,47 @@ fn a_killed_run_loses_less_than_a_second() {
     let share = cut.len() as f64 / messages.len() as f64;
     assert!((0.5..0.6).contains(&share), "{share}");
     assert!(cut.iter().all(decodes));
+}
+
+#[test]
+fn a_cut_recording_is_read_and_a_damaged_one_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("whole.mcap");
+    let overrides = ["description=two\nlines".to_owned(), "name=x".to_owned()];
+    let meta = Meta {
+        overrides: &overrides,
+        pictures: false,
+        ..META
+    };
+    let mut recorder = Recorder::create(&path, &meta).unwrap();
+    drive(&mut recorder, 960).unwrap();
+    recorder.finish().unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let open = |bytes: &[u8]| {
+        let path = dir.path().join("changed.mcap");
+        fs::write(&path, bytes).unwrap();
+        Recorded::open(&path).unwrap()
+    };
+    let whole = open(&bytes);
+    whole.check().unwrap();
+    // There are pictures in it, but its cameras are said to have rendered none.
+    assert!(whole.is_whole() && !whole.has_pictures());
+    assert_eq!(whole.overrides, overrides);
+    // What every recording begins with ends below 3000 bytes.
+    for cut in (3000..bytes.len() - 8).step_by(997) {
+        let cut = open(&bytes[..cut]);
+        assert!(!cut.is_whole());
+        cut.check().unwrap();
+    }
+    // A bit in the middle of a chunk.
+    let mut damaged = bytes.clone();
+    damaged[bytes.len() / 2] ^= 0x10;
+    let error = open(&damaged).check().unwrap_err();
+    assert!(matches!(error, ReadError::Damaged { .. }), "{error}");
+    assert!(!error.to_string().contains('\n'), "{error}");
+    // Also where its end is gone too.
+    let error = open(&damaged[..bytes.len() * 3 / 4]).check().unwrap_err();
+    assert!(matches!(error, ReadError::Damaged { .. }), "{error}");
 }
 
 #[test]

@@ -449,7 +449,7 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (Outcome, String
     if !crashed.is_empty() {
         return (
             Outcome::Crashed,
-            format!("{} flew into the city", crashed.join(", ")),
+            format!("{} flew into the city or another UAV", crashed.join(", ")),
         );
     }
     if acquired {

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::check::{Check, FRACTION};
 use crate::models::engage::outcome::Outcome;
@@ -67,6 +67,21 @@ impl Seeds {
         match self {
             Self::Range(range) => range.last.saturating_sub(range.first).saturating_add(1),
             Self::List(list) => list.len() as u64,
+        }
+    }
+
+    /// There must be some, not too many, and each once.
+    pub(crate) fn check(&self, check: &mut Check, most: u64) {
+        let count = self.count();
+        check.that((1..=most).contains(&count), "seeds", || {
+            format!("found {count} seeds, must be from 1 to {most}")
+        });
+        if let Self::List(list) = self {
+            let mut seen = BTreeSet::new();
+            let repeated = list.iter().find(|seed| !seen.insert(**seed));
+            check.that(repeated.is_none(), "seeds", || {
+                format!("holds {} twice", repeated.copied().unwrap_or_default())
+            });
         }
     }
 
@@ -166,17 +181,27 @@ const MOST_SEEDS: u64 = 100_000;
 impl Expect {
     pub(super) fn check(&self, check: &mut Check) {
         if let Some(seeds) = &self.seeds {
-            let count = seeds.count();
-            check.that((1..=MOST_SEEDS).contains(&count), "seeds", || {
-                format!("found {count} seeds, must be from 1 to {MOST_SEEDS}")
-            });
+            seeds.check(check, MOST_SEEDS);
         }
+        let asks = self.outcome.is_some()
+            || !(self.never.is_empty()
+                && self.values.is_empty()
+                && self.shares.is_empty()
+                && self.state_hash.is_empty());
+        check.that(asks, "", || {
+            "expects nothing: give outcome, never, values, shares or state_hash".to_owned()
+        });
         check_bounds(&self.values, check);
         for (index, share) in self.shares.iter().enumerate() {
             check.table(&format!("shares[{index}]"), |check| {
                 check.within("at_least", share.at_least, FRACTION);
                 check.maybe_within("confidence", share.confidence, 0.5..=0.999_999);
                 check_bounds(&share.values, check);
+                let asks =
+                    share.outcome.is_some() || !(share.never.is_empty() && share.values.is_empty());
+                check.that(asks, "", || {
+                    "asks nothing of its runs: give outcome, never or values".to_owned()
+                });
             });
         }
         for (platform, hash) in &self.state_hash {

@@ -83,6 +83,10 @@ fn what_is_not_as_expected_turns_the_test_red() {
     std::fs::create_dir(&empty).unwrap();
     refused(boresight().arg("test").arg(&empty), &["holds no scenario"]);
     refused(
+        boresight().args(["test", "scenarios", "--junit", "/proc/none/t.xml"]),
+        &["/proc/none/t.xml", "--junit"],
+    );
+    refused(
         boresight().args(["test", "nowhere"]),
         &["nowhere", "cannot be read"],
     );
@@ -95,7 +99,9 @@ fn a_blessed_hash_holds_and_the_results_are_written() {
     std::fs::create_dir(&scenarios).unwrap();
     let path = expecting(&scenarios, "blessed", "# Kept.\noutcome = 'tracked'");
     expecting(&scenarios, "wrong", "outcome = 'crashed'");
-    assert_eq!(test(&path, &["--bless"]).0, 0);
+    // What it writes is what it says then.
+    let (code, text) = test(&path, &["--bless"]);
+    assert!(code == 0 && !text.contains("NOT MET"), "{text}");
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(
         text.contains("state_hash") && text.contains("# Kept."),
@@ -104,8 +110,14 @@ fn a_blessed_hash_holds_and_the_results_are_written() {
     assert_eq!(test(&path, &[]).0, 0);
     // Another seed gives another hash.
     let other = text.replacen("duration_s", "seed = 2\nduration_s", 1);
-    std::fs::write(&path, other).unwrap();
+    std::fs::write(&path, &other).unwrap();
     assert_eq!(test(&path, &[]).0, 1);
+    let (code, text2) = test(&path, &["--bless"]);
+    assert!(code == 0 && !text2.contains("NOT MET"), "{text2}");
+    let others = other.replace("[expect]", "[expect]\nseeds = [7]");
+    std::fs::write(&path, others).unwrap();
+    let (code, text2) = test(&path, &["--bless"]);
+    assert!(code == 2 && text2.contains("add it there"), "{text2}");
     std::fs::write(&path, text).unwrap();
 
     let (json, xml) = (folder.path().join("t.json"), folder.path().join("t.xml"));
@@ -152,9 +164,11 @@ fn two_recordings_are_compared_and_one_is_run_again() {
     assert!(code == 0 && text.contains("equal"), "{text}");
     let (code, text) = diff(&[&mcap[0], &mcap[2]]);
     assert!(code == 1 && text.contains("first     tick "), "{text}");
+    assert!(text.contains("seed      1 | 2"), "{text}");
     // The laser's power shows when the laser does: what differs first is the beam.
     let (code, text) = diff(&[&mcap[0], &mcap[3]]);
     assert_eq!(code, 1, "{text}");
+    assert!(text.contains("station.laser.power_w=500"), "{text}");
     let first = text.lines().find(|line| line.starts_with("first")).unwrap();
     assert!(first.contains("/boresight/beam_state"), "{text}");
 
@@ -181,6 +195,28 @@ fn two_recordings_are_compared_and_one_is_run_again() {
     std::fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
     let (code, text) = diff(&[&mcap[0], &cut]);
     assert!(code == 0 && text.contains("lacks its end"), "{text}");
+    // One that was cut before its first messages, and one that was damaged, are equal to nothing.
+    let after = |from: usize, word: &[u8]| {
+        let at = bytes[from..].windows(word.len()).position(|w| w == word);
+        from + at.unwrap() + word.len()
+    };
+    let head = after(after(0, b"epoch_unix_ns"), b"tick_hz") + 40;
+    std::fs::write(&cut, &bytes[..head]).unwrap();
+    let (code, text) = diff(&[&mcap[0], &cut]);
+    assert!(code == 1 && text.contains("nothing   is in both"), "{text}");
+    let mut damaged = bytes.clone();
+    // Inside a chunk: 04 22 4D 18 begins its LZ4 frame.
+    damaged[after(bytes.len() / 2, b"\x04\x22\x4d\x18") + 200] ^= 0x10;
+    std::fs::write(&cut, &damaged).unwrap();
+    refused(
+        boresight().arg("diff").arg(&mcap[0]).arg(&cut),
+        &["cut.mcap", "is damaged"],
+    );
+    // A recording is not written over by the run that is made from it.
+    refused(
+        (boresight().arg("run").arg(&mcap[0]).arg("--out")).arg(one.folder.path()),
+        &["run.mcap", "--out"],
+    );
     // What is no recording is refused.
     for (name, bytes, wanted) in [
         ("text.mcap", &b"no recording"[..], "no MCAP recording"),
@@ -318,7 +354,16 @@ fn a_sweeps_table_depends_on_neither_cores_nor_order_nor_kills() {
         "{ name = 'none', set = ['station.position_enu_m=[0, 0, -5]'] }",
     );
     std::fs::write(&other, inside).unwrap();
-    made(sweep(&other, &path("failing"), &[]));
+    let output = sweep(&other, &path("failing"), &[]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    // Made again the next time, and all others are not.
+    let output = sweep(&other, &path("failing"), &[]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        said.contains("12 runs, 6 of them made before, 6 failed"),
+        "{said}"
+    );
     let failed = std::fs::read_to_string(path("failing").join("failed.csv")).unwrap();
     assert_eq!(failed.lines().count(), 7, "{failed}");
     assert!(
@@ -336,6 +381,11 @@ fn a_sweeps_table_depends_on_neither_cores_nor_order_nor_kills() {
         ),
         ("demo.toml", "nowhere.toml", "nowhere.toml"),
         ("seeds =", "sedes =", "did you mean 'seeds'"),
+        (
+            "set = ['detector.kind=truth']\n",
+            "set = ['detector.kind=onnx']\n",
+            "pictures: detector.kind",
+        ),
     ] {
         std::fs::write(&other, SWEEP.replace(from, to)).unwrap();
         let mut command = boresight();

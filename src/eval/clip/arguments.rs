@@ -1,6 +1,6 @@
 //! What the command line asks for, and the command that repeats it.
 
-use crate::eval::shared::quoted;
+use crate::output::quoted;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;

@@ -9,9 +9,11 @@ mod play;
 pub mod truth;
 
 use super::EvalError;
-use super::shared::{put, put_json, threads, within, within_share, writable};
+use super::shared::{within, within_share};
 use crate::inference::OnnxDetector;
 use crate::media::video::Clip;
+use crate::output::{put, put_json, writable};
+use crate::parallel::threads;
 pub use arguments::Arguments;
 use arguments::{command, folder_names};
 use figures::{Evaluation, Tally};

@@ -8,9 +8,11 @@ pub mod operating;
 mod page;
 
 use super::EvalError;
-use super::shared::{progress, put, put_json, quoted, threads, within_share, writable};
+use super::shared::{progress, within_share};
 use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::optics::detection::Detection;
+use crate::output::{OutputError, put, put_json, quoted, writable};
+use crate::parallel::threads;
 use clap::{Args, ValueEnum};
 use coco::{Coco, Half, Picture};
 use figures::{BySize, CentreHit, Cost, Evaluation, FPPI, Miss, PrecisionRecall, Speed, Worst};
@@ -85,10 +87,11 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let evaluation = measure(arguments, &coco, &model, (&images, &named), cost, speed);
     put_json(&json, &evaluation)?;
     let results = out.join("detections.json");
-    let text = results_json(&coco, &model, &images, &named).map_err(|source| EvalError::Json {
-        path: results.clone(),
-        source,
-    })?;
+    let text =
+        results_json(&coco, &model, &images, &named).map_err(|source| OutputError::Json {
+            path: results.clone(),
+            source,
+        })?;
     put(&results, text)?;
     page::write(out, &coco, &images, &evaluation)?;
     Ok(evaluation)

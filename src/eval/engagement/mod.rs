@@ -15,8 +15,10 @@ pub mod verdict;
 mod watch;
 
 use super::EvalError;
-use super::shared::{progress, put_json, threads, within, writable};
+use super::shared::{progress, within};
 use crate::app;
+use crate::output::{put_json, writable};
+use crate::parallel::threads;
 pub use arguments::Arguments;
 use job::{Bench, Outcome};
 use recipe::Recipe;

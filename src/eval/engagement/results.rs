@@ -2,7 +2,7 @@
 
 use super::job::Outcome;
 use super::verdict::{Cause, HELD_SHARE, IN_TIME_S, VISIBLE_S, What, nearness_name, size_band};
-use crate::eval::statistics::Rate;
+use crate::models::maths::statistics::Rate;
 use crate::report::page::percent;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -12,7 +12,8 @@ pub mod results;
 mod targets;
 
 use super::EvalError;
-use super::shared::{progress, put_json, writable};
+use super::shared::progress;
+use crate::output::{put_json, writable};
 use bench::Bench;
 use clap::{Args, ValueEnum};
 use results::Evaluation;

@@ -4,8 +4,8 @@
 //! `gt/SEQUENCE/gt/gt.txt`, `gt/SEQUENCE/seqinfo.ini`, `trackers/RULE/data/SEQUENCE.txt`.
 
 use super::job::{Observed, Snapshot, Square};
-use crate::eval::shared::put;
 use crate::output::OutputError;
+use crate::output::put;
 use std::fmt::Write as _;
 use std::path::Path;
 

@@ -3,9 +3,9 @@
 use super::mot;
 use super::results::{Budget, Evaluation, LosFigures, Manoeuvre, Table2};
 use crate::eval::EvalError;
-use crate::eval::shared::put;
 use crate::eval::statistics::DWELL_S;
 use crate::media::image::{ImageError, encode_jpeg};
+use crate::output::put;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::page::{Head, data_url, note, number, page, table};
 use crate::report::statistics::MissStats;

@@ -2,7 +2,8 @@
 
 use super::job::{Job, Observed};
 use crate::components::record::KeptFrame;
-use crate::eval::statistics::{Lock, Rate, Sums};
+use crate::eval::statistics::{Lock, Sums};
+use crate::models::maths::statistics::Rate;
 use crate::report::chart::Series;
 use crate::report::statistics::MissStats;
 use serde::Serialize;

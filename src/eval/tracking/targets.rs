@@ -1,7 +1,7 @@
 //! The targets of the evaluation, and its figures as text.
 
 use super::results::{Cause, Evaluation, LosRow, Target};
-use crate::eval::statistics::Rate;
+use crate::models::maths::statistics::Rate;
 
 /// Targets that the project set itself.
 const PRECISE_MEAN_PX: f64 = 0.59; // [px], the paper's field figure

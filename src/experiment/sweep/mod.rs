@@ -10,8 +10,8 @@ mod table;
 
 use super::figures::figure;
 use super::{ExperimentError, Runner};
-use crate::eval::shared::threads;
 use crate::output::{self, OutputError};
+use crate::parallel::{in_parallel, threads};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Plan, PlannedRun};
@@ -19,11 +19,10 @@ use run::{Done, STATE_HASH};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
-use std::io::Write as _;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -39,7 +38,7 @@ pub struct Arguments {
     /// Runs at a time; by default one a core. It changes no result.
     #[arg(long)]
     pub jobs: Option<NonZeroUsize>,
-    /// Make only every n-th run, from the i-th on, and no table: `2/8`. For clusters.
+    /// Make only every N-th run, from the I-th on, and no table: `2/8`. For clusters.
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
     /// Make no run: put the journals of all shards in the folder together.
@@ -69,20 +68,37 @@ fn shard(text: &str) -> Result<Shard, String> {
 /// First line of a journal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Header {
+    /// Hash of the experiment with its scenario and the files that they name.
     experiment: String,
     version: String,
+    /// Hash of the program.
+    program: String,
+}
+
+impl Header {
+    /// That of the runs which this program would make.
+    fn of(plan: &Plan) -> Result<Self, ExperimentError> {
+        let program = std::env::current_exe()
+            .and_then(std::fs::read)
+            .map_err(ExperimentError::Program)?;
+        Ok(Self {
+            experiment: plan.hash.clone(),
+            version: crate::VERSION.into(),
+            program: format!("{:016x}", xxh3_64(&program)),
+        })
+    }
 }
 
 /// How it went.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Swept {
-    /// Runs of the experiment, and those that failed.
+    /// Runs that were asked for: of the experiment, or of its shard.
     pub runs: u64,
-    /// Runs that failed.
+    /// Those of them that failed.
     pub failed: u64,
     /// Whether the table was written.
     pub table: bool,
-    /// Runs that earlier calls had made.
+    /// Those of them that earlier calls had made.
     pub resumed: u64,
 }
 
@@ -99,7 +115,16 @@ impl Swept {
             0 => String::new(),
             resumed => format!(", {resumed} of them made before"),
         };
-        format!("{runs} runs{earlier}, {failed} failed")
+        let again = match failed {
+            0 => "",
+            _ => ": a further sweep into this folder makes them again",
+        };
+        format!("{runs} runs{earlier}, {failed} failed{again}")
+    }
+
+    /// 0 where every run has its figures, else 1.
+    pub fn exit_code(&self) -> u8 {
+        u8::from(self.failed > 0)
     }
 }
 
@@ -107,17 +132,7 @@ impl Swept {
 pub fn sweep(arguments: &Arguments) -> Result<Swept, ExperimentError> {
     let plan = Plan::read(&arguments.experiment)?;
     output::create_dir(&arguments.out)?;
-    let header = Header {
-        experiment: plan.hash.clone(),
-        version: crate::VERSION.into(),
-    };
-    let mut done = BTreeMap::new();
-    for path in journals(&arguments.out)? {
-        for run in read_journal(&path, &header)? {
-            done.insert(run.run, run);
-        }
-    }
-    let resumed = done.len() as u64;
+    let header = Header::of(&plan)?;
     let (name, wanted): (String, Vec<u64>) = match arguments.shard {
         Some(Shard { number, of }) => (
             format!("{number}-of-{of}"),
@@ -128,17 +143,34 @@ pub fn sweep(arguments: &Arguments) -> Result<Swept, ExperimentError> {
         ),
         None => ("all".into(), (0..plan.runs()).collect()),
     };
-    if !arguments.merge {
-        let left: Vec<u64> = (wanted.iter().copied())
-            .filter(|index| !done.contains_key(index))
-            .collect();
-        let path = arguments.out.join(format!("{JOURNAL}{name}.jsonl"));
-        let journal = Journal::open(&path, &header)?;
-        for run in make(&plan, &left, &journal, threads(arguments.jobs))? {
-            done.insert(run.run, run);
+    // Nobody else writes it from before it is read.
+    let path = arguments.out.join(format!("{JOURNAL}{name}.jsonl"));
+    let journal = match arguments.merge {
+        false => Some(Journal::open(&path)?),
+        true => None,
+    };
+    let mut done = BTreeMap::new();
+    for path in journals(&arguments.out)? {
+        for run in read_journal(&path, &header)? {
+            keep(&mut done, run);
         }
     }
-    let failed = done.values().filter(|run| run.result.is_err()).count() as u64;
+    let succeeded = |done: &BTreeMap<u64, Done>, index: &u64| {
+        done.get(index).is_some_and(|run| run.result.is_ok())
+    };
+    // A run that failed is made again: the cause may be gone.
+    let left: Vec<u64> = (wanted.iter().copied())
+        .filter(|index| !succeeded(&done, index))
+        .collect();
+    let resumed = (wanted.len() - left.len()) as u64;
+    if let Some(journal) = journal {
+        journal.begin(&header)?;
+        for run in make(&plan, &left, &journal, threads(arguments.jobs))? {
+            keep(&mut done, run);
+        }
+    }
+    let failed = |index: &&u64| done.get(index).is_some_and(|run| run.result.is_err());
+    let failed = wanted.iter().filter(failed).count() as u64;
     let whole = done.len() as u64 == plan.runs();
     if arguments.merge && !whole {
         let missing = (0..plan.runs()).find(|index| !done.contains_key(index));
@@ -152,7 +184,8 @@ pub fn sweep(arguments: &Arguments) -> Result<Swept, ExperimentError> {
             ),
         });
     }
-    if whole && arguments.shard.is_none() {
+    let table = whole && arguments.shard.is_none();
+    if table {
         let rows: Vec<(PlannedRun, Done)> = (done.into_values())
             .map(|run| (plan.run(run.run), run))
             .collect();
@@ -162,9 +195,17 @@ pub fn sweep(arguments: &Arguments) -> Result<Swept, ExperimentError> {
     Ok(Swept {
         runs: wanted.len() as u64,
         failed,
-        table: whole && arguments.shard.is_none(),
+        table,
         resumed,
     })
+}
+
+/// Takes in a run that is over; one that succeeded stands against one that failed.
+fn keep(done: &mut BTreeMap<u64, Done>, run: Done) {
+    let stands = done.get(&run.run).is_some_and(|known| known.result.is_ok());
+    if !stands {
+        done.insert(run.run, run);
+    }
 }
 
 /// Makes runs on so many threads and writes each to the journal when it is over.
@@ -182,37 +223,16 @@ fn make(
         bar.set_style(style.progress_chars("=> "));
     }
     bar.set_prefix(plan.experiment.name.clone());
-    let (next, runner) = (AtomicUsize::new(0), Runner::default());
-    let made = Mutex::new(Vec::new());
-    let failure = Mutex::new(None);
-    let work = || {
-        while let Some(index) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let done = one(plan, *index, &runner);
-            let kept = journal.write(&done);
-            bar.inc(1);
-            match kept {
-                Ok(()) => made
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .push(done),
-                Err(error) => {
-                    // Without a journal the work would be lost.
-                    next.store(left.len(), Ordering::Relaxed);
-                    *failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-                }
-            }
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 0..threads.min(left.len()) {
-            scope.spawn(work);
-        }
+    let runner = Runner::default();
+    let made = in_parallel(left, threads, |index| {
+        let done = one(plan, *index, &runner);
+        // Without a journal the work would be lost.
+        journal.write(&done)?;
+        bar.inc(1);
+        Ok(done)
     });
     bar.finish_and_clear();
-    match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        Some(error) => Err(error.into()),
-        None => Ok(made.into_inner().unwrap_or_else(PoisonError::into_inner)),
-    }
+    made
 }
 
 /// Makes one run.
@@ -272,72 +292,175 @@ fn journals(folder: &Path) -> Result<Vec<PathBuf>, ExperimentError> {
     Ok(found)
 }
 
-/// The runs of a journal, without a line that a killed process left half written.
+/// The runs of a journal. A line that a killed process or a full disk left half written is none: its run is made again.
 fn read_journal(path: &Path, header: &Header) -> Result<Vec<Done>, ExperimentError> {
-    let text = std::fs::read_to_string(path).map_err(|source| OutputError::File {
+    let bytes = std::fs::read(path).map_err(|source| OutputError::File {
         path: path.into(),
         source,
     })?;
-    let mut lines = text
-        .split_inclusive('\n')
-        .filter(|line| line.ends_with('\n'));
+    let mut lines = bytes
+        .split_inclusive(|byte| *byte == b'\n')
+        .filter(|line| line.ends_with(b"\n"));
     let Some(first) = lines.next() else {
         return Ok(Vec::new());
     };
-    let wrong = |what: &str| ExperimentError::Path {
-        path: path.into(),
-        what: what.to_owned(),
-    };
-    if serde_json::from_str::<Header>(first).ok().as_ref() != Some(header) {
-        return Err(wrong(
-            "is of another experiment, scenario or version: name another folder with --out, or delete it",
-        ));
+    if serde_json::from_slice::<Header>(first).ok().as_ref() != Some(header) {
+        let what = "is of another experiment, scenario or file that they name, or of another build of the program: name \
+                    another folder with --out, or delete it";
+        return Err(ExperimentError::Path {
+            path: path.into(),
+            what: what.into(),
+        });
     }
-    let read = |line: &str| {
-        serde_json::from_str(line)
-            .map_err(|_| wrong("holds a line that is no run: delete the file"))
-    };
-    lines.map(read).collect()
+    Ok(lines
+        .filter_map(|line| serde_json::from_slice(line).ok())
+        .collect())
 }
 
 /// A journal that runs are added to.
 struct Journal {
     path: PathBuf,
-    file: Mutex<File>,
+    file: Mutex<Lines>,
+}
+
+/// A file that lines are added to.
+struct Lines {
+    file: File,
+    /// Whether it ends within a line.
+    torn: bool,
 }
 
 impl Journal {
-    /// Opens a journal at its end; half a line there goes.
-    fn open(path: &Path, header: &Header) -> Result<Self, ExperimentError> {
+    /// Opens a journal at its end, for this process alone.
+    fn open(path: &Path) -> Result<Self, ExperimentError> {
         let failed = |source| OutputError::File {
             path: path.into(),
             source,
         };
-        let before = std::fs::read(path).unwrap_or_default();
-        let whole = before
-            .iter()
-            .rposition(|byte| *byte == b'\n')
-            .map_or(0, |at| at + 1);
-        let file = (OpenOptions::new().create(true).append(true).open(path)).map_err(failed)?;
-        file.set_len(whole as u64).map_err(failed)?;
-        let journal = Self {
-            path: path.into(),
-            file: Mutex::new(file),
-        };
-        if whole == 0 {
-            journal.write(header)?;
+        let mut file = (OpenOptions::new().create(true).append(true).read(true))
+            .open(path)
+            .map_err(failed)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(ExperimentError::Path {
+                    path: path.into(),
+                    what: "another sweep is writing it: wait for that, or name another folder with --out".into(),
+                });
+            }
+            // Some network file systems have no locks.
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(error)) => return Err(failed(error).into()),
         }
-        Ok(journal)
+        let mut last = [b'\n'];
+        if file.metadata().map_err(failed)?.len() > 0 {
+            file.seek(SeekFrom::End(-1)).map_err(failed)?;
+            file.read_exact(&mut last).map_err(failed)?;
+        }
+        let torn = last != [b'\n'];
+        Ok(Self {
+            path: path.into(),
+            file: Mutex::new(Lines { file, torn }),
+        })
+    }
+
+    /// Writes the first line where there is none.
+    fn begin(&self, header: &Header) -> Result<(), OutputError> {
+        let failed = |source| OutputError::File {
+            path: self.path.clone(),
+            source,
+        };
+        let bytes = std::fs::read(&self.path).map_err(failed)?;
+        if bytes.contains(&b'\n') {
+            return Ok(());
+        }
+        {
+            let mut lines = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+            lines.file.set_len(0).map_err(failed)?;
+            lines.torn = false;
+        }
+        self.write(header)
     }
 
     /// Writes a line.
     fn write(&self, line: &impl Serialize) -> Result<(), OutputError> {
         let text = serde_json::to_string(line).unwrap_or_default() + "\n";
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        file.write_all(text.as_bytes())
-            .map_err(|source| OutputError::File {
+        let mut lines = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        // What stands there half written stays a line of its own.
+        let before = if lines.torn { "\n" } else { "" };
+        lines.torn = true;
+        (lines.file.write_all((before.to_owned() + &text).as_bytes())).map_err(|source| {
+            OutputError::File {
                 path: self.path.clone(),
                 source,
-            })
+            }
+        })?;
+        lines.torn = false;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(program: &str) -> Header {
+        Header {
+            experiment: "e".into(),
+            version: "v".into(),
+            program: program.into(),
+        }
+    }
+
+    fn done(run: u64, result: Result<(), &str>) -> Done {
+        Done {
+            run,
+            scenario_hash: "ü".into(),
+            result: result.map(|()| BTreeMap::new()).map_err(str::to_owned),
+        }
+    }
+
+    #[test]
+    fn a_journal_survives_what_was_cut_and_what_failed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("runs-all.jsonl");
+        let read = || read_journal(&path, &header("p")).unwrap();
+        let journal = Journal::open(&path).unwrap();
+        journal.begin(&header("p")).unwrap();
+        journal.write(&done(0, Ok(()))).unwrap();
+        journal.write(&done(1, Err("no memory"))).unwrap();
+        // Nobody else writes it meanwhile.
+        let second = Journal::open(&path).err().unwrap().to_string();
+        assert!(second.contains("another sweep"), "{second}");
+        drop(journal);
+        // Cut inside a character of two bytes.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let line = serde_json::to_string(&done(2, Ok(()))).unwrap();
+        let cut = line.find('ü').unwrap() + 1;
+        bytes.extend(&line.as_bytes()[..cut]);
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(read().len(), 2);
+        let journal = Journal::open(&path).unwrap();
+        journal.begin(&header("p")).unwrap();
+        journal.write(&done(2, Ok(()))).unwrap();
+        journal.write(&done(1, Ok(()))).unwrap();
+        drop(journal);
+        let mut all = BTreeMap::new();
+        for run in read() {
+            keep(&mut all, run);
+        }
+        // What succeeded at last stands, and a failure from another journal does not undo it.
+        keep(&mut all, done(1, Err("late")));
+        assert_eq!(all.len(), 3);
+        assert!(all.values().all(|run| run.result.is_ok()), "{all:?}");
+        // Another build of the program does not go on.
+        let other = read_journal(&path, &header("q")).unwrap_err().to_string();
+        assert!(other.contains("another build"), "{other}");
+        // A first line that was cut leaves nothing behind.
+        std::fs::write(&path, "{\"exper").unwrap();
+        let journal = Journal::open(&path).unwrap();
+        journal.begin(&header("p")).unwrap();
+        journal.write(&done(0, Ok(()))).unwrap();
+        assert_eq!(read(), [done(0, Ok(()))]);
     }
 }

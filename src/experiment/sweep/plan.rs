@@ -1,17 +1,21 @@
 //! The experiment file, and the runs that follow from it.
 
 use crate::experiment::figures::{self, Kind};
+use crate::models::flight::trajectory::Trajectory;
 use crate::models::maths::rng::Stream;
 use crate::scenario::check::Check;
 use crate::scenario::load::{self, Checked, Parsed};
 use crate::scenario::{InputError, Loaded, Places, Scenario, Seeds};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use xxhash_rust::xxh3::xxh3_64;
+use xxhash_rust::xxh3::Xxh3;
 
 /// Most runs of an experiment.
 const MOST_RUNS: u64 = 1_000_000;
+/// Most points and factors of the Sobol sequence: beyond them it has no more.
+const MOST_SOBOL: (u32, usize) = (1 << 16, sobol_burley::NUM_DIMENSIONS as usize);
 
 /// A sweep over a scenario: `boresight sweep` reads it from TOML.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -109,6 +113,24 @@ impl Checked for Experiment {
         check.that(self.samples != Some(0), "samples", || {
             "must be at least 1".into()
         });
+        if self.sampling == Sampling::Sobol {
+            let (points, factors) = MOST_SOBOL;
+            check.that(
+                self.samples.is_none_or(|samples| samples <= points),
+                "samples",
+                || {
+                    format!(
+                        "the Sobol sequence has {points} points: take no more, or latin_hypercube"
+                    )
+                },
+            );
+            check.that(self.factors.len() <= factors, "factors", || {
+                format!("the Sobol sequence has {factors} dimensions: take no more factors, or latin_hypercube")
+            });
+        }
+        if let Some(seeds) = &self.seeds {
+            seeds.check(check, MOST_RUNS);
+        }
         let mut names: Vec<&str> = Vec::new();
         for (index, factor) in self.factors.iter().enumerate() {
             check.table(&format!("factors[{index}]"), |check| {
@@ -144,6 +166,13 @@ impl FactorConfig {
         check.that(!self.name().is_empty(), "name", || {
             "a factor of levels needs a name".into()
         });
+        let mut keys = self.key.iter().map(String::as_str).chain(
+            (self.levels.iter().flatten().flat_map(|level| &level.set))
+                .filter_map(|set| Some(set.split_once('=')?.0)),
+        );
+        check.that(!keys.any(|key| key.trim() == "seed"), "key", || {
+            "a factor does not change the seed: say which the runs have with seeds".into()
+        });
         let empty = self.values.as_ref().is_some_and(Vec::is_empty)
             || self.levels.as_ref().is_some_and(Vec::is_empty);
         check.that(!empty, "values", || "must not be empty".into());
@@ -161,6 +190,10 @@ impl FactorConfig {
                 "steps",
                 || "a range in a grid needs at least 2 steps".into(),
             );
+            let whole = !self.whole || (from.fract() == 0.0 && to.fract() == 0.0);
+            check.that(whole, "range", || {
+                format!("found [{from}, {to}], a range of whole numbers has whole ends")
+            });
         }
     }
 }
@@ -248,42 +281,68 @@ impl Factor {
         match &self.values {
             Values::List(list) => list[index as usize % list.len()].clone(),
             Values::Range { steps, .. } => {
-                self.between(index as f64 / f64::from((*steps).max(2) - 1))
+                self.in_range(index as f64 / f64::from((*steps).max(2) - 1), false)
             }
         }
     }
 
-    /// The value at a place from 0 to 1 of the factor's values.
+    /// The value at a place from 0 to 1 of the factor's values, each of them as likely.
     fn between(&self, u: f64) -> Setting {
         match &self.values {
             Values::List(list) => {
                 let index = (u * list.len() as f64) as usize;
                 list[index.min(list.len() - 1)].clone()
             }
-            Values::Range {
-                key,
-                ends: [from, to],
-                log,
-                whole,
-                ..
-            } => {
-                let value = match log {
-                    // Not by powers of the ratio: the ends are to be what the file says.
-                    true if u > 0.0 && u < 1.0 => (from.ln() + u * (to.ln() - from.ln())).exp(),
-                    _ if u >= 1.0 => *to,
-                    _ => from + u * (to - from),
-                };
-                let (value, label) = match whole {
-                    true => (value.round(), format!("{}", value.round() as i64)),
-                    false => (value, format!("{value:?}")),
-                };
-                Setting {
-                    set: vec![format!("{key}={label}")],
-                    label,
-                    number: Some(value),
-                }
-            }
+            Values::Range { .. } => self.in_range(u, true),
         }
+    }
+
+    /// The value at a place from 0 to 1 of a range. Of whole numbers each is as likely, or the nearest is taken.
+    fn in_range(&self, u: f64, likely: bool) -> Setting {
+        let Values::Range {
+            key,
+            ends: [from, to],
+            log,
+            whole,
+            ..
+        } = &self.values
+        else {
+            return self.at(0);
+        };
+        // The last number has as much of the range as each other one.
+        let beyond = if *whole && likely { to + 1.0 } else { *to };
+        let value = match log {
+            // Not by powers of the ratio: the ends are to be what the file says.
+            true if u > 0.0 && u < 1.0 => (from.ln() + u * (beyond.ln() - from.ln())).exp(),
+            _ if u >= 1.0 => *to,
+            _ => from + u * (beyond - from),
+        };
+        let (value, label) = match whole {
+            true => {
+                let near = if likely { value.floor() } else { value.round() };
+                let value = near.clamp(*from, *to);
+                (value, format!("{}", value as i64))
+            }
+            false => (value, format!("{value:?}")),
+        };
+        Setting {
+            set: vec![format!("{key}={label}")],
+            label,
+            number: Some(value),
+        }
+    }
+
+    /// A value that a grid would take twice, or a list holds twice.
+    fn repeated(&self, grid: bool) -> Option<String> {
+        let labels: Vec<String> = match &self.values {
+            Values::List(list) => list.iter().map(|setting| setting.label.clone()).collect(),
+            Values::Range { whole: true, .. } if grid => (0..self.count())
+                .map(|index| self.at(index).label)
+                .collect(),
+            Values::Range { .. } => Vec::new(),
+        };
+        let mut seen = BTreeSet::new();
+        labels.into_iter().find(|label| !seen.insert(label.clone()))
     }
 }
 
@@ -307,7 +366,8 @@ pub struct Plan {
     pub factors: Vec<Factor>,
     /// Figures that are kept, with what they are.
     pub figures: Vec<(String, Kind)>,
-    /// Hash of all that the results follow from, but for the program: two experiments of one hash have one table.
+    /// Hash of what the results follow from, but for the program: experiment, scenario, and the models, UAVs and flights
+    /// that the scenario names. What such a file names itself is not in it.
     pub hash: String,
     /// The scenario's path, and its text.
     scenario: PathBuf,
@@ -367,17 +427,11 @@ impl Plan {
             _ => Vec::new(),
         };
         let figures = kept(&experiment, &base.scenario, &places)?;
+        columns_apart(&factors, &figures, &places)?;
         for (index, factor) in factors.iter().enumerate() {
-            let mut taken = figures
-                .iter()
-                .map(|(key, _)| key.as_str())
-                .chain(super::run::OWN_COLUMNS);
-            if taken.any(|name| name == factor.name) {
-                let what = format!(
-                    "the table has a column '{}' already: give the factor another name",
-                    factor.name
-                );
-                return Err(places.refuse(&format!("factors[{index}].name"), what));
+            if let Some(label) = factor.repeated(experiment.sampling == Sampling::Grid) {
+                let what = format!("takes '{label}' twice: leave one out, or take fewer steps");
+                return Err(places.refuse(&format!("factors[{index}]"), what));
             }
         }
         let plan = Self {
@@ -394,21 +448,50 @@ impl Plan {
             points,
             strata,
         };
+        let blind = !plan.experiment.pictures;
+        let mut files = named_files(&base.scenario);
+        // A factor may choose the detector; one that does not is held to the scenario's.
+        let chooses = |set: &String| {
+            let key = set.split_once('=').map_or("", |(key, _)| key.trim());
+            ["detector", "detector.kind"].contains(&key)
+        };
+        let mut chosen = false;
         for (index, factor) in plan.factors.iter().enumerate() {
             let trials = match &factor.values {
                 Values::List(list) => list.clone(),
                 Values::Range { .. } => [0.0, 1.0].map(|u| factor.between(u)).into(),
             };
+            chosen |= trials.iter().all(|setting| setting.set.iter().any(chooses));
             for setting in trials {
-                plan.load(&setting.set).map_err(|error| {
-                    let what = format!("{} = {}: {error}", factor.name, setting.label);
+                let at = |what: String| {
+                    let what = format!("{} = {}: {what}", factor.name, setting.label);
                     places.refuse(&format!("factors[{index}]"), what)
-                })?;
+                };
+                let loaded = plan
+                    .load(&setting.set)
+                    .map_err(|error| at(error.to_string()))?;
+                if blind && setting.set.iter().any(chooses) && loaded.scenario.detector.is_onnx() {
+                    return Err(at(NEEDS_PICTURES.into()));
+                }
+                files.extend(named_files(&loaded.scenario));
             }
         }
-        let all = format!("{text}\n{}", plan.source);
+        if blind && !chosen && base.scenario.detector.is_onnx() {
+            return Err(places.refuse("pictures", NEEDS_PICTURES));
+        }
+        let mut hasher = Xxh3::new();
+        for part in [&text, &plan.source] {
+            hasher.update(&(part.len() as u64).to_le_bytes());
+            hasher.update(part.as_bytes());
+        }
+        for file in files {
+            // One that is not there is told by the runs.
+            let bytes = std::fs::read(&file).unwrap_or_default();
+            hasher.update(&(bytes.len() as u64).to_le_bytes());
+            hasher.update(&bytes);
+        }
         Ok(Self {
-            hash: format!("{:016x}", xxh3_64(all.as_bytes())),
+            hash: format!("{:016x}", hasher.digest()),
             ..plan
         })
     }
@@ -416,6 +499,11 @@ impl Plan {
     /// How many runs there are.
     pub fn runs(&self) -> u64 {
         self.points * self.seeds.len() as u64
+    }
+
+    /// How many seeds every point has.
+    pub fn seeds(&self) -> usize {
+        self.seeds.len()
     }
 
     /// A run by its number; the seeds of a point stand together.
@@ -457,11 +545,11 @@ impl Plan {
         let changes = run.settings.iter().flat_map(|setting| &setting.set);
         let mut command = format!(
             "boresight run {} --seed {}",
-            crate::eval::shared::quoted(self.scenario.display()),
+            crate::output::quoted(self.scenario.display()),
             run.seed
         );
         for change in self.experiment.set.iter().chain(changes) {
-            command += &format!(" --set {}", crate::eval::shared::quoted(change));
+            command += &format!(" --set {}", crate::output::quoted(change));
         }
         if !self.experiment.pictures {
             command += " --no-capture";
@@ -473,6 +561,55 @@ impl Plan {
         let set = self.experiment.set.iter().chain(changes).cloned().collect();
         Loaded::parse(self.source.clone(), self.scenario.clone(), set)
     }
+}
+
+/// Why a detector is refused.
+const NEEDS_PICTURES: &str = "detector.kind = \"onnx\" needs pictures: add pictures = true, or \"detector.kind=truth\" to set";
+
+/// The files that the runs of a scenario read.
+fn named_files(scenario: &Scenario) -> BTreeSet<PathBuf> {
+    let detector = &scenario.detector;
+    let mut files: BTreeSet<PathBuf> = (scenario.recogniser.model(detector).map(Path::to_path_buf))
+        .into_iter()
+        .chain(detector.is_onnx().then(|| detector.onnx_model.clone()))
+        .collect();
+    let flights = (scenario.uavs.iter().map(|uav| &uav.trajectory))
+        .chain(scenario.distractors.iter().map(|other| &other.trajectory));
+    for flight in flights {
+        if let Trajectory::Recorded { file } = flight {
+            files.insert(file.into());
+        }
+    }
+    // What is no path is a name of the catalogue, which the program holds.
+    let models = scenario.uavs.iter().map(|uav| &uav.model);
+    files.extend(
+        models
+            .filter(|model| model.ends_with(".toml"))
+            .map(PathBuf::from),
+    );
+    files
+}
+
+/// Refuses two columns of one name.
+fn columns_apart(
+    factors: &[Factor],
+    figures: &[(String, Kind)],
+    places: &Places,
+) -> Result<(), InputError> {
+    let mut taken: BTreeSet<&str> = super::run::OWN_COLUMNS.into_iter().collect();
+    let kept = (figures.iter().enumerate())
+        .map(|(index, (key, _))| (format!("keep[{index}]"), key.as_str(), "leave it out"));
+    let factors = (factors.iter().enumerate()).map(|(index, factor)| {
+        let place = format!("factors[{index}].name");
+        (place, factor.name.as_str(), "give the factor another name")
+    });
+    for (place, name, mend) in kept.chain(factors) {
+        if !taken.insert(name) {
+            let what = format!("the table has a column '{name}' already: {mend}");
+            return Err(places.refuse(&place, what));
+        }
+    }
+    Ok(())
 }
 
 /// The figures that an experiment keeps, with their kinds.
@@ -519,9 +656,51 @@ mod tests {
             env!("CARGO_MANIFEST_DIR"),
             "/scenarios/urban_intercept.toml"
         );
-        let head = format!("name = 'x'\nscenario = '{scenario}'\n");
+        let head = format!("name = 'x'\nscenario = '{scenario}'\nset = ['detector.kind=truth']\n");
         std::fs::write(&path, head + text).unwrap();
         Plan::read(&path).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_shipped_experiments_can_be_read() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
+        let mut read = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let plan = Plan::read(&path);
+            assert!(plan.is_ok(), "{}: {:?}", path.display(), plan.err());
+            read += 1;
+        }
+        assert!(read >= 5);
+    }
+
+    #[test]
+    fn whole_numbers_are_as_likely_as_each_other() {
+        let text = "sampling = 'latin_hypercube'\nsamples = 300\n[[factors]]\nkey = 'detector.roi_px'\n\
+                    range = [16, 18]\nwhole = true\n";
+        let plan = plan(text).unwrap();
+        let mut counts = [0; 3];
+        for index in 0..plan.runs() {
+            let number = plan.run(index).settings[0].number.unwrap();
+            counts[number as usize - 16] += 1;
+        }
+        assert_eq!(counts, [100; 3]);
+    }
+
+    #[test]
+    fn a_changed_model_is_another_experiment() {
+        let folder = tempfile::tempdir().unwrap();
+        let uav = folder.path().join("own.toml");
+        let text = format!(
+            "[[factors]]\nkey = 'uavs.0.model'\nvalues = ['{}', 'fpv5']\n",
+            uav.display()
+        );
+        let hash = |content: &str| {
+            std::fs::write(&uav, content).unwrap();
+            plan(&text).unwrap().hash
+        };
+        let [one, same, other] = ["a", "a", "b"].map(hash);
+        assert!(one == same && one != other);
     }
 
     const POWER: &str = "[[factors]]\nkey = 'station.laser.power_w'\nrange = [100.0, 1600.0]\n";
@@ -613,6 +792,57 @@ mod tests {
             (
                 "[[factors]]\nkey = 'station.laser.power_w'\nrange = [2, 1]\nsteps = 2\n",
                 "below the second",
+            ),
+            (
+                &format!("sampling = 'sobol'\nsamples = 65537\n{POWER}"),
+                "65536 points",
+            ),
+            (
+                &format!(
+                    "sampling = 'sobol'\nsamples = 2\n{}",
+                    (0..257)
+                        .map(|n| POWER.replace("key", &format!("name = 'f{n}'\nkey")))
+                        .collect::<String>()
+                ),
+                "256 dimensions",
+            ),
+            ("[[factors]]\nkey = 'seed'\nvalues = [1, 2]\n", "with seeds"),
+            (
+                "[[factors]]\nname = 'x'\nlevels = [{ name = 'a', set = ['seed=3'] }]\n",
+                "with seeds",
+            ),
+            (&format!("seeds = []\n{POWER}steps = 2\n"), "found 0 seeds"),
+            (
+                &format!("seeds = [4, 4]\n{POWER}steps = 2\n"),
+                "holds 4 twice",
+            ),
+            (
+                "[[factors]]\nkey = 'station.laser.power_w'\nvalues = [1, 2, 1]\n",
+                "'1' twice",
+            ),
+            (
+                "[[factors]]\nkey = 'detector.roi_px'\nrange = [16, 18]\nsteps = 5\nwhole = true\n",
+                "'17' twice",
+            ),
+            (
+                "[[factors]]\nkey = 'detector.roi_px'\nrange = [16.5, 18]\nsteps = 2\nwhole = true\n",
+                "whole ends",
+            ),
+            (
+                &format!("keep = ['dwell_s', 'dwell_s']\n{POWER}steps = 2\n"),
+                "column 'dwell_s' already",
+            ),
+            (
+                &format!("keep = ['seed']\n{POWER}steps = 2\n"),
+                "column 'seed' already",
+            ),
+            (
+                &format!("keep = ['real_time_factor']\n{POWER}steps = 2\n"),
+                "wall-clock",
+            ),
+            (
+                "[[factors]]\nkey = 'detector.kind'\nvalues = ['truth', 'onnx']\n",
+                "kind = onnx: detector.kind = \"onnx\" needs pictures",
             ),
         ] {
             let message = plan(text).unwrap_err();

@@ -22,7 +22,7 @@ struct Column {
 }
 
 enum Cells {
-    Whole(Vec<i64>),
+    Whole(Vec<u64>),
     Numbers(Vec<Option<f64>>),
     Texts(Vec<Option<String>>),
 }
@@ -60,7 +60,7 @@ pub(super) fn write(
 type Row = (PlannedRun, Done);
 
 fn whole(name: &str, rows: &[Row], of: impl Fn(&Row) -> u64) -> Column {
-    let cells = rows.iter().map(|row| of(row) as i64).collect();
+    let cells = rows.iter().map(of).collect();
     Column {
         name: name.into(),
         cells: Cells::Whole(cells),
@@ -183,7 +183,8 @@ fn parquet(columns: &[Column]) -> Result<Vec<u8>, ParquetError> {
             Type::primitive_type_builder(&column.name, physical).with_repetition(repetition);
         let builder = match column.cells {
             Cells::Texts(_) => builder.with_converted_type(ConvertedType::UTF8),
-            _ => builder,
+            Cells::Whole(_) => builder.with_converted_type(ConvertedType::UINT_64),
+            Cells::Numbers(_) => builder,
         };
         builder.build().map(Arc::new)
     };
@@ -204,7 +205,11 @@ fn parquet(columns: &[Column]) -> Result<Vec<u8>, ParquetError> {
         };
         match &column.cells {
             Cells::Whole(cells) => {
-                writer.typed::<Int64Type>().write_batch(cells, None, None)?;
+                // Parquet's unsigned numbers are the same bits.
+                let cells: Vec<i64> = cells.iter().map(|cell| cell.cast_signed()).collect();
+                writer
+                    .typed::<Int64Type>()
+                    .write_batch(&cells, None, None)?;
             }
             Cells::Numbers(cells) => {
                 let values: Vec<f64> = cells.iter().copied().flatten().collect();

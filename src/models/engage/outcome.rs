@@ -12,7 +12,7 @@ pub enum Outcome {
     NotAcquired,
     /// A target was tracked, and outlasted the run.
     Tracked,
-    /// A UAV flew into the city, and none was brought down by the laser.
+    /// A UAV flew into the city or another UAV, and none was brought down by the laser.
     Crashed,
     /// Some of the UAVs were brought down by the laser.
     PartlyNeutralised,

@@ -1,5 +1,6 @@
 //! Mathematics that belongs to no domain: rotations, random streams and fields, polygons, geodesy,
-//! assignment, first- and second-order systems, frequency responses, quantiles.
+//! assignment, first- and second-order systems, frequency responses, quantiles,
+//! rates and means with intervals.
 
 pub mod assignment;
 pub mod curve;
@@ -12,3 +13,4 @@ pub mod polygon;
 pub mod quantile;
 pub mod rng;
 pub mod second_order;
+pub mod statistics;
