@@ -358,7 +358,7 @@ fn a_cut_recording_is_read_and_a_damaged_one_is_told() {
         pictures: false,
         ..META
     };
-    let mut recorder = Recorder::create(&path, &meta).unwrap();
+    let mut recorder = Recorder::create(Some(&path), None, &meta).unwrap();
     drive(&mut recorder, 960).unwrap();
     recorder.finish().unwrap();
     let bytes = fs::read(&path).unwrap();
