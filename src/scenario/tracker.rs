@@ -100,7 +100,7 @@ pub struct GainsOrder {
     pub coarse: Option<Gains>,
     /// Gains of the precise loop, with the paper's controller.
     pub precise: Option<Gains>,
-    /// Gimbal rate per angle still to turn, in 1/s, with the "tuned" law; another law may take it too.
+    /// Gimbal rate per angle still to turn, with the "tuned" law; another law may take it too.
     pub gimbal_per_s: Option<f64>,
 }
 

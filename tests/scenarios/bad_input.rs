@@ -105,8 +105,8 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
             "operator[0].slew_deg: this order already holds 'fire'",
         ),
         (
-            "operator=[{ t_s = 1.0, law = 'lgq' }]",
-            "operator[0].law: no law 'lgq' - did you mean 'lqg'?",
+            "operator=[{ t_s = 1.0, law = 'lqq' }]",
+            "operator[0].law: no law 'lqq' - did you mean 'lqg'?",
         ),
         (
             "operator=[{ t_s = 1.0, law = 'lqg' }, { t_s = 2.0, gains = { gimbal_per_s = 4.0 } }]",

@@ -403,6 +403,7 @@ fn an_order_to_hold_fire_keeps_a_uav_alive() {
 #[test]
 fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
     let south = "search={ centre_azimuth_deg = 135, elevation_deg = 5.8 }";
+    let held = "engage.authorised=false";
     let target = |set: &[&str]| {
         let app = hovering(set, 8);
         let tracker = of::<Tracker>(app.world()).clone();
@@ -411,21 +412,21 @@ fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
     let (state, changes) = target(&[south]);
     assert_eq!(state, TrackingState::Search, "{changes:?}");
     let slew = "operator=[{ t_s = 0.5, slew_deg = [315, 6] }]";
-    let (state, changes) = target(&[south, slew]);
+    let (state, changes) = target(&[south, held, slew]);
     assert!(state.holds(Tier::Precise), "{changes:?}");
     // A designation that waits for its track is no hindrance, and is carried out once there is one.
     let both = slew.replace("[{", "[{ t_s = 0.2, designate = 'intruder' }, {");
-    let app = hovering(&[south, &both], 8);
+    let app = hovering(&[south, held, &both], 8);
     let (tracker, operator) = (of::<Tracker>(app.world()), of::<Operator>(app.world()));
     assert!(tracker.designated, "{:?}", tracker.changes);
     assert_eq!((operator.waiting, operator.slew_rad), (None, None));
     // Slewed away from its target it looks elsewhere, and takes up nothing there, until it is released.
-    let away = "operator=[{ t_s = 5.0, slew_deg = [135, 6] }, { t_s = 7.0 }]";
-    let app = hovering(&["engage.authorised=false", away], 6);
+    let away = "operator=[{ t_s = 5.0, slew_deg = [135, 6] }, { t_s = 9.0 }]";
+    let app = hovering(&[held, away], 8);
     assert_eq!(of::<Tracker>(app.world()).state, TrackingState::Search);
     let az_rad = of::<Mount>(app.world()).measured_az_el_rad().x;
     assert!((az_rad.to_degrees() - 135.0).abs() < 3.0, "{az_rad}");
-    let app = hovering(&["engage.authorised=false", away], 11);
+    let app = hovering(&[held, away], 14);
     assert!(of::<Tracker>(app.world()).target.is_some());
 }
 
