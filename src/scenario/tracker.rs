@@ -193,10 +193,10 @@ pub(super) fn check_orders(
                     format!("no station '{name}'{}", suggestion(name, &names))
                 });
             }
-            if let Some(name) = &order.designate {
-                if !distractors.iter().any(|other| other.name == *name) {
-                    check_named_uav(check, "designate", name, uavs);
-                }
+            if let Some(name) = &order.designate
+                && !distractors.iter().any(|other| other.name == *name)
+            {
+                check_named_uav(check, "designate", name, uavs);
             }
             let held = order.held();
             if let [first, second, ..] = held[..] {

@@ -421,12 +421,12 @@ fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
     assert!(tracker.designated, "{:?}", tracker.changes);
     assert_eq!((operator.waiting, operator.slew_rad), (None, None));
     // Slewed away from its target it looks elsewhere, and takes up nothing there, until it is released.
-    let away = "operator=[{ t_s = 5.0, slew_deg = [135, 6] }, { t_s = 9.0 }]";
-    let app = hovering(&[held, away], 8);
+    let away = "operator=[{ t_s = 5.0, slew_deg = [135, 6] }, { t_s = 10.0 }]";
+    let app = hovering(&[held, away], 9);
     assert_eq!(of::<Tracker>(app.world()).state, TrackingState::Search);
     let az_rad = of::<Mount>(app.world()).measured_az_el_rad().x;
     assert!((az_rad.to_degrees() - 135.0).abs() < 3.0, "{az_rad}");
-    let app = hovering(&[held, away], 14);
+    let app = hovering(&[held, away], 15);
     assert!(of::<Tracker>(app.world()).target.is_some());
 }
 

@@ -29,6 +29,18 @@ use std::ops::RangeInclusive;
 
 pub const PANEL_WIDTH: f32 = 250.0;
 
+/// A station with its operator.
+type Manned = (
+    &'static Station,
+    &'static Mount,
+    &'static BeamState,
+    &'static Tracker,
+    &'static Interlocks,
+    &'static Tasking,
+    (&'static Rules, &'static mut Controller),
+    &'static mut Operator,
+);
+
 /// The panel: pace, tracking, orders, engagement, weather.
 pub fn draw_panel(
     mut contexts: EguiContexts,
@@ -39,16 +51,7 @@ pub fn draw_panel(
     mut sight: ResMut<Sight>,
     (laws, camera): (Res<PointingLaws>, Res<FreeCamera>),
     cameras: Query<&SensorCamera>,
-    mut stations: Query<(
-        &Station,
-        &Mount,
-        &BeamState,
-        &Tracker,
-        &Interlocks,
-        &Tasking,
-        (&Rules, &mut Controller),
-        &mut Operator,
-    )>,
+    mut stations: Query<Manned>,
     uavs: Query<(&Uav, &Flight, &UavStatus, &HeatedSkin)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
