@@ -3,7 +3,7 @@
 use crate::app::{self, Options, RunError};
 use crate::components::mount::{Station, Stations};
 use crate::components::run::SimClock;
-use crate::components::track::{Designation, Operator};
+use crate::components::track::{Command, Designation, Operator};
 use crate::components::view::{Pacing, Playback, ScreenshotRequest, Session, SessionEnd};
 use crate::models::flight::trajectory::Trajectory;
 use crate::output::{self, OutputError};
@@ -189,14 +189,6 @@ fn with_orders(
     let clock = world.resource::<SimClock>();
     let mut scenario = loaded.scenario.clone();
     scenario.seed = options.seed.unwrap_or(scenario.seed);
-    let named = |target: &Designation| match target {
-        Designation::Uav(index) => loaded.scenario.flying().nth(*index).map(String::from),
-        Designation::Track(_) | Designation::Release => None,
-    };
-    let track = |target: &Designation| match target {
-        Designation::Track(id) => Some(*id),
-        Designation::Uav(_) | Designation::Release => None,
-    };
     let stations = &world.resource::<Stations>().0;
     let mut orders = Vec::new();
     for station in stations {
@@ -206,12 +198,26 @@ fn with_orders(
         ) else {
             continue;
         };
-        orders.extend(operator.orders.iter().map(|order| OrderConfig {
-            t_s: clock.at_s(order.tick),
-            designate: named(&order.target),
-            track: track(&order.target),
-            // Of one station an order need not say whose it is.
-            station: (stations.len() > 1).then(|| own.name.clone()),
+        orders.extend(operator.orders.iter().map(|order| {
+            let mut config = OrderConfig {
+                t_s: clock.at_s(order.tick),
+                // Of one station an order need not say whose it is.
+                station: (stations.len() > 1).then(|| own.name.clone()),
+                ..OrderConfig::default()
+            };
+            match &order.command {
+                Command::Target(Designation::Uav(index)) => {
+                    config.designate = loaded.scenario.flying().nth(*index).map(String::from);
+                }
+                Command::Target(Designation::Track(id)) => config.track = Some(*id),
+                Command::Target(Designation::Release) => {}
+                Command::Fire(may) => config.fire = Some(*may),
+                Command::Slew(az_el_deg) => config.slew_deg = Some(*az_el_deg),
+                Command::Law(name) => config.law = Some(name.clone()),
+                Command::Gains(gains) => config.gains = Some(*gains),
+                Command::Weather(weather) => config.weather = Some(*weather),
+            }
+            config
         }));
     }
     orders.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
@@ -238,7 +244,7 @@ mod tests {
     use super::*;
     use crate::components::mount::first_station;
     use crate::components::track::Order;
-    use crate::scenario::Scenario;
+    use crate::scenario::{GainsOrder, Scenario, WeatherOrder};
 
     #[test]
     fn a_session_is_kept_as_a_scenario() {
@@ -256,12 +262,31 @@ mod tests {
             (960, Designation::Uav(1)),
             (961, Designation::Release),
         ]
-        .map(|(tick, target)| Order { tick, target });
+        .map(|(tick, target)| (tick, Command::Target(target)));
+        let gains = GainsOrder {
+            gimbal_per_s: Some(0.1 + 0.2),
+            ..GainsOrder::default()
+        };
+        let weather = WeatherOrder {
+            wind_from_deg: Some(33.3),
+            visibility_m: Some(1e4 / 3.0),
+            ..WeatherOrder::default()
+        };
+        let others = [
+            (970, Command::Fire(false)),
+            (971, Command::Slew([312.4, 0.7 / 3.0])),
+            (972, Command::Gains(gains)),
+            (972, Command::Law("lqg".into())),
+            (1000, Command::Weather(weather)),
+        ];
+        let orders: Vec<Order> = (orders.into_iter().chain(others))
+            .map(|(tick, command)| Order { tick, command })
+            .collect();
         let world = app.world_mut();
         // Given out of order, as a script and a window may.
-        for order in [orders[1], orders[0], orders[2]] {
+        for order in [1, 0].map(|i| &orders[i]).into_iter().chain(&orders[2..]) {
             let mut operators = world.query::<&mut Operator>();
-            operators.single_mut(world).unwrap().give(order);
+            operators.single_mut(world).unwrap().give(order.clone());
         }
         let text = with_orders(world, &loaded, &options).unwrap();
         let kept = Loaded::parse(text, "kept.toml".into(), Vec::new()).unwrap();
@@ -292,11 +317,11 @@ mod tests {
         };
         let order = Order {
             tick: 960,
-            target: Designation::Uav(1),
+            command: Command::Target(Designation::Uav(1)),
         };
         let east = world.resource::<Stations>().0[1];
-        world.get_mut::<Operator>(east).unwrap().give(order);
-        assert_eq!(orders(world), [vec![], vec![order]]);
+        world.get_mut::<Operator>(east).unwrap().give(order.clone());
+        assert_eq!(orders(world), [vec![], vec![order.clone()]]);
         let text = with_orders(world, &loaded, &options).unwrap();
         let kept = Loaded::parse(text, "kept.toml".into(), Vec::new()).unwrap();
         let again = app::build(&kept, &options).unwrap();

@@ -23,8 +23,6 @@ pub struct LaserSource {
     pub focus_m: Option<f64>,
     /// Residual jitter of the beam director about each axis, white per tick [rad rms].
     pub jitter_rad: f64,
-    /// Extinction at the laser's wavelength [1/m].
-    pub extinction_per_m: f64,
     /// How the intensity fluctuates, with its state.
     pub channel: Channel,
     /// Wander of the beam's centre, with its state.

@@ -101,6 +101,9 @@ pub struct SearchScan {
     pub drift_radps: DVec2,
     /// Whether that is where a radar has its target.
     pub cued: bool,
+    /// Azimuth (x) and elevation (y) to which an operator slewed the station [rad]: its area is then one field
+    /// of the first pass about that.
+    pub slew_rad: Option<DVec2>,
     /// The pass's gazes, from the centre of the area (azimuth, elevation) [rad].
     pub offsets_rad: Vec<DVec2>,
     /// The present gaze.

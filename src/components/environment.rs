@@ -11,7 +11,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Everything around the engagement that does not change during a run.
+/// Everything around the engagement. Nothing but an order changes it during a run: wind, visibility and light.
 #[derive(Resource, Clone)]
 pub struct Environment {
     /// The local frame on the Earth.

@@ -1,6 +1,7 @@
 //! The station: mount, optics, commands.
 
 use crate::models::air::wind::DrydenGust;
+use crate::models::control::tuning::MountPlant;
 use crate::models::maths::kinematics::{Pose, boresight_chain, exp_so3};
 use crate::models::maths::rng::Stream;
 use crate::models::mount::base_motion::BaseMotion;
@@ -90,6 +91,15 @@ impl Mount {
     /// Azimuth and elevation from the encoders [rad].
     pub fn measured_az_el_rad(&self) -> DVec2 {
         self.gimbal.state.encoder_az_el_rad()
+    }
+
+    /// What a pointing law is made for: gimbal and mirror, commanded every `dt_s` [s].
+    pub fn plant(&self, dt_s: f64) -> MountPlant {
+        MountPlant {
+            gimbal: self.gimbal.params,
+            mirror: self.mirror_params,
+            dt_s,
+        }
     }
 
     /// Azimuth and elevation rates from the axes' gyros [rad/s].

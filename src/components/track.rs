@@ -10,6 +10,7 @@ use crate::models::tracking::estimation::LosState;
 use crate::models::tracking::evidence::EvidenceParams;
 use crate::models::tracking::recognition::{History, Recognition};
 use crate::models::tracking::table::{JoinedTrack, Track, TrackTable};
+use crate::scenario::{GainsOrder, WeatherOrder};
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
@@ -178,22 +179,46 @@ pub enum Designation {
     Release,
 }
 
+/// What an operator may want.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Command {
+    /// A target.
+    Target(Designation),
+    /// Whether the laser may fire.
+    Fire(bool),
+    /// Azimuth and elevation about which the station searches [deg], as given: so they are saved unrounded.
+    Slew([f64; 2]),
+    /// The pointing law of this name.
+    Law(String),
+    /// Other gains of the law in force.
+    Gains(GainsOrder),
+    /// Other weather.
+    Weather(WeatherOrder),
+}
+
 /// What an operator orders, whether a scenario or a window says so.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Order {
     /// Tick from which on it counts.
     pub tick: u64,
-    /// The target that is wanted.
-    pub target: Designation,
+    /// What is wanted.
+    pub command: Command,
 }
 
-/// The operator's orders, in order of time, and those that wait for a track to hold on to.
+/// The operator's orders, in order of time, and what has come of them.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Operator {
     /// Orders sorted by tick, those carried out included.
     pub orders: Vec<Order>,
-    /// The first that has not been carried out.
+    /// The first that has not come due.
     pub next: usize,
+    /// A target that is wanted and has no track yet.
+    pub waiting: Option<Designation>,
+    /// What came due in this tick and is no target, for the parts of the station that it concerns; the air
+    /// changes in the next tick.
+    pub due: Vec<Command>,
+    /// Azimuth (x) and elevation (y) to which the station was slewed by hand [rad].
+    pub slew_rad: Option<DVec2>,
 }
 
 impl Operator {
@@ -385,7 +410,7 @@ mod tests {
     fn orders_stand_in_order_of_time_behind_those_carried_out() {
         let order = |tick, id| Order {
             tick,
-            target: Designation::Track(id),
+            command: Command::Target(Designation::Track(id)),
         };
         let mut operator = Operator::default();
         for given in [order(50, 1), order(10, 2), order(50, 3)] {

@@ -1,7 +1,6 @@
 //! The laser: propagation of the beam and heating of the target.
 
 use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
-use crate::components::environment::Environment;
 use crate::components::mount::Station;
 use crate::components::run::{RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::air::turbulence::{GammaGamma, PaperIntensity, Scintillation, Wander};
@@ -35,7 +34,6 @@ fn set_up(
     mut commands: Commands,
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
-    environment: Res<Environment>,
     stations: Query<(Entity, &Station)>,
 ) {
     let known = loaded.scenario.stations();
@@ -71,7 +69,6 @@ fn set_up(
                 Focus::Target(_) => None,
             },
             jitter_rad: laser.jitter_urad * 1e-6,
-            extinction_per_m: environment.weather.extinction_per_m(wavelength_m),
             channel,
             wander: Wander::new(0.0, 1e-2, &mut wander_rng),
             scintillation_rng,

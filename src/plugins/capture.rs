@@ -5,6 +5,7 @@ use crate::components::capture::{
 };
 use crate::components::environment::Environment;
 use crate::components::mount::{Boresight, Mount, OpticalPath, Optics, Station};
+use crate::components::render::SkyView;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::optics::calibration::{self, CalibrationError};
@@ -19,6 +20,7 @@ use crate::scenario::{
     self, CameraPath, Exposure, InputError, Loaded, ResolvedCamera, WhiteBalance,
 };
 use crate::systems::capture::{self as systems, metering};
+use crate::systems::render::scene;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -39,7 +41,15 @@ impl Plugin for CapturePlugin {
             )
             .add_systems(
                 Tick,
-                (systems::expose, systems::render_frames)
+                (
+                    scene::relight.run_if(
+                        resource_exists::<SkyView>
+                            .and_then(resource_changed::<Environment>)
+                            .and_then(not(resource_added::<Environment>)),
+                    ),
+                    systems::expose,
+                    systems::render_frames,
+                )
                     .chain()
                     .in_set(TickSet::Capture),
             );

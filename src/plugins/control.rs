@@ -7,6 +7,7 @@ use crate::components::control::{
 use crate::components::flight::{Distractor, Flight, Uav};
 use crate::components::mount::{Gimbal, Mount, OpticalPath, Optics, PanTilt, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::components::track::Operator;
 use crate::models::control::POINTING_LAWS;
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::PaperLaw;
@@ -20,6 +21,7 @@ use crate::plugins::run::fallible;
 use crate::scenario::{
     self, CameraPath, InputError, Loaded, ResolvedStation, Scenario, SearchSector,
 };
+use crate::systems::control::with_gains;
 use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
@@ -40,6 +42,7 @@ impl Plugin for ControlPlugin {
                 Tick,
                 (
                     systems::track_by_radar,
+                    systems::change_laws,
                     systems::command_mount,
                     systems::command_pan_tilts,
                     systems::choose_readouts,
@@ -68,10 +71,17 @@ fn set_up(
     uavs: Query<(&Uav, &Flight), Without<Distractor>>,
     laws: Res<PointingLaws>,
     cameras: Query<(&SensorCamera, &OpticalPath)>,
-    mut stations: Query<(Entity, &Station, &StationCameras, &mut Mount, &mut Optics)>,
+    mut stations: Query<(
+        Entity,
+        &Station,
+        &Operator,
+        &StationCameras,
+        &mut Mount,
+        &mut Optics,
+    )>,
 ) -> Result<(), PartError> {
     let known = loaded.scenario.stations();
-    for (entity, station, own, mut mount, mut optics) in &mut stations {
+    for (entity, station, operator, own, mut mount, mut optics) in &mut stations {
         let site = &known[station.index];
         let mut radar = radar(
             &loaded.scenario,
@@ -96,13 +106,29 @@ fn set_up(
         let first_gaze = mount.gimbal.params.within_stops(scan.gaze(0.0).az_el_rad);
         mount.gimbal.state = GimbalState::at_rest(first_gaze);
         *optics = mount.optics();
-        let plant = MountPlant {
-            gimbal: mount.gimbal.params,
-            mirror: mount.mirror_params,
-            dt_s: clock.dt_s(),
-        };
+        let plant = mount.plant(clock.dt_s());
         let controller = controller(&loaded, &laws, &site.place, &plant)?;
+        try_orders(&loaded, &laws, (station, operator), &controller, &plant)?;
         commands.entity(entity).insert((controller, scan, radar));
+    }
+    Ok(())
+}
+
+/// Obeys a station's orders of laws and gains on a copy of its controller, so that a bad one is found at once.
+fn try_orders(
+    loaded: &Loaded,
+    laws: &PointingLaws,
+    (station, operator): (&Station, &Operator),
+    controller: &Controller,
+    plant: &MountPlant,
+) -> Result<(), InputError> {
+    let mut tried = controller.clone();
+    let given = loaded.scenario.operator.iter().enumerate();
+    let own = given.filter(|(_, order)| order.is_for(&station.name));
+    for ((index, _), order) in own.zip(&operator.orders) {
+        tried
+            .obey(&order.command, laws, plant)
+            .map_err(|(key, what)| loaded.refuse(&format!("operator[{index}].{key}"), what))?;
     }
     Ok(())
 }
@@ -157,18 +183,9 @@ pub fn controller(
 ) -> Result<Controller, InputError> {
     let settings = &loaded.scenario.controller;
     if settings.is_paper() {
-        let law = |printed: PaperLaw, gains: Option<scenario::Gains>| match gains {
-            Some(gains) => PaperLaw {
-                kp: gains.kp,
-                ki_per_s: gains.ki_per_s,
-                kd_s: gains.kd_s,
-                ..printed
-            },
-            None => printed,
-        };
         return Ok(Controller::Paper(Box::new(PaperController::new(
-            law(PaperLaw::COARSE, settings.coarse),
-            law(PaperLaw::PRECISE, settings.precise),
+            with_gains(PaperLaw::COARSE, settings.coarse),
+            with_gains(PaperLaw::PRECISE, settings.precise),
         ))));
     }
     let name = &settings.preset;

@@ -3,7 +3,7 @@
 use crate::components::environment::Environment;
 use crate::components::run::{Options, PartError, RunScenario, SetUp, Tick, TickSet};
 use crate::models::air::atmosphere::{air_density_kgpm3, pressure_at_pa};
-use crate::models::air::sky::Sky;
+use crate::models::air::sky::{GROUND_ALBEDO, Sky};
 use crate::models::air::sun::Sun;
 use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
@@ -21,12 +21,14 @@ pub struct EnvironmentPlugin;
 impl Plugin for EnvironmentPlugin {
     fn build(&self, app: &mut App) {
         app.add_systems(SetUp, fallible(set_up).in_set(TickSet::Environment))
-            .add_systems(Tick, systems::blow.in_set(TickSet::Environment));
+            .add_systems(
+                Tick,
+                (systems::change_weather, systems::blow)
+                    .chain()
+                    .in_set(TickSet::Environment),
+            );
     }
 }
-
-/// Mean reflectance of the ground for the light it throws back up.
-pub const GROUND_ALBEDO: f64 = 0.18;
 
 fn set_up(
     mut commands: Commands,

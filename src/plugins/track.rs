@@ -4,7 +4,7 @@ use crate::components::detect::{DetectorInUse, Reading};
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
-    Designation, Gallery, Operator, Order, RangeFinder, Recogniser, TrackStage, Tracker,
+    Command, Designation, Gallery, Operator, Order, RangeFinder, Recogniser, TrackStage, Tracker,
     TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
@@ -174,17 +174,41 @@ pub fn tracker_params(
 /// The orders of a scenario that a station obeys.
 fn operator(scenario: &Scenario, station: &str, clock: SimClock) -> Operator {
     let index = |name: &String| scenario.flying().position(|known| known == name);
-    let meant = |order: &&OrderConfig| order.station.as_deref().is_none_or(|name| name == station);
-    let orders = scenario.operator.iter().filter(meant).map(|order| Order {
+    let meant = scenario
+        .operator
+        .iter()
+        .filter(|order| order.is_for(station));
+    let orders = meant.map(|order| Order {
         tick: clock.ticks_of(order.t_s),
-        target: match (order.designate.as_ref().and_then(index), order.track) {
-            (Some(index), _) => Designation::Uav(index),
-            (None, Some(id)) => Designation::Track(id),
-            (None, None) => Designation::Release,
+        command: match order {
+            OrderConfig {
+                fire: Some(may), ..
+            } => Command::Fire(*may),
+            OrderConfig {
+                slew_deg: Some(az_el_deg),
+                ..
+            } => Command::Slew(*az_el_deg),
+            OrderConfig {
+                law: Some(name), ..
+            } => Command::Law(name.clone()),
+            OrderConfig {
+                gains: Some(gains), ..
+            } => Command::Gains(*gains),
+            OrderConfig {
+                weather: Some(weather),
+                ..
+            } => Command::Weather(*weather),
+            _ => Command::Target(
+                match (order.designate.as_ref().and_then(index), order.track) {
+                    (Some(index), _) => Designation::Uav(index),
+                    (None, Some(id)) => Designation::Track(id),
+                    (None, None) => Designation::Release,
+                },
+            ),
         },
     });
     Operator {
         orders: orders.collect(),
-        next: 0,
+        ..default()
     }
 }

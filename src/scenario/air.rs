@@ -1,5 +1,7 @@
 //! Weather and optical turbulence of a scenario.
 
+use std::ops::RangeInclusive;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -181,12 +183,17 @@ pub enum IntensityModel {
     Paper,
 }
 
+/// What the mean wind and the visibility may be.
+pub(super) const WIND_MPS: RangeInclusive<f64> = 0.0..=60.0; // [m/s]
+pub(super) const WIND_FROM_DEG: RangeInclusive<f64> = 0.0..=360.0; // [deg]
+pub(super) const VISIBILITY_M: RangeInclusive<f64> = 10.0..=400_000.0; // [m]
+
 impl WeatherConfig {
     pub(super) fn check(&self, check: &mut Check) {
-        check.maybe_within("wind_speed_mps", self.wind_speed_mps, 0.0..=60.0);
-        check.maybe_within("wind_from_deg", self.wind_from_deg, 0.0..=360.0);
+        check.maybe_within("wind_speed_mps", self.wind_speed_mps, WIND_MPS);
+        check.maybe_within("wind_from_deg", self.wind_from_deg, WIND_FROM_DEG);
         check.maybe_within("gust_mps", self.gust_mps, 0.0..=90.0);
-        check.maybe_within("visibility_m", self.visibility_m, 10.0..=400_000.0);
+        check.maybe_within("visibility_m", self.visibility_m, VISIBILITY_M);
         check.maybe_within("temperature_c", self.temperature_c, -90.0..=60.0);
         check.maybe_within("relative_humidity", self.relative_humidity, FRACTION);
         check.maybe_within("pressure_hpa", self.pressure_hpa, 850.0..=1100.0);

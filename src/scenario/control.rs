@@ -62,7 +62,7 @@ impl ControllerConfig {
 }
 
 impl Gains {
-    fn check(&self, check: &mut Check) {
+    pub(super) fn check(&self, check: &mut Check) {
         check.within("kp", self.kp, AT_LEAST_ZERO);
         check.within("ki_per_s", self.ki_per_s, AT_LEAST_ZERO);
         check.within("kd_s", self.kd_s, AT_LEAST_ZERO);

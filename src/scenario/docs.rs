@@ -182,6 +182,9 @@ fn write_table(text: &mut String, schema: &Value) {
 
 /// Unit of a field, from the suffix of its name.
 fn unit(name: &str) -> &'static str {
+    if name.ends_with("_per_s") {
+        return "1/s";
+    }
     match name.rsplit_once('_').map_or("", |(_, suffix)| suffix) {
         "m" => "m",
         "m2" => "m²",

@@ -49,7 +49,7 @@ pub use skin::SkinKind;
 pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};
 pub use swarms::{SwarmConfig, SwarmLanding, SwarmOrigin, SwarmSplit, SwarmTakeOff};
 pub use targets::{DistractorConfig, UavConfig};
-pub use tracker::{AssociationRule, OrderConfig, TrackerConfig};
+pub use tracker::{AssociationRule, GainsOrder, OrderConfig, TrackerConfig, WeatherOrder};
 
 use std::fmt;
 use std::path::{Path, PathBuf};

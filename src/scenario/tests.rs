@@ -293,7 +293,7 @@ fn a_cue_names_a_uav() {
 }
 
 #[test]
-fn an_order_has_one_target_at_most() {
+fn an_order_holds_one_thing_at_most() {
     let order = |fields: &str| format!("operator=[{{ t_s = 2, {fields} }}]");
     let given = |fields: &str| with(&[&order(fields)]).operator.remove(0);
     assert_eq!(given("designate = 'one'").designate.as_deref(), Some("one"));
@@ -301,11 +301,41 @@ fn an_order_has_one_target_at_most() {
     let neither = with(&["operator=[{ t_s = 2 }]"]).operator.remove(0);
     assert_eq!((neither.designate, neither.track), (None, None));
     let refused = |fields: &str| error(GOOD, &[&order(fields)]);
-    assert!(
-        refused("designate = 'one', track = 7").ends_with(
-            "operator[0].track: an order has one target: give either designate or track"
-        )
-    );
+    assert!(refused("designate = 'one', track = 7").ends_with(
+        "operator[0].track: this order already holds 'designate': give 'track' an order of its own"
+    ));
+    assert!(refused("fire = false, law = 'lqg'").contains("operator[0].law: this order already"));
+    let slew = given("slew_deg = [315, 6.5]");
+    assert_eq!((slew.slew_deg, slew.fire), (Some([315.0, 6.5]), None));
+    for (fields, what) in [
+        (
+            "slew_deg = [400, 5]",
+            "slew_deg[0]: found 400, must be from -360 to 360",
+        ),
+        (
+            "slew_deg = [0, 91]",
+            "slew_deg[1]: found 91, must be from -90 to 90",
+        ),
+        (
+            "weather = { wind_speed_mps = -1 }",
+            "weather.wind_speed_mps: found -1, must be from 0 to 60",
+        ),
+        (
+            "weather = {}",
+            "weather: changes nothing: give wind_speed_mps, wind_from_deg or",
+        ),
+        (
+            "gains = {}",
+            "gains: changes no gain: give coarse, precise or gimbal_per_s",
+        ),
+        (
+            "gains = { coarse = { kp = -1, ki_per_s = 0, kd_s = 0 } }",
+            "gains.coarse.kp: found -1, must be at least 0",
+        ),
+    ] {
+        let error = refused(fields);
+        assert!(error.contains(&format!("operator[0].{what}")), "{error}");
+    }
     assert!(refused("designate = 'ona'").contains("operator[0].designate: no UAV 'ona' - did you"));
     let gull = "distractors=[{ name = 'gull', kind = 'bird', trajectory = { kind = 'hover', \
                 position_enu_m = [1, 2, 3] } }]";

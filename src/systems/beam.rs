@@ -188,7 +188,10 @@ fn cross_air(
     } else {
         f64::INFINITY
     });
-    let transmitted = transmittance(source.extinction_per_m, range_m);
+    let extinction_per_m = environment
+        .weather
+        .extinction_per_m(source.laser.wavelength_m);
+    let transmitted = transmittance(extinction_per_m, range_m);
     // Blooming spreads the power it takes from the peak: a Gaussian widened to match.
     let spot_radius_m = source
         .laser
@@ -329,7 +332,10 @@ pub(crate) fn expected_irradiance_wpm2(
     let spot_m = source
         .laser
         .long_term_radius_m(range_m, focus_m, &turbulence);
-    let power_w = source.laser.power_w * transmittance(source.extinction_per_m, range_m);
+    let extinction_per_m = environment
+        .weather
+        .extinction_per_m(source.laser.wavelength_m);
+    let power_w = source.laser.power_w * transmittance(extinction_per_m, range_m);
     let swept_m = spot_m.hypot(2.0 * source.jitter_rad * range_m);
     power_in_bucket_w(power_w, swept_m, 0.0, BUCKET_RADIUS_M) / (PI * BUCKET_RADIUS_M.powi(2))
 }
@@ -348,7 +354,9 @@ fn renew_path(
     let aerosol_per_m = (environment.weather).aerosol_extinction_per_m(source.laser.wavelength_m);
     let air = BloomingAir {
         absorption_per_m: ABSORBED_SHARE * aerosol_per_m,
-        extinction_per_m: source.extinction_per_m,
+        extinction_per_m: environment
+            .weather
+            .extinction_per_m(source.laser.wavelength_m),
         temperature_k: environment.weather.temperature_k,
         crosswind_mps,
         slew_radps: 0.0,

@@ -4,7 +4,7 @@ mod search;
 
 use crate::components::capture::{CameraOf, Readout, SensorCamera, StationCameras, Tier};
 use crate::components::control::{
-    Controller, PaperController, PointingController, Radar, SearchScan,
+    Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
 use crate::components::detect::DetectorInUse;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
@@ -13,15 +13,17 @@ use crate::components::mount::{
 };
 use crate::components::network::Tasking;
 use crate::components::run::{Failure, SimClock};
-use crate::components::track::{Tracker, TrackingState};
+use crate::components::track::{Command, Operator, Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
-use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
+use crate::models::control::paper::{PaperLaw, coarse_axis_rates, precise_mirror};
+use crate::models::control::tuning::MountPlant;
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::mount::gimbal::GimbalCommand;
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::radar::{Plot, RadarTrack};
 use crate::models::tracking::search::Gaze;
 use crate::models::tracking::table::separation_rad;
+use crate::scenario::{Gains, GainsOrder, suggestion};
 use crate::systems::control::search::{read_every, search};
 use crate::systems::track::CONFIRM_HITS;
 use bevy::ecs::query::QueryData;
@@ -135,6 +137,7 @@ pub struct Commanded {
     station: &'static Station,
     mount: &'static Mount,
     tracker: &'static Tracker,
+    operator: &'static Operator,
     radar: &'static Radar,
     tasking: &'static Tasking,
     cameras: &'static StationCameras,
@@ -155,6 +158,7 @@ pub fn command_mount(
             station,
             mount,
             tracker,
+            operator,
             radar,
             tasking,
             cameras: own,
@@ -165,6 +169,8 @@ pub fn command_mount(
         let gaze = (tracker.state == TrackingState::Search).then(|| {
             let tasked = tasking.cue(mount.r_enu_m, clock.t_s());
             let cue = tasked.or_else(|| radar.cue(clock.t_s()));
+            scan.slew(operator.slew_rad, cue, clock.t_s());
+            let cue = cue.filter(|_| scan.slew_rad.is_none());
             search(&clock, tracker, cue, &mut scan, &mount.gimbal)
         });
         if gaze.is_none() {
@@ -206,6 +212,91 @@ pub fn command_mount(
     }
 }
 
+/// Puts laws and gains in force that operators have ordered in this tick. One that cannot be had is passed over:
+/// a scenario's are tried at the set-up, and a window offers what there is.
+pub fn change_laws(
+    clock: Res<SimClock>,
+    laws: Res<PointingLaws>,
+    mut stations: Query<(&Mount, &Operator, &mut Controller)>,
+) {
+    for (mount, operator, mut controller) in &mut stations {
+        for command in &operator.due {
+            let _ = controller.obey(command, &laws, &mount.plant(clock.dt_s()));
+        }
+    }
+}
+
+/// A law of the paper with other gains, if there are any.
+pub fn with_gains(law: PaperLaw, gains: Option<Gains>) -> PaperLaw {
+    match gains {
+        Some(Gains { kp, ki_per_s, kd_s }) => PaperLaw {
+            kp,
+            ki_per_s,
+            kd_s,
+            ..law
+        },
+        None => law,
+    }
+}
+
+impl Controller {
+    /// Takes an ordered law or gains; what is wrong with the order, and at which key, if it cannot be obeyed.
+    pub fn obey(
+        &mut self,
+        command: &Command,
+        laws: &PointingLaws,
+        plant: &MountPlant,
+    ) -> Result<(), (&'static str, String)> {
+        match (command, self) {
+            (Command::Law(name), Self::Pointing(pointing)) => {
+                // The hand-over stays: commands go on from where they are.
+                pointing.law = laws
+                    .make(name, plant)
+                    .ok_or_else(|| {
+                        let hint = suggestion(name, &laws.names().collect::<Vec<_>>());
+                        ("law", format!("no law '{name}'{hint}"))
+                    })?
+                    .map_err(|error| ("law", error.to_string()))?;
+                pointing.name = name.clone();
+            }
+            (Command::Law(_), Self::Paper(_)) => {
+                let cure = "the paper's loops give way to no law during a run - start with another                             controller.preset";
+                return Err(("law", cure.into()));
+            }
+            (Command::Gains(gains), Self::Pointing(pointing)) => {
+                match (gains, pointing.law.gimbal_gain_per_s()) {
+                    (
+                        GainsOrder {
+                            coarse: None,
+                            precise: None,
+                            gimbal_per_s: Some(ordered),
+                        },
+                        Some(gain),
+                    ) => *gain = *ordered,
+                    _ => {
+                        let what = format!(
+                            "the law '{}' cannot take these - the law 'tuned' takes gimbal_per_s, the \
+                             paper's loops take coarse and precise",
+                            pointing.name
+                        );
+                        return Err(("gains", what));
+                    }
+                }
+            }
+            (Command::Gains(gains), Self::Paper(paper)) => {
+                if gains.gimbal_per_s.is_some() {
+                    let what = "the paper's loops take coarse and precise";
+                    return Err(("gains.gimbal_per_s", what.into()));
+                }
+                paper.coarse_law = with_gains(paper.coarse_law, gains.coarse);
+                paper.precise_law = with_gains(paper.precise_law, gains.precise);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
 /// The command that turns a gimbal to a gaze and moves along with it.
 fn turn_to(gimbal: &Gimbal, gaze: &Gaze) -> GimbalCommand {
     let slews = (gimbal.params).position_command(&gimbal.state, gaze.az_el_rad);
@@ -219,15 +310,18 @@ fn turn_to(gimbal: &Gimbal, gaze: &Gaze) -> GimbalCommand {
 /// target, and otherwise through the sector.
 pub fn command_pan_tilts(
     clock: Res<SimClock>,
-    stations: Query<(&Tracker, &Radar)>,
+    stations: Query<(&Tracker, &Radar, &Operator)>,
     mut pan_tilts: Query<(&mut PanTilt, &mut SearchScan)>,
 ) {
     for (mut pan_tilt, mut scan) in &mut pan_tilts {
-        let Ok((tracker, radar)) = stations.get(pan_tilt.station) else {
+        let Ok((tracker, radar, operator)) = stations.get(pan_tilt.station) else {
             continue;
         };
         let searches = tracker.state == TrackingState::Search;
+        let slew_rad = operator.slew_rad.filter(|_| searches);
         let cue = radar.cue(clock.t_s()).filter(|_| searches);
+        scan.slew(slew_rad, cue, clock.t_s());
+        let cue = cue.filter(|_| slew_rad.is_none());
         let gaze = search(&clock, tracker, cue, &mut scan, &pan_tilt.gimbal);
         pan_tilt.command = turn_to(&pan_tilt.gimbal, &gaze);
     }

@@ -7,7 +7,7 @@ use crate::components::environment::Environment;
 use crate::components::mount::Mount;
 use crate::components::network::Tasking;
 use crate::components::run::SimClock;
-use crate::components::track::{Tracker, TrackingState};
+use crate::components::track::{Command, Operator, Tracker, TrackingState};
 use crate::models::engage::interlock::{
     FAR_M, beam_half_angle_rad, bundle, bundle_hit_m, faces_sun, in_beam,
 };
@@ -150,7 +150,8 @@ impl Way<'_> {
 #[query_data(mutable)]
 pub struct Firing {
     mount: &'static Mount,
-    rules: &'static Rules,
+    operator: &'static Operator,
+    rules: &'static mut Rules,
     tracker: &'static Tracker,
     tasking: &'static Tasking,
     cameras: &'static StationCameras,
@@ -194,7 +195,8 @@ fn decide_station(
 ) {
     let FiringItem {
         mount,
-        rules,
+        operator,
+        mut rules,
         tracker,
         tasking,
         cameras: own,
@@ -202,6 +204,12 @@ fn decide_station(
         mut burst,
         mut command,
     } = station;
+    for command in &operator.due {
+        if let Command::Fire(may) = command {
+            rules.authorised = *may;
+        }
+    }
+    let rules = &*rules;
     let Interlocks {
         reasons,
         looked_over,

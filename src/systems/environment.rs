@@ -1,10 +1,75 @@
-//! The air at every UAV.
+//! The air at every UAV, and the weather that operators change.
 
 use crate::components::environment::Environment;
 use crate::components::flight::{Air, Flight};
-use crate::components::run::{Seed, SimClock};
+use crate::components::mount::Mount;
+use crate::components::run::{Failure, Seed, SimClock};
+use crate::components::track::{Command, Operator};
 use crate::models::air::shared_gusts::SharedNoise;
+use crate::models::air::sky::{GROUND_ALBEDO, Sky};
+use crate::models::air::weather::Weather;
+use crate::models::air::wind::WindError;
+use crate::scenario::WeatherOrder;
 use bevy::prelude::*;
+
+impl Environment {
+    /// Takes over what an order changes of the weather, and the light that follows from it.
+    fn change(&mut self, order: &WeatherOrder) -> Result<(), WindError> {
+        let before = self.weather;
+        let wind_speed_mps = order.wind_speed_mps.unwrap_or(before.wind_speed_mps);
+        let wind_from_rad = (order.wind_from_deg).map_or(before.wind_from_rad, f64::to_radians);
+        self.mean_wind = (self.mean_wind).changed(wind_speed_mps, wind_from_rad.to_degrees())?;
+        self.weather = Weather {
+            wind_speed_mps,
+            wind_from_rad,
+            gust_mps: before
+                .gust_mps
+                .filter(|gust_mps| *gust_mps >= wind_speed_mps),
+            visibility_m: order.visibility_m.unwrap_or(before.visibility_m),
+            ..before
+        };
+        self.sky = Sky::new(
+            self.sun_dir_enu,
+            self.weather.visibility_m,
+            self.weather.cloud_cover,
+            GROUND_ALBEDO,
+        );
+        Ok(())
+    }
+}
+
+/// Changes the weather as operators ordered in the last tick: what reads it follows by itself, and the air
+/// around UAVs and mounts goes on in the new wind.
+pub fn change_weather(
+    operators: Query<&Operator>,
+    mut environment: ResMut<Environment>,
+    mut uavs: Query<&mut Air>,
+    mut mounts: Query<&mut Mount>,
+    mut failure: ResMut<Failure>,
+) {
+    for command in operators.iter().flat_map(|operator| &operator.due) {
+        let Command::Weather(order) = command else {
+            continue;
+        };
+        if let Err(error) = environment.change(order) {
+            failure.set(error);
+        }
+        let Environment {
+            mean_wind, weather, ..
+        } = &*environment;
+        for mut air in &mut uavs {
+            let gusts = air.gusts.clone().carried_by(mean_wind);
+            air.gusts = gusts.reaching(weather.gust_mps);
+        }
+        let winds = mounts
+            .iter_mut()
+            .filter_map(|mount| mount.into_inner().wind.as_mut());
+        for wind in winds {
+            wind.mean_enu_mps = mean_wind.mean_wind_enu_mps(wind.height_agl_m);
+            wind.gusts = (wind.gusts.clone().carried_by(mean_wind)).reaching(weather.gust_mps);
+        }
+    }
+}
 
 /// Mean wind and gusts at every UAV, where it was at the end of the last tick.
 pub fn blow(

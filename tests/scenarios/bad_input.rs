@@ -100,6 +100,26 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
             "operator=[{ t_s = 1.0, designate = 'nobody' }]",
             "operator[0].designate",
         ),
+        (
+            "operator=[{ t_s = 1.0, fire = true, slew_deg = [3, 4] }]",
+            "operator[0].slew_deg: this order already holds 'fire'",
+        ),
+        (
+            "operator=[{ t_s = 1.0, law = 'lqq' }]",
+            "operator[0].law: no law 'lqq' - did you mean 'lqg'?",
+        ),
+        (
+            "operator=[{ t_s = 1.0, law = 'lqg' }, { t_s = 2.0, gains = { gimbal_per_s = 4.0 } }]",
+            "operator[1].gains: the law 'lqg' cannot take these",
+        ),
+        (
+            "operator=[{ t_s = 1.0, slew_deg = [0, 120] }]",
+            "operator[0].slew_deg[1]: found 120, must be from -90 to 90",
+        ),
+        (
+            "operator=[{ t_s = 1.0, weather = { wind_speed_mps = -3.0 } }]",
+            "operator[0].weather.wind_speed_mps: found -3, must be from 0 to 60",
+        ),
     ] {
         refused(
             blind(folder, demo).args(["--set", set]),

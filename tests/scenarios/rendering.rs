@@ -359,6 +359,44 @@ fn contrast(frame: &ExposedFrame, seen: &UavInFrame, silhouette_px2: f64) -> f64
 /// Four dark UAVs of one kind stand before the horizon in fog, turned alike. Their contrast falls
 /// with the range as the model of the air says (eq. 5), which the shader works out for itself.
 #[test]
+fn ordered_fog_is_seen_in_the_next_frame() {
+    let _one = rendering();
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    // What a camera sets once by the light of the start would tell the runs apart.
+    let own = [
+        "detector.kind=truth",
+        "station.cameras.search.exposure_s=0.001",
+        "station.cameras.search.white_balance=daylight",
+    ];
+    let pictures = |set: &[&str]| -> Vec<Vec<u8>> {
+        let set: Vec<String> = own.iter().chain(set).map(ToString::to_string).collect();
+        let loaded = Scenario::load(&path, &set).unwrap();
+        let options = Options {
+            capture: true,
+            ..Options::default()
+        };
+        let mut app = app::build(&loaded, &options).unwrap();
+        let world = app.world_mut();
+        let mut pictures = Vec::new();
+        for _ in 0..loaded.scenario.tick_hz / 10 {
+            app::step(world).unwrap();
+            let frames = world.resource::<Frames>().0.iter();
+            let search = frames.filter(|frame| frame.tier == Tier::Search);
+            pictures.extend(search.filter_map(|frame| Some(frame.rgb8.as_ref()?.to_vec())));
+        }
+        pictures
+    };
+    let clear = pictures(&["weather={}"]);
+    let foggy = pictures(&["weather={ visibility_m = 500 }"]);
+    // The first frame is due after 1/30 s, the order a tick before the second.
+    let order = "operator=[{ t_s = 0.0656, weather = { visibility_m = 500 } }]";
+    let ordered = pictures(&["weather={}", order]);
+    assert_eq!(ordered.len(), 3);
+    assert!(ordered[0] == clear[0] && clear[0] != foggy[0]);
+    assert!(ordered[1] == foggy[1] && ordered[2] == foggy[2]);
+}
+
+#[test]
 fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
     const VISIBILITY_M: f64 = 500.0;
     let _one = rendering();

@@ -1,22 +1,23 @@
 //! Tracking against the truth.
 
 use crate::common::{BLIND, ROOT, of, run_scenario};
-use bevy::prelude::World;
+use bevy::prelude::{App, World};
 use boresight::app::{self, Options};
+use boresight::components::beam::BeamState;
 use boresight::components::capture::Tier;
 use boresight::components::control::SearchScan;
 use boresight::components::environment::Environment;
-use boresight::components::flight::{Flight, Uav, UavStatus};
+use boresight::components::flight::{Air, Flight, Uav, UavStatus};
 use boresight::components::mount::{Mount, Optics};
 use boresight::components::record::StateHash;
 use boresight::components::run::SimClock;
 use boresight::components::track::{
-    Designation, Operator, Order, StateChange, Tracker, TrackingState,
+    Command, Designation, Operator, Order, StateChange, Tracker, TrackingState,
 };
 use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::LineOfSight;
 use boresight::models::maths::kinematics::error_angles;
-use boresight::scenario::Scenario;
+use boresight::scenario::{GainsOrder, Scenario, WeatherOrder};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -250,7 +251,7 @@ fn an_operator_points_at_a_uav_and_hands_the_choice_back() {
 }
 
 /// The crossing pair with orders that a window gives between ticks, and what it then keeps.
-fn ordered(set: &[String], given: &[(f64, Designation)], seconds: f64) -> (Vec<u64>, Vec<Order>) {
+fn ordered(set: &[String], given: &[(f64, Command)], seconds: f64) -> (Vec<u64>, Vec<Order>) {
     let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
     let loaded = Scenario::load(&path, set).unwrap();
     let mut app = app::build(&loaded, &Options::default()).unwrap();
@@ -258,12 +259,12 @@ fn ordered(set: &[String], given: &[(f64, Designation)], seconds: f64) -> (Vec<u
     let hz = f64::from(loaded.scenario.tick_hz);
     let hashes = (0..(seconds * hz) as u64)
         .map(|tick| {
-            for (t_s, target) in given {
+            for (t_s, command) in given {
                 if (t_s * hz) as u64 == tick {
                     let mut operator = world.query::<&mut Operator>().single_mut(world).unwrap();
                     operator.give(Order {
                         tick: tick + 1,
-                        target: *target,
+                        command: command.clone(),
                     });
                 }
             }
@@ -292,10 +293,10 @@ fn a_session_in_the_window_is_repeated_by_its_orders() {
     let other = tracker.table.tracks.iter().find(|track| track.id != target);
     let other = other.expect("both UAVs have tracks").id;
     let given = [
-        (3.0, Designation::Track(target)),
-        (3.5, Designation::Track(9_999)),
-        (4.0, Designation::Track(other)),
-        (6.0, Designation::Release),
+        (3.0, Command::Target(Designation::Track(target))),
+        (3.5, Command::Target(Designation::Track(9_999))),
+        (4.0, Command::Target(Designation::Track(other))),
+        (6.0, Command::Target(Designation::Release)),
     ];
     let (clicked, orders) = ordered(&set, &given, seconds);
     assert_eq!(orders.len(), 4);
@@ -315,6 +316,142 @@ fn a_session_in_the_window_is_repeated_by_its_orders() {
     let (repeated, again) = ordered(&set, &[], seconds);
     assert_eq!(again, orders);
     assert_eq!(repeated, clicked);
+}
+
+#[test]
+fn fire_slew_law_gains_and_weather_are_repeated_by_their_orders() {
+    let set = ["detector.kind=truth", BESIDE].map(String::from);
+    let wind = WeatherOrder {
+        wind_speed_mps: Some(9.7),
+        wind_from_deg: Some(0.1 + 0.2),
+        visibility_m: Some(1e4 / 3.0),
+    };
+    let gains = GainsOrder {
+        gimbal_per_s: Some(4.2),
+        ..GainsOrder::default()
+    };
+    let given = [
+        (0.5, Command::Fire(false)),
+        (2.5, Command::Gains(gains)),
+        (3.0, Command::Law("lqg".into())),
+        (3.5, Command::Weather(wind)),
+        (4.0, Command::Slew([314.1, 5.9])),
+        (5.0, Command::Target(Designation::Release)),
+    ];
+    let (clicked, orders) = ordered(&set, &given, 6.0);
+    let (untouched, _) = ordered(&set, &[], 6.0);
+    let differs = untouched.iter().zip(&clicked).position(|(a, b)| a != b);
+    // The wind blows from the tick after the order on, whatever the fire may be.
+    assert!(differs.is_some_and(|tick| tick <= 3361), "{differs:?}");
+    let at = |i: usize| orders[i].tick as f64 / 960.0;
+    let scripted = format!(
+        "operator=[{{ t_s = {}, fire = false }}, {{ t_s = {}, gains = {{ gimbal_per_s = 4.2 }} }}, \
+         {{ t_s = {}, law = 'lqg' }}, {{ t_s = {}, weather = {{ wind_speed_mps = 9.7, \
+         wind_from_deg = {}, visibility_m = {} }} }}, {{ t_s = {}, slew_deg = [314.1, 5.9] }}, \
+         {{ t_s = {} }}]",
+        at(0),
+        at(1),
+        at(2),
+        at(3),
+        0.1 + 0.2,
+        1e4 / 3.0,
+        at(4),
+        at(5),
+    );
+    let (repeated, again) = ordered(&[&set[..], &[scripted]].concat(), &[], 6.0);
+    assert_eq!(again, orders);
+    assert_eq!(repeated, clicked);
+}
+
+/// The demo, blind, with its UAV hovering in the sector and these settings, after so many seconds.
+fn hovering(set: &[&str], seconds: u32) -> App {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let own = [
+        "detector.kind=truth",
+        "uavs.0.trajectory={ kind = 'hover', position_enu_m = [-495, 495, 118] }",
+    ];
+    let set: Vec<String> = own.iter().chain(set).map(ToString::to_string).collect();
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    for _ in 0..seconds * loaded.scenario.tick_hz {
+        app::step(app.world_mut()).unwrap();
+    }
+    app
+}
+
+#[test]
+fn an_order_to_hold_fire_keeps_a_uav_alive() {
+    let status = |set: &[&str]| {
+        let mut app = hovering(set, 12);
+        let world = app.world_mut();
+        *world.query::<&UavStatus>().single(world).unwrap()
+    };
+    let (ordered, given) = (
+        "operator=[{ t_s = 1.0, fire = false }]",
+        "operator=[{ t_s = 1.0, fire = true }]",
+    );
+    assert_ne!(status(&[]), UavStatus::Flying);
+    assert_eq!(status(&[ordered]), UavStatus::Flying);
+    // The other way round too: an order waits for its track meanwhile, and holds up nothing.
+    let waits = given.replace("[{", "[{ t_s = 0.5, track = 1 }, {");
+    assert_ne!(
+        status(&["engage.authorised=false", &waits]),
+        UavStatus::Flying
+    );
+}
+
+#[test]
+fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
+    let south = "search={ centre_azimuth_deg = 135, elevation_deg = 5.8 }";
+    let held = "engage.authorised=false";
+    let target = |set: &[&str]| {
+        let app = hovering(set, 8);
+        let tracker = of::<Tracker>(app.world()).clone();
+        (tracker.state, tracker.changes)
+    };
+    let (state, changes) = target(&[south]);
+    assert_eq!(state, TrackingState::Search, "{changes:?}");
+    let slew = "operator=[{ t_s = 0.5, slew_deg = [315, 6] }]";
+    let (state, changes) = target(&[south, held, slew]);
+    assert!(state.holds(Tier::Precise), "{changes:?}");
+    // A designation that waits for its track is no hindrance, and is carried out once there is one.
+    let both = slew.replace("[{", "[{ t_s = 0.2, designate = 'intruder' }, {");
+    let app = hovering(&[south, held, &both], 8);
+    let (tracker, operator) = (of::<Tracker>(app.world()), of::<Operator>(app.world()));
+    assert!(tracker.designated, "{:?}", tracker.changes);
+    assert_eq!((operator.waiting, operator.slew_rad), (None, None));
+    // Slewed away from its target it looks elsewhere, and takes up nothing there, until it is released.
+    let away = "operator=[{ t_s = 5.0, slew_deg = [135, 6] }, { t_s = 10.0 }]";
+    let app = hovering(&[held, away], 9);
+    assert_eq!(of::<Tracker>(app.world()).state, TrackingState::Search);
+    let az_rad = of::<Mount>(app.world()).measured_az_el_rad().x;
+    assert!((az_rad.to_degrees() - 135.0).abs() < 3.0, "{az_rad}");
+    let app = hovering(&[held, away], 15);
+    assert!(of::<Tracker>(app.world()).target.is_some());
+}
+
+#[test]
+fn an_ordered_wind_and_fog_are_there_from_the_next_tick_on() {
+    let order = "operator=[{ t_s = 1.0, weather = { wind_speed_mps = 14, wind_from_deg = 90, \
+                 visibility_m = 300 } }]";
+    let calm = "weather={ wind_speed_mps = 0 }";
+    let drift = |set: &[&str]| {
+        let mut app = hovering(set, 3);
+        let world = app.world_mut();
+        let [transmittance, visibility_m] = [
+            of::<BeamState>(world).transmittance,
+            world.resource::<Environment>().weather.visibility_m,
+        ];
+        let air = world.query::<&Air>().single(world).unwrap();
+        (air.wind_enu_mps, transmittance, visibility_m)
+    };
+    let (still, clear, _) = drift(&[calm]);
+    let (blown, fog, visibility_m) = drift(&[calm, order]);
+    assert!(still.length() < 0.1, "{still}");
+    // It blows from the east, and stronger up there.
+    assert!(blown.x < -10.0 && blown.y.abs() < 8.0, "{blown}");
+    assert_eq!(visibility_m, 300.0);
+    assert!(fog < 0.1 * clear, "{fog} {clear}");
 }
 
 /// What the station knows of the target's range after some seconds of the demo, its UAV hovering

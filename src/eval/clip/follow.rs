@@ -158,6 +158,7 @@ impl Follower {
             cue: None,
             mount: None,
             tasking: None,
+            within: None,
         };
         step(&now, &mut self.tracker, false, true);
         let found = |track: &Track| {

@@ -42,6 +42,11 @@ impl Backdrop {
         Self { clouds, ..self }
     }
 
+    /// The same with another sky.
+    pub fn with_sky(self, sky: Sky) -> Self {
+        Self { sky, ..self }
+    }
+
     /// Whether clouds are drawn: they have finer detail than the sky.
     pub fn is_clouded(&self) -> bool {
         self.clouds.is_some()

@@ -42,6 +42,8 @@ use crate::models::maths::curve::smoothstep;
 /// The dominant wavelengths of the sRGB primaries (611, 549 and 464 nm) would need numbers of their
 /// own.
 pub const CHANNELS_M: [f64; 3] = [680e-9, 550e-9, 440e-9];
+/// Mean reflectance of the ground for the light it throws back up.
+pub const GROUND_ALBEDO: f64 = 0.18;
 /// Rayleigh scattering at sea level for those wavelengths [1/m].
 const RAYLEIGH_PER_M: [f64; 3] = [5.802e-6, 13.558e-6, 33.1e-6];
 const RAYLEIGH_HEIGHT_M: f64 = 8000.0;

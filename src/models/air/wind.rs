@@ -78,10 +78,25 @@ impl MeanWind {
         })
     }
 
+    /// Another wind over the same surface, as [`Self::new`] takes it.
+    pub fn changed(&self, speed_10m_mps: f64, from_deg: f64) -> Result<Self, WindError> {
+        Self::new(
+            speed_10m_mps,
+            from_deg,
+            self.roughness_m,
+            self.displacement_m,
+        )
+    }
+
     /// Mean wind velocity [m/s, enu] at `height_agl_m` [m] above ground; constant below 1 m (or two
     /// roughness lengths) above the displacement plane, where the law no longer holds.
     pub fn mean_wind_enu_mps(&self, height_agl_m: f64) -> DVec3 {
         self.direction_enu * self.speed_mps(height_agl_m)
+    }
+
+    /// Wind speed 20 ft above open ground of the same friction velocity.
+    fn w20_mps(&self) -> f64 {
+        self.scale_mps * (20.0 * FOOT_M / OPEN_GROUND_M).ln()
     }
 
     fn speed_mps(&self, height_agl_m: f64) -> f64 {
@@ -249,12 +264,23 @@ impl DrydenGust {
             [x1, 0.5 * (x1 + rng.normal())]
         };
         Self {
-            w20_mps: mean.scale_mps * (20.0 * FOOT_M / OPEN_GROUND_M).ln(),
+            w20_mps: mean.w20_mps(),
             mean: mean.clone(),
             u: start()[0],
             v: start(),
             w: start(),
             coefficients: None,
+        }
+    }
+
+    /// The same gusts in another mean wind: what they are in standard deviations goes on, in its strength, along
+    /// and across its direction.
+    pub fn carried_by(self, mean: &MeanWind) -> Self {
+        Self {
+            w20_mps: mean.w20_mps(),
+            mean: mean.clone(),
+            coefficients: None,
+            ..self
         }
     }
 

@@ -22,6 +22,11 @@ pub trait PointingLaw: CloneLaw + Debug + Send + Sync {
     /// Forgets what a pause in the tracking has made stale.
     fn rest(&mut self) {}
 
+    /// Its gimbal rate per angle still to turn [1/s], where that can be changed.
+    fn gimbal_gain_per_s(&mut self) -> Option<&mut f64> {
+        None
+    }
+
     /// Its gains, with names and units.
     fn gains(&self) -> Vec<(&'static str, f64)> {
         Vec::new()

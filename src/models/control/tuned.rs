@@ -74,6 +74,10 @@ impl PointingLaw for TunedPointing {
         }
     }
 
+    fn gimbal_gain_per_s(&mut self) -> Option<&mut f64> {
+        Some(&mut self.gimbal_gain_per_s)
+    }
+
     fn gains(&self) -> Vec<(&'static str, f64)> {
         vec![
             ("gimbal gain [1/s]", self.gimbal_gain_per_s),

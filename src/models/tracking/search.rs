@@ -85,6 +85,12 @@ impl Sector {
             height_rad: 4.0 * sigma_rad.y,
         }
     }
+
+    /// Whether a direction (azimuth, elevation) [rad] lies in it.
+    pub fn contains(&self, az_el_rad: DVec2) -> bool {
+        wrap_pi(az_el_rad.x - self.centre_azimuth_rad).abs() <= 0.5 * self.width_rad
+            && (az_el_rad.y - self.centre_elevation_rad).abs() <= 0.5 * self.height_rad
+    }
 }
 
 /// Rows from bottom to top, alternately swept right and left. Gazes are spread evenly, so that the

@@ -76,6 +76,7 @@ impl SearchScan {
             area_s: 0.0,
             drift_radps: DVec2::ZERO,
             cued: false,
+            slew_rad: None,
             offsets_rad: Vec::new(),
             index: 0,
             settled_since: None,
@@ -120,6 +121,22 @@ impl SearchScan {
             .collect()
     }
 
+    /// One field of the first pass about a direction (azimuth, elevation) [rad].
+    pub fn about(&self, az_el_rad: DVec2) -> Sector {
+        // That is two deviations to either side of it.
+        Sector::about(az_el_rad, DVec2::from(self.passes[0].field_rad) / 4.0)
+    }
+
+    /// Takes an operator's word where the area is, in place of the radar's, and begins there; without one the
+    /// radar's counts again.
+    pub(super) fn slew(&mut self, slew_rad: Option<DVec2>, cue: Option<TargetCue>, t_s: f64) {
+        if self.slew_rad != slew_rad {
+            self.slew_rad = slew_rad;
+            self.follow(cue.filter(|_| slew_rad.is_none()), t_s);
+            self.begin(0);
+        }
+    }
+
     /// Takes the radar's word where the area is and how it moves. The gazes of a pass move with it; they begin
     /// anew where the radar finds a target, or loses it.
     fn follow(&mut self, cue: Option<TargetCue>, t_s: f64) {
@@ -132,6 +149,9 @@ impl SearchScan {
                 ..about
             }
         });
+        if let Some(slew_rad) = self.slew_rad {
+            self.area = self.about(slew_rad);
+        }
         self.area_s = t_s;
         self.drift_radps = cue.map_or(DVec2::ZERO, |cue| {
             cue.rate_radps / DVec2::new(cue.az_el_rad.y.cos().max(0.1), 1.0)

@@ -8,12 +8,13 @@ use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{CameraView, Mount, MountCommand, Optics, Station};
 use crate::components::record::{Logged, OwnTopics, Recording, StateHash};
 use crate::components::run::{Failure, PartError, SimClock};
-use crate::components::track::{Designation, Operator, Order, Tracker};
+use crate::components::track::{Command, Designation, Operator, Order, Tracker};
 use crate::media::image::encode_jpeg;
 use crate::recording::{
     BoxAnnotation, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, SceneShape,
     proto,
 };
+use crate::scenario::Gains;
 use crate::systems::track::followed;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -43,6 +44,12 @@ fn transform<'a>(child: &'a str, r_enu_m: DVec3, q: DQuat) -> FrameTransform<'a>
         translation_m: r_enu_m.to_array(),
         rotation: q.to_array(),
     }
+}
+
+/// What is done, and to what of it.
+fn words(what: &str, parts: [Option<String>; 3]) -> String {
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    format!("{what}: {}", parts.join(", "))
 }
 
 /// A UAV or distractor as it is recorded.
@@ -178,14 +185,43 @@ impl Recorded<'_, '_> {
 
     /// An operator's order in words.
     fn order_text(&self, order: &Order) -> String {
-        match order.target {
-            Designation::Uav(index) => {
-                let uav = self.uavs.iter().find(|(uav, ..)| uav.index == index);
+        match &order.command {
+            Command::Target(Designation::Uav(index)) => {
+                let uav = self.uavs.iter().find(|(uav, ..)| uav.index == *index);
                 let name = uav.map_or("", |(uav, ..)| uav.name.as_str());
                 format!("points at {name}")
             }
-            Designation::Track(id) => format!("chooses track {id}"),
-            Designation::Release => "leaves the choice to the tracker".into(),
+            Command::Target(Designation::Track(id)) => format!("chooses track {id}"),
+            Command::Target(Designation::Release) => "leaves the choice to the tracker".into(),
+            Command::Fire(true) => "gives fire authority".into(),
+            Command::Fire(false) => "holds fire".into(),
+            Command::Slew([azimuth_deg, elevation_deg]) => {
+                format!("slews to azimuth {azimuth_deg:.1}°, elevation {elevation_deg:.1}°")
+            }
+            Command::Law(name) => format!("changes the pointing law to {name}"),
+            Command::Gains(gains) => {
+                let of = |name: &str, gains: Option<Gains>| {
+                    gains.map(|Gains { kp, ki_per_s, kd_s }| {
+                        format!("{name} kp {kp}, ki {ki_per_s} /s, kd {kd_s} s")
+                    })
+                };
+                words(
+                    "sets gains",
+                    [
+                        of("coarse", gains.coarse),
+                        of("precise", gains.precise),
+                        (gains.gimbal_per_s).map(|per_s| format!("gimbal {per_s} /s")),
+                    ],
+                )
+            }
+            Command::Weather(weather) => words(
+                "changes the weather",
+                [
+                    (weather.wind_speed_mps).map(|mps| format!("wind {mps} m/s")),
+                    (weather.wind_from_deg).map(|deg| format!("wind from {deg}°")),
+                    (weather.visibility_m).map(|m| format!("visibility {m} m")),
+                ],
+            ),
         }
     }
 

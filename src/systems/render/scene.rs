@@ -15,6 +15,7 @@ use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::ground::city::GroundMap;
 use crate::models::shape::mesh::{MeshData, Surface};
 use crate::models::shape::uav_mesh::UavMesh;
+use crate::systems::render::renderer::{Renderer, settle};
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::{NoFrustumCulling, RenderLayers};
 use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
@@ -267,8 +268,8 @@ pub fn spawn(
     r_station_enu_m: DVec3,
 ) {
     let city = &environment.city;
-    let windowed = world.query::<&Window>().iter(world).next().is_some();
-    let sky_side = if windowed { WINDOW_SKY_SIDE } else { SKY_SIDE };
+    let windowed = is_windowed(world);
+    let sky_side = sky_side(world);
     let mut images = world.resource_mut::<Assets<Image>>();
     let sky = LeanMaterial {
         light: light(environment),
@@ -336,6 +337,43 @@ pub fn spawn(
     for mut tile in tiles {
         tile.sort_from(r_station_enu_m);
         add_structure(world, &tile);
+    }
+}
+
+/// Texels along a side of the sky table, which a window shows more of.
+fn sky_side(world: &mut World) -> u32 {
+    if is_windowed(world) {
+        WINDOW_SKY_SIDE
+    } else {
+        SKY_SIDE
+    }
+}
+
+fn is_windowed(world: &mut World) -> bool {
+    world.query::<&Window>().iter(world).next().is_some()
+}
+
+/// Gives the scene the light of the environment as it is now: orders change the weather.
+pub fn relight(world: &mut World) {
+    let Some(SkyView(backdrop)) = world.remove_resource() else {
+        return;
+    };
+    let sky_side = sky_side(world);
+    let environment = world.resource::<Environment>();
+    let backdrop = backdrop.with_sky(environment.sky.clone());
+    let light = light(environment);
+    let sky = sky_texture(&backdrop, sky_side);
+    let sky_table = world.resource_mut::<Assets<Image>>().add(sky);
+    let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
+    for (_, material) in materials.iter_mut() {
+        material.light = light;
+        material.sky_table = sky_table.clone();
+    }
+    world.insert_resource(SkyView(backdrop));
+    // The next frames must not show the light of before.
+    if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
+        settle(world, &mut renderer);
+        world.insert_non_send(renderer);
     }
 }
 

@@ -2,12 +2,12 @@
 
 use crate::components::beam::BeamState;
 use crate::components::capture::Tier;
-use crate::components::control::Radar;
+use crate::components::control::{Radar, SearchScan};
 use crate::components::environment::Environment;
 use crate::components::mount::Mount;
 use crate::components::network::Tasking;
 use crate::components::run::SimClock;
-use crate::components::track::{BoresightError, Tracker, TrackerParams, TrackingState};
+use crate::components::track::{BoresightError, Operator, Tracker, TrackerParams, TrackingState};
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
@@ -56,6 +56,8 @@ pub struct Deciding {
     mount: &'static Mount,
     beam: &'static BeamState,
     tasking: &'static Tasking,
+    operator: &'static Operator,
+    scan: &'static SearchScan,
     radar: &'static mut Radar,
     tracker: &'static mut Tracker,
 }
@@ -68,23 +70,30 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
             mount,
             beam,
             tasking,
+            operator,
+            scan,
             mut radar,
             mut tracker,
         } = station;
         let tracker = &mut *tracker;
         let t_s = clock.t_s();
+        // Slewed by hand, a station leaves the radar's targets and those of the defence alone.
+        let within = operator.slew_rad.map(|at_rad| scan.about(at_rad));
+        let free = within.is_none();
+        let cue = || (tasking.cue(mount.r_enu_m, t_s)).or_else(|| radar.cue(t_s));
         let now = Situation {
             tick: clock.tick,
             clock: &clock,
             params,
             dsm: Some(&environment.city.dsm),
             r_station_enu_m: mount.r_enu_m,
-            cue: (tasking.cue(mount.r_enu_m, t_s)).or_else(|| radar.cue(t_s)),
+            cue: free.then(cue).flatten(),
             mount: Some((
                 mount.measured_az_el_rad(),
                 SlewLimits::of(&mount.gimbal.params.azimuth),
             )),
-            tasking: Some(tasking),
+            tasking: free.then_some(tasking),
+            within,
         };
         let before = tracker.target;
         let searched = tracker.state == TrackingState::Search;
@@ -478,6 +487,7 @@ mod tests {
             cue: None,
             mount: None,
             tasking: None,
+            within: None,
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::components::flight::{Flight, Uav};
 use crate::components::mount::Mount;
 use crate::components::run::SimClock;
-use crate::components::track::{Designation, Operator, Order, Tracker};
+use crate::components::track::{Command, Designation, Operator, Tracker};
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use crate::systems::track::situation::CONFIRM_HITS;
@@ -13,58 +13,81 @@ use glam::DVec2;
 /// An operator points at a UAV's picture; the track must be this close to it [rad].
 const DESIGNATION_RAD: f64 = 3e-3;
 
-/// Carries out the operators' orders: a track, or the one nearest to the UAV pointed at, becomes the
-/// target, or the choice goes back to the tracker.
+/// Takes the orders that are due: a track, or the one nearest to the UAV pointed at, becomes the target, or the
+/// choice goes back to the tracker; a station slewed by hand gives its target up. What is no target goes to the
+/// parts that it concerns at once, and leaves alone a designation that waits for its track.
 pub fn obey(
     clock: Res<SimClock>,
     uavs: Query<(&Uav, &Flight)>,
     mut stations: Query<(&Mount, &mut Operator, &mut Tracker)>,
 ) {
     for (mount, mut operator, mut tracker) in &mut stations {
-        obey_next(&clock, mount, &uavs, &mut operator, &mut tracker);
+        if !operator.due.is_empty() {
+            operator.due.clear();
+        }
+        if operator.waiting.is_none() && operator.next == operator.orders.len() {
+            continue;
+        }
+        // One that takes the place of another is carried out in the next tick.
+        if !take_due(&clock, &mut operator, &mut tracker) {
+            designate(&clock, mount, &uavs, &mut operator, &mut tracker);
+        }
     }
 }
 
-/// Carries out the next order of a station's operator, if it is due.
-fn obey_next(
+/// Takes the orders of a station's operator that are due; true if one took the place of one that waited.
+fn take_due(clock: &SimClock, operator: &mut Operator, tracker: &mut Tracker) -> bool {
+    let mut replaced = false;
+    while let Some(order) = operator.orders.get(operator.next)
+        && clock.tick >= order.tick
+    {
+        let command = order.command.clone();
+        operator.next += 1;
+        match command {
+            Command::Target(target) => replaced |= operator.waiting.replace(target).is_some(),
+            Command::Slew(az_el_deg) => {
+                let [azimuth_deg, elevation_deg] = az_el_deg;
+                operator.slew_rad = Some(DVec2::from(az_el_deg.map(f64::to_radians)));
+                if tracker.target.is_some() {
+                    let reason =
+                        format!("operator slews to {azimuth_deg:.1}°, {elevation_deg:.1}°");
+                    tracker.give_up(clock.tick, None, reason);
+                }
+            }
+            other => operator.due.push(other),
+        }
+    }
+    replaced
+}
+
+/// Carries out what a station's operator wants for a target, if it can be.
+fn designate(
     clock: &SimClock,
     mount: &Mount,
     uavs: &Query<(&Uav, &Flight)>,
     operator: &mut Operator,
     tracker: &mut Tracker,
 ) {
-    let due = |order: &&Order| clock.tick >= order.tick;
-    let Some(order) = operator.orders.get(operator.next).filter(due) else {
-        return;
-    };
-    // A later order that has come due replaces one that still waits for a track.
-    if operator
-        .orders
-        .get(operator.next + 1)
-        .is_some_and(|newer| due(&newer))
-    {
-        operator.next += 1;
-        return;
-    }
     let t_s = clock.t_s();
-    let (track, reason) = match order.target {
-        Designation::Release => {
+    let (track, reason) = match operator.waiting {
+        None => return,
+        Some(Designation::Release) => {
             tracker.designated = false;
-            operator.next += 1;
+            (operator.waiting, operator.slew_rad) = (None, None);
             return;
         }
-        Designation::Track(id) => {
+        Some(Designation::Track(id)) => {
             let Some(track) = tracker.table.get(id) else {
                 // A track that is gone does not come back under its old number.
-                operator.next += 1;
+                operator.waiting = None;
                 return;
             };
             let held = (track.total_hits() >= CONFIRM_HITS).then_some(id);
             (held, format!("operator chooses track {id}"))
         }
-        Designation::Uav(index) => {
+        Some(Designation::Uav(index)) => {
             let Some((uav, flight)) = uavs.iter().find(|(uav, _)| uav.index == index) else {
-                operator.next += 1;
+                operator.waiting = None;
                 return;
             };
             let at = los_to_az_el(flight.aim_enu_m() - mount.r_enu_m);
@@ -78,7 +101,7 @@ fn obey_next(
             tracker.acquire(clock.tick, id, reason);
         }
         tracker.designated = true;
-        operator.next += 1;
+        (operator.waiting, operator.slew_rad) = (None, None);
     }
 }
 

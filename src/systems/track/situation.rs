@@ -12,7 +12,7 @@ use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::evidence::named_share;
 use crate::models::tracking::recognition::Recognition;
-use crate::models::tracking::search::SlewLimits;
+use crate::models::tracking::search::{Sector, SlewLimits};
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
 
@@ -98,6 +98,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) mount: Option<(DVec2, SlewLimits)>,
     /// What the defence wants of this station, if it is one of several.
     pub(crate) tasking: Option<&'a Tasking>,
+    /// Where an operator has the station search by hand: it takes up nothing elsewhere.
+    pub(crate) within: Option<Sector>,
 }
 
 impl Situation<'_> {
@@ -308,7 +310,9 @@ impl Situation<'_> {
     /// Whether a track has been seen long enough, and moves, stands in clear sky or may hover.
     fn may_be_target(&self, track: &Track) -> bool {
         let conduct = &track.conduct;
-        track.total_hits() >= CANDIDATE_HITS
+        let here = |area: &Sector| area.contains(track.filter.predicted(self.t_s()).az_el_rad());
+        self.within.as_ref().is_none_or(here)
+            && track.total_hits() >= CANDIDATE_HITS
             && self.t_s() >= track.barred_until_s
             && (track.misses == 0 || self.fresh(track))
             && (self.may_hover(track)

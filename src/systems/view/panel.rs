@@ -1,31 +1,47 @@
-//! The window's panel: pace, tracking, target choice, engagement, weather.
+//! The window's panel: pace, tracking, orders, engagement, weather.
 
 use super::style::{
     AMBER, GREEN, GREY, RED, heading, panel_frame, row, screen_ui, state_colour, status_colour,
 };
 use crate::components::beam::BeamState;
 use crate::components::capture::SensorCamera;
+use crate::components::control::{Controller, PointingLaws};
 use crate::components::detect::DetectorInUse;
-use crate::components::engage::Interlocks;
+use crate::components::engage::{Interlocks, Rules};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, Station};
 use crate::components::network::Tasking;
 use crate::components::run::SimClock;
-use crate::components::track::{Designation, Operator, Order, Tracker};
-use crate::components::view::{Pacing, Sight, StepSize};
+use crate::components::track::{Command, Designation, Operator, Order, Tracker};
+use crate::components::view::{FreeCamera, Pacing, Sight, StepSize};
 use crate::models::air::weather::Weather;
-use crate::models::maths::kinematics::los_to_az_el;
+use crate::models::control::paper::PaperLaw;
+use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::tracking::picture::Follower;
 use crate::models::tracking::table::separation_rad;
+use crate::scenario::{Gains, GainsOrder, WeatherOrder};
 use bevy::prelude::*;
 use bevy_egui::EguiContexts;
 use bevy_egui::egui::{self, Color32};
 use glam::DVec2;
+use std::ops::RangeInclusive;
 
 pub const PANEL_WIDTH: f32 = 250.0;
 
-/// The panel: pace, tracking, target choice, engagement, weather.
+/// A station with its operator.
+type Manned = (
+    &'static Station,
+    &'static Mount,
+    &'static BeamState,
+    &'static Tracker,
+    &'static Interlocks,
+    &'static Tasking,
+    (&'static Rules, &'static mut Controller),
+    &'static mut Operator,
+);
+
+/// The panel: pace, tracking, orders, engagement, weather.
 pub fn draw_panel(
     mut contexts: EguiContexts,
     clock: Res<SimClock>,
@@ -33,16 +49,9 @@ pub fn draw_panel(
     detector: Res<DetectorInUse>,
     mut pacing: ResMut<Pacing>,
     mut sight: ResMut<Sight>,
+    (laws, camera): (Res<PointingLaws>, Res<FreeCamera>),
     cameras: Query<&SensorCamera>,
-    mut stations: Query<(
-        &Station,
-        &Mount,
-        &BeamState,
-        &Tracker,
-        &Interlocks,
-        &Tasking,
-        &mut Operator,
-    )>,
+    mut stations: Query<Manned>,
     uavs: Query<(&Uav, &Flight, &UavStatus, &HeatedSkin)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
@@ -63,7 +72,8 @@ pub fn draw_panel(
             pace(ui, &clock, &mut pacing);
             let flying = uavs.iter().map(|(uav, ..)| uav);
             choose_sight(ui, &mut sight, flying, cameras.iter());
-            for (station, mount, _, tracker, _, tasking, mut operator) in &mut stations {
+            let tick = clock.tick + 1;
+            for (station, mount, _, tracker, _, tasking, ordered, mut operator) in &mut stations {
                 if many {
                     heading(ui, &station.name);
                 }
@@ -78,12 +88,18 @@ pub fn draw_panel(
                         )
                     })
                     .collect();
-                if let Some(target) = targets(ui, &clock, tracker, &detector, &known) {
-                    operator.give(Order {
-                        tick: clock.tick + 1,
-                        target,
-                    });
-                }
+                let target = targets(ui, &clock, (tracker, &operator), &detector, &known);
+                let (rules, mut controller) = ordered;
+                ui.push_id(station.index, |ui| {
+                    let fire = fire(ui, rules);
+                    let slew = slew(ui, mount, &camera);
+                    // What is only read must not count as changed.
+                    let law = law(ui, &laws, controller.bypass_change_detection());
+                    let given = [target.map(Command::Target), fire, slew, law];
+                    for command in given.into_iter().flatten() {
+                        operator.give(Order { tick, command });
+                    }
+                });
             }
             heading(ui, "UAVs");
             for (uav, _, status, skin) in &uavs {
@@ -109,6 +125,15 @@ pub fn draw_panel(
                 );
             }
             conditions(ui, &environment.weather);
+            let weather = change_weather(ui, &environment.weather);
+            if let (Some(command), Some((.., mut operator))) = (weather, stations.iter_mut().next())
+            {
+                operator.give(Order { tick, command });
+            }
+            ui.small(
+                "Orders count from the next tick and are recorded; --save-orders keeps them as a \
+                 scenario.",
+            );
             ui.add_space(8.0);
             ui.small(FLY_KEYS);
             ui.small("Space: pause. Full stop: one tick. Slash: one frame.");
@@ -324,7 +349,7 @@ fn waiting(ui: &mut egui::Ui, tracker: &Tracker, tasking: &Tasking, stations: &[
 fn targets(
     ui: &mut egui::Ui,
     clock: &SimClock,
-    tracker: &Tracker,
+    (tracker, operator): (&Tracker, &Operator),
     detector: &DetectorInUse,
     known: &[(&str, DVec2)],
 ) -> Option<Designation> {
@@ -361,9 +386,151 @@ fn targets(
         }
     }
     let hand_back = egui::Button::new("Let the tracker choose");
-    if ui.add_enabled(tracker.designated, hand_back).clicked() {
+    let in_hand = tracker.designated || operator.slew_rad.is_some() || operator.waiting.is_some();
+    if ui.add_enabled(in_hand, hand_back).clicked() {
         chosen = Some(Designation::Release);
     }
-    ui.small("A click pins a track. Orders are recorded; --save-orders keeps them as a scenario.");
+    ui.small("A click pins a track.");
     chosen
+}
+
+/// Whether the laser may fire, as the operator says.
+fn fire(ui: &mut egui::Ui, rules: &Rules) -> Option<Command> {
+    let mut may = rules.authorised;
+    let clicked = ui.checkbox(&mut may, "fire authority").changed();
+    clicked.then_some(Command::Fire(may))
+}
+
+/// Turns the station by hand: to a direction, or to what the window looks at.
+fn slew(ui: &mut egui::Ui, mount: &Mount, camera: &FreeCamera) -> Option<Command> {
+    /// How far away that is taken to be [m].
+    const SEEN_M: f64 = 1_000.0;
+    // Angles that read well.
+    let rounded_deg = |az_el_rad: DVec2| {
+        let [azimuth, elevation] = az_el_rad.to_array().map(f64::to_degrees);
+        [azimuth.rem_euclid(360.0), elevation].map(|deg| (10.0 * deg).round() / 10.0)
+    };
+    let id = ui.id().with("slew");
+    let kept = ui.data(|data| data.get_temp(id));
+    let mut az_el_deg: [f64; 2] = kept.unwrap_or(rounded_deg(mount.measured_az_el_rad()));
+    let mut ordered = false;
+    ui.horizontal(|ui| {
+        for (deg, range) in az_el_deg.iter_mut().zip([0.0..=360.0, -90.0..=90.0]) {
+            ui.add(
+                egui::DragValue::new(deg)
+                    .range(range)
+                    .speed(0.2)
+                    .suffix("°"),
+            );
+        }
+        ordered = ui.button("Slew").clicked();
+        if ui.button("to my view").clicked() {
+            let ahead = az_el_to_los(DVec2::new(camera.azimuth_rad, camera.elevation_rad));
+            let seen_enu_m = camera.r_enu_m + SEEN_M * ahead;
+            az_el_deg = rounded_deg(los_to_az_el(seen_enu_m - mount.r_enu_m));
+            ordered = true;
+        }
+    });
+    ui.data_mut(|data| data.insert_temp(id, az_el_deg));
+    ordered.then_some(Command::Slew(az_el_deg))
+}
+
+/// The pointing law and its gains.
+fn law(ui: &mut egui::Ui, laws: &PointingLaws, controller: &mut Controller) -> Option<Command> {
+    /// What a proportional, integral or derivative gain and the gimbal's may be [1], [1/s], [s], [1/s].
+    const GAIN: RangeInclusive<f64> = 0.0..=1000.0;
+    let gains = |gains| Some(Command::Gains(gains));
+    match controller {
+        Controller::Pointing(pointing) => {
+            let mut name = pointing.name.clone();
+            egui::ComboBox::from_label("law")
+                .selected_text(&name)
+                .show_ui(ui, |ui| {
+                    for known in laws.names() {
+                        ui.selectable_value(&mut name, known.to_owned(), known);
+                    }
+                });
+            if name != pointing.name {
+                return Some(Command::Law(name));
+            }
+            let gain_per_s = *pointing.law.gimbal_gain_per_s()?;
+            let gimbal_per_s = figure(ui, "gimbal gain", gain_per_s, (GAIN, 0.1, " /s"))?;
+            gains(GainsOrder {
+                gimbal_per_s: Some(gimbal_per_s),
+                ..default()
+            })
+        }
+        Controller::Paper(paper) => {
+            let mut of = |name: &str, law: &PaperLaw| {
+                let mut one = |key: &str, value: f64, unit: &str| {
+                    figure(ui, &format!("{name} {key}"), value, (GAIN, 1e-4, unit))
+                };
+                let kp = one("kp", law.kp, "");
+                let ki_per_s = one("ki", law.ki_per_s, " /s");
+                let kd_s = one("kd", law.kd_s, " s");
+                (kp.or(ki_per_s).or(kd_s)).map(|_| Gains {
+                    kp: kp.unwrap_or(law.kp),
+                    ki_per_s: ki_per_s.unwrap_or(law.ki_per_s),
+                    kd_s: kd_s.unwrap_or(law.kd_s),
+                })
+            };
+            let coarse = of("coarse", &paper.coarse_law);
+            let precise = of("precise", &paper.precise_law);
+            coarse.or(precise)?;
+            gains(GainsOrder {
+                coarse,
+                precise,
+                gimbal_per_s: None,
+            })
+        }
+    }
+}
+
+/// Wind and visibility as the operator wants them.
+fn change_weather(ui: &mut egui::Ui, weather: &Weather) -> Option<Command> {
+    let wind_deg = (10.0 * weather.wind_from_rad.to_degrees()).round() / 10.0;
+    let order = WeatherOrder {
+        wind_speed_mps: figure(
+            ui,
+            "wind",
+            weather.wind_speed_mps,
+            (0.0..=60.0, 0.1, " m/s"),
+        ),
+        wind_from_deg: figure(ui, "wind from", wind_deg, (0.0..=360.0, 1.0, "°")),
+        visibility_m: figure(
+            ui,
+            "visibility",
+            weather.visibility_m,
+            (10.0..=400_000.0, 100.0, " m"),
+        ),
+    };
+    (order != WeatherOrder::default()).then_some(Command::Weather(order))
+}
+
+/// A figure to be changed, within a range, by so much a point of the mouse, with its unit; the new one once the
+/// user lets go of it.
+fn figure(
+    ui: &mut egui::Ui,
+    name: &str,
+    value: f64,
+    (range, speed, unit): (RangeInclusive<f64>, f64, &str),
+) -> Option<f64> {
+    let id = ui.id().with(name);
+    let kept = ui.data(|data| data.get_temp(id));
+    let mut draft: f64 = kept.unwrap_or(value);
+    let mut ended = false;
+    ui.horizontal(|ui| {
+        let drag = egui::DragValue::new(&mut draft).range(range).speed(speed);
+        let drag = ui.add(drag.suffix(unit));
+        ended = drag.drag_stopped() || drag.lost_focus();
+        if drag.changed() {
+            ui.data_mut(|data| data.insert_temp(id, draft));
+        }
+        ui.small(name);
+    });
+    if !ended {
+        return None;
+    }
+    ui.data_mut(|data| data.remove::<f64>(id));
+    (draft != value).then_some(draft)
 }

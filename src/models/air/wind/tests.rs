@@ -42,6 +42,24 @@ fn a_reported_wind_is_slowed_and_roughened_by_a_city() {
 }
 
 #[test]
+fn gusts_go_on_in_another_wind() {
+    let mean = open_field(5.0);
+    let mut rng = Stream::new(1, 0, "gust");
+    let gusts = DrydenGust::new(&mean, &mut rng);
+    // Hardly any time, so that the states stay as they are.
+    let now = |gusts: &DrydenGust| gusts.clone().step(1e-9, 50.0, 5.0, &mut rng.clone());
+    // From the south instead of the west: what blew along east blows along north.
+    let turned = mean.changed(10.0, 180.0).unwrap();
+    let before = now(&gusts);
+    let after = now(&gusts.carried_by(&turned));
+    let expected = 2.0 * DVec3::new(-before.y, before.x, before.z);
+    assert!(
+        (after - expected).length() < 1e-3 * expected.length(),
+        "{after} {expected}"
+    );
+}
+
+#[test]
 fn bad_winds_are_refused() {
     assert!(matches!(
         MeanWind::new(-1.0, 0.0, 0.1, 0.0),
