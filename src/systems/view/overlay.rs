@@ -137,6 +137,15 @@ fn draw_second(painter: &egui::Painter, screen: &Screen, camera: &FreeCamera, pl
     }
 }
 
+/// What flies, as it is marked.
+type Marked = (
+    &'static Uav,
+    &'static Flight,
+    &'static UavStatus,
+    Option<&'static Distractor>,
+    Option<&'static HeatedSkin>,
+);
+
 /// Marks the station, the UAVs and the beam.
 pub fn draw_overlay(
     mut contexts: EguiContexts,
@@ -144,13 +153,7 @@ pub fn draw_overlay(
     estimates: Res<Estimates>,
     playback: Option<Res<Playback>>,
     stations: Query<(&Station, &Mount, &BeamState)>,
-    uavs: Query<(
-        &Uav,
-        &Flight,
-        &UavStatus,
-        Option<&Distractor>,
-        Option<&HeatedSkin>,
-    )>,
+    uavs: Query<Marked>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     let painter = ctx.layer_painter(egui::LayerId::background());
