@@ -256,8 +256,10 @@ fn round_times([from_s, to_s]: [f64; 2]) -> Vec<f64> {
     let decade_s = 10f64.powf(raw_s.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|n| n * decade_s);
     let step_s = steps.into_iter().find(|s| *s >= raw_s).unwrap_or(raw_s);
-    let first = (from_s / step_s).ceil() as i64;
-    let last = (to_s / step_s).floor() as i64;
+    // What rounding moved past an end still stands at it.
+    const SLACK: f64 = 1e-6;
+    let first = (from_s / step_s - SLACK).ceil() as i64;
+    let last = (to_s / step_s + SLACK).floor() as i64;
     (first..=last).map(|n| n as f64 * step_s).collect()
 }
 
