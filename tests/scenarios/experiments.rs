@@ -291,6 +291,34 @@ fn a_sweeps_table_depends_on_neither_cores_nor_order_nor_kills() {
     assert!(said.contains("12 runs, 5 of them made before"), "{said}");
     assert_eq!(whole, table("two"));
 
+    // Killed three times, each after as many runs as its own pace brought: the same table.
+    let lines = || {
+        std::fs::read(path("killed").join("runs-all.jsonl")).map_or(0, |journal| {
+            journal.iter().filter(|byte| **byte == b'\n').count()
+        })
+    };
+    for more in [2, 3, 4] {
+        let wanted = lines() + more;
+        let mut command = boresight();
+        let mut running = command
+            .arg("sweep")
+            .arg(&experiment)
+            .arg("--out")
+            .arg(path("killed"))
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        while lines() < wanted && running.try_wait().unwrap().is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(3));
+        }
+        running.kill().unwrap();
+        running.wait().unwrap();
+    }
+    assert!((6..=14).contains(&lines()), "{}", lines());
+    made(sweep(&experiment, &path("killed"), &[]));
+    assert_eq!(whole, table("killed"));
+
     // In shards, put together; not before all are there.
     made(sweep(&experiment, &path("parts"), &["--shard", "2/2"]));
     let early = sweep(&experiment, &path("parts"), &["--merge"]);
