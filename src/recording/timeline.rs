@@ -29,6 +29,12 @@ impl<T> Series<T> {
         self.entry_at(tick).map(|(_, value)| value)
     }
 
+    /// The last value up to a tick; before the first one, that.
+    pub fn at_or_first(&self, tick: u64) -> Option<&T> {
+        let first = || self.0.first().map(|(_, value)| value);
+        self.at(tick).or_else(first)
+    }
+
     /// The last value up to a tick, and its own tick.
     pub fn entry_at(&self, tick: u64) -> Option<(u64, &T)> {
         let after = self.0.partition_point(|(of, _)| *of <= tick);

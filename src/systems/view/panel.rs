@@ -1,7 +1,7 @@
 //! The window's panel: pace, tracking, orders, engagement, weather.
 
 use super::style::{
-    AMBER, GREEN, GREY, RED, heading, panel_frame, row, screen_ui, state_colour, status_colour,
+    AMBER, GREEN, GREY, RED, heading, left_panel, row, state_colour, status_colour,
 };
 use crate::components::beam::BeamState;
 use crate::components::capture::SensorCamera;
@@ -26,8 +26,6 @@ use bevy_egui::EguiContexts;
 use bevy_egui::egui::{self, Color32};
 use glam::DVec2;
 use std::ops::RangeInclusive;
-
-pub const PANEL_WIDTH: f32 = 250.0;
 
 /// A station with its operator.
 type Manned = (
@@ -60,84 +58,74 @@ pub fn draw_panel(
         .map(|(station, ..)| station.name.clone())
         .collect();
     let many = names.len() > 1;
-    let panel = egui::Panel::left("panel")
-        .exact_size(PANEL_WIDTH)
-        .resizable(false)
-        .show_separator_line(false)
-        .frame(panel_frame());
-    panel.show(&mut screen_ui(ctx), |ui| {
-        egui::ScrollArea::vertical().show(ui, |ui| {
-            ui.spacing_mut().item_spacing.y = 3.0;
-            ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
-            pace(ui, &clock, &mut pacing);
-            let flying = uavs.iter().map(|(uav, ..)| uav);
-            choose_sight(ui, &mut sight, flying, cameras.iter());
-            let tick = clock.tick + 1;
-            for (station, mount, _, tracker, _, tasking, ordered, mut operator) in &mut stations {
-                if many {
-                    heading(ui, &station.name);
+    left_panel(ctx, |ui| {
+        pace(ui, &clock, &mut pacing);
+        let flying = uavs.iter().map(|(uav, ..)| uav);
+        choose_sight(ui, &mut sight, flying, cameras.iter());
+        let tick = clock.tick + 1;
+        for (station, mount, _, tracker, _, tasking, ordered, mut operator) in &mut stations {
+            if many {
+                heading(ui, &station.name);
+            }
+            tracking(ui, &clock, tracker);
+            waiting(ui, tracker, tasking, &names);
+            let known: Vec<_> = uavs
+                .iter()
+                .map(|(uav, flight, ..)| {
+                    (
+                        uav.name.as_str(),
+                        los_to_az_el(flight.state.r_enu_m - mount.r_enu_m),
+                    )
+                })
+                .collect();
+            let target = targets(ui, &clock, (tracker, &operator), &detector, &known);
+            let (rules, mut controller) = ordered;
+            ui.push_id(station.index, |ui| {
+                let fire = fire(ui, rules);
+                let slew = slew(ui, mount, &camera);
+                // What is only read must not count as changed.
+                let law = law(ui, &laws, controller.bypass_change_detection());
+                let given = [target.map(Command::Target), fire, slew, law];
+                for command in given.into_iter().flatten() {
+                    operator.give(Order { tick, command });
                 }
-                tracking(ui, &clock, tracker);
-                waiting(ui, tracker, tasking, &names);
-                let known: Vec<_> = uavs
-                    .iter()
-                    .map(|(uav, flight, ..)| {
-                        (
-                            uav.name.as_str(),
-                            los_to_az_el(flight.state.r_enu_m - mount.r_enu_m),
-                        )
-                    })
-                    .collect();
-                let target = targets(ui, &clock, (tracker, &operator), &detector, &known);
-                let (rules, mut controller) = ordered;
-                ui.push_id(station.index, |ui| {
-                    let fire = fire(ui, rules);
-                    let slew = slew(ui, mount, &camera);
-                    // What is only read must not count as changed.
-                    let law = law(ui, &laws, controller.bypass_change_detection());
-                    let given = [target.map(Command::Target), fire, slew, law];
-                    for command in given.into_iter().flatten() {
-                        operator.give(Order { tick, command });
-                    }
-                });
-            }
-            heading(ui, "UAVs");
-            for (uav, _, status, skin) in &uavs {
-                ui.colored_label(
-                    status_colour(*status),
-                    format!("{}: {}", uav.name, status.name()),
-                );
-                row(
-                    ui,
-                    "skin",
-                    format!("{:.0} °C", skin.skin.temperature_k - 273.15),
-                );
-            }
-            for (station, _, beam, _, interlocks, ..) in &stations {
-                let name = if many { station.name.as_str() } else { "" };
-                let reasons = interlocks.reasons.iter().map(ToString::to_string);
-                engagement(ui, name, beam, reasons);
-                row(ui, "dwell", format!("{:.2} s", beam.dwell_s));
-                row(
-                    ui,
-                    "energy emitted",
-                    format!("{:.1} kJ", 1e-3 * beam.energy_j),
-                );
-            }
-            conditions(ui, &environment.weather);
-            let weather = change_weather(ui, &environment.weather);
-            if let (Some(command), Some((.., mut operator))) = (weather, stations.iter_mut().next())
-            {
-                operator.give(Order { tick, command });
-            }
-            ui.small(
-                "Orders count from the next tick and are recorded; --save-orders keeps them as a \
-                 scenario.",
+            });
+        }
+        heading(ui, "UAVs");
+        for (uav, _, status, skin) in &uavs {
+            ui.colored_label(
+                status_colour(*status),
+                format!("{}: {}", uav.name, status.name()),
             );
-            ui.add_space(8.0);
-            ui.small(FLY_KEYS);
-            ui.small("Space: pause. Full stop: one tick. Slash: one frame.");
-        });
+            row(
+                ui,
+                "skin",
+                format!("{:.0} °C", skin.skin.temperature_k - 273.15),
+            );
+        }
+        for (station, _, beam, _, interlocks, ..) in &stations {
+            let name = if many { station.name.as_str() } else { "" };
+            let reasons = interlocks.reasons.iter().map(ToString::to_string);
+            engagement(ui, name, beam, reasons);
+            row(ui, "dwell", format!("{:.2} s", beam.dwell_s));
+            row(
+                ui,
+                "energy emitted",
+                format!("{:.1} kJ", 1e-3 * beam.energy_j),
+            );
+        }
+        conditions(ui, &environment.weather);
+        let weather = change_weather(ui, &environment.weather);
+        if let (Some(command), Some((.., mut operator))) = (weather, stations.iter_mut().next()) {
+            operator.give(Order { tick, command });
+        }
+        ui.small(
+            "Orders count from the next tick and are recorded; --save-orders keeps them as a \
+                 scenario.",
+        );
+        ui.add_space(8.0);
+        ui.small(FLY_KEYS);
+        ui.small("Space: pause. Full stop: one tick. Slash: one frame.");
     });
     Ok(())
 }

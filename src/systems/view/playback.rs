@@ -206,7 +206,7 @@ fn show(world: &mut World, playback: &Playback) {
         numbers.insert(uav.name.clone(), uav.index);
         let Some(at) = recorded
             .get(uav.name.as_str())
-            .and_then(|place| first.uavs[*place].1.at(tick))
+            .and_then(|place| first.uavs[*place].1.at_or_first(tick))
         else {
             continue;
         };
@@ -223,7 +223,7 @@ fn show(world: &mut World, playback: &Playback) {
             .cameras
             .iter()
             .find(|track| *track.name == *camera.name);
-        if let Some((r_enu_m, q_enu_cam)) = track.and_then(|track| track.poses.at(tick)) {
+        if let Some((r_enu_m, q_enu_cam)) = track.and_then(|track| track.poses.at_or_first(tick)) {
             view.pose.r_enu_m = *r_enu_m;
             view.pose.q_enu_cam = *q_enu_cam;
         }
@@ -432,8 +432,10 @@ mod tests {
             world.resource_mut::<Playback>().t_s = timeline.t_s(tick);
             world.resource_mut::<Pacing>().paused = true;
             advance(world, 0.1);
-            // States are recorded every few ticks; the last one is shown.
-            let (of, _) = states.entry_at(tick).unwrap();
+            // States are recorded every few ticks; the last one is shown, and before the first that.
+            let of = states
+                .entry_at(tick)
+                .map_or(states.entries()[0].0, |(of, _)| of);
             assert_eq!(place(world), truth[of as usize], "tick {tick}");
             assert_eq!(world.resource::<SimClock>().tick, tick);
             assert!(world.resource::<Pacing>().paused);

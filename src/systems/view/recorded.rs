@@ -1,7 +1,7 @@
 //! The panel of a playback: what the recordings say at their time.
 
-use super::panel::{FLY_KEYS, PANEL_WIDTH, choose_sight, conditions, engagement, tracking_state};
-use super::style::{AMBER, heading, panel_frame, row, screen_ui, source_colour, status_colour};
+use super::panel::{FLY_KEYS, choose_sight, conditions, engagement, tracking_state};
+use super::style::{AMBER, heading, left_panel, row, source_colour, status_colour};
 use crate::components::beam::BeamState;
 use crate::components::capture::SensorCamera;
 use crate::components::environment::Environment;
@@ -27,38 +27,29 @@ pub fn draw_recorded(
     cameras: Query<&SensorCamera>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
-    let panel = egui::Panel::left("panel")
-        .exact_size(PANEL_WIDTH)
-        .resizable(false)
-        .show_separator_line(false)
-        .frame(panel_frame());
-    panel.show(&mut screen_ui(ctx), |ui| {
-        egui::ScrollArea::vertical().show(ui, |ui| {
-            ui.spacing_mut().item_spacing.y = 3.0;
-            ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
-            let time = egui::RichText::new(format!("{:.3} s", playback.t_s));
-            ui.label(time.size(26.0).monospace().color(Color32::WHITE));
-            choose_sight(ui, &mut sight, uavs.iter(), cameras.iter());
-            for (source, timeline) in playback.timelines.iter().enumerate() {
-                ui.add_space(8.0);
-                let file = timeline.path.display().to_string();
-                ui.colored_label(source_colour(source), file);
-                if timeline.version != crate::VERSION {
-                    let version = &timeline.version;
-                    ui.colored_label(AMBER, format!("recorded by version {version}"));
-                }
-                if !timeline.whole {
-                    ui.colored_label(AMBER, "cut short: the run was stopped");
-                }
-                recording(ui, timeline, timeline.tick_at(playback.t_s));
-            }
-            conditions(ui, &environment.weather);
+    left_panel(ctx, |ui| {
+        let time = egui::RichText::new(format!("{:.3} s", playback.t_s));
+        ui.label(time.size(26.0).monospace().color(Color32::WHITE));
+        choose_sight(ui, &mut sight, uavs.iter(), cameras.iter());
+        for (source, timeline) in playback.timelines.iter().enumerate() {
             ui.add_space(8.0);
-            ui.small(FLY_KEYS);
-            ui.small("Space: play. R: backwards. [ and ]: speed. Comma, full stop: one tick.");
-            ui.small("Arrows: one picture. Page up, page down: one event. Home, End.");
-            ui.small("Drag on the time line to seek; its wheel zooms, a double click shows all.");
-        });
+            let file = timeline.path.display().to_string();
+            ui.colored_label(source_colour(source), file);
+            if timeline.version != crate::VERSION {
+                let version = &timeline.version;
+                ui.colored_label(AMBER, format!("recorded by version {version}"));
+            }
+            if !timeline.whole {
+                ui.colored_label(AMBER, "cut short: the run was stopped");
+            }
+            recording(ui, timeline, timeline.tick_at(playback.t_s));
+        }
+        conditions(ui, &environment.weather);
+        ui.add_space(8.0);
+        ui.small(FLY_KEYS);
+        ui.small("Space: play. R: backwards. [ and ]: speed. Comma, full stop: one tick.");
+        ui.small("Arrows: one picture. Page up, page down: one event. Home, End.");
+        ui.small("Drag on the time line to seek; its wheel zooms, a double click shows all.");
     });
     Ok(())
 }

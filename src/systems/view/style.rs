@@ -78,6 +78,23 @@ pub fn screen_ui(ctx: &egui::Context) -> egui::Ui {
     egui::Ui::new(ctx.clone(), "window".into(), layer)
 }
 
+/// The panel on the left, in light grey on dark, that scrolls where it is too long.
+pub fn left_panel(ctx: &egui::Context, contents: impl FnOnce(&mut egui::Ui)) {
+    const WIDTH: f32 = 250.0;
+    let panel = egui::Panel::left("panel")
+        .exact_size(WIDTH)
+        .resizable(false)
+        .show_separator_line(false)
+        .frame(panel_frame());
+    panel.show(&mut screen_ui(ctx), |ui| {
+        egui::ScrollArea::vertical().show(ui, |ui| {
+            ui.spacing_mut().item_spacing.y = 3.0;
+            ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
+            contents(ui);
+        });
+    });
+}
+
 pub fn panel_frame() -> egui::Frame {
     egui::Frame::new().fill(DARK).inner_margin(10.0)
 }

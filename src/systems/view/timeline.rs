@@ -255,7 +255,10 @@ fn round_times([from_s, to_s]: [f64; 2]) -> Vec<f64> {
     let raw_s = (to_s - from_s).max(1e-6) / 8.0;
     let decade_s = 10f64.powf(raw_s.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|n| n * decade_s);
-    let step_s = steps.into_iter().find(|s| *s >= raw_s).unwrap_or(raw_s);
+    let step_s = steps
+        .into_iter()
+        .find(|s| *s >= 0.999 * raw_s)
+        .unwrap_or(raw_s);
     // What rounding moved past an end still stands at it.
     const SLACK: f64 = 1e-6;
     let first = (from_s / step_s - SLACK).ceil() as i64;
