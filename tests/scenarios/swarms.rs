@@ -115,7 +115,7 @@ fn open_near(dsm: &Dsm, near_m: DVec2, radius_m: f64) -> DVec2 {
     let spiral =
         (0..4_000).map(|k| near_m + f64::from(k).sqrt() * DVec2::from_angle(2.4 * f64::from(k)));
     let open = |p: &DVec2| {
-        let around = (0..16).map(|k| DVec2::from_angle(f64::from(k) * 0.3927));
+        let around = (0..16).map(|k| DVec2::from_angle(f64::from(k) * std::f64::consts::FRAC_PI_8));
         let around =
             around.flat_map(|out| [0.25, 0.5, 0.75, 1.0].map(|share| *p + share * radius_m * out));
         around.into_iter().all(|at| built_m(at) < 0.2)
