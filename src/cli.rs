@@ -21,7 +21,7 @@ use crate::view::{self, ViewError};
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -205,15 +205,25 @@ struct RunArgs {
 
 #[derive(Args, Debug)]
 struct LiveArgs {
-    /// Serve the recording's topics to Foxglove over its WebSocket while the run goes on, on this IP address and
-    /// port; port 0 is a free one. Only this machine reaches the default.
+    /// Serve the recording's topics to Foxglove over its WebSocket while the run goes on, on this address and port;
+    /// port 0 is a free one. Only this machine reaches the default.
     #[arg(
         long = "live",
         value_name = "ADDRESS",
         num_args = 0..=1,
-        default_missing_value = "127.0.0.1:8765"
+        default_missing_value = "127.0.0.1:8765",
+        value_parser = address
     )]
     address: Option<SocketAddr>,
+}
+
+/// An address by number or name, such as `localhost:8765`.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let wanted = "expected an address and a port, such as 127.0.0.1:8765";
+    let mut found = text
+        .to_socket_addrs()
+        .map_err(|e| format!("{wanted} ({e})"))?;
+    found.next().ok_or(wanted.to_owned())
 }
 
 fn pace(text: &str) -> Result<f64, &'static str> {
@@ -432,6 +442,7 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
             (args.seed.is_some(), "--seed"),
             (args.out.is_some(), "--out"),
             (args.save_orders.is_some(), "--save-orders"),
+            (args.live.address.is_some(), "--live"),
         ];
         if let Some((_, name)) = only_simulated.into_iter().find(|(given, _)| *given) {
             return Err(CliError::PlaysBack(name));

@@ -489,17 +489,13 @@ fn recordings_are_played_back_in_the_window() {
     let columns = [[850, 40, 1_040, 90], [1_070, 40, 1_260, 90]].map(|part| grey(&two, part));
     assert!(columns.iter().all(|column| column.0 > 30.0), "{columns:?}");
 
-    let mut refused = boresight();
-    let refused = refused
-        .args(["view", &whole, "--seed", "3"])
-        .output()
-        .unwrap();
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(
-        stderr(&refused).contains("--simulate"),
-        "{}",
-        stderr(&refused)
-    );
+    for option in ["--seed=3", "--live=localhost:0", "--out=nowhere"] {
+        let mut refused = boresight();
+        let refused = refused.args(["view", &whole, option]).output().unwrap();
+        assert_eq!(refused.status.code(), Some(2), "{option}");
+        let said = stderr(&refused);
+        assert!(said.contains("--simulate"), "{option}: {said}");
+    }
     let mut refused = boresight();
     let refused = refused
         .args(["view", "scenarios/urban_intercept.toml", &whole])
