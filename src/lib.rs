@@ -17,7 +17,9 @@ pub mod plugins;
 pub mod recording;
 pub mod report;
 pub mod scenario;
+pub mod sources;
 pub mod systems;
+pub mod tiles;
 pub mod tune;
 pub mod view;
 

@@ -10,4 +10,5 @@ pub mod maths;
 pub mod mount;
 pub mod optics;
 pub mod shape;
+pub mod tiles;
 pub mod tracking;

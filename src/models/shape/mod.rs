@@ -3,4 +3,5 @@
 pub mod clutter;
 pub mod gltf;
 pub mod mesh;
+pub mod textured;
 pub mod uav_mesh;

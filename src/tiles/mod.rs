@@ -1,0 +1,2 @@
+//! 3D Tiles 1.0 and 1.1: tilesets and their contents, read, checked and built.
+pub mod content;
