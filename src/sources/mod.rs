@@ -1,5 +1,8 @@
 //! Raw models of places: meshes, city models, height rasters, footprints, buildings, read into one form.
 
+pub mod error;
+pub mod options;
+
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::shape::textured::TexturedMesh;
 use serde_json::{Map, Value};

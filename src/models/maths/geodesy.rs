@@ -29,8 +29,7 @@ impl Geodetic {
     }
 
     /// The point whose ECEF coordinates are `r_ecef_m` [m] (EPSG method 9602, reversed).
-    #[cfg(test)]
-    fn from_ecef(r_ecef_m: DVec3) -> Self {
+    pub fn from_ecef(r_ecef_m: DVec3) -> Self {
         let point = Coor3D::raw(r_ecef_m.x, r_ecef_m.y, r_ecef_m.z);
         let (longitude_rad, latitude_rad, height_m) = wgs84().geographic(&point).xyz();
         Self {
@@ -77,14 +76,12 @@ impl SiteFrame {
     }
 
     /// The ENU position [m] of an ECEF position [m].
-    #[cfg(test)]
-    pub(crate) fn ecef_to_enu(&self, r_ecef_m: DVec3) -> DVec3 {
+    pub fn ecef_to_enu(&self, r_ecef_m: DVec3) -> DVec3 {
         self.m_ecef_enu.transpose() * (r_ecef_m - self.r_origin_ecef_m)
     }
 
     /// The geodetic coordinates of an ENU position [m].
-    #[cfg(test)]
-    fn enu_to_geodetic(&self, r_enu_m: DVec3) -> Geodetic {
+    pub fn enu_to_geodetic(&self, r_enu_m: DVec3) -> Geodetic {
         Geodetic::from_ecef(self.enu_to_ecef(r_enu_m))
     }
 
