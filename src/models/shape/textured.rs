@@ -55,7 +55,7 @@ pub struct TexturedMesh {
     pub uv: Vec<[f32; 2]>,
     /// Linear RGB albedo and alpha of each vertex; empty: all one.
     pub colors: Vec<[f32; 4]>,
-    /// Which feature of the content's table (a building, a tree) each vertex belongs to; empty: none.
+    /// Which feature of the content's table (a building, a tree) each vertex belongs to, or [`NO_FEATURE`]; empty: none.
     pub features: Vec<u32>,
     /// Three per triangle.
     pub indices: Vec<u32>,
@@ -85,6 +85,10 @@ pub struct PointCloud {
     pub positions: Vec<[f32; 3]>,
     /// Linear RGB albedo and alpha of each point; empty: all one.
     pub colors: Vec<[f32; 4]>,
+    /// Unit normals; empty: unknown.
+    pub normals: Vec<[f32; 3]>,
+    /// Which feature of the content's table each point belongs to; empty: none.
+    pub features: Vec<u32>,
 }
 
 /// A mesh and every place that it stands at.
@@ -93,5 +97,12 @@ pub struct PlacedMesh {
     /// The mesh in its own frame.
     pub mesh: Arc<TexturedMesh>,
     /// From the mesh's parent frame to the content's: one for a mesh that stands once, many for instances.
+    /// No placement mirrors (all determinants are positive).
     pub placements: Vec<DAffine3>,
+    /// Which feature of the content's table each placement is, where instances are features; empty: none.
+    /// It goes before the mesh's own [`TexturedMesh::features`].
+    pub placement_features: Vec<u32>,
 }
+
+/// The feature ID of what belongs to no feature.
+pub const NO_FEATURE: u32 = u32::MAX;
