@@ -92,8 +92,8 @@ fn input(inputs: &[Outlet]) -> Result<(bool, [Option<u32>; 2]), String> {
     };
     let size_px = [fixed(3), fixed(2)];
     // Height before width, as the shape has them.
-    let mut sides = size_px.iter().rev().flatten();
-    if let Some(side) = sides.find(|side| !SIDES_PX.contains(side)) {
+    let mut sides = size_px.into_iter().rev().flatten();
+    if let Some(side) = sides.find(|side: &u32| !SIDES_PX.contains::<u32>(side)) {
         return Err(format!(
             "its input `image` has a side of {side} px, expected 1 to 8192 px"
         ));
