@@ -69,6 +69,14 @@ pub(super) struct Node {
     pub failed: bool,
 }
 
+impl Node {
+    /// The places of its children.
+    pub fn child_range(&self) -> Range<usize> {
+        let [first, count] = self.children.map(|n| n as usize);
+        first..first + count
+    }
+}
+
 /// The tiles of a tileset, those read so far. The root is the first; a parent stands before its children, and the
 /// children of one tile stand side by side.
 #[derive(Clone, Debug, Default, PartialEq)]
