@@ -86,9 +86,10 @@ impl Fetcher {
         if bytes.starts_with(&[0x1f, 0x8b]) {
             let unpack = self.limited(MultiGzDecoder::new(&bytes[..]), location);
             return unpack.map_err(|error| match error {
-                TilesError::Fetch { reason, .. } if !reason.starts_with("holds") => {
-                    fault(location, &format!("is damaged gzip ({reason}); make it again"))
-                }
+                TilesError::Fetch { reason, .. } if !reason.starts_with("holds") => fault(
+                    location,
+                    &format!("is damaged gzip ({reason}); make it again"),
+                ),
                 error => error,
             });
         }
@@ -97,14 +98,18 @@ impl Fetcher {
 
     fn get(&self, location: &str) -> Result<Vec<u8>, TilesError> {
         let failed = |error: ureq::Error| match error {
-            ureq::Error::StatusCode(status) => {
-                fault(location, &format!("the server answers {status}; check the address"))
-            }
+            ureq::Error::StatusCode(status) => fault(
+                location,
+                &format!("the server answers {status}; check the address"),
+            ),
             ureq::Error::Timeout(_) => fault(
                 location,
                 "the server is too slow; try again, or fetch the tileset to a file",
             ),
-            error => fault(location, &format!("{error}; check the address and the network")),
+            error => fault(
+                location,
+                &format!("{error}; check the address and the network"),
+            ),
         };
         let mut answer = self.agent.get(location).call().map_err(failed)?;
         // The limit below counts what comes out of the decompression too.
@@ -190,7 +195,10 @@ fn in_archive(path: &Path) -> Option<(PathBuf, String)> {
         let end = path.extension().and_then(|end| end.to_str());
         end.is_some_and(|end| ["3tz", "zip"].contains(&&end.to_ascii_lowercase()[..]))
     };
-    let archive = path.ancestors().skip(1).find(|p| packed(p) && p.is_file())?;
+    let archive = path
+        .ancestors()
+        .skip(1)
+        .find(|p| packed(p) && p.is_file())?;
     let member = path.strip_prefix(archive).ok()?.to_str()?;
     Some((archive.to_owned(), member.replace('\\', "/")))
 }
@@ -234,7 +242,10 @@ fn unescape(text: &str) -> Cow<'_, [u8]> {
 pub fn resolve(base: &str, reference: &str) -> Result<String, TilesError> {
     let wrong = |what: &str, mend: &str| TilesError::Unsupported {
         location: base.into(),
-        what: format!("the reference '{}' ({what})", reference.chars().take(80).collect::<String>()),
+        what: format!(
+            "the reference '{}' ({what})",
+            reference.chars().take(80).collect::<String>()
+        ),
         mend: mend.into(),
     };
     if reference.starts_with("data:") || is_address(reference) {
@@ -255,7 +266,12 @@ pub fn resolve(base: &str, reference: &str) -> Result<String, TilesError> {
             let path = reference[5..].trim_start_matches("//");
             (path, Path::new(path))
         }
-        Some(_) => return Err(wrong("of another scheme", "use a relative path, http or https")),
+        Some(_) => {
+            return Err(wrong(
+                "of another scheme",
+                "use a relative path, http or https",
+            ));
+        }
     };
     let folder = Path::new(base).parent().unwrap_or(Path::new(""));
     // A name may hold what looks like parameters or escapes.
@@ -267,14 +283,19 @@ pub fn resolve(base: &str, reference: &str) -> Result<String, TilesError> {
         let plain = unescape(plain);
         folder.join(&*String::from_utf8_lossy(&plain))
     };
-    let path = path.to_str().ok_or_else(|| wrong("no text", "rename the file"))?;
+    let path = path
+        .to_str()
+        .ok_or_else(|| wrong("no text", "rename the file"))?;
     Ok(straight(path))
 }
 
 /// The scheme of a reference, if it has one; a drive's letter is none.
 fn scheme(reference: &str) -> Option<&str> {
     let (scheme, _) = reference.split_once(':')?;
-    let named = scheme.len() > 1 && scheme.bytes().all(|c| c.is_ascii_alphanumeric() || c == b'+');
+    let named = scheme.len() > 1
+        && scheme
+            .bytes()
+            .all(|c| c.is_ascii_alphanumeric() || c == b'+');
     named.then_some(scheme)
 }
 
@@ -300,8 +321,12 @@ fn beside_address(base: &str, reference: &str) -> String {
     };
     let key = |pair: &str| pair.split('=').next().unwrap_or(pair).to_string();
     let own: Vec<String> = query.split('&').map(key).collect();
-    let inherited = base_query.split('&').filter(|pair| !own.contains(&key(pair)));
-    let pairs: Vec<&str> = (query.split('&').chain(inherited)).filter(|pair| !pair.is_empty()).collect();
+    let inherited = base_query
+        .split('&')
+        .filter(|pair| !own.contains(&key(pair)));
+    let pairs: Vec<&str> = (query.split('&').chain(inherited))
+        .filter(|pair| !pair.is_empty())
+        .collect();
     let mark = if pairs.is_empty() { "" } else { "?" };
     format!("{server}{}{mark}{}", straight(&path), pairs.join("&"))
 }

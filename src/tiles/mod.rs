@@ -2,6 +2,11 @@
 pub mod build;
 pub mod content;
 pub mod error;
+pub mod expansion;
 pub mod fetch;
+mod json;
+mod read;
+mod semantics;
 pub mod settled;
+mod subtree;
 pub mod tileset;

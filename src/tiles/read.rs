@@ -60,13 +60,20 @@ pub(super) fn tileset(
             None => Vec::new(),
         };
         if !children.is_empty() && depth >= MOST_LEVELS {
-            return Err(at.fault(format!("stands {MOST_LEVELS} levels deep; make the tree flatter")));
+            return Err(at.fault(format!(
+                "stands {MOST_LEVELS} levels deep; make the tree flatter"
+            )));
         }
         let contents = contents(&at)?;
-        tiles[i].facts.groups = contents.iter().filter_map(|content| content.group).collect();
+        tiles[i].facts.groups = contents
+            .iter()
+            .filter_map(|content| content.group)
+            .collect();
         let first = tiles.len();
         if tiles[i].wait.is_none() {
-            let uris = contents.into_iter().map(|content| resolve(location, &content.uri));
+            let uris = contents
+                .into_iter()
+                .map(|content| resolve(location, &content.uri));
             let uris = uris.collect::<Result<_, _>>()?;
             let external = tiles[i].take_contents(uris, !children.is_empty());
             for external in external {
@@ -188,7 +195,10 @@ fn tile(at: &At, above: Above, file: &TilesetFile) -> Result<Loose, TilesError> 
         unread: None,
     });
     loose.facts.metadata = at.get("metadata").map(|metadata| metadata.value.clone());
-    if let Some(implicit) = at.get("implicitTiling").or_else(|| extension(at, "3DTILES_implicit_tiling")) {
+    if let Some(implicit) = at
+        .get("implicitTiling")
+        .or_else(|| extension(at, "3DTILES_implicit_tiling"))
+    {
         let tiling = tiling(at, &implicit, &loose.tile, file)?;
         let root = Coordinates::default();
         loose.tile.unread = Some(resolve(at.location, &root.fill(&tiling.subtrees))?);
@@ -227,7 +237,9 @@ fn contents(at: &At) -> Result<Vec<ContentAt>, TilesError> {
         let group = content.get("group");
         Ok(ContentAt {
             uri: uri.text()?.into(),
-            group: group.map(|group| group.whole(0, u32::MAX.into())).transpose()?,
+            group: group
+                .map(|group| group.whole(0, u32::MAX.into()))
+                .transpose()?,
         })
     };
     all.into_iter().map(read).collect()
@@ -239,7 +251,9 @@ fn tiling(at: &At, implicit: &At, tile: &Tile, file: &TilesetFile) -> Result<Til
         return Err(at.fault("has children and implicitTiling; leave one out"));
     }
     if matches!(tile.volume, BoundingVolume::Sphere { .. }) {
-        return Err(at.fault("has implicitTiling and a sphere, which cannot be halved; give it a box or a region"));
+        return Err(at.fault(
+            "has implicitTiling and a sphere, which cannot be halved; give it a box or a region",
+        ));
     }
     let scheme = implicit.need("subdivisionScheme")?;
     let scheme = match scheme.text()? {
@@ -249,12 +263,18 @@ fn tiling(at: &At, implicit: &At, tile: &Tile, file: &TilesetFile) -> Result<Til
     };
     // Coordinates fit 2^62 either way.
     let levels = |at: At, least| at.whole(least, 60).map(|n| n as u32);
-    let available_levels = match (implicit.get("availableLevels"), implicit.get("maximumLevel")) {
+    let available_levels = match (
+        implicit.get("availableLevels"),
+        implicit.get("maximumLevel"),
+    ) {
         (None, Some(deepest)) => levels(deepest, 0)? + 1,
         _ => levels(implicit.need("availableLevels")?, 1)?,
     };
     let subtrees = implicit.need("subtrees")?.need("uri")?;
-    let contents = contents(at)?.into_iter().map(|content| content.uri).collect();
+    let contents = contents(at)?
+        .into_iter()
+        .map(|content| content.uri)
+        .collect();
     Ok(Tiling {
         scheme,
         subtree_levels: levels(implicit.need("subtreeLevels")?, 1)?,
@@ -275,7 +295,9 @@ fn affine(at: &At) -> Result<DAffine3, TilesError> {
     let m = DMat4::from_cols_array(&at.numbers::<16>()?);
     let last = m.row(3);
     if (last - glam::DVec4::W).abs().max_element() > 1e-9 {
-        return Err(at.fault("is not affine: its last row must be 0, 0, 0, 1 (columns stand one after the other)"));
+        return Err(at.fault(
+            "is not affine: its last row must be 0, 0, 0, 1 (columns stand one after the other)",
+        ));
     }
     Ok(DAffine3::from_mat4(m))
 }
@@ -326,10 +348,14 @@ pub(super) fn region_of(n: &[f64; 6]) -> Result<BoundingVolume, &'static str> {
     let [west, south, east, north, low_m, high_m] = *n;
     let slack = 1e-6; // [rad] rounding of what was written in single precision
     if south.abs() > FRAC_PI_2 + slack || north.abs() > FRAC_PI_2 + slack {
-        return Err("has a latitude beyond 90°; the order is west, south, east, north [rad], lowest, highest [m]");
+        return Err(
+            "has a latitude beyond 90°; the order is west, south, east, north [rad], lowest, highest [m]",
+        );
     }
     if west.abs() > TAU || east.abs() > TAU {
-        return Err("has a longitude beyond 360°; the order is west, south, east, north [rad], lowest, highest [m]");
+        return Err(
+            "has a longitude beyond 360°; the order is west, south, east, north [rad], lowest, highest [m]",
+        );
     }
     if south > north || low_m > high_m {
         return Err("has its south above its north or its lowest above its highest; exchange them");

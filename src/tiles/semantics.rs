@@ -56,7 +56,9 @@ impl Column {
     fn row(&self, row: u64) -> Option<Vec<f64>> {
         let size = if self.double { 8 } else { 4 };
         let start = usize::try_from(row).ok()?.checked_mul(self.length * size)?;
-        let bytes = self.bytes.get(start..start.checked_add(self.length * size)?)?;
+        let bytes = self
+            .bytes
+            .get(start..start.checked_add(self.length * size)?)?;
         let number = |b: &[u8]| match b {
             &[a, b, c, d] => f64::from(f32::from_le_bytes([a, b, c, d])),
             &[a, b, c, d, e, f, g, h] => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
@@ -69,7 +71,12 @@ impl Column {
 
 impl Table {
     /// The table of a subtree's tiles; `None` where it says nothing of where they lie.
-    pub fn read(views: &impl Views, subtree: &At, schema: &Value, number: &At) -> Result<Option<Self>, TilesError> {
+    pub fn read(
+        views: &impl Views,
+        subtree: &At,
+        schema: &Value,
+        number: &At,
+    ) -> Result<Option<Self>, TilesError> {
         let tables = subtree.need("propertyTables")?;
         let number = number.whole(0, 1 << 20)? as usize;
         let Some(table) = tables.items()?.nth(number) else {
@@ -92,9 +99,16 @@ impl Table {
             if let Some((semantic, length)) = semantic
                 && let Some(property) = properties.get(name)
             {
-                let values = property.get("values").map_or_else(|| property.need("bufferView"), Ok)?;
+                let values = property
+                    .get("values")
+                    .map_or_else(|| property.need("bufferView"), Ok)?;
                 let bytes = views.view(values.whole(0, u64::MAX)?)?;
-                columns.push(Column { semantic, length, double, bytes });
+                columns.push(Column {
+                    semantic,
+                    length,
+                    double,
+                    bytes,
+                });
             }
         }
         Ok((!columns.is_empty()).then_some(Self { columns }))
@@ -103,8 +117,11 @@ impl Table {
     /// Gives a tile the volume and the error of its row.
     pub fn apply(&self, row: u64, tile: &mut Tile) -> Result<(), String> {
         for column in &self.columns {
-            let wrong = |what: &str| format!("metadata of tile {row}: {:?} {what}", column.semantic);
-            let numbers = column.row(row).ok_or_else(|| wrong("is not there or no number"))?;
+            let wrong =
+                |what: &str| format!("metadata of tile {row}: {:?} {what}", column.semantic);
+            let numbers = column
+                .row(row)
+                .ok_or_else(|| wrong("is not there or no number"))?;
             let short = || wrong("has too few numbers");
             match column.semantic {
                 Semantic::Box => {
@@ -122,7 +139,8 @@ impl Table {
                 Semantic::Error => tile.geometric_error_m = numbers[0].max(0.0),
                 Semantic::LowestHeight | Semantic::HighestHeight => {
                     if let BoundingVolume::Region { height_m, .. } = &mut tile.volume {
-                        height_m[usize::from(column.semantic == Semantic::HighestHeight)] = numbers[0];
+                        height_m[usize::from(column.semantic == Semantic::HighestHeight)] =
+                            numbers[0];
                     }
                 }
             }

@@ -32,10 +32,7 @@ pub fn finest(
 }
 
 /// Expands what a cut needs until it needs no more.
-pub fn settle_by(
-    tileset: &mut Tileset,
-    choose: &dyn Fn(&Tree) -> Cut,
-) -> Result<Cut, TilesError> {
+pub fn settle_by(tileset: &mut Tileset, choose: &dyn Fn(&Tree) -> Cut) -> Result<Cut, TilesError> {
     loop {
         let cut = choose(&tileset.tree);
         if cut.unread.is_empty() {
@@ -95,7 +92,9 @@ pub fn load(
         }
         if !failed {
             let found = cut.draw.into_iter();
-            return Ok(found.filter_map(|tile| Some((tile, have.remove(&tile)?))).collect());
+            return Ok(found
+                .filter_map(|tile| Some((tile, have.remove(&tile)?)))
+                .collect());
         }
     }
 }

@@ -36,7 +36,9 @@ fn split<'a>(location: &str, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), Ti
         return Err(fault("begins with neither 'subt' nor '{': is no subtree"));
     }
     let number = |at: usize| {
-        let field = bytes.get(at..at + 8).and_then(|b| <[u8; 8]>::try_from(b).ok());
+        let field = bytes
+            .get(at..at + 8)
+            .and_then(|b| <[u8; 8]>::try_from(b).ok());
         field.map(u64::from_le_bytes)
     };
     let (Some(json), Some(own)) = (number(8), number(16)) else {
@@ -58,7 +60,9 @@ impl Views for Buffers<'_> {
     fn view(&self, index: u64) -> Result<Vec<u8>, TilesError> {
         let item = |key: &str, index: u64| -> Result<At, TilesError> {
             let list = self.json.need(key)?;
-            let found = usize::try_from(index).ok().and_then(|i| list.items().ok()?.nth(i));
+            let found = usize::try_from(index)
+                .ok()
+                .and_then(|i| list.items().ok()?.nth(i));
             found.ok_or_else(|| list.fault(format!("has no element {index}")))
         };
         let view = item("bufferViews", index)?;
@@ -76,10 +80,15 @@ impl Views for Buffers<'_> {
                 &fetched[..]
             }
         };
-        let range = usize::try_from(start).ok().zip(usize::try_from(length).ok());
+        let range = usize::try_from(start)
+            .ok()
+            .zip(usize::try_from(length).ok());
         let part = range.and_then(|(start, length)| bytes.get(start..start.checked_add(length)?));
         let part = part.ok_or_else(|| {
-            view.fault(format!("reaches beyond its buffer of {} bytes", bytes.len()))
+            view.fault(format!(
+                "reaches beyond its buffer of {} bytes",
+                bytes.len()
+            ))
         })?;
         Ok(part.to_vec())
     }
@@ -93,12 +102,15 @@ impl Buffers<'_> {
             return Ok(Availability::Constant(constant.whole(0, 1)? == 1));
         }
         let stream = at.get("bitstream").or_else(|| at.get("bufferView"));
-        let stream = stream.ok_or_else(|| at.fault("has neither 'bitstream' nor 'constant'; add one"))?;
+        let stream =
+            stream.ok_or_else(|| at.fault("has neither 'bitstream' nor 'constant'; add one"))?;
         let bytes = self.view(stream.whole(0, u64::MAX)?)?;
         let enough = things.is_some_and(|things| bytes.len() as u64 >= things.div_ceil(8));
         if !enough {
             let have = bytes.len() * 8;
-            return Err(stream.fault(format!("has {have} bits, fewer than there are tiles to tell of")));
+            return Err(stream.fault(format!(
+                "has {have} bits, fewer than there are tiles to tell of"
+            )));
         }
         Ok(Availability::Bits(bytes))
     }
@@ -124,7 +136,9 @@ impl<'a> Subtree<'a> {
             Some(one) if one.value.is_object() => vec![buffers.availability(&one, whole)?],
             Some(several) => {
                 let several = several.items()?.take(tiling.contents.len().max(1));
-                several.map(|one| buffers.availability(&one, whole)).collect::<Result<_, _>>()?
+                several
+                    .map(|one| buffers.availability(&one, whole))
+                    .collect::<Result<_, _>>()?
             }
             None => Vec::new(),
         };
@@ -133,7 +147,13 @@ impl<'a> Subtree<'a> {
             (Some(schema), Some(number)) => Table::read(buffers, json, schema, &number)?,
             _ => None,
         };
-        Ok(Self { tiles, contents, children, table, json: json.clone() })
+        Ok(Self {
+            tiles,
+            contents,
+            children,
+            table,
+            json: json.clone(),
+        })
     }
 }
 
@@ -147,12 +167,23 @@ pub(super) fn subtree(
 ) -> Result<Expansion, TilesError> {
     let (json, own) = split(location, bytes)?;
     let value: Value = parse(location, json)?;
-    let buffers = Buffers { fetcher, json: At::root(location, &value), own };
+    let buffers = Buffers {
+        fetcher,
+        json: At::root(location, &value),
+        own,
+    };
     let subtree = Subtree::read(&buffers, tiling)?;
     if !subtree.tiles.has(0) {
-        return Err(subtree.json.fault("has no root: its first tile must be available"));
+        return Err(subtree
+            .json
+            .fault("has no root: its first tile must be available"));
     }
-    let mut grown = Grown { subtree, tiling, tiles: Vec::new(), before: (0, 0) };
+    let mut grown = Grown {
+        subtree,
+        tiling,
+        tiles: Vec::new(),
+        before: (0, 0),
+    };
     // The root is a tile already; here it stands in for it.
     let first = grown.tile(root, Some(0))?;
     grown.tiles.push(first);
@@ -184,9 +215,13 @@ pub(super) fn subtree(
     }
     let mut tiles = grown.tiles.into_iter().map(|(loose, _)| loose);
     let first = tiles.next().ok_or_else(|| buffers.json.fault("is empty"))?;
-    let down = |range: std::ops::Range<usize>| range.start.saturating_sub(1)..range.end.saturating_sub(1);
+    let down =
+        |range: std::ops::Range<usize>| range.start.saturating_sub(1)..range.end.saturating_sub(1);
     let roots = down(first.children);
-    let tiles = tiles.map(|loose| Loose { children: down(loose.children.clone()), ..loose });
+    let tiles = tiles.map(|loose| Loose {
+        children: down(loose.children.clone()),
+        ..loose
+    });
     Ok(Expansion {
         tiles: tiles.collect(),
         roots,
@@ -216,7 +251,12 @@ struct Child {
 
 impl Grown<'_> {
     /// The children of a tile `depth` levels below the subtree's root.
-    fn children(&mut self, root: Coordinates, depth: u32, morton: u64) -> Result<Vec<Child>, TilesError> {
+    fn children(
+        &mut self,
+        root: Coordinates,
+        depth: u32,
+        morton: u64,
+    ) -> Result<Vec<Child>, TilesError> {
         let (tiling, scheme) = (self.tiling.clone(), self.tiling.scheme);
         let mut children = Vec::new();
         if root.level + depth + 1 >= tiling.available_levels {
@@ -230,13 +270,21 @@ impl Grown<'_> {
             let place = root.descendant(scheme, depth + 1, child);
             if inside && self.subtree.tiles.has(offset + child) {
                 let tile = self.tile(place, Some(offset + child))?;
-                children.push(Child { tile, morton: child, inside });
+                children.push(Child {
+                    tile,
+                    morton: child,
+                    inside,
+                });
             } else if !inside && self.subtree.children.has(child) {
                 let (mut loose, _) = self.tile(place, None)?;
                 loose.tile.unread = Some(resolve(&tiling.base, &place.fill(&tiling.subtrees))?);
                 loose.wait = Some(Wait::Subtree(tiling.clone(), place));
                 let tile = (loose, Vec::new());
-                children.push(Child { tile, morton: child, inside });
+                children.push(Child {
+                    tile,
+                    morton: child,
+                    inside,
+                });
             }
         }
         Ok(children)
@@ -260,7 +308,9 @@ impl Grown<'_> {
         if self.subtree.table.is_some() {
             let row = self.row(index);
             if let Some(table) = &self.subtree.table {
-                table.apply(row, &mut tile).map_err(|fault| self.subtree.json.fault(fault))?;
+                table
+                    .apply(row, &mut tile)
+                    .map_err(|fault| self.subtree.json.fault(fault))?;
             }
         }
         let available = self.subtree.contents.iter().zip(&tiling.contents);

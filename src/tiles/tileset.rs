@@ -143,7 +143,13 @@ impl Tileset {
     }
 
     /// Adds tiles below one of the tree, level by level.
-    fn graft(&mut self, below: TileId, file: u32, mut tiles: Vec<Option<Loose>>, roots: Range<usize>) {
+    fn graft(
+        &mut self,
+        below: TileId,
+        file: u32,
+        mut tiles: Vec<Option<Loose>>,
+        roots: Range<usize>,
+    ) {
         let mut waiting = VecDeque::from([(below, roots)]);
         while let Some((parent, range)) = waiting.pop_front() {
             let children = tiles.get_mut(range).unwrap_or_default();
@@ -240,7 +246,9 @@ impl Request {
             Wait::Tileset => {
                 let location = first_file(&self.location)?;
                 if self.files.contains(&location) {
-                    return Err(fault("leads back to a tileset that it stands in; take it out"));
+                    return Err(fault(
+                        "leads back to a tileset that it stands in; take it out",
+                    ));
                 }
                 let bytes = self.fetcher.read(&location)?;
                 tileset(&self.fetcher, &location, &bytes, self.above)

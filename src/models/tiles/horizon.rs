@@ -64,7 +64,12 @@ impl Occluder for Horizon {
             return false;
         }
         let top_m = center.z + bounds.reach_m(self.axes.z_axis);
-        let top = top_m / if top_m > 0.0 { nearest_m } else { distance_m + radius_m };
+        let top = top_m
+            / if top_m > 0.0 {
+                nearest_m
+            } else {
+                distance_m + radius_m
+            };
         let bin = TAU / self.azimuths as f64;
         let middle = center.x.atan2(center.y);
         let spread = (radius_m / distance_m).asin();

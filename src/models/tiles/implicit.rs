@@ -56,7 +56,8 @@ impl Coordinates {
     /// A descendant so many levels below, by its place in Morton order among them.
     pub fn descendant(self, scheme: Scheme, levels: u32, morton: u64) -> Self {
         let bits = scheme.dimensions();
-        let down = |tile: Self, level: u32| tile.child(morton >> (bits * level) & ((1 << bits) - 1));
+        let down =
+            |tile: Self, level: u32| tile.child(morton >> (bits * level) & ((1 << bits) - 1));
         let tile = (0..levels).rev().fold(self, down);
         match scheme {
             Scheme::Octree => tile,
@@ -95,7 +96,10 @@ impl Coordinates {
         let parts = (-f64::from(self.level)).exp2();
         // Of an interval: its start and length become those of the tile's share.
         let share = |start: f64, length: f64, axis: usize| {
-            (start + length * parts * self.xyz[axis] as f64, length * parts)
+            (
+                start + length * parts * self.xyz[axis] as f64,
+                length * parts,
+            )
         };
         let whole_z = scheme == Scheme::Quadtree;
         match *root {
@@ -198,8 +202,16 @@ mod tests {
             west_south_east_north_rad: [PI - 0.1, 0.0, -PI + 0.1, 0.2],
             height_m: [0.0, 8.0],
         };
-        let east = Coordinates { level: 1, xyz: [1, 0, 1] }.volume(Scheme::Octree, &region);
-        let BoundingVolume::Region { west_south_east_north_rad: edges, height_m } = east else {
+        let east = Coordinates {
+            level: 1,
+            xyz: [1, 0, 1],
+        }
+        .volume(Scheme::Octree, &region);
+        let BoundingVolume::Region {
+            west_south_east_north_rad: edges,
+            height_m,
+        } = east
+        else {
             panic!("{east:?}")
         };
         for (a, b) in edges.iter().zip([PI, 0.0, PI + 0.1, 0.1]) {

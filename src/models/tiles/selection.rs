@@ -209,7 +209,9 @@ impl<'a> Eyes<'a> {
         let of = |eye: &Eye| {
             let towards = node.bounds.center_m - eye.view.r_root_m;
             let distance_m = node.bounds.distance_m(eye.view.r_root_m);
-            let cos = towards.try_normalize().map_or(1.0, |d| d.dot(eye.view.forward));
+            let cos = towards
+                .try_normalize()
+                .map_or(1.0, |d| d.dot(eye.view.forward));
             (1.0 - cos) * distance_m
         };
         self.eyes.iter().map(of).fold(f64::INFINITY, f64::min)

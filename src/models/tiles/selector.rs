@@ -121,12 +121,7 @@ impl Selector {
     }
 
     /// One frame.
-    pub fn update(
-        &mut self,
-        tree: &Tree,
-        views: &[View],
-        occluder: Option<&dyn Occluder>,
-    ) -> Step {
+    pub fn update(&mut self, tree: &Tree, views: &[View], occluder: Option<&dyn Occluder>) -> Step {
         self.frame += 1;
         self.slots.resize(tree.tiles().len(), Slot::default());
         let eyes = Eyes::new(views, self.options.select.cull, occluder);
@@ -336,7 +331,11 @@ impl Walk<'_> {
             return self.need(i, ask, true);
         }
         // A tile that only leads to an external tileset.
-        let children = if node.always { node.child_range() } else { 0..0 };
+        let children = if node.always {
+            node.child_range()
+        } else {
+            0..0
+        };
         let mut ready = true;
         for child in children {
             ready &= self.hold(child, ask);
@@ -348,7 +347,11 @@ impl Walk<'_> {
     fn need(&mut self, i: usize, ask: bool, held: bool) -> bool {
         let slot = self.slots[i];
         self.plan.used.push(i as u32);
-        self.plan.bytes += if slot.bytes > 0 { slot.bytes } else { self.guess };
+        self.plan.bytes += if slot.bytes > 0 {
+            slot.bytes
+        } else {
+            self.guess
+        };
         let ready = slot.store == Store::Ready;
         if !ready {
             self.want(i, ask, held);

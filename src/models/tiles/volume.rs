@@ -72,11 +72,7 @@ impl Bounds {
     /// The box with perpendicular edges around a parallelepiped: along its longest half-axis, and in the plane of
     /// its two longest. A box stays what it is.
     fn around(center_m: DVec3, half_axes_m: DMat3) -> Self {
-        let mut half = [
-            half_axes_m.x_axis,
-            half_axes_m.y_axis,
-            half_axes_m.z_axis,
-        ];
+        let mut half = [half_axes_m.x_axis, half_axes_m.y_axis, half_axes_m.z_axis];
         half.sort_by(|a, b| b.length_squared().total_cmp(&a.length_squared()));
         let first = half[0].try_normalize().unwrap_or(DVec3::X);
         let across = half[1].reject_from_normalized(first);
@@ -156,10 +152,7 @@ pub fn width_rad(west_rad: f64, east_rad: f64) -> f64 {
 /// larger ones are sampled and padded by what may lie between two samples.
 fn region_box([west, south, east, north]: [f64; 4], height_m: [f64; 2]) -> Bounds {
     let width = width_rad(west, east).min(TAU);
-    let (low_m, high_m) = (
-        height_m[0].min(height_m[1]),
-        height_m[0].max(height_m[1]),
-    );
+    let (low_m, high_m) = (height_m[0].min(height_m[1]), height_m[0].max(height_m[1]));
     let (south, north) = (
         south.min(north).clamp(-FRAC_PI_2, FRAC_PI_2),
         north.max(south).clamp(-FRAC_PI_2, FRAC_PI_2),
@@ -174,7 +167,9 @@ fn region_box([west, south, east, north]: [f64; 4], height_m: [f64; 2]) -> Bound
     let small = width < FRAC_PI_2 && north - south < FRAC_PI_2;
     // Extremes of a small one lie at its corners, at the middles of its edges and on the equator.
     let steps = if small { 2 } else { 64 };
-    let along = |from: f64, span: f64| (0..=steps).map(move |i| from + span * f64::from(i) / f64::from(steps));
+    let along = |from: f64, span: f64| {
+        (0..=steps).map(move |i| from + span * f64::from(i) / f64::from(steps))
+    };
     let mut latitudes: Vec<f64> = along(south, north - south).collect();
     if south < 0.0 && north > 0.0 {
         latitudes.push(0.0);
@@ -318,14 +313,20 @@ mod tests {
     }
 
     fn region() -> impl Strategy<Value = ([f64; 4], [f64; 2])> {
-        (-PI..PI, -1.57..1.5, 1e-6..6.28f64, 1e-6..3.0f64, -100.0..9e3f64, 0.0..9e3f64).prop_map(
-            |(west, south, width, height, low_m, deep_m)| {
+        (
+            -PI..PI,
+            -1.57..1.5f64,
+            1e-6..6.28f64,
+            1e-6..3.0f64,
+            -100.0..9e3f64,
+            0.0..9e3f64,
+        )
+            .prop_map(|(west, south, width, height, low_m, deep_m)| {
                 let east = west + width;
                 let east = if east > PI { east - TAU } else { east };
                 let north = (south + height).min(FRAC_PI_2);
                 ([west, south, east, north], [low_m, low_m + deep_m])
-            },
-        )
+            })
     }
 
     proptest! {
