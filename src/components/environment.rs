@@ -8,7 +8,7 @@ use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::geodesy::SiteFrame;
 use bevy::prelude::*;
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
 /// Everything around the engagement. Nothing but an order changes it during a run: wind, visibility and light.
@@ -18,6 +18,8 @@ pub struct Environment {
     pub site: SiteFrame,
     /// Terrain, buildings and their height raster.
     pub city: Arc<City>,
+    /// The tiles that show a real city; `None` where the city is generated, or nothing is drawn.
+    pub tiles: Option<CityTiles>,
     /// Wind, visibility, temperature.
     pub weather: Weather,
     /// Mean wind over height.
@@ -30,6 +32,18 @@ pub struct Environment {
     pub sun_dir_enu: DVec3,
     /// Light of sun and sky.
     pub sky: Sky,
+}
+
+/// The tiles that show a real city.
+#[derive(Clone, Debug)]
+pub struct CityTiles {
+    /// Where the tileset is: a path or an address.
+    pub location: String,
+    /// The local frame on the Earth.
+    pub site: SiteFrame,
+    /// From the root frame of the tileset's tree [m] to the site's east, north, up [m]: for georeferenced tiles, whose
+    /// root is earth-centred, the inverse of the site's place; for others where the scenario puts them.
+    pub enu_from_root: DAffine3,
 }
 
 impl Environment {

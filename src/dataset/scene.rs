@@ -305,6 +305,7 @@ fn environment(city: City, weather: Weather, sun_dir_enu: DVec3) -> Result<Envir
             height_m: 455.0, // [m]
         }),
         city: Arc::new(city),
+        tiles: None,
         mean_wind: MeanWind::new(
             weather.wind_speed_mps,
             weather.wind_from_rad.to_degrees(),

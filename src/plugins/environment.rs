@@ -64,18 +64,16 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
         Some(city) => city,
         None => generated_city(loaded, sun_dir_enu)?,
     };
-    let mean_height_m = city.buildings.iter().map(|b| b.height_m()).sum::<f64>()
-        / (city.buildings.len().max(1)) as f64;
+    let mean_height_m = city.roughness.mean_height_m;
     let day = sun_dir_enu.z > 0.0;
-    // Roughness and displacement of a city: a tenth and 0.7 of the building height (Grimmond and
-    // Oke, 1999), the displacement counted from the roofs that UAVs fly above.
-    let roughness_m = (0.1 * mean_height_m).clamp(0.03, 2.0); // [m]
+    // The displacement is counted from the roofs that UAVs fly above.
+    let roughness_m = city.roughness.length_m();
     let weather = scenario.weather.at_site(weather, roughness_m);
     let mean_wind = MeanWind::new(
         weather.wind_speed_mps,
         weather.wind_from_rad.to_degrees(),
         roughness_m,
-        0.7 * mean_height_m,
+        city.roughness.displacement_m(),
     )
     .map_err(|error| loaded.refuse("weather", error))?;
     Ok(Environment {
@@ -93,6 +91,7 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
         ),
         site,
         city,
+        tiles: None,
         weather,
         mean_wind,
         sun_dir_enu,

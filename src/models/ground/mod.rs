@@ -2,4 +2,5 @@
 
 pub mod city;
 pub mod dsm;
+pub mod roughness;
 pub mod skyline;

@@ -17,8 +17,12 @@ const TERRAIN_STEP_M: f64 = 25.0;
 
 impl City {
     /// The city's meshes: one per tile for the terrain and one for what stands on it, the river,
-    /// and the land around; each about its own origin, so that a renderer can cull them.
+    /// and the land around; each about its own origin, so that a renderer can cull them. Of a real city, which
+    /// its tiles show, only the land around.
     pub fn chunks(&self) -> Vec<MeshData> {
+        if let Some(around) = &self.around {
+            return around.clone();
+        }
         let extent = self.params.extent_m;
         let tiles = (extent / TILE_M).ceil() as usize;
         let tile_m = extent / tiles as f64;

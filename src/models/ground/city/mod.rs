@@ -23,7 +23,9 @@ mod trees;
 use glam::{DVec2, DVec3};
 
 use crate::models::ground::dsm::{Dsm, HeightGrid};
+use crate::models::ground::roughness::Roughness;
 use crate::models::maths::polygon::{rectangle, span};
+use crate::models::shape::mesh::MeshData;
 pub use ground_map::GroundMap;
 pub use params::{CityError, CityParams};
 pub use parts::{Building, BuildingKind, Finish, Part, Roof, Tree, TreeKind};
@@ -31,11 +33,11 @@ use plan::Draft;
 use river::River;
 
 /// Height of the sensors above the station's roof [m].
-const STATION_MAST_M: f64 = 3.0;
+pub const STATION_MAST_M: f64 = 3.0;
 /// Spacing of the terrain raster [m].
 const TERRAIN_CELL_M: f64 = 8.0;
 
-/// A generated city: what is seen of it, and its heights for sight lines.
+/// A city, generated or real: its heights for sight lines, and what is seen of it or, where tiles show it, around it.
 #[derive(Clone, Debug)]
 pub struct City {
     /// Heights and sight lines.
@@ -50,7 +52,32 @@ pub struct City {
     unshaded: GroundMap,
     /// What it was generated from.
     pub params: CityParams,
+    /// How its buildings slow the wind.
+    pub roughness: Roughness,
+    /// Where a station stands whose place is not given [m, ENU].
+    station_enu_m: DVec3,
     river: Option<River>,
+    /// What is seen around a real city, whose tiles show the city itself; `None` for a generated one.
+    around: Option<Vec<MeshData>>,
+}
+
+/// What is known of a real city.
+#[derive(Clone, Debug)]
+pub struct RealCity {
+    /// Heights and sight lines.
+    pub dsm: Dsm,
+    /// Footprints of its buildings with base and top.
+    pub buildings: Vec<Building>,
+    /// How its buildings slow the wind.
+    pub roughness: Roughness,
+    /// Where a station stands whose place is not given [m, ENU].
+    pub station_enu_m: DVec3,
+    /// Ground albedo of what is seen around it.
+    pub ground_map: GroundMap,
+    /// The meshes of what is seen around it, out to the edge of sight, and of ground that its tiles lack.
+    pub around: Vec<MeshData>,
+    /// What it was made from.
+    pub params: CityParams,
 }
 
 impl City {
@@ -68,27 +95,57 @@ impl City {
         draft
             .map
             .finish(&terrain, &surface, &draft.noise, &mut draft.rng);
+        let dsm = Dsm::new(terrain, surface, 0.0);
         Ok(City {
-            dsm: Dsm::new(terrain, surface, 0.0),
+            station_enu_m: DVec3::Z * (dsm.surface_m(0.0, 0.0) + STATION_MAST_M),
+            roughness: Roughness::of_heights(draft.buildings.iter().map(Building::height_m)),
+            dsm,
             buildings: draft.buildings,
             trees: draft.trees,
             unshaded: draft.map.clone(),
             ground_map: draft.map,
             params: params.clone(),
             river: draft.river,
+            around: None,
         })
     }
 
-    /// Where the station's sensors stand: above the roof of the tower at the site point [m, ENU].
+    /// A city that tiles show.
+    pub fn real(real: RealCity) -> City {
+        City {
+            dsm: real.dsm,
+            buildings: real.buildings,
+            trees: Vec::new(),
+            unshaded: real.ground_map.clone(),
+            ground_map: real.ground_map,
+            params: real.params,
+            roughness: real.roughness,
+            station_enu_m: real.station_enu_m,
+            river: None,
+            around: Some(real.around),
+        }
+    }
+
+    /// Whether tiles show it.
+    pub fn is_real(&self) -> bool {
+        self.around.is_some()
+    }
+
+    /// Where the sensors of a station stand whose place is not given: above the roof of the tower at the site
+    /// point [m, ENU].
     pub fn station_enu_m(&self) -> DVec3 {
-        DVec3::Z * (self.dsm.surface_m(0.0, 0.0) + STATION_MAST_M)
+        self.station_enu_m
     }
 
     /// Bakes the sun's shadows into [`City::ground_map`], replacing those baked before.
     ///
     /// `sun_dir_enu` points to the sun. The surface is swept along lines away from it, carrying the
-    /// height of the shadow. A full shadow keeps the skylight's share of the light.
+    /// height of the shadow. A full shadow keeps the skylight's share of the light. Around a real city nothing
+    /// throws one.
     pub fn bake_shadows(&mut self, sun_dir_enu: DVec3) {
+        if self.is_real() {
+            return;
+        }
         let flat = sun_dir_enu.truncate().length();
         if sun_dir_enu.z <= 0.02 * flat || !sun_dir_enu.is_finite() {
             self.ground_map = self.unshaded.all_shaded();
