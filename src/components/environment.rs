@@ -7,9 +7,10 @@ use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::geodesy::SiteFrame;
+use crate::tiles::tileset::Tileset;
 use bevy::prelude::*;
 use glam::{DAffine3, DVec3};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Everything around the engagement. Nothing but an order changes it during a run: wind, visibility and light.
 #[derive(Resource, Clone)]
@@ -37,7 +38,9 @@ pub struct Environment {
 /// The tiles that show a real city.
 #[derive(Clone, Debug)]
 pub struct CityTiles {
-    /// Where the tileset is: a path or an address.
+    /// The tileset, as far as it was read: the physics' level of detail is.
+    pub tileset: Arc<Mutex<Tileset>>,
+    /// Where it is: a path or an address.
     pub location: String,
     /// The local frame on the Earth.
     pub site: SiteFrame,

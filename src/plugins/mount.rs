@@ -71,7 +71,7 @@ fn mount(
         .map_or_else(|| environment.city.station_enu_m(), DVec3::from_array);
     let [x, y, z] = r_enu_m.to_array();
     let solid_m = environment.city.dsm.surface_m(x, y);
-    if z < solid_m {
+    if environment.city.dsm.inside(r_enu_m) {
         let what =
             format!("{z} m up, inside what reaches up to {solid_m:.1} m there; put it above");
         return Err(loaded.refuse(&format!("{}.position_enu_m", station.place), what));

@@ -11,6 +11,7 @@ use crate::components::flight::{
 use crate::components::run::SimClock;
 use crate::models::flight::multirotor::{self, MultirotorState};
 use crate::models::flight::swarm::Mate;
+use crate::models::ground::dsm::{Dsm, Solids};
 use crate::models::maths::kinematics::exp_so3;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
@@ -159,6 +160,7 @@ pub fn fly(
             Plan::Path(path) => path.sample(t_s),
             Plan::Swarm(steering) => steering.reference,
         };
+        let before = state.r_enu_m;
         multirotor::step(airframe, state, &setpoint, wind_enu_mps, density, dt_s);
         let r = state.r_enu_m;
         let surface_m = dsm.surface_m(r.x, r.y);
@@ -178,11 +180,11 @@ pub fn fly(
                 continue;
             }
         }
-        if r.z < surface_m {
+        if dsm.meets(before, r) {
             *status = UavStatus::Struck;
             // Rapier's surface is thin: what begins within it would fall on for ever.
             let radius_m = 0.5 * length_m.max(width_m) + CLOSE_STEP_M;
-            state.r_enu_m = dsm.nearest_clear(r, radius_m, 0.5 * height_m);
+            state.r_enu_m = dsm.nearest_clear(before, r, radius_m, 0.5 * height_m);
         }
     }
 }
@@ -252,28 +254,24 @@ pub fn drop_wrecks(
             true => (CLOSE_HALF_M, CLOSE_STEP_M),
             false => (PATCH_HALF_M, PATCH_STEP_M),
         };
-        let n = (2.0 * half_m / step_m) as usize + 1;
-        // Rapier's height field spans x (columns) and z (rows) and rises along y: seen from
-        // east-north-up, turned by a quarter about east, so that its z runs to the south.
-        let mut heights = vec![0.0; n * n];
-        for column in 0..n {
-            for row in 0..n {
-                let e = origin_enu_m.x - half_m + column as f64 * step_m;
-                let north = origin_enu_m.y + half_m - row as f64 * step_m;
-                heights[column * n + row] = (dsm.surface_m(e, north) - origin_enu_m.z) as f32;
-            }
-        }
+        let (ground, turn) = match dsm.solids() {
+            Some(solids) => (triangle_patch(solids, origin_enu_m, half_m), Quat::IDENTITY),
+            // Seen from east-north-up, turned by a quarter about east, so that its z runs to the south.
+            None => (
+                column_patch(dsm, origin_enu_m, half_m, step_m),
+                Quat::from_rotation_x(std::f32::consts::FRAC_PI_2),
+            ),
+        };
         // Every wreck has a world of its own: all of them are centred on the same origin.
         let group = Group::from_bits_truncate(1 << (uav.index % 32));
         let alone = CollisionGroups::new(group, group);
-        let side = 2.0 * half_m as f32;
         let patch = commands
             .spawn((
                 RigidBody::Fixed,
-                Collider::heightfield(heights, n, n, Vec3::new(side, 1.0, side)),
+                ground,
                 Friction::coefficient(0.8),
                 alone,
-                Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2)),
+                Transform::from_rotation(turn),
             ))
             .id();
         commands.spawn((
@@ -300,6 +298,37 @@ pub fn drop_wrecks(
         ));
         commands.entity(entity).insert(HasWreck);
     }
+}
+
+/// The columns within `half_m` [m] of a place, as heights `step_m` [m] apart. Rapier's height field spans x (columns) and
+/// z (rows) and rises along y.
+fn column_patch(dsm: &Dsm, origin_enu_m: DVec3, half_m: f64, step_m: f64) -> Collider {
+    let n = (2.0 * half_m / step_m) as usize + 1;
+    let mut heights = vec![0.0; n * n];
+    for column in 0..n {
+        for row in 0..n {
+            let e = origin_enu_m.x - half_m + column as f64 * step_m;
+            let north = origin_enu_m.y + half_m - row as f64 * step_m;
+            heights[column * n + row] = (dsm.surface_m(e, north) - origin_enu_m.z) as f32;
+        }
+    }
+    let side = 2.0 * half_m as f32;
+    Collider::heightfield(heights, n, n, Vec3::new(side, 1.0, side))
+}
+
+/// The triangles within `half_m` [m] of a place on the map.
+fn triangle_patch(solids: &Solids, origin_enu_m: DVec3, half_m: f64) -> Collider {
+    let half = DVec3::new(half_m, half_m, f64::INFINITY);
+    let found = solids.triangles.in_box(origin_enu_m - half, origin_enu_m + half);
+    let corners = found.iter().flat_map(|triangle| {
+        let corners = solids.triangles.corners_m(*triangle);
+        corners.map(|corner| (corner - origin_enu_m).as_vec3())
+    });
+    let corners: Vec<Vec3> = corners.collect();
+    let indices = (0..corners.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]);
+    let indices: Vec<[u32; 3]> = indices.collect();
+    // No triangle, no ground: what falls there is lost below it.
+    Collider::trimesh(corners, indices).unwrap_or_else(|_| Collider::ball(0.01))
 }
 
 /// Steps Rapier while anything falls, and once more to let go of what has come down.

@@ -3,9 +3,15 @@
 //! The surface is piecewise constant: a cell is a column up to its height. A ray is walked cell by
 //! cell (Amanatides & Woo, "A fast voxel traversal algorithm", 1987), exactly for that surface;
 //! a coarse raster of maxima lets it skip blocks it passes above.
+//!
+//! A real city has triangles besides ([`Solids`]): sight lines and wrecks then meet these, go under bridges and
+//! overhangs, and the rasters say only how high ground and roofs are.
 
+use crate::models::ground::lattice::Lattice;
+use crate::models::ground::triangles::TriangleTree;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// A raster of at least one height; a cell's value belongs to its centre, row 0 lies south.
 #[derive(Clone, Debug, PartialEq)]
@@ -190,13 +196,33 @@ pub enum HitKind {
     Building,
 }
 
-/// Terrain and surface heights of a site; beyond the rasters the ground is flat.
+/// All that is solid at a real place.
+#[derive(Clone, Debug)]
+pub struct Solids {
+    /// The triangles of the city and of the land around it, the latter's among them [m, ENU].
+    pub triangles: TriangleTree,
+    /// Heights of the land around it.
+    pub land: Lattice,
+}
+
+/// Terrain and surface heights of a site; beyond the rasters the ground is flat, or the land of [`Solids`].
 #[derive(Clone, Debug)]
 pub struct Dsm {
     terrain: HeightGrid,
     surface: HeightGrid,
     blocks: HeightGrid,
     outside_m: f64,
+    solids: Option<Arc<Solids>>,
+}
+
+/// What stops a sight line.
+enum Obstacle {
+    /// The flat ground outside the rasters.
+    Outside,
+    /// A column.
+    Cell(usize),
+    /// A triangle.
+    Triangle(usize),
 }
 
 /// A surface cell higher than this above the terrain counts as a building [m].
@@ -213,14 +239,34 @@ impl Dsm {
             surface,
             blocks,
             outside_m,
+            solids: None,
         }
+    }
+
+    /// The same heights, with triangles that sight lines and wrecks meet in place of the columns.
+    pub fn with_solids(self, solids: Solids) -> Self {
+        Self {
+            solids: Some(Arc::new(solids)),
+            ..self
+        }
+    }
+
+    /// The triangles that sight lines and wrecks meet; `None` where they meet the columns.
+    pub fn solids(&self) -> Option<&Solids> {
+        self.solids.as_deref()
+    }
+
+    /// Height of the ground [m] at (e, n) [m] outside the rasters.
+    fn outside_m(&self, e_m: f64, n_m: f64) -> f64 {
+        let land = self.solids.as_ref().map(|solids| &solids.land);
+        land.map_or(self.outside_m, |land| land.height_m(e_m, n_m))
     }
 
     /// Height of the bare ground [m] at (e, n) [m].
     pub fn terrain_m(&self, e_m: f64, n_m: f64) -> f64 {
         match self.terrain.cell_index(e_m, n_m) {
             Some(_) => self.terrain.bilinear_m(e_m, n_m),
-            None => self.outside_m,
+            None => self.outside_m(e_m, n_m),
         }
     }
 
@@ -228,12 +274,54 @@ impl Dsm {
     pub fn surface_m(&self, e_m: f64, n_m: f64) -> f64 {
         match self.surface.cell_index(e_m, n_m) {
             Some(k) => f64::from(self.surface.heights_m[k]),
-            None => self.outside_m,
+            None => self.outside_m(e_m, n_m),
         }
+    }
+
+    /// The top of the highest column around a point [m]: above it nothing stands there.
+    fn block_top_m(&self, r_enu_m: DVec3) -> f64 {
+        match self.blocks.cell_index(r_enu_m.x, r_enu_m.y) {
+            Some(k) => f64::from(self.blocks.heights_m[k]),
+            None => self.outside_m(r_enu_m.x, r_enu_m.y),
+        }
+    }
+
+    /// Whether a point [m] lies in something solid: below the surface or, where there are triangles, below one that
+    /// faces up.
+    pub fn inside(&self, r_enu_m: DVec3) -> bool {
+        let Some(solids) = &self.solids else {
+            return r_enu_m.z < self.surface_m(r_enu_m.x, r_enu_m.y);
+        };
+        // The columns hold middles of cells only: a roof may rise on to the border.
+        let up_m = self.block_top_m(r_enu_m) + 2.0 - r_enu_m.z;
+        let above = (up_m > 0.0)
+            .then(|| solids.triangles.first_hit(r_enu_m, up_m * DVec3::Z))
+            .flatten();
+        above.is_some_and(|hit| solids.triangles.normal(hit.triangle).z > 0.0)
+    }
+
+    /// Whether what moves from one point to another [m] within a tick has met something solid.
+    pub fn meets(&self, from_enu_m: DVec3, to_enu_m: DVec3) -> bool {
+        let Some(solids) = &self.solids else {
+            return to_enu_m.z < self.surface_m(to_enu_m.x, to_enu_m.y);
+        };
+        let near = to_enu_m.z.min(from_enu_m.z) < self.block_top_m(to_enu_m) + 2.0;
+        near && ((solids.triangles)
+            .first_hit(from_enu_m, to_enu_m - from_enu_m)
+            .is_some()
+            || self.inside(to_enu_m))
     }
 
     /// Whether nothing within `radius_m` [m] on the map reaches up to a point [m].
     pub fn clear(&self, r_enu_m: DVec3, radius_m: f64) -> bool {
+        if let Some(solids) = &self.solids {
+            let mut around = (0..16).map(|k| {
+                let out_m = radius_m * DVec2::from_angle(f64::from(k) * TAU / 16.0);
+                out_m.extend(0.0)
+            });
+            let free = |off_m: DVec3| solids.triangles.first_hit(r_enu_m, off_m).is_none();
+            return around.all(free) && !self.inside(r_enu_m);
+        }
         let around = (0..16).flat_map(|k| {
             let out_m = radius_m * DVec2::from_angle(f64::from(k) * TAU / 16.0);
             [out_m, 0.5 * out_m]
@@ -245,8 +333,31 @@ impl Dsm {
     }
 
     /// The place nearest to a point [m] just inside the surface that is [`Self::clear`] within `radius_m` [m]: beside a
-    /// wall, or `up_m` [m] above what it sank into from above.
-    pub fn nearest_clear(&self, r_enu_m: DVec3, radius_m: f64, up_m: f64) -> DVec3 {
+    /// wall, or `up_m` [m] above what it sank into from above. `before_enu_m` [m] is where it was before.
+    pub fn nearest_clear(
+        &self,
+        before_enu_m: DVec3,
+        r_enu_m: DVec3,
+        radius_m: f64,
+        up_m: f64,
+    ) -> DVec3 {
+        if let Some(solids) = &self.solids {
+            // Off what is nearest, and so on in corners.
+            let mut free = before_enu_m;
+            for _ in 0..8 {
+                let Some((touched, _)) = solids.triangles.nearest(free, radius_m) else {
+                    break;
+                };
+                let away = (free - touched).normalize_or(DVec3::Z);
+                // What is level below needs no more than its legs.
+                let apart_m = if away.z > 0.9 { up_m.min(radius_m) } else { radius_m };
+                if free.distance(touched) >= apart_m {
+                    break;
+                }
+                free = touched + 1.01 * apart_m * away;
+            }
+            return free;
+        }
         /// What is deeper below the surface than this came in from the side [m].
         const DEEP_M: f64 = 0.5;
         const STEP_M: f64 = 0.1;
@@ -291,13 +402,17 @@ impl Dsm {
         dir_enu: DVec3,
         max_range_m: f64,
     ) -> Option<(f64, HitKind)> {
-        let (t, cell) = self.first_obstacle(from_enu_m, dir_enu * max_range_m)?;
+        let (t, obstacle) = self.first_obstacle(from_enu_m, dir_enu * max_range_m)?;
         let range_m = t * max_range_m;
         let r = from_enu_m + dir_enu * range_m;
-        // The cell itself, not the point: a wall is hit on the border to the cell before it.
-        let stands = cell.is_some_and(|cell| {
-            f64::from(self.surface.heights_m[cell]) - self.terrain_m(r.x, r.y) > BUILDING_MIN_M
-        });
+        let stands = match obstacle {
+            Obstacle::Outside => false,
+            // The cell itself, not the point: a wall is hit on the border to the cell before it.
+            Obstacle::Cell(cell) => {
+                f64::from(self.surface.heights_m[cell]) - self.terrain_m(r.x, r.y) > BUILDING_MIN_M
+            }
+            Obstacle::Triangle(triangle) => self.triangle_stands(triangle, r, dir_enu),
+        };
         let kind = if stands {
             HitKind::Building
         } else {
@@ -306,9 +421,37 @@ impl Dsm {
         Some((range_m, kind))
     }
 
-    /// Smallest t in 0..1 at which a + t·d is below the surface, and the cell there; no cell outside
-    /// the raster.
-    fn first_obstacle(&self, a: DVec3, d: DVec3) -> Option<(f64, Option<usize>)> {
+    /// Whether a triangle that is hit at `r` along a direction is part of something that stands on the ground: it
+    /// reaches up from it, or is a wall before something that does.
+    fn triangle_stands(&self, triangle: usize, r: DVec3, dir_enu: DVec3) -> bool {
+        /// Steeper than this is a wall.
+        const WALL: f64 = 0.5;
+        let Some(solids) = &self.solids else {
+            return false;
+        };
+        let rises = |r: DVec3| r.z - self.terrain_m(r.x, r.y) > BUILDING_MIN_M;
+        let corners = solids.triangles.corners_m(triangle);
+        let steep = solids.triangles.normal(triangle).z.abs() < WALL;
+        let behind = || {
+            let level = dir_enu.truncate().normalize_or_zero();
+            let at = r.truncate() + level * self.surface.cell_m;
+            rises(at.extend(self.surface_m(at.x, at.y)))
+        };
+        rises(r) || (steep && (corners.into_iter().any(rises) || behind()))
+    }
+
+    /// Smallest t in 0..1 at which a + t·d is below the surface, and what is there.
+    fn first_obstacle(&self, a: DVec3, d: DVec3) -> Option<(f64, Obstacle)> {
+        if let Some(solids) = &self.solids {
+            let hit = solids.triangles.first_hit(a, d)?;
+            return Some((hit.t, Obstacle::Triangle(hit.triangle)));
+        }
+        self.first_column(a, d)
+            .map(|(t, cell)| (t, cell.map_or(Obstacle::Outside, Obstacle::Cell)))
+    }
+
+    /// Smallest t in 0..1 at which a + t·d is below a column, and its cell; no cell outside the raster.
+    fn first_column(&self, a: DVec3, d: DVec3) -> Option<(f64, Option<usize>)> {
         // Where z = h along the ray, entered from above; `t` itself when already below.
         let below = |h: f64, t: f64, out: f64| {
             let (z, z_out) = (a.z + d.z * t, a.z + d.z * out);
@@ -352,6 +495,10 @@ impl Dsm {
             })
     }
 }
+
+#[cfg(test)]
+#[path = "dsm/tests/solids.rs"]
+mod solids;
 
 #[cfg(test)]
 mod tests {

@@ -1,6 +1,11 @@
-//! The ground: the height raster, the generated city, its skyline.
+//! The ground: rasters and triangles of heights, the generated city, what is known of a real one, skylines.
 
 pub mod city;
 pub mod dsm;
+pub mod footprints;
+pub mod lattice;
+pub mod raster;
 pub mod roughness;
 pub mod skyline;
+pub mod survey;
+pub mod triangles;

@@ -71,6 +71,8 @@ pub enum BuildingKind {
     Station,
     /// A bridge deck.
     Bridge,
+    /// One of a real city, of which only outline, base and top are known.
+    Surveyed,
 }
 
 /// A roof over a part; pitched ones need four corners and have their ridge along the first edge.
