@@ -184,7 +184,7 @@ pub fn fly(
             *status = UavStatus::Struck;
             // Rapier's surface is thin: what begins within it would fall on for ever.
             let radius_m = 0.5 * length_m.max(width_m) + CLOSE_STEP_M;
-            state.r_enu_m = dsm.nearest_clear(before, r, radius_m, 0.5 * height_m);
+            state.r_enu_m = dsm.nearest_clear([before, r], radius_m, 0.5 * height_m);
         }
     }
 }
@@ -319,7 +319,9 @@ fn column_patch(dsm: &Dsm, origin_enu_m: DVec3, half_m: f64, step_m: f64) -> Col
 /// The triangles within `half_m` [m] of a place on the map.
 fn triangle_patch(solids: &Solids, origin_enu_m: DVec3, half_m: f64) -> Collider {
     let half = DVec3::new(half_m, half_m, f64::INFINITY);
-    let found = solids.triangles.in_box(origin_enu_m - half, origin_enu_m + half);
+    let found = solids
+        .triangles
+        .in_box(origin_enu_m - half, origin_enu_m + half);
     let corners = found.iter().flat_map(|triangle| {
         let corners = solids.triangles.corners_m(*triangle);
         corners.map(|corner| (corner - origin_enu_m).as_vec3())

@@ -333,24 +333,22 @@ impl Dsm {
     }
 
     /// The place nearest to a point [m] just inside the surface that is [`Self::clear`] within `radius_m` [m]: beside a
-    /// wall, or `up_m` [m] above what it sank into from above. `before_enu_m` [m] is where it was before.
-    pub fn nearest_clear(
-        &self,
-        before_enu_m: DVec3,
-        r_enu_m: DVec3,
-        radius_m: f64,
-        up_m: f64,
-    ) -> DVec3 {
+    /// wall, or `up_m` [m] above what it sank into from above. Among triangles it goes out from where it was `before`.
+    pub fn nearest_clear(&self, [before, r_enu_m]: [DVec3; 2], radius_m: f64, up_m: f64) -> DVec3 {
         if let Some(solids) = &self.solids {
             // Off what is nearest, and so on in corners.
-            let mut free = before_enu_m;
+            let mut free = before;
             for _ in 0..8 {
                 let Some((touched, _)) = solids.triangles.nearest(free, radius_m) else {
                     break;
                 };
                 let away = (free - touched).normalize_or(DVec3::Z);
                 // What is level below needs no more than its legs.
-                let apart_m = if away.z > 0.9 { up_m.min(radius_m) } else { radius_m };
+                let apart_m = if away.z > 0.9 {
+                    up_m.min(radius_m)
+                } else {
+                    radius_m
+                };
                 if free.distance(touched) >= apart_m {
                     break;
                 }
@@ -523,17 +521,17 @@ mod tests {
         let dsm = site(&[[10.0, 30.0, -20.0, 20.0, 25.0]]);
         // From the west, 2 cm deep.
         let r_enu_m = DVec3::new(10.02, 3.0, 12.0);
-        let out = dsm.nearest_clear(r_enu_m, 0.5, 0.1);
+        let out = dsm.nearest_clear([r_enu_m; 2], 0.5, 0.1);
         assert!(dsm.clear(out, 0.5), "{out}");
         assert!((0.5..0.75).contains(&(out - r_enu_m).length()), "{out}");
         assert!(out.x < 9.5 && out.z == 12.0, "{out}");
         // On to the roof and the ground.
-        let roof = dsm.nearest_clear(DVec3::new(20.0, 3.0, 24.97), 0.5, 0.1);
+        let roof = dsm.nearest_clear([DVec3::new(20.0, 3.0, 24.97); 2], 0.5, 0.1);
         assert!(
             (roof - DVec3::new(20.0, 3.0, 25.1)).length() < 1e-9,
             "{roof}"
         );
-        let ground = dsm.nearest_clear(DVec3::new(-50.0, 3.0, -0.03), 0.5, 0.1);
+        let ground = dsm.nearest_clear([DVec3::new(-50.0, 3.0, -0.03); 2], 0.5, 0.1);
         assert!((ground.z - 0.1).abs() < 1e-9, "{ground}");
     }
 

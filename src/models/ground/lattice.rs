@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 /// How far the land reaches [m].
 pub const REACH_M: f64 = 20_000.0;
 /// Growth of the lines' distance outside the raster.
-const GROWTH: f64 = 1.25;
+const GROWTH: f64 = 1.3;
 /// Mean radius of the Earth [m] (IUGG).
 const EARTH_M: f64 = 6_371_008.8;
 /// Quads along a side of a mesh.
@@ -88,7 +88,10 @@ impl Lattice {
     /// Height of its triangles at a point [m]; beyond the last line that line's goes on.
     pub fn height_m(&self, e_m: f64, n_m: f64) -> f64 {
         let place = |lines: &[f64], x: f64| {
-            let k = lines.partition_point(|line| *line <= x).clamp(1, lines.len() - 1) - 1;
+            let k = lines
+                .partition_point(|line| *line <= x)
+                .clamp(1, lines.len() - 1)
+                - 1;
             let share = (x - lines[k]) / (lines[k + 1] - lines[k]);
             (k, share.clamp(0.0, 1.0))
         };
@@ -115,10 +118,17 @@ impl Lattice {
         let [columns, rows] = [self.e_m.len() - 1, self.n_m.len() - 1];
         // Whether all of a rectangle is shown: no cell of it is not.
         let all_shown = |low: DVec2, high: DVec2| {
+            // Half a quad more to each side: the land goes that far under what is shown.
+            let more = 0.5 * (high - low);
+            let (low, high) = (low - more, high + more);
             let steps = ((high - low) / cell_m).ceil().max(DVec2::ONE);
-            let [nx, ny] = steps.min(DVec2::splat(400.0)).to_array().map(|n| n as usize);
+            let [nx, ny] = steps
+                .min(DVec2::splat(400.0))
+                .to_array()
+                .map(|n| n as usize);
             let at = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
-            (0..nx * ny).all(|k| shown(low + (high - low) * DVec2::new(at(k % nx, nx), at(k / nx, ny))))
+            (0..nx * ny)
+                .all(|k| shown(low + (high - low) * DVec2::new(at(k % nx, nx), at(k / nx, ny))))
         };
         let lowered = |corner: [usize; 2]| {
             let r = self.corner(corner);
@@ -208,7 +218,10 @@ fn smoothed(grid: &HeightGrid) -> HeightGrid {
         cell_m: grid.cell_m * factor as f64,
         nx,
         ny,
-        heights_m: sums.iter().map(|(sum, count)| (sum / count) as f32).collect(),
+        heights_m: sums
+            .iter()
+            .map(|(sum, count)| (sum / count) as f32)
+            .collect(),
         ..*grid
     }
 }
@@ -262,7 +275,7 @@ mod tests {
         let shown = |p: DVec2| p.abs().max_element() < 300.0;
         let grey = |_: DVec2| [0.1; 3];
         let meshes = land.meshes(4.0, shown, grey);
-        let mut inside = 0;
+        let (mut inside, mut lowest) = (0, f64::INFINITY);
         for mesh in &meshes {
             for triangle in mesh.indices.as_chunks::<3>().0 {
                 let corners = triangle.map(|i| {
@@ -277,22 +290,25 @@ mod tests {
                 } else {
                     assert!(off_m.abs() < 0.01, "{off_m}");
                 }
-                assert!(middle.truncate().abs().max_element() > 270.0);
+                assert!(middle.truncate().abs().max_element() > 260.0);
+                lowest = lowest.min(middle.truncate().abs().max_element());
             }
         }
         // A closed ring of quads under the border.
-        assert!(inside > 100, "{inside}");
+        assert!(inside > 100 && lowest < 295.0, "{inside} {lowest}");
         let area: f64 = (meshes.iter())
             .flat_map(|mesh| {
                 mesh.indices.as_chunks::<3>().0.iter().map(|triangle| {
-                    let [a, b, c] = triangle.map(|i| {
-                        DVec3::from(mesh.positions[i as usize].map(f64::from)).truncate()
-                    });
+                    let [a, b, c] = triangle
+                        .map(|i| DVec3::from(mesh.positions[i as usize].map(f64::from)).truncate());
                     0.5 * (b - a).perp_dot(c - a)
                 })
             })
             .sum();
         let whole = (land.e_m.last().unwrap() - land.e_m[0]).powi(2);
-        assert!((area - (whole - 560.0 * 560.0)).abs() < 60.0 * 600.0 * 4.0, "{area} {whole}");
+        assert!(
+            (area - (whole - 560.0 * 560.0)).abs() < 60.0 * 600.0 * 4.0,
+            "{area} {whole}"
+        );
     }
 }

@@ -67,11 +67,15 @@ pub fn hits(
         let slope = -normal.truncate() / normal.z;
         let [south, north] = [
             corners.iter().map(|p| p.y).fold(f64::INFINITY, f64::min),
-            (corners.iter()).map(|p| p.y).fold(f64::NEG_INFINITY, f64::max),
+            (corners.iter())
+                .map(|p| p.y)
+                .fold(f64::NEG_INFINITY, f64::max),
         ];
         let [lowest, highest] = [
             corners.iter().map(|p| p.z).fold(f64::INFINITY, f64::min),
-            (corners.iter()).map(|p| p.z).fold(f64::NEG_INFINITY, f64::max),
+            (corners.iter())
+                .map(|p| p.z)
+                .fold(f64::NEG_INFINITY, f64::max),
         ];
         let whole = |x: f64, most: usize| x.ceil().clamp(0.0, most as f64) as usize;
         for row in whole(south, ny)..whole(north + 1.0, ny) {
@@ -81,7 +85,11 @@ pub fn hits(
                 let (a, b) = (corners[k], corners[(k + 1) % 3]);
                 if (a.y > y) != (b.y > y) {
                     // One direction of an edge, so that both its triangles round alike.
-                    let (a, b) = if (a.x, a.y) <= (b.x, b.y) { (a, b) } else { (b, a) };
+                    let (a, b) = if (a.x, a.y) <= (b.x, b.y) {
+                        (a, b)
+                    } else {
+                        (b, a)
+                    };
                     let x = a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y));
                     crossed = [crossed[0].min(x), crossed[1].max(x)];
                 }
@@ -353,14 +361,17 @@ mod tests {
     #[test]
     fn houses_go_and_hills_stay() {
         // A tenth of slope, a hill of 12 m over 200 m, and houses on them.
-        let hill = |e: f64, n: f64| {
-            0.1 * e + 12.0 * (-(e * e + n * n) / (2.0 * 60.0_f64.powi(2))).exp()
-        };
-        let houses = [[-40.0, -20.0, -10.0, 10.0], [5.0, 45.0, 20.0, 40.0], [60.0, 64.0, 60.0, 90.0]];
+        let hill =
+            |e: f64, n: f64| 0.1 * e + 12.0 * (-(e * e + n * n) / (2.0 * 60.0_f64.powi(2))).exp();
+        let houses = [
+            [-40.0, -20.0, -10.0, 10.0],
+            [5.0, 45.0, 20.0, 40.0],
+            [60.0, 64.0, 60.0, 90.0],
+        ];
         let inside = |e: f64, n: f64| {
-            houses.iter().any(|[e0, e1, n0, n1]| {
-                (*e0..*e1).contains(&e) && (*n0..*n1).contains(&n)
-            })
+            houses
+                .iter()
+                .any(|[e0, e1, n0, n1]| (*e0..*e1).contains(&e) && (*n0..*n1).contains(&n))
         };
         let seen = |e: f64, n: f64| hill(e, n) + if inside(e, n) { 8.0 } else { 0.0 };
         let cells = [150, 150];

@@ -41,7 +41,8 @@ impl Evidence {
             if triangle.iter().any(|i| *i as usize >= mesh.positions.len()) {
                 continue;
             }
-            self.triangles.push(triangle.map(|i| to_enu(mesh.vertex_m(i))));
+            self.triangles
+                .push(triangle.map(|i| to_enu(mesh.vertex_m(i))));
             self.albedo.push(albedo(mesh, triangle));
         }
     }
@@ -63,7 +64,11 @@ fn albedo(mesh: &TexturedMesh, triangle: &[u32; 3]) -> [f32; 3] {
         let place = |axis: usize| {
             let of = |i: &u32| mesh.uv.get(*i as usize).map_or(0.0, |uv| uv[axis]);
             let x = triangle.iter().map(of).sum::<f32>() / 3.0;
-            let x = if look.repeats { x.rem_euclid(1.0) } else { x.clamp(0.0, 1.0) };
+            let x = if look.repeats {
+                x.rem_euclid(1.0)
+            } else {
+                x.clamp(0.0, 1.0)
+            };
             let size = texture.size_px[axis];
             ((x * size as f32) as u32).min(size.saturating_sub(1)) as usize
         };
@@ -133,9 +138,13 @@ pub fn survey(
     let (from, to) = bounds(&evidence.triangles);
     let kept: Vec<bool> = evidence.triangles.iter().map(near).collect();
     let mut keep = kept.iter();
-    evidence.triangles.retain(|_| keep.next().copied().unwrap_or(false));
+    evidence
+        .triangles
+        .retain(|_| keep.next().copied().unwrap_or(false));
     let mut keep = kept.iter();
-    evidence.albedo.retain(|_| keep.next().copied().unwrap_or(false));
+    evidence
+        .albedo
+        .retain(|_| keep.next().copied().unwrap_or(false));
     if evidence.triangles.is_empty() {
         let radius_m = options.radius_m;
         return Err(SurveyError::Nothing { radius_m, from, to });
@@ -159,11 +168,13 @@ pub fn survey(
     let far_m = |p: DVec2| {
         far.iter().flatten().find_map(|grid| {
             let k = grid.cell_index(p.x, p.y)?;
-            grid.heights_m[k].is_finite().then(|| grid.bilinear_m(p.x, p.y))
+            grid.heights_m[k]
+                .is_finite()
+                .then(|| grid.bilinear_m(p.x, p.y))
         })
     };
     let longest_m = (high - low).max_element();
-    let step_m = terrain.cell_m.max(longest_m / 200.0);
+    let step_m = (2.0 * terrain.cell_m).max(longest_m / 160.0);
     let land = Lattice::around(&terrain, step_m, options.curved, far_m);
     let colours = Colours::new(&evidence, &frame);
     let of_tiles = far[0].as_ref();
@@ -185,7 +196,7 @@ pub fn survey(
         None => around.clone(),
     };
     let mut triangles = std::mem::take(&mut evidence.triangles);
-    triangles.extend(solid_land.iter().flat_map(corners_m));
+    triangles.extend(solid_land.iter().flat_map(MeshData::corners_m));
 
     let ground_m = |e: f64, n: f64| terrain.bilinear_m(e, n);
     let buildings = footprints::buildings(&surface, ground_m);
@@ -211,7 +222,11 @@ pub fn survey(
 
 /// The cell size for a rectangle [m]: 0.5 m to 2 m, or as few cells as are allowed.
 fn cell_m(size: DVec2) -> f64 {
-    let plain = if size.max_element() <= 1_000.0 { 0.5 } else { 1.0 };
+    let plain = if size.max_element() <= 1_000.0 {
+        0.5
+    } else {
+        1.0
+    };
     let least = (size.x.max(1.0) * size.y.max(1.0) / MOST_CELLS).sqrt();
     if least <= plain {
         plain
@@ -303,15 +318,13 @@ fn far_heights(triangles: &[[DVec3; 3]]) -> Option<HeightGrid> {
     // Only cells with a number of their own are answered for; their neighbours' serve to interpolate.
     let first_ring = filled.clone();
     for (k, own) in top.heights_m.iter().enumerate() {
-        filled.heights_m[k] = if own.is_finite() { *own } else { first_ring.heights_m[k] };
+        filled.heights_m[k] = if own.is_finite() {
+            *own
+        } else {
+            first_ring.heights_m[k]
+        };
     }
     Some(filled)
-}
-
-/// The triangles of a mesh [m].
-fn corners_m(mesh: &MeshData) -> impl Iterator<Item = [DVec3; 3]> {
-    let at = |i: u32| mesh.origin_enu_m + DVec3::from(mesh.positions[i as usize].map(f64::from));
-    (mesh.indices.as_chunks::<3>().0.iter()).map(move |triangle| triangle.map(at))
 }
 
 /// What colour the ground has, coarsely.
@@ -328,7 +341,8 @@ impl Colours {
             // By its area from above; what faces down is not seen there.
             let area = 0.5 * (b - a).truncate().perp_dot((c - a).truncate());
             let at = (((a + b + c) / 3.0).truncate() - frame.origin_m) / cell_m;
-            let inside = at.cmpge(DVec2::ZERO).all() && (at.x as usize) < nx && (at.y as usize) < ny;
+            let inside =
+                at.cmpge(DVec2::ZERO).all() && (at.x as usize) < nx && (at.y as usize) < ny;
             if area > 0.0 && inside {
                 let sum = &mut sums[at.y as usize * nx + at.x as usize];
                 for (sum, value) in sum.iter_mut().zip(albedo) {
@@ -341,7 +355,11 @@ impl Colours {
         let least = 0.25 * cell_m * cell_m;
         Self([0, 1, 2].map(|c| {
             let mean = |sum: &[f64; 4]| {
-                if sum[3] > least { (sum[c] / sum[3]) as f32 } else { f32::NAN }
+                if sum[3] > least {
+                    (sum[c] / sum[3]) as f32
+                } else {
+                    f32::NAN
+                }
             };
             let mut grid = HeightGrid {
                 origin_e_m: frame.origin_m.x,
@@ -361,7 +379,9 @@ impl Colours {
     }
 
     fn at(&self, p: DVec2) -> [f32; 3] {
-        self.0.each_ref().map(|grid| (grid.bilinear_m(p.x, p.y) as f32).clamp(0.0, 0.9))
+        self.0
+            .each_ref()
+            .map(|grid| (grid.bilinear_m(p.x, p.y) as f32).clamp(0.0, 0.9))
     }
 }
 
@@ -408,17 +428,36 @@ mod tests {
     fn houses_alone_stand_on_ground_at_their_floors() {
         let mut all = Vec::new();
         for k in 0..16 {
-            let low = DVec3::new(f64::from(k % 4) * 60.0 - 100.0, f64::from(k / 4) * 60.0 - 100.0, 0.0);
+            let low = DVec3::new(
+                f64::from(k % 4) * 60.0 - 100.0,
+                f64::from(k / 4) * 60.0 - 100.0,
+                0.0,
+            );
             let floor_m = 30.0 + 0.02 * low.x;
-            all.extend(house(low.with_z(floor_m), DVec3::new(15.0, 12.0, 9.0), true));
+            all.extend(house(
+                low.with_z(floor_m),
+                DVec3::new(15.0, 12.0, 9.0),
+                true,
+            ));
         }
         let city = survey(evidence(all), CityParams::default(), &options()).unwrap();
         assert_eq!(city.buildings.len(), 16);
         for building in &city.buildings {
-            let low = building.footprint_enu_m().iter().fold(DVec2::INFINITY, |a, b| a.min(*b));
+            let low = building
+                .footprint_enu_m()
+                .iter()
+                .fold(DVec2::INFINITY, |a, b| a.min(*b));
             let want = 30.0 + 0.02 * low.x;
-            assert!((building.base_m - want).abs() < 0.5, "{} {want}", building.base_m);
-            assert!((building.height_m() - 9.0).abs() < 0.6, "{}", building.height_m());
+            assert!(
+                (building.base_m - want).abs() < 0.5,
+                "{} {want}",
+                building.base_m
+            );
+            assert!(
+                (building.height_m() - 9.0).abs() < 0.6,
+                "{}",
+                building.height_m()
+            );
         }
         assert!((city.dsm.terrain_m(-70.0, -70.0) - 28.6).abs() < 0.6);
         // Nothing shows the ground, so the land does, under the houses and between them.
@@ -428,7 +467,10 @@ mod tests {
         };
         assert_eq!(down(-93.0, -94.0).1, HitKind::Building);
         let (range_m, kind) = down(-70.0, -70.0);
-        assert!((range_m - 171.4).abs() < 0.8 && kind == HitKind::Ground, "{range_m}");
+        assert!(
+            (range_m - 171.4).abs() < 0.8 && kind == HitKind::Ground,
+            "{range_m}"
+        );
         assert_eq!(down(5_000.0, 900.0).1, HitKind::Ground);
         let shares = city.roughness.shares.unwrap();
         assert!((city.roughness.mean_height_m - 9.0).abs() < 0.5);
@@ -442,12 +484,21 @@ mod tests {
         // As photogrammetry sees it: a ground of 300 m with houses on it, no floors.
         let tilt = |e: f64| 100.0 + 0.05 * e;
         let at = |e: f64, n: f64| DVec3::new(e, n, tilt(e));
-        let [a, b, c, d] = [at(-150.0, -150.0), at(150.0, -150.0), at(150.0, 150.0), at(-150.0, 150.0)];
+        let [a, b, c, d] = [
+            at(-150.0, -150.0),
+            at(150.0, -150.0),
+            at(150.0, 150.0),
+            at(-150.0, 150.0),
+        ];
         let mut all = vec![[a, b, c], [a, c, d]];
         for k in 0..9 {
             let e = f64::from(k % 3) * 80.0 - 90.0;
             let n = f64::from(k / 3) * 80.0 - 90.0;
-            all.extend(house(at(e, n) - DVec3::Z, DVec3::new(20.0, 14.0, 13.0), false));
+            all.extend(house(
+                at(e, n) - DVec3::Z,
+                DVec3::new(20.0, 14.0, 13.0),
+                false,
+            ));
         }
         let city = survey(evidence(all), CityParams::default(), &options()).unwrap();
         assert_eq!(city.buildings.len(), 9);
@@ -459,11 +510,19 @@ mod tests {
         for k in 0..60 {
             let to = DVec3::new(149.0 + f64::from(k) * 0.1, 3.3, 0.0);
             let from = DVec3::new(100.0, 0.0, 130.0);
-            let hit = city.dsm.first_hit(from, (to.with_z(90.0) - from).normalize(), 500.0);
+            let hit = city
+                .dsm
+                .first_hit(from, (to.with_z(90.0) - from).normalize(), 500.0);
             assert!(hit.is_some(), "{k}");
         }
-        let (from, to) = (DVec3::new(-120.0, -83.0, 100.0), DVec3::new(-20.0, -83.0, 103.0));
-        assert!(matches!(city.dsm.line_of_sight(from, to), LineOfSight::BlockedAt(_)));
+        let (from, to) = (
+            DVec3::new(-120.0, -83.0, 100.0),
+            DVec3::new(-20.0, -83.0, 103.0),
+        );
+        assert!(matches!(
+            city.dsm.line_of_sight(from, to),
+            LineOfSight::BlockedAt(_)
+        ));
         let meshes: usize = city.around.iter().map(|mesh| mesh.triangle_count()).sum();
         assert!((2_000..40_000).contains(&meshes), "{meshes}");
     }
@@ -473,6 +532,9 @@ mod tests {
         let far = house(DVec3::new(5_000.0, 0.0, 0.0), DVec3::splat(10.0), true);
         let error = survey(evidence(far), CityParams::default(), &options());
         let text = error.map(|_| ()).unwrap_err().to_string();
-        assert!(text.contains("within 500 m") && text.contains("5000"), "{text}");
+        assert!(
+            text.contains("within 500 m") && text.contains("5000"),
+            "{text}"
+        );
     }
 }

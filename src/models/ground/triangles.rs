@@ -315,7 +315,11 @@ fn split(
             .map(|cut| {
                 let (left, right) = (cost(&bins[..cut]), cost(&bins[cut..]));
                 let both = left.1 > 0 && right.1 > 0;
-                let sum = if both { left.0 + right.0 } else { f64::INFINITY };
+                let sum = if both {
+                    left.0 + right.0
+                } else {
+                    f64::INFINITY
+                };
                 (sum, cut)
             })
             .fold((f64::INFINITY, BINS / 2), |best, one| {
@@ -425,8 +429,7 @@ mod tests {
         assert_eq!(tree.len(), 3_000);
         let mut hits = 0;
         for _ in 0..2_000 {
-            let mut point =
-                || DVec3::new(rng.normal(), rng.normal(), 0.3 * rng.normal()) * 120.0;
+            let mut point = || DVec3::new(rng.normal(), rng.normal(), 0.3 * rng.normal()) * 120.0;
             let (a, b) = (point(), point());
             let got = tree.first_hit(a, b - a);
             let want = plain(&triangles, a, b - a);
@@ -491,9 +494,13 @@ mod tests {
         let hit = tree.first_hit(DVec3::new(0.2, 0.2, 1.0), 2.0 * DVec3::NEG_Z);
         let hit = hit.unwrap();
         assert!((hit.t - 0.5).abs() < 1e-15 && hit.triangle == 0);
-        assert_eq!(tree.in_box(DVec3::splat(0.1), DVec3::splat(0.2)), []);
+        assert!(tree.in_box(DVec3::splat(0.1), DVec3::splat(0.2)).is_empty());
         assert_eq!(tree.in_box(-DVec3::ONE, DVec3::ONE).len(), 5_000);
         assert!(TriangleTree::new(vec![[DVec3::NAN; 3]]).is_empty());
-        assert!(TriangleTree::default().first_hit(DVec3::ZERO, DVec3::X).is_none());
+        assert!(
+            TriangleTree::default()
+                .first_hit(DVec3::ZERO, DVec3::X)
+                .is_none()
+        );
     }
 }

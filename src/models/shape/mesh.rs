@@ -140,6 +140,12 @@ impl MeshData {
         self.indices.len() / 3
     }
 
+    /// The corners of every triangle in the parent frame [m].
+    pub fn corners_m(&self) -> impl Iterator<Item = [DVec3; 3]> {
+        let at = |i: u32| self.origin_enu_m + DVec3::from(self.positions[i as usize].map(f64::from));
+        (self.indices.as_chunks::<3>().0.iter()).map(move |triangle| triangle.map(at))
+    }
+
     /// Corners (minimum, maximum) of the bounding box about the origin [m]; None when empty.
     pub fn bounds_m(&self) -> Option<(DVec3, DVec3)> {
         let mut points = self.positions.iter().map(|p| DVec3::from(p.map(f64::from)));

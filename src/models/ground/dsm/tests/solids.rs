@@ -3,6 +3,7 @@
 use super::*;
 use crate::models::ground::raster::{self, RasterFrame};
 use crate::models::maths::rng::Stream;
+use crate::models::shape::mesh::MeshData;
 
 type Triangle = [DVec3; 3];
 
@@ -36,16 +37,20 @@ fn places(stands: &[Triangle], slope: f64, cell_m: f64) -> [Dsm; 2] {
         ground(half, half),
         ground(-half, half),
     ];
-    let all = [[a, b, c], [a, c, d]].into_iter().chain(stands.iter().copied());
+    let all = [[a, b, c], [a, c, d]]
+        .into_iter()
+        .chain(stands.iter().copied());
     let all: Vec<Triangle> = all.collect();
     let frame = RasterFrame::covering(DVec2::splat(-half), DVec2::splat(half), cell_m);
     let (surface, _) = raster::hits(&frame, all.iter().copied());
     let (terrain, _) = raster::hits(&frame, all[..2].iter().copied());
     let columns = Dsm::new(terrain.clone(), surface, 0.0);
-    let solids = Solids {
-        triangles: TriangleTree::new(all),
-        land: Lattice::around(&terrain, 50.0, false, |_| None),
-    };
+    let land = Lattice::around(&terrain, 50.0, false, |_| None);
+    let inside = |p: DVec2| p.abs().max_element() < half;
+    let around = land.meshes(cell_m, inside, |_| [0.1; 3]);
+    let around = around.iter().flat_map(MeshData::corners_m);
+    let triangles = TriangleTree::new(all.into_iter().chain(around).collect());
+    let solids = Solids { triangles, land };
     [columns.clone(), columns.with_solids(solids)]
 }
 
@@ -55,16 +60,26 @@ fn raster_and_triangles_agree_on_boxes_to_a_cell() {
     let boxes: Vec<[DVec3; 2]> = (0..30)
         .map(|_| {
             let low = DVec2::new(rng.range(-250.0, 220.0), rng.range(-250.0, 220.0)).floor();
-            let size = DVec3::new(rng.range(5.0, 30.0), rng.range(5.0, 30.0), rng.range(5.0, 60.0));
+            let size = DVec3::new(
+                rng.range(5.0, 30.0),
+                rng.range(5.0, 30.0),
+                rng.range(5.0, 60.0),
+            );
             [low.extend(0.0), low.extend(0.0) + size.floor()]
         })
         .collect();
-    let stands: Vec<Triangle> = (boxes.iter()).flat_map(|[low, high]| cuboid(*low, *high)).collect();
+    let stands: Vec<Triangle> = (boxes.iter())
+        .flat_map(|[low, high]| cuboid(*low, *high))
+        .collect();
     let [columns, solids] = places(&stands, 0.0, 1.0);
     let (mut hits, mut differ) = (0, 0);
     for _ in 0..5_000 {
         let mut point = |low: f64, high: f64| {
-            DVec3::new(rng.range(-280.0, 280.0), rng.range(-280.0, 280.0), rng.range(low, high))
+            DVec3::new(
+                rng.range(-280.0, 280.0),
+                rng.range(-280.0, 280.0),
+                rng.range(low, high),
+            )
         };
         let (a, b) = (point(61.0, 90.0), point(0.5, 60.0));
         let free = |r: DVec3| r.z > columns.surface_m(r.x, r.y);
@@ -108,7 +123,10 @@ fn a_sight_line_goes_under_a_bridge_and_not_through_its_deck() {
     let LineOfSight::BlockedAt(range_m) = solids.line_of_sight(eye, low) else {
         panic!("through the deck");
     };
-    assert!((range_m - 75.0 / 140.0 * eye.distance(low)).abs() < 1e-6, "{range_m}");
+    assert!(
+        (range_m - 75.0 / 140.0 * eye.distance(low)).abs() < 1e-6,
+        "{range_m}"
+    );
     assert!(!solids.inside(at(0.0, 0.0, 4.0)) && columns.inside(at(0.0, 0.0, 4.0)));
     assert!(solids.inside(at(0.0, 0.0, 8.5)) && solids.inside(at(65.0, 0.0, 3.0)));
     assert!(!solids.inside(at(0.0, 0.0, 9.1)) && solids.inside(at(0.0, 0.0, -0.1)));
@@ -116,7 +134,7 @@ fn a_sight_line_goes_under_a_bridge_and_not_through_its_deck() {
     assert!(!solids.meets(at(0.0, 0.0, 4.0), at(0.0, 0.1, 4.0)));
     let (before, after) = (at(0.0, 0.0, 7.99), at(0.0, 0.0, 8.02));
     assert!(solids.meets(before, after));
-    let free = solids.nearest_clear(before, after, 0.5, 0.2);
+    let free = solids.nearest_clear([before, after], 0.5, 0.2);
     assert!((free - at(0.0, 0.0, 7.495)).length() < 1e-6, "{free}");
     assert!(solids.clear(at(0.0, 0.0, 4.0), 20.0) && !solids.clear(at(55.0, 0.0, 4.0), 10.0));
     assert_eq!(solids.surface_m(0.0, 0.0), 9.0);
@@ -142,7 +160,10 @@ fn an_arch_is_open_in_the_middle() {
             quad(a, deep, b - a),
             quad(c, d - c, deep),
             [[a, b, d], [a, d, c]],
-            [[a + deep, d + deep, b + deep], [a + deep, c + deep, d + deep]],
+            [
+                [a + deep, d + deep, b + deep],
+                [a + deep, c + deep, d + deep],
+            ],
         ]
     });
     let arch: Vec<Triangle> = pieces.flatten().collect();
@@ -159,7 +180,10 @@ fn an_arch_is_open_in_the_middle() {
         }
     }
     let through = DVec3::new(0.0, -90.0, 8.0);
-    assert_ne!(columns.line_of_sight(through, through + 180.0 * DVec3::Y), LineOfSight::Clear);
+    assert_ne!(
+        columns.line_of_sight(through, through + 180.0 * DVec3::Y),
+        LineOfSight::Clear
+    );
 }
 
 #[test]
