@@ -14,6 +14,7 @@ pub mod models;
 pub mod output;
 mod parallel;
 pub mod plugins;
+pub mod projection;
 pub mod recording;
 pub mod report;
 pub mod scenario;

@@ -1,8 +1,10 @@
-//! The ground: rasters and triangles of heights, the generated city, what is known of a real one, skylines.
+//! The ground: rasters and triangles of heights, the generated city, what is known of a real one, skylines, where a local model
+//! stands.
 
 pub mod city;
 pub mod dsm;
 pub mod footprints;
+pub mod georeference;
 pub mod lattice;
 pub mod raster;
 pub mod roughness;
