@@ -9,6 +9,7 @@ use crate::dataset::{self, DatasetError};
 use crate::eval::{self, EvalError};
 use crate::experiment::diff::{Comparison, Tolerances};
 use crate::experiment::{self, ExperimentError};
+use crate::georef::{self, GeorefError};
 use crate::output::{self, OutputError};
 use crate::recording::film::{self, FilmError};
 use crate::recording::read::Recorded;
@@ -52,6 +53,9 @@ pub enum CliError {
     /// An experiment.
     #[error(transparent)]
     Experiment(#[from] ExperimentError),
+    /// The placement of a model.
+    #[error(transparent)]
+    Georef(#[from] GeorefError),
     /// The tuning of a mount.
     #[error(transparent)]
     Tune(#[from] TuneError),
@@ -112,6 +116,9 @@ enum Command {
     /// Measure the loops of a scenario's mount: margins, bandwidths, Bode and step plots, and the
     /// gains that follow.
     Tune(TuneArgs),
+    /// Fit where a local model stands on the Earth to ground control points. Ends with 1 where a point that is used does not
+    /// belong with the others.
+    Georef(georef::Arguments),
     /// Measure the tracking over many runs and write numbers, pictures and a page.
     #[command(subcommand)]
     Eval(EvalCommand),
@@ -375,6 +382,18 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
         }
         Command::Tracks(args) => {
             say!("{}", dataset::tracks::tracks(&args)?.trim_end());
+            Ok(())
+        }
+        Command::Georef(args) => {
+            let found = georef::georeference(&args)?;
+            say!("{}", found.to_text().trim_end());
+            if let Some(out) = &args.out {
+                found.write(out)?;
+                say!("wrote {}", out.display());
+            }
+            if !found.sound() {
+                return Ok(ExitCode::from(1));
+            }
             Ok(())
         }
         Command::Models => {

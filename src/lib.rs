@@ -8,6 +8,7 @@ pub mod components;
 pub mod dataset;
 pub mod eval;
 pub mod experiment;
+pub mod georef;
 pub mod inference;
 pub mod media;
 pub mod models;

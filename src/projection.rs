@@ -34,7 +34,9 @@ pub enum CrsError {
         what: String,
     },
     /// Coordinates outside the system's domain.
-    #[error("({x}, {y}, {z}) is no point of {name}; check the system and the order of the coordinates (east or longitude first)")]
+    #[error(
+        "({x}, {y}, {z}) is no point of {name}; check the system and the order of the coordinates (east or longitude first)"
+    )]
     Outside {
         /// The system.
         name: String,
@@ -131,7 +133,9 @@ impl Crs {
             let vertical = words.filter(own).map(|word| word[1..].to_string()).next();
             (definition.join(" "), vertical)
         } else {
-            let mut parts = text.split(['+', ',']).filter(|part| !part.ends_with(":crs"));
+            let mut parts = text
+                .split(['+', ','])
+                .filter(|part| !part.ends_with(":crs"));
             let definition = definition(parts.next().unwrap_or("")).ok_or_else(unknown)?;
             let vertical = parts.next().map(|part| last(part).to_lowercase());
             if parts.next().is_some() {
@@ -196,7 +200,11 @@ impl Crs {
 
     /// Its heights in words, with whether that was assumed.
     pub fn heights_in_words(&self) -> String {
-        let assumed = if self.stated { "" } else { ", as nothing else is said" };
+        let assumed = if self.stated {
+            ""
+        } else {
+            ", as nothing else is said"
+        };
         match (self.heights, self.geoid.constant_m) {
             (Heights::Ellipsoid, _) => format!("heights over WGS 84's ellipsoid{assumed}"),
             (Heights::Geoid(name), Some(m)) => {
@@ -227,7 +235,11 @@ impl Crs {
             y: r.y,
             z: r.z,
         };
-        let z_m = if self.is_geocentric() { r.z } else { r.z * self.height_unit_m };
+        let z_m = if self.is_geocentric() {
+            r.z
+        } else {
+            r.z * self.height_unit_m
+        };
         // The projection gets the height as that over its own ellipsoid: national ellipsoids lie within metres of the geoid.
         let mut point = if self.is_geographic() {
             if r.y.abs() > 90.0 || r.x.abs() > 720.0 {
@@ -250,7 +262,8 @@ impl Crs {
             height_m,
         };
         let all = [latitude_rad, longitude_rad, height_m];
-        if all.iter().all(|v| v.is_finite()) && latitude_rad.abs() <= 1.5708 && height_m.abs() < 1e8 {
+        if all.iter().all(|v| v.is_finite()) && latitude_rad.abs() <= 1.5708 && height_m.abs() < 1e8
+        {
             Ok(found)
         } else {
             Err(outside())

@@ -13,14 +13,24 @@ fn points() -> Vec<(String, DVec3, Geodetic)> {
             latitude_rad: number(5).to_radians(),
             height_m: number(6),
         };
-        (row[0].into(), DVec3::new(number(1), number(2), number(3)), there)
+        (
+            row[0].into(),
+            DVec3::new(number(1), number(2), number(3)),
+            there,
+        )
     };
     lines.records().map(|found| row(found.unwrap())).collect()
 }
 
 /// Distance of two points along the ground, and in height [m].
 fn gap_m(a: Geodetic, b: Geodetic) -> [f64; 2] {
-    let r = SiteFrame::new(b).ecef_to_enu(Geodetic { height_m: b.height_m, ..a }.to_ecef());
+    let r = SiteFrame::new(b).ecef_to_enu(
+        Geodetic {
+            height_m: b.height_m,
+            ..a
+        }
+        .to_ecef(),
+    );
     [r.truncate().length(), (a.height_m - b.height_m).abs()]
 }
 
@@ -58,9 +68,15 @@ fn the_geoid_has_the_published_heights() {
         (-0.466744, 0.0023, 17.329),
     ] {
         let exact_m = egm96::egm96_compute_altitude_offset(lat, lon);
-        assert!((exact_m - height_m).abs() < 2e-3, "{exact_m} against {height_m}");
+        assert!(
+            (exact_m - height_m).abs() < 2e-3,
+            "{exact_m} against {height_m}"
+        );
         let between_m = Geoid::default().height_m(lat.to_radians(), lon.to_radians());
-        assert!((between_m - height_m).abs() < 3e-3, "{between_m} against {height_m}");
+        assert!(
+            (between_m - height_m).abs() < 3e-3,
+            "{between_m} against {height_m}"
+        );
     }
 }
 
@@ -69,8 +85,16 @@ fn heights_over_ellipsoid_and_geoid_are_told_apart() {
     let r = DVec3::new(84_600.0, 447_200.0, 1.5);
     let height_m = |name: &str| Crs::parse(name).unwrap().to_geodetic(r).unwrap().height_m;
     // Over Delft the geoid lies 43.5 m above the ellipsoid (NLGEO2018: 43.4 m).
-    assert!((height_m("EPSG:7415") - 45.0).abs() < 0.6, "{}", height_m("EPSG:7415"));
-    for same in ["EPSG:28992+5709", "EPSG:28992", "urn:ogc:def:crs,crs:EPSG::28992,crs:EPSG::5709"] {
+    assert!(
+        (height_m("EPSG:7415") - 45.0).abs() < 0.6,
+        "{}",
+        height_m("EPSG:7415")
+    );
+    for same in [
+        "EPSG:28992+5709",
+        "EPSG:28992",
+        "urn:ogc:def:crs,crs:EPSG::28992,crs:EPSG::5709",
+    ] {
         assert_eq!(height_m(same), height_m("EPSG:7415"), "{same}");
     }
     assert_eq!(height_m("EPSG:28992+ellipsoid"), 1.5);
@@ -78,10 +102,20 @@ fn heights_over_ellipsoid_and_geoid_are_told_apart() {
     assert!((constant.to_geodetic(r).unwrap().height_m - 44.9).abs() < 1e-12);
     // A GNSS receiver's and a chart's 10 m in Zürich, 47.6 m apart; feet.
     let zurich = DVec3::new(8.5417, 47.3769, 10.0);
-    let height_m = |name: &str| Crs::parse(name).unwrap().to_geodetic(zurich).unwrap().height_m;
+    let height_m = |name: &str| {
+        Crs::parse(name)
+            .unwrap()
+            .to_geodetic(zurich)
+            .unwrap()
+            .height_m
+    };
     assert_eq!(height_m("WGS84"), 10.0);
     assert_eq!(height_m("EPSG:4979"), 10.0);
-    assert!((height_m("EPSG:4326+5773") - 57.5).abs() < 0.8, "{}", height_m("EPSG:4326+5773"));
+    assert!(
+        (height_m("EPSG:4326+5773") - 57.5).abs() < 0.8,
+        "{}",
+        height_m("EPSG:4326+5773")
+    );
     let feet = height_m("EPSG:4326+8228") - height_m("EPSG:4326+5773");
     assert!((feet + 10.0 * (1.0 - 0.3048)).abs() < 1e-9);
 }
@@ -100,12 +134,30 @@ fn a_name_is_understood_or_refused_with_what_to_write() {
     ] {
         assert!(Crs::parse(name).is_ok(), "{name}");
     }
-    for name in ["", "EPSG:", "EPSG:1", "ESRI:102100", "EPSG:7415+5709+5773", "Zürich"] {
-        assert!(matches!(Crs::parse(name), Err(CrsError::Unknown(_))), "{name}");
+    for name in [
+        "",
+        "EPSG:",
+        "EPSG:1",
+        "ESRI:102100",
+        "EPSG:7415+5709+5773",
+        "Zürich",
+    ] {
+        assert!(
+            matches!(Crs::parse(name), Err(CrsError::Unknown(_))),
+            "{name}"
+        );
     }
-    assert!(matches!(Crs::parse("EPSG:28992+5728000"), Err(CrsError::Vertical(_))));
-    assert!(matches!(Crs::parse("+proj=nothing"), Err(CrsError::Unsupported { .. })));
-    let swapped = Crs::parse("EPSG:4326").unwrap().to_geodetic(DVec3::new(47.0, 151.0, 0.0));
+    assert!(matches!(
+        Crs::parse("EPSG:28992+5728000"),
+        Err(CrsError::Vertical(_))
+    ));
+    assert!(matches!(
+        Crs::parse("+proj=nothing"),
+        Err(CrsError::Unsupported { .. })
+    ));
+    let swapped = Crs::parse("EPSG:4326")
+        .unwrap()
+        .to_geodetic(DVec3::new(47.0, 151.0, 0.0));
     assert!(matches!(swapped, Err(CrsError::Outside { .. })));
 }
 

@@ -1,7 +1,10 @@
 //! Raw models of places: meshes, city models, height rasters, footprints, buildings, read into one form.
 
+pub mod cityjson;
 pub mod error;
 pub mod options;
+pub mod place;
+pub mod surfaces;
 
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::shape::textured::TexturedMesh;

@@ -58,7 +58,13 @@ impl Mode {
     /// Names and units of the free parameters, in the order of the covariance.
     pub fn names(self) -> Vec<&'static str> {
         let all = [
-            "east_m", "north_m", "up_m", "about_east_rad", "about_north_rad", "about_up_rad", "scale",
+            "east_m",
+            "north_m",
+            "up_m",
+            "about_east_rad",
+            "about_north_rad",
+            "about_up_rad",
+            "scale",
         ];
         let free = |name: &&str| match self {
             Self::Seven => true,
@@ -140,13 +146,19 @@ pub enum GeoreferenceError {
     #[error("all control points lie at one place {0}; survey points that lie apart")]
     Coincident(&'static str),
     /// Points on a line.
-    #[error("all control points lie on one line {0}, about which the model could turn; survey one beside it")]
+    #[error(
+        "all control points lie on one line {0}, about which the model could turn; survey one beside it"
+    )]
     Collinear(&'static str),
     /// Two points in one place of the model.
-    #[error("control points {0} and {1} have the same place {2} but not on the other side; mend or remove one")]
+    #[error(
+        "control points {0} and {1} have the same place {2} but not on the other side; mend or remove one"
+    )]
     Twice(String, String, &'static str),
     /// Something that is no number.
-    #[error("control point {0}: a coordinate or accuracy is no finite positive number; mend the line")]
+    #[error(
+        "control point {0}: a coordinate or accuracy is no finite positive number; mend the line"
+    )]
     NotFinite(String),
     /// The iteration did not come to an end.
     #[error("the fit does not converge ({0}); check the control points' coordinates and system")]
@@ -188,9 +200,8 @@ impl Pairs {
     /// Umeyama's closed form over the points `of`; `None` where they do not determine it.
     fn closed_form(&self, mode: Mode, of: &[usize]) -> Option<Similarity> {
         let total: f64 = of.iter().map(|&i| self.weight(i)).sum();
-        let mean = |all: &[DVec3]| {
-            of.iter().map(|&i| all[i] * self.weight(i)).sum::<DVec3>() / total
-        };
+        let mean =
+            |all: &[DVec3]| of.iter().map(|&i| all[i] * self.weight(i)).sum::<DVec3>() / total;
         let (center, center_m) = (mean(&self.local), mean(&self.enu_m));
         let mut cross = Matrix3::zeros();
         let (mut spread, mut spread_m) = (0.0, 0.0);
@@ -209,7 +220,10 @@ impl Pairs {
             if sin.hypot(cos) < 1e-12 * size {
                 return None;
             }
-            (DQuat::from_rotation_z(sin.atan2(cos)), sin.hypot(cos) + cross[(2, 2)])
+            (
+                DQuat::from_rotation_z(sin.atan2(cos)),
+                sin.hypot(cos) + cross[(2, 2)],
+            )
         } else {
             let svd = cross.svd(true, true);
             let (u, v_t) = (svd.u?, svd.v_t?);
@@ -227,7 +241,11 @@ impl Pairs {
             let matrix = DMat3::from_cols(columns[0], columns[1], columns[2]);
             (DQuat::from_mat3(&matrix).normalize(), gain)
         };
-        let scale = if mode == Mode::FixedScale { 1.0 } else { gain / spread };
+        let scale = if mode == Mode::FixedScale {
+            1.0
+        } else {
+            gain / spread
+        };
         (scale > 0.0).then(|| Similarity {
             shift_m: center_m - scale * (q * center),
             q,
@@ -248,7 +266,11 @@ impl Pairs {
         let mean = points.iter().sum::<DVec3>() / points.len() as f64;
         let outer = |r: &DVec3| na(*r - mean) * na(*r - mean).transpose();
         let sum: Matrix3<f64> = points.iter().map(outer).sum();
-        let mut sizes: Vec<f64> = sum.symmetric_eigenvalues().iter().map(|v| v.max(0.0).sqrt()).collect();
+        let mut sizes: Vec<f64> = sum
+            .symmetric_eigenvalues()
+            .iter()
+            .map(|v| v.max(0.0).sqrt())
+            .collect();
         sizes.sort_by(f64::total_cmp);
         [sizes[2], sizes[1] / sizes[2].max(f64::MIN_POSITIVE)]
     }
@@ -350,10 +372,17 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 }
 
 /// Checks the points, and centres them.
-fn prepare(points: &[ControlPoint], mode: Mode) -> Result<(Pairs, DVec3, SiteFrame), GeoreferenceError> {
+fn prepare(
+    points: &[ControlPoint],
+    mode: Mode,
+) -> Result<(Pairs, DVec3, SiteFrame), GeoreferenceError> {
     let (found, free, fewest) = (points.len(), mode.free(), mode.fewest());
     if found < fewest {
-        return Err(GeoreferenceError::TooFew { found, free, fewest });
+        return Err(GeoreferenceError::TooFew {
+            found,
+            free,
+            fewest,
+        });
     }
     for point in points {
         let sigmas = point.sigma_m.iter().all(|s| s.is_finite() && *s > 0.0);
@@ -366,12 +395,18 @@ fn prepare(points: &[ControlPoint], mode: Mode) -> Result<(Pairs, DVec3, SiteFra
     let site = SiteFrame::new(Geodetic::from_ecef(center_m));
     let pairs = Pairs {
         local: points.iter().map(|p| p.r_local - center_local).collect(),
-        enu_m: points.iter().map(|p| site.ecef_to_enu(p.r_ecef_m)).collect(),
+        enu_m: points
+            .iter()
+            .map(|p| site.ecef_to_enu(p.r_ecef_m))
+            .collect(),
         sigma_m: (points.iter())
             .map(|p| DVec3::new(p.sigma_m[0], p.sigma_m[0], p.sigma_m[1]))
             .collect(),
     };
-    for (side, all) in [("of the model", &pairs.local), ("on the Earth", &pairs.enu_m)] {
+    for (side, all) in [
+        ("of the model", &pairs.local),
+        ("on the Earth", &pairs.enu_m),
+    ] {
         let [size, ratio] = Pairs::spread(all);
         let least = 1e-9 * all.iter().map(|r| r.length()).fold(1e-3, f64::max);
         if size < least {
@@ -387,7 +422,11 @@ fn prepare(points: &[ControlPoint], mode: Mode) -> Result<(Pairs, DVec3, SiteFra
             let local = near(pairs.local[i], pairs.local[j], &pairs.local);
             let earth = near(pairs.enu_m[i], pairs.enu_m[j], &pairs.enu_m);
             if local != earth {
-                let side = if local { "in the model" } else { "on the Earth" };
+                let side = if local {
+                    "in the model"
+                } else {
+                    "on the Earth"
+                };
                 let name = |k: usize| points[k].name.clone();
                 return Err(GeoreferenceError::Twice(name(j), name(i), side));
             }
@@ -419,7 +458,10 @@ pub fn fit(points: &[ControlPoint], mode: Mode) -> Result<Fit, GeoreferenceError
     let from = pairs.misfit(&start, &all);
     // The closed form is the solution where all accuracies are one: nothing is left to gain, whatever the report says.
     if !report.termination.was_successful() && !(misfit <= from * (1.0 + 1e-9) + 1e-12) {
-        return Err(GeoreferenceError::NoConvergence(format!("{:?}", report.termination)));
+        return Err(GeoreferenceError::NoConvergence(format!(
+            "{:?}",
+            report.termination
+        )));
     }
     let jacobian = problem(found).jacobian().unwrap_or_default();
     let mut normal = jacobian.transpose() * &jacobian;
@@ -431,7 +473,9 @@ pub fn fit(points: &[ControlPoint], mode: Mode) -> Result<Fit, GeoreferenceError
         }
     }
     let side = "on the Earth";
-    let mut covariance = normal.try_inverse().ok_or(GeoreferenceError::Collinear(side))?;
+    let mut covariance = normal
+        .try_inverse()
+        .ok_or(GeoreferenceError::Collinear(side))?;
     for (i, a) in size.iter().enumerate() {
         for (j, b) in size.iter().enumerate() {
             covariance[(i, j)] /= a * b;
@@ -448,7 +492,11 @@ pub fn fit(points: &[ControlPoint], mode: Mode) -> Result<Fit, GeoreferenceError
     let sum_m2: f64 = residuals_enu_m.iter().map(|r| r.length_squared()).sum();
     let degrees_of_freedom = (3 * points.len()).saturating_sub(mode.free());
     let sigma0 = (degrees_of_freedom > 0).then(|| (misfit / degrees_of_freedom as f64).sqrt());
-    let apart = |i: &usize| found.apply(pairs.local[*i]).distance(start.apply(pairs.local[*i]));
+    let apart = |i: &usize| {
+        found
+            .apply(pairs.local[*i])
+            .distance(start.apply(pairs.local[*i]))
+    };
     let [_, spread] = Pairs::spread(&pairs.enu_m);
     let mut warnings = Vec::new();
     if spread < 0.05 && mode != Mode::Paper {
@@ -483,11 +531,17 @@ pub fn fit(points: &[ControlPoint], mode: Mode) -> Result<Fit, GeoreferenceError
 /// Whether the model's mirror image fits far better.
 fn mirrored(pairs: &Pairs, all: &[usize], mode: Mode, misfit: f64) -> bool {
     let mirror = Pairs {
-        local: pairs.local.iter().map(|r| DVec3::new(-r.x, r.y, r.z)).collect(),
+        local: pairs
+            .local
+            .iter()
+            .map(|r| DVec3::new(-r.x, r.y, r.z))
+            .collect(),
         enu_m: pairs.enu_m.clone(),
         sigma_m: pairs.sigma_m.clone(),
     };
-    let other = mirror.closed_form(mode, all).map(|found| mirror.misfit(&found, all));
+    let other = mirror
+        .closed_form(mode, all)
+        .map(|found| mirror.misfit(&found, all));
     other.is_some_and(|other| other < 0.01 * misfit)
 }
 

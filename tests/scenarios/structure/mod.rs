@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
 /// Rooms that are commands: they use the app, and nothing below them knows them.
-const COMMANDS: [&str; 5] = ["eval", "experiment", "dataset", "tune", "report"];
+const COMMANDS: [&str; 6] = ["eval", "experiment", "dataset", "georef", "tune", "report"];
 /// Crates of the engine: mathematics does without.
 const ENGINE: [&str; 2] = ["bevy", "big_space"];
 /// Domain names that one of the three rooms may have alone, and why.

@@ -37,7 +37,9 @@ fn chance(q: f64, dof: usize, k: usize, sets: usize) -> f64 {
 
 /// Number of sets of `k` out of `n`.
 fn choose(n: usize, k: usize) -> usize {
-    (0..k).fold(1, |product: usize, i| product.saturating_mul(n - i) / (i + 1))
+    (0..k).fold(1, |product: usize, i| {
+        product.saturating_mul(n - i) / (i + 1)
+    })
 }
 
 /// All sets of `k` of `n` indices.
@@ -57,9 +59,15 @@ fn sets(n: usize, k: usize) -> Vec<Vec<usize>> {
 /// The set of `k` points of `of` without which the others fit best, and their misfit.
 fn best_without(pairs: &Pairs, mode: Mode, of: &[usize], k: usize) -> Option<(Vec<usize>, f64)> {
     let tried = sets(of.len(), k).into_iter().filter_map(|set| {
-        let left: Vec<usize> = (0..of.len()).filter(|i| !set.contains(i)).map(|i| of[i]).collect();
+        let left: Vec<usize> = (0..of.len())
+            .filter(|i| !set.contains(i))
+            .map(|i| of[i])
+            .collect();
         let found = pairs.closed_form(mode, &left)?;
-        Some((set.iter().map(|&i| of[i]).collect(), pairs.misfit(&found, &left)))
+        Some((
+            set.iter().map(|&i| of[i]).collect(),
+            pairs.misfit(&found, &left),
+        ))
     });
     tried.min_by(|a, b| a.1.total_cmp(&b.1))
 }
@@ -73,7 +81,9 @@ pub fn suspects(points: &[ControlPoint], mode: Mode) -> Result<Vec<Suspect>, Geo
     let mut bad = Vec::new();
     let extent_m = pairs.enu_m.iter().map(|r| r.length()).fold(0.0, f64::max);
     let floor = |of: &[usize]| {
-        let one = |&i: &usize| 3.0 * (ROUNDING * extent_m).powi(2) / pairs.sigma_m[i].min_element().powi(2);
+        let one = |&i: &usize| {
+            3.0 * (ROUNDING * extent_m).powi(2) / pairs.sigma_m[i].min_element().powi(2)
+        };
         of.iter().map(one).sum::<f64>()
     };
     let misfit = |of: &[usize]| {
@@ -100,7 +110,9 @@ pub fn suspects(points: &[ControlPoint], mode: Mode) -> Result<Vec<Suspect>, Geo
         };
         // The smallest set beyond which nothing is gained.
         let last = without.len() - 1;
-        let k = (0..=last).find(|&k| (k + 1..=last).all(|more| !better(k, more))).unwrap_or(last);
+        let k = (0..=last)
+            .find(|&k| (k + 1..=last).all(|more| !better(k, more)))
+            .unwrap_or(last);
         if k == 0 || bad.len() + k > points.len() / 2 {
             break;
         }
@@ -113,7 +125,13 @@ pub fn suspects(points: &[ControlPoint], mode: Mode) -> Result<Vec<Suspect>, Geo
 }
 
 /// Tells exchanged points from others.
-fn explain(pairs: &Pairs, mode: Mode, good: &[usize], mut bad: Vec<usize>, misfit: &dyn Fn(&[usize]) -> f64) -> Vec<Suspect> {
+fn explain(
+    pairs: &Pairs,
+    mode: Mode,
+    good: &[usize],
+    mut bad: Vec<usize>,
+    misfit: &dyn Fn(&[usize]) -> f64,
+) -> Vec<Suspect> {
     let mut found = Vec::new();
     let swapped_misfit = |i: usize, j: usize, of: &[usize]| {
         let mut swapped = Pairs {
@@ -145,7 +163,13 @@ fn explain(pairs: &Pairs, mode: Mode, good: &[usize], mut bad: Vec<usize>, misfi
     if bad.is_empty() && good.len() < 6 && good.len() > mode.fewest() {
         // Too few to leave two out: an exchange shows by itself.
         let mut swaps: Vec<(f64, usize, usize)> = (sets(good.len(), 2).into_iter())
-            .map(|pair| (swapped_misfit(good[pair[0]], good[pair[1]], good), good[pair[0]], good[pair[1]]))
+            .map(|pair| {
+                (
+                    swapped_misfit(good[pair[0]], good[pair[1]], good),
+                    good[pair[0]],
+                    good[pair[1]],
+                )
+            })
             .collect();
         swaps.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (before, [best, next]) = (misfit(good), [swaps[0], swaps[1]]);

@@ -16,7 +16,8 @@ fn truth() -> Placement {
     Placement {
         center_local: DVec3::new(120.0, -40.0, 8.0),
         r_ecef_m: home().enu_to_ecef(DVec3::new(30.0, 20.0, 5.0)),
-        q_ecef_local: home().q_ecef_enu() * DQuat::from_euler(glam::EulerRot::ZYX, 2.1, 0.02, -0.01),
+        q_ecef_local: home().q_ecef_enu()
+            * DQuat::from_euler(glam::EulerRot::ZYX, 2.1, 0.02, -0.01),
         scale: 1.000_12,
     }
 }
@@ -47,7 +48,10 @@ fn points(local: &[[f64; 3]], placement: Placement, sigma_m: f64, seed: u64) -> 
 
 /// How far a placement puts the points elsewhere, at most [m].
 fn apart_m(a: &Placement, b: &Placement, local: &[[f64; 3]]) -> f64 {
-    let apart = |r: &[f64; 3]| a.to_ecef(DVec3::from(*r)).distance(b.to_ecef(DVec3::from(*r)));
+    let apart = |r: &[f64; 3]| {
+        a.to_ecef(DVec3::from(*r))
+            .distance(b.to_ecef(DVec3::from(*r)))
+    };
     local.iter().map(apart).fold(0.0, f64::max)
 }
 
@@ -69,14 +73,27 @@ fn without_noise_it_is_umeyama_and_the_truth() {
             local[0] = EIGHT[0];
         }
         let found = fit(&points(&local, truth, 0.0, 1), mode).unwrap();
-        assert!(found.closed_form_m < 1e-9, "{mode:?}: {} m", found.closed_form_m);
+        assert!(
+            found.closed_form_m < 1e-9,
+            "{mode:?}: {} m",
+            found.closed_form_m
+        );
         let off_m = apart_m(&found.placement, &truth, &local);
         assert!(off_m < 5e-9, "{mode:?}: {off_m} m");
         assert!((found.placement.scale / truth.scale - 1.0).abs() < 1e-11);
-        assert!(found.rms_m < 5e-9 && found.warnings.is_empty(), "{:?}", found.warnings);
+        assert!(
+            found.rms_m < 5e-9 && found.warnings.is_empty(),
+            "{:?}",
+            found.warnings
+        );
         let affine = found.placement.affine();
         let r = DVec3::from(local[3]);
-        assert!(affine.transform_point3(r).distance(found.placement.to_ecef(r)) < 5e-9);
+        assert!(
+            affine
+                .transform_point3(r)
+                .distance(found.placement.to_ecef(r))
+                < 5e-9
+        );
         assert_eq!(suspects(&points(&local, truth, 0.0, 1), mode).unwrap(), []);
     }
 }
@@ -92,11 +109,21 @@ fn epsg_9836_is_a_placement() {
         q_ecef_local: site.q_ecef_enu(),
         scale: 1.0,
     };
-    let far = [[0.0, 0.0, 0.0], [-2e5, 1e5, 500.0], [1e5, -2e5, 3000.0], [-1e5, -1e5, -4000.0]];
+    let far = [
+        [0.0, 0.0, 0.0],
+        [-2e5, 1e5, 500.0],
+        [1e5, -2e5, 3000.0],
+        [-1e5, -1e5, -4000.0],
+    ];
     let found = fit(&points(&far, placement, 0.0, 1), Mode::Seven).unwrap();
-    let r = found.placement.to_ecef(DVec3::new(-189_013.869, -128_642.040, -4_220.171));
+    let r = found
+        .placement
+        .to_ecef(DVec3::new(-189_013.869, -128_642.040, -4_220.171));
     let published = DVec3::new(3_771_793.968, 140_253.342, 5_124_304.349);
-    assert!((r - published).abs().max_element() < 2e-3, "{r} against {published}");
+    assert!(
+        (r - published).abs().max_element() < 2e-3,
+        "{r} against {published}"
+    );
 }
 
 #[test]
@@ -141,7 +168,12 @@ fn the_covariance_is_that_of_many_surveys() {
         for k in 0..mode.free() {
             // A deviation from 1500 draws is good to 1.8 %.
             let ratio = (sums[(k, k)] / stated[(k, k)]).sqrt();
-            assert!((ratio - 1.0).abs() < 0.06, "{:?} {}: {ratio}", mode, mode.names()[k]);
+            assert!(
+                (ratio - 1.0).abs() < 0.06,
+                "{:?} {}: {ratio}",
+                mode,
+                mode.names()[k]
+            );
         }
     }
 }
@@ -150,12 +182,19 @@ fn the_covariance_is_that_of_many_surveys() {
 fn heights_of_less_accuracy_weigh_less() {
     let mut points = points(&EIGHT, truth(), 0.0, 1);
     let plain = fit(&points, Mode::Seven).unwrap();
-    points[3].r_ecef_m = plain.site.enu_to_ecef(plain.site.ecef_to_enu(points[3].r_ecef_m) + DVec3::Z);
+    points[3].r_ecef_m = plain
+        .site
+        .enu_to_ecef(plain.site.ecef_to_enu(points[3].r_ecef_m) + DVec3::Z);
     let equal = fit(&points, Mode::Seven).unwrap();
     points[3].sigma_m = [0.01, 10.0];
     let weighted = fit(&points, Mode::Seven).unwrap();
     let off = |fit: &Fit| apart_m(&fit.placement, &truth(), &EIGHT);
-    assert!(off(&equal) > 0.2 && off(&weighted) < 1e-5, "{} {}", off(&equal), off(&weighted));
+    assert!(
+        off(&equal) > 0.2 && off(&weighted) < 1e-5,
+        "{} {}",
+        off(&equal),
+        off(&weighted)
+    );
     assert!((weighted.residuals_enu_m[3].z - 1.0).abs() < 1e-3);
 }
 
@@ -177,7 +216,10 @@ fn a_swapped_pair_is_named() {
     let r = four[1].r_ecef_m;
     four[1].r_ecef_m = four[2].r_ecef_m;
     four[2].r_ecef_m = r;
-    assert_eq!(suspects(&four, Mode::Seven).unwrap(), [Suspect::Swapped(1, 2)]);
+    assert_eq!(
+        suspects(&four, Mode::Seven).unwrap(),
+        [Suspect::Swapped(1, 2)]
+    );
 }
 
 #[test]
@@ -194,7 +236,10 @@ fn mistyped_points_are_named() {
     // And a second one beside it.
     points[0].r_local.x += 0.5;
     let found = suspects(&points, Mode::Seven).unwrap();
-    assert!(matches!(found[..], [Suspect::Off(0, _), Suspect::Off(4, _)]), "{found:?}");
+    assert!(
+        matches!(found[..], [Suspect::Off(0, _), Suspect::Off(4, _)]),
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -202,7 +247,11 @@ fn good_points_are_rarely_suspected() {
     let mut wrong = 0;
     for seed in 0..300 {
         let local = &EIGHT[..5 + seed as usize % 4];
-        wrong += usize::from(!suspects(&points(local, truth(), 0.02, seed), Mode::Seven).unwrap().is_empty());
+        wrong += usize::from(
+            !suspects(&points(local, truth(), 0.02, seed), Mode::Seven)
+                .unwrap()
+                .is_empty(),
+        );
     }
     // A few in a thousand by its set-up.
     assert!(wrong <= 3, "{wrong} of 300");
@@ -210,21 +259,45 @@ fn good_points_are_rarely_suspected() {
 
 #[test]
 fn degenerate_sets_are_one_error_and_near_ones_a_warning() {
-    let line = [[0.0, 0.0, 0.0], [100.0, 50.0, 1.0], [200.0, 100.0, 2.0], [300.0, 150.0, 3.0]];
+    let line = [
+        [0.0, 0.0, 0.0],
+        [100.0, 50.0, 1.0],
+        [200.0, 100.0, 2.0],
+        [300.0, 150.0, 3.0],
+    ];
     let error = |local: &[[f64; 3]], mode| fit(&points(local, truth(), 0.0, 1), mode).unwrap_err();
-    assert!(matches!(error(&line, Mode::Seven), GeoreferenceError::Collinear(_)));
-    assert!(matches!(error(&[[1.0; 3]; 4], Mode::Seven), GeoreferenceError::Coincident(_)));
-    assert!(matches!(error(&EIGHT[..2], Mode::FixedScale), GeoreferenceError::TooFew { fewest: 3, .. }));
+    assert!(matches!(
+        error(&line, Mode::Seven),
+        GeoreferenceError::Collinear(_)
+    ));
+    assert!(matches!(
+        error(&[[1.0; 3]; 4], Mode::Seven),
+        GeoreferenceError::Coincident(_)
+    ));
+    assert!(matches!(
+        error(&EIGHT[..2], Mode::FixedScale),
+        GeoreferenceError::TooFew { fewest: 3, .. }
+    ));
     assert!(fit(&points(&line, truth(), 0.0, 1), Mode::Paper).is_ok());
     let mut off = line;
     off[1][1] += 2.0;
     let found = fit(&points(&off, truth(), 0.0, 1), Mode::Seven).unwrap();
-    assert!(found.spread < 0.01 && found.warnings[0].contains("almost on a line"), "{:?}", found.warnings);
+    assert!(
+        found.spread < 0.01 && found.warnings[0].contains("almost on a line"),
+        "{:?}",
+        found.warnings
+    );
     let mut twice = points(&EIGHT, truth(), 0.0, 1);
     twice[5].r_ecef_m = twice[2].r_ecef_m;
-    assert!(matches!(fit(&twice, Mode::Seven), Err(GeoreferenceError::Twice(..))));
+    assert!(matches!(
+        fit(&twice, Mode::Seven),
+        Err(GeoreferenceError::Twice(..))
+    ));
     twice[5].r_ecef_m = DVec3::NAN;
-    assert!(matches!(fit(&twice, Mode::Seven), Err(GeoreferenceError::NotFinite(..))));
+    assert!(matches!(
+        fit(&twice, Mode::Seven),
+        Err(GeoreferenceError::NotFinite(..))
+    ));
     // East and north exchanged in one list.
     let mirrored = EIGHT.map(|[x, y, z]| [y, x, z]);
     let mut points = points(&EIGHT, truth(), 0.0, 1);
@@ -232,7 +305,11 @@ fn degenerate_sets_are_one_error_and_near_ones_a_warning() {
         point.r_local = local.into();
     }
     let found = fit(&points, Mode::Seven).unwrap();
-    assert!(found.warnings.iter().any(|w| w.contains("mirrored")), "{:?}", found.warnings);
+    assert!(
+        found.warnings.iter().any(|w| w.contains("mirrored")),
+        "{:?}",
+        found.warnings
+    );
 }
 
 #[test]
@@ -241,7 +318,12 @@ fn the_jacobian_is_the_residuals_derivative() {
         let (pairs, ..) = prepare(&points(&EIGHT, truth(), 0.02, 1), mode).unwrap();
         let about = pairs.closed_form(mode, &[0, 1, 2, 3, 4]).unwrap();
         let x = DVector::from_fn(mode.free(), |k, _| 0.1 + 0.05 * k as f64);
-        let mut problem = Problem { pairs: &pairs, about, mode, x };
+        let mut problem = Problem {
+            pairs: &pairs,
+            about,
+            mode,
+            x,
+        };
         let numeric = levenberg_marquardt::differentiate_numerically(&mut problem).unwrap();
         let exact = problem.jacobian().unwrap();
         assert!((&numeric - &exact).amax() < 1e-5 * exact.amax(), "{mode:?}");

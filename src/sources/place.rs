@@ -1,0 +1,197 @@
+//! How the coordinates of a source become places on the Earth: through its coordinate reference system, or through the
+//! parameters that `boresight georef` has fitted.
+
+use super::error::{Fault, SourceError, read_bytes};
+use super::options::Options;
+use crate::models::ground::georeference::Placement;
+use crate::models::maths::geodesy::{Geodetic, SiteFrame};
+use crate::projection::{Crs, CrsError};
+use glam::{DAffine3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Parameters that place a local model on the Earth: the head of the file that `boresight georef --out` writes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameters {
+    /// A point of the model, in its own frame and unit.
+    pub center_local: [f64; 3],
+    /// Where that point stands: ECEF [m].
+    pub translation_ecef_m: [f64; 3],
+    /// Axis times angle of the rotation from the model's axes to ECEF's [rad].
+    pub rotation_vector_rad: [f64; 3],
+    /// Metres in the model's unit.
+    pub scale: f64,
+}
+
+impl From<Placement> for Parameters {
+    fn from(placement: Placement) -> Self {
+        Self {
+            center_local: placement.center_local.into(),
+            translation_ecef_m: placement.r_ecef_m.into(),
+            rotation_vector_rad: placement.q_ecef_local.to_scaled_axis().into(),
+            scale: placement.scale,
+        }
+    }
+}
+
+impl From<Parameters> for Placement {
+    fn from(parameters: Parameters) -> Self {
+        Self {
+            center_local: parameters.center_local.into(),
+            r_ecef_m: parameters.translation_ecef_m.into(),
+            q_ecef_local: DQuat::from_scaled_axis(parameters.rotation_vector_rad.into()),
+            scale: parameters.scale,
+        }
+    }
+}
+
+/// What of a parameter file places a model; the rest says how good it is.
+#[derive(Deserialize)]
+struct File {
+    placement: Parameters,
+}
+
+/// The placement that a parameter file holds.
+pub fn placement(path: &Path) -> Result<Placement, SourceError> {
+    let bytes = read_bytes(path)?;
+    let mend = "write it with boresight georef POINTS.csv --out FILE";
+    let fault = |what: String| Fault::new("georeference", what, mend).of(path);
+    let text = str::from_utf8(&bytes).map_err(|error| fault(error.to_string()))?;
+    let read = toml::from_str::<File>(text);
+    let file = read.map_err(|error| fault(error.message().to_string()))?;
+    let placement = Placement::from(file.placement);
+    let affine = placement.affine();
+    let far = placement.r_ecef_m.length();
+    if !affine.is_finite()
+        || !(1e-6..1e6).contains(&placement.scale)
+        || !(6.2e6..7e6).contains(&far)
+    {
+        return Err(fault("its placement is none on the Earth".into()));
+    }
+    Ok(placement)
+}
+
+/// From a source's coordinates to ECEF.
+#[derive(Clone, Debug)]
+pub enum Place {
+    /// Through a coordinate reference system.
+    Crs(Box<Crs>),
+    /// A local model, through fitted parameters.
+    Local(DAffine3),
+}
+
+impl From<CrsError> for Fault {
+    fn from(error: CrsError) -> Self {
+        Self::new("coordinates", error, "or name the right system with --crs")
+    }
+}
+
+/// A system by its name, over the geoid that the options state.
+pub fn crs(name: &str, options: &Options) -> Result<Crs, Fault> {
+    let crs = Crs::parse(name)?;
+    Ok(match options.geoid_height_m {
+        Some(height_m) => crs.with_geoid_height(height_m),
+        None => crs,
+    })
+}
+
+impl Place {
+    /// What the options state, or else the system `own` that the source itself names.
+    pub fn of(options: &Options, own: Option<&str>, path: &Path) -> Result<Self, SourceError> {
+        if let Some(georef) = &options.georef {
+            return Ok(Self::Local(placement(georef)?.affine()));
+        }
+        let mend = "name its system with --crs, or place it with --georef";
+        let none = || {
+            Fault::new(
+                "coordinates",
+                "no coordinate reference system is named",
+                mend,
+            )
+        };
+        let name = options.crs.as_deref().or(own).ok_or_else(none);
+        let found = name.and_then(|name| crs(name, options));
+        found
+            .map(|crs| Self::Crs(Box::new(crs)))
+            .map_err(|fault| fault.of(path))
+    }
+
+    /// The ECEF position [m] of a point of the source.
+    pub fn ecef_m(&self, r: DVec3) -> Result<DVec3, Fault> {
+        match self {
+            Self::Crs(crs) => Ok(crs.to_ecef(r)?),
+            Self::Local(affine) => Ok(affine.transform_point3(r)),
+        }
+    }
+}
+
+/// The frame of a layer: that of the options, or one in the middle of `bounds` (lowest and highest corner in the source's coordinates) at
+/// their lowest height.
+pub fn site(options: &Options, place: &Place, bounds: [DVec3; 2]) -> Result<SiteFrame, Fault> {
+    if let Some(site) = options.site {
+        return Ok(site);
+    }
+    let middle = (bounds[0] + bounds[1]) / 2.0;
+    let middle = match place {
+        Place::Crs(crs) if !crs.is_geocentric() => middle.with_z(bounds[0].z),
+        _ => middle,
+    };
+    Ok(SiteFrame::new(Geodetic::from_ecef(place.ecef_m(middle)?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parameter_file_comes_back() {
+        let placement_ = Placement {
+            center_local: DVec3::new(1.0, 2.0, 3.0),
+            r_ecef_m: DVec3::new(3_924_000.0, 299_000.0, 5_002_000.0),
+            q_ecef_local: DQuat::from_scaled_axis(DVec3::new(0.1, 2.0, -0.7)),
+            scale: 0.0254,
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("georef.toml");
+        let body = toml::to_string(&Parameters::from(placement_)).unwrap();
+        std::fs::write(&path, format!("[placement]\n{body}\n[fit]\nrms_m = 0.1\n")).unwrap();
+        let back = placement(&path).unwrap();
+        let r = DVec3::new(200.0, -300.0, 20.0);
+        assert!(back.to_ecef(r).distance(placement_.to_ecef(r)) < 2e-9);
+        for wrong in ["", "[placement]\nscale = 1.0\n", "placement = 3", "\u{0}"] {
+            std::fs::write(&path, wrong).unwrap();
+            assert!(
+                matches!(placement(&path), Err(SourceError::Content { .. })),
+                "{wrong}"
+            );
+        }
+        std::fs::write(
+            &path,
+            format!("[placement]\n{}", body.replace("0.0254", "nan")),
+        )
+        .unwrap();
+        assert!(placement(&path).is_err());
+    }
+
+    #[test]
+    fn a_source_without_a_system_says_what_to_name() {
+        let path = Path::new("model.obj");
+        let error = Place::of(&Options::default(), None, path)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("--crs") && error.contains("--georef"),
+            "{error}"
+        );
+        let options = Options {
+            crs: Some("EPSG:7415".into()),
+            ..Options::default()
+        };
+        let place = Place::of(&options, Some("nonsense"), path).unwrap();
+        let corner = DVec3::new(84_600.0, 447_200.0, 1.5);
+        let site = site(&options, &place, [corner, corner + DVec3::splat(100.0)]).unwrap();
+        let middle = corner + DVec3::new(50.0, 50.0, 0.0);
+        let r_enu_m = site.ecef_to_enu(place.ecef_m(middle).unwrap());
+        assert!(r_enu_m.length() < 1e-6);
+    }
+}
