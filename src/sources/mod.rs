@@ -2,6 +2,7 @@
 
 pub mod cityjson;
 pub mod error;
+pub mod geotiff;
 pub mod options;
 pub mod place;
 pub mod surfaces;
