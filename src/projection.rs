@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -99,6 +100,9 @@ const VERTICAL: [(u16, &str, f64); 37] = [
     (9389, "EVRF2019", 1.0),
 ];
 
+/// The ellipsoid and the seven parameters of OSGB36 with the digits of EPSG 1314.
+const OSGB36: &str = "+ellps=airy +towgs84=446.448,-125.157,542.06,0.15,0.247,0.842,-20.489";
+
 /// A coordinate reference system. Coordinates are always east or longitude first, then north or latitude, then the height,
 /// whatever order its register states; X, Y, Z in a geocentric one. Angles are in degrees, lengths in the system's own unit.
 #[derive(Clone)]
@@ -147,8 +151,11 @@ impl Crs {
             name: text.into(),
             what: error.to_string(),
         };
-        // Of the two series for the transverse Mercator, the one that stays exact far from the meridian.
-        let exact = definition.replace("+proj=tmerc", "+proj=etmerc");
+        // Of the two series for the transverse Mercator, the one that stays exact far from the meridian; and OSGB36
+        // as EPSG has it.
+        let exact = definition
+            .replace("+proj=tmerc", "+proj=etmerc")
+            .replace("+datum=OSGB36", OSGB36);
         let proj = Proj::from_proj_string(&exact).map_err(unsupported)?;
         if !proj.has_inverse() {
             let what = "its projection has no inverse here".into();
@@ -262,7 +269,9 @@ impl Crs {
             height_m,
         };
         let all = [latitude_rad, longitude_rad, height_m];
-        if all.iter().all(|v| v.is_finite()) && latitude_rad.abs() <= 1.5708 && height_m.abs() < 1e8
+        if all.iter().all(|v| v.is_finite())
+            && latitude_rad.abs() <= FRAC_PI_2 + 1e-9
+            && height_m.abs() < 1e8
         {
             Ok(found)
         } else {
@@ -326,8 +335,8 @@ struct Geoid {
     nodes_m: Arc<Mutex<BTreeMap<[i32; 2], f64>>>,
 }
 
-/// Spacing of the geoid's lattice [deg]: the shortest wave of EGM96 is 32 times as long.
-const GEOID_STEP_DEG: f64 = 1.0 / 32.0; // [deg]
+/// Spacing of the geoid's lattice [deg]: the shortest wave of EGM96 is 64 times as long.
+const GEOID_STEP_DEG: f64 = 1.0 / 64.0; // [deg]
 
 impl Geoid {
     /// Its height over the ellipsoid [m].

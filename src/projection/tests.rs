@@ -4,7 +4,10 @@ use proptest::prelude::*;
 
 /// The line where `scripts/projections.py` has put a point with PROJ.
 fn points() -> Vec<(String, DVec3, Geodetic)> {
-    let table = include_str!("../../tests/data/projections.csv");
+    let table = include_str!(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/data/projections.csv"
+    ));
     let mut lines = csv::Reader::from_reader(table.as_bytes());
     let row = |row: csv::StringRecord| {
         let number = |k: usize| row[k].parse::<f64>().unwrap();
@@ -58,7 +61,8 @@ fn proj_puts_points_at_the_same_place() {
 
 #[test]
 fn the_geoid_has_the_published_heights() {
-    // Latitude, longitude [deg], height [m]: the test points that NGA publishes with its program F477 for EGM96.
+    // Latitude, longitude [deg], height [m]: the test points that NGA publishes with its program for EGM96, which interpolates in a
+    // grid of a quarter degree.
     for (lat, lon, height_m) in [
         (38.628155, 269.779155, -31.628),
         (-14.621217, 305.021114, -2.969),
@@ -69,13 +73,13 @@ fn the_geoid_has_the_published_heights() {
     ] {
         let exact_m = egm96::egm96_compute_altitude_offset(lat, lon);
         assert!(
-            (exact_m - height_m).abs() < 2e-3,
+            (exact_m - height_m).abs() < 4e-3,
             "{exact_m} against {height_m}"
         );
         let between_m = Geoid::default().height_m(lat.to_radians(), lon.to_radians());
         assert!(
-            (between_m - height_m).abs() < 3e-3,
-            "{between_m} against {height_m}"
+            (between_m - exact_m).abs() < 1e-3,
+            "{between_m} against {exact_m}"
         );
     }
 }

@@ -536,10 +536,10 @@ fn outward(
     }
     let total: f64 = areas.iter().map(|a| a.length()).sum();
     let open = areas.iter().sum::<DVec3>().length();
-    let origin = faces
-        .first()
-        .and_then(|face| face.rings.first()?.first())
-        .map_or(DVec3::ZERO, |c| c.r_m);
+    // From the lowest corner: a shell may lack its ground.
+    let corners = faces.iter().flat_map(|face| face.rings.iter().flatten());
+    let low = corners.min_by(|a, b| a.r_m.z.total_cmp(&b.r_m.z));
+    let origin = low.map_or(DVec3::ZERO, |corner| corner.r_m);
     // A pyramid over each face; holes do not change the sign of the whole.
     let height = |face: &Face| {
         face.rings

@@ -326,9 +326,13 @@ impl Ground {
     /// Height of the ground over the ellipsoid [m] at a place; `None` where no raster has one.
     pub fn height_m(&self, place: Geodetic) -> Option<f64> {
         let one = |raster: &Heights| {
-            let r = raster.crs.horizontal(place).ok()?;
-            let h = raster.sample(r)?;
-            Some(raster.crs.to_geodetic(r.extend(h)).ok()?.height_m)
+            let at = |height_m: f64| {
+                let r = raster.crs.horizontal(Geodetic { height_m, ..place }).ok()?;
+                let h = raster.sample(r)?;
+                Some(raster.crs.to_geodetic(r.extend(h)).ok()?.height_m)
+            };
+            // The verticals of two ellipsoids differ: the place on the map depends a little on the height.
+            at(at(place.height_m)?)
         };
         self.rasters.iter().find_map(one)
     }

@@ -457,7 +457,7 @@ pub fn fit(points: &[ControlPoint], mode: Mode) -> Result<Fit, GeoreferenceError
     let misfit = pairs.misfit(&found, &all);
     let from = pairs.misfit(&start, &all);
     // The closed form is the solution where all accuracies are one: nothing is left to gain, whatever the report says.
-    if !report.termination.was_successful() && !(misfit <= from * (1.0 + 1e-9) + 1e-12) {
+    if !report.termination.was_successful() && misfit > from * (1.0 + 1e-9) + 1e-12 {
         return Err(GeoreferenceError::NoConvergence(format!(
             "{:?}",
             report.termination

@@ -83,7 +83,7 @@ fn checked(found: Option<GeoTransform>, path: &Path) -> Result<GeoTransform, Sou
 fn keys(picture: &Picture) -> CrsInfo {
     let directory: Vec<u16> = picture.numbers(34_735).iter().map(|v| *v as u16).collect();
     let parsed = GeoKeyDirectory::parse(&directory, picture.numbers(34_736), picture.text(34_737));
-    CrsInfo::from_geokeys(&parsed.unwrap_or_else(GeoKeyDirectory::new))
+    CrsInfo::from_geokeys(&parsed.unwrap_or_default())
 }
 
 /// The system that keys name.

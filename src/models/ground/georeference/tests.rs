@@ -101,7 +101,7 @@ fn without_noise_it_is_umeyama_and_the_truth() {
 #[test]
 fn epsg_9836_is_a_placement() {
     // The topocentric frame of EPSG's example, found again from points in it, puts the example's point where EPSG has it.
-    let origin = DVec3::new(3_652_755.3058, 319_574.6799, 5_201_547.3536);
+    let origin = DVec3::new(3652755.3058, 319574.6799, 5201547.3536);
     let site = SiteFrame::new(Geodetic::from_ecef(origin));
     let placement = Placement {
         center_local: DVec3::ZERO,
