@@ -554,4 +554,5 @@ impl Georeferenced {
 }
 
 #[cfg(test)]
+#[path = "georef/tests.rs"]
 mod tests;

@@ -365,4 +365,5 @@ impl Geoid {
 }
 
 #[cfg(test)]
+#[path = "projection/tests.rs"]
 mod tests;
