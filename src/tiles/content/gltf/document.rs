@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::cell::OnceCell;
 
 /// Extensions that a file may require.
-const KNOWN: [&str; 15] = [
+const KNOWN: [&str; 16] = [
     "CESIUM_RTC",
     "CESIUM_primitive_outline",
     "EXT_instance_features",
@@ -24,6 +24,7 @@ const KNOWN: [&str; 15] = [
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_texture_basisu",
+    "KHR_techniques_webgl",
     "KHR_texture_transform",
     "KHR_animation_pointer",
     "KHR_lights_punctual",

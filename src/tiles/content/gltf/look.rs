@@ -5,6 +5,8 @@ use super::schema::{Material, SpecularGlossiness, Texture, TextureInfo, TextureT
 use crate::models::shape::textured::{self, Look};
 use crate::tiles::content::error::ContentError;
 use crate::tiles::content::picture;
+use serde::Deserialize;
+use serde_json::Value;
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -57,12 +59,22 @@ impl<'d, 'b> Looks<'d, 'b> {
             factor = other.diffuse_factor.or(factor);
             info = other.diffuse_texture.or(info);
         }
+        let (mut alpha_cutoff, mut note) = (None, None);
+        if let Some(own) = material.extensions.get("KHR_techniques_webgl") {
+            note = Some("shaders of a material's own are left out, but for what they call diffuse");
+            let values = own.get("values").and_then(Value::as_object);
+            let named = |name: &str| name.to_ascii_lowercase().contains("diffuse");
+            let values = values.into_iter().flatten().filter(|(name, _)| named(name));
+            for (_, value) in values {
+                info = info.or_else(|| TextureInfo::deserialize(value).ok());
+                factor = factor.or_else(|| <[f32; 4]>::deserialize(value).ok());
+            }
+        }
         let mut base_color = factor.unwrap_or([1.0; 4]);
         if !base_color.iter().all(|x| x.is_finite()) {
             return Err(ContentError::damaged(place, "its colour is not finite"));
         }
         let cutoff = material.alpha_cutoff.unwrap_or(0.5);
-        let (mut alpha_cutoff, mut note) = (None, None);
         match material.alpha_mode.as_deref() {
             Some("MASK") => alpha_cutoff = Some(cutoff),
             Some("BLEND") => {

@@ -200,6 +200,9 @@ fn stands(
         }
         let own = transform(node).ok_or_else(|| damaged("its transform is not finite"))?;
         let to_content = to_parent * own;
+        if !to_content.is_finite() {
+            return Err(damaged("it stands beyond all numbers"));
+        }
         if let Some(mesh) = node.mesh {
             let stands = instances(document, features, node, to_content, content, &place)?;
             found.entry(mesh).or_default().extend(stands);
@@ -303,5 +306,9 @@ fn instances(
             feature: ids.as_ref().map(|ids| ids[i]),
         }
     };
-    Ok((0..count).map(stand).collect())
+    let stands: Vec<_> = (0..count).map(stand).collect();
+    if !stands.iter().all(|stand| stand.to_content.is_finite()) {
+        return Err(damaged("an instance stands beyond all numbers".into()));
+    }
+    Ok(stands)
 }
