@@ -49,6 +49,9 @@ struct EnumValue {
     value: i64,
 }
 
+/// Gives a buffer view by its number; the text says what wants it.
+pub(crate) type Views<'v> = dyn Fn(usize, &str) -> Result<&'v [u8], ContentError> + 'v;
+
 /// A property table.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
@@ -83,7 +86,7 @@ impl PropertyTable {
     pub fn rows<'v>(
         &self,
         schema: &Schema,
-        view: &dyn Fn(usize, &str) -> Result<&'v [u8], ContentError>,
+        view: &Views<'v>,
         place: &str,
     ) -> Result<Vec<Map<String, Value>>, ContentError> {
         let class = schema.classes.get(&self.class);
@@ -162,7 +165,7 @@ impl<'s, 'v> Reader<'s, 'v> {
         schema: &'s Schema,
         property: &'s Property,
         column: &'s Column,
-        view: &dyn Fn(usize, &str) -> Result<&'v [u8], ContentError>,
+        view: &Views<'v>,
         place: &str,
     ) -> Result<Self, ContentError> {
         let damaged = |why: String| ContentError::damaged(place, why);

@@ -19,7 +19,7 @@ mod table;
 mod tests;
 
 pub use error::{ContentError, Fault};
-pub use model::{Content, Fetch, UpAxis};
+pub use model::{Content, Fetch, Rows, UpAxis};
 
 use bytes::{part, u32_at};
 use flate2::read::MultiGzDecoder;

@@ -10,6 +10,9 @@ use std::sync::Arc;
 /// Most bytes that a content may decode to, pictures and files that it refers to included [byte].
 pub(crate) const MAX_DECODED: u64 = 1 << 29;
 
+/// What is known of each feature, by name of the property.
+pub type Rows = Vec<Map<String, Value>>;
+
 /// The content of a tile, in the tile's frame [m]: z up, `RTC_CENTER` and up axis already applied.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Content {
@@ -18,7 +21,7 @@ pub struct Content {
     /// Its points.
     pub points: Vec<PointCloud>,
     /// What is known of each feature, by feature ID: batch tables and property tables alike.
-    pub features: Vec<Map<String, Value>>,
+    pub features: Rows,
     /// What was left out, in plain words, each once: lines, metadata of a kind that is not read, and the like.
     pub notes: Vec<String>,
 }

@@ -2,7 +2,7 @@
 
 use crate::tiles::content::bytes::{Kind, elements, json, part};
 use crate::tiles::content::error::ContentError;
-use crate::tiles::content::model::Context;
+use crate::tiles::content::model::{Context, Rows};
 use serde_json::{Map, Value};
 
 /// A feature or batch table.
@@ -134,7 +134,7 @@ impl<'b> Table<'b> {
         count: usize,
         bytes: usize,
         context: &Context,
-    ) -> Result<(Vec<Map<String, Value>>, Vec<String>), ContentError> {
+    ) -> Result<(Rows, Vec<String>), ContentError> {
         if count > bytes {
             let why = format!("{count} features in {bytes} bytes");
             return Err(ContentError::damaged(self.place, why));

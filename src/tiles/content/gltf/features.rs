@@ -7,13 +7,14 @@ use crate::models::shape::textured::NO_FEATURE;
 use crate::tiles::content::bytes::json;
 use crate::tiles::content::error::ContentError;
 use crate::tiles::content::metadata::{PropertyTable, Schema};
+use crate::tiles::content::model::Rows;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
 /// The rows of a content, those of its batch table first.
 pub(crate) struct Features {
     /// What is known of each feature.
-    pub rows: Vec<Map<String, Value>>,
+    pub rows: Rows,
     /// How many of them are the batch table's.
     batch: usize,
     /// First row and number of rows of each property table.
@@ -32,10 +33,7 @@ pub(crate) enum Ids {
 
 impl Features {
     /// Reads all property tables of a file.
-    pub fn new(
-        document: &Document,
-        batch: Vec<Map<String, Value>>,
-    ) -> Result<(Self, Vec<String>), ContentError> {
+    pub fn new(document: &Document, batch: Rows) -> Result<(Self, Vec<String>), ContentError> {
         const NAME: &str = "EXT_structural_metadata";
         let mut found = Self {
             batch: batch.len(),

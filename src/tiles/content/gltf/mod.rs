@@ -11,7 +11,7 @@ mod schema;
 use crate::models::shape::textured::PlacedMesh;
 use crate::tiles::content::bytes::Kind;
 use crate::tiles::content::error::ContentError;
-use crate::tiles::content::model::{Content, Context};
+use crate::tiles::content::model::{Content, Context, Rows};
 use crate::tiles::content::place::{Stand, baked, baked_points, placed};
 use document::{Document, extension, layout};
 use features::{Features, Ids};
@@ -19,7 +19,6 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 use look::Looks;
 use primitive::Drawn;
 use schema::{Instancing, Node};
-use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -30,7 +29,7 @@ pub(crate) struct Setting {
     /// From the model's axes to a frame with z up.
     pub inner: DAffine3,
     /// The rows of the batch table around it.
-    pub rows: Vec<Map<String, Value>>,
+    pub rows: Rows,
 }
 
 /// Decodes a glTF model.

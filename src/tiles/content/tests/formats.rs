@@ -212,7 +212,8 @@ fn mirroring_instances_wind_the_right_way() {
 #[test]
 fn points_with_all_kinds_of_colours() {
     let position: &[u8] = &bytes![f32; 1.0, 2.0, 3.0, 3.0, 2.0, 1.0];
-    let cases: [(&str, Vec<u8>, [[f32; 4]; 2]); 4] = [
+    type Case = (&'static str, Vec<u8>, [[f32; 4]; 2]);
+    let cases: [Case; 4] = [
         (
             r#""RGB":{"byteOffset":24}"#,
             vec![255, 0, 0, 0, 255, 188],
