@@ -1,5 +1,6 @@
 //! What is asked of a build.
 
+use super::report::BuildError;
 use std::num::NonZeroUsize;
 
 /// How cells are cut into smaller ones.
@@ -55,5 +56,35 @@ impl Default for BuildOptions {
             pictures: Pictures::Jpeg,
             threads: None,
         }
+    }
+}
+
+impl Division {
+    /// Axes along which cells are cut.
+    pub(super) fn axes(self) -> usize {
+        match self {
+            Self::Quadtree => 2,
+            Self::Octree => 3,
+        }
+    }
+}
+
+impl BuildOptions {
+    /// Refuses what cannot be built.
+    pub(super) fn check(&self) -> Result<(), BuildError> {
+        let within = |option, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(BuildError::Option {
+                option,
+                value,
+                low,
+                high,
+            })
+        };
+        within("--max-triangles", self.max_triangles as f64, 100.0, 1e6)?;
+        within("--texture-px", f64::from(self.max_texture_px), 64.0, 8192.0)?;
+        within("--keep", self.keep, 0.01, 0.9)
     }
 }

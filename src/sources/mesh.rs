@@ -1,0 +1,123 @@
+//! What the readers of meshes share: pictures beside the file, and the place of a mesh on the Earth.
+
+use super::error::{Fault, SourceError, read_bytes};
+use super::options::Options;
+use super::place::{Place, site};
+use super::{Layer, LayerKind};
+use crate::models::shape::textured::{Texture, TexturedMesh};
+use glam::{DMat3, DVec3, Vec3};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Longest side of a picture [px].
+const MAX_SIDE_PX: u32 = 32_768;
+/// Most memory that a picture may take [B].
+const MAX_PICTURE_BYTES: u64 = 4 << 30;
+/// Half the distance over which the axes of a source's frame are compared with the site's [m].
+const REACH_M: f64 = 1.0;
+
+/// A picture file beside a mesh.
+pub(super) fn picture(path: &Path) -> Result<Arc<Texture>, SourceError> {
+    let bytes = read_bytes(path)?;
+    let mend = "give it as PNG, JPEG or WebP";
+    let fault = |what: String| Fault::new("picture", what, mend).of(path);
+    let mut reader = image::ImageReader::new(std::io::Cursor::new(&bytes))
+        .with_guessed_format()
+        .map_err(|error| fault(error.to_string()))?;
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(MAX_SIDE_PX);
+    limits.max_image_height = Some(MAX_SIDE_PX);
+    limits.max_alloc = Some(MAX_PICTURE_BYTES);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|error| fault(error.to_string()))?;
+    let picture = picture.into_rgba8();
+    Ok(Arc::new(Texture {
+        size_px: [picture.width(), picture.height()],
+        rgba: picture.into_raw(),
+    }))
+}
+
+/// Linear light of an sRGB value of 0..1 (IEC 61966-2-1).
+pub(super) fn linear(srgb: f32) -> f32 {
+    if srgb <= 0.04045 {
+        srgb / 12.92
+    } else {
+        ((srgb + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+/// Meshes of a source, in its own coordinates, as a layer on the Earth: through the system or the parameters that the
+/// options name; with only a site named they are east, north and up of it.
+pub(super) fn placed(
+    meshes: Vec<TexturedMesh>,
+    options: &Options,
+    path: &Path,
+) -> Result<Layer, SourceError> {
+    let used = |mesh: &TexturedMesh| -> Vec<DVec3> {
+        mesh.indices.iter().map(|&i| mesh.vertex_m(i)).collect()
+    };
+    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for r in meshes.iter().flat_map(used) {
+        bounds = [bounds[0].min(r), bounds[1].max(r)];
+    }
+    if !(bounds[0].is_finite() && bounds[1].is_finite()) {
+        let what = if meshes.iter().all(|mesh| mesh.indices.is_empty()) {
+            "no triangles"
+        } else {
+            "a coordinate that is no number"
+        };
+        return Err(Fault::new("mesh", what, "export the surface again").of(path));
+    }
+    let local = options.crs.is_none() && options.georef.is_none();
+    let (site, meshes) = match options.site.filter(|_| local) {
+        Some(site) => (site, meshes),
+        None => {
+            let place = Place::of(options, None, path)?;
+            let site = site(options, &place, bounds).map_err(|fault| fault.of(path))?;
+            let enu_m = |r: DVec3| Ok(site.ecef_to_enu(place.ecef_m(r)?));
+            let moved: Result<Vec<_>, Fault> =
+                meshes.into_iter().map(|mesh| moved(mesh, enu_m)).collect();
+            (site, moved.map_err(|fault| fault.of(path))?)
+        }
+    };
+    Ok(Layer {
+        kind: LayerKind::Surface,
+        site,
+        meshes,
+        features: Vec::new(),
+    })
+}
+
+/// A mesh whose vertices are put where a function says.
+fn moved(
+    mut mesh: TexturedMesh,
+    place: impl Fn(DVec3) -> Result<DVec3, Fault>,
+) -> Result<TexturedMesh, Fault> {
+    let Some(&first) = mesh.indices.first() else {
+        return Ok(mesh);
+    };
+    let at = mesh.vertex_m(first);
+    let origin_m = place(at)?.round();
+    let mut positions = vec![[0.0; 3]; mesh.positions.len()];
+    let mut known = vec![false; positions.len()];
+    for &i in &mesh.indices {
+        if !std::mem::replace(&mut known[i as usize], true) {
+            let r_m = place(mesh.vertex_m(i))? - origin_m;
+            positions[i as usize] = r_m.as_vec3().to_array();
+        }
+    }
+    if !mesh.normals.is_empty() {
+        let along = |axis: DVec3| -> Result<DVec3, Fault> {
+            Ok(place(at + axis * REACH_M)? - place(at - axis * REACH_M)?)
+        };
+        let turn = DMat3::from_cols(along(DVec3::X)?, along(DVec3::Y)?, along(DVec3::Z)?);
+        let turn = turn.inverse().transpose();
+        for normal in &mut mesh.normals {
+            let turned = turn * Vec3::from(*normal).as_dvec3();
+            *normal = turned.normalize_or(DVec3::Z).as_vec3().to_array();
+        }
+    }
+    mesh.positions = positions;
+    mesh.origin_m = origin_m;
+    Ok(mesh)
+}
