@@ -70,11 +70,15 @@ fn corners(mesh: &Mesh) -> Vec<[DVec3; 3]> {
 
 /// Farthest that a surface's vertices and the middles of its triangles lie from another surface, in steps of the lattice.
 pub(super) fn farthest(from: &Mesh, to: &Mesh) -> f64 {
-    let tree = RTree::bulk_load(corners(to).into_iter().map(Triangle).collect());
-    let triangles = corners(from);
-    let points = (triangles.iter()).flat_map(|t| [t[0], (t[0] + t[1] + t[2]) / 3.0]);
+    farthest_between(&corners(from), corners(to))
+}
+
+/// Farthest that the vertices and middles of some triangles lie from other triangles.
+pub(super) fn farthest_between(from: &[[DVec3; 3]], to: Vec<[DVec3; 3]>) -> f64 {
+    let tree = RTree::bulk_load(to.into_iter().map(Triangle).collect());
+    let points = (from.iter()).flat_map(|t| [t[0], (t[0] + t[1] + t[2]) / 3.0]);
     // An odd stride meets vertices and middles by turns.
-    let every = (2 * triangles.len()).div_ceil(MOST_POINTS) | 1;
+    let every = (2 * from.len()).div_ceil(MOST_POINTS) | 1;
     points
         .step_by(every)
         .filter_map(|point| {

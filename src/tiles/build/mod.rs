@@ -15,6 +15,9 @@ mod table;
 mod tile;
 mod tileset;
 
+#[cfg(test)]
+mod tests;
+
 use crate::output::{create_dir, put};
 use crate::parallel::{in_parallel, threads};
 use crate::sources::Layer;
