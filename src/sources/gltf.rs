@@ -1,9 +1,9 @@
 //! glTF and GLB, as the readers of tiles decode them.
 
+use super::Layer;
 use super::error::{Fault, SourceError, read_bytes};
 use super::mesh::placed;
 use super::options::Options;
-use super::Layer;
 use crate::models::shape::textured::{PlacedMesh, TexturedMesh};
 use crate::tiles::content::{UpAxis, decode};
 use glam::{DAffine3, DVec3, Vec3};

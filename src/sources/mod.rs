@@ -3,8 +3,12 @@
 pub mod cityjson;
 pub mod error;
 pub mod geotiff;
+pub mod gltf;
+mod mesh;
+pub mod obj;
 pub mod options;
 pub mod place;
+pub mod ply;
 pub mod surfaces;
 
 use crate::models::maths::geodesy::SiteFrame;

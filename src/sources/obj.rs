@@ -69,7 +69,8 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
 
 /// Whether the file names a material library.
 fn names_library(text: &str) -> bool {
-    text.lines().any(|line| line.trim_start().starts_with("mtllib "))
+    text.lines()
+        .any(|line| line.trim_start().starts_with("mtllib "))
 }
 
 /// The coordinates of a line `v x y z …`, and the rest of it.
@@ -155,7 +156,11 @@ fn look(
         base_color: [r, g, b, alpha],
         ..Look::default()
     };
-    let Some(name) = material.diffuse_texture.as_deref().filter(|_| !mesh.uv.is_empty()) else {
+    let Some(name) = material
+        .diffuse_texture
+        .as_deref()
+        .filter(|_| !mesh.uv.is_empty())
+    else {
         return Ok(());
     };
     // Options may stand before the name; names have slashes of either kind.

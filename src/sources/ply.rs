@@ -99,7 +99,9 @@ impl PropertyAccess for Face {
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
         /// A negative number names no vertex.
         fn whole<T: TryInto<u32>>(list: Vec<T>) -> Vec<u32> {
-            list.into_iter().map(|i| i.try_into().unwrap_or(u32::MAX)).collect()
+            list.into_iter()
+                .map(|i| i.try_into().unwrap_or(u32::MAX))
+                .collect()
         }
         match (name, property) {
             ("vertex_indices" | "vertex_index", list) => {
@@ -169,7 +171,8 @@ fn parsed(bytes: &[u8], path: &Path) -> Result<TexturedMesh, SourceError> {
     }
     let named = header.comments.iter().find_map(|comment| {
         let (key, name) = comment.trim().split_once(' ')?;
-        key.eq_ignore_ascii_case("TextureFile").then_some(name.trim())
+        key.eq_ignore_ascii_case("TextureFile")
+            .then_some(name.trim())
     });
     let mut mesh = joined(&vertices, &faces).map_err(fault)?;
     if let Some(name) = named.filter(|_| !mesh.uv.is_empty()) {
@@ -182,7 +185,9 @@ fn parsed(bytes: &[u8], path: &Path) -> Result<TexturedMesh, SourceError> {
 
 /// Vertices and faces as a mesh; a corner with a place of its own in the texture is a vertex of its own.
 fn joined(vertices: &[Vertex], faces: &[Face]) -> Result<TexturedMesh, String> {
-    let origin_m = vertices.first().map_or(DVec3::ZERO, |v| DVec3::from(v.place).round());
+    let origin_m = vertices
+        .first()
+        .map_or(DVec3::ZERO, |v| DVec3::from(v.place).round());
     let by_face = faces.iter().any(|face| !face.uv.is_empty());
     let (normals, colors) = (
         vertices.iter().all(|v| v.normal.is_some()),
