@@ -19,18 +19,27 @@ struct Light {
 }
 
 @group(#{MATERIAL_BIND_GROUP}) @binding(0) var<uniform> light: Light;
-@group(#{MATERIAL_BIND_GROUP}) @binding(1) var ground_map: texture_2d<f32>;
-@group(#{MATERIAL_BIND_GROUP}) @binding(2) var ground_sampler: sampler;
+@group(#{MATERIAL_BIND_GROUP}) @binding(1) var picture: texture_2d<f32>;
+@group(#{MATERIAL_BIND_GROUP}) @binding(2) var picture_sampler: sampler;
 @group(#{MATERIAL_BIND_GROUP}) @binding(3) var sky_table: texture_2d<f32>;
 @group(#{MATERIAL_BIND_GROUP}) @binding(4) var sky_sampler: sampler;
 
+// Bevy says which attributes a mesh has; the generated city's have all.
 struct Vertex {
     @builtin(instance_index) instance_index: u32,
     @location(0) position: vec3<f32>,
+#ifdef VERTEX_NORMALS
     @location(1) normal: vec3<f32>,
-    @location(2) color: vec4<f32>,   // linear albedo, ambient occlusion
-    @location(3) uv: vec2<f32>,      // facade metres or ground-map coordinates
+#endif
+#ifdef VERTEX_COLORS
+    @location(2) color: vec4<f32>,   // linear albedo, ambient occlusion; of TILE alpha
+#endif
+#ifdef VERTEX_UVS_A
+    @location(3) uv: vec2<f32>,      // facade metres or coordinates in the picture
+#endif
+#ifndef TILE
     @location(4) surface: vec2<f32>, // kind, variant in 0..1
+#endif
 }
 
 // Light and air are worked out at the corners: a fragment pays for them in gathers from the uniforms, lane by
@@ -43,7 +52,8 @@ struct Fragment {
     @location(0) lit: vec3<f32>,  // what reaches the camera of the light that the surface throws back
     @location(1) haze: vec3<f32>, // air-light in front of it
     @location(2) uv: vec2<f32>,
-    @location(3) @interpolate(flat) surface: vec4<f32>, // kind, variant, alpha, luminance of a lit window
+    // Kind, variant, alpha written, luminance of a lit window; of TILE the first is the vertex's own alpha.
+    @location(3) @interpolate(flat) surface: vec4<f32>,
 #ifdef MIRRORS
     @location(4) world: vec3<f32>,
     @location(5) normal: vec3<f32>,
@@ -79,20 +89,44 @@ fn vertex(in: Vertex) -> Fragment {
 #ifdef SKY
     out.world = world;
 #else
-    let normal = normalize(mesh_functions::mesh_normal_local_to_world(in.normal, in.instance_index));
     let through = exp(-light.extinction.rgb * length(world)) * view.exposure;
+#ifdef VERTEX_COLORS
+    let color = in.color;
+#else
+    let color = vec4(1.0);
+#endif
+#ifdef BAKED
+    // The colours have their light in them: level ground in the open sets the scale, and nights are dark.
+    let illuminance = light.sun.rgb * max(light.sun_dir.z, 0.0) + light.ambient_sky.rgb;
+#else
+    var normal = normalize(mesh_functions::mesh_normal_local_to_world(in.normal, in.instance_index));
+#ifdef TWO_SIDED
+    normal *= -sign(dot(normal, world));
+#endif
+#ifdef TILE
+    let openness = 1.0;
+#else
+    let openness = color.a;
+#endif
     let lambert = max(dot(normal, light.sun_dir.xyz), 0.0);
     let ambient = mix(light.ambient_ground.rgb, light.ambient_sky.rgb, 0.5 + 0.5 * normal.z);
     // Occlusion dims the ambient term fully and, being a proxy for shade, the sun in part.
-    let illuminance = light.sun.rgb * lambert * (0.35 + 0.65 * in.color.a) + ambient * in.color.a;
-    out.lit = in.color.rgb * illuminance * 0.31830988 * through;
+    let illuminance = light.sun.rgb * lambert * (0.35 + 0.65 * openness) + ambient * openness;
+#endif
+    out.lit = color.rgb * illuminance * 0.31830988 * through;
     out.haze = airlight(world) * (view.exposure - through);
+#ifdef VERTEX_UVS_A
     out.uv = in.uv;
+#endif
     // Digits in base 5: the resolve averages 4 samples, so sum(samples) = alpha * 4 tells
     // exactly how many samples of a pixel are covered, and how many by each of four identities.
     let digit = f32(mesh_functions::get_tag(in.instance_index));
     let identity = select(floor(pow(5.0, digit) + 0.5), 0.0, digit == 0.0);
+#ifdef TILE
+    out.surface = vec4(color.a, 0.0, 1.0 + identity, 0.0);
+#else
     out.surface = vec4(in.surface, 1.0 + identity, light.night.x);
+#endif
 #ifdef MIRRORS
     out.world = world;
     out.normal = normal;
@@ -150,8 +184,14 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
 @fragment
 fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     var seen = in.lit;
-#ifdef GROUND
-    seen *= textureSample(ground_map, ground_sampler, in.uv).rgb;
+#ifdef PICTURE
+    let texel = textureSample(picture, picture_sampler, in.uv);
+    seen *= texel.rgb;
+#ifdef CUTOFF
+    if texel.a * in.surface.x * 255.0 < f32(#{CUTOFF}) {
+        discard;
+    }
+#endif
 #endif
 #ifdef FOLIAGE
     // Clumps of leaves, where the woods' meshes give metres along the crown.

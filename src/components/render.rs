@@ -1,5 +1,6 @@
 //! What the renderer sees: the lean material, the sensor projection, links from truth to scene.
 
+use crate::components::tiles::TileSurface;
 use crate::models::air::backdrop::Backdrop;
 use crate::models::ground::skyline::Skyline;
 use crate::models::optics::camera::PixelRect;
@@ -10,9 +11,9 @@ use bevy::mesh::{MeshVertexAttribute, MeshVertexBufferLayoutRef, VertexFormat};
 use bevy::pbr::{MaterialPipeline, MaterialPipelineKey};
 use bevy::prelude::*;
 use bevy::render::render_resource::{
-    AsBindGroup, RenderPipelineDescriptor, ShaderType, SpecializedMeshPipelineError,
+    AsBindGroup, Face, RenderPipelineDescriptor, ShaderType, SpecializedMeshPipelineError,
 };
-use bevy::shader::ShaderRef;
+use bevy::shader::{ShaderDefVal, ShaderRef};
 
 /// Surface kind and per-building variant of a vertex; see [`crate::models::shape::mesh::Surface`].
 pub const ATTRIBUTE_SURFACE: MeshVertexAttribute =
@@ -50,10 +51,10 @@ pub struct LeanMaterial {
     /// Sun, sky and air.
     #[uniform(0)]
     pub light: LightUniform,
-    /// Albedo of the ground over the city's extent.
+    /// Albedo of the ground over the city's extent, or the picture on a tile.
     #[texture(1)]
     #[sampler(2)]
-    pub ground_map: Handle<Image>,
+    pub picture: Handle<Image>,
     /// The sky's luminance on an octahedral square.
     #[texture(3)]
     #[sampler(4)]
@@ -66,8 +67,10 @@ pub struct LeanMaterial {
 /// both sides of every branch, so that each kind of surface has a pipeline of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Shading {
-    /// A kind of solid surface.
+    /// A kind of solid surface of the generated city, or of what flies.
     Solid(Surface),
+    /// A surface of a real city, as it was photographed or modelled.
+    Tile(TileSurface),
     /// The sky of the window: drawn after everything solid, so that only uncovered pixels pay for it. A
     /// sensor's sky is added to its frames, see [`crate::models::optics::background`].
     Sky,
@@ -75,19 +78,37 @@ pub enum Shading {
 
 impl Shading {
     /// The definitions that select the shader's variant.
-    fn definitions(self) -> &'static [&'static str] {
-        match self {
+    fn definitions(self) -> Vec<ShaderDefVal> {
+        let names: &[&str] = match self {
             Self::Solid(Surface::Plain) => &[],
             Self::Solid(Surface::FacadeResidential | Surface::FacadeOffice) => {
                 &["MIRRORS", "FACADE"]
             }
-            Self::Solid(Surface::Ground) => &["GROUND"],
+            Self::Solid(Surface::Ground) => &["PICTURE"],
             Self::Solid(Surface::Foliage) => &["FOLIAGE"],
             Self::Solid(Surface::Water) => &["MIRRORS"],
+            Self::Tile(tile) => return definitions_of(tile),
             Self::Sky => &["SKY"],
-        }
+        };
+        names.iter().map(|name| (*name).into()).collect()
     }
 }
+
+/// The definitions that select the variant of a tile's surface.
+fn definitions_of(tile: TileSurface) -> Vec<ShaderDefVal> {
+        let chosen = [
+            (true, "TILE"),
+            (tile.baked, "BAKED"),
+            (tile.picture, "PICTURE"),
+            (tile.two_sided, "TWO_SIDED"),
+        ];
+        let cutoff = tile.cutoff.map(|alpha| ("CUTOFF", u32::from(alpha)));
+        let names = chosen.into_iter().filter(|(is, _)| *is);
+        names
+            .map(|(_, name)| name.into())
+            .chain(cutoff.map(|(name, value)| ShaderDefVal::UInt(name.into(), value)))
+            .collect()
+    }
 
 impl From<&LeanMaterial> for Shading {
     fn from(material: &LeanMaterial) -> Self {
@@ -105,10 +126,13 @@ impl Material for LeanMaterial {
     }
 
     fn alpha_mode(&self) -> AlphaMode {
-        // Bevy draws masked surfaces after opaque ones; the shader discards nothing.
+        // Bevy draws masked surfaces after opaque ones: what has holes last, for a rasteriser pays for what
+        // may be one. Of the sky the shader discards nothing.
         match self.shading {
-            Shading::Solid(_) => AlphaMode::Opaque,
-            Shading::Sky => AlphaMode::Mask(0.0),
+            Shading::Tile(TileSurface { cutoff: Some(_), .. }) | Shading::Sky => {
+                AlphaMode::Mask(0.0)
+            }
+            Shading::Solid(_) | Shading::Tile(_) => AlphaMode::Opaque,
         }
     }
 
@@ -126,19 +150,28 @@ impl Material for LeanMaterial {
         layout: &MeshVertexBufferLayoutRef,
         key: MaterialPipelineKey<Self>,
     ) -> Result<(), SpecializedMeshPipelineError> {
-        for &definition in key.bind_group_data.definitions() {
-            descriptor.vertex.shader_defs.push(definition.into());
+        for definition in key.bind_group_data.definitions() {
+            descriptor.vertex.shader_defs.push(definition.clone());
             if let Some(fragment) = &mut descriptor.fragment {
-                fragment.shader_defs.push(definition.into());
+                fragment.shader_defs.push(definition);
             }
         }
-        descriptor.vertex.buffers = vec![layout.0.get_layout(&[
-            Mesh::ATTRIBUTE_POSITION.at_shader_location(0),
-            Mesh::ATTRIBUTE_NORMAL.at_shader_location(1),
-            Mesh::ATTRIBUTE_COLOR.at_shader_location(2),
-            Mesh::ATTRIBUTE_UV_0.at_shader_location(3),
-            ATTRIBUTE_SURFACE.at_shader_location(4),
-        ])?];
+        if let Shading::Tile(TileSurface { two_sided, .. }) = key.bind_group_data {
+            descriptor.primitive.cull_mode = (!two_sided).then_some(Face::Back);
+        }
+        // Tiles have what their files have; Bevy tells the shader which of the first four that is.
+        let attributes = [
+            Mesh::ATTRIBUTE_POSITION,
+            Mesh::ATTRIBUTE_NORMAL,
+            Mesh::ATTRIBUTE_COLOR,
+            Mesh::ATTRIBUTE_UV_0,
+            ATTRIBUTE_SURFACE,
+        ];
+        let attributes: Vec<_> = (0..).zip(attributes)
+            .filter(|(_, attribute)| layout.0.contains(attribute.id))
+            .map(|(location, attribute)| attribute.at_shader_location(location))
+            .collect();
+        descriptor.vertex.buffers = vec![layout.0.get_layout(&attributes)?];
         Ok(())
     }
 }
@@ -179,8 +212,23 @@ pub struct SceneHandles {
 #[derive(Resource)]
 pub struct SkyView(pub Backdrop);
 
-/// The layer that only the window's camera sees: the sky.
+/// The layer that only the window's camera sees: the sky, and the tiles that are streamed for it.
 pub const WINDOW_LAYER: usize = 1;
+/// The layer that only sensors see: the tiles that are settled for them.
+pub const SENSOR_LAYER: usize = 2;
+
+/// The tilesets of a real city.
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct CityTilesets {
+    /// Settled for the sensors.
+    pub sensors: Entity,
+    /// Streamed for the window, where there is one.
+    pub window: Option<Entity>,
+}
+
+/// Paints tiles in the light of the scene: the material that theirs are made of.
+#[derive(Resource, Clone, Debug)]
+pub struct LeanPaint(pub LeanMaterial);
 
 /// The render cameras of a sensor.
 #[derive(Component, Clone, Debug)]

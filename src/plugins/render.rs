@@ -4,11 +4,13 @@ use crate::components::capture::SensorCamera;
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::Mount;
-use crate::components::render::{LEAN_SHADER, LeanMaterial, SceneHandles, SensorViews, Solids};
-use crate::components::run::{Failure, RunScenario, Seed};
+use crate::components::render::{LEAN_SHADER, LeanMaterial, LeanPaint, SceneHandles, SensorViews, Solids};
+use crate::components::run::{Failure, Options, RunScenario, Seed};
 use crate::models::air::backdrop::Backdrop;
 use crate::models::ground::skyline::Skyline;
+use crate::plugins::tiles::TilesPlugin;
 use crate::systems::capture::{ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX};
+use crate::systems::render::city_tiles::{settle_city, spawn_city_tiles};
 use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn_sensor_view};
 use crate::systems::render::scene;
 use bevy::prelude::*;
@@ -22,7 +24,8 @@ pub struct ScenePlugin;
 impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
         app.add_plugins(BigSpaceMinimalPlugins)
-            .add_plugins(MaterialPlugin::<LeanMaterial>::default());
+            .add_plugins(MaterialPlugin::<LeanMaterial>::default())
+            .add_plugins(TilesPlugin::<LeanPaint>::painted());
         if let Some(renderer) = app.get_sub_app_mut(RenderApp) {
             renderer.add_systems(
                 Render,
@@ -86,6 +89,11 @@ pub fn show(world: &mut World) {
     for (entity, camera) in cameras {
         let views = spawn_views(world, &camera);
         world.entity_mut(entity).insert(views);
+    }
+    if let Some(city) = &environment.tiles {
+        let windowed = world.resource::<Options>().window;
+        spawn_city_tiles(world, city, windowed);
+        settle_city(world);
     }
     if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
         settle(world, &mut renderer);

@@ -5,6 +5,7 @@ use crate::components::view::{
     DrawAndTick, Estimates, Insets, Pacing, Pictures, Playback, Sight, WindowFrame,
 };
 use crate::plugins::render::renders;
+use crate::plugins::tiles::FollowTiles;
 use crate::systems::view as systems;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
@@ -47,6 +48,8 @@ impl Plugin for ViewPlugin {
                 )
                     .run_if(in_window),
             )
+            // Sensor frames run Bevy's main schedule too, and have their tiles already.
+            .configure_sets(PostUpdate, FollowTiles.run_if(in_window))
             .add_systems(
                 SetUp,
                 systems::camera::spawn_window_camera

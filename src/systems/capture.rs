@@ -19,6 +19,7 @@ use crate::models::optics::background::Background;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
+use crate::systems::render::city_tiles::settle_city;
 use crate::systems::render::renderer::{RenderError, Renderer, aim_sensor_view};
 use crate::systems::render::scene::{bevy_attitude, place_in_site, sync_scene};
 use bevy::ecs::query::QueryData;
@@ -360,6 +361,7 @@ fn render_with(
     renderer: &mut Renderer,
     scratch: &mut ImageScratch,
 ) -> Result<(), CaptureError> {
+    settle_city(world);
     let mut frames = std::mem::take(&mut world.resource_mut::<Frames>().0);
     let mut cameras = world.query::<(&SensorCamera, &SensorViews)>();
     let shots: Vec<_> = frames

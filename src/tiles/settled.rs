@@ -2,9 +2,9 @@
 
 use crate::models::tiles::selection::{Cut, SelectOptions, View, fixed_cut, ideal_cut};
 use crate::models::tiles::tree::{TileId, Tree};
-use crate::tiles::content::{self, Content};
+use crate::tiles::content::{self, Content, UpAxis};
 use crate::tiles::error::TilesError;
-use crate::tiles::fetch::resolve;
+use crate::tiles::fetch::{Fetcher, resolve};
 use crate::tiles::tileset::Tileset;
 use glam::DVec3;
 
@@ -50,15 +50,24 @@ pub fn settle_by(tileset: &mut Tileset, choose: &dyn Fn(&Tree) -> Cut) -> Result
 
 /// All contents of a tile in one, in the tile's frame; numbers of features are made those of the one.
 pub fn content(tileset: &Tileset, tile: TileId) -> Result<Content, TilesError> {
-    let fetcher = tileset.fetcher();
+    let contents = &tileset.tree.tile(tile).contents;
+    content_of(&tileset.fetcher(), contents, tileset.up_axis(tile))
+}
+
+/// As [`content`], away from the tileset: on another thread, while it is in use.
+pub fn content_of(
+    fetcher: &Fetcher,
+    contents: &[String],
+    up_axis: UpAxis,
+) -> Result<Content, TilesError> {
     let mut whole = Content::default();
-    for location in &tileset.tree.tile(tile).contents {
+    for location in contents {
         let bytes = fetcher.read(location)?;
         let fetch = |uri: &str| -> Result<Vec<u8>, String> {
             let location = resolve(location, uri).map_err(|error| error.to_string())?;
             fetcher.read(&location).map_err(|error| error.to_string())
         };
-        let part = content::decode(&bytes, tileset.up_axis(tile), &fetch);
+        let part = content::decode(&bytes, up_axis, &fetch);
         let part = part.map_err(|error| TilesError::Content {
             location: location.clone(),
             reason: error.to_string(),

@@ -19,4 +19,5 @@ mod shipped;
 mod stations;
 mod structure;
 mod swarms;
+mod tiles;
 mod tracking;

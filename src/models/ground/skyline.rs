@@ -34,13 +34,21 @@ impl Skyline {
             let origin_m = mesh.origin_enu_m - r_eye_enu_m;
             let at = |i: u32| origin_m + DVec3::from(mesh.positions[i as usize].map(f64::from));
             for triangle in mesh.indices.as_chunks::<3>().0 {
-                let corners = triangle.map(at);
-                for k in 0..3 {
-                    skyline.raise(corners[k], corners[(k + 1) % 3]);
-                }
+                skyline.raise_triangle(triangle.map(at));
             }
         }
         skyline
+    }
+
+    /// Lets one more triangle [m, enu] stand before the sky.
+    pub fn add(&mut self, corners_enu_m: [DVec3; 3]) {
+        self.raise_triangle(corners_enu_m.map(|corner_m| corner_m - self.r_eye_enu_m));
+    }
+
+    fn raise_triangle(&mut self, corners_m: [DVec3; 3]) {
+        for k in 0..3 {
+            self.raise(corners_m[k], corners_m[(k + 1) % 3]);
+        }
     }
 
     /// Lets an edge from `a` to `b` (m, from the eye) stand before the sky.
@@ -209,6 +217,17 @@ mod tests {
         // Ground 20 m below ends 5 km away, 0.23 degrees down: 73 px, less the margin.
         let horizon = first_row([20.0, 0.0]);
         assert!((280..313).contains(&horizon), "{horizon}");
+    }
+
+    #[test]
+    fn what_is_added_later_stands_out_too() {
+        let mut later = skyline();
+        let roof_enu_m = EYE_ENU_M + DVec3::new(100.0, 100.0, 60.0);
+        later.add([0.0, 1.0, 2.0].map(|x| roof_enu_m + x * DVec3::new(10.0, -10.0, -30.0)));
+        let bin = BINS / 8;
+        let expected = (60.0_f64).atan2(100.0 * 2.0_f64.sqrt());
+        assert!((later.el_rad[bin] - expected).abs() < 5e-3, "{}", later.el_rad[bin]);
+        assert!(skyline().el_rad[bin] < 0.0);
     }
 
     #[test]

@@ -5,5 +5,6 @@ pub mod horizon;
 pub mod implicit;
 pub mod selection;
 pub mod selector;
+pub mod steady;
 pub mod tree;
 pub mod volume;

@@ -6,8 +6,9 @@
 //! copy, wait. Rejected: reading frames one update late (pose and picture of different ticks)
 //! and an own wgpu renderer (a second set of meshes, cameras and shaders to keep in step).
 
-use crate::components::render::{SensorProjection, SensorViews};
+use crate::components::render::{SENSOR_LAYER, SensorProjection, SensorViews};
 use bevy::app::Main;
+use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{
     CameraOutputMode, Exposure, MsaaWriteback, NormalizedRenderTarget, RenderTarget,
 };
@@ -241,6 +242,7 @@ pub fn spawn_sensor_view(
             },
             Tonemapping::None,
             NoIndirectDrawing,
+            RenderLayers::from_layers(&[0, SENSOR_LAYER]),
             Transform::default(),
             Visibility::default(),
             ChildOf(site_grid),

@@ -7,21 +7,19 @@
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::render::{
-    ATTRIBUTE_SURFACE, LeanMaterial, LightUniform, SceneHandles, Shading, SiteGrid, SkyView,
+    ATTRIBUTE_SURFACE, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading, SiteGrid, SkyView,
     StationOrigin, UavBody, UavRotor, WINDOW_LAYER,
 };
 use crate::models::air::backdrop::Backdrop;
 use crate::models::air::sky::{CHANNELS_M, Sky};
-use crate::models::ground::city::GroundMap;
 use crate::models::shape::mesh::{MeshData, Surface};
 use crate::models::shape::uav_mesh::UavMesh;
 use crate::systems::render::renderer::{Renderer, settle};
+use crate::systems::render::texture::{ground_texture, sky_texture};
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::{NoFrustumCulling, RenderLayers};
-use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::mesh::{Indices, MeshTag, PrimitiveTopology};
 use bevy::prelude::*;
-use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use big_space::prelude::*;
 use glam::{DQuat, DVec2, DVec3, Vec4};
 
@@ -91,105 +89,10 @@ fn dome() -> Mesh {
     })
 }
 
-/// An RGBA8 sRGB texture with all its mip levels, box-filtered in linear light.
-pub fn ground_texture(map: &GroundMap) -> Image {
-    let decode: Vec<f32> = (0..256)
-        .map(|i| Srgba::gamma_function(i as f32 / 255.0))
-        .collect();
-    let encode = |x: f32| (Srgba::gamma_function_inverse(x) * 255.0 + 0.5) as u8;
-    let mut side = map.size_px;
-    let mut level: Vec<[f32; 3]> = map
-        .rgb
-        .iter()
-        .map(|p| {
-            [
-                decode[p[0] as usize],
-                decode[p[1] as usize],
-                decode[p[2] as usize],
-            ]
-        })
-        .collect();
-    let mut bytes = Vec::with_capacity(side * side * 16 / 3);
-    let mut levels = 0;
-    loop {
-        bytes.extend(
-            level
-                .iter()
-                .flat_map(|p| [encode(p[0]), encode(p[1]), encode(p[2]), 255]),
-        );
-        levels += 1;
-        if side == 1 {
-            break;
-        }
-        let half = side / 2;
-        let at = |x: usize, y: usize, c: usize| level[y * side + x][c];
-        level = (0..half * half)
-            .map(|i| {
-                let (x, y) = (2 * (i % half), 2 * (i / half));
-                std::array::from_fn(|c| {
-                    0.25 * (at(x, y, c) + at(x + 1, y, c) + at(x, y + 1, c) + at(x + 1, y + 1, c))
-                })
-            })
-            .collect();
-        side = half;
-    }
-    let extent = Extent3d {
-        width: map.size_px as u32,
-        height: map.size_px as u32,
-        depth_or_array_layers: 1,
-    };
-    let mut image = Image::new_uninit(
-        extent,
-        TextureDimension::D2,
-        TextureFormat::Rgba8UnormSrgb,
-        RenderAssetUsages::RENDER_WORLD,
-    );
-    image.texture_descriptor.mip_level_count = levels;
-    image.data = Some(bytes);
-    image.sampler = sampler(ImageAddressMode::ClampToEdge);
-    image
-}
-
 /// Texels along a side of the sky table: 0.4 deg at the horizon, enough for panes and water, and 0.1 deg
 /// where a window shows it.
 const SKY_SIDE: u32 = 256;
 const WINDOW_SKY_SIDE: u32 = 1024;
-
-/// The direction of a point of the sky table, its square being -1..1 in both axes: the upper half
-/// of an octahedron, turned by 45 deg so that it fills the square.
-fn sky_direction(u: f64, v: f64) -> DVec3 {
-    let flat = 0.5 * DVec2::new(u - v, u + v);
-    flat.extend(1.0 - flat.x.abs() - flat.y.abs()).normalize()
-}
-
-/// The sky's luminance with its clouds as a float texture of `side` texels each way; alpha: what clouds
-/// leave of the sun's disc.
-fn sky_texture(backdrop: &Backdrop, side: u32) -> Image {
-    let half = |x: f64| half::f16::from_f64(x.min(65_000.0)).to_le_bytes();
-    let at = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(side) - 1.0;
-    let bytes = (0..side)
-        .flat_map(|j| (0..side).map(move |i| sky_direction(at(i), at(j))))
-        .flat_map(|dir| {
-            let detail_rad = std::f64::consts::PI / f64::from(side);
-            let ([r, g, b], left) = backdrop.clouded(dir, backdrop.sky(dir), detail_rad);
-            [r, g, b, left]
-        })
-        .flat_map(half)
-        .collect();
-    let mut image = Image::new(
-        Extent3d {
-            width: side,
-            height: side,
-            depth_or_array_layers: 1,
-        },
-        TextureDimension::D2,
-        bytes,
-        TextureFormat::Rgba16Float,
-        RenderAssetUsages::RENDER_WORLD,
-    );
-    image.sampler = sampler(ImageAddressMode::ClampToEdge);
-    image
-}
 
 /// Coefficients of the air-light over the cosine of the azimuth from the sun: the cubic through
 /// the sky's values at the Chebyshev nodes of that cosine.
@@ -215,17 +118,6 @@ fn airlight_polynomial(sky: &Sky, sun_dir_enu: DVec3) -> [Vec4; 4] {
         coefficients[0] = divided[k] - nodes[k] * coefficients[0];
     }
     coefficients.map(|c| c.as_vec3().extend(0.0))
-}
-
-fn sampler(address_mode_u: ImageAddressMode) -> ImageSampler {
-    ImageSampler::Descriptor(ImageSamplerDescriptor {
-        address_mode_u,
-        address_mode_v: ImageAddressMode::ClampToEdge,
-        mag_filter: ImageFilterMode::Linear,
-        min_filter: ImageFilterMode::Linear,
-        mipmap_filter: ImageFilterMode::Linear,
-        ..default()
-    })
 }
 
 /// Adds a structure to the spawned scene, if anything is rendered: its mesh at its origin, unturned.
@@ -273,11 +165,12 @@ pub fn spawn(
     let mut images = world.resource_mut::<Assets<Image>>();
     let sky = LeanMaterial {
         light: light(environment),
-        ground_map: images.add(ground_texture(&city.ground_map)),
+        picture: images.add(ground_texture(&city.ground_map)),
         sky_table: images.add(sky_texture(&backdrop, sky_side)),
         shading: Shading::Sky,
     };
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
+    let paint = LeanPaint(sky.clone());
     let solid = Surface::ALL.map(|surface| {
         materials.add(LeanMaterial {
             shading: Shading::Solid(surface),
@@ -327,6 +220,7 @@ pub fn spawn(
         ));
     }
     world.insert_resource(SkyView(backdrop));
+    world.insert_resource(paint);
     world.insert_resource(SceneHandles { site_grid, solid });
     // Near ones first: of one material, meshes are drawn in the order they were added in, and what is hidden
     // by then is not shaded.
@@ -365,9 +259,13 @@ pub fn relight(world: &mut World) {
     let sky = sky_texture(&backdrop, sky_side);
     let sky_table = world.resource_mut::<Assets<Image>>().add(sky);
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
-    for (_, material) in materials.iter_mut() {
+    let relit = |material: &mut LeanMaterial| {
         material.light = light;
         material.sky_table = sky_table.clone();
+    };
+    materials.iter_mut().for_each(|(_, material)| relit(material));
+    if let Some(mut paint) = world.get_resource_mut::<LeanPaint>() {
+        relit(&mut paint.0);
     }
     world.insert_resource(SkyView(backdrop));
     // The next frames must not show the light of before.
@@ -478,17 +376,6 @@ mod tests {
             longitude_rad: 8.5417f64.to_radians(),
             height_m: 455.0, // [m]
         })
-    }
-
-    #[test]
-    fn the_sky_table_is_read_where_it_was_written() {
-        for (u, v) in [(0.3, -0.6), (0.0, 0.0), (-0.9, 0.9), (0.99, 0.5)] {
-            let dir = sky_direction(u, v);
-            // As the shader reads it.
-            let flat = dir.truncate() / (dir.x.abs() + dir.y.abs() + dir.z);
-            assert!((flat.x + flat.y - u).abs() < 1e-12 && (flat.y - flat.x - v).abs() < 1e-12);
-            assert!(dir.z > -1e-12, "the table holds the upper half: {dir}");
-        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::mount::{CameraView, Mount};
 use crate::components::render::{SceneHandles, WINDOW_LAYER};
+use crate::components::tiles::SeesTiles;
 use crate::components::view::{FreeCamera, Session, Sight, WindowCamera, WindowFrame};
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::systems::render::scene::{bevy_attitude, place_in_site};
@@ -68,7 +69,7 @@ pub fn spawn_window_camera(world: &mut World) {
         .get_resource::<Session>()
         .is_some_and(|session| session.screenshot.is_some());
     world.spawn((
-        WindowCamera,
+        (WindowCamera, SeesTiles),
         PrimaryEguiContext,
         Camera3d::default(),
         Camera {

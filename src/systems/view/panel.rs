@@ -13,6 +13,7 @@ use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, Station};
 use crate::components::network::Tasking;
 use crate::components::run::SimClock;
+use crate::components::tiles::{Tiles, TilesCount, TilesMode};
 use crate::components::track::{Command, Designation, Operator, Order, Tracker};
 use crate::components::view::{FreeCamera, Pacing, Sight, StepSize};
 use crate::models::air::weather::Weather;
@@ -51,6 +52,7 @@ pub fn draw_panel(
     cameras: Query<&SensorCamera>,
     mut stations: Query<Manned>,
     uavs: Query<(&Uav, &Flight, &UavStatus, &HeatedSkin)>,
+    tilesets: Query<(&Tiles, &TilesCount)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     let names: Vec<String> = stations
@@ -114,6 +116,7 @@ pub fn draw_panel(
                 format!("{:.1} kJ", 1e-3 * beam.energy_j),
             );
         }
+        tiles(ui, &tilesets);
         conditions(ui, &environment.weather);
         let weather = change_weather(ui, &environment.weather);
         if let (Some(command), Some((.., mut operator))) = (weather, stations.iter_mut().next()) {
@@ -209,6 +212,23 @@ pub fn engagement(
         ("spot off aim point", millimetres(beam.offset_m)),
     ] {
         row(ui, name, value);
+    }
+}
+
+/// What is there of the tiles that are streamed for the window.
+pub fn tiles(ui: &mut egui::Ui, tilesets: &Query<(&Tiles, &TilesCount)>) {
+    let streamed = (tilesets.iter()).filter(|(tiles, _)| tiles.mode == TilesMode::Streamed);
+    for (tiles, count) in streamed {
+        heading(ui, "Tiles");
+        row(ui, "drawn", count.drawn.to_string());
+        row(ui, "triangles", count.triangles.to_string());
+        let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        let kept = (mib(count.bytes), mib(tiles.byte_budget));
+        row(ui, "kept", format!("{} ({:.0} of {:.0} MiB)", count.kept, kept.0, kept.1));
+        row(ui, "loading", count.missing.to_string());
+        if count.failed > 0 {
+            ui.colored_label(AMBER, format!("{} cannot be read", count.failed));
+        }
     }
 }
 

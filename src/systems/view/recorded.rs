@@ -1,11 +1,12 @@
 //! The panel of a playback: what the recordings say at their time.
 
-use super::panel::{FLY_KEYS, choose_sight, conditions, engagement, tracking_state};
+use super::panel::{FLY_KEYS, choose_sight, conditions, engagement, tiles, tracking_state};
 use super::style::{AMBER, heading, left_panel, row, source_colour, status_colour};
 use crate::components::beam::BeamState;
 use crate::components::capture::SensorCamera;
 use crate::components::environment::Environment;
 use crate::components::flight::{Uav, UavStatus};
+use crate::components::tiles::{Tiles, TilesCount};
 use crate::components::view::{Playback, Sight};
 use crate::recording::proto;
 use crate::recording::timeline::{StationTrack, Timeline};
@@ -25,6 +26,7 @@ pub fn draw_recorded(
     mut sight: ResMut<Sight>,
     uavs: Query<&Uav>,
     cameras: Query<&SensorCamera>,
+    tilesets: Query<(&Tiles, &TilesCount)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     left_panel(ctx, |ui| {
@@ -44,6 +46,7 @@ pub fn draw_recorded(
             }
             recording(ui, timeline, timeline.tick_at(playback.t_s));
         }
+        tiles(ui, &tilesets);
         conditions(ui, &environment.weather);
         ui.add_space(8.0);
         ui.small(FLY_KEYS);

@@ -1,0 +1,234 @@
+//! Pictures on surfaces and the table of the sky, as the GPU takes them.
+
+use crate::models::air::backdrop::Backdrop;
+use crate::models::ground::city::GroundMap;
+use bevy::asset::RenderAssetUsages;
+use bevy::color::Srgba;
+use bevy::image::{
+    Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor,
+};
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use glam::{DVec2, DVec3};
+use std::sync::LazyLock;
+
+/// Longest side of a texture that every GPU takes [px]; of a larger picture the finest levels are left out.
+const LONGEST_PX: u32 = 8_192;
+
+/// Linear light of each value of sRGB, and from which linear light on a value is the next.
+static SRGB: LazyLock<([f32; 256], [f32; 255])> = LazyLock::new(|| {
+    let decode = |x: f32| Srgba::gamma_function(x / 255.0);
+    (
+        std::array::from_fn(|i| decode(i as f32)),
+        std::array::from_fn(|i| decode(i as f32 + 0.5)),
+    )
+});
+
+/// A pixel's light times its alpha, and its alpha: what may be averaged.
+type Light = [f32; 4];
+
+fn decode(rgba: [u8; 4]) -> Light {
+    let alpha = f32::from(rgba[3]) / 255.0;
+    let light = |i: usize| SRGB.0[rgba[i] as usize] * alpha;
+    [light(0), light(1), light(2), alpha]
+}
+
+fn encode(light: Light) -> [u8; 4] {
+    let alpha = light[3];
+    let value = |i: usize| {
+        let linear = light[i] / alpha.max(1e-6);
+        SRGB.1.partition_point(|next| *next <= linear) as u8
+    };
+    [value(0), value(1), value(2), (alpha * 255.0 + 0.5) as u8]
+}
+
+/// Up to three neighbours along an axis that a pixel of the next level covers, with their shares.
+fn taps(i: u32, from: u32, to: u32) -> impl Iterator<Item = (u32, f32)> {
+    let scale = from as f32 / to as f32;
+    let (low, high) = (i as f32 * scale, (i + 1) as f32 * scale);
+    (low as u32..from.min(high.ceil() as u32)).map(move |k| {
+        let share = high.min(k as f32 + 1.0) - low.max(k as f32);
+        (k, share / scale)
+    })
+}
+
+/// The next level of a picture: each of its pixels the mean of the light that it covers.
+fn halved([width, height]: [u32; 2], at: impl Fn(u32, u32) -> Light) -> ([u32; 2], Vec<Light>) {
+    let next = [width, height].map(|n| (n / 2).max(1));
+    let mut level = Vec::with_capacity(next[0] as usize * next[1] as usize);
+    for y in 0..next[1] {
+        for x in 0..next[0] {
+            let mut sum = [0.0; 4];
+            for (v, share_v) in taps(y, height, next[1]) {
+                for (u, share_u) in taps(x, width, next[0]) {
+                    for (sum, light) in sum.iter_mut().zip(at(u, v)) {
+                        *sum += share_u * share_v * light;
+                    }
+                }
+            }
+            level.push(sum);
+        }
+    }
+    (next, level)
+}
+
+/// Bytes of a picture of so many pixels with all its levels.
+pub fn picture_bytes([width, height]: [u32; 2]) -> u64 {
+    u64::from(width) * u64::from(height) * 4 * 4 / 3
+}
+
+/// An sRGB texture of a picture (red, green, blue, alpha, row by row from the top) with all its mip levels,
+/// box-filtered in linear light. A picture with fewer bytes than pixels goes on in black.
+pub fn picture_texture(size_px: [u32; 2], rgba: &[u8], repeats: bool) -> Image {
+    let size_px = size_px.map(|n| n.max(1));
+    let pixels = rgba.as_chunks::<4>().0;
+    let width = size_px[0] as usize;
+    let first = |x: u32, y: u32| {
+        let pixel = pixels.get(y as usize * width + x as usize);
+        pixel.map_or([0.0, 0.0, 0.0, 1.0], |pixel| decode(*pixel))
+    };
+    let mut levels: Vec<([u32; 2], Vec<u8>)> = Vec::new();
+    let mut exact = rgba.to_vec();
+    exact.resize(4 * width * size_px[1] as usize, 0);
+    levels.push((size_px, exact));
+    let mut level = None;
+    while levels.last().is_some_and(|(size, _)| *size != [1, 1]) {
+        let (size, light) = match &level {
+            None => halved(size_px, first),
+            Some((size, light)) => {
+                let size: [u32; 2] = *size;
+                let light: &Vec<Light> = light;
+                halved(size, |x, y| light[(y * size[0] + x) as usize])
+            }
+        };
+        levels.push((size, light.iter().flat_map(|light| encode(*light)).collect()));
+        level = Some((size, light));
+    }
+    levels.retain(|(size, _)| size[0].max(size[1]) <= LONGEST_PX);
+    let size = levels.first().map_or([1, 1], |(size, _)| *size);
+    let mut image = Image::new_uninit(
+        Extent3d {
+            width: size[0],
+            height: size[1],
+            depth_or_array_layers: 1,
+        },
+        TextureDimension::D2,
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    image.texture_descriptor.mip_level_count = levels.len() as u32;
+    image.data = Some(levels.into_iter().flat_map(|(_, bytes)| bytes).collect());
+    image.sampler = if repeats {
+        sampler(ImageAddressMode::Repeat)
+    } else {
+        sampler(ImageAddressMode::ClampToEdge)
+    };
+    image
+}
+
+/// The texture of the generated city's ground.
+pub fn ground_texture(map: &GroundMap) -> Image {
+    let rgba: Vec<u8> = (map.rgb.iter())
+        .flat_map(|[r, g, b]| [*r, *g, *b, 255])
+        .collect();
+    picture_texture([map.size_px as u32; 2], &rgba, false)
+}
+
+/// The direction of a point of the sky table, its square being -1..1 in both axes: the upper half
+/// of an octahedron, turned by 45 deg so that it fills the square.
+fn sky_direction(u: f64, v: f64) -> DVec3 {
+    let flat = 0.5 * DVec2::new(u - v, u + v);
+    flat.extend(1.0 - flat.x.abs() - flat.y.abs()).normalize()
+}
+
+/// The sky's luminance with its clouds as a float texture of `side` texels each way; alpha: what clouds
+/// leave of the sun's disc.
+pub fn sky_texture(backdrop: &Backdrop, side: u32) -> Image {
+    let half = |x: f64| half::f16::from_f64(x.min(65_000.0)).to_le_bytes();
+    let at = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(side) - 1.0;
+    let bytes = (0..side)
+        .flat_map(|j| (0..side).map(move |i| sky_direction(at(i), at(j))))
+        .flat_map(|dir| {
+            let detail_rad = std::f64::consts::PI / f64::from(side);
+            let ([r, g, b], left) = backdrop.clouded(dir, backdrop.sky(dir), detail_rad);
+            [r, g, b, left]
+        })
+        .flat_map(half)
+        .collect();
+    let mut image = Image::new(
+        Extent3d {
+            width: side,
+            height: side,
+            depth_or_array_layers: 1,
+        },
+        TextureDimension::D2,
+        bytes,
+        TextureFormat::Rgba16Float,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    image.sampler = sampler(ImageAddressMode::ClampToEdge);
+    image
+}
+
+fn sampler(address_mode: ImageAddressMode) -> ImageSampler {
+    ImageSampler::Descriptor(ImageSamplerDescriptor {
+        address_mode_u: address_mode,
+        address_mode_v: address_mode,
+        mag_filter: ImageFilterMode::Linear,
+        min_filter: ImageFilterMode::Linear,
+        mipmap_filter: ImageFilterMode::Linear,
+        ..Default::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_level_has_the_mean_light_of_the_first() {
+        // Odd sides: a pixel of the next level covers parts of its neighbours.
+        let size_px = [7, 5];
+        let rgba: Vec<u8> = (0..7 * 5_u32)
+            .flat_map(|i| [(i * 37 % 256) as u8, (i * 91 % 256) as u8, 200, 255])
+            .collect();
+        let image = picture_texture(size_px, &rgba, true);
+        assert_eq!(image.texture_descriptor.mip_level_count, 3);
+        let data = image.data.unwrap();
+        assert_eq!(&data[..rgba.len()], rgba);
+        assert_eq!(data.len(), 4 * (35 + 3 * 2 + 1));
+        let mean = |channel: usize| {
+            let light = rgba.chunks(4).map(|p| SRGB.0[p[channel] as usize]);
+            light.sum::<f32>() / 35.0
+        };
+        let last = &data[data.len() - 4..];
+        for channel in 0..3 {
+            let expected = Srgba::gamma_function_inverse(mean(channel)) * 255.0;
+            assert!((f32::from(last[channel]) - expected).abs() <= 0.51, "{last:?}");
+        }
+    }
+
+    #[test]
+    fn holes_lend_their_colour_to_nobody() {
+        let rgba = [255, 0, 0, 255, 0, 255, 0, 0].repeat(2);
+        let data = picture_texture([2, 2], &rgba, false).data.unwrap();
+        assert_eq!(&data[16..], [255, 0, 0, 128]);
+    }
+
+    #[test]
+    fn a_picture_cut_short_is_no_panic() {
+        let image = picture_texture([4, 4], &[255; 12], false);
+        assert_eq!(image.data.unwrap().len(), 4 * (16 + 4 + 1));
+        assert_eq!(picture_texture([0, 0], &[], false).data.unwrap().len(), 4);
+    }
+
+    #[test]
+    fn the_sky_table_is_read_where_it_was_written() {
+        for (u, v) in [(0.3, -0.6), (0.0, 0.0), (-0.9, 0.9), (0.99, 0.5)] {
+            let dir = sky_direction(u, v);
+            // As the shader reads it.
+            let flat = dir.truncate() / (dir.x.abs() + dir.y.abs() + dir.z);
+            assert!((flat.x + flat.y - u).abs() < 1e-12 && (flat.y - flat.x - v).abs() < 1e-12);
+            assert!(dir.z > -1e-12, "the table holds the upper half: {dir}");
+        }
+    }
+}
