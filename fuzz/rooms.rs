@@ -1,0 +1,14 @@
+//! The rooms that read files of others, alone: what a fuzz target needs, without the engine.
+
+#![allow(dead_code, unused_imports)]
+
+#[path = "../src/models/mod.rs"]
+pub mod models;
+#[path = "../src/output.rs"]
+pub mod output;
+#[path = "../src/projection.rs"]
+pub mod projection;
+#[path = "../src/sources/mod.rs"]
+pub mod sources;
+#[path = "../src/tiles/mod.rs"]
+pub mod tiles;
