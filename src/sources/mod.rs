@@ -2,6 +2,7 @@
 
 pub mod cityjson;
 pub mod error;
+pub mod footprints;
 pub mod geotiff;
 pub mod gltf;
 mod mesh;

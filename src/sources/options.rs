@@ -17,8 +17,10 @@ pub struct Options {
     pub site: Option<SiteFrame>,
     /// A picture from above for a height raster: a GeoTIFF, or a JPEG or PNG with a world file.
     pub orthophoto: Option<PathBuf>,
-    /// A height raster that footprints stand on.
+    /// A height raster that footprints stand on, or a folder of some.
     pub terrain: Option<PathBuf>,
+    /// The terrain's coordinate reference system, where its file names none or a wrong one.
+    pub terrain_crs: Option<String>,
     /// Height of the ground [m] under footprints, in the source's own vertical system, where no terrain is given.
     pub base_height_m: f64,
     /// Height [m] of a building whose source gives neither height nor storeys; `None`: 8 m.

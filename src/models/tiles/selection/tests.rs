@@ -61,27 +61,48 @@ fn plain() -> impl Strategy<Value = Plain> {
 impl Plain {
     fn volume(&self) -> BoundingVolume {
         if self.ball {
-            BoundingVolume::Sphere { center_m: self.center, radius_m: self.half.x }
+            BoundingVolume::Sphere {
+                center_m: self.center,
+                radius_m: self.half.x,
+            }
         } else {
-            BoundingVolume::Box { center_m: self.center, half_axes_m: DMat3::from_diagonal(self.half) }
+            BoundingVolume::Box {
+                center_m: self.center,
+                half_axes_m: DMat3::from_diagonal(self.half),
+            }
         }
     }
 
     fn tile(&self, above: &DAffine3) -> Tile {
         Tile {
             volume: self.volume(),
-            viewer_request_volume: self.request.map(|radius_m| BoundingVolume::Sphere { center_m: self.center, radius_m }),
+            viewer_request_volume: self.request.map(|radius_m| BoundingVolume::Sphere {
+                center_m: self.center,
+                radius_m,
+            }),
             geometric_error_m: self.error_m,
-            refine: if self.add { Refine::Add } else { Refine::Replace },
+            refine: if self.add {
+                Refine::Add
+            } else {
+                Refine::Replace
+            },
             to_root_m: *above * DAffine3::from_scale(DVec3::splat(self.scale)),
-            contents: if self.content { vec!["x".into()] } else { Vec::new() },
+            contents: if self.content {
+                vec!["x".into()]
+            } else {
+                Vec::new()
+            },
             unread: None,
         }
     }
 
     fn grow(&self, tree: &mut Tree, id: TileId) {
         let above = tree.tile(id).to_root_m;
-        let tiles = self.children.iter().map(|child| child.tile(&above)).collect();
+        let tiles = self
+            .children
+            .iter()
+            .map(|child| child.tile(&above))
+            .collect();
         for (place, child) in tree.add_children(id, tiles).zip(&self.children) {
             child.grow(tree, TileId(place));
         }
@@ -92,7 +113,14 @@ impl Plain {
 
     /// The reference: the rules one by one, with geometry of its own (all transforms are scales about the origin).
     /// What is drawn, by the order of a depth-first count, and whether it shows all that is seen.
-    fn draw(&self, views: &[View], max_px: f64, above: (f64, f64), number: &mut u32, out: &mut Vec<u32>) -> bool {
+    fn draw(
+        &self,
+        views: &[View],
+        max_px: f64,
+        above: (f64, f64),
+        number: &mut u32,
+        out: &mut Vec<u32>,
+    ) -> bool {
         let own = *number;
         *number += 1;
         let scale = above.0 * self.scale;
@@ -101,14 +129,18 @@ impl Plain {
         let mut refine = self.failed || error_m > above.1;
         for view in views {
             let eye = view.r_root_m / scale;
-            if self.request.is_some_and(|reach| eye.distance(self.center) > reach) {
+            if self
+                .request
+                .is_some_and(|reach| eye.distance(self.center) > reach)
+            {
                 continue;
             }
             seen = true;
             let nearest = if self.ball {
                 (eye.distance(self.center) - self.half.x).max(0.0)
             } else {
-                eye.clamp(self.center - self.half, self.center + self.half).distance(eye)
+                eye.clamp(self.center - self.half, self.center + self.half)
+                    .distance(eye)
             };
             let tall = 2.0 * nearest * scale * (view.fovy_rad / 2.0).tan();
             refine |= tall <= 0.0 || error_m * f64::from(view.size_px[1]) / tall >= max_px;
@@ -214,7 +246,12 @@ fn quarters(refine: Refine) -> Tree {
     let center = DVec3::new(0.0, 1000.0, 0.0);
     let mut tree = Tree::new(tile(center, 200.0, 30.0));
     let quarter = |x: f64, z: f64| tile(center + DVec3::new(x, 0.0, z), 100.0, 0.0);
-    let children = vec![quarter(-50.0, -50.0), quarter(50.0, -50.0), quarter(-50.0, 50.0), quarter(50.0, 50.0)];
+    let children = vec![
+        quarter(-50.0, -50.0),
+        quarter(50.0, -50.0),
+        quarter(-50.0, 50.0),
+        quarter(50.0, 50.0),
+    ];
     tree.add_children(TileId(0), children);
     tree
 }
@@ -232,7 +269,10 @@ fn ahead(fovy_deg: f64) -> View {
 #[test]
 fn a_camera_of_1_degree_draws_what_one_of_60_does_not() {
     let tree = quarters(Refine::Replace);
-    let options = SelectOptions { max_error_px: 16.0, cull: false };
+    let options = SelectOptions {
+        max_error_px: 16.0,
+        cull: false,
+    };
     // 30 m at 900 m: 13.9 px at 60°, 917 px at 1°.
     assert_eq!(ideal_cut(&tree, &[ahead(60.0)], &options).draw, [TileId(0)]);
     let fine = ideal_cut(&tree, &[ahead(60.0), ahead(1.0)], &options).draw;
@@ -245,12 +285,18 @@ fn a_camera_of_1_degree_draws_what_one_of_60_does_not() {
 fn a_tile_that_failed_leaves_its_parent() {
     let mut tree = quarters(Refine::Replace);
     tree.fail(TileId(3));
-    let options = SelectOptions { max_error_px: 16.0, cull: false };
+    let options = SelectOptions {
+        max_error_px: 16.0,
+        cull: false,
+    };
     assert_eq!(ideal_cut(&tree, &[ahead(1.0)], &options).draw, [TileId(0)]);
     // Where it is not seen nothing is missing.
     let mut below = ahead(1.0);
     below.forward = DVec3::new(-0.05, 1.0, -0.05).normalize();
-    assert_eq!(ideal_cut(&tree, &[below], &SelectOptions::default()).draw, [TileId(1)]);
+    assert_eq!(
+        ideal_cut(&tree, &[below], &SelectOptions::default()).draw,
+        [TileId(1)]
+    );
 }
 
 #[test]
@@ -260,5 +306,8 @@ fn a_fixed_level_of_detail_minds_no_view() {
     assert_eq!(all.draw.len(), 4);
     let corner = fixed_cut(&tree, DVec3::new(80.0, 1000.0, 80.0), 10.0, 1.0);
     assert_eq!(corner.draw, [TileId(4)]);
-    assert_eq!(fixed_cut(&tree, DVec3::new(0.0, 1000.0, 0.0), 500.0, 30.0).draw, [TileId(0)]);
+    assert_eq!(
+        fixed_cut(&tree, DVec3::new(0.0, 1000.0, 0.0), 500.0, 30.0).draw,
+        [TileId(0)]
+    );
 }

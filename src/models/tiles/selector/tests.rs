@@ -16,7 +16,11 @@ fn ground(root_content: bool) -> Tree {
         geometric_error_m: if edge_m < 65.0 { 0.0 } else { edge_m / 32.0 },
         refine: Refine::Replace,
         to_root_m: DAffine3::IDENTITY,
-        contents: if content { vec!["x".into()] } else { Vec::new() },
+        contents: if content {
+            vec!["x".into()]
+        } else {
+            Vec::new()
+        },
         unread: None,
     };
     let mut tree = Tree::new(tile(0.0, 0.0, 1024.0, root_content));
@@ -26,8 +30,16 @@ fn ground(root_content: bool) -> Tree {
             continue;
         }
         let q = 0.25 * edge_m;
-        let places = [(x - q, y - q), (x + q, y - q), (x - q, y + q), (x + q, y + q)];
-        let tiles = places.iter().map(|(x, y)| tile(*x, *y, 0.5 * edge_m, true)).collect();
+        let places = [
+            (x - q, y - q),
+            (x + q, y - q),
+            (x - q, y + q),
+            (x + q, y + q),
+        ];
+        let tiles = places
+            .iter()
+            .map(|(x, y)| tile(*x, *y, 0.5 * edge_m, true))
+            .collect();
         for (child, (x, y)) in tree.add_children(id, tiles).zip(places) {
             level.push((TileId(child), x, y, 0.5 * edge_m));
         }
@@ -60,8 +72,20 @@ const TILE: u64 = 1000; // [byte]
 
 impl Host {
     fn new(tree: Tree, budget_bytes: u64, delay: u64) -> Self {
-        let options = SelectorOptions { budget_bytes, at_once: 8, ..SelectorOptions::default() };
-        Self { tree, selector: Selector::new(options), flying: Vec::new(), frame: 0, delay, loads: 0, most: 0 }
+        let options = SelectorOptions {
+            budget_bytes,
+            at_once: 8,
+            ..SelectorOptions::default()
+        };
+        Self {
+            tree,
+            selector: Selector::new(options),
+            flying: Vec::new(),
+            frame: 0,
+            delay,
+            loads: 0,
+            most: 0,
+        }
     }
 
     fn frame(&mut self, view: &View) -> Step {
@@ -80,7 +104,11 @@ impl Host {
         });
         let step = self.selector.update(&self.tree, &[*view], None);
         self.loads += step.load.len();
-        self.flying.extend(step.load.iter().map(|tile| (self.frame + self.delay, *tile)));
+        self.flying.extend(
+            step.load
+                .iter()
+                .map(|tile| (self.frame + self.delay, *tile)),
+        );
         self.most = self.most.max(self.selector.bytes());
         step
     }
@@ -99,13 +127,17 @@ impl Host {
 /// Whether what is drawn shows every leaf that is seen exactly once.
 fn whole(tree: &Tree, step: &Step, view: &View) -> bool {
     let draw: BTreeSet<TileId> = step.draw.iter().copied().collect();
-    let leaves = (0..tree.tiles().len() as u32).map(TileId).filter(|id| tree.children(*id).next().is_none());
+    let leaves = (0..tree.tiles().len() as u32)
+        .map(TileId)
+        .filter(|id| tree.children(*id).next().is_none());
     let eyes = [*view];
     let eyes = Eyes::new(&eyes, true, None);
-    leaves.filter(|leaf| eyes.error_px(tree, leaf.index()).is_some()).all(|leaf| {
-        let chain = std::iter::successors(Some(leaf), |id| tree.parent(*id));
-        chain.filter(|id| draw.contains(id)).count() == 1
-    })
+    leaves
+        .filter(|leaf| eyes.error_px(tree, leaf.index()).is_some())
+        .all(|leaf| {
+            let chain = std::iter::successors(Some(leaf), |id| tree.parent(*id));
+            chain.filter(|id| draw.contains(id)).count() == 1
+        })
 }
 
 #[test]
@@ -116,7 +148,11 @@ fn with_time_and_room_it_draws_the_ideal_cut() {
             tree.fail(TileId(failed));
         }
         let mut host = Host::new(tree, u64::MAX, 2);
-        for eye in [DVec3::new(0.0, -600.0, 50.0), DVec3::new(200.0, 100.0, 900.0), DVec3::new(-90.0, 80.0, 20.0)] {
+        for eye in [
+            DVec3::new(0.0, -600.0, 50.0),
+            DVec3::new(200.0, 100.0, 900.0),
+            DVec3::new(-90.0, 80.0, 20.0),
+        ] {
             let view = looking(eye, DVec3::ZERO);
             let step = host.settle(&view);
             let ideal = ideal_cut(&host.tree, &[view], &SelectOptions::default());
@@ -139,7 +175,11 @@ fn no_hole_opens_once_something_was_there() {
         let view = looking(eye, DVec3::new(100.0 * (9.0 * t).sin(), 0.0, 0.0));
         let step = host.frame(&view);
         shown |= !step.draw.is_empty();
-        assert!(!shown || whole(&host.tree, &step, &view), "frame {i}: {:?}", step.draw);
+        assert!(
+            !shown || whole(&host.tree, &step, &view),
+            "frame {i}: {:?}",
+            step.draw
+        );
     }
     assert!(shown && host.loads > 100);
 }
@@ -189,7 +229,11 @@ fn a_flight_stays_within_its_budget() {
         let mut shown = false;
         for i in 0..2000 {
             let t = f64::from(i) / 100.0;
-            let eye = DVec3::new(400.0 * t.cos(), 400.0 * (0.7 * t).sin(), 60.0 + 50.0 * (0.3 * t).sin());
+            let eye = DVec3::new(
+                400.0 * t.cos(),
+                400.0 * (0.7 * t).sin(),
+                60.0 + 50.0 * (0.3 * t).sin(),
+            );
             let view = looking(eye, eye + DVec3::new(-t.sin(), t.cos(), -0.2));
             let step = host.frame(&view);
             assert!(host.selector.bytes() <= budget, "{}", host.selector.bytes());
