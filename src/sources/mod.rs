@@ -5,6 +5,7 @@ pub mod error;
 pub mod footprints;
 pub mod geotiff;
 pub mod gltf;
+pub mod ifc;
 mod mesh;
 pub mod obj;
 pub mod options;
