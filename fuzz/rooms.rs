@@ -6,6 +6,8 @@
 pub mod models;
 #[path = "../src/output.rs"]
 pub mod output;
+#[path = "../src/parallel.rs"]
+pub mod parallel;
 #[path = "../src/projection.rs"]
 pub mod projection;
 #[path = "../src/sources/mod.rs"]

@@ -24,26 +24,31 @@ pub(crate) fn decode(bytes: &[u8], context: &Context) -> Result<Content, Content
     let embedded = u32_at(bytes, 28, "header")?;
     let parts = Parts::new(bytes, HEADER, lengths, "header")?;
     let instances = Instances::new(&parts.features, bytes.len())?;
-    let read;
-    let model = match embedded {
-        1 => parts.body,
-        0 => {
-            let uri = String::from_utf8_lossy(parts.body);
-            let uri = uri.trim_matches(['\0', ' ']);
-            read = context.read(uri, "model")?;
-            read.as_slice()
-        }
-        other => {
-            let why = format!("gltfFormat {other}, which is neither 0 nor 1");
-            return Err(ContentError::damaged("header", why));
-        }
-    };
     let setting = Setting {
         outer: DAffine3::IDENTITY,
         inner: up(context.up_axis),
         rows: Vec::new(),
     };
-    let mut content = gltf::decode(model, setting, context)?;
+    let mut content = match embedded {
+        1 => gltf::decode(parts.body, setting, context),
+        0 => {
+            let uri = String::from_utf8_lossy(parts.body);
+            let uri = uri.trim_matches(['\0', ' ']);
+            let model = context.read(uri, "model")?;
+            // What the model refers to lies beside it.
+            let folder = uri.rsplit_once('/').map_or("", |(folder, _)| folder);
+            let fetch = |other: &str| match folder {
+                "" => (context.fetch)(other),
+                _ if other.starts_with('/') || other.contains("://") => (context.fetch)(other),
+                folder => (context.fetch)(&format!("{folder}/{other}")),
+            };
+            context.beside(&fetch, |context| gltf::decode(&model, setting, context))
+        }
+        other => {
+            let why = format!("gltfFormat {other}, which is neither 0 nor 1");
+            Err(ContentError::damaged("header", why))
+        }
+    }?;
     if !content.points.is_empty() {
         content.points.clear();
         content.note("points of instanced models are left out");

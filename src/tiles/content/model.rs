@@ -126,6 +126,18 @@ impl<'f> Context<'f> {
         Ok(())
     }
 
+    /// Decodes what lies beside another file: `fetch` reads what that refers to, and what it decodes counts here.
+    pub fn beside<T>(&self, fetch: Fetch, decode: impl FnOnce(&Context) -> T) -> T {
+        let inner = Context {
+            up_axis: self.up_axis,
+            fetch,
+            spent: Cell::new(self.spent.get()),
+        };
+        let found = decode(&inner);
+        self.spent.set(inner.spent.get());
+        found
+    }
+
     /// A file that the content refers to.
     pub fn read(&self, uri: &str, place: &str) -> Result<Vec<u8>, ContentError> {
         let missing = |why| {

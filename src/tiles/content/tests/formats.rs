@@ -174,6 +174,30 @@ fn quantized_instances_of_a_model_elsewhere() {
 }
 
 #[test]
+fn what_a_model_elsewhere_refers_to_lies_beside_it() {
+    let head = br#"{"INSTANCES_LENGTH":1,"POSITION":[0,0,0]}"#;
+    let model = json!({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": "tree.bin", "byteLength": 36}]});
+    let fetch = |uri: &str| match uri {
+        "models/oak/tree.gltf" => Ok(model.to_string().into_bytes()),
+        "models/oak/tree.bin" => Ok(CORNERS.iter().flat_map(|x| x.to_le_bytes()).collect()),
+        other => Err(format!("no {other}")),
+    };
+    let file = tile(
+        b"i3dm",
+        &bytes![u32; 0],
+        [head, &[], &[], &[]],
+        b"models/oak/tree.gltf",
+    );
+    assert_eq!(
+        decode(&file, UpAxis::Y, &fetch).unwrap().triangle_count(),
+        1
+    );
+}
+
+#[test]
 fn instances_on_the_globe_stand_upright() {
     let head = br#"{"INSTANCES_LENGTH":1,"POSITION":[6378137.0,0,0],"EAST_NORTH_UP":true}"#;
     let file = tile(
