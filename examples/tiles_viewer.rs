@@ -175,15 +175,18 @@ fn fly(
     camera: Single<&mut Transform, With<SeesTiles>>,
 ) {
     let mut at = camera.into_inner();
-    let axis = |plus, minus| {
-        f32::from(i8::from(keys.pressed(plus)) - i8::from(keys.pressed(minus)))
-    };
+    let axis =
+        |plus, minus| f32::from(i8::from(keys.pressed(plus)) - i8::from(keys.pressed(minus)));
     let way = Vec3::new(
         axis(KeyCode::KeyD, KeyCode::KeyA),
         axis(KeyCode::KeyE, KeyCode::KeyQ),
         axis(KeyCode::KeyS, KeyCode::KeyW),
     );
-    let haste = if keys.pressed(KeyCode::ShiftLeft) { 2.0 } else { 0.2 };
+    let haste = if keys.pressed(KeyCode::ShiftLeft) {
+        2.0
+    } else {
+        0.2
+    };
     let step = haste * flight.radius_m.unwrap_or(1.0) * time.delta_secs();
     let moved = at.rotation * way * step;
     at.translation += moved;

@@ -246,6 +246,15 @@ fn parse(
     Ok((points, crs, sigmas.iter().any(Option::is_some)))
 }
 
+/// A number rounded to significant digits; what is far below any accuracy is zero.
+fn digits(value: f64, count: i32) -> f64 {
+    if value.abs() < 1e-20 {
+        return 0.0;
+    }
+    let unit = 10_f64.powi(value.abs().log10().floor() as i32 + 1 - count);
+    (value / unit).round() * unit
+}
+
 /// A fitted parameter.
 #[derive(Serialize)]
 struct ParameterToml {
@@ -407,8 +416,8 @@ impl Georeferenced {
         };
         let one = |(k, name): (usize, &'static str)| ParameterToml {
             name,
-            value: value(name),
-            sigma: (self.fit.covariance[(k, k)] * variance).sqrt(),
+            value: (value(name) * 1e12).round() / 1e12,
+            sigma: digits((self.fit.covariance[(k, k)] * variance).sqrt(), 6),
         };
         self.fit
             .mode
@@ -447,7 +456,7 @@ impl Georeferenced {
                 warnings: self.fit.warnings.clone(),
                 suspects: self.suspects.clone(),
                 covariance: rows
-                    .map(|row| row.iter().map(|v| v * variance).collect())
+                    .map(|row| row.iter().map(|v| digits(v * variance, 6)).collect())
                     .collect(),
             },
             parameters: self.parameters(),

@@ -173,7 +173,7 @@ impl Crs {
                 let (_, name, unit_m) = known.ok_or_else(|| CrsError::Vertical(code.into()))?;
                 (Heights::Geoid(name), *unit_m)
             }
-            None if compound => (Heights::Geoid("its own"), proj.vto_meter()),
+            None if compound => (Heights::Geoid("of the code"), proj.vto_meter()),
             None if proj.is_latlong() || proj.is_geocent() => (Heights::Ellipsoid, 1.0),
             None => (Heights::Geoid("EGM96"), 1.0),
         };
@@ -215,11 +215,11 @@ impl Crs {
         match (self.heights, self.geoid.constant_m) {
             (Heights::Ellipsoid, _) => format!("heights over WGS 84's ellipsoid{assumed}"),
             (Heights::Geoid(name), Some(m)) => {
-                format!("heights over a geoid ({name}) {m} m above the ellipsoid{assumed}")
+                format!("heights over the geoid ({name}), {m} m above the ellipsoid{assumed}")
             }
             (Heights::Geoid("EGM96"), None) => format!("heights over EGM96's geoid{assumed}"),
             (Heights::Geoid(name), None) => {
-                format!("heights over a geoid ({name}), taken as EGM96's{assumed}")
+                format!("heights over the geoid ({name}), taken as EGM96's{assumed}")
             }
         }
     }

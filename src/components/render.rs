@@ -96,19 +96,19 @@ impl Shading {
 
 /// The definitions that select the variant of a tile's surface.
 fn definitions_of(tile: TileSurface) -> Vec<ShaderDefVal> {
-        let chosen = [
-            (true, "TILE"),
-            (tile.baked, "BAKED"),
-            (tile.picture, "PICTURE"),
-            (tile.two_sided, "TWO_SIDED"),
-        ];
-        let cutoff = tile.cutoff.map(|alpha| ("CUTOFF", u32::from(alpha)));
-        let names = chosen.into_iter().filter(|(is, _)| *is);
-        names
-            .map(|(_, name)| name.into())
-            .chain(cutoff.map(|(name, value)| ShaderDefVal::UInt(name.into(), value)))
-            .collect()
-    }
+    let chosen = [
+        (true, "TILE"),
+        (tile.baked, "BAKED"),
+        (tile.picture, "PICTURE"),
+        (tile.two_sided, "TWO_SIDED"),
+    ];
+    let cutoff = tile.cutoff.map(|alpha| ("CUTOFF", u32::from(alpha)));
+    let names = chosen.into_iter().filter(|(is, _)| *is);
+    names
+        .map(|(_, name)| name.into())
+        .chain(cutoff.map(|(name, value)| ShaderDefVal::UInt(name.into(), value)))
+        .collect()
+}
 
 impl From<&LeanMaterial> for Shading {
     fn from(material: &LeanMaterial) -> Self {
@@ -129,9 +129,10 @@ impl Material for LeanMaterial {
         // Bevy draws masked surfaces after opaque ones: what has holes last, for a rasteriser pays for what
         // may be one. Of the sky the shader discards nothing.
         match self.shading {
-            Shading::Tile(TileSurface { cutoff: Some(_), .. }) | Shading::Sky => {
-                AlphaMode::Mask(0.0)
-            }
+            Shading::Tile(TileSurface {
+                cutoff: Some(_), ..
+            })
+            | Shading::Sky => AlphaMode::Mask(0.0),
             Shading::Solid(_) | Shading::Tile(_) => AlphaMode::Opaque,
         }
     }
@@ -167,7 +168,8 @@ impl Material for LeanMaterial {
             Mesh::ATTRIBUTE_UV_0,
             ATTRIBUTE_SURFACE,
         ];
-        let attributes: Vec<_> = (0..).zip(attributes)
+        let attributes: Vec<_> = (0..)
+            .zip(attributes)
             .filter(|(_, attribute)| layout.0.contains(attribute.id))
             .map(|(location, attribute)| attribute.at_shader_location(location))
             .collect();

@@ -1,8 +1,8 @@
 //! Tilesets in a scene: which, how they are loaded, and what of them is there.
 
 use crate::models::tiles::selection::{SelectOptions, View};
-use crate::models::tiles::tree::TileId;
 use crate::models::tiles::selector::Selector;
+use crate::models::tiles::tree::TileId;
 use crate::tiles::error::TilesError;
 use crate::tiles::expansion::Expansion;
 use crate::tiles::tileset::Tileset;

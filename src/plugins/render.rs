@@ -4,7 +4,9 @@ use crate::components::capture::SensorCamera;
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::mount::Mount;
-use crate::components::render::{LEAN_SHADER, LeanMaterial, LeanPaint, SceneHandles, SensorViews, Solids};
+use crate::components::render::{
+    LEAN_SHADER, LeanMaterial, LeanPaint, SceneHandles, SensorViews, Solids,
+};
 use crate::components::run::{Failure, Options, RunScenario, Seed};
 use crate::models::air::backdrop::Backdrop;
 use crate::models::ground::skyline::Skyline;

@@ -38,16 +38,25 @@ fn gltf(panel: &Panel) -> String {
         let [east, up] = [panel.east_m + u * SIDE_M, UP_M + v * SIDE_M];
         [east as f32, up as f32, -NORTH_M as f32]
     };
-    let corners = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)];
+    let corners = [
+        corner(-0.5, -0.5),
+        corner(0.5, -0.5),
+        corner(0.5, 0.5),
+        corner(-0.5, 0.5),
+    ];
     let uv = [[0.0_f32, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
     let mut bytes: Vec<u8> = Vec::new();
     bytes.extend(corners.iter().flatten().flat_map(|x| x.to_le_bytes()));
-    bytes.extend(corners.iter().flat_map(|_| [0.0_f32, 0.0, 1.0]).flat_map(|x| x.to_le_bytes()));
+    bytes.extend(
+        corners
+            .iter()
+            .flat_map(|_| [0.0_f32, 0.0, 1.0])
+            .flat_map(|x| x.to_le_bytes()),
+    );
     bytes.extend(uv.iter().flatten().flat_map(|x| x.to_le_bytes()));
     bytes.extend([0_u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
-    let data = |kind: &str, bytes: &[u8]| {
-        format!("data:{kind};base64,{}", BASE64_STANDARD.encode(bytes))
-    };
+    let data =
+        |kind: &str, bytes: &[u8]| format!("data:{kind};base64,{}", BASE64_STANDARD.encode(bytes));
     let low = corners[0];
     let high = corners[2];
     let mut material = json!({
@@ -93,9 +102,7 @@ fn gltf(panel: &Panel) -> String {
 /// A tileset of panels, each a tile of its own.
 fn tileset(panels: &[Panel]) -> TempDir {
     let folder = TempDir::new().unwrap();
-    let bounds = |east_m: f64, half_m: f64| {
-        json!({ "box": [east_m, NORTH_M, UP_M, half_m, 0, 0, 0, 1, 0, 0, 0, 1] })
-    };
+    let bounds = |east_m: f64, half_m: f64| json!({ "box": [east_m, NORTH_M, UP_M, half_m, 0, 0, 0, 1, 0, 0, 0, 1] });
     let children: Vec<Value> = (panels.iter().enumerate())
         .map(|(i, panel)| {
             let name = format!("{i}.gltf");
@@ -187,7 +194,8 @@ fn signal(frame: &ExposedFrame, at_enu_m: DVec3) -> [f64; 3] {
     for dy in -HALF_PX..=HALF_PX {
         for dx in -HALF_PX..=HALF_PX {
             let (x, y) = (px.x as i32 + dx, px.y as i32 + dy);
-            let pixel = &rgb8[3 * (y as usize * frame.rect.size_px[0] as usize + x as usize)..][..3];
+            let pixel =
+                &rgb8[3 * (y as usize * frame.rect.size_px[0] as usize + x as usize)..][..3];
             for (sum, code) in sum.iter_mut().zip(pixel) {
                 *sum += linear(*code);
             }
@@ -199,7 +207,9 @@ fn signal(frame: &ExposedFrame, at_enu_m: DVec3) -> [f64; 3] {
 fn png(rgba: impl Fn(u32, u32) -> [u8; 4]) -> Vec<u8> {
     let picture = image::RgbaImage::from_fn(64, 64, |x, y| image::Rgba(rgba(x, y)));
     let mut bytes = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    picture
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .unwrap();
     bytes.into_inner()
 }
 
@@ -278,7 +288,11 @@ fn tiles_that_come_with_a_frame_are_in_it() {
     let sensors = whole.world().resource::<CityTilesets>().sensors;
     let mut tiles = whole.world_mut().get_mut::<Tiles>(sensors).unwrap();
     tiles.select.cull = false;
-    whole.world_mut().get_mut::<OpenTiles>(sensors).unwrap().settled = None;
+    whole
+        .world_mut()
+        .get_mut::<OpenTiles>(sensors)
+        .unwrap()
+        .settled = None;
     let mut most = 0;
     let mut least = usize::MAX;
     for _ in 0..60 {

@@ -226,7 +226,11 @@ mod tests {
         later.add([0.0, 1.0, 2.0].map(|x| roof_enu_m + x * DVec3::new(10.0, -10.0, -30.0)));
         let bin = BINS / 8;
         let expected = (60.0_f64).atan2(100.0 * 2.0_f64.sqrt());
-        assert!((later.el_rad[bin] - expected).abs() < 5e-3, "{}", later.el_rad[bin]);
+        assert!(
+            (later.el_rad[bin] - expected).abs() < 5e-3,
+            "{}",
+            later.el_rad[bin]
+        );
         assert!(skyline().el_rad[bin] < 0.0);
     }
 

@@ -54,9 +54,7 @@ mod tests {
         let right = view.forward.cross(view.up);
         let edge = (0.5 * view.fovy_rad).tan();
         let depth = to.dot(view.forward);
-        depth > 0.0
-            && to.dot(right).abs() <= edge * depth
-            && to.dot(view.up).abs() <= edge * depth
+        depth > 0.0 && to.dot(right).abs() <= edge * depth && to.dot(view.up).abs() <= edge * depth
     }
 
     proptest! {

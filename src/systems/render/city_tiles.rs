@@ -4,11 +4,10 @@ use crate::components::capture::SensorCamera;
 use crate::components::environment::CityTiles;
 use crate::components::mount::CameraView;
 use crate::components::render::{
-    CityTilesets, LeanMaterial, LeanPaint, SENSOR_LAYER, SceneHandles, Shading, Solids, WINDOW_LAYER,
+    CityTilesets, LeanMaterial, LeanPaint, SENSOR_LAYER, SceneHandles, Shading, Solids,
+    WINDOW_LAYER,
 };
-use crate::components::tiles::{
-    OpenTiles, TilePaint, TileSurface, Tiles, TilesMode, TilesPlace,
-};
+use crate::components::tiles::{OpenTiles, TilePaint, TileSurface, Tiles, TilesMode, TilesPlace};
 use crate::models::tiles::selection::View;
 use crate::models::tiles::steady::steady_view;
 use crate::systems::render::scene::grid;
@@ -64,7 +63,9 @@ pub fn settle_city(world: &mut World) {
     if !open(world, sensors) {
         return;
     }
-    let Some(entity_from_root_m) = world.get::<OpenTiles>(sensors).map(|o| o.entity_from_root_m)
+    let Some(entity_from_root_m) = world
+        .get::<OpenTiles>(sensors)
+        .map(|o| o.entity_from_root_m)
     else {
         return;
     };

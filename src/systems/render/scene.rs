@@ -7,8 +7,8 @@
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::render::{
-    ATTRIBUTE_SURFACE, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading, SiteGrid, SkyView,
-    StationOrigin, UavBody, UavRotor, WINDOW_LAYER,
+    ATTRIBUTE_SURFACE, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading, SiteGrid,
+    SkyView, StationOrigin, UavBody, UavRotor, WINDOW_LAYER,
 };
 use crate::models::air::backdrop::Backdrop;
 use crate::models::air::sky::{CHANNELS_M, Sky};
@@ -263,7 +263,9 @@ pub fn relight(world: &mut World) {
         material.light = light;
         material.sky_table = sky_table.clone();
     };
-    materials.iter_mut().for_each(|(_, material)| relit(material));
+    materials
+        .iter_mut()
+        .for_each(|(_, material)| relit(material));
     if let Some(mut paint) = world.get_resource_mut::<LeanPaint>() {
         relit(&mut paint.0);
     }

@@ -4,9 +4,7 @@ use crate::models::air::backdrop::Backdrop;
 use crate::models::ground::city::GroundMap;
 use bevy::asset::RenderAssetUsages;
 use bevy::color::Srgba;
-use bevy::image::{
-    Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor,
-};
+use bevy::image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use glam::{DVec2, DVec3};
 use std::sync::LazyLock;
@@ -100,7 +98,10 @@ pub fn picture_texture(size_px: [u32; 2], rgba: &[u8], repeats: bool) -> Image {
                 halved(size, |x, y| light[(y * size[0] + x) as usize])
             }
         };
-        levels.push((size, light.iter().flat_map(|light| encode(*light)).collect()));
+        levels.push((
+            size,
+            light.iter().flat_map(|light| encode(*light)).collect(),
+        ));
         level = Some((size, light));
     }
     levels.retain(|(size, _)| size[0].max(size[1]) <= LONGEST_PX);
@@ -203,7 +204,10 @@ mod tests {
         let last = &data[data.len() - 4..];
         for channel in 0..3 {
             let expected = Srgba::gamma_function_inverse(mean(channel)) * 255.0;
-            assert!((f32::from(last[channel]) - expected).abs() <= 0.51, "{last:?}");
+            assert!(
+                (f32::from(last[channel]) - expected).abs() <= 0.51,
+                "{last:?}"
+            );
         }
     }
 

@@ -179,7 +179,10 @@ pub fn prepare(content: &Content, entity_from_tile_m: DAffine3, light: TilesLigh
     let mut prepared = PreparedTile::default();
     let mut pictures = Pictures::default();
     let mut groups: Vec<(&Look, Group)> = Vec::new();
-    for PlacedMesh { mesh, placements, .. } in &content.meshes {
+    for PlacedMesh {
+        mesh, placements, ..
+    } in &content.meshes
+    {
         let mesh: &TexturedMesh = mesh;
         if mesh.indices.is_empty() {
             continue;
@@ -205,7 +208,13 @@ pub fn prepare(content: &Content, entity_from_tile_m: DAffine3, light: TilesLigh
                         (at_m + offset_m, rotation, scale)
                     });
                     let places = places.collect();
-                    put(&mut prepared, &mut pictures, &mesh.look, (surface, finished), places);
+                    put(
+                        &mut prepared,
+                        &mut pictures,
+                        &mesh.look,
+                        (surface, finished),
+                        places,
+                    );
                 }
             }
             None => {
@@ -224,13 +233,25 @@ pub fn prepare(content: &Content, entity_from_tile_m: DAffine3, light: TilesLigh
         let surface = surface(look, light);
         if let Some(finished) = group.finish(surface, PrimitiveTopology::TriangleList) {
             let places = vec![(finished.origin_m, Quat::IDENTITY, Vec3::ONE)];
-            put(&mut prepared, &mut pictures, look, (surface, finished), places);
+            put(
+                &mut prepared,
+                &mut pictures,
+                look,
+                (surface, finished),
+                places,
+            );
         }
     }
     for cloud in &content.points {
         if let Some(finished) = points(cloud, entity_from_tile_m) {
             let places = vec![(finished.origin_m, Quat::IDENTITY, Vec3::ONE)];
-            put(&mut prepared, &mut pictures, &Look::default(), (POINTS, finished), places);
+            put(
+                &mut prepared,
+                &mut pictures,
+                &Look::default(),
+                (POINTS, finished),
+                places,
+            );
         }
     }
     for (texture, repeats) in pictures.0 {
@@ -253,8 +274,12 @@ fn points(cloud: &PointCloud, entity_from_tile_m: DAffine3) -> Option<Finished> 
     let mut group = Group::default();
     for (i, p) in cloud.positions.iter().enumerate() {
         let at_m = cloud.origin_m + DVec3::from(p.map(f64::from));
-        group.positions_m.push(entity_from_tile_m.transform_point3(at_m));
-        group.colors.push(cloud.colors.get(i).copied().unwrap_or([1.0; 4]));
+        group
+            .positions_m
+            .push(entity_from_tile_m.transform_point3(at_m));
+        group
+            .colors
+            .push(cloud.colors.get(i).copied().unwrap_or([1.0; 4]));
     }
     group.finish(POINTS, PrimitiveTopology::PointList)
 }
@@ -265,7 +290,10 @@ fn surface(look: &Look, light: TilesLight) -> TileSurface {
         baked: baked(look, light),
         picture: look.texture.is_some(),
         two_sided: look.double_sided,
-        cutoff: look.alpha_cutoff.filter(|_| look.texture.is_some()).map(alpha),
+        cutoff: look
+            .alpha_cutoff
+            .filter(|_| look.texture.is_some())
+            .map(alpha),
     }
 }
 
@@ -298,14 +326,18 @@ pub fn for_each_triangle(prepared: &PreparedTile, mut call: impl FnMut([DVec3; 3
         let indices: Vec<[usize; 3]> = match part.mesh.indices() {
             Some(Indices::U32(indices)) => {
                 let triangles = indices.as_chunks::<3>().0.iter();
-                triangles.map(|triangle| triangle.map(|i| i as usize)).collect()
+                triangles
+                    .map(|triangle| triangle.map(|i| i as usize))
+                    .collect()
             }
             _ => (0..positions.len()).map(|i| [i; 3]).collect(),
         };
         for (at_m, rotation, scale) in &part.places {
             let (q, scale) = (rotation.as_dquat(), scale.as_dvec3());
             let place = |i: usize| *at_m + q * (scale * DVec3::from(positions[i].map(f64::from)));
-            indices.iter().for_each(|triangle| call(triangle.map(place)));
+            indices
+                .iter()
+                .for_each(|triangle| call(triangle.map(place)));
         }
     }
 }
@@ -403,9 +435,15 @@ mod tests {
         };
         let prepared = prepare(&content, DAffine3::IDENTITY, TilesLight::AsStored);
         assert_eq!((prepared.parts.len(), prepared.pictures.len()), (1, 1));
-        assert_eq!((prepared.parts[0].places.len(), prepared.triangles), (10, 10));
+        assert_eq!(
+            (prepared.parts[0].places.len(), prepared.triangles),
+            (10, 10)
+        );
         let expected = places[0].transform_point3(mesh.vertex_m(1));
         assert!(positions(&prepared.parts[0])[1].distance(expected) < 1e-5);
-        assert_eq!(prepared.bytes, 3 * (12 + 12 + 8) + 3 * 4 + 2 * 2 * 4 * 4 / 3);
+        assert_eq!(
+            prepared.bytes,
+            3 * (12 + 12 + 8) + 3 * 4 + 2 * 2 * 4 * 4 / 3
+        );
     }
 }

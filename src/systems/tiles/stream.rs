@@ -33,7 +33,9 @@ pub fn stream<P: TilePaint>(world: &mut World) {
             continue;
         };
         receive::<P>(world, (tileset, &tiles), &mut open, &mut streamed);
-        let views = world.get::<TilesViews>(tileset).map(|views| views.0.clone());
+        let views = world
+            .get::<TilesViews>(tileset)
+            .map(|views| views.0.clone());
         if let Some(views) = views.filter(|views| !views.is_empty()) {
             let step = streamed.selector.update(&open.tileset.tree, &views, None);
             for tile in step.drop {
@@ -96,7 +98,9 @@ fn load(open: &OpenTiles, tile: TileId, tiles: &Tiles) -> Task<Arrived> {
     let light = tiles.light;
     pool.spawn(async move {
         let content = settled::content_of(&fetcher, &contents, up_axis);
-        Arrived::Content(Box::new(content.map(|content| prepare(&content, to_entity, light))))
+        Arrived::Content(Box::new(
+            content.map(|content| prepare(&content, to_entity, light)),
+        ))
     })
 }
 

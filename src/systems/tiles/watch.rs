@@ -48,7 +48,8 @@ pub fn watch(
                     transform.translation.as_dvec3(),
                 ),
                 _ => {
-                    let relative = at.affine().as_daffine3().inverse() * global.affine().as_daffine3();
+                    let relative =
+                        at.affine().as_daffine3().inverse() * global.affine().as_daffine3();
                     let (_, q, r_m) = relative.to_scale_rotation_translation();
                     DAffine3::from_rotation_translation(q, r_m)
                 }

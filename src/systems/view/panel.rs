@@ -224,7 +224,11 @@ pub fn tiles(ui: &mut egui::Ui, tilesets: &Query<(&Tiles, &TilesCount)>) {
         row(ui, "triangles", count.triangles.to_string());
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
         let kept = (mib(count.bytes), mib(tiles.byte_budget));
-        row(ui, "kept", format!("{} ({:.0} of {:.0} MiB)", count.kept, kept.0, kept.1));
+        row(
+            ui,
+            "kept",
+            format!("{} ({:.0} of {:.0} MiB)", count.kept, kept.0, kept.1),
+        );
         row(ui, "loading", count.missing.to_string());
         if count.failed > 0 {
             ui.colored_label(AMBER, format!("{} cannot be read", count.failed));
