@@ -14,6 +14,7 @@ pub mod media;
 pub mod models;
 pub mod output;
 mod parallel;
+pub mod place;
 pub mod plugins;
 pub mod projection;
 pub mod recording;

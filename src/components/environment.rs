@@ -47,6 +47,8 @@ pub struct CityTiles {
     /// From the root frame of the tileset's tree [m] to the site's east, north, up [m]: for georeferenced tiles, whose
     /// root is earth-centred, the inverse of the site's place; for others where the scenario puts them.
     pub enu_from_root: DAffine3,
+    /// What it is, in words.
+    pub summary: String,
 }
 
 impl Environment {

@@ -11,6 +11,7 @@ use crate::models::ground::city::City;
 use crate::models::maths::statistics::{Mean, Rate};
 use crate::output::{put, put_json, quoted, writable};
 use crate::parallel::threads;
+use crate::plugins::environment::placed_in_city;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::summary::{Summary, finish};
 use crate::scenario::{Loaded, Scenario};
@@ -79,7 +80,7 @@ struct Job {
 pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     within("--seeds", arguments.seeds.into(), 1.0, 10_000.0)?;
     let raid = Scenario::load(&arguments.scenario, &[])?;
-    let city = Arc::new(City::generate(&raid.scenario.city)?);
+    let (raid, city) = placed_in_city(raid)?;
     let json = arguments.out.join("defence.json");
     writable(&json)?;
     let mut cases = Vec::new();

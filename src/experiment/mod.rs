@@ -8,12 +8,14 @@ pub mod test;
 use crate::app::{self, Options, RunError};
 use crate::models::ground::city::{City, CityParams};
 use crate::output::OutputError;
+use crate::place::made_from;
+use crate::plugins::environment::city_of;
 use crate::recording::read::ReadError;
 use crate::report::summary::finish;
-use crate::scenario::{InputError, Loaded};
+use crate::scenario::{InputError, Loaded, Site};
 use serde_json::Value;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -59,12 +61,15 @@ pub enum ExperimentError {
 /// Cities that are kept for further runs.
 const MOST_CITIES: usize = 8;
 
+/// What tells cities apart: their parameters, and for a real one its site.
+type CityKey = (CityParams, Option<Site>);
+
 /// Makes runs for several threads.
 #[derive(Default)]
 pub(crate) struct Runner {
     /// Held while something renders: the software rasteriser takes all cores for itself.
     rendering: Mutex<()>,
-    cities: Mutex<Vec<(CityParams, Arc<City>)>>,
+    cities: Mutex<Vec<(CityKey, Arc<City>)>>,
 }
 
 impl Runner {
@@ -87,7 +92,7 @@ impl Runner {
                 one_thread: !pictures,
                 capture: pictures,
                 city: (!pictures)
-                    .then(|| self.city(&loaded.scenario.city))
+                    .then(|| self.city(loaded))
                     .flatten(),
                 ..Options::default()
             };
@@ -111,18 +116,22 @@ impl Runner {
         }
     }
 
-    /// The city of these parameters; `None` where the run itself will say what is wrong with them.
-    fn city(&self, params: &CityParams) -> Option<Arc<City>> {
+    /// The city of a scenario; `None` where the run itself will say what is wrong with it.
+    fn city(&self, loaded: &Loaded) -> Option<Arc<City>> {
+        let scenario = &loaded.scenario;
+        let folder = loaded.path.parent().unwrap_or(Path::new(""));
+        let site = scenario.city.is_real().then(|| scenario.site.clone());
+        let key = (made_from(&scenario.city, folder), site);
         let mut known = self.cities.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, city)) = known.iter().find(|(of, _)| of == params) {
+        if let Some((_, city)) = known.iter().find(|(of, _)| *of == key) {
             return Some(city.clone());
         }
-        let city = Arc::new(City::generate(params).ok()?);
+        let city = city_of(loaded).ok()?;
         // A sweep over cities needs each one for a while only.
         if known.len() >= MOST_CITIES {
             known.remove(0);
         }
-        known.push((params.clone(), city.clone()));
+        known.push((key, city.clone()));
         Some(city)
     }
 }

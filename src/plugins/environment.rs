@@ -1,6 +1,6 @@
 //! Site, city, weather and light; the air at every UAV.
 
-use crate::components::environment::Environment;
+use crate::components::environment::{CityTiles, Environment};
 use crate::components::run::{Options, PartError, RunScenario, SetUp, Tick, TickSet};
 use crate::models::air::atmosphere::{air_density_kgpm3, pressure_at_pa};
 use crate::models::air::sky::{GROUND_ALBEDO, Sky};
@@ -8,12 +8,17 @@ use crate::models::air::sun::Sun;
 use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
+use crate::place::{self, made_from};
 use crate::plugins::run::fallible;
-use crate::scenario::{InputError, Loaded};
+use crate::scenario::{Above, InputError, Loaded, Scenario};
 use crate::systems::environment as systems;
 use bevy::prelude::*;
 use glam::DVec3;
-use std::sync::Arc;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+/// How far from the site point anything may be placed [m].
+const FARTHEST_M: f64 = 50_000.0;
 
 /// Adds the domain to both schedules, in [`TickSet::Environment`].
 pub struct EnvironmentPlugin;
@@ -32,13 +37,44 @@ impl Plugin for EnvironmentPlugin {
 
 fn set_up(
     mut commands: Commands,
-    loaded: Res<RunScenario>,
+    mut loaded: ResMut<RunScenario>,
     options: Res<Options>,
 ) -> Result<(), PartError> {
     // Baked shadows depend on the sun, and only pictures show them.
     let city = options.city.clone().filter(|_| !options.capture);
-    commands.insert_resource(environment(&loaded, city)?);
+    let environment = environment(&loaded, city)?;
+    // What follows reads places as numbers.
+    if let Some(placed) = placed(&loaded, &environment.site, &environment.city)? {
+        loaded.0 = Arc::new(placed);
+    }
+    commands.insert_resource(environment);
     Ok(())
+}
+
+/// The scenario with its places above ground and roofs where they are in a city; `None` where it has none.
+pub fn placed(
+    loaded: &Loaded,
+    site: &SiteFrame,
+    city: &City,
+) -> Result<Option<Loaded>, InputError> {
+    loaded.placed(|place| {
+        let r_enu_m = place.in_site(site);
+        let under_m = match place.above {
+            Above::Ground => city.dsm.terrain_m(r_enu_m.x, r_enu_m.y),
+            Above::Roof => city.dsm.surface_m(r_enu_m.x, r_enu_m.y),
+            Above::Ellipsoid | Above::Site => 0.0,
+        };
+        let found = r_enu_m + under_m * DVec3::Z;
+        let far = found.truncate().length() > FARTHEST_M;
+        match far {
+            true => Err(format!(
+                "lies {:.0} km from the site point: give a place within {:.0} km of it",
+                1e-3 * found.truncate().length(),
+                1e-3 * FARTHEST_M
+            )),
+            false => Ok(found),
+        }
+    })
 }
 
 /// The surroundings that a scenario describes; `city` is taken if it has the scenario's parameters.
@@ -46,11 +82,7 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
     let scenario = &loaded.scenario;
     let weather =
         (scenario.weather.resolved()).map_err(|error| loaded.refuse("weather.metar", error))?;
-    let site = SiteFrame::new(Geodetic {
-        latitude_rad: scenario.site.latitude_deg.to_radians(),
-        longitude_rad: scenario.site.longitude_deg.to_radians(),
-        height_m: scenario.site.altitude_m,
-    });
+    let site = site_of(scenario);
     let pressure_pa = pressure_at_pa(weather.pressure_pa, scenario.site.altitude_m);
     let sun = Sun::new(
         &scenario.time_utc,
@@ -60,9 +92,11 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
     )
     .map_err(|error| loaded.refuse("time_utc", error))?;
     let sun_dir_enu = sun.sun_dir_enu();
-    let city = match city.filter(|city| city.params == scenario.city) {
-        Some(city) => city,
-        None => generated_city(loaded, sun_dir_enu)?,
+    let own = made_from(&scenario.city, folder(loaded));
+    let (city, tiles) = match city.filter(|city| city.params == own) {
+        Some(city) => (city, None),
+        None if own.is_real() => real_city(loaded, &site)?,
+        None => (generated_city(loaded, sun_dir_enu)?, None),
     };
     let mean_height_m = city.roughness.mean_height_m;
     let day = sun_dir_enu.z > 0.0;
@@ -91,10 +125,62 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
         ),
         site,
         city,
-        tiles: None,
+        tiles,
         weather,
         mean_wind,
         sun_dir_enu,
+    })
+}
+
+/// The folder of a scenario's file.
+fn folder(loaded: &Loaded) -> &Path {
+    loaded.path.parent().unwrap_or(Path::new(""))
+}
+
+/// The scenario's real city, and its tiles.
+fn real_city(
+    loaded: &Loaded,
+    site: &SiteFrame,
+) -> Result<(Arc<City>, Option<CityTiles>), InputError> {
+    let params = &loaded.scenario.city;
+    let place = place::load(params, site, folder(loaded)).map_err(|error| {
+        let key = error.key(params.tileset.is_some());
+        loaded.refuse(&format!("city.{key}"), error)
+    })?;
+    let tiles = CityTiles {
+        tileset: Arc::new(Mutex::new(place.tileset)),
+        location: place.location,
+        site: *site,
+        enu_from_root: place.enu_from_root,
+        summary: place.summary,
+    };
+    Ok((Arc::new(place.city), Some(tiles)))
+}
+
+/// The city of a scenario, to be used by several runs without pictures.
+pub fn city_of(loaded: &Loaded) -> Result<Arc<City>, InputError> {
+    let scenario = &loaded.scenario;
+    match scenario.city.is_real() {
+        true => Ok(real_city(loaded, &site_of(scenario))?.0),
+        false => City::generate(&scenario.city)
+            .map(Arc::new)
+            .map_err(|error| loaded.refuse("city", error)),
+    }
+}
+
+/// A scenario with its places in its city, and the city.
+pub fn placed_in_city(loaded: Loaded) -> Result<(Loaded, Arc<City>), InputError> {
+    let city = city_of(&loaded)?;
+    let placed = placed(&loaded, &site_of(&loaded.scenario), &city)?;
+    Ok((placed.unwrap_or(loaded), city))
+}
+
+/// The scenario's local frame on the Earth.
+fn site_of(scenario: &Scenario) -> SiteFrame {
+    SiteFrame::new(Geodetic {
+        latitude_rad: scenario.site.latitude_deg.to_radians(),
+        longitude_rad: scenario.site.longitude_deg.to_radians(),
+        height_m: scenario.site.altitude_m,
     })
 }
 

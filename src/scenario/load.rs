@@ -242,7 +242,7 @@ struct Node {
 }
 
 impl Places {
-    fn new(text: &str, file: &str, overrides: &[String]) -> Self {
+    pub(super) fn new(text: &str, file: &str, overrides: &[String]) -> Self {
         let mut end = text.len();
         let overrides = overrides.iter().map(|set| {
             let start = end + 1;
@@ -334,6 +334,19 @@ impl Places {
     /// around it that stands in the file, or the override that gave it.
     pub(crate) fn refuse(&self, path: &str, message: impl fmt::Display) -> InputError {
         self.field(self.find_around(path), path, &message.to_string())
+    }
+
+    /// The error at an offset of the text, or of the override of a number.
+    pub(super) fn at(
+        &self,
+        set: Option<usize>,
+        offset: usize,
+        path: &str,
+        message: &str,
+    ) -> InputError {
+        let start = set.and_then(|number| self.overrides.get(number));
+        let offset = start.map_or(offset, |(start, _)| start + offset);
+        self.field(Some(offset), path, message)
     }
 
     /// The error of a problem that a check found.

@@ -15,6 +15,7 @@ mod expect;
 pub(crate) mod load;
 mod mount;
 mod network;
+mod places;
 mod recogniser;
 mod record;
 mod search;
@@ -41,6 +42,7 @@ pub use expect::{Bound, Expect, Never, Seeds, ShareConfig};
 pub use load::{InputError, Place, Places, suggestion};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
 pub use network::NetworkConfig;
+pub use places::{Above, GivenPlace};
 pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
 pub use search::{Cue, SearchSector};
@@ -55,6 +57,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, Utc};
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue};
@@ -62,6 +65,7 @@ use toml::de::{DeTable, DeValue};
 use crate::models::ground::city::CityParams;
 use check::{Check, MAX_DURATION_S};
 use load::{Checked, Parsed};
+use places::Written;
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -92,7 +96,7 @@ pub struct Scenario {
     /// Optical turbulence along the line of sight.
     #[serde(default)]
     pub turbulence: Turbulence,
-    /// The generated city around the station.
+    /// The city around the station: generated, or real.
     #[serde(default)]
     pub city: CityParams,
     /// The protected station: mount, cameras and laser.
@@ -161,7 +165,7 @@ impl Scenario {
     /// An override `uavs.0.model=fpv5` replaces one value, or adds it with the tables around it.
     /// Its right side is TOML, or a string where it is not.
     pub fn parse(text: &str, file_name: &str, overrides: &[String]) -> Result<Self, InputError> {
-        load::parse(text, file_name, overrides).map(|parsed| parsed.value)
+        parse(text, file_name, overrides).map(|(parsed, _)| parsed.value)
     }
 
     /// The stations in their order.
@@ -191,6 +195,31 @@ impl Scenario {
         let uavs = self.uavs.iter().map(|uav| uav.name.as_str());
         uavs.chain(self.distractors.iter().map(|other| other.name.as_str()))
     }
+}
+
+/// A scenario, and the places in it that need a city to be found: those are put where they would be over level ground
+/// at the site point.
+fn parse(
+    text: &str,
+    file: &str,
+    overrides: &[String],
+) -> Result<(Parsed<Scenario>, Vec<Written>), InputError> {
+    let at = Places::new(text, file, overrides);
+    let written = places::find(text, overrides, &at)?;
+    let site = match written.is_empty() {
+        true => None,
+        false => places::site(text, overrides),
+    };
+    let Some(site) = site else {
+        // A scenario without a site has that error first.
+        return Ok((load::parse(text, file, overrides)?, Vec::new()));
+    };
+    let spots: Vec<_> = (written.iter())
+        .map(|written| (written, written.place.in_site(&site)))
+        .collect();
+    let (text, overrides) = places::put(text, overrides, &spots);
+    let parsed = load::parse(&text, file, &overrides)?;
+    Ok((parsed, written))
 }
 
 impl Checked for Scenario {
@@ -230,6 +259,9 @@ impl Checked for Scenario {
         check.table("city", |check| {
             for (key, value, range) in self.city.ranges() {
                 check.within(key, value, range);
+            }
+            if let Some((key, why)) = self.city.contradiction() {
+                check.that(false, key, || why);
             }
         });
         if self.stations.is_empty() {
@@ -291,6 +323,8 @@ pub struct Loaded {
     pub path: PathBuf,
     /// Where the values stand in the text and the overrides.
     places: Places,
+    /// Places that need a city to be found.
+    written: Vec<Written>,
 }
 
 impl Loaded {
@@ -302,14 +336,44 @@ impl Loaded {
         overrides: Vec<String>,
     ) -> Result<Self, InputError> {
         let file = path.display().to_string();
-        let Parsed { value, places } = load::parse(&source, &file, &overrides)?;
+        let (Parsed { value, places }, written) = parse(&source, &file, &overrides)?;
         Ok(Self {
             scenario: value,
             source,
             overrides,
             path,
             places,
+            written,
         })
+    }
+
+    /// The scenario with its places by latitude and longitude, above ground and roofs, where `place` says they are
+    /// [m, ENU]; `None` where it has none of these.
+    pub fn placed(
+        &self,
+        place: impl Fn(&GivenPlace) -> Result<DVec3, String>,
+    ) -> Result<Option<Self>, InputError> {
+        if self.written.is_empty() {
+            return Ok(None);
+        }
+        let file = self.path.display().to_string();
+        let at = Places::new(&self.source, &file, &self.overrides);
+        let found = |written| -> Result<(&Written, DVec3), InputError> {
+            let written: &Written = written;
+            let spot = place(&written.place).map_err(|why| written.refuse(&at, &why))?;
+            Ok((written, spot))
+        };
+        let spots: Vec<_> = self.written.iter().map(found).collect::<Result<_, _>>()?;
+        let (text, overrides) = places::put(&self.source, &self.overrides, &spots);
+        let Parsed { value, places } = load::parse(&text, &file, &overrides)?;
+        Ok(Some(Self {
+            scenario: value,
+            places,
+            written: Vec::new(),
+            source: self.source.clone(),
+            overrides: self.overrides.clone(),
+            path: self.path.clone(),
+        }))
     }
 
     /// The error for the value at `path`, such as `station.mount`, that a part of the run refuses.

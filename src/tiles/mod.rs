@@ -4,6 +4,7 @@ pub mod content;
 pub mod error;
 pub mod expansion;
 pub mod fetch;
+pub mod heights;
 mod json;
 mod read;
 mod semantics;

@@ -373,6 +373,11 @@ impl Dsm {
         beside.next().unwrap_or(above)
     }
 
+    /// The raster of the bare ground.
+    pub fn terrain(&self) -> &HeightGrid {
+        &self.terrain
+    }
+
     /// The surface raster.
     pub fn surface(&self) -> &HeightGrid {
         &self.surface

@@ -27,7 +27,7 @@ pub struct Evidence {
     /// Linear RGB albedo of each.
     pub albedo: Vec<[f32; 3]>,
     /// The bare ground, where a source says which it is [m, ENU].
-    pub ground: Vec<[DVec3; 3]>,
+    pub terrain: Option<HeightGrid>,
     /// Coarse triangles of the land around [m, ENU] that the tiles show too.
     pub far: Vec<[DVec3; 3]>,
     /// Coarse triangles of the land around [m, ENU] that nothing else shows: another height raster.
@@ -249,12 +249,11 @@ fn terrain(
         size: frame.size.map(|n| n.div_ceil(factor)),
         ..*frame
     };
-    if !evidence.ground.is_empty() {
-        let (mut ground, _) = raster::hits(&coarse, evidence.ground.iter().copied());
-        if ground.heights_m.iter().any(|h| h.is_finite()) {
-            raster::fill(&mut ground);
-            return ground;
-        }
+    if let Some(known) = &evidence.terrain {
+        // Its cells where it has some; its border's heights go on.
+        return HeightGrid::from_fn(coarse.origin_m, coarse.cell_m, coarse.size, |e, n| {
+            known.bilinear_m(e, n)
+        });
     }
     let [nx, ny] = coarse.size;
     let mut heights_m = vec![f32::INFINITY; nx * ny];

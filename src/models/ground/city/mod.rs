@@ -27,7 +27,7 @@ use crate::models::ground::roughness::Roughness;
 use crate::models::maths::polygon::{rectangle, span};
 use crate::models::shape::mesh::MeshData;
 pub use ground_map::GroundMap;
-pub use params::{CityError, CityParams};
+pub use params::{CityError, CityParams, CitySource, SourceParams};
 pub use parts::{Building, BuildingKind, Finish, Part, Roof, Tree, TreeKind};
 use plan::Draft;
 use river::River;

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// What a city looks like.
+/// What a city looks like, or which real one it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CityParams {
@@ -32,6 +32,81 @@ pub struct CityParams {
     /// fields, a road and a few houses, more of them with `building_density`; the station then has no
     /// tower and stands on the open ground at the site point.
     pub forest_share: f64,
+    /// A real city in place of a generated one, as 3D Tiles: a `tileset.json`, a folder with one, a `.3tz` archive or an
+    /// address; a path is relative to the scenario's folder. All keys above are then left out.
+    pub tileset: Option<String>,
+    /// A real city in place of a generated one, from raw data: CityJSON, GeoTIFF heights, footprints (GeoJSON, OSM), IFC, OBJ,
+    /// glTF, PLY. It is built into tiles once and kept. All keys above are then left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<CitySource>,
+    /// Where the origin of a tileset that is not placed on the Earth lies: its axes are then the site's east, north, up;
+    /// absent: at the site point.
+    pub origin_enu_m: Option<[f64; 3]>,
+    /// Parameters that place such a tileset, as `boresight georef` writes them.
+    pub georef: Option<String>,
+    /// Error of the shape that sight lines, crashes and the wind see; absent: 1 m.
+    pub detail_m: Option<f64>,
+    /// Distance from the site point to each side within which the real city is known to them; absent: 2000 m.
+    pub radius_m: Option<f64>,
+    /// A height raster (GeoTIFF) of the land around a real city, out to 20 km; absent: its border's heights go on.
+    pub horizon: Option<CitySource>,
+}
+
+/// A file of raw data: its path, relative to the scenario's folder, or a table with what is to be known beside it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(
+    untagged,
+    expecting = "expected a path, or a table of file, crs, geoid_height_m, georef, orthophoto, terrain, base_height_m, building_height_m and lod"
+)]
+pub enum CitySource {
+    /// A path.
+    File(String),
+    /// A path and more.
+    With(SourceParams),
+}
+
+/// A file of raw data with what is to be known beside it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SourceParams {
+    /// Its path, relative to the scenario's folder.
+    pub file: String,
+    /// Its coordinate reference system, such as "EPSG:7415" or "EPSG:2056+5728", where it names none or a wrong one.
+    pub crs: Option<String>,
+    /// Height of the geoid over the ellipsoid, in place of EGM96's.
+    pub geoid_height_m: Option<f64>,
+    /// Parameters that place a local model, as `boresight georef` writes them.
+    pub georef: Option<String>,
+    /// A picture from above for a height raster: a GeoTIFF, or a JPEG or PNG with a world file.
+    pub orthophoto: Option<String>,
+    /// A height raster that footprints stand on.
+    pub terrain: Option<String>,
+    /// Height of the ground under footprints where no terrain is given.
+    pub base_height_m: Option<f64>,
+    /// Height of a building whose source gives none.
+    pub building_height_m: Option<f64>,
+    /// Level of detail of a city model.
+    pub lod: Option<String>,
+}
+
+impl CitySource {
+    /// With all that may be known.
+    pub fn params(&self) -> SourceParams {
+        match self {
+            Self::With(params) => params.clone(),
+            Self::File(file) => SourceParams {
+                file: file.clone(),
+                crs: None,
+                geoid_height_m: None,
+                georef: None,
+                orthophoto: None,
+                terrain: None,
+                base_height_m: None,
+                building_height_m: None,
+                lod: None,
+            },
+        }
+    }
 }
 
 impl Default for CityParams {
@@ -47,6 +122,13 @@ impl Default for CityParams {
             max_trees: 2000,
             station_height_m: 45.0,
             forest_share: 0.0,
+            tileset: None,
+            sources: Vec::new(),
+            origin_enu_m: None,
+            georef: None,
+            detail_m: None,
+            radius_m: None,
+            horizon: None,
         }
     }
 }
@@ -69,8 +151,18 @@ pub enum CityError {
 }
 
 impl CityParams {
+    /// The error of the shape that the physics of a real city may have [m].
+    pub fn detail_m(&self) -> f64 {
+        self.detail_m.unwrap_or(1.0)
+    }
+
+    /// Half the side of the square in which the physics knows a real city [m].
+    pub fn radius_m(&self) -> f64 {
+        self.radius_m.unwrap_or(2_000.0)
+    }
+
     /// Every bounded parameter: its name, its value, and the range it must lie in.
-    pub fn ranges(&self) -> [(&'static str, f64, RangeInclusive<f64>); 7] {
+    pub fn ranges(&self) -> [(&'static str, f64, RangeInclusive<f64>); 9] {
         [
             ("extent_m", self.extent_m, 800.0..=6000.0),
             ("building_density", self.building_density, 0.0..=1.0),
@@ -79,6 +171,8 @@ impl CityParams {
             ("park_share", self.park_share, 0.0..=0.3),
             ("station_height_m", self.station_height_m, 30.0..=120.0),
             ("forest_share", self.forest_share, 0.0..=1.0),
+            ("detail_m", self.detail_m(), 0.05..=100.0),
+            ("radius_m", self.radius_m(), 50.0..=10_000.0),
         ]
     }
 
@@ -95,6 +189,67 @@ impl CityParams {
             }
         }
         Ok(())
+    }
+
+    /// Whether it is a real city in place of a generated one.
+    pub fn is_real(&self) -> bool {
+        self.tileset.is_some() || !self.sources.is_empty()
+    }
+
+    /// The first key that does not go with the others: its name, and why.
+    pub fn contradiction(&self) -> Option<(&'static str, String)> {
+        let plain = Self::default();
+        let generator = [
+            ("extent_m", self.extent_m != plain.extent_m),
+            ("seed", self.seed != plain.seed),
+            ("building_density", self.building_density != plain.building_density),
+            ("max_height_m", self.max_height_m != plain.max_height_m),
+            ("relief_m", self.relief_m != plain.relief_m),
+            ("river", self.river != plain.river),
+            ("park_share", self.park_share != plain.park_share),
+            ("max_trees", self.max_trees != plain.max_trees),
+            ("station_height_m", self.station_height_m != plain.station_height_m),
+            ("forest_share", self.forest_share != plain.forest_share),
+        ];
+        let placing = [
+            ("origin_enu_m", self.origin_enu_m.is_some()),
+            ("georef", self.georef.is_some()),
+        ];
+        let real = [
+            ("detail_m", self.detail_m.is_some()),
+            ("radius_m", self.radius_m.is_some()),
+            ("horizon", self.horizon.is_some()),
+        ];
+        let first = |keys: &[(&'static str, bool)]| {
+            keys.iter().find(|(_, given)| *given).map(|(key, _)| *key)
+        };
+        let what = match self.tileset {
+            Some(_) => "tileset",
+            None => "sources",
+        };
+        if self.tileset.is_some() && !self.sources.is_empty() {
+            let why = "'tileset' names the city already: leave one of the two out";
+            return Some(("sources", why.into()));
+        }
+        if self.is_real() {
+            if let Some(key) = first(&generator) {
+                let why = format!(
+                    "belongs to a generated city, and '{what}' names a real one: leave one of the two out"
+                );
+                return Some((key, why));
+            }
+            if self.tileset.is_none()
+                && let Some(key) = first(&placing)
+            {
+                let why = "places a tileset, and 'sources' say themselves where they are: give them their own \
+                           crs or georef";
+                return Some((key, why.into()));
+            }
+            return None;
+        }
+        let key = first(&placing).or_else(|| first(&real))?;
+        let why = "belongs to a real city: give 'tileset' or 'sources' too, or leave it out";
+        Some((key, why.into()))
     }
 
     /// Whether there is open country in place of the city.
@@ -125,6 +280,18 @@ mod tests {
             park_share: 0.31,
             ..CityParams::default()
         };
+        let mut both = CityParams {
+            tileset: Some("t".into()),
+            ..CityParams::default()
+        };
+        assert_eq!(both.contradiction(), None);
+        both.relief_m = 3.0;
+        assert_eq!(both.contradiction().unwrap().0, "relief_m");
+        let alone = CityParams {
+            radius_m: Some(400.0),
+            ..CityParams::default()
+        };
+        assert_eq!(alone.contradiction().unwrap().0, "radius_m");
         let text = "city park_share = 0.31 is outside 0..0.3";
         assert_eq!(bad.validate().map_err(|e| e.to_string()), Err(text.into()));
     }

@@ -1,0 +1,258 @@
+//! A real city from its files: a tileset opened, or raw data built into one, and surveyed for the physics.
+
+mod error;
+
+pub use error::PlaceError;
+
+use crate::models::ground::city::{City, CityParams, GroundMap, RealCity};
+use crate::models::ground::lattice::REACH_M;
+use crate::models::ground::raster::GroundFilter;
+use crate::models::ground::survey::{Evidence, SurveyOptions, survey};
+use crate::models::maths::geodesy::SiteFrame;
+use crate::models::tiles::selection::fixed_cut;
+use crate::models::tiles::tree::TileId;
+use crate::tiles::content::Content;
+use crate::tiles::fetch::resolve;
+use crate::tiles::heights::{self, Heights};
+use crate::tiles::settled;
+use crate::tiles::tileset::Tileset;
+use glam::{DAffine3, DMat3, DVec3};
+use std::path::Path;
+
+/// Triangles that the physics of a place may have.
+const MOST_TRIANGLES: usize = 12_000_000;
+/// Error of the land around, in errors of the near part, and at least [m].
+const FAR_FACTOR: f64 = 30.0;
+const FAR_ERROR_M: f64 = 30.0;
+/// What is nearer to the Earth's middle than this stands in a frame of its own [m].
+const EARTHLY_M: f64 = 6.0e6;
+
+/// A real city, ready for a run.
+#[derive(Clone, Debug)]
+pub struct RealPlace {
+    /// The city as physics sees it.
+    pub city: City,
+    /// Its tiles, as far as they were read.
+    pub tileset: Tileset,
+    /// Where they are.
+    pub location: String,
+    /// From the root frame of the tiles [m] to the site's east, north, up [m].
+    pub enu_from_root: DAffine3,
+    /// What it is, in words.
+    pub summary: String,
+}
+
+/// A path of a scenario as seen from the working directory; an address stays.
+pub fn located(folder: &Path, path: &str) -> String {
+    let address = ["http://", "https://"];
+    if address.iter().any(|start| path.to_ascii_lowercase().starts_with(start)) {
+        return path.to_owned();
+    }
+    folder.join(path).to_string_lossy().into_owned()
+}
+
+/// What tells one real city from another: its parameters with paths seen from the working directory.
+pub fn made_from(params: &CityParams, folder: &Path) -> CityParams {
+    let mut own = params.clone();
+    own.tileset = own.tileset.map(|path| located(folder, &path));
+    own.georef = own.georef.map(|path| located(folder, &path));
+    own
+}
+
+/// Reads the real city of some parameters, whose paths are relative to `folder`, about a site.
+pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<RealPlace, PlaceError> {
+    let location = match &params.tileset {
+        Some(tileset) => located(folder, tileset),
+        None => return Err(PlaceError::NoSources),
+    };
+    let mut tileset = Tileset::open(&location).map_err(PlaceError::Tileset)?;
+    let enu_from_root = placed(&tileset, params, site, folder)?;
+    let heights = heights_beside(&location, &tileset, site)?;
+    let mut terrain = None;
+    if let Some(heights) = heights {
+        let ground = heights.terrain.clone();
+        if let Some(columns) = heights.columns() {
+            let buildings = columns.buildings.len();
+            let city = City::real(RealCity {
+                dsm: columns.dsm,
+                buildings: columns.buildings,
+                roughness: columns.roughness,
+                station_enu_m: columns.station_enu_m,
+                ground_map: GroundMap {
+                    size_px: 1,
+                    extent_m: 1.0, // [m]
+                    rgb: vec![[128; 3]],
+                },
+                around: Vec::new(),
+                params: made_from(params, folder),
+            });
+            let summary = format!("{location}: {buildings} buildings, heights as it was built with");
+            return Ok(RealPlace {
+                city,
+                tileset,
+                location,
+                enu_from_root,
+                summary,
+            });
+        }
+        terrain = ground;
+    }
+    let mut evidence = Evidence {
+        terrain,
+        ..Evidence::default()
+    };
+    let center_root_m = enu_from_root.inverse().transform_point3(DVec3::ZERO);
+    let (radius_m, detail_m) = (params.radius_m(), params.detail_m());
+    // A ball around the square, and what the site's height is off by.
+    let reach_m = 1.6 * radius_m + 500.0; // [m]
+    let near = settled::load(&mut tileset, &|tree| {
+        fixed_cut(tree, center_root_m, reach_m, detail_m)
+    });
+    let near = near.map_err(PlaceError::Tileset)?;
+    let tiles = near.len();
+    for (tile, content) in &near {
+        let to_enu = enu_from_root * tileset.tree.tile(*tile).to_root_m;
+        add(content, to_enu, |mesh, placement| {
+            evidence.add(mesh, |r| placement.transform_point3(r));
+        });
+        if evidence.triangles.len() > MOST_TRIANGLES {
+            return Err(PlaceError::TooMany {
+                most: MOST_TRIANGLES,
+                detail_m,
+                radius_m,
+            });
+        }
+    }
+    drop(near);
+    evidence.far = far(&mut tileset, center_root_m, enu_from_root, [detail_m, reach_m])?;
+    let triangles = evidence.triangles.len();
+    let options = SurveyOptions {
+        radius_m,
+        curved: is_earthly(&tileset),
+        filter: GroundFilter::default(),
+    };
+    let real = survey(evidence, made_from(params, folder), &options);
+    let city = City::real(real.map_err(PlaceError::Survey)?);
+    let surface = city.dsm.surface();
+    let summary = format!(
+        "{location}: {} tiles known, {tiles} surveyed at {detail_m} m ({triangles} triangles), {} m by {} m in cells \
+         of {} m, {} buildings of {:.1} m on average",
+        tileset.tree.tiles().len(),
+        (surface.nx as f64 * surface.cell_m).round(),
+        (surface.ny as f64 * surface.cell_m).round(),
+        surface.cell_m,
+        city.buildings.len(),
+        city.roughness.mean_height_m,
+    );
+    Ok(RealPlace {
+        city,
+        tileset,
+        location,
+        enu_from_root,
+        summary,
+    })
+}
+
+/// Whether the tiles stand on the Earth.
+fn is_earthly(tileset: &Tileset) -> bool {
+    let root = tileset.tree.root();
+    root.is_some_and(|root| tileset.tree.bounds(root).center_m.length() > EARTHLY_M)
+}
+
+/// From the tiles' root frame to the site's east, north, up.
+fn placed(
+    tileset: &Tileset,
+    params: &CityParams,
+    site: &SiteFrame,
+    folder: &Path,
+) -> Result<DAffine3, PlaceError> {
+    let turned = DMat3::from_quat(site.q_ecef_enu().inverse());
+    let enu_from_ecef = DAffine3::from_mat3_translation(turned, -(turned * site.origin().to_ecef()));
+    if is_earthly(tileset) {
+        return match (&params.georef, params.origin_enu_m) {
+            (None, None) => Ok(enu_from_ecef),
+            (Some(_), _) => Err(PlaceError::Placed("georef")),
+            (None, Some(_)) => Err(PlaceError::Placed("origin_enu_m")),
+        };
+    }
+    if params.georef.is_some() {
+        let _ = folder;
+        return Err(PlaceError::NoGeoref);
+    }
+    let origin = params.origin_enu_m.map_or(DVec3::ZERO, DVec3::from);
+    Ok(DAffine3::from_translation(origin))
+}
+
+/// The heights that lie beside a tileset, if any do and they are the site's.
+fn heights_beside(
+    location: &str,
+    tileset: &Tileset,
+    site: &SiteFrame,
+) -> Result<Option<Heights>, PlaceError> {
+    let Some(file) = tileset.files().first() else {
+        return Ok(None);
+    };
+    let Ok(beside) = resolve(&file.location, heights::FILE) else {
+        return Ok(None);
+    };
+    // Most tilesets have none: that is no error.
+    let Ok(bytes) = tileset.fetcher().read(&beside) else {
+        return Ok(None);
+    };
+    match Heights::from_bytes(&bytes) {
+        Ok(heights) => Ok(heights.is_of(site).then_some(heights)),
+        Err(error) => Err(PlaceError::Heights(location.to_owned(), error)),
+    }
+}
+
+/// Hands out the meshes of a content with the way of each into the site's frame.
+fn add(
+    content: &Content,
+    to_enu: DAffine3,
+    mut take: impl FnMut(&crate::models::shape::textured::TexturedMesh, DAffine3),
+) {
+    for placed in &content.meshes {
+        for placement in &placed.placements {
+            take(&placed.mesh, to_enu * *placement);
+        }
+    }
+}
+
+/// Coarse triangles of the tiles beyond the surveyed square [m, ENU].
+fn far(
+    tileset: &mut Tileset,
+    center_root_m: DVec3,
+    enu_from_root: DAffine3,
+    [detail_m, reach_m]: [f64; 2],
+) -> Result<Vec<[DVec3; 3]>, PlaceError> {
+    let Some(root) = tileset.tree.root() else {
+        return Ok(Vec::new());
+    };
+    let bounds = tileset.tree.bounds(root);
+    let farthest_m = bounds.center_m.distance(center_root_m) + bounds.half_m.length();
+    if farthest_m <= reach_m {
+        return Ok(Vec::new());
+    }
+    let error_m = (FAR_FACTOR * detail_m).max(FAR_ERROR_M);
+    let coarse: Vec<(TileId, Content)> = settled::load(tileset, &|tree| {
+        fixed_cut(tree, center_root_m, 1.5 * REACH_M, error_m)
+    })
+    .map_err(PlaceError::Tileset)?;
+    let mut found = Vec::new();
+    for (tile, content) in &coarse {
+        let to_enu = enu_from_root * tileset.tree.tile(*tile).to_root_m;
+        add(content, to_enu, |mesh, placement| {
+            let sound = |triangle: &&[u32; 3]| {
+                triangle.iter().all(|i| (*i as usize) < mesh.positions.len())
+            };
+            let triangles = mesh.indices.as_chunks::<3>().0.iter().filter(sound);
+            found.extend(triangles.map(|triangle| {
+                triangle.map(|i| placement.transform_point3(mesh.vertex_m(i)))
+            }));
+        });
+        if found.len() > MOST_TRIANGLES {
+            break;
+        }
+    }
+    Ok(found)
+}
