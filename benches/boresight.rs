@@ -13,10 +13,16 @@ use boresight::components::run::SimClock;
 use boresight::components::track::{Tracker, TrackingState};
 use boresight::inference::OnnxDetector;
 use boresight::media::image::encode_jpeg;
+use boresight::models::ground::city::{City, CityParams};
+use boresight::models::ground::dsm::{LineOfSight, Solids};
+use boresight::models::ground::lattice::Lattice;
+use boresight::models::ground::triangles::TriangleTree;
+use boresight::models::shape::mesh::MeshData;
 use boresight::scenario::Loaded;
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
+use glam::{DVec2, DVec3};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
@@ -28,6 +34,40 @@ const DEMO: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/scenarios/urban_intercept.toml"
 );
+
+/// Sight lines a second over the generated city: columns of its raster, and the triangles of its meshes.
+fn sight_lines(c: &mut Criterion) {
+    let city = City::generate(&CityParams::default()).expect("the default city is sound");
+    let triangles = city.chunks().iter().flat_map(MeshData::corners_m).collect::<Vec<_>>();
+    let mut group = c.benchmark_group("sight lines");
+    group.bench_function("tree of triangles, made", |b| {
+        b.iter_batched(|| triangles.clone(), TriangleTree::new, BatchSize::PerIteration);
+    });
+    let solids = Solids {
+        triangles: TriangleTree::new(triangles),
+        land: Lattice::around(city.dsm.terrain(), 100.0, false, |_| None),
+    };
+    let eye = city.station_enu_m();
+    let ends: Vec<DVec3> = (0..1_000)
+        .map(|k| {
+            let k = f64::from(k);
+            ((100.0 + 0.9 * k) * DVec2::from_angle(2.4 * k)).extend(5.0 + (7.3 * k) % 80.0)
+        })
+        .collect();
+    group.throughput(Throughput::Elements(ends.len() as u64));
+    for (name, dsm) in [
+        ("columns", city.dsm.clone()),
+        ("triangles", city.dsm.clone().with_solids(solids)),
+    ] {
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let clear = |to: &&DVec3| dsm.line_of_sight(eye, **to) == LineOfSight::Clear;
+                ends.iter().filter(clear).count()
+            });
+        });
+    }
+    group.finish();
+}
 
 /// What the station has.
 fn of<C: Component>(world: &World) -> &C {
@@ -403,6 +443,7 @@ fn shares(_: &mut Criterion) {
 criterion_group!(
     benches,
     ticks,
+    sight_lines,
     track_and_control,
     frames,
     inference,

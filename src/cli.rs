@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::app::{self, Options, RunError};
+use crate::components::environment::Environment;
 use crate::components::mount::first_station;
 use crate::components::record::Fates;
 use crate::components::run::SimClock;
@@ -327,7 +328,9 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
         Command::View(args) => view(args),
         Command::Check(args) => {
             let (loaded, _) = args.load()?;
-            app::check(&loaded)?;
+            let set_up = app::check(&loaded)?;
+            let city = set_up.world().resource::<Environment>().describe();
+            drop(set_up);
             // With changes it is another scenario than the one that expects.
             if let Some(expect) = loaded
                 .scenario
@@ -337,6 +340,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
             {
                 experiment::test::check(&loaded, expect).map_err(ExperimentError::from)?;
             }
+            say!("city  {city}");
             say!("{}: ok", loaded.path.display());
             Ok(())
         }

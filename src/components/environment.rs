@@ -52,6 +52,21 @@ pub struct CityTiles {
 }
 
 impl Environment {
+    /// What the city is, in words.
+    pub fn describe(&self) -> String {
+        if let Some(tiles) = &self.tiles {
+            return tiles.summary.clone();
+        }
+        let surface = self.city.dsm.surface();
+        format!(
+            "generated, {} m by {} m, {} buildings of {:.1} m on average",
+            surface.nx as f64 * surface.cell_m,
+            surface.ny as f64 * surface.cell_m,
+            self.city.buildings.len(),
+            self.city.roughness.mean_height_m,
+        )
+    }
+
     /// Whether a point [m, enu] lies in closed cloud or above its base.
     pub fn in_cloud(&self, r_enu_m: DVec3) -> bool {
         self.weather.ceiling_m().is_some_and(|z_m| r_enu_m.z > z_m)

@@ -1,8 +1,11 @@
 //! Why a real city cannot be had.
 
 use crate::models::ground::survey::SurveyError;
+use crate::sources::error::SourceError;
+use crate::tiles::build::BuildError;
 use crate::tiles::error::TilesError;
 use crate::tiles::heights::HeightsError;
+use std::path::PathBuf;
 
 /// Why a real city cannot be had; prints as one line that names the mend.
 #[derive(Debug, thiserror::Error)]
@@ -32,12 +35,36 @@ pub enum PlaceError {
     /// A placement for tiles that have theirs.
     #[error("the tileset is placed on the Earth already: leave {0} out")]
     Placed(&'static str),
-    /// Raw data.
-    #[error("raw data are not built yet: build them with boresight tiles build, and name the tileset")]
-    NoSources,
+    /// A source that cannot be read.
+    #[error("{0}")]
+    Source(SourceError),
+    /// Sources too large to build at the start of a run.
+    #[error(
+        "{triangles} triangles are more than {most}: build them apart with boresight tiles build, and name the tileset"
+    )]
+    TooLarge {
+        /// How many there are.
+        triangles: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// Tiles that cannot be built.
+    #[error("{0}")]
+    Build(BuildError),
+    /// A folder that cannot be written.
+    #[error("{}: {source}; set BORESIGHT_CACHE to a folder that can be written", folder.display())]
+    Cache {
+        /// The folder.
+        folder: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// Parameters of a placement.
-    #[error("parameters of boresight georef are not read yet: give origin_enu_m")]
-    NoGeoref,
+    #[error("{0}")]
+    Georef(SourceError),
+    /// The land around.
+    #[error("{0}")]
+    Horizon(SourceError),
 }
 
 impl PlaceError {
@@ -45,7 +72,8 @@ impl PlaceError {
     pub fn key(&self, tileset: bool) -> &'static str {
         match self {
             Self::Placed(key) => key,
-            Self::NoGeoref => "georef",
+            Self::Georef(_) => "georef",
+            Self::Horizon(_) => "horizon",
             Self::TooMany { .. } => "detail_m",
             _ if tileset => "tileset",
             _ => "sources",

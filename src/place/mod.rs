@@ -1,10 +1,11 @@
 //! A real city from its files: a tileset opened, or raw data built into one, and surveyed for the physics.
 
+mod cache;
 mod error;
 
 pub use error::PlaceError;
 
-use crate::models::ground::city::{City, CityParams, GroundMap, RealCity};
+use crate::models::ground::city::{City, CityParams, CitySource, GroundMap, RealCity};
 use crate::models::ground::lattice::REACH_M;
 use crate::models::ground::raster::GroundFilter;
 use crate::models::ground::survey::{Evidence, SurveyOptions, survey};
@@ -56,6 +57,11 @@ pub fn made_from(params: &CityParams, folder: &Path) -> CityParams {
     let mut own = params.clone();
     own.tileset = own.tileset.map(|path| located(folder, &path));
     own.georef = own.georef.map(|path| located(folder, &path));
+    for source in own.sources.iter_mut().chain(&mut own.horizon) {
+        let mut with = source.params();
+        with.file = located(folder, &with.file);
+        *source = CitySource::With(with);
+    }
     own
 }
 
@@ -63,7 +69,7 @@ pub fn made_from(params: &CityParams, folder: &Path) -> CityParams {
 pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<RealPlace, PlaceError> {
     let location = match &params.tileset {
         Some(tileset) => located(folder, tileset),
-        None => return Err(PlaceError::NoSources),
+        None => cache::tiles(params, site, folder)?.to_string_lossy().into_owned(),
     };
     let mut tileset = Tileset::open(&location).map_err(PlaceError::Tileset)?;
     let enu_from_root = placed(&tileset, params, site, folder)?;
@@ -125,10 +131,13 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
     }
     drop(near);
     evidence.far = far(&mut tileset, center_root_m, enu_from_root, [detail_m, reach_m])?;
+    if let Some(horizon) = &params.horizon {
+        evidence.horizon = cache::horizon(horizon, site, folder)?;
+    }
     let triangles = evidence.triangles.len();
     let options = SurveyOptions {
         radius_m,
-        curved: is_earthly(&tileset),
+        curved: is_earthly(&tileset) || params.georef.is_some(),
         filter: GroundFilter::default(),
     };
     let real = survey(evidence, made_from(params, folder), &options);
@@ -175,9 +184,10 @@ fn placed(
             (None, Some(_)) => Err(PlaceError::Placed("origin_enu_m")),
         };
     }
-    if params.georef.is_some() {
-        let _ = folder;
-        return Err(PlaceError::NoGeoref);
+    if let Some(georef) = &params.georef {
+        let path = located(folder, georef);
+        let placement = crate::sources::place::placement(Path::new(&path));
+        return Ok(enu_from_ecef * placement.map_err(PlaceError::Georef)?.affine());
     }
     let origin = params.origin_enu_m.map_or(DVec3::ZERO, DVec3::from);
     Ok(DAffine3::from_translation(origin))

@@ -2,11 +2,12 @@
 
 use std::fmt::Write as _;
 
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 
 use super::Scenario;
 use super::cameras::CameraPreset;
 use super::catalogue::UavFile;
+use super::places::GivenPlace;
 use super::text::one_line;
 
 /// JSON Schema (draft 2020-12) of the scenario file, pretty, keys in alphabetical order.
@@ -25,7 +26,8 @@ pub fn docs_markdown() -> String {
          replaces a value on the command line; the key is a dotted path, list entries are numbered \
          from 0: `--set uavs.0.model=fpv5`.\n\n\
          Angles are in degrees, azimuth clockwise from north, elevation up from the horizon. \
-         `enu` is the local east-north-up frame at the site point.\n",
+         `enu` is the local east-north-up frame at the site point. A place (`..._enu_m`) may also be given by latitude and \
+         longitude, or above ground and roofs: see [Place](#place).\n",
     );
     let mut written = Vec::new();
     write_types(&mut text, "Scenario", &schema(), &mut written);
@@ -113,7 +115,52 @@ fn write_presets(text: &mut String) {
 }
 
 pub(super) fn schema() -> Value {
-    sorted(schemars::schema_for!(Scenario).to_value())
+    let mut schema = schemars::schema_for!(Scenario).to_value();
+    let mut place = schemars::schema_for!(GivenPlace).to_value();
+    let inside = place["$defs"].as_object_mut().map(std::mem::take);
+    if let Some(place) = place.as_object_mut() {
+        place.retain(|key, _| !key.starts_with('$') && key != "title");
+    }
+    offer_places(&mut schema, false);
+    if let Some(types) = schema["$defs"].as_object_mut() {
+        types.extend(inside.into_iter().flatten());
+        types.insert("Place".into(), place);
+    }
+    sorted(schema)
+}
+
+/// Lets a place stand wherever numbers of one do.
+fn offer_places(schema: &mut Value, wanted: bool) {
+    let is_numbers = schema["items"]["type"] == "number" && !schema["maxItems"].is_null();
+    if wanted && is_numbers {
+        let Some(own) = schema.as_object_mut() else {
+            return;
+        };
+        let (kept, numbers): (Map<String, Value>, _) = std::mem::take(own)
+            .into_iter()
+            .partition(|(key, _)| key == "description" || key == "default");
+        *own = kept;
+        let numbers: Map<String, Value> = numbers;
+        let place = json!({ "$ref": "#/$defs/Place" });
+        own.insert("anyOf".into(), json!([numbers, place]));
+        return;
+    }
+    match schema {
+        Value::Object(map) => {
+            for (key, value) in map {
+                let Some(fields) = value.as_object_mut().filter(|_| key == "properties") else {
+                    offer_places(value, wanted && key != "$defs");
+                    continue;
+                };
+                for (name, field) in fields {
+                    let is_place = name.ends_with("_enu_m") || name.ends_with("_en_m");
+                    offer_places(field, is_place);
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| offer_places(item, wanted)),
+        _ => {}
+    }
 }
 
 pub(super) fn uav_schema() -> Value {

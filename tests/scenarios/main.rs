@@ -14,6 +14,7 @@ mod doors;
 mod experiments;
 mod flight;
 mod live;
+mod real_city;
 mod rendering;
 mod shipped;
 mod stations;

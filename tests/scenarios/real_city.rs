@@ -1,0 +1,299 @@
+//! `urban_intercept` over real cities, blind: acquisition, occlusion, backstop. Data that are not there are skipped.
+
+use crate::common::{BLIND, ROOT, boresight, stderr};
+use boresight::app::{self, Options};
+use boresight::components::environment::Environment;
+use boresight::models::ground::city::City;
+use boresight::models::ground::dsm::{HitKind, LineOfSight};
+use boresight::models::maths::geodesy::{Geodetic, SiteFrame};
+use boresight::models::shape::mesh::MeshData;
+use boresight::models::shape::textured::TexturedMesh;
+use boresight::scenario::Scenario;
+use boresight::sources::{Layer, LayerKind};
+use boresight::tiles::build::{BuildOptions, build};
+use boresight::tiles::heights::Heights;
+use glam::{DVec2, DVec3};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// A file of the data that lie beside the repository; `None`, with a word, where it is absent.
+fn data(path: &str) -> Option<PathBuf> {
+    let found = Path::new(ROOT).join("../shared/data").join(path);
+    let found = match found.exists() {
+        true => found,
+        false => Path::new("/work/shared/data").join(path),
+    };
+    if !found.exists() {
+        println!("skipped: {path} is not there");
+        return None;
+    }
+    Some(found)
+}
+
+/// The demo with another site, city, station and UAV; the rest of the file stays.
+fn demo(site: [f64; 3], city: &str, station: &str, start: &str, more: &str) -> String {
+    let text = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
+    let mut text = text.unwrap();
+    let [lat, lon, height_m] = site;
+    for (from, to) in [
+        ("latitude_deg = 47.3769", format!("latitude_deg = {lat}")),
+        ("longitude_deg = 8.5417", format!("longitude_deg = {lon}")),
+        ("altitude_m = 455.0", format!("altitude_m = {height_m}")),
+        ("[-776.4, 635.0, 80.0]", start.to_owned()),
+        ("[station.laser]", format!("[city]\n{city}\n\n[station]\nposition_enu_m = {station}\n\n[station.laser]")),
+    ] {
+        assert!(text.contains(from), "the demo has no {from}");
+        text = text.replace(from, &to);
+    }
+    format!("{}\n{more}", text.split("[expect]").next().unwrap())
+}
+
+/// Runs a scenario blind in a folder of its own and gives its summary.
+fn run(folder: &Path, name: &str, text: &str) -> Value {
+    let file = folder.join(format!("{name}.toml"));
+    std::fs::write(&file, text).unwrap();
+    let out = folder.join(name);
+    let output = boresight()
+        .arg("run")
+        .arg(&file)
+        .arg("--out")
+        .arg(&out)
+        .args(BLIND)
+        .env("BORESIGHT_CACHE", folder.join("cache"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{name}: {}", stderr(&output));
+    let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    serde_json::from_str(&summary).unwrap()
+}
+
+/// The surroundings of a scenario.
+fn environment(folder: &Path, name: &str) -> (Environment, Scenario) {
+    // One variable for this process and those it starts.
+    let file = folder.join(format!("{name}.toml"));
+    let loaded = Scenario::load(&file, &["detector.kind=truth".into()]).unwrap();
+    let app = app::check(&loaded).unwrap();
+    let world = app.world();
+    let environment = world.resource::<Environment>().clone();
+    let scenario = world.resource::<boresight::components::run::RunScenario>();
+    (environment, scenario.scenario.clone())
+}
+
+fn seconds(summary: &Value, key: &str) -> Option<f64> {
+    summary[key].as_f64()
+}
+
+/// The checks that every place must pass. The station stands at `station`, open to the north-west.
+fn flown(place: &str, site: [f64; 3], city: &str, station: &str) {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let high = "{ east_m = -776.4, north_m = 635.0, height_m = 300, above = \"ground\" }";
+    let sky = demo(site, city, station, high, "");
+    let seen = run(folder, "sky", &sky);
+    println!("{place}: {} after {:?} s", seen["outcome"], seconds(&seen, "time_to_neutralise_s"));
+    assert!(seconds(&seen, "time_to_acquire_s").unwrap() < 5.0, "{place}: {seen:#}");
+    assert_eq!(seen["outcome"], "neutralised", "{place}");
+
+    // Cached tiles would lie elsewhere for this process: sources are looked at through the command alone.
+    if city.contains("sources") {
+        return;
+    }
+    let (environment, scenario) = environment(folder, "sky");
+    let r_enu_m = DVec3::from(scenario.station.position_enu_m.unwrap());
+    let dsm = &environment.city.dsm;
+    assert!(r_enu_m.z > dsm.surface_m(r_enu_m.x, r_enu_m.y));
+    // A ray down meets the ground where the raster says it is.
+    for k in 0..50 {
+        let p = r_enu_m.truncate() + 20.0 * DVec2::from_angle(f64::from(k)) * f64::from(k) / 10.0;
+        let from = p.extend(r_enu_m.z + 500.0);
+        let range_m = dsm.first_hit(from, DVec3::NEG_Z, 5_000.0).unwrap();
+        let up_m = from.z - range_m;
+        assert!(up_m > dsm.terrain_m(p.x, p.y) - 3.0, "{place} {p}: {up_m}");
+    }
+}
+
+/// The generated city as a layer of plain triangles about a site.
+fn layer(city: &City, site: SiteFrame) -> Layer {
+    let mesh = |data: MeshData| TexturedMesh {
+        origin_m: data.origin_enu_m,
+        positions: data.positions,
+        normals: data.normals,
+        colors: data.colors.iter().map(|[r, g, b, _]| [*r, *g, *b, 1.0]).collect(),
+        indices: data.indices,
+        ..TexturedMesh::default()
+    };
+    Layer {
+        kind: LayerKind::Surface,
+        site,
+        meshes: city.chunks().into_iter().map(mesh).collect(),
+        features: Vec::new(),
+    }
+}
+
+#[test]
+fn the_generated_city_as_tiles_is_the_same_place() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let demo = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
+    let demo = demo.unwrap();
+    let plain = run(folder, "plain", &demo);
+    let (generated, scenario) = environment(folder, "plain");
+    let site = generated.site;
+    let tiles = folder.join("tiles");
+    std::fs::create_dir_all(&tiles).unwrap();
+    build(&[layer(&generated.city, site)], &BuildOptions::default(), &tiles).unwrap();
+    Heights::of_city(&generated.city, &site).write(&tiles).unwrap();
+    let tiled = demo.replace("[search]", "[city]\ntileset = \"tiles\"\n\n[search]");
+    let again = run(folder, "tiled", &tiled);
+    assert_eq!(plain["state_hash"], again["state_hash"]);
+    assert_eq!(plain["outcome"], again["outcome"]);
+    let (real, _) = environment(folder, "tiled");
+    assert!(real.city.is_real() && real.tiles.is_some());
+    assert_eq!(real.city.buildings.len(), generated.city.buildings.len());
+
+    // Without the heights the triangles speak: the same sight lines to within a cell or so.
+    std::fs::remove_file(tiles.join("heights.bin")).unwrap();
+    let (seen, _) = environment(folder, "tiled");
+    assert!(seen.city.dsm.solids().is_some());
+    let eye = generated.city.station_enu_m();
+    let (mut same, mut count, mut blocked) = (0, 0, 0);
+    for k in 0..4_000 {
+        let k = f64::from(k);
+        let p = (60.0 + 0.24 * k) * DVec2::from_angle(2.4 * k);
+        let to = p.extend(generated.city.dsm.terrain_m(p.x, p.y) + 3.0 + (7.3 * k) % 60.0);
+        if to.z < generated.city.dsm.surface_m(p.x, p.y) {
+            continue;
+        }
+        let [one, other] = [&generated, &seen].map(|place| {
+            place.line_of_sight(eye, to) == LineOfSight::Clear
+        });
+        count += 1;
+        same += i32::from(one == other);
+        blocked += i32::from(!one);
+    }
+    println!("{same} of {count} sight lines alike, {blocked} blocked");
+    assert!(blocked > 300 && f64::from(same) > 0.97 * f64::from(count), "{same} of {count}");
+    let _ = scenario;
+}
+
+#[test]
+fn over_delft() {
+    let Some(file) = data("cityjson/delft.city.json") else {
+        return;
+    };
+    let city = format!("sources = [{:?}]", file.to_str().unwrap());
+    let station = "{ lat = 52.0122, lon = 4.3658, height_m = 25, above = \"roof\" }";
+    flown("Delft", [52.0122, 4.3658, 43.0], &city, station);
+}
+
+#[test]
+fn over_zurichs_terrain() {
+    let Some(file) = data("dem/zh_dem_25.tif") else {
+        return;
+    };
+    let file = file.to_str().unwrap().to_owned();
+    let city = format!("sources = [{{ file = {file:?}, crs = \"EPSG:21781\" }}]\ndetail_m = 5");
+    let station = "{ lat = 47.3769, lon = 8.5417, height_m = 20, above = \"ground\" }";
+    flown("Zürich", [47.3769, 8.5417, 455.0], &city, station);
+}
+
+/// A wall of houses to the north of the station, as glTF-less tiles of our own builder.
+#[test]
+fn houses_hide_and_stand_behind() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let site = SiteFrame::new(Geodetic {
+        latitude_rad: 47.3769_f64.to_radians(),
+        longitude_rad: 8.5417_f64.to_radians(),
+        height_m: 455.0, // [m]
+    });
+    let mut data = MeshData::new(DVec3::ZERO);
+    let grey = boresight::models::shape::mesh::Paint::plain([0.3; 3]);
+    data.cuboid(DVec3::new(-600.0, -600.0, -1.0), DVec3::new(600.0, 600.0, 0.0), grey);
+    // Behind a slab of 40 m stands nothing, before a long one of 60 m the UAV may fly.
+    data.cuboid(DVec3::new(-60.0, 200.0, 0.0), DVec3::new(-20.0, 215.0, 40.0), grey);
+    data.cuboid(DVec3::new(-580.0, 480.0, 0.0), DVec3::new(-380.0, 520.0, 90.0), grey);
+    let mesh = TexturedMesh {
+        positions: data.positions,
+        normals: data.normals,
+        indices: data.indices,
+        ..TexturedMesh::default()
+    };
+    let own = Layer {
+        kind: LayerKind::Surface,
+        site,
+        meshes: vec![mesh],
+        features: Vec::new(),
+    };
+    let tiles = folder.join("tiles");
+    std::fs::create_dir_all(&tiles).unwrap();
+    build(&[own], &BuildOptions::default(), &tiles).unwrap();
+    let at = [47.3769, 8.5417, 455.0];
+    let station = "{ east_m = 0, north_m = 0, height_m = 20, above = \"ground\" }";
+    let city = "tileset = \"tiles\"";
+    let hover = |place: &str, more: &str| {
+        let text = demo(at, city, station, "[0.0, 0.0, 50.0]", more);
+        let line = text.lines().find(|line| line.starts_with("trajectory")).unwrap().to_owned();
+        let own = format!("trajectory = {{ kind = \"hover\", position_enu_m = {place} }}");
+        let text = text.replace(&line, &own).replace("duration_s = 25.0", "duration_s = 8.0");
+        text.replace("centre_azimuth_deg = 315.0", "centre_azimuth_deg = 330.0")
+    };
+    // Behind the slab, on its roof's line: hidden; 60 m up: seen.
+    let hidden = "{ east_m = -44, north_m = 230, height_m = 10, above = \"ground\" }";
+    let summary = run(folder, "hidden", &hover(hidden, ""));
+    assert_eq!(seconds(&summary, "time_to_acquire_s"), None, "{summary:#}");
+    let (environment, scenario) = environment(folder, "hidden");
+    let (eye, uav) = (
+        DVec3::from(scenario.station.position_enu_m.unwrap()),
+        DVec3::new(-44.0, 230.0, 10.0),
+    );
+    assert!((eye - DVec3::new(0.0, 0.0, 20.0)).length() < 0.1, "{eye}");
+    assert!(matches!(environment.line_of_sight(eye, uav), LineOfSight::BlockedAt(_)));
+    assert_eq!(environment.city.buildings.len(), 2);
+    assert!((environment.city.dsm.surface_m(-40.0, 207.0) - 40.0).abs() < 0.2);
+    // A roof is a place, too.
+    let above = "{ east_m = -44, north_m = 207, height_m = 20, above = \"roof\" }";
+    let summary = run(folder, "above", &hover(above, ""));
+    assert!(seconds(&summary, "time_to_acquire_s").is_some(), "{summary:#}");
+    assert!(summary["energy_j"].as_f64().unwrap() > 0.0, "{summary:#}");
+    // Before the long slab the beam would meet a wall.
+    let before = "{ east_m = -430, north_m = 430, height_m = 40, above = \"ground\" }";
+    let walled = run(folder, "walled", &hover(before, ""));
+    assert_eq!(walled["energy_j"], 0.0, "{walled:#}");
+    let wall = DVec3::new(-430.0, 430.0, 40.0) - eye;
+    let dsm = &environment.city.dsm;
+    let (_, kind) = dsm.first_hit_kind(eye, wall.normalize(), 5_000.0).unwrap();
+    assert_eq!(kind, HitKind::Building);
+    let allowed = "[engage]\nallow_backstop = [\"sky\", \"building\"]\nmin_clear_range_m = 10\n";
+    let text = hover(before, "").replace("[[engage.keep_out]]", &format!("{allowed}\n[[engage.keep_out]]"));
+    let fired = run(folder, "fired", &text);
+    assert!(fired["energy_j"].as_f64().unwrap() > 0.0, "{fired:#}");
+}
+
+#[test]
+fn over_mars() {
+    let Some(file) = data("tiles/mars-terrain/example/public/data/tileset.json") else {
+        return;
+    };
+    // Its own frame has y up: a tileset around it turns it.
+    let folder = TempDir::new().unwrap();
+    let inside = folder.path().join("mars");
+    std::os::unix::fs::symlink(file.parent().unwrap(), &inside).unwrap();
+    let around = serde_json::json!({
+        "asset": { "version": "1.0", "gltfUpAxis": "Z" },
+        "geometricError": 1000.0,
+        "root": {
+            "transform": [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -216.0, 90.0, 0, 1],
+            "boundingVolume": { "box": [216.2, 32.3, 90.7, 170, 0, 0, 0, 40, 0, 0, 0, 130] },
+            "geometricError": 1000.0,
+            "refine": "REPLACE",
+            "content": { "uri": "mars/tileset.json" }
+        }
+    });
+    let tileset = folder.path().join("tileset.json");
+    std::fs::write(&tileset, around.to_string()).unwrap();
+    let city = format!("tileset = {:?}\ndetail_m = 0.5\nradius_m = 200", tileset.to_str().unwrap());
+    let station = "{ east_m = 0, north_m = 0, height_m = 10, above = \"roof\" }";
+    flown("Mars", [47.3769, 8.5417, 455.0], &city, station);
+}
