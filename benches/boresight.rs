@@ -22,8 +22,8 @@ use boresight::scenario::Loaded;
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
-use glam::{DVec2, DVec3};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use glam::{DVec2, DVec3};
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use std::fmt::Write as _;
@@ -38,10 +38,18 @@ const DEMO: &str = concat!(
 /// Sight lines a second over the generated city: columns of its raster, and the triangles of its meshes.
 fn sight_lines(c: &mut Criterion) {
     let city = City::generate(&CityParams::default()).expect("the default city is sound");
-    let triangles = city.chunks().iter().flat_map(MeshData::corners_m).collect::<Vec<_>>();
+    let triangles = city
+        .chunks()
+        .iter()
+        .flat_map(MeshData::corners_m)
+        .collect::<Vec<_>>();
     let mut group = c.benchmark_group("sight lines");
     group.bench_function("tree of triangles, made", |b| {
-        b.iter_batched(|| triangles.clone(), TriangleTree::new, BatchSize::PerIteration);
+        b.iter_batched(
+            || triangles.clone(),
+            TriangleTree::new,
+            BatchSize::PerIteration,
+        );
     });
     let solids = Solids {
         triangles: TriangleTree::new(triangles),

@@ -91,9 +91,7 @@ impl Runner {
                 seed: Some(seed),
                 one_thread: !pictures,
                 capture: pictures,
-                city: (!pictures)
-                    .then(|| self.city(loaded))
-                    .flatten(),
+                city: (!pictures).then(|| self.city(loaded)).flatten(),
                 ..Options::default()
             };
             let started = Instant::now();

@@ -8,7 +8,7 @@ use crate::models::ground::raster::{self, RasterFrame};
 use crate::models::maths::geodesy::SiteFrame;
 use crate::sources::options::Options;
 use crate::sources::{Layer, LayerKind, error::Fault, error::SourceError};
-use crate::sources::{cityjson, geotiff};
+use crate::sources::{cityjson, geotiff, gltf, obj, ply};
 use crate::tiles::build::{BuildOptions, build};
 use crate::tiles::heights::Heights;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
@@ -148,8 +148,9 @@ fn add_file(hash: &mut Xxh3, path: &Path) -> Result<(), PlaceError> {
     hash.update(name.as_encoded_bytes());
     if path.is_dir() {
         let entries = std::fs::read_dir(path).map_err(failed)?;
-        let mut inside: Vec<PathBuf> =
-            entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+        let mut inside: Vec<PathBuf> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .collect();
         inside.sort();
         for file in inside.iter().filter(|file| file.is_file()) {
             add_file(hash, file)?;
@@ -176,19 +177,23 @@ pub(super) fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceE
         one(geotiff::read(path, options))
     } else if ends(&[".city.json", ".city.jsonl", ".cityjson", ".json", ".jsonl"]) {
         cityjson::read_all(path, options)
+    } else if ends(&[".obj"]) {
+        one(obj::read(path, options))
+    } else if ends(&[".gltf", ".glb"]) {
+        one(gltf::read(path, options))
+    } else if ends(&[".ply"]) {
+        one(ply::read(path, options))
     } else {
         let what = "its name does not say what it is";
-        let mend = "name a CityJSON file (.city.json), a GeoTIFF (.tif) or a folder of them";
+        let mend = "name CityJSON (.city.json), GeoTIFF (.tif, or a folder of them), .obj, .gltf, .glb or .ply";
         Err(Fault::new("name", what, mend).of(path))
     }
 }
 
 /// From the frame of a layer to that of a site.
 fn into_site(layer: &Layer, site: &SiteFrame) -> DAffine3 {
-    let to_ecef = DAffine3::from_rotation_translation(
-        layer.site.q_ecef_enu(),
-        layer.site.origin().to_ecef(),
-    );
+    let to_ecef =
+        DAffine3::from_rotation_translation(layer.site.q_ecef_enu(), layer.site.origin().to_ecef());
     let turned = DMat3::from_quat(site.q_ecef_enu().inverse());
     DAffine3::from_mat3_translation(turned, -(turned * site.origin().to_ecef())) * to_ecef
 }
@@ -198,12 +203,15 @@ pub(super) fn triangles(layer: &Layer, site: &SiteFrame) -> Vec<[DVec3; 3]> {
     let to_enu = into_site(layer, site);
     let mut found = Vec::new();
     for mesh in &layer.meshes {
-        let sound =
-            |triangle: &&[u32; 3]| triangle.iter().all(|i| (*i as usize) < mesh.positions.len());
+        let sound = |triangle: &&[u32; 3]| {
+            triangle
+                .iter()
+                .all(|i| (*i as usize) < mesh.positions.len())
+        };
         let all = mesh.indices.as_chunks::<3>().0.iter().filter(sound);
-        found.extend(all.map(|triangle| {
-            triangle.map(|i| to_enu.transform_point3(mesh.vertex_m(i)))
-        }));
+        found.extend(
+            all.map(|triangle| triangle.map(|i| to_enu.transform_point3(mesh.vertex_m(i)))),
+        );
     }
     found
 }
@@ -214,7 +222,9 @@ fn terrain(layers: &[Layer], site: &SiteFrame) -> Option<HeightGrid> {
     const MOST_M: f64 = 10_000.0;
     /// Cells at most.
     const MOST_CELLS: f64 = 8e6;
-    let ground = layers.iter().filter(|layer| layer.kind == LayerKind::Terrain);
+    let ground = layers
+        .iter()
+        .filter(|layer| layer.kind == LayerKind::Terrain);
     let ground: Vec<[DVec3; 3]> = ground.flat_map(|layer| triangles(layer, site)).collect();
     let none = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     let (low, high) = (ground.iter().flatten()).fold(none, |(low, high), r| {

@@ -46,7 +46,10 @@ pub struct RealPlace {
 /// A path of a scenario as seen from the working directory; an address stays.
 pub fn located(folder: &Path, path: &str) -> String {
     let address = ["http://", "https://"];
-    if address.iter().any(|start| path.to_ascii_lowercase().starts_with(start)) {
+    if address
+        .iter()
+        .any(|start| path.to_ascii_lowercase().starts_with(start))
+    {
         return path.to_owned();
     }
     folder.join(path).to_string_lossy().into_owned()
@@ -69,7 +72,9 @@ pub fn made_from(params: &CityParams, folder: &Path) -> CityParams {
 pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<RealPlace, PlaceError> {
     let location = match &params.tileset {
         Some(tileset) => located(folder, tileset),
-        None => cache::tiles(params, site, folder)?.to_string_lossy().into_owned(),
+        None => cache::tiles(params, site, folder)?
+            .to_string_lossy()
+            .into_owned(),
     };
     let mut tileset = Tileset::open(&location).map_err(PlaceError::Tileset)?;
     let enu_from_root = placed(&tileset, params, site, folder)?;
@@ -92,7 +97,8 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
                 around: Vec::new(),
                 params: made_from(params, folder),
             });
-            let summary = format!("{location}: {buildings} buildings, heights as it was built with");
+            let summary =
+                format!("{location}: {buildings} buildings, heights as it was built with");
             return Ok(RealPlace {
                 city,
                 tileset,
@@ -130,7 +136,12 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
         }
     }
     drop(near);
-    evidence.far = far(&mut tileset, center_root_m, enu_from_root, [detail_m, reach_m])?;
+    evidence.far = far(
+        &mut tileset,
+        center_root_m,
+        enu_from_root,
+        [detail_m, reach_m],
+    )?;
     if let Some(horizon) = &params.horizon {
         evidence.horizon = cache::horizon(horizon, site, folder)?;
     }
@@ -176,7 +187,8 @@ fn placed(
     folder: &Path,
 ) -> Result<DAffine3, PlaceError> {
     let turned = DMat3::from_quat(site.q_ecef_enu().inverse());
-    let enu_from_ecef = DAffine3::from_mat3_translation(turned, -(turned * site.origin().to_ecef()));
+    let enu_from_ecef =
+        DAffine3::from_mat3_translation(turned, -(turned * site.origin().to_ecef()));
     if is_earthly(tileset) {
         return match (&params.georef, params.origin_enu_m) {
             (None, None) => Ok(enu_from_ecef),
@@ -253,12 +265,15 @@ fn far(
         let to_enu = enu_from_root * tileset.tree.tile(*tile).to_root_m;
         add(content, to_enu, |mesh, placement| {
             let sound = |triangle: &&[u32; 3]| {
-                triangle.iter().all(|i| (*i as usize) < mesh.positions.len())
+                triangle
+                    .iter()
+                    .all(|i| (*i as usize) < mesh.positions.len())
             };
             let triangles = mesh.indices.as_chunks::<3>().0.iter().filter(sound);
-            found.extend(triangles.map(|triangle| {
-                triangle.map(|i| placement.transform_point3(mesh.vertex_m(i)))
-            }));
+            found
+                .extend(triangles.map(|triangle| {
+                    triangle.map(|i| placement.transform_point3(mesh.vertex_m(i)))
+                }));
         });
         if found.len() > MOST_TRIANGLES {
             break;

@@ -102,7 +102,10 @@ impl GivenPlace {
         }
         let within = |name: &str, value: Option<f64>, most: f64| {
             let value = value.filter(|value| !(-most..=most).contains(value))?;
-            Some(format!("{name}: found {value}, must be from {} to {most}", -most))
+            Some(format!(
+                "{name}: found {value}, must be from {} to {most}",
+                -most
+            ))
         };
         within("lat", self.lat, 90.0)
             .or_else(|| within("lon", self.lon, 180.0))
@@ -211,14 +214,18 @@ fn look_at(
     let refuse = |message: String| places.at(at.0, own(span.start), path, &message);
     let written = text.get(span.clone()).unwrap_or_default();
     if !written.starts_with('{') {
-        return Err(refuse("write a place as a whole: { lat = ..., lon = ... }".into()));
+        return Err(refuse(
+            "write a place as a whole: { lat = ..., lon = ... }".into(),
+        ));
     }
     #[derive(Deserialize)]
     struct Holder {
         v: GivenPlace,
     }
     let place = toml::from_str::<Holder>(&format!("v={written}"));
-    let place = place.map_err(|error| refuse(one_line(error.message()).replace('`', "'")))?.v;
+    let place = place
+        .map_err(|error| refuse(one_line(error.message()).replace('`', "'")))?
+        .v;
     if let Some(fault) = place.fault() {
         return Err(refuse(fault));
     }

@@ -614,13 +614,16 @@ fn a_place_by_latitude_and_longitude_becomes_numbers() {
     };
     let load = |text: String| Loaded::parse(text, "p.toml".into(), Vec::new());
     // A minute of latitude at 47 degrees is 1853.0 m (WGS 84), and 1.8 km away the ellipsoid has fallen by 0.27 m.
-    let text = with_place("{ lat = 47.01666667, lon = 8.0, height_m = 500, above = \"ellipsoid\" }");
+    let text =
+        with_place("{ lat = 47.01666667, lon = 8.0, height_m = 500, above = \"ellipsoid\" }");
     let loaded = load(text).unwrap();
     let [e, n, u] = hover(&loaded);
     assert!(e.abs() < 1e-6 && (n - 1853.1).abs() < 0.3, "{e} {n}");
     assert!((u - 99.73).abs() < 0.01, "{u}");
     // Above a roof of 33 m in the plane of the site.
-    let loaded = load(with_place("{ east_m = 10, north_m = -20, height_m = 5, above = \"roof\" }"));
+    let loaded = load(with_place(
+        "{ east_m = 10, north_m = -20, height_m = 5, above = \"roof\" }",
+    ));
     let loaded = loaded.unwrap();
     assert_eq!(hover(&loaded), [10.0, -20.0, 5.0]);
     let placed = loaded.placed(|place| {
@@ -637,8 +640,14 @@ fn a_place_by_latitude_and_longitude_becomes_numbers() {
     let sets = vec!["station.position_enu_m={ east_m = 1, north_m = 2 }".to_owned()];
     let loaded = Loaded::parse(with_place("[1, 2, 3]"), "p.toml".into(), sets).unwrap();
     assert_eq!(hover(&loaded), [1.0, 2.0, 3.0]);
-    let placed = loaded.placed(|_| Ok(DVec3::new(1.0, 2.0, 44.0))).unwrap().unwrap();
-    assert_eq!(placed.scenario.station.position_enu_m, Some([1.0, 2.0, 44.0]));
+    let placed = loaded
+        .placed(|_| Ok(DVec3::new(1.0, 2.0, 44.0)))
+        .unwrap()
+        .unwrap();
+    assert_eq!(
+        placed.scenario.station.position_enu_m,
+        Some([1.0, 2.0, 44.0])
+    );
     let plain = Loaded::parse(with_place("[1, 2, 3]"), "p.toml".into(), Vec::new()).unwrap();
     assert!(plain.placed(|_| Err("none".into())).unwrap().is_none());
 }
@@ -652,10 +661,22 @@ fn a_place_that_is_none_is_named() {
     let begin = "p.toml:13: uavs[0].trajectory.position_enu_m: ";
     for (place, why) in [
         ("{ lat = 47.0 }", "give lat and lon, or east_m and north_m"),
-        ("{ lat = 47, lon = 8, east_m = 3 }", "give lat and lon, or east_m and north_m"),
-        ("{ lat = 97, lon = 8 }", "lat: found 97, must be from -90 to 90"),
-        ("{ lat = 47, lon = 8, hight_m = 3 }", "unknown field 'hight_m'"),
-        ("{ lat = 47, lon = 8, above = \"sea\" }", "unknown variant 'sea'"),
+        (
+            "{ lat = 47, lon = 8, east_m = 3 }",
+            "give lat and lon, or east_m and north_m",
+        ),
+        (
+            "{ lat = 97, lon = 8 }",
+            "lat: found 97, must be from -90 to 90",
+        ),
+        (
+            "{ lat = 47, lon = 8, hight_m = 3 }",
+            "unknown field 'hight_m'",
+        ),
+        (
+            "{ lat = 47, lon = 8, above = \"sea\" }",
+            "unknown variant 'sea'",
+        ),
     ] {
         let said = error(place);
         assert!(said.starts_with(&format!("{begin}{why}")), "{said}");
@@ -666,16 +687,33 @@ fn a_place_that_is_none_is_named() {
 fn a_city_is_generated_or_real() {
     let error = |city: &str| {
         let text = format!("{}[city]\n{city}\n", with_place("[1, 2, 3]"));
-        Scenario::parse(&text, "p.toml", &[]).unwrap_err().to_string()
+        Scenario::parse(&text, "p.toml", &[])
+            .unwrap_err()
+            .to_string()
     };
     let said = error("tileset = \"t\"\nextent_m = 900");
-    assert!(said.starts_with("p.toml:16: city.extent_m: belongs to a generated city"), "{said}");
+    assert!(
+        said.starts_with("p.toml:16: city.extent_m: belongs to a generated city"),
+        "{said}"
+    );
     let said = error("tileset = \"t\"\nsources = [\"a.tif\"]");
-    assert!(said.starts_with("p.toml:16: city.sources: 'tileset' names the city already"), "{said}");
+    assert!(
+        said.starts_with("p.toml:16: city.sources: 'tileset' names the city already"),
+        "{said}"
+    );
     let said = error("radius_m = 900");
-    assert!(said.starts_with("p.toml:15: city.radius_m: belongs to a real city"), "{said}");
+    assert!(
+        said.starts_with("p.toml:15: city.radius_m: belongs to a real city"),
+        "{said}"
+    );
     let said = error("sources = [\"a.tif\"]\norigin_enu_m = [1, 2, 3]");
-    assert!(said.starts_with("p.toml:16: city.origin_enu_m: places a tileset"), "{said}");
+    assert!(
+        said.starts_with("p.toml:16: city.origin_enu_m: places a tileset"),
+        "{said}"
+    );
     let said = error("sources = [3]");
-    assert!(said.contains("city.sources[0]: expected a path, or a table of file"), "{said}");
+    assert!(
+        said.contains("city.sources[0]: expected a path, or a table of file"),
+        "{said}"
+    );
 }

@@ -92,7 +92,9 @@ impl Heights {
     /// Those of a city whose sight lines meet columns: a generated one.
     pub fn of_city(city: &City, site: &SiteFrame) -> Self {
         let buildings = city.buildings.iter().map(|building| BuildingHead {
-            outline_en_m: (building.footprint_enu_m().iter()).map(|p| p.to_array()).collect(),
+            outline_en_m: (building.footprint_enu_m().iter())
+                .map(|p| p.to_array())
+                .collect(),
             base_m: building.base_m,
             top_m: building.base_m + building.height_m(),
         });
@@ -179,7 +181,11 @@ impl Heights {
         bytes.extend((head.len() as u32).to_le_bytes());
         bytes.extend(head.as_bytes());
         for grid in [&self.terrain, &self.surface].into_iter().flatten() {
-            bytes.extend(grid.heights_m.iter().flat_map(|height_m| height_m.to_le_bytes()));
+            bytes.extend(
+                grid.heights_m
+                    .iter()
+                    .flat_map(|height_m| height_m.to_le_bytes()),
+            );
         }
         Ok(bytes)
     }
@@ -195,7 +201,9 @@ impl Heights {
         let fault = |what: &str| HeightsError(what.to_owned());
         let rest = bytes.strip_prefix(MAGIC);
         let rest = rest.ok_or_else(|| fault("is no file of heights"))?;
-        let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(|| fault("is cut off"))?;
+        let (length, rest) = rest
+            .split_first_chunk::<4>()
+            .ok_or_else(|| fault("is cut off"))?;
         let length = u32::from_le_bytes(*length) as usize;
         if length > rest.len().min(MOST_HEAD) {
             return Err(fault("is cut off"));
@@ -213,7 +221,11 @@ impl Heights {
             let bytes = bytes.ok_or_else(|| fault("a raster is cut off"))?;
             let (own, after) = rest.split_at(bytes);
             rest = after;
-            let heights_m = own.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
+            let heights_m = own
+                .as_chunks::<4>()
+                .0
+                .iter()
+                .map(|b| f32::from_le_bytes(*b));
             let heights_m: Vec<f32> = heights_m.collect();
             let sound = frame.cell_m > 0.0
                 && frame.cell_m.is_finite()

@@ -41,7 +41,10 @@ fn demo(site: [f64; 3], city: &str, station: &str, start: &str, more: &str) -> S
         ("longitude_deg = 8.5417", format!("longitude_deg = {lon}")),
         ("altitude_m = 455.0", format!("altitude_m = {height_m}")),
         ("[-776.4, 635.0, 80.0]", start.to_owned()),
-        ("[station.laser]", format!("[city]\n{city}\n\n[station]\nposition_enu_m = {station}\n\n[station.laser]")),
+        (
+            "[station.laser]",
+            format!("[city]\n{city}\n\n[station]\nposition_enu_m = {station}\n\n[station.laser]"),
+        ),
     ] {
         assert!(text.contains(from), "the demo has no {from}");
         text = text.replace(from, &to);
@@ -91,8 +94,15 @@ fn flown(place: &str, site: [f64; 3], city: &str, station: &str) {
     let high = "{ east_m = -776.4, north_m = 635.0, height_m = 300, above = \"ground\" }";
     let sky = demo(site, city, station, high, "");
     let seen = run(folder, "sky", &sky);
-    println!("{place}: {} after {:?} s", seen["outcome"], seconds(&seen, "time_to_neutralise_s"));
-    assert!(seconds(&seen, "time_to_acquire_s").unwrap() < 5.0, "{place}: {seen:#}");
+    println!(
+        "{place}: {} after {:?} s",
+        seen["outcome"],
+        seconds(&seen, "time_to_neutralise_s")
+    );
+    assert!(
+        seconds(&seen, "time_to_acquire_s").unwrap() < 5.0,
+        "{place}: {seen:#}"
+    );
     assert_eq!(seen["outcome"], "neutralised", "{place}");
 
     // Cached tiles would lie elsewhere for this process: sources are looked at through the command alone.
@@ -119,7 +129,11 @@ fn layer(city: &City, site: SiteFrame) -> Layer {
         origin_m: data.origin_enu_m,
         positions: data.positions,
         normals: data.normals,
-        colors: data.colors.iter().map(|[r, g, b, _]| [*r, *g, *b, 1.0]).collect(),
+        colors: data
+            .colors
+            .iter()
+            .map(|[r, g, b, _]| [*r, *g, *b, 1.0])
+            .collect(),
         indices: data.indices,
         ..TexturedMesh::default()
     };
@@ -142,8 +156,15 @@ fn the_generated_city_as_tiles_is_the_same_place() {
     let site = generated.site;
     let tiles = folder.join("tiles");
     std::fs::create_dir_all(&tiles).unwrap();
-    build(&[layer(&generated.city, site)], &BuildOptions::default(), &tiles).unwrap();
-    Heights::of_city(&generated.city, &site).write(&tiles).unwrap();
+    build(
+        &[layer(&generated.city, site)],
+        &BuildOptions::default(),
+        &tiles,
+    )
+    .unwrap();
+    Heights::of_city(&generated.city, &site)
+        .write(&tiles)
+        .unwrap();
     let tiled = demo.replace("[search]", "[city]\ntileset = \"tiles\"\n\n[search]");
     let again = run(folder, "tiled", &tiled);
     assert_eq!(plain["state_hash"], again["state_hash"]);
@@ -165,15 +186,17 @@ fn the_generated_city_as_tiles_is_the_same_place() {
         if to.z < generated.city.dsm.surface_m(p.x, p.y) {
             continue;
         }
-        let [one, other] = [&generated, &seen].map(|place| {
-            place.line_of_sight(eye, to) == LineOfSight::Clear
-        });
+        let [one, other] =
+            [&generated, &seen].map(|place| place.line_of_sight(eye, to) == LineOfSight::Clear);
         count += 1;
         same += i32::from(one == other);
         blocked += i32::from(!one);
     }
     println!("{same} of {count} sight lines alike, {blocked} blocked");
-    assert!(blocked > 300 && f64::from(same) > 0.97 * f64::from(count), "{same} of {count}");
+    assert!(
+        blocked > 300 && f64::from(same) > 0.97 * f64::from(count),
+        "{same} of {count}"
+    );
     let _ = scenario;
 }
 
@@ -210,10 +233,22 @@ fn houses_hide_and_stand_behind() {
     });
     let mut data = MeshData::new(DVec3::ZERO);
     let grey = boresight::models::shape::mesh::Paint::plain([0.3; 3]);
-    data.cuboid(DVec3::new(-600.0, -600.0, -1.0), DVec3::new(600.0, 600.0, 0.0), grey);
+    data.cuboid(
+        DVec3::new(-600.0, -600.0, -1.0),
+        DVec3::new(600.0, 600.0, 0.0),
+        grey,
+    );
     // Behind a slab of 40 m stands nothing, before a long one of 60 m the UAV may fly.
-    data.cuboid(DVec3::new(-60.0, 200.0, 0.0), DVec3::new(-20.0, 215.0, 40.0), grey);
-    data.cuboid(DVec3::new(-580.0, 480.0, 0.0), DVec3::new(-380.0, 520.0, 90.0), grey);
+    data.cuboid(
+        DVec3::new(-60.0, 200.0, 0.0),
+        DVec3::new(-20.0, 215.0, 40.0),
+        grey,
+    );
+    data.cuboid(
+        DVec3::new(-580.0, 480.0, 0.0),
+        DVec3::new(-380.0, 520.0, 90.0),
+        grey,
+    );
     let mesh = TexturedMesh {
         positions: data.positions,
         normals: data.normals,
@@ -234,9 +269,15 @@ fn houses_hide_and_stand_behind() {
     let city = "tileset = \"tiles\"";
     let hover = |place: &str, more: &str| {
         let text = demo(at, city, station, "[0.0, 0.0, 50.0]", more);
-        let line = text.lines().find(|line| line.starts_with("trajectory")).unwrap().to_owned();
+        let line = text
+            .lines()
+            .find(|line| line.starts_with("trajectory"))
+            .unwrap()
+            .to_owned();
         let own = format!("trajectory = {{ kind = \"hover\", position_enu_m = {place} }}");
-        let text = text.replace(&line, &own).replace("duration_s = 25.0", "duration_s = 8.0");
+        let text = text
+            .replace(&line, &own)
+            .replace("duration_s = 25.0", "duration_s = 8.0");
         text.replace("centre_azimuth_deg = 315.0", "centre_azimuth_deg = 330.0")
     };
     // Behind the slab, on its roof's line: hidden; 60 m up: seen.
@@ -249,13 +290,19 @@ fn houses_hide_and_stand_behind() {
         DVec3::new(-44.0, 230.0, 10.0),
     );
     assert!((eye - DVec3::new(0.0, 0.0, 20.0)).length() < 0.1, "{eye}");
-    assert!(matches!(environment.line_of_sight(eye, uav), LineOfSight::BlockedAt(_)));
+    assert!(matches!(
+        environment.line_of_sight(eye, uav),
+        LineOfSight::BlockedAt(_)
+    ));
     assert_eq!(environment.city.buildings.len(), 2);
     assert!((environment.city.dsm.surface_m(-40.0, 207.0) - 40.0).abs() < 0.2);
     // A roof is a place, too.
     let above = "{ east_m = -44, north_m = 207, height_m = 20, above = \"roof\" }";
     let summary = run(folder, "above", &hover(above, ""));
-    assert!(seconds(&summary, "time_to_acquire_s").is_some(), "{summary:#}");
+    assert!(
+        seconds(&summary, "time_to_acquire_s").is_some(),
+        "{summary:#}"
+    );
     assert!(summary["energy_j"].as_f64().unwrap() > 0.0, "{summary:#}");
     // Before the long slab the beam would meet a wall.
     let before = "{ east_m = -430, north_m = 430, height_m = 40, above = \"ground\" }";
@@ -266,7 +313,10 @@ fn houses_hide_and_stand_behind() {
     let (_, kind) = dsm.first_hit_kind(eye, wall.normalize(), 5_000.0).unwrap();
     assert_eq!(kind, HitKind::Building);
     let allowed = "[engage]\nallow_backstop = [\"sky\", \"building\"]\nmin_clear_range_m = 10\n";
-    let text = hover(before, "").replace("[[engage.keep_out]]", &format!("{allowed}\n[[engage.keep_out]]"));
+    let text = hover(before, "").replace(
+        "[[engage.keep_out]]",
+        &format!("{allowed}\n[[engage.keep_out]]"),
+    );
     let fired = run(folder, "fired", &text);
     assert!(fired["energy_j"].as_f64().unwrap() > 0.0, "{fired:#}");
 }
@@ -293,7 +343,10 @@ fn over_mars() {
     });
     let tileset = folder.path().join("tileset.json");
     std::fs::write(&tileset, around.to_string()).unwrap();
-    let city = format!("tileset = {:?}\ndetail_m = 0.5\nradius_m = 200", tileset.to_str().unwrap());
+    let city = format!(
+        "tileset = {:?}\ndetail_m = 0.5\nradius_m = 200",
+        tileset.to_str().unwrap()
+    );
     let station = "{ east_m = 0, north_m = 0, height_m = 10, above = \"roof\" }";
     flown("Mars", [47.3769, 8.5417, 455.0], &city, station);
 }
