@@ -8,7 +8,7 @@ use crate::models::ground::raster::{self, RasterFrame};
 use crate::models::maths::geodesy::SiteFrame;
 use crate::sources::options::Options;
 use crate::sources::{Layer, LayerKind, error::Fault, error::SourceError};
-use crate::sources::{cityjson, geotiff, gltf, obj, ply};
+use crate::sources::{cityjson, footprints, geotiff, gltf, ifc, obj, ply};
 use crate::tiles::build::{BuildOptions, build};
 use crate::tiles::heights::Heights;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
@@ -177,6 +177,10 @@ pub(super) fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceE
         one(geotiff::read(path, options))
     } else if ends(&[".city.json", ".city.jsonl", ".cityjson", ".json", ".jsonl"]) {
         cityjson::read_all(path, options)
+    } else if ends(&[".geojson", ".geojsonl", ".osm", ".pbf"]) {
+        one(footprints::read(path, options))
+    } else if ends(&[".ifc"]) {
+        one(ifc::read(path, options))
     } else if ends(&[".obj"]) {
         one(obj::read(path, options))
     } else if ends(&[".gltf", ".glb"]) {
@@ -185,7 +189,8 @@ pub(super) fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceE
         one(ply::read(path, options))
     } else {
         let what = "its name does not say what it is";
-        let mend = "name CityJSON (.city.json), GeoTIFF (.tif, or a folder of them), .obj, .gltf, .glb or .ply";
+        let mend = "name CityJSON (.city.json), GeoTIFF (.tif, or a folder of them), GeoJSON (.geojson), \
+                    OpenStreetMap (.osm, .pbf), .ifc, .obj, .gltf, .glb or .ply";
         Err(Fault::new("name", what, mend).of(path))
     }
 }
