@@ -7,9 +7,10 @@ use std::path::PathBuf;
 /// Panics end the process as libFuzzer wants it, but for those of two libraries that the program catches.
 pub fn init() {
     std::panic::set_hook(Box::new(|panic| {
-        let file = panic.location().map_or("", |location| location.file());
-        if !["draco-oxide", "basisu"].iter().any(|name| file.contains(name)) {
-            eprintln!("{panic}");
+        let calls = std::backtrace::Backtrace::force_capture().to_string();
+        let caught = ["draco_oxide", "basisu"].iter().any(|name| calls.contains(name));
+        if !caught {
+            eprintln!("{panic}\n{calls}");
             std::process::abort();
         }
     }));

@@ -2,7 +2,7 @@
 
 use super::document::{Document, finite, floats};
 use super::schema::Accessor;
-use crate::tiles::content::bytes::{Kind, part};
+use crate::tiles::content::bytes::Kind;
 use crate::tiles::content::error::ContentError;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -24,29 +24,82 @@ struct Attribute {
     value_of_point: Option<Vec<usize>>,
 }
 
-/// Numbers of vertices and faces as the header of a mesh has them (Draco bitstream 2.2, sections 4 to 6); zeros
-/// where metadata stands before them.
-fn counts(data: &[u8], place: &str) -> Result<[u64; 2], ContentError> {
-    const HEADER: usize = 11; // [byte]
-    const METADATA: u8 = 0x80; // of the flags' second byte
-    let head = part(data, 0, HEADER, place)?;
-    if head[10] & METADATA != 0 {
-        return Ok([0; 2]);
+/// The beginning of a mesh's data, read before the decoder sees it: it allocates what the data ask for.
+struct Head<'d> {
+    rest: &'d [u8],
+}
+
+impl Head<'_> {
+    fn byte(&mut self) -> Option<u8> {
+        let (first, rest) = self.rest.split_first()?;
+        self.rest = rest;
+        Some(*first)
     }
-    // Edgebreaker begins with its kind of traversal.
-    let mut rest = data[HEADER + usize::from(head[8] == 1)..].iter();
-    let mut number = || {
-        let bytes = rest.by_ref().take(5).enumerate();
+
+    fn skip(&mut self, bytes: u64) -> Option<()> {
+        self.rest = self.rest.get(usize::try_from(bytes).ok()?..)?;
+        Some(())
+    }
+
+    /// A number of seven bits a byte, the lowest first (LEB128).
+    fn number(&mut self) -> Option<u64> {
         let mut number = 0;
-        for (i, byte) in bytes {
-            number |= u64::from(byte & 0x7f) << (7 * i);
+        for shift in (0..63).step_by(7) {
+            let byte = self.byte()?;
+            number |= u64::from(byte & 0x7f) << shift;
             if byte & 0x80 == 0 {
-                break;
+                return Some(number);
             }
         }
-        number
-    };
-    Ok([number(), number()])
+        None
+    }
+
+    fn name(&mut self) -> Option<()> {
+        let length = self.byte()?;
+        self.skip(length.into())
+    }
+
+    /// Skips a block of metadata and those inside it.
+    fn metadata(&mut self, depth: usize) -> Option<()> {
+        for _ in 0..self.number()? {
+            self.name()?;
+            let length = self.number()?;
+            self.skip(length)?;
+        }
+        for _ in 0..self.number()? {
+            self.name()?;
+            self.metadata(depth.checked_sub(1)?)?;
+        }
+        Some(())
+    }
+
+    /// The largest count that the header and the connectivity's beginning have (Draco bitstream 2.2, 4.1 to 4.8).
+    fn largest_count(data: &[u8]) -> Option<u64> {
+        const HEADER: usize = 11; // [byte]
+        const METADATA: u8 = 0x80; // of the flags' second byte
+        const DEPTH: usize = 32; // of metadata inside metadata
+        let mut head = Head {
+            rest: data.get(HEADER..)?,
+        };
+        if data[10] & METADATA != 0 {
+            for _ in 0..head.number()? {
+                head.number()?;
+                head.metadata(DEPTH)?;
+            }
+            head.metadata(DEPTH)?;
+        }
+        let edgebreaker = data[8] == 1;
+        if !edgebreaker {
+            return Some(head.number()?.max(head.number()?));
+        }
+        head.byte()?; // the kind of traversal
+        let (vertices, faces) = (head.number()?, head.number()?);
+        head.byte()?; // the number of attributes with seams
+        let (symbols, split_symbols, splits) = (head.number()?, head.number()?, head.number()?);
+        [vertices, faces, symbols, split_symbols, splits]
+            .into_iter()
+            .max()
+    }
 }
 
 impl Mesh {
@@ -60,8 +113,7 @@ impl Mesh {
         if data.len() < 12 || !data.starts_with(b"DRACO") {
             return Err(damaged("it is no Draco data"));
         }
-        let [first, second] = counts(data, place)?;
-        let counted = first.max(second);
+        let counted = Head::largest_count(data).ok_or_else(|| damaged("its header ends early"))?;
         if counted > DENSITY * data.len() as u64 {
             return Err(damaged("more faces than its bytes can hold"));
         }

@@ -97,6 +97,38 @@ fn quantized_without_compression() {
     );
 }
 
+#[test]
+fn draco_counts_are_checked_before_the_decoder_sees_them() {
+    let file = include_bytes!("../../../../tests/data/tiles/draco-edgebreaker.glb");
+    let at = file.windows(5).position(|part| part == b"DRACO").unwrap();
+    assert_eq!(file[at + 8], 1, "edgebreaker");
+    // Vertices, faces (two bytes), attributes, symbols: 2³² and more of each.
+    for (from, length) in [(12, 1), (13, 2), (16, 1)] {
+        let mut damaged = file.to_vec();
+        let huge = [0xff, 0xff, 0xff, 0xff, 0x7f];
+        damaged.splice(at + from..at + from + length, huge);
+        // The containers' lengths stay; what is shifted out at the end does not matter.
+        damaged.truncate(file.len());
+        let refused = alone(&damaged).unwrap_err().to_string();
+        assert!(
+            refused.contains("more faces than its bytes can hold"),
+            "{from}: {refused}"
+        );
+    }
+    // Metadata before the counts do not hide them.
+    let mut hidden = file.to_vec();
+    hidden[at + 10] |= 0x80;
+    hidden.splice(at + 11..at + 11, [0, 0, 0]);
+    let huge = [0xff, 0xff, 0xff, 0xff, 0x7f];
+    hidden.splice(at + 15..at + 16, huge);
+    hidden.truncate(file.len());
+    let refused = alone(&hidden).unwrap_err().to_string();
+    assert!(
+        refused.contains("more faces than its bytes can hold"),
+        "{refused}"
+    );
+}
+
 /// A model whose one buffer view `at` is stored as meshoptimizer packed it.
 fn pack(model: &mut Model, at: usize, packed: &[u8], how: Value, name: &str) {
     let view = model.view(packed);

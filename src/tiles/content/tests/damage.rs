@@ -83,3 +83,17 @@ proptest! {
         let _ = crate::tiles::content::picture::decode(&file, "picture");
     }
 }
+
+/// What fuzzing found (`fuzz/`), each by its cause: JSON, a zero and binary data, as the target `glb` takes them.
+#[test]
+fn finds_of_fuzzing_are_errors() {
+    // Bounds of a normal's transform the wrong way round: a panic inside the Draco decoder.
+    let find: &[u8] = include_bytes!("../../../../tests/data/tiles/finds/draco-clamp.bin");
+    let at = find.iter().position(|byte| *byte == 0).unwrap();
+    let root: Value = serde_json::from_slice(&find[..at]).unwrap();
+    let refused = alone(&glb(&root, &find[at + 1..])).unwrap_err().to_string();
+    assert!(
+        refused.contains("the Draco decoder gave up on it"),
+        "{refused}"
+    );
+}
