@@ -68,6 +68,42 @@ pub fn made_from(params: &CityParams, folder: &Path) -> CityParams {
     own
 }
 
+/// Overrides by which the scenario finds its real city wherever its text is read: a recording carries them.
+pub fn found_anywhere(params: &CityParams, folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut add = |key: String, path: Option<&String>| {
+        if let Some(path) = path {
+            let at = located(folder, path);
+            let whole = match at.contains("://") {
+                true => at,
+                false => std::path::absolute(&at)
+                    .map_or(at, |whole| whole.to_string_lossy().into_owned()),
+            };
+            found.push(format!("{key}={}", toml::Value::String(whole)));
+        }
+    };
+    add("city.tileset".into(), params.tileset.as_ref());
+    add("city.georef".into(), params.georef.as_ref());
+    let sources = params.sources.iter().enumerate();
+    let sources = sources.map(|(index, source)| (format!("city.sources.{index}"), source));
+    let horizon = params
+        .horizon
+        .iter()
+        .map(|source| ("city.horizon".to_owned(), source));
+    for (key, source) in sources.chain(horizon) {
+        match source {
+            CitySource::File(file) => add(key, Some(file)),
+            CitySource::With(with) => {
+                add(format!("{key}.file"), Some(&with.file));
+                add(format!("{key}.georef"), with.georef.as_ref());
+                add(format!("{key}.orthophoto"), with.orthophoto.as_ref());
+                add(format!("{key}.terrain"), with.terrain.as_ref());
+            }
+        }
+    }
+    found
+}
+
 /// Reads the real city of some parameters, whose paths are relative to `folder`, about a site.
 pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<RealPlace, PlaceError> {
     let location = match &params.tileset {
@@ -280,4 +316,40 @@ fn far(
         }
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::ground::city::SourceParams;
+
+    #[test]
+    fn a_recording_finds_the_city_again() {
+        let folder = Path::new("/data/town");
+        let mut params = CityParams {
+            tileset: Some("tiles/tileset.json".into()),
+            ..CityParams::default()
+        };
+        let said = found_anywhere(&params, folder);
+        assert_eq!(said, ["city.tileset=\"/data/town/tiles/tileset.json\""]);
+        params.tileset = Some("https://example.org/tileset.json".into());
+        let said = found_anywhere(&params, folder);
+        assert_eq!(said, ["city.tileset=\"https://example.org/tileset.json\""]);
+        let plain = CitySource::File("a.tif".into());
+        let with = SourceParams {
+            orthophoto: Some("/photos/b.tif".into()),
+            ..plain.params()
+        };
+        let params = CityParams {
+            sources: vec![plain, CitySource::With(with)],
+            ..CityParams::default()
+        };
+        let want = [
+            "city.sources.0=\"/data/town/a.tif\"",
+            "city.sources.1.file=\"/data/town/a.tif\"",
+            "city.sources.1.orthophoto=\"/photos/b.tif\"",
+        ];
+        assert_eq!(found_anywhere(&params, folder), want);
+        assert!(found_anywhere(&CityParams::default(), folder).is_empty());
+    }
 }

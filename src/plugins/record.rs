@@ -11,6 +11,7 @@ use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick,
 use crate::models::ground::city::City;
 use crate::models::mount::gimbal::GimbalParams;
 use crate::models::tracking::search::{SlewLimits, coverage_time_s};
+use crate::place::found_anywhere;
 use crate::plugins::run::fallible;
 use crate::recording::{
     LogLevel, Meta, OwnTopic, Recorder, RecordingError, SceneEntity, SceneShape,
@@ -22,6 +23,7 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::io::{self, Write};
 use std::num::NonZeroU32;
+use std::path::Path;
 
 /// Adds the domain to both schedules, in [`TickSet::Record`].
 pub struct RecordPlugin;
@@ -114,13 +116,17 @@ fn recorder(
     let out = options.out.as_deref();
     out.map(crate::output::create_dir).transpose()?;
     let epoch = scenario.time_utc.timestamp_nanos_opt().unwrap_or(0);
+    // A recording lies elsewhere than its scenario.
+    let folder = loaded.path.parent().unwrap_or(Path::new(""));
+    let mut overrides = loaded.overrides.clone();
+    overrides.extend(found_anywhere(&scenario.city, folder));
     let mut recorder = Recorder::create(
         out.map(|out| out.join("run.mcap")).as_deref(),
         options.live,
         &Meta {
             scenario_name: &scenario.name,
             scenario_toml: &loaded.source,
-            overrides: &loaded.overrides,
+            overrides: &overrides,
             seed: seed.0,
             pictures: options.capture,
             version: crate::VERSION,
