@@ -5,7 +5,7 @@ use glam::DVec3;
 use rstar::{AABB, PointDistance, RTree, RTreeObject};
 
 /// Most points that one surface is sampled at.
-const MOST_POINTS: usize = 12_000;
+const MOST_POINTS: usize = 40_000;
 
 /// A triangle in a tree of boxes.
 struct Triangle([DVec3; 3]);

@@ -21,7 +21,7 @@ const FARTHEST_M: f64 = 200_000.0;
 /// A texture that repeats more often than this over a mesh is kept apart from the atlases.
 const MOST_REPEATS: f32 = 2.0;
 /// Normals closer to their triangle's than this cosine are its own.
-const FLAT_COS: f32 = 0.9998;
+const FLAT_COS: f32 = 0.99995;
 /// The feature of a vertex that has none.
 pub(super) const NO_FEATURE: u32 = u32::MAX;
 /// The group of a triangle that is cut where a cell ends.
@@ -310,9 +310,8 @@ fn add_mesh(
         shift: uv_shift,
         limit: uv_limit,
     } = uv_habit(mesh, look, texture.is_some());
-    let normals = !mesh.normals.is_empty() && !look.unlit && !is_flat(mesh);
-    let featured = !mesh.features.is_empty();
-    let material_of = |featured: bool, scene: &mut Scene| {
+    let smooth = smooth(mesh);
+    let mut material_of = |normals: bool, featured: bool| {
         let bare = Material {
             texture: None,
             tiled: false,
@@ -340,12 +339,8 @@ fn add_mesh(
             },
         )
     };
-    let plain = material_of(false, scene);
-    let with_features = if featured {
-        material_of(true, scene)
-    } else {
-        plain
-    };
+    // By whether a triangle is smooth, and whether it has a feature.
+    let mut material_by = [[None; 2]; 2];
     let mut own = Mesh {
         vertices: Vec::with_capacity(mesh.positions.len()),
         indices: mesh.indices.clone(),
@@ -359,11 +354,12 @@ fn add_mesh(
     for i in 0..mesh.positions.len() {
         let color = mesh.colors.get(i).copied().unwrap_or([1.0; 4]);
         let feature = mesh.features.get(i).copied().unwrap_or(NO_FEATURE);
-        let normal = if normals {
-            let turned = to_site.turn.as_quat() * Vec3::from(mesh.normals[i]);
-            turned.normalize_or(Vec3::Z).to_array().map(|x| x + 0.0)
-        } else {
-            [0.0; 3]
+        let normal = match mesh.normals.get(i).filter(|_| smooth[i]) {
+            Some(normal) => {
+                let turned = to_site.turn.as_quat() * Vec3::from(*normal);
+                turned.normalize_or(Vec3::Z).to_array().map(|x| x + 0.0)
+            }
+            None => [0.0; 3],
         };
         let uv = match texture {
             Some(_) => std::array::from_fn(|k| {
@@ -383,11 +379,8 @@ fn add_mesh(
             } else {
                 feature + first_feature
             },
-            material: if feature == NO_FEATURE {
-                plain
-            } else {
-                with_features
-            },
+            material: *material_by[usize::from(smooth[i])][usize::from(feature != NO_FEATURE)]
+                .get_or_insert_with(|| material_of(smooth[i], feature != NO_FEATURE)),
         });
     }
     // A triangle is of its first corner's material and feature.
@@ -470,17 +463,34 @@ fn uv_habit(mesh: &TexturedMesh, look: &Look, textured: bool) -> Uv {
     }
 }
 
-/// Whether all normals are those of the triangles.
-fn is_flat(mesh: &TexturedMesh) -> bool {
-    mesh.indices.as_chunks::<3>().0.iter().all(|triangle| {
+/// Whether each vertex has a normal other than those of its triangles. What is flat needs none, and welds.
+fn smooth(mesh: &TexturedMesh) -> Vec<bool> {
+    let mut smooth = vec![false; mesh.positions.len()];
+    if mesh.normals.is_empty() || mesh.look.unlit {
+        return smooth;
+    }
+    for triangle in mesh.indices.as_chunks::<3>().0 {
         let [a, b, c] = triangle.map(|i| Vec3::from(mesh.positions[i as usize]));
         let Some(face) = (b - a).cross(c - a).try_normalize() else {
-            return true;
+            continue;
         };
-        triangle
-            .iter()
-            .all(|&i| face.dot(Vec3::from(mesh.normals[i as usize])) > FLAT_COS)
-    })
+        for &i in triangle {
+            smooth[i as usize] |= face.dot(Vec3::from(mesh.normals[i as usize])) <= FLAT_COS;
+        }
+    }
+    // A surface that is smooth somewhere is so in every corner.
+    let mut surfaces = Sets::new(smooth.len());
+    for triangle in mesh.indices.as_chunks::<3>().0 {
+        surfaces.join(triangle[0], triangle[1]);
+        surfaces.join(triangle[0], triangle[2]);
+    }
+    for i in 0..smooth.len() {
+        let root = surfaces.root(i as u32) as usize;
+        smooth[root] |= smooth[i];
+    }
+    (0..smooth.len() as u32)
+        .map(|i| smooth[surfaces.root(i) as usize])
+        .collect()
 }
 
 /// Gives every triangle corners of one material and feature: its first one's.

@@ -3,6 +3,8 @@
 //! From the smallest cells up: children are merged, welded and made simpler (eq. 1) until one tile shows everything.
 
 mod atlas;
+pub mod city;
+pub mod command;
 mod glb;
 mod measure;
 mod mesh;
@@ -10,6 +12,7 @@ pub mod options;
 mod pictures;
 pub mod report;
 mod simplify;
+pub mod sources;
 mod split;
 mod table;
 mod tile;

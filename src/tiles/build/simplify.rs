@@ -8,7 +8,7 @@ use super::mesh::{Material, Mesh, one_material_a_triangle};
 use meshopt::{SimplifyOptions, SimplifyVertex, VertexDataAdapter, typed_to_bytes};
 
 /// Weight of an 8-bit-like step of colour against shape: a full change of colour counts as this share of the cell.
-const COLOR_WEIGHT: f32 = 0.02;
+const COLOR_WEIGHT: f32 = 0.005;
 /// Edge collapse stops at this error, as a share of the mesh's extent.
 const MOST_ERROR: f32 = 0.1;
 /// A result of so many times the wanted triangles is good enough to leave the topology alone.
@@ -40,29 +40,59 @@ pub(super) fn simplify(
         .map(|v| std::array::from_fn(|k| (v.at[k] - low[k]) as f32))
         .collect();
     let locks: Vec<bool> = mesh.vertices.iter().map(|v| locked(v.at)).collect();
-    let (mut indices, mut error) = collapse(mesh, materials, &places, &locks, target, false);
-    if indices.len() as f64 > 3.0 * ENOUGH * target as f64 {
-        let (fewer, again) = collapse(mesh, materials, &places, &locks, target, true);
-        if fewer.len() < indices.len() {
-            (indices, error) = (fewer, again);
+    let few = |indices: &[u32]| indices.len() as f64 <= 3.0 * ENOUGH * target as f64;
+    let cautious = collapse(mesh, materials, &places, &locks, target, false);
+    let mut tried = vec![cautious];
+    if !few(&tried[0].0) {
+        tried.push(collapse(mesh, materials, &places, &locks, target, true));
+        let left = if tried[1].0.len() < tried[0].0.len() {
+            1
+        } else {
+            0
+        };
+        let left = tried[left].0.clone();
+        tried.push(cluster(mesh, materials, &places, &locks, &left, target));
+        tried.retain(|(indices, _)| !indices.is_empty());
+        let least = tried.iter().map(|(indices, _)| indices.len()).min();
+        if tried.iter().any(|(indices, _)| few(indices)) {
+            tried.retain(|(indices, _)| few(indices));
+        } else {
+            tried.retain(|(indices, _)| Some(indices.len()) == least);
         }
     }
-    if indices.len() as f64 > 3.0 * ENOUGH * target as f64 {
-        let (fewer, again) = cluster(mesh, materials, &places, &locks, &indices, target);
-        if !fewer.is_empty() && fewer.len() < indices.len() {
-            (indices, error) = (fewer, error.max(again));
+    // What the library says of errors is a mean, and counts colours: where there is a choice, what is measured decides.
+    let colored = colored(mesh);
+    let results = tried.into_iter().map(|(indices, said)| {
+        let simple = Mesh {
+            vertices: mesh.vertices.clone(),
+            indices,
+        };
+        let simple = one_material_a_triangle(simple).welded();
+        let measured = farthest(mesh, &simple).max(farthest(&simple, mesh));
+        let error = if colored {
+            measured
+        } else {
+            measured.max(f64::from(said))
+        };
+        Simplified {
+            mesh: simple,
+            error,
         }
-    }
-    let simple = Mesh {
-        vertices: mesh.vertices.clone(),
-        indices,
+    });
+    let whole = || Simplified {
+        mesh: mesh.clone(),
+        error: 0.0,
     };
-    let simple = one_material_a_triangle(simple).welded();
-    let measured = farthest(mesh, &simple).max(farthest(&simple, mesh));
-    Simplified {
-        mesh: simple,
-        error: f64::from(error).max(measured),
-    }
+    results
+        .min_by(|a, b| a.error.total_cmp(&b.error))
+        .unwrap_or_else(whole)
+}
+
+/// Whether its vertices differ in colour.
+fn colored(mesh: &Mesh) -> bool {
+    mesh.vertices
+        .iter()
+        .any(|v| v.color != mesh.vertices[0].color)
 }
 
 /// Edge collapse. Across seams of colour too where `bold`; never across those of textures.
@@ -91,13 +121,9 @@ fn collapse(
     if bold {
         options |= SimplifyOptions::Permissive;
     }
-    let colored = mesh
-        .vertices
-        .iter()
-        .any(|v| v.color != mesh.vertices[0].color);
     let mut error = 0.0;
     let limit = extent * MOST_ERROR;
-    let indices = if colored {
+    let indices = if colored(mesh) {
         let colors: Vec<[f32; 3]> = (mesh.vertices.iter())
             .map(|v| std::array::from_fn(|k| f32::from(v.color[k]) / 65535.0))
             .collect();

@@ -255,6 +255,9 @@ fn every_level_keeps_a_third_at_most_and_errs_by_no_more_than_it_says() {
             }
             whole.extend(corners);
         }
+        // Where cells are cut less often, their leaves show the rest.
+        let above = tiles.iter().filter(|t| t.leaf && t.level < level);
+        whole.extend(above.flat_map(Read::corners));
         let missed_m = farthest_between(&input, whole);
         assert!(
             missed_m <= error_m,
