@@ -20,7 +20,7 @@ use std::time::Instant;
 /// What is built, and how.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Arguments {
-    /// Files: OBJ, PLY, glTF or GLB meshes, CityJSON, GeoTIFF height rasters; or one scenario (TOML) for its generated
+    /// Files: OBJ, PLY, glTF or GLB meshes, CityJSON, GeoTIFF height rasters, footprints (GeoJSON, OSM), IFC; or one scenario (TOML) for its generated
     /// city. Several become one tileset.
     #[arg(required = true)]
     sources: Vec<PathBuf>,
@@ -70,6 +70,9 @@ pub struct Arguments {
     /// A height raster that footprints stand on.
     #[arg(long)]
     terrain: Option<PathBuf>,
+    /// The terrain's coordinate reference system, where its file names none or a wrong one.
+    #[arg(long)]
+    terrain_crs: Option<String>,
     /// Height of the ground under footprints without terrain [m].
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
     base_height: f64,
@@ -139,6 +142,7 @@ impl Arguments {
             site: self.site,
             orthophoto: self.orthophoto.clone(),
             terrain: self.terrain.clone(),
+            terrain_crs: self.terrain_crs.clone(),
             base_height_m: self.base_height,
             building_height_m: self.building_height,
             lod: self.lod.clone(),

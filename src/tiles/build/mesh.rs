@@ -18,7 +18,8 @@ const LATTICE_BITS: i32 = 22;
 pub(super) const MOST_LEVELS: u32 = 12;
 /// What lies farther from the site is a mistake in the source's coordinates [m].
 const FARTHEST_M: f64 = 200_000.0;
-/// A texture that repeats more often than this over a mesh is kept apart from the atlases.
+/// A texture that repeats more often than this along a side of a mesh, or over its whole area, is kept apart from the
+/// atlases.
 const MOST_REPEATS: f32 = 2.0;
 /// Normals closer to their triangle's than this cosine are its own.
 const FLAT_COS: f32 = 0.99995;
@@ -446,7 +447,14 @@ fn uv_habit(mesh: &TexturedMesh, look: &Look, textured: bool) -> Uv {
             high[k] = high[k].max(mesh.uv[i as usize][k]);
         }
     }
-    if (0..2).any(|k| high[k] - low[k] > MOST_REPEATS) {
+    let area = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|i| mesh.uv[i as usize]);
+        let [u, v] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
+        0.5 * (u[0] * v[1] - u[1] * v[0]).abs()
+    };
+    let (triangles, _) = mesh.indices.as_chunks::<3>();
+    let used: f32 = triangles.iter().map(area).sum();
+    if used > MOST_REPEATS || (0..2).any(|k| high[k] - low[k] > MOST_REPEATS) {
         return Uv {
             tiled: true,
             wraps: true,

@@ -1,14 +1,17 @@
 //! Files of raw geodata as layers, by what their names end with.
 
+use crate::sources::error::read_bytes;
 use crate::sources::error::{Fault, SourceError};
 use crate::sources::options::Options;
-use crate::sources::{Layer, cityjson, geotiff, gltf, obj, ply};
+use crate::sources::{Layer, cityjson, footprints, geotiff, gltf, ifc, obj, ply};
 use std::path::{Path, PathBuf};
 
 /// What a file is, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     CityJson,
+    Footprints,
+    Ifc,
     Raster,
     Gltf,
     Obj,
@@ -28,11 +31,24 @@ fn format(path: &Path) -> Result<Format, SourceError> {
         (Format::Gltf, &[".glb", ".gltf"]),
         (Format::Obj, &[".obj"]),
         (Format::Ply, &[".ply"]),
-        (Format::CityJson, &[".json", ".jsonl"]),
+        (Format::Ifc, &[".ifc"]),
+        (Format::Footprints, &[".geojson", ".pbf"]),
+        (Format::CityJson, &[".city.json", ".jsonl"]),
     ];
+    if ends(&[".json"]) && !ends(&[".city.json"]) {
+        // Either of two: a CityJSON says so near its beginning.
+        let bytes = read_bytes(path)?;
+        let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
+        let city = head.contains("\"CityJSON");
+        return Ok(if city {
+            Format::CityJson
+        } else {
+            Format::Footprints
+        });
+    }
     let found = known.iter().find(|(_, names)| ends(names));
     found.map(|(format, _)| *format).ok_or_else(|| {
-        let mend = "give .obj, .ply, .gltf, .glb, .city.json, .tif, or a scenario (.toml)";
+        let mend = "give .obj, .ply, .gltf, .glb, .city.json, .tif, .geojson, .osm.pbf, .ifc, or a scenario (.toml)";
         Fault::new("name", "it does not say what the file is", mend).of(path)
     })
 }
@@ -50,6 +66,8 @@ pub fn read(paths: &[PathBuf], options: &Options) -> Result<Vec<Layer>, SourceEr
         };
         match format {
             Format::CityJson => layers.extend(cityjson::read_all(path, &framed)?),
+            Format::Footprints => layers.push(footprints::read(path, &framed)?),
+            Format::Ifc => layers.push(ifc::read(path, &framed)?),
             Format::Raster => layers.push(geotiff::read(path, &framed)?),
             Format::Gltf => layers.push(gltf::read(path, options)?),
             Format::Obj => layers.push(obj::read(path, options)?),

@@ -1,10 +1,11 @@
 //! One tile: its triangles, its picture, its errors.
 
 use super::atlas::{Atlas, detail, pack, painted};
-use super::mesh::{Mesh, Scene};
+use super::mesh::{Mesh, Scene, Vertex};
 use super::options::BuildOptions;
 use super::simplify::simplify;
 use super::split::Cell;
+use glam::DVec3;
 use std::borrow::Cow;
 
 /// Pixels on the screen that a pixel of a texture may cover before the children's finer ones are drawn, so that the
@@ -14,6 +15,26 @@ const PIXELS_PER_TEXEL: f64 = 16.0;
 const ROUNDING: f64 = 0.87;
 /// Tiles with fewer triangles are as good as none: they are not made simpler.
 const FEW: usize = 48;
+
+/// So many times the wanted triangles are too many to keep textures for.
+const SHORT: f64 = 1.5;
+/// Pixels on the screen that the distance of two vertices with colours may cover.
+const PIXELS_PER_COLOR: f64 = 4.0;
+
+/// Whether a vertex is under a texture.
+fn is_textured(scene: &Scene, vertex: &Vertex) -> bool {
+    scene.materials[vertex.material as usize].texture.is_some()
+}
+
+/// Mean distance of neighbouring vertices [steps of the lattice].
+fn spacing(mesh: &Mesh) -> f64 {
+    let edge = |t: &[u32; 3]| {
+        let [a, b] = [t[0], t[1]].map(|i| DVec3::from(mesh.vertices[i as usize].at.map(f64::from)));
+        a.distance(b)
+    };
+    let sum: f64 = mesh.triangles().iter().map(edge).sum();
+    sum / mesh.triangle_count().max(1) as f64
+}
 
 /// A tile, made.
 #[derive(Debug)]
@@ -106,8 +127,18 @@ fn merged(scene: &Scene, cell: &Cell, children: &[&Tile], options: &BuildOptions
     let (mesh, error) = if mesh.triangle_count() <= FEW {
         (mesh, 0.0)
     } else {
-        let simple = simplify(&mesh, &scene.materials, options.keep, on_border);
-        (simple.mesh, simple.error)
+        let first = simplify(&mesh, &scene.materials, options.keep, on_border);
+        let wanted = mesh.triangle_count() as f64 * options.keep;
+        let textured = |mesh: &Mesh| mesh.vertices.iter().any(|v| is_textured(scene, v));
+        if first.mesh.triangle_count() as f64 > SHORT * wanted && textured(&first.mesh) {
+            // Charts too small to be made simpler: their colours at the vertices.
+            let bare = painted(scene, &mesh, halvings, |_| true);
+            let second = simplify(&bare, &scene.materials, options.keep, on_border);
+            geometric = geometric.max(spacing(&second.mesh) * PIXELS_PER_COLOR);
+            (second.mesh, second.error)
+        } else {
+            (first.mesh, first.error)
+        }
     };
     let shape_error = shape + error;
     Tile {
