@@ -1,6 +1,6 @@
 """Writes tests/data/projections.csv: points in many systems, and where PROJ puts them. `cargo test projection` holds
-Boresight to them. With --datums it prints how far Boresight's datum shifts (those of the PROJ strings) lie from the best that
-PROJ itself would choose by EPSG code.
+Boresight to them. With --datums it prints how far Boresight's datum shifts (those of the PROJ strings) lie from what PROJ itself
+chooses by EPSG code without grids, and the accuracy that EPSG states of it.
 
     python3 -m venv venv && venv/bin/pip install pyproj==3.7.2
     venv/bin/python scripts/projections.py [--datums]
@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from pyproj import Geod, Transformer, __version__, proj_version_str
+from pyproj.transformer import TransformerGroup
 
 # Points by the code of the system they lie in: east or longitude, north or latitude, height (X, Y, Z in geocentric ones).
 POINTS = {
@@ -53,6 +54,14 @@ POINTS = {
 }
 
 
+# As in src/projection.rs.
+REPLACED = {
+    "+datum=OSGB36": "+ellps=airy +towgs84=446.448,-125.157,542.06,0.15,0.247,0.842,-20.489",
+    "+datum=potsdam": "+ellps=bessel +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7",
+    "+towgs84=589,76,480,0,0,0,0": "+towgs84=572.213,85.334,461.94,4.9732,1.529,5.2484,3.5378",
+}
+
+
 def strings() -> dict[int, str]:
     """The PROJ strings that the program uses, from the sources of the crate that it takes them from."""
     crates = Path.home() / ".cargo/registry/src"
@@ -61,7 +70,10 @@ def strings() -> dict[int, str]:
         sys.exit("fetch the crates first: cargo fetch")
     entry = re.compile(r'^EPSG_\d+\|(\d+)\|"([^"]*)"')
     lines = (entry.match(line) for line in found[0].open(encoding="utf-8"))
-    return {int(match[1]): match[2] for match in lines if match}
+    table = {int(match[1]): match[2] for match in lines if match}
+    for old, new in REPLACED.items():
+        table = {code: text.replace(old, new) for code, text in table.items()}
+    return table
 
 
 def datums(table: dict[int, str]) -> None:
@@ -76,7 +88,11 @@ def datums(table: dict[int, str]) -> None:
         for point in points:
             a, b = by_string.transform(*point), by_code.transform(*point)
             gaps.append(geod.inv(a[0], a[1], b[0], b[1])[2])
-        print(f"EPSG:{code:<6} {max(gaps):10.4f} m")
+        # What EPSG states of the best shift without grids, and of the best with one.
+        group = TransformerGroup(f"EPSG:{code}", "EPSG:4326", always_xy=True)
+        best = [min((t.accuracy for t in found if t.accuracy >= 0), default=None) for found in (group.transformers, group.unavailable_operations)]
+        stated = ", ".join("-" if accuracy is None else f"{accuracy:g} m" for accuracy in best)
+        print(f"EPSG:{code:<6} {max(gaps):10.4f} m   accuracy stated without and with grids: {stated}")
 
 
 def main() -> None:

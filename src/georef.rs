@@ -87,27 +87,96 @@ const MOST_BYTES: u64 = 16 << 20; // [B]
 
 /// Names under which a column is known.
 const COLUMNS: [(&str, &[&str]); 15] = [
-    ("name", &["name", "id", "point", "gcp"]),
-    ("x", &["x", "local_x", "x_local"]),
-    ("y", &["y", "local_y", "y_local"]),
-    ("z", &["z", "local_z", "z_local"]),
-    ("east", &["east", "easting", "e", "east_m"]),
-    ("north", &["north", "northing", "n", "north_m"]),
+    ("name", &["name", "id", "point", "point_id", "gcp", "label"]),
+    (
+        "x",
+        &[
+            "x",
+            "local_x",
+            "x_local",
+            "x_m",
+            "local_x_m",
+            "model_x",
+            "local_east",
+        ],
+    ),
+    (
+        "y",
+        &[
+            "y",
+            "local_y",
+            "y_local",
+            "y_m",
+            "local_y_m",
+            "model_y",
+            "local_north",
+        ],
+    ),
+    (
+        "z",
+        &[
+            "z",
+            "local_z",
+            "z_local",
+            "z_m",
+            "local_z_m",
+            "model_z",
+            "local_up",
+        ],
+    ),
+    (
+        "east",
+        &["east", "easting", "e", "east_m", "easting_m", "map_x"],
+    ),
+    (
+        "north",
+        &["north", "northing", "n", "north_m", "northing_m", "map_y"],
+    ),
     (
         "longitude",
-        &["longitude", "lon", "longitude_deg", "lon_deg"],
+        &["longitude", "lon", "lng", "longitude_deg", "lon_deg"],
     ),
     ("latitude", &["latitude", "lat", "latitude_deg", "lat_deg"]),
     (
         "height",
-        &["height", "h", "height_m", "altitude", "elevation"],
+        &[
+            "height",
+            "h",
+            "height_m",
+            "h_m",
+            "altitude",
+            "alt",
+            "elevation",
+            "elevation_m",
+            "map_z",
+            "ellipsoidal_height",
+            "orthometric_height",
+        ],
     ),
-    ("ecef_x", &["ecef_x", "ecef_x_m"]),
-    ("ecef_y", &["ecef_y", "ecef_y_m"]),
-    ("ecef_z", &["ecef_z", "ecef_z_m"]),
-    ("sigma", &["sigma", "sigma_m"]),
-    ("sigma_ground", &["sigma_ground", "sigma_ground_m"]),
-    ("sigma_height", &["sigma_height", "sigma_height_m"]),
+    ("ecef_x", &["ecef_x", "ecef_x_m", "x_ecef", "x_ecef_m"]),
+    ("ecef_y", &["ecef_y", "ecef_y_m", "y_ecef", "y_ecef_m"]),
+    ("ecef_z", &["ecef_z", "ecef_z_m", "z_ecef", "z_ecef_m"]),
+    ("sigma", &["sigma", "sigma_m", "accuracy", "accuracy_m"]),
+    (
+        "sigma_ground",
+        &[
+            "sigma_ground",
+            "sigma_ground_m",
+            "sigma_horizontal",
+            "sigma_horizontal_m",
+            "sigma_xy",
+        ],
+    ),
+    (
+        "sigma_height",
+        &[
+            "sigma_height",
+            "sigma_height_m",
+            "sigma_vertical",
+            "sigma_vertical_m",
+            "sigma_z",
+        ],
+    ),
 ];
 
 /// The points of a file, their system, and whether the file states how exact they are.

@@ -100,8 +100,23 @@ const VERTICAL: [(u16, &str, f64); 37] = [
     (9389, "EVRF2019", 1.0),
 ];
 
-/// The ellipsoid and the seven parameters of OSGB36 with the digits of EPSG 1314.
-const OSGB36: &str = "+ellps=airy +towgs84=446.448,-125.157,542.06,0.15,0.247,0.842,-20.489";
+/// Parts of PROJ strings that are replaced: of the two series for the transverse Mercator the one that stays exact far from the
+/// meridian, and datum shifts of three countries with the parameters of EPSG 1314, 1777 and 5239.
+const REPLACED: [(&str, &str); 4] = [
+    ("+proj=tmerc", "+proj=etmerc"),
+    (
+        "+datum=OSGB36",
+        "+ellps=airy +towgs84=446.448,-125.157,542.06,0.15,0.247,0.842,-20.489",
+    ),
+    (
+        "+datum=potsdam",
+        "+ellps=bessel +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7",
+    ),
+    (
+        "+towgs84=589,76,480,0,0,0,0",
+        "+towgs84=572.213,85.334,461.94,4.9732,1.529,5.2484,3.5378",
+    ),
+];
 
 /// A coordinate reference system. Coordinates are always east or longitude first, then north or latitude, then the height,
 /// whatever order its register states; X, Y, Z in a geocentric one. Angles are in degrees, lengths in the system's own unit.
@@ -151,11 +166,8 @@ impl Crs {
             name: text.into(),
             what: error.to_string(),
         };
-        // Of the two series for the transverse Mercator, the one that stays exact far from the meridian; and OSGB36
-        // as EPSG has it.
-        let exact = definition
-            .replace("+proj=tmerc", "+proj=etmerc")
-            .replace("+datum=OSGB36", OSGB36);
+        let replace = |text: String, (old, new): &(&str, &str)| text.replace(old, new);
+        let exact = REPLACED.iter().fold(definition.clone(), replace);
         let proj = Proj::from_proj_string(&exact).map_err(unsupported)?;
         if !proj.has_inverse() {
             let what = "its projection has no inverse here".into();

@@ -96,6 +96,10 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         .file_name()
         .map(|name| name.to_string_lossy().to_lowercase())
         .unwrap_or_default();
+    if name.ends_with(".osm") {
+        let mend = "convert it (osmium cat city.osm -o city.osm.pbf)";
+        return Err(Fault::new("OpenStreetMap data", "XML is not read", mend).of(path));
+    }
     let found = if name.ends_with(".pbf") {
         osm::read(&bytes).map(|found| (found, "WGS84".to_string()))
     } else {

@@ -172,6 +172,14 @@ fn bad_files_are_one_error_that_says_what_to_do() {
         .is_ok()
     );
     let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("city.osm");
+    std::fs::write(&path, "<osm/>").unwrap();
+    assert!(
+        read(&path, &plain)
+            .unwrap_err()
+            .to_string()
+            .contains("osmium")
+    );
     let path = folder.path().join("city.osm.pbf");
     for bytes in [&b""[..], b"\0\0\0\x0d", b"nothing of the kind", &[255; 64]] {
         std::fs::write(&path, bytes).unwrap();
