@@ -109,7 +109,7 @@ fn main() -> ExitCode {
     app.add_plugins((bevy, TilesPlugin::default()))
         .insert_resource(ClearColor(Color::srgb(0.53, 0.68, 0.85)))
         .insert_resource(GlobalAmbientLight {
-            brightness: 2_000.0,
+            brightness: 600.0,
             ..default()
         })
         .insert_resource(wish)
@@ -137,7 +137,7 @@ fn begin(mut commands: Commands, wish: Res<Wish>) {
     ));
     commands.spawn((
         DirectionalLight {
-            illuminance: 8_000.0,
+            illuminance: 5_000.0,
             ..default()
         },
         Transform::from_xyz(0.4, -0.6, 1.0).looking_at(Vec3::ZERO, Vec3::Z),

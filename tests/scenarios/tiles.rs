@@ -9,7 +9,9 @@ use boresight::components::capture::{ExposedFrame, Frames, Tier};
 use boresight::components::environment::{CityTiles, Environment};
 use boresight::components::render::CityTilesets;
 use boresight::components::run::{SetUp, TickSet};
-use boresight::components::tiles::{OpenTiles, Tiles, TilesCount};
+use boresight::components::tiles::{OpenTiles, TileLoaded, Tiles, TilesCount, TilesViews};
+use boresight::models::tiles::selection::View;
+use boresight::plugins::tiles::TilesPlugin;
 use boresight::scenario::{Loaded, Scenario};
 use boresight::tiles::tileset::Tileset;
 use glam::{DAffine3, DVec2, DVec3};
@@ -155,6 +157,7 @@ fn with_tiles(loaded: &Loaded, folder: &TempDir) -> App {
                 location: location.clone(),
                 site: environment.site,
                 enu_from_root: DAffine3::IDENTITY,
+                summary: String::new(),
             });
         };
         let between = (add.after(TickSet::Environment)).before(TickSet::Flight);
@@ -306,4 +309,80 @@ fn tiles_that_come_with_a_frame_are_in_it() {
         assert_eq!((all.drawn, all.failed), (3, 0));
     }
     assert!(least < most, "{least} to {most} tiles were drawn");
+}
+
+/// Five minutes over real terrain without a picture: what is drawn, kept and loaded.
+#[derive(Debug, Default)]
+struct Flown {
+    most_bytes: u64,
+    least_drawn: usize,
+    drawn: f64,
+    triangles: f64,
+    loaded: usize,
+    last: TilesCount,
+}
+
+/// Flies circles over `mars-terrain`, whose y points up, with a camera that looks ahead and down.
+fn flown(budget_bytes: u64, cull: bool) -> Option<Flown> {
+    const STEPS: u32 = 3_000; // ten a second
+    let file = "../shared/data/tiles/mars-terrain/example/public/data/tileset.json";
+    let path = Path::new(ROOT).join(file);
+    if !path.exists() {
+        println!("skipped: {} is not there", path.display());
+        return None;
+    }
+    let mut tiles = Tiles::new(path.display().to_string());
+    (tiles.byte_budget, tiles.select.cull) = (budget_bytes, cull);
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), TilesPlugin::default()))
+        .init_asset::<Mesh>()
+        .init_asset::<Image>()
+        .init_asset::<StandardMaterial>();
+    let tileset = app.world_mut().spawn(tiles).id();
+    let mut flown = Flown {
+        least_drawn: usize::MAX,
+        ..Flown::default()
+    };
+    let mut began = false;
+    for step in 0..STEPS {
+        let (sin, cos) = (f64::from(step) / f64::from(STEPS) * 5.0 * std::f64::consts::TAU).sin_cos();
+        let middle_m = DVec3::new(216.0, 32.0, 91.0);
+        let view = View {
+            r_root_m: middle_m + DVec3::new(120.0 * cos, 40.0, 90.0 * sin),
+            forward: DVec3::new(-sin, -0.6, cos).normalize(),
+            up: DVec3::Y,
+            fovy_rad: 1.0,
+            size_px: [1280, 800],
+        };
+        app.world_mut().entity_mut(tileset).insert(TilesViews(vec![view]));
+        app.update();
+        std::thread::sleep(std::time::Duration::from_millis(2));
+        let count = *app.world().get::<TilesCount>(tileset).unwrap();
+        flown.most_bytes = flown.most_bytes.max(count.bytes);
+        began |= count.drawn > 0;
+        if began {
+            flown.least_drawn = flown.least_drawn.min(count.drawn);
+        }
+        flown.drawn += count.drawn as f64 / f64::from(STEPS);
+        flown.triangles += count.triangles as f64 / f64::from(STEPS);
+        let mut loaded = app.world_mut().resource_mut::<Messages<TileLoaded>>();
+        flown.loaded += loaded.drain().count();
+        flown.last = count;
+    }
+    Some(flown)
+}
+
+#[test]
+fn a_flight_of_five_minutes_stays_within_its_budget() {
+    const MIB: u64 = 1 << 20;
+    for (budget_bytes, cull) in [(24 * MIB, true), (24 * MIB, false), (256 * MIB, true), (256 * MIB, false)] {
+        let Some(flown) = flown(budget_bytes, cull) else {
+            return;
+        };
+        println!("{} MiB, culling {cull}: {flown:?}", budget_bytes / MIB);
+        // A tile that is being read is counted by a guess: one content's worth over, at the most.
+        assert!(flown.most_bytes <= budget_bytes + MIB, "{flown:?}");
+        assert!(flown.least_drawn > 0, "a hole: {flown:?}");
+        assert_eq!(flown.last.failed, 0);
+    }
 }
