@@ -3,22 +3,20 @@
 use super::error::PlaceError;
 use super::located;
 use crate::models::ground::city::{CityParams, CitySource};
-use crate::models::ground::dsm::HeightGrid;
-use crate::models::ground::raster::{self, RasterFrame};
 use crate::models::maths::geodesy::SiteFrame;
+use crate::sources::error::SourceError;
+use crate::sources::geotiff;
 use crate::sources::options::Options;
-use crate::sources::{Layer, LayerKind, error::Fault, error::SourceError};
-use crate::sources::{cityjson, footprints, geotiff, gltf, ifc, obj, ply};
+use crate::tiles::build::ground::{terrain, triangles};
+use crate::tiles::build::sources::read;
 use crate::tiles::build::{BuildOptions, build};
 use crate::tiles::heights::Heights;
-use glam::{DAffine3, DMat3, DVec2, DVec3};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
 
 /// Raised when the same sources make other tiles than before.
 const FORMAT: &str = "boresight city 1";
-/// Cell of the raster of the bare ground [m].
-const TERRAIN_CELL_M: f64 = 2.0;
 /// Most triangles that all sources together may have.
 const MOST_TRIANGLES: usize = 30_000_000;
 
@@ -95,6 +93,7 @@ pub(super) fn with_options(
         site: Some(*site),
         orthophoto: params.orthophoto.map(at),
         terrain: params.terrain.map(at),
+        terrain_crs: None,
         base_height_m: params.base_height_m.unwrap_or_default(),
         building_height_m: params.building_height_m,
         lod: params.lod,
@@ -167,89 +166,6 @@ fn add_file(hash: &mut Xxh3, path: &Path) -> Result<(), PlaceError> {
         }
         hash.update(&block[..count]);
     }
-}
-
-/// The layers of a file, by its name's end.
-pub(super) fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
-    let name = path.to_string_lossy().to_ascii_lowercase();
-    let ends = |ends: &[&str]| ends.iter().any(|end| name.ends_with(end));
-    let one = |layer: Result<Layer, SourceError>| layer.map(|layer| vec![layer]);
-    if path.is_dir() || ends(&[".tif", ".tiff"]) {
-        one(geotiff::read(path, options))
-    } else if ends(&[".city.json", ".city.jsonl", ".cityjson", ".json", ".jsonl"]) {
-        cityjson::read_all(path, options)
-    } else if ends(&[".geojson", ".geojsonl", ".osm", ".pbf"]) {
-        one(footprints::read(path, options))
-    } else if ends(&[".ifc"]) {
-        one(ifc::read(path, options))
-    } else if ends(&[".obj"]) {
-        one(obj::read(path, options))
-    } else if ends(&[".gltf", ".glb"]) {
-        one(gltf::read(path, options))
-    } else if ends(&[".ply"]) {
-        one(ply::read(path, options))
-    } else {
-        let what = "its name does not say what it is";
-        let mend = "name CityJSON (.city.json), GeoTIFF (.tif, or a folder of them), GeoJSON (.geojson), \
-                    OpenStreetMap (.osm, .pbf), .ifc, .obj, .gltf, .glb or .ply";
-        Err(Fault::new("name", what, mend).of(path))
-    }
-}
-
-/// From the frame of a layer to that of a site.
-fn into_site(layer: &Layer, site: &SiteFrame) -> DAffine3 {
-    let to_ecef =
-        DAffine3::from_rotation_translation(layer.site.q_ecef_enu(), layer.site.origin().to_ecef());
-    let turned = DMat3::from_quat(site.q_ecef_enu().inverse());
-    DAffine3::from_mat3_translation(turned, -(turned * site.origin().to_ecef())) * to_ecef
-}
-
-/// The triangles of a layer in a site's frame [m].
-pub(super) fn triangles(layer: &Layer, site: &SiteFrame) -> Vec<[DVec3; 3]> {
-    let to_enu = into_site(layer, site);
-    let mut found = Vec::new();
-    for mesh in &layer.meshes {
-        let sound = |triangle: &&[u32; 3]| {
-            triangle
-                .iter()
-                .all(|i| (*i as usize) < mesh.positions.len())
-        };
-        let all = mesh.indices.as_chunks::<3>().0.iter().filter(sound);
-        found.extend(
-            all.map(|triangle| triangle.map(|i| to_enu.transform_point3(mesh.vertex_m(i)))),
-        );
-    }
-    found
-}
-
-/// The bare ground that the layers hold; `None` where none says that it is.
-fn terrain(layers: &[Layer], site: &SiteFrame) -> Option<HeightGrid> {
-    /// Beyond this no raster is surveyed [m].
-    const MOST_M: f64 = 10_000.0;
-    /// Cells at most.
-    const MOST_CELLS: f64 = 8e6;
-    let ground = layers
-        .iter()
-        .filter(|layer| layer.kind == LayerKind::Terrain);
-    let ground: Vec<[DVec3; 3]> = ground.flat_map(|layer| triangles(layer, site)).collect();
-    let none = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    let (low, high) = (ground.iter().flatten()).fold(none, |(low, high), r| {
-        (low.min(r.truncate()), high.max(r.truncate()))
-    });
-    let reach = DVec2::splat(MOST_M);
-    let (low, high) = (low.max(-reach), high.min(reach));
-    if !low.cmplt(high).all() {
-        return None;
-    }
-    let size = high - low;
-    let cell_m = TERRAIN_CELL_M.max((size.x * size.y / MOST_CELLS).sqrt());
-    let frame = RasterFrame::covering(low, high, cell_m);
-    let (mut grid, _) = raster::hits(&frame, ground);
-    if !grid.heights_m.iter().any(|height_m| height_m.is_finite()) {
-        return None;
-    }
-    raster::fill(&mut grid);
-    Some(grid)
 }
 
 /// The triangles of a height raster of the land around [m, ENU].

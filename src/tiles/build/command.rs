@@ -2,7 +2,7 @@
 
 use super::options::{BuildOptions, Division, Pictures};
 use super::report::{BuildError, BuildReport};
-use super::{build_with, city, sources};
+use super::{build_with, city, ground::terrain, sources};
 use crate::models::air::atmosphere::pressure_at_pa;
 use crate::models::air::sun::Sun;
 use crate::models::ground::city::City;
@@ -11,6 +11,7 @@ use crate::scenario::{InputError, Scenario};
 use crate::sources::Layer;
 use crate::sources::error::SourceError;
 use crate::sources::options::Options;
+use crate::tiles::heights::{Heights, HeightsError};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
@@ -96,6 +97,12 @@ pub enum CommandError {
     /// A scenario.
     #[error(transparent)]
     Scenario(#[from] InputError),
+    /// The heights beside the tiles.
+    #[error(transparent)]
+    Heights(#[from] HeightsError),
+    /// A scenario whose city is there already.
+    #[error("{}: its city is a real one, which a run builds by itself; give a scenario with a generated city", .0.display())]
+    Real(PathBuf),
     /// A scenario among other sources.
     #[error("{}: a scenario's city is built alone; give one source", .0.display())]
     Together(PathBuf),
@@ -157,24 +164,35 @@ pub fn run(arguments: &Arguments) -> Result<String, CommandError> {
     };
     let begun = Instant::now();
     let scenario = |path: &&PathBuf| path.extension().is_some_and(|end| end == "toml");
-    let layers = match arguments.sources.iter().find(scenario) {
+    let (layers, heights) = match arguments.sources.iter().find(scenario) {
         Some(path) if arguments.sources.len() > 1 => {
             return Err(CommandError::Together(path.clone()));
         }
         Some(path) => generated(path)?,
-        None => sources::read(&arguments.sources, &arguments.source_options())?,
+        None => {
+            let layers = sources::read_all(&arguments.sources, &arguments.source_options())?;
+            let site = layers.first().map(|layer| layer.site);
+            let heights = site.map(|site| Heights::of_terrain(terrain(&layers, &site), &site));
+            (layers, heights)
+        }
     };
     let read_s = begun.elapsed().as_secs_f64();
     say(&format!("{} layers read in {read_s:.1} s", layers.len()));
     let report = build_with(&layers, &arguments.build_options(), &arguments.out, say)?;
+    if let Some(heights) = heights {
+        heights.write(&arguments.out)?;
+    }
     let seconds = begun.elapsed().as_secs_f64();
     Ok(words(&report, &arguments.out, seconds))
 }
 
 /// The layers of a scenario's generated city, its ground in the shadows of the scenario's sun.
-fn generated(path: &Path) -> Result<Vec<Layer>, CommandError> {
+fn generated(path: &Path) -> Result<(Vec<Layer>, Option<Heights>), CommandError> {
     let loaded = Scenario::load(path, &[])?;
     let scenario = &loaded.scenario;
+    if scenario.city.is_real() {
+        return Err(CommandError::Real(path.into()));
+    }
     let site = SiteFrame::new(Geodetic {
         latitude_rad: scenario.site.latitude_deg.to_radians(),
         longitude_rad: scenario.site.longitude_deg.to_radians(),
@@ -192,7 +210,10 @@ fn generated(path: &Path) -> Result<Vec<Layer>, CommandError> {
     .map_err(|error| loaded.refuse("time_utc", error))?;
     let mut city = City::generate(&scenario.city).map_err(|error| loaded.refuse("city", error))?;
     city.bake_shadows(sun.sun_dir_enu());
-    Ok(city::layers(&city, &site))
+    Ok((
+        city::layers(&city, &site),
+        Some(Heights::of_city(&city, &site)),
+    ))
 }
 
 /// The report in words.

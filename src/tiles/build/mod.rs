@@ -6,6 +6,7 @@ mod atlas;
 pub mod city;
 pub mod command;
 mod glb;
+pub mod ground;
 mod measure;
 mod mesh;
 pub mod options;
