@@ -1,6 +1,7 @@
 //! Outlines of buildings with heights (GeoJSON, OpenStreetMap), extruded from the ground.
 
 mod osm;
+mod outline;
 
 use super::error::{Fault, SourceError, read_bytes};
 use super::geotiff::Ground;
@@ -13,78 +14,18 @@ use crate::models::maths::polygon;
 use crate::projection::Crs;
 use geojson::{GeoJson, GeometryValue};
 use glam::{DVec2, DVec3};
+use outline::{Footprint, TALLEST_M};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use serde_json::{Map, Value};
 use std::path::Path;
 
-/// Height of a storey [m].
-const STOREY_M: f64 = 3.0; // [m]
 /// Height of a building of which nothing is known [m].
 const UNKNOWN_M: f64 = 8.0; // [m]
-/// Tallest building that is believed [m].
-const TALLEST_M: f64 = 1500.0; // [m]
 /// Linear albedo of walls and roofs.
 const WALL: [f32; 4] = [0.38, 0.34, 0.29, 1.0];
 /// Of a roof.
 const ROOF: [f32; 4] = [0.24, 0.20, 0.18, 1.0];
-
-/// An outline with what is known of it.
-#[derive(Clone, Debug, Default)]
-pub struct Footprint {
-    /// Outline and holes: east or longitude, north or latitude.
-    pub rings: Vec<Vec<DVec2>>,
-    /// Attributes or tags.
-    pub known: Map<String, Value>,
-}
-
-impl Footprint {
-    /// A length among its attributes [m]: a number, `12.5`, `12.5 m`, `40 ft` or `40'`.
-    fn length_m(&self, keys: &[&str]) -> Option<f64> {
-        let one = |key: &&str| match self.known.get(*key)? {
-            Value::Number(number) => number.as_f64(),
-            Value::String(text) => {
-                let text = text.trim().replace(',', ".");
-                let end = text.find(|c: char| !(c.is_ascii_digit() || ".-+".contains(c)));
-                let (number, unit) = text.split_at(end.unwrap_or(text.len()));
-                let unit_m = match unit.trim() {
-                    "" | "m" => 1.0,
-                    "ft" | "'" | "feet" => 0.3048,
-                    _ => return None,
-                };
-                Some(number.parse::<f64>().ok()? * unit_m)
-            }
-            _ => None,
-        };
-        keys.iter()
-            .find_map(one)
-            .filter(|v| v.is_finite() && v.abs() <= TALLEST_M)
-    }
-
-    /// Height of its lowest and highest part above the ground, and of its roof [m].
-    fn heights_m(&self, unknown_m: f64) -> [f64; 3] {
-        let storeys = |keys: &[&str]| self.length_m(keys).map(|n| n * STOREY_M);
-        let low = self
-            .length_m(&["min_height"])
-            .or_else(|| storeys(&["building:min_level", "min_level"]));
-        let roof = self
-            .length_m(&["roof:height"])
-            .or_else(|| storeys(&["roof:levels"]));
-        let roof = roof.unwrap_or(0.0).max(0.0);
-        let high = self.length_m(&["height", "building:height", "measuredHeight", "height_m"]);
-        // Storeys are counted without those of the roof.
-        let high = high.or_else(|| {
-            Some(storeys(&["building:levels", "levels", "storeys", "num_floors"])? + roof)
-        });
-        let low = low.unwrap_or(0.0).max(0.0);
-        let high = high.filter(|high| *high > low).unwrap_or(low + unknown_m);
-        [low, high, roof.min(high - low)]
-    }
-
-    fn text(&self, key: &str) -> Option<&str> {
-        self.known.get(key)?.as_str()
-    }
-}
 
 /// Buildings from outlines: polygons of a GeoJSON file, or ways and multipolygons tagged `building` or `building:part` of an
 /// `.osm.pbf` file. They stand on the options' terrain, else at their base height; outlines beside the terrain are left out.

@@ -12,7 +12,7 @@ use super::place::{self, Place};
 use super::surfaces::{Corner, Surfaces};
 use super::{Layer, LayerKind};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use ifc_lite_core::{
     DecodedEntity, EntityDecoder, EntityScanner, GeoRefExtractor, GeoRefSource, GeoReference,
     IfcType, build_entity_index,
@@ -294,15 +294,6 @@ fn layer(products: Vec<Product>, to_ecef: &ToEcef, options: &Options) -> Result<
         meshes,
         features,
     })
-}
-
-/// A placement about a place with two axes, as `IfcAxis2Placement3D` has them.
-fn axes(origin: DVec3, z: DVec3, x: DVec3) -> DAffine3 {
-    let z = z.try_normalize().unwrap_or(DVec3::Z);
-    let x = (x - z * x.dot(z))
-        .try_normalize()
-        .unwrap_or_else(|| z.any_orthonormal_vector());
-    DAffine3::from_mat3_translation(glam::DMat3::from_cols(x, z.cross(x), z), origin)
 }
 
 #[cfg(test)]

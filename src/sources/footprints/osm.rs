@@ -1,6 +1,6 @@
 //! Buildings of an OpenStreetMap extract (`.osm.pbf`), through `osmpbf`.
 
-use super::Footprint;
+use super::outline::Footprint;
 use crate::models::maths::polygon;
 use crate::sources::error::Fault;
 use glam::DVec2;

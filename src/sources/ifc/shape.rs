@@ -1,6 +1,5 @@
 //! Faces of IFC products.
 
-use super::axes;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use ifc_lite_core::{AttributeValue, DecodedEntity, EntityDecoder, IfcType};
 use std::f64::consts::TAU;
@@ -511,6 +510,15 @@ impl<'a> Model<'a> {
         }
         Some(found)
     }
+}
+
+/// A placement about a place with two axes, as `IfcAxis2Placement3D` has them.
+fn axes(origin: DVec3, z: DVec3, x: DVec3) -> DAffine3 {
+    let z = z.try_normalize().unwrap_or(DVec3::Z);
+    let x = (x - z * x.dot(z))
+        .try_normalize()
+        .unwrap_or_else(|| z.any_orthonormal_vector());
+    DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), origin)
 }
 
 /// Corners of the arc through three points.
