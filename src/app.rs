@@ -57,8 +57,13 @@ pub fn adapter() -> Result<wgpu::AdapterInfo, RunError> {
         .map_err(|_| RunError::NoAdapter)
 }
 
-/// Sets a scenario up without pictures, and so finds all that keeps it from running; what was set up.
-pub fn check(loaded: &Loaded) -> Result<App, RunError> {
+/// Sets a scenario up without pictures, and so finds all that keeps it from running.
+pub fn check(loaded: &Loaded) -> Result<(), RunError> {
+    checked(loaded).map(drop)
+}
+
+/// The same, and what was set up.
+pub fn checked(loaded: &Loaded) -> Result<App, RunError> {
     let options = Options {
         one_thread: true,
         ..Options::default()

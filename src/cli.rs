@@ -328,7 +328,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
         Command::View(args) => view(args),
         Command::Check(args) => {
             let (loaded, _) = args.load()?;
-            let set_up = app::check(&loaded)?;
+            let set_up = app::checked(&loaded)?;
             let city = set_up.world().resource::<Environment>().describe();
             drop(set_up);
             // With changes it is another scenario than the one that expects.

@@ -1,7 +1,7 @@
 //! `urban_intercept` over real cities, blind: acquisition, occlusion, backstop. Data that are not there are skipped.
 
 use crate::common::{BLIND, ROOT, boresight, stderr};
-use boresight::app::{self, Options};
+use boresight::app;
 use boresight::components::environment::Environment;
 use boresight::models::ground::city::City;
 use boresight::models::ground::dsm::{HitKind, LineOfSight};
@@ -76,7 +76,7 @@ fn environment(folder: &Path, name: &str) -> (Environment, Scenario) {
     // One variable for this process and those it starts.
     let file = folder.join(format!("{name}.toml"));
     let loaded = Scenario::load(&file, &["detector.kind=truth".into()]).unwrap();
-    let app = app::check(&loaded).unwrap();
+    let app = app::checked(&loaded).unwrap();
     let world = app.world();
     let environment = world.resource::<Environment>().clone();
     let scenario = world.resource::<boresight::components::run::RunScenario>();
