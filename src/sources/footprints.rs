@@ -48,12 +48,18 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
     };
     let (footprints, system) = found.map_err(|fault| fault.of(path))?;
     drop(bytes);
-    let system = options
+    let degrees = |r: &DVec2| r.x.abs() <= 180.0 && r.y.abs() <= 90.0;
+    let all_degrees = footprints
+        .iter()
+        .flat_map(|f| f.rings.iter().flatten())
+        .all(degrees);
+    // A map named for other sources beside it does not turn longitudes and latitudes into metres.
+    let named = options
         .crs
-        .clone()
-        .filter(|_| !name.ends_with(".pbf"))
-        .unwrap_or(system);
-    let crs = place::crs(&system, options).map_err(|fault| fault.of(path))?;
+        .as_deref()
+        .filter(|_| !name.ends_with(".pbf") && !all_degrees);
+    let system = named.unwrap_or(&system);
+    let crs = place::crs(system, options).map_err(|fault| fault.of(path))?;
     let ground = match &options.terrain {
         Some(terrain) => {
             let own = Options {

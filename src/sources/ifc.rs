@@ -60,12 +60,17 @@ fn placing(
     path: &Path,
 ) -> Result<ToEcef, SourceError> {
     let local = options.georef.is_some();
-    let given = georeference.filter(|_| !local).cloned();
-    let Some(given) = given.filter(|g| g.source.is_some()) else {
+    // A site's latitude and longitude stand back where the options name the map.
+    let stands = |given: &&GeoReference| match given.source {
+        None => false,
+        Some(GeoRefSource::SiteLocation) => options.crs.is_none(),
+        Some(_) => true,
+    };
+    let Some(given) = georeference.filter(|_| !local).filter(stands).cloned() else {
         let place = Place::of(options, None, path)?;
         return Ok(Box::new(move |r| place.ecef_m(r)));
     };
-    if given.source == Some(GeoRefSource::SiteLocation) && options.crs.is_none() {
+    if given.source == Some(GeoRefSource::SiteLocation) {
         let site = SiteFrame::new(Geodetic {
             latitude_rad: given.northings.to_radians(),
             longitude_rad: given.eastings.to_radians(),

@@ -127,6 +127,19 @@ fn openstreetmap_ways_relations_and_parts_are_read() {
 }
 
 #[test]
+fn longitudes_and_latitudes_stay_so_beside_a_map() {
+    let text = r#"{"type":"Polygon","coordinates":[[[8.54,47.37],[8.541,47.37],[8.541,47.371],[8.54,47.37]]]}"#;
+    let read = |crs: Option<&str>| {
+        let options = Options {
+            crs: crs.map(str::to_string),
+            ..Options::default()
+        };
+        read_text(text, &options).unwrap().site.origin()
+    };
+    assert_eq!(read(Some("EPSG:2056")), read(None));
+}
+
+#[test]
 fn lengths_are_read_with_their_units() {
     let read = |value: Value| {
         let known = [("height".to_string(), value)].into_iter().collect();
