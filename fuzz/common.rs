@@ -8,7 +8,9 @@ use std::path::PathBuf;
 pub fn init() {
     std::panic::set_hook(Box::new(|panic| {
         let calls = std::backtrace::Backtrace::force_capture().to_string();
-        let caught = ["draco_oxide", "basisu"].iter().any(|name| calls.contains(name));
+        let caught = ["draco_oxide", "basisu"]
+            .iter()
+            .any(|name| calls.contains(name));
         if !caught {
             eprintln!("{panic}\n{calls}");
             std::process::abort();
@@ -19,7 +21,11 @@ pub fn init() {
 /// Writes a file into this process's folder in memory, where there is one.
 pub fn file(name: &str, data: &[u8]) -> PathBuf {
     let memory = PathBuf::from("/dev/shm");
-    let root = if memory.is_dir() { memory } else { std::env::temp_dir() };
+    let root = if memory.is_dir() {
+        memory
+    } else {
+        std::env::temp_dir()
+    };
     let folder = root.join(format!("boresight-fuzz-{}", std::process::id()));
     let file = folder.join(name);
     std::fs::create_dir_all(&folder).expect("a folder");
