@@ -322,6 +322,7 @@ fn houses_hide_and_stand_behind() {
 }
 
 #[test]
+#[ignore = "surveyed, but the UAV is not acquired: whether y points up or down in these data is not settled"]
 fn over_mars() {
     let Some(file) = data("tiles/mars-terrain/example/public/data/tileset.json") else {
         return;
