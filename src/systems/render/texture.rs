@@ -30,13 +30,19 @@ fn decode(rgba: [u8; 4]) -> Light {
     [light(0), light(1), light(2), alpha]
 }
 
-fn encode(light: Light) -> [u8; 4] {
+/// A pixel as bytes; its alpha times `more`.
+fn encode(light: Light, more: f32) -> [u8; 4] {
     let alpha = light[3];
     let value = |i: usize| {
         let linear = light[i] / alpha.max(1e-6);
         SRGB.1.partition_point(|next| *next <= linear) as u8
     };
-    [value(0), value(1), value(2), (alpha * 255.0 + 0.5) as u8]
+    [
+        value(0),
+        value(1),
+        value(2),
+        (alpha * more * 255.0 + 0.5) as u8,
+    ]
 }
 
 /// Up to three neighbours along an axis that a pixel of the next level covers, with their shares.
@@ -74,9 +80,19 @@ pub fn picture_bytes([width, height]: [u32; 2]) -> u64 {
     u64::from(width) * u64::from(height) * 4 * 4 / 3
 }
 
+/// By how much the alpha of a level must grow so that as large a `share` of it reaches `cutoff` as of the first: a mean of
+/// leaves and holes would else lie below it, and distant trees lose their crowns (Castaño, "Computing alpha mipmaps", 2010).
+fn kept_share(level: &[Light], share: f32, cutoff: f32) -> f32 {
+    let mut alphas: Vec<f32> = level.iter().map(|light| light[3]).collect();
+    alphas.sort_by(f32::total_cmp);
+    let holes = ((1.0 - share) * alphas.len() as f32).round() as usize;
+    let least = alphas.get(holes).copied().unwrap_or(1.0);
+    if least > 0.0 { cutoff / least } else { 1.0 }
+}
+
 /// An sRGB texture of a picture (red, green, blue, alpha, row by row from the top) with all its mip levels,
-/// box-filtered in linear light. A picture with fewer bytes than pixels goes on in black.
-pub fn picture_texture(size_px: [u32; 2], rgba: &[u8], repeats: bool) -> Image {
+/// box-filtered in linear light. Where alpha below `cutoff` (in 255ths) is a hole, all levels have holes of the same share. A picture with fewer bytes than pixels goes on in black.
+pub fn picture_texture(size_px: [u32; 2], rgba: &[u8], repeats: bool, cutoff: Option<u8>) -> Image {
     let size_px = size_px.map(|n| n.max(1));
     let pixels = rgba.as_chunks::<4>().0;
     let width = size_px[0] as usize;
@@ -88,6 +104,13 @@ pub fn picture_texture(size_px: [u32; 2], rgba: &[u8], repeats: bool) -> Image {
     let mut exact = rgba.to_vec();
     exact.resize(4 * width * size_px[1] as usize, 0);
     levels.push((size_px, exact));
+    let solid = cutoff.map(|cutoff| {
+        let kept = pixels.iter().filter(|pixel| pixel[3] >= cutoff).count();
+        (
+            kept as f32 / pixels.len().max(1) as f32,
+            f32::from(cutoff) / 255.0,
+        )
+    });
     let mut level = None;
     while levels.last().is_some_and(|(size, _)| *size != [1, 1]) {
         let (size, light) = match &level {
@@ -98,10 +121,12 @@ pub fn picture_texture(size_px: [u32; 2], rgba: &[u8], repeats: bool) -> Image {
                 halved(size, |x, y| light[(y * size[0] + x) as usize])
             }
         };
-        levels.push((
-            size,
-            light.iter().flat_map(|light| encode(*light)).collect(),
-        ));
+        let more = solid.map_or(1.0, |(share, cutoff)| kept_share(&light, share, cutoff));
+        let bytes = light
+            .iter()
+            .flat_map(|light| encode(*light, more))
+            .collect();
+        levels.push((size, bytes));
         level = Some((size, light));
     }
     levels.retain(|(size, _)| size[0].max(size[1]) <= LONGEST_PX);
@@ -131,7 +156,7 @@ pub fn ground_texture(map: &GroundMap) -> Image {
     let rgba: Vec<u8> = (map.rgb.iter())
         .flat_map(|[r, g, b]| [*r, *g, *b, 255])
         .collect();
-    picture_texture([map.size_px as u32; 2], &rgba, false)
+    picture_texture([map.size_px as u32; 2], &rgba, false, None)
 }
 
 /// The direction of a point of the sky table, its square being -1..1 in both axes: the upper half
@@ -192,7 +217,7 @@ mod tests {
         let rgba: Vec<u8> = (0..7 * 5_u32)
             .flat_map(|i| [(i * 37 % 256) as u8, (i * 91 % 256) as u8, 200, 255])
             .collect();
-        let image = picture_texture(size_px, &rgba, true);
+        let image = picture_texture(size_px, &rgba, true, None);
         assert_eq!(image.texture_descriptor.mip_level_count, 3);
         let data = image.data.unwrap();
         assert_eq!(&data[..rgba.len()], rgba);
@@ -214,13 +239,36 @@ mod tests {
     #[test]
     fn holes_lend_their_colour_to_nobody() {
         let rgba = [255, 0, 0, 255, 0, 255, 0, 0].repeat(2);
-        let data = picture_texture([2, 2], &rgba, false).data.unwrap();
+        let data = picture_texture([2, 2], &rgba, false, None).data.unwrap();
         assert_eq!(&data[16..], [255, 0, 0, 128]);
     }
 
     #[test]
+    fn leaves_stay_leaves_in_every_level() {
+        // A quarter of the pixels, one of each four: their mean is far below the cut.
+        let rgba: Vec<u8> = (0..16 * 16_u32)
+            .flat_map(|i| {
+                [
+                    0,
+                    90,
+                    0,
+                    if (i % 16 + i / 16 * 5) % 4 == 0 {
+                        255
+                    } else {
+                        0
+                    },
+                ]
+            })
+            .collect();
+        let image = picture_texture([16, 16], &rgba, true, Some(128));
+        let second = &image.data.unwrap()[4 * 256..4 * (256 + 64)];
+        let solid = second.chunks(4).filter(|pixel| pixel[3] >= 128).count();
+        assert!(solid >= 16, "{solid} of 64");
+    }
+
+    #[test]
     fn a_picture_cut_short_is_no_panic() {
-        let image = picture_texture([4, 4], &[255; 12], false);
+        let image = picture_texture([4, 4], &[255; 12], false, None);
         assert_eq!(image.data.unwrap().len(), 4 * (16 + 4 + 1));
         assert_eq!(picture_texture([0, 0], &[], false).data.unwrap().len(), 4);
     }

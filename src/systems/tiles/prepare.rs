@@ -143,15 +143,15 @@ struct Finished {
 
 /// The pictures of a tile, each once.
 #[derive(Default)]
-struct Pictures(Vec<(Arc<Texture>, bool)>);
+struct Pictures(Vec<(Arc<Texture>, bool, Option<u8>)>);
 
 impl Pictures {
-    fn number(&mut self, texture: &Arc<Texture>, repeats: bool) -> usize {
-        let same = |(own, repeated): &(Arc<Texture>, bool)| {
-            Arc::ptr_eq(own, texture) && *repeated == repeats
+    fn number(&mut self, texture: &Arc<Texture>, repeats: bool, cutoff: Option<u8>) -> usize {
+        let same = |(own, repeated, cut): &(Arc<Texture>, bool, Option<u8>)| {
+            Arc::ptr_eq(own, texture) && (*repeated, *cut) == (repeats, cutoff)
         };
         self.0.iter().position(same).unwrap_or_else(|| {
-            self.0.push((texture.clone(), repeats));
+            self.0.push((texture.clone(), repeats, cutoff));
             self.0.len() - 1
         })
     }
@@ -254,9 +254,9 @@ pub fn prepare(content: &Content, entity_from_tile_m: DAffine3, light: TilesLigh
             );
         }
     }
-    for (texture, repeats) in pictures.0 {
+    for (texture, repeats, cutoff) in pictures.0 {
         prepared.bytes += picture_bytes(texture.size_px);
-        let picture = picture_texture(texture.size_px, &texture.rgba, repeats);
+        let picture = picture_texture(texture.size_px, &texture.rgba, repeats, cutoff);
         prepared.pictures.push(picture);
     }
     prepared
@@ -304,7 +304,8 @@ fn put(
     (surface, finished): (TileSurface, Finished),
     places: Vec<(DVec3, Quat, Vec3)>,
 ) {
-    let picture = (look.texture.as_ref()).map(|texture| pictures.number(texture, look.repeats));
+    let picture = (look.texture.as_ref())
+        .map(|texture| pictures.number(texture, look.repeats, surface.cutoff));
     prepared.triangles += finished.triangles * places.len();
     prepared.bytes += finished.bytes;
     prepared.parts.push(TilePart {
