@@ -270,7 +270,8 @@ mod tests {
     fn a_picture_cut_short_is_no_panic() {
         let image = picture_texture([4, 4], &[255; 12], false, None);
         assert_eq!(image.data.unwrap().len(), 4 * (16 + 4 + 1));
-        assert_eq!(picture_texture([0, 0], &[], false).data.unwrap().len(), 4);
+        let empty = picture_texture([0, 0], &[], false, None);
+        assert_eq!(empty.data.unwrap().len(), 4);
     }
 
     #[test]
