@@ -116,8 +116,8 @@ fn picture_centroid_px(seen: &Seen) -> Option<DVec2> {
         (x1 + MARGIN_PX).ceil() as i64,
         (y1 + MARGIN_PX).ceil() as i64,
     );
-    let inside = x0 > left.into()
-        && y0 > top.into()
+    let inside = x0 > i64::from(left)
+        && y0 > i64::from(top)
         && x1 < i64::from(left + width)
         && y1 < i64::from(top + height);
     if !inside {
