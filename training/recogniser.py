@@ -11,7 +11,9 @@ import io
 import json
 import multiprocessing
 import os
+import re
 import time
+import tomllib
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +35,8 @@ AT = {name: k for k, name in enumerate(FEATURES)}
 MOTION = slice(AT["sky_known"], AT["position_flutter"] + 1)
 NAMED = slice(AT["named_uav"], AT["named_other"] + 1)
 BANDS_PX = ((0, 4), (4, 10), (10, 30), (30, 1e9))  # of the newest box
+SURE = 0.9  # the laser fires from this one on (`engage.min_uav_probability`)
+LIGHTS = ("Day", "LowSun", "Dusk")  # as a scenario's description names it
 
 
 # --- data ---
@@ -49,12 +53,14 @@ class Tracks:
     track: np.ndarray  # i64 [N]: sequences of one track (of one run) share a number
     run: np.ndarray  # i64 [N]
     size_px: np.ndarray  # f32 [N]
+    light: np.ndarray  # i64 [N]: which of `LIGHTS`; -1 where the scenario does not say
 
     def __len__(self) -> int:
         return len(self.labels)
 
     def only(self, keep: np.ndarray) -> "Tracks":
-        return Tracks(self.chips, self.index[keep], self.features[keep], self.labels[keep], self.track[keep], self.run[keep], self.size_px[keep])
+        return Tracks(self.chips, self.index[keep], self.features[keep], self.labels[keep], self.track[keep], self.run[keep], self.size_px[keep],
+                      self.light[keep])  # fmt: skip
 
     def batch(self, rows: np.ndarray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """Chips u8 [B,16,24,24,3], features, mask, labels."""
@@ -68,7 +74,7 @@ def load(folders: list[Path]) -> Tracks:
     found = sorted({path.parent for folder in folders for path in folder.rglob("sequences.json")})
     if not found:
         raise SystemExit(f"{', '.join(map(str, folders))}: no sequences.json below; make some with `boresight tracks`")
-    chips, index, features, labels, track, run, size = [], [], [], [], [], [], []
+    chips, index, features, labels, track, run, size, light = [], [], [], [], [], [], [], []
     first = tracks = 0
     for number, folder in enumerate(found):
         sheet = json.loads((folder / "sequences.json").read_text())
@@ -92,9 +98,17 @@ def load(folders: list[Path]) -> Tracks:
         tracks += len(names)
         run += [number] * len(rows)
         size += [row["size_px"] for row in rows]
+        light += [light_of(Path(sheet.get("scenario", "")))] * len(rows)
     chips.append(np.zeros((1, CHIP, CHIP, 3), np.uint8))
     return Tracks(np.concatenate(chips), np.concatenate(index), np.concatenate(features).astype(np.float32),
-                  np.array(labels), np.array(track), np.array(run), np.array(size, np.float32))  # fmt: skip
+                  np.array(labels), np.array(track), np.array(run), np.array(size, np.float32), np.array(light))  # fmt: skip
+
+
+def light_of(scenario: Path) -> int:
+    """Which of `LIGHTS` a scenario says that it has."""
+    said = tomllib.loads(scenario.read_text()).get("description", "") if scenario.is_file() else ""
+    words = set(re.findall(r"\w+", said))
+    return next((k for k, name in enumerate(LIGHTS) if name in words), -1)
 
 
 def track_weights(tracks: Tracks) -> np.ndarray:
@@ -256,6 +270,20 @@ class Ensemble(nn.Module):
         return torch.stack([member(chips, features, mask) for member in self.members]).mean(0)
 
 
+def of_file(graph: onnx.ModelProto) -> list[Recogniser]:
+    """The models whose mean a file answers with, as `to_onnx` wrote it: what the export has transposed is put back."""
+    found = {t.name: onnx.numpy_helper.to_array(t) for t in graph.graph.initializer}
+    steps = [node.input[1] for node in graph.graph.node if node.op_type == "MatMul"]
+    members = []
+    for k, step in enumerate(steps):
+        own = lambda name: found.get(f"model.members.{k}.{name}", found.get(f"model.members.0.{name}"))
+        model = Recogniser()
+        state = {name: found[step].T if name == "step.weight" else own(name) for name in model.state_dict()}
+        model.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in state.items()})
+        members.append(model)
+    return members
+
+
 class Calibrated(nn.Module):
     """Probabilities: the softmax of the logits over a temperature."""
 
@@ -313,13 +341,15 @@ def measures(p: np.ndarray, tracks: Tracks) -> dict:
             if mine.any():
                 confusion[name][other] = round(float(w[mine & (p.argmax(1) == j)].sum() / w[mine].sum()), 4)
     mean = lambda x, keep: float((x[keep] * w[keep]).sum() / w[keep].sum()) if keep.any() else None
-    bands = []
-    for low, high in BANDS_PX:
-        inside = (tracks.size_px >= low) & (tracks.size_px < high)
-        bands.append({
-            "from_px": low, "to_px": None if high > 1e8 else high, "sequences": int(inside.sum()),
-            "uav_recall": mean(p[:, 0] >= 0.5, inside & uav), "false_uav": mean(p[:, 0] >= 0.5, inside & ~uav),
-        })  # fmt: skip
+    part = lambda inside: {
+        "sequences": int(inside.sum()), "uavs": len(set(tracks.track[inside & uav].tolist())),
+        "others": len(set(tracks.track[inside & ~uav].tolist())), "brier_uav": mean((p[:, 0] - uav) ** 2, inside),
+        "uav_recall": mean(p[:, 0] >= 0.5, inside & uav), "false_uav": mean(p[:, 0] >= 0.5, inside & ~uav),
+        "surely_uav": mean(p[:, 0] >= SURE, inside & uav), "surely_false": mean(p[:, 0] >= SURE, inside & ~uav),
+    }  # fmt: skip
+    bands = [{"from_px": low, "to_px": None if high > 1e8 else high} | part((tracks.size_px >= low) & (tracks.size_px < high))
+             for low, high in BANDS_PX]  # fmt: skip
+    lights = {name: part(tracks.light == k) for k, name in enumerate(LIGHTS) if (tracks.light == k).any()}
     return {
         "sequences": len(tracks), "tracks": len(set(tracks.track.tolist())), "runs": len(set(tracks.run.tolist())),
         "tracks_by_class": {n: len(set(tracks.track[labels == i].tolist())) for i, n in enumerate(CLASSES)},
@@ -329,7 +359,7 @@ def measures(p: np.ndarray, tracks: Tracks) -> dict:
         "accuracy": float(((p.argmax(1) == labels) * w).sum()),
         "uav_recall": mean(p[:, 0] >= 0.5, uav),
         "false_uav": {n: mean(p[:, 0] >= 0.5, labels == i) for i, n in enumerate(CLASSES) if i},
-        "confusion": confusion, "by_size": bands, "reliability_uav": rows,
+        "confusion": confusion, "by_size": bands, "by_light": lights, "reliability_uav": rows,
     }  # fmt: skip
 
 
@@ -385,6 +415,16 @@ def compare(model: nn.Module, temperature: float, graph: bytes, tracks: Tracks) 
     return worst
 
 
+def answers(graph: bytes, tracks: Tracks) -> np.ndarray:
+    """Probabilities [N, 6] by a file."""
+    runtime, found = session(graph), []
+    for start in range(0, len(tracks), 64):
+        chips, features, mask, _ = tracks.batch(np.arange(start, min(start + 64, len(tracks))))
+        inputs = {"chips": planes(chips).numpy(), "features": features.numpy(), "mask": mask.numpy()}
+        found.append(runtime.run(None, inputs)[0])
+    return np.concatenate(found)
+
+
 def milliseconds(graph: bytes, tracks: int = 8, runs: int = 50) -> float:
     """Median processor time of a question about some tracks on one thread."""
     runtime = session(graph)
@@ -414,11 +454,12 @@ def split(tracks: Tracks, held_out: float, seed: int) -> tuple[Tracks, Tracks, T
     return tracks.only(~inside(np.concatenate([test, calibration]))), tracks.only(inside(calibration)), tracks.only(inside(test))
 
 
-def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, log: list[dict]) -> Recogniser:
+def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, start: Recogniser | None, log: list[dict]) -> Recogniser:
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    model = Recogniser()
-    model.learn_scale(tracks.features, tracks.index >= 0)
+    model = copy.deepcopy(start) if start else Recogniser()
+    if not start:
+        model.learn_scale(tracks.features, tracks.index >= 0)
     average = copy.deepcopy(model)
     optimiser = torch.optim.AdamW(model.parameters(), lr=lr, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, lr, total_steps=steps, pct_start=0.1)
@@ -447,7 +488,7 @@ def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, log: lis
     return average.eval()
 
 
-def member(work: tuple[Tracks, int, int, float, int]) -> tuple[Recogniser, list[dict]]:
+def member(work: tuple[Tracks, int, int, float, int, Recogniser | None]) -> tuple[Recogniser, list[dict]]:
     """One model of an ensemble, trained on one thread."""
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
@@ -455,9 +496,11 @@ def member(work: tuple[Tracks, int, int, float, int]) -> tuple[Recogniser, list[
     return train(*work, log), log
 
 
-def ensemble(tracks: Tracks, seeds: range, steps: int, batch: int, lr: float, processes: int) -> tuple[Ensemble, list[dict]]:
-    """A model for each seed, several at once, and their logs."""
-    works = [(tracks, steps, batch, lr, seed) for seed in seeds]
+def ensemble(
+    tracks: Tracks, seeds: range, steps: int, batch: int, lr: float, processes: int, start: list[Recogniser] | None = None
+) -> tuple[Ensemble, list[dict]]:
+    """A model for each seed, several at once, and their logs; each begins as one of `start`, if given."""
+    works = [(tracks, steps, batch, lr, seed, start[k % len(start)] if start else None) for k, seed in enumerate(seeds)]
     with multiprocessing.get_context("fork").Pool(min(processes, len(works))) as pool:
         found = pool.map(member, works, chunksize=1)
     return Ensemble([model for model, _ in found]).eval(), [row for _, log in found for row in log]
@@ -474,6 +517,8 @@ def main() -> None:
     parser.add_argument("--held-out", type=float, default=0.15, help="share of the runs for calibration, and as many for the test")
     parser.add_argument("--members", type=int, default=4, help="models whose mean it is")
     parser.add_argument("--processes", type=int, default=max(1, os.cpu_count() or 1), help="models trained at once")
+    parser.add_argument("--init", type=Path, help="a recogniser.onnx from whose weights the models begin")
+    parser.add_argument("--beside", type=Path, help="a recogniser.onnx that is measured on the same sequences")
     args = parser.parse_args()
     tracks = load(args.data)
     learn, calibrate, test = split(tracks, args.held_out, args.seed)
@@ -481,7 +526,8 @@ def main() -> None:
         by_class = {n: len(set(part.track[part.labels == i].tolist())) for i, n in enumerate(CLASSES)}
         print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")
     args.out.mkdir(parents=True, exist_ok=True)
-    model, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes)
+    start = of_file(onnx.load(args.init)) if args.init else None
+    model, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes, start)
     temperature = temperature_of(logits_of(model, calibrate), calibrate.labels, track_weights(calibrate))
     recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "runs": len(set(tracks.run.tolist())),
               "sequences": len(learn)}  # fmt: skip
@@ -492,6 +538,8 @@ def main() -> None:
         "parameters": sum(x.numel() for x in model.parameters()), "temperature": temperature,
         "ms_8_tracks_one_thread": round(milliseconds(graph), 2), "training": recipe, "test": measures(p, test),
     }  # fmt: skip
+    if args.beside:
+        report["beside"] = measures(answers(args.beside.read_bytes(), test), test)
     (args.out / "recogniser.onnx").write_bytes(graph)
     (args.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
     with (args.out / "log.csv").open("w") as file:
@@ -499,8 +547,8 @@ def main() -> None:
         writer.writeheader()
         writer.writerows(log)
     plot.reliability(report["test"]["reliability_uav"], args.out / "reliability.svg", f"{len(test)} sequences of runs held out")
-    shown = {k: v for k, v in report["test"].items() if k not in ("reliability_uav",)}
-    print(json.dumps(report | {"test": shown}, indent=1))
+    shown = {name: {k: v for k, v in report[name].items() if k != "reliability_uav"} for name in ("test", "beside") if name in report}
+    print(json.dumps(report | shown, indent=1))
     print(f"{args.out / 'recogniser.onnx'}: {len(graph)} bytes, differs from PyTorch by {worst:.1e}")
 
 

@@ -41,7 +41,7 @@ def made(tracks: int = 40, per_track: int = 4, seed: int = 3) -> r.Tracks:
     index[rng.random(index.shape) < 0.1] = -1
     features[index < 0] = 0
     track = np.repeat(np.arange(tracks), per_track)
-    return r.Tracks(chips, index, features, labels, track, track // 4, np.full(count, 12.0, np.float32))
+    return r.Tracks(chips, index, features, labels, track, track // 4, np.full(count, 12.0, np.float32), np.full(count, -1))
 
 
 def test_names_are_those_of_the_program():
@@ -121,7 +121,7 @@ def test_the_measures_have_their_closed_forms():
 
 def test_it_learns_exports_and_keeps_to_its_size(tmp_path):
     tracks = made()
-    model = r.train(tracks, 120, 32, 3e-3, 1, [])
+    model = r.train(tracks, 120, 32, 3e-3, 1, None, [])
     assert sum(x.numel() for x in model.parameters()) < 100_000
     fresh = made(seed=9)
     right = r.logits_of(model, fresh).argmax(1).numpy() == fresh.labels
@@ -145,7 +145,7 @@ def test_an_ensemble_is_the_mean_of_its_members():
     tracks = made(12, 2)
     both, log = r.ensemble(tracks, range(3, 5), 4, 16, 3e-3, 2)
     assert [row["seed"] for row in log] == [3, 4]
-    alone = [r.logits_of(r.train(tracks, 4, 16, 3e-3, seed, []), tracks) for seed in (3, 4)]
+    alone = [r.logits_of(r.train(tracks, 4, 16, 3e-3, seed, None, []), tracks) for seed in (3, 4)]
     assert torch.allclose(r.logits_of(both, tracks), sum(alone) / 2, atol=1e-5) and not torch.allclose(*alone)
 
 
@@ -177,5 +177,30 @@ def test_company_stays_in_the_precise_field():
 def test_scenarios_are_drawn_from_their_seeds():
     one = track_scenarios.scenario(7, 5.0)
     assert one == track_scenarios.scenario(7, 5.0) != track_scenarios.scenario(8, 5.0)
-    held = {re.search(r'description = "(\w+) held"', track_scenarios.scenario(s, 5.0)).group(1) for s in range(60)}
+    held = {re.search(r'description = "(\w+) held,', track_scenarios.scenario(s, 5.0)).group(1) for s in range(60)}
     assert held == set(track_scenarios.HELD)
+
+
+def test_a_file_gives_back_its_models():
+    tracks = made(12, 2)
+    both, _ = r.ensemble(tracks, range(3, 5), 4, 16, 3e-3, 1)
+    graph = r.to_onnx(both, 1.0, {})
+    again = r.Ensemble(r.of_file(r.onnx.load_from_string(graph))).eval()
+    assert torch.allclose(r.logits_of(again, tracks), r.logits_of(both, tracks), atol=1e-5)
+    # It goes on learning from there, in the scale of its features.
+    on, _ = r.ensemble(tracks, range(3, 5), 1, 16, 1e-6, 1, again.members)
+    assert torch.allclose(r.logits_of(on, tracks), r.logits_of(both, tracks), atol=1e-2)
+    p = r.answers(graph, tracks)
+    assert np.allclose(p, torch.softmax(r.logits_of(both, tracks), 1).numpy(), atol=1e-5)
+
+
+def test_engagements_become_scenarios_for_tracks():
+    drawn = (
+        'seed = {}\nduration_s = 25.0\n[city]\nseed = {}\n[engage]\nmin_clear_range_m = 20.0\n[[uavs]]\nname = "intruder"\n'
+        '[[distractors]]\nname = "gull"\n'
+    )
+    made = [track_scenarios.tomllib.loads(track_scenarios.of_drawn(drawn.format(seed, 9), 4.0)) for seed in range(60)]
+    assert all(s["duration_s"] == 4.0 and s["engage"]["authorised"] is False and "precise" in s["station"]["cameras"] for s in made)
+    held = [s["operator"][0]["designate"] if "operator" in s else None for s in made]
+    assert set(held) == {None, "intruder", "gull"} and 20 < held.count(None) < 40
+    assert track_scenarios.of_drawn(drawn.format(1, track_scenarios.JUDGED_CITIES[0]), 4.0) is None

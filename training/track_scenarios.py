@@ -4,11 +4,15 @@
 In each one object is held by an operator's orders, so that what is no UAV fills the precise camera as UAVs do. Some
 fly along with it in that camera's field, others within two degrees of it. A part searches a wide sector without help,
 for tracks of scenery. Nothing is fired at.
+
+`--drawn` makes them of engagements that `boresight eval engagement --recipe recipes/tracks.toml` drew: half are left
+to the station, whose own choices are the tracks that it errs about, in the others something is held.
 """
 
 import argparse
 import math
 import random
+import tomllib
 from pathlib import Path
 
 STATION_UP_M, LOWEST_M = 48.0, 15.0
@@ -26,8 +30,17 @@ RANGE_M = {  # nearest and farthest
     "uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (800, 14000), "helicopter": (600, 9000),
 }  # fmt: skip
 HELD = {"uav": 0.42, "bird": 0.3, "aeroplane": 0.08, "helicopter": 0.08, "balloon": 0.07, "leaf": 0.05}
+# Half the rates of the preset: twice the seconds for the time.
+CAMERAS = "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n"
+# Cities in which engagements take place that the loop is judged by: not learned from.
+JUDGED_CITIES = range(1, 9)
+FREE, HELD_UAV = 0.5, 0.35  # shares of what is drawn; in the rest a distractor is held
 FINE_IFOV_RAD = math.radians(1.0) / 640
-TIMES = ("04:50", "05:40", "08:50", "11:30", "15:10", "17:20", "17:45")  # UTC; the sun rises at 05:10 and sets at 17:28
+# UTC: the light, and how often; a UAV that is not found is mostly one in low light.
+TIMES = {
+    "04:50": ("Dusk", 3), "05:10": ("Dusk", 2), "05:40": ("LowSun", 2), "08:50": ("Day", 1), "11:30": ("Day", 1), "15:10": ("Day", 1),
+    "17:00": ("LowSun", 2), "17:28": ("Dusk", 2), "17:45": ("Dusk", 3),
+}  # fmt: skip
 WEATHER = (
     ("24005KT 9999 FEW045 19/11 Q1020", 18_000, False),
     ("24010KT 9999 SCT040 17/11 Q1016", 15_000, True),
@@ -159,15 +172,15 @@ def scenario(seed: int, duration_s: float) -> str:
     held = pick(rng, HELD)
     wide = rng.random() < 0.15
     metar, visibility_m, texture = rng.choice(WEATHER)
+    time = pick(rng, {time: share for time, (_, share) in TIMES.items()})
     forest = rng.random() < 0.4
     parts = [
-        f'name = "tracks_{seed}"\ndescription = "{held} held"\nseed = {seed}\nduration_s = {duration_s}\n'
-        f"time_utc = 2025-09-20T{rng.choice(TIMES)}:00Z\n",
+        f'name = "tracks_{seed}"\ndescription = "{held} held, {TIMES[time][0]}"\nseed = {seed}\nduration_s = {duration_s}\n'
+        f"time_utc = 2025-09-20T{time}:00Z\n",
         "[site]\nlatitude_deg = 47.3769\nlongitude_deg = 8.5417\naltitude_m = 455.0\n",
         f"[city]\nseed = {rng.randrange(1, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else "building_density = 0.4\n" if el < 1 else ""),
         f"[station]\nposition_enu_m = [0.0, 0.0, {STATION_UP_M}]\n",
-        # Half the rates of the preset: twice the seconds for the time.
-        "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n",
+        CAMERAS,
         f'[weather]\nmetar = "LSZH 200850Z {metar} NOSIG"\nvisibility_m = {visibility_m}.0\ncloud_texture = {str(texture).lower()}\n',
         "[engage]\nauthorised = false\n",
     ]
@@ -190,8 +203,27 @@ def scenario(seed: int, duration_s: float) -> str:
         text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(min(el, 0.8), el + rng.uniform(-1, 1)))
         tables[table].append(text)
     parts += tables["uavs"] + tables["distractors"]
-    # Given up, it is designated again.
-    parts += [f'[[operator]]\nt_s = {t:.1f}\ndesignate = "held"\n' for t in (x * 0.5 for x in range(1, int(2 * duration_s)))]
+    parts += orders("held", duration_s)
+    return "\n".join(parts)
+
+
+def orders(name: str, duration_s: float) -> list[str]:
+    """Given up, it is designated again."""
+    return [f'[[operator]]\nt_s = {t:.1f}\ndesignate = "{name}"\n' for t in (x * 0.5 for x in range(1, int(2 * duration_s)))]
+
+
+def of_drawn(text: str, duration_s: float) -> str | None:
+    """A drawn engagement as a scenario for tracks; none of one in a city that is judged by."""
+    drawn = tomllib.loads(text)
+    if drawn["city"]["seed"] in JUDGED_CITIES:
+        return None
+    rng = random.Random(drawn["seed"])
+    text = text.replace(f"duration_s = {drawn['duration_s']}\n", f"duration_s = {duration_s}\n", 1)
+    parts = [text.replace("[engage]\n", "[engage]\nauthorised = false\n", 1), CAMERAS]
+    share, others = rng.random(), [thing["name"] for thing in drawn.get("distractors", [])]
+    if share > FREE:
+        held = "intruder" if share < FREE + HELD_UAV or not others else rng.choice(others)
+        parts += orders(held, duration_s)
     return "\n".join(parts)
 
 
@@ -201,8 +233,14 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--first", type=int, default=1000, help="seed of the first")
     parser.add_argument("--duration-s", type=float, default=5.0)
+    parser.add_argument("--drawn", type=Path, help="folder `draws` of an evaluation of engagements, in place of own scenarios")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
+    if args.drawn:
+        for path in sorted(args.drawn.glob("*.toml")):
+            if text := of_drawn(path.read_text(), args.duration_s):
+                (args.out / f"drawn_{path.name}").write_text(text)
+        return
     for seed in range(args.first, args.first + args.count):
         (args.out / f"tracks_{seed}.toml").write_text(scenario(seed, args.duration_s))
 
