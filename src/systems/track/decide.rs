@@ -775,6 +775,23 @@ mod tests {
         assert_eq!(given_up_s(0.95, true, None), None);
         assert_eq!(given_up_s(0.6, true, Some(cue)), None);
         assert_eq!(given_up_s(0.6, false, None), None);
+        // The radar follows its target elsewhere: in another direction, at another range.
+        let beside = TargetCue {
+            az_el_rad: los + DVec2::new(0.05, 0.0),
+            ..cue
+        };
+        let before = TargetCue {
+            range_m: 500.0,
+            ..cue
+        };
+        for other in [beside, before] {
+            let waited_s = given_up_s(0.97, true, Some(other)).unwrap();
+            assert!(
+                (SCENERY_S..SCENERY_S + 0.1).contains(&waited_s),
+                "{waited_s}"
+            );
+            assert_eq!(given_up_s(0.97, false, Some(other)), None);
+        }
     }
 
     #[test]

@@ -63,6 +63,9 @@ const CUE_AGAINST: f64 = -3.0;
 /// of freedom, doubled; and the mean of that of its two rates, below which they say nothing.
 const CUE_NEUTRAL: f64 = 6.0;
 const RATES_EXPECTED: f64 = 2.0;
+/// The one that a target exceeds once in a thousand times: chi-squared of three degrees of freedom (direction and
+/// range), and what its rates add.
+const CUE_ELSEWHERE: f64 = 16.0;
 /// Squared distance of a hovering UAV's rates from the radar's that is exceeded once in a hundred times.
 const RATES_MOST: f64 = 9.2;
 
@@ -207,9 +210,15 @@ impl Situation<'_> {
 
     /// What the radar's cue says for a track, as log-odds.
     fn cue_log_odds(&self, track: &Track) -> f64 {
-        let Some(cue) = self.cue else {
-            return 0.0;
-        };
+        self.cue.map_or(0.0, |cue| {
+            let distance2 = self.cue_distance2(&cue, track);
+            (0.5 * (CUE_NEUTRAL - distance2)).clamp(CUE_AGAINST, CUE_FOR)
+        })
+    }
+
+    /// Squared distance of a track from the radar's target, in deviations: of direction, range and, as far as
+    /// they differ more than noise, rates.
+    fn cue_distance2(&self, cue: &TargetCue, track: &Track) -> f64 {
         let los = track.filter.predicted(self.t_s());
         let apart_rad = separation_rad(los.az_el_rad(), cue.az_el_rad);
         let direction = apart_rad
@@ -230,9 +239,8 @@ impl Situation<'_> {
                 let sigma = sigma_rel.hypot(cue.range_sigma_m / cue.range_m);
                 (range_m / cue.range_m).ln() / sigma
             });
-        let rates = (self.rates_distance2(&cue, track) - RATES_EXPECTED).max(0.0);
-        let distance2 = direction * direction + range * range + rates;
-        (0.5 * (CUE_NEUTRAL - distance2)).clamp(CUE_AGAINST, CUE_FOR)
+        let rates = (self.rates_distance2(cue, track) - RATES_EXPECTED).max(0.0);
+        direction * direction + range * range + rates
     }
 
     /// Squared distance of a track's rates on the sky from those that the radar sees, in deviations.
@@ -337,9 +345,17 @@ impl Situation<'_> {
     }
 
     /// Whether a target has nothing that speaks for a UAV any more but having been chosen: it stands before
-    /// scenery, the recogniser is no longer sure, and no radar points at it.
+    /// scenery, the recogniser is no longer sure, and no radar points at it; or it merely looks like one, and the
+    /// radar follows its target elsewhere.
     pub(super) fn is_mere_scenery(&self, track: &Track) -> bool {
-        track.conduct.is_scenery() && !self.may_hover(track) && !self.cued(track)
+        let may_hover = self.may_hover(track) || self.cued(track);
+        track.conduct.is_scenery() && (self.elsewhere(track) || !may_hover)
+    }
+
+    /// Whether the radar's target is surely another: in another direction, at another range, or in flight.
+    fn elsewhere(&self, track: &Track) -> bool {
+        self.cue
+            .is_some_and(|cue| self.cue_distance2(&cue, track) > CUE_ELSEWHERE)
     }
 
     /// Why a track may be a UAV.
