@@ -5,7 +5,7 @@ use crate::models::tiles::tree::{Refine, Tile};
 use crate::models::tiles::volume::BoundingVolume;
 use crate::tiles::content::UpAxis;
 use crate::tiles::error::TilesError;
-use crate::tiles::expansion::{Expansion, Facts, Loose, TilesetFile, Tiling, Wait};
+use crate::tiles::expansion::{Expansion, Loose, TilesetFile, Tiling, Wait};
 use crate::tiles::fetch::{Fetcher, resolve};
 use crate::tiles::json::{At, parse};
 use glam::{DAffine3, DMat3, DMat4, DVec3};
@@ -364,13 +364,4 @@ pub(super) fn region_of(n: &[f64; 6]) -> Result<BoundingVolume, &'static str> {
         west_south_east_north_rad: [west, south, east, north],
         height_m: [low_m, high_m],
     })
-}
-
-impl Facts {
-    pub(super) fn of_metadata(metadata: Value) -> Self {
-        Self {
-            metadata: Some(metadata),
-            groups: Vec::new(),
-        }
-    }
 }

@@ -107,3 +107,6 @@ pub fn load(
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

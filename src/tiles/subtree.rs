@@ -231,6 +231,74 @@ pub(super) fn subtree(
     })
 }
 
+/// What contradicts itself in a subtree that can be read.
+pub(super) fn contradictions(
+    fetcher: &Fetcher,
+    location: &str,
+    bytes: &[u8],
+    tiling: &Tiling,
+) -> Result<Vec<TilesError>, TilesError> {
+    let (json, own) = split(location, bytes)?;
+    let value: Value = parse(location, json)?;
+    let at = At::root(location, &value);
+    let mut found = Vec::new();
+    if bytes.starts_with(b"subt") {
+        if json.len() % 8 != 0 || own.len() % 8 != 0 {
+            found.push(at.fault("has parts that are no multiples of 8 bytes; pad them"));
+        }
+        if bytes.len() != 24 + json.len() + own.len() {
+            found.push(at.fault("has another length than its header says; export it again"));
+        }
+    }
+    let buffers = Buffers {
+        fetcher,
+        json: at.clone(),
+        own,
+    };
+    let subtree = Subtree::read(&buffers, tiling)?;
+    let whole = tiling.scheme.tree_tiles(tiling.subtree_levels);
+    let below = tiling.scheme.level_tiles(tiling.subtree_levels);
+    let (Some(whole), Some(below)) = (whole, below) else {
+        return Ok(found);
+    };
+    let counted = |at: Option<At>, availability: &Availability, things: u64| {
+        let at = at?;
+        if let (Some(said), Availability::Bits(bits)) = (at.get("availableCount"), availability) {
+            let count = availability.count(things);
+            if said.value.as_u64() != Some(count) {
+                return Some(said.fault(format!("differs from the {count} bits that are set; write {count}")));
+            }
+            if bits.len() as u64 > things.div_ceil(8) {
+                let stream = at.get("bitstream")?;
+                return Some(stream.fault(format!("has more bytes than {things} bits need; shorten it")));
+            }
+        }
+        None
+    };
+    found.extend(counted(at.get("tileAvailability"), &subtree.tiles, whole));
+    found.extend(counted(at.get("childSubtreeAvailability"), &subtree.children, below));
+    // Constants promise too much to be looked through one by one.
+    let few = whole.min(1 << 20);
+    if let (Some(all), Availability::Bits(_)) = (at.get("contentAvailability"), &subtree.tiles) {
+        let each = all.items().ok().into_iter().flatten();
+        for (at, availability) in each.zip(&subtree.contents) {
+            found.extend(counted(Some(at.clone()), availability, whole));
+            let listed = matches!(availability, Availability::Bits(_));
+            let lonely = (0..few).find(|i| listed && availability.has(*i) && !subtree.tiles.has(*i));
+            found.extend(lonely.map(|i| at.fault(format!("has content {i}, whose tile is not available; take it out"))));
+        }
+    }
+    if matches!(subtree.tiles, Availability::Bits(_)) {
+        let fan = 1 << tiling.scheme.dimensions();
+        let orphan = (1..few).find(|i| subtree.tiles.has(*i) && !subtree.tiles.has((i - 1) / fan));
+        found.extend(orphan.map(|i| {
+            let parent = (i - 1) / fan;
+            at.fault(format!("tileAvailability has tile {i} without its parent {parent}; add the parent"))
+        }));
+    }
+    Ok(found)
+}
+
 struct Grown<'a> {
     subtree: Subtree<'a>,
     tiling: &'a Arc<Tiling>,

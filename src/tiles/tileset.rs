@@ -6,7 +6,7 @@ use crate::tiles::error::TilesError;
 use crate::tiles::expansion::{Expansion, Facts, Loose, TilesetFile, Wait};
 use crate::tiles::fetch::{Fetcher, is_address};
 use crate::tiles::read::{Above, MOST_LEVELS, tileset};
-use crate::tiles::subtree::subtree;
+use crate::tiles::subtree::{contradictions, subtree};
 use glam::DAffine3;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -258,6 +258,19 @@ impl Request {
                 subtree(&self.fetcher, &self.location, &bytes, tiling, *place)
             }
         }
+    }
+}
+
+impl Request {
+    /// What contradicts itself in what is to be read, where it is a subtree that can be read; tilesets have rules of their own.
+    pub(super) fn contradictions(&self) -> Vec<TilesError> {
+        let Wait::Subtree(tiling, _) = &self.wait else {
+            return Vec::new();
+        };
+        let bytes = self.fetcher.read(&self.location);
+        let found = bytes.and_then(|bytes| contradictions(&self.fetcher, &self.location, &bytes, tiling));
+        // What cannot be read is told where it is read.
+        found.unwrap_or_default()
     }
 }
 
