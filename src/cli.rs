@@ -18,6 +18,8 @@ use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
 use crate::scenario::{self, Loaded, Scenario};
+use crate::tiles::command::{self as tiles, Tiles};
+use crate::tiles::error::TilesError;
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
 use bevy::prelude::World;
@@ -66,6 +68,9 @@ pub enum CliError {
     /// A window.
     #[error(transparent)]
     View(#[from] ViewError),
+    /// A tileset.
+    #[error(transparent)]
+    Tiles(#[from] TilesError),
     /// A set of annotated pictures.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
@@ -127,6 +132,9 @@ enum Command {
     Dataset(dataset::Arguments),
     /// Run scenarios and write the last seconds of their tracks, for training a recogniser.
     Tracks(dataset::tracks::Arguments),
+    /// Real cities as 3D Tiles.
+    #[command(subcommand)]
+    Tiles(Tiles),
     /// List the UAV models.
     Models,
     /// Say what this machine offers: graphics adapter, ONNX Runtime, threads.
@@ -399,6 +407,11 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 return Ok(ExitCode::from(1));
             }
             Ok(())
+        }
+        Command::Tiles(command) => {
+            let (text, code) = tiles::run(&command)?;
+            say!("{}", text.trim_end());
+            return Ok(ExitCode::from(code));
         }
         Command::Models => {
             say!("{}", models()?.trim_end());

@@ -60,7 +60,9 @@ pub struct Camera {
 }
 
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let numbers = text.split(',').map(|word| word.trim().parse::<f64>().ok().filter(|n| n.is_finite()));
+    let numbers = text
+        .split(',')
+        .map(|word| word.trim().parse::<f64>().ok().filter(|n| n.is_finite()));
     let numbers: Option<Vec<f64>> = numbers.collect();
     let numbers = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
     numbers.ok_or(format!("expected {N} numbers with commas between them"))
@@ -75,13 +77,20 @@ fn two(text: &str) -> Result<[f64; 2], String> {
 }
 
 fn field(text: &str) -> Result<f64, &'static str> {
-    let angle = text.parse().ok().filter(|angle| (1e-6..179.0).contains(angle));
+    let angle = text
+        .parse()
+        .ok()
+        .filter(|angle| (1e-6..179.0).contains(angle));
     angle.ok_or("expected an angle above 0 and below 179")
 }
 
 fn size(text: &str) -> Result<[u32; 2], &'static str> {
-    let sides = text.split_once('x').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
-    sides.filter(|sides| sides.iter().all(|side| (1..=65_536).contains(side))).ok_or("expected 1920x1080 or the like")
+    let sides = text
+        .split_once('x')
+        .and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+    sides
+        .filter(|sides| sides.iter().all(|side| (1..=65_536).contains(side)))
+        .ok_or("expected 1920x1080 or the like")
 }
 
 /// Reads a tileset and says what there is.
@@ -110,7 +119,11 @@ pub(super) fn expand_all(tileset: &mut Tileset, most: usize) -> usize {
         let _ = tileset.expand(TileId(i as u32));
         i += 1;
     }
-    let unread = tileset.tree.tiles().iter().filter(|tile| tile.unread.is_some());
+    let unread = tileset
+        .tree
+        .tiles()
+        .iter()
+        .filter(|tile| tile.unread.is_some());
     unread.count()
 }
 
@@ -136,6 +149,11 @@ fn count(n: usize) -> String {
     text
 }
 
+/// So many of something.
+fn counted(n: usize, what: &str) -> String {
+    format!("{} {what}{}", count(n), if n == 1 { "" } else { "s" })
+}
+
 /// Whether a point of the root frame is near the earth's surface: whether the tileset is georeferenced.
 fn on_earth(point_m: DVec3) -> bool {
     (6.2e6..6.5e6).contains(&point_m.length()) // [m]
@@ -145,9 +163,15 @@ fn place(point_m: DVec3) -> String {
     if on_earth(point_m) {
         let at = Geodetic::from_ecef(point_m);
         let (lat, lon) = (at.latitude_rad.to_degrees(), at.longitude_rad.to_degrees());
-        format!("latitude {lat:.6}°, longitude {lon:.6}°, {:.1} m above the ellipsoid", at.height_m)
+        format!(
+            "latitude {lat:.6}°, longitude {lon:.6}°, {:.1} m above the ellipsoid",
+            at.height_m
+        )
     } else {
-        format!("{:.2}, {:.2}, {:.2} m in a frame of its own", point_m.x, point_m.y, point_m.z)
+        format!(
+            "{:.2}, {:.2}, {:.2} m in a frame of its own",
+            point_m.x, point_m.y, point_m.z
+        )
     }
 }
 
@@ -159,41 +183,80 @@ fn summary(tileset: &Tileset, unread: usize) -> String {
     };
     let root = tree.bounds(TileId(0));
     let kinds = [
-        ("box", |v: &BoundingVolume| matches!(v, BoundingVolume::Box { .. })),
-        ("sphere", |v: &BoundingVolume| matches!(v, BoundingVolume::Sphere { .. })),
-        ("region", |v: &BoundingVolume| matches!(v, BoundingVolume::Region { .. })),
+        ("box", |v: &BoundingVolume| {
+            matches!(v, BoundingVolume::Box { .. })
+        }),
+        ("sphere", |v: &BoundingVolume| {
+            matches!(v, BoundingVolume::Sphere { .. })
+        }),
+        ("region", |v: &BoundingVolume| {
+            matches!(v, BoundingVolume::Region { .. })
+        }),
     ] as [(&str, fn(&BoundingVolume) -> bool); 3];
-    let kinds = kinds.map(|(name, is)| (name, tree.tiles().iter().filter(|t| is(&t.volume)).count()));
+    let kinds =
+        kinds.map(|(name, is)| (name, tree.tiles().iter().filter(|t| is(&t.volume)).count()));
     let several = |parts: &[(&str, usize)]| {
         let there = parts.iter().filter(|(_, n)| *n > 0);
-        let words: Vec<String> = there.map(|(name, n)| format!("{} {name}", count(*n))).collect();
+        let words: Vec<String> = there
+            .map(|(name, n)| format!("{} {name}", count(*n)))
+            .collect();
         words.join(", ")
     };
-    let refine = |how: Refine| tree.tiles().iter().filter(|tile| tile.refine == how).count();
+    let refine = |how: Refine| {
+        tree.tiles()
+            .iter()
+            .filter(|tile| tile.refine == how)
+            .count()
+    };
     let contents: usize = tree.tiles().iter().map(|tile| tile.contents.len()).sum();
     let mut line = |name: &str, value: String| {
         let _ = writeln!(text, "{name:<10}{value}");
     };
     line("tileset", file.location.clone());
-    line("format", format!("3D Tiles {}, glTF with {:?} up", file.version, file.up_axis));
+    line(
+        "format",
+        format!("3D Tiles {}, glTF with {:?} up", file.version, file.up_axis),
+    );
     if !file.extensions.is_empty() {
         line("uses", file.extensions.join(", "));
     }
     if tileset.files().len() > 1 {
-        line("files", format!("{} tilesets", count(tileset.files().len())));
+        line(
+            "files",
+            format!("{} tilesets", count(tileset.files().len())),
+        );
     }
-    line("tiles", format!("{}, with {} contents", count(tree.tiles().len()), count(contents)));
+    line(
+        "tiles",
+        format!(
+            "{}, with {} contents",
+            count(tree.tiles().len()),
+            count(contents)
+        ),
+    );
     if unread > 0 {
-        line("", format!("{} lead to more that was not read (--most)", count(unread)));
+        line(
+            "",
+            format!("{} lead to more that was not read (--most)", count(unread)),
+        );
     }
     line("volumes", several(&kinds));
-    line("refine", several(&[("REPLACE", refine(Refine::Replace)), ("ADD", refine(Refine::Add))]));
+    line(
+        "refine",
+        several(&[
+            ("REPLACE", refine(Refine::Replace)),
+            ("ADD", refine(Refine::Add)),
+        ]),
+    );
     line("middle", place(root.center_m));
     let extent = 2.0 * root.half_m;
     if root.ball {
         line("extent", format!("{:.1} m across", extent.x));
     } else {
-        line("extent", format!("{:.1} × {:.1} × {:.1} m", extent.x, extent.y, extent.z));
+        line(
+            "extent",
+            format!("{:.1} × {:.1} × {:.1} m", extent.x, extent.y, extent.z),
+        );
     }
     text
 }
@@ -215,7 +278,10 @@ fn entity(value: &Value) -> String {
 fn metadata(tileset: &Tileset) -> String {
     let mut text = String::new();
     for file in tileset.files() {
-        let classes = file.schema.as_ref().and_then(|schema| schema["classes"].as_object());
+        let classes = file
+            .schema
+            .as_ref()
+            .and_then(|schema| schema["classes"].as_object());
         if let Some(classes) = classes {
             let classes: Vec<String> = (classes.iter())
                 .map(|(name, class)| {
@@ -241,7 +307,9 @@ fn levels(tileset: &Tileset) -> String {
     let mut rows: BTreeMap<usize, (usize, usize, f64, f64)> = BTreeMap::new();
     for (i, tile) in tree.tiles().iter().enumerate() {
         let id = TileId(i as u32);
-        let depth = tree.parent(id).map_or(0, |parent| depths[parent.index()] + 1);
+        let depth = tree
+            .parent(id)
+            .map_or(0, |parent| depths[parent.index()] + 1);
         depths.push(depth);
         let row = rows.entry(depth).or_insert((0, 0, f64::INFINITY, 0.0));
         row.0 += 1;
@@ -256,7 +324,12 @@ fn levels(tileset: &Tileset) -> String {
         } else {
             format!("{least:.3} m")
         };
-        let _ = writeln!(text, "{level:>5} {:>9} {:>9}  {range}", count(tiles), count(contents));
+        let _ = writeln!(
+            text,
+            "{level:>5} {:>9} {:>9}  {range}",
+            count(tiles),
+            count(contents)
+        );
     }
     text
 }
@@ -290,8 +363,16 @@ fn listing(tileset: &Tileset, levels: usize) -> String {
             (None, true) => "no content".into(),
             (None, false) => contents.join(" + "),
         };
-        let failed = if tree.failed(id) { ", cannot be read" } else { "" };
-        let below = if children > 0 { format!(", {children} below") } else { String::new() };
+        let failed = if tree.failed(id) {
+            ", cannot be read"
+        } else {
+            ""
+        };
+        let below = if children > 0 {
+            format!(", {children} below")
+        } else {
+            String::new()
+        };
         let facts = tileset.facts(id);
         let facts = facts.and_then(|facts| facts.metadata.as_ref()).map(entity);
         let facts = facts.map_or(String::new(), |facts| format!(" [{facts}]"));
@@ -322,7 +403,11 @@ fn axes(point_m: DVec3) -> DMat3 {
 fn view(tileset: &Tileset, camera: &Camera) -> Option<View> {
     let middle_m = tileset.tree.bounds(tileset.tree.root()?).center_m;
     let eye_m = if let Some(at) = camera.at {
-        let at = Geodetic { latitude_rad: at.x.to_radians(), longitude_rad: at.y.to_radians(), height_m: at.z };
+        let at = Geodetic {
+            latitude_rad: at.x.to_radians(),
+            longitude_rad: at.y.to_radians(),
+            height_m: at.z,
+        };
         at.to_ecef()
     } else if let Some(at) = camera.at_xyz {
         at
@@ -332,7 +417,10 @@ fn view(tileset: &Tileset, camera: &Camera) -> Option<View> {
     let axes = axes(eye_m);
     let forward = match camera.look {
         Some([azimuth_deg, elevation_deg]) => {
-            let ((sin, cos), (up, level)) = (azimuth_deg.to_radians().sin_cos(), elevation_deg.to_radians().sin_cos());
+            let ((sin, cos), (up, level)) = (
+                azimuth_deg.to_radians().sin_cos(),
+                elevation_deg.to_radians().sin_cos(),
+            );
             axes * DVec3::new(sin * level, cos * level, up)
         }
         None => (middle_m - eye_m).try_normalize().unwrap_or(-axes.z_axis),
@@ -367,8 +455,13 @@ fn cost(tileset: &Tileset, tile: TileId) -> Result<Cost, TilesError> {
             also.set(also.get() + read.len() as u64);
             Ok(read)
         };
-        let found: Content = content::decode(&read, tileset.up_axis(tile), &fetch)
-            .map_err(|error| TilesError::Content { location: location.clone(), reason: error.to_string() })?;
+        let found: Content =
+            content::decode(&read, tileset.up_axis(tile), &fetch).map_err(|error| {
+                TilesError::Content {
+                    location: location.clone(),
+                    reason: error.to_string(),
+                }
+            })?;
         cost.bytes += read.len() as u64 + also.get();
         cost.triangles += found.triangle_count();
         cost.points += found.point_count();
@@ -377,13 +470,21 @@ fn cost(tileset: &Tileset, tile: TileId) -> Result<Cost, TilesError> {
 }
 
 fn seen(tileset: &mut Tileset, view: &View, camera: &Camera) -> Result<String, TilesError> {
-    let options = SelectOptions { max_error_px: camera.error, cull: !camera.no_cull };
+    let options = SelectOptions {
+        max_error_px: camera.error,
+        cull: !camera.no_cull,
+    };
     let views = [*view];
     let choose = |tree: &_| ideal_cut(tree, &views, &options);
     let mut costs: BTreeMap<TileId, Cost> = BTreeMap::new();
     let cut: Cut = loop {
         let cut = settle_by(tileset, &choose)?;
-        let new: Vec<TileId> = cut.draw.iter().copied().filter(|tile| !costs.contains_key(tile)).collect();
+        let new: Vec<TileId> = cut
+            .draw
+            .iter()
+            .copied()
+            .filter(|tile| !costs.contains_key(tile))
+            .collect();
         let failures = tileset.failures().len();
         for tile in new {
             match cost(tileset, tile) {
@@ -406,22 +507,38 @@ fn seen(tileset: &mut Tileset, view: &View, camera: &Camera) -> Result<String, T
         "          {}° high, {columns} × {rows} px, refines from {} px on{}",
         camera.fovy,
         camera.error,
-        if camera.no_cull { ", culls nothing" } else { "" }
+        if camera.no_cull {
+            ", culls nothing"
+        } else {
+            ""
+        }
     );
-    let points = if points > 0 { format!(", {} points", count(points)) } else { String::new() };
+    let points = if points > 0 {
+        format!(", {} points", count(points))
+    } else {
+        String::new()
+    };
     let _ = writeln!(
         text,
-        "draws     {} tiles, {} triangles{points}, {} to read",
-        count(cut.draw.len()),
-        count(triangles),
+        "draws     {}, {}{points}, {} to read",
+        counted(cut.draw.len(), "tile"),
+        counted(triangles, "triangle"),
         bytes(size)
     );
-    let _ = writeln!(text, "looked at {} tiles, {} of them out of sight", count(cut.visited), count(cut.culled));
+    let _ = writeln!(
+        text,
+        "looked at {}, {} of them out of sight",
+        counted(cut.visited, "tile"),
+        count(cut.culled)
+    );
     let mut depths: BTreeMap<usize, usize> = BTreeMap::new();
     for tile in &cut.draw {
         *depths.entry(tileset.tree.depth(*tile)).or_default() += 1;
     }
-    let depths: Vec<String> = depths.iter().map(|(level, n)| format!("{n} of level {level}")).collect();
+    let depths: Vec<String> = depths
+        .iter()
+        .map(|(level, n)| format!("{n} of level {level}"))
+        .collect();
     if !depths.is_empty() {
         let _ = writeln!(text, "          {}", depths.join(", "));
     }

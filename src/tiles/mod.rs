@@ -1,13 +1,17 @@
 //! 3D Tiles 1.0 and 1.1: tilesets and their contents, read, checked and built.
 pub mod build;
+pub mod command;
 pub mod content;
 pub mod error;
 pub mod expansion;
 pub mod fetch;
 pub mod heights;
+pub mod inspect;
 mod json;
 mod read;
+mod rules;
 mod semantics;
 pub mod settled;
 mod subtree;
 pub mod tileset;
+pub mod validate;

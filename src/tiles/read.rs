@@ -18,12 +18,13 @@ use std::sync::Arc;
 pub(super) const MOST_LEVELS: usize = 512;
 
 /// Extensions that a tileset may require: read here, or without a bearing on what is drawn.
-const KNOWN: [&str; 9] = [
+const KNOWN: [&str; 10] = [
     "3DTILES_batch_table_hierarchy",
     "3DTILES_content_gltf",
     "3DTILES_implicit_tiling",
     "3DTILES_metadata",
     "3DTILES_multiple_contents",
+    "MAXAR_content_3tz",
     "MAXAR_extent",
     "MAXAR_grid",
     "VRICON_class",

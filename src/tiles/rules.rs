@@ -64,7 +64,10 @@ impl Rules<'_> {
             Ok(())
         });
         self.check(error);
-        if let Some(version) = root.get("asset").and_then(|asset| asset.get("tilesetVersion")) {
+        if let Some(version) = root
+            .get("asset")
+            .and_then(|asset| asset.get("tilesetVersion"))
+        {
             self.check(version.text());
         }
         if root.get("schema").is_some() && root.get("schemaUri").is_some() {
@@ -117,17 +120,25 @@ impl Rules<'_> {
             let Some(one) = at.get(name) else { continue };
             let class = self.schema.map(|schema| &schema["classes"][&name[..]]);
             match class {
-                None if !self.classes => self.say(&one, "is of a class, but there is no schema; add it"),
+                None if !self.classes => {
+                    self.say(&one, "is of a class, but there is no schema; add it")
+                }
                 Some(Value::Null) => self.say(&one, "is no class of the schema; add it there"),
                 class => {
-                    let Some(properties) = one.get("properties") else { continue };
+                    let Some(properties) = one.get("properties") else {
+                        continue;
+                    };
                     let Some(names) = self.check(properties.object()) else {
                         continue;
                     };
                     for name in names.keys() {
-                        let known = class.is_none_or(|class| class["properties"].get(name).is_some());
+                        let known =
+                            class.is_none_or(|class| class["properties"].get(name).is_some());
                         if !known {
-                            self.say(&properties, format!("has '{name}', which the class has not; take it out"));
+                            self.say(
+                                &properties,
+                                format!("has '{name}', which the class has not; take it out"),
+                            );
                         }
                     }
                 }
@@ -137,7 +148,9 @@ impl Rules<'_> {
 
     /// A metadata entity: its class is in the schema, and its properties are in the class.
     fn entity(&mut self, at: &At) {
-        let class = at.need("class").and_then(|class| Ok((class.text()?, class)));
+        let class = at
+            .need("class")
+            .and_then(|class| Ok((class.text()?, class)));
         let Some((name, class)) = self.check(class) else {
             return;
         };
@@ -148,20 +161,29 @@ impl Rules<'_> {
         let Some(schema) = self.schema else { return };
         let known = &schema["classes"][name];
         if known.is_null() {
-            self.say(&class, format!("'{name}' is no class of the schema; add it there"));
+            self.say(
+                &class,
+                format!("'{name}' is no class of the schema; add it there"),
+            );
             return;
         }
         let values = at.value["properties"].as_object();
         for name in values.into_iter().flat_map(|values| values.keys()) {
             if known["properties"].get(name).is_none() {
-                self.say(at, format!("has '{name}', which the class has not; take it out"));
+                self.say(
+                    at,
+                    format!("has '{name}', which the class has not; take it out"),
+                );
             }
         }
         for (name, property) in known["properties"].as_object().into_iter().flatten() {
             let value = values.and_then(|values| values.get(name));
             let there = value.is_some_and(|value| !value.is_null());
             if property["required"] == true && !there && property.get("default").is_none() {
-                self.say(at, format!("lacks '{name}', which the class requires; add it"));
+                self.say(
+                    at,
+                    format!("lacks '{name}', which the class requires; add it"),
+                );
             }
             if let Some(value) = value {
                 self.value(at, name, property, schema, value);
@@ -174,7 +196,9 @@ impl Rules<'_> {
         if property["type"] == "ENUM" {
             let kind = property["enumType"].as_str().unwrap_or("");
             let values = schema["enums"][kind]["values"].as_array();
-            let has = |word: &Value| values.is_none_or(|values| values.iter().any(|value| value["name"] == *word));
+            let has = |word: &Value| {
+                values.is_none_or(|values| values.iter().any(|value| value["name"] == *word))
+            };
             let words = value.as_array().cloned().unwrap_or(vec![value.clone()]);
             if let Some(word) = words.iter().find(|word| !word.is_null() && !has(word)) {
                 self.say(at, format!("'{name}' is {word}, which is none of '{kind}'"));
@@ -193,9 +217,15 @@ impl Rules<'_> {
         }
         for (key, wrong) in [("min", f64::lt as fn(&f64, &f64) -> bool), ("max", f64::gt)] {
             let bounds = flat(&property[key]);
-            let outside = numbers.iter().zip(bounds.iter()).find(|(number, bound)| wrong(number, bound));
+            let outside = numbers
+                .iter()
+                .zip(bounds.iter())
+                .find(|(number, bound)| wrong(number, bound));
             if let Some((number, bound)) = outside {
-                self.say(at, format!("'{name}' is {number}, beyond its {key} of {bound}"));
+                self.say(
+                    at,
+                    format!("'{name}' is {number}, beyond its {key} of {bound}"),
+                );
             }
         }
         let whole = match property["componentType"].as_str() {
@@ -208,8 +238,14 @@ impl Rules<'_> {
             _ => return,
         };
         let normalized = property["normalized"] == true;
-        if let Some(number) = numbers.iter().find(|n| !normalized && (**n < whole.0 || **n > whole.1)) {
-            self.say(at, format!("'{name}' is {number}, beyond its component type"));
+        if let Some(number) = numbers
+            .iter()
+            .find(|n| !normalized && (**n < whole.0 || **n > whole.1))
+        {
+            self.say(
+                at,
+                format!("'{name}' is {number}, beyond its component type"),
+            );
         }
     }
 
@@ -217,15 +253,21 @@ impl Rules<'_> {
         // A tile with its parent's error and bounds.
         let mut waiting = vec![(root, None::<f64>, None::<Bounds>)];
         while let Some((at, above_m, around)) = waiting.pop() {
-            let error_m = at.get("geometricError").and_then(|error| error.number().ok());
+            let error_m = at
+                .get("geometricError")
+                .and_then(|error| error.number().ok());
             if let (Some(above_m), Some(error_m)) = (above_m, error_m)
                 && error_m > above_m
             {
-                let fault = format!("is {error_m}, more than its parent's {above_m}; errors must not grow downwards");
+                let fault = format!(
+                    "is {error_m}, more than its parent's {above_m}; errors must not grow downwards"
+                );
                 self.say(&at.get("geometricError").unwrap_or(at.clone()), fault);
             }
             let bounds = at.get("boundingVolume").and_then(|v| volume(&v).ok());
-            let region = at.get("boundingVolume").is_some_and(|v| v.get("region").is_some());
+            let region = at
+                .get("boundingVolume")
+                .is_some_and(|v| v.get("region").is_some());
             let own = transform(&at);
             let bounds = bounds.map(|v| Bounds::of(&v, &DAffine3::IDENTITY));
             if let (Some(around), Some(bounds)) = (&around, &bounds)
@@ -236,7 +278,9 @@ impl Rules<'_> {
                 let center_m = moved.transform_point3(bounds.center_m);
                 let over_m = around.distance_m(center_m);
                 if over_m > 1e-3 * around.radius_m() {
-                    let fault = format!("has its middle {over_m:.2} m outside its parent's; enlarge the parent's");
+                    let fault = format!(
+                        "has its middle {over_m:.2} m outside its parent's; enlarge the parent's"
+                    );
                     self.say(&at.get("boundingVolume").unwrap_or(at.clone()), fault);
                 }
             }
@@ -268,37 +312,65 @@ impl Rules<'_> {
         }
         for key in ["contents", "implicitTiling"] {
             if self.version_1_0 && at.get(key).is_some() {
-                self.say(at, format!("has '{key}', which 3D Tiles 1.0 has not; write version 1.1"));
+                self.say(
+                    at,
+                    format!("has '{key}', which 3D Tiles 1.0 has not; write version 1.1"),
+                );
             }
         }
         if let Some(metadata) = at.get("metadata") {
             self.entity(&metadata);
             let classes = self.schema.map(|schema| &schema["classes"]);
-            let properties = classes.map(|c| &c[metadata.value["class"].as_str().unwrap_or("")]["properties"]);
+            let properties =
+                classes.map(|c| &c[metadata.value["class"].as_str().unwrap_or("")]["properties"]);
             for (name, property) in properties.and_then(Value::as_object).into_iter().flatten() {
                 let said = metadata.value["properties"][&name[..]].as_f64();
-                if property["semantic"] == "TILE_GEOMETRIC_ERROR" && said.is_some() && said != error_m {
-                    self.say(&metadata, format!("'{name}' differs from the tile's geometricError; make them one"));
+                if property["semantic"] == "TILE_GEOMETRIC_ERROR"
+                    && said.is_some()
+                    && said != error_m
+                {
+                    self.say(
+                        &metadata,
+                        format!("'{name}' differs from the tile's geometricError; make them one"),
+                    );
                 }
             }
         }
         if let Some(tiling) = at.get("implicitTiling") {
             self.tiling(at, &tiling);
         }
-        let several = at.get("contents").and_then(|contents| contents.items().ok());
-        for content in at.get("content").into_iter().chain(several.into_iter().flatten()) {
+        let several = at
+            .get("contents")
+            .and_then(|contents| contents.items().ok());
+        for content in at
+            .get("content")
+            .into_iter()
+            .chain(several.into_iter().flatten())
+        {
             self.content(at, &content);
         }
     }
 
     fn tiling(&mut self, at: &At, tiling: &At) {
         if at.get("metadata").is_some() {
-            self.say(at, "has implicitTiling and metadata; put it into the subtrees");
+            self.say(
+                at,
+                "has implicitTiling and metadata; put it into the subtrees",
+            );
         }
         let octree = tiling.value["subdivisionScheme"] == "OCTREE";
-        let keys: &[&str] = if octree { &["{level}", "{x}", "{y}", "{z}"] } else { &["{level}", "{x}", "{y}"] };
-        let several = at.get("contents").and_then(|contents| contents.items().ok());
-        let contents = at.get("content").into_iter().chain(several.into_iter().flatten());
+        let keys: &[&str] = if octree {
+            &["{level}", "{x}", "{y}", "{z}"]
+        } else {
+            &["{level}", "{x}", "{y}"]
+        };
+        let several = at
+            .get("contents")
+            .and_then(|contents| contents.items().ok());
+        let contents = at
+            .get("content")
+            .into_iter()
+            .chain(several.into_iter().flatten());
         let uris = contents.filter_map(|content| {
             if content.get("boundingVolume").is_some() {
                 return Some((content, ""));
@@ -307,7 +379,9 @@ impl Rules<'_> {
             Some((uri.clone(), uri.value.as_str()?))
         });
         let mut templates: Vec<(At, &str)> = uris.collect();
-        let subtrees = tiling.get("subtrees").and_then(|subtrees| subtrees.get("uri"));
+        let subtrees = tiling
+            .get("subtrees")
+            .and_then(|subtrees| subtrees.get("uri"));
         templates.extend(subtrees.and_then(|uri| Some((uri.clone(), uri.value.as_str()?))));
         for (place, template) in templates {
             if template.is_empty() {
@@ -315,11 +389,19 @@ impl Rules<'_> {
                 continue;
             }
             if let Some(key) = keys.iter().find(|key| !template.contains(**key)) {
-                self.say(&place, format!("lacks {key}; tiles could not be told apart"));
+                self.say(
+                    &place,
+                    format!("lacks {key}; tiles could not be told apart"),
+                );
             }
-            let rest = keys.iter().fold(template.to_string(), |rest, key| rest.replace(key, ""));
+            let rest = keys
+                .iter()
+                .fold(template.to_string(), |rest, key| rest.replace(key, ""));
             if rest.contains(['{', '}']) {
-                self.say(&place, format!("has a variable that is none of {}", keys.join(", ")));
+                self.say(
+                    &place,
+                    format!("has a variable that is none of {}", keys.join(", ")),
+                );
             }
         }
     }
@@ -330,7 +412,9 @@ impl Rules<'_> {
             && let Some(Ok(around)) = tile.get("boundingVolume").map(|v| volume(&v))
         {
             let [own, around] = [own, around].map(|v| Bounds::of(&v, &DAffine3::IDENTITY));
-            let over = corners(&own).into_iter().map(|corner| around.distance_m(corner));
+            let over = corners(&own)
+                .into_iter()
+                .map(|corner| around.distance_m(corner));
             let over_m = over.fold(0.0, f64::max);
             if over_m > 1e-3 * around.radius_m() {
                 self.say(content, format!("has a volume that stands {over_m:.2} m out of its tile's; enlarge the tile's"));
@@ -342,29 +426,48 @@ impl Rules<'_> {
         if let Some(group) = content.get("group") {
             let groups = self.groups.unwrap_or(0) as u64;
             if group.value.as_u64().is_none_or(|number| number >= groups) {
-                self.say(&group, format!("is no number of the {groups} groups; counting starts at 0"));
+                self.say(
+                    &group,
+                    format!("is no number of the {groups} groups; counting starts at 0"),
+                );
             }
         }
-        let uri = content.value["uri"].as_str().unwrap_or("").split(['?', '#']).next().unwrap_or("");
+        let uri = content.value["uri"]
+            .as_str()
+            .unwrap_or("")
+            .split(['?', '#'])
+            .next()
+            .unwrap_or("");
         let gltf = [".gltf", ".glb"].iter().any(|end| uri.ends_with(end));
         if content.get("url").is_some() {
             self.say(content, "has a 'url'; since 1.0 it is called 'uri'");
         }
         if gltf && self.version_1_0 && !self.gltf_declared {
-            self.say(content, "is glTF, which 3D Tiles 1.0 has not; write version 1.1");
+            self.say(
+                content,
+                "is glTF, which 3D Tiles 1.0 has not; write version 1.1",
+            );
         }
     }
 
     fn extensions(&mut self, root: &At) {
         let mut lists = ["extensionsUsed", "extensionsRequired"].map(|key| {
             let list = root.get(key)?;
-            let names = list.items().and_then(|items| items.map(|item| Ok(item.text()?)).collect::<Result<Vec<&str>, TilesError>>());
+            let names = list.items().and_then(|items| {
+                items
+                    .map(|item| Ok(item.text()?))
+                    .collect::<Result<Vec<&str>, TilesError>>()
+            });
             Some((list, names))
         });
         let mut names: [Vec<&str>; 2] = Default::default();
         for (list, names) in lists.iter_mut().zip(&mut names) {
-            let Some((at, list)) = list.take() else { continue };
-            let Some(list) = self.check(list) else { continue };
+            let Some((at, list)) = list.take() else {
+                continue;
+            };
+            let Some(list) = self.check(list) else {
+                continue;
+            };
             if list.is_empty() {
                 self.say(&at, "is empty; leave it out");
             }
@@ -378,18 +481,30 @@ impl Rules<'_> {
         }
         let [used, required] = names;
         for name in required.iter().filter(|name| !used.contains(*name)) {
-            self.say(root, format!("requires {name}, but extensionsUsed has it not; add it"));
+            self.say(
+                root,
+                format!("requires {name}, but extensionsUsed has it not; add it"),
+            );
         }
         let mut found = Vec::new();
         collect_extensions(root.value, &mut found);
         for name in &found {
             if !used.contains(&&name[..]) {
-                self.say(root, format!("has {name}, but extensionsUsed has it not; add it"));
+                self.say(
+                    root,
+                    format!("has {name}, but extensionsUsed has it not; add it"),
+                );
             }
         }
-        for name in used.iter().filter(|name| name.starts_with("3DTILES_") && !["3DTILES_content_gltf", "3DTILES_metadata"].contains(name)) {
+        for name in used.iter().filter(|name| {
+            name.starts_with("3DTILES_")
+                && !["3DTILES_content_gltf", "3DTILES_metadata"].contains(name)
+        }) {
             if !found.iter().any(|found| found == name) {
-                self.say(root, format!("says it uses {name}, but nothing does; take it out"));
+                self.say(
+                    root,
+                    format!("says it uses {name}, but nothing does; take it out"),
+                );
             }
         }
     }
@@ -422,7 +537,10 @@ fn collect_extensions(value: &Value, found: &mut Vec<String>) {
         Value::Object(members) => {
             for (key, value) in members {
                 if let (true, Some(extensions)) = (key == "extensions", value.as_object()) {
-                    let new = extensions.keys().filter(|name| !found.contains(name)).cloned();
+                    let new = extensions
+                        .keys()
+                        .filter(|name| !found.contains(name))
+                        .cloned();
                     let new: Vec<String> = new.collect();
                     found.extend(new);
                 }
@@ -431,7 +549,9 @@ fn collect_extensions(value: &Value, found: &mut Vec<String>) {
                 }
             }
         }
-        Value::Array(values) => values.iter().for_each(|value| collect_extensions(value, found)),
+        Value::Array(values) => values
+            .iter()
+            .for_each(|value| collect_extensions(value, found)),
         _ => {}
     }
 }

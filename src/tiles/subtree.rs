@@ -266,17 +266,25 @@ pub(super) fn contradictions(
         if let (Some(said), Availability::Bits(bits)) = (at.get("availableCount"), availability) {
             let count = availability.count(things);
             if said.value.as_u64() != Some(count) {
-                return Some(said.fault(format!("differs from the {count} bits that are set; write {count}")));
+                return Some(said.fault(format!(
+                    "differs from the {count} bits that are set; write {count}"
+                )));
             }
             if bits.len() as u64 > things.div_ceil(8) {
                 let stream = at.get("bitstream")?;
-                return Some(stream.fault(format!("has more bytes than {things} bits need; shorten it")));
+                return Some(stream.fault(format!(
+                    "has more bytes than {things} bits need; shorten it"
+                )));
             }
         }
         None
     };
     found.extend(counted(at.get("tileAvailability"), &subtree.tiles, whole));
-    found.extend(counted(at.get("childSubtreeAvailability"), &subtree.children, below));
+    found.extend(counted(
+        at.get("childSubtreeAvailability"),
+        &subtree.children,
+        below,
+    ));
     // Constants promise too much to be looked through one by one.
     let few = whole.min(1 << 20);
     if let (Some(all), Availability::Bits(_)) = (at.get("contentAvailability"), &subtree.tiles) {
@@ -284,8 +292,13 @@ pub(super) fn contradictions(
         for (at, availability) in each.zip(&subtree.contents) {
             found.extend(counted(Some(at.clone()), availability, whole));
             let listed = matches!(availability, Availability::Bits(_));
-            let lonely = (0..few).find(|i| listed && availability.has(*i) && !subtree.tiles.has(*i));
-            found.extend(lonely.map(|i| at.fault(format!("has content {i}, whose tile is not available; take it out"))));
+            let lonely =
+                (0..few).find(|i| listed && availability.has(*i) && !subtree.tiles.has(*i));
+            found.extend(lonely.map(|i| {
+                at.fault(format!(
+                    "has content {i}, whose tile is not available; take it out"
+                ))
+            }));
         }
     }
     if matches!(subtree.tiles, Availability::Bits(_)) {
@@ -293,7 +306,9 @@ pub(super) fn contradictions(
         let orphan = (1..few).find(|i| subtree.tiles.has(*i) && !subtree.tiles.has((i - 1) / fan));
         found.extend(orphan.map(|i| {
             let parent = (i - 1) / fan;
-            at.fault(format!("tileAvailability has tile {i} without its parent {parent}; add the parent"))
+            at.fault(format!(
+                "tileAvailability has tile {i} without its parent {parent}; add the parent"
+            ))
         }));
     }
     Ok(found)

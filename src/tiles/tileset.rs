@@ -268,7 +268,8 @@ impl Request {
             return Vec::new();
         };
         let bytes = self.fetcher.read(&self.location);
-        let found = bytes.and_then(|bytes| contradictions(&self.fetcher, &self.location, &bytes, tiling));
+        let found =
+            bytes.and_then(|bytes| contradictions(&self.fetcher, &self.location, &bytes, tiling));
         // What cannot be read is told where it is read.
         found.unwrap_or_default()
     }

@@ -44,7 +44,11 @@ impl Validation {
 
     /// A line a fault, and the sum.
     pub fn text(&self) -> String {
-        let mut text: String = self.faults.iter().map(|fault| format!("{fault}\n")).collect();
+        let mut text: String = self
+            .faults
+            .iter()
+            .map(|fault| format!("{fault}\n"))
+            .collect();
         let [tiles, contents] = self.looked_at;
         let rest = match self.unread {
             0 => String::new(),
@@ -55,7 +59,7 @@ impl Validation {
             1 => "1 fault".into(),
             n => format!("{n} faults"),
         };
-        text += &format!("{verdict} in {tiles} tiles and {contents} contents{rest}");
+        text += &format!("{verdict} in {tiles} tiles with {contents} contents{rest}");
         text
     }
 }
@@ -76,15 +80,23 @@ pub fn validate(args: &Arguments) -> Result<Validation, TilesError> {
         // Files as they come, so that faults stand in the order of the tree.
         for file in &tileset.files()[files..] {
             let bytes = tileset.fetcher().read(&file.location)?;
-            found.faults.extend(faults(&file.location, &parse(&file.location, &bytes)?));
+            found
+                .faults
+                .extend(faults(&file.location, &parse(&file.location, &bytes)?));
         }
         files = tileset.files().len();
         i += 1;
     }
     found.looked_at[0] = i;
-    let unread = tileset.tree.tiles().iter().filter(|tile| tile.unread.is_some());
+    let unread = tileset
+        .tree
+        .tiles()
+        .iter()
+        .filter(|tile| tile.unread.is_some());
     found.unread = unread.count();
-    found.faults.extend(tileset.failures().iter().map(|(_, error)| error.clone()));
+    found
+        .faults
+        .extend(tileset.failures().iter().map(|(_, error)| error.clone()));
     if !args.no_contents {
         let mut seen = BTreeSet::new();
         for i in 0..i {

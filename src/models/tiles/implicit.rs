@@ -185,7 +185,7 @@ mod tests {
         assert_eq!(at(2, [3, 0, 0]).morton(Scheme::Quadtree), 5);
         assert_eq!(at(2, [2, 3, 0]).morton(Scheme::Quadtree), 14);
         assert_eq!(at(1, [1, 0, 1]).morton(Scheme::Octree), 5);
-        assert_eq!(at(3, [5, 6, 1]).morton(Scheme::Octree), 0b110_010_101);
+        assert_eq!(at(3, [5, 6, 1]).morton(Scheme::Octree), 0b011_010_101);
     }
 
     #[test]

@@ -125,12 +125,12 @@ impl Selector {
         self.frame += 1;
         self.slots.resize(tree.tiles().len(), Slot::default());
         let eyes = Eyes::new(views, self.options.select.cull, occluder);
-        let plan = self.fitting_plan(tree, &eyes);
+        let (plan, steady) = self.fitting_plan(tree, &eyes);
         for i in &plan.used {
             self.slots[*i as usize].used = self.frame;
         }
         let mut step = Step {
-            complete: plan.wanted.is_empty(),
+            complete: steady && plan.wanted.is_empty(),
             max_error_px: self.max_error_px,
             visited: plan.visited,
             culled: plan.culled,
@@ -141,8 +141,8 @@ impl Selector {
         step
     }
 
-    /// The plan at the least error whose contents fit the budget.
-    fn fitting_plan(&mut self, tree: &Tree, eyes: &Eyes) -> Plan {
+    /// The plan at the least error whose contents fit the budget, and whether that error stays for these views.
+    fn fitting_plan(&mut self, tree: &Tree, eyes: &Eyes) -> (Plan, bool) {
         const STEP: f64 = 1.25;
         let wanted_px = self.options.select.max_error_px;
         let budget = self.options.budget_bytes;
@@ -158,10 +158,11 @@ impl Selector {
             let finer_px = (self.max_error_px / STEP).max(wanted_px);
             let finer = self.plan(tree, eyes, finer_px);
             if finer.bytes <= budget / 10 * 9 {
-                (self.max_error_px, plan) = (finer_px, finer);
+                self.max_error_px = finer_px;
+                return (finer, finer_px <= wanted_px);
             }
         }
-        plan
+        (plan, true)
     }
 
     fn plan(&self, tree: &Tree, eyes: &Eyes, max_error_px: f64) -> Plan {

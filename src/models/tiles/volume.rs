@@ -260,7 +260,7 @@ mod tests {
         assert!(far(1.5, 5.9, 1.1) == 0.0);
         assert!((far(5.0, 2.0, 3.0) - 3.0).abs() < 1e-12);
         assert!((far(5.0, 10.0, 3.0) - 5.0).abs() < 1e-12);
-        assert!((far(4.0, 8.0, 11.0) - 49f64.sqrt()).abs() < 1e-12);
+        assert!((far(4.0, 8.0, 11.0) - 44f64.sqrt()).abs() < 1e-12);
     }
 
     #[test]

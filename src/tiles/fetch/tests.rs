@@ -18,7 +18,10 @@ fn serve(answer: fn(&str, &mut TcpStream)) -> String {
             let Ok(mut stream) = stream else { return };
             std::thread::spawn(move || {
                 let mut lines = BufReader::new(stream.try_clone().unwrap()).lines();
-                let first = lines.next().unwrap_or(Ok(String::new())).unwrap_or_default();
+                let first = lines
+                    .next()
+                    .unwrap_or(Ok(String::new()))
+                    .unwrap_or_default();
                 for line in lines {
                     if line.is_ok_and(|line| line.is_empty()) {
                         break;
@@ -36,7 +39,9 @@ fn send(stream: &mut TcpStream, head: &str, body: &[u8]) {
     let length = body.len();
     let head = format!("HTTP/1.1 {head}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n");
     // The other side may have gone.
-    let _ = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body));
+    let _ = stream
+        .write_all(head.as_bytes())
+        .and_then(|()| stream.write_all(body));
 }
 
 fn answer(path: &str, stream: &mut TcpStream) {
@@ -45,7 +50,11 @@ fn answer(path: &str, stream: &mut TcpStream) {
         "/packed" => send(stream, "200 OK\r\nContent-Encoding: gzip", &gzip(b"packed")),
         "/inner" => send(stream, "200 OK", &gzip(b"inner")),
         "/large" => send(stream, "200 OK", &[7; 5000]),
-        "/bomb" => send(stream, "200 OK\r\nContent-Encoding: gzip", &gzip(&[0; 1 << 20])),
+        "/bomb" => send(
+            stream,
+            "200 OK\r\nContent-Encoding: gzip",
+            &gzip(&[0; 1 << 20]),
+        ),
         "/moved" => send(stream, "302 Found\r\nLocation: /plain?key=1", b""),
         "/failing" => send(stream, "500 Internal Server Error", b"no"),
         "/slow" => std::thread::sleep(Duration::from_secs(3)),
@@ -85,7 +94,10 @@ fn addresses_are_read_and_their_failures_told() {
     }
     assert!(started.elapsed() < Duration::from_secs(10));
     // Nobody listens there.
-    let closed = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let closed = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap();
     assert!(fetcher.read(&format!("http://{closed}/x")).is_err());
 }
 
@@ -99,14 +111,21 @@ fn files_gzip_and_archives_are_read() {
     std::fs::write(at("bomb"), gzip(&vec![0; 1 << 20])).unwrap();
     std::fs::write(at("no.3tz"), b"no archive").unwrap();
     let mut archive = zip::ZipWriter::new(File::create(at("city.3tz")).unwrap());
-    let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    let stored =
+        zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
     let deflated = stored.compression_method(zip::CompressionMethod::Deflated);
-    for (name, bytes, how) in [("tileset.json", &b"{}"[..], stored), ("a/b.glb", b"glTF", deflated)] {
+    for (name, bytes, how) in [
+        ("tileset.json", &b"{}"[..], stored),
+        ("a/b.glb", b"glTF", deflated),
+    ] {
         archive.start_file(name, how).unwrap();
         archive.write_all(bytes).unwrap();
     }
     archive.finish().unwrap();
-    let fetcher = Fetcher::new(Limits { bytes: 4096, ..Limits::default() });
+    let fetcher = Fetcher::new(Limits {
+        bytes: 4096,
+        ..Limits::default()
+    });
     let read = |name: &str| fetcher.read(&at(name));
     assert_eq!(read("plain").unwrap(), b"plain");
     assert_eq!(read("packed").unwrap(), b"packed");
@@ -128,7 +147,12 @@ fn files_gzip_and_archives_are_read() {
 #[test]
 fn data_addresses_are_read() {
     let fetcher = Fetcher::default();
-    assert_eq!(fetcher.read("data:application/octet-stream;base64,AQID").unwrap(), [1, 2, 3]);
+    assert_eq!(
+        fetcher
+            .read("data:application/octet-stream;base64,AQID")
+            .unwrap(),
+        [1, 2, 3]
+    );
     assert_eq!(fetcher.read("data:,a%20b").unwrap(), b"a b");
     assert!(fetcher.read("data:;base64,???").is_err());
 }
@@ -143,7 +167,10 @@ fn references_are_resolved() {
     for (reference, expected) in [
         ("a.glb", format!("{root}/t/a.glb")),
         ("./b/../c.glb", format!("{root}/t/c.glb")),
-        ("../x.3tz/tileset.json", format!("{root}/x.3tz/tileset.json")),
+        (
+            "../x.3tz/tileset.json",
+            format!("{root}/x.3tz/tileset.json"),
+        ),
         ("a%20b.glb?foo=bar#baz", format!("{root}/t/a b.glb")),
         ("odd#1.glb", format!("{root}/t/odd#1.glb")),
         ("/abs/a.glb", "/abs/a.glb".into()),
@@ -154,9 +181,15 @@ fn references_are_resolved() {
     let base = "http://server:8/v1/root/tileset.json?key=K&session=old#f";
     for (reference, expected) in [
         ("a.glb", "http://server:8/v1/root/a.glb?key=K&session=old"),
-        ("../a.json?session=new#x", "http://server:8/v1/a.json?session=new&key=K"),
+        (
+            "../a.json?session=new#x",
+            "http://server:8/v1/a.json?session=new&key=K",
+        ),
         ("/top.glb", "http://server:8/top.glb?key=K&session=old"),
-        ("../../../../a.glb", "http://server:8/a.glb?key=K&session=old"),
+        (
+            "../../../../a.glb",
+            "http://server:8/a.glb?key=K&session=old",
+        ),
         ("http://else/a.glb", "http://else/a.glb"),
         ("//else/a.glb", "http://else/a.glb"),
     ] {

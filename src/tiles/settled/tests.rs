@@ -7,12 +7,11 @@ use std::path::{Path, PathBuf};
 /// The folder of real tilesets; `None`, with a message, where it is absent.
 fn data() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/tiles");
-    let shared = folder.is_dir().then_some(folder);
-    let found = shared.or_else(|| Some("/work/shared/data/tiles".into()).filter(|p: &PathBuf| p.is_dir()));
-    if found.is_none() {
+    if !folder.is_dir() {
         println!("skipped: no ../shared/data/tiles");
+        return None;
     }
-    found
+    Some(folder)
 }
 
 fn mars(name: &str) -> Option<Tileset> {
@@ -42,13 +41,22 @@ fn above_mars(tileset: &Tileset, distance_m: f64) -> View {
 
 #[test]
 fn mars_at_the_check_values() {
-    let Some(mut tileset) = mars("tileset.json") else { return };
-    for (distance_m, tiles, triangles) in [(200.0, 88, 89_736), (1000.0, 28, 38_287), (3000.0, 1, 1_966)] {
+    let Some(mut tileset) = mars("tileset.json") else {
+        return;
+    };
+    for (distance_m, tiles, triangles) in [
+        (200.0, 88, 89_736),
+        (1000.0, 28, 38_287),
+        (3000.0, 1, 1_966),
+    ] {
         let views = [above_mars(&tileset, distance_m)];
         let cut = settle(&mut tileset, &views, &ALL).unwrap();
         assert_eq!(cut.draw.len(), tiles, "{distance_m} m");
         let loaded = load(&mut tileset, &|tree| ideal_cut(tree, &views, &ALL)).unwrap();
-        let found: usize = loaded.iter().map(|(_, content)| content.triangle_count()).sum();
+        let found: usize = loaded
+            .iter()
+            .map(|(_, content)| content.triangle_count())
+            .sum();
         assert_eq!(found, triangles, "{distance_m} m");
     }
     assert!(tileset.failures().is_empty());
@@ -59,7 +67,10 @@ fn mars_at_the_check_values() {
 
 /// What is drawn, by the locations of its contents.
 fn drawn(tileset: &Tileset, cut: &Cut) -> Vec<String> {
-    let contents = cut.draw.iter().flat_map(|tile| tileset.tree.tile(*tile).contents.clone());
+    let contents = cut
+        .draw
+        .iter()
+        .flat_map(|tile| tileset.tree.tile(*tile).contents.clone());
     let mut contents: Vec<String> = contents.collect();
     contents.sort();
     contents
@@ -67,12 +78,20 @@ fn drawn(tileset: &Tileset, cut: &Cut) -> Vec<String> {
 
 #[test]
 fn mars_in_several_files_is_the_same_mars() {
-    let Some(mut whole) = mars("tileset.json") else { return };
-    for name in ["tileset-external.json", "tileset-external-with-url-params.json"] {
+    let Some(mut whole) = mars("tileset.json") else {
+        return;
+    };
+    for name in [
+        "tileset-external.json",
+        "tileset-external-with-url-params.json",
+    ] {
         let mut parts = mars(name).unwrap();
         for distance_m in [150.0, 200.0, 600.0, 1000.0] {
             let views = [above_mars(&whole, distance_m)];
-            let (a, b) = (settle(&mut whole, &views, &ALL).unwrap(), settle(&mut parts, &views, &ALL).unwrap());
+            let (a, b) = (
+                settle(&mut whole, &views, &ALL).unwrap(),
+                settle(&mut parts, &views, &ALL).unwrap(),
+            );
             assert_eq!(drawn(&whole, &a), drawn(&parts, &b), "{name} {distance_m}");
         }
         // The inner file does not say which axis is up; the outer one does.
@@ -83,13 +102,22 @@ fn mars_in_several_files_is_the_same_mars() {
 
 #[test]
 fn what_cannot_be_read_is_told_once_and_leaves_the_parent() {
-    let Some(mut broken) = mars("tileset-external-broken.json") else { return };
+    let Some(mut broken) = mars("tileset-external-broken.json") else {
+        return;
+    };
     let views = [above_mars(&broken, 200.0)];
     let cut = settle(&mut broken, &views, &ALL).unwrap();
     settle(&mut broken, &views, &ALL).unwrap();
     assert_eq!(broken.failures().len(), 1);
-    assert!(broken.failures()[0].1.to_string().contains("nonexistent.json"));
-    let parent = drawn(&broken, &cut).into_iter().find(|uri| uri.ends_with("/0.b3dm"));
+    assert!(
+        broken.failures()[0]
+            .1
+            .to_string()
+            .contains("nonexistent.json")
+    );
+    let parent = drawn(&broken, &cut)
+        .into_iter()
+        .find(|uri| uri.ends_with("/0.b3dm"));
     assert!(parent.is_some(), "{:?}", drawn(&broken, &cut));
 
     // A root without its content: children stand in for it, near and far.
@@ -101,14 +129,20 @@ fn what_cannot_be_read_is_told_once_and_leaves_the_parent() {
 
 #[test]
 fn a_fixed_level_of_detail_of_mars() {
-    let Some(mut tileset) = mars("tileset.json") else { return };
+    let Some(mut tileset) = mars("tileset.json") else {
+        return;
+    };
     let center = tileset.tree.bounds(TileId(0)).center_m;
     let all = finest(&mut tileset, center, 1e4, 0.0).unwrap();
-    let leaves = (0..tileset.tree.tiles().len() as u32).filter(|i| tileset.tree.children(TileId(*i)).next().is_none());
+    let leaves = (0..tileset.tree.tiles().len() as u32)
+        .filter(|i| tileset.tree.children(TileId(*i)).next().is_none());
     assert_eq!(all.draw.len(), leaves.count());
     let near = finest(&mut tileset, center, 20.0, 0.0).unwrap();
     assert!(!near.draw.is_empty() && near.draw.len() < all.draw.len() / 4);
-    assert_eq!(finest(&mut tileset, center, 1e4, 31.0).unwrap().draw, [TileId(0)]);
+    assert_eq!(
+        finest(&mut tileset, center, 1e4, 31.0).unwrap().draw,
+        [TileId(0)]
+    );
 }
 
 /// A tileset read and walked by other means: JSON alone, one file into the other, bits by shifting.
@@ -132,23 +166,43 @@ impl Reference {
 
     fn volume(json: &Value) -> BoundingVolume {
         let numbers = |name: &str| -> Option<Vec<f64>> {
-            Some(json.get(name)?.as_array()?.iter().map(|n| n.as_f64().unwrap()).collect())
+            Some(
+                json.get(name)?
+                    .as_array()?
+                    .iter()
+                    .map(|n| n.as_f64().unwrap())
+                    .collect(),
+            )
         };
         if let Some(n) = numbers("box") {
             let half_axes_m = DMat3::from_cols_slice(&n[3..]);
-            return BoundingVolume::Box { center_m: DVec3::from_slice(&n), half_axes_m };
+            return BoundingVolume::Box {
+                center_m: DVec3::from_slice(&n),
+                half_axes_m,
+            };
         }
         if let Some(n) = numbers("sphere") {
-            return BoundingVolume::Sphere { center_m: DVec3::from_slice(&n), radius_m: n[3] };
+            return BoundingVolume::Sphere {
+                center_m: DVec3::from_slice(&n),
+                radius_m: n[3],
+            };
         }
         let n = numbers("region").unwrap();
-        BoundingVolume::Region { west_south_east_north_rad: [n[0], n[1], n[2], n[3]], height_m: [n[4], n[5]] }
+        BoundingVolume::Region {
+            west_south_east_north_rad: [n[0], n[1], n[2], n[3]],
+            height_m: [n[4], n[5]],
+        }
     }
 
     fn tile(file: &Path, json: &Value, above: DAffine3, add: bool) -> Self {
-        let add = json["refine"].as_str().map_or(add, |refine| refine == "ADD");
-        let transform: Option<Vec<f64>> = (json["transform"].as_array()).map(|m| m.iter().map(|n| n.as_f64().unwrap()).collect());
-        let own = transform.map_or(DAffine3::IDENTITY, |m| DAffine3::from_mat4(DMat4::from_cols_slice(&m)));
+        let add = json["refine"]
+            .as_str()
+            .map_or(add, |refine| refine == "ADD");
+        let transform: Option<Vec<f64>> =
+            (json["transform"].as_array()).map(|m| m.iter().map(|n| n.as_f64().unwrap()).collect());
+        let own = transform.map_or(DAffine3::IDENTITY, |m| {
+            DAffine3::from_mat4(DMat4::from_cols_slice(&m))
+        });
         let mut tile = Self {
             volume: Self::volume(&json["boundingVolume"]),
             to_root: above * own,
@@ -161,7 +215,10 @@ impl Reference {
             lost: false,
         };
         let contents = json["contents"].as_array().cloned().unwrap_or_default();
-        let uris = contents.iter().chain(json.get("content")).map(|c| c["uri"].as_str().unwrap().to_string());
+        let uris = contents
+            .iter()
+            .chain(json.get("content"))
+            .map(|c| c["uri"].as_str().unwrap().to_string());
         let uris: Vec<String> = uris.collect();
         if json.get("implicitTiling").is_some() {
             tile.implicit(file, &json["implicitTiling"], &uris, [0; 4]);
@@ -179,7 +236,9 @@ impl Reference {
             }
         }
         let children = json["children"].as_array().cloned().unwrap_or_default();
-        let children = children.iter().map(|child| Self::tile(file, child, tile.to_root, add));
+        let children = children
+            .iter()
+            .map(|child| Self::tile(file, child, tile.to_root, add));
         tile.children.extend(children);
         tile
     }
@@ -188,7 +247,9 @@ impl Reference {
     fn implicit(&mut self, file: &Path, tiling: &Value, contents: &[String], at: [u64; 4]) {
         let name = |template: &str, at: [u64; 4]| {
             let keys = ["{level}", "{x}", "{y}", "{z}"].into_iter().zip(at);
-            keys.fold(template.to_string(), |name, (key, n)| name.replace(key, &n.to_string()))
+            keys.fold(template.to_string(), |name, (key, n)| {
+                name.replace(key, &n.to_string())
+            })
         };
         let folder = file.parent().unwrap();
         let path = folder.join(name(tiling["subtrees"]["uri"].as_str().unwrap(), at));
@@ -199,7 +260,8 @@ impl Reference {
         let has = move |availability: &Value, i: u64| match availability["constant"].as_u64() {
             Some(constant) => constant == 1,
             None => {
-                let view = &json["bufferViews"][availability["bitstream"].as_u64().unwrap() as usize];
+                let view =
+                    &json["bufferViews"][availability["bitstream"].as_u64().unwrap() as usize];
                 let start = view["byteOffset"].as_u64().unwrap_or(0);
                 buffer[(start + i / 8) as usize] & (1 << (i % 8)) != 0
             }
@@ -207,23 +269,41 @@ impl Reference {
         let json: Value = serde_json::from_slice(&bytes[24..24 + length]).unwrap();
         let octree = tiling["subdivisionScheme"] == "OCTREE";
         let levels = tiling["subtreeLevels"].as_u64().unwrap();
-        let walk = Implicit { file, tiling, contents, json: &json, has: &has, name: &name, octree, levels, root: at };
+        let walk = Implicit {
+            file,
+            tiling,
+            contents,
+            json: &json,
+            has: &has,
+            name: &name,
+            octree,
+            levels,
+            root: at,
+        };
         walk.fill(self, 0, 0, at);
     }
 
     fn draw(&self, views: &[View], above: (f64, bool), out: &mut Vec<String>) -> bool {
-        let scale = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| self.to_root.transform_vector3(axis).length());
+        let scale = [DVec3::X, DVec3::Y, DVec3::Z]
+            .map(|axis| self.to_root.transform_vector3(axis).length());
         let error_m = self.error_m * scale[0].max(scale[1]).max(scale[2]);
         let mut refine = self.always || error_m > above.0;
         let mut seen = false;
         for view in views {
-            let far = |volume: &BoundingVolume| Bounds::of(volume, &self.to_root).distance_m(view.r_root_m);
-            if self.request.as_ref().is_some_and(|request| far(request) > 0.0) {
+            let far = |volume: &BoundingVolume| {
+                Bounds::of(volume, &self.to_root).distance_m(view.r_root_m)
+            };
+            if self
+                .request
+                .as_ref()
+                .is_some_and(|request| far(request) > 0.0)
+            {
                 continue;
             }
             seen = true;
             let d = far(&self.volume);
-            let error_px = error_m * f64::from(view.size_px[1]) / (2.0 * d * (view.fovy_rad / 2.0).tan());
+            let error_px =
+                error_m * f64::from(view.size_px[1]) / (2.0 * d * (view.fovy_rad / 2.0).tan());
             refine |= d <= 0.0 || error_px >= 16.0;
         }
         if !seen {
@@ -280,17 +360,35 @@ impl Implicit<'_> {
             let index = morton * fan + k;
             let inside = depth + 1 < self.levels;
             let available = if inside {
-                (self.has)(&self.json["tileAvailability"], before + fan.pow(depth as u32) + index)
+                (self.has)(
+                    &self.json["tileAvailability"],
+                    before + fan.pow(depth as u32) + index,
+                )
             } else {
                 (self.has)(&self.json["childSubtreeAvailability"], index)
             };
             if !available {
                 continue;
             }
-            let place = [at[0] + 1, 2 * at[1] + (k & 1), 2 * at[2] + (k >> 1 & 1), 2 * at[3] + (k >> 2)];
-            let BoundingVolume::Box { center_m, half_axes_m: h } = tile.volume else { panic!("a box") };
+            let place = [
+                at[0] + 1,
+                2 * at[1] + (k & 1),
+                2 * at[2] + (k >> 1 & 1),
+                2 * at[3] + (k >> 2),
+            ];
+            let BoundingVolume::Box {
+                center_m,
+                half_axes_m: h,
+            } = tile.volume
+            else {
+                panic!("a box")
+            };
             let side = |bit: u64| if bit == 1 { 0.5 } else { -0.5 };
-            let up = if self.octree { h.z_axis * side(k >> 2) } else { DVec3::ZERO };
+            let up = if self.octree {
+                h.z_axis * side(k >> 2)
+            } else {
+                DVec3::ZERO
+            };
             let center_m = center_m + h.x_axis * side(k & 1) + h.y_axis * side(k >> 1 & 1) + up;
             let z = if self.octree { 0.5 } else { 1.0 };
             let mut child = Reference {
@@ -327,14 +425,20 @@ fn real_tilesets_are_cut_as_an_independent_traversal_cuts_them() {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 folders.push(path);
-            } else if path.file_name().is_some_and(|name| name.to_str().unwrap().starts_with("tileset")) {
+            } else if path
+                .file_name()
+                .is_some_and(|name| name.to_str().unwrap().starts_with("tileset"))
+            {
                 files.push(path);
             }
         }
     }
     files.sort();
     let (mut cuts, mut most) = (0, 0);
-    for file in files.iter().filter(|file| file.extension().is_some_and(|end| end == "json")) {
+    for file in files
+        .iter()
+        .filter(|file| file.extension().is_some_and(|end| end == "json"))
+    {
         // Parameters of files are another test's.
         if file.ends_with("tileset-external-with-url-params.json") {
             continue;
@@ -343,10 +447,20 @@ fn real_tilesets_are_cut_as_an_independent_traversal_cuts_them() {
         let reference = Reference::open(file, DAffine3::IDENTITY, false).unwrap();
         let bounds = *tileset.tree.bounds(TileId(0));
         for near in [0.0, 1.01, 2.0, 5.0, 20.0, 100.0] {
-            for axis in [bounds.axes.x_axis, bounds.axes.z_axis, DVec3::new(0.3, -0.5, 0.8)] {
+            for axis in [
+                bounds.axes.x_axis,
+                bounds.axes.z_axis,
+                DVec3::new(0.3, -0.5, 0.8),
+            ] {
                 let eye = bounds.center_m + axis * near * bounds.radius_m().max(1.0);
                 let away = bounds.center_m - axis * 7.0 * bounds.radius_m();
-                let views = [view(eye, bounds.center_m), View { fovy_rad: 0.02, ..view(away, bounds.center_m) }];
+                let views = [
+                    view(eye, bounds.center_m),
+                    View {
+                        fovy_rad: 0.02,
+                        ..view(away, bounds.center_m)
+                    },
+                ];
                 let views = &views[..1 + (near > 4.0) as usize];
                 let cut = settle(&mut tileset, views, &ALL).unwrap();
                 let mut expected = Vec::new();
@@ -362,5 +476,8 @@ fn real_tilesets_are_cut_as_an_independent_traversal_cuts_them() {
             }
         }
     }
-    assert!(cuts > 300 && most > 100, "{cuts} cuts of up to {most} contents");
+    assert!(
+        cuts > 300 && most > 100,
+        "{cuts} cuts of up to {most} contents"
+    );
 }

@@ -14,7 +14,10 @@ fn tiling(schema: Option<Value>) -> Arc<Tiling> {
         base: "/t/tileset.json".into(),
         subtrees: "s/{level}.{x}.{y}.subtree".into(),
         contents: vec!["c/{level}/{x}/{y}.glb".into()],
-        volume: BoundingVolume::Box { center_m: DVec3::ZERO, half_axes_m: DMat3::from_diagonal(DVec3::splat(8.0)) },
+        volume: BoundingVolume::Box {
+            center_m: DVec3::ZERO,
+            half_axes_m: DMat3::from_diagonal(DVec3::splat(8.0)),
+        },
         error_m: 16.0,
         refine: Refine::Replace,
         to_root_m: DAffine3::IDENTITY,
@@ -34,7 +37,13 @@ fn binary(json: &Value, buffer: &[u8]) -> Vec<u8> {
 }
 
 fn read(bytes: &[u8]) -> Result<Expansion, TilesError> {
-    subtree(&Fetcher::default(), "/t/s/0.0.0.subtree", bytes, &tiling(None), Coordinates::default())
+    subtree(
+        &Fetcher::default(),
+        "/t/s/0.0.0.subtree",
+        bytes,
+        &tiling(None),
+        Coordinates::default(),
+    )
 }
 
 /// Tiles: root, (1,0) and (0,1); contents of the root and of (0,1); below (0,1) the subtrees (0,2) and (1,3).
@@ -65,13 +74,29 @@ fn a_sparse_subtree_has_its_tiles() {
     assert_eq!(read.contents, ["/t/c/0/0/0.glb"]);
     assert_eq!((read.roots.clone(), read.tiles.len()), (0..2, 4));
     let contents: Vec<_> = read.tiles.iter().map(|t| t.tile.contents.clone()).collect();
-    assert_eq!(contents, [vec![], vec!["/t/c/1/0/1.glb".to_string()], vec![], vec![]]);
+    assert_eq!(
+        contents,
+        [vec![], vec!["/t/c/1/0/1.glb".to_string()], vec![], vec![]]
+    );
     assert_eq!(read.tiles[1].children, 2..4);
-    let unread: Vec<_> = read.tiles.iter().filter_map(|t| t.tile.unread.clone()).collect();
+    let unread: Vec<_> = read
+        .tiles
+        .iter()
+        .filter_map(|t| t.tile.unread.clone())
+        .collect();
     assert_eq!(unread, ["/t/s/2.0.2.subtree", "/t/s/2.1.3.subtree"]);
     assert_eq!(read.tiles[1].tile.geometric_error_m, 8.0);
-    let BoundingVolume::Box { center_m, half_axes_m } = read.tiles[1].tile.volume else { panic!() };
-    assert_eq!((center_m, half_axes_m.x_axis.x, half_axes_m.z_axis.z), (DVec3::new(-4.0, 4.0, 0.0), 4.0, 8.0));
+    let BoundingVolume::Box {
+        center_m,
+        half_axes_m,
+    } = read.tiles[1].tile.volume
+    else {
+        panic!()
+    };
+    assert_eq!(
+        (center_m, half_axes_m.x_axis.x, half_axes_m.z_axis.z),
+        (DVec3::new(-4.0, 4.0, 0.0), 4.0, 8.0)
+    );
 }
 
 #[test]
@@ -92,7 +117,13 @@ fn json_constants_and_external_buffers_are_read() {
     let location = folder.path().join("x.json");
     let location = location.to_str().unwrap();
     let bytes = json.to_string();
-    let read = subtree(&Fetcher::default(), location, bytes.as_bytes(), &tiling(None), Coordinates::default());
+    let read = subtree(
+        &Fetcher::default(),
+        location,
+        bytes.as_bytes(),
+        &tiling(None),
+        Coordinates::default(),
+    );
     assert_eq!(read.unwrap().tiles.len(), 4);
 }
 
@@ -101,7 +132,20 @@ fn metadata_says_where_tiles_lie() {
     let (mut json, mut buffer) = sparse();
     // Rows: the root, (1,0) and (0,1), the tiles that there are.
     for row in 0..3 {
-        let numbers = [f64::from(row), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let numbers = [
+            f64::from(row),
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+        ];
         buffer.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
     }
     for error in [9.0f32, 5.0, 4.0] {
@@ -120,14 +164,26 @@ fn metadata_says_where_tiles_lie() {
         "error": { "type": "SCALAR", "componentType": "FLOAT32", "semantic": "TILE_GEOMETRIC_ERROR" },
         "name": { "type": "STRING" },
     } } } });
-    let read = subtree(&Fetcher::default(), "/t/x", &binary(&json, &buffer), &tiling(Some(schema)), Coordinates::default());
+    let read = subtree(
+        &Fetcher::default(),
+        "/t/x",
+        &binary(&json, &buffer),
+        &tiling(Some(schema)),
+        Coordinates::default(),
+    );
     let read = read.unwrap();
     let x = |i: usize| match read.tiles[i].tile.volume {
         BoundingVolume::Box { center_m, .. } => center_m.x,
         _ => panic!(),
     };
     assert_eq!((x(0), x(1)), (1.0, 2.0));
-    assert_eq!((read.tiles[0].tile.geometric_error_m, read.tiles[1].tile.geometric_error_m), (5.0, 4.0));
+    assert_eq!(
+        (
+            read.tiles[0].tile.geometric_error_m,
+            read.tiles[1].tile.geometric_error_m
+        ),
+        (5.0, 4.0)
+    );
 }
 
 #[test]
@@ -155,8 +211,18 @@ fn faults_name_their_place() {
 #[test]
 fn a_few_bytes_cannot_promise_more_tiles_than_are_kept() {
     let json = br#"{"tileAvailability":{"constant":1},"childSubtreeAvailability":{"constant":1}}"#;
-    let deep = Tiling { subtree_levels: 60, available_levels: 60, ..Tiling::clone(&tiling(None)) };
-    let read = subtree(&Fetcher::default(), "/t/x", json, &Arc::new(deep), Coordinates::default());
+    let deep = Tiling {
+        subtree_levels: 60,
+        available_levels: 60,
+        ..Tiling::clone(&tiling(None))
+    };
+    let read = subtree(
+        &Fetcher::default(),
+        "/t/x",
+        json,
+        &Arc::new(deep),
+        Coordinates::default(),
+    );
     assert!(read.unwrap_err().to_string().contains("more than"));
 }
 
