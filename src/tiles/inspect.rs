@@ -229,9 +229,9 @@ fn summary(tileset: &Tileset, unread: usize) -> String {
     line(
         "tiles",
         format!(
-            "{}, with {} contents",
-            count(tree.tiles().len()),
-            count(contents)
+            "{}, with {}",
+            counted(tree.tiles().len(), "tile"),
+            counted(contents, "content")
         ),
     );
     if unread > 0 {
@@ -255,7 +255,7 @@ fn summary(tileset: &Tileset, unread: usize) -> String {
     } else {
         line(
             "extent",
-            format!("{:.1} × {:.1} × {:.1} m", extent.x, extent.y, extent.z),
+            format!("{:.2} × {:.2} × {:.2} m", extent.x, extent.y, extent.z),
         );
     }
     text
