@@ -18,12 +18,16 @@ use boresight::models::ground::dsm::{LineOfSight, Solids};
 use boresight::models::ground::lattice::Lattice;
 use boresight::models::ground::triangles::TriangleTree;
 use boresight::models::shape::mesh::MeshData;
+use boresight::models::tiles::selection::{SelectOptions, View, ideal_cut};
+use boresight::models::tiles::selector::{Selector, SelectorOptions};
+use boresight::models::tiles::tree::{Refine, Tile, TileId, Tree};
+use boresight::models::tiles::volume::BoundingVolume;
 use boresight::scenario::Loaded;
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use std::fmt::Write as _;
@@ -448,8 +452,94 @@ fn shares(_: &mut Criterion) {
     let _ = std::fs::remove_dir_all(folder);
 }
 
+/// A quadtree of 100,001 tiles on 4 km of ground.
+fn city_of_tiles() -> Tree {
+    const TILES: usize = 100_000;
+    let tile = |x_m: f64, y_m: f64, edge_m: f64| Tile {
+        volume: BoundingVolume::Box {
+            center_m: DVec3::new(x_m, y_m, 20.0),
+            half_axes_m: DMat3::from_diagonal(DVec3::new(0.5 * edge_m, 0.5 * edge_m, 20.0)),
+        },
+        viewer_request_volume: None,
+        geometric_error_m: edge_m / 32.0,
+        refine: Refine::Replace,
+        to_root_m: DAffine3::IDENTITY,
+        contents: vec![String::new()],
+        unread: None,
+    };
+    let mut tree = Tree::new(tile(0.0, 0.0, 4096.0));
+    let mut places = vec![[0.0, 0.0, 4096.0]];
+    let mut next = 0;
+    while places.len() <= TILES {
+        let [x_m, y_m, edge_m] = places[next];
+        let off_m = 0.25 * edge_m;
+        let quarters = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
+            .map(|[east, north]| [x_m + east * off_m, y_m + north * off_m, 0.5 * edge_m]);
+        let tiles = quarters.map(|[x_m, y_m, edge_m]| tile(x_m, y_m, edge_m));
+        tree.add_children(TileId(next as u32), tiles.into());
+        places.extend(quarters);
+        next += 1;
+    }
+    tree
+}
+
+/// Choosing tiles of 100,001: for four cameras at once over a city, and with every tile looked at.
+fn selection(criterion: &mut Criterion) {
+    let tree = city_of_tiles();
+    let view = |fovy_deg: f64, size_px| View {
+        r_root_m: DVec3::new(-300.0, -900.0, 60.0),
+        forward: DVec3::new(0.3, 0.94, -0.05).normalize(),
+        up: DVec3::Z,
+        fovy_rad: fovy_deg.to_radians(),
+        size_px,
+    };
+    let views = [
+        view(60.0, [1920, 1080]),
+        view(30.0, [640, 480]),
+        view(6.0, [640, 480]),
+        view(1.0, [640, 480]),
+    ];
+    let options = SelectOptions::default();
+    let mut group = criterion.benchmark_group("selection");
+    let visited = ideal_cut(&tree, &views, &options).visited;
+    group.bench_function(format!("four_cameras_{visited}_looked_at"), |bencher| {
+        bencher.iter(|| ideal_cut(&tree, &views, &options));
+    });
+    let mut selector = Selector::new(SelectorOptions {
+        budget_bytes: u64::MAX,
+        at_once: 1000,
+        ..SelectorOptions::default()
+    });
+    loop {
+        let step = selector.update(&tree, &views, None);
+        if step.complete {
+            break;
+        }
+        (step.load.iter()).for_each(|tile| selector.loaded(*tile, 100_000));
+    }
+    group.bench_function("four_cameras_frame", |bencher| {
+        bencher.iter(|| selector.update(&tree, &views, None));
+    });
+    let everything = SelectOptions {
+        max_error_px: 0.0,
+        cull: true,
+    };
+    let above = View {
+        r_root_m: DVec3::new(0.0, 0.0, 6000.0),
+        forward: -DVec3::Z,
+        up: DVec3::Y,
+        ..view(60.0, [1920, 1920])
+    };
+    let visited = ideal_cut(&tree, &[above], &everything).visited;
+    group.bench_function(format!("one_camera_{visited}_looked_at"), |bencher| {
+        bencher.iter(|| ideal_cut(&tree, &[above], &everything));
+    });
+    group.finish();
+}
+
 criterion_group!(
     benches,
+    selection,
     ticks,
     sight_lines,
     track_and_control,

@@ -1,7 +1,7 @@
 //! Which tiles are drawn: selection by screen-space error, as cesium-native's documentation describes it
 //! ("Selection algorithm details").
 
-use crate::models::tiles::tree::{Node, Refine, TileId, Tree};
+use crate::models::tiles::tree::{Refine, TileId, Tree};
 use crate::models::tiles::volume::{Bounds, Frustum};
 use glam::DVec3;
 
@@ -80,24 +80,20 @@ pub fn ideal_cut_behind(
     occluder: Option<&dyn Occluder>,
 ) -> Cut {
     let eyes = Eyes::new(views, options.cull, occluder);
-    cut(tree, &|tree, i| {
-        let error_px = eyes.error_px(tree, i)?;
-        Some(error_px >= options.max_error_px)
-    })
+    cut(tree, &|tree, i| eyes.refines(tree, i, options.max_error_px))
 }
 
 /// The cut at a fixed level of detail, whatever is on screen: the coarsest tiles with an error of `error_m` [m] or
 /// less that come within `radius_m` of a point.
 pub fn fixed_cut(tree: &Tree, center_root_m: DVec3, radius_m: f64, error_m: f64) -> Cut {
     cut(tree, &|tree, i| {
-        let node = &tree.nodes()[i];
-        let near = node.bounds.distance_m(center_root_m) <= radius_m;
-        near.then_some(node.error_m > error_m)
+        let near = tree.bounds(TileId(i as u32)).distance_m(center_root_m) <= radius_m;
+        near.then_some(tree.nodes()[i].error_m > error_m)
     })
 }
 
 /// The cut for a judgement of each tile: unseen (`None`), or seen, and whether it shall refine.
-fn cut(tree: &Tree, judge: &dyn Fn(&Tree, usize) -> Option<bool>) -> Cut {
+fn cut(tree: &Tree, judge: &impl Fn(&Tree, usize) -> Option<bool>) -> Cut {
     let mut cut = Cut::default();
     if tree.root().is_some() {
         walk(tree, 0, judge, &mut cut);
@@ -110,7 +106,7 @@ fn cut(tree: &Tree, judge: &dyn Fn(&Tree, usize) -> Option<bool>) -> Cut {
 fn walk(
     tree: &Tree,
     i: usize,
-    judge: &dyn Fn(&Tree, usize) -> Option<bool>,
+    judge: &impl Fn(&Tree, usize) -> Option<bool>,
     cut: &mut Cut,
 ) -> bool {
     let node = &tree.nodes()[i];
@@ -181,34 +177,42 @@ impl<'a> Eyes<'a> {
         }
     }
 
-    /// The largest error of a tile in the pictures that see it [px]; `None` where none does.
-    pub(super) fn error_px(&self, tree: &Tree, i: usize) -> Option<f64> {
+    /// Whether a tile's error is `max_error_px` [px] or more in any picture that sees it; `None` where none does.
+    /// The error is that of [`screen_space_error_px`], the distance that of the nearest point of its volume.
+    pub(super) fn refines(&self, tree: &Tree, i: usize, max_error_px: f64) -> Option<bool> {
         let node = &tree.nodes()[i];
-        let mut largest = None;
+        let bounds = || tree.bounds(TileId(i as u32));
+        let mut seen = None;
         for eye in &self.eyes {
+            let sees = |frustum: &Frustum| frustum.sees(node.center_m, node.radius_m, bounds);
             if (node.request && !inside_request(tree, i, eye.view))
-                || (self.cull && !eye.frustum.sees(&node.bounds))
-                || (self.occluder).is_some_and(|o| o.hides(eye.view, &node.bounds))
+                || (self.cull && !sees(&eye.frustum))
+                || (self.occluder).is_some_and(|o| o.hides(eye.view, bounds()))
             {
                 continue;
             }
-            let distance_m = node.bounds.distance_m(eye.view.r_root_m);
-            let error_px = if distance_m > 0.0 {
-                node.error_m * eye.focal_px / distance_m
-            } else {
-                f64::INFINITY
-            };
-            largest = Some(error_px.max(largest.unwrap_or(0.0)));
+            let reaches =
+                |distance_m: f64| node.error_m * eye.focal_px >= max_error_px * distance_m;
+            // The ball around it often tells; at no distance the error is infinite.
+            let middle_m = node.center_m.distance(eye.view.r_root_m);
+            let nearest_m = middle_m - node.radius_m;
+            if reaches(middle_m)
+                || ((nearest_m <= 0.0 || reaches(nearest_m))
+                    && reaches(bounds().distance_m(eye.view.r_root_m)))
+            {
+                return Some(true);
+            }
+            seen = Some(false);
         }
-        largest
+        seen
     }
 
     /// How late a tile may be loaded: the least (1 − cos angle) · distance [m] of all views, the angle between where
     /// a view looks and the tile's middle.
-    pub(super) fn lateness(&self, node: &Node) -> f64 {
+    pub(super) fn lateness(&self, bounds: &Bounds) -> f64 {
         let of = |eye: &Eye| {
-            let towards = node.bounds.center_m - eye.view.r_root_m;
-            let distance_m = node.bounds.distance_m(eye.view.r_root_m);
+            let towards = bounds.center_m - eye.view.r_root_m;
+            let distance_m = bounds.distance_m(eye.view.r_root_m);
             let cos = towards
                 .try_normalize()
                 .map_or(1.0, |d| d.dot(eye.view.forward));

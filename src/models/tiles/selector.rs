@@ -75,6 +75,8 @@ struct Slot {
 pub struct Selector {
     options: SelectorOptions,
     slots: Vec<Slot>,
+    /// Tiles that are not absent.
+    kept: Vec<u32>,
     frame: u64,
     max_error_px: f64,
     /// Sum and number of all sizes ever seen [byte]: the guess for the others is their mean.
@@ -88,6 +90,7 @@ impl Selector {
             max_error_px: options.select.max_error_px,
             options,
             slots: Vec::new(),
+            kept: Vec::new(),
             frame: 0,
             known: (0, 0),
         }
@@ -96,6 +99,9 @@ impl Selector {
     /// Notes that a tile's contents are there and take so much.
     pub fn loaded(&mut self, tile: TileId, bytes: u64) {
         if let Some(slot) = self.slots.get_mut(tile.index()) {
+            if slot.store == Store::Absent && !self.kept.contains(&tile.0) {
+                self.kept.push(tile.0);
+            }
             if slot.bytes == 0 {
                 self.known = (self.known.0 + bytes, self.known.1 + 1);
             } else {
@@ -116,7 +122,8 @@ impl Selector {
 
     /// What all loaded contents take [byte].
     pub fn bytes(&self) -> u64 {
-        let ready = self.slots.iter().filter(|slot| slot.store == Store::Ready);
+        let kept = self.kept.iter().map(|i| &self.slots[*i as usize]);
+        let ready = kept.filter(|slot| slot.store == Store::Ready);
         ready.map(|slot| slot.bytes).sum()
     }
 
@@ -192,11 +199,14 @@ impl Selector {
         let size = |slot: &Slot| if slot.bytes > 0 { slot.bytes } else { guess };
         let (mut taken, mut asked) = (0, 0);
         let mut spare = Vec::new();
-        for (i, slot) in self.slots.iter().enumerate() {
+        self.kept
+            .retain(|i| self.slots[*i as usize].store != Store::Absent);
+        for i in &self.kept {
+            let slot = &self.slots[*i as usize];
             match slot.store {
                 Store::Absent => continue,
                 Store::Asked => asked += 1,
-                Store::Ready if slot.used < self.frame => spare.push((slot.used, i)),
+                Store::Ready if slot.used < self.frame => spare.push((slot.used, *i as usize)),
                 Store::Ready => {}
             }
             taken += size(slot);
@@ -238,6 +248,7 @@ impl Selector {
             taken += more;
             asked += 1;
             self.slots[tile.index()].store = Store::Asked;
+            self.kept.push(tile.0);
             step.load.push(tile);
         }
     }
@@ -279,7 +290,7 @@ impl Walk<'_> {
     fn visit(&mut self, i: usize, ask: bool, backed: bool) -> bool {
         let node = &self.tree.nodes()[i];
         self.plan.visited += 1;
-        let Some(error_px) = self.eyes.error_px(self.tree, i) else {
+        let Some(refine) = self.eyes.refines(self.tree, i, self.max_error_px) else {
             self.plan.culled += 1;
             return !(backed && self.hold_siblings) || self.hold(i, ask);
         };
@@ -289,7 +300,7 @@ impl Walk<'_> {
         }
         let has = node.content && !node.failed;
         let ready = has && self.need(i, ask, false);
-        let refine = error_px >= self.max_error_px || node.always || node.failed;
+        let refine = refine || node.always || node.failed;
         if !(refine && node.children[1] > 0) {
             if ready {
                 self.plan.draw.push(TileId(i as u32));
@@ -365,9 +376,14 @@ impl Walk<'_> {
             self.plan.wanted.push(Wanted {
                 tile: TileId(i as u32),
                 held,
-                lateness: self.eyes.lateness(&self.tree.nodes()[i]),
+                lateness: self.eyes.lateness(self.tree.bounds(TileId(i as u32))),
             });
         }
+    }
+
+    fn unseen(&self, i: usize) -> bool {
+        let refines = self.eyes.refines(self.tree, i, self.max_error_px);
+        refines.is_none()
     }
 
     /// Draws what is there below a tile that is not; whether that shows all that is seen of it.
@@ -382,7 +398,7 @@ impl Walk<'_> {
                     self.plan.draw.push(TileId(child as u32));
                     return true;
                 }
-                self.eyes.error_px(self.tree, child).is_none() || self.stand_in(child)
+                self.unseen(child) || self.stand_in(child)
             });
         if !covered {
             self.plan.draw.truncate(mark);

@@ -1,7 +1,7 @@
 //! The tree of tiles, as it is known so far.
 
 use crate::models::tiles::volume::{BoundingVolume, Bounds, largest_scale};
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use std::ops::Range;
 
 /// How a tile's children show more of it.
@@ -47,8 +47,10 @@ pub struct Tile {
 /// What selection reads of a tile, apart from the rest so that a walk stays in the cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
-    /// The volume in the tree's frame.
-    pub bounds: Bounds,
+    /// Middle of the volume in the tree's frame [m].
+    pub center_m: DVec3,
+    /// Radius of the ball around it [m].
+    pub radius_m: f64,
     /// The geometric error in the tree's frame [m].
     pub error_m: f64,
     /// The parent, and the root itself for the root.
@@ -83,6 +85,7 @@ impl Node {
 pub struct Tree {
     tiles: Vec<Tile>,
     nodes: Vec<Node>,
+    bounds: Vec<Bounds>,
 }
 
 impl Tree {
@@ -120,7 +123,7 @@ impl Tree {
 
     /// The tile's volume in the tree's frame.
     pub fn bounds(&self, id: TileId) -> &Bounds {
-        &self.nodes[id.index()].bounds
+        &self.bounds[id.index()]
     }
 
     /// The tile's geometric error in the tree's frame [m]: scaled with the largest scale of its transform.
@@ -183,8 +186,11 @@ impl Tree {
     fn push(&mut self, parent: Option<TileId>, tile: Tile) {
         let error_m = tile.geometric_error_m * largest_scale(&tile.to_root_m);
         let above_m = parent.map_or(f64::INFINITY, |id| self.error_m(id));
+        let bounds = Bounds::of(&tile.volume, &tile.to_root_m);
+        self.bounds.push(bounds);
         self.nodes.push(Node {
-            bounds: Bounds::of(&tile.volume, &tile.to_root_m),
+            center_m: bounds.center_m,
+            radius_m: bounds.radius_m(),
             error_m,
             parent: parent.map_or(0, |id| id.0),
             children: [0; 2],

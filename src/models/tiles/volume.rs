@@ -233,10 +233,19 @@ impl Frustum {
         }
     }
 
-    /// Whether a volume may be seen: no plane has all of it outside.
-    pub fn sees(&self, bounds: &Bounds) -> bool {
-        let from = bounds.center_m - self.eye_m;
-        (self.inward.iter()).all(|inward| inward.dot(from) >= -bounds.reach_m(*inward))
+    /// Whether a volume may be seen: no plane has all of it outside. The middle and the radius [m] of the ball around it
+    /// mostly tell; the volume itself is only then looked up.
+    pub fn sees<'a>(
+        &self,
+        center_m: DVec3,
+        radius_m: f64,
+        volume: impl Fn() -> &'a Bounds,
+    ) -> bool {
+        let from = center_m - self.eye_m;
+        self.inward.iter().all(|inward| {
+            let depth_m = inward.dot(from);
+            depth_m >= 0.0 || (depth_m >= -radius_m && depth_m >= -volume().reach_m(*inward))
+        })
     }
 }
 
@@ -383,21 +392,25 @@ mod tests {
             let point = DVec3::ONE + depth * DVec3::new(x * tan.x, 1.0, y * tan.y);
             let off = DVec3::from_array(off);
             let ball = BoundingVolume::Sphere { center_m: point + off, radius_m: off.length() + 1e-9 };
-            prop_assert!(frustum.sees(&Bounds::of(&ball, &DAffine3::IDENTITY)));
+            prop_assert!(sees(&frustum, &Bounds::of(&ball, &DAffine3::IDENTITY)));
         }
+    }
+
+    fn sees(frustum: &Frustum, bounds: &Bounds) -> bool {
+        frustum.sees(bounds.center_m, bounds.radius_m(), || bounds)
     }
 
     #[test]
     fn what_is_beside_or_behind_is_not_seen() {
         let frustum = Frustum::new(DVec3::ZERO, DVec3::Y, DVec3::Z, 0.4, 0.3);
-        let sees = |x: f64, y: f64, z: f64| {
+        let seen = |x: f64, y: f64, z: f64| {
             let ball = BoundingVolume::Sphere {
                 center_m: DVec3::new(x, y, z),
                 radius_m: 1.0,
             };
-            frustum.sees(&Bounds::of(&ball, &DAffine3::IDENTITY))
+            sees(&frustum, &Bounds::of(&ball, &DAffine3::IDENTITY))
         };
-        assert!(sees(0.0, 10.0, 0.0) && sees(5.0, 10.0, 0.0) && sees(0.0, -0.9, 0.0));
-        assert!(!sees(5.1, 10.0, 0.0) && !sees(0.0, 10.0, 4.1) && !sees(0.0, -1.1, 0.0));
+        assert!(seen(0.0, 10.0, 0.0) && seen(5.0, 10.0, 0.0) && seen(0.0, -0.9, 0.0));
+        assert!(!seen(5.1, 10.0, 0.0) && !seen(0.0, 10.0, 4.1) && !seen(0.0, -1.1, 0.0));
     }
 }

@@ -223,7 +223,7 @@ proptest! {
         let eyes = Eyes::new(&views, true, None);
         let culled = ideal_cut(&tree, &views, &SelectOptions::default());
         for id in &culled.draw {
-            prop_assert!(eyes.error_px(&tree, id.index()).is_some());
+            prop_assert!(eyes.refines(&tree, id.index(), 16.0).is_some());
         }
         prop_assert!(culled.visited <= tree.tiles().len());
     }

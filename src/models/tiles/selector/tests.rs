@@ -133,7 +133,7 @@ fn whole(tree: &Tree, step: &Step, view: &View) -> bool {
     let eyes = [*view];
     let eyes = Eyes::new(&eyes, true, None);
     leaves
-        .filter(|leaf| eyes.error_px(tree, leaf.index()).is_some())
+        .filter(|leaf| eyes.refines(tree, leaf.index(), 16.0).is_some())
         .all(|leaf| {
             let chain = std::iter::successors(Some(leaf), |id| tree.parent(*id));
             chain.filter(|id| draw.contains(id)).count() == 1
