@@ -141,3 +141,6 @@ fn outside(tileset: &Tileset, tile: TileId, content: &Content) -> Option<TilesEr
         fault: format!("stand up to {over_m:.2} m out of the tile's bounding volume; enlarge it"),
     })
 }
+
+#[cfg(test)]
+mod tests;
