@@ -19,7 +19,6 @@ use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
 use crate::scenario::{self, Loaded, Scenario};
 use crate::tiles::command::{self as tiles, Tiles};
-use crate::tiles::error::TilesError;
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
 use bevy::prelude::World;
@@ -70,7 +69,7 @@ pub enum CliError {
     View(#[from] ViewError),
     /// A tileset.
     #[error(transparent)]
-    Tiles(#[from] TilesError),
+    Tiles(#[from] tiles::CommandError),
     /// A set of annotated pictures.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
