@@ -334,10 +334,14 @@ fn flown(budget_bytes: u64, cull: bool) -> Option<Flown> {
     let mut tiles = Tiles::new(path.display().to_string());
     (tiles.byte_budget, tiles.select.cull) = (budget_bytes, cull);
     let mut app = App::new();
-    app.add_plugins((MinimalPlugins, AssetPlugin::default(), TilesPlugin::default()))
-        .init_asset::<Mesh>()
-        .init_asset::<Image>()
-        .init_asset::<StandardMaterial>();
+    app.add_plugins((
+        MinimalPlugins,
+        AssetPlugin::default(),
+        TilesPlugin::default(),
+    ))
+    .init_asset::<Mesh>()
+    .init_asset::<Image>()
+    .init_asset::<StandardMaterial>();
     let tileset = app.world_mut().spawn(tiles).id();
     let mut flown = Flown {
         least_drawn: usize::MAX,
@@ -345,7 +349,8 @@ fn flown(budget_bytes: u64, cull: bool) -> Option<Flown> {
     };
     let mut began = false;
     for step in 0..STEPS {
-        let (sin, cos) = (f64::from(step) / f64::from(STEPS) * 5.0 * std::f64::consts::TAU).sin_cos();
+        let (sin, cos) =
+            (f64::from(step) / f64::from(STEPS) * 5.0 * std::f64::consts::TAU).sin_cos();
         let middle_m = DVec3::new(216.0, 32.0, 91.0);
         let view = View {
             r_root_m: middle_m + DVec3::new(120.0 * cos, 40.0, 90.0 * sin),
@@ -354,7 +359,9 @@ fn flown(budget_bytes: u64, cull: bool) -> Option<Flown> {
             fovy_rad: 1.0,
             size_px: [1280, 800],
         };
-        app.world_mut().entity_mut(tileset).insert(TilesViews(vec![view]));
+        app.world_mut()
+            .entity_mut(tileset)
+            .insert(TilesViews(vec![view]));
         app.update();
         std::thread::sleep(std::time::Duration::from_millis(2));
         let count = *app.world().get::<TilesCount>(tileset).unwrap();
@@ -375,7 +382,12 @@ fn flown(budget_bytes: u64, cull: bool) -> Option<Flown> {
 #[test]
 fn a_flight_of_five_minutes_stays_within_its_budget() {
     const MIB: u64 = 1 << 20;
-    for (budget_bytes, cull) in [(24 * MIB, true), (24 * MIB, false), (256 * MIB, true), (256 * MIB, false)] {
+    for (budget_bytes, cull) in [
+        (24 * MIB, true),
+        (24 * MIB, false),
+        (256 * MIB, true),
+        (256 * MIB, false),
+    ] {
         let Some(flown) = flown(budget_bytes, cull) else {
             return;
         };

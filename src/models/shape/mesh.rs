@@ -142,7 +142,8 @@ impl MeshData {
 
     /// The corners of every triangle in the parent frame [m].
     pub fn corners_m(&self) -> impl Iterator<Item = [DVec3; 3]> {
-        let at = |i: u32| self.origin_enu_m + DVec3::from(self.positions[i as usize].map(f64::from));
+        let at =
+            |i: u32| self.origin_enu_m + DVec3::from(self.positions[i as usize].map(f64::from));
         (self.indices.as_chunks::<3>().0.iter()).map(move |triangle| triangle.map(at))
     }
 

@@ -202,13 +202,19 @@ impl CityParams {
         let generator = [
             ("extent_m", self.extent_m != plain.extent_m),
             ("seed", self.seed != plain.seed),
-            ("building_density", self.building_density != plain.building_density),
+            (
+                "building_density",
+                self.building_density != plain.building_density,
+            ),
             ("max_height_m", self.max_height_m != plain.max_height_m),
             ("relief_m", self.relief_m != plain.relief_m),
             ("river", self.river != plain.river),
             ("park_share", self.park_share != plain.park_share),
             ("max_trees", self.max_trees != plain.max_trees),
-            ("station_height_m", self.station_height_m != plain.station_height_m),
+            (
+                "station_height_m",
+                self.station_height_m != plain.station_height_m,
+            ),
             ("forest_share", self.forest_share != plain.forest_share),
         ];
         let placing = [
