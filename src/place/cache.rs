@@ -97,7 +97,6 @@ pub(super) fn with_options(
         base_height_m: params.base_height_m.unwrap_or_default(),
         building_height_m: params.building_height_m,
         lod: params.lod,
-        ..Options::default()
     };
     (at(params.file), options)
 }

@@ -455,7 +455,7 @@ impl Rules<'_> {
             let list = root.get(key)?;
             let names = list.items().and_then(|items| {
                 items
-                    .map(|item| Ok(item.text()?))
+                    .map(|item| item.text())
                     .collect::<Result<Vec<&str>, TilesError>>()
             });
             Some((list, names))

@@ -59,9 +59,9 @@ impl Column {
         let bytes = self
             .bytes
             .get(start..start.checked_add(self.length * size)?)?;
-        let number = |b: &[u8]| match b {
-            &[a, b, c, d] => f64::from(f32::from_le_bytes([a, b, c, d])),
-            &[a, b, c, d, e, f, g, h] => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
+        let number = |b: &[u8]| match *b {
+            [a, b, c, d] => f64::from(f32::from_le_bytes([a, b, c, d])),
+            [a, b, c, d, e, f, g, h] => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
             _ => f64::NAN,
         };
         let numbers: Vec<f64> = bytes.chunks_exact(size).map(number).collect();

@@ -17,17 +17,20 @@ type Watching = (
     Option<&'static RenderLayers>,
 );
 
+/// What is asked of a tileset.
+type Watched<'a> = (
+    Entity,
+    &'a Tiles,
+    &'a OpenTiles,
+    &'a GlobalTransform,
+    Option<&'a Grid>,
+    &'a mut TilesViews,
+);
+
 /// Notes for each tileset which marked cameras look at it. A camera in the tileset's own grid is placed in f64; of
 /// others the transform that Bevy or big_space propagated last is taken.
 pub fn watch(
-    mut tilesets: Query<(
-        Entity,
-        &Tiles,
-        &OpenTiles,
-        &GlobalTransform,
-        Option<&Grid>,
-        &mut TilesViews,
-    )>,
+    mut tilesets: Query<Watched>,
     cameras: Query<Watching, With<SeesTiles>>,
 ) {
     for (entity, tiles, open, at, grid, mut views) in &mut tilesets {

@@ -232,7 +232,7 @@ pub(super) fn gather(layers: &[Layer], octree: bool) -> Result<Scene, BuildError
                 let at_m = to_site.place_m(mesh.vertex_m(index));
                 let distance_m = at_m.length();
                 // Also what is no number.
-                if !(distance_m <= FARTHEST_M) {
+                if distance_m.is_nan() || distance_m > FARTHEST_M {
                     return Err(BuildError::Far {
                         layer: l,
                         mesh: m,

@@ -109,9 +109,12 @@ fn merged(scene: &Scene, cell: &Cell, children: &[&Tile], options: &BuildOptions
         shape = shape.max(child.shape_error);
         geometric = geometric.max(child.geometric_error);
         halvings = halvings.max(child.halvings + 1);
-        for k in 0..3 {
-            bounds[0][k] = bounds[0][k].min(child.bounds[0][k]);
-            bounds[1][k] = bounds[1][k].max(child.bounds[1][k]);
+        let [low, high] = &mut bounds;
+        for (low, own) in low.iter_mut().zip(child.bounds[0]) {
+            *low = low.min(own);
+        }
+        for (high, own) in high.iter_mut().zip(child.bounds[1]) {
+            *high = high.max(own);
         }
     }
     let below = mesh.triangle_count();
