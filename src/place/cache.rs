@@ -1,7 +1,7 @@
 //! Raw data built into tiles once: a folder named after what they were built from.
 
 use super::error::PlaceError;
-use super::located;
+use super::location::located;
 use crate::models::ground::city::{CityParams, CitySource};
 use crate::models::maths::geodesy::SiteFrame;
 use crate::sources::error::SourceError;

@@ -2,6 +2,7 @@
 
 mod cache;
 mod error;
+mod location;
 
 pub use error::PlaceError;
 
@@ -18,6 +19,7 @@ use crate::tiles::heights::{self, Heights};
 use crate::tiles::settled;
 use crate::tiles::tileset::Tileset;
 use glam::{DAffine3, DMat3, DVec3};
+pub use location::located;
 use std::path::Path;
 
 /// Triangles that the physics of a place may have.
@@ -41,18 +43,6 @@ pub struct RealPlace {
     pub enu_from_root: DAffine3,
     /// What it is, in words.
     pub summary: String,
-}
-
-/// A path of a scenario as seen from the working directory; an address stays.
-pub fn located(folder: &Path, path: &str) -> String {
-    let address = ["http://", "https://"];
-    if address
-        .iter()
-        .any(|start| path.to_ascii_lowercase().starts_with(start))
-    {
-        return path.to_owned();
-    }
-    folder.join(path).to_string_lossy().into_owned()
 }
 
 /// What tells one real city from another: its parameters with paths seen from the working directory.

@@ -1,7 +1,7 @@
 //! Land on a lattice whose lines lie close together within and ever farther apart without: the ground around a real city
 //! out to the edge of sight, and under it where its tiles show none.
 
-use crate::models::ground::dsm::HeightGrid;
+use crate::models::ground::height_grid::HeightGrid;
 use crate::models::maths::curve::smoothstep;
 use crate::models::shape::mesh::{MeshData, Paint};
 use glam::{DVec2, DVec3};

@@ -5,6 +5,7 @@ pub mod city;
 pub mod dsm;
 pub mod footprints;
 pub mod georeference;
+pub mod height_grid;
 pub mod lattice;
 pub mod raster;
 pub mod roughness;

@@ -29,10 +29,7 @@ type Watched<'a> = (
 
 /// Notes for each tileset which marked cameras look at it. A camera in the tileset's own grid is placed in f64; of
 /// others the transform that Bevy or big_space propagated last is taken.
-pub fn watch(
-    mut tilesets: Query<Watched>,
-    cameras: Query<Watching, With<SeesTiles>>,
-) {
+pub fn watch(mut tilesets: Query<Watched>, cameras: Query<Watching, With<SeesTiles>>) {
     for (entity, tiles, open, at, grid, mut views) in &mut tilesets {
         let root_from_entity_m = open.entity_from_root_m.inverse();
         let mut seen: Option<Vec<View>> = None;
