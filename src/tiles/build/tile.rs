@@ -111,10 +111,10 @@ fn merged(scene: &Scene, cell: &Cell, children: &[&Tile], options: &BuildOptions
         halvings = halvings.max(child.halvings + 1);
         let [low, high] = &mut bounds;
         for (low, own) in low.iter_mut().zip(child.bounds[0]) {
-            *low = low.min(own);
+            *low = own.min(*low);
         }
         for (high, own) in high.iter_mut().zip(child.bounds[1]) {
-            *high = high.max(own);
+            *high = own.max(*high);
         }
     }
     let below = mesh.triangle_count();
