@@ -227,7 +227,7 @@ fn summary(tileset: &Tileset, unread: usize) -> String {
         );
     }
     line(
-        "tiles",
+        "holds",
         format!(
             "{}, with {}",
             counted(tree.tiles().len(), "tile"),
