@@ -18,6 +18,8 @@ const PLAIN_GROUND: [f32; 3] = [0.14, 0.14, 0.1];
 const COLOUR_CELLS: usize = 48;
 /// What rises less than this above the ground shows it [m].
 const GROUND_RISE_M: f64 = 1.0;
+/// How far beyond the border the land has the mean colour [m]: the border's own would make stripes to the horizon.
+const COLOUR_FADES_M: f64 = 300.0;
 
 /// What is known of a place.
 #[derive(Clone, Debug, Default)]
@@ -176,7 +178,7 @@ pub fn survey(
     let longest_m = (high - low).max_element();
     let step_m = (2.0 * terrain.cell_m).max(longest_m / 160.0);
     let land = Lattice::around(&terrain, step_m, options.curved, far_m);
-    let colours = Colours::new(&evidence, &frame);
+    let colours = Colours::new(&evidence, &frame, &terrain);
     let of_tiles = far[0].as_ref();
     let shown_near = |p: DVec2| {
         let k = shows_ground.cell_index(p.x, p.y);
@@ -327,10 +329,15 @@ fn far_heights(triangles: &[[DVec3; 3]]) -> Option<HeightGrid> {
 }
 
 /// What colour the ground has, coarsely.
-struct Colours([HeightGrid; 3]);
+struct Colours {
+    /// Linear RGB albedo, a raster each.
+    near: [HeightGrid; 3],
+    /// Linear RGB albedo of all of it together, which the land far from it takes on.
+    mean: [f32; 3],
+}
 
 impl Colours {
-    fn new(evidence: &Evidence, frame: &RasterFrame) -> Self {
+    fn new(evidence: &Evidence, frame: &RasterFrame, terrain: &HeightGrid) -> Self {
         let size = DVec2::new(frame.size[0] as f64, frame.size[1] as f64) * frame.cell_m;
         let cell_m = size.max_element() / COLOUR_CELLS as f64;
         let [nx, ny] = [size.x, size.y].map(|size| (size / cell_m).ceil().max(1.0) as usize);
@@ -339,10 +346,13 @@ impl Colours {
             let [a, b, c] = *triangle;
             // By its area from above; what faces down is not seen there.
             let area = 0.5 * (b - a).truncate().perp_dot((c - a).truncate());
-            let at = (((a + b + c) / 3.0).truncate() - frame.origin_m) / cell_m;
+            let middle = (a + b + c) / 3.0;
+            let at = (middle.truncate() - frame.origin_m) / cell_m;
             let inside =
                 at.cmpge(DVec2::ZERO).all() && (at.x as usize) < nx && (at.y as usize) < ny;
-            if area > 0.0 && inside {
+            // Roofs have colours of their own.
+            let low = middle.z - terrain.bilinear_m(middle.x, middle.y) < GROUND_RISE_M;
+            if area > 0.0 && inside && low {
                 let sum = &mut sums[at.y as usize * nx + at.x as usize];
                 for (sum, value) in sum.iter_mut().zip(albedo) {
                     *sum += area * f64::from(*value);
@@ -350,9 +360,15 @@ impl Colours {
                 sum[3] += area;
             }
         }
-        // Buildings' colours are no ground's where they cover little of it.
+        let whole = |c: usize| sums.iter().map(|sum| sum[c]).sum::<f64>();
+        let area = whole(3);
+        let overall = [0, 1, 2].map(|c| match area > 0.0 {
+            true => (whole(c) / area) as f32,
+            false => PLAIN_GROUND[c],
+        });
+        // A cell of which little ground is seen takes its neighbours' colour.
         let least = 0.25 * cell_m * cell_m;
-        Self([0, 1, 2].map(|c| {
+        let near = [0, 1, 2].map(|c| {
             let mean = |sum: &[f64; 4]| {
                 if sum[3] > least {
                     (sum[c] / sum[3]) as f32
@@ -371,16 +387,26 @@ impl Colours {
             if grid.heights_m.iter().any(|value| value.is_finite()) {
                 raster::fill(&mut grid);
             } else {
-                grid.heights_m.fill(PLAIN_GROUND[c]);
+                grid.heights_m.fill(overall[c]);
             }
             grid
-        }))
+        });
+        Self {
+            near,
+            mean: overall,
+        }
     }
 
     fn at(&self, p: DVec2) -> [f32; 3] {
-        self.0
-            .each_ref()
-            .map(|grid| (grid.bilinear_m(p.x, p.y) as f32).clamp(0.0, 0.9))
+        let grid = &self.near[0];
+        let low = DVec2::new(grid.origin_e_m, grid.origin_n_m);
+        let size = DVec2::new(grid.nx as f64, grid.ny as f64) * grid.cell_m;
+        let away_m = p.distance(p.clamp(low, low + size));
+        let far = (away_m / COLOUR_FADES_M).min(1.0) as f32;
+        [0, 1, 2].map(|c| {
+            let near = self.near[c].bilinear_m(p.x, p.y) as f32;
+            (near + (self.mean[c] - near) * far).clamp(0.0, 0.9)
+        })
     }
 }
 
