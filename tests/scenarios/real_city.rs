@@ -325,12 +325,11 @@ fn houses_hide_and_stand_behind() {
 }
 
 #[test]
-#[ignore = "surveyed, but the UAV is not acquired: whether y points up or down in these data is not settled"]
 fn over_mars() {
     let Some(file) = data("tiles/mars-terrain/example/public/data/tileset.json") else {
         return;
     };
-    // Its own frame has y up: a tileset around it turns it.
+    // Its own frame has y down: a tileset around it turns it.
     let folder = TempDir::new().unwrap();
     let inside = folder.path().join("mars");
     std::os::unix::fs::symlink(file.parent().unwrap(), &inside).unwrap();
@@ -338,7 +337,7 @@ fn over_mars() {
         "asset": { "version": "1.0", "gltfUpAxis": "Z" },
         "geometricError": 1000.0,
         "root": {
-            "transform": [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -216.0, 90.0, 0, 1],
+            "transform": [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, -216.0, -90.0, 32.0, 1],
             "boundingVolume": { "box": [216.2, 32.3, 90.7, 170, 0, 0, 0, 40, 0, 0, 0, 130] },
             "geometricError": 1000.0,
             "refine": "REPLACE",
