@@ -17,15 +17,19 @@ use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::{LineOfSight, Solids};
 use boresight::models::ground::lattice::Lattice;
 use boresight::models::ground::triangles::TriangleTree;
+use boresight::models::maths::geodesy::{Geodetic, SiteFrame};
 use boresight::models::shape::mesh::MeshData;
+use boresight::models::shape::textured::TexturedMesh;
 use boresight::models::tiles::selection::{SelectOptions, View, ideal_cut};
 use boresight::models::tiles::selector::{Selector, SelectorOptions};
 use boresight::models::tiles::tree::{Refine, Tile, TileId, Tree};
 use boresight::models::tiles::volume::BoundingVolume;
 use boresight::scenario::Loaded;
+use boresight::sources::{Layer, LayerKind};
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
+use boresight::tiles::build::{BuildOptions, build};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use image::ExtendedColorType;
@@ -355,6 +359,179 @@ fn frames(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// The demo's site before a city that fills the picture: the generated one, and real ones whose data lie beside the
+/// repository.
+fn places() -> Vec<(&'static str, Loaded)> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let mars = data.join("tiles/mars-terrain/example/public/data");
+    let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    // Its own frame has y down: a tileset around it turns it.
+    let around = r#"{ "asset": { "version": "1.0", "gltfUpAxis": "Z" }, "geometricError": 1000, "root": {
+        "transform": [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, -216, -90, 32, 1],
+        "boundingVolume": { "box": [216.2, 32.3, 90.7, 170, 0, 0, 0, 40, 0, 0, 0, 130] },
+        "geometricError": 1000, "refine": "REPLACE", "content": { "uri": "mars/tileset.json" } } }"#;
+    let tileset = folder.join("tileset.json");
+    std::fs::write(&tileset, around).expect("a file");
+    if let Ok(mars) = mars.canonicalize() {
+        std::os::unix::fs::symlink(mars, folder.join("mars")).expect("a link");
+    }
+    let delft = data.join("cityjson/delft.city.json");
+    let all = [
+        (
+            "generated city",
+            None,
+            [47.3769, 8.5417, 455.0],
+            String::new(),
+            "[0, 0, 60]",
+        ),
+        (
+            "Delft, CityJSON",
+            Some(delft.clone()),
+            [52.0113, 4.3683, 43.0],
+            format!("city={{ sources = [{delft:?}] }}"),
+            "{ east_m = 0, north_m = 0, height_m = 40, above = \"roof\" }",
+        ),
+        (
+            "Mars, photogrammetry",
+            Some(mars),
+            [47.3769, 8.5417, 455.0],
+            format!("city={{ tileset = {tileset:?}, detail_m = 0.5, radius_m = 200 }}"),
+            "{ east_m = 130, north_m = -110, height_m = 30, above = \"roof\" }",
+        ),
+    ];
+    let mut places = Vec::new();
+    for (name, needs, [lat, lon, height_m], city, station) in all {
+        if needs.is_some_and(|file| !file.exists()) {
+            println!("{name}: skipped, its data are not there");
+            continue;
+        }
+        let mut overrides = vec![
+            "detector.kind=truth".to_owned(),
+            format!("site={{ latitude_deg = {lat}, longitude_deg = {lon}, altitude_m = {height_m} }}"),
+            format!("station.position_enu_m={station}"),
+            // It looks down at the city and stays there.
+            "search={ centre_azimuth_deg = 315, elevation_deg = -10, width_deg = 1, height_deg = 1 }".into(),
+            "uavs.0.trajectory={ kind = \"hover\", position_enu_m = [-776.4, 635.0, 300.0] }".into(),
+        ];
+        overrides.extend((!city.is_empty()).then_some(city));
+        let text = std::fs::read_to_string(DEMO).expect("the demo is there");
+        let loaded = Loaded::parse(text, DEMO.into(), overrides).expect("a valid scenario");
+        places.push((name, loaded));
+    }
+    places
+}
+
+/// Milliseconds per 640 × 480 frame that a city fills, rendering and readback; the pictures lie in the folder that is
+/// printed.
+fn frames_of_places(criterion: &mut Criterion) {
+    let options = Options {
+        capture: true,
+        ..Options::default()
+    };
+    let mut group = criterion.benchmark_group("place");
+    group
+        .sample_size(10)
+        .measurement_time(Duration::from_secs(3));
+    group.warm_up_time(Duration::from_millis(500));
+    let folder = std::env::temp_dir();
+    for (name, loaded) in places() {
+        let mut app = app::build(&loaded, &options).expect("a place");
+        let world = app.world_mut();
+        for _ in 0..48 {
+            app::step(world).expect("a tick");
+        }
+        for (camera, tier) in [("search", Tier::Search), ("precise", Tier::Precise)] {
+            let (view, size_px) = only(world, tier, Readout::Full);
+            world
+                .run_system_cached(capture::expose)
+                .expect("an exposure");
+            capture::render_frames(world);
+            let frame = &world.resource::<Frames>().0[0];
+            if let Some(rgb8) = &frame.rgb8 {
+                let jpeg = encode_jpeg(rgb8, size_px[0] as u16, size_px[1] as u16, 90);
+                let file = folder.join(format!("boresight {name}, {camera}.jpg"));
+                std::fs::write(&file, jpeg.expect("a JPEG")).expect("a file");
+                println!("{}", file.display());
+            }
+            let mut renderer = world.remove_non_send::<Renderer>().expect("a renderer");
+            let mut pixels = Vec::new();
+            world.get_mut::<Camera>(view).expect("a view").is_active = true;
+            group.bench_function(format!("{name}, {camera}"), |bencher| {
+                bencher.iter(|| {
+                    renderer.render(world);
+                    renderer
+                        .read(view, size_px, &mut pixels)
+                        .expect("a picture");
+                });
+            });
+            world.get_mut::<Camera>(view).expect("a view").is_active = false;
+            world.insert_non_send(renderer);
+        }
+    }
+    group.finish();
+}
+
+/// A million triangles of hills: meshoptimizer's edge collapse to a quarter, and the whole building of tiles on one
+/// thread.
+fn simplification(criterion: &mut Criterion) {
+    const SIDE: u32 = 708;
+    let at = |k: u32| {
+        let [x, y] = [k % SIDE, k / SIDE].map(|k| k as f32);
+        let z =
+            20.0 * (0.02 * x).sin() * (0.017 * y).cos() + 2.0 * (0.3 * x).sin() * (0.21 * y).sin();
+        [2.0 * x, 2.0 * y, z]
+    };
+    let positions: Vec<[f32; 3]> = (0..SIDE * SIDE).map(at).collect();
+    let cells = (0..SIDE - 1).flat_map(|y| (0..SIDE - 1).map(move |x| y * SIDE + x));
+    let indices: Vec<u32> = cells
+        .flat_map(|k| [k, k + 1, k + SIDE + 1, k, k + SIDE + 1, k + SIDE])
+        .collect();
+    let mut group = criterion.benchmark_group("simplification");
+    group
+        .sample_size(10)
+        .measurement_time(Duration::from_secs(3))
+        .throughput(Throughput::Elements(indices.len() as u64 / 3));
+    let adapter = meshopt::VertexDataAdapter::new(
+        meshopt::typed_to_bytes(&positions),
+        size_of::<[f32; 3]>(),
+        0,
+    );
+    let adapter = adapter.expect("vertices");
+    group.bench_function("edge collapse", |bencher| {
+        bencher.iter(|| {
+            let options = meshopt::SimplifyOptions::LockBorder;
+            meshopt::simplify(&indices, &adapter, indices.len() / 4, 0.1, options, None)
+        });
+    });
+    let layer = Layer {
+        kind: LayerKind::Surface,
+        site: SiteFrame::new(Geodetic {
+            latitude_rad: 0.8,  // [rad]
+            longitude_rad: 0.1, // [rad]
+            height_m: 0.0,      // [m]
+        }),
+        meshes: vec![TexturedMesh {
+            normals: vec![[0.0; 3]; positions.len()],
+            positions: positions.clone(),
+            indices: indices.clone(),
+            ..TexturedMesh::default()
+        }],
+        features: Vec::new(),
+    };
+    let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
+    let options = BuildOptions {
+        threads: std::num::NonZeroUsize::new(1),
+        ..BuildOptions::default()
+    };
+    group.bench_function("tiles built", |bencher| {
+        bencher.iter(|| build(std::slice::from_ref(&layer), &options, &folder).expect("tiles"));
+    });
+    group.finish();
+    // What is left behind in the temporary folder harms nobody.
+    let _ = std::fs::remove_dir_all(folder);
+}
+
 /// Milliseconds per inference of the default model, on a picture with noise.
 fn inference(criterion: &mut Criterion) {
     let model = boresight::scenario::DetectorConfig::default().onnx_model;
@@ -540,10 +717,12 @@ fn selection(criterion: &mut Criterion) {
 criterion_group!(
     benches,
     selection,
+    simplification,
     ticks,
     sight_lines,
     track_and_control,
     frames,
+    frames_of_places,
     inference,
     jpeg,
     shares

@@ -2,6 +2,7 @@
 
 use crate::models::air::wind::DrydenGust;
 use crate::models::flight::distractor::DistractorKind;
+use crate::models::flight::fall::Fall;
 use crate::models::flight::multirotor::{Airframe, MultirotorState};
 use crate::models::flight::swarm::{Behaviour, Steering};
 use crate::models::flight::trajectory::CompiledTrajectory;
@@ -181,21 +182,19 @@ impl UavShape {
     }
 }
 
-/// A falling UAV in Rapier's world, whose origin is where the fall began.
-#[derive(Component, Clone, Copy, Debug)]
-pub struct Wreck {
-    /// The UAV that falls.
-    pub uav: Entity,
+/// What a UAV is once it falls, until it is down. Every UAV has one from the start: what comes to
+/// it changes neither its archetype nor the order in which systems meet it.
+#[derive(Component, Default)]
+pub struct Wreck(pub Option<Box<WreckFall>>);
+
+/// A fall over one patch of city.
+pub struct WreckFall {
+    /// The box that falls.
+    pub fall: Fall,
     /// Where the fall began [m].
     pub origin_enu_m: DVec3,
-    /// The patch of city below it.
-    pub patch: Entity,
     /// Half the side of the patch [m].
     pub half_m: f64,
     /// How long it has lain still [s].
     pub still_s: f64,
 }
-
-/// Marks a UAV that has a [`Wreck`].
-#[derive(Component, Clone, Copy, Debug)]
-pub struct HasWreck;

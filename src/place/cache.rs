@@ -93,7 +93,7 @@ pub(super) fn with_options(
         site: Some(*site),
         orthophoto: params.orthophoto.map(at),
         terrain: params.terrain.map(at),
-        terrain_crs: None,
+        terrain_crs: params.terrain_crs,
         base_height_m: params.base_height_m.unwrap_or_default(),
         building_height_m: params.building_height_m,
         lod: params.lod,
@@ -114,6 +114,7 @@ fn key(sources: &[(PathBuf, Options)], site: &SiteFrame) -> Result<u128, PlaceEr
         let words = [
             options.crs.as_deref().unwrap_or_default(),
             options.lod.as_deref().unwrap_or_default(),
+            options.terrain_crs.as_deref().unwrap_or_default(),
         ];
         for word in words {
             hash.update(word.as_bytes());

@@ -2,15 +2,14 @@
 
 use crate::components::environment::{CityTiles, Environment};
 use crate::components::run::{Options, PartError, RunScenario, SetUp, Tick, TickSet};
-use crate::models::air::atmosphere::{air_density_kgpm3, pressure_at_pa};
+use crate::models::air::atmosphere::air_density_kgpm3;
 use crate::models::air::sky::{GROUND_ALBEDO, Sky};
-use crate::models::air::sun::Sun;
 use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
-use crate::models::maths::geodesy::{Geodetic, SiteFrame};
+use crate::models::maths::geodesy::SiteFrame;
 use crate::place::{self, made_from};
 use crate::plugins::run::fallible;
-use crate::scenario::{Above, InputError, Loaded, Scenario};
+use crate::scenario::{Above, InputError, Loaded};
 use crate::systems::environment as systems;
 use bevy::prelude::*;
 use glam::DVec3;
@@ -80,17 +79,8 @@ pub fn placed(
 /// The surroundings that a scenario describes; `city` is taken if it has the scenario's parameters.
 fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, InputError> {
     let scenario = &loaded.scenario;
-    let weather =
-        (scenario.weather.resolved()).map_err(|error| loaded.refuse("weather.metar", error))?;
-    let site = site_of(scenario);
-    let pressure_pa = pressure_at_pa(weather.pressure_pa, scenario.site.altitude_m);
-    let sun = Sun::new(
-        &scenario.time_utc,
-        site.origin(),
-        pressure_pa,
-        weather.temperature_k,
-    )
-    .map_err(|error| loaded.refuse("time_utc", error))?;
+    let site = scenario.site.frame();
+    let (weather, pressure_pa, sun) = loaded.weather_and_sun()?;
     let sun_dir_enu = sun.sun_dir_enu();
     let own = made_from(&scenario.city, folder(loaded));
     let (city, tiles) = match city.filter(|city| city.params == own) {
@@ -161,7 +151,7 @@ fn real_city(
 pub fn city_of(loaded: &Loaded) -> Result<Arc<City>, InputError> {
     let scenario = &loaded.scenario;
     match scenario.city.is_real() {
-        true => Ok(real_city(loaded, &site_of(scenario))?.0),
+        true => Ok(real_city(loaded, &scenario.site.frame())?.0),
         false => City::generate(&scenario.city)
             .map(Arc::new)
             .map_err(|error| loaded.refuse("city", error)),
@@ -171,17 +161,8 @@ pub fn city_of(loaded: &Loaded) -> Result<Arc<City>, InputError> {
 /// A scenario with its places in its city, and the city.
 pub fn placed_in_city(loaded: Loaded) -> Result<(Loaded, Arc<City>), InputError> {
     let city = city_of(&loaded)?;
-    let placed = placed(&loaded, &site_of(&loaded.scenario), &city)?;
+    let placed = placed(&loaded, &loaded.scenario.site.frame(), &city)?;
     Ok((placed.unwrap_or(loaded), city))
-}
-
-/// The scenario's local frame on the Earth.
-fn site_of(scenario: &Scenario) -> SiteFrame {
-    SiteFrame::new(Geodetic {
-        latitude_rad: scenario.site.latitude_deg.to_radians(),
-        longitude_rad: scenario.site.longitude_deg.to_radians(),
-        height_m: scenario.site.altitude_m,
-    })
 }
 
 /// The scenario's city under its sun.

@@ -1,11 +1,11 @@
-//! UAVs and distractors: flight, and Rapier for what falls.
+//! UAVs and distractors: flight, and what falls.
 
 use crate::components::beam::Dose;
 use crate::components::environment::Environment;
 use crate::components::flight::{
-    Air, Distractor, Flight, Guidance, HeatedSkin, Plan, Swarms, Uav, UavShape, UavStatus,
+    Air, Distractor, Flight, Guidance, HeatedSkin, Plan, Swarms, Uav, UavShape, UavStatus, Wreck,
 };
-use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::components::run::{PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::air::shared_gusts::SharedNoise;
 use crate::models::air::wind::DrydenGust;
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, Setpoint};
@@ -13,16 +13,11 @@ use crate::models::flight::swarm::{Behaviour, Mate, Member, Steering, low_course
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::dsm::Dsm;
 use crate::models::laser::thermal::Skin;
-use crate::models::maths::kinematics::GRAVITY_MPS2;
 use crate::models::shape::uav_mesh::{distractor_mesh, uav_mesh};
 use crate::plugins::run::fallible;
 use crate::scenario::{self, InputError, Loaded, SwarmTakeOff, catalogue};
-use crate::systems::flight::{self as systems, Fall};
+use crate::systems::flight as systems;
 use bevy::prelude::*;
-use bevy::transform::StaticTransformOptimizations;
-use bevy_rapier3d::plugin::systems::sync_removals;
-use bevy_rapier3d::prelude::*;
-use bevy_rapier3d::rapier::prelude::IntegrationParameters;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -33,62 +28,26 @@ pub struct FlightPlugin;
 
 impl Plugin for FlightPlugin {
     fn build(&self, app: &mut App) {
-        app.init_schedule(Fall)
-            // Rapier propagates transforms itself and needs what Bevy's plugin, which big_space
-            // replaces, would have put here.
-            .init_resource::<StaticTransformOptimizations>()
-            .add_plugins(
-                RapierPhysicsPlugin::<NoUserData>::default()
-                    .in_schedule(Fall)
-                    .with_custom_initialization(
-                        RapierContextInitialization::InitializeDefaultRapierContext {
-                            integration_parameters: IntegrationParameters::default(),
-                            rapier_configuration: RapierConfiguration {
-                                gravity: Vec3::NEG_Z * GRAVITY_MPS2 as f32,
-                                ..RapierConfiguration::new(1.0)
-                            },
-                        },
-                    ),
+        app.add_systems(
+            SetUp,
+            (fallible(spawn_uavs), fallible(spawn_distractors))
+                .chain()
+                .in_set(TickSet::Flight),
+        )
+        .add_systems(
+            Tick,
+            (
+                systems::steer,
+                systems::fly,
+                systems::collide,
+                systems::drift,
+                systems::drop_wrecks,
+                systems::fall,
             )
-            .add_systems(
-                Fall,
-                (systems::drag_wrecks, sync_removals)
-                    .chain()
-                    .before(PhysicsSet::SyncBackend),
-            )
-            .add_systems(
-                SetUp,
-                (
-                    time_falls,
-                    fallible(spawn_uavs),
-                    fallible(spawn_distractors),
-                )
-                    .chain()
-                    .in_set(TickSet::Flight),
-            )
-            .add_systems(
-                Tick,
-                (
-                    systems::steer,
-                    systems::fly,
-                    systems::collide,
-                    systems::drift,
-                    systems::drop_wrecks,
-                    systems::fall,
-                    systems::follow_wrecks,
-                )
-                    .chain()
-                    .in_set(TickSet::Flight),
-            );
+                .chain()
+                .in_set(TickSet::Flight),
+        );
     }
-}
-
-/// Sets Rapier's time step to [`systems::FALL_PERIOD_TICKS`] ticks.
-fn time_falls(clock: Res<SimClock>, mut step: ResMut<TimestepMode>) {
-    *step = TimestepMode::Fixed {
-        dt: clock.at_s(systems::FALL_PERIOD_TICKS) as f32,
-        substeps: 1,
-    };
 }
 
 fn spawn_uavs(
@@ -173,6 +132,7 @@ fn spawn_uavs(
             },
             Dose::default(),
             UavShape::new(mesh),
+            Wreck::default(),
         ));
     }
     commands.insert_resource(Swarms(behaviours));

@@ -62,6 +62,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue};
 
+use crate::models::air::atmosphere::pressure_at_pa;
+use crate::models::air::sun::Sun;
+use crate::models::air::weather::Weather;
 use crate::models::ground::city::CityParams;
 use check::{Check, MAX_DURATION_S};
 use load::{Checked, Parsed};
@@ -345,6 +348,18 @@ impl Loaded {
             places,
             written,
         })
+    }
+
+    /// The weather, the pressure at the site [Pa] and the sun above it.
+    pub fn weather_and_sun(&self) -> Result<(Weather, f64, Sun), InputError> {
+        let scenario = &self.scenario;
+        let weather =
+            (scenario.weather.resolved()).map_err(|error| self.refuse("weather.metar", error))?;
+        let pressure_pa = pressure_at_pa(weather.pressure_pa, scenario.site.altitude_m);
+        let (time, site) = (&scenario.time_utc, scenario.site.frame());
+        let sun = Sun::new(time, site.origin(), pressure_pa, weather.temperature_k)
+            .map_err(|error| self.refuse("time_utc", error))?;
+        Ok((weather, pressure_pa, sun))
     }
 
     /// The scenario with its places by latitude and longitude, above ground and roofs, where `place` says they are

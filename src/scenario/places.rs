@@ -10,6 +10,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::load::{InputError, Places};
+use super::site::Site;
 use super::text::{join, one_line};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 
@@ -301,9 +302,10 @@ pub(super) fn site(text: &str, overrides: &[String]) -> Option<SiteFrame> {
         };
         set.or_else(own)
     };
-    Some(SiteFrame::new(Geodetic {
-        latitude_rad: number("latitude_deg")?.to_radians(),
-        longitude_rad: number("longitude_deg")?.to_radians(),
-        height_m: number("altitude_m")?,
-    }))
+    let site = Site {
+        latitude_deg: number("latitude_deg")?,
+        longitude_deg: number("longitude_deg")?,
+        altitude_m: number("altitude_m")?,
+    };
+    Some(site.frame())
 }

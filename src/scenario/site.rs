@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::check::{Check, ELEVATION};
+use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 
 /// The site point: WGS-84 geodetic coordinates of the local origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,6 +22,20 @@ pub struct Site {
 }
 
 impl Site {
+    /// The point on the Earth.
+    pub fn geodetic(&self) -> Geodetic {
+        Geodetic {
+            latitude_rad: self.latitude_deg.to_radians(),
+            longitude_rad: self.longitude_deg.to_radians(),
+            height_m: self.altitude_m,
+        }
+    }
+
+    /// The local frame there.
+    pub fn frame(&self) -> SiteFrame {
+        SiteFrame::new(self.geodetic())
+    }
+
     pub(super) fn check(&self, check: &mut Check) {
         check.within("latitude_deg", self.latitude_deg, ELEVATION);
         check.within("longitude_deg", self.longitude_deg, -180.0..=180.0);

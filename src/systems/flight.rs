@@ -1,28 +1,21 @@
 //! UAVs fly their plans, crash, and fall; distractors pass.
 //!
 //! Flight is integrated in f64 by [`crate::models::flight::multirotor`]. A UAV whose rotors have died is
-//! handed to Rapier, which lets it tumble on to a patch of the city around it, in f32 relative
-//! to the patch, and hands the motion back.
+//! handed to [`crate::models::flight::fall`], which lets it tumble on to a patch of the city below it.
 
 use crate::components::environment::Environment;
 use crate::components::flight::{
-    Air, Distractor, Flight, Guidance, HasWreck, HeatedSkin, Plan, Swarms, Uav, UavStatus, Wreck,
+    Air, Distractor, Flight, Guidance, HeatedSkin, Plan, Swarms, Uav, UavStatus, Wreck, WreckFall,
 };
 use crate::components::run::SimClock;
+use crate::models::flight::fall::{self, Fall, Falling};
 use crate::models::flight::multirotor::{self, MultirotorState};
 use crate::models::flight::swarm::Mate;
-use crate::models::ground::dsm::{Dsm, Solids};
 use crate::models::maths::kinematics::exp_so3;
-use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
-use bevy_rapier3d::prelude::*;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
-
-/// The schedule Rapier steps in, run from the Flight set while something falls.
-#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
-pub struct Fall;
 
 /// How often members of swarms choose their way, and UAVs in the air are looked at for collisions [Hz].
 const STEER_HZ: u32 = 20;
@@ -229,167 +222,81 @@ const CLOSE_STEP_M: f64 = 0.25;
 const CLOSE_M: f64 = 3.0;
 /// Ticks to a step of Rapier: a tumbling wreck needs no more than its usual hundred or so steps a
 /// second.
-pub const FALL_PERIOD_TICKS: u64 = 8;
+const FALL_PERIOD_TICKS: u64 = 8;
 /// Below this speed [m/s] for this long [s] a wreck rests: at the top of a bounce it is slow for a moment.
-const REST_MPS: f32 = 0.15;
+const REST_MPS: f64 = 0.15;
 const REST_S: f64 = 0.1;
 
-/// Gives every UAV that began to fall its body and the ground below it.
+/// Lets every UAV go that began to fall.
 pub fn drop_wrecks(
-    mut commands: Commands,
+    clock: Res<SimClock>,
     environment: Res<Environment>,
-    uavs: Query<(Entity, &Uav, &Flight, &Guidance, &UavStatus), Without<HasWreck>>,
+    mut uavs: Query<(&Uav, &Flight, &Guidance, &UavStatus, &mut Wreck)>,
 ) {
-    for (entity, uav, flight, guidance, status) in &uavs {
-        if !matches!(status, UavStatus::Falling | UavStatus::Struck) {
+    for (uav, flight, guidance, status, mut wreck) in &mut uavs {
+        let falls = matches!(status, UavStatus::Falling | UavStatus::Struck);
+        if !falls || wreck.0.is_some() {
             continue;
         }
         let state = &flight.state;
         let origin_enu_m = state.r_enu_m;
-        let [length, width, height] = uav.size_m.map(|side| side as f32 / 2.0);
-        let omega_enu = state.q_enu_body * state.omega_body_radps;
         let dsm = &environment.city.dsm;
         let at_wall = *status == UavStatus::Struck && !dsm.clear(origin_enu_m, CLOSE_M);
         let (half_m, step_m) = match at_wall {
             true => (CLOSE_HALF_M, CLOSE_STEP_M),
             false => (PATCH_HALF_M, PATCH_STEP_M),
         };
-        let (ground, turn) = match dsm.solids() {
-            Some(solids) => (triangle_patch(solids, origin_enu_m, half_m), Quat::IDENTITY),
-            // Seen from east-north-up, turned by a quarter about east, so that its z runs to the south.
-            None => (
-                column_patch(dsm, origin_enu_m, half_m, step_m),
-                Quat::from_rotation_x(std::f32::consts::FRAC_PI_2),
-            ),
+        let city = match dsm.solids() {
+            Some(solids) => fall::triangles(solids, origin_enu_m, half_m),
+            None => Some(fall::columns(dsm, origin_enu_m, half_m, step_m)),
         };
-        // Every wreck has a world of its own: all of them are centred on the same origin.
-        let group = Group::from_bits_truncate(1 << (uav.index % 32));
-        let alone = CollisionGroups::new(group, group);
-        let patch = commands
-            .spawn((
-                RigidBody::Fixed,
-                ground,
-                Friction::coefficient(0.8),
-                alone,
-                Transform::from_rotation(turn),
-            ))
-            .id();
-        commands.spawn((
-            Wreck {
-                uav: entity,
-                origin_enu_m,
-                patch,
-                half_m,
-                still_s: 0.0,
-            },
-            RigidBody::Dynamic,
-            Collider::cuboid(length, width, height),
-            ColliderMassProperties::Mass(guidance.mass_kg as f32),
-            Friction::coefficient(0.6),
-            Restitution::coefficient(0.2),
-            alone,
-            Velocity {
-                linear: state.v_enu_mps.as_vec3(),
-                angular: omega_enu.as_vec3(),
-            },
-            ExternalForce::default(),
-            Ccd::enabled(),
-            Transform::from_rotation(state.q_enu_body.as_quat()),
-        ));
-        commands.entity(entity).insert(HasWreck);
+        let falling = Falling {
+            size_m: uav.size_m,
+            mass_kg: guidance.mass_kg,
+            q_enu_body: state.q_enu_body,
+            v_enu_mps: state.v_enu_mps,
+            omega_body_radps: state.omega_body_radps,
+        };
+        wreck.0 = Some(Box::new(WreckFall {
+            fall: Fall::new(&falling, city, clock.at_s(FALL_PERIOD_TICKS)),
+            origin_enu_m,
+            half_m,
+            still_s: 0.0,
+        }));
     }
 }
 
-/// The columns within `half_m` [m] of a place, as heights `step_m` [m] apart. Rapier's height field spans x (columns) and
-/// z (rows) and rises along y.
-fn column_patch(dsm: &Dsm, origin_enu_m: DVec3, half_m: f64, step_m: f64) -> Collider {
-    let n = (2.0 * half_m / step_m) as usize + 1;
-    let mut heights = vec![0.0; n * n];
-    for column in 0..n {
-        for row in 0..n {
-            let e = origin_enu_m.x - half_m + column as f64 * step_m;
-            let north = origin_enu_m.y + half_m - row as f64 * step_m;
-            heights[column * n + row] = (dsm.surface_m(e, north) - origin_enu_m.z) as f32;
-        }
-    }
-    let side = 2.0 * half_m as f32;
-    Collider::heightfield(heights, n, n, Vec3::new(side, 1.0, side))
-}
-
-/// The triangles within `half_m` [m] of a place on the map.
-fn triangle_patch(solids: &Solids, origin_enu_m: DVec3, half_m: f64) -> Collider {
-    let half = DVec3::new(half_m, half_m, f64::INFINITY);
-    let found = solids
-        .triangles
-        .in_box(origin_enu_m - half, origin_enu_m + half);
-    let corners = found.iter().flat_map(|triangle| {
-        let corners = solids.triangles.corners_m(*triangle);
-        corners.map(|corner| (corner - origin_enu_m).as_vec3())
-    });
-    let corners: Vec<Vec3> = corners.collect();
-    let indices = (0..corners.len() as u32 / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]);
-    let indices: Vec<[u32; 3]> = indices.collect();
-    // No triangle, no ground: what falls there is lost below it.
-    Collider::trimesh(corners, indices).unwrap_or_else(|_| Collider::ball(0.01))
-}
-
-/// Steps Rapier while anything falls, and once more to let go of what has come down.
-pub fn fall(world: &mut World, wrecks: &mut QueryState<(), With<Wreck>>, mut falling: Local<bool>) {
-    if !world
-        .resource::<SimClock>()
-        .tick
-        .is_multiple_of(FALL_PERIOD_TICKS)
-    {
-        return;
-    }
-    let before = std::mem::replace(&mut *falling, wrecks.iter(world).next().is_some());
-    if before || *falling {
-        world.run_schedule(Fall);
-    }
-}
-
-/// The air's drag on a wreck (eq. 6), before Rapier's step.
-pub fn drag_wrecks(
-    environment: Res<Environment>,
-    uavs: Query<(&Guidance, &Air)>,
-    mut wrecks: Query<(&Wreck, &Velocity, &mut ExternalForce)>,
-) {
-    for (wreck, velocity, mut force) in &mut wrecks {
-        if let Ok((guidance, air)) = uavs.get(wreck.uav) {
-            let v_enu_mps = velocity.linear.as_dvec3();
-            let density = environment.air_density_kgpm3;
-            force.force = guidance
-                .airframe
-                .drag_enu_n(v_enu_mps, air.wind_enu_mps, density)
-                .as_vec3();
-        }
-    }
-}
-
-/// Hands Rapier's motion back to the truth; a wreck at rest, or off its patch, is down.
-pub fn follow_wrecks(
-    mut commands: Commands,
+/// Moves what falls: by Rapier and the air's drag (eq. 6) in the ticks that it steps in, and on as
+/// it was in those between. A wreck at rest, or off its patch, is down.
+pub fn fall(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    mut wrecks: Query<(Entity, &mut Wreck, &Transform, &Velocity)>,
-    mut uavs: Query<(&mut Flight, &mut UavStatus)>,
+    mut uavs: Query<(&Guidance, &Air, &mut Flight, &mut UavStatus, &mut Wreck)>,
 ) {
-    for (entity, mut wreck, transform, velocity) in &mut wrecks {
-        let Ok((mut flight, mut status)) = uavs.get_mut(wreck.uav) else {
+    let (density, dsm) = (environment.air_density_kgpm3, &environment.city.dsm);
+    for (guidance, air, mut flight, mut status, mut wreck) in &mut uavs {
+        let state = &mut flight.state;
+        let Some(WreckFall {
+            fall,
+            origin_enu_m,
+            half_m,
+            still_s,
+        }) = wreck.0.as_deref_mut()
+        else {
             continue;
         };
-        let state = &mut flight.state;
         if !clock.tick.is_multiple_of(FALL_PERIOD_TICKS) {
             state.r_enu_m += state.v_enu_mps * clock.dt_s();
             state.q_enu_body =
                 (state.q_enu_body * exp_so3(state.omega_body_radps * clock.dt_s())).normalize();
             continue;
         }
-        state.r_enu_m = wreck.origin_enu_m + transform.translation.as_dvec3();
-        state.q_enu_body =
-            DQuat::from_array(transform.rotation.to_array().map(f64::from)).normalize();
-        state.v_enu_mps = velocity.linear.as_dvec3();
-        state.omega_body_radps = state.q_enu_body.inverse() * velocity.angular.as_dvec3();
+        let airframe = &guidance.airframe;
+        fall.step(airframe.drag_enu_n(fall.v_enu_mps(), air.wind_enu_mps, density));
+        state.r_enu_m = *origin_enu_m + fall.moved_enu_m();
+        state.q_enu_body = fall.q_enu_body();
+        state.v_enu_mps = fall.v_enu_mps();
+        state.omega_body_radps = fall.omega_body_radps();
         // Dead rotors windmill to a stop within a second.
         let step_s = clock.at_s(FALL_PERIOD_TICKS);
         let decay = (-step_s / 0.5).exp();
@@ -402,32 +309,28 @@ pub fn follow_wrecks(
             *phase = (*phase + *speed * step_s).rem_euclid(std::f64::consts::TAU);
         }
         let r = state.r_enu_m;
-        let dsm = &environment.city.dsm;
         let surface_m = dsm.surface_m(r.x, r.y);
         let near = r.z - surface_m < 1.0;
-        let off_m = (r - wreck.origin_enu_m).truncate().abs().max_element();
+        let off_m = (r - *origin_enu_m).truncate().abs().max_element();
         // A thin surface may let it through.
         let through = r.z < dsm.terrain_m(r.x, r.y) - 2.0;
-        let lost = off_m > wreck.half_m || through;
+        let lost = off_m > *half_m || through;
         if through {
             state.r_enu_m.z = surface_m;
         }
-        let slow = near && velocity.linear.length() < REST_MPS;
-        wreck.still_s = if slow { wreck.still_s + step_s } else { 0.0 };
+        let slow = near && state.v_enu_mps.length() < REST_MPS;
+        *still_s = if slow { *still_s + step_s } else { 0.0 };
         if lost && *status == UavStatus::Struck && !near {
             // It falls on over the next patch.
-            commands.entity(wreck.uav).remove::<HasWreck>();
-            commands.entity(entity).despawn();
-            commands.entity(wreck.patch).despawn();
-        } else if wreck.still_s > REST_S || lost {
+            wreck.0 = None;
+        } else if *still_s > REST_S || lost {
             *status = match *status {
                 UavStatus::Struck => UavStatus::Crashed,
                 _ => UavStatus::Down,
             };
             state.v_enu_mps = DVec3::ZERO;
             state.omega_body_radps = DVec3::ZERO;
-            commands.entity(entity).despawn();
-            commands.entity(wreck.patch).despawn();
+            wreck.0 = None;
         }
     }
 }

@@ -3,9 +3,11 @@
 use crate::common::{
     BLIND, ROOT, boresight, messages, of, read_with_python, rendering, run_scenario, tick_hashes,
 };
+use bevy::prelude::{Component, Without};
 use boresight::app::{self, Options};
 use boresight::components::capture::Frames;
 use boresight::components::detect::{DetectionBatch, DetectionQueue};
+use boresight::components::flight::{Distractor, Uav, UavStatus};
 use boresight::components::record::StateHash;
 use boresight::recording::proto;
 use boresight::scenario::Scenario;
@@ -48,6 +50,68 @@ fn one_seed_is_one_run_whatever_the_threads() {
     let other = run(&["--seed", "2"]);
     assert_eq!(other.summary["seed"], 2);
     assert_ne!(other.hash(), first.hash());
+}
+
+/// Bevy numbers archetypes as they come, and a query meets new ones in the order of a hash map of these numbers:
+/// what else is in the program must not show in a run, nor in how what falls comes to rest.
+#[test]
+fn one_seed_is_one_run_whatever_else_lives_in_the_world() {
+    #[derive(Component)]
+    struct Other<const N: usize>;
+    let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
+    let set = ["detector.kind=truth", "engage.authorised=false", FLOCK].map(String::from);
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let run = |others: usize| {
+        let mut app = app::build_with(&loaded, &Options::default(), |app| {
+            for number in 0..others {
+                let mut other = app.world_mut().spawn_empty();
+                for bit in 0..5 {
+                    match (number >> bit & 1, bit) {
+                        (1, 0) => drop(other.insert(Other::<0>)),
+                        (1, 1) => drop(other.insert(Other::<1>)),
+                        (1, 2) => drop(other.insert(Other::<2>)),
+                        (1, 3) => drop(other.insert(Other::<3>)),
+                        (1, _) => drop(other.insert(Other::<4>)),
+                        _ => {}
+                    }
+                }
+            }
+        })
+        .unwrap();
+        let world = app.world_mut();
+        let mut uavs = world.query_filtered::<(&Uav, &mut UavStatus), Without<Distractor>>();
+        for _ in 0..480 {
+            app::step(world).unwrap();
+        }
+        // The first falls first.
+        for (uav, mut status) in uavs.iter_mut(world) {
+            if uav.index == 0 {
+                *status = UavStatus::Falling;
+            }
+        }
+        for _ in 0..480 {
+            app::step(world).unwrap();
+        }
+        let met: Vec<usize> = uavs.iter(world).map(|(uav, _)| uav.index).collect();
+        assert_eq!(met, [0, 1], "systems meet UAVs in the scenario's order");
+        for (_, mut status) in uavs.iter_mut(world) {
+            *status = UavStatus::Falling;
+        }
+        let mut hashes = Vec::new();
+        while uavs
+            .iter(world)
+            .any(|(_, status)| *status == UavStatus::Falling)
+        {
+            app::step(world).unwrap();
+            hashes.push(world.resource::<StateHash>().0);
+            assert!(hashes.len() < 30 * 960, "they never come down");
+        }
+        hashes
+    };
+    let alone = run(0);
+    for others in [3, 8, 13, 31] {
+        assert!(run(others) == alone, "beside {others} other archetypes");
+    }
 }
 
 /// Several UAVs, balloons, misses and false alarms: the table's order must not depend on anything.

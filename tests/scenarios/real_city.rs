@@ -52,6 +52,116 @@ fn demo(site: [f64; 3], city: &str, station: &str, start: &str, more: &str) -> S
     format!("{}\n{more}", text.split("[expect]").next().unwrap())
 }
 
+/// The demo with a UAV that hovers at a place, the search about it.
+fn hovering(demo: &str, place: &str, azimuth_deg: f64, more: &str) -> String {
+    let old = demo
+        .lines()
+        .find(|line| line.starts_with("trajectory"))
+        .unwrap();
+    let own = format!("trajectory = {{ kind = \"hover\", position_enu_m = {place} }}");
+    demo.replace(old, &own)
+        .replace("duration_s = 25.0", "duration_s = 8.0")
+        .replace(
+            "centre_azimuth_deg = 315.0",
+            &format!("centre_azimuth_deg = {azimuth_deg:.1}"),
+        )
+        .replace(
+            "[[engage.keep_out]]",
+            &format!("{more}\n[[engage.keep_out]]"),
+        )
+}
+
+/// The `[engage]` under which only the sky stands behind a target, or a building and the ground may, too.
+const SKY_ALONE: &str = "[engage]\nmin_clear_range_m = 10\n";
+const ANY_BACKSTOP: &str =
+    "[engage]\nallow_backstop = [\"sky\", \"building\", \"ground\"]\nmin_clear_range_m = 10\n";
+
+/// Places about a station that are hidden from it, and in sight before something solid, with room around them.
+fn hidden_and_walled(environment: &Environment, eye: DVec3) -> [Option<DVec3>; 2] {
+    let dsm = &environment.city.dsm;
+    let around = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| 2.5 * axis);
+    let around = around.map(|off| [off, -off]).into_iter().flatten();
+    let around: Vec<DVec3> = around.chain([DVec3::ZERO]).collect();
+    let all = |r: DVec3, holds: &dyn Fn(DVec3) -> bool| around.iter().all(|off| holds(r + off));
+    let clear = |r| environment.line_of_sight(eye, r) == LineOfSight::Clear;
+    let stopped = |r: DVec3| dsm.first_hit(eye, (r - eye).normalize(), 5_000.0).is_some();
+    let mut found = [None; 2];
+    for k in 0..40_000 {
+        let k = f64::from(k);
+        let p = eye.truncate() + (120.0 + 0.01 * k) * DVec2::from_angle(2.4 * k);
+        let r = p.extend(dsm.surface_m(p.x, p.y) + 6.0 + (0.37 * k) % 12.0);
+        // Nothing to fly into within six metres.
+        let open = (0..6).all(|turn| {
+            let p = p + 6.0 * DVec2::from_angle(f64::from(turn));
+            dsm.surface_m(p.x, p.y) < r.z - 5.0
+        });
+        if !open {
+            continue;
+        }
+        if found[0].is_none() && all(r, &|r| !clear(r)) {
+            found[0] = Some(r);
+        }
+        if found[1].is_none() && all(r, &|r| clear(r) && stopped(r)) {
+            found[1] = Some(r);
+        }
+    }
+    found
+}
+
+/// Acquisition, occlusion and backstop about the station of `demo`, whose city is a tileset in `folder`.
+fn hides_and_stops(folder: &Path, place: &str, demo: &str) {
+    std::fs::write(folder.join("looked.toml"), demo).unwrap();
+    let (environment, scenario) = environment(folder, "looked");
+    let eye = DVec3::from(scenario.station.position_enu_m.unwrap());
+    let [hidden, walled] = hidden_and_walled(&environment, eye);
+    let hover = |r: DVec3, engage: &str| {
+        let off = r - eye;
+        let azimuth_deg = off.x.atan2(off.y).to_degrees().rem_euclid(360.0);
+        let at = format!("[{}, {}, {}]", r.x, r.y, r.z);
+        hovering(demo, &at, azimuth_deg, engage)
+    };
+    let hidden = hidden.unwrap_or_else(|| panic!("{place} hides nothing"));
+    let unseen = run(folder, "hidden", &hover(hidden, ANY_BACKSTOP));
+    assert_eq!(
+        seconds(&unseen, "time_to_acquire_s"),
+        None,
+        "{place} at {hidden}: {unseen:#}"
+    );
+    let walled = walled.unwrap_or_else(|| panic!("{place} stands behind nothing"));
+    let held = run(folder, "walled", &hover(walled, SKY_ALONE));
+    assert!(
+        seconds(&held, "time_to_acquire_s").is_some(),
+        "{place} at {walled}: {held:#}"
+    );
+    assert_eq!(held["energy_j"], 0.0, "{place} at {walled}: {held:#}");
+    let fired = run(folder, "fired", &hover(walled, ANY_BACKSTOP));
+    assert!(
+        fired["energy_j"].as_f64().unwrap() > 0.0,
+        "{place} at {walled}: {fired:#}"
+    );
+    let kind = environment
+        .city
+        .dsm
+        .first_hit_kind(eye, (walled - eye).normalize(), 5_000.0);
+    println!(
+        "{place}: hidden at {hidden:.0}; at {walled:.0}, before {:?} {:.0} m off, held fire without leave and fired with",
+        kind.unwrap().1,
+        kind.unwrap().0
+    );
+}
+
+/// Builds a file into tiles in a folder, as a user would.
+fn built(folder: &Path, arguments: &[&str]) {
+    let output = boresight()
+        .args(["tiles", "build"])
+        .args(arguments)
+        .arg("--out")
+        .arg(folder.join("tiles"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
 /// Runs a scenario blind in a folder of its own and gives its summary.
 fn run(folder: &Path, name: &str, text: &str) -> Value {
     let file = folder.join(format!("{name}.toml"));
@@ -207,7 +317,15 @@ fn over_delft() {
     };
     let city = format!("sources = [{:?}]", file.to_str().unwrap());
     let station = "{ lat = 52.0122, lon = 4.3658, height_m = 25, above = \"roof\" }";
-    flown("Delft", [52.0122, 4.3658, 43.0], &city, station);
+    let site = [52.0122, 4.3658, 43.0];
+    flown("Delft", site, &city, station);
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    built(folder, &[file.to_str().unwrap()]);
+    // Between the roofs, where there is something to hide behind.
+    let station = "{ lat = 52.0122, lon = 4.3658, height_m = 8, above = \"ground\" }";
+    let low = demo(site, "tileset = \"tiles\"", station, "[0.0, 0.0, 50.0]", "");
+    hides_and_stops(folder, "Delft", &low);
 }
 
 #[test]
@@ -218,7 +336,14 @@ fn over_zurichs_terrain() {
     let file = file.to_str().unwrap().to_owned();
     let city = format!("sources = [{{ file = {file:?}, crs = \"EPSG:21781\" }}]\ndetail_m = 5");
     let station = "{ lat = 47.3769, lon = 8.5417, height_m = 20, above = \"ground\" }";
-    flown("Zürich", [47.3769, 8.5417, 455.0], &city, station);
+    let site = [47.3769, 8.5417, 455.0];
+    flown("Zürich", site, &city, station);
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    built(folder, &[&file, "--crs", "EPSG:21781"]);
+    let city = "tileset = \"tiles\"\ndetail_m = 5";
+    let low = demo(site, city, station, "[0.0, 0.0, 50.0]", "");
+    hides_and_stops(folder, "Zürich", &low);
 }
 
 /// A wall of houses to the north of the station, as glTF-less tiles of our own builder.
@@ -270,19 +395,8 @@ fn houses_hide_and_stand_behind() {
     let at = [47.3769, 8.5417, 455.0];
     let station = "{ east_m = 0, north_m = 0, height_m = 20, above = \"ground\" }";
     let city = "tileset = \"tiles\"";
-    let hover = |place: &str, more: &str| {
-        let text = demo(at, city, station, "[0.0, 0.0, 50.0]", more);
-        let line = text
-            .lines()
-            .find(|line| line.starts_with("trajectory"))
-            .unwrap()
-            .to_owned();
-        let own = format!("trajectory = {{ kind = \"hover\", position_enu_m = {place} }}");
-        let text = text
-            .replace(&line, &own)
-            .replace("duration_s = 25.0", "duration_s = 8.0");
-        text.replace("centre_azimuth_deg = 315.0", "centre_azimuth_deg = 330.0")
-    };
+    let plain = demo(at, city, station, "[0.0, 0.0, 50.0]", "");
+    let hover = |place: &str, engage: &str| hovering(&plain, place, 330.0, engage);
     // Behind the slab, on its roof's line: hidden; 60 m up: seen.
     let hidden = "{ east_m = -44, north_m = 230, height_m = 10, above = \"ground\" }";
     let summary = run(folder, "hidden", &hover(hidden, ""));
@@ -315,11 +429,7 @@ fn houses_hide_and_stand_behind() {
     let dsm = &environment.city.dsm;
     let (_, kind) = dsm.first_hit_kind(eye, wall.normalize(), 5_000.0).unwrap();
     assert_eq!(kind, HitKind::Building);
-    let allowed = "[engage]\nallow_backstop = [\"sky\", \"building\"]\nmin_clear_range_m = 10\n";
-    let text = hover(before, "").replace(
-        "[[engage.keep_out]]",
-        &format!("{allowed}\n[[engage.keep_out]]"),
-    );
+    let text = hover(before, ANY_BACKSTOP);
     let fired = run(folder, "fired", &text);
     assert!(fired["energy_j"].as_f64().unwrap() > 0.0, "{fired:#}");
 }

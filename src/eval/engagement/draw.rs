@@ -10,7 +10,6 @@ use crate::models::air::sun::{Sun, SunError};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::city::{City, CityError, CityParams};
 use crate::models::ground::dsm::{Dsm, LineOfSight};
-use crate::models::maths::geodesy::Geodetic;
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::maths::rng::Stream;
 use crate::scenario::{
@@ -293,11 +292,7 @@ fn level(azimuth_rad: f64) -> DVec3 {
 fn time(site: &Site, light: Light, rng: &mut Stream) -> Result<DateTime<Utc>, SunError> {
     const TRIES: usize = 60;
     const STEP_MIN: i64 = 4;
-    let geodetic = Geodetic {
-        latitude_rad: site.latitude_deg.to_radians(),
-        longitude_rad: site.longitude_deg.to_radians(),
-        height_m: site.altitude_m,
-    };
+    let geodetic = site.geodetic();
     let [low_deg, high_deg] = light.elevation_deg();
     let new_year = Utc.timestamp_opt(1_735_689_600, 0).single(); // 2025-01-01
     let new_year = new_year.unwrap_or_default();
@@ -703,11 +698,7 @@ mod tests {
                 Nearness::Far => assert!(nearest_deg.is_some()),
             }
             // The sun stands where the light says.
-            let geodetic = Geodetic {
-                latitude_rad: scenario.site.latitude_deg.to_radians(),
-                longitude_rad: scenario.site.longitude_deg.to_radians(),
-                height_m: scenario.site.altitude_m,
-            };
+            let geodetic = scenario.site.geodetic();
             let sun = Sun::new(&scenario.time_utc, geodetic, 95_000.0, 288.15).unwrap();
             let [low_deg, high_deg] = facts.light.elevation_deg();
             let sun_deg = sun.elevation_rad.to_degrees();

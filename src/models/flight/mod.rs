@@ -1,8 +1,9 @@
-//! What flies: catalogue, classes, rigid bodies with rotors, flight plans, distractors.
+//! What flies: catalogue, classes, rigid bodies with rotors, flight plans, distractors, and what falls.
 
 pub mod bird;
 pub mod class;
 pub mod distractor;
+pub mod fall;
 pub mod multirotor;
 pub mod swarm;
 pub mod trajectory;

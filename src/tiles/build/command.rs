@@ -3,8 +3,6 @@
 use super::options::{BuildOptions, Division, Pictures};
 use super::report::{BuildError, BuildReport};
 use super::{build_with, city, ground::terrain, sources};
-use crate::models::air::atmosphere::pressure_at_pa;
-use crate::models::air::sun::Sun;
 use crate::models::ground::city::City;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::scenario::{InputError, Scenario};
@@ -193,21 +191,8 @@ fn generated(path: &Path) -> Result<(Vec<Layer>, Option<Heights>), CommandError>
     if scenario.city.is_real() {
         return Err(CommandError::Real(path.into()));
     }
-    let site = SiteFrame::new(Geodetic {
-        latitude_rad: scenario.site.latitude_deg.to_radians(),
-        longitude_rad: scenario.site.longitude_deg.to_radians(),
-        height_m: scenario.site.altitude_m,
-    });
-    let weather =
-        (scenario.weather.resolved()).map_err(|error| loaded.refuse("weather.metar", error))?;
-    let pressure_pa = pressure_at_pa(weather.pressure_pa, scenario.site.altitude_m);
-    let sun = Sun::new(
-        &scenario.time_utc,
-        site.origin(),
-        pressure_pa,
-        weather.temperature_k,
-    )
-    .map_err(|error| loaded.refuse("time_utc", error))?;
+    let site = scenario.site.frame();
+    let (_, _, sun) = loaded.weather_and_sun()?;
     let mut city = City::generate(&scenario.city).map_err(|error| loaded.refuse("city", error))?;
     city.bake_shadows(sun.sun_dir_enu());
     Ok((

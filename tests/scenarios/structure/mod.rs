@@ -420,7 +420,7 @@ fn a_trespass_is_seen_however_it_is_written() {
         ),
         (
             "src/models/b.rs",
-            "use bevy::prelude::*;\nuse bevy_rapier3d::X;\nuse super::super::app::go;",
+            "use bevy::prelude::*;\nuse bevy_egui::X;\nuse super::super::app::go;",
         ),
         (
             "src/systems/mod.rs",
@@ -432,7 +432,7 @@ fn a_trespass_is_seen_however_it_is_written() {
         sources.trespasses("models", foreign_to_models(&sources)),
         [
             "src/models/b.rs:1: bevy::prelude",
-            "src/models/b.rs:2: bevy_rapier3d::X",
+            "src/models/b.rs:2: bevy_egui::X",
             "src/models/b.rs:3: crate::app::go",
         ]
     );

@@ -56,7 +56,7 @@ pub struct CityParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "expected a path, or a table of file, crs, geoid_height_m, georef, orthophoto, terrain, base_height_m, building_height_m and lod"
+    expecting = "expected a path, or a table of file, crs, geoid_height_m, georef, orthophoto, terrain, terrain_crs, base_height_m, building_height_m and lod"
 )]
 pub enum CitySource {
     /// A path.
@@ -81,6 +81,8 @@ pub struct SourceParams {
     pub orthophoto: Option<String>,
     /// A height raster that footprints stand on.
     pub terrain: Option<String>,
+    /// The reference system of that raster, where it names none or a wrong one.
+    pub terrain_crs: Option<String>,
     /// Height of the ground under footprints where no terrain is given.
     pub base_height_m: Option<f64>,
     /// Height of a building whose source gives none.
@@ -101,6 +103,7 @@ impl CitySource {
                 georef: None,
                 orthophoto: None,
                 terrain: None,
+                terrain_crs: None,
                 base_height_m: None,
                 building_height_m: None,
                 lod: None,
