@@ -366,9 +366,9 @@ fn places() -> Vec<(&'static str, Loaded)> {
     let mars = data.join("tiles/mars-terrain/example/public/data");
     let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
-    // Its own frame has y down: a tileset around it turns it.
+    // Its own frame has y up: a tileset around it turns it.
     let around = r#"{ "asset": { "version": "1.0", "gltfUpAxis": "Z" }, "geometricError": 1000, "root": {
-        "transform": [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, -216, -90, 32, 1],
+        "transform": [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -216, 90, -32, 1],
         "boundingVolume": { "box": [216.2, 32.3, 90.7, 170, 0, 0, 0, 40, 0, 0, 0, 130] },
         "geometricError": 1000, "refine": "REPLACE", "content": { "uri": "mars/tileset.json" } } }"#;
     let tileset = folder.join("tileset.json");

@@ -27,6 +27,8 @@ const MOST_TRIANGLES: usize = 12_000_000;
 /// Error of the land around, in errors of the near part, and at least [m].
 const FAR_FACTOR: f64 = 30.0;
 const FAR_ERROR_M: f64 = 30.0;
+/// [`Evidence::facing`] of a place that lies upside down.
+const UPSIDE_DOWN: f64 = -0.3;
 /// What is nearer to the Earth's middle than this stands in a frame of its own [m].
 const EARTHLY_M: f64 = 6.0e6;
 
@@ -172,6 +174,7 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
         evidence.horizon = cache::horizon(horizon, site, folder)?;
     }
     let triangles = evidence.triangles.len();
+    let upside_down = evidence.facing() < UPSIDE_DOWN;
     let options = SurveyOptions {
         radius_m,
         curved: is_earthly(&tileset) || params.georef.is_some(),
@@ -180,7 +183,7 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
     let real = survey(evidence, made_from(params, folder), &options);
     let city = City::real(real.map_err(PlaceError::Survey)?);
     let surface = city.dsm.surface();
-    let summary = format!(
+    let mut summary = format!(
         "{location}: {} tiles known, {tiles} surveyed at {detail_m} m ({triangles} triangles), {} m by {} m in cells \
          of {} m, {} buildings of {:.1} m on average",
         tileset.tree.tiles().len(),
@@ -190,6 +193,9 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
         city.buildings.len(),
         city.roughness.mean_height_m,
     );
+    if upside_down {
+        summary += "; most of its triangles face down: is its up axis right (asset.gltfUpAxis, the root's transform)?";
+    }
     Ok(RealPlace {
         city,
         tileset,

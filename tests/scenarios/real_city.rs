@@ -88,7 +88,8 @@ fn hidden_and_walled(environment: &Environment, eye: DVec3) -> [Option<DVec3>; 2
     let mut found = [None; 2];
     for k in 0..40_000 {
         let k = f64::from(k);
-        let p = eye.truncate() + (120.0 + 0.01 * k) * DVec2::from_angle(2.4 * k);
+        let range_m = 20.0 + 100.0 * (k / 13_000.0).exp();
+        let p = eye.truncate() + range_m * DVec2::from_angle(2.4 * k);
         let r = p.extend(dsm.surface_m(p.x, p.y) + 6.0 + (0.37 * k) % 12.0);
         // Nothing to fly into within six metres.
         let open = (0..6).all(|turn| {
@@ -439,7 +440,7 @@ fn over_mars() {
     let Some(file) = data("tiles/mars-terrain/example/public/data/tileset.json") else {
         return;
     };
-    // Its own frame has y down: a tileset around it turns it.
+    // Its own frame has y up: a tileset around it turns it.
     let folder = TempDir::new().unwrap();
     let inside = folder.path().join("mars");
     std::os::unix::fs::symlink(file.parent().unwrap(), &inside).unwrap();
@@ -447,7 +448,7 @@ fn over_mars() {
         "asset": { "version": "1.0", "gltfUpAxis": "Z" },
         "geometricError": 1000.0,
         "root": {
-            "transform": [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, -216.0, -90.0, 32.0, 1],
+            "transform": [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -216.0, 90.0, -32.0, 1],
             "boundingVolume": { "box": [216.2, 32.3, 90.7, 170, 0, 0, 0, 40, 0, 0, 0, 130] },
             "geometricError": 1000.0,
             "refine": "REPLACE",
@@ -460,6 +461,10 @@ fn over_mars() {
         "tileset = {:?}\ndetail_m = 0.5\nradius_m = 200",
         tileset.to_str().unwrap()
     );
-    let station = "{ east_m = 0, north_m = 0, height_m = 10, above = \"roof\" }";
-    flown("Mars", [47.3769, 8.5417, 455.0], &city, station);
+    // On the rim of its crater.
+    let station = "{ east_m = -130, north_m = 50, height_m = 10, above = \"roof\" }";
+    let site = [47.3769, 8.5417, 455.0];
+    flown("Mars", site, &city, station);
+    let low = demo(site, &city, station, "[0.0, 0.0, 50.0]", "");
+    hides_and_stops(folder.path(), "Mars", &low);
 }

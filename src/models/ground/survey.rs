@@ -48,6 +48,18 @@ impl Evidence {
             self.albedo.push(albedo(mesh, triangle));
         }
     }
+
+    /// How the triangles face as seen from above: 1 all up, -1 all down, 0 as many as that, as of closed solids.
+    pub fn facing(&self) -> f64 {
+        let area = |[a, b, c]: &[DVec3; 3]| (b - a).truncate().perp_dot((c - a).truncate());
+        let areas = self
+            .triangles
+            .iter()
+            .map(area)
+            .filter(|area| area.is_finite());
+        let [up, all] = areas.fold([0.0; 2], |[up, all], area| [up + area, all + area.abs()]);
+        if all > 0.0 { up / all } else { 0.0 }
+    }
 }
 
 /// Linear RGB albedo in the middle of a triangle.
@@ -447,6 +459,18 @@ mod tests {
             triangles,
             ..Evidence::default()
         }
+    }
+
+    #[test]
+    fn a_sheet_faces_up_or_down_and_a_solid_neither() {
+        let size = DVec3::new(10.0, 8.0, 6.0);
+        let solid = house(DVec3::ZERO, size, true);
+        assert!(evidence(solid.clone()).facing().abs() < 1e-12);
+        let open = evidence(house(DVec3::ZERO, size, false));
+        assert!((open.facing() - 1.0).abs() < 1e-12);
+        let floor = evidence(solid[10..].to_vec());
+        assert!((floor.facing() + 1.0).abs() < 1e-12);
+        assert_eq!(Evidence::default().facing(), 0.0);
     }
 
     #[test]
