@@ -2,6 +2,8 @@
 
 use crate::components::tiles::{StandardPaint, TileFailed, TileLoaded, TilePaint};
 use crate::systems::tiles::{settle, stream, watch};
+use bevy::asset::AssetEventSystems;
+use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
 use std::marker::PhantomData;
 
@@ -26,7 +28,8 @@ impl Default for TilesPlugin {
     }
 }
 
-/// When tilesets follow their cameras: in [`PostUpdate`], before transforms are propagated.
+/// When tilesets follow their cameras: in [`PostUpdate`], before transforms and visibility are propagated and the news of
+/// assets are told. Were a tile shown a frame before its mesh is known to the renderer, a hole would flash there.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FollowTiles;
 
@@ -44,7 +47,9 @@ impl<P: TilePaint> Plugin for TilesPlugin<P> {
                     .chain()
                     .run_if(resource_exists::<P>)
                     .in_set(FollowTiles)
-                    .before(TransformSystems::Propagate),
+                    .before(TransformSystems::Propagate)
+                    .before(VisibilitySystems::VisibilityPropagate)
+                    .before(AssetEventSystems),
             );
     }
 }

@@ -3,16 +3,21 @@
 use crate::common::{ROOT, rendering};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
+use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
+use big_space::prelude::CellCoord;
 use boresight::app::{self, Options};
 use boresight::components::capture::{ExposedFrame, Frames, Tier};
 use boresight::components::environment::{CityTiles, Environment};
-use boresight::components::render::CityTilesets;
+use boresight::components::render::{CityTilesets, SENSOR_LAYER, SceneHandles};
 use boresight::components::run::{SetUp, TickSet};
-use boresight::components::tiles::{OpenTiles, TileLoaded, Tiles, TilesCount, TilesViews};
+use boresight::components::tiles::{
+    OpenTiles, TileLoaded, Tiles, TilesCount, TilesPlace, TilesViews,
+};
 use boresight::models::tiles::selection::View;
 use boresight::plugins::tiles::TilesPlugin;
 use boresight::scenario::{Loaded, Scenario};
+use boresight::systems::render::scene::grid;
 use boresight::tiles::tileset::Tileset;
 use glam::{DAffine3, DVec2, DVec3};
 use serde_json::{Value, json};
@@ -397,4 +402,77 @@ fn a_flight_of_five_minutes_stays_within_its_budget() {
         assert!(flown.least_drawn > 0, "a hole: {flown:?}");
         assert_eq!(flown.last.failed, 0);
     }
+}
+
+/// A coarse panel stays until the fine ones in its place are drawn: the sky never shows between them.
+#[test]
+fn no_hole_flashes_while_finer_tiles_arrive() {
+    let _one = rendering();
+    let panel = |east_m| Panel {
+        east_m,
+        color: [1.0; 4],
+        unlit: true,
+        picture: Some(png(|_, _| [200, 30, 30, 255])),
+        cutoff: None,
+    };
+    let (nothing, folder) = (tileset(&[]), TempDir::new().unwrap());
+    for name in ["coarse", "fine"] {
+        let file = folder.path().join(format!("{name}.gltf"));
+        std::fs::write(file, gltf(&panel(0.0))).unwrap();
+    }
+    let bounds = json!({ "box": [0, NORTH_M, UP_M, 1, 0, 0, 0, 1, 0, 0, 0, 1] });
+    let leaf =
+        json!({ "boundingVolume": bounds, "geometricError": 0, "content": { "uri": "fine.gltf" } });
+    let json = json!({
+        "asset": { "version": "1.1" },
+        "geometricError": 1000,
+        "root": {
+            "boundingVolume": bounds, "geometricError": 1, "refine": "REPLACE",
+            "content": { "uri": "coarse.gltf" }, "children": [leaf],
+        },
+    });
+    std::fs::write(folder.path().join("tileset.json"), json.to_string()).unwrap();
+    let mut app = with_tiles(&plain(&[]), &nothing);
+    let world = app.world_mut();
+    let site_grid = world.resource::<SceneHandles>().site_grid;
+    let streamed = Tiles {
+        place: TilesPlace::At(DAffine3::IDENTITY),
+        layers: RenderLayers::layer(SENSOR_LAYER),
+        ..Tiles::new(folder.path().display().to_string())
+    };
+    let own = world.spawn((streamed, grid(), CellCoord::default(), ChildOf(site_grid)));
+    let own = own.id();
+    let view = |north_m: f64| View {
+        r_root_m: DVec3::new(0.0, north_m, UP_M),
+        forward: DVec3::Y,
+        up: DVec3::Z,
+        fovy_rad: 0.5,
+        size_px: [640, 480],
+    };
+    // By turns from so far that the coarse one will do, and from near.
+    let red = |frame: &ExposedFrame| {
+        let [r, g, _] = signal(frame, DVec3::new(0.0, NORTH_M, UP_M));
+        r > 3.0 * g
+    };
+    let (mut shown, mut seen) = (false, [false; 2]);
+    for number in 0..60 {
+        let far = number / 10 % 2 == 0;
+        let from = if far {
+            NORTH_M - 2_000.0
+        } else {
+            NORTH_M - 20.0
+        };
+        let world = app.world_mut();
+        world.get_mut::<TilesViews>(own).unwrap().0 = vec![view(from)];
+        let is_red = red(&search_frame(&mut app));
+        assert!(is_red || !shown, "a hole in frame {number}");
+        shown |= is_red;
+        let open = app.world().get::<OpenTiles>(own);
+        for (tile, kept) in open.iter().flat_map(|open| &open.kept) {
+            seen[usize::from(tile.0 > 0)] |= kept.drawn;
+        }
+        // Other threads read meanwhile.
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert!(shown && seen == [true; 2], "{shown} {seen:?}");
 }
