@@ -90,7 +90,7 @@ fn of<C: Component>(world: &World) -> &C {
     first_station(world).expect("a station has all its parts")
 }
 
-/// The demo with `uavs` UAVs that circle 1 km away, so that a bench may go on for ever, and
+/// `urban_intercept` with `uavs` UAVs that circle 1 km away, so that a bench may go on for ever, and
 /// overrides.
 fn demo(uavs: usize, overrides: &[&str]) -> Loaded {
     let mut text = std::fs::read_to_string(DEMO).expect("the demo is there");
@@ -289,7 +289,7 @@ fn only(world: &mut World, tier: Tier, readout: Readout) -> (Entity, [u32; 2]) {
     chosen.expect("every tier has a camera")
 }
 
-/// Milliseconds per frame over the demo city, once the precise camera holds the UAV.
+/// Milliseconds per frame over `urban_intercept`'s city, once the precise camera holds the UAV.
 fn frames(criterion: &mut Criterion) {
     let loaded = demo(1, &["detector.kind=truth", "engage.authorised=false"]);
     let options = Options {
@@ -359,22 +359,22 @@ fn frames(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The demo's site before a city that fills the picture: the generated one, and real ones whose data lie beside the
+/// `urban_intercept`'s site before a city that fills the picture: the generated one, and real ones whose data lie beside the
 /// repository.
 fn places() -> Vec<(&'static str, Loaded)> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
     let mars = data.join("tiles/mars-terrain/example/public/data");
     let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
-    // Its own frame has y up: a tileset around it turns it.
-    let around = r#"{ "asset": { "version": "1.0", "gltfUpAxis": "Z" }, "geometricError": 1000, "root": {
-        "transform": [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -216, 90, -32, 1],
-        "boundingVolume": { "box": [216.2, 32.3, 90.7, 170, 0, 0, 0, 40, 0, 0, 0, 130] },
-        "geometricError": 1000, "refine": "REPLACE", "content": { "uri": "mars/tileset.json" } } }"#;
-    let tileset = folder.join("tileset.json");
-    std::fs::write(&tileset, around).expect("a file");
+    // Its own frame has y up: the tileset around it that is shipped turns it.
+    for inside in ["mars", "data"] {
+        std::fs::create_dir_all(folder.join(inside)).expect("a folder");
+    }
+    let tileset = folder.join("mars/tileset.json");
+    let around =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/real_cities/mars/tileset.json");
+    std::fs::copy(around, &tileset).expect("a file");
     if let Ok(mars) = mars.canonicalize() {
-        std::os::unix::fs::symlink(mars, folder.join("mars")).expect("a link");
+        std::os::unix::fs::symlink(mars, folder.join("data/mars")).expect("a link");
     }
     let delft = data.join("cityjson/delft.city.json");
     let all = [

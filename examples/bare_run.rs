@@ -20,7 +20,7 @@ pub struct Shown {
     pub at_px: [f64; 2],
 }
 
-/// The frames of the first tenth of a second that show the UAV of the demo.
+/// The frames of the first tenth of a second that show the UAV of `urban_intercept`.
 pub fn frames() -> Result<Vec<Shown>, Box<dyn Error>> {
     let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &[])?;
     let options = Options {

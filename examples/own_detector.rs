@@ -64,7 +64,7 @@ fn stands_out(question: &Question) -> Vec<Detection> {
     found.into_iter().collect()
 }
 
-/// The tracker after a second of the demo, its UAV high before an even sky.
+/// The tracker after a second of `urban_intercept`, its UAV high before an even sky.
 pub fn run() -> Result<Tracker, Box<dyn Error>> {
     let set = [
         "detector.kind=contrast",

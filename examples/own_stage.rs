@@ -38,7 +38,7 @@ fn by_size(clock: Res<SimClock>, least: Res<Least>, mut stations: Query<&mut Tra
     }
 }
 
-/// Energy that the laser emits in five seconds of the demo, where a UAV is at least so large [J].
+/// Energy that the laser emits in five seconds of `urban_intercept`, where a UAV is at least so large [J].
 pub fn energy_j(least_m: f64) -> Result<f64, Box<dyn Error>> {
     let set = ["detector.kind=truth"].map(String::from);
     let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;

@@ -55,7 +55,7 @@ fn own_part(app: &mut App) {
     app.add_systems(Tick, count.after(TickSet::Engage).before(TickSet::Record));
 }
 
-/// Records two seconds of the demo, seen by the truth detector, into a folder.
+/// Records two seconds of `urban_intercept`, seen by the truth detector, into a folder.
 pub fn record(out: &Path) -> Result<(), Box<dyn Error>> {
     let set = ["detector.kind=truth", "duration_s=2"].map(String::from);
     let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;

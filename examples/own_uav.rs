@@ -1,4 +1,4 @@
-//! A UAV of one's own, `examples/own_uav.toml`, against the demo's station.
+//! A UAV of one's own, `examples/own_uav.toml`, against `urban_intercept`'s station.
 //!
 //! `cargo run --release --example own_uav`
 
@@ -12,7 +12,7 @@ use std::path::Path;
 /// The file; dropped into `assets/uavs` it would be the catalogue's `own_uav`.
 pub const OWN: &str = "examples/own_uav.toml";
 
-/// When the demo's station has neutralised a model that flies in place of its UAV [s]; none: never.
+/// When `urban_intercept`'s station has neutralised a model that flies in place of its UAV [s]; none: never.
 pub fn neutralised_s(model: &str) -> Result<Option<f64>, Box<dyn Error>> {
     let set = ["detector.kind=truth", &format!("uavs.0.model={model}")].map(String::from);
     let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;

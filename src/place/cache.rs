@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
 
 /// Raised when the same sources make other tiles than before.
-const FORMAT: &str = "boresight city 1";
+const FORMAT: &str = "boresight city 2";
 /// Most triangles that all sources together may have.
 const MOST_TRIANGLES: usize = 30_000_000;
 

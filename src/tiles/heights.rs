@@ -2,7 +2,8 @@
 //! in triangles again.
 //!
 //! The file (`heights.bin`) is a line with its name, the length of a TOML head (u32, little-endian), the head, and the
-//! rasters' heights (f32, little-endian): terrain, then surface.
+//! rasters' heights (f32, little-endian): terrain, then surface; then the corners of the triangles that stand outside them
+//! (f64, little-endian).
 
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::{Dsm, HeightGrid};
@@ -15,7 +16,7 @@ use std::path::Path;
 
 /// Name of the file beside `tileset.json`.
 pub const FILE: &str = "heights.bin";
-const MAGIC: &[u8] = b"boresight heights 1\n";
+const MAGIC: &[u8] = b"boresight heights 2\n";
 /// Longest head that is read [byte].
 const MOST_HEAD: usize = 64 << 20;
 
@@ -27,6 +28,8 @@ pub struct Heights {
     pub terrain: Option<HeightGrid>,
     /// The highest point of each cell, where sight lines meet columns and no triangles [m].
     pub surface: Option<HeightGrid>,
+    /// What sight lines meet outside the surface [m].
+    beyond: Vec<[DVec3; 3]>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -60,6 +63,7 @@ struct CityHead {
     station_enu_m: [f64; 3],
     mean_height_m: f64,
     outside_m: f64,
+    triangles_beyond: usize,
     buildings: Vec<BuildingHead>,
 }
 
@@ -102,10 +106,12 @@ impl Heights {
             station_enu_m: city.station_enu_m().to_array(),
             mean_height_m: city.roughness.mean_height_m,
             outside_m: city.dsm.terrain_m(f64::MAX, f64::MAX),
+            triangles_beyond: city.dsm.beyond().count(),
             buildings: buildings.collect(),
         };
         let mut new = Self::of_terrain(Some(city.dsm.terrain().clone()), site);
         new.surface = Some(city.dsm.surface().clone());
+        new.beyond = city.dsm.beyond().collect();
         new.head.city = Some(city_head);
         new
     }
@@ -124,6 +130,7 @@ impl Heights {
             },
             terrain,
             surface: None,
+            beyond: Vec::new(),
         }
     }
 
@@ -152,7 +159,7 @@ impl Heights {
             surveyed(outline.collect(), head.base_m, head.top_m)
         };
         Some(Columns {
-            dsm: Dsm::new(terrain, surface, head.outside_m),
+            dsm: Dsm::new(terrain, surface, head.outside_m).with_beyond(self.beyond),
             buildings: head.buildings.into_iter().map(building).collect(),
             roughness: Roughness {
                 mean_height_m: head.mean_height_m,
@@ -187,6 +194,8 @@ impl Heights {
                     .flat_map(|height_m| height_m.to_le_bytes()),
             );
         }
+        let numbers = self.beyond.iter().flatten().flat_map(DVec3::to_array);
+        bytes.extend(numbers.flat_map(f64::to_le_bytes));
         Ok(bytes)
     }
 
@@ -246,6 +255,22 @@ impl Heights {
         };
         let terrain = grid(head.terrain)?;
         let surface = grid(head.surface)?;
+        let count = head.city.as_ref().map_or(0, |city| city.triangles_beyond);
+        let numbers: Vec<f64> = rest
+            .as_chunks::<8>()
+            .0
+            .iter()
+            .map(|b| f64::from_le_bytes(*b))
+            .collect();
+        let (triangles, _) = numbers.as_chunks::<9>();
+        if triangles.len() < count {
+            return Err(fault("the triangles outside its rasters are cut off"));
+        }
+        let corners = |triangle: &[f64; 9]| [0, 3, 6].map(|k| DVec3::from_slice(&triangle[k..]));
+        let beyond: Vec<[DVec3; 3]> = triangles[..count].iter().map(corners).collect();
+        if !beyond.iter().flatten().all(|r| r.is_finite()) {
+            return Err(fault("a triangle holds what is no number"));
+        }
         Ok(Self {
             head: Head {
                 terrain: None,
@@ -254,6 +279,7 @@ impl Heights {
             },
             terrain,
             surface,
+            beyond,
         })
     }
 }
@@ -289,6 +315,10 @@ mod tests {
         assert_eq!(columns.buildings.len(), city.buildings.len());
         let there = |dsm: &Dsm| dsm.terrain_m(9_000.0, 0.0);
         assert_eq!(there(&columns.dsm), there(&city.dsm));
+        let (eye, along) = (city.station_enu_m(), DVec3::new(0.7, 0.7, 0.002));
+        let far = |dsm: &Dsm| dsm.first_hit_kind(eye, along.normalize(), 20_000.0);
+        assert!(far(&city.dsm).is_some_and(|(range_m, _)| range_m > 3_000.0));
+        assert_eq!(far(&columns.dsm), far(&city.dsm));
         for cut in [0, 10, 22, 300, bytes.len() - 1] {
             assert!(Heights::from_bytes(&bytes[..cut]).is_err(), "{cut}");
         }

@@ -13,7 +13,7 @@ fn blind(folder: &Path, scenario: impl AsRef<Path>) -> Command {
     command
 }
 
-/// The demo's text with `from` replaced, as a file of its own, and the line of the change.
+/// `urban_intercept`'s text with `from` replaced, as a file of its own, and the line of the change.
 fn altered(folder: &Path, from: &str, to: &str) -> (PathBuf, usize) {
     let text = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
     let text = text.unwrap();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// The demo's scenario, cut to two seconds, with these expectations of blind runs.
+/// `urban_intercept`'s scenario, cut to two seconds, with these expectations of blind runs.
 fn expecting(folder: &Path, name: &str, expect: &str) -> PathBuf {
     let demo = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
     let demo = demo

@@ -31,7 +31,7 @@ fn data(path: &str) -> Option<PathBuf> {
     Some(found)
 }
 
-/// The demo with another site, city, station and UAV; the rest of the file stays.
+/// `urban_intercept` with another site, city, station and UAV; the rest of the file stays.
 fn demo(site: [f64; 3], city: &str, station: &str, start: &str, more: &str) -> String {
     let text = std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml"));
     let mut text = text.unwrap();
@@ -52,7 +52,7 @@ fn demo(site: [f64; 3], city: &str, station: &str, start: &str, more: &str) -> S
     format!("{}\n{more}", text.split("[expect]").next().unwrap())
 }
 
-/// The demo with a UAV that hovers at a place, the search about it.
+/// `urban_intercept` with a UAV that hovers at a place, the search about it.
 fn hovering(demo: &str, place: &str, azimuth_deg: f64, more: &str) -> String {
     let old = demo
         .lines()
@@ -440,23 +440,14 @@ fn over_mars() {
     let Some(file) = data("tiles/mars-terrain/example/public/data/tileset.json") else {
         return;
     };
-    // Its own frame has y up: a tileset around it turns it.
+    // Its own frame has y up: the tileset around it that is shipped turns it.
     let folder = TempDir::new().unwrap();
-    let inside = folder.path().join("mars");
-    std::os::unix::fs::symlink(file.parent().unwrap(), &inside).unwrap();
-    let around = serde_json::json!({
-        "asset": { "version": "1.0", "gltfUpAxis": "Z" },
-        "geometricError": 1000.0,
-        "root": {
-            "transform": [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -216.0, 90.0, -32.0, 1],
-            "boundingVolume": { "box": [216.2, 32.3, 90.7, 170, 0, 0, 0, 40, 0, 0, 0, 130] },
-            "geometricError": 1000.0,
-            "refine": "REPLACE",
-            "content": { "uri": "mars/tileset.json" }
-        }
-    });
-    let tileset = folder.path().join("tileset.json");
-    std::fs::write(&tileset, around.to_string()).unwrap();
+    let tileset = folder.path().join("mars/tileset.json");
+    let around = Path::new(ROOT).join("examples/real_cities/mars/tileset.json");
+    std::fs::create_dir(folder.path().join("mars")).unwrap();
+    std::fs::create_dir(folder.path().join("data")).unwrap();
+    std::fs::copy(around, &tileset).unwrap();
+    std::os::unix::fs::symlink(file.parent().unwrap(), folder.path().join("data/mars")).unwrap();
     let city = format!(
         "tileset = {:?}\ndetail_m = 0.5\nradius_m = 200",
         tileset.to_str().unwrap()

@@ -19,7 +19,7 @@ use glam::{DVec2, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The demo with the truth as detector, a search camera that stares, and one UAV that hovers.
+/// `urban_intercept` with the truth as detector, a search camera that stares, and one UAV that hovers.
 fn hovering_at(r_enu_m: DVec3) -> Loaded {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     let [e, n, u] = r_enu_m.to_array();
@@ -248,7 +248,7 @@ fn a_rendered_bird_is_where_the_truth_has_it() {
     assert!(most > 1.5 * least, "{heights_px:?}");
 }
 
-/// A place behind a building of the demo's city, well below the line to its roof.
+/// A place behind a building of `urban_intercept`'s city, well below the line to its roof.
 fn hidden_place(dsm: &Dsm, station_enu_m: DVec3, city: &City) -> DVec3 {
     let steps_m = [-2.0, 0.0, 2.0];
     let around: Vec<DVec3> = steps_m

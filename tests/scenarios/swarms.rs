@@ -10,7 +10,7 @@ use boresight::scenario::Scenario;
 use glam::{DVec2, DVec3};
 use std::path::Path;
 
-/// The demo with these swarms in place of its UAV.
+/// `urban_intercept` with these swarms in place of its UAV.
 fn swarm(text: &str, more: &[&str]) -> bevy::app::App {
     let set = [
         &[
@@ -104,7 +104,7 @@ fn what_meets_in_the_air_falls() {
     );
 }
 
-/// The demo's city.
+/// `urban_intercept`'s city.
 fn city() -> City {
     City::generate(&CityParams::default()).unwrap()
 }

@@ -217,7 +217,7 @@ fn a_uav_is_not_left_for_a_balloon() {
     }
 }
 
-/// Someone who flies beside the demo's pair, a little further away, and so the lesser threat.
+/// Someone who flies beside the pair, a little further away, and so the lesser threat.
 const BESIDE: &str = "uavs.1.trajectory={ kind = 'straight', start_enu_m = [-707, 570, 117.8], \
                       velocity_enu_mps = [5.657, 5.657, 0] }";
 
@@ -363,7 +363,7 @@ fn fire_slew_law_gains_and_weather_are_repeated_by_their_orders() {
     assert_eq!(repeated, clicked);
 }
 
-/// The demo, blind, with its UAV hovering in the sector and these settings, after so many seconds.
+/// `urban_intercept`, blind, with its UAV hovering in the sector and these settings, after so many seconds.
 fn hovering(set: &[&str], seconds: u32) -> App {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     let own = [
@@ -454,7 +454,7 @@ fn an_ordered_wind_and_fog_are_there_from_the_next_tick_on() {
     assert!(fog < 0.1 * clear, "{fog} {clear}");
 }
 
-/// What the station knows of the target's range after some seconds of the demo, its UAV hovering
+/// What the station knows of the target's range after some seconds of `urban_intercept`, its UAV hovering
 /// 700 m away, and whether the range finder ever answered.
 fn ranged(set: &[&str], seconds: u32) -> (Option<f64>, bool) {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");

@@ -60,13 +60,15 @@ pub struct Solids {
     pub land: Lattice,
 }
 
-/// Terrain and surface heights of a site; beyond the rasters the ground is flat, or the land of [`Solids`].
+/// Terrain and surface heights of a site; beyond the rasters the ground is flat, with what stands on it for sight lines
+/// alone, or the land of [`Solids`].
 #[derive(Clone, Debug)]
 pub struct Dsm {
     terrain: HeightGrid,
     surface: HeightGrid,
     blocks: HeightGrid,
     outside_m: f64,
+    beyond: Option<Arc<TriangleTree>>,
     solids: Option<Arc<Solids>>,
 }
 
@@ -76,12 +78,16 @@ enum Obstacle {
     Outside,
     /// A column.
     Cell(usize),
+    /// A triangle of what stands outside the rasters.
+    Beyond(usize),
     /// A triangle.
     Triangle(usize),
 }
 
 /// A surface cell higher than this above the terrain counts as a building [m].
 const BUILDING_MIN_M: f64 = 2.0;
+/// What is steeper than this upward part of a normal is a wall.
+const WALL: f64 = 0.5;
 /// Cells per side of a block of the coarse raster.
 const BLOCK: usize = 16;
 
@@ -94,8 +100,23 @@ impl Dsm {
             surface,
             blocks,
             outside_m,
+            beyond: None,
             solids: None,
         }
+    }
+
+    /// The same heights, with triangles of hills, houses and trees that sight lines meet outside the rasters [m, ENU].
+    pub fn with_beyond(self, triangles: Vec<[DVec3; 3]>) -> Self {
+        Self {
+            beyond: Some(Arc::new(TriangleTree::new(triangles))),
+            ..self
+        }
+    }
+
+    /// These triangles.
+    pub fn beyond(&self) -> impl Iterator<Item = [DVec3; 3]> {
+        let trees = self.beyond.iter();
+        trees.flat_map(|tree| (0..tree.len()).map(|triangle| tree.corners_m(triangle)))
     }
 
     /// The same heights, with triangles that sight lines and wrecks meet in place of the columns.
@@ -269,6 +290,7 @@ impl Dsm {
             Obstacle::Cell(cell) => {
                 f64::from(self.surface.heights_m[cell]) - self.terrain_m(r.x, r.y) > BUILDING_MIN_M
             }
+            Obstacle::Beyond(triangle) => self.beyond_stands(triangle, r),
             Obstacle::Triangle(triangle) => self.triangle_stands(triangle, r, dir_enu),
         };
         let kind = if stands {
@@ -279,11 +301,20 @@ impl Dsm {
         Some((range_m, kind))
     }
 
+    /// Whether a triangle outside the rasters, hit at `r`, is part of something that stands on the ground: it is steep, or
+    /// there is ground below it.
+    fn beyond_stands(&self, triangle: usize, r: DVec3) -> bool {
+        /// Higher than anything that stands there [m].
+        const TALL_M: f64 = 100.0;
+        self.beyond.as_ref().is_some_and(|tree| {
+            let below = tree.first_hit(r - BUILDING_MIN_M * DVec3::Z, -TALL_M * DVec3::Z);
+            tree.normal(triangle).z.abs() < WALL || below.is_some()
+        })
+    }
+
     /// Whether a triangle that is hit at `r` along a direction is part of something that stands on the ground: it
     /// reaches up from it, or is a wall before something that does.
     fn triangle_stands(&self, triangle: usize, r: DVec3, dir_enu: DVec3) -> bool {
-        /// Steeper than this is a wall.
-        const WALL: f64 = 0.5;
         let Some(solids) = &self.solids else {
             return false;
         };
@@ -304,8 +335,19 @@ impl Dsm {
             let hit = solids.triangles.first_hit(a, d)?;
             return Some((hit.t, Obstacle::Triangle(hit.triangle)));
         }
-        self.first_column(a, d)
-            .map(|(t, cell)| (t, cell.map_or(Obstacle::Outside, Obstacle::Cell)))
+        let column = self
+            .first_column(a, d)
+            .map(|(t, cell)| (t, cell.map_or(Obstacle::Outside, Obstacle::Cell)));
+        let within = |r: DVec3| self.surface.cell_index(r.x, r.y).is_some();
+        let beyond = match &self.beyond {
+            Some(tree) if !(within(a) && within(a + d)) => tree.first_hit(a, d),
+            _ => None,
+        };
+        let beyond = beyond.map(|hit| (hit.t, Obstacle::Beyond(hit.triangle)));
+        match (column, beyond) {
+            (Some(column), Some(beyond)) if beyond.0 < column.0 => Some(beyond),
+            (column, beyond) => column.or(beyond),
+        }
     }
 
     /// Smallest t in 0..1 at which a + t·d is below a column, and its cell; no cell outside the raster.
@@ -362,6 +404,59 @@ mod solids;
 mod tests {
     use super::*;
     use crate::models::maths::rng::Stream;
+
+    #[test]
+    fn sight_lines_meet_what_stands_outside_the_rasters() {
+        // A slope of 50 m over 500 m of map, and a house of 8 m before it.
+        let at = |e: f64, n: f64, z: f64| DVec3::new(e, n, z);
+        let slope = [
+            at(2_000.0, -900.0, 0.0),
+            at(2_500.0, 0.0, 50.0),
+            at(2_000.0, 900.0, 0.0),
+        ];
+        let wall = [
+            at(1_500.0, -9.0, 0.0),
+            at(1_500.0, 9.0, 0.0),
+            at(1_500.0, 0.0, 8.0),
+        ];
+        let floor = [
+            at(1_400.0, -90.0, 0.0),
+            at(1_700.0, 0.0, 0.0),
+            at(1_400.0, 90.0, 0.0),
+        ];
+        let roof = floor.map(|r| r + 8.0 * DVec3::Z);
+        let dsm = site(&[]).with_beyond(vec![slope, wall, floor, roof]);
+        let eye = at(0.0, 0.0, 5.0);
+        let hit = |dir: DVec3| dsm.first_hit_kind(eye, dir.normalize(), 20_000.0);
+        let (range_m, kind) = hit(DVec3::X).unwrap();
+        assert!(
+            (range_m - 1_500.0).abs() < 1e-6 && kind == HitKind::Building,
+            "{range_m}"
+        );
+        // Over the house to the slope: z = 5 + 0.01 e meets (e - 2000) / 10 at e = 2277.8.
+        let (range_m, kind) = hit(at(1.0, 0.0, 0.01)).unwrap();
+        let wanted_m = 205.0 / 0.09 * 1.0001_f64.sqrt();
+        assert!(
+            (range_m - wanted_m).abs() < 0.01 && kind == HitKind::Ground,
+            "{range_m}"
+        );
+        // Down on to the roof, and past it on to the ground.
+        let (_, kind) = dsm
+            .first_hit_kind(at(1_500.0, 0.0, 60.0), DVec3::NEG_Z, 99.0)
+            .unwrap();
+        assert_eq!(kind, HitKind::Building);
+        let (_, kind) = dsm
+            .first_hit_kind(at(1_800.0, 0.0, 60.0), DVec3::NEG_Z, 99.0)
+            .unwrap();
+        assert_eq!(kind, HitKind::Ground);
+        assert_eq!(hit(at(1.0, 0.0, 0.1)), None);
+        // Within the rasters nothing outside counts.
+        assert_eq!(
+            dsm.line_of_sight(eye, at(400.0, 0.0, 5.0)),
+            LineOfSight::Clear
+        );
+        assert_eq!(dsm.beyond().count(), 4);
+    }
 
     /// Flat ground at 0 with boxes [e0, e1, n0, n1, top].
     fn site(boxes: &[[f64; 5]]) -> Dsm {

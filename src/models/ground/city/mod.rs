@@ -95,7 +95,9 @@ impl City {
         draft
             .map
             .finish(&terrain, &surface, &draft.noise, &mut draft.rng);
-        let dsm = Dsm::new(terrain, surface, 0.0);
+        let around = apron::meshes(params, draft.river.as_ref());
+        let dsm = Dsm::new(terrain, surface, 0.0)
+            .with_beyond(around.iter().flat_map(MeshData::corners_m).collect());
         Ok(City {
             station_enu_m: DVec3::Z * (dsm.surface_m(0.0, 0.0) + STATION_MAST_M),
             roughness: Roughness::of_heights(draft.buildings.iter().map(Building::height_m)),
