@@ -35,6 +35,8 @@ struct Wish {
 #[derive(Resource, Default)]
 struct Flight {
     radius_m: Option<f32>,
+    /// Whether no tile has anything to draw.
+    bare: bool,
     frames: u32,
     seconds: f32,
     most_bytes: u64,
@@ -156,6 +158,8 @@ fn place(
         return;
     };
     let first = flight.radius_m.is_none();
+    let tiles = open.tileset.tree.tiles();
+    flight.bare = (tiles.iter()).all(|tile| tile.contents.is_empty() && tile.unread.is_none());
     let radius_m = *(flight.radius_m).get_or_insert_with(|| radius_m(&open.tileset.tree) as f32);
     if !first && wish.fly_s.is_none() {
         return;
@@ -218,7 +222,8 @@ fn tell(
     flight.frames += 1;
     flight.seconds += time.delta_secs();
     flight.most_bytes = flight.most_bytes.max(count.bytes);
-    flight.still = if flight.radius_m.is_some() && count.missing == 0 && count.drawn > 0 {
+    let some = count.drawn > 0 || flight.bare;
+    flight.still = if flight.radius_m.is_some() && count.missing == 0 && some {
         flight.still + 1
     } else {
         0

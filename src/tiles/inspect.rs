@@ -263,16 +263,27 @@ fn summary(tileset: &Tileset, unread: usize) -> String {
 
 /// One line of a metadata entity.
 fn entity(value: &Value) -> String {
+    /// Properties that are told.
+    const TOLD: usize = 12;
     let class = value["class"].as_str().unwrap_or("?");
     let properties = value["properties"].as_object();
-    let pairs = properties.into_iter().flatten().map(|(name, value)| {
-        let value = value.to_string();
-        let short: String = value.chars().take(40).collect();
-        let more = if short.len() < value.len() { "…" } else { "" };
-        format!("{name} = {short}{more}")
-    });
+    let untold = properties.map_or(0, |all| all.len().saturating_sub(TOLD));
+    let pairs = properties
+        .into_iter()
+        .flatten()
+        .take(TOLD)
+        .map(|(name, value)| {
+            let value = value.to_string();
+            let short: String = value.chars().take(40).collect();
+            let more = if short.len() < value.len() { "…" } else { "" };
+            format!("{name} = {short}{more}")
+        });
     let pairs: Vec<String> = pairs.collect();
-    format!("{class}: {}", pairs.join(", "))
+    let more = match untold {
+        0 => String::new(),
+        untold => format!(" and {untold} more"),
+    };
+    format!("{class}: {}{more}", pairs.join(", "))
 }
 
 fn metadata(tileset: &Tileset) -> String {
