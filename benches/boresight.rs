@@ -383,36 +383,50 @@ fn places() -> Vec<(&'static str, Loaded)> {
             None,
             [47.3769, 8.5417, 455.0],
             String::new(),
-            "[0, 0, 60]",
+            ("[0, 0, 60]", 315.0, -10.0),
         ),
         (
             "Delft, CityJSON",
             Some(delft.clone()),
             [52.0113, 4.3683, 43.0],
             format!("city={{ sources = [{delft:?}] }}"),
-            "{ east_m = 0, north_m = 0, height_m = 40, above = \"roof\" }",
+            (
+                "{ east_m = 0, north_m = 0, height_m = 40, above = \"roof\" }",
+                300.0,
+                -20.0,
+            ),
         ),
         (
             "Mars, photogrammetry",
             Some(mars),
             [47.3769, 8.5417, 455.0],
             format!("city={{ tileset = {tileset:?}, detail_m = 0.5, radius_m = 200 }}"),
-            "{ east_m = 130, north_m = -110, height_m = 30, above = \"roof\" }",
+            (
+                "{ east_m = -130, north_m = 50, height_m = 30, above = \"roof\" }",
+                110.0,
+                -20.0,
+            ),
         ),
     ];
     let mut places = Vec::new();
-    for (name, needs, [lat, lon, height_m], city, station) in all {
+    for (name, needs, [lat, lon, height_m], city, (station, azimuth_deg, elevation_deg)) in all {
         if needs.is_some_and(|file| !file.exists()) {
             println!("{name}: skipped, its data are not there");
             continue;
         }
         let mut overrides = vec![
             "detector.kind=truth".to_owned(),
-            format!("site={{ latitude_deg = {lat}, longitude_deg = {lon}, altitude_m = {height_m} }}"),
+            format!(
+                "site={{ latitude_deg = {lat}, longitude_deg = {lon}, altitude_m = {height_m} }}"
+            ),
             format!("station.position_enu_m={station}"),
             // It looks down at the city and stays there.
-            "search={ centre_azimuth_deg = 315, elevation_deg = -10, width_deg = 1, height_deg = 1 }".into(),
-            "uavs.0.trajectory={ kind = \"hover\", position_enu_m = [-776.4, 635.0, 300.0] }".into(),
+            format!(
+                "search={{ centre_azimuth_deg = {azimuth_deg}, elevation_deg = {elevation_deg}, width_deg = 1, \
+                 height_deg = 1 }}"
+            ),
+            "uavs.0.trajectory={ kind = \"hover\", position_enu_m = [-776.4, 635.0, 300.0] }"
+                .into(),
         ];
         overrides.extend((!city.is_empty()).then_some(city));
         let text = std::fs::read_to_string(DEMO).expect("the demo is there");
