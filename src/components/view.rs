@@ -38,6 +38,8 @@ pub struct Pacing {
     pub over: bool,
     /// Simulated seconds per wall-clock second as reached lately.
     pub reached: f64,
+    /// Frames of the window per wall-clock second lately.
+    pub frames_hz: f64,
 }
 
 impl Default for Pacing {
@@ -50,6 +52,7 @@ impl Default for Pacing {
             pause_at: None,
             over: false,
             reached: 0.0,
+            frames_hz: 0.0,
         }
     }
 }

@@ -80,7 +80,10 @@ pub fn frame(world: &mut World) {
             .lately
             .iter()
             .fold((0.0, 0.0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
-        world.resource_mut::<Pacing>().reached = simulated_s / wall_s.max(1e-9);
+        let frames = session.lately.len() as f64;
+        let mut pacing = world.resource_mut::<Pacing>();
+        pacing.reached = simulated_s / wall_s.max(1e-9);
+        pacing.frames_hz = frames / wall_s.max(1e-9);
         match picture(world, &mut session.screenshot) {
             Ok(false) => {}
             Ok(true) => {

@@ -303,6 +303,7 @@ fn pace(ui: &mut egui::Ui, clock: &SimClock, pacing: &mut Pacing) {
         );
     }
     row(ui, "reached", format!("{:.2}× real time", pacing.reached));
+    row(ui, "window", format!("{:.1} frames/s", pacing.frames_hz));
 }
 
 /// A tracking state, large.
