@@ -7,6 +7,7 @@ use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::geodesy::SiteFrame;
+use crate::models::shape::textured::TilesLight;
 use crate::tiles::tileset::Tileset;
 use bevy::prelude::*;
 use glam::{DAffine3, DVec3};
@@ -47,6 +48,8 @@ pub struct CityTiles {
     /// From the root frame of the tileset's tree [m] to the site's east, north, up [m]: for georeferenced tiles, whose
     /// root is earth-centred, the inverse of the site's place; for others where the scenario puts them.
     pub enu_from_root: DAffine3,
+    /// How it is lit.
+    pub light: TilesLight,
     /// What it is, in words.
     pub summary: String,
 }

@@ -1,6 +1,7 @@
 //! Tilesets in a scene: which, how they are loaded, and what of them is there.
 
-use crate::models::tiles::selection::{SelectOptions, View};
+pub use crate::models::shape::textured::TilesLight;
+use crate::models::tiles::selection::{Occluder, SelectOptions, View};
 use crate::models::tiles::selector::Selector;
 use crate::models::tiles::tree::TileId;
 use crate::tiles::error::TilesError;
@@ -12,6 +13,7 @@ use bevy::prelude::*;
 use bevy::tasks::Task;
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A tileset to be shown. Its tiles become children of the entity that has this; where that entity is also a
 /// big_space grid, they lie in the grid's cells, so that f32 appears only relative to a cell. Without a grid they have
@@ -73,18 +75,6 @@ pub enum TilesMode {
     Settled,
 }
 
-/// How a tileset's surfaces are lit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum TilesLight {
-    /// As its files say: unlit materials have their light baked in, others are lit.
-    #[default]
-    AsStored,
-    /// All of it as a photograph with its light baked in.
-    Baked,
-    /// All of it lit anew by sun and sky.
-    Relit,
-}
-
 /// How a surface of a tile is drawn. Colours of its vertices, where it has any, tint it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TileSurface {
@@ -120,6 +110,11 @@ pub struct SeesTiles;
 /// selection, or whatever an application puts there that has no such camera.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct TilesViews(pub Vec<View>);
+
+/// Knows what is hidden from the views of a streamed tileset, beside whose [`Tiles`] it stands: that is neither loaded nor
+/// drawn. Settled tilesets take none: what they show is a function of tileset and views.
+#[derive(Component, Clone)]
+pub struct TilesOccluder(pub Arc<dyn Occluder + Send + Sync>);
 
 /// What of a tileset is there.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]

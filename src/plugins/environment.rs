@@ -142,6 +142,7 @@ fn real_city(
         location: place.location,
         site: *site,
         enu_from_root: place.enu_from_root,
+        light: params.light.unwrap_or_default(),
         summary: place.summary,
     };
     Ok((Arc::new(place.city), Some(tiles)))

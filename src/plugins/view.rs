@@ -1,11 +1,14 @@
 //! The window.
 
+use crate::components::render::LeanPaint;
 use crate::components::run::{SetUp, TickSet};
 use crate::components::view::{
     DrawAndTick, Estimates, Insets, Pacing, Pictures, Playback, Sight, WindowFrame,
 };
 use crate::plugins::render::renders;
 use crate::plugins::tiles::FollowTiles;
+use crate::systems::render::city_tiles::hide_behind_horizon;
+use crate::systems::tiles::{stream::stream, watch::watch};
 use crate::systems::view as systems;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
@@ -50,6 +53,13 @@ impl Plugin for ViewPlugin {
             )
             // Sensor frames run Bevy's main schedule too, and have their tiles already.
             .configure_sets(PostUpdate, FollowTiles.run_if(in_window))
+            .add_systems(
+                PostUpdate,
+                hide_behind_horizon
+                    .in_set(FollowTiles)
+                    .after(watch)
+                    .before(stream::<LeanPaint>),
+            )
             .add_systems(
                 SetUp,
                 systems::camera::spawn_window_camera

@@ -8,9 +8,7 @@ use crate::components::mount::Mount;
 use crate::components::network::Tasking;
 use crate::components::run::SimClock;
 use crate::components::track::{Command, Operator, Tracker, TrackingState};
-use crate::models::engage::interlock::{
-    FAR_M, beam_half_angle_rad, bundle, bundle_hit_m, faces_sun, in_beam,
-};
+use crate::models::engage::interlock::{FAR_M, beam_half_angle_rad, bundle, faces_sun, in_beam};
 use crate::models::ground::dsm::HitKind;
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::tracking::estimation::LosFilter;
@@ -18,6 +16,37 @@ use crate::models::tracking::table::Track;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
+
+/// Why a beam may not go where it points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Obstruction {
+    /// Something stands before the target.
+    Blocked,
+    /// Something solid behind it is none that may be there, or too near.
+    Solid,
+    /// Nothing is behind it, and that may not be.
+    Sky,
+}
+
+impl Obstruction {
+    /// The reason, where it is so now.
+    fn now(self) -> &'static str {
+        match self {
+            Self::Blocked => "line of sight blocked",
+            Self::Solid => "solid backstop",
+            Self::Sky => "open sky behind",
+        }
+    }
+
+    /// The reason, where it will be so within the look ahead.
+    fn ahead(self) -> &'static str {
+        match self {
+            Self::Blocked => "line of sight will be blocked",
+            Self::Solid => "solid backstop ahead",
+            Self::Sky => "open sky ahead",
+        }
+    }
+}
 
 impl Rules {
     /// Whether a track is likely enough a UAV.
@@ -27,19 +56,18 @@ impl Rules {
 
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
     /// beyond: range [m] and kind, or `None` for sky.
-    pub fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<&'static str> {
-        let (hit_m, kind) = match hit {
-            Some(hit) => hit,
-            None => return (!self.allow_sky).then_some("open sky behind"),
+    pub fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<Obstruction> {
+        let Some((hit_m, kind)) = hit else {
+            return (!self.allow_sky).then_some(Obstruction::Sky);
         };
         let allowed = match kind {
             HitKind::Ground => self.allow_ground,
             HitKind::Building => self.allow_building,
         };
         if hit_m <= range_m {
-            Some("line of sight blocked")
+            Some(Obstruction::Blocked)
         } else if !allowed || hit_m < range_m + self.min_clear_range_m {
-            Some("solid backstop")
+            Some(Obstruction::Solid)
         } else {
             None
         }
@@ -108,39 +136,41 @@ impl Way<'_> {
             .environment
             .in_cloud(self.r_enu_m + range_m * direction)
         {
-            refused.push("line of sight blocked");
+            refused.push(Obstruction::Blocked.now());
         }
         let dsm = &self.environment.city.dsm;
-        for ray_enu in bundle(los.az_el_rad(), spread_rad) {
-            let hit = dsm.first_hit_kind(self.r_enu_m, ray_enu, FAR_M);
-            if let Some(reason) = self.rules.refusal(range_m, hit)
-                && !refused.contains(&reason)
-            {
+        let obstructed = |az_el_rad: DVec2| {
+            let hits = bundle(az_el_rad, spread_rad)
+                .map(|ray_enu| dsm.first_hit_kind(self.r_enu_m, ray_enu, FAR_M));
+            hits.map(|hit| self.rules.refusal(range_m, hit))
+        };
+        let mut refuse = |reason: &'static str| {
+            if !refused.contains(&reason) {
                 refused.push(reason);
             }
+        };
+        for obstruction in obstructed(los.az_el_rad()).into_iter().flatten() {
+            refuse(obstruction.now());
         }
         if self.protected(los.az_el_rad()) {
-            refused.push("keep-out zone");
+            refuse("keep-out zone");
         }
         if self.at_station(los.az_el_rad()) {
-            refused.push("another station in the line of fire");
+            refuse("another station in the line of fire");
         }
         // The laser must be off before the line of sight gets anywhere it must not fire.
-        let mut ahead = (1..=LOOKS_AHEAD).map(|i| {
+        for i in 1..=LOOKS_AHEAD {
             let lead_s = self.rules.look_ahead_s * f64::from(i) / f64::from(LOOKS_AHEAD);
-            filter.predicted(t_s + lead_s).az_el_rad()
-        });
-        if ahead
-            .clone()
-            .any(|at| bundle_hit_m(dsm, self.r_enu_m, at, spread_rad, range_m).is_some())
-        {
-            refused.push("line of sight will be blocked");
-        }
-        if ahead.clone().any(|at| self.protected(at)) {
-            refused.push("keep-out zone ahead");
-        }
-        if ahead.any(|at| self.at_station(at)) {
-            refused.push("another station ahead in the line of fire");
+            let at = filter.predicted(t_s + lead_s).az_el_rad();
+            for obstruction in obstructed(at).into_iter().flatten() {
+                refuse(obstruction.ahead());
+            }
+            if self.protected(at) {
+                refuse("keep-out zone ahead");
+            }
+            if self.at_station(at) {
+                refuse("another station ahead in the line of fire");
+            }
         }
     }
 }
@@ -448,8 +478,8 @@ mod tests {
             }
         }
         let near = |range_m| rules([true; 3]).refusal(1000.0, Some((range_m, HitKind::Ground)));
-        assert_eq!(near(1000.0), Some("line of sight blocked"));
-        assert_eq!(near(1499.0), Some("solid backstop"));
+        assert_eq!(near(1000.0), Some(Obstruction::Blocked));
+        assert_eq!(near(1499.0), Some(Obstruction::Solid));
         assert_eq!(near(1500.0), None);
     }
 }

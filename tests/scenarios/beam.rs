@@ -3,6 +3,7 @@
 use crate::common::ROOT;
 use boresight::app::{self, Options};
 use boresight::components::beam::{BeamState, LaserSource};
+use boresight::components::engage::Interlocks;
 use boresight::components::run::SimClock;
 use boresight::scenario::Scenario;
 use std::path::Path;
@@ -56,4 +57,37 @@ fn the_air_on_the_beams_path_is_renewed_ten_times_a_second() {
     for pair in renewed.windows(2).filter(|pair| pair[0].1 == pair[1].1) {
         assert!(pair[1].0 - pair[0].0 <= 96, "{pair:?}");
     }
+}
+
+/// Between roofs and hills the sky shows through gaps that a line of sight crosses within milliseconds.
+#[test]
+fn the_laser_waits_for_sky_that_stays() {
+    let path = Path::new(ROOT).join("scenarios/rooftops.toml");
+    let loaded = Scenario::load(&path, &["detector.kind=truth".into()]).unwrap();
+    let options = Options {
+        capture: false,
+        ..Options::default()
+    };
+    let mut app = app::build(&loaded, &options).unwrap();
+    let world = app.world_mut();
+    let mut stations = world.query::<(&BeamState, &Interlocks)>();
+    let (mut bursts, mut burst, mut gaps, mut cleared) = (Vec::new(), 0, 0, false);
+    for _ in 0..12 * 960 {
+        app::step(world).unwrap();
+        let (beam, interlocks) = stations.single(world).unwrap();
+        // Sky behind the target now, and something solid a moment later.
+        let passing = interlocks.reasons == ["solid backstop ahead"];
+        gaps += usize::from(passing && !cleared);
+        cleared = passing;
+        burst += usize::from(beam.firing);
+        if burst > 0 && !beam.firing {
+            bursts.push(burst);
+            burst = 0;
+        }
+    }
+    assert!(gaps > 0, "no gap: the case is gone");
+    assert!(
+        !bursts.is_empty() && bursts.iter().all(|ticks| *ticks > 96),
+        "{bursts:?}"
+    );
 }

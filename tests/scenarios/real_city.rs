@@ -3,17 +3,26 @@
 use crate::common::{BLIND, ROOT, boresight, stderr};
 use boresight::app;
 use boresight::components::environment::Environment;
+use boresight::components::tiles::TilesLight;
 use boresight::models::ground::city::City;
 use boresight::models::ground::dsm::{HitKind, LineOfSight};
+use boresight::models::ground::triangles::TriangleTree;
 use boresight::models::maths::geodesy::{Geodetic, SiteFrame};
 use boresight::models::shape::mesh::MeshData;
 use boresight::models::shape::textured::TexturedMesh;
+use boresight::models::tiles::selection::{SelectOptions, View, ideal_cut_behind};
+use boresight::models::tiles::tree::TileId;
 use boresight::scenario::Scenario;
 use boresight::sources::{Layer, LayerKind};
+use boresight::systems::render::city_tiles::horizon;
+use boresight::systems::tiles::prepare::{for_each_triangle, prepare};
 use boresight::tiles::build::{BuildOptions, build};
 use boresight::tiles::heights::Heights;
+use boresight::tiles::settled::{content, settle};
 use glam::{DVec2, DVec3};
 use serde_json::Value;
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -109,11 +118,87 @@ fn hidden_and_walled(environment: &Environment, eye: DVec3) -> [Option<DVec3>; 2
     found
 }
 
+/// What a window leaves out behind the horizon of the surface, all around an eye and eight others near it: tiles, and
+/// the share of its rays that would have met one of them.
+fn horizon_hides_only_what_is_hidden(environment: &Environment, place: &str, eye: DVec3) {
+    let (dsm, city) = (&environment.city.dsm, environment.tiles.as_ref().unwrap());
+    let mut tileset = city.tileset.lock().unwrap().clone();
+    let root_from_enu = city.enu_from_root.inverse();
+    let along = |v: DVec3| root_from_enu.transform_vector3(v).normalize();
+    let mut known: BTreeMap<TileId, Vec<[DVec3; 3]>> = BTreeMap::new();
+    let (mut drawn, mut left, mut rays, mut lost) = ([0; 2], 0, 0, 0);
+    for k in 0..9 {
+        let off = f64::from(k) * 12.0 * DVec2::from_angle(2.4 * f64::from(k));
+        let p = eye.truncate() + off;
+        let eye = match k {
+            0 => eye,
+            _ => p.extend(dsm.surface_m(p.x, p.y) + 3.0),
+        };
+        let eye_root = root_from_enu.transform_point3(eye);
+        let horizon = horizon(dsm, &city.enu_from_root, eye_root);
+        for turn in 0..4 {
+            let forward = DVec2::from_angle(f64::from(turn) * FRAC_PI_2).extend(-0.1);
+            let view = View {
+                r_root_m: eye_root,
+                forward: along(forward),
+                up: along(DVec3::Z),
+                fovy_rad: 1.0,
+                size_px: [1280, 800],
+            };
+            let select = SelectOptions::default();
+            let open = settle(&mut tileset, &[view], &select).unwrap().draw;
+            let behind = ideal_cut_behind(&tileset.tree, &[view], &select, Some(&horizon));
+            assert!(behind.draw.iter().all(|tile| open.contains(tile)));
+            let hidden = |tile: &TileId| !behind.draw.contains(tile);
+            left += open.iter().filter(|tile| hidden(tile)).count();
+            let mut corners = Vec::new();
+            let mut owner = Vec::new();
+            for (index, tile) in open.iter().enumerate() {
+                let triangles = known.entry(*tile).or_insert_with(|| {
+                    let content = content(&tileset, *tile).unwrap();
+                    let to_enu = city.enu_from_root * tileset.tree.tile(*tile).to_root_m;
+                    let mut triangles = Vec::new();
+                    let prepared = prepare(&content, to_enu, TilesLight::AsStored);
+                    for_each_triangle(&prepared, |corners| triangles.push(corners));
+                    triangles
+                });
+                drawn[0] += triangles.len();
+                drawn[1] += if hidden(tile) { 0 } else { triangles.len() };
+                corners.extend(triangles.iter().copied());
+                owner.extend(triangles.iter().map(|_| index));
+            }
+            let solids = TriangleTree::new(corners.clone());
+            // The tree sorts its triangles: their corners tell whose they are.
+            let key = |c: &[DVec3; 3]| c.map(|c| c.to_array().map(f64::to_bits));
+            let owner: BTreeMap<_, usize> = corners.iter().map(key).zip(owner).collect();
+            let right = forward.cross(DVec3::Z).normalize();
+            for (x, y) in (0..80).flat_map(|x| (0..50).map(move |y| (x, y))) {
+                let [x, y] = [f64::from(x) / 40.0 - 1.0, f64::from(y) / 25.0 - 1.0];
+                let up = right.cross(forward.normalize());
+                let ray = forward.normalize() + 0.546 * (1.6 * x * right + y * up);
+                let Some(hit) = solids.first_hit(eye, 5_000.0 * ray.normalize()) else {
+                    continue;
+                };
+                rays += 1;
+                let tile = open[owner[&key(&solids.corners_m(hit.triangle))]];
+                lost += usize::from(hidden(&tile));
+            }
+        }
+    }
+    println!(
+        "{place}: {left} tiles left out behind the horizon, {drawn:?} triangles, {lost} of {rays} rays lost"
+    );
+    // Zürich's tiles are larger than its ridges.
+    assert!(rays > 10_000 && (left > 0 || place == "Zürich"));
+    assert!(1000 * lost <= rays, "{place}: {lost} of {rays}");
+}
+
 /// Acquisition, occlusion and backstop about the station of `demo`, whose city is a tileset in `folder`.
 fn hides_and_stops(folder: &Path, place: &str, demo: &str) {
     std::fs::write(folder.join("looked.toml"), demo).unwrap();
     let (environment, scenario) = environment(folder, "looked");
     let eye = DVec3::from(scenario.station.position_enu_m.unwrap());
+    horizon_hides_only_what_is_hidden(&environment, place, eye);
     let [hidden, walled] = hidden_and_walled(&environment, eye);
     let hover = |r: DVec3, engage: &str| {
         let off = r - eye;
@@ -283,6 +368,12 @@ fn the_generated_city_as_tiles_is_the_same_place() {
     let (real, _) = environment(folder, "tiled");
     assert!(real.city.is_real() && real.tiles.is_some());
     assert_eq!(real.city.buildings.len(), generated.city.buildings.len());
+    let dsm = &generated.city.dsm;
+    let street = (0..100).map(|k| 4.0 * f64::from(k) * DVec2::from_angle(0.3 * f64::from(k)));
+    let mut street = street.filter(|p| dsm.surface_m(p.x, p.y) - dsm.terrain_m(p.x, p.y) < 0.1);
+    let p = street.next().unwrap();
+    let eye = p.extend(dsm.surface_m(p.x, p.y) + 2.0);
+    horizon_hides_only_what_is_hidden(&real, "generated city", eye);
 
     // Without the heights the triangles speak: the same sight lines to within a cell or so.
     std::fs::remove_file(tiles.join("heights.bin")).unwrap();

@@ -12,7 +12,7 @@ use boresight::components::environment::{CityTiles, Environment};
 use boresight::components::render::{CityTilesets, SENSOR_LAYER, SceneHandles};
 use boresight::components::run::{SetUp, TickSet};
 use boresight::components::tiles::{
-    OpenTiles, TileLoaded, Tiles, TilesCount, TilesPlace, TilesViews,
+    OpenTiles, TileLoaded, Tiles, TilesCount, TilesLight, TilesPlace, TilesViews,
 };
 use boresight::models::tiles::selection::View;
 use boresight::plugins::tiles::TilesPlugin;
@@ -162,6 +162,7 @@ fn with_tiles(loaded: &Loaded, folder: &TempDir) -> App {
                 location: location.clone(),
                 site: environment.site,
                 enu_from_root: DAffine3::IDENTITY,
+                light: TilesLight::AsStored,
                 summary: String::new(),
             });
         };

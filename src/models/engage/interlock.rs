@@ -2,7 +2,6 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::models::ground::dsm::Dsm;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::estimation::LosState;
 use crate::models::tracking::table::separation_rad;
@@ -89,21 +88,6 @@ pub fn bundle(az_el_rad: DVec2, half_angle_rad: f64) -> [DVec3; 4] {
         .map(|(x, y)| az_el_to_los(az_el_rad + DVec2::new(x, y)))
 }
 
-/// Range [m] at which the first ray of the [`bundle`] about a direction (azimuth, elevation) meets
-/// the surface within `far_m` [m].
-pub fn bundle_hit_m(
-    dsm: &Dsm,
-    r_enu_m: DVec3,
-    az_el_rad: DVec2,
-    half_angle_rad: f64,
-    far_m: f64,
-) -> Option<f64> {
-    bundle(az_el_rad, half_angle_rad)
-        .into_iter()
-        .filter_map(|ray_enu| dsm.first_hit(r_enu_m, ray_enu, far_m))
-        .min_by(f64::total_cmp)
-}
-
 /// Least angle [rad] between a unit direction and the points of a segment as they are seen from a place, all in
 /// `enu` [m]: on the unit sphere the segment is an arc of a great circle.
 pub fn arc_distance_rad(from_enu_m: DVec3, direction_enu: DVec3, [a, b]: [DVec3; 2]) -> f64 {
@@ -147,7 +131,7 @@ pub fn in_beam(target: &LosState, other: &LosState, size_rad: f64, beam_rad: f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::models::ground::dsm::HeightGrid;
+    use crate::models::ground::dsm::{Dsm, HeightGrid};
     use crate::models::maths::kinematics::los_to_az_el;
     use crate::models::maths::rng::Stream;
     use crate::models::tracking::estimation::{LosFilter, LosFilterParams};
@@ -247,9 +231,11 @@ mod tests {
             if e > 1.0 && n > 300.0 { 100.0 } else { 0.0 }
         };
         let dsm = Dsm::new(flat(|_, _| 0.0), flat(wall), 0.0);
+        let r = DVec3::new(0.0, 0.0, 50.0);
         let hit = |half_angle| {
-            let r = DVec3::new(0.0, 0.0, 50.0);
-            bundle_hit_m(&dsm, r, DVec2::ZERO, half_angle, 600.0)
+            let rays = bundle(DVec2::ZERO, half_angle).into_iter();
+            let hits = rays.filter_map(|ray| dsm.first_hit(r, ray, 600.0));
+            hits.min_by(f64::total_cmp)
         };
         assert_eq!(hit(1e-3), None);
         let range = hit(5e-3).unwrap();

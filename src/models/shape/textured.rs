@@ -1,6 +1,8 @@
 //! Triangle meshes with textures: what real cities are made of, read from tiles or from raw models.
 
 use glam::{DAffine3, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A picture on a surface.
@@ -40,6 +42,19 @@ impl Default for Look {
             alpha_cutoff: None,
         }
     }
+}
+
+/// How a tileset's surfaces are lit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TilesLight {
+    /// As its files say: unlit materials have their light baked in, others are lit.
+    #[default]
+    AsStored,
+    /// All of it as a photograph with its light baked in.
+    Baked,
+    /// All of it lit anew by sun and sky.
+    Relit,
 }
 
 /// An indexed triangle mesh of one look; triangles wind counter-clockwise seen from outside.

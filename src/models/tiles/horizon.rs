@@ -48,12 +48,16 @@ impl Horizon {
             steps,
         }
     }
+
+    /// Whether it is that of an eye here: within half a step of its own.
+    pub fn holds(&self, r_root_m: DVec3) -> bool {
+        r_root_m.distance(self.eye_root_m) <= 0.5 * self.step_m
+    }
 }
 
 impl Occluder for Horizon {
     fn hides(&self, view: &View, bounds: &Bounds) -> bool {
-        // It holds for its own eye alone.
-        if view.r_root_m.distance(self.eye_root_m) > 0.5 * self.step_m || self.azimuths == 0 {
+        if !self.holds(view.r_root_m) || self.azimuths == 0 {
             return false;
         }
         let center = self.axes.transpose() * (bounds.center_m - self.eye_root_m);

@@ -1,13 +1,13 @@
 //! Rasters with a place on the map: heights and pictures from above.
 
-use super::tiff::Picture;
+use super::tiff::Tiff;
 use crate::projection::Crs;
 use crate::sources::error::{Fault, SourceError, read_bytes};
 use crate::sources::options::Options;
 use crate::sources::place;
-use geotiff_reader::crs::CrsInfo;
-use geotiff_reader::geokeys::GeoKeyDirectory;
-use geotiff_reader::transform::GeoTransform;
+use geotiff_core::crs::CrsInfo;
+use geotiff_core::geokeys::GeoKeyDirectory;
+use geotiff_core::transform::GeoTransform;
 use glam::DVec2;
 use std::path::Path;
 
@@ -16,15 +16,15 @@ const WORLD: &str =
     "name one with georeferencing, or put a world file beside it (.tfw, .jgw, .pgw)";
 
 /// From pixels (corner of the top left one: 0, 0) to the map and back.
-fn transform(picture: &Picture, keys: &CrsInfo) -> Option<GeoTransform> {
+fn transform(tiff: &Tiff, keys: &CrsInfo) -> Option<GeoTransform> {
     let kind = keys.raster_type_enum();
-    if let Ok(matrix) = <[f64; 16]>::try_from(picture.numbers(34_264)) {
+    if let Ok(matrix) = <[f64; 16]>::try_from(tiff.numbers(34_264)) {
         return Some(GeoTransform::from_transformation_matrix_with_raster_type(
             &matrix, kind,
         ));
     }
-    let tie = picture.numbers(33_922).get(..6)?.try_into().ok()?;
-    let scale = picture.numbers(33_550).try_into().ok()?;
+    let tie = tiff.numbers(33_922).get(..6)?.try_into().ok()?;
+    let scale = tiff.numbers(33_550).try_into().ok()?;
     Some(GeoTransform::from_tiepoint_and_scale_with_raster_type(
         &tie, &scale, kind,
     ))
@@ -80,9 +80,9 @@ fn checked(found: Option<GeoTransform>, path: &Path) -> Result<GeoTransform, Sou
 }
 
 /// The keys of a GeoTIFF.
-fn keys(picture: &Picture) -> CrsInfo {
-    let directory: Vec<u16> = picture.numbers(34_735).iter().map(|v| *v as u16).collect();
-    let parsed = GeoKeyDirectory::parse(&directory, picture.numbers(34_736), picture.text(34_737));
+fn keys(tiff: &Tiff) -> CrsInfo {
+    let directory: Vec<u16> = tiff.numbers(34_735).iter().map(|v| *v as u16).collect();
+    let parsed = GeoKeyDirectory::parse(&directory, &tiff.numbers(34_736), tiff.text(34_737));
     CrsInfo::from_geokeys(&parsed.unwrap_or_default())
 }
 
@@ -111,11 +111,9 @@ pub struct Heights {
 impl Heights {
     /// Reads a GeoTIFF's first band.
     pub fn read(path: &Path, options: &Options) -> Result<Self, SourceError> {
-        let bytes = read_bytes(path)?;
-        let picture = Picture::read(&bytes).map_err(|fault| fault.of(path))?;
-        drop(bytes);
-        let keys = keys(&picture);
-        let transform = checked(transform(&picture, &keys).or_else(|| world(path)), path)?;
+        let tiff = Tiff::open(read_bytes(path)?).map_err(|fault| fault.of(path))?;
+        let keys = keys(&tiff);
+        let transform = checked(transform(&tiff, &keys).or_else(|| world(path)), path)?;
         let none = || {
             Fault::new(
                 "coordinates",
@@ -131,16 +129,17 @@ impl Heights {
         let crs = name
             .and_then(|name| place::crs(&name, options))
             .map_err(|fault| fault.of(path))?;
-        let nodata: Option<f64> = picture.text(42_113).trim().parse().ok();
-        let [width, height] = [picture.width, picture.height];
-        let sample = |k: usize| {
-            let h = picture.sample(k % width, k / width, 0);
+        let nodata: Option<f64> = tiff.text(42_113).trim().parse().ok();
+        let mut heights = tiff.band().map_err(|fault| fault.of(path))?;
+        for height_m in &mut heights {
+            let h = f64::from(*height_m);
             // No point of the Earth lies so far from its surface: values for no data that no tag names.
-            let none = nodata.is_some_and(|n| (h - n).abs() <= 1e-6 * n.abs())
-                || !(-12_000.0..9_500.0).contains(&h);
-            if none { f32::NAN } else { h as f32 }
-        };
-        let heights: Vec<f32> = (0..width * height).map(sample).collect();
+            if nodata.is_some_and(|n| (h - n).abs() <= 1e-6 * n.abs())
+                || !(-12_000.0..9_500.0).contains(&h)
+            {
+                *height_m = f32::NAN;
+            }
+        }
         if heights.iter().all(|h| h.is_nan()) {
             return Err(Fault::new(
                 "heights",
@@ -150,7 +149,7 @@ impl Heights {
             .of(path));
         }
         Ok(Self {
-            size: [width, height],
+            size: tiff.size(),
             crs,
             transform,
             heights,
@@ -215,22 +214,17 @@ impl Orthophoto {
             .iter()
             .any(|head| bytes.starts_with(head))
         {
-            let picture = Picture::read(&bytes).map_err(|fault| fault.of(path))?;
-            let keys = keys(&picture);
-            let transform = checked(transform(&picture, &keys).or_else(|| world(path)), path)?;
+            let tiff = Tiff::open(bytes).map_err(|fault| fault.of(path))?;
+            let keys = keys(&tiff);
+            let transform = checked(transform(&tiff, &keys).or_else(|| world(path)), path)?;
             let crs = named(&keys)
                 .map(|name| place::crs(&name, options))
                 .transpose();
-            let (width, height) = (picture.width, picture.height);
-            let rgba = (0..width * height)
-                .flat_map(|k| picture.rgba(k % width, k / width))
-                .collect();
-            let crs = crs.map_err(|fault| fault.of(path))?;
             return Ok(Self {
-                size: [width, height],
-                crs,
+                size: tiff.size(),
+                crs: crs.map_err(|fault| fault.of(path))?,
                 transform,
-                rgba,
+                rgba: tiff.rgba().map_err(|fault| fault.of(path))?,
             });
         }
         let transform = checked(world(path), path)?;

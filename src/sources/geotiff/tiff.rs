@@ -1,493 +1,267 @@
-//! The first picture of a TIFF or BigTIFF file (TIFF 6.0; strips and tiles; none, LZW, Deflate, PackBits; predictors 1, 2, 3).
-//!
-//! `geotiff-reader` reads rasters with its feature `local` only, which this crate does not build; its georeferencing is used.
+//! The first picture of a TIFF or BigTIFF file, decoded by `tiff-reader`.
 
 use crate::sources::error::Fault;
-use flate2::bufread::ZlibDecoder;
-use std::collections::BTreeMap;
-use std::io::Read;
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use tiff_reader::ifd::{ColorModel, ExtraSample, Ifd, RasterLayout};
+use tiff_reader::{OpenOptions, Tag, TiffError, TiffFile};
 
 /// What is done about a file that is not read.
 const MEND: &str = "convert it with gdal_translate -co COMPRESS=DEFLATE, or cut it to the city";
 /// Most pixels of a picture.
 const MOST_PIXELS: u64 = 400_000_000;
-/// The most that a byte of any of the compressions expands to; a file that promises more is damaged.
+/// The most that a byte of a file is taken to expand to; a file that promises more is damaged.
 const MOST_GAIN: u64 = 4096;
+/// Rows that are decoded at a time, so that a large picture is in memory once: a multiple of the usual tiles.
+const ROWS: usize = 1024;
+/// Its tag `NewSubfileType`, with the bit of a transparency mask.
+const SUBFILE: u16 = 254;
+const MASK: u32 = 4;
 
-/// A picture in memory.
-#[derive(Clone, Debug)]
-pub struct Picture {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Samples of a pixel.
-    pub bands: usize,
-    /// Samples, pixel by pixel, row by row from the top, as they are stored but in little-endian order.
-    raw: Vec<u8>,
-    sample: Sample,
-    /// All numeric tags.
-    tags: BTreeMap<u16, Vec<f64>>,
-    /// All texts.
-    texts: BTreeMap<u16, String>,
-}
-
-/// How a sample is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sample {
-    U8,
-    I8,
-    U16,
-    I16,
-    U32,
-    I32,
-    F32,
-    F64,
-}
-
-impl Sample {
-    fn bytes(self) -> usize {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::U16 | Self::I16 => 2,
-            Self::U32 | Self::I32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
+/// A file whose directories have been read.
+pub struct Tiff {
+    file: TiffFile,
+    layout: RasterLayout,
 }
 
 fn fault(what: impl ToString) -> Fault {
     Fault::new("TIFF", what, MEND)
 }
 
-/// Bytes of a file with its byte order.
-struct File<'a> {
-    bytes: &'a [u8],
-    big_endian: bool,
-}
-
-impl File<'_> {
-    /// A whole number of `n` bytes.
-    fn number(&self, at: u64, n: usize) -> Option<u64> {
-        let at = usize::try_from(at).ok()?;
-        let bytes = self.bytes.get(at..at.checked_add(n)?)?;
-        let add = |sum: u64, byte: &u8| sum << 8 | u64::from(*byte);
-        Some(if self.big_endian {
-            bytes.iter().fold(0, add)
-        } else {
-            bytes.iter().rev().fold(0, add)
-        })
-    }
-
-    /// A number of a TIFF type.
-    fn value(&self, kind: u64, at: u64) -> Option<f64> {
-        Some(match kind {
-            1 | 2 | 7 => self.number(at, 1)? as f64,
-            3 => self.number(at, 2)? as f64,
-            4 | 13 => self.number(at, 4)? as f64,
-            5 => self.number(at, 4)? as f64 / self.number(at + 4, 4)? as f64,
-            6 => f64::from(self.number(at, 1)? as u8 as i8),
-            8 => f64::from(self.number(at, 2)? as u16 as i16),
-            9 => f64::from(self.number(at, 4)? as u32 as i32),
-            11 => f64::from(f32::from_bits(self.number(at, 4)? as u32)),
-            12 => f64::from_bits(self.number(at, 8)?),
-            16 | 18 => self.number(at, 8)? as f64,
-            _ => return None,
-        })
+fn refused(error: TiffError) -> Fault {
+    match error {
+        TiffError::InvalidMagic | TiffError::UnsupportedVersion(_) => fault("this is no TIFF file"),
+        other => fault(other),
     }
 }
 
-/// Bytes of a value of a TIFF type.
-fn size(kind: u64) -> u64 {
-    match kind {
-        1 | 2 | 6 | 7 => 1,
-        3 | 8 => 2,
-        4 | 9 | 11 | 13 => 4,
-        5 | 10 | 12 | 16 | 17 | 18 => 8,
-        _ => 0,
-    }
+/// A sample as a number: unsigned (1), signed (2) or floating (3), in the machine's byte order.
+fn number(bytes: &[u8], format: u16) -> Option<f64> {
+    Some(match (format, bytes.len()) {
+        (1, 1) => f64::from(bytes[0]),
+        (1, 2) => f64::from(u16::from_ne_bytes(bytes.try_into().ok()?)),
+        (1, 4) => f64::from(u32::from_ne_bytes(bytes.try_into().ok()?)),
+        (2, 1) => f64::from(bytes[0].cast_signed()),
+        (2, 2) => f64::from(i16::from_ne_bytes(bytes.try_into().ok()?)),
+        (2, 4) => f64::from(i32::from_ne_bytes(bytes.try_into().ok()?)),
+        (3, 4) => f64::from(f32::from_ne_bytes(bytes.try_into().ok()?)),
+        (3, 8) => f64::from_ne_bytes(bytes.try_into().ok()?),
+        _ => return None,
+    })
 }
 
-/// Numbers and texts of the first directory.
-type Tags = (BTreeMap<u16, Vec<f64>>, BTreeMap<u16, String>);
-
-fn tags(file: &File) -> Option<Tags> {
-    let big = file.number(2, 2)? == 43;
-    let (width, count_bytes, entry) = if big { (8, 8, 20) } else { (4, 2, 12) };
-    let directory = file.number(if big { 8 } else { 4 }, width)?;
-    let count = file.number(directory, count_bytes)?.min(4096);
-    let (mut tags, mut texts) = (BTreeMap::new(), BTreeMap::new());
-    for k in 0..count {
-        let at = directory.checked_add(count_bytes as u64 + k * entry)?;
-        let (tag, kind) = (file.number(at, 2)? as u16, file.number(at + 2, 2)?);
-        let number = file.number(at + 4, width)?;
-        let length = number.checked_mul(size(kind))?;
-        let own = at + 4 + width as u64;
-        let from = if length <= width as u64 {
-            own
-        } else {
-            file.number(own, width)?
-        };
-        // Values outside the file are those of a damaged directory.
-        if size(kind) == 0 || from.checked_add(length)? > file.bytes.len() as u64 {
-            continue;
+impl Tiff {
+    /// Opens a file of these bytes.
+    pub fn open(bytes: Vec<u8>) -> Result<Self, Fault> {
+        if bytes.len() < 8 {
+            return Err(fault("this is no TIFF file"));
         }
-        if kind == 2 {
-            let bytes = &file.bytes[from as usize..(from + length) as usize];
-            let text = String::from_utf8_lossy(bytes)
-                .trim_end_matches('\0')
-                .to_string();
-            texts.insert(tag, text);
-        } else {
-            let all = (0..number).map(|k| file.value(kind, from + k * size(kind)));
-            tags.insert(tag, all.collect::<Option<Vec<f64>>>()?);
-        }
-    }
-    Some((tags, texts))
-}
-
-impl Picture {
-    /// Reads a file's first picture.
-    pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
-        let big_endian = match bytes.get(..4) {
-            Some([b'I', b'I', 42 | 43, 0]) => false,
-            Some([b'M', b'M', 0, 42 | 43]) => true,
-            _ => return Err(fault("this is no TIFF file")),
+        let length = bytes.len() as u64;
+        let options = OpenOptions {
+            decode_output_bytes: 4 << 30, // [B]
+            ..OpenOptions::default()
         };
-        let file = File { bytes, big_endian };
-        let (tags, texts) = tags(&file).ok_or_else(|| fault("its directory is damaged"))?;
-        let list = |tag: u16| tags.get(&tag).map_or(&[][..], Vec::as_slice);
-        let one = |tag: u16, default: f64| list(tag).first().copied().unwrap_or(default) as u64;
-        let (width, height) = (one(256, 0.0), one(257, 0.0));
-        let bands = one(277, 1.0);
-        if width == 0
-            || height == 0
-            || width.saturating_mul(height) > MOST_PIXELS
-            || !(1..=16).contains(&bands)
-        {
+        let file = TiffFile::from_bytes_with_options(bytes, options).map_err(refused)?;
+        let layout = (file.ifd(0).and_then(Ifd::raster_layout)).map_err(refused)?;
+        let pixels = layout.width as u64 * layout.height as u64;
+        let bands = layout.samples_per_pixel as u64;
+        if pixels == 0 || pixels > MOST_PIXELS || !(1..=16).contains(&bands) {
             return Err(fault(format!(
-                "{width} × {height} pixels of {bands} bands are none, or too many"
+                "{} × {} pixels of {bands} bands are none, or too many",
+                layout.width, layout.height
             )));
         }
-        let bits = one(258, 1.0);
-        let same = list(258).iter().all(|b| *b as u64 == bits)
-            && list(339).iter().all(|f| *f as u64 == one(339, 1.0));
-        let sample = match (bits, one(339, 1.0)) {
-            _ if !same => None,
-            (8, 1) => Some(Sample::U8),
-            (8, 2) => Some(Sample::I8),
-            (16, 1) => Some(Sample::U16),
-            (16, 2) => Some(Sample::I16),
-            (32, 1) => Some(Sample::U32),
-            (32, 2) => Some(Sample::I32),
-            (32, 3) => Some(Sample::F32),
-            (64, 3) => Some(Sample::F64),
-            _ => None,
-        };
-        let sample = sample.ok_or_else(|| fault(format!("samples of {bits} bits are not read")))?;
-        let total = width * height * bands * sample.bytes() as u64;
-        if total > MOST_GAIN * bytes.len() as u64 {
+        if pixels * bands * layout.bytes_per_sample as u64 > MOST_GAIN * length {
             return Err(fault("it is far too short for its pixels"));
         }
-        let mut picture = Self {
-            width: width as usize,
-            height: height as usize,
-            bands: bands as usize,
-            raw: vec![0; total as usize],
-            sample,
-            tags: BTreeMap::new(),
-            texts: BTreeMap::new(),
-        };
-        picture.fill(&file, &tags)?;
-        (picture.tags, picture.texts) = (tags, texts);
-        Ok(picture)
+        Ok(Self { file, layout })
     }
 
-    /// Decodes all strips or tiles into place.
-    fn fill(&mut self, file: &File, tags: &BTreeMap<u16, Vec<f64>>) -> Result<(), Fault> {
-        let list = |tag: u16| tags.get(&tag).map_or(&[][..], Vec::as_slice);
-        let one = |tag: u16, default: usize| list(tag).first().map_or(default, |v| *v as usize);
-        let tiled = tags.contains_key(&324);
-        let (columns, rows, offsets, counts) = if tiled {
-            (one(322, 0), one(323, 0), list(324), list(325))
-        } else {
-            (
-                self.width,
-                one(278, self.height).min(self.height),
-                list(273),
-                list(279),
-            )
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.layout.width, self.layout.height]
+    }
+
+    fn ifd(&self) -> Result<&Ifd, Fault> {
+        self.file.ifd(0).map_err(refused)
+    }
+
+    fn tag(&self, code: u16) -> Option<&Tag> {
+        self.file.ifd(0).ok()?.tag(code)
+    }
+
+    /// The numbers of a tag; none where it is absent.
+    pub fn numbers(&self, code: u16) -> Vec<f64> {
+        let value = |tag: &Tag| {
+            let whole = || tag.value.as_u64_vec();
+            let whole = || whole().map(|all| all.into_iter().map(|v| v as f64).collect());
+            tag.value.as_f64_vec().or_else(whole)
         };
-        // Tiles may reach beyond the picture, but not without end.
-        let most = [self.width, self.height].map(|n| n.div_ceil(16) * 16 + 4096);
-        if columns == 0 || rows == 0 || columns > most[0] || rows > most[1] {
-            return Err(fault(format!(
-                "blocks of {columns} × {rows} pixels are none"
-            )));
-        }
-        let planar = one(284, 1) == 2;
-        let (planes, samples) = if planar {
-            (self.bands, 1)
-        } else {
-            (1, self.bands)
-        };
-        let [across, down] = [self.width.div_ceil(columns), self.height.div_ceil(rows)];
-        let blocks = across * down * planes;
-        let counts_given = counts.len() == blocks;
-        if offsets.len() != blocks || !(counts_given || (blocks == 1 && counts.is_empty())) {
-            return Err(fault(format!(
-                "{} blocks where {blocks} belong",
-                offsets.len()
-            )));
-        }
-        let (compression, predictor) = (one(259, 1), one(317, 1));
-        let wide = self.sample.bytes();
-        let mut block = Vec::new();
-        for (k, offset) in offsets.iter().enumerate() {
-            let (plane, index) = (k / (across * down), k % (across * down));
-            let (x0, y0) = (index % across * columns, index / across * rows);
-            // The last strip holds only the rows that are left.
-            let rows_here = if tiled {
-                rows
-            } else {
-                rows.min(self.height - y0)
-            };
-            let line = columns * samples * wide;
-            let from = *offset as usize;
-            let stored = if counts_given {
-                counts[k] as usize
-            } else {
-                line * rows_here
-            };
-            if stored == 0 && from == 0 {
-                self.hole([x0, y0], [columns, rows_here]);
-                continue;
-            }
-            let bytes = from
-                .checked_add(stored)
-                .and_then(|to| file.bytes.get(from..to));
-            let bytes = bytes.ok_or_else(|| fault("a block lies outside the file"))?;
-            unpack(compression, bytes, line * rows_here, &mut block)?;
-            for row in block.chunks_exact_mut(line) {
-                undo(predictor, row, samples, wide, file.big_endian)?;
-            }
-            for y in 0..rows_here.min(self.height - y0) {
-                for x in 0..columns.min(self.width - x0) {
-                    let from = y * line + x * samples * wide;
-                    let to = (((y0 + y) * self.width + x0 + x) * self.bands + plane) * wide;
-                    self.raw[to..to + samples * wide]
-                        .copy_from_slice(&block[from..from + samples * wide]);
-                }
-            }
+        self.tag(code).and_then(value).unwrap_or_default()
+    }
+
+    /// The text of a tag; empty where it is absent.
+    pub fn text(&self, code: u16) -> &str {
+        let text = self.tag(code).and_then(|tag| tag.value.as_str());
+        text.unwrap_or("").trim_end_matches('\0')
+    }
+
+    /// All rows, some at a time: `read` decodes a range of them, `take` is given what it decoded. Damaged
+    /// contents may make a decoder panic.
+    fn rows(
+        &self,
+        read: impl Fn(&Range<usize>) -> Result<Vec<u8>, TiffError>,
+        mut take: impl FnMut(Range<usize>, Vec<u8>),
+    ) -> Result<(), Fault> {
+        for from in (0..self.layout.height).step_by(ROWS) {
+            let rows = from..(from + ROWS).min(self.layout.height);
+            let decoded = catch_unwind(AssertUnwindSafe(|| read(&rows)));
+            let bytes = decoded.map_err(|_| fault("its pixels are damaged"))?;
+            take(rows, bytes.map_err(refused)?);
         }
         Ok(())
     }
 
-    /// Marks a sparse file's block that is not stored as no number; of whole numbers it stays 0.
-    fn hole(&mut self, [x0, y0]: [usize; 2], [columns, rows]: [usize; 2]) {
-        if self.sample != Sample::F32 {
-            return;
-        }
-        for y in y0..(y0 + rows).min(self.height) {
-            for x in x0..(x0 + columns).min(self.width) {
-                let to = (y * self.width + x) * self.bands * 4;
-                self.raw[to..to + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    /// The numbers of the first band, row by row from the top; not a number where a sparse file has no block.
+    pub fn band(&self) -> Result<Vec<f32>, Fault> {
+        let RasterLayout {
+            width,
+            height,
+            bytes_per_sample: wide,
+            sample_format: format,
+            ..
+        } = self.layout;
+        let unread = || {
+            let bits = self.layout.bits_per_sample;
+            fault(format!("samples of {bits} bits are not read"))
+        };
+        number(&vec![0; wide], format).ok_or_else(unread)?;
+        let mut band = Vec::with_capacity(width * height);
+        let read = |rows: &Range<usize>| {
+            (self.file).read_band_window_bytes(0, 0, rows.start, 0, rows.len(), width)
+        };
+        self.rows(read, |_, bytes| {
+            let samples = bytes.chunks_exact(wide);
+            band.extend(samples.map(|bytes| number(bytes, format).unwrap_or(f64::NAN) as f32));
+        })?;
+        for [columns, rows] in self.holes()? {
+            for row in rows {
+                band[row * width + columns.start..row * width + columns.end].fill(f32::NAN);
             }
         }
+        Ok(band)
     }
 
-    /// A sample.
-    pub fn sample(&self, x: usize, y: usize, band: usize) -> f64 {
-        let n = self.sample.bytes();
-        let at = ((y * self.width + x) * self.bands + band.min(self.bands - 1)) * n;
-        let bytes = &self.raw[at..at + n];
-        let number = bytes
-            .iter()
-            .rev()
-            .fold(0_u64, |sum, byte| sum << 8 | u64::from(*byte));
-        match self.sample {
-            Sample::U8 | Sample::U16 | Sample::U32 => number as f64,
-            Sample::I8 => f64::from(number as u8 as i8),
-            Sample::I16 => f64::from(number as u16 as i16),
-            Sample::I32 => f64::from(number as u32 as i32),
-            Sample::F32 => f64::from(f32::from_bits(number as u32)),
-            Sample::F64 => f64::from_bits(number),
-        }
-    }
-
-    /// The numbers of a tag.
-    pub fn numbers(&self, tag: u16) -> &[f64] {
-        self.tags.get(&tag).map_or(&[], Vec::as_slice)
-    }
-
-    /// The text of a tag.
-    pub fn text(&self, tag: u16) -> &str {
-        self.texts.get(&tag).map_or("", String::as_str)
-    }
-
-    /// Red, green, blue and alpha of a pixel on the screen.
-    pub fn rgba(&self, x: usize, y: usize) -> [u8; 4] {
-        let top = if self.sample == Sample::U16 {
-            257.0
-        } else {
-            1.0
+    /// Columns and rows of the first band's blocks that a sparse file leaves out.
+    fn holes(&self) -> Result<Vec<[Range<usize>; 2]>, Fault> {
+        let ifd = self.ifd()?;
+        let [width, height] = self.size();
+        let block = match (ifd.tile_width(), ifd.tile_height()) {
+            (Some(wide), Some(high)) => [wide as usize, high as usize],
+            _ => [width, ifd.rows_per_strip() as usize],
         };
-        let at = |band: usize| (self.sample(x, y, band) / top) as u8;
-        match self.bands {
-            1 => [at(0), at(0), at(0), 255],
-            2 => [at(0), at(0), at(0), at(1)],
-            3 => [at(0), at(1), at(2), 255],
-            _ => [at(0), at(1), at(2), at(3)],
-        }
+        let (offsets, counts) = if ifd.is_tiled() {
+            (ifd.tile_offsets(), ifd.tile_byte_counts())
+        } else {
+            (ifd.strip_offsets(), ifd.strip_byte_counts())
+        };
+        let (Some(offsets), Some(counts)) = (offsets, counts) else {
+            return Ok(Vec::new());
+        };
+        let [wide, high] = block.map(|n| n.max(1));
+        let across = width.div_ceil(wide);
+        let blocks = offsets.iter().zip(&counts).enumerate();
+        let empty = blocks.filter(|(_, (offset, count))| **offset == 0 || **count == 0);
+        let place = |k: usize| {
+            let [x, y] = [k % across * wide, k / across * high];
+            [
+                x..(x + wide).min(width),
+                y.min(height)..(y + high).min(height),
+            ]
+        };
+        Ok(empty.map(|(k, _)| place(k)).collect())
     }
-}
 
-/// Unpacks a block to `length` bytes.
-fn unpack(
-    compression: usize,
-    bytes: &[u8],
-    length: usize,
-    into: &mut Vec<u8>,
-) -> Result<(), Fault> {
-    into.clear();
-    match compression {
-        1 => into.extend_from_slice(&bytes[..length.min(bytes.len())]),
-        5 => lzw(bytes, length, into),
-        8 | 32_946 => {
-            let read = ZlibDecoder::new(bytes)
-                .take(length as u64)
-                .read_to_end(into);
-            read.map_err(|error| fault(format!("a block is damaged ({error})")))?;
-        }
-        32_773 => pack_bits(bytes, length, into),
-        7 => return Err(fault("JPEG inside of TIFF is not read")),
-        other => return Err(fault(format!("compression {other} is not read"))),
-    }
-    if into.len() < length {
-        return Err(fault(format!(
-            "a block has {} bytes where {length} belong",
-            into.len()
-        )));
-    }
-    into.truncate(length);
-    Ok(())
-}
-
-/// TIFF's LZW: codes of 9 to 12 bits, most significant bit first; 256 clears, 257 ends. Stops at damage.
-fn lzw(bytes: &[u8], length: usize, into: &mut Vec<u8>) {
-    // Each entry is the one before it and a byte more, or stands in the output already.
-    let mut entries: Vec<(usize, usize)> = Vec::with_capacity(4096);
-    let (mut bits, mut have) = (0_u32, 0_u32);
-    let mut wide = 9;
-    let mut last: Option<(usize, usize)> = None;
-    let mut input = bytes.iter();
-    while into.len() < length {
-        while have < wide {
-            let Some(byte) = input.next() else { return };
-            bits = bits << 8 | u32::from(*byte);
-            have += 8;
-        }
-        have -= wide;
-        let code = (bits >> have) as usize & ((1 << wide) - 1);
-        match code {
-            256 => {
-                entries.clear();
-                (wide, last) = (9, None);
-                continue;
+    /// Red, green, blue and alpha of each pixel on a screen, row by row from the top: colours of any model that the
+    /// file's tags name, its own alpha, and its transparency mask.
+    pub fn rgba(&self) -> Result<Vec<u8>, Fault> {
+        let ifd = self.ifd()?;
+        let model = ifd.color_model();
+        // What are bands rather than colours is shown as it is stored.
+        let stored = match &model {
+            Ok(ColorModel::Rgb { .. }) | Err(_) => true,
+            Ok(ColorModel::Grayscale { white_is_zero, .. }) => !white_is_zero,
+            Ok(_) => false,
+        };
+        let layout = if stored {
+            self.layout.clone()
+        } else {
+            ifd.decoded_raster_layout().map_err(refused)?
+        };
+        let (bands, wide) = (layout.samples_per_pixel, layout.bytes_per_sample);
+        let shift = match (layout.sample_format, layout.bits_per_sample) {
+            (1, 8) => 0,
+            (1, 16) => 8,
+            (_, bits) => return Err(fault(format!("pictures of {bits} bits are not shown"))),
+        };
+        let alpha = ifd.extra_samples().ok().and_then(|extra| {
+            let is_alpha = |e: &ExtraSample| {
+                matches!(
+                    e,
+                    ExtraSample::AssociatedAlpha | ExtraSample::UnassociatedAlpha
+                )
+            };
+            Some(bands.checked_sub(extra.len())? + extra.iter().position(is_alpha)?)
+        });
+        let colours = alpha.unwrap_or(bands);
+        let [green, blue] = if colours < 3 { [0, 0] } else { [1, 2] };
+        let width = layout.width;
+        let mut rgba = Vec::with_capacity(4 * width * layout.height);
+        let read = |rows: &Range<usize>| {
+            if stored {
+                (self.file).read_window_bytes(0, rows.start, 0, rows.len(), width)
+            } else {
+                (self.file).read_decoded_window_bytes(0, rows.start, 0, rows.len(), width)
             }
-            257 => return,
-            _ => {}
-        }
-        let start = into.len();
-        if code < 256 {
-            into.push(code as u8);
-        } else if let Some(&(from, to)) = entries.get(code - 258) {
-            into.extend_from_within(from..to);
-        } else if let Some((from, to)) = last.filter(|_| code - 258 == entries.len()) {
-            into.extend_from_within(from..to);
-            into.push(into[from]);
-        } else {
-            return;
-        }
-        if let Some((from, to)) = last.filter(|_| entries.len() < 4096 - 258) {
-            // What came before and the first byte of this: they stand one behind the other in the output.
-            debug_assert_eq!(to, start);
-            entries.push((from, to + 1));
-        }
-        last = Some((start, into.len()));
-        wide = match entries.len() + 258 + 1 {
-            0..=511 => 9,
-            512..=1023 => 10,
-            1024..=2047 => 11,
-            _ => 12,
         };
-    }
-}
-
-/// PackBits. Stops at damage.
-fn pack_bits(mut bytes: &[u8], length: usize, into: &mut Vec<u8>) {
-    while let Some((head, rest)) = bytes.split_first().filter(|_| into.len() < length) {
-        bytes = rest;
-        match *head as i8 {
-            -128 => {}
-            n @ ..0 => {
-                let Some((byte, rest)) = bytes.split_first() else {
-                    return;
+        self.rows(read, |_, bytes| {
+            rgba.extend(bytes.chunks_exact(bands * wide).flat_map(|pixel| {
+                let at = |band: usize| match shift {
+                    0 => pixel[band],
+                    _ => {
+                        let sample = u16::from_ne_bytes([pixel[2 * band], pixel[2 * band + 1]]);
+                        (sample >> shift) as u8
+                    }
                 };
-                into.extend(std::iter::repeat_n(
-                    *byte,
-                    1 + usize::from(n.unsigned_abs()),
-                ));
-                bytes = rest;
-            }
-            n => {
-                let n = (n as usize + 1).min(bytes.len());
-                into.extend_from_slice(&bytes[..n]);
-                bytes = &bytes[n..];
-            }
-        }
+                [at(0), at(green), at(blue), alpha.map_or(255, at)]
+            }));
+        })?;
+        self.mask(&mut rgba)?;
+        Ok(rgba)
     }
-}
 
-/// Undoes a row's prediction, and brings its samples into little-endian order.
-fn undo(
-    predictor: usize,
-    row: &mut [u8],
-    samples: usize,
-    wide: usize,
-    big_endian: bool,
-) -> Result<(), Fault> {
-    if predictor == 3 {
-        // Bytes of one significance lie together, most significant first, and each is the difference to the one before.
-        for k in samples..row.len() {
-            row[k] = row[k].wrapping_add(row[k - samples]);
-        }
-        let (planes, n) = (row.to_vec(), row.len() / wide);
-        for k in 0..n {
-            for byte in 0..wide {
-                row[k * wide + byte] = planes[(wide - 1 - byte) * n + k];
-            }
-        }
-        return Ok(());
-    }
-    if big_endian {
-        row.chunks_exact_mut(wide).for_each(<[u8]>::reverse);
-    }
-    match predictor {
-        1 => {}
-        2 => {
-            let step = samples * wide;
-            for at in (step..row.len()).step_by(wide) {
-                // The sum of two numbers of `wide` bytes, carried from byte to byte.
-                let mut carry = 0;
-                for byte in at..(at + wide).min(row.len()) {
-                    let sum = u16::from(row[byte]) + u16::from(row[byte - step]) + carry;
-                    row[byte] = sum as u8;
-                    carry = sum >> 8;
+    /// Makes transparent what the file's transparency mask covers.
+    fn mask(&self, rgba: &mut [u8]) -> Result<(), Fault> {
+        let kind = |ifd: &Ifd| ifd.tag(SUBFILE).and_then(|tag| tag.value.as_u32());
+        let masks = |ifd: &Ifd| {
+            kind(ifd) == Some(MASK)
+                && [ifd.width() as usize, ifd.height() as usize] == self.size()
+                && ifd.samples_per_pixel() == 1
+        };
+        let Some(index) = self.file.ifds().iter().position(masks) else {
+            return Ok(());
+        };
+        let width = self.layout.width;
+        let read = |rows: &Range<usize>| {
+            (self.file).read_decoded_window_bytes(index, rows.start, 0, rows.len(), width)
+        };
+        self.rows(read, |rows, shown| {
+            let pixels = rgba[4 * width * rows.start..].chunks_exact_mut(4);
+            for (pixel, shown) in pixels.zip(shown) {
+                if shown == 0 {
+                    pixel[3] = 0;
                 }
             }
-        }
-        other => return Err(fault(format!("predictor {other} is not read"))),
+        })
     }
-    Ok(())
 }

@@ -1,13 +1,17 @@
 //! A real city in the scene: its tiles for sensors and window, in the light of the scene.
 
 use crate::components::capture::SensorCamera;
-use crate::components::environment::CityTiles;
+use crate::components::environment::{CityTiles, Environment};
 use crate::components::mount::CameraView;
 use crate::components::render::{
     CityTilesets, LeanMaterial, LeanPaint, SENSOR_LAYER, SceneHandles, Shading, Solids,
     WINDOW_LAYER,
 };
-use crate::components::tiles::{OpenTiles, TilePaint, TileSurface, Tiles, TilesMode, TilesPlace};
+use crate::components::tiles::{
+    OpenTiles, TilePaint, TileSurface, Tiles, TilesMode, TilesOccluder, TilesPlace, TilesViews,
+};
+use crate::models::ground::dsm::Dsm;
+use crate::models::tiles::horizon::Horizon;
 use crate::models::tiles::selection::View;
 use crate::models::tiles::steady::steady_view;
 use crate::systems::render::scene::grid;
@@ -16,10 +20,16 @@ use crate::systems::tiles::settle::{open, settle};
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use big_space::prelude::CellCoord;
-use glam::DVec3;
+use glam::{DAffine3, DMat3, DVec3};
+use std::sync::Arc;
 
 /// Bytes of meshes and textures that are kept for the sensors beside what they see, and for the window.
 const BYTE_BUDGET: u64 = 1 << 30;
+
+/// The horizon behind which the window loads nothing: azimuths, and steps of so many metres.
+const AZIMUTHS: usize = 720;
+const STEPS: usize = 400;
+const STEP_M: f64 = 5.0; // [m]
 
 impl TilePaint for LeanPaint {
     type Material = LeanMaterial;
@@ -40,6 +50,7 @@ pub fn spawn_city_tiles(world: &mut World, city: &CityTiles, windowed: bool) {
         let tiles = Tiles {
             place: TilesPlace::At(city.enu_from_root),
             mode,
+            light: city.light,
             byte_budget: BYTE_BUDGET,
             layers: RenderLayers::layer(layer),
             ..Tiles::new(&city.location)
@@ -103,4 +114,46 @@ pub fn settle_city(world: &mut World) {
     for (station, solids) in skylines {
         world.entity_mut(station).insert(solids);
     }
+}
+
+/// Hides from the window what lies behind the surface that the physics knows. Bridges and arches count as solid there; sensors
+/// see all that is in their field.
+pub fn hide_behind_horizon(
+    tilesets: Option<Res<CityTilesets>>,
+    environment: Res<Environment>,
+    views: Query<(&TilesViews, &OpenTiles)>,
+    mut known: Local<Option<Arc<Horizon>>>,
+    mut commands: Commands,
+) {
+    let Some(window) = tilesets.and_then(|tilesets| tilesets.window) else {
+        return;
+    };
+    let Ok((TilesViews(views), open)) = views.get(window) else {
+        return;
+    };
+    let Some(eye_root_m) = views.first().map(|view| view.r_root_m) else {
+        return;
+    };
+    if known.as_ref().is_some_and(|known| known.holds(eye_root_m)) {
+        return;
+    }
+    let horizon = Arc::new(horizon(
+        &environment.city.dsm,
+        &open.entity_from_root_m,
+        eye_root_m,
+    ));
+    *known = Some(horizon.clone());
+    commands.entity(window).insert(TilesOccluder(horizon));
+}
+
+/// The horizon of the surface about an eye in a tileset's root frame, which `enu_from_root_m` places.
+pub fn horizon(dsm: &Dsm, enu_from_root_m: &DAffine3, eye_root_m: DVec3) -> Horizon {
+    let eye_enu_m = enu_from_root_m.transform_point3(eye_root_m);
+    let root_from_enu_m = enu_from_root_m.inverse();
+    let axis = |axis: DVec3| root_from_enu_m.transform_vector3(axis).normalize();
+    let axes = DMat3::from_cols(axis(DVec3::X), axis(DVec3::Y), axis(DVec3::Z));
+    let above_m = |east_m: f64, north_m: f64| {
+        dsm.surface_m(eye_enu_m.x + east_m, eye_enu_m.y + north_m) - eye_enu_m.z
+    };
+    Horizon::new(eye_root_m, axes, AZIMUTHS, STEP_M, STEPS, &above_m)
 }

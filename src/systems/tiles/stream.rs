@@ -4,8 +4,9 @@ use super::prepare::prepare;
 use super::show::{count, draw, failed, forget, keep, opened, tell, tell_failures};
 use crate::components::tiles::{
     Arrived, OpenTiles, OpeningTiles, StreamedTiles, TileLoaded, TilePaint, Tiles, TilesMode,
-    TilesViews,
+    TilesOccluder, TilesViews,
 };
+use crate::models::tiles::selection::Occluder;
 use crate::models::tiles::selector::{Selector, SelectorOptions};
 use crate::models::tiles::tree::TileId;
 use crate::tiles::settled;
@@ -37,7 +38,9 @@ pub fn stream<P: TilePaint>(world: &mut World) {
             .get::<TilesViews>(tileset)
             .map(|views| views.0.clone());
         if let Some(views) = views.filter(|views| !views.is_empty()) {
-            let step = streamed.selector.update(&open.tileset.tree, &views, None);
+            let occluder = world.get::<TilesOccluder>(tileset);
+            let occluder = occluder.map(|TilesOccluder(o)| &**o as &dyn Occluder);
+            let step = (streamed.selector).update(&open.tileset.tree, &views, occluder);
             for tile in step.drop {
                 forget(world, &mut open, tile);
             }

@@ -254,6 +254,8 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
             if judged
                 && !hidden
                 && !tracker.designated
+                // What tumbles looks like no UAV, and is soon seen to fall.
+                && tracker.falling_since.is_none()
                 && in_state_s > DOUBT_AFTER_S
                 && log_odds < GIVEN_UP =>
         {

@@ -51,6 +51,7 @@ pub fn build_with(
 ) -> Result<BuildReport, BuildError> {
     options.check()?;
     create_dir(folder)?;
+    tileset::clear(folder)?;
     let octree = options.division == Division::Octree;
     let mut scene = mesh::gather(layers, octree)?;
     let side_px = f64::from(options.max_texture_px);

@@ -411,6 +411,30 @@ fn the_same_bytes_on_any_number_of_threads() {
 }
 
 #[test]
+fn a_build_takes_away_what_an_earlier_one_left() {
+    let (folder, _) = built(&[layer(LayerKind::Terrain, vec![hills(64, 4.0)])], &small());
+    let folder = folder.path();
+    let old: Vec<_> = tiles(folder).into_iter().map(|tile| tile.uri).collect();
+    assert!(old.len() > 1);
+    let own = folder.join("notes.txt");
+    for path in [&own, &folder.join("heights.bin")] {
+        std::fs::write(path, "mine").unwrap();
+    }
+    let layers = [layer(LayerKind::Terrain, vec![hills(2, 4.0)])];
+    build(&layers, &small(), folder).unwrap();
+    let new: Vec<_> = tiles(folder).into_iter().map(|tile| tile.uri).collect();
+    for uri in old {
+        assert_eq!(folder.join(&uri).exists(), new.contains(&uri), "{uri}");
+    }
+    assert!(own.exists() && !folder.join("heights.bin").exists());
+    // What others wrote stays.
+    std::fs::write(folder.join("tileset.json"), "{}").unwrap();
+    std::fs::write(folder.join("content/0/own.glb"), "mine").unwrap();
+    build(&layers, &small(), folder).unwrap();
+    assert!(folder.join("content/0/own.glb").exists());
+}
+
+#[test]
 fn implicit_tiles_are_where_their_numbers_say() {
     let options = BuildOptions {
         implicit: true,

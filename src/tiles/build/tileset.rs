@@ -4,7 +4,8 @@ use super::mesh::{MOST_LEVELS, Scene};
 use super::options::{BuildOptions, Division};
 use super::report::BuildError;
 use super::split::Cell;
-use crate::output::{put, put_json};
+use crate::output::{OutputError, put, put_json};
+use crate::tiles::heights;
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -53,6 +54,37 @@ fn transform(scene: &Scene) -> Vec<f64> {
         .collect()
 }
 
+/// The file's name.
+const FILE: &str = "tileset.json";
+/// What it says of who wrote it.
+const GENERATOR: &str = "boresight tiles build";
+
+/// Takes away what an earlier build left in a folder; what others wrote stays.
+pub(super) fn clear(folder: &Path) -> Result<(), BuildError> {
+    let own = || -> Option<bool> {
+        let text = std::fs::read(folder.join(FILE)).ok()?;
+        let json: Value = serde_json::from_slice(&text).ok()?;
+        Some(json["asset"]["extras"]["generator"] == GENERATOR)
+    };
+    if own() != Some(true) {
+        return Ok(());
+    }
+    for name in ["content", "subtrees", heights::FILE, FILE] {
+        let path = folder.join(name);
+        let gone = match path.is_dir() {
+            true => std::fs::remove_dir_all(&path),
+            false => std::fs::remove_file(&path),
+        };
+        match gone {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                return Err(OutputError::File { path, source }.into());
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// Writes `tileset.json` and, for an implicit tree, its subtrees.
 pub(super) fn write(
     scene: &Scene,
@@ -74,11 +106,11 @@ pub(super) fn write(
         .unwrap_or_default()
         .max(size_m);
     let tileset = json!({
-        "asset": { "version": "1.1", "tilesetVersion": "1" },
+        "asset": { "version": "1.1", "tilesetVersion": "1", "extras": { "generator": GENERATOR } },
         "geometricError": whole_m,
         "root": root,
     });
-    Ok(put_json(&folder.join("tileset.json"), &tileset)?)
+    Ok(put_json(&folder.join(FILE), &tileset)?)
 }
 
 /// A tile and all below it.

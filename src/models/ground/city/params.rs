@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 
+use crate::models::shape::textured::TilesLight;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -50,6 +51,9 @@ pub struct CityParams {
     pub radius_m: Option<f64>,
     /// A height raster (GeoTIFF) of the land around a real city, out to 20 km; absent: its border's heights go on.
     pub horizon: Option<CitySource>,
+    /// How a real city is lit: "as_stored" (photographs have their light in them, the rest is lit by sun and sky), "baked" (all of
+    /// it is photographs) or "relit" (all of it is lit); absent: as stored.
+    pub light: Option<TilesLight>,
 }
 
 /// A file of raw data: its path, relative to the scenario's folder, or a table with what is to be known beside it.
@@ -132,6 +136,7 @@ impl Default for CityParams {
             detail_m: None,
             radius_m: None,
             horizon: None,
+            light: None,
         }
     }
 }
@@ -228,6 +233,7 @@ impl CityParams {
             ("detail_m", self.detail_m.is_some()),
             ("radius_m", self.radius_m.is_some()),
             ("horizon", self.horizon.is_some()),
+            ("light", self.light.is_some()),
         ];
         let first = |keys: &[(&'static str, bool)]| {
             keys.iter().find(|(_, given)| *given).map(|(key, _)| *key)
