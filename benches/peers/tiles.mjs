@@ -109,13 +109,16 @@ async function choose([url, where, onEarth, size]) {
     await new Promise((done) => setTimeout(done, 20));
   }
   const begun = performance.now();
-  for (let k = 0; k < 20; k++) frame();
+  for (let k = 0; k < 5; k++) frame();
   const pixel = new Uint8Array(4);
   scene.context._gl.readPixels(0, 0, 1, 1, scene.context._gl.RGBA, scene.context._gl.UNSIGNED_BYTE, pixel);
-  const milliseconds = (performance.now() - begun) / 20;
+  const milliseconds = (performance.now() - begun) / 5;
   const { selected, numberOfTrianglesSelected } = tileset.statistics;
   const levels = {};
-  for (const tile of tileset._selectedTiles) levels[tile._depth] = (levels[tile._depth] ?? 0) + 1;
+  for (const tile of tileset._selectedTiles) {
+    const level = tile.implicitCoordinates?.level ?? tile._depth;
+    levels[level] = (levels[level] ?? 0) + 1;
+  }
   widget.destroy();
   return { tiles: selected, triangles: numberOfTrianglesSelected, levels, milliseconds };
 }
