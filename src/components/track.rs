@@ -132,6 +132,8 @@ pub struct TrackerParams {
     pub lock_dwell_s: f64,
     /// A precise error beyond this ends Engage [px].
     pub break_radius_px: f64,
+    /// Probability of a UAV from which on a target may be fired at.
+    pub fire_belief: f64,
     /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
     pub patience_s: PerTier<f64>,
 }
@@ -269,6 +271,8 @@ pub struct Tracker {
     pub falling_since: Option<u64>,
     /// Since when it has been mere scenery.
     pub scenery_since: Option<u64>,
+    /// Since when it has been seen well, and not well enough recognised to be fired at.
+    pub doubtful_since: Option<u64>,
     /// Every change so far.
     pub changes: Vec<StateChange>,
 }
@@ -294,6 +298,7 @@ impl Default for Tracker {
             sink_at_fire_mps: None,
             falling_since: None,
             scenery_since: None,
+            doubtful_since: None,
             changes: vec![StateChange {
                 tick: 0,
                 to: TrackingState::Search,
@@ -356,6 +361,7 @@ impl Tracker {
         self.sink_at_fire_mps = None;
         self.falling_since = None;
         self.scenery_since = None;
+        self.doubtful_since = None;
     }
 
     /// Takes over the identities that the table has joined to older ones.

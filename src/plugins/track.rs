@@ -167,6 +167,7 @@ pub fn tracker_params(
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,
+        fire_belief: engage.min_uav_probability,
         patience_s: PerTier::of(slowest_s),
     }
 }

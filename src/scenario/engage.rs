@@ -47,7 +47,7 @@ impl Default for Engage {
             keep_out: Vec::new(),
             sun_exclusion_deg: 5.0,
             look_ahead_s: 0.3,
-            min_uav_probability: 0.9,
+            min_uav_probability: 0.95,
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
             lock_radius_px: 3.0,

@@ -96,6 +96,7 @@ impl Follower {
                 lock_radius_px: 0.0,
                 lock_dwell_s: f64::INFINITY,
                 break_radius_px: 0.0,
+                fire_belief: 0.0,
                 patience_s: PerTier::of(|_| patience_s(rate_hz)),
             },
             tracker: Tracker::default(),

@@ -9,6 +9,7 @@ use crate::components::network::Tasking;
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Operator, Tracker, TrackerParams, TrackingState};
 use crate::models::tracking::cartesian::TargetCue;
+use crate::models::tracking::evidence::named_share;
 use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ, dot_share};
@@ -39,6 +40,8 @@ const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
 /// Time for which a target that stands before scenery may be less than surely a UAV [s].
 const SCENERY_S: f64 = 2.0;
+/// Time for which a target that is seen well may be less than surely a UAV [s].
+const DOUBTFUL_S: f64 = 4.0;
 /// Lock and break radius as a share of the smaller side of a large target's box: a beam on a larger body
 /// may wander more.
 const LOCK_SHARE: f64 = 0.1;
@@ -152,6 +155,12 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         );
         return;
     }
+    if is_doubtful(now, tracker) {
+        let until_s = now.t_s() + REJECTED_S;
+        let reason = format!("seen well for {DOUBTFUL_S} s, and not surely a UAV");
+        tracker.give_up(tick, Some(until_s), reason);
+        return;
+    }
     if !firing && !tracker.designated && tracker.target.is_some_and(|id| now.spares(id)) {
         tracker.give_up(tick, None, "another station's, or not the most pressing");
         return;
@@ -210,6 +219,24 @@ fn stands(now: &Situation, tracker: &mut Tracker) -> bool {
     }
     let since = *tracker.scenery_since.get_or_insert(now.tick);
     now.clock.at_s(now.tick - since) > SCENERY_S
+}
+
+/// Whether the target has been seen well for so long without being recognised surely enough to be fired at that the search
+/// goes on: no radar points at it.
+fn is_doubtful(now: &Situation, tracker: &mut Tracker) -> bool {
+    let left_alone = now.params.nearest_to_centre || tracker.designated;
+    let doubtful = |track: &Track| {
+        let seen_well = !track.hidden(now.t_s()) && named_share(track.evidence.best_px()) == 1.0;
+        let judged = seen_well && track.recognition.is_some();
+        judged && track.uav_belief() < now.params.fire_belief && !now.cued(track)
+    };
+    let engaged = tracker.state == TrackingState::Engage && !left_alone;
+    if !(engaged && tracker.target_track().is_some_and(doubtful)) {
+        tracker.doubtful_since = None;
+        return false;
+    }
+    let since = *tracker.doubtful_since.get_or_insert(now.tick);
+    now.clock.at_s(now.tick - since) > DOUBTFUL_S
 }
 
 /// Whether a cue may mean a track, by their directions.
@@ -475,6 +502,7 @@ mod tests {
             lock_radius_px: 5.0,
             lock_dwell_s: 0.1,
             break_radius_px: 20.0,
+            fire_belief: 0.95,
             patience_s: PerTier::of(|_| patience_s(60.0)),
         }
     }
@@ -637,6 +665,61 @@ mod tests {
                 assert_eq!(found, chosen, "{dot} {p_uav}");
             }
         }
+    }
+
+    #[test]
+    fn what_is_seen_well_and_not_recognised_is_left() {
+        let params = params();
+        // Held for a second: then this probability, with a radar's cue or without.
+        let held_s = |p_uav: f64, cued: bool| {
+            let mut tracker = Tracker::default();
+            let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+            for frame in 0..400_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                see(&mut tracker, t_s, &[r_enu_m]);
+                let track = &mut tracker.table.tracks[0];
+                track.recognition = Some(Recognition {
+                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                    t_s,
+                });
+                let id = track.id;
+                if frame < 60 {
+                    continue;
+                }
+                if frame == 60 {
+                    tracker.acquire(u64::from(frame * FRAME), id, "test");
+                    tracker.change(u64::from(frame * FRAME), TrackingState::Engage, "test");
+                }
+                let now = Situation {
+                    cue: cued.then(|| TargetCue {
+                        az_el_rad: los_to_az_el(r_enu_m),
+                        sigma_rad: DVec2::splat(5e-3),
+                        range_m: 600.0,
+                        range_sigma_m: 15.0,
+                        rate_radps: DVec2::ZERO,
+                        rate_sigma_radps: DVec2::splat(5e-3),
+                    }),
+                    ..situation(&params, frame * FRAME)
+                };
+                let seen = BoresightError {
+                    exposure_tick: now.tick,
+                    available_tick: now.tick,
+                    angle_rad: DVec2::ZERO,
+                    distance_px: 0.0,
+                    half_side_px: 4.0,
+                };
+                tracker.error = PerTier::of(|_| Some(seen));
+                step(&now, &mut tracker, false, false);
+                if tracker.target.is_none() {
+                    return Some(t_s - 1.0);
+                }
+            }
+            None
+        };
+        let left_s = held_s(0.9, false).unwrap();
+        assert!((DOUBTFUL_S..DOUBTFUL_S + 0.1).contains(&left_s), "{left_s}");
+        assert_eq!(held_s(0.99, false), None);
+        assert_eq!(held_s(0.9, true), None);
     }
 
     #[test]

@@ -336,7 +336,7 @@ impl Situation<'_> {
     }
 
     /// Whether the radar has its target where a track is, and sees it fly alike.
-    fn cued(&self, track: &Track) -> bool {
+    pub(super) fn cued(&self, track: &Track) -> bool {
         let at = track.filter.predicted(self.t_s()).az_el_rad();
         self.cue.is_some_and(|cue| {
             separation_rad(at, cue.az_el_rad) < HOVER_SIGMAS * cue.sigma_rad.max_element()
