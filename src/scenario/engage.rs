@@ -19,7 +19,7 @@ pub struct Engage {
     pub keep_out: Vec<KeepOut>,
     /// The laser does not fire this close to the sun: it would dazzle the precise camera.
     pub sun_exclusion_deg: f64,
-    /// How far ahead the line of sight is checked for obstacles and keep-out zones: the laser is
+    /// How far ahead the line of sight is checked for obstacles, backstops and keep-out zones: the laser is
     /// off before it gets there.
     pub look_ahead_s: f64,
     /// Least probability that the target is a UAV, 0 to 1: by the recogniser, or by the tracker's own
