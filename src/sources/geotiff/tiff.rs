@@ -194,7 +194,7 @@ impl Tiff {
             Ok(_) => false,
         };
         let layout = if stored {
-            self.layout.clone()
+            self.layout
         } else {
             ifd.decoded_raster_layout().map_err(refused)?
         };
