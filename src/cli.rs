@@ -18,7 +18,7 @@ use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
 use crate::scenario::{self, Loaded, Scenario};
-use crate::tiles::command::{self as tiles, Tiles};
+use crate::tiles_command::{self as tiles, Tiles};
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
 use bevy::prelude::World;

@@ -23,6 +23,7 @@ pub mod scenario;
 pub mod sources;
 pub mod systems;
 pub mod tiles;
+pub mod tiles_command;
 pub mod tune;
 pub mod view;
 

@@ -1,6 +1,5 @@
 //! 3D Tiles 1.0 and 1.1: tilesets and their contents, read, checked and built.
 pub mod build;
-pub mod command;
 pub mod content;
 pub mod error;
 pub mod expansion;

@@ -4,7 +4,6 @@
 
 mod atlas;
 pub mod city;
-pub mod command;
 mod glb;
 pub mod ground;
 mod measure;

@@ -1,6 +1,7 @@
 //! `boresight tiles …`: the commands about 3D Tiles.
 
-use crate::tiles::build::command as build;
+pub mod build;
+
 use crate::tiles::error::TilesError;
 use crate::tiles::{inspect, validate};
 use clap::Subcommand;

@@ -1,14 +1,14 @@
 //! `boresight tiles build`.
 
-use super::options::{BuildOptions, Division, Pictures};
-use super::report::{BuildError, BuildReport};
-use super::{build_with, city, ground::terrain, sources};
 use crate::models::ground::city::City;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::scenario::{InputError, Scenario};
 use crate::sources::Layer;
 use crate::sources::error::SourceError;
 use crate::sources::options::Options;
+use crate::tiles::build::options::{BuildOptions, Division, Pictures};
+use crate::tiles::build::report::{BuildError, BuildReport};
+use crate::tiles::build::{build_with, city, ground::terrain, sources};
 use crate::tiles::heights::{Heights, HeightsError};
 use std::fmt::Write as _;
 use std::io::Write as _;
