@@ -12,7 +12,7 @@ use crate::models::tracking::recognition::{History, Recognition};
 use crate::models::tracking::table::{JoinedTrack, Track, TrackTable};
 use crate::scenario::{GainsOrder, WeatherOrder};
 use bevy::prelude::*;
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// What [`crate::components::run::TickSet::Track`] walks in every tick. A stage's systems can be removed
@@ -271,6 +271,8 @@ pub struct Tracker {
     pub falling_since: Option<u64>,
     /// Since when it has been mere scenery.
     pub scenery_since: Option<u64>,
+    /// Each camera's last exposure, by its number: when [s], and how the station believed it to be turned.
+    pub turned: BTreeMap<usize, (f64, DQuat)>,
     /// Since when it has been seen well, and not well enough recognised to be fired at.
     pub doubtful_since: Option<u64>,
     /// Every change so far.
@@ -298,6 +300,7 @@ impl Default for Tracker {
             sink_at_fire_mps: None,
             falling_since: None,
             scenery_since: None,
+            turned: BTreeMap::new(),
             doubtful_since: None,
             changes: vec![StateChange {
                 tick: 0,

@@ -1,6 +1,6 @@
 //! Detections become sightings, and sightings tracks.
 
-use crate::components::capture::{PixelRect, Tier};
+use crate::components::capture::{ExposedFrame, PixelRect, Tier};
 use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Gallery, Tracker, TrackerParams, TrackingState};
@@ -14,6 +14,12 @@ use glam::DVec2;
 /// Standard deviation of the pointing knowledge [rad]: the drift of the base gyro within the
 /// memory of the filter.
 const POINTING_SIGMA_RAD: f64 = 5e-6;
+/// A camera that turns faster [rad/s] follows nothing that flies: it slews, and what it sees is smeared.
+const SLEW_RADPS: f64 = 0.1;
+/// Standard deviation of a smeared detection's centre over the smear: that of a point of it, taken anywhere (1/√12).
+const SMEAR_SHARE: f64 = 0.29;
+/// Smear beyond which a picture shows no small target for sure [px].
+const STEADY_PX: f64 = 4.0;
 
 /// Updates the track table with the batches that arrived in this tick.
 pub fn associate(
@@ -45,9 +51,12 @@ pub(crate) fn take_in(
 ) -> Vec<Option<u32>> {
     let frame = &batch.frame;
     let pinhole = &frame.pinhole;
-    let sightings = sightings(batch, params);
+    let smear_rad = smear_rad(tracker, frame, t_s);
+    let sightings = sightings(batch, params, smear_rad);
     let tier = frame.tier;
-    let in_view = |az_el: DVec2| sees(pinhole, &frame.believed, batch.look, az_el);
+    // What is smeared may fairly be missed, and starts nothing.
+    let steady = smear_rad < STEADY_PX * pinhole.ifov_rad();
+    let in_view = |az_el: DVec2| steady && sees(pinhole, &frame.believed, batch.look, az_el);
     let look = CameraLook {
         tier,
         t_s,
@@ -56,7 +65,8 @@ pub(crate) fn take_in(
         sightings: &sightings,
         in_view: &in_view,
         // But in the search the precise camera sees what it was turned to: a track already.
-        start_tracks: frame.tier != Tier::Precise || tracker.state == TrackingState::Search,
+        start_tracks: steady
+            && (frame.tier != Tier::Precise || tracker.state == TrackingState::Search),
     };
     let blind = params.nearest_to_centre
         && frame.tier != Tier::Search
@@ -88,8 +98,26 @@ pub(crate) fn take_in(
     assigned
 }
 
-/// The directions of a batch's detections.
-fn sightings(batch: &DetectionBatch, params: &TrackerParams) -> Vec<Sighting> {
+/// How far the picture moved while a frame was exposed in a slew [rad], by the turn that the station believes the camera to
+/// have made since its last frame.
+fn smear_rad(tracker: &mut Tracker, frame: &ExposedFrame, t_s: f64) -> f64 {
+    let turned = frame.believed.q_enu_cam;
+    let before = tracker.turned.insert(frame.index, (t_s, turned));
+    let rate_radps = match before {
+        Some((before_s, before)) if t_s > before_s => {
+            before.angle_between(turned) / (t_s - before_s)
+        }
+        _ => 0.0,
+    };
+    if rate_radps > SLEW_RADPS {
+        rate_radps * frame.conditions.exposure.time_s
+    } else {
+        0.0
+    }
+}
+
+/// The directions of a batch's detections; the picture moved by `smear_rad` [rad] meanwhile.
+fn sightings(batch: &DetectionBatch, params: &TrackerParams, smear_rad: f64) -> Vec<Sighting> {
     let frame = &batch.frame;
     let pinhole = &frame.pinhole;
     let ifov_rad = pinhole.ifov_rad();
@@ -106,7 +134,9 @@ fn sightings(batch: &DetectionBatch, params: &TrackerParams) -> Vec<Sighting> {
             let sigma_px = centre_px.hypot(params.centre_sigma_rel * size_px);
             Sighting {
                 az_el_rad: los_to_az_el(frame.believed.q_enu_cam * ray_cam),
-                sigma_rad: (sigma_px * ifov_rad).hypot(pointing_rad),
+                sigma_rad: (sigma_px * ifov_rad)
+                    .hypot(pointing_rad)
+                    .hypot(SMEAR_SHARE * smear_rad),
                 size_rad: size_px * ifov_rad,
                 score: detection.score,
                 label: detection.label,
@@ -165,5 +195,36 @@ fn boresight_error(
         angle_rad: angles(px) - angles(reticle_px),
         distance_px: px.distance(reticle_px),
         half_side_px: 0.5 * (x1 - x0).min(y1 - y0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+
+    #[test]
+    fn a_slew_smears_and_following_does_not() {
+        let pinhole = Pinhole::from_hfov(640, 480, 0.1).unwrap();
+        for (rate_radps, smear_rad) in [(0.02, 0.0), (0.3, 0.3 * 4e-3), (-0.3, 0.3 * 4e-3)] {
+            let mut tracker = Tracker::default();
+            let mut frame = ExposedFrame::bare(Tier::Search, pinhole);
+            frame.conditions.exposure.time_s = 4e-3;
+            let north = frame.believed.q_enu_cam;
+            let mut found = Vec::new();
+            for k in 0..3_u32 {
+                let t_s = f64::from(k) / 30.0;
+                frame.believed.q_enu_cam = DQuat::from_rotation_z(rate_radps * t_s) * north;
+                found.push(super::smear_rad(&mut tracker, &frame, t_s));
+            }
+            // The first frame has none before it.
+            assert_eq!(found[0], 0.0);
+            assert!(
+                found[1..]
+                    .iter()
+                    .all(|found| (found - smear_rad).abs() < 1e-9),
+                "{found:?}"
+            );
+        }
     }
 }
