@@ -8,7 +8,7 @@ use std::path::PathBuf;
 pub fn init() {
     std::panic::set_hook(Box::new(|panic| {
         let calls = std::backtrace::Backtrace::force_capture().to_string();
-        let caught = ["draco_oxide", "basisu"]
+        let caught = ["draco_core", "basisu"]
             .iter()
             .any(|name| calls.contains(name));
         if !caught {

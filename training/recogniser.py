@@ -35,7 +35,7 @@ AT = {name: k for k, name in enumerate(FEATURES)}
 MOTION = slice(AT["sky_known"], AT["position_flutter"] + 1)
 NAMED = slice(AT["named_uav"], AT["named_other"] + 1)
 BANDS_PX = ((0, 4), (4, 10), (10, 30), (30, 1e9))  # of the newest box
-SURE = 0.9  # the laser fires from this one on (`engage.min_uav_probability`)
+SURE = 0.95  # the laser fires from this one on (`engage.min_uav_probability`)
 LIGHTS = ("Day", "LowSun", "Dusk")  # as a scenario's description names it
 
 

@@ -5,8 +5,8 @@ In each one object is held by an operator's orders, so that what is no UAV fills
 fly along with it in that camera's field, others within two degrees of it. A part searches a wide sector without help,
 for tracks of scenery. Nothing is fired at.
 
-`--drawn` makes them of engagements that `boresight eval engagement --recipe recipes/tracks.toml` drew: half are left
-to the station, whose own choices are the tracks that it errs about, in the others something is held.
+`--drawn` makes them of engagements that `boresight eval engagement --recipe recipes/tracks.toml` drew: nearly half are
+left to the station, whose own choices are the tracks that it errs about, in the others something is held.
 """
 
 import argparse
@@ -25,6 +25,7 @@ KINDS = {
     "helicopter": {"helicopter": 12.2},
     "leaf": {"leaf": 0.16},
 }
+OFTEN = {"raptor": 3.0}  # beside 1 of each other kind: while it glides, only its shape tells it from a UAV
 SPEED_MPS = {"uav": (0, 16), "bird": (6, 14), "aeroplane": (50, 200), "helicopter": (0, 60)}  # the others drift
 RANGE_M = {  # nearest and farthest
     "uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (800, 14000), "helicopter": (600, 9000),
@@ -34,7 +35,7 @@ HELD = {"uav": 0.42, "bird": 0.3, "aeroplane": 0.08, "helicopter": 0.08, "balloo
 CAMERAS = "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n"
 # Cities in which engagements take place that the loop is judged by: not learned from.
 JUDGED_CITIES = range(1, 9)
-FREE, HELD_UAV = 0.5, 0.35  # shares of what is drawn; in the rest a distractor is held
+FREE, HELD_UAV = 0.45, 0.25  # shares of what is drawn; in the rest a distractor is held
 FINE_IFOV_RAD = math.radians(1.0) / 640
 # UTC: the light, and how often; a UAV that is not found is mostly one in low light.
 TIMES = {
@@ -53,6 +54,10 @@ WEATHER = (
 
 def pick(rng: random.Random, shares: dict) -> str:
     return rng.choices(list(shares), list(shares.values()))[0]
+
+
+def kind_of(rng: random.Random, what: str) -> str:
+    return pick(rng, {kind: OFTEN.get(kind, 1.0) for kind in KINDS[what]})
 
 
 def place(az_deg: float, el_deg: float, range_m: float) -> list[float]:
@@ -97,7 +102,7 @@ def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_
     """A UAV or bird that stays beside the held one, which moves at this rate to the right: the farther, the faster, and
     for the rest along the line of sight."""
     what = rng.choice(("uav", "bird"))
-    kind = rng.choice(list(KINDS[what]))
+    kind = kind_of(rng, what)
     slow, fast = SPEED_MPS[what]
     wanted_px = math.exp(rng.uniform(math.log(7), math.log(140)))
     range_m = KINDS[what][kind] / (wanted_px * FINE_IFOV_RAD)
@@ -126,7 +131,7 @@ def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_
 
 def crossing(rng: random.Random, what: str, az_deg: float, el_deg: float) -> tuple[str, str, float]:
     """The held one in straight flight, or at rest, and its rate to the right [rad/s]."""
-    kind = rng.choice(list(KINDS[what]))
+    kind = kind_of(rng, what)
     wanted_px = math.exp(rng.uniform(math.log(7), math.log(140)))
     near, far = RANGE_M[what]
     range_m = min(max(KINDS[what][kind] / (wanted_px * FINE_IFOV_RAD), near), far)
@@ -151,7 +156,7 @@ def rounded(xs: list[float]) -> list[float]:
 
 def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float) -> tuple[str, str]:
     """A table of the scenario, and which list it belongs to."""
-    kind = rng.choice(list(KINDS[what]))
+    kind = kind_of(rng, what)
     extent_m = KINDS[what][kind]
     # Its size in the precise camera, evenly over the logarithm.
     wanted_px = math.exp(rng.uniform(math.log(5), math.log(120)))

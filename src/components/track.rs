@@ -95,8 +95,8 @@ pub struct BoresightError {
     pub available_tick: u64,
     /// Right and down, by the controller's pixel-to-angle map [rad].
     pub angle_rad: DVec2,
-    /// Distance [px].
-    pub distance_px: f64,
+    /// Right and down in the picture [px].
+    pub offset_px: DVec2,
     /// Half of the smaller side of the target's box [px].
     pub half_side_px: f64,
 }
@@ -271,6 +271,8 @@ pub struct Tracker {
     pub falling_since: Option<u64>,
     /// Since when it has been mere scenery.
     pub scenery_since: Option<u64>,
+    /// The last precise error's exposure, and the mean of the last ones, right and down [px].
+    pub settling: Option<(u64, DVec2)>,
     /// Each camera's last exposure, by its number: when [s], and how the station believed it to be turned.
     pub turned: BTreeMap<usize, (f64, DQuat)>,
     /// Since when it has been seen well, and not well enough recognised to be fired at.
@@ -300,6 +302,7 @@ impl Default for Tracker {
             sink_at_fire_mps: None,
             falling_since: None,
             scenery_since: None,
+            settling: None,
             turned: BTreeMap::new(),
             doubtful_since: None,
             changes: vec![StateChange {
@@ -319,6 +322,7 @@ impl Tracker {
         self.hits_in_state = PerTier::default();
         if !matches!(to, TrackingState::Precise | TrackingState::Engage) {
             self.locked_since = None;
+            self.settling = None;
         }
         self.changes.push(StateChange {
             tick,

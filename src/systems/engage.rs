@@ -253,7 +253,7 @@ fn decide_station(
         *looked_over = None;
     }
     if let Some(error) = tracker.error[Tier::Precise]
-        && error.distance_px > error.half_side_px
+        && error.offset_px.length() > error.half_side_px
     {
         reasons.push("aim point outside the target");
     }

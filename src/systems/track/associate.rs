@@ -193,7 +193,7 @@ fn boresight_error(
         exposure_tick: batch.frame.tick,
         available_tick: batch.available_tick,
         angle_rad: angles(px) - angles(reticle_px),
-        distance_px: px.distance(reticle_px),
+        offset_px: px - reticle_px,
         half_side_px: 0.5 * (x1 - x0).min(y1 - y0),
     }
 }

@@ -42,6 +42,8 @@ const FALLING_S: f64 = 0.3;
 const SCENERY_S: f64 = 2.0;
 /// Time for which a target that is seen well may be less than surely a UAV [s].
 const DOUBTFUL_S: f64 = 4.0;
+/// Time over which the flutter of a target's box evens out [s].
+const FLUTTER_S: f64 = 0.2;
 /// Lock and break radius as a share of the smaller side of a large target's box: a beam on a larger body
 /// may wander more.
 const LOCK_SHARE: f64 = 0.1;
@@ -405,7 +407,17 @@ fn silence(now: &Situation, tier: Tier) -> String {
 /// Follows the lock of the precise camera between Precise and Engage.
 fn lock(now: &Situation, tracker: &mut Tracker, error: &BoresightError) {
     let (tick, params) = (now.tick, now.params);
-    let (distance_px, side_px) = (error.distance_px, 2.0 * error.half_side_px);
+    let mean_px = match tracker.settling {
+        None => error.offset_px,
+        Some((exposed, mean_px)) => {
+            let since_s = now.clock.at_s(error.exposure_tick.saturating_sub(exposed));
+            mean_px.lerp(error.offset_px, 1.0 - (-since_s / FLUTTER_S).exp())
+        }
+    };
+    tracker.settling = Some((error.exposure_tick, mean_px));
+    // A box that flutters about the reticle is on it, however far its middle jumps.
+    let distance_px = error.offset_px.length().min(mean_px.length());
+    let side_px = 2.0 * error.half_side_px;
     let engaged = tracker.state == TrackingState::Engage;
     let radius_px = if engaged {
         params.break_radius_px.max(BREAK_SHARE * side_px)
@@ -521,6 +533,17 @@ mod tests {
         }
     }
 
+    /// A precise error of a box of 8 px.
+    fn seen_at(tick: u64, offset_px: DVec2) -> BoresightError {
+        BoresightError {
+            exposure_tick: tick,
+            available_tick: tick,
+            angle_rad: DVec2::ZERO,
+            offset_px,
+            half_side_px: 4.0,
+        }
+    }
+
     /// A frame of the precise camera that shows UAVs where they are, their ranges known.
     fn see(tracker: &mut Tracker, t_s: f64, uavs_enu_m: &[DVec3]) {
         see_by(3e-5, tracker, t_s, uavs_enu_m);
@@ -580,13 +603,7 @@ mod tests {
             for tick in frame * FRAME..(frame + 1) * FRAME {
                 if frame > 30 && tracker.target.is_some() {
                     let now = situation(&params, tick);
-                    let silent = BoresightError {
-                        exposure_tick: now.tick,
-                        available_tick: now.tick,
-                        angle_rad: DVec2::ZERO,
-                        distance_px: 0.0,
-                        half_side_px: 4.0,
-                    };
+                    let silent = seen_at(now.tick, DVec2::ZERO);
                     tracker.error = PerTier::of(|_| Some(silent));
                     tracker.locked_since.get_or_insert(0);
                     step(
@@ -701,13 +718,7 @@ mod tests {
                     }),
                     ..situation(&params, frame * FRAME)
                 };
-                let seen = BoresightError {
-                    exposure_tick: now.tick,
-                    available_tick: now.tick,
-                    angle_rad: DVec2::ZERO,
-                    distance_px: 0.0,
-                    half_side_px: 4.0,
-                };
+                let seen = seen_at(now.tick, DVec2::ZERO);
                 tracker.error = PerTier::of(|_| Some(seen));
                 step(&now, &mut tracker, false, false);
                 if tracker.target.is_none() {
@@ -835,13 +846,7 @@ mod tests {
                         cue,
                         ..situation(&params, frame * FRAME)
                     };
-                    let centred = BoresightError {
-                        exposure_tick: now.tick,
-                        available_tick: now.tick,
-                        angle_rad: DVec2::ZERO,
-                        distance_px: 0.0,
-                        half_side_px: 4.0,
-                    };
+                    let centred = seen_at(now.tick, DVec2::ZERO);
                     tracker.error = PerTier::of(|_| Some(centred));
                     step(&now, &mut tracker, false, false);
                     if tracker.target.is_none() {
@@ -880,16 +885,47 @@ mod tests {
     }
 
     #[test]
+    fn a_box_that_flutters_about_the_reticle_is_locked() {
+        let params = params();
+        // The state after half a second of boxes whose middles are at these places in turn [px].
+        let after = |offsets_px: [[f64; 2]; 2]| {
+            let mut tracker = Tracker::default();
+            for frame in 0..60_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0)]);
+                let tick = u64::from(frame * FRAME);
+                if frame == 30 {
+                    let id = tracker.table.tracks[0].id;
+                    tracker.acquire(tick, id, "test");
+                    tracker.change(tick, TrackingState::Precise, "test");
+                }
+                if frame > 30 {
+                    let offset_px = DVec2::from(offsets_px[frame as usize % 2]);
+                    tracker.error = PerTier::of(|_| Some(seen_at(tick, offset_px)));
+                    step(
+                        &situation(&params, frame * FRAME),
+                        &mut tracker,
+                        false,
+                        false,
+                    );
+                }
+            }
+            tracker.state
+        };
+        let (locked, not) = (TrackingState::Engage, TrackingState::Precise);
+        assert_eq!(after([[8.0, 0.0], [-8.0, 1.0]]), locked);
+        assert_eq!(after([[8.0, 0.0], [6.0, 0.0]]), not);
+        assert_eq!(after([[4.0, 0.0], [4.0, 0.0]]), locked);
+    }
+
+    #[test]
     fn silence_begins_when_the_news_arrives() {
         let params = params();
         let mut tracker = Tracker::default();
         // Exposed at the start, known 0.4 s later: a slow detector is no lost target.
         tracker.error[Tier::Coarse] = Some(BoresightError {
-            exposure_tick: 0,
             available_tick: 384,
-            angle_rad: DVec2::ZERO,
-            distance_px: 0.0,
-            half_side_px: 4.0,
+            ..seen_at(0, DVec2::ZERO)
         });
         let lost = |tick| situation(&params, tick).lost_by(&tracker, Tier::Coarse);
         assert_eq!([390, 624, 625].map(lost), [false, false, true]);

@@ -4,6 +4,7 @@
 
 mod b3dm;
 mod bytes;
+mod draco;
 mod error;
 mod gltf;
 mod i3dm;

@@ -126,6 +126,11 @@ impl<'f> Context<'f> {
         Ok(())
     }
 
+    /// What may still be decoded [byte].
+    pub fn left(&self) -> u64 {
+        MAX_DECODED - self.spent.get()
+    }
+
     /// Decodes what lies beside another file: `fetch` reads what that refers to, and what it decodes counts here.
     pub fn beside<T>(&self, fetch: Fetch, decode: impl FnOnce(&Context) -> T) -> T {
         let inner = Context {

@@ -18,23 +18,16 @@ pub(crate) fn decode(bytes: &[u8], context: &Context) -> Result<Content, Content
         *length = u32_at(bytes, 12 + 4 * i, "header")?;
     }
     let Parts {
-        features: table,
+        features: mut table,
         batch,
         ..
     } = Parts::new(bytes, HEADER, lengths, "header")?;
-    if table.extension("3DTILES_draco_point_compression").is_some() {
-        let what =
-            "point clouds that Draco compressed - write them as glTF with meshopt compression";
-        return Err(ContentError::unsupported("feature table", what));
-    }
     let damaged = |why: &str| ContentError::damaged("feature table", why);
     let count = table.count("POINTS_LENGTH")?;
     let count = count.ok_or_else(|| damaged("it has no POINTS_LENGTH"))?;
-    if count > bytes.len() {
-        return Err(damaged("more points than its bytes can hold"));
-    }
     const POINT: usize = 64; // [byte] in memory, at most
     context.spend(count.saturating_mul(POINT), "points")?;
+    table.unpack(count, context)?;
     let found = positions(&table, count)?;
     let found = found.ok_or_else(|| damaged("it has neither POSITION nor POSITION_QUANTIZED"))?;
     let (low, high) = bounds(&found);

@@ -1,14 +1,31 @@
 //! Feature and batch tables of 3D Tiles 1.0: JSON whose entries are values or places in binary data.
 
 use crate::tiles::content::bytes::{Kind, elements, json, part};
+use crate::tiles::content::draco::{self, Attribute};
 use crate::tiles::content::error::ContentError;
 use crate::tiles::content::model::{Context, Rows};
+use serde::Deserialize;
 use serde_json::{Map, Value};
+use std::collections::BTreeMap;
+
+/// The extension `3DTILES_draco_point_compression` of a feature table.
+const DRACO: &str = "3DTILES_draco_point_compression";
+
+/// What that says: which attribute is which entry, and where the data lie.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Compressed {
+    properties: BTreeMap<String, usize>,
+    byte_offset: usize,
+    byte_length: usize,
+}
 
 /// A feature or batch table.
 pub(crate) struct Table<'b> {
     entries: Map<String, Value>,
     binary: &'b [u8],
+    /// Entries that were compressed.
+    unpacked: BTreeMap<String, Attribute>,
     place: &'static str,
 }
 
@@ -24,6 +41,7 @@ impl<'b> Table<'b> {
         Ok(Self {
             entries,
             binary,
+            unpacked: BTreeMap::new(),
             place,
         })
     }
@@ -41,9 +59,26 @@ impl<'b> Table<'b> {
             .unwrap_or(false)
     }
 
-    /// Its extension of a name.
-    pub fn extension(&self, name: &str) -> Option<&Value> {
-        self.entries.get("extensions")?.get(name)
+    /// Unpacks the entries that Draco compressed: attributes of `count` points.
+    pub fn unpack(&mut self, count: usize, context: &Context) -> Result<(), ContentError> {
+        let extensions = self.entries.get("extensions");
+        let Some(said) = extensions.and_then(|all| all.get(DRACO)) else {
+            return Ok(());
+        };
+        let said = Compressed::deserialize(said).map_err(|why| self.fault(DRACO, why))?;
+        let place = format!("{}, {DRACO}", self.place);
+        let data = part(self.binary, said.byte_offset, said.byte_length, &place)?;
+        let mut points = draco::cloud(data, context, &place)?;
+        if points.count != count {
+            let why = format!("{} points where {count} were expected", points.count);
+            return Err(self.fault(DRACO, why));
+        }
+        for (name, id) in said.properties {
+            let own = points.attributes.remove(&id);
+            self.unpacked
+                .insert(name, own.ok_or_else(|| draco::absent(id, &place))?);
+        }
+        Ok(())
     }
 
     /// A fault of an entry.
@@ -79,6 +114,15 @@ impl<'b> Table<'b> {
         kind: Kind,
         count: usize,
     ) -> Result<Option<Vec<f64>>, ContentError> {
+        if let Some(found) = self.unpacked.get(name) {
+            if found.components != components {
+                return Err(self.fault(name, format!("{components} numbers a point were expected")));
+            }
+            let numbers = found.bytes.chunks_exact(found.kind.size());
+            return Ok(Some(
+                numbers.map(|bytes| found.kind.number(bytes)).collect(),
+            ));
+        }
         let Some(entry) = self.entries.get(name) else {
             return Ok(None);
         };

@@ -74,6 +74,11 @@ impl<'b> Document<'b> {
         })
     }
 
+    /// What is shared with the content that it stands in.
+    pub fn context(&self) -> &Context<'b> {
+        self.context
+    }
+
     /// Counts bytes that are about to be decoded; an error where they are too many.
     pub fn spend(&self, bytes: usize, place: &str) -> Result<(), ContentError> {
         self.context.spend(bytes, place)

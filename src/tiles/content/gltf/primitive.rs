@@ -49,7 +49,7 @@ impl Source<'_, '_> {
         let found = match self.compressed(name) {
             Some((id, mesh)) => {
                 self.document
-                    .spend(mesh.count.saturating_mul(4 * N), &place)?;
+                    .spend(mesh.points.count.saturating_mul(4 * N), &place)?;
                 mesh.floats(id, accessor, fill, &place)
             }
             None => self.document.floats(accessor, fill, &place),

@@ -2,7 +2,7 @@
 //! meshoptimizer encoder here makes.
 
 use super::*;
-use crate::tiles::content::picture;
+use crate::tiles::content::{model::linear, picture};
 
 /// The grid of `make.mjs` in a frame with z up: how far what was decoded is off, in positions, normals and
 /// texture coordinates.
@@ -10,12 +10,7 @@ fn grid_errors(file: &[u8]) -> [f32; 3] {
     let content = decode(file, UpAxis::Z, &|_| Err(String::new())).unwrap();
     assert_eq!(content.triangle_count(), 128);
     let mesh = &content.meshes[0].mesh;
-    // Draco's decoders may split vertices.
-    assert!(
-        (81..100).contains(&mesh.positions.len()),
-        "{}",
-        mesh.positions.len()
-    );
+    assert_eq!(mesh.positions.len(), 81);
     let mut errors = [0.0_f32; 3];
     let mut area = 0.0;
     for (i, normal) in mesh.normals.iter().enumerate() {
@@ -98,11 +93,63 @@ fn quantized_without_compression() {
 }
 
 #[test]
-fn draco_counts_are_checked_before_the_decoder_sees_them() {
+fn draco_of_points_of_both_kinds() {
+    const SIDE: f64 = 8.0;
+    for file in [
+        include_bytes!("../../../../tests/data/tiles/draco-cloud-sequential.pnts").as_slice(),
+        include_bytes!("../../../../tests/data/tiles/draco-cloud-kd-tree.pnts"),
+    ] {
+        let content = decode(file, UpAxis::Z, &|_| Err(String::new())).unwrap();
+        let cloud = &content.points[0];
+        assert_eq!(cloud.positions.len(), 81);
+        let mut seen = [false; 81];
+        for (i, position) in cloud.positions.iter().enumerate() {
+            let p = DVec3::from(position.map(f64::from)) + cloud.origin_m
+                - DVec3::new(10.0, 20.0, 30.0);
+            let [column, row] = [p.x, p.y].map(|x| (SIDE * x).round());
+            // 14 bits; the method with a tree quantizes the box's longest side.
+            let at = DVec3::new(column / SIDE, row / SIDE, 0.5 * column * row / SIDE / SIDE);
+            assert!((p - at).abs().max_element() < 1e-4, "{p}");
+            let k = (row * 9.0 + column) as usize;
+            seen[k] = true;
+            let level = |x: f64| linear((255.0 * x).round() / 255.0);
+            let color = [
+                level(column / SIDE),
+                level(row / SIDE),
+                level(64.0 / 255.0),
+                1.0,
+            ];
+            assert_eq!(cloud.colors[i], color);
+            assert_eq!(cloud.features[i], k as u32 % 4);
+        }
+        assert!(seen.iter().all(|seen| *seen));
+        assert_eq!(content.features[2]["name"], "c");
+        // Fewer points than the table says, and data that end early.
+        let text = |from: &str, to: &str| {
+            let mut changed = file.to_vec();
+            let at = file.windows(from.len()).position(|w| w == from.as_bytes());
+            let at = at.unwrap();
+            changed[at..at + from.len()].copy_from_slice(to.as_bytes());
+            alone(&changed).unwrap_err().to_string()
+        };
+        let refused = text(r#""POINTS_LENGTH":81"#, r#""POINTS_LENGTH":82"#);
+        assert!(refused.contains("81 points where 82"), "{refused}");
+        let refused = text(r#""RGB":1"#, r#""RGB":7"#);
+        assert!(refused.contains("no Draco attribute 7"), "{refused}");
+        let refused = text("DRACO", "DRACI");
+        assert!(
+            refused.contains("3DTILES_draco_point_compression"),
+            "{refused}"
+        );
+    }
+}
+
+#[test]
+fn draco_may_ask_for_no_more_than_a_content_may_hold() {
     let file = include_bytes!("../../../../tests/data/tiles/draco-edgebreaker.glb");
     let at = file.windows(5).position(|part| part == b"DRACO").unwrap();
     assert_eq!(file[at + 8], 1, "edgebreaker");
-    // Vertices, faces (two bytes), attributes, symbols: 2³² and more of each.
+    // Vertices, faces (two bytes), symbols: 2³² and more of each.
     for (from, length) in [(12, 1), (13, 2), (16, 1)] {
         let mut damaged = file.to_vec();
         let huge = [0xff, 0xff, 0xff, 0xff, 0x7f];
@@ -110,23 +157,8 @@ fn draco_counts_are_checked_before_the_decoder_sees_them() {
         // The containers' lengths stay; what is shifted out at the end does not matter.
         damaged.truncate(file.len());
         let refused = alone(&damaged).unwrap_err().to_string();
-        assert!(
-            refused.contains("more faces than its bytes can hold"),
-            "{from}: {refused}"
-        );
+        assert!(refused.contains("KHR_draco_mesh_compression"), "{refused}");
     }
-    // Metadata before the counts do not hide them.
-    let mut hidden = file.to_vec();
-    hidden[at + 10] |= 0x80;
-    hidden.splice(at + 11..at + 11, [0, 0, 0]);
-    let huge = [0xff, 0xff, 0xff, 0xff, 0x7f];
-    hidden.splice(at + 15..at + 16, huge);
-    hidden.truncate(file.len());
-    let refused = alone(&hidden).unwrap_err().to_string();
-    assert!(
-        refused.contains("more faces than its bytes can hold"),
-        "{refused}"
-    );
 }
 
 /// A model whose one buffer view `at` is stored as meshoptimizer packed it.
