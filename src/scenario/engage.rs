@@ -29,11 +29,11 @@ pub struct Engage {
     pub allow_backstop: Vec<Backstop>,
     /// An allowed building or ground must lie at least this far behind the target.
     pub min_clear_range_m: f64,
-    /// The precise track's error must stay below this to count as locked.
+    /// The precise track's error, or its mean over 0.2 s, must stay below this to count as locked.
     pub lock_radius_px: f64,
     /// How long the lock must hold before the laser fires.
     pub lock_dwell_s: f64,
-    /// The laser stops when the precise track's error exceeds this.
+    /// The laser stops when the precise track's error, and its mean over 0.2 s, exceed this.
     pub break_radius_px: f64,
     /// Longest single burst.
     pub max_burst_s: f64,

@@ -26,7 +26,7 @@ pub(crate) fn decode(bytes: &[u8], context: &Context) -> Result<Content, Content
     let count = table.count("POINTS_LENGTH")?;
     let count = count.ok_or_else(|| damaged("it has no POINTS_LENGTH"))?;
     const POINT: usize = 64; // [byte] in memory, at most
-    context.spend(count.saturating_mul(POINT), "points")?;
+    context.spend(count.saturating_mul(POINT), "feature table, POINTS_LENGTH")?;
     table.unpack(count, context)?;
     let found = positions(&table, count)?;
     let found = found.ok_or_else(|| damaged("it has neither POSITION nor POSITION_QUANTIZED"))?;
