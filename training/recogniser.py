@@ -496,14 +496,25 @@ def member(work: tuple[Tracks, int, int, float, int, Recogniser | None]) -> tupl
     return train(*work, log), log
 
 
+def blended(model: Recogniser, start: Recogniser, keep: float) -> Recogniser:
+    """A model between the one it began as, of which it keeps a share, and what it became (Wortsman et al., Robust fine-tuning of zero-shot
+    models, CVPR 2022): new tracks teach it, and what they lack is not forgotten."""
+    both = copy.deepcopy(model)
+    with torch.no_grad():
+        for own, first in zip(both.parameters(), start.parameters()):
+            own.lerp_(first, keep)
+    return both
+
+
 def ensemble(
-    tracks: Tracks, seeds: range, steps: int, batch: int, lr: float, processes: int, start: list[Recogniser] | None = None
+    tracks: Tracks, seeds: range, steps: int, batch: int, lr: float, processes: int, start: list[Recogniser] | None = None, keep: float = 0.0
 ) -> tuple[Ensemble, list[dict]]:
-    """A model for each seed, several at once, and their logs; each begins as one of `start`, if given."""
+    """A model for each seed, several at once, and their logs; each begins as one of `start`, if given, and keeps a share of it."""
     works = [(tracks, steps, batch, lr, seed, start[k % len(start)] if start else None) for k, seed in enumerate(seeds)]
     with multiprocessing.get_context("fork").Pool(min(processes, len(works))) as pool:
         found = pool.map(member, works, chunksize=1)
-    return Ensemble([model for model, _ in found]).eval(), [row for _, log in found for row in log]
+    models = [blended(model, work[-1], keep) if start else model for (model, _), work in zip(found, works)]
+    return Ensemble(models).eval(), [row for _, log in found for row in log]
 
 
 def main() -> None:
@@ -518,6 +529,7 @@ def main() -> None:
     parser.add_argument("--members", type=int, default=4, help="models whose mean it is")
     parser.add_argument("--processes", type=int, default=max(1, os.cpu_count() or 1), help="models trained at once")
     parser.add_argument("--init", type=Path, help="a recogniser.onnx from whose weights the models begin")
+    parser.add_argument("--keep", type=float, default=0.0, help="share of those weights in the models at the end, 0 to 1")
     parser.add_argument("--beside", type=Path, help="a recogniser.onnx that is measured on the same sequences")
     args = parser.parse_args()
     tracks = load(args.data)
@@ -527,9 +539,9 @@ def main() -> None:
         print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")
     args.out.mkdir(parents=True, exist_ok=True)
     start = of_file(onnx.load(args.init)) if args.init else None
-    model, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes, start)
+    model, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes, start, args.keep)
     temperature = temperature_of(logits_of(model, calibrate), calibrate.labels, track_weights(calibrate))
-    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "runs": len(set(tracks.run.tolist())),
+    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "keep": args.keep, "runs": len(set(tracks.run.tolist())),
               "sequences": len(learn)}  # fmt: skip
     graph = to_onnx(model, temperature, recipe)
     worst = compare(model, temperature, graph, test)

@@ -190,6 +190,11 @@ def test_a_file_gives_back_its_models():
     # It goes on learning from there, in the scale of its features.
     on, _ = r.ensemble(tracks, range(3, 5), 1, 16, 1e-6, 1, again.members)
     assert torch.allclose(r.logits_of(on, tracks), r.logits_of(both, tracks), atol=1e-2)
+    # What keeps all of its beginning has learned nothing.
+    kept, _ = r.ensemble(tracks, range(3, 5), 4, 16, 3e-3, 1, again.members, 1.0)
+    assert torch.allclose(r.logits_of(kept, tracks), r.logits_of(again, tracks), atol=1e-6)
+    half, own = r.blended(on.members[0], again.members[0], 0.5), on.members[0]
+    assert torch.allclose(half.step.bias, 0.5 * (own.step.bias + again.members[0].step.bias), atol=1e-7)
     p = r.answers(graph, tracks)
     assert np.allclose(p, torch.softmax(r.logits_of(both, tracks), 1).numpy(), atol=1e-5)
 
