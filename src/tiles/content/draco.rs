@@ -117,9 +117,9 @@ fn decoded<T: Default>(
     place: &str,
     decode: impl Fn(&mut DecoderBuffer, &mut T) -> Status,
 ) -> Result<T, ContentError> {
-    /// Least bytes of a point and of a face in memory.
-    const POINT: u64 = 3;
-    const FACE: u64 = 12;
+    /// What the decoder needs for a point and for a face beside the attributes, roughly [byte].
+    const POINT: u64 = 16;
+    const FACE: u64 = 64;
     let left = context.left();
     let limits = DecodeLimits::default()
         .with_max_points(left / POINT)
