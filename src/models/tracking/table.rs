@@ -164,6 +164,8 @@ pub struct Conduct {
     pub in_scenery: bool,
     /// Whether the sky is clear behind it and some way below it.
     pub in_sky: bool,
+    /// What those say of it that fly along with it, as log-odds: 0, or less.
+    pub company: f64,
 }
 
 impl Conduct {
@@ -178,11 +180,17 @@ impl Track {
     /// which has seen all that the evidence counts and the pictures besides, has the word; of a dot it mostly
     /// says which birds and UAVs are about where it learned.
     pub fn log_odds(&self) -> f64 {
-        let Some(found) = self.recognition else {
-            return self.evidence.log_odds();
-        };
+        match self.recognised() {
+            Some(log_odds) => log_odds + self.conduct.company,
+            None => self.evidence.log_odds(),
+        }
+    }
+
+    /// Log-odds that it is a UAV by the recogniser alone, if that has an answer.
+    pub fn recognised(&self) -> Option<f64> {
         let named = named_share(self.evidence.best_px());
-        logit(found.p_uav()) * (OF_A_DOT + (1.0 - OF_A_DOT) * named)
+        let share = OF_A_DOT + (1.0 - OF_A_DOT) * named;
+        self.recognition.map(|found| share * logit(found.p_uav()))
     }
 
     /// Probability that it is a UAV.

@@ -26,6 +26,9 @@ const LONGEST_GAZE_S: f64 = 2.0;
 const PROMISING_HITS: u32 = 3;
 const PROMISING: f64 = 0.0;
 const PROMISING_JUDGED: f64 = -0.6;
+/// Probability by the recogniser that makes it worth one wherever it stands: a UAV that hovers before scenery is
+/// only chosen once the recogniser is sure.
+const PROMISING_PROBABILITY: f64 = 0.5;
 /// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
 /// the next.
 const OVERLAP: f64 = 0.1;
@@ -228,7 +231,8 @@ pub(super) fn search(
     scan.gaze(t_s)
 }
 
-/// Whether a track is worth a longer gaze: it flies, stands in the sky or where the radar points.
+/// Whether a track is worth a longer gaze: it flies, stands in the sky or where the radar points, or is more likely a
+/// UAV than not.
 fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
     let fresh = track.filter.coast_s(t_s) < 0.3;
     let (rate, sigmas) = track.motion(t_s);
@@ -240,11 +244,11 @@ fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
             separation_rad(at, cue.az_el_rad) < cue.sigma_rad.max_element()
         })
     };
+    let likely = (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY);
+    let stands_out = || track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued();
     fresh
         && track.total_hits() >= PROMISING_HITS
-        && !track.conduct.is_scenery()
-        && track.log_odds() > least
-        && (track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued())
+        && (likely || !track.conduct.is_scenery() && track.log_odds() > least && stands_out())
 }
 
 #[cfg(test)]

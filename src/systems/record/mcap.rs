@@ -358,6 +358,7 @@ impl Recorded<'_, '_> {
         }
         state.quality = target.filter.quality();
         state.class = self.detector.class(target.label()).into();
+        state.uav_probability = target.uav_belief();
         state
     }
 

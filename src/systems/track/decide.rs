@@ -31,8 +31,10 @@ const RIVAL_S: f64 = 1.0;
 const GIVEN_UP: f64 = -2.0;
 /// Log-odds below which not even a dot is shown to the precise camera.
 const SURELY_NONE: f64 = -1.5;
-/// Time for which it must have been held before it is doubted [s].
+/// Time for which it must have been held before it is doubted [s]; by the precise camera, whose pictures must first take the
+/// place of dots in the second that is judged.
 const DOUBT_AFTER_S: f64 = 0.3;
+const DOUBT_CLOSE_S: f64 = 1.0;
 /// A target that has been fired at for so long [s] and sinks faster by this [m/s] than before it, for this
 /// long [s], has been dealt with.
 const FIRED_S: f64 = 0.1;
@@ -40,8 +42,10 @@ const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
 /// Time for which a target that stands before scenery may be less than surely a UAV [s].
 const SCENERY_S: f64 = 2.0;
-/// Time for which a target that is seen well may be less than surely a UAV [s].
+/// Time for which a target that is seen well may be less than surely a UAV [s], at odds up to these; in proportion to
+/// them for a likelier one.
 const DOUBTFUL_S: f64 = 4.0;
+const DOUBTFUL_ODDS: f64 = 4.0;
 /// Time over which the flutter of a target's box evens out [s].
 const FLUTTER_S: f64 = 0.2;
 /// Lock and break radius as a share of the smaller side of a large target's box: a beam on a larger body
@@ -159,8 +163,11 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
     }
     if is_doubtful(now, tracker) {
         let until_s = now.t_s() + REJECTED_S;
-        let reason = format!("seen well for {DOUBTFUL_S} s, and not surely a UAV");
-        tracker.give_up(tick, Some(until_s), reason);
+        tracker.give_up(
+            tick,
+            Some(until_s),
+            "seen well for some seconds, and not surely a UAV",
+        );
         return;
     }
     if !firing && !tracker.designated && tracker.target.is_some_and(|id| now.spares(id)) {
@@ -233,12 +240,16 @@ fn is_doubtful(now: &Situation, tracker: &mut Tracker) -> bool {
         judged && track.uav_belief() < now.params.fire_belief && !now.cued(track)
     };
     let engaged = tracker.state == TrackingState::Engage && !left_alone;
-    if !(engaged && tracker.target_track().is_some_and(doubtful)) {
+    let target = tracker.target_track().filter(|track| doubtful(track));
+    let Some(odds) = target
+        .map(|track| track.log_odds().exp())
+        .filter(|_| engaged)
+    else {
         tracker.doubtful_since = None;
         return false;
-    }
+    };
     let since = *tracker.doubtful_since.get_or_insert(now.tick);
-    now.clock.at_s(now.tick - since) > DOUBTFUL_S
+    now.clock.at_s(now.tick - since) > DOUBTFUL_S * (odds / DOUBTFUL_ODDS).max(1.0)
 }
 
 /// Whether a cue may mean a track, by their directions.
@@ -274,6 +285,10 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
     // The paper's rule has no track to judge by.
     let judged = !params.nearest_to_centre;
     let hits = tracker.hits_in_state;
+    let doubt_after_s = match tracker.state {
+        TrackingState::Precise | TrackingState::Engage => DOUBT_CLOSE_S,
+        _ => DOUBT_AFTER_S,
+    };
     match tracker.state {
         TrackingState::Search => {}
         TrackingState::Acquire
@@ -285,7 +300,7 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                 && !tracker.designated
                 // What tumbles looks like no UAV, and is soon seen to fall.
                 && tracker.falling_since.is_none()
-                && in_state_s > DOUBT_AFTER_S
+                && in_state_s > doubt_after_s
                 && log_odds < GIVEN_UP =>
         {
             doubt(now, tracker);
@@ -674,10 +689,7 @@ mod tests {
             tracker.table.tracks[0].conduct.in_sky = true;
             let now = situation(&params, 12 * FRAME);
             for (p_uav, chosen) in [(0.05, false), (0.45, dot), (0.9, true)] {
-                tracker.table.tracks[0].recognition = Some(Recognition {
-                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
-                    t_s: 0.2,
-                });
+                judge(&mut tracker, p_uav);
                 let found = now.candidate(&tracker).is_some();
                 assert_eq!(found, chosen, "{dot} {p_uav}");
             }
@@ -691,7 +703,7 @@ mod tests {
         let held_s = |p_uav: f64, cued: bool| {
             let mut tracker = Tracker::default();
             let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-            for frame in 0..400_u32 {
+            for frame in 0..500_u32 {
                 let t_s = f64::from(frame) / 60.0;
                 see(&mut tracker, t_s, &[r_enu_m]);
                 let track = &mut tracker.table.tracks[0];
@@ -727,10 +739,46 @@ mod tests {
             }
             None
         };
-        let left_s = held_s(0.9, false).unwrap();
+        let left_s = held_s(0.75, false).unwrap();
         assert!((DOUBTFUL_S..DOUBTFUL_S + 0.1).contains(&left_s), "{left_s}");
+        // At odds of six to one half as long again.
+        let later_s = 1.5 * DOUBTFUL_S;
+        let left_s = held_s(6.0 / 7.0, false).unwrap();
+        assert!((later_s..later_s + 0.1).contains(&left_s), "{left_s}");
         assert_eq!(held_s(0.99, false), None);
-        assert_eq!(held_s(0.9, true), None);
+        assert_eq!(held_s(0.75, true), None);
+    }
+
+    #[test]
+    fn one_that_flies_among_birds_is_taken_for_one_of_them() {
+        let params = params();
+        // What is left of a belief of 0.97 after three seconds beside another, judged so, at this speed [m/s].
+        let believed = |p_other: f64, speed_mps: f64| {
+            let mut tracker = Tracker::default();
+            for frame in 0..180_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                let flies = DVec3::new(12.0 * t_s, 600.0, 80.0);
+                let other = DVec3::new(12.0 + speed_mps * t_s, 600.0, 90.0);
+                see(&mut tracker, t_s, &[flies, other]);
+                for (track, p_uav) in tracker.table.tracks.iter_mut().zip([0.97, p_other]) {
+                    track.recognition = Some(Recognition {
+                        probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                        t_s,
+                    });
+                }
+                if frame.is_multiple_of(6) {
+                    let now = situation(&params, frame * FRAME);
+                    now.weigh(&mut tracker.table, 0.1);
+                }
+            }
+            tracker.table.tracks[0].uav_belief()
+        };
+        assert!(believed(0.02, 11.0) < 0.7);
+        // One that goes its own way, or another UAV, says nothing.
+        assert!((believed(0.02, 8.0) - 0.97).abs() < 1e-6);
+        assert!((believed(0.98, 11.0) - 0.97).abs() < 1e-6);
+        // One that nothing is known of hardly counts.
+        assert!(believed(0.45, 11.0) > 0.96);
     }
 
     #[test]
@@ -774,6 +822,14 @@ mod tests {
         assert!((RIVAL_S..RIVAL_S + 0.1).contains(&changed_s), "{changed_s}");
     }
 
+    /// The recogniser finds the first track a UAV with this probability.
+    fn judge(tracker: &mut Tracker, p_uav: f64) {
+        tracker.table.tracks[0].recognition = Some(Recognition {
+            probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+            t_s: 0.2,
+        });
+    }
+
     #[test]
     fn scenery_may_hover_where_the_recogniser_or_the_radar_says_so() {
         let params = params();
@@ -804,10 +860,17 @@ mod tests {
         // What the radar sees fly does not stand there.
         assert!(!chosen(&tracker, Some(cue(0.01, 0.03))));
         for (p_uav, may) in [(0.85, false), (0.95, true)] {
-            tracker.table.tracks[0].recognition = Some(Recognition {
-                probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
-                t_s: 0.2,
-            });
+            judge(&mut tracker, p_uav);
+            assert_eq!(chosen(&tracker, None), may, "{p_uav}");
+        }
+        // Four pixels long, it is worth a closer look before that.
+        let mut tracker = Tracker::default();
+        for frame in 0..12_u32 {
+            see_by(1.5e-4, &mut tracker, f64::from(frame) / 60.0, &[r_enu_m]);
+        }
+        tracker.table.tracks[0].conduct.in_scenery = true;
+        for (p_uav, may) in [(0.45, false), (0.55, true)] {
+            judge(&mut tracker, p_uav);
             assert_eq!(chosen(&tracker, None), may, "{p_uav}");
         }
     }

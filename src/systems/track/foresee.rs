@@ -16,12 +16,41 @@ const FORESIGHT_S: f64 = 4.0;
 /// What was seen so lately is not hidden [s].
 const SEEN_S: f64 = 0.15;
 
+/// Fire without effect for so long [s] makes the aim walk over a large body, beside whose middle that of its picture may
+/// lie: round it at this distance [m], where discs of the 5 cm that the laser heats leave no gap, for this
+/// long [s] at each of six places and in the middle.
+const WALK_AFTER_S: f64 = 4.0; // [s]
+const WALK_M: f64 = 0.087; // [m]
+const WALK_DWELL_S: f64 = 2.0; // [s]
+/// Places of the walk, from the first on [deg, from right to up]; opposite ones follow each other.
+const WALK_DEG: [f64; 6] = [90.0, 270.0, 30.0, 210.0, 150.0, 330.0];
+/// Least span of what is walked over [m]: on a smaller one the beam would go past it.
+const WALK_SPAN_M: f64 = 0.8; // [m]
+
 /// Finds where on the target's picture the part aimed at is expected.
 pub fn aim(clock: Res<SimClock>, mut stations: Query<(&TrackerParams, &Mount, &mut Tracker)>) {
     for (params, mount, mut tracker) in &mut stations {
-        let aim_rad = part_rad(params, mount.r_enu_m, &tracker, clock.t_s());
-        tracker.aim_rad = aim_rad.unwrap_or(DVec2::ZERO);
+        let part_rad = part_rad(params, mount.r_enu_m, &tracker, clock.t_s());
+        let walk_rad = match params.aim {
+            Some(AimPart::Body) => walk_rad(&tracker, clock.at_s(tracker.fired_ticks)),
+            _ => DVec2::ZERO,
+        };
+        tracker.aim_rad = part_rad.unwrap_or(DVec2::ZERO) + walk_rad;
     }
+}
+
+/// How far the aim has walked from where the part is expected, right and up on the sky [rad], after `fired_s` of fire [s].
+fn walk_rad(tracker: &Tracker, fired_s: f64) -> DVec2 {
+    let (Some(range_m), Some(track)) = (tracker.range_m, tracker.target_track()) else {
+        return DVec2::ZERO;
+    };
+    if fired_s < WALK_AFTER_S || track.size_rad * range_m < WALK_SPAN_M {
+        return DVec2::ZERO;
+    }
+    let place = ((fired_s - WALK_AFTER_S) / WALK_DWELL_S) as usize % (WALK_DEG.len() + 1);
+    WALK_DEG.get(place).map_or(DVec2::ZERO, |deg| {
+        WALK_M / range_m * DVec2::from_angle(deg.to_radians())
+    })
 }
 
 /// Where the part aimed at is from the middle of the target's picture, right and up on the sky [rad], if the
@@ -80,5 +109,55 @@ pub fn foresee(
                 (_, next) => next,
             };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::components::capture::Tier;
+    use crate::models::tracking::evidence::EvidenceParams;
+    use crate::models::tracking::table::{CameraLook, Sighting};
+
+    #[test]
+    fn fire_without_effect_walks_over_a_large_target_only() {
+        // The distance [m] and direction [deg] of the aim's walk on a target of this span [m] at 500 m.
+        let walked = |span_m: f64, fired_s: f64| {
+            let mut tracker = Tracker::default();
+            let sighting = Sighting {
+                az_el_rad: DVec2::new(0.2, 0.1),
+                sigma_rad: 1e-5,
+                size_rad: span_m / 500.0,
+                score: 0.9,
+                label: 0,
+                weak: false,
+            };
+            tracker.table.update(&CameraLook {
+                tier: Tier::Coarse,
+                t_s: 0.0,
+                ifov_rad: 1e-4,
+                reads: &EvidenceParams::default(),
+                sightings: &[sighting],
+                in_view: &|_| true,
+                start_tracks: true,
+            });
+            tracker.acquire(0, tracker.table.tracks[0].id, "test");
+            tracker.range_m = Some(500.0);
+            let at_m = 500.0 * walk_rad(&tracker, fired_s);
+            (
+                at_m.length(),
+                at_m.to_angle().to_degrees().rem_euclid(360.0),
+            )
+        };
+        assert_eq!(walked(1.6, WALK_AFTER_S - 0.1).0, 0.0);
+        assert_eq!(walked(0.5, 60.0).0, 0.0);
+        for (place, deg) in WALK_DEG.into_iter().enumerate() {
+            let at_s = WALK_AFTER_S + (place as f64 + 0.5) * WALK_DWELL_S;
+            let (far_m, to_deg) = walked(1.6, at_s);
+            assert!((far_m - WALK_M).abs() < 1e-12 && (to_deg - deg).abs() < 1e-9);
+        }
+        // Back in the middle, and round again.
+        assert_eq!(walked(1.6, WALK_AFTER_S + 6.5 * WALK_DWELL_S).0, 0.0);
+        assert!(walked(1.6, WALK_AFTER_S + 7.5 * WALK_DWELL_S).0 > 0.0);
     }
 }

@@ -10,7 +10,6 @@ use crate::models::engage::threat::time_to_asset_s;
 use crate::models::ground::dsm::Dsm;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::cartesian::TargetCue;
-use crate::models::tracking::evidence::named_share;
 use crate::models::tracking::recognition::Recognition;
 use crate::models::tracking::search::{Sector, SlewLimits};
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
@@ -31,6 +30,8 @@ const RIVAL: f64 = 4.0;
 const CHOSEN_DOT_IN_SKY: f64 = -0.6;
 /// Share of the frames that must show a dot for that: a chain of false alarms is seen in fewer.
 const DOT_QUALITY: f64 = 0.5;
+/// Sizes up to which only a closer look can tell what something is, and from which on none is needed [px].
+const DOT_PX: [f64; 2] = [8.0, 16.0];
 /// Hits that make a track worth judging: a false alarm seldom comes back.
 const JUDGED_HITS: u32 = 3;
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
@@ -46,9 +47,10 @@ const SCENERY_S: f64 = 0.8;
 /// what that says, a look.
 const FASTEST_MPS: f64 = 70.0;
 const TOO_FAST: f64 = -2.0;
-/// Probability of a UAV by the recogniser, or deviations from a radar's cue, for which one that stands before
-/// scenery is taken for a hovering UAV.
+/// Probability of a UAV by the recogniser, for what is seen well and for a dot, or deviations from a radar's cue, for
+/// which one that stands before scenery is taken for a hovering UAV.
 const HOVER_PROBABILITY: f64 = 0.9;
+const HOVER_DOT: f64 = 0.5;
 const HOVER_SIGMAS: f64 = 2.0;
 /// Clear sky that must lie below a candidate that does not move [rad].
 const SKY_MARGIN_RAD: f64 = 4e-3;
@@ -81,7 +83,42 @@ pub fn patience_s(rate_hz: f64) -> f64 {
 /// look can tell what it is.
 pub(super) fn dot_share(track: &Track) -> f64 {
     if track.recognition.is_some() && track.filter.quality() > DOT_QUALITY {
-        1.0 - named_share(track.evidence.best_px())
+        let size_px = track.evidence.best_px();
+        1.0 - ((size_px - DOT_PX[0]) / (DOT_PX[1] - DOT_PX[0])).clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
+}
+
+/// What flies along with a track: within this angle [rad], on a course of its own [rad/s], at rates that differ by no
+/// more than this share. It is told by so long a time [s].
+const COMPANY_RAD: f64 = 0.05;
+const COMPANY_RADPS: f64 = 3.0e-3;
+const COMPANY_RATES: f64 = 0.2;
+const COMPANY_S: f64 = 1.0;
+
+/// A track that flies, as those see it that fly along with it.
+struct Flyer {
+    id: u32,
+    az_el_rad: DVec2,
+    rate_radps: DVec2,
+    log_odds: f64,
+}
+
+/// What those say of a flyer that fly along with it: things of a kind keep together, so that it is no likelier a UAV
+/// than they are in the mean; log-odds, 0 or less.
+fn company(flyer: &Flyer, flyers: &[Flyer]) -> f64 {
+    let along = flyers.iter().filter(|other| {
+        other.id != flyer.id
+            && separation_rad(other.az_el_rad, flyer.az_el_rad) < COMPANY_RAD
+            && (other.rate_radps - flyer.rate_radps).length()
+                < COMPANY_RATES * flyer.rate_radps.length()
+    });
+    let (count, sum) = along.fold((0.0, 0.0), |(count, sum), other| {
+        (count + 1.0, sum + other.log_odds)
+    });
+    if count > 0.0 {
+        f64::min(sum / count, 0.0)
     } else {
         0.0
     }
@@ -175,10 +212,18 @@ impl Situation<'_> {
         let TrackTable {
             tracks, background, ..
         } = table;
+        let flyers: Vec<Flyer> = tracks
+            .iter()
+            .filter_map(|track| self.flyer(track))
+            .collect();
         for track in tracks {
             if track.total_hits() < JUDGED_HITS || track.hidden(t_s) || !self.fresh(track) {
                 continue;
             }
+            let flyer = flyers.iter().find(|flyer| flyer.id == track.id);
+            let says = flyer.map_or(0.0, |flyer| company(flyer, &flyers));
+            track.conduct.company +=
+                (1.0 - (-elapsed_s / COMPANY_S).exp()) * (says - track.conduct.company);
             let at = track.filter.predicted(t_s).az_el_rad();
             let (rate_radps, sigmas) = track.motion(t_s);
             let significant = sigmas > MOVING_SIGMAS;
@@ -206,6 +251,18 @@ impl Situation<'_> {
                 conduct.in_scenery = false;
             }
         }
+    }
+
+    /// A track that the recogniser has judged and that flies.
+    fn flyer(&self, track: &Track) -> Option<Flyer> {
+        let (rate_radps, _) = track.rates(self.t_s());
+        let flies = self.fresh(track) && rate_radps.length() > COMPANY_RADPS;
+        Some(Flyer {
+            id: track.id,
+            az_el_rad: track.filter.predicted(self.t_s()).az_el_rad(),
+            rate_radps,
+            log_odds: track.recognised().filter(|_| flies)?,
+        })
     }
 
     /// What the radar's cue says for a track, as log-odds.
@@ -331,7 +388,8 @@ impl Situation<'_> {
     /// Whether a track may be a UAV though it stands before scenery: the recogniser is sure, or it
     /// looks like one where the radar has its target.
     fn may_hover(&self, track: &Track) -> bool {
-        let sure = |found: Recognition| found.p_uav() > HOVER_PROBABILITY;
+        let least = HOVER_PROBABILITY - (HOVER_PROBABILITY - HOVER_DOT) * dot_share(track);
+        let sure = |found: Recognition| found.p_uav() > least;
         track.recognition.is_some_and(sure) || self.cued(track) && track.log_odds() > CHOSEN
     }
 
