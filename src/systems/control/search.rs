@@ -244,7 +244,8 @@ fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
             separation_rad(at, cue.az_el_rad) < cue.sigma_rad.max_element()
         })
     };
-    let likely = (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY);
+    let likely = t_s >= track.barred_until_s
+        && (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY);
     let stands_out = || track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued();
     fresh
         && track.total_hits() >= PROMISING_HITS

@@ -90,9 +90,10 @@ pub(super) fn dot_share(track: &Track) -> f64 {
     }
 }
 
-/// What flies along with a track: within this angle [rad], on a course of its own [rad/s], at rates that differ by no
-/// more than this share. It is told by so long a time [s].
+/// What flies along with a track: within this angle [rad], but not so few of its sizes away that it may be a part of it,
+/// on a course of its own [rad/s], at rates that differ by no more than this share. It is told by so long a time [s].
 const COMPANY_RAD: f64 = 0.05;
+const COMPANY_SIZES: f64 = 2.0;
 const COMPANY_RADPS: f64 = 3.0e-3;
 const COMPANY_RATES: f64 = 0.2;
 const COMPANY_S: f64 = 1.0;
@@ -101,6 +102,7 @@ const COMPANY_S: f64 = 1.0;
 struct Flyer {
     id: u32,
     az_el_rad: DVec2,
+    size_rad: f64,
     rate_radps: DVec2,
     log_odds: f64,
 }
@@ -108,9 +110,10 @@ struct Flyer {
 /// What those say of a flyer that fly along with it: things of a kind keep together, so that it is no likelier a UAV
 /// than they are in the mean; log-odds, 0 or less.
 fn company(flyer: &Flyer, flyers: &[Flyer]) -> f64 {
+    let apart_rad = COMPANY_SIZES * flyer.size_rad..COMPANY_RAD;
     let along = flyers.iter().filter(|other| {
         other.id != flyer.id
-            && separation_rad(other.az_el_rad, flyer.az_el_rad) < COMPANY_RAD
+            && apart_rad.contains(&separation_rad(other.az_el_rad, flyer.az_el_rad))
             && (other.rate_radps - flyer.rate_radps).length()
                 < COMPANY_RATES * flyer.rate_radps.length()
     });
@@ -260,6 +263,7 @@ impl Situation<'_> {
         Some(Flyer {
             id: track.id,
             az_el_rad: track.filter.predicted(self.t_s()).az_el_rad(),
+            size_rad: track.size_rad,
             rate_radps,
             log_odds: track.recognised().filter(|_| flies)?,
         })
