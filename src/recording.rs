@@ -2,8 +2,9 @@
 //! served while the run goes on.
 //!
 //! The same calls give the same bytes: the log time is simulated time, header strings, channel order
-//! and chunk rules are fixed, and nothing is compressed on another thread. Within one tick the messages
-//! are sorted by channel, so the order in which systems of one tick call the recorder does not show.
+//! and chunk rules are fixed. Within one tick the messages are sorted by channel, so the order in which systems of one
+//! tick call the recorder does not show. Pictures are encoded and everything is written on one thread beside the run's, tick
+//! after tick.
 
 use std::{
     collections::BTreeMap,
@@ -11,9 +12,13 @@ use std::{
     io::{self, BufWriter, Write},
     net::SocketAddr,
     num::NonZeroU32,
+    ops::Range,
     path::{Path, PathBuf},
+    sync::{Arc, mpsc},
+    thread::JoinHandle,
 };
 
+use crate::media::image::{ImageError, encode_jpeg};
 use foxglove::{
     Encode, Schema,
     messages::{
@@ -89,6 +94,15 @@ pub enum RecordingError {
     /// It cannot be served.
     #[error(transparent)]
     Live(#[from] LiveError),
+    /// A picture could not be encoded.
+    #[error("cannot record a picture: {0}")]
+    Picture(#[from] ImageError),
+    /// The thread that writes could not be started.
+    #[error("cannot start the thread that writes the recording: {0}")]
+    Thread(io::Error),
+    /// It has failed before.
+    #[error("the recording has ended with an error")]
+    Ended,
 }
 
 /// What a recording says about its run, written before the first message so that a killed run has it.
@@ -275,12 +289,87 @@ pub fn log_time_ns(tick: u64, tick_hz: NonZeroU32) -> u64 {
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// One encoded message of the current tick.
-struct Pending {
-    channel: usize,
-    start: usize,
-    end: usize,
+/// A picture to be recorded as JPEG.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Rows of red, green and blue bytes.
+    pub rgb8: Arc<Vec<u8>>,
+    /// Width and height \[px\].
+    pub size_px: [u16; 2],
+    /// JPEG quality, 1 to 100.
+    pub quality: u8,
 }
+
+/// A message to be written.
+enum Content {
+    /// Where it lies among the encoded messages of the tick.
+    Encoded(Range<usize>),
+    /// A picture still to be encoded, and its message without it.
+    Picture(Picture, Box<CompressedImage>),
+}
+
+/// The messages of one tick, in the order of their channels.
+struct OneTick {
+    log_time_ns: u64,
+    messages: Vec<(usize, Content)>,
+    encoded: Vec<u8>,
+}
+
+/// Where messages go.
+struct Sink {
+    file: Option<Mcap>,
+    live: Option<Live>,
+}
+
+impl Sink {
+    fn write(&mut self, tick: OneTick) -> Result<(), RecordingError> {
+        let log_time_ns = tick.log_time_ns;
+        if let Some(live) = &mut self.live {
+            live.set_clock(log_time_ns);
+        }
+        for (channel, message) in tick.messages {
+            match message {
+                Content::Encoded(range) => self.send(channel, log_time_ns, &tick.encoded[range])?,
+                Content::Picture(picture, mut message) => {
+                    let [width, height] = picture.size_px;
+                    let jpeg = encode_jpeg(&picture.rgb8, width, height, picture.quality)?;
+                    message.data = jpeg.into();
+                    let message = prost::Message::encode_to_vec(&*message);
+                    self.send(channel, log_time_ns, &message)?;
+                }
+            }
+        }
+        self.file.as_mut().map_or(Ok(()), |file| {
+            let ended = file.end_tick(log_time_ns);
+            ended.map_err(|source| write_error(&file.path, source))
+        })
+    }
+
+    fn send(
+        &mut self,
+        channel: usize,
+        log_time_ns: u64,
+        message: &[u8],
+    ) -> Result<(), RecordingError> {
+        if let Some(live) = &mut self.live {
+            live.send(channel, log_time_ns, message);
+        }
+        self.file.as_mut().map_or(Ok(()), |file| {
+            let written = file.write(channel, log_time_ns, message);
+            written.map_err(|source| write_error(&file.path, source))
+        })
+    }
+
+    /// Writes ticks until there are no more, and closes the file.
+    fn run(mut self, ticks: mpsc::Receiver<OneTick>) -> Result<(), RecordingError> {
+        let written = ticks.into_iter().try_for_each(|tick| self.write(tick));
+        let closed = self.file.map_or(Ok(()), Mcap::close);
+        written.and(closed)
+    }
+}
+
+/// Ticks that may wait for being written: a killed run loses them.
+const WAITING_TICKS: usize = 16;
 
 /// The file of a recording.
 struct Mcap {
@@ -403,15 +492,17 @@ impl Mcap {
 /// Every method takes the tick of the message; ticks may not decrease. Dropping it closes the file as
 /// [`Recorder::finish`] does, without saying whether that worked.
 pub struct Recorder {
-    /// `None` without a file, and once closed.
-    file: Option<Mcap>,
-    live: Option<Live>,
+    /// Takes the ticks that are over; `None` once closed.
+    ticks: Option<mpsc::SyncSender<OneTick>>,
+    /// What writes them; `None` once its result is known.
+    writer: Option<JoinHandle<Result<(), RecordingError>>>,
+    live_address: Option<SocketAddr>,
     epoch_unix_ns: u64,
     tick_hz: NonZeroU32,
     cameras: Vec<String>,
     more_stations: usize,
     tick: Option<u64>,
-    pending: Vec<Pending>,
+    messages: Vec<(usize, Content)>,
     encoded: Vec<u8>,
 }
 
@@ -430,22 +521,38 @@ impl Recorder {
             let channels = channels(meta).into_iter().map(with_encoding).collect();
             Live::start(address, meta.scenario_name, meta.epoch_unix_ns, channels)
         };
-        Ok(Self {
+        let sink = Sink {
             live: live.map(serve).transpose()?,
             file: file.map(|path| Mcap::create(path, meta)).transpose()?,
+        };
+        Self::into_sink(sink, meta)
+    }
+
+    /// Starts the thread that writes.
+    fn into_sink(sink: Sink, meta: &Meta) -> Result<Self, RecordingError> {
+        let live_address = sink.live.as_ref().map(Live::address);
+        let (ticks, to_write) = mpsc::sync_channel(WAITING_TICKS);
+        let writer = std::thread::Builder::new()
+            .name("recorder".into())
+            .spawn(move || sink.run(to_write))
+            .map_err(RecordingError::Thread)?;
+        Ok(Self {
+            ticks: Some(ticks),
+            writer: Some(writer),
+            live_address,
             epoch_unix_ns: meta.epoch_unix_ns,
             tick_hz: meta.tick_hz,
             cameras: meta.cameras.iter().map(ToString::to_string).collect(),
             more_stations: meta.more_stations.len(),
             tick: None,
-            pending: Vec::new(),
+            messages: Vec::new(),
             encoded: Vec::new(),
         })
     }
 
     /// Where it is served, if it is.
     pub fn live_address(&self) -> Option<SocketAddr> {
-        self.live.as_ref().map(Live::address)
+        self.live_address
     }
 
     /// Records the frames that moved.
@@ -508,20 +615,23 @@ impl Recorder {
         )
     }
 
-    /// Records the image that a camera, by its number, exposed at this tick, as JPEG.
-    pub fn compressed_image(
+    /// Records the picture that a camera, by its number, exposed at this tick.
+    pub fn picture(
         &mut self,
         tick: u64,
         camera: usize,
-        jpeg: Vec<u8>,
+        picture: Picture,
     ) -> Result<(), RecordingError> {
+        self.begin(tick)?;
         let message = CompressedImage {
             timestamp: self.timestamp(tick),
             frame_id: self.cameras[camera].clone(),
-            data: jpeg.into(),
             format: "jpeg".to_owned(),
+            ..Default::default()
         };
-        self.push(tick, CAMERAS + 3 * camera + IMAGE, &message)
+        let message = Content::Picture(picture, Box::new(message));
+        self.messages.push((CAMERAS + 3 * camera + IMAGE, message));
+        Ok(())
     }
 
     /// Records boxes and the reticle \[px\] on the image that was exposed at `exposure_tick`.
@@ -715,57 +825,61 @@ impl Recorder {
         channel: usize,
         encode: impl FnOnce(&mut Vec<u8>) -> Result<(), RecordingError>,
     ) -> Result<(), RecordingError> {
-        match self.tick {
-            Some(last) if tick < last => return Err(RecordingError::Backwards { tick, last }),
-            Some(last) if tick == last => {}
-            _ => {
-                self.write_pending()?;
-                self.tick = Some(tick);
-            }
-        }
+        self.begin(tick)?;
         let start = self.encoded.len();
         encode(&mut self.encoded)?;
-        self.pending.push(Pending {
-            channel,
-            start,
-            end: self.encoded.len(),
-        });
+        let message = Content::Encoded(start..self.encoded.len());
+        self.messages.push((channel, message));
         Ok(())
     }
 
+    /// Goes on to a tick, if it is a new one.
+    fn begin(&mut self, tick: u64) -> Result<(), RecordingError> {
+        match self.tick {
+            Some(last) if tick < last => Err(RecordingError::Backwards { tick, last }),
+            Some(last) if tick == last => Ok(()),
+            _ => {
+                self.end_tick()?;
+                self.tick = Some(tick);
+                Ok(())
+            }
+        }
+    }
+
     /// Hands on the messages of the tick that is over.
-    fn write_pending(&mut self) -> Result<(), RecordingError> {
+    fn end_tick(&mut self) -> Result<(), RecordingError> {
         let Some(tick) = self.tick else {
             return Ok(());
         };
-        let log_time = self.unix_ns(tick);
-        let (pending, encoded) = (&mut self.pending, &mut self.encoded);
-        pending.sort_unstable_by_key(|pending| (pending.channel, pending.start));
-        let messages = || {
-            let bytes = |pending: &Pending| &encoded[pending.start..pending.end];
-            (pending.iter()).map(move |pending| (pending.channel, bytes(pending)))
+        let mut messages = std::mem::take(&mut self.messages);
+        messages.sort_by_key(|(channel, _)| *channel);
+        let over = OneTick {
+            log_time_ns: self.unix_ns(tick),
+            messages,
+            encoded: std::mem::take(&mut self.encoded),
         };
-        if let Some(live) = &mut self.live {
-            live.set_clock(log_time);
-            messages().for_each(|(channel, message)| live.send(channel, log_time, message));
+        match self.ticks.as_ref().map(|ticks| ticks.send(over)) {
+            Some(Ok(())) => Ok(()),
+            // The thread has ended before its time, and says why.
+            Some(Err(_)) | None => self.ended().and(Err(RecordingError::Ended)),
         }
-        let written = self.file.as_mut().map_or(Ok(()), |file| {
-            messages()
-                .try_for_each(|(channel, message)| file.write(channel, log_time, message))
-                .and_then(|()| file.end_tick(log_time))
-                .map_err(|source| write_error(&file.path, source))
-        });
-        // Forgotten whether or not the write worked: a full disk must not let them pile up.
-        pending.clear();
-        encoded.clear();
-        written
+    }
+
+    /// Waits for the end of what has been handed on.
+    fn ended(&mut self) -> Result<(), RecordingError> {
+        drop(self.ticks.take());
+        let result = self.writer.take().map(JoinHandle::join);
+        result.map_or(Ok(()), |result| {
+            result.unwrap_or(Err(RecordingError::Ended))
+        })
     }
 
     fn close(&mut self) -> Result<(), RecordingError> {
-        let written = self.write_pending();
-        let closed = self.file.take().map_or(Ok(()), Mcap::close);
-        self.live = None;
-        written.and(closed)
+        if self.writer.is_none() {
+            return Err(RecordingError::Ended);
+        }
+        self.end_tick()?;
+        self.ended()
     }
 }
 

@@ -8,7 +8,6 @@ use serde_json::Value;
 
 use super::read::{ReadError, Recorded};
 use super::*;
-use crate::media::image::encode_jpeg;
 
 const HZ: NonZeroU32 = NonZeroU32::new(960).unwrap(); // [Hz]
 const EPOCH_NS: u64 = 1_750_000_000_000_000_000; // [ns]
@@ -29,7 +28,11 @@ const META: Meta = Meta {
 /// Calls every method, at the rates of a real run, for `ticks` ticks.
 fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
     let rgb8: Vec<u8> = (0..64 * 48 * 3).map(|i| (i * 7 % 251) as u8).collect();
-    let jpeg = encode_jpeg(&rgb8, 64, 48, 85).unwrap();
+    let picture = Picture {
+        rgb8: Arc::new(rgb8),
+        size_px: [64, 48],
+        quality: 85,
+    };
     recorder.location_fix(0, "enu", 48.137, 11.575, 519.0)?;
     for camera in 0..META.cameras.len() {
         let k = [500.0, 0.0, 32.0, 0.0, 500.0, 24.0, 0.0, 0.0, 1.0];
@@ -113,7 +116,7 @@ fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
                 }],
             )?;
             for camera in 0..META.cameras.len() {
-                recorder.compressed_image(tick, camera, jpeg.clone())?;
+                recorder.picture(tick, camera, picture.clone())?;
                 let name = META.cameras[camera].to_owned();
                 recorder.image_annotations(
                     tick,
@@ -335,7 +338,7 @@ fn a_killed_run_loses_less_than_a_second() {
         "no scenario at the start"
     );
     drive(&mut recorder, 9600).unwrap();
-    mem::forget(recorder); // what a kill leaves: no destructor runs
+    mem::forget(recorder); // what a kill leaves: no destructor runs, and some ticks wait to be written
     let bytes = fs::read(&path).unwrap();
     let messages = readable(&bytes);
     let last = messages.last().unwrap().log_time;
@@ -414,14 +417,13 @@ fn failures_are_typed() {
 fn a_disk_that_fills_up_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
-    let mut recorder = Recorder::create(Some(&path), None, &META).unwrap();
+    let mut file = Mcap::create(&path, &META).unwrap();
     let full = File::options().write(true).open("/dev/full").unwrap();
     let writer = WriteOptions::new()
         .chunk_size(None)
         .disable_seeking(true)
         .create(NoSeek::new(BufWriter::new(full)))
         .unwrap();
-    let file = recorder.file.as_mut().unwrap();
     file.writer = writer;
     for (id, _) in &mut file.channels {
         *id = file
@@ -429,6 +431,11 @@ fn a_disk_that_fills_up_is_reported() {
             .add_channel(0, &format!("/{id}"), "protobuf", &BTreeMap::new())
             .unwrap();
     }
+    let sink = Sink {
+        file: Some(file),
+        live: None,
+    };
+    let mut recorder = Recorder::into_sink(sink, &META).unwrap();
     let error = drive(&mut recorder, 960).unwrap_err();
     assert!(matches!(error, RecordingError::DiskFull { .. }), "{error}");
     assert!(drive(&mut recorder, 960).is_err());

@@ -10,6 +10,7 @@ use rusty_h264_decoder::Decoder;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 /// One picture of a clip.
@@ -196,9 +197,7 @@ impl Mp4 {
             times_s[sample.place] = since as f64 / f64::from(movie.timescale);
         }
         let mut decoder = Decoder::new();
-        decoder
-            .decode(&movie.head)
-            .map_err(|error| format(error.to_string()).at(path))?;
+        decoded(&mut decoder, &movie.head).map_err(|why| format(why).at(path))?;
         let mp4 = Self {
             file,
             samples: movie.samples,
@@ -232,8 +231,8 @@ impl Mp4 {
                 .map_err(|error| wrong(error.to_string()))?;
             let units = annex_b(&data, self.length_bytes)
                 .ok_or_else(|| wrong("its parts are longer than it is".into()))?;
-            let frame = (self.decoder.decode(&units))
-                .map_err(|error| wrong(error.to_string()))?
+            let frame = decoded(&mut self.decoder, &units)
+                .map_err(wrong)?
                 .ok_or_else(|| wrong("it holds no picture".into()))?;
             if !frame.is_valid() {
                 return Err(wrong("its planes do not fit its size".into()));
@@ -241,6 +240,15 @@ impl Mp4 {
             self.waiting.insert(sample.place, frame);
             self.decoded += 1;
         }
+    }
+}
+
+/// What the decoder makes of some units; why it makes nothing. Damaged ones may make it panic, and it is of no
+/// use afterwards.
+fn decoded(decoder: &mut Decoder, units: &[u8]) -> Result<Option<YuvFrame>, String> {
+    match catch_unwind(AssertUnwindSafe(|| decoder.decode(units))) {
+        Ok(made) => made.map_err(|error| error.to_string()),
+        Err(_) => Err("it is damaged".into()),
     }
 }
 

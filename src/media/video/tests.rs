@@ -193,6 +193,15 @@ fn what_is_no_clip_is_told() {
     noise[HEAD.len()..HEAD.len() + 60].fill(0xa7);
     let message = told(&noise);
     assert!(message.contains("frame 0 cannot be decoded"), "{message}");
+    // A byte in a slice by which the decoder panics.
+    let mut bytes = FILE.clone();
+    let at = (FILE.len() as u128 * 7_856_727_431_009_071_375) >> 64;
+    bytes[at as usize] = 168;
+    let message = told(&bytes);
+    assert!(
+        message.contains("cannot be decoded: it is damaged"),
+        "{message}"
+    );
 }
 
 fn png(path: &Path, [width, height]: [u32; 2], grey: u8) {

@@ -4,6 +4,7 @@
 //! an f64 origin, so that a city tile kilometres away keeps sub-millimetre vertices.
 
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec3};
+use std::collections::BTreeMap;
 
 use crate::models::maths::polygon::rectangle;
 
@@ -89,30 +90,51 @@ impl MeshData {
     /// The mesh in parts of one surface kind each, in the kinds' order: a triangle is of the kind of its
     /// first vertex.
     pub fn by_surface(&self) -> Vec<(Surface, Self)> {
-        let kind_of = |triangle: &[u32; 3]| self.surface[triangle[0] as usize][0];
-        let (triangles, _) = self.indices.as_chunks::<3>();
-        let parts = Surface::ALL.into_iter().map(|surface| {
+        let kind_of = |triangle: [u32; 3]| self.surface[triangle[0] as usize][0] as usize;
+        let parts = self.parted(kind_of).into_iter();
+        parts
+            .filter_map(|(kind, part)| Some((*Surface::ALL.get(kind)?, part)))
+            .collect()
+    }
+
+    /// The mesh cut along a square grid on the map, of this side [m] from the origin on: a triangle goes where its
+    /// middle lies, whole, and keeps its place among the others.
+    pub fn cut(&self, side_m: f64) -> Vec<Self> {
+        let cell_of = |triangle: [u32; 3]| {
+            let corners = triangle.map(|i| Vec3::from(self.positions[i as usize]));
+            let middle = (corners[0] + corners[1] + corners[2]).as_dvec3() / 3.0;
+            [middle.x, middle.y].map(|x| (x / side_m).floor() as i64)
+        };
+        self.parted(cell_of).into_values().collect()
+    }
+
+    /// The mesh in parts, each about the same origin with the vertices that its triangles need.
+    fn parted<K: Ord>(&self, key_of: impl Fn([u32; 3]) -> K) -> BTreeMap<K, Self> {
+        let mut triangles_of: BTreeMap<K, Vec<[u32; 3]>> = BTreeMap::new();
+        for triangle in self.indices.as_chunks::<3>().0 {
+            let triangles = triangles_of.entry(key_of(*triangle)).or_default();
+            triangles.push(*triangle);
+        }
+        let mut moved = vec![u32::MAX; self.positions.len()];
+        let part = |(key, triangles): (K, Vec<[u32; 3]>)| {
             let mut part = Self::new(self.origin_enu_m);
-            let mut moved = vec![u32::MAX; self.positions.len()];
-            for triangle in triangles {
-                if kind_of(triangle) != f32::from(surface as u8) {
-                    continue;
+            for old in triangles.iter().flatten().map(|i| *i as usize) {
+                if moved[old] == u32::MAX {
+                    moved[old] = part.positions.len() as u32;
+                    part.positions.push(self.positions[old]);
+                    part.normals.push(self.normals[old]);
+                    part.colors.push(self.colors[old]);
+                    part.uv.push(self.uv[old]);
+                    part.surface.push(self.surface[old]);
                 }
-                for old in triangle.map(|i| i as usize) {
-                    if moved[old] == u32::MAX {
-                        moved[old] = part.positions.len() as u32;
-                        part.positions.push(self.positions[old]);
-                        part.normals.push(self.normals[old]);
-                        part.colors.push(self.colors[old]);
-                        part.uv.push(self.uv[old]);
-                        part.surface.push(self.surface[old]);
-                    }
-                    part.indices.push(moved[old]);
-                }
+                part.indices.push(moved[old]);
             }
-            (surface, part)
-        });
-        parts.filter(|(_, part)| !part.indices.is_empty()).collect()
+            for old in triangles.into_iter().flatten() {
+                moved[old as usize] = u32::MAX;
+            }
+            (key, part)
+        };
+        triangles_of.into_iter().map(part).collect()
     }
 
     /// Orders the triangles from near to far as seen from a place [m] in the parent frame: drawn so, hardly
@@ -589,6 +611,37 @@ mod tests {
             )
         });
         assert_eq!(mesh.bounds_m(), Some((-DVec3::ONE, DVec3::ONE)));
+    }
+
+    #[test]
+    fn cutting_keeps_every_triangle_whole() {
+        let mut mesh = MeshData::new(DVec3::new(100.0, 50.0, 0.0));
+        for x_m in [-23.0, -4.0, 1.0, 38.0] {
+            let low_m = mesh.origin_enu_m + DVec3::new(x_m, 2.0, 0.0);
+            mesh.cuboid(
+                low_m,
+                low_m + DVec3::new(3.0, 4.0, 5.0),
+                Paint::plain([0.5; 3]),
+            );
+        }
+        let corners = |mesh: &MeshData| -> Vec<[DVec3; 3]> { mesh.corners_m().collect() };
+        let parts = mesh.cut(10.0);
+        assert_eq!(parts.len(), 5);
+        let mut found: Vec<[DVec3; 3]> = parts.iter().flat_map(corners).collect();
+        for triangle in corners(&mesh) {
+            let at = found.iter().position(|other| *other == triangle);
+            found.swap_remove(at.expect("each triangle is in a part"));
+        }
+        assert!(found.is_empty());
+        for part in &parts {
+            let cell = |triangle: [DVec3; 3]| {
+                let middle = triangle.iter().sum::<DVec3>() / 3.0 - part.origin_enu_m;
+                (middle.truncate() / 10.0).floor()
+            };
+            let mut cells = part.corners_m().map(cell);
+            let first = cells.next();
+            assert!(cells.all(|cell| Some(cell) == first));
+        }
     }
 
     #[test]

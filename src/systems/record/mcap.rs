@@ -7,18 +7,18 @@ use crate::components::engage::Interlocks;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{CameraView, Mount, MountCommand, Optics, Station};
 use crate::components::record::{Logged, OwnTopics, Recording, StateHash};
-use crate::components::run::{Failure, PartError, SimClock};
+use crate::components::run::{Failure, SimClock};
 use crate::components::track::{Command, Designation, Operator, Order, Tracker};
-use crate::media::image::encode_jpeg;
 use crate::recording::{
-    BoxAnnotation, FrameTransform, LogLevel, Recorder, RecordingError, SceneEntity, SceneShape,
-    proto,
+    BoxAnnotation, FrameTransform, LogLevel, Picture, Recorder, RecordingError, SceneEntity,
+    SceneShape, proto,
 };
 use crate::scenario::Gains;
 use crate::systems::track::followed;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
+use std::sync::Arc;
 
 fn xyz(v: DVec3) -> proto::Vec3 {
     proto::Vec3 {
@@ -105,7 +105,7 @@ pub fn write_recording(
     };
     let written = now
         .write(recorder.get(), recording, &mut logged)
-        .and_then(|()| Ok(now.write_own(recorder.get(), &own)?));
+        .and_then(|()| now.write_own(recorder.get(), &own));
     match written {
         Ok(()) => recording.recorder = Some(recorder),
         // The file is dropped; the error is reported.
@@ -119,7 +119,7 @@ impl Recorded<'_, '_> {
         recorder: &mut Recorder,
         recording: &Recording,
         logged: &mut Query<&mut Logged>,
-    ) -> Result<(), PartError> {
+    ) -> Result<(), RecordingError> {
         let tick = self.clock.tick;
         let t_s = self.clock.t_s();
         let own = proto::Tick {
@@ -367,7 +367,7 @@ impl Recorded<'_, '_> {
         recorder: &mut Recorder,
         recording: &Recording,
         frame: &ExposedFrame,
-    ) -> Result<(), PartError> {
+    ) -> Result<(), RecordingError> {
         self.write_truth(recorder, frame)?;
         self.write_miss(recorder, frame)?;
         if let Some(rgb8) = &frame.rgb8
@@ -560,17 +560,20 @@ fn write_image(
     recorder: &mut Recorder,
     recording: &Recording,
     frame: &ExposedFrame,
-    rgb8: &[u8],
-) -> Result<(), PartError> {
+    rgb8: &Arc<Vec<u8>>,
+) -> Result<(), RecordingError> {
     let (camera, pinhole) = (frame.index, &frame.pinhole);
     let [w, h] = frame.rect.size_px;
-    let jpeg = encode_jpeg(rgb8, w as u16, h as u16, recording.jpeg_quality)?;
+    let picture = Picture {
+        rgb8: rgb8.clone(),
+        size_px: [w as u16, h as u16],
+        quality: recording.jpeg_quality,
+    };
     // A window is a picture of its own: its calibration has the shifted principal point.
     let [dx, dy] = frame.rect.offset_px.map(f64::from);
     let centre = pinhole.centre_px();
     let (f, cx, cy) = (pinhole.focal_px, centre.x - dx, centre.y - dy);
     let k_px = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
     recorder.camera_calibration(frame.tick, camera, w, h, k_px)?;
-    recorder.compressed_image(frame.tick, camera, jpeg)?;
-    Ok(())
+    recorder.picture(frame.tick, camera, picture)
 }

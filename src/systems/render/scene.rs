@@ -25,6 +25,8 @@ use glam::{DQuat, DVec2, DVec3, Vec4};
 
 /// Edge of a grid cell [m]: f32 positions inside it are right to 0.1 mm.
 const CELL_M: f32 = 2_000.0;
+/// Side of the squares of the city that are culled one by one [m].
+const CULLED_M: f64 = 100.0; // [m]
 /// Radius of the sky dome [m]: beyond the far apron of the city, inside the culling limit.
 const DOME_M: f32 = 60_000.0;
 
@@ -155,7 +157,7 @@ fn light(environment: &Environment) -> LightUniform {
 pub fn spawn(
     world: &mut World,
     environment: &Environment,
-    mut tiles: Vec<MeshData>,
+    tiles: Vec<MeshData>,
     backdrop: Backdrop,
     r_station_enu_m: DVec3,
 ) {
@@ -222,15 +224,21 @@ pub fn spawn(
     world.insert_resource(SkyView(backdrop));
     world.insert_resource(paint);
     world.insert_resource(SceneHandles { site_grid, solid });
-    // Near ones first: of one material, meshes are drawn in the order they were added in, and what is hidden
-    // by then is not shaded.
-    tiles.sort_by(|a, b| {
-        let away_m = |tile: &MeshData| tile.origin_enu_m.distance(r_station_enu_m);
-        away_m(a).total_cmp(&away_m(b))
-    });
-    for mut tile in tiles {
-        tile.sort_from(r_station_enu_m);
-        add_structure(world, &tile);
+    // A narrow field pays for the corners of every mesh that it touches. Near ones first: of one material, meshes are
+    // drawn in the order they were added in, and what is hidden by then is not shaded.
+    let mut parts: Vec<(f64, MeshData)> = tiles
+        .iter()
+        .flat_map(|tile| tile.cut(CULLED_M))
+        .filter_map(|part| {
+            let (low_m, high_m) = part.bounds_m()?;
+            let middle_m = part.origin_enu_m + 0.5 * (low_m + high_m);
+            Some((middle_m.distance(r_station_enu_m), part))
+        })
+        .collect();
+    parts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (_, mut part) in parts {
+        part.sort_from(r_station_enu_m);
+        add_structure(world, &part);
     }
 }
 
