@@ -119,7 +119,7 @@ impl Stage {
             backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
         }
         let tiles = environment.city.chunks();
-        scene::spawn(world, &environment, tiles, backdrop, r_camera_enu_m);
+        scene::spawn(world, &environment, tiles, backdrop, &[r_camera_enu_m]);
         world.insert_resource(environment);
         let site_grid = world.resource::<SceneHandles>().site_grid;
         self.root = world.get::<ChildOf>(site_grid).map(|child| child.parent());

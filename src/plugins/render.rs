@@ -58,7 +58,7 @@ pub fn show(world: &mut World) {
     let stations: Vec<_> = (mounts.iter(world))
         .map(|(entity, mount)| (entity, mount.r_enu_m))
         .collect();
-    let r_station_enu_m = stations.first().map_or(glam::DVec3::ZERO, |first| first.1);
+    let eyes_enu_m: Vec<_> = stations.iter().map(|(_, r_enu_m)| *r_enu_m).collect();
     let mut backdrop = Backdrop::new(environment.sky.clone(), environment.sun_dir_enu);
     if world
         .resource::<RunScenario>()
@@ -74,7 +74,7 @@ pub fn show(world: &mut World) {
         let solids = Solids(Skyline::new(&tiles, r_enu_m));
         world.entity_mut(station).insert(solids);
     }
-    scene::spawn(world, &environment, tiles, backdrop, r_station_enu_m);
+    scene::spawn(world, &environment, tiles, backdrop, &eyes_enu_m);
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let uavs: Vec<_> = uavs
         .iter(world)

@@ -1,5 +1,5 @@
-//! The ground: rasters and triangles of heights, the generated city, what is known of a real one, skylines, where a local model
-//! stands.
+//! The ground: rasters and triangles of heights, the generated city, what is known of a real one, skylines, what is seen from a place, where a local
+//! model stands.
 
 pub mod city;
 pub mod dsm;
@@ -12,3 +12,4 @@ pub mod roughness;
 pub mod skyline;
 pub mod survey;
 pub mod triangles;
+pub mod visible;

@@ -12,6 +12,7 @@ use crate::components::render::{
 };
 use crate::models::air::backdrop::Backdrop;
 use crate::models::air::sky::{CHANNELS_M, Sky};
+use crate::models::ground::visible::keep_visible;
 use crate::models::shape::mesh::{MeshData, Surface};
 use crate::models::shape::uav_mesh::UavMesh;
 use crate::systems::render::renderer::{Renderer, settle};
@@ -153,14 +154,16 @@ fn light(environment: &Environment) -> LightUniform {
     }
 }
 
-/// Builds the grids, the city from its `tiles` and, for a window, the sky; the sensors stand at `r_station_enu_m` [m].
+/// Builds the grids, the city from its `tiles` and, for a window, the sky. The sensors stand at `eyes_enu_m` [m], for
+/// the first of which it is drawn fastest; without a window only what they can see is there.
 pub fn spawn(
     world: &mut World,
     environment: &Environment,
-    tiles: Vec<MeshData>,
+    mut tiles: Vec<MeshData>,
     backdrop: Backdrop,
-    r_station_enu_m: DVec3,
+    eyes_enu_m: &[DVec3],
 ) {
+    let r_station_enu_m = eyes_enu_m.first().copied().unwrap_or_default();
     let city = &environment.city;
     let windowed = is_windowed(world);
     let sky_side = sky_side(world);
@@ -224,6 +227,9 @@ pub fn spawn(
     world.insert_resource(SkyView(backdrop));
     world.insert_resource(paint);
     world.insert_resource(SceneHandles { site_grid, solid });
+    if !windowed {
+        keep_visible(&mut tiles, eyes_enu_m);
+    }
     // A narrow field pays for the corners of every mesh that it touches. Near ones first: of one material, meshes are
     // drawn in the order they were added in, and what is hidden by then is not shaded.
     let mut parts: Vec<(f64, MeshData)> = tiles
