@@ -277,6 +277,8 @@ pub struct Tracker {
     pub turned: BTreeMap<usize, (f64, DQuat)>,
     /// Since when it has been seen well, and not well enough recognised to be fired at.
     pub doubtful_since: Option<u64>,
+    /// What the radar adds to the log-odds of the target for fire: 0 or more.
+    pub radar_log_odds: f64,
     /// Every change so far.
     pub changes: Vec<StateChange>,
 }
@@ -305,6 +307,7 @@ impl Default for Tracker {
             settling: None,
             turned: BTreeMap::new(),
             doubtful_since: None,
+            radar_log_odds: 0.0,
             changes: vec![StateChange {
                 tick: 0,
                 to: TrackingState::Search,
@@ -369,6 +372,7 @@ impl Tracker {
         self.falling_since = None;
         self.scenery_since = None;
         self.doubtful_since = None;
+        self.radar_log_odds = 0.0;
     }
 
     /// Takes over the identities that the table has joined to older ones.
@@ -390,6 +394,12 @@ impl Tracker {
         los.az_rad = wrap_pi(los.az_rad + self.aim_rad.x / los.el_rad.cos().max(0.05));
         los.el_rad += self.aim_rad.y;
         Some(los)
+    }
+
+    /// Probability that the target is a UAV, as far as fire is concerned: what the radar sees of it counts as well.
+    pub fn fire_belief(&self) -> Option<f64> {
+        let log_odds = self.target_track()?.log_odds() + self.radar_log_odds;
+        Some(1.0 / (1.0 + (-log_odds).exp()))
     }
 
     /// The target's track.

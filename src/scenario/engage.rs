@@ -23,7 +23,8 @@ pub struct Engage {
     /// off before it gets there.
     pub look_ahead_s: f64,
     /// Least probability that the target is a UAV, 0 to 1: by the recogniser, or by the tracker's own
-    /// evidence where that has not judged it.
+    /// evidence where that has not judged it. A radar that has a target where the range finder meets it, and sees it fly alike,
+    /// adds up to 1 to its log-odds.
     pub min_uav_probability: f64,
     /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
     pub allow_backstop: Vec<Backstop>,

@@ -49,9 +49,9 @@ impl Obstruction {
 }
 
 impl Rules {
-    /// Whether a track is likely enough a UAV.
-    fn takes_for_uav(&self, track: &Track) -> bool {
-        track.uav_belief() >= self.min_uav_probability
+    /// Whether the target, if there is one, is likely enough a UAV.
+    fn takes_for_uav(&self, tracker: &Tracker) -> bool {
+        (tracker.fire_belief()).is_none_or(|belief| belief >= self.min_uav_probability)
     }
 
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
@@ -257,7 +257,7 @@ fn decide_station(
     {
         reasons.push("aim point outside the target");
     }
-    if (tracker.target_track()).is_some_and(|track| !rules.takes_for_uav(track)) {
+    if !rules.takes_for_uav(tracker) {
         reasons.push("not recognised as a UAV");
     }
     if !tracker.designated && tracker.target.is_some_and(|id| !tasking.permits(id)) {
@@ -428,8 +428,16 @@ mod tests {
     #[test]
     fn what_is_recognised_as_no_uav_is_not_fired_at() {
         // Nobody has looked at its last second yet: the tracker's own evidence counts.
-        let takes = |score| rules([true; 3]).takes_for_uav(&seen(1, score).tracks[0]);
-        assert!(takes(0.9) && !takes(0.15));
+        let takes = |table: TrackTable, radar_log_odds: f64| {
+            let tracker = Tracker {
+                target: Some(table.tracks[0].id),
+                table,
+                radar_log_odds,
+                ..Tracker::default()
+            };
+            rules([true; 3]).takes_for_uav(&tracker)
+        };
+        assert!(takes(seen(1, 0.9), 0.0) && !takes(seen(1, 0.15), 0.0));
         // 20 px long, and a dot of 5 px, of which nobody can be so sure.
         for (ifov_rad, p_uav, fires) in [
             (5e-5, 0.69, false),
@@ -437,13 +445,17 @@ mod tests {
             (2e-4, 0.91, false),
             (2e-4, 0.95, true),
         ] {
-            let mut table = seen_by(ifov_rad, 1, 0.9);
-            let track = &mut table.tracks[0];
-            track.recognition = Some(Recognition {
-                probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
-                t_s: 1.0,
-            });
-            assert_eq!(rules([true; 3]).takes_for_uav(track), fires, "{p_uav}");
+            let judged = || {
+                let mut table = seen_by(ifov_rad, 1, 0.9);
+                table.tracks[0].recognition = Some(Recognition {
+                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                    t_s: 1.0,
+                });
+                table
+            };
+            assert_eq!(takes(judged(), 0.0), fires, "{p_uav}");
+            // What the radar says for it counts as well.
+            assert!(takes(judged(), 1.0), "{p_uav}");
         }
     }
 

@@ -157,6 +157,7 @@ impl Follower {
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
             cue: None,
+            by_radar: true,
             mount: None,
             tasking: None,
             within: None,

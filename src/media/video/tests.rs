@@ -199,7 +199,7 @@ fn what_is_no_clip_is_told() {
     bytes[at as usize] = 168;
     let message = told(&bytes);
     assert!(
-        message.contains("cannot be decoded: it is damaged"),
+        message.contains("cannot be decoded (it is damaged)"),
         "{message}"
     );
 }

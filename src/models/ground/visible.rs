@@ -1,10 +1,11 @@
 //! Which triangles can be seen from places that stay: the others need not be drawn for them.
 //!
 //! Around a place stand the four upright faces of a cube, each cut into cells. A triangle's front covers the cells that lie
-//! wholly inside its picture, as far away as its farthest point in each. One that is farther than that in every cell that
-//! its own picture touches is hidden, whatever the sampling: nothing can be seen past the edge of a cell that is
-//! covered whole. Gaps between neighbours count as open, so that more is kept than is seen. What looks the other way is hidden,
-//! too; what lies steeply above or below, or near, is kept.
+//! wholly inside its picture, or inside that of it and the next where these make one convex face, as far away as the farthest
+//! point in each. A triangle that is farther than that in every cell that its own picture touches is hidden, whatever the sampling:
+//! nothing can be seen past the edge of a cell that is covered whole. Gaps between other neighbours count as open, so
+//! that more is kept than is seen. What looks the other way is hidden, too; what lies steeply above or below, or near, is
+//! kept.
 
 use crate::models::shape::mesh::MeshData;
 use glam::{DMat3, DVec2, DVec3};
@@ -58,11 +59,13 @@ fn visible(meshes: &[MeshData], eye_enu_m: DVec3) -> Vec<Vec<bool>> {
     let meshes: Vec<Vec<[DVec3; 3]>> = meshes.iter().map(triangles).collect();
     let looks = |quarter: usize| -> Vec<Vec<Look>> {
         let mut face = Face::new(quarter);
-        let fronts = meshes
-            .iter()
-            .flatten()
-            .filter(|corners| facing_m(corners) > REACH_M);
-        fronts.for_each(|corners| face.cover(*corners));
+        for mesh in &meshes {
+            let mut before = None;
+            for corners in mesh {
+                let is_front = facing_m(corners) > REACH_M;
+                before = is_front.then(|| face.cover(*corners, before)).flatten();
+            }
+        }
         let look = |corners: &[DVec3; 3]| face.look(*corners);
         (meshes.iter())
             .map(|mesh| mesh.iter().map(look).collect())
@@ -104,6 +107,7 @@ struct Face {
 }
 
 /// A triangle's picture on a face.
+#[derive(Clone, Debug)]
 struct Picture {
     corners: [DVec2; 3],
     /// Lowest and highest nearness of its corners [1/m].
@@ -145,52 +149,75 @@ impl Picture {
         })
     }
 
-    /// Nearness in the middle of a cell and how much it differs within it [1/m].
-    fn nearness(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+    /// Lowest and highest nearness in a cell [1/m]; `None` seen edge-on.
+    fn nearness_pm(&self, column: usize, row: usize) -> Option<[f64; 2]> {
         let [across, down, offset] = self.plane?;
         let spread = (across.abs() + down.abs()) * (0.5 + self.slack);
-        Some((across * x + down * y + offset, spread))
+        let middle = across * (column as f64 + 0.5) + down * (row as f64 + 0.5) + offset;
+        Some([middle - spread, middle + spread])
     }
 
-    /// Calls `at` with each cell that lies wholly inside (`inner`) or that it touches, by the cell's column and row, until it
-    /// says no; whether it never did.
-    fn all_cells(&self, inner: bool, mut at: impl FnMut(usize, usize) -> bool) -> bool {
-        let [a, b, c] = self.corners;
-        let turn = (b - a).perp_dot(c - a).signum();
-        let reach = if inner { -1.0 } else { 1.0 } * (0.5 + self.slack);
-        let (low, high) = (a.min(b).min(c) - 0.5 - reach, a.max(b).max(c) - 0.5 + reach);
-        let last = (SIDE - 1) as f64;
-        let rows = [low.y.ceil().max(0.0), high.y.floor().min(last)];
-        if rows[0] > rows[1] {
-            return true;
-        }
-        for row in rows[0] as usize..=rows[1] as usize {
-            let y = row as f64 + 0.5;
-            let mut span = [low.x.ceil().max(0.0), high.x.floor().min(last)];
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                // Positive inside; grows by `along.x` a column.
-                let along = turn * DVec2::new(from.y - to.y, to.x - from.x);
-                let margin = reach * (along.x.abs() + along.y.abs());
-                let at_first = along.dot(DVec2::new(0.5, y) - from) + margin;
-                if along.x > 0.0 {
-                    span[0] = span[0].max((-at_first / along.x).ceil());
-                } else if along.x < 0.0 {
-                    span[1] = span[1].min((at_first / -along.x).floor());
-                } else if at_first < 0.0 {
-                    span[1] = -1.0;
-                }
-            }
-            if span[0] > span[1] {
-                continue;
-            }
-            for column in span[0] as usize..=span[1] as usize {
-                if !at(column, row) {
-                    return false;
-                }
-            }
-        }
-        true
+    /// The outline of this and another triangle, if they share an edge and are convex together.
+    fn joined(&self, other: &Self) -> Option<[DVec2; 4]> {
+        let (a, b) = (self.corners, other.corners);
+        let edges = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+        let mut shared = edges.filter(|(i, j)| a[*i] == b[(j + 1) % 3] && a[(i + 1) % 3] == b[*j]);
+        let (i, j) = shared.next()?;
+        let outline = [a[i], b[(j + 2) % 3], a[(i + 1) % 3], a[(i + 2) % 3]];
+        let turns = [0, 1, 2, 3].map(|k| {
+            let [from, at, to] = [0, 1, 2].map(|n| outline[(k + n) % 4]);
+            (at - from).perp_dot(to - at)
+        });
+        let convex = turns.iter().all(|turn| *turn > 0.0) || turns.iter().all(|turn| *turn < 0.0);
+        convex.then_some(outline)
     }
+}
+
+/// Calls `at` with each cell that lies wholly inside (`inner`) a convex outline or that it touches, by the cell's column and
+/// row, until it says no; whether it never did. `slack`: how far the outline may be off [cells].
+fn all_cells(
+    outline: &[DVec2],
+    slack: f64,
+    inner: bool,
+    mut at: impl FnMut(usize, usize) -> bool,
+) -> bool {
+    let edges = || outline.iter().zip(outline.iter().cycle().skip(1));
+    let doubled: f64 = edges().map(|(from, to)| from.perp_dot(*to)).sum();
+    let turn = doubled.signum();
+    let reach = if inner { -1.0 } else { 1.0 } * (0.5 + slack);
+    let low = outline.iter().copied().fold(DVec2::MAX, DVec2::min) - 0.5 - reach;
+    let high = outline.iter().copied().fold(DVec2::MIN, DVec2::max) - 0.5 + reach;
+    let last = (SIDE - 1) as f64;
+    let rows = [low.y.ceil().max(0.0), high.y.floor().min(last)];
+    if rows[0] > rows[1] {
+        return true;
+    }
+    for row in rows[0] as usize..=rows[1] as usize {
+        let y = row as f64 + 0.5;
+        let mut span = [low.x.ceil().max(0.0), high.x.floor().min(last)];
+        for (from, to) in edges() {
+            // Positive inside; grows by `along.x` a column.
+            let along = turn * DVec2::new(from.y - to.y, to.x - from.x);
+            let margin = reach * (along.x.abs() + along.y.abs());
+            let at_first = along.dot(DVec2::new(0.5, y) - *from) + margin;
+            if along.x > 0.0 {
+                span[0] = span[0].max((-at_first / along.x).ceil());
+            } else if along.x < 0.0 {
+                span[1] = span[1].min((at_first / -along.x).floor());
+            } else if at_first < 0.0 {
+                span[1] = -1.0;
+            }
+        }
+        if span[0] > span[1] {
+            continue;
+        }
+        for column in span[0] as usize..=span[1] as usize {
+            if !at(column, row) {
+                return false;
+            }
+        }
+    }
+    true
 }
 
 impl Face {
@@ -204,16 +231,30 @@ impl Face {
         }
     }
 
-    /// Lets a triangle [m, from the eye] cover what lies behind it.
-    fn cover(&mut self, corners_m: [DVec3; 3]) {
-        let Some(picture) = Picture::of(corners_m.map(|c| self.to_face * c)) else {
-            return;
-        };
-        picture.all_cells(true, |column, row| {
-            let middle = picture.nearness(column as f64 + 0.5, row as f64 + 0.5);
-            if let Some((nearness_pm, spread_pm)) = middle {
+    /// Lets a triangle [m, from the eye], and what it makes up with the one before, cover what lies behind. Gives back its
+    /// picture.
+    fn cover(&mut self, corners_m: [DVec3; 3], before: Option<Picture>) -> Option<Picture> {
+        let picture = Picture::of(corners_m.map(|c| self.to_face * c))?;
+        self.cover_outline(&picture.corners, &[&picture]);
+        if let Some(before) = &before
+            && let Some(outline) = picture.joined(before)
+        {
+            self.cover_outline(&outline, &[&picture, before]);
+        }
+        Some(picture)
+    }
+
+    /// Covers the cells within an outline as near as the farthest of its parts may be there.
+    fn cover_outline(&mut self, outline: &[DVec2], parts: &[&Picture]) {
+        let slack = parts.iter().map(|part| part.slack).fold(0.0, f64::max);
+        all_cells(outline, slack, true, |column, row| {
+            let farthest_pm = parts.iter().try_fold(f64::INFINITY, |farthest_pm, part| {
+                let [low_pm, _] = part.nearness_pm(column, row)?;
+                Some(low_pm.min(farthest_pm))
+            });
+            if let Some(nearness_pm) = farthest_pm {
                 let covered = &mut self.nearness_pm[row * SIDE + column];
-                *covered = covered.max((nearness_pm - spread_pm) as f32);
+                *covered = covered.max(nearness_pm as f32);
             }
             true
         });
@@ -238,12 +279,10 @@ impl Face {
             return Look::Seen;
         };
         let farthest = 1.0 - FARTHER;
-        let hidden = picture.all_cells(false, |column, row| {
-            let middle = picture.nearness(column as f64 + 0.5, row as f64 + 0.5);
+        let hidden = all_cells(&picture.corners, picture.slack, false, |column, row| {
             let [low_pm, high_pm] = picture.nearness_pm;
-            let nearest_pm = middle.map_or(high_pm, |(nearness_pm, spread_pm)| {
-                (nearness_pm + spread_pm).clamp(low_pm, high_pm)
-            });
+            let here_pm = picture.nearness_pm(column, row);
+            let nearest_pm = here_pm.map_or(high_pm, |[_, near_pm]| near_pm.clamp(low_pm, high_pm));
             nearest_pm < farthest * f64::from(self.nearness_pm[row * SIDE + column])
         });
         if hidden { Look::Hidden } else { Look::Seen }

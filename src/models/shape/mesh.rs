@@ -616,7 +616,7 @@ mod tests {
     #[test]
     fn cutting_keeps_every_triangle_whole() {
         let mut mesh = MeshData::new(DVec3::new(100.0, 50.0, 0.0));
-        for x_m in [-23.0, -4.0, 1.0, 38.0] {
+        for x_m in [-24.0, -4.0, 1.0, 38.0] {
             let low_m = mesh.origin_enu_m + DVec3::new(x_m, 2.0, 0.0);
             mesh.cuboid(
                 low_m,

@@ -54,6 +54,8 @@ const LOCK_SHARE: f64 = 0.1;
 const BREAK_SHARE: f64 = 0.25;
 /// Share of the precise camera's field that a target may fill: beyond, its edges come and go.
 const FITS_SHARE: f64 = 0.8;
+/// Time over which what the radar says for a target evens out [s].
+const VOUCHED_S: f64 = 1.0;
 /// Longest time between two judgements that counts [s].
 const LONGEST_WEIGHED_S: f64 = 0.2;
 
@@ -89,7 +91,9 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
         // Slewed by hand, a station leaves the radar's targets and those of the defence alone.
         let within = operator.slew_rad.map(|at_rad| scan.about(at_rad));
         let free = within.is_none();
-        let cue = || (tasking.cue(mount.r_enu_m, t_s)).or_else(|| radar.cue(t_s));
+        let tasked = tasking.cue(mount.r_enu_m, t_s);
+        let by_radar = tasked.is_none();
+        let cue = || tasked.or_else(|| radar.cue(t_s));
         let now = Situation {
             tick: clock.tick,
             clock: &clock,
@@ -97,6 +101,7 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
             dsm: Some(&environment.city.dsm),
             r_station_enu_m: mount.r_enu_m,
             cue: free.then(cue).flatten(),
+            by_radar,
             mount: Some((
                 mount.measured_az_el_rad(),
                 SlewLimits::of(&mount.gimbal.params.azimuth),
@@ -130,7 +135,13 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
     if weighs {
         let elapsed_s = now.clock.at_s(tick - tracker.weighed_tick);
         tracker.weighed_tick = tick;
-        now.weigh(&mut tracker.table, elapsed_s.min(LONGEST_WEIGHED_S));
+        let elapsed_s = elapsed_s.min(LONGEST_WEIGHED_S);
+        now.weigh(&mut tracker.table, elapsed_s);
+        let says = tracker
+            .target_track()
+            .map_or(0.0, |track| now.vouches(track));
+        tracker.radar_log_odds +=
+            (1.0 - (-elapsed_s / VOUCHED_S).exp()) * (says - tracker.radar_log_odds);
         tracker.queue = now.queue(tracker);
     }
     if tracker.state == TrackingState::Search {
@@ -503,7 +514,7 @@ mod tests {
     use crate::models::optics::tier::PerTier;
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::recognition::Recognition;
-    use crate::models::tracking::table::{CameraLook, Sighting};
+    use crate::models::tracking::table::{CameraLook, Lased, Sighting};
     use crate::systems::track::situation::patience_s;
     use glam::{DVec2, DVec3};
 
@@ -542,6 +553,7 @@ mod tests {
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
             cue: None,
+            by_radar: true,
             mount: None,
             tasking: None,
             within: None,
@@ -832,6 +844,54 @@ mod tests {
             probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
             t_s: 0.2,
         });
+    }
+
+    #[test]
+    fn the_radar_vouches_for_what_the_range_finder_meets_and_flies_alike() {
+        let params = params();
+        let mut tracker = Tracker::default();
+        let flies = |t_s: f64| DVec3::new(12.0 * t_s, 600.0, 80.0);
+        for frame in 0..60_u32 {
+            let t_s = f64::from(frame) / 60.0;
+            see(&mut tracker, t_s, &[flies(t_s)]);
+        }
+        let r_enu_m = flies(1.0);
+        let cue = |range_m: f64, rate_radps: f64| TargetCue {
+            az_el_rad: los_to_az_el(r_enu_m),
+            sigma_rad: DVec2::splat(0.01),
+            range_m,
+            range_sigma_m: 15.0,
+            rate_radps: DVec2::new(rate_radps, 0.0),
+            rate_sigma_radps: DVec2::splat(2e-3),
+        };
+        let vouches = |tracker: &Tracker, cue, by_radar| {
+            let now = Situation {
+                cue: Some(cue),
+                by_radar,
+                ..situation(&params, 60 * FRAME)
+            };
+            now.vouches(&tracker.table.tracks[0])
+        };
+        let (range_m, rate_radps) = (r_enu_m.length(), 12.0 / 600.0);
+        let right = cue(range_m, rate_radps);
+        // Nothing has come back yet.
+        assert_eq!(vouches(&tracker, right, true), 0.0);
+        let echo = Lased {
+            t_s: 0.9,
+            range_m,
+            sigma_m: 0.5, // [m]
+        };
+        let track = &mut tracker.table.tracks[0];
+        track.lased = Some(echo);
+        track.ranged(range_m, echo.sigma_m, echo.t_s);
+        assert_eq!(vouches(&tracker, right, true), 1.0);
+        for (cue, by_radar) in [
+            (right, false),
+            (cue(range_m + 60.0, rate_radps), true),
+            (cue(range_m, -rate_radps), true),
+        ] {
+            assert_eq!(vouches(&tracker, cue, by_radar), 0.0, "{cue:?}");
+        }
     }
 
     #[test]

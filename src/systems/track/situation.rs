@@ -68,6 +68,8 @@ const RATES_EXPECTED: f64 = 2.0;
 /// The one that a target exceeds once in a thousand times: chi-squared of three degrees of freedom (direction and
 /// range), and what its rates add.
 const CUE_ELSEWHERE: f64 = 16.0;
+/// An echo of the range finder says for so long how far its track is [s].
+const ECHO_S: f64 = 1.0;
 /// Squared distance of a hovering UAV's rates from the radar's that is exceeded once in a hundred times.
 const RATES_MOST: f64 = 9.2;
 
@@ -137,6 +139,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) r_station_enu_m: DVec3,
     /// Where the target of the defence is, or the radar's.
     pub(crate) cue: Option<TargetCue>,
+    /// The radar alone says where that is: the defence knows it from the station's own cameras, too.
+    pub(crate) by_radar: bool,
     /// Where the mount points, azimuth and elevation [rad], and how fast it turns; `None` where nothing turns.
     pub(crate) mount: Option<(DVec2, SlewLimits)>,
     /// What the defence wants of this station, if it is one of several.
@@ -275,6 +279,19 @@ impl Situation<'_> {
             let distance2 = self.cue_distance2(&cue, track);
             (0.5 * (CUE_NEUTRAL - distance2)).clamp(CUE_AGAINST, CUE_FOR)
         })
+    }
+
+    /// What the radar says for a target, as log-odds of 0 or more: it has one where the range finder's last echo came from, and
+    /// sees it fly alike. A bird that is there by chance flies its own way.
+    pub(super) fn vouches(&self, track: &Track) -> f64 {
+        let echo = track
+            .lased
+            .is_some_and(|lased| self.t_s() - lased.t_s < ECHO_S);
+        if self.by_radar && echo && self.cued(track) {
+            self.cue_log_odds(track).max(0.0)
+        } else {
+            0.0
+        }
     }
 
     /// Squared distance of a track from the radar's target, in deviations: of direction, range and, as far as
