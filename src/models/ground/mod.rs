@@ -1,5 +1,5 @@
-//! The ground: rasters and triangles of heights, the generated city, what is known of a real one, skylines, what is seen from a place, where a local
-//! model stands.
+//! The ground: rasters and triangles of heights, the generated city, what is known of a real one, skylines, what is
+//! seen from a place, where a local model stands.
 
 pub mod city;
 pub mod dsm;

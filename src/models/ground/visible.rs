@@ -19,7 +19,7 @@ const NEAR_M: f64 = 5.0; // [m]
 /// A hidden triangle is farther than what hides it by at least this share.
 const FARTHER: f64 = 1e-3;
 
-/// Takes away the triangles of `meshes` (enu) that none of the eyes [m] can see; without eyes none.
+/// Takes away the triangles of `meshes` (enu) that none of the eyes [m, enu] can see; without eyes it takes away none.
 pub fn keep_visible(meshes: &mut [MeshData], eyes_enu_m: &[DVec3]) {
     if eyes_enu_m.is_empty() {
         return;
@@ -71,15 +71,14 @@ fn visible(meshes: &[MeshData], eye_enu_m: DVec3) -> Vec<Vec<bool>> {
             .map(|mesh| mesh.iter().map(look).collect())
             .collect()
     };
-    let faces: Vec<Vec<Vec<Look>>> = std::thread::scope(|scope| {
-        let faces: Vec<_> = (0..4)
-            .map(|quarter| scope.spawn(move || looks(quarter)))
-            .collect();
-        faces
-            .into_iter()
-            .filter_map(|face| face.join().ok())
-            .collect()
+    let faces: Option<Vec<Vec<Vec<Look>>>> = std::thread::scope(|scope| {
+        let faces = [0, 1, 2, 3].map(|quarter| scope.spawn(move || looks(quarter)));
+        faces.into_iter().map(|face| face.join().ok()).collect()
     });
+    let Some(faces) = faces else {
+        // Without all four nothing is known to be hidden.
+        return meshes.iter().map(|mesh| vec![true; mesh.len()]).collect();
+    };
     let whether = |mesh: usize, triangle: usize| {
         let mut looks = faces.iter().map(|face| face[mesh][triangle]);
         let back = facing_m(&meshes[mesh][triangle]) < -REACH_M;
