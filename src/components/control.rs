@@ -106,10 +106,38 @@ pub struct SearchScan {
     pub slew_rad: Option<DVec2>,
     /// The pass's gazes, from the centre of the area (azimuth, elevation) [rad].
     pub offsets_rad: Vec<DVec2>,
+    /// Whether this pass looks between the gazes of the one before.
+    pub between: bool,
     /// The present gaze.
     pub index: usize,
     /// Since when the mount rests at it, or moves with it.
     pub settled_since: Option<u64>,
+    /// What the mount has turned to instead, to see it closer.
+    pub glance: Option<Glance>,
+    /// What it turned to so lately.
+    pub glanced: Vec<Glanced>,
+}
+
+/// A closer look at one track between two gazes of a search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glance {
+    /// The track.
+    pub track: u32,
+    /// Tick in which the mount began to turn to it.
+    pub since: u64,
+    /// Which glance of its gaze it is, from 1.
+    pub count: usize,
+}
+
+/// A track that was glanced at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glanced {
+    /// The track.
+    pub track: u32,
+    /// Where it was then, azimuth (x) and elevation (y) [rad].
+    pub az_el_rad: DVec2,
+    /// That time [s].
+    pub t_s: f64,
 }
 
 /// The external radar that cues the search, at the station. Its plots are truth plus a set error;

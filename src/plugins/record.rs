@@ -191,6 +191,6 @@ fn search_plan(scan: &SearchScan, mount: &GimbalParams) -> String {
         gazes_rad.len(),
         scan.area.width_rad.to_degrees(),
         scan.area.height_rad.to_degrees(),
-        coverage_time_s(&gazes_rad, scan.gaze_s(), &slew),
+        coverage_time_s(&gazes_rad, scan.empty_gaze_s(), &slew),
     )
 }

@@ -176,6 +176,7 @@ pub fn command_mount(
         if gaze.is_none() {
             // An interrupted gaze restarts.
             scan.settled_since = None;
+            scan.glance = None;
         }
         match &mut *controller {
             Controller::Pointing(pointing) => {
@@ -453,7 +454,7 @@ pub fn choose_readouts(
             _ if !path.is_on_gimbal() => Readout::Full,
             (TrackingState::Search, tier) => {
                 let every = match tier {
-                    _ if tier == scan.tier() => read_every(tier, clock.at_s(camera.period_ticks)),
+                    _ if scan.looks_with(tier) => read_every(tier, clock.at_s(camera.period_ticks)),
                     Tier::Search => WATCH_SEARCH,
                     // In the middle of the gaze it shows what is too small for the search camera.
                     Tier::Coarse => WATCH_COARSE,

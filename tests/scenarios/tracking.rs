@@ -568,7 +568,7 @@ fn a_gaze_that_was_left_is_begun_anew() {
     }
     let (_, left, settled_since) = at(world);
     assert_eq!((left, settled_since), (2, None));
-    let gaze_ticks = (960.0 * of::<SearchScan>(world).gaze_s()) as u64;
+    let gaze_ticks = (960.0 * of::<SearchScan>(world).empty_gaze_s()) as u64;
 
     let mut uavs = world.query::<(&mut Flight, &mut UavStatus)>();
     let (mut flight, mut status) = uavs.single_mut(world).unwrap();

@@ -1,7 +1,7 @@
 //! The search: gazes over the sector or about the radar's cue, ever closer where nothing was found.
 
 use crate::components::capture::Tier;
-use crate::components::control::{Pass, SearchScan};
+use crate::components::control::{Glance, Glanced, Pass, SearchScan};
 use crate::components::mount::Gimbal;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
@@ -11,14 +11,16 @@ use crate::models::tracking::table::{Track, separation_rad};
 use glam::DVec2;
 
 /// A gaze begins when the mount is this close to it [rad], a fiftieth of the search camera's field,
-/// and moves with it but for this [rad/s]: below a fifth of a pixel in a 5 ms exposure.
+/// and moves with it but for this [rad/s]: below half a pixel in a 5 ms exposure, and the rest of it dies within 0.1 s.
 const SETTLED_RAD: f64 = 2e-3;
-const SETTLED_RADPS: f64 = 5e-3;
+const SETTLED_RADPS: f64 = 15e-3;
 /// Least duration of a gaze [s], and least number of frames in it. A candidate needs 6 hits
 /// (`systems::track`): 15 frames leave room for misses, and within half a second
 /// a rate of 1 mrad/s stands six deviations out of the noise of 0.5 px of the search camera.
 const GAZE_S: f64 = 0.5;
 const GAZE_FRAMES: f64 = 15.0;
+/// Share of a gaze after which it is left where no track lives in it but known scenery.
+const EMPTY_SHARE: f64 = 0.5;
 /// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;
 /// Hits that make a track worth a longer gaze, and log-odds: even, or less for what the recogniser has
@@ -35,11 +37,25 @@ const OVERLAP: f64 = 0.1;
 /// Share of the field by which the mount may be off a gaze that a plot has moved before it begins anew.
 const FOLLOW_FIELDS: f64 = 0.25;
 /// A pass with a finer camera, in whose field a target is larger, is made where so many gazes cover the area:
-/// as a rule about a radar's cue. It goes outward from the middle, in gazes of so many frames, of which
-/// [`PROMISING_HITS`] make it longer, and reads about as many a second as the search camera [Hz].
+/// as a rule about a radar's cue. It goes outward from the middle, in gazes of so many frames, and reads about as
+/// many a second as the search camera [Hz].
 const MOST_CLOSER_GAZES: usize = 20;
 const CLOSER_FRAMES: f64 = 10.0;
 const CLOSER_HZ: f64 = 30.0;
+
+/// A glance: what a gaze showed is turned to, so that the finer cameras show what it is, for so long after the mount
+/// has come to rest on it [s], or so long while it looks like a target [s], and so long in all at most [s].
+const GLANCE_S: f64 = 0.25;
+const LONGEST_GLANCE_S: f64 = 1.0;
+const GLANCE_TIMEOUT_S: f64 = 1.5;
+/// Least log-odds of what is glanced at, and before scenery the least share of its frames that show it: a chain of false
+/// alarms is seen in fewer.
+const GLANCED: f64 = -2.0;
+const GLANCED_QUALITY: f64 = 0.6;
+/// Most glances a gaze; what stands within this of one [rad] is not glanced at again for so long [s].
+const MOST_GLANCES: usize = 2;
+const GLANCED_RAD: f64 = 2e-3;
+const GLANCED_FOR_S: f64 = 10.0;
 
 /// Of how many of its exposures a camera of `frame_s` [s] a frame reads one in its pass.
 pub(super) fn read_every(tier: Tier, frame_s: f64) -> u64 {
@@ -81,17 +97,23 @@ impl SearchScan {
             cued: false,
             slew_rad: None,
             offsets_rad: Vec::new(),
+            between: false,
             index: 0,
             settled_since: None,
+            glance: None,
+            glanced: Vec::new(),
         };
         scan.follow(cue, 0.0);
-        scan.begin(0);
+        scan.begin(0, false);
         scan
     }
 
-    /// What the camera of the present pass is for.
-    pub fn tier(&self) -> Tier {
-        self.passes[self.pass].tier
+    /// Whether it looks with a camera now: that of the present pass, or in a glance with every finer one than the first.
+    pub fn looks_with(&self, tier: Tier) -> bool {
+        match self.glance {
+            Some(_) => self.passes[1..].iter().any(|pass| pass.tier == tier),
+            None => self.passes[self.pass].tier == tier,
+        }
     }
 
     /// The present gaze at `t_s` [s].
@@ -110,18 +132,32 @@ impl SearchScan {
         self.passes[self.pass].gaze_s
     }
 
-    /// Gazes of a pass over the area, from its centre [rad].
+    /// How long one lasts in which no track lives but known scenery [s].
+    pub fn empty_gaze_s(&self) -> f64 {
+        match self.pass {
+            0 => EMPTY_SHARE * self.gaze_s(),
+            _ => self.gaze_s(),
+        }
+    }
+
+    /// Gazes of a pass over the area, from its centre [rad]. Every second pass of the first camera over a large one looks
+    /// between the gazes of the one before: the coarse camera, in the middle of the field, sees there what that missed.
     fn laid_out(&self, pass: usize) -> Vec<DVec2> {
         let centre = DVec2::new(self.area.centre_azimuth_rad, self.area.centre_elevation_rad);
         let pattern = match (pass, self.pattern) {
             (1.., SearchPattern::Raster) => SearchPattern::Spiral,
             (_, pattern) => pattern,
         };
-        pattern
-            .gazes(&self.area, self.passes[pass].field_rad, OVERLAP)
+        let gazes = pattern.gazes(&self.area, self.passes[pass].field_rad, OVERLAP);
+        let gazes: Vec<DVec2> = gazes
             .into_iter()
             .map(|gaze| DVec2::from(gaze) - centre)
-            .collect()
+            .collect();
+        if pass == 0 && self.between && pattern == SearchPattern::Raster {
+            between(&gazes)
+        } else {
+            gazes
+        }
     }
 
     /// One field of the first pass about a direction (azimuth, elevation) [rad].
@@ -136,7 +172,7 @@ impl SearchScan {
         if self.slew_rad != slew_rad {
             self.slew_rad = slew_rad;
             self.follow(cue.filter(|_| slew_rad.is_none()), t_s);
-            self.begin(0);
+            self.begin(0, false);
         }
     }
 
@@ -161,12 +197,14 @@ impl SearchScan {
         });
         if cue.is_some() != self.cued {
             self.cued = cue.is_some();
-            self.begin(0);
+            self.begin(0, false);
         }
     }
 
-    /// Begins a pass.
-    fn begin(&mut self, pass: usize) {
+    /// Begins a pass, or one between its gazes.
+    fn begin(&mut self, pass: usize, between: bool) {
+        self.glance = None;
+        self.between = between;
         self.pass = pass;
         self.offsets_rad = self.laid_out(pass);
         self.index = 0;
@@ -183,11 +221,85 @@ impl SearchScan {
         }
         let next = self.pass + 1;
         let closer = next < self.passes.len() && self.laid_out(next).len() <= MOST_CLOSER_GAZES;
-        self.begin(if closer { next } else { 0 });
+        if closer {
+            self.begin(next, false);
+        } else {
+            self.begin(0, self.pass == 0 && !self.between);
+        }
+    }
+
+    /// Whether a finer camera than the first turns with it.
+    fn has_closer(&self) -> bool {
+        self.passes.len() > 1
+    }
+
+    /// What it glances at, while that is seen and the glance's time is not up.
+    fn glanced_at<'t>(&self, clock: &SimClock, tracker: &'t Tracker) -> Option<&'t Track> {
+        let glance = self.glance?;
+        let in_time = clock.at_s(clock.tick - glance.since) < GLANCE_TIMEOUT_S;
+        (tracker.table.get(glance.track)).filter(|track| in_time && is_fresh(track, clock.t_s()))
+    }
+
+    /// How long the mount has rested at a gaze, or moved with it [s].
+    fn rested_s(&mut self, clock: &SimClock, gimbal: &Gimbal, gaze: &Gaze) -> f64 {
+        let state = &gimbal.state;
+        let error_rad = (gimbal.params)
+            .error_rad(gaze.az_el_rad, state.encoder_az_el_rad())
+            .length();
+        let off_radps = (state.gyro_rates_radps() - gaze.rates_radps).length();
+        if self.settled_since.is_none() && error_rad < SETTLED_RAD && off_radps < SETTLED_RADPS {
+            self.settled_since = Some(clock.tick);
+        } else if error_rad > FOLLOW_FIELDS * self.passes[self.pass].field_rad[1] {
+            self.settled_since = None;
+        }
+        self.settled_since
+            .map_or(0.0, |since| clock.at_s(clock.tick - since))
+    }
+
+    /// Turns to the likeliest of what shows that was not glanced at lately; whether there is any, and a glance left for
+    /// the present gaze.
+    fn glances(&mut self, clock: &SimClock, shown: &[&Track]) -> bool {
+        let t_s = clock.t_s();
+        let count = 1 + self.glance.take().map_or(0, |glance| glance.count);
+        self.settled_since = None;
+        if count > MOST_GLANCES || !self.has_closer() {
+            return false;
+        }
+        self.glanced
+            .retain(|glanced| t_s - glanced.t_s < GLANCED_FOR_S);
+        let at_rad = |track: &Track| track.filter.predicted(t_s).az_el_rad();
+        let known = |track: &Track| {
+            self.glanced.iter().any(|glanced| {
+                glanced.track == track.id
+                    || separation_rad(glanced.az_el_rad, at_rad(track)) < GLANCED_RAD
+            })
+        };
+        // Slewed by hand, it leaves what lies elsewhere.
+        let here = |track: &Track| self.slew_rad.is_none() || self.area.contains(at_rad(track));
+        let likeliest = (shown.iter())
+            .filter(|track| may_be_glanced_at(track, t_s) && here(track) && !known(track))
+            .max_by(|a, b| {
+                let order = a.log_odds().total_cmp(&b.log_odds());
+                order.then(b.id.cmp(&a.id))
+            });
+        let Some(track) = likeliest else {
+            return false;
+        };
+        self.glance = Some(Glance {
+            track: track.id,
+            since: clock.tick,
+            count,
+        });
+        self.glanced.push(Glanced {
+            track: track.id,
+            az_el_rad: at_rad(track),
+            t_s,
+        });
+        true
     }
 }
 
-/// The present gaze; moves on when it has lasted, and along with the radar's cue.
+/// The present gaze, or glance; moves on when it has lasted, and along with the radar's cue.
 pub(super) fn search(
     clock: &SimClock,
     tracker: &Tracker,
@@ -196,45 +308,82 @@ pub(super) fn search(
     gimbal: &Gimbal,
 ) -> Gaze {
     let t_s = clock.t_s();
-    let gaze = scan.gaze(t_s);
-    let state = &gimbal.state;
-    let error_rad = (gimbal.params)
-        .error_rad(gaze.az_el_rad, state.encoder_az_el_rad())
-        .length();
-    let off_radps = (state.gyro_rates_radps() - gaze.rates_radps).length();
-    if scan.settled_since.is_none() && error_rad < SETTLED_RAD && off_radps < SETTLED_RADPS {
-        scan.settled_since = Some(clock.tick);
-    } else if error_rad > FOLLOW_FIELDS * scan.passes[scan.pass].field_rad[1] {
-        scan.settled_since = None;
-    }
-    let rested_s = scan
-        .settled_since
-        .map_or(0.0, |since| clock.at_s(clock.tick - since));
-    let promising = tracker
-        .table
-        .tracks
-        .iter()
-        .filter(|track| tracker.target != Some(track.id))
-        .any(|track| is_promising(track, cue.as_ref(), t_s));
-    let longest_s = if promising {
-        LONGEST_GAZE_S
-    } else {
-        scan.gaze_s()
+    let glances = scan.glance.is_some();
+    let glanced = scan.glanced_at(clock, tracker);
+    let gaze = glanced.map_or(scan.gaze(t_s), |track| along(track, t_s));
+    let rested_s = scan.rested_s(clock, gimbal, &gaze);
+    let fresh: Vec<&Track> = (tracker.table.tracks.iter())
+        .filter(|track| tracker.target != Some(track.id) && is_fresh(track, t_s))
+        .collect();
+    let is_promising = |track: &Track| is_promising(track, cue.as_ref(), t_s);
+    let promising = fresh.iter().any(|track| is_promising(track));
+    let longest_s = match glanced {
+        Some(track) if is_promising(track) => LONGEST_GLANCE_S,
+        Some(_) => GLANCE_S,
+        // What it was to see is gone.
+        None if glances => f64::NEG_INFINITY,
+        None if promising && !scan.has_closer() => LONGEST_GAZE_S,
+        None if fresh.iter().all(|track| track.conduct.is_scenery()) => scan.empty_gaze_s(),
+        None => scan.gaze_s(),
     };
-    if rested_s > longest_s {
+    let over = rested_s > longest_s;
+    if over && !scan.glances(clock, &fresh) {
         scan.advance();
     }
     // A promising gaze drifts on as it did: a plot would move it off what it looks at.
-    if !promising || rested_s > longest_s {
+    if scan.glance.is_none() && (over || !promising) {
         scan.follow(cue, t_s);
     }
-    scan.gaze(t_s)
+    scan.glanced_at(clock, tracker)
+        .map_or(scan.gaze(t_s), |track| along(track, t_s))
 }
 
-/// Whether a track is worth a longer gaze: it flies, stands in the sky or where the radar points, or is more likely a
+/// The middles between the neighbours of each row; a row of one, as it is.
+fn between(gazes: &[DVec2]) -> Vec<DVec2> {
+    let rows = gazes.chunk_by(|a, b| a.y == b.y);
+    rows.flat_map(|row| match row {
+        [alone] => vec![*alone],
+        _ => row
+            .windows(2)
+            .map(|pair| pair[0].midpoint(pair[1]))
+            .collect(),
+    })
+    .collect()
+}
+
+/// The gaze that stays on a track, and moves with it where its rate is known.
+fn along(track: &Track, t_s: f64) -> Gaze {
+    const KNOWN_SIGMAS: f64 = 3.0;
+    let los = track.filter.predicted(t_s);
+    let moves = track.motion(t_s).1 > KNOWN_SIGMAS;
+    Gaze {
+        rates_radps: if moves {
+            DVec2::new(los.az_rate_radps, los.el_rate_radps)
+        } else {
+            DVec2::ZERO
+        },
+        ..Gaze::still(los.az_el_rad())
+    }
+}
+
+/// Whether a track was seen so lately that it is still about where it is thought to be.
+fn is_fresh(track: &Track, t_s: f64) -> bool {
+    track.filter.coast_s(t_s) < 0.3
+}
+
+/// Whether a track may be worth a glance: seen steadily, not known for scenery, and not surely something else.
+fn may_be_glanced_at(track: &Track, t_s: f64) -> bool {
+    track.total_hits() >= PROMISING_HITS
+        && t_s >= track.barred_until_s
+        && track.log_odds() > GLANCED
+        && (track.conduct.in_sky || track.filter.quality() > GLANCED_QUALITY)
+        && (!track.conduct.is_scenery()
+            || (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY))
+}
+
+/// Whether a track that is seen is worth a longer look: it flies, stands in the sky or where the radar points, or is more likely a
 /// UAV than not.
 fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
-    let fresh = track.filter.coast_s(t_s) < 0.3;
     let (rate, sigmas) = track.motion(t_s);
     let judged = track.recognition.is_some();
     let least = if judged { PROMISING_JUDGED } else { PROMISING };
@@ -247,8 +396,7 @@ fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
     let likely = t_s >= track.barred_until_s
         && (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY);
     let stands_out = || track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued();
-    fresh
-        && track.total_hits() >= PROMISING_HITS
+    track.total_hits() >= PROMISING_HITS
         && (likely || !track.conduct.is_scenery() && track.log_odds() > least && stands_out())
 }
 
@@ -256,6 +404,11 @@ fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
 mod tests {
     use super::*;
     use crate::models::maths::kinematics::wrap_pi;
+    use crate::models::maths::rng::Stream;
+    use crate::models::mount::gimbal::{GimbalParams, GimbalState};
+    use crate::models::tracking::evidence::EvidenceParams;
+    use crate::models::tracking::recognition::Recognition;
+    use crate::models::tracking::table::{CameraLook, Sighting};
     use glam::DVec3;
 
     const FIELDS_RAD: [[f64; 2]; 3] = [[0.105, 0.079], [0.052, 0.039], [0.0175, 0.0131]];
@@ -291,7 +444,7 @@ mod tests {
     fn passes(scan: &mut SearchScan) -> Vec<(Tier, usize)> {
         (0..4)
             .map(|_| {
-                let (tier, gazes) = (scan.tier(), scan.offsets_rad.len());
+                let (tier, gazes) = (scan.passes[scan.pass].tier, scan.offsets_rad.len());
                 (0..gazes).for_each(|_| scan.advance());
                 (tier, gazes)
             })
@@ -309,11 +462,8 @@ mod tests {
         let not_closest = [(Search, 2), (Coarse, 9), (Search, 2), (Coarse, 9)];
         assert_eq!(passes(&mut wide), not_closest);
         // A sector is too large for that.
-        assert!(
-            passes(&mut scan(None))
-                .iter()
-                .all(|pass| *pass == (Search, 14))
-        );
+        let sector = [(Search, 14), (Search, 12), (Search, 14), (Search, 12)];
+        assert_eq!(passes(&mut scan(None)), sector);
     }
 
     #[test]
@@ -325,7 +475,7 @@ mod tests {
         let later = scan.gaze(2.0);
         assert!((later.az_el_rad - before.az_el_rad - 2.0 * along).length() < 1e-12);
         // The next plot puts it elsewhere; the pass goes on.
-        scan.begin(2);
+        scan.begin(2, false);
         (scan.index, scan.settled_since) = (2, Some(7));
         let off = scan.offsets_rad[2];
         scan.follow(Some(cue([1.05, 0.1], 6e-3, 0.0)), 2.0);
@@ -334,7 +484,7 @@ mod tests {
         assert!((scan.gaze(2.0).az_el_rad - off - centre).length() < 1e-12);
         // Without a radar's track it is the sector again.
         scan.follow(None, 3.0);
-        assert_eq!((scan.tier(), scan.offsets_rad.len()), (Tier::Search, 14));
+        assert_eq!((scan.pass, scan.offsets_rad.len()), (0, 14));
     }
 
     #[test]
@@ -358,6 +508,88 @@ mod tests {
         assert!(off_s.abs().max_element() < 1e-9);
         let every = |frame_s| read_every(Tier::Coarse, frame_s);
         assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(every), [4, 2, 1]);
+    }
+
+    /// Runs a scan for so long [s] over its sector, the mount at once where it is told to be, while the search camera sees
+    /// this; where the mount looked and since when [s].
+    fn looked(
+        cameras: &[(Tier, [f64; 2], f64)],
+        seen_az_el_rad: Option<DVec2>,
+        judged: f64,
+        until_s: f64,
+    ) -> Vec<(DVec2, f64)> {
+        let mut scan = SearchScan::new(SearchPattern::Raster, SECTOR, cameras, None);
+        let mut tracker = Tracker::default();
+        let mut gimbal = Gimbal::new(GimbalParams::default(), Stream::new(0, 0, "gyro"));
+        let mut looked: Vec<(DVec2, f64)> = Vec::new();
+        let tick_hz = 960;
+        for tick in 0..(until_s * f64::from(tick_hz)) as u64 {
+            let clock = SimClock { tick, tick_hz };
+            let t_s = clock.t_s();
+            if let Some(az_el_rad) = seen_az_el_rad.filter(|_| clock.due(30)) {
+                let sighting = Sighting {
+                    az_el_rad,
+                    sigma_rad: 1e-4,
+                    size_rad: 6e-4,
+                    score: 0.6,
+                    label: 0,
+                    weak: false,
+                };
+                tracker.table.update(&CameraLook {
+                    tier: Tier::Search,
+                    t_s,
+                    ifov_rad: 1.6e-4,
+                    reads: &EvidenceParams::default(),
+                    sightings: &[sighting],
+                    in_view: &|_| true,
+                    start_tracks: true,
+                });
+                for track in &mut tracker.table.tracks {
+                    track.recognition = Some(Recognition {
+                        probabilities: [judged, 1.0 - judged, 0.0, 0.0, 0.0, 0.0],
+                        t_s,
+                    });
+                }
+            }
+            let gaze = search(&clock, &tracker, None, &mut scan, &gimbal);
+            gimbal.state = GimbalState::at_rest(gaze.az_el_rad);
+            let moved = |last: &(DVec2, f64)| separation_rad(last.0, gaze.az_el_rad) > 5e-4;
+            if looked.last().is_none_or(moved) {
+                looked.push((gaze.az_el_rad, t_s));
+            }
+        }
+        looked
+    }
+
+    #[test]
+    fn what_a_gaze_shows_is_glanced_at_once() {
+        let all = cameras(1.0 / 30.0);
+        let gazes = looked(&all, None, 0.0, 12.0);
+        // Where nothing shows a gaze is half as long; two rows of seven, then between them, then again.
+        let quick_s = gazes[1].1;
+        assert!((quick_s - EMPTY_SHARE * GAZE_S).abs() < 5e-3, "{quick_s}");
+        assert_eq!(gazes[14].0, gazes[0].0.midpoint(gazes[1].0));
+        assert_eq!(gazes[14 + 12].0, gazes[0].0);
+        let at = gazes[0].0 + DVec2::new(0.02, 0.01);
+        let with = looked(&all, Some(at), 0.3, GLANCED_FOR_S);
+        let [_, glance, next] = [0, 1, 2].map(|i| with[i]);
+        assert!(separation_rad(glance.0, at) < 5e-4);
+        assert!((glance.1 - GAZE_S).abs() < 5e-3, "{}", glance.1);
+        assert_eq!(next.0, gazes[1].0);
+        let lasted_s = next.1 - glance.1;
+        assert!((lasted_s - GLANCE_S).abs() < 5e-3, "{lasted_s}");
+        let glances = |looked: &[(DVec2, f64)]| {
+            let close = looked.iter().filter(|l| separation_rad(l.0, at) < 5e-4);
+            close.count()
+        };
+        assert_eq!(glances(&with), 1, "not again within {GLANCED_FOR_S} s");
+        // What is surely none, even for a dot, is not worth it; without a finer camera there is nothing to see.
+        assert_eq!(glances(&looked(&all, Some(at), 1e-4, 3.0)), 0);
+        assert_eq!(glances(&looked(&all[..1], Some(at), 0.3, 3.0)), 0);
+        // What looks like a target is looked at for longer: the tracker would have it by then.
+        let likely = looked(&all, Some(at), 0.8, 3.0);
+        let lasted_s = likely[2].1 - likely[1].1;
+        assert!((lasted_s - LONGEST_GLANCE_S).abs() < 5e-3, "{lasted_s}");
     }
 
     #[test]
