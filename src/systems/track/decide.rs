@@ -42,8 +42,8 @@ const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
 /// Time for which a target that stands before scenery may be less than surely a UAV [s].
 const SCENERY_S: f64 = 2.0;
-/// Time for which a target that is seen well may be less than surely a UAV [s], at odds up to these; in proportion to
-/// them for a likelier one.
+/// Time for which an engaged target that is seen well may be less than surely a UAV [s], at odds up to these; in
+/// proportion to them for a likelier one, and twice as long for a dot.
 const DOUBTFUL_S: f64 = 4.0;
 const DOUBTFUL_ODDS: f64 = 4.0;
 /// Time over which the flutter of a target's box evens out [s].
@@ -177,7 +177,7 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         tracker.give_up(
             tick,
             Some(until_s),
-            "seen well for some seconds, and not surely a UAV",
+            "engaged for some seconds, and not surely a UAV",
         );
         return;
     }
@@ -241,26 +241,29 @@ fn stands(now: &Situation, tracker: &mut Tracker) -> bool {
     now.clock.at_s(now.tick - since) > SCENERY_S
 }
 
-/// Whether the target has been seen well for so long without being recognised surely enough to be fired at that the search
+/// Whether the target has been engaged for so long without being recognised surely enough to be fired at that the search
 /// goes on: no radar points at it.
 fn is_doubtful(now: &Situation, tracker: &mut Tracker) -> bool {
     let left_alone = now.params.nearest_to_centre || tracker.designated;
     let doubtful = |track: &Track| {
-        let seen_well = !track.hidden(now.t_s()) && named_share(track.evidence.best_px()) == 1.0;
-        let judged = seen_well && track.recognition.is_some();
+        let judged = !track.hidden(now.t_s()) && track.recognition.is_some();
         judged && track.uav_belief() < now.params.fire_belief && !now.cued(track)
     };
     let engaged = tracker.state == TrackingState::Engage && !left_alone;
     let target = tracker.target_track().filter(|track| doubtful(track));
-    let Some(odds) = target
-        .map(|track| track.log_odds().exp())
+    let Some((odds, named)) = target
+        .map(|track| {
+            let named = named_share(track.evidence.best_px());
+            (track.log_odds().exp(), named)
+        })
         .filter(|_| engaged)
     else {
         tracker.doubtful_since = None;
         return false;
     };
     let since = *tracker.doubtful_since.get_or_insert(now.tick);
-    now.clock.at_s(now.tick - since) > DOUBTFUL_S * (odds / DOUBTFUL_ODDS).max(1.0)
+    let longest_s = DOUBTFUL_S * (2.0 - named) * (odds / DOUBTFUL_ODDS).max(1.0);
+    now.clock.at_s(now.tick - since) > longest_s
 }
 
 /// Whether a cue may mean a track, by their directions.
@@ -711,13 +714,13 @@ mod tests {
     #[test]
     fn what_is_seen_well_and_not_recognised_is_left() {
         let params = params();
-        // Held for a second: then this probability, with a radar's cue or without.
-        let held_s = |p_uav: f64, cued: bool| {
+        // Held for a second: then this probability, with a radar's cue or without, by a camera of this angle a pixel [rad].
+        let held_by_s = |ifov_rad: f64, p_uav: f64, cued: bool| {
             let mut tracker = Tracker::default();
             let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-            for frame in 0..500_u32 {
+            for frame in 0..700_u32 {
                 let t_s = f64::from(frame) / 60.0;
-                see(&mut tracker, t_s, &[r_enu_m]);
+                see_by(ifov_rad, &mut tracker, t_s, &[r_enu_m]);
                 let track = &mut tracker.table.tracks[0];
                 track.recognition = Some(Recognition {
                     probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
@@ -751,6 +754,7 @@ mod tests {
             }
             None
         };
+        let held_s = |p_uav: f64, cued: bool| held_by_s(3e-5, p_uav, cued);
         let left_s = held_s(0.75, false).unwrap();
         assert!((DOUBTFUL_S..DOUBTFUL_S + 0.1).contains(&left_s), "{left_s}");
         // At odds of six to one half as long again.
@@ -759,6 +763,10 @@ mod tests {
         assert!((later_s..later_s + 0.1).contains(&left_s), "{left_s}");
         assert_eq!(held_s(0.99, false), None);
         assert_eq!(held_s(0.75, true), None);
+        // A dot, 4 px long, for twice as long.
+        let left_s = held_by_s(1.5e-4, 0.75, false).unwrap();
+        let dots_s = 2.0 * DOUBTFUL_S..2.0 * DOUBTFUL_S + 0.1;
+        assert!(dots_s.contains(&left_s), "{left_s}");
     }
 
     #[test]
