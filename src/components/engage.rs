@@ -14,6 +14,8 @@ pub struct Rules {
     pub sun_exclusion_rad: f64,
     /// Least probability that the target is a UAV.
     pub min_uav_probability: f64,
+    /// Size from which on a target is too large for a UAV [m].
+    pub max_span_m: f64,
     /// How far ahead the line of sight is checked [s].
     pub look_ahead_s: f64,
     /// Radius of the beam at its exit [m]; on its way to the target it is nowhere wider.

@@ -134,6 +134,8 @@ pub struct TrackerParams {
     pub break_radius_px: f64,
     /// Probability of a UAV from which on a target may be fired at.
     pub fire_belief: f64,
+    /// Size from which on a target is too large for a UAV [m].
+    pub max_span_m: f64,
     /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
     pub patience_s: PerTier<f64>,
 }
@@ -277,6 +279,8 @@ pub struct Tracker {
     pub turned: BTreeMap<usize, (f64, DQuat)>,
     /// Since when it has been seen well, and not well enough recognised to be fired at.
     pub doubtful_since: Option<u64>,
+    /// Since when the target has been too large for a UAV.
+    pub outsize_since: Option<u64>,
     /// What the radar adds to the log-odds of the target for fire: 0 or more.
     pub radar_log_odds: f64,
     /// Every change so far.
@@ -307,6 +311,7 @@ impl Default for Tracker {
             settling: None,
             turned: BTreeMap::new(),
             doubtful_since: None,
+            outsize_since: None,
             radar_log_odds: 0.0,
             changes: vec![StateChange {
                 tick: 0,
@@ -372,6 +377,7 @@ impl Tracker {
         self.falling_since = None;
         self.scenery_since = None;
         self.doubtful_since = None;
+        self.outsize_since = None;
         self.radar_log_odds = 0.0;
     }
 

@@ -35,6 +35,7 @@ fn set_up(
             keep_out: keep_out.clone(),
             sun_exclusion_rad: engage.sun_exclusion_deg.to_radians(),
             min_uav_probability: engage.min_uav_probability,
+            max_span_m: engage.max_span_m,
             look_ahead_s: engage.look_ahead_s,
             beam_radius_m: source.laser.aperture_radius_m,
             allow_sky: engage.allow_backstop.contains(&Backstop::Sky),

@@ -26,6 +26,9 @@ pub struct Engage {
     /// evidence where that has not judged it. A radar that has a target where the range finder meets it, and sees it fly alike,
     /// adds up to 1 to its log-odds.
     pub min_uav_probability: f64,
+    /// Largest size that a target may have, by its box and the range finder's echo: what is larger is no UAV, is given up and
+    /// not fired at.
+    pub max_span_m: f64,
     /// What may lie behind the target on the beam's line: any of "sky", "ground", "building".
     pub allow_backstop: Vec<Backstop>,
     /// An allowed building or ground must lie at least this far behind the target.
@@ -49,6 +52,7 @@ impl Default for Engage {
             sun_exclusion_deg: 5.0,
             look_ahead_s: 0.3,
             min_uav_probability: 0.95,
+            max_span_m: 4.0,
             allow_backstop: vec![Backstop::Sky],
             min_clear_range_m: 500.0,
             lock_radius_px: 3.0,
@@ -122,6 +126,7 @@ impl Engage {
             names.push(&zone.name);
         }
         check.within("min_uav_probability", self.min_uav_probability, FRACTION);
+        check.positive("max_span_m", self.max_span_m);
         check.within("sun_exclusion_deg", self.sun_exclusion_deg, 0.0..=90.0);
         check.within("look_ahead_s", self.look_ahead_s, 0.0..=5.0);
         check.within("min_clear_range_m", self.min_clear_range_m, AT_LEAST_ZERO);

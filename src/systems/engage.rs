@@ -54,6 +54,12 @@ impl Rules {
         (tracker.fire_belief()).is_none_or(|belief| belief >= self.min_uav_probability)
     }
 
+    /// Whether the target is too large for a UAV, by the range finder: an aircraft with people in it is.
+    fn is_outsize(&self, tracker: &Tracker, t_s: f64) -> bool {
+        let span_m = (tracker.target_track()).and_then(|track| track.measured_span_m(t_s));
+        span_m.is_some_and(|span_m| span_m > self.max_span_m)
+    }
+
     /// Why a beam on a target at `range_m` [m] may not be fired, given what it would meet there or
     /// beyond: range [m] and kind, or `None` for sky.
     pub fn refusal(&self, range_m: f64, hit: Option<(f64, HitKind)>) -> Option<Obstruction> {
@@ -260,6 +266,9 @@ fn decide_station(
     if !rules.takes_for_uav(tracker) {
         reasons.push("not recognised as a UAV");
     }
+    if rules.is_outsize(tracker, clock.t_s()) {
+        reasons.push("too large for a UAV");
+    }
     if !tracker.designated && tracker.target.is_some_and(|id| !tasking.permits(id)) {
         reasons.push("another station's target");
     }
@@ -364,7 +373,7 @@ mod tests {
     use super::*;
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::recognition::Recognition;
-    use crate::models::tracking::table::{CameraLook, Sighting, TrackTable};
+    use crate::models::tracking::table::{CameraLook, Lased, Sighting, TrackTable};
 
     fn rules(allow: [bool; 3]) -> Rules {
         Rules {
@@ -372,6 +381,7 @@ mod tests {
             keep_out: Vec::new(),
             sun_exclusion_rad: 0.1,
             min_uav_probability: 0.7,
+            max_span_m: 4.0,
             look_ahead_s: 0.3,
             beam_radius_m: 0.05,
             allow_sky: allow[0],
@@ -423,6 +433,29 @@ mod tests {
         track.conduct.in_sky = true;
         assert!(is_object(track, 0.5));
         assert!(!is_object(&seen(OBJECT_HITS - 1, 0.5).tracks[0], 0.5));
+    }
+
+    #[test]
+    fn what_is_larger_than_a_uav_is_not_fired_at() {
+        // A box of 1 mrad at the range of an echo [m], so long after it [s].
+        let outsize = |range_m: f64, since_s: f64| {
+            let mut table = seen(6, 0.9);
+            let t_s = 0.0;
+            table.tracks[0].lased = Some(Lased {
+                t_s,
+                range_m,
+                sigma_m: 0.5,
+            });
+            let tracker = Tracker {
+                target: Some(table.tracks[0].id),
+                table,
+                ..Tracker::default()
+            };
+            rules([true; 3]).is_outsize(&tracker, since_s)
+        };
+        assert!(!outsize(3900.0, 0.1) && outsize(4100.0, 0.1));
+        // What is no longer known counts no more.
+        assert!(!outsize(4100.0, 1.5));
     }
 
     #[test]

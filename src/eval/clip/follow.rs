@@ -97,6 +97,7 @@ impl Follower {
                 lock_dwell_s: f64::INFINITY,
                 break_radius_px: 0.0,
                 fire_belief: 0.0,
+                max_span_m: f64::INFINITY,
                 patience_s: PerTier::of(|_| patience_s(rate_hz)),
             },
             tracker: Tracker::default(),

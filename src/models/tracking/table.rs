@@ -253,6 +253,16 @@ impl Track {
         (rate.length(), (rate / sigma).length())
     }
 
+    /// The range finder's last echo from it, if that still says how far it is.
+    pub fn echo(&self, t_s: f64) -> Option<Lased> {
+        self.lased.filter(|lased| t_s - lased.t_s < ECHO_S)
+    }
+
+    /// Its size [m]: the larger side of its box at the range of that echo.
+    pub fn measured_span_m(&self, t_s: f64) -> Option<f64> {
+        self.echo(t_s).map(|lased| self.size_rad * lased.range_m)
+    }
+
     /// Estimated position [m] and velocity [m/s] at `t_s`, seen from `r_station_enu_m`.
     pub fn position_enu(&self, r_station_enu_m: DVec3, t_s: f64) -> Option<(DVec3, DVec3)> {
         let (d_enu, d_dot_enu) = self.filter.predicted(t_s).direction_enu();
@@ -427,6 +437,8 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 
 /// Hits from which on a track is established: a young one goes after as many misses as hits.
 const ESTABLISHED_HITS: u32 = 30;
+/// An echo of the range finder says for so long how far its track is [s].
+const ECHO_S: f64 = 1.0;
 /// What a recogniser's word on a dot counts.
 const OF_A_DOT: f64 = 0.3;
 /// Hits from which on a weak detection may go on with a track.

@@ -42,6 +42,9 @@ const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
 /// Time for which a target that stands before scenery may be less than surely a UAV [s].
 const SCENERY_S: f64 = 2.0;
+/// A target that is larger than a UAV for so long [s] is left alone for so long [s].
+const OUTSIZE_S: f64 = 0.3;
+const OUTSIZE_BARRED_S: f64 = 60.0;
 /// Time for which an engaged target that is seen well may be less than surely a UAV [s], at odds up to these; in
 /// proportion to them for a likelier one, and twice as long for a dot.
 const DOUBTFUL_S: f64 = 4.0;
@@ -163,6 +166,12 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         tracker.give_up(tick, Some(f64::INFINITY), "the target falls");
         return;
     }
+    if let Some(span_m) = outsize_m(now, tracker) {
+        let until_s = now.t_s() + OUTSIZE_BARRED_S;
+        let reason = format!("too large for a UAV: {span_m:.1} m by the range finder");
+        tracker.give_up(tick, Some(until_s), reason);
+        return;
+    }
     if stands(now, tracker) {
         let until_s = now.t_s() + REJECTED_S;
         tracker.give_up(
@@ -227,6 +236,21 @@ fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
     }
     let since = *tracker.falling_since.get_or_insert(now.tick);
     now.clock.at_s(now.tick - since) > FALLING_S
+}
+
+/// The size of a target that has been too large for a UAV for some time [m].
+fn outsize_m(now: &Situation, tracker: &mut Tracker) -> Option<f64> {
+    let left_alone = now.params.nearest_to_centre || tracker.designated;
+    let Some(span_m) = tracker
+        .target_track()
+        .and_then(|track| now.outsize_m(track))
+        .filter(|_| !left_alone)
+    else {
+        tracker.outsize_since = None;
+        return None;
+    };
+    let since = *tracker.outsize_since.get_or_insert(now.tick);
+    (now.clock.at_s(now.tick - since) > OUTSIZE_S).then_some(span_m)
 }
 
 /// Whether the target has been mere scenery for so long that the search goes on.
@@ -544,6 +568,7 @@ mod tests {
             lock_dwell_s: 0.1,
             break_radius_px: 20.0,
             fire_belief: 0.95,
+            max_span_m: 4.0,
             patience_s: PerTier::of(|_| patience_s(60.0)),
         }
     }
@@ -767,6 +792,47 @@ mod tests {
         let left_s = held_by_s(1.5e-4, 0.75, false).unwrap();
         let dots_s = 2.0 * DOUBTFUL_S..2.0 * DOUBTFUL_S + 0.1;
         assert!(dots_s.contains(&left_s), "{left_s}");
+    }
+
+    #[test]
+    fn what_is_larger_than_a_uav_is_left() {
+        let params = params();
+        // A box of 0.6 mrad, at this range by the range finder [m].
+        let left_at_s = |range_m: f64| {
+            let mut tracker = Tracker::default();
+            for frame in 0..180_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                let r_enu_m = DVec3::new(0.0, range_m, 80.0);
+                see(&mut tracker, t_s, &[r_enu_m]);
+                let track = &mut tracker.table.tracks[0];
+                let id = track.id;
+                if frame < 60 {
+                    continue;
+                }
+                track.lased = Some(Lased {
+                    t_s,
+                    range_m,
+                    sigma_m: 0.5,
+                });
+                if frame == 60 {
+                    tracker.acquire(u64::from(frame * FRAME), id, "test");
+                    tracker.change(u64::from(frame * FRAME), TrackingState::Engage, "test");
+                }
+                let now = situation(&params, frame * FRAME);
+                tracker.error = PerTier::of(|_| Some(seen_at(now.tick, DVec2::ZERO)));
+                step(&now, &mut tracker, false, false);
+                if tracker.target.is_none() {
+                    let barred_until_s = tracker.table.tracks[0].barred_until_s;
+                    assert!((barred_until_s - t_s - OUTSIZE_BARRED_S).abs() < 1e-9);
+                    return Some(t_s - 1.0);
+                }
+            }
+            None
+        };
+        // 3.9 and 4.2 m.
+        assert_eq!(left_at_s(6500.0), None);
+        let left_s = left_at_s(7000.0).unwrap();
+        assert!((OUTSIZE_S..OUTSIZE_S + 0.1).contains(&left_s), "{left_s}");
     }
 
     #[test]

@@ -68,8 +68,6 @@ const RATES_EXPECTED: f64 = 2.0;
 /// The one that a target exceeds once in a thousand times: chi-squared of three degrees of freedom (direction and
 /// range), and what its rates add.
 const CUE_ELSEWHERE: f64 = 16.0;
-/// An echo of the range finder says for so long how far its track is [s].
-const ECHO_S: f64 = 1.0;
 /// Squared distance of a hovering UAV's rates from the radar's that is exceeded once in a hundred times.
 const RATES_MOST: f64 = 9.2;
 
@@ -284,10 +282,8 @@ impl Situation<'_> {
     /// What the radar says for a target, as log-odds of 0 or more: it has one where the range finder's last echo came from, and
     /// sees it fly alike. A bird that is there by chance flies its own way.
     pub(super) fn vouches(&self, track: &Track) -> f64 {
-        let echo = track
-            .lased
-            .is_some_and(|lased| self.t_s() - lased.t_s < ECHO_S);
-        if self.by_radar && echo && self.cued(track) {
+        let echo = track.echo(self.t_s());
+        if self.by_radar && echo.is_some() && self.cued(track) {
             self.cue_log_odds(track).max(0.0)
         } else {
             0.0
@@ -429,6 +425,11 @@ impl Situation<'_> {
     pub(super) fn is_mere_scenery(&self, track: &Track) -> bool {
         let may_hover = self.may_hover(track) || self.cued(track);
         track.conduct.is_scenery() && (self.elsewhere(track) || !may_hover)
+    }
+
+    /// How large a track is that is too large for a UAV [m], by the range finder.
+    pub(super) fn outsize_m(&self, track: &Track) -> Option<f64> {
+        (track.measured_span_m(self.t_s())).filter(|span_m| *span_m > self.params.max_span_m)
     }
 
     /// Whether the radar's target is surely another: in another direction, at another range, or in flight.
