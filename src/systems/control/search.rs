@@ -371,14 +371,25 @@ fn is_fresh(track: &Track, t_s: f64) -> bool {
     track.filter.coast_s(t_s) < 0.3
 }
 
-/// Whether a track may be worth a glance: seen steadily, not known for scenery, and not surely something else.
+/// Whether a track may be worth a glance: seen steadily, not known for scenery, and not surely something else; what is seen
+/// so in clear sky, once anyway.
 fn may_be_glanced_at(track: &Track, t_s: f64) -> bool {
     track.total_hits() >= PROMISING_HITS
         && t_s >= track.barred_until_s
-        && track.log_odds() > GLANCED
-        && (track.conduct.in_sky || track.filter.quality() > GLANCED_QUALITY)
+        && match (
+            track.conduct.in_sky,
+            track.filter.quality() > GLANCED_QUALITY,
+        ) {
+            (true, true) if is_only_seen_from_afar(track) => true,
+            (in_sky, steady) => (in_sky || steady) && track.log_odds() > GLANCED,
+        }
         && (!track.conduct.is_scenery()
             || (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY))
+}
+
+/// Whether no finer camera has seen a track but by chance.
+fn is_only_seen_from_afar(track: &Track) -> bool {
+    track.hits[Tier::Coarse] + track.hits[Tier::Precise] < PROMISING_HITS
 }
 
 /// Whether a track that is seen is worth a longer look: it flies, stands in the sky or where the radar points, or is more likely a
@@ -510,9 +521,20 @@ mod tests {
         assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(every), [4, 2, 1]);
     }
 
+    /// As `looked_before`, not before clear sky.
+    fn looked(
+        cameras: &[(Tier, [f64; 2], f64)],
+        seen_az_el_rad: Option<DVec2>,
+        judged: f64,
+        until_s: f64,
+    ) -> Vec<(DVec2, f64)> {
+        looked_before(false, cameras, seen_az_el_rad, judged, until_s)
+    }
+
     /// Runs a scan for so long [s] over its sector, the mount at once where it is told to be, while the search camera sees
     /// this; where the mount looked and since when [s].
-    fn looked(
+    fn looked_before(
+        in_sky: bool,
         cameras: &[(Tier, [f64; 2], f64)],
         seen_az_el_rad: Option<DVec2>,
         judged: f64,
@@ -545,6 +567,7 @@ mod tests {
                     start_tracks: true,
                 });
                 for track in &mut tracker.table.tracks {
+                    track.conduct.in_sky = in_sky;
                     track.recognition = Some(Recognition {
                         probabilities: [judged, 1.0 - judged, 0.0, 0.0, 0.0, 0.0],
                         t_s,
@@ -583,8 +606,9 @@ mod tests {
             close.count()
         };
         assert_eq!(glances(&with), 1, "not again within {GLANCED_FOR_S} s");
-        // What is surely none, even for a dot, is not worth it; without a finer camera there is nothing to see.
+        // What is surely none, even for a dot, is not worth it but in clear sky; without a finer camera there is nothing to see.
         assert_eq!(glances(&looked(&all, Some(at), 1e-4, 3.0)), 0);
+        assert_eq!(glances(&looked_before(true, &all, Some(at), 1e-4, 3.0)), 1);
         assert_eq!(glances(&looked(&all[..1], Some(at), 0.3, 3.0)), 0);
         // What looks like a target is looked at for longer: the tracker would have it by then.
         let likely = looked(&all, Some(at), 0.8, 3.0);
