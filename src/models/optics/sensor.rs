@@ -24,7 +24,7 @@ use half::slice::HalfFloatSliceExt;
 use super::exposure::Exposure;
 use super::glare::SunGlare;
 use super::mosaic::{self, Mosaic, Neighbours};
-use super::motion::{ImageMotion, RowMotion, Shutter};
+use super::motion::{ImageMotion, Shutter, Smear};
 use super::noise;
 use super::pattern::FixedPattern;
 
@@ -189,6 +189,8 @@ type HalfRows = [Vec<f32>; 6];
 /// Row buffers, kept from frame to frame by each thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
+    /// How the rows move; behind a rolling shutter, the row that was decoded last.
+    smear: Option<Smear>,
     half: Vec<f16>,
     rgba: Vec<f32>,
     /// A decoded row, continued at both ends.
@@ -601,7 +603,11 @@ impl Sensor {
         } else {
             y + radius
         };
+        let rolling = self.params.shutter != Shutter::Global;
         for row in missing..=(y + radius).min(frame.height - 1) {
+            if rolling || (first && row == missing) {
+                scratch.smear = self.smear(frame, row);
+            }
             self.decode(frame, row, scratch);
             let Scratch { padded, ring, .. } = &mut *scratch;
             let pad = Self::pad(radius);
@@ -636,10 +642,15 @@ impl Sensor {
     fn decode(&self, frame: &RenderedFrame<'_>, y: usize, scratch: &mut Scratch) {
         let width = frame.width;
         let Scratch {
-            half, rgba, padded, ..
+            smear,
+            half,
+            rgba,
+            padded,
+            ..
         } = scratch;
         rgba.resize(4 * width, 0.0);
-        match self.row_motion(frame, y) {
+        let motion = smear.as_ref();
+        match motion.and_then(|smear| smear.row(y, width, frame.origin_px)) {
             None => frame.decode(y, half, rgba),
             Some(motion) => motion.gather(
                 y,
@@ -693,8 +704,8 @@ impl Sensor {
         }
     }
 
-    /// How row `y` is put together from rendered ones; none where nothing moves.
-    fn row_motion(&self, frame: &RenderedFrame<'_>, y: usize) -> Option<RowMotion> {
+    /// How row `y` of a frame moves while it is exposed; none where nothing does.
+    fn smear(&self, frame: &RenderedFrame<'_>, y: usize) -> Option<Smear> {
         let params = &self.params;
         let time_s = frame.conditions.exposure.time_s;
         let smeared_s = if params.motion_blur { time_s } else { 0.0 };
@@ -705,8 +716,7 @@ impl Sensor {
                 line_s * (row + 0.5 - 0.5 * f64::from(params.size_px[1]))
             }
         };
-        let motion = &frame.conditions.motion;
-        motion.row(y, frame.width, frame.origin_px, smeared_s, delay_s)
+        frame.conditions.motion.smear(smeared_s, delay_s)
     }
 }
 
