@@ -1,6 +1,6 @@
 //! Tracking against the truth.
 
-use crate::common::{BLIND, ROOT, of, run_scenario};
+use crate::common::{BLIND, ROOT, messages, of, run_scenario};
 use bevy::prelude::{App, World};
 use boresight::app::{self, Options};
 use boresight::components::beam::BeamState;
@@ -597,4 +597,32 @@ fn a_gaze_that_was_left_is_begun_anew() {
         }
         begun = begun.or(settled_since);
     }
+}
+
+/// A gull and a balloon are no UAVs: the search turns to each for a moment, and says so.
+#[test]
+fn what_the_search_glances_at_is_logged() {
+    let sector =
+        "search={ centre_azimuth_deg = 315, elevation_deg = 6, width_deg = 20, height_deg = 4 }";
+    let gull = "{ name = 'gull', kind = 'bird', trajectory = { kind = 'straight', \
+                start_enu_m = [-472.1, 511.7, 111.2], velocity_enu_mps = [9, 9, 0] } }";
+    let balloon = "{ name = 'balloon', kind = 'balloon', trajectory = { kind = 'hover', \
+                   position_enu_m = [-472.1, 511.7, 121.2] } }";
+    let both = format!("distractors=[{gull}, {balloon}]");
+    let set = [
+        "engage.authorised=false",
+        "duration_s=5",
+        sector,
+        "uavs.0.trajectory={ kind = 'hover', position_enu_m = [0, -700, 121] }",
+        &both,
+    ];
+    let args: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
+    let run = run_scenario("urban_intercept", &[&BLIND[..], &args].concat());
+    let lines = messages(&run.file("run.mcap"), "/log");
+    let glances = (lines.iter())
+        .map(|line| String::from_utf8_lossy(line))
+        .filter(|line| line.contains("glances at track"))
+        .count();
+    // Neither is looked at again within ten seconds.
+    assert_eq!(glances, 2, "{glances} of {} lines", lines.len());
 }

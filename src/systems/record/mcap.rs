@@ -2,6 +2,7 @@
 
 use crate::components::beam::{BeamState, LaserSource};
 use crate::components::capture::{ExposedFrame, Frames, SensorCamera};
+use crate::components::control::SearchScan;
 use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::engage::Interlocks;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
@@ -84,6 +85,7 @@ pub struct RecordedStation {
     source: &'static LaserSource,
     beam: &'static BeamState,
     queue: &'static DetectionQueue,
+    scan: &'static SearchScan,
     tracker: &'static Tracker,
     operator: &'static Operator,
     interlocks: &'static Interlocks,
@@ -160,7 +162,7 @@ impl Recorded<'_, '_> {
             .try_for_each(|(topic, json)| recorder.json(self.clock.tick, *topic, json))
     }
 
-    /// Logs a station's orders and changes of state that are new.
+    /// Logs a station's orders, glances and changes of state that are new.
     fn write_log(
         &self,
         recorder: &mut Recorder,
@@ -174,6 +176,10 @@ impl Recorded<'_, '_> {
             let text = self.order_text(order);
             recorder.log(tick, LogLevel::Info, &part("operator"), &text)?;
             logged.orders += 1;
+        }
+        if let Some(glance) = station.scan.glance.filter(|glance| glance.since == tick) {
+            let text = format!("glances at track {}", glance.track);
+            recorder.log(tick, LogLevel::Info, &part("search"), &text)?;
         }
         for change in &station.tracker.changes[logged.changes..] {
             let text = format!("{}: {}", change.to.name(), change.reason);
