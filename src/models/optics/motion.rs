@@ -8,7 +8,8 @@
 //! Assumptions: the motion is uniform over the exposure and over the field (no roll about the line
 //! of sight); in the box of a UAV, grown by the motion's reach, its surroundings move with it;
 //! truth is that of the rendered instant. Shifts between pixels are Catmull-Rom interpolations,
-//! which keep centroid and variance.
+//! which keep centroid and variance; a long smear is summed of whole pixels, and cut at 64 px from
+//! its row.
 
 use glam::DVec2;
 
