@@ -154,7 +154,7 @@ def test_company_stays_in_the_precise_field():
     vector = rf"\[{number}, {number}, {number}\]"
     read = lambda text: [np.array([float(x) for x in found]) for found in re.findall(vector, text)]
     rng = track_scenarios.random.Random(5)
-    beside = 0
+    beside = away = 0
     for _ in range(200):
         az, el = rng.uniform(0, 360), rng.uniform(1, 12)
         held, _, rate = track_scenarios.crossing(rng, rng.choice(("uav", "bird")), az, el)
@@ -170,8 +170,9 @@ def test_company_stays_in_the_precise_field():
             bearings.append([np.arctan2(at[0], at[1]), np.arcsin(at[2] / np.linalg.norm(at))])
         apart = np.array(bearings[1]) - bearings[0]
         apart[0] = np.angle(np.exp(1j * apart[0])) * np.cos(bearings[0][1])
-        assert np.abs(apart).max() < 0.02, (held, found)
-    assert beside > 50
+        away += np.abs(apart).max() > 0.02
+    # What passes near by does not stay on a straight line in the picture.
+    assert beside > 50 and away <= 0.05 * beside
 
 
 def test_scenarios_are_drawn_from_their_seeds():
@@ -202,10 +203,18 @@ def test_a_file_gives_back_its_models():
 def test_engagements_become_scenarios_for_tracks():
     drawn = (
         'seed = {}\nduration_s = 25.0\n[city]\nseed = {}\n[engage]\nmin_clear_range_m = 20.0\n[[uavs]]\nname = "intruder"\n'
+        '[uavs.trajectory]\nkind = "straight"\nstart_enu_m = [300.0, 400.0, 60.0]\nvelocity_enu_mps = [8.0, 0.0, 0.0]\n'
         '[[distractors]]\nname = "gull"\n'
     )
     made = [track_scenarios.tomllib.loads(track_scenarios.of_drawn(drawn.format(seed, 9), 4.0)) for seed in range(60)]
     assert all(s["duration_s"] == 4.0 and s["engage"]["authorised"] is False and "precise" in s["station"]["cameras"] for s in made)
     held = [s["operator"][0]["designate"] if "operator" in s else None for s in made]
     assert set(held) == {None, "intruder", "gull"} and 20 < held.count(None) < 40
+    beside = [thing for s in made for thing in s["uavs"] + s["distractors"] if thing["name"].startswith("beside")]
+    assert {"model" in thing for thing in beside} == {False, True}
+    path = made[0]["uavs"][0]["trajectory"]
+    for other in (thing["trajectory"] for thing in beside):
+        assert other | {"start_enu_m": path["start_enu_m"]} == path
+        # At half a kilometre, in a field of 8.7 by 6.5 m.
+        assert 0 < np.abs(np.array(other["start_enu_m"]) - path["start_enu_m"]).max() < 2.1
     assert track_scenarios.of_drawn(drawn.format(1, track_scenarios.JUDGED_CITIES[0]), 4.0) is None

@@ -10,6 +10,7 @@ left to the station, whose own choices are the tracks that it errs about, in the
 """
 
 import argparse
+import json
 import math
 import random
 import tomllib
@@ -30,7 +31,11 @@ SPEED_MPS = {"uav": (0, 16), "bird": (6, 14), "aeroplane": (50, 200), "helicopte
 RANGE_M = {  # nearest and farthest
     "uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (800, 14000), "helicopter": (600, 9000),
 }  # fmt: skip
-HELD = {"uav": 0.42, "bird": 0.3, "aeroplane": 0.08, "helicopter": 0.08, "balloon": 0.07, "leaf": 0.05}
+HELD = {"uav": 0.38, "bird": 0.28, "aeroplane": 0.11, "helicopter": 0.11, "balloon": 0.07, "leaf": 0.05}
+# What flies beside the held one; the far ones where no hill is before them.
+LOW_COMPANY = {"uav": 0.5, "bird": 0.5}
+COMPANY = {"uav": 0.25, "bird": 0.25, "aeroplane": 0.25, "helicopter": 0.25}
+FAR, ABOVE_HILLS_DEG = ("aeroplane", "helicopter"), 3.0
 # Half the rates of the preset: twice the seconds for the time.
 CAMERAS = "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n"
 # Cities in which engagements take place that the loop is judged by: not learned from.
@@ -99,12 +104,12 @@ def straight(at: list[float], v: list[float]) -> str:
 
 
 def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_radps: float) -> tuple[str, str] | None:
-    """A UAV or bird that stays beside the held one, which moves at this rate to the right: the farther, the faster, and
+    """Something that stays beside the held one, which moves at this rate to the right: the farther, the faster, and
     for the rest along the line of sight."""
-    what = rng.choice(("uav", "bird"))
+    what = pick(rng, COMPANY if el_deg >= ABOVE_HILLS_DEG else LOW_COMPANY)
     kind = kind_of(rng, what)
     slow, fast = SPEED_MPS[what]
-    wanted_px = math.exp(rng.uniform(math.log(7), math.log(140)))
+    wanted_px = math.exp(rng.uniform(math.log(5), math.log(100)))
     range_m = KINDS[what][kind] / (wanted_px * FINE_IFOV_RAD)
     across = rate_radps * range_m
     near, far = RANGE_M[what]
@@ -163,7 +168,7 @@ def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float
     near, far = RANGE_M[what]
     range_m = min(max(extent_m / (wanted_px * FINE_IFOV_RAD), near), far)
     if range_m > 2000:  # above the hills
-        el_deg = max(el_deg, 3.0)
+        el_deg = max(el_deg, ABOVE_HILLS_DEG)
     if el_deg < 0:  # above the roofs of low houses, before meadows, streets and facades
         range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
     at = place(az_deg, el_deg, range_m)
@@ -175,6 +180,8 @@ def scenario(seed: int, duration_s: float) -> str:
     rng = random.Random(seed)
     az, el = rng.uniform(0, 360), rng.choice((rng.uniform(-3, 1), rng.uniform(-2, 1.5), rng.uniform(1.2, 4), rng.uniform(2, 12)))
     held = pick(rng, HELD)
+    if held in FAR:
+        el = max(el, ABOVE_HILLS_DEG)
     wide = rng.random() < 0.15
     metar, visibility_m, texture = rng.choice(WEATHER)
     time = pick(rng, {time: share for time, (_, share) in TIMES.items()})
@@ -183,7 +190,7 @@ def scenario(seed: int, duration_s: float) -> str:
         f'name = "tracks_{seed}"\ndescription = "{held} held, {TIMES[time][0]}"\nseed = {seed}\nduration_s = {duration_s}\n'
         f"time_utc = 2025-09-20T{time}:00Z\n",
         "[site]\nlatitude_deg = 47.3769\nlongitude_deg = 8.5417\naltitude_m = 455.0\n",
-        f"[city]\nseed = {rng.randrange(1, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else "building_density = 0.4\n" if el < 1 else ""),
+        f"[city]\nseed = {rng.randrange(JUDGED_CITIES.stop, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else "building_density = 0.4\n" if el < 1 else ""),
         f"[station]\nposition_enu_m = [0.0, 0.0, {STATION_UP_M}]\n",
         CAMERAS,
         f'[weather]\nmetar = "LSZH 200850Z {metar} NOSIG"\nvisibility_m = {visibility_m}.0\ncloud_texture = {str(texture).lower()}\n',
@@ -195,10 +202,10 @@ def scenario(seed: int, duration_s: float) -> str:
         off = rng.uniform(-0.6, 0.6)
         parts.append(f"[search]\ncentre_azimuth_deg = {(az + off) % 360:.2f}\nwidth_deg = 3.0\nelevation_deg = {el:.2f}\nheight_deg = 2.0\n")
     tables = {"uavs": [], "distractors": []}
-    if held in ("uav", "bird") and rng.random() < 0.75:
+    if held in ("uav", "bird", *FAR) and rng.random() < 0.75:
         text, table, rate = crossing(rng, held, az, el)
-        company = [companion(rng, f"beside {k}", az, el, rate) for k in range(9)]
-        for other, of in [found for found in company if found][:3]:
+        company = [companion(rng, f"beside {k}", az, el, rate) for k in range(16)]
+        for other, of in [found for found in company if found][:6]:
             tables[of].append(other)
     else:
         text, table = thing(rng, held, "held", az, el)
@@ -217,6 +224,23 @@ def orders(name: str, duration_s: float) -> list[str]:
     return [f'[[operator]]\nt_s = {t:.1f}\ndesignate = "{name}"\n' for t in (x * 0.5 for x in range(1, int(2 * duration_s)))]
 
 
+def beside_intruder(rng: random.Random, intruder: dict) -> list[str]:
+    """Others that fly as the drawn UAV does, a few metres away, so that the precise camera has them beside it."""
+    path = intruder["trajectory"]
+    key = next((key for key in path if key in ("start_enu_m", "position_enu_m", "centre_enu_m")), None)
+    if key is None:
+        return []
+    moves_like_a_bird = path["kind"] == "straight" and math.hypot(*path["velocity_enu_mps"]) >= SPEED_MPS["bird"][0]
+    reach_m, parts = 4e-3 * math.hypot(*path[key]), []
+    for k in range(rng.choice((0, 1, 1, 2, 2))):
+        at = rounded([x + rng.uniform(-reach_m, reach_m) for x in path[key]])
+        moves = ", ".join(f"{name} = {json.dumps(value)}" for name, value in (path | {key: at}).items())
+        bird = moves_like_a_bird and rng.random() < 0.6
+        table, of = ("distractors", "kind") if bird else ("uavs", "model")
+        parts.append(f'[[{table}]]\nname = "beside {k}"\n{of} = "{kind_of(rng, "bird" if bird else "uav")}"\ntrajectory = {{ {moves} }}\n')
+    return parts
+
+
 def of_drawn(text: str, duration_s: float) -> str | None:
     """A drawn engagement as a scenario for tracks; none of one in a city that is judged by."""
     drawn = tomllib.loads(text)
@@ -225,6 +249,7 @@ def of_drawn(text: str, duration_s: float) -> str | None:
     rng = random.Random(drawn["seed"])
     text = text.replace(f"duration_s = {drawn['duration_s']}\n", f"duration_s = {duration_s}\n", 1)
     parts = [text.replace("[engage]\n", "[engage]\nauthorised = false\n", 1), CAMERAS]
+    parts += beside_intruder(rng, drawn["uavs"][0])
     share, others = rng.random(), [thing["name"] for thing in drawn.get("distractors", [])]
     if share > FREE:
         held = "intruder" if share < FREE + HELD_UAV or not others else rng.choice(others)

@@ -4,7 +4,7 @@ use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::optics::camera::{Pinhole, PixelRect};
 use crate::models::shape::mesh::MeshData;
 use glam::{DQuat, DVec2, DVec3};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{PI, TAU};
 
 /// Azimuths that are told apart: 1.5 mrad each.
 const BINS: usize = 4096;
@@ -19,16 +19,20 @@ const OVERHEAD_M: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub struct Skyline {
     r_eye_enu_m: DVec3,
-    /// For each step of the azimuth from north over east [rad].
-    el_rad: Vec<f64>,
+    /// Its tangent for each step of the azimuth from north over east.
+    rise: Vec<f64>,
+    /// The direction in the plan (east, north) in which each step begins.
+    begins: Vec<DVec2>,
 }
 
 impl Skyline {
     /// The skyline of `meshes` (enu) from `r_eye_enu_m`.
     pub fn new(meshes: &[MeshData], r_eye_enu_m: DVec3) -> Self {
+        let begin = |k: usize| DVec2::from((k as f64 / BINS as f64 * TAU).sin_cos());
         let mut skyline = Self {
             r_eye_enu_m,
-            el_rad: vec![-FRAC_PI_2; BINS],
+            rise: vec![f64::NEG_INFINITY; BINS],
+            begins: (0..BINS).map(begin).collect(),
         };
         for mesh in meshes {
             let origin_m = mesh.origin_enu_m - r_eye_enu_m;
@@ -46,39 +50,50 @@ impl Skyline {
     }
 
     fn raise_triangle(&mut self, corners_m: [DVec3; 3]) {
+        let ends = corners_m.map(|corner_m| (corner_m, corner_m.x.atan2(corner_m.y)));
         for k in 0..3 {
-            self.raise(corners_m[k], corners_m[(k + 1) % 3]);
+            self.raise(ends[k], ends[(k + 1) % 3]);
         }
     }
 
-    /// Lets an edge from `a` to `b` (m, from the eye) stand before the sky.
-    fn raise(&mut self, a: DVec3, b: DVec3) {
+    /// Lets an edge from `a` to `b` (m, from the eye; with their azimuths [rad]) stand before the sky.
+    fn raise(&mut self, (a, az_a): (DVec3, f64), (b, az_b): (DVec3, f64)) {
         let nearest_m = nearest_to_axis_m(a, b);
         if nearest_m < OVERHEAD_M {
             // Below the eye, what is farther stands higher; beside it or above it hides everything.
             let farthest_m = a.truncate().length().max(b.truncate().length());
             let height_m = a.z.max(b.z) + REACH_M;
             let bound = if height_m < 0.0 {
-                height_m.atan2(farthest_m)
+                height_m / farthest_m
             } else {
-                FRAC_PI_2
+                f64::INFINITY
             };
-            self.el_rad.iter_mut().for_each(|el| *el = el.max(bound));
+            self.rise.iter_mut().for_each(|rise| *rise = rise.max(bound));
             return;
         }
-        let margin_rad = MARGIN_RAD + REACH_M / nearest_m;
-        let [az_a, az_b] = [a, b].map(|r| r.x.atan2(r.y));
-        let turn = (az_b - az_a + PI).rem_euclid(TAU) - PI;
         // The eye may move: a neighbour's azimuth as well.
-        let spread = REACH_M / nearest_m;
-        let (from, to) = (az_a + turn.min(0.0) - spread, az_a + turn.max(0.0) + spread);
+        let spread_rad = REACH_M / nearest_m;
+        let margin = (MARGIN_RAD + spread_rad).tan();
+        let turn = (az_b - az_a + PI).rem_euclid(TAU) - PI;
+        // From left to right.
+        let (left, right) = if turn < 0.0 { (b, a) } else { (a, b) };
+        let from = if turn < 0.0 { az_a + turn } else { az_a };
+        let to = from + turn.abs();
         let bin = |az: f64| (az / TAU * BINS as f64).floor() as i64;
-        for k in bin(from)..=bin(to) {
-            let ends = [k, k + 1].map(|k| (k as f64 / BINS as f64 * TAU).clamp(from, to));
-            let highest = ends.map(|az| elevation_on_edge(a, b, az)).into_iter();
-            let el = highest.fold(-FRAC_PI_2, f64::max) + margin_rad;
-            let slot = &mut self.el_rad[k.rem_euclid(BINS as i64) as usize];
-            *slot = slot.max(el);
+        // Steps that begin within the edge; before and behind them its ends stand.
+        let within = bin(from) + 1..=bin(to);
+        let at_begin = |k: i64| match k {
+            k if k < *within.start() => rise_of(left),
+            k if k > *within.end() => rise_of(right),
+            k => rise_on_edge(left, right, self.begins[k.rem_euclid(BINS as i64) as usize]),
+        };
+        let steps = bin(from - spread_rad)..=bin(to + spread_rad);
+        let mut here = at_begin(*steps.start());
+        for k in steps {
+            let next = at_begin(k + 1);
+            let slot = &mut self.rise[k.rem_euclid(BINS as i64) as usize];
+            *slot = slot.max(raised(here.max(next), margin));
+            here = next;
         }
     }
 
@@ -114,8 +129,9 @@ impl Skyline {
         let reach = border.iter().map(|at| off(at.x).abs()).fold(0.0, f64::max);
         let bin = |az: f64| (az / TAU * BINS as f64).floor() as i64;
         let el = (bin(middle.x - reach) - 1..=bin(middle.x + reach) + 1)
-            .map(|k| self.el_rad[k.rem_euclid(BINS as i64) as usize])
-            .fold(-FRAC_PI_2, f64::max);
+            .map(|k| self.rise[k.rem_euclid(BINS as i64) as usize])
+            .fold(f64::NEG_INFINITY, f64::max)
+            .atan();
         if el >= STEEP_RAD {
             return 0;
         }
@@ -143,24 +159,30 @@ fn nearest_to_axis_m(a: DVec3, b: DVec3) -> f64 {
     (a + t * along).length()
 }
 
-/// The elevation at which a vertical plane at azimuth `az` cuts the edge, or its nearer end [rad].
-fn elevation_on_edge(a: DVec3, b: DVec3, az: f64) -> f64 {
-    let level = DVec2::new(az.sin(), az.cos());
+/// The tangent of a point's elevation.
+fn rise_of(r: DVec3) -> f64 {
+    r.z / r.truncate().length()
+}
+
+/// That of the place at which the vertical plane in the direction `level` cuts the edge, or of its nearer end.
+fn rise_on_edge(a: DVec3, b: DVec3, level: DVec2) -> f64 {
     let along = b - a;
     let across = level.perp_dot(along.truncate());
-    let t = -level.perp_dot(a.truncate()) / across;
-    let t = if t.is_finite() {
-        t.clamp(0.0, 1.0)
-    } else {
-        0.5
-    };
-    let at = a + t * along;
-    let of = |r: DVec3| r.z.atan2(r.truncate().length());
     // An edge that runs along the line of sight is highest at one of its ends.
     if across.abs() < 1e-6 * along.length() {
-        of(a).max(of(b))
+        return rise_of(a).max(rise_of(b));
+    }
+    let t = -level.perp_dot(a.truncate()) / across;
+    rise_of(a + t.clamp(0.0, 1.0) * along)
+}
+
+/// The tangent of an elevation of tangent `rise`, raised by an angle of tangent `margin`.
+fn raised(rise: f64, margin: f64) -> f64 {
+    let denominator = 1.0 - rise * margin;
+    if denominator > 0.0 {
+        (rise + margin) / denominator
     } else {
-        of(at)
+        f64::INFINITY
     }
 }
 
@@ -226,19 +248,16 @@ mod tests {
         later.add([0.0, 1.0, 2.0].map(|x| roof_enu_m + x * DVec3::new(10.0, -10.0, -30.0)));
         let bin = BINS / 8;
         let expected = (60.0_f64).atan2(100.0 * 2.0_f64.sqrt());
-        assert!(
-            (later.el_rad[bin] - expected).abs() < 5e-3,
-            "{}",
-            later.el_rad[bin]
-        );
-        assert!(skyline().el_rad[bin] < 0.0);
+        let el_rad = later.rise[bin].atan();
+        assert!((el_rad - expected).abs() < 5e-3, "{el_rad}");
+        assert!(skyline().rise[bin] < 0.0);
     }
 
     #[test]
     fn where_it_cannot_tell_everything_may_be_solid() {
         assert_eq!(first_row([0.0, 80.0]), 0);
         let pinhole = Pinhole::from_hfov(640, 480, 0.03).unwrap();
-        let up = DQuat::from_rotation_x(-FRAC_PI_2 + 0.5);
+        let up = DQuat::from_rotation_x(-PI / 2.0 + 0.5);
         let rect = PixelRect {
             offset_px: [0, 0],
             size_px: [640, 480],

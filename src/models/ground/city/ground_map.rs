@@ -55,10 +55,26 @@ impl GroundMap {
         let [e0, e1] = span(outline, DVec2::X);
         let [n0, n1] = span(outline, DVec2::Y);
         let columns = clamp((e0 + half) / px - 1.0)..clamp((e1 + half) / px + 2.0);
+        let east_m = |column: usize| (column as f64 + 0.5) * px - half;
         for row in clamp((half - n1) / px - 1.0)..clamp((half - n0) / px + 2.0) {
             let y = half - (row as f64 + 0.5) * px;
-            for column in columns.clone() {
-                let p = DVec2::new((column as f64 + 0.5) * px - half, y);
+            // A street across the map would have a box of most of it: only where the row is within half a pixel
+            // of every edge's inside, and a column more.
+            let [mut from_m, mut to_m] = [east_m(columns.start), east_m(columns.end)];
+            for &(a, inward) in &edges {
+                let at_zero = (y - a.y) * inward.y - a.x * inward.x + 0.5 * px;
+                let bound_m = -at_zero / inward.x;
+                if inward.x > 0.0 {
+                    from_m = from_m.max(bound_m - px);
+                } else if inward.x < 0.0 {
+                    to_m = to_m.min(bound_m + px);
+                } else if at_zero < 0.0 {
+                    to_m = f64::NEG_INFINITY;
+                }
+            }
+            let column = |e_m: f64| clamp((e_m + half) / px);
+            for column in column(from_m).max(columns.start)..(column(to_m) + 1).min(columns.end) {
+                let p = DVec2::new(east_m(column), y);
                 let inside = edges
                     .iter()
                     .map(|&(a, inward)| (p - a).dot(inward))
