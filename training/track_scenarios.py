@@ -3,7 +3,7 @@
 
 In each one object is held by an operator's orders, so that what is no UAV fills the precise camera as UAVs do. Some
 fly along with it in that camera's field, others within two degrees of it. A part searches a wide sector without help,
-for tracks of scenery. Nothing is fired at.
+for tracks of dots and scenery. Nothing is fired at.
 
 `--drawn` makes them of engagements that `boresight eval engagement --recipe recipes/tracks.toml` drew: nearly half are
 left to the station, whose own choices are the tracks that it errs about, in the others something is held.
@@ -35,6 +35,9 @@ HELD = {"uav": 0.38, "bird": 0.28, "aeroplane": 0.11, "helicopter": 0.11, "ballo
 # What flies beside the held one; the far ones where no hill is before them.
 LOW_COMPANY = {"uav": 0.5, "bird": 0.5}
 COMPANY = {"uav": 0.25, "bird": 0.25, "aeroplane": 0.25, "helicopter": 0.25}
+# What a wide sector holds, of 10 to 50 px in the precise camera: 2 to 8 in the search camera.
+IN_SECTOR = {"uav": 0.5, "bird": 0.3, "aeroplane": 0.07, "helicopter": 0.07, "balloon": 0.06}
+WIDE_DEG = 36.0, 10.0
 FAR, ABOVE_HILLS_DEG = ("aeroplane", "helicopter"), 3.0
 # Half the rates of the preset: twice the seconds for the time.
 CAMERAS = "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n"
@@ -159,12 +162,11 @@ def rounded(xs: list[float]) -> list[float]:
     return [round(x, 3) for x in xs]
 
 
-def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float) -> tuple[str, str]:
-    """A table of the scenario, and which list it belongs to."""
+def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float, size_px: tuple[float, float] = (5, 120)) -> tuple[str, str]:
+    """A table of the scenario, and which list it belongs to; its size is that in the precise camera."""
     kind = kind_of(rng, what)
     extent_m = KINDS[what][kind]
-    # Its size in the precise camera, evenly over the logarithm.
-    wanted_px = math.exp(rng.uniform(math.log(5), math.log(120)))
+    wanted_px = math.exp(rng.uniform(*map(math.log, size_px)))
     near, far = RANGE_M[what]
     range_m = min(max(extent_m / (wanted_px * FINE_IFOV_RAD), near), far)
     if range_m > 2000:  # above the hills
@@ -179,10 +181,10 @@ def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float
 def scenario(seed: int, duration_s: float) -> str:
     rng = random.Random(seed)
     az, el = rng.uniform(0, 360), rng.choice((rng.uniform(-3, 1), rng.uniform(-2, 1.5), rng.uniform(1.2, 4), rng.uniform(2, 12)))
-    held = pick(rng, HELD)
+    wide = rng.random() < 0.25
+    held = "nothing" if wide else pick(rng, HELD)
     if held in FAR:
         el = max(el, ABOVE_HILLS_DEG)
-    wide = rng.random() < 0.15
     metar, visibility_m, texture = rng.choice(WEATHER)
     time = pick(rng, {time: share for time, (_, share) in TIMES.items()})
     forest = rng.random() < 0.4
@@ -196,26 +198,33 @@ def scenario(seed: int, duration_s: float) -> str:
         f'[weather]\nmetar = "LSZH 200850Z {metar} NOSIG"\nvisibility_m = {visibility_m}.0\ncloud_texture = {str(texture).lower()}\n',
         "[engage]\nauthorised = false\n",
     ]
+    low = rng.uniform(-1.5, 3.0)  # lower edge of a sector
     if wide:
-        parts.append(f"[search]\ncentre_azimuth_deg = {az:.2f}\nwidth_deg = 40.0\nelevation_deg = 4.0\nheight_deg = 10.0\n")
+        parts.append(f"[search]\ncentre_azimuth_deg = {az:.2f}\nwidth_deg = {WIDE_DEG[0]}\nelevation_deg = {low + WIDE_DEG[1] / 2:.2f}\nheight_deg = {WIDE_DEG[1]}\n")
     else:
         off = rng.uniform(-0.6, 0.6)
         parts.append(f"[search]\ncentre_azimuth_deg = {(az + off) % 360:.2f}\nwidth_deg = 3.0\nelevation_deg = {el:.2f}\nheight_deg = 2.0\n")
     tables = {"uavs": [], "distractors": []}
-    if held in ("uav", "bird", *FAR) and rng.random() < 0.75:
+    if wide:
+        for k in range(rng.randint(10, 16)):
+            at = az + rng.uniform(-0.5, 0.5) * WIDE_DEG[0], low + rng.uniform(0, 1) * WIDE_DEG[1]
+            text, table = thing(rng, pick(rng, IN_SECTOR), f"in the sector {k}", *at, size_px=(10, 50))
+            tables[table].append(text)
+    elif held in ("uav", "bird", *FAR) and rng.random() < 0.75:
         text, table, rate = crossing(rng, held, az, el)
+        tables[table].append(text)
         company = [companion(rng, f"beside {k}", az, el, rate) for k in range(16)]
         for other, of in [found for found in company if found][:6]:
             tables[of].append(other)
     else:
         text, table = thing(rng, held, "held", az, el)
-    tables[table].append(text)
-    for k in range(rng.choice((0, 1, 1, 2))):
+        tables[table].append(text)
+    for k in range(0 if wide else rng.choice((0, 1, 1, 2))):
         other = rng.choice(("uav", "bird", "bird", "aeroplane", "helicopter", "balloon"))
         text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(min(el, 0.8), el + rng.uniform(-1, 1)))
         tables[table].append(text)
     parts += tables["uavs"] + tables["distractors"]
-    parts += orders("held", duration_s)
+    parts += [] if wide else orders("held", duration_s)
     return "\n".join(parts)
 
 

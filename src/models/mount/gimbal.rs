@@ -254,13 +254,13 @@ impl GimbalParams {
     }
 
     /// The command that slews to a position [rad] and stops there: proportional near the target,
-    /// on the braking parabola at 70 % of the torque far from it.
+    /// on the braking parabola at 80 % of the torque far from it.
     pub fn position_command(&self, state: &GimbalState, target_rad: DVec2) -> GimbalCommand {
         let error = self.error_rad(target_rad, state.encoder_az_el_rad());
         let rate = |axis: &AxisParams, error: f64| {
-            // A quarter of the rate loop's bandwidth keeps the cascade well damped.
-            let linear = 0.25 * TAU * axis.bandwidth_hz * error.abs();
-            let braking = (1.4 * axis.torque_limit_nm / axis.inertia_kg_m2 * error.abs()).sqrt();
+            // Three eighths of the rate loop's bandwidth, beyond which small steps begin to overshoot.
+            let linear = 0.375 * TAU * axis.bandwidth_hz * error.abs();
+            let braking = (1.6 * axis.torque_limit_nm / axis.inertia_kg_m2 * error.abs()).sqrt();
             linear.min(braking).copysign(error)
         };
         GimbalCommand {

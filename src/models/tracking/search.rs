@@ -159,7 +159,7 @@ fn spiral(sector: &Sector, fov_rad: [f64; 2], overlap: f64) -> Vec<[f64; 2]> {
 
 /// What settling adds to a slew of the mount at its limits [s], as the servo of
 /// [`crate::models::mount::gimbal`] is measured to need (test below).
-pub const SETTLE_S: f64 = 0.14;
+pub const SETTLE_S: f64 = 0.09;
 
 /// What the mount needs to step from gaze to gaze.
 #[derive(Clone, Copy, Debug, PartialEq)]
