@@ -123,7 +123,7 @@ pub struct Track {
     pub lased: Option<Lased>,
     /// Frames of each camera that saw it.
     pub hits: PerTier<u32>,
-    /// Frames in a row that should have seen it and did not.
+    /// Frames in a row that should have seen it and did not, of cameras that have seen it before.
     pub misses: u32,
     /// Time of the first exposure that saw it [s].
     pub started_s: f64,
@@ -377,7 +377,7 @@ pub struct TableParams {
     pub gate_sigmas: f64,
     /// Standard deviation of the logarithm of a box's size about the track's.
     pub size_log_sigma: f64,
-    /// A young track goes after as many misses in a row as it has hits; this is the longest time
+    /// A young track goes after as many misses in a row as it has hits, in cameras that have seen it; this is the longest time
     /// without a hit for any that is not hidden by the city [s].
     pub max_coast_s: f64,
     /// Longest time without a hit behind a building [s].
@@ -799,7 +799,10 @@ impl Track {
 
     /// A frame that should have shown it did not.
     fn missed(&mut self, look: &CameraLook) {
-        self.misses += 1;
+        // Three cameras read 210 frames a second of what the mount turns to, and the two finer ones may not have it yet.
+        if self.hits[look.tier] > 0 {
+            self.misses += 1;
+        }
         self.filter.miss(look.t_s);
         let mut size_px = self.size_rad / look.ifov_rad;
         if self.hits[look.tier] < CONFIRMED_HITS {

@@ -60,6 +60,27 @@ fn a_flicker_does_not_last() {
 }
 
 #[test]
+fn a_young_track_outlasts_cameras_that_have_not_seen_it_yet() {
+    let kept = |tier: Tier| {
+        let mut table = TrackTable::default();
+        for i in 0..8 {
+            table.update(&look(f64::from(i) / 30.0, &[sighting(0.1, 0.1)]));
+        }
+        for i in 0..12 {
+            let t_s = 0.25 + f64::from(i) / 120.0;
+            let unseen = CameraLook {
+                tier,
+                start_tracks: false,
+                ..look(t_s, &[])
+            };
+            table.update(&unseen);
+        }
+        table.tracks.len()
+    };
+    assert_eq!([Tier::Precise, Tier::Search].map(kept), [1, 0]);
+}
+
+#[test]
 fn a_track_is_of_the_class_its_detections_speak_for() {
     let mut table = TrackTable::default();
     // Two weak sightings for every strong one of another class; later ones outweigh the first.
