@@ -68,7 +68,9 @@ impl Skyline {
             } else {
                 f64::INFINITY
             };
-            self.rise.iter_mut().for_each(|rise| *rise = rise.max(bound));
+            self.rise
+                .iter_mut()
+                .for_each(|rise| *rise = rise.max(bound));
             return;
         }
         // The eye may move: a neighbour's azimuth as well.
