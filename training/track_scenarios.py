@@ -148,8 +148,9 @@ def crossing(rng: random.Random, what: str, az_deg: float, el_deg: float) -> tup
     speed = rng.uniform(*SPEED_MPS[what])
     across = speed * rng.uniform(-1, 1)
     along = math.sqrt(speed**2 - across**2) * rng.choice((-1, 1))
-    a = math.radians(az_deg)
-    v = [across * math.cos(a) + along * math.sin(a), -across * math.sin(a) + along * math.cos(a), 0.0]
+    a, e = math.radians(az_deg), math.radians(el_deg)
+    v = [across * math.cos(a) + along * math.cos(e) * math.sin(a), -across * math.sin(a) + along * math.cos(e) * math.cos(a),
+         along * math.sin(e)]  # fmt: skip
     if what == "uav" and rng.random() < 0.3:
         across, v = 0.0, [0.0] * 3
     at = place(az_deg, el_deg, range_m)
