@@ -176,6 +176,28 @@ fn position_command_slews_and_settles_across_north_and_south() {
     assert!(overshoot < 0.02, "{overshoot}");
 }
 
+#[test]
+fn steps_of_a_search_settle_without_overshoot() {
+    let params = GimbalParams::default();
+    // From gaze to gaze, and to a glance in the field [rad], each with the longest it may take [s].
+    for (step_rad, longest_s) in [(85e-3, 0.32), (20e-3, 0.18)] {
+        let target = DVec2::new(step_rad, 0.0);
+        let mut state = GimbalState::default();
+        let (mut settled_s, mut overshoot) = (None, 0.0_f64);
+        for k in 1..960 {
+            let command = params.position_command(&state, target);
+            step(&mut state, &params, &command, [0.0; 2], DT);
+            let short_rad = params.error_rad(target, state.az_el_rad()).x;
+            overshoot = overshoot.max(-short_rad / step_rad);
+            let rests = short_rad.abs() < 2e-3 && state.rates_radps().length() < 15e-3;
+            settled_s = settled_s.or(rests.then_some(f64::from(k) * DT));
+        }
+        println!("{step_rad} rad: {settled_s:?} s, overshoot {overshoot:.4}");
+        assert!(settled_s.is_some_and(|s| s < longest_s), "{settled_s:?}");
+        assert!(overshoot < 0.01, "{overshoot}");
+    }
+}
+
 /// The azimuth axis alone, pushed by a torque on its rotor.
 fn push(state: &mut AxisState, axis: &AxisParams, torque_nm: f64) {
     state.torque_nm = torque_nm;
