@@ -258,7 +258,7 @@ impl GimbalParams {
     pub fn position_command(&self, state: &GimbalState, target_rad: DVec2) -> GimbalCommand {
         let error = self.error_rad(target_rad, state.encoder_az_el_rad());
         let rate = |axis: &AxisParams, error: f64| {
-            // Three eighths of the rate loop's bandwidth, beyond which small steps begin to overshoot.
+            // Three eighths of the rate loop's bandwidth: steps settle fast and do not overshoot.
             let linear = 0.375 * TAU * axis.bandwidth_hz * error.abs();
             let braking = (1.6 * axis.torque_limit_nm / axis.inertia_kg_m2 * error.abs()).sqrt();
             linear.min(braking).copysign(error)

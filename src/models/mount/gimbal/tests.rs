@@ -180,7 +180,7 @@ fn position_command_slews_and_settles_across_north_and_south() {
 fn steps_of_a_search_settle_without_overshoot() {
     let params = GimbalParams::default();
     // From gaze to gaze, and to a glance in the field [rad], each with the longest it may take [s].
-    for (step_rad, longest_s) in [(85e-3, 0.32), (20e-3, 0.18)] {
+    for (step_rad, longest_s) in [(85e-3, 0.28), (20e-3, 0.12)] {
         let target = DVec2::new(step_rad, 0.0);
         let mut state = GimbalState::default();
         let (mut settled_s, mut overshoot) = (None, 0.0_f64);
