@@ -5,6 +5,7 @@ use crate::components::run::{Options, PartError, Registry, Seed};
 use crate::models::flight::class::is_uav;
 use crate::models::optics::detection::Detection;
 use crate::models::tracking::evidence::ScoreModel;
+use crate::models::tracking::moving::{Dot, MovingDots};
 use crate::scenario::Loaded;
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -153,8 +154,14 @@ impl DetectorInUse {
 
     /// Name of the class with the index that detections and tracks carry.
     pub fn class(&self, label: u32) -> &str {
-        let known = self.detector.classes().get(label as usize);
-        known.map_or("uav", String::as_str)
+        let classes = self.detector.classes();
+        let unknown = if classes.is_empty() { "uav" } else { MOVING };
+        classes.get(label as usize).map_or(unknown, String::as_str)
+    }
+
+    /// The label of what moves and was not named: the one behind those of its classes.
+    pub fn moving_label(&self) -> u32 {
+        self.detector.classes().len() as u32
     }
 
     /// What a picture's box is labelled with: the score, and the class where there are several.
@@ -166,6 +173,9 @@ impl DetectorInUse {
         }
     }
 }
+
+/// Name of the class of what moves and was not named.
+const MOVING: &str = "moving";
 
 /// What a detector is made for.
 pub struct DetectorContext {
@@ -212,6 +222,8 @@ pub struct DetectionBatch {
     pub shrunk: u32,
     /// Detections above the threshold, in full-sensor pixels; empty until `answered`.
     pub detections: Vec<Detection>,
+    /// What moves in it against the scenery.
+    pub moving: Vec<Dot>,
     /// Whether the detector has answered.
     pub answered: bool,
 }
@@ -222,6 +234,35 @@ impl DetectionBatch {
         (self.frame.tick, self.frame.index)
     }
 }
+
+/// The score of what moves: as likely of a UAV as of anything else that flies.
+const MOVING_SCORE: f64 = 0.3;
+/// Half the side of its box about what moves in which a detection is the same thing, and the largest such detection [px].
+const SAME_PX: f64 = 4.0;
+const LARGEST_SAME_PX: f64 = 12.0;
+
+/// Counts a dot that moves among the detections: what a detector sees there, too, scores as much at least.
+fn count_in(detections: &mut Vec<Detection>, dot: &Dot, moving: u32) {
+    let [x, y] = dot.at_px.to_array();
+    let holds = |detection: &&mut Detection| {
+        let [x0, y0, x1, y1] = detection.box_px;
+        (x0 - SAME_PX..x1 + SAME_PX).contains(&x) && (y0 - SAME_PX..y1 + SAME_PX).contains(&y)
+    };
+    if let Some(same) = detections.iter_mut().find(holds) {
+        let [x0, y0, x1, y1] = same.box_px;
+        if (x1 - x0).max(y1 - y0) <= LARGEST_SAME_PX {
+            same.score = same.score.max(MOVING_SCORE);
+        }
+        return;
+    }
+    let half_px = 0.5 * dot.side_px;
+    let box_px = [x - half_px, y - half_px, x + half_px, y + half_px];
+    detections.push(Detection::new(box_px, MOVING_SCORE, moving));
+}
+
+/// What moves in the frames of a camera; none where nobody looks for that.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Moving(pub Option<MovingDots>);
 
 /// Batches of a station that wait out their latency.
 #[derive(Component, Default, Debug)]
@@ -247,11 +288,14 @@ impl DetectionQueue {
             .any(|batch| !batch.answered)
     }
 
-    /// Puts the detector's next answer into its batch.
-    pub fn answer(&mut self, found: Vec<Detection>) {
+    /// Puts the detector's next answer into its batch, with what moves there as detections of the class `moving`.
+    pub fn answer(&mut self, found: Vec<Detection>, moving: u32) {
         let open = self.waiting.iter_mut().filter(|batch| !batch.answered);
         if let Some(batch) = open.min_by_key(|batch| batch.asked()) {
             batch.detections = found;
+            for dot in std::mem::take(&mut batch.moving) {
+                count_in(&mut batch.detections, &dot, moving);
+            }
             batch.answered = true;
         }
     }
@@ -274,6 +318,7 @@ mod tests {
     use super::*;
     use crate::components::capture::Tier;
     use crate::models::optics::camera::Pinhole;
+    use glam::DVec2;
 
     #[test]
     fn a_region_grows_with_the_target() {
@@ -301,8 +346,33 @@ mod tests {
             look,
             shrunk: 1,
             detections: Vec::new(),
+            moving: Vec::new(),
             answered: false,
         }
+    }
+
+    #[test]
+    fn what_moves_is_a_detection_once() {
+        let dot = |x: f64| Dot {
+            at_px: DVec2::new(x, 50.0),
+            side_px: 4.0,
+            velocity_px: DVec2::ONE,
+            sigmas: 6.0,
+        };
+        let seen = |side_px: f64| {
+            let box_px = [100.0, 48.0, 100.0 + side_px, 48.0 + side_px];
+            Detection::new(box_px, 0.1, 3)
+        };
+        let mut found = vec![seen(4.0)];
+        count_in(&mut found, &dot(102.0), 8);
+        count_in(&mut found, &dot(120.0), 8);
+        let counted: Vec<_> = found.iter().map(|d| (d.score, d.label)).collect();
+        assert_eq!(counted, [(MOVING_SCORE, 3), (MOVING_SCORE, 8)]);
+        assert_eq!(found[1].box_px, [118.0, 48.0, 122.0, 52.0]);
+        // Of what it shows well a detector says enough.
+        let mut found = vec![seen(20.0)];
+        count_in(&mut found, &dot(110.0), 8);
+        assert_eq!(found, [seen(20.0)]);
     }
 
     #[test]
@@ -318,12 +388,12 @@ mod tests {
             label: 0,
         };
         assert!(!queue.wants_answer(23) && queue.wants_answer(24));
-        queue.answer(vec![seen(1.0)]);
+        queue.answer(vec![seen(1.0)], 8);
         assert!(
             queue.wants_answer(24),
             "the first answer was the search camera's"
         );
-        queue.answer(vec![seen(2.0)]);
+        queue.answer(vec![seen(2.0)], 8);
         assert!(!queue.wants_answer(40));
         queue.release(24);
         let [precise] = &queue.arrived[..] else {

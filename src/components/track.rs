@@ -279,8 +279,12 @@ pub struct Tracker {
     pub turned: BTreeMap<usize, (f64, DQuat)>,
     /// Since when it has been seen well, and not well enough recognised to be fired at.
     pub doubtful_since: Option<u64>,
-    /// Since when the target has been too large for a UAV.
-    pub outsize_since: Option<u64>,
+    /// Since when the range finder has said that the target is no UAV.
+    pub disproved_since: Option<u64>,
+    /// Since when the target has been as unlikely as what is given up.
+    pub unlikely_since: Option<u64>,
+    /// The target's log-odds since it was chosen, evened out over half a second from even odds on.
+    pub mean_log_odds: f64,
     /// What the radar adds to the log-odds of the target for fire: 0 or more.
     pub radar_log_odds: f64,
     /// Every change so far.
@@ -311,7 +315,9 @@ impl Default for Tracker {
             settling: None,
             turned: BTreeMap::new(),
             doubtful_since: None,
-            outsize_since: None,
+            disproved_since: None,
+            unlikely_since: None,
+            mean_log_odds: 0.0,
             radar_log_odds: 0.0,
             changes: vec![StateChange {
                 tick: 0,
@@ -377,7 +383,9 @@ impl Tracker {
         self.falling_since = None;
         self.scenery_since = None;
         self.doubtful_since = None;
-        self.outsize_since = None;
+        self.disproved_since = None;
+        self.unlikely_since = None;
+        self.mean_log_odds = 0.0;
         self.radar_log_odds = 0.0;
     }
 
@@ -402,9 +410,16 @@ impl Tracker {
         Some(los)
     }
 
-    /// Probability that the target is a UAV, as far as fire is concerned: what the radar sees of it counts as well.
+    /// Probability that the target is a UAV, as far as fire is concerned: the recogniser must have been sure for some time, for
+    /// of many birds one looks like a UAV for a moment, and what the radar sees of it counts as well.
     pub fn fire_belief(&self) -> Option<f64> {
-        let log_odds = self.target_track()?.log_odds() + self.radar_log_odds;
+        let track = self.target_track()?;
+        let now = track.log_odds();
+        let lately = match track.recognition {
+            Some(_) => now.min(self.mean_log_odds),
+            None => now,
+        };
+        let log_odds = lately + self.radar_log_odds;
         Some(1.0 / (1.0 + (-log_odds).exp()))
     }
 

@@ -1,9 +1,12 @@
 //! The detector; detections and their latency.
 
-use crate::components::capture::SensorCamera;
-use crate::components::detect::{DetectionQueue, DetectorContext, DetectorInUse, Detectors};
+use crate::components::capture::{SensorCamera, Tier};
+use crate::components::detect::{
+    DetectionQueue, DetectorContext, DetectorInUse, Detectors, Moving,
+};
 use crate::components::mount::Station;
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
+use crate::models::tracking::moving::MovingDots;
 use crate::plugins::run::fallible;
 use crate::scenario;
 use crate::systems::detect as systems;
@@ -36,14 +39,19 @@ fn set_up(
     options: Res<Options>,
     detectors: Res<Detectors>,
     stations: Query<Entity, With<Station>>,
-    cameras: Query<&SensorCamera>,
+    cameras: Query<(Entity, &SensorCamera)>,
 ) -> Result<(), PartError> {
     for station in &stations {
         commands.entity(station).insert(DetectionQueue::default());
     }
-    let sensors_px: Vec<[u32; 2]> = (cameras.iter())
-        .map(|camera| [camera.pinhole.width_px, camera.pinhole.height_px])
-        .collect();
+    let mut sensors_px: Vec<[u32; 2]> = Vec::new();
+    for (entity, camera) in &cameras {
+        sensors_px.push([camera.pinhole.width_px, camera.pinhole.height_px]);
+        // To the finer cameras, which follow, the scenery moves.
+        let looks = loaded.scenario.detector.moving && camera.tier == Tier::Search;
+        let moving = Moving(looks.then(MovingDots::default));
+        commands.entity(entity).insert(moving);
+    }
     let context = DetectorContext {
         loaded: loaded.0.clone(),
         options: options.clone(),

@@ -28,6 +28,8 @@ pub struct DetectorConfig {
     /// Side of the square around the predicted target in which the network looks while a camera
     /// follows it, twice the target's size if that is more; 0: in all that the camera reads out.
     pub roi_px: u32,
+    /// Whether a search camera's frames are also laid on one another, to find dots by how they move against the scenery.
+    pub moving: bool,
     /// Errors of the truth detector.
     pub truth: TruthErrorsConfig,
 }
@@ -41,6 +43,7 @@ impl Default for DetectorConfig {
             score_threshold: None,
             weak_share: 0.5,
             roi_px: 256,
+            moving: true,
             truth: TruthErrorsConfig::default(),
         }
     }

@@ -22,8 +22,8 @@ pub struct Engage {
     /// How far ahead the line of sight is checked for obstacles, backstops and keep-out zones: the laser is
     /// off before it gets there.
     pub look_ahead_s: f64,
-    /// Least probability that the target is a UAV, 0 to 1: by the recogniser, or by the tracker's own
-    /// evidence where that has not judged it. A radar that has a target where the range finder meets it, and sees it fly alike,
+    /// Least probability that the target is a UAV, 0 to 1: by the recogniser, now and evened out over half a second, or by
+    /// the tracker's own evidence where that has not judged it. A radar that has a target where the range finder meets it, and sees it fly alike,
     /// adds up to 1 to its log-odds.
     pub min_uav_probability: f64,
     /// Largest size that a target may have, by its box and the range finder's echo: what is larger is no UAV, is given up and

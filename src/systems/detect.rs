@@ -3,11 +3,12 @@
 pub mod network;
 pub mod truth;
 
-use crate::components::capture::{Frames, Readout, SensorCamera};
+use crate::components::capture::{ExposedFrame, Frames, Readout, SensorCamera};
 use crate::components::detect::{
-    DetectionBatch, DetectionQueue, Detector, DetectorContext, DetectorInUse, Question,
+    DetectionBatch, DetectionQueue, Detector, DetectorContext, DetectorInUse, Moving, Question,
 };
 use crate::components::run::{Failure, PartError, SimClock, Stopwatch};
+use crate::models::tracking::moving::{Dot, Picture};
 use crate::scenario;
 use bevy::prelude::*;
 use std::time::Instant;
@@ -30,7 +31,7 @@ pub const DETECTORS: [(&str, MakeDetector); 2] = [
 pub fn detect(
     clock: Res<SimClock>,
     frames: Res<Frames>,
-    cameras: Query<(&SensorCamera, &Readout)>,
+    mut cameras: Query<(&SensorCamera, &Readout, &mut Moving)>,
     mut detector: ResMut<DetectorInUse>,
     mut queues: Query<&mut DetectionQueue>,
     mut stopwatch: ResMut<Stopwatch>,
@@ -40,8 +41,8 @@ pub fn detect(
     let started = Instant::now();
     let mut questions = Vec::new();
     for frame in &frames.0 {
-        let (Ok((camera, readout)), Ok(mut queue)) =
-            (cameras.get(frame.camera), queues.get_mut(frame.station))
+        let (Ok((camera, readout, mut moving)), Ok(mut queue)) =
+            (cameras.get_mut(frame.camera), queues.get_mut(frame.station))
         else {
             continue;
         };
@@ -56,6 +57,7 @@ pub fn detect(
             look: question.look,
             shrunk: question.shrunk,
             detections: Vec::new(),
+            moving: moving_in(&mut moving, frame, clock.at_s(frame.tick)),
             answered: false,
         });
         detector.asked.push_back(frame.station);
@@ -74,11 +76,29 @@ pub fn detect(
         });
         found.retain(|detection| detection.score >= detector.reading.weak_score);
         if let Ok(mut queue) = queues.get_mut(station) {
-            queue.answer(found);
+            queue.answer(found, detector.moving_label());
         }
     }
     stopwatch.inference += started.elapsed();
     for mut queue in &mut queues {
         queue.release(clock.tick);
     }
+}
+
+/// What moves in a frame against the scenery, where the whole sensor was read and somebody looks for that.
+fn moving_in(moving: &mut Moving, frame: &ExposedFrame, t_s: f64) -> Vec<Dot> {
+    let sensor_px = [frame.pinhole.width_px, frame.pinhole.height_px];
+    let (Some(dots), Some(rgb8)) = (&mut moving.0, &frame.rgb8) else {
+        return Vec::new();
+    };
+    if frame.rect.size_px != sensor_px {
+        return Vec::new();
+    }
+    let picture = Picture {
+        t_s,
+        exposure_s: frame.conditions.exposure.time_s,
+        q_enu_cam: frame.believed.q_enu_cam,
+        rgb8,
+    };
+    dots.look(&frame.pinhole, &picture)
 }

@@ -464,6 +464,8 @@ mod tests {
         let takes = |table: TrackTable, radar_log_odds: f64| {
             let tracker = Tracker {
                 target: Some(table.tracks[0].id),
+                // As it was all along.
+                mean_log_odds: table.tracks[0].log_odds(),
                 table,
                 radar_log_odds,
                 ..Tracker::default()

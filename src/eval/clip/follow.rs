@@ -98,7 +98,11 @@ impl Follower {
                 break_radius_px: 0.0,
                 fire_belief: 0.0,
                 max_span_m: f64::INFINITY,
-                patience_s: PerTier::of(|_| patience_s(rate_hz)),
+                patience_s: PerTier::of(|tier| match tier {
+                    // None is waited for.
+                    Tier::Precise => f64::INFINITY,
+                    _ => patience_s(rate_hz),
+                }),
             },
             tracker: Tracker::default(),
             pinhole,
@@ -136,6 +140,7 @@ impl Follower {
             frame: Arc::new(frame),
             detections: detections.to_vec(),
             shrunk: 1,
+            moving: Vec::new(),
             answered: true,
         };
         let (tracker, params) = (&mut self.tracker, &self.params);

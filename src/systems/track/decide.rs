@@ -21,8 +21,10 @@ const AGAIN_HITS: u32 = 2;
 const REFIND_HITS: u32 = 3;
 /// Time for which a track that no camera could confirm is left alone [s].
 const REJECTED_S: f64 = 10.0;
-/// Time the coarse camera has to confirm a candidate [s], and a lost target to come back.
+/// Time the coarse camera has to confirm a candidate [s], and a lost target to come back; the precise camera, in whose
+/// field the coarse one holds it and to which it is larger, in times of that camera's patience.
 const ACQUIRE_TIMEOUT_S: f64 = 3.0;
+const CLOSER_PATIENCES: f64 = 4.0;
 const LOST_TIMEOUT_S: f64 = 3.0;
 /// How long another track must have been the greater threat before it becomes the target [s].
 const RIVAL_S: f64 = 1.0;
@@ -42,9 +44,9 @@ const FALLING_MPS: f64 = 6.0;
 const FALLING_S: f64 = 0.3;
 /// Time for which a target that stands before scenery may be less than surely a UAV [s].
 const SCENERY_S: f64 = 2.0;
-/// A target that is larger than a UAV for so long [s] is left alone for so long [s].
-const OUTSIZE_S: f64 = 0.3;
-const OUTSIZE_BARRED_S: f64 = 60.0;
+/// A target that the range finder says to be no UAV for so long [s] is left alone for so long [s].
+const DISPROVED_S: f64 = 0.3;
+const DISPROVED_BARRED_S: f64 = 60.0;
 /// Time for which an engaged target that is seen well may be less than surely a UAV [s], at odds up to these; in
 /// proportion to them for a likelier one, and twice as long for a dot.
 const DOUBTFUL_S: f64 = 4.0;
@@ -57,7 +59,8 @@ const LOCK_SHARE: f64 = 0.1;
 const BREAK_SHARE: f64 = 0.25;
 /// Share of the precise camera's field that a target may fill: beyond, its edges come and go.
 const FITS_SHARE: f64 = 0.8;
-/// Time over which what the radar says for a target evens out [s].
+/// Time over which what the recogniser says of a target evens out for fire [s], and what the radar says for it.
+const SURE_S: f64 = 0.5;
 const VOUCHED_S: f64 = 1.0;
 /// Longest time between two judgements that counts [s].
 const LONGEST_WEIGHED_S: f64 = 0.2;
@@ -143,8 +146,12 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         let says = tracker
             .target_track()
             .map_or(0.0, |track| now.vouches(track));
-        tracker.radar_log_odds +=
-            (1.0 - (-elapsed_s / VOUCHED_S).exp()) * (says - tracker.radar_log_odds);
+        let towards = |mean: &mut f64, value: f64, memory_s: f64| {
+            *mean += (1.0 - (-elapsed_s / memory_s).exp()) * (value - *mean);
+        };
+        let log_odds = tracker.target_track().map_or(0.0, Track::log_odds);
+        towards(&mut tracker.mean_log_odds, log_odds, SURE_S);
+        towards(&mut tracker.radar_log_odds, says, VOUCHED_S);
         tracker.queue = now.queue(tracker);
     }
     if tracker.state == TrackingState::Search {
@@ -166,9 +173,8 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         tracker.give_up(tick, Some(f64::INFINITY), "the target falls");
         return;
     }
-    if let Some(span_m) = outsize_m(now, tracker) {
-        let until_s = now.t_s() + OUTSIZE_BARRED_S;
-        let reason = format!("too large for a UAV: {span_m:.1} m by the range finder");
+    if let Some(reason) = disproof(now, tracker) {
+        let until_s = now.t_s() + DISPROVED_BARRED_S;
         tracker.give_up(tick, Some(until_s), reason);
         return;
     }
@@ -238,19 +244,19 @@ fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
     now.clock.at_s(now.tick - since) > FALLING_S
 }
 
-/// The size of a target that has been too large for a UAV for some time [m].
-fn outsize_m(now: &Situation, tracker: &mut Tracker) -> Option<f64> {
+/// Why a target is no UAV, if the range finder has said so for some time.
+fn disproof(now: &Situation, tracker: &mut Tracker) -> Option<String> {
     let left_alone = now.params.nearest_to_centre || tracker.designated;
-    let Some(span_m) = tracker
+    let Some(reason) = tracker
         .target_track()
-        .and_then(|track| now.outsize_m(track))
+        .and_then(|track| now.disproof(track))
         .filter(|_| !left_alone)
     else {
-        tracker.outsize_since = None;
+        tracker.disproved_since = None;
         return None;
     };
-    let since = *tracker.outsize_since.get_or_insert(now.tick);
-    (now.clock.at_s(now.tick - since) > OUTSIZE_S).then_some(span_m)
+    let since = *tracker.disproved_since.get_or_insert(now.tick);
+    (now.clock.at_s(now.tick - since) > DISPROVED_S).then_some(reason)
 }
 
 /// Whether the target has been mere scenery for so long that the search goes on.
@@ -314,6 +320,7 @@ fn take_radar_range(cue: &TargetCue, table: &mut TrackTable, id: u32, t_s: f64) 
 fn hold(now: &Situation, tracker: &mut Tracker) {
     let (tick, params) = (now.tick, now.params);
     let in_state_s = now.clock.at_s(tick - tracker.since_tick);
+    let unlikely_s = unlikely_s(now, tracker);
     let Some(track) = tracker.target_track() else {
         return;
     };
@@ -325,21 +332,20 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
     let hits = tracker.hits_in_state;
     let doubt_after_s = match tracker.state {
         TrackingState::Precise | TrackingState::Engage => DOUBT_CLOSE_S,
+        TrackingState::Lost => f64::INFINITY,
         _ => DOUBT_AFTER_S,
     };
+    // What is lost and seen again by turns is doubted, too.
+    let doubted =
+        unlikely_s.is_some_and(|since_s| in_state_s > doubt_after_s || since_s > DOUBT_CLOSE_S);
     match tracker.state {
         TrackingState::Search => {}
-        TrackingState::Acquire
-        | TrackingState::Coarse
-        | TrackingState::Precise
-        | TrackingState::Engage
-            if judged
-                && !hidden
-                && !tracker.designated
-                // What tumbles looks like no UAV, and is soon seen to fall.
-                && tracker.falling_since.is_none()
-                && in_state_s > doubt_after_s
-                && log_odds < GIVEN_UP =>
+        _ if judged
+            && !hidden
+            && !tracker.designated
+            // What tumbles looks like no UAV, and is soon seen to fall.
+            && tracker.falling_since.is_none()
+            && doubted =>
         {
             doubt(now, tracker);
         }
@@ -373,6 +379,18 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                 tracker.change(tick, TrackingState::Precise, reason);
             } else if now.lost_by(tracker, Tier::Coarse) {
                 lose(now, tracker, Tier::Coarse);
+            } else if judged
+                && fits
+                && !hidden
+                && !tracker.designated
+                && track.hits[Tier::Precise] < CONFIRM_HITS
+                && in_state_s > CLOSER_PATIENCES * params.patience_s[Tier::Precise]
+            {
+                let reason = format!(
+                    "precise camera saw the candidate {} times in {in_state_s:.1} s",
+                    track.hits[Tier::Precise]
+                );
+                tracker.give_up(tick, Some(now.t_s() + REJECTED_S), reason);
             }
         }
         TrackingState::Precise | TrackingState::Engage => {
@@ -391,6 +409,17 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
         }
         TrackingState::Lost => find_again(now, tracker, in_state_s),
     }
+}
+
+/// For how long the evidence has spoken against the target as strongly as it must for that to be given up [s].
+fn unlikely_s(now: &Situation, tracker: &mut Tracker) -> Option<f64> {
+    let unlikely = |track: &Track| track.log_odds() < GIVEN_UP;
+    if !tracker.target_track().is_some_and(unlikely) {
+        tracker.unlikely_since = None;
+        return None;
+    }
+    let since = *tracker.unlikely_since.get_or_insert(now.tick);
+    Some(now.clock.at_s(now.tick - since))
 }
 
 /// Gives up a target that the evidence has turned against.
@@ -537,6 +566,8 @@ fn compare(now: &Situation, tracker: &mut Tracker) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::ground::dsm::Dsm;
+    use crate::models::ground::height_grid::HeightGrid;
     use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
     use crate::models::optics::tier::PerTier;
     use crate::models::tracking::evidence::EvidenceParams;
@@ -823,7 +854,7 @@ mod tests {
                 step(&now, &mut tracker, false, false);
                 if tracker.target.is_none() {
                     let barred_until_s = tracker.table.tracks[0].barred_until_s;
-                    assert!((barred_until_s - t_s - OUTSIZE_BARRED_S).abs() < 1e-9);
+                    assert!((barred_until_s - t_s - DISPROVED_BARRED_S).abs() < 1e-9);
                     return Some(t_s - 1.0);
                 }
             }
@@ -832,7 +863,170 @@ mod tests {
         // 3.9 and 4.2 m.
         assert_eq!(left_at_s(6500.0), None);
         let left_s = left_at_s(7000.0).unwrap();
-        assert!((OUTSIZE_S..OUTSIZE_S + 0.1).contains(&left_s), "{left_s}");
+        assert!(
+            (DISPROVED_S..DISPROVED_S + 0.1).contains(&left_s),
+            "{left_s}"
+        );
+    }
+
+    #[test]
+    fn the_recogniser_must_be_sure_for_some_time_before_fire() {
+        let params = params();
+        let mut tracker = Tracker::default();
+        let mut sure_s = None;
+        for frame in 0..240_u32 {
+            let t_s = f64::from(frame) / 60.0;
+            see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0)]);
+            // Sure for a quarter of a second, then not, and sure from 2 s on.
+            let spell = (60..75).contains(&frame) || frame >= 120;
+            judge(&mut tracker, if spell { 0.99 } else { 0.6 });
+            let tick = u64::from(frame * FRAME);
+            if frame == 30 {
+                let id = tracker.table.tracks[0].id;
+                tracker.acquire(tick, id, "test");
+                tracker.change(tick, TrackingState::Precise, "test");
+            }
+            if frame > 30 {
+                tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
+                let now = situation(&params, frame * FRAME);
+                step(&now, &mut tracker, false, frame.is_multiple_of(6));
+            }
+            if sure_s.is_none() && tracker.fire_belief().is_some_and(|belief| belief >= 0.95) {
+                sure_s = Some(t_s - 2.0);
+            }
+        }
+        // 0.99 is 4.6, 0.95 2.9, and before it is at 0.4: 1 − e^(−t / 0.5 s) = 0.60.
+        let sure_s = sure_s.unwrap();
+        assert!((0.4..0.6).contains(&sure_s), "{sure_s}");
+        // No longer sure, it is not fired at from then on.
+        judge(&mut tracker, 0.6);
+        assert!(tracker.fire_belief().unwrap() < 0.65);
+    }
+
+    #[test]
+    fn what_is_no_further_off_than_the_wall_behind_it_is_left() {
+        let params = params();
+        // A wall from 600 m to the north on, 200 m high.
+        let heights = |wall_m: f64| {
+            let height_m = move |_: f64, n_m: f64| if n_m > 600.0 { wall_m } else { 0.0 };
+            HeightGrid::from_fn(DVec2::new(-100.0, 500.0), 2.0, [100, 100], height_m)
+        };
+        let dsm = Dsm::new(heights(0.0), heights(200.0), 0.0);
+        // What never flew, so far to the north by the range finder.
+        let left_at_s = |north_m: f64, flown: bool| {
+            let mut tracker = Tracker::default();
+            for frame in 0..180_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                let r_enu_m = DVec3::new(0.0, north_m, 80.0);
+                see(&mut tracker, t_s, &[r_enu_m]);
+                judge(&mut tracker, 0.97);
+                let track = &mut tracker.table.tracks[0];
+                track.conduct.in_scenery = true;
+                track.conduct.flown = flown;
+                let id = track.id;
+                if frame < 60 {
+                    continue;
+                }
+                track.lased = Some(Lased {
+                    t_s,
+                    range_m: r_enu_m.length(),
+                    sigma_m: 0.5,
+                });
+                let tick = u64::from(frame * FRAME);
+                if frame == 60 {
+                    tracker.acquire(tick, id, "test");
+                    tracker.change(tick, TrackingState::Engage, "test");
+                }
+                let now = Situation {
+                    dsm: Some(&dsm),
+                    ..situation(&params, frame * FRAME)
+                };
+                tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
+                step(&now, &mut tracker, false, false);
+                if tracker.target.is_none() {
+                    return Some(t_s - 1.0);
+                }
+            }
+            None
+        };
+        let left_s = left_at_s(597.0, false).unwrap();
+        assert!(
+            (DISPROVED_S..DISPROVED_S + 0.1).contains(&left_s),
+            "{left_s}"
+        );
+        // Well before it, or known to fly.
+        assert_eq!(left_at_s(580.0, false), None);
+        assert_eq!(left_at_s(597.0, true), None);
+    }
+
+    #[test]
+    fn what_the_precise_camera_does_not_see_is_left() {
+        let params = params();
+        // Held by the coarse camera, after so many hits of the precise one.
+        let left_at_s = |hits: u32| {
+            let mut tracker = Tracker::default();
+            for frame in 0..180_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0)]);
+                let track = &mut tracker.table.tracks[0];
+                track.hits[Tier::Precise] = hits;
+                let (id, tick) = (track.id, u64::from(frame * FRAME));
+                if frame == 30 {
+                    tracker.acquire(tick, id, "test");
+                    tracker.change(tick, TrackingState::Coarse, "test");
+                }
+                if frame > 30 {
+                    tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
+                    let now = situation(&params, frame * FRAME);
+                    step(&now, &mut tracker, false, false);
+                    if tracker.target.is_none() {
+                        let barred_s = tracker.table.tracks[0].barred_until_s - t_s;
+                        assert!((barred_s - REJECTED_S).abs() < 1e-9, "{barred_s}");
+                        return Some(t_s - 0.5);
+                    }
+                }
+            }
+            None
+        };
+        let left_s = left_at_s(CONFIRM_HITS - 1).unwrap();
+        assert!((1.0..1.1).contains(&left_s), "{left_s}");
+        assert_eq!(left_at_s(CONFIRM_HITS), None);
+    }
+
+    #[test]
+    fn what_is_lost_and_seen_again_by_turns_is_doubted_all_the_same() {
+        let params = params();
+        let left_at_s = |p_uav: f64| {
+            let mut tracker = Tracker::default();
+            for frame in 0..180_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0)]);
+                judge(&mut tracker, p_uav);
+                let (id, tick) = (tracker.table.tracks[0].id, u64::from(frame * FRAME));
+                if frame == 30 {
+                    tracker.acquire(tick, id, "test");
+                }
+                if frame >= 30 && frame % 12 == 0 {
+                    let turns = [TrackingState::Precise, TrackingState::Lost];
+                    tracker.change(tick, turns[frame as usize / 12 % 2], "test");
+                }
+                if frame > 36 {
+                    tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
+                    let now = situation(&params, frame * FRAME);
+                    step(&now, &mut tracker, false, false);
+                    if tracker.target.is_none() {
+                        return Some(t_s - 37.0 / 60.0);
+                    }
+                }
+            }
+            None
+        };
+        let left_s = left_at_s(0.01).unwrap();
+        assert!(
+            (DOUBT_CLOSE_S..DOUBT_CLOSE_S + 0.1).contains(&left_s),
+            "{left_s}"
+        );
+        assert_eq!(left_at_s(0.5), None);
     }
 
     #[test]

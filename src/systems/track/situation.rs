@@ -52,6 +52,9 @@ const TOO_FAST: f64 = -2.0;
 const HOVER_PROBABILITY: f64 = 0.9;
 const HOVER_DOT: f64 = 0.5;
 const HOVER_SIGMAS: f64 = 2.0;
+/// What never flew and is nearer to the city's surface behind it than this [m] is part of it: the raster's cells and
+/// crowns err by some metres.
+const SURFACE_M: f64 = 8.0;
 /// Clear sky that must lie below a candidate that does not move [rad].
 const SKY_MARGIN_RAD: f64 = 4e-3;
 /// A range less sure than this, over the range, comes from the size alone; the spans of the catalogue's UAVs
@@ -427,9 +430,33 @@ impl Situation<'_> {
         track.conduct.is_scenery() && (self.elsewhere(track) || !may_hover)
     }
 
-    /// How large a track is that is too large for a UAV [m], by the range finder.
-    pub(super) fn outsize_m(&self, track: &Track) -> Option<f64> {
-        (track.measured_span_m(self.t_s())).filter(|span_m| *span_m > self.params.max_span_m)
+    /// Why a track is no UAV by the range finder: it is too large, or stands where the city's surface is behind it.
+    pub(super) fn disproof(&self, track: &Track) -> Option<String> {
+        let span_m = track.measured_span_m(self.t_s())?;
+        if span_m > self.params.max_span_m {
+            let reason = format!("too large for a UAV: {span_m:.1} m by the range finder");
+            return Some(reason);
+        }
+        let part = track.conduct.is_scenery() && !self.cued(track) && self.is_on_surface(track);
+        part.then(|| "no further off than what stands behind it, by the range finder".into())
+    }
+
+    /// Whether the range finder's last echo of a track comes from where the city's surface is, behind it or at its lower edge.
+    fn is_on_surface(&self, track: &Track) -> bool {
+        let t_s = self.t_s();
+        let at = track.filter.predicted(t_s).az_el_rad();
+        let edge = at - DVec2::new(0.0, 0.5 * track.size_rad);
+        let behind_m = |az_el_rad: DVec2| {
+            let los = az_el_to_los(az_el_rad);
+            (self.dsm?).first_hit(self.r_station_enu_m, los, FAR_M)
+        };
+        track.echo(t_s).is_some_and(|echo| {
+            let least_m = echo.range_m + SURFACE_M + 3.0 * echo.sigma_m;
+            [at, edge]
+                .into_iter()
+                .filter_map(behind_m)
+                .any(|range_m| range_m < least_m)
+        })
     }
 
     /// Whether the radar's target is surely another: in another direction, at another range, or in flight.

@@ -1,0 +1,447 @@
+//! Moving-target indication: dots too faint for one frame, found by how they move against the scenery.
+//!
+//! Frames of a camera that hardly turns are laid on one another by where the station believes it to have looked. What the
+//! scenery shows is their mean; what is left of each frame is noise, and what flies. A dot leaves a row of such remainders
+//! along a straight line over the frames: the sum over the line that fits best tells it from noise (track before detect: I. S.
+//! Reed, R. M. Gagliardi, H. M. Shao, "Application of Three-Dimensional Filtering to Moving Target Detection", IEEE
+//! Trans. Aerosp. Electron. Syst. 19, 1983), here over lines that end in what stands out of the newest frame.
+
+use crate::models::optics::camera::Pinhole;
+use glam::{DQuat, DVec2, DVec3};
+use std::collections::VecDeque;
+
+/// Frames that a line runs over at least and at most: of fewer the noise of a pixel is not known.
+const LEAST_FRAMES: usize = 9;
+const MOST_FRAMES: usize = 12;
+/// The newest frames, in which a dot still covers what it covers now, and to either side of a frame on its line: they are
+/// no scenery.
+const RECENT: usize = 3;
+/// Most by which the picture may move from one frame to the next, and from the first to the newest [px]; and most of the
+/// former within an exposure.
+const MOST_STEP_PX: f64 = 8.0;
+const MOST_SHIFT_PX: f64 = 24.0;
+const MOST_SMEAR_PX: f64 = 0.5;
+/// Share by which the time from frame to frame may differ on a line.
+const STEADY_SHARE: f64 = 0.05;
+/// Pixels at the edges that are left out: the largest shift, and the filters' reach.
+const MARGIN: usize = MOST_SHIFT_PX as usize + 8;
+/// Remainder of a pixel and its eight neighbours, in deviations, from which on a line may end in it; most of them a frame.
+const STANDS_OUT: f32 = 1.7;
+const MOST_ENDS: usize = 64;
+/// Sum over a line, in deviations of such a sum, from which on it is a dot; share of it by a rough mean that makes it worth a
+/// close look; and what one frame may say at most.
+const DOT: f32 = 4.5;
+const ROUGH_SHARE: f32 = 0.6;
+const MOST_OF_FRAME: f32 = 4.0;
+/// Most dots a frame: where there are more, the scenery itself moves, and nothing is said.
+const MOST_DOTS: usize = 3;
+/// Fastest along and across the picture, slowest, and the step of the lines' slopes [px a frame].
+const FASTEST: [i32; 2] = [6, 3];
+const SLOWEST: f32 = 0.7;
+const PER_STEP: i32 = 2;
+/// Least noise of the sum of a pixel's three bytes: that of rounding.
+const LEAST_NOISE: f32 = 0.3;
+/// Share of the noise close by that counts at least: an edge that shimmers has more than what is around it.
+const NEAR_SHARE: f32 = 0.5;
+/// Dots are further apart than this [px]: a bright one draws lines beside its own.
+const APART_PX: f64 = 10.0;
+
+/// A frame of a camera.
+#[derive(Clone, Copy, Debug)]
+pub struct Picture<'a> {
+    /// When [s].
+    pub t_s: f64,
+    /// For how long it was exposed [s].
+    pub exposure_s: f64,
+    /// How the station believes the camera to be turned.
+    pub q_enu_cam: DQuat,
+    /// 8-bit RGB pixels of the whole sensor, row by row.
+    pub rgb8: &'a [u8],
+}
+
+/// Something that moves against the scenery.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dot {
+    /// Its middle in the newest frame [px].
+    pub at_px: DVec2,
+    /// About its size [px].
+    pub side_px: f64,
+    /// How it moves over the scenery [px a frame].
+    pub velocity_px: DVec2,
+    /// Sum over its line, in deviations of one of noise.
+    pub sigmas: f64,
+}
+
+/// The frames of one camera since it last turned.
+#[derive(Clone, Debug, Default)]
+pub struct MovingDots {
+    width: usize,
+    height: usize,
+    /// How the camera was turned in the first, and the time and turn of the newest.
+    first: Option<DQuat>,
+    newest: Option<(f64, DQuat)>,
+    /// From one to the next [s].
+    step_s: Option<f64>,
+    /// The first, and what the others differ by from it: sums of three bytes, means of three by three pixels, as the first lies.
+    base: Vec<f32>,
+    planes: VecDeque<Vec<f32>>,
+    /// Sum and sum of squares of those that are not recent.
+    sum: Vec<f32>,
+    squares: Vec<f32>,
+}
+
+/// What the scenery shows, by all frames but the recent, and one over its noise.
+struct Scenery {
+    mean: Vec<f32>,
+    per_noise: Vec<f32>,
+}
+
+/// A line over the frames that ends in a pixel.
+#[derive(Clone, Copy)]
+struct Line {
+    pixel: usize,
+    velocity: [f32; 2],
+    sigmas: f32,
+}
+
+impl MovingDots {
+    /// Takes in a frame, and finds what moves in it.
+    pub fn look(&mut self, pinhole: &Pinhole, picture: &Picture) -> Vec<Dot> {
+        if pinhole.width_px.min(pinhole.height_px) as usize <= 2 * MARGIN {
+            return Vec::new();
+        }
+        let shift_px = self.follow(pinhole, picture);
+        if self.planes.is_empty() {
+            self.begin(pinhole, picture);
+        }
+        self.lay(picture, shift_px);
+        if self.planes.len() < LEAST_FRAMES {
+            return Vec::new();
+        }
+        let scenery = self.scenery();
+        let ends = self.ends(&scenery);
+        let mut lines: Vec<Line> = (ends.into_iter())
+            .filter_map(|pixel| self.best_line(&scenery, pixel))
+            .collect();
+        lines.sort_by(|a, b| {
+            let order = b.sigmas.total_cmp(&a.sigmas);
+            order.then(a.pixel.cmp(&b.pixel))
+        });
+        let mut dots: Vec<Dot> = Vec::new();
+        for line in lines {
+            let dot = self.dot(&scenery, &line, shift_px);
+            if dots
+                .iter()
+                .all(|other| other.at_px.distance(dot.at_px) > APART_PX)
+            {
+                dots.push(dot);
+            }
+        }
+        if dots.len() > MOST_DOTS {
+            dots.clear();
+        }
+        dots
+    }
+
+    /// Where the first frame's middle lies in this one, from its middle [px]; forgets all frames where the camera has turned too
+    /// fast or too far, or has paused.
+    fn follow(&mut self, pinhole: &Pinhole, picture: &Picture) -> DVec2 {
+        let seen_px = |q_enu_cam: DQuat| {
+            let ray_cam = picture.q_enu_cam.inverse() * (q_enu_cam * DVec3::Z);
+            (pinhole.project(ray_cam)).map_or(DVec2::INFINITY, |px| px - pinhole.centre_px())
+        };
+        let before = self.newest.replace((picture.t_s, picture.q_enu_cam));
+        let shift_px = self.first.map_or(DVec2::ZERO, seen_px);
+        let steady = before.is_some_and(|(t_s, q_enu_cam)| {
+            let step_px = seen_px(q_enu_cam).length();
+            let step_s = picture.t_s - t_s;
+            let due = self
+                .step_s
+                .is_none_or(|due_s| (step_s - due_s).abs() < STEADY_SHARE * due_s);
+            self.step_s = Some(step_s);
+            let smear_px = step_px * picture.exposure_s / step_s;
+            due && step_px < MOST_STEP_PX && smear_px < MOST_SMEAR_PX
+        });
+        if steady && shift_px.length() < MOST_SHIFT_PX {
+            shift_px
+        } else {
+            self.planes.clear();
+            DVec2::ZERO
+        }
+    }
+
+    /// Begins anew with this frame.
+    fn begin(&mut self, pinhole: &Pinhole, picture: &Picture) {
+        (self.width, self.height) = (pinhole.width_px as usize, pinhole.height_px as usize);
+        self.first = Some(picture.q_enu_cam);
+        self.base = smoothed(picture.rgb8, self.width, self.height);
+        for plane in [&mut self.sum, &mut self.squares] {
+            plane.clear();
+            plane.resize(self.base.len(), 0.0);
+        }
+    }
+
+    /// Lays a frame, in which the first's middle is off by `shift_px`, on the others.
+    fn lay(&mut self, picture: &Picture, shift_px: DVec2) {
+        let smooth = smoothed(picture.rgb8, self.width, self.height);
+        let mut plane = if self.planes.len() == MOST_FRAMES {
+            let oldest = self.planes.pop_front().unwrap_or_default();
+            add(&mut self.sum, &mut self.squares, &oldest, -1.0);
+            oldest
+        } else {
+            vec![0.0; smooth.len()]
+        };
+        let whole = shift_px.floor();
+        let [across, down] = (shift_px - whole).to_array().map(cubic);
+        let width = self.width;
+        let length = width - 2 * MARGIN;
+        let left = MARGIN as i64 + whole.x as i64 - 1;
+        let mut between = vec![0.0; length * self.height];
+        let lines = between.chunks_exact_mut(length);
+        for (row, line) in smooth.chunks_exact(width).zip(lines) {
+            let taps = [0, 1, 2, 3].map(|tap| &row[left as usize + tap..][..length]);
+            for (i, out) in line.iter_mut().enumerate() {
+                *out = weighed(across, taps.map(|row| row[i]));
+            }
+        }
+        for row in MARGIN..self.height - MARGIN {
+            let top = (row as i64 + whole.y as i64 - 1) as usize;
+            let taps = [0, 1, 2, 3].map(|tap| &between[(top + tap) * length..][..length]);
+            let at = row * width + MARGIN;
+            let (out, base) = (&mut plane[at..][..length], &self.base[at..][..length]);
+            for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
+                *out = weighed(down, taps.map(|row| row[i])) - base;
+            }
+        }
+        self.planes.push_back(plane);
+        if let Some(settled) = self.planes.len().checked_sub(RECENT + 1) {
+            let plane = std::mem::take(&mut self.planes[settled]);
+            add(&mut self.sum, &mut self.squares, &plane, 1.0);
+            self.planes[settled] = plane;
+        }
+    }
+
+    fn scenery(&self) -> Scenery {
+        let count = (self.planes.len() - RECENT) as f32;
+        let mean: Vec<f32> = self.sum.iter().map(|sum| sum / count).collect();
+        let variance: Vec<f32> = (self.squares.iter().zip(&self.sum))
+            .map(|(squares, sum)| ((squares - sum * sum / count) / (count - 1.0)).max(0.0))
+            .collect();
+        let mut noise = box_mean(&variance, self.width, self.height, 4);
+        let near = box_mean(&variance, self.width, self.height, 1);
+        for (noise, near) in noise.iter_mut().zip(near) {
+            // Rounding may leave less than nothing.
+            let variance = noise.max(NEAR_SHARE * near).max(0.0);
+            *noise = 1.0 / (variance.sqrt() + LEAST_NOISE);
+        }
+        Scenery {
+            mean,
+            per_noise: noise,
+        }
+    }
+
+    /// The pixels that stand out of the newest frame, those that do so most.
+    fn ends(&self, scenery: &Scenery) -> Vec<usize> {
+        let Some(newest) = self.planes.back() else {
+            return Vec::new();
+        };
+        let stands = |at: usize| ((newest[at] - scenery.mean[at]) * scenery.per_noise[at]).abs();
+        let width = self.width;
+        let mut ends: Vec<(f32, usize)> = Vec::new();
+        for row in MARGIN..self.height - MARGIN {
+            for at in row * width + MARGIN..(row + 1) * width - MARGIN {
+                let out = stands(at);
+                let highest = || {
+                    let around = [at - width - 1, at - 1, at + width - 1];
+                    (around.into_iter().flat_map(|left| left..left + 3)).all(|by| stands(by) <= out)
+                };
+                if out > STANDS_OUT && highest() {
+                    ends.push((out, at));
+                }
+            }
+        }
+        ends.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        ends.into_iter().take(MOST_ENDS).map(|(_, at)| at).collect()
+    }
+
+    /// The line that ends in a pixel and says most, if that is enough.
+    fn best_line(&self, scenery: &Scenery, pixel: usize) -> Option<Line> {
+        let root = (self.planes.len() as f32).sqrt();
+        let sign = (self.planes.back()?[pixel] - scenery.mean[pixel]).signum();
+        let mut best: Option<Line> = None;
+        for down in -PER_STEP * FASTEST[1]..=PER_STEP * FASTEST[1] {
+            for right in -PER_STEP * FASTEST[0]..=PER_STEP * FASTEST[0] {
+                let velocity = [right, down].map(|steps| steps as f32 / PER_STEP as f32);
+                if velocity[0].hypot(velocity[1]) < SLOWEST {
+                    continue;
+                }
+                let Some(line) = self.line(pixel, velocity) else {
+                    continue;
+                };
+                let rough = |(frame, at): (usize, usize)| {
+                    let off = sign * (self.planes[frame][at] - scenery.mean[at]);
+                    (off * scenery.per_noise[at]).min(MOST_OF_FRAME)
+                };
+                let sum: f32 = line.clone().map(rough).sum();
+                if sum < ROUGH_SHARE * DOT * root {
+                    continue;
+                }
+                let says = |(frame, at): (usize, usize)| {
+                    let off = sign * self.remainder(frame, at);
+                    (off * scenery.per_noise[at]).min(MOST_OF_FRAME)
+                };
+                let sigmas = line.map(says).sum::<f32>() / root;
+                if sigmas >= DOT && best.is_none_or(|best| sigmas > best.sigmas) {
+                    best = Some(Line {
+                        pixel,
+                        velocity,
+                        sigmas,
+                    });
+                }
+            }
+        }
+        best
+    }
+
+    /// Frame and pixel along a line that ends in a pixel of the newest frame, the oldest first; `None` where it comes in from the
+    /// edge.
+    fn line(
+        &self,
+        pixel: usize,
+        velocity: [f32; 2],
+    ) -> Option<impl Iterator<Item = (usize, usize)> + Clone> {
+        let (width, last) = (self.width, self.planes.len() - 1);
+        let ends = [pixel % width, pixel / width].map(|at| at as f32);
+        let back = move |frame: usize| {
+            let ago = (last - frame) as f32;
+            [0, 1].map(|axis| (ends[axis] - velocity[axis] * ago).round())
+        };
+        let sizes = [self.width, self.height];
+        let first = back(0);
+        let inside = (0..2).all(|axis| {
+            first[axis] >= MARGIN as f32 && first[axis] < (sizes[axis] - MARGIN) as f32
+        });
+        inside.then(|| {
+            (0..=last).map(move |frame| {
+                let [x, y] = back(frame);
+                (frame, y as usize * width + x as usize)
+            })
+        })
+    }
+
+    /// What a frame shows in a pixel beyond the mean of those that are not next to it.
+    fn remainder(&self, frame: usize, at: usize) -> f32 {
+        let close = frame.saturating_sub(RECENT - 1)..=frame + RECENT - 1;
+        let far = (self.planes.iter().enumerate()).filter(|(other, _)| !close.contains(other));
+        let (count, sum) = far.fold((0.0, 0.0), |(count, sum), (_, plane)| {
+            (count + 1.0, sum + plane[at])
+        });
+        self.planes[frame][at] - sum / count
+    }
+
+    /// What a line ends in.
+    fn dot(&self, scenery: &Scenery, line: &Line, shift_px: DVec2) -> Dot {
+        let newest = &self.planes[self.planes.len() - 1];
+        let off = |at: usize| newest[at] - scenery.mean[at];
+        let peak = off(line.pixel);
+        let (mut count, mut moment) = (0.0, DVec2::ZERO);
+        for down in -3..=3_i64 {
+            for right in -3..=3_i64 {
+                let at = line.pixel as i64 + down * self.width as i64 + right;
+                // Its part above half the peak, by its brightness.
+                let share = off(at as usize) / peak;
+                if share > 0.5 {
+                    count += 1.0;
+                    moment += f64::from(share) * DVec2::new(right as f64, down as f64);
+                }
+            }
+        }
+        let [x, y] = [line.pixel % self.width, line.pixel / self.width].map(|at| at as f64 + 0.5);
+        Dot {
+            at_px: DVec2::new(x, y) + moment / f64::max(count, 1.0) + shift_px,
+            side_px: f64::max(count, 9.0).sqrt(),
+            velocity_px: DVec2::from(line.velocity.map(f64::from)),
+            sigmas: f64::from(line.sigmas),
+        }
+    }
+}
+
+/// Weights of the four pixels about a place, the second of which lies before it by this share of a pixel (R. Keys, "Cubic
+/// Convolution Interpolation for Digital Image Processing", IEEE Trans. ASSP 29, 1981): a line between two would leave
+/// of sharp edges more than the noise.
+fn cubic(share: f64) -> [f32; 4] {
+    let [t, t2, t3] = [share, share * share, share * share * share];
+    [
+        -0.5 * t + t2 - 0.5 * t3,
+        1.0 - 2.5 * t2 + 1.5 * t3,
+        0.5 * t + 2.0 * t2 - 1.5 * t3,
+        -0.5 * t2 + 0.5 * t3,
+    ]
+    .map(|weight| weight as f32)
+}
+
+fn weighed(weights: [f32; 4], values: [f32; 4]) -> f32 {
+    weights[0] * values[0]
+        + weights[1] * values[1]
+        + weights[2] * values[2]
+        + weights[3] * values[3]
+}
+
+/// Adds a plane to a sum and a sum of squares, or takes it away.
+fn add(sum: &mut [f32], squares: &mut [f32], plane: &[f32], sign: f32) {
+    for ((sum, squares), value) in sum.iter_mut().zip(squares).zip(plane) {
+        *sum += sign * value;
+        *squares += sign * value * value;
+    }
+}
+
+/// The sum of each pixel's three bytes, as the mean of it and its eight neighbours.
+fn smoothed(rgb8: &[u8], width: usize, height: usize) -> Vec<f32> {
+    let mut bytes: Vec<f32> = (rgb8.chunks_exact(3))
+        .map(|pixel| f32::from(u16::from(pixel[0]) + u16::from(pixel[1]) + u16::from(pixel[2])))
+        .collect();
+    bytes.resize(width * height, 0.0);
+    box_mean(&bytes, width, height, 1)
+}
+
+/// The mean of the pixels up to `reach` away along both axes; that many at the edges are 0.
+fn box_mean(plane: &[f32], width: usize, height: usize, reach: usize) -> Vec<f32> {
+    let side = 2 * reach + 1;
+    let mut out = vec![0.0; plane.len()];
+    if width < side || height < side {
+        return out;
+    }
+    // Down first: whole rows are added to, and taken from, one.
+    let mut column = vec![0.0; width];
+    for row in plane.chunks_exact(width).take(side - 1) {
+        column
+            .iter_mut()
+            .zip(row)
+            .for_each(|(sum, value)| *sum += value);
+    }
+    let share = 1.0 / (side * side) as f32;
+    for row in reach..height - reach {
+        let newest = &plane[(row + reach) * width..][..width];
+        column
+            .iter_mut()
+            .zip(newest)
+            .for_each(|(sum, value)| *sum += value);
+        let out = &mut out[row * width + reach..][..width - 2 * reach];
+        let mut sum: f32 = column[..side].iter().sum();
+        out[0] = share * sum;
+        let steps = column[side..].iter().zip(&column);
+        for (out, (enters, leaves)) in out[1..].iter_mut().zip(steps) {
+            sum += enters - leaves;
+            *out = share * sum;
+        }
+        let oldest = &plane[(row - reach) * width..][..width];
+        column
+            .iter_mut()
+            .zip(oldest)
+            .for_each(|(sum, value)| *sum -= value);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

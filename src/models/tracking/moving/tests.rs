@@ -1,0 +1,117 @@
+use super::*;
+use crate::models::maths::rng::Stream;
+
+const STEP_S: f64 = 1.0 / 30.0;
+const SIZE: [usize; 2] = [160, 140];
+
+/// A camera of 0.16 mrad a pixel.
+fn pinhole() -> Pinhole {
+    let [width_px, height_px] = SIZE.map(|side| side as u32);
+    Pinhole {
+        width_px,
+        height_px,
+        focal_px: 6200.0,
+    }
+}
+
+/// The scenery's brightness, sharp edges and all, in a direction [px]: walls, windows and crowns.
+fn scenery(x: f64, y: f64) -> f64 {
+    let wall = 60.0 * (0.11 * x).sin() * (0.07 * y + 0.4 * (0.05 * x).cos()).cos();
+    let windows = if x.rem_euclid(28.0) < 12.0 && y.rem_euclid(40.0) < 16.0 {
+        40.0
+    } else {
+        0.0
+    };
+    110.0 + 0.5 * wall + windows
+}
+
+/// Frames of a camera that sways by 0.4 px about where it looks, and turns away by `turn_px` a frame, with noise of 2 grey levels: a
+/// dot of 3 by 3 px stands out by `contrast` grey levels and moves at `velocity_px` a frame over the scenery. The dots
+/// found in each, and where it is.
+fn found(contrast: f64, velocity_px: DVec2, turn_px: f64, frames: usize) -> Vec<(Vec<Dot>, DVec2)> {
+    let pinhole = pinhole();
+    let mut rng = Stream::new(7, 0, "moving dots");
+    let mut dots = MovingDots::default();
+    let middle = pinhole.centre_px();
+    let look = |frame: usize| {
+        let sway_px = 0.4 * DVec2::new((0.9 * frame as f64).sin(), (0.7 * frame as f64).cos());
+        let off_px = sway_px + DVec2::new(turn_px * frame as f64, 0.0);
+        // The scenery moves left and up by as much as the camera turns right and down.
+        let turned = DQuat::from_rotation_y((off_px.x / pinhole.focal_px).atan())
+            * DQuat::from_rotation_x(-(off_px.y / pinhole.focal_px).atan());
+        let dot = middle + DVec2::new(-6.0, 5.0) + velocity_px * frame as f64 - off_px;
+        let mut rgb8 = Vec::new();
+        for y in 0..SIZE[1] {
+            for x in 0..SIZE[0] {
+                // A lens blurs each pixel over two by two: the mean of four by four points.
+                let mut value = 0.0;
+                for i in 0..16 {
+                    let (u, v) = (f64::from(i % 4) + 0.5, f64::from(i / 4) + 0.5);
+                    let at = DVec2::new(x as f64 + u / 2.0, y as f64 + v / 2.0) - 0.5;
+                    let inside = (at - dot).abs().max_element() < 1.5;
+                    let shown = scenery(at.x + off_px.x, at.y + off_px.y);
+                    value += (shown - if inside { contrast } else { 0.0 }) / 16.0;
+                }
+                for _ in 0..3 {
+                    rgb8.push((value + 2.0 * rng.normal()).round().clamp(0.0, 255.0) as u8);
+                }
+            }
+        }
+        let picture = Picture {
+            t_s: STEP_S * frame as f64,
+            exposure_s: 1e-3,
+            q_enu_cam: turned,
+            rgb8: &rgb8,
+        };
+        (dots.look(&pinhole, &picture), dot)
+    };
+    (0..frames).map(look).collect()
+}
+
+/// Frames with a dot within 2.5 px of what is there, of those that could have one; there is no other.
+fn hits(found: &[(Vec<Dot>, DVec2)]) -> (usize, usize) {
+    let judged = &found[LEAST_FRAMES - 1..];
+    let right = |dot: &Dot, at: DVec2| dot.at_px.distance(at) < 2.5;
+    let wrong = (judged.iter()).any(|(dots, at)| dots.iter().any(|dot| !right(dot, *at)));
+    assert!(!wrong, "{found:?}");
+    let hit = judged.iter().filter(|(dots, _)| !dots.is_empty());
+    (hit.count(), judged.len())
+}
+
+#[test]
+fn a_dot_too_faint_for_one_frame_is_found_by_its_motion() {
+    // Four grey levels: windows and walls around it differ by forty.
+    let seen = found(4.0, DVec2::new(1.6, 0.4), 0.0, 24);
+    assert!(
+        seen[..LEAST_FRAMES - 1]
+            .iter()
+            .all(|(dots, _)| dots.is_empty())
+    );
+    let (right, judged) = hits(&seen);
+    assert!(3 * right >= 2 * judged, "{right} of {judged}: {seen:?}");
+    let dot = (seen.iter().rev())
+        .find_map(|(dots, _)| dots.first())
+        .unwrap();
+    assert!(
+        dot.velocity_px.distance(DVec2::new(1.6, 0.4)) < 0.6,
+        "{dot:?}"
+    );
+    assert!((3.0..7.0).contains(&dot.side_px), "{dot:?}");
+}
+
+#[test]
+fn scenery_noise_and_what_stands_still_are_no_dots() {
+    for (contrast, velocity_px) in [(0.0, DVec2::ZERO), (40.0, DVec2::ZERO)] {
+        let seen = found(contrast, velocity_px, 0.0, 24);
+        assert!(seen.iter().all(|(dots, _)| dots.is_empty()), "{seen:?}");
+    }
+}
+
+#[test]
+fn a_camera_that_drifts_finds_it_and_one_that_slews_forgets() {
+    let velocity_px = DVec2::new(-1.2, 0.8);
+    let (right, judged) = hits(&found(6.0, velocity_px, 1.0, 16));
+    assert!(3 * right >= 2 * judged, "{right} of {judged}");
+    let slews = found(6.0, velocity_px, 9.0, 14);
+    assert!(slews.iter().all(|(dots, _)| dots.is_empty()));
+}
