@@ -10,8 +10,9 @@ use crate::models::optics::camera::Pinhole;
 use glam::{DQuat, DVec2, DVec3};
 use std::collections::VecDeque;
 
-/// Frames that a line runs over at least and at most: of fewer the noise of a pixel is not known.
-const LEAST_FRAMES: usize = 9;
+/// Frames that a line runs over at least and at most: of fewer the noise of a pixel is not known, and an empty gaze must show
+/// as many (`systems::control::search`).
+const LEAST_FRAMES: usize = 8;
 const MOST_FRAMES: usize = 12;
 /// The newest frames, in which a dot still covers what it covers now, and to either side of a frame on its line: they are
 /// no scenery.

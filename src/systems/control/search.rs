@@ -19,8 +19,9 @@ const SETTLED_RADPS: f64 = 15e-3;
 /// a rate of 1 mrad/s stands six deviations out of the noise of 0.5 px of the search camera.
 const GAZE_S: f64 = 0.5;
 const GAZE_FRAMES: f64 = 15.0;
-/// Share of a gaze after which it is left where no track lives in it but known scenery.
-const EMPTY_SHARE: f64 = 0.5;
+/// Share of a gaze after which it is left where no track lives in it but known scenery: nine frames, and those in which the
+/// mount comes to rest, so that what moves shows (`models::tracking::moving`).
+const EMPTY_SHARE: f64 = 0.6;
 /// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;
 /// Hits that make a track worth a longer gaze, and log-odds: even, or less for what the recogniser has
@@ -588,7 +589,7 @@ mod tests {
     fn what_a_gaze_shows_is_glanced_at_once() {
         let all = cameras(1.0 / 30.0);
         let gazes = looked(&all, None, 0.0, 12.0);
-        // Where nothing shows a gaze is half as long; two rows of seven, then between them, then again.
+        // Where nothing shows a gaze is shorter; two rows of seven, then between them, then again.
         let quick_s = gazes[1].1;
         assert!((quick_s - EMPTY_SHARE * GAZE_S).abs() < 5e-3, "{quick_s}");
         assert_eq!(gazes[14].0, gazes[0].0.midpoint(gazes[1].0));
