@@ -5,7 +5,7 @@ use crate::components::run::{Options, PartError, Registry, Seed};
 use crate::models::flight::class::is_uav;
 use crate::models::optics::detection::Detection;
 use crate::models::tracking::evidence::ScoreModel;
-use crate::models::tracking::moving::{Dot, MovingDots};
+use crate::models::tracking::moving::{Dot, MovingAs, MovingDots};
 use crate::scenario::Loaded;
 use bevy::prelude::*;
 use std::collections::VecDeque;
@@ -154,14 +154,24 @@ impl DetectorInUse {
 
     /// Name of the class with the index that detections and tracks carry.
     pub fn class(&self, label: u32) -> &str {
-        let classes = self.detector.classes();
-        let unknown = if classes.is_empty() { "uav" } else { MOVING };
-        classes.get(label as usize).map_or(unknown, String::as_str)
+        self.named(label).unwrap_or(MOVING)
     }
 
-    /// The label of what moves and was not named: the one behind those of its classes.
-    pub fn moving_label(&self) -> u32 {
-        self.detector.classes().len() as u32
+    /// The same, `None` for what moves and was not named.
+    pub fn named(&self, label: u32) -> Option<&str> {
+        let classes = self.detector.classes();
+        let known = classes.get(label as usize).map(String::as_str);
+        known.or(classes.is_empty().then_some("uav"))
+    }
+
+    /// How what moves counts among its detections: with the label behind those of its classes, and a score that starts a
+    /// track and is about as likely of a UAV as of anything else that flies.
+    pub fn moving(&self) -> MovingAs {
+        const NEUTRAL: f64 = 0.3;
+        MovingAs {
+            label: self.detector.classes().len() as u32,
+            score: self.reading.start_score.max(NEUTRAL),
+        }
     }
 
     /// What a picture's box is labelled with: the score, and the class where there are several.
@@ -235,31 +245,6 @@ impl DetectionBatch {
     }
 }
 
-/// The score of what moves: as likely of a UAV as of anything else that flies.
-const MOVING_SCORE: f64 = 0.3;
-/// Half the side of its box about what moves in which a detection is the same thing, and the largest such detection [px].
-const SAME_PX: f64 = 4.0;
-const LARGEST_SAME_PX: f64 = 12.0;
-
-/// Counts a dot that moves among the detections: what a detector sees there, too, scores as much at least.
-fn count_in(detections: &mut Vec<Detection>, dot: &Dot, moving: u32) {
-    let [x, y] = dot.at_px.to_array();
-    let holds = |detection: &&mut Detection| {
-        let [x0, y0, x1, y1] = detection.box_px;
-        (x0 - SAME_PX..x1 + SAME_PX).contains(&x) && (y0 - SAME_PX..y1 + SAME_PX).contains(&y)
-    };
-    if let Some(same) = detections.iter_mut().find(holds) {
-        let [x0, y0, x1, y1] = same.box_px;
-        if (x1 - x0).max(y1 - y0) <= LARGEST_SAME_PX {
-            same.score = same.score.max(MOVING_SCORE);
-        }
-        return;
-    }
-    let half_px = 0.5 * dot.side_px;
-    let box_px = [x - half_px, y - half_px, x + half_px, y + half_px];
-    detections.push(Detection::new(box_px, MOVING_SCORE, moving));
-}
-
 /// What moves in the frames of a camera; none where nobody looks for that.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Moving(pub Option<MovingDots>);
@@ -281,6 +266,14 @@ impl DetectionQueue {
         self.waiting.insert(at, batch);
     }
 
+    /// Notes what moves in a frame that waits for its answer.
+    pub fn note_moving(&mut self, frame: &Arc<ExposedFrame>, dots: Vec<Dot>) {
+        let of_frame = |batch: &&mut DetectionBatch| Arc::ptr_eq(&batch.frame, frame);
+        if let Some(batch) = self.waiting.iter_mut().find(of_frame) {
+            batch.moving = dots;
+        }
+    }
+
     /// Whether a batch that is available at `tick` still lacks its detections.
     pub fn wants_answer(&self, tick: u64) -> bool {
         (self.waiting.iter())
@@ -288,13 +281,13 @@ impl DetectionQueue {
             .any(|batch| !batch.answered)
     }
 
-    /// Puts the detector's next answer into its batch, with what moves there as detections of the class `moving`.
-    pub fn answer(&mut self, found: Vec<Detection>, moving: u32) {
+    /// Puts the detector's next answer into its batch, and counts what moves there among it.
+    pub fn answer(&mut self, found: Vec<Detection>, moving: &MovingAs) {
         let open = self.waiting.iter_mut().filter(|batch| !batch.answered);
         if let Some(batch) = open.min_by_key(|batch| batch.asked()) {
             batch.detections = found;
             for dot in std::mem::take(&mut batch.moving) {
-                count_in(&mut batch.detections, &dot, moving);
+                dot.count_in(&mut batch.detections, moving);
             }
             batch.answered = true;
         }
@@ -318,7 +311,6 @@ mod tests {
     use super::*;
     use crate::components::capture::Tier;
     use crate::models::optics::camera::Pinhole;
-    use glam::DVec2;
 
     #[test]
     fn a_region_grows_with_the_target() {
@@ -352,30 +344,6 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_is_a_detection_once() {
-        let dot = |x: f64| Dot {
-            at_px: DVec2::new(x, 50.0),
-            side_px: 4.0,
-            velocity_px: DVec2::ONE,
-            sigmas: 6.0,
-        };
-        let seen = |side_px: f64| {
-            let box_px = [100.0, 48.0, 100.0 + side_px, 48.0 + side_px];
-            Detection::new(box_px, 0.1, 3)
-        };
-        let mut found = vec![seen(4.0)];
-        count_in(&mut found, &dot(102.0), 8);
-        count_in(&mut found, &dot(120.0), 8);
-        let counted: Vec<_> = found.iter().map(|d| (d.score, d.label)).collect();
-        assert_eq!(counted, [(MOVING_SCORE, 3), (MOVING_SCORE, 8)]);
-        assert_eq!(found[1].box_px, [118.0, 48.0, 122.0, 52.0]);
-        // Of what it shows well a detector says enough.
-        let mut found = vec![seen(20.0)];
-        count_in(&mut found, &dot(110.0), 8);
-        assert_eq!(found, [seen(20.0)]);
-    }
-
-    #[test]
     fn answers_find_their_frames_though_a_later_one_is_due_first() {
         let mut queue = DetectionQueue::default();
         // The search camera is slow: what the precise one exposes later is due earlier.
@@ -387,13 +355,17 @@ mod tests {
             score: 0.9,
             label: 0,
         };
+        let moving = MovingAs {
+            label: 8,
+            score: 0.3,
+        };
         assert!(!queue.wants_answer(23) && queue.wants_answer(24));
-        queue.answer(vec![seen(1.0)], 8);
+        queue.answer(vec![seen(1.0)], &moving);
         assert!(
             queue.wants_answer(24),
             "the first answer was the search camera's"
         );
-        queue.answer(vec![seen(2.0)], 8);
+        queue.answer(vec![seen(2.0)], &moving);
         assert!(!queue.wants_answer(40));
         queue.release(24);
         let [precise] = &queue.arrived[..] else {

@@ -283,7 +283,7 @@ pub struct Tracker {
     pub disproved_since: Option<u64>,
     /// Since when the target has been as unlikely as what is given up.
     pub unlikely_since: Option<u64>,
-    /// The target's log-odds since it was chosen, evened out over half a second from even odds on.
+    /// The target's log-odds by the recogniser since it was chosen, evened out over half a second from even odds on.
     pub mean_log_odds: f64,
     /// What the radar adds to the log-odds of the target for fire: 0 or more.
     pub radar_log_odds: f64,

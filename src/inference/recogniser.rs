@@ -290,7 +290,7 @@ mod tests {
                     size_px: [10.0, 6.0],
                     ifov_rad: 8e-5,
                     score: 0.7,
-                    named: TrackClass::Uav,
+                    named: Some(TrackClass::Uav),
                 };
                 history.take(glimpse, || vec![value; CHIP].into());
             }

@@ -19,7 +19,12 @@ impl Plugin for DetectPlugin {
     fn build(&self, app: &mut App) {
         app.insert_resource(known())
             .add_systems(SetUp, fallible(set_up).in_set(TickSet::Detect))
-            .add_systems(Tick, systems::detect.in_set(TickSet::Detect));
+            .add_systems(
+                Tick,
+                (systems::ask, systems::find_moving, systems::answer)
+                    .chain()
+                    .in_set(TickSet::Detect),
+            );
     }
 }
 
@@ -44,14 +49,9 @@ fn set_up(
     for station in &stations {
         commands.entity(station).insert(DetectionQueue::default());
     }
-    let mut sensors_px: Vec<[u32; 2]> = Vec::new();
-    for (entity, camera) in &cameras {
-        sensors_px.push([camera.pinhole.width_px, camera.pinhole.height_px]);
-        // To the finer cameras, which follow, the scenery moves.
-        let looks = loaded.scenario.detector.moving && camera.tier == Tier::Search;
-        let moving = Moving(looks.then(MovingDots::default));
-        commands.entity(entity).insert(moving);
-    }
+    let sensors_px: Vec<[u32; 2]> = (cameras.iter())
+        .map(|(_, camera)| [camera.pinhole.width_px, camera.pinhole.height_px])
+        .collect();
     let context = DetectorContext {
         loaded: loaded.0.clone(),
         options: options.clone(),
@@ -64,6 +64,15 @@ fn set_up(
         let hint = scenario::suggestion(kind, &known);
         loaded.refuse("detector.kind", format!("no detector '{kind}'{hint}"))
     })?;
-    commands.insert_resource(DetectorInUse::new(detector?));
+    let detector = DetectorInUse::new(detector?);
+    for (entity, camera) in &cameras {
+        // To the finer cameras, which follow, the scenery moves; beside a detector without pictures nothing looks at any.
+        let looks = loaded.scenario.detector.moving
+            && camera.tier == Tier::Search
+            && detector.detector.wants_pictures();
+        let moving = Moving(looks.then(MovingDots::default));
+        commands.entity(entity).insert(moving);
+    }
+    commands.insert_resource(detector);
     Ok(())
 }

@@ -26,23 +26,19 @@ pub const DETECTORS: [(&str, MakeDetector); 2] = [
     }),
 ];
 
-/// Hands every frame of this tick to the detector and releases what has become available. A network
-/// has until then to answer; only what is still missing at that tick is waited for.
-pub fn detect(
-    clock: Res<SimClock>,
+/// Hands every frame of this tick to the detector, which may work on them until they are due.
+pub fn ask(
     frames: Res<Frames>,
-    mut cameras: Query<(&SensorCamera, &Readout, &mut Moving)>,
+    cameras: Query<(&SensorCamera, &Readout)>,
     mut detector: ResMut<DetectorInUse>,
     mut queues: Query<&mut DetectionQueue>,
     mut stopwatch: ResMut<Stopwatch>,
-    mut failure: ResMut<Failure>,
 ) {
-    let detector = &mut *detector;
     let started = Instant::now();
     let mut questions = Vec::new();
     for frame in &frames.0 {
-        let (Ok((camera, readout, mut moving)), Ok(mut queue)) =
-            (cameras.get_mut(frame.camera), queues.get_mut(frame.station))
+        let (Ok((camera, readout)), Ok(mut queue)) =
+            (cameras.get(frame.camera), queues.get_mut(frame.station))
         else {
             continue;
         };
@@ -57,7 +53,7 @@ pub fn detect(
             look: question.look,
             shrunk: question.shrunk,
             detections: Vec::new(),
-            moving: moving_in(&mut moving, frame, clock.at_s(frame.tick)),
+            moving: Vec::new(),
             answered: false,
         });
         detector.asked.push_back(frame.station);
@@ -66,6 +62,38 @@ pub fn detect(
     if !questions.is_empty() {
         detector.detector.ask(questions);
     }
+    stopwatch.inference += started.elapsed();
+}
+
+/// Finds what moves in the frames of this tick, while the detector works on them.
+pub fn find_moving(
+    clock: Res<SimClock>,
+    frames: Res<Frames>,
+    mut cameras: Query<&mut Moving>,
+    mut queues: Query<&mut DetectionQueue>,
+) {
+    for frame in &frames.0 {
+        if let (Ok(mut moving), Ok(mut queue)) =
+            (cameras.get_mut(frame.camera), queues.get_mut(frame.station))
+        {
+            let dots = moving_in(&mut moving, frame, clock.at_s(frame.tick));
+            queue.note_moving(frame, dots);
+        }
+    }
+}
+
+/// Releases what has become available. A network has until then to answer; only what is still missing at that tick is
+/// waited for.
+pub fn answer(
+    clock: Res<SimClock>,
+    mut detector: ResMut<DetectorInUse>,
+    mut queues: Query<&mut DetectionQueue>,
+    mut stopwatch: ResMut<Stopwatch>,
+    mut failure: ResMut<Failure>,
+) {
+    let detector = &mut *detector;
+    let started = Instant::now();
+    let moving = detector.moving();
     // Answers come in the order of the questions, whose ever they are.
     while queues.iter().any(|queue| queue.wants_answer(clock.tick))
         && let Some(station) = detector.asked.pop_front()
@@ -76,7 +104,7 @@ pub fn detect(
         });
         found.retain(|detection| detection.score >= detector.reading.weak_score);
         if let Ok(mut queue) = queues.get_mut(station) {
-            queue.answer(found, detector.moving_label());
+            queue.answer(found, &moving);
         }
     }
     stopwatch.inference += started.elapsed();

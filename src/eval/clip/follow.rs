@@ -88,7 +88,7 @@ impl Follower {
                     min_quality: defaults.min_quality,
                     ..EvidenceParams::default()
                 },
-                precise_field_rad: f64::INFINITY,
+                precise_field_rad: 0.0,
                 switch_ratio: defaults.switch_ratio,
                 r_asset_enu_m: DVec3::ZERO,
                 aim: None,
@@ -98,11 +98,7 @@ impl Follower {
                 break_radius_px: 0.0,
                 fire_belief: 0.0,
                 max_span_m: f64::INFINITY,
-                patience_s: PerTier::of(|tier| match tier {
-                    // None is waited for.
-                    Tier::Precise => f64::INFINITY,
-                    _ => patience_s(rate_hz),
-                }),
+                patience_s: PerTier::of(|_| patience_s(rate_hz)),
             },
             tracker: Tracker::default(),
             pinhole,
@@ -152,7 +148,7 @@ impl Follower {
         };
         let class = |label: u32| {
             let name = self.classes.get(label as usize);
-            name.map_or("uav", String::as_str)
+            Some(name.map_or("uav", String::as_str))
         };
         self.gallery.hang(&hung, &tracker.table, class);
         self.recognise(t_s)?;

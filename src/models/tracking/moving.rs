@@ -7,7 +7,8 @@
 //! Trans. Aerosp. Electron. Syst. 19, 1983), here over lines that end in what stands out of the newest frame.
 
 use crate::models::optics::camera::Pinhole;
-use glam::{DQuat, DVec2, DVec3};
+use crate::models::optics::detection::Detection;
+use glam::{DQuat, DVec2};
 use std::collections::VecDeque;
 
 /// Frames that a line runs over at least and at most: of fewer the noise of a pixel is not known, and an empty gaze must show
@@ -22,10 +23,17 @@ const RECENT: usize = 3;
 const MOST_STEP_PX: f64 = 8.0;
 const MOST_SHIFT_PX: f64 = 24.0;
 const MOST_SMEAR_PX: f64 = 0.5;
+/// Most by which a corner may move otherwise than the middle [px]: the picture rolls with the azimuth, and in a wide field bends.
+const MOST_BENT_PX: f64 = 0.2;
+/// Share by which the exposure may differ from the first's: the scenery's brightness goes with it.
+const SAME_EXPOSURE: f64 = 0.05;
 /// Share by which the time from frame to frame may differ on a line.
 const STEADY_SHARE: f64 = 0.05;
-/// Pixels at the edges that are left out: the largest shift, and the filters' reach.
-const MARGIN: usize = MOST_SHIFT_PX as usize + 8;
+/// Pixels over which noise is measured to either side.
+const NOISE_REACH: usize = 4;
+/// Pixels at the edges to which no frame is laid: the largest shift, and the filters' reach; and in which no dot is found.
+const EDGE: usize = MOST_SHIFT_PX as usize + 4;
+const MARGIN: usize = EDGE + NOISE_REACH;
 /// Remainder of a pixel and its eight neighbours, in deviations, from which on a line may end in it; most of them a frame.
 const STANDS_OUT: f32 = 1.7;
 const MOST_ENDS: usize = 64;
@@ -40,12 +48,18 @@ const MOST_DOTS: usize = 3;
 const FASTEST: [i32; 2] = [6, 3];
 const SLOWEST: f32 = 0.7;
 const PER_STEP: i32 = 2;
-/// Least noise of the sum of a pixel's three bytes: that of rounding.
-const LEAST_NOISE: f32 = 0.3;
+/// Added to the noise of the sum of a pixel's three bytes: rounding may hide it.
+const ROUNDING: f32 = 0.3;
 /// Share of the noise close by that counts at least: an edge that shimmers has more than what is around it.
 const NEAR_SHARE: f32 = 0.5;
+/// The corners of a picture, over its sides.
+const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
 /// Dots are further apart than this [px]: a bright one draws lines beside its own.
 const APART_PX: f64 = 10.0;
+
+/// A detection whose box reaches within this of a dot is the same thing, and its score is lifted up to this size [px].
+const SAME_PX: f64 = 4.0;
+const LARGEST_SAME_PX: f64 = 12.0;
 
 /// A frame of a camera.
 #[derive(Clone, Copy, Debug)]
@@ -73,13 +87,49 @@ pub struct Dot {
     pub sigmas: f64,
 }
 
+impl Dot {
+    /// Counts it among a frame's detections: a small one there scores as much at least, and what a larger one shows as surely
+    /// is the same thing.
+    pub fn count_in(&self, detections: &mut Vec<Detection>, moving: &MovingAs) {
+        let [x, y] = self.at_px.to_array();
+        let holds = |detection: &Detection| {
+            let [x0, y0, x1, y1] = detection.box_px;
+            (x0 - SAME_PX..x1 + SAME_PX).contains(&x) && (y0 - SAME_PX..y1 + SAME_PX).contains(&y)
+        };
+        let small = |detection: &Detection| {
+            let [x0, y0, x1, y1] = detection.box_px;
+            (x1 - x0).max(y1 - y0) <= LARGEST_SAME_PX
+        };
+        let shown = (detections.iter()).any(|other| holds(other) && other.score >= moving.score);
+        let same = (detections.iter_mut()).find(|other| holds(other) && small(other));
+        match same {
+            Some(same) => same.score = same.score.max(moving.score),
+            None if shown => {}
+            None => {
+                let half_px = 0.5 * self.side_px;
+                let box_px = [x - half_px, y - half_px, x + half_px, y + half_px];
+                detections.push(Detection::new(box_px, moving.score, moving.label));
+            }
+        }
+    }
+}
+
+/// How what moves counts as a detection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingAs {
+    /// Its label.
+    pub label: u32,
+    /// Its score.
+    pub score: f64,
+}
+
 /// The frames of one camera since it last turned.
 #[derive(Clone, Debug, Default)]
 pub struct MovingDots {
     width: usize,
     height: usize,
-    /// How the camera was turned in the first, and the time and turn of the newest.
-    first: Option<DQuat>,
+    /// How the camera was turned and exposed in the first [s], and the time and turn of the newest.
+    first: Option<(DQuat, f64)>,
     newest: Option<(f64, DQuat)>,
     /// From one to the next [s].
     step_s: Option<f64>,
@@ -111,7 +161,9 @@ impl MovingDots {
         if pinhole.width_px.min(pinhole.height_px) as usize <= 2 * MARGIN {
             return Vec::new();
         }
-        let shift_px = self.follow(pinhole, picture);
+        let Some(shift_px) = self.follow(pinhole, picture) else {
+            return Vec::new();
+        };
         if self.planes.is_empty() {
             self.begin(pinhole, picture);
         }
@@ -144,37 +196,48 @@ impl MovingDots {
         dots
     }
 
-    /// Where the first frame's middle lies in this one, from its middle [px]; forgets all frames where the camera has turned too
-    /// fast or too far, or has paused.
-    fn follow(&mut self, pinhole: &Pinhole, picture: &Picture) -> DVec2 {
-        let seen_px = |q_enu_cam: DQuat| {
-            let ray_cam = picture.q_enu_cam.inverse() * (q_enu_cam * DVec3::Z);
-            (pinhole.project(ray_cam)).map_or(DVec2::INFINITY, |px| px - pinhole.centre_px())
+    /// Where the first frame's middle lies in this one, from its middle [px]; `None` of one that is smeared. Forgets all frames
+    /// where the camera has turned too fast or too far, has paused, or exposes otherwise.
+    fn follow(&mut self, pinhole: &Pinhole, picture: &Picture) -> Option<DVec2> {
+        // How far a pixel's scenery in a frame turned so has moved since.
+        let moved_px = |q_enu_cam: DQuat, px: DVec2| {
+            let ray_cam = picture.q_enu_cam.inverse() * (q_enu_cam * pinhole.ray(px));
+            (pinhole.project(ray_cam)).map_or(DVec2::INFINITY, |now_px| now_px - px)
         };
+        let middle_px = pinhole.centre_px();
         let before = self.newest.replace((picture.t_s, picture.q_enu_cam));
-        let shift_px = self.first.map_or(DVec2::ZERO, seen_px);
-        let steady = before.is_some_and(|(t_s, q_enu_cam)| {
-            let step_px = seen_px(q_enu_cam).length();
-            let step_s = picture.t_s - t_s;
-            let due = self
-                .step_s
-                .is_none_or(|due_s| (step_s - due_s).abs() < STEADY_SHARE * due_s);
-            self.step_s = Some(step_s);
-            let smear_px = step_px * picture.exposure_s / step_s;
-            due && step_px < MOST_STEP_PX && smear_px < MOST_SMEAR_PX
+        let (step_s, step_px) = before.map_or((0.0, 0.0), |(t_s, q_enu_cam)| {
+            let step_px = moved_px(q_enu_cam, middle_px).length();
+            (picture.t_s - t_s, step_px)
         });
-        if steady && shift_px.length() < MOST_SHIFT_PX {
-            shift_px
-        } else {
+        let due = (self.step_s).is_none_or(|due_s| (step_s - due_s).abs() < STEADY_SHARE * due_s);
+        self.step_s = before.map(|_| step_s);
+        let (q_first, exposure_s) = self.first.unwrap_or((picture.q_enu_cam, 0.0));
+        let shift_px = moved_px(q_first, middle_px);
+        let bent_px = CORNERS.map(|corner| {
+            let corner_px = 2.0 * middle_px * DVec2::from(corner);
+            (moved_px(q_first, corner_px) - shift_px).length()
+        });
+        let steady = due
+            && step_px < MOST_STEP_PX
+            && shift_px.length() < MOST_SHIFT_PX
+            && bent_px.into_iter().all(|bent_px| bent_px < MOST_BENT_PX)
+            && (picture.exposure_s - exposure_s).abs() < SAME_EXPOSURE * exposure_s;
+        if !steady {
             self.planes.clear();
-            DVec2::ZERO
         }
+        let smeared = step_px * picture.exposure_s > MOST_SMEAR_PX * step_s;
+        if smeared {
+            self.planes.clear();
+            return None;
+        }
+        Some(if steady { shift_px } else { DVec2::ZERO })
     }
 
     /// Begins anew with this frame.
     fn begin(&mut self, pinhole: &Pinhole, picture: &Picture) {
         (self.width, self.height) = (pinhole.width_px as usize, pinhole.height_px as usize);
-        self.first = Some(picture.q_enu_cam);
+        self.first = Some((picture.q_enu_cam, picture.exposure_s));
         self.base = smoothed(picture.rgb8, self.width, self.height);
         for plane in [&mut self.sum, &mut self.squares] {
             plane.clear();
@@ -195,8 +258,8 @@ impl MovingDots {
         let whole = shift_px.floor();
         let [across, down] = (shift_px - whole).to_array().map(cubic);
         let width = self.width;
-        let length = width - 2 * MARGIN;
-        let left = MARGIN as i64 + whole.x as i64 - 1;
+        let length = width - 2 * EDGE;
+        let left = EDGE as i64 + whole.x as i64 - 1;
         let mut between = vec![0.0; length * self.height];
         let lines = between.chunks_exact_mut(length);
         for (row, line) in smooth.chunks_exact(width).zip(lines) {
@@ -205,10 +268,10 @@ impl MovingDots {
                 *out = weighed(across, taps.map(|row| row[i]));
             }
         }
-        for row in MARGIN..self.height - MARGIN {
+        for row in EDGE..self.height - EDGE {
             let top = (row as i64 + whole.y as i64 - 1) as usize;
             let taps = [0, 1, 2, 3].map(|tap| &between[(top + tap) * length..][..length]);
-            let at = row * width + MARGIN;
+            let at = row * width + EDGE;
             let (out, base) = (&mut plane[at..][..length], &self.base[at..][..length]);
             for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
                 *out = weighed(down, taps.map(|row| row[i])) - base;
@@ -228,12 +291,12 @@ impl MovingDots {
         let variance: Vec<f32> = (self.squares.iter().zip(&self.sum))
             .map(|(squares, sum)| ((squares - sum * sum / count) / (count - 1.0)).max(0.0))
             .collect();
-        let mut noise = box_mean(&variance, self.width, self.height, 4);
+        let mut noise = box_mean(&variance, self.width, self.height, NOISE_REACH);
         let near = box_mean(&variance, self.width, self.height, 1);
         for (noise, near) in noise.iter_mut().zip(near) {
             // Rounding may leave less than nothing.
             let variance = noise.max(NEAR_SHARE * near).max(0.0);
-            *noise = 1.0 / (variance.sqrt() + LEAST_NOISE);
+            *noise = 1.0 / (variance.sqrt() + ROUNDING);
         }
         Scenery {
             mean,

@@ -36,7 +36,7 @@ pub fn associate(
                 t_s,
                 assigned: &assigned,
             };
-            gallery.hang(&hung, &tracker.table, |label| detector.class(label));
+            gallery.hang(&hung, &tracker.table, |label| detector.named(label));
         }
     }
 }

@@ -21,10 +21,10 @@ const AGAIN_HITS: u32 = 2;
 const REFIND_HITS: u32 = 3;
 /// Time for which a track that no camera could confirm is left alone [s].
 const REJECTED_S: f64 = 10.0;
-/// Time the coarse camera has to confirm a candidate [s], and a lost target to come back; the precise camera, in whose
-/// field the coarse one holds it and to which it is larger, in times of that camera's patience.
-const ACQUIRE_TIMEOUT_S: f64 = 3.0;
+/// How long the precise camera has to confirm what the coarse one holds in its field, in times of that camera's patience.
 const CLOSER_PATIENCES: f64 = 4.0;
+/// Time the coarse camera has to confirm a candidate [s], and a lost target to come back.
+const ACQUIRE_TIMEOUT_S: f64 = 3.0;
 const LOST_TIMEOUT_S: f64 = 3.0;
 /// How long another track must have been the greater threat before it becomes the target [s].
 const RIVAL_S: f64 = 1.0;
@@ -149,7 +149,8 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         let towards = |mean: &mut f64, value: f64, memory_s: f64| {
             *mean += (1.0 - (-elapsed_s / memory_s).exp()) * (value - *mean);
         };
-        let log_odds = tracker.target_track().map_or(0.0, Track::log_odds);
+        let judged = |track: &Track| track.recognition.map(|_| track.log_odds());
+        let log_odds = tracker.target_track().and_then(judged).unwrap_or(0.0);
         towards(&mut tracker.mean_log_odds, log_odds, SURE_S);
         towards(&mut tracker.radar_log_odds, says, VOUCHED_S);
         tracker.queue = now.queue(tracker);
@@ -335,9 +336,10 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
         TrackingState::Lost => f64::INFINITY,
         _ => DOUBT_AFTER_S,
     };
-    // What is lost and seen again by turns is doubted, too.
-    let doubted =
-        unlikely_s.is_some_and(|since_s| in_state_s > doubt_after_s || since_s > DOUBT_CLOSE_S);
+    // What is lost and seen again by turns is doubted, too, if the recogniser has said so: the evidence falls by itself
+    // while nothing is seen.
+    let long = |since_s: f64| since_s > DOUBT_CLOSE_S && track.recognition.is_some();
+    let doubted = unlikely_s.is_some_and(|since_s| in_state_s > doubt_after_s || long(since_s));
     match tracker.state {
         TrackingState::Search => {}
         _ if judged
@@ -383,6 +385,7 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                 && fits
                 && !hidden
                 && !tracker.designated
+                && !now.cued(track)
                 && track.hits[Tier::Precise] < CONFIRM_HITS
                 && in_state_s > CLOSER_PATIENCES * params.patience_s[Tier::Precise]
             {
@@ -413,7 +416,7 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
 
 /// For how long the evidence has spoken against the target as strongly as it must for that to be given up [s].
 fn unlikely_s(now: &Situation, tracker: &mut Tracker) -> Option<f64> {
-    let unlikely = |track: &Track| track.log_odds() < GIVEN_UP;
+    let unlikely = |track: &Track| !track.hidden(now.t_s()) && track.log_odds() < GIVEN_UP;
     if !tracker.target_track().is_some_and(unlikely) {
         tracker.unlikely_since = None;
         return None;

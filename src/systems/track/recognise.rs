@@ -24,12 +24,12 @@ pub(crate) struct Hung<'a> {
 
 impl Gallery {
     /// Keeps what a batch shows of the tracks of `table`, which has just taken it in; `class` names the
-    /// detector's classes. A batch without a picture leaves nothing.
+    /// detector's classes, and not what it has not named. A batch without a picture leaves nothing.
     pub(crate) fn hang<'a>(
         &mut self,
         hung: &Hung,
         table: &TrackTable,
-        class: impl Fn(u32) -> &'a str,
+        class: impl Fn(u32) -> Option<&'a str>,
     ) {
         let frame = &hung.batch.frame;
         let Some(rgb8) = frame.rgb8.as_deref().filter(|_| self.wanted) else {
@@ -57,7 +57,7 @@ impl Gallery {
                 size_px: [x1 - x0, y1 - y0],
                 ifov_rad: frame.pinhole.ifov_rad(),
                 score: detection.score,
-                named: TrackClass::of_detector(class(detection.label)),
+                named: class(detection.label).map(TrackClass::of_detector),
             };
             let side_px = glimpse.chip_px(track.size_rad);
             let history = self.histories.entry(track.id).or_default();
@@ -260,7 +260,7 @@ mod tests {
                 t_s: tick as f64 / 960.0,
                 assigned: &[Some(id)],
             };
-            gallery.hang(&hung, &table, |_| "bird");
+            gallery.hang(&hung, &table, |_| Some("bird"));
         };
         // A run without pictures keeps nothing.
         hang(&mut gallery, 0, None);
@@ -274,7 +274,7 @@ mod tests {
         let glimpse = steps[0].glimpses[0];
         assert_eq!(
             (glimpse.named, glimpse.size_px),
-            (TrackClass::Bird, [8.0, 8.0])
+            (Some(TrackClass::Bird), [8.0, 8.0])
         );
         assert!(
             (glimpse.az_el_rad - pointing.az_el_rad).length() < 1e-6,

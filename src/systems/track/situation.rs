@@ -52,9 +52,11 @@ const TOO_FAST: f64 = -2.0;
 const HOVER_PROBABILITY: f64 = 0.9;
 const HOVER_DOT: f64 = 0.5;
 const HOVER_SIGMAS: f64 = 2.0;
-/// What never flew and is nearer to the city's surface behind it than this [m] is part of it: the raster's cells and
-/// crowns err by some metres.
+/// What never flew and is nearer to the city's surface behind it than this [m], or as little beyond it, is part of it: the
+/// raster's cells and crowns err by some metres.
 const SURFACE_M: f64 = 8.0;
+/// Age up to which an echo is the last of a pulse train [s]: the range finder sends ten a second.
+const NEW_ECHO_S: f64 = 0.25;
 /// Clear sky that must lie below a candidate that does not move [rad].
 const SKY_MARGIN_RAD: f64 = 4e-3;
 /// A range less sure than this, over the range, comes from the size alone; the spans of the catalogue's UAVs
@@ -441,7 +443,8 @@ impl Situation<'_> {
         part.then(|| "no further off than what stands behind it, by the range finder".into())
     }
 
-    /// Whether the range finder's last echo of a track comes from where the city's surface is, behind it or at its lower edge.
+    /// Whether a new echo of the range finder from a track comes from where the city's surface is, behind it or at its lower
+    /// edge.
     fn is_on_surface(&self, track: &Track) -> bool {
         let t_s = self.t_s();
         let at = track.filter.predicted(t_s).az_el_rad();
@@ -450,13 +453,15 @@ impl Situation<'_> {
             let los = az_el_to_los(az_el_rad);
             (self.dsm?).first_hit(self.r_station_enu_m, los, FAR_M)
         };
-        track.echo(t_s).is_some_and(|echo| {
-            let least_m = echo.range_m + SURFACE_M + 3.0 * echo.sigma_m;
-            [at, edge]
-                .into_iter()
-                .filter_map(behind_m)
-                .any(|range_m| range_m < least_m)
-        })
+        (track.echo(t_s))
+            .filter(|echo| t_s - echo.t_s < NEW_ECHO_S)
+            .is_some_and(|echo| {
+                let near_m = SURFACE_M + 3.0 * echo.sigma_m;
+                [at, edge]
+                    .into_iter()
+                    .filter_map(behind_m)
+                    .any(|range_m| (range_m - echo.range_m).abs() < near_m)
+            })
     }
 
     /// Whether the radar's target is surely another: in another direction, at another range, or in flight.

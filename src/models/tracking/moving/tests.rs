@@ -115,3 +115,107 @@ fn a_camera_that_drifts_finds_it_and_one_that_slews_forgets() {
     let slews = found(6.0, velocity_px, 9.0, 14);
     assert!(slews.iter().all(|(dots, _)| dots.is_empty()));
 }
+
+#[test]
+fn what_moves_is_a_detection_once() {
+    let dot = |x: f64| Dot {
+        at_px: DVec2::new(x, 50.0),
+        side_px: 4.0,
+        velocity_px: DVec2::ONE,
+        sigmas: 6.0,
+    };
+    let seen = |side_px: f64, score: f64| {
+        let box_px = [100.0, 48.0, 100.0 + side_px, 48.0 + side_px];
+        Detection::new(box_px, score, 3)
+    };
+    let moving = MovingAs {
+        label: 8,
+        score: 0.3,
+    };
+    // A small box, behind a larger one that says little.
+    let mut found = vec![seen(30.0, 0.1), seen(4.0, 0.1)];
+    dot(102.0).count_in(&mut found, &moving);
+    dot(140.0).count_in(&mut found, &moving);
+    let counted: Vec<_> = found.iter().map(|d| (d.score, d.label)).collect();
+    assert_eq!(counted, [(0.1, 3), (0.3, 3), (0.3, 8)]);
+    assert_eq!(found[2].box_px, [138.0, 48.0, 142.0, 52.0]);
+    // In a larger one alone it is another thing, unless that is seen as surely.
+    for (score, count) in [(0.1, 2), (0.5, 1)] {
+        let mut found = vec![seen(20.0, score)];
+        dot(110.0).count_in(&mut found, &moving);
+        assert_eq!((found.len(), found[0]), (count, seen(20.0, score)));
+    }
+}
+
+/// Frames of nothing but noise that are in the stretch after each, with such turns [px], at such times [steps], exposed so [s].
+fn stretch(frames: &[(f64, f64, f64)], focal_px: f64) -> Vec<usize> {
+    let pinhole = Pinhole {
+        focal_px,
+        ..pinhole()
+    };
+    let mut dots = MovingDots::default();
+    let rgb8 = vec![100; 3 * SIZE[0] * SIZE[1]];
+    let look = |(off_px, steps, exposure_s): &(f64, f64, f64)| {
+        let picture = Picture {
+            t_s: STEP_S * steps,
+            exposure_s: *exposure_s,
+            q_enu_cam: DQuat::from_rotation_y((off_px / focal_px).atan()),
+            rgb8: &rgb8,
+        };
+        dots.look(&pinhole, &picture);
+        dots.planes.len()
+    };
+    frames.iter().map(look).collect()
+}
+
+#[test]
+fn frames_that_do_not_lie_on_one_another_begin_anew() {
+    const SHORT_S: f64 = 1e-4;
+    let at = |off_px: f64, steps: f64| (off_px, steps, SHORT_S);
+    // It sways by less than a step, and by more; it has drifted too far.
+    let sways = |off_px: f64| [at(0.0, 0.0), at(off_px, 1.0), at(0.0, 2.0)];
+    assert_eq!(stretch(&sways(7.9), 6200.0), [1, 2, 3]);
+    assert_eq!(stretch(&sways(8.1), 6200.0), [1, 1, 1]);
+    let drifts = [0.0, 7.0, 14.0, 21.0, 28.0].map(|off_px| at(off_px, off_px / 7.0));
+    assert_eq!(stretch(&drifts, 6200.0), [1, 2, 3, 4, 1]);
+    // In a wide field the edge moves otherwise than the middle.
+    assert_eq!(stretch(&sways(6.0), 200.0), [1, 1, 1]);
+    // A pause, and another exposure.
+    let pauses = [0.0, 1.0, 2.0, 5.0, 6.0, 7.0].map(|steps| at(0.0, steps));
+    assert_eq!(stretch(&pauses, 6200.0), [1, 2, 3, 1, 1, 2]);
+    let exposed = [
+        (0.0, 0.0, SHORT_S),
+        (0.0, 1.0, SHORT_S),
+        (0.0, 2.0, 2.0 * SHORT_S),
+    ];
+    assert_eq!(stretch(&exposed, 6200.0), [1, 2, 1]);
+    // A long exposure smears what a short one does not, and is not begun with.
+    let smears = [(0.0, 0.0), (2.0, 1.0), (2.0, 2.0), (2.0, 3.0)]
+        .map(|(off_px, steps)| (off_px, steps, 0.02));
+    assert_eq!(stretch(&smears, 6200.0), [1, 0, 1, 2]);
+}
+
+#[test]
+fn sensors_of_any_size_are_looked_at() {
+    for [width_px, height_px] in [[1, 1], [64, 300], [65, 66], [300, 64], [67, 400]] {
+        let pinhole = Pinhole {
+            width_px,
+            height_px,
+            focal_px: 6200.0,
+        };
+        let mut dots = MovingDots::default();
+        let rgb8: Vec<u8> = (0..3 * width_px * height_px)
+            .map(|i| (i % 251) as u8)
+            .collect();
+        for frame in 0..14 {
+            let off_rad = 20.0 / 6200.0 * f64::from(frame % 2);
+            let picture = Picture {
+                t_s: STEP_S * f64::from(frame),
+                exposure_s: 1e-4,
+                q_enu_cam: DQuat::from_rotation_x(off_rad * f64::from(frame / 7)),
+                rgb8: &rgb8,
+            };
+            dots.look(&pinhole, &picture);
+        }
+    }
+}
