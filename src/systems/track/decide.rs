@@ -906,130 +906,111 @@ mod tests {
         assert!(tracker.fire_belief().unwrap() < 0.65);
     }
 
+    /// What is at `r_enu_m` becomes the target in this state after half a second; `each` says what is known of it in a frame. After
+    /// how long it is left within two and a half seconds, and for how long it is barred then [s].
+    fn left_after_s(
+        dsm: Option<&Dsm>,
+        r_enu_m: DVec3,
+        state: TrackingState,
+        each: impl Fn(u32, &mut Tracker),
+    ) -> Option<(f64, f64)> {
+        let params = params();
+        let mut tracker = Tracker::default();
+        for frame in 0..180_u32 {
+            let (t_s, tick) = (f64::from(frame) / 60.0, u64::from(frame * FRAME));
+            see(&mut tracker, t_s, &[r_enu_m]);
+            if frame == 30 {
+                let id = tracker.table.tracks[0].id;
+                tracker.acquire(tick, id, "test");
+                tracker.change(tick, state, "test");
+            }
+            each(frame, &mut tracker);
+            if frame > 30 {
+                tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
+                let now = Situation {
+                    dsm,
+                    ..situation(&params, frame * FRAME)
+                };
+                step(&now, &mut tracker, false, false);
+                if tracker.target.is_none() {
+                    return Some((t_s - 0.5, tracker.table.tracks[0].barred_until_s - t_s));
+                }
+            }
+        }
+        None
+    }
+
     #[test]
     fn what_is_no_further_off_than_the_wall_behind_it_is_left() {
-        let params = params();
         // A wall from 600 m to the north on, 200 m high.
         let heights = |wall_m: f64| {
             let height_m = move |_: f64, n_m: f64| if n_m > 600.0 { wall_m } else { 0.0 };
             HeightGrid::from_fn(DVec2::new(-100.0, 500.0), 2.0, [100, 100], height_m)
         };
         let dsm = Dsm::new(heights(0.0), heights(200.0), 0.0);
-        // What never flew, so far to the north by the range finder.
-        let left_at_s = |north_m: f64, flown: bool| {
-            let mut tracker = Tracker::default();
-            for frame in 0..180_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                let r_enu_m = DVec3::new(0.0, north_m, 80.0);
-                see(&mut tracker, t_s, &[r_enu_m]);
-                judge(&mut tracker, 0.97);
-                let track = &mut tracker.table.tracks[0];
-                track.conduct.in_scenery = true;
-                track.conduct.flown = flown;
-                let id = track.id;
-                if frame < 60 {
-                    continue;
-                }
-                track.lased = Some(Lased {
-                    t_s,
-                    range_m: r_enu_m.length(),
-                    sigma_m: 0.5,
-                });
-                let tick = u64::from(frame * FRAME);
-                if frame == 60 {
-                    tracker.acquire(tick, id, "test");
-                    tracker.change(tick, TrackingState::Engage, "test");
-                }
-                let now = Situation {
-                    dsm: Some(&dsm),
-                    ..situation(&params, frame * FRAME)
-                };
-                tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
-                step(&now, &mut tracker, false, false);
-                if tracker.target.is_none() {
-                    return Some(t_s - 1.0);
-                }
-            }
-            None
+        // What never flew, so far to the north by the range finder, whose echo is so old [s].
+        let left = |north_m: f64, flown: bool, age_s: f64| {
+            let r_enu_m = DVec3::new(0.0, north_m, 80.0);
+            left_after_s(
+                Some(&dsm),
+                r_enu_m,
+                TrackingState::Engage,
+                |frame, tracker| {
+                    judge(tracker, 0.97);
+                    let track = &mut tracker.table.tracks[0];
+                    (track.conduct.in_scenery, track.conduct.flown) = (true, flown);
+                    track.lased = Some(Lased {
+                        t_s: f64::from(frame) / 60.0 - age_s,
+                        range_m: r_enu_m.length(),
+                        sigma_m: 0.5,
+                    });
+                },
+            )
         };
-        let left_s = left_at_s(597.0, false).unwrap();
-        assert!(
-            (DISPROVED_S..DISPROVED_S + 0.1).contains(&left_s),
-            "{left_s}"
-        );
-        // Well before it, or known to fly.
-        assert_eq!(left_at_s(580.0, false), None);
-        assert_eq!(left_at_s(597.0, true), None);
+        let (after_s, barred_s) = left(597.0, false, 0.0).unwrap();
+        let expected_s = DISPROVED_S..DISPROVED_S + 0.1;
+        assert!(expected_s.contains(&after_s), "{after_s}");
+        assert!((barred_s - DISPROVED_BARRED_S).abs() < 1e-9, "{barred_s}");
+        // Well before it, or known to fly, or by an old echo.
+        assert_eq!(left(580.0, false, 0.0), None);
+        assert_eq!(left(597.0, true, 0.0), None);
+        assert_eq!(left(597.0, false, 0.5), None);
+        // Beyond an edge of which it stands clear: it is no part of that.
+        assert_eq!(left(650.0, false, 0.0), None);
     }
 
     #[test]
     fn what_the_precise_camera_does_not_see_is_left() {
-        let params = params();
         // Held by the coarse camera, after so many hits of the precise one.
-        let left_at_s = |hits: u32| {
-            let mut tracker = Tracker::default();
-            for frame in 0..180_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0)]);
-                let track = &mut tracker.table.tracks[0];
-                track.hits[Tier::Precise] = hits;
-                let (id, tick) = (track.id, u64::from(frame * FRAME));
-                if frame == 30 {
-                    tracker.acquire(tick, id, "test");
-                    tracker.change(tick, TrackingState::Coarse, "test");
-                }
-                if frame > 30 {
-                    tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
-                    let now = situation(&params, frame * FRAME);
-                    step(&now, &mut tracker, false, false);
-                    if tracker.target.is_none() {
-                        let barred_s = tracker.table.tracks[0].barred_until_s - t_s;
-                        assert!((barred_s - REJECTED_S).abs() < 1e-9, "{barred_s}");
-                        return Some(t_s - 0.5);
-                    }
-                }
-            }
-            None
+        let left = |hits: u32| {
+            let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+            left_after_s(None, r_enu_m, TrackingState::Coarse, |_, tracker| {
+                tracker.table.tracks[0].hits[Tier::Precise] = hits;
+            })
         };
-        let left_s = left_at_s(CONFIRM_HITS - 1).unwrap();
-        assert!((1.0..1.1).contains(&left_s), "{left_s}");
-        assert_eq!(left_at_s(CONFIRM_HITS), None);
+        let (after_s, barred_s) = left(CONFIRM_HITS - 1).unwrap();
+        assert!((1.0..1.1).contains(&after_s), "{after_s}");
+        assert!((barred_s - REJECTED_S).abs() < 1e-9, "{barred_s}");
+        assert_eq!(left(CONFIRM_HITS), None);
     }
 
     #[test]
     fn what_is_lost_and_seen_again_by_turns_is_doubted_all_the_same() {
-        let params = params();
-        let left_at_s = |p_uav: f64| {
-            let mut tracker = Tracker::default();
-            for frame in 0..180_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                see(&mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0)]);
-                judge(&mut tracker, p_uav);
-                let (id, tick) = (tracker.table.tracks[0].id, u64::from(frame * FRAME));
-                if frame == 30 {
-                    tracker.acquire(tick, id, "test");
-                }
-                if frame >= 30 && frame % 12 == 0 {
+        let left = |p_uav: f64| {
+            let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+            left_after_s(None, r_enu_m, TrackingState::Precise, |frame, tracker| {
+                judge(tracker, p_uav);
+                if frame > 30 && frame.is_multiple_of(12) {
                     let turns = [TrackingState::Precise, TrackingState::Lost];
+                    let tick = u64::from(frame * FRAME);
                     tracker.change(tick, turns[frame as usize / 12 % 2], "test");
                 }
-                if frame > 36 {
-                    tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
-                    let now = situation(&params, frame * FRAME);
-                    step(&now, &mut tracker, false, false);
-                    if tracker.target.is_none() {
-                        return Some(t_s - 37.0 / 60.0);
-                    }
-                }
-            }
-            None
+            })
         };
-        let left_s = left_at_s(0.01).unwrap();
-        assert!(
-            (DOUBT_CLOSE_S..DOUBT_CLOSE_S + 0.1).contains(&left_s),
-            "{left_s}"
-        );
-        assert_eq!(left_at_s(0.5), None);
+        let (after_s, _) = left(0.01).unwrap();
+        let expected_s = DOUBT_CLOSE_S..DOUBT_CLOSE_S + 0.1;
+        assert!(expected_s.contains(&after_s), "{after_s}");
+        assert_eq!(left(0.5), None);
     }
 
     #[test]
