@@ -175,6 +175,12 @@ fn report_of(
         };
         *offers = (picture.objects.iter())
             .filter(|object| !object.dealt_with)
+            // What it has left alone it would not take up.
+            .filter(|object| {
+                let own = object.number_at(index);
+                let track = own.and_then(|id| tracker.table.get(id));
+                track.is_none_or(|track| !track.is_barred(clock.t_s()))
+            })
             .map(|object| {
                 let held = tracker.target.is_some() && object.number_at(index) == tracker.target;
                 let fired_s = held.then(|| clock.at_s(tracker.fired_ticks));

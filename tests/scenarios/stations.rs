@@ -1,10 +1,13 @@
 //! Several stations in one run.
 
 use crate::common::{BLIND, ROOT, Run, boresight, messages, refused, run_scenario, tick_hashes};
+use bevy::prelude::*;
 use boresight::app::{self, Options};
 use boresight::components::beam::BeamState;
 use boresight::components::engage::Interlocks;
 use boresight::components::mount::Stations;
+use boresight::components::network::Tasking;
+use boresight::components::run::SimClock;
 use boresight::components::track::{Tracker, TrackingState};
 use boresight::recording::proto;
 use boresight::scenario::Scenario;
@@ -175,6 +178,39 @@ fn nobody_fires_across_another_station() {
     let energy_j = |station| world.get::<BeamState>(station).unwrap().energy_j;
     assert_eq!(energy_j(rear), 0.0);
     assert!(energy_j(front) > 0.0);
+}
+
+#[test]
+fn what_a_station_has_left_alone_another_engages() {
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let hold = "engage.authorised=false";
+    let set = ["detector.kind=truth", HOVERS, EAST, hold].map(String::from);
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    let world = app.world_mut();
+    let stations = world.resource::<Stations>().0.clone();
+    let run = |world: &mut World, for_s: u32| {
+        (0..for_s * loaded.scenario.tick_hz).for_each(|_| app::step(world).unwrap());
+    };
+    let engages = |world: &World| {
+        let task = |station: &Entity| world.get::<Tasking>(*station)?.task;
+        let mut engaging = (stations.iter()).filter(|s| task(s).is_some_and(|task| task.engages));
+        let [station, none] = [engaging.next(), engaging.next()];
+        assert_eq!(none, None);
+        *station.unwrap()
+    };
+    run(world, 3);
+    let first = engages(world);
+    let tick = world.resource::<SimClock>().tick;
+    let mut tracker: Mut<Tracker> = world.get_mut(first).unwrap();
+    assert_eq!(tracker.state, TrackingState::Engage);
+    tracker.give_up(tick, Some(60.0), "no UAV to this station");
+    run(world, 2);
+    let second = engages(world);
+    assert_ne!(second, first);
+    let state = |station| world.get::<Tracker>(station).unwrap().state;
+    assert_eq!(state(second), TrackingState::Engage);
+    assert_eq!(state(first), TrackingState::Search);
 }
 
 #[test]

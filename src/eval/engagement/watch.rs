@@ -230,7 +230,7 @@ impl Seen {
             if change.to == TrackingState::Search && on_uav && self.shown {
                 let left = self.identity.and_then(|id| tracker.table.get(id));
                 let rejected =
-                    left.is_some_and(|track| t_s < track.barred_until_s || track.log_odds() < 0.0);
+                    left.is_some_and(|track| track.is_barred(t_s) || track.log_odds() < 0.0);
                 self.rejected = rejected;
                 self.record.given_up.push(GivenUp {
                     t_s,

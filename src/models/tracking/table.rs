@@ -203,6 +203,11 @@ impl Track {
         self.barred_until_s == f64::INFINITY
     }
 
+    /// Whether it is left alone at `t_s` [s].
+    pub fn is_barred(&self, t_s: f64) -> bool {
+        t_s < self.barred_until_s
+    }
+
     /// Hits of all cameras.
     pub fn total_hits(&self) -> u32 {
         self.hits.each().iter().sum()

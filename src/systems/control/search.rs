@@ -33,8 +33,8 @@ const PROMISING_JUDGED: f64 = -0.6;
 /// only chosen once the recogniser is sure.
 const PROMISING_PROBABILITY: f64 = 0.5;
 /// Share of the field by which neighbouring gazes overlap: a target at the edge of one is whole in
-/// the next.
-const OVERLAP: f64 = 0.1;
+/// the next, up to 25 px of 640; a larger one shows all the same.
+const OVERLAP: f64 = 0.04;
 /// Share of the field by which the mount may be off a gaze that a plot has moved before it begins anew.
 const FOLLOW_FIELDS: f64 = 0.25;
 /// A pass with a finer camera, in whose field a target is larger, is made where so many gazes cover the area:
@@ -376,7 +376,7 @@ fn is_fresh(track: &Track, t_s: f64) -> bool {
 /// so in clear sky, once anyway.
 fn may_be_glanced_at(track: &Track, t_s: f64) -> bool {
     track.total_hits() >= PROMISING_HITS
-        && t_s >= track.barred_until_s
+        && !track.is_barred(t_s)
         && match (
             track.conduct.in_sky,
             track.filter.quality() > GLANCED_QUALITY,
@@ -405,7 +405,7 @@ fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
             separation_rad(at, cue.az_el_rad) < cue.sigma_rad.max_element()
         })
     };
-    let likely = t_s >= track.barred_until_s
+    let likely = !track.is_barred(t_s)
         && (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY);
     let stands_out = || track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued();
     track.total_hits() >= PROMISING_HITS
@@ -474,7 +474,7 @@ mod tests {
         let not_closest = [(Search, 2), (Coarse, 9), (Search, 2), (Coarse, 9)];
         assert_eq!(passes(&mut wide), not_closest);
         // A sector is too large for that.
-        let sector = [(Search, 14), (Search, 12), (Search, 14), (Search, 12)];
+        let sector = [(Search, 12), (Search, 10), (Search, 12), (Search, 10)];
         assert_eq!(passes(&mut scan(None)), sector);
     }
 
@@ -496,7 +496,7 @@ mod tests {
         assert!((scan.gaze(2.0).az_el_rad - off - centre).length() < 1e-12);
         // Without a radar's track it is the sector again.
         scan.follow(None, 3.0);
-        assert_eq!((scan.pass, scan.offsets_rad.len()), (0, 14));
+        assert_eq!((scan.pass, scan.offsets_rad.len()), (0, 12));
     }
 
     #[test]
@@ -589,11 +589,11 @@ mod tests {
     fn what_a_gaze_shows_is_glanced_at_once() {
         let all = cameras(1.0 / 30.0);
         let gazes = looked(&all, None, 0.0, 12.0);
-        // Where nothing shows a gaze is shorter; two rows of seven, then between them, then again.
+        // Where nothing shows a gaze is shorter; two rows of six, then between them, then again.
         let quick_s = gazes[1].1;
         assert!((quick_s - EMPTY_SHARE * GAZE_S).abs() < 5e-3, "{quick_s}");
-        assert_eq!(gazes[14].0, gazes[0].0.midpoint(gazes[1].0));
-        assert_eq!(gazes[14 + 12].0, gazes[0].0);
+        assert_eq!(gazes[12].0, gazes[0].0.midpoint(gazes[1].0));
+        assert_eq!(gazes[12 + 10].0, gazes[0].0);
         let at = gazes[0].0 + DVec2::new(0.02, 0.01);
         let with = looked(&all, Some(at), 0.3, GLANCED_FOR_S);
         let [_, glance, next] = [0, 1, 2].map(|i| with[i]);

@@ -400,7 +400,7 @@ impl Situation<'_> {
         let here = |area: &Sector| area.contains(track.filter.predicted(self.t_s()).az_el_rad());
         self.within.as_ref().is_none_or(here)
             && track.total_hits() >= CANDIDATE_HITS
-            && self.t_s() >= track.barred_until_s
+            && !track.is_barred(self.t_s())
             && (track.misses == 0 || self.fresh(track))
             && (self.may_hover(track)
                 || !conduct.is_scenery()
