@@ -190,7 +190,9 @@ fn what_a_station_has_left_alone_another_engages() {
     let world = app.world_mut();
     let stations = world.resource::<Stations>().0.clone();
     let run = |world: &mut World, for_s: u32| {
-        (0..for_s * loaded.scenario.tick_hz).for_each(|_| app::step(world).unwrap());
+        for _ in 0..for_s * loaded.scenario.tick_hz {
+            app::step(world).unwrap();
+        }
     };
     let engages = |world: &World| {
         let task = |station: &Entity| world.get::<Tasking>(*station)?.task;
