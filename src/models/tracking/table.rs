@@ -123,6 +123,8 @@ pub struct Track {
     pub lased: Option<Lased>,
     /// Frames of each camera that saw it.
     pub hits: PerTier<u32>,
+    /// Frames of each camera that should have seen it, from the first on that did.
+    looks: PerTier<u32>,
     /// Frames in a row that should have seen it and did not, of cameras that have seen it before.
     pub misses: u32,
     /// Time of the first exposure that saw it [s].
@@ -206,6 +208,17 @@ impl Track {
     /// Whether it is left alone at `t_s` [s].
     pub fn is_barred(&self, t_s: f64) -> bool {
         t_s < self.barred_until_s
+    }
+
+    /// Share of the frames that show it: of late by all cameras, or by the one that sees it best, since that saw it first. A
+    /// wide camera in which it is too small says nothing against what a finer one sees.
+    pub fn seen_share(&self) -> f64 {
+        let by_one = |tier: Tier| {
+            let [hits, looks] = [self.hits[tier], self.looks[tier]].map(f64::from);
+            (self.hits[tier] >= JUDGED_HITS).then_some(hits / looks)
+        };
+        let shares = Tier::ALL.into_iter().filter_map(by_one);
+        shares.fold(self.filter.quality(), f64::max)
     }
 
     /// Hits of all cameras.
@@ -440,6 +453,8 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
     d.hypot(a.y - b.y)
 }
 
+/// Hits that make a track worth judging: a false alarm seldom comes back.
+pub const JUDGED_HITS: u32 = 3;
 /// Hits from which on a track is established: a young one goes after as many misses as hits.
 const ESTABLISHED_HITS: u32 = 30;
 /// An echo of the range finder says for so long how far its track is [s].
@@ -641,6 +656,7 @@ impl TrackTable {
                     track.barred_until_s = track.barred_until_s.max(fresh.barred_until_s);
                     for tier in Tier::ALL {
                         track.hits[tier] += fresh.hits[tier];
+                        track.looks[tier] += fresh.looks[tier];
                         let last_s = &mut track.last_hit_s[tier];
                         *last_s = fresh.last_hit_s[tier].or(*last_s);
                     }
@@ -759,6 +775,7 @@ impl TrackTable {
             },
             lased: None,
             hits: PerTier::default(),
+            looks: PerTier::default(),
             misses: 0,
             started_s: look.t_s,
             last_hit_s: PerTier::default(),
@@ -807,6 +824,7 @@ impl Track {
         // Three cameras read 210 frames a second of what the mount turns to, and the two finer ones may not have it yet.
         if self.hits[look.tier] > 0 {
             self.misses += 1;
+            self.looks[look.tier] += 1;
         }
         self.filter.miss(look.t_s);
         let mut size_px = self.size_rad / look.ifov_rad;
@@ -819,6 +837,7 @@ impl Track {
 
     fn record(&mut self, look: &CameraLook, sighting: &Sighting) {
         self.hits[look.tier] += 1;
+        self.looks[look.tier] += 1;
         let last_s = &mut self.last_hit_s[look.tier];
         *last_s = Some(last_s.map_or(look.t_s, |last_s| last_s.max(look.t_s)));
         self.misses = 0;

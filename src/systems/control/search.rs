@@ -7,7 +7,7 @@ use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::search::{Gaze, SearchPattern, Sector};
-use crate::models::tracking::table::{Track, separation_rad};
+use crate::models::tracking::table::{JUDGED_HITS, Track, separation_rad};
 use glam::DVec2;
 
 /// A gaze begins when the mount is this close to it [rad], a fiftieth of the search camera's field,
@@ -24,9 +24,8 @@ const GAZE_FRAMES: f64 = 15.0;
 const EMPTY_SHARE: f64 = 0.6;
 /// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;
-/// Hits that make a track worth a longer gaze, and log-odds: even, or less for what the recogniser has
-/// judged, of which a dot may still be chosen.
-const PROMISING_HITS: u32 = 3;
+/// Log-odds that make a track worth a longer gaze: even, or less for what the recogniser has judged, of which a dot may
+/// still be chosen.
 const PROMISING: f64 = 0.0;
 const PROMISING_JUDGED: f64 = -0.6;
 /// Probability by the recogniser that makes it worth one wherever it stands: a UAV that hovers before scenery is
@@ -52,7 +51,7 @@ const GLANCE_TIMEOUT_S: f64 = 1.5;
 /// Least log-odds of what is glanced at, and before scenery the least share of its frames that show it: a chain of false
 /// alarms is seen in fewer.
 const GLANCED: f64 = -2.0;
-const GLANCED_QUALITY: f64 = 0.6;
+const GLANCED_SHARE: f64 = 0.6;
 /// Most glances a gaze; what stands within this of one [rad] is not glanced at again for so long [s].
 const MOST_GLANCES: usize = 2;
 const GLANCED_RAD: f64 = 2e-3;
@@ -234,11 +233,11 @@ impl SearchScan {
         self.passes.len() > 1
     }
 
-    /// What it glances at, while that is seen and the glance's time is not up.
+    /// What it glances at, while that is remembered and the glance's time is not up: nobody sees it while the mount turns.
     fn glanced_at<'t>(&self, clock: &SimClock, tracker: &'t Tracker) -> Option<&'t Track> {
         let glance = self.glance?;
         let in_time = clock.at_s(clock.tick - glance.since) < GLANCE_TIMEOUT_S;
-        (tracker.table.get(glance.track)).filter(|track| in_time && is_fresh(track, clock.t_s()))
+        tracker.table.get(glance.track).filter(|_| in_time)
     }
 
     /// How long the mount has rested at a gaze, or moved with it [s].
@@ -319,9 +318,9 @@ pub(super) fn search(
     let is_promising = |track: &Track| is_promising(track, cue.as_ref(), t_s);
     let promising = fresh.iter().any(|track| is_promising(track));
     let longest_s = match glanced {
-        Some(track) if is_promising(track) => LONGEST_GLANCE_S,
+        Some(track) if is_fresh(track, t_s) && is_promising(track) => LONGEST_GLANCE_S,
         Some(_) => GLANCE_S,
-        // What it was to see is gone.
+        // What it was to see is forgotten.
         None if glances => f64::NEG_INFINITY,
         None if promising && !scan.has_closer() => LONGEST_GAZE_S,
         None if fresh.iter().all(|track| track.conduct.is_scenery()) => scan.empty_gaze_s(),
@@ -375,12 +374,9 @@ fn is_fresh(track: &Track, t_s: f64) -> bool {
 /// Whether a track may be worth a glance: seen steadily, not known for scenery, and not surely something else; what is seen
 /// so in clear sky, once anyway.
 fn may_be_glanced_at(track: &Track, t_s: f64) -> bool {
-    track.total_hits() >= PROMISING_HITS
+    track.total_hits() >= JUDGED_HITS
         && !track.is_barred(t_s)
-        && match (
-            track.conduct.in_sky,
-            track.filter.quality() > GLANCED_QUALITY,
-        ) {
+        && match (track.conduct.in_sky, track.seen_share() > GLANCED_SHARE) {
             (true, true) if is_only_seen_from_afar(track) => true,
             (in_sky, steady) => (in_sky || steady) && track.log_odds() > GLANCED,
         }
@@ -390,7 +386,7 @@ fn may_be_glanced_at(track: &Track, t_s: f64) -> bool {
 
 /// Whether no finer camera has seen a track but by chance.
 fn is_only_seen_from_afar(track: &Track) -> bool {
-    track.hits[Tier::Coarse] + track.hits[Tier::Precise] < PROMISING_HITS
+    track.hits[Tier::Coarse] + track.hits[Tier::Precise] < JUDGED_HITS
 }
 
 /// Whether a track that is seen is worth a longer look: it flies, stands in the sky or where the radar points, or is more likely a
@@ -408,7 +404,7 @@ fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
     let likely = !track.is_barred(t_s)
         && (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY);
     let stands_out = || track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued();
-    track.total_hits() >= PROMISING_HITS
+    track.total_hits() >= JUDGED_HITS
         && (likely || !track.conduct.is_scenery() && track.log_odds() > least && stands_out())
 }
 
@@ -471,7 +467,7 @@ mod tests {
         let ever_closer = [(Search, 1), (Coarse, 1), (Precise, 4), (Search, 1)];
         assert_eq!(passes(&mut near), ever_closer);
         let mut wide = scan(Some(cue([1.0, 0.1], 25e-3, 0.0)));
-        let not_closest = [(Search, 2), (Coarse, 9), (Search, 2), (Coarse, 9)];
+        let not_closest = [(Search, 2), (Coarse, 6), (Search, 2), (Coarse, 6)];
         assert_eq!(passes(&mut wide), not_closest);
         // A sector is too large for that.
         let sector = [(Search, 12), (Search, 10), (Search, 12), (Search, 10)];

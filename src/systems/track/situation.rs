@@ -12,7 +12,7 @@ use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::recognition::Recognition;
 use crate::models::tracking::search::{Sector, SlewLimits};
-use crate::models::tracking::table::{Track, TrackTable, separation_rad};
+use crate::models::tracking::table::{JUDGED_HITS, Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
 
 /// Hits that confirm a target to the next camera.
@@ -29,11 +29,9 @@ const RIVAL: f64 = 4.0;
 /// The same of a dot in clear sky, where there is little else to look at.
 const CHOSEN_DOT_IN_SKY: f64 = -0.6;
 /// Share of the frames that must show a dot for that: a chain of false alarms is seen in fewer.
-const DOT_QUALITY: f64 = 0.5;
+const DOT_SHARE: f64 = 0.5;
 /// Sizes up to which only a closer look can tell what something is, and from which on none is needed [px].
 const DOT_PX: [f64; 2] = [8.0, 16.0];
-/// Hits that make a track worth judging: a false alarm seldom comes back.
-const JUDGED_HITS: u32 = 3;
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
 /// still, a flickering facade does not move far.
 const MOVING_RADPS: f64 = 1.0e-3;
@@ -87,7 +85,7 @@ pub fn patience_s(rate_hz: f64) -> f64 {
 /// How much of a dot a track is that the recogniser has judged and most frames show, 0 to 1: only a closer
 /// look can tell what it is.
 pub(super) fn dot_share(track: &Track) -> f64 {
-    if track.recognition.is_some() && track.filter.quality() > DOT_QUALITY {
+    if track.recognition.is_some() && track.seen_share() > DOT_SHARE {
         let size_px = track.evidence.best_px();
         1.0 - ((size_px - DOT_PX[0]) / (DOT_PX[1] - DOT_PX[0])).clamp(0.0, 1.0)
     } else {

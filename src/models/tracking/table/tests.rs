@@ -81,6 +81,33 @@ fn a_young_track_outlasts_cameras_that_have_not_seen_it_yet() {
 }
 
 #[test]
+fn a_camera_that_never_saw_a_track_does_not_make_it_seen_less() {
+    // The coarse camera shows it in four frames of five, at 10 Hz; the search camera, at 30 Hz, in none.
+    let mut table = TrackTable::default();
+    for i in 0..60 {
+        let t_s = f64::from(i) / 30.0;
+        if i % 3 == 0 {
+            let seen = [sighting(0.1, 0.1)];
+            let coarse = CameraLook {
+                tier: Tier::Coarse,
+                ..look(t_s, if i % 15 == 12 { &[] } else { &seen })
+            };
+            table.update(&coarse);
+        }
+        table.update(&look(t_s, &[]));
+    }
+    let [track] = &table.tracks[..] else {
+        panic!("{} tracks", table.tracks.len())
+    };
+    assert!(
+        (track.seen_share() - 0.8).abs() < 1e-12,
+        "{}",
+        track.seen_share()
+    );
+    assert!(track.filter.quality() < 0.4, "{}", track.filter.quality());
+}
+
+#[test]
 fn a_track_is_of_the_class_its_detections_speak_for() {
     let mut table = TrackTable::default();
     // Two weak sightings for every strong one of another class; later ones outweigh the first.
