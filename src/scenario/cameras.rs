@@ -183,8 +183,8 @@ camera! {
     exposure_level: f64,
     /// Time constant of automatic exposure.
     exposure_settling_s: f64,
-    /// Largest gain of automatic exposure, used once the exposure has half a frame's time; a fixed
-    /// exposure has none.
+    /// Largest gain of automatic exposure, used once the exposure has half a frame's time, or half of that since the last
+    /// frame read, up to 1/60 s; a fixed exposure has none.
     max_gain_db: f64,
     /// Which light is shown white.
     white_balance: WhiteBalance,

@@ -12,7 +12,7 @@ use crate::models::engage::interlock::{FAR_M, beam_half_angle_rad, bundle, faces
 use crate::models::ground::dsm::HitKind;
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::tracking::estimation::LosFilter;
-use crate::models::tracking::table::Track;
+use crate::models::tracking::table::{Track, separation_rad};
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -89,6 +89,11 @@ const LOOKS_AHEAD: u32 = 3;
 const OBJECT_HITS: u32 = 3;
 /// Time since the last hit for which it does [s].
 const OBJECT_S: f64 = 1.0;
+/// Size from which on parts of a target are boxed for themselves [px]; how far from its middle they are, over its size; and by how
+/// much their rates differ at most [rad/s], since the box jumps: a bird that crosses the picture is faster.
+const PARTS_PX: f64 = 48.0;
+const PART_SHARE: f64 = 0.6;
+const PART_RADPS: f64 = 4e-3;
 
 /// What decides where a station's beam may go.
 pub(crate) struct Way<'a> {
@@ -324,6 +329,15 @@ fn is_object(track: &Track, t_s: f64) -> bool {
         && (track.conduct.in_sky || !track.conduct.is_scenery())
 }
 
+/// Whether a track is a part of a large target: smaller, on its picture, and it moves along.
+fn is_part(track: &Track, target: &Track, t_s: f64) -> bool {
+    let [of_target, own] = [target, track].map(|track| track.filter.predicted(t_s).az_el_rad());
+    target.evidence.best_px() > PARTS_PX
+        && track.size_rad < target.size_rad
+        && separation_rad(of_target, own) < PART_SHARE * target.size_rad
+        && (track.rates(t_s).0 - target.rates(t_s).0).length() < PART_RADPS
+}
+
 /// Adds the reasons not to fire at a track that hold in this tick: the sun, others in the beam, its fall.
 fn look_along(
     clock: &SimClock,
@@ -339,8 +353,9 @@ fn look_along(
     if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
         refused.push("sun behind the target");
     }
-    let mut others =
-        (tracker.table.tracks.iter()).filter(|other| other.id != track.id && is_object(other, t_s));
+    let mut others = (tracker.table.tracks.iter()).filter(|other| {
+        other.id != track.id && is_object(other, t_s) && !is_part(other, track, t_s)
+    });
     if others.any(|other| {
         let nearest_m = other.range.nearest_m(t_s).unwrap_or(range_m);
         let beam_rad = beam_half_angle_rad(rules.beam_radius_m, range_m, nearest_m);
@@ -400,19 +415,31 @@ mod tests {
 
     /// As `seen`, by a camera of this angle a pixel [rad].
     fn seen_by(ifov_rad: f64, times: u32, score: f64) -> TrackTable {
+        flown([0.1, 0.0], 1e-3, ifov_rad, times, score)
+    }
+
+    /// As `seen_by`, of what is at an azimuth [rad] at 0 s, turns at a rate [rad/s] and is so large [rad].
+    fn flown(
+        [az_rad, rate_radps]: [f64; 2],
+        size_rad: f64,
+        ifov_rad: f64,
+        times: u32,
+        score: f64,
+    ) -> TrackTable {
         let mut table = TrackTable::default();
         for i in 1..=times {
+            let t_s = (f64::from(i) - f64::from(times)) / 60.0;
             let sighting = Sighting {
-                az_el_rad: DVec2::new(0.1, 0.1),
+                az_el_rad: DVec2::new(az_rad + rate_radps * t_s, 0.1),
                 sigma_rad: 1e-5,
-                size_rad: 1e-3,
+                size_rad,
                 score,
                 label: 0,
                 weak: false,
             };
             table.update(&CameraLook {
                 tier: Tier::Search,
-                t_s: (f64::from(i) - f64::from(times)) / 60.0,
+                t_s,
                 ifov_rad,
                 reads: &EvidenceParams::default(),
                 sightings: &[sighting],
@@ -433,6 +460,28 @@ mod tests {
         track.conduct.in_sky = true;
         assert!(is_object(track, 0.5));
         assert!(!is_object(&seen(OBJECT_HITS - 1, 0.5).tracks[0], 0.5));
+    }
+
+    #[test]
+    fn a_part_of_a_large_target_is_no_other_object() {
+        const RATE_RADPS: f64 = 0.02;
+        let track = |az_rad: f64, rate_radps: f64, size_rad: f64, ifov_rad: f64| {
+            let mut table = flown([az_rad, rate_radps], size_rad, ifov_rad, 60, 0.9);
+            table.tracks.remove(0)
+        };
+        let target = track(0.1, RATE_RADPS, 4e-3, 3e-5);
+        let part = |az_rad, rate_radps, size_rad| {
+            is_part(&track(az_rad, rate_radps, size_rad, 3e-5), &target, 0.0)
+        };
+        assert!(part(0.1015, RATE_RADPS, 1e-3));
+        // Beside it, as large, or on another course it is something else.
+        assert!(!part(0.103, RATE_RADPS, 1e-3));
+        assert!(!part(0.1015, RATE_RADPS, 5e-3));
+        assert!(!part(0.1015, RATE_RADPS + 8e-3, 1e-3));
+        // A target of 20 px has no parts.
+        let small = track(0.1, RATE_RADPS, 6e-4, 3e-5);
+        let close = track(0.1001, RATE_RADPS, 3e-4, 3e-5);
+        assert!(!is_part(&close, &small, 0.0));
     }
 
     #[test]

@@ -239,9 +239,9 @@ impl Verdict {
     /// Judges a record.
     pub fn of(record: &Record) -> Self {
         let held = |what: &str| record.held_s.get(what).copied().unwrap_or(0.0);
-        let neutralised = record
-            .neutralised_s
-            .is_some_and(|t_s| t_s - record.visible_from_s.unwrap_or(0.0) <= IN_TIME_S);
+        // What never was large enough to be visible is not scored where it is won either.
+        let times_s = record.visible_from_s.zip(record.neutralised_s);
+        let neutralised = times_s.is_some_and(|(from_s, t_s)| t_s - from_s <= IN_TIME_S);
         let mut verdict = Self {
             visible: record.visible_s >= VISIBLE_S || neutralised,
             acquired: record.acquired_s.is_some(),
@@ -406,6 +406,17 @@ mod tests {
         assert!(verdict.visible && verdict.acquired && verdict.open && verdict.neutralised);
         assert_eq!((verdict.held(), verdict.cause), (Some(true), None));
         assert!(!verdict.fired_else && !verdict.given_up);
+        // One that was always too small to be visible counts neither way.
+        let small = Record {
+            shown_s: 0.0,
+            visible_s: 0.0,
+            visible_from_s: None,
+            open_s: 0.0,
+            ..won()
+        };
+        let verdict = Verdict::of(&small);
+        assert!(!verdict.visible && !verdict.neutralised);
+        assert_eq!(verdict.cause, None);
     }
 
     #[test]

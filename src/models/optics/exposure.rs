@@ -11,6 +11,9 @@ use crate::models::air::daylight::{chromaticity_x, daylight};
 
 /// The exponent of the metered mean: the fourth power leans to the bright parts.
 const METER_POWER: f64 = 4.0;
+/// A camera that is read less often than it could be exposes for longer where light is short, for half the time since it was
+/// last read and up to this [s]: as one of 30 Hz.
+const LONGEST_S: f64 = 1.0 / 60.0;
 /// The chromaticities x of the daylights that automatic white balance makes up for, about 10,000 K
 /// to 4,000 K: bluer dusk stays a little blue, a sunset and lamplight a little red.
 const BALANCED_X: [f64; 2] = [0.279, 0.382];
@@ -48,6 +51,19 @@ pub struct ExposureControl {
 }
 
 impl ExposureControl {
+    /// Whether there is nothing to control.
+    pub fn is_fixed(&self) -> bool {
+        self.time_s[0] == self.time_s[1]
+    }
+
+    /// The same for a frame that is read `since_s` [s] after the one before.
+    pub fn read_after(mut self, since_s: f64) -> Self {
+        if !self.is_fixed() {
+            self.time_s[1] = self.time_s[1].max(LONGEST_S.min(0.5 * since_s));
+        }
+        self
+    }
+
     /// The product of time and gain [s] that puts `metered_kcd_m2` at the level, for a sensor that
     /// `saturation_kcd_s_m2` fills; within the limits.
     pub fn wanted_s(&self, metered_kcd_m2: f64, saturation_kcd_s_m2: f64) -> f64 {
@@ -104,6 +120,20 @@ mod tests {
         max_gain: 16.0,
         settling_s: 0.25,
     };
+
+    #[test]
+    fn a_camera_that_is_seldom_read_exposes_for_longer() {
+        let longest_s = |since_s| CONTROL.read_after(since_s).time_s[1];
+        assert_eq!(
+            [1.0 / 125.0, 0.02, 10.0].map(longest_s),
+            [4e-3, 0.01, 1.0 / 60.0]
+        );
+        let fixed = ExposureControl {
+            time_s: [2e-3; 2],
+            ..CONTROL
+        };
+        assert_eq!(fixed.read_after(1.0), fixed);
+    }
 
     #[test]
     fn time_comes_before_gain_and_both_end_at_their_limits() {

@@ -49,8 +49,10 @@ pub(super) fn control(
     pose: &Pose,
     (tick, dt_s): (u64, f64),
 ) -> Exposure {
-    let control = &camera.control;
-    let product_s = if control.time_s[0] == control.time_s[1] {
+    let control = auto.now.map_or(camera.control, |(_, then)| {
+        camera.control.read_after((tick - then) as f64 * dt_s)
+    });
+    let product_s = if control.is_fixed() {
         control.time_s[0]
     } else {
         let metered_kcd_m2 = metered_kcd_m2(environment, &camera.pinhole, pose);

@@ -44,10 +44,12 @@ const CLOSER_FRAMES: f64 = 10.0;
 const CLOSER_HZ: f64 = 30.0;
 
 /// A glance: what a gaze showed is turned to, so that the finer cameras show what it is, for so long after the mount
-/// has come to rest on it [s], or so long while it looks like a target [s], and so long in all at most [s].
+/// has come to rest on it [s], or so long while it looks like a target [s], so long while the recogniser, whose second must
+/// first fill with it, finds it more likely a UAV than not [s], and so long in all at most [s].
 const GLANCE_S: f64 = 0.25;
 const LONGEST_GLANCE_S: f64 = 1.0;
-const GLANCE_TIMEOUT_S: f64 = 1.5;
+const LIKELY_GLANCE_S: f64 = 2.0;
+const GLANCE_TIMEOUT_S: f64 = 2.5;
 /// Least log-odds of what is glanced at, and before scenery the least share of its frames that show it: a chain of false
 /// alarms is seen in fewer.
 const GLANCED: f64 = -2.0;
@@ -318,6 +320,7 @@ pub(super) fn search(
     let is_promising = |track: &Track| is_promising(track, cue.as_ref(), t_s);
     let promising = fresh.iter().any(|track| is_promising(track));
     let longest_s = match glanced {
+        Some(track) if is_fresh(track, t_s) && is_likely(track, t_s) => LIKELY_GLANCE_S,
         Some(track) if is_fresh(track, t_s) && is_promising(track) => LONGEST_GLANCE_S,
         Some(_) => GLANCE_S,
         // What it was to see is forgotten.
@@ -389,6 +392,12 @@ fn is_only_seen_from_afar(track: &Track) -> bool {
     track.hits[Tier::Coarse] + track.hits[Tier::Precise] < JUDGED_HITS
 }
 
+/// Whether the recogniser finds a track more likely a UAV than not, and it is not left alone.
+fn is_likely(track: &Track, t_s: f64) -> bool {
+    !track.is_barred(t_s)
+        && (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY)
+}
+
 /// Whether a track that is seen is worth a longer look: it flies, stands in the sky or where the radar points, or is more likely a
 /// UAV than not.
 fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
@@ -401,11 +410,10 @@ fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
             separation_rad(at, cue.az_el_rad) < cue.sigma_rad.max_element()
         })
     };
-    let likely = !track.is_barred(t_s)
-        && (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY);
     let stands_out = || track.conduct.in_sky || rate > 1e-3 && sigmas > 3.0 || cued();
     track.total_hits() >= JUDGED_HITS
-        && (likely || !track.conduct.is_scenery() && track.log_odds() > least && stands_out())
+        && (is_likely(track, t_s)
+            || !track.conduct.is_scenery() && track.log_odds() > least && stands_out())
 }
 
 #[cfg(test)]
@@ -518,19 +526,20 @@ mod tests {
         assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(every), [4, 2, 1]);
     }
 
-    /// As `looked_before`, not before clear sky.
+    /// As `looked_with`, not before clear sky and the mount at once where it is told to be.
     fn looked(
         cameras: &[(Tier, [f64; 2], f64)],
         seen_az_el_rad: Option<DVec2>,
         judged: f64,
         until_s: f64,
     ) -> Vec<(DVec2, f64)> {
-        looked_before(false, cameras, seen_az_el_rad, judged, until_s)
+        looked_with(0.0, false, cameras, seen_az_el_rad, judged, until_s)
     }
 
-    /// Runs a scan for so long [s] over its sector, the mount at once where it is told to be, while the search camera sees
-    /// this; where the mount looked and since when [s].
-    fn looked_before(
+    /// Runs a scan for so long [s] over its sector, with a mount that turns for `turn_s` [s], while the search camera, at rest,
+    /// sees this; where the mount was told to look and since when [s].
+    fn looked_with(
+        turn_s: f64,
         in_sky: bool,
         cameras: &[(Tier, [f64; 2], f64)],
         seen_az_el_rad: Option<DVec2>,
@@ -545,7 +554,12 @@ mod tests {
         for tick in 0..(until_s * f64::from(tick_hz)) as u64 {
             let clock = SimClock { tick, tick_hz };
             let t_s = clock.t_s();
-            if let Some(az_el_rad) = seen_az_el_rad.filter(|_| clock.due(30)) {
+            let rests = |looked: &[(DVec2, f64)]| {
+                let last = looked.last();
+                last.is_none_or(|(_, since_s)| t_s - since_s >= turn_s)
+            };
+            let shown = seen_az_el_rad.filter(|_| rests(&looked) && clock.due(30));
+            if let Some(az_el_rad) = shown {
                 let sighting = Sighting {
                     az_el_rad,
                     sigma_rad: 1e-4,
@@ -572,10 +586,12 @@ mod tests {
                 }
             }
             let gaze = search(&clock, &tracker, None, &mut scan, &gimbal);
-            gimbal.state = GimbalState::at_rest(gaze.az_el_rad);
             let moved = |last: &(DVec2, f64)| separation_rad(last.0, gaze.az_el_rad) > 5e-4;
             if looked.last().is_none_or(moved) {
                 looked.push((gaze.az_el_rad, t_s));
+            }
+            if rests(&looked) {
+                gimbal.state = GimbalState::at_rest(gaze.az_el_rad);
             }
         }
         looked
@@ -605,12 +621,27 @@ mod tests {
         assert_eq!(glances(&with), 1, "not again within {GLANCED_FOR_S} s");
         // What is surely none, even for a dot, is not worth it but in clear sky; without a finer camera there is nothing to see.
         assert_eq!(glances(&looked(&all, Some(at), 1e-4, 3.0)), 0);
-        assert_eq!(glances(&looked_before(true, &all, Some(at), 1e-4, 3.0)), 1);
+        assert_eq!(
+            glances(&looked_with(0.0, true, &all, Some(at), 1e-4, 3.0)),
+            1
+        );
         assert_eq!(glances(&looked(&all[..1], Some(at), 0.3, 3.0)), 0);
         // What looks like a target is looked at for longer: the tracker would have it by then.
-        let likely = looked(&all, Some(at), 0.8, 3.0);
+        let likely = looked(&all, Some(at), 0.8, 4.0);
         let lasted_s = likely[2].1 - likely[1].1;
-        assert!((lasted_s - LONGEST_GLANCE_S).abs() < 5e-3, "{lasted_s}");
+        assert!((lasted_s - LIKELY_GLANCE_S).abs() < 5e-3, "{lasted_s}");
+    }
+
+    #[test]
+    fn a_glance_waits_for_the_mount() {
+        // Longer than what nobody sees counts as fresh.
+        const TURN_S: f64 = 0.4;
+        let all = cameras(1.0 / 30.0);
+        let at = scan(None).gaze(0.0).az_el_rad + DVec2::new(0.02, 0.01);
+        let looked = looked_with(TURN_S, false, &all, Some(at), 0.3, 3.0);
+        assert!(separation_rad(looked[1].0, at) < 5e-4);
+        let lasted_s = looked[2].1 - looked[1].1;
+        assert!((lasted_s - TURN_S - GLANCE_S).abs() < 5e-3, "{lasted_s}");
     }
 
     #[test]

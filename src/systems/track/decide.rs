@@ -34,7 +34,7 @@ const GIVEN_UP: f64 = -2.0;
 /// Log-odds below which not even a dot is shown to the precise camera.
 const SURELY_NONE: f64 = -1.5;
 /// Time for which it must have been held before it is doubted [s]; by the precise camera, whose pictures must first take the
-/// place of dots in the second that is judged.
+/// place of dots in the second that is judged, and of what the radar points at.
 const DOUBT_AFTER_S: f64 = 0.3;
 const DOUBT_CLOSE_S: f64 = 1.0;
 /// A target that has been fired at for so long [s] and sinks faster by this [m/s] than before it, for this
@@ -62,6 +62,8 @@ const FITS_SHARE: f64 = 0.8;
 /// Time over which what the recogniser says of a target evens out for fire [s], and what the radar says for it.
 const SURE_S: f64 = 0.5;
 const VOUCHED_S: f64 = 1.0;
+/// What the radar says on the mean for a target that is not doubted: it has one at that range, too.
+const VOUCHED: f64 = 0.5;
 /// Longest time between two judgements that counts [s].
 const LONGEST_WEIGHED_S: f64 = 0.2;
 
@@ -325,7 +327,8 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
     let Some(track) = tracker.target_track() else {
         return;
     };
-    let (quality, log_odds) = (track.filter.quality(), track.log_odds());
+    let quality = track.filter.quality();
+    let log_odds = track.log_odds() + now.flying_log_odds(track);
     let hidden = track.hidden(now.t_s());
     let fits = track.size_rad < FITS_SHARE * params.precise_field_rad;
     // The paper's rule has no track to judge by.
@@ -334,12 +337,14 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
     let doubt_after_s = match tracker.state {
         TrackingState::Precise | TrackingState::Engage => DOUBT_CLOSE_S,
         TrackingState::Lost => f64::INFINITY,
+        _ if now.cued(track) => DOUBT_CLOSE_S,
         _ => DOUBT_AFTER_S,
     };
     // What is lost and seen again by turns is doubted, too, if the recogniser has said so: the evidence falls by itself
     // while nothing is seen.
     let long = |since_s: f64| since_s > DOUBT_CLOSE_S && track.recognition.is_some();
-    let doubted = unlikely_s.is_some_and(|since_s| in_state_s > doubt_after_s || long(since_s));
+    let unlikely = unlikely_s.is_some_and(|since_s| in_state_s > doubt_after_s || long(since_s));
+    let doubted = unlikely && tracker.radar_log_odds < VOUCHED;
     match tracker.state {
         TrackingState::Search => {}
         _ if judged
@@ -1189,6 +1194,90 @@ mod tests {
             judge(&mut tracker, p_uav);
             assert_eq!(chosen(&tracker, None), may, "{p_uav}");
         }
+    }
+
+    #[test]
+    fn what_flies_as_the_radars_target_does_is_looked_at_closely() {
+        const SPEED_MPS: f64 = 12.0;
+        let params = params();
+        let mut tracker = Tracker::default();
+        let at = |t_s: f64| DVec3::new(SPEED_MPS * t_s, 600.0, 80.0);
+        for frame in 0..=60_u32 {
+            let t_s = f64::from(frame) / 60.0;
+            see(&mut tracker, t_s, &[at(t_s)]);
+        }
+        tracker.table.tracks[0].conduct.flown = true;
+        judge(&mut tracker, 0.3);
+        let range_m = at(1.0).length();
+        let cue = |rate_radps: f64| TargetCue {
+            az_el_rad: los_to_az_el(at(1.0)),
+            sigma_rad: DVec2::splat(0.01),
+            range_m,
+            range_sigma_m: 15.0,
+            rate_radps: DVec2::new(rate_radps, 0.0),
+            rate_sigma_radps: DVec2::splat(5e-3),
+        };
+        let chosen = |tracker: &Tracker, rate_radps: f64, by_radar: bool| {
+            let now = Situation {
+                cue: Some(cue(rate_radps)),
+                by_radar,
+                ..situation(&params, 60 * FRAME)
+            };
+            now.candidate(tracker).is_some()
+        };
+        let rate_radps = SPEED_MPS / range_m;
+        assert!(chosen(&tracker, rate_radps, true));
+        assert!(!chosen(&tracker, rate_radps, false));
+        assert!(!chosen(&tracker, -rate_radps, true));
+        // At rates that might be none it does not count, nor for what has not flown.
+        assert!(!chosen(&tracker, 0.6 * rate_radps, true));
+        tracker.table.tracks[0].conduct.flown = false;
+        tracker.table.tracks[0].conduct.moving_s = 1.0;
+        assert!(!chosen(&tracker, rate_radps, true));
+    }
+
+    #[test]
+    fn what_the_radar_points_at_is_doubted_later_and_what_it_vouches_for_is_not() {
+        let params = params();
+        let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+        let cue = TargetCue {
+            az_el_rad: los_to_az_el(r_enu_m),
+            sigma_rad: DVec2::splat(0.01),
+            range_m: r_enu_m.length(),
+            range_sigma_m: 15.0,
+            rate_radps: DVec2::ZERO,
+            rate_sigma_radps: DVec2::splat(5e-3),
+        };
+        let doubted_s = |cue: Option<TargetCue>, radar_log_odds: f64| {
+            let mut tracker = Tracker::default();
+            for frame in 0..150_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                see(&mut tracker, t_s, &[r_enu_m]);
+                judge(&mut tracker, 0.02);
+                let tick = u64::from(frame * FRAME);
+                if frame == 10 {
+                    let id = tracker.table.tracks[0].id;
+                    tracker.acquire(tick, id, "test");
+                    tracker.radar_log_odds = radar_log_odds;
+                }
+                if frame > 10 {
+                    let now = Situation {
+                        cue,
+                        ..situation(&params, frame * FRAME)
+                    };
+                    step(&now, &mut tracker, false, false);
+                    if tracker.target.is_none() {
+                        return Some(t_s - 10.0 / 60.0);
+                    }
+                }
+            }
+            None
+        };
+        let within = |least_s: f64| least_s..least_s + 0.1;
+        let [alone_s, cued_s] = [None, Some(cue)].map(|cue| doubted_s(cue, 0.0).unwrap());
+        assert!(within(DOUBT_AFTER_S).contains(&alone_s), "{alone_s}");
+        assert!(within(DOUBT_CLOSE_S).contains(&cued_s), "{cued_s}");
+        assert_eq!(doubted_s(Some(cue), 1.0), None);
     }
 
     #[test]

@@ -61,9 +61,12 @@ const SKY_MARGIN_RAD: f64 = 4e-3;
 /// part from the one assumed by this, in the logarithm.
 const MEASURED_REL: f64 = 0.3;
 const SPANS_SIGMA_REL: f64 = 0.8;
-/// What a radar's cue adds at most to the log-odds of a track at its place, and takes from one elsewhere.
+/// What a radar's cue adds at most to the log-odds of a track at its place, and takes from one elsewhere; and what it adds to
+/// those of one that has flown and flies as the radar's target does, at rates above so many deviations: by chance few do.
 const CUE_FOR: f64 = 1.0;
 const CUE_AGAINST: f64 = -3.0;
+const CUE_FOR_FLYING: f64 = 2.0;
+const FLYING_SIGMAS: f64 = 3.0;
 /// A target's squared distance from the cue at which that says nothing: the mean of three Gaussian degrees
 /// of freedom, doubled; and the mean of that of its two rates, below which they say nothing.
 const CUE_NEUTRAL: f64 = 6.0;
@@ -282,6 +285,20 @@ impl Situation<'_> {
         })
     }
 
+    /// What the radar adds to the log-odds of a track that has flown and flies as its target does: enough for a close look, no
+    /// word on fire.
+    pub(super) fn flying_log_odds(&self, track: &Track) -> f64 {
+        let flies = |cue: &TargetCue| {
+            cue.rate_radps.length() > FLYING_SIGMAS * cue.rate_sigma_radps.max_element()
+        };
+        let both_fly = track.conduct.flown && self.cue.as_ref().is_some_and(flies);
+        if self.by_radar && both_fly && self.cued(track) {
+            CUE_FOR_FLYING
+        } else {
+            0.0
+        }
+    }
+
     /// What the radar says for a target, as log-odds of 0 or more: it has one where the range finder's last echo came from, and
     /// sees it fly alike. A bird that is there by chance flies its own way.
     pub(super) fn vouches(&self, track: &Track) -> f64 {
@@ -351,7 +368,10 @@ impl Situation<'_> {
                     // One that is itself in doubt gives way to what would be chosen.
                     Some(target) if target.log_odds() < CHOSEN => (0.0, CHOSEN),
                     Some(_) => (0.0, RIVAL),
-                    None => (self.cue_log_odds(track), self.chosen(track)),
+                    None => {
+                        let cue = self.cue_log_odds(track) + self.flying_log_odds(track);
+                        (cue, self.chosen(track))
+                    }
                 };
                 let log_odds = track.log_odds() + cue;
                 if log_odds < least {
@@ -410,7 +430,8 @@ impl Situation<'_> {
     fn may_hover(&self, track: &Track) -> bool {
         let least = HOVER_PROBABILITY - (HOVER_PROBABILITY - HOVER_DOT) * dot_share(track);
         let sure = |found: Recognition| found.p_uav() > least;
-        track.recognition.is_some_and(sure) || self.cued(track) && track.log_odds() > CHOSEN
+        let by_radar = || track.log_odds() + self.cue_log_odds(track) > CHOSEN;
+        track.recognition.is_some_and(sure) || self.cued(track) && by_radar()
     }
 
     /// Whether the radar has its target where a track is, and sees it fly alike.
