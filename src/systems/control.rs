@@ -2,7 +2,9 @@
 
 mod search;
 
-use crate::components::capture::{CameraOf, Readout, SensorCamera, StationCameras, Tier};
+use crate::components::capture::{
+    AutoExposure, CameraOf, Readout, SensorCamera, StationCameras, Tier,
+};
 use crate::components::control::{
     Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
@@ -437,10 +439,11 @@ pub fn choose_readouts(
         &SensorCamera,
         &OpticalPath,
         &CameraView,
+        &AutoExposure,
         &mut Readout,
     )>,
 ) {
-    for (of, camera, path, view, mut readout) in &mut cameras {
+    for (of, camera, path, view, auto, mut readout) in &mut cameras {
         let Ok((tracker, scan)) = stations.get(of.0) else {
             continue;
         };
@@ -449,12 +452,16 @@ pub fn choose_readouts(
             .is_some_and(|track| track.hits[Tier::Precise] >= CONFIRM_HITS);
         // The exposure that comes next.
         let frame = clock.tick / camera.period_ticks + 1;
+        let frame_s = clock.at_s(camera.period_ticks);
+        let for_light = auto.now.map_or(1, |(product_s, _)| {
+            camera.control.read_every(product_s, frame_s)
+        });
         let wanted = match (tracker.state, camera.tier) {
             // What the mount does not turn searches by itself.
             _ if !path.is_on_gimbal() => Readout::Full,
             (TrackingState::Search, tier) => {
                 let every = match tier {
-                    _ if scan.looks_with(tier) => read_every(tier, clock.at_s(camera.period_ticks)),
+                    _ if scan.looks_with(tier) => read_every(tier, frame_s),
                     Tier::Search => WATCH_SEARCH,
                     // In the middle of the gaze it shows what is too small for the search camera.
                     Tier::Coarse => WATCH_COARSE,
@@ -477,6 +484,8 @@ pub fn choose_readouts(
             // While a target is held, the wider cameras keep watch for others.
             (_, Tier::Search) if frame.is_multiple_of(WATCH_SEARCH) => Readout::Full,
             (_, Tier::Search) => Readout::Off,
+            // Fewer frames, exposed for longer, show a target in little light that more do not.
+            _ if !frame.is_multiple_of(for_light) => Readout::Off,
             (state, tier) => {
                 let around = around_target(tracker, camera, &view.believed, clock.t_s())
                     .filter(|_| camera.window_px.or(detector.reading.roi_px).is_some());

@@ -14,6 +14,9 @@ const METER_POWER: f64 = 4.0;
 /// A camera that is read less often than it could be exposes for longer where light is short, for half the time since it was
 /// last read and up to this [s]: as one of 30 Hz.
 const LONGEST_S: f64 = 1.0 / 60.0;
+/// Gain above which a camera is read less often, to expose for longer: 24 dB. At 36 dB, the usual limit, a frame of 4 ms at dusk
+/// holds a few electrons a pixel.
+const NOISY_GAIN: f64 = 16.0;
 /// The chromaticities x of the daylights that automatic white balance makes up for, about 10,000 K
 /// to 4,000 K: bluer dusk stays a little blue, a sunset and lamplight a little red.
 const BALANCED_X: [f64; 2] = [0.279, 0.382];
@@ -62,6 +65,17 @@ impl ExposureControl {
             self.time_s[1] = self.time_s[1].max(LONGEST_S.min(0.5 * since_s));
         }
         self
+    }
+
+    /// Of how many frames, `frame_s` [s] apart, one is to be read where the light asks for a product of time and gain of
+    /// `product_s` [s]: as many as keep the gain from being noisy, down to 30 Hz.
+    pub fn read_every(&self, product_s: f64, frame_s: f64) -> u64 {
+        let time_s = (product_s / NOISY_GAIN).min(LONGEST_S);
+        if self.is_fixed() || time_s <= self.time_s[1] {
+            1
+        } else {
+            (2.0 * time_s / frame_s).round().max(1.0) as u64
+        }
     }
 
     /// The product of time and gain [s] that puts `metered_kcd_m2` at the level, for a sensor that
@@ -133,6 +147,18 @@ mod tests {
             ..CONTROL
         };
         assert_eq!(fixed.read_after(1.0), fixed);
+    }
+
+    #[test]
+    fn a_camera_is_read_less_often_where_gain_would_be_noisy() {
+        let every = |product_s| CONTROL.read_every(product_s, 8e-3);
+        // Up to 4 ms at a gain of 16 each frame is read; beyond, the gain stays at 16 down to 30 Hz.
+        assert_eq!([0.01, 0.06, 0.128, 0.2, 9.0].map(every), [1, 1, 2, 3, 4]);
+        let fixed = ExposureControl {
+            time_s: [2e-3; 2],
+            ..CONTROL
+        };
+        assert_eq!(fixed.read_every(9.0, 8e-3), 1);
     }
 
     #[test]

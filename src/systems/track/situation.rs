@@ -50,6 +50,11 @@ const TOO_FAST: f64 = -2.0;
 const HOVER_PROBABILITY: f64 = 0.9;
 const HOVER_DOT: f64 = 0.5;
 const HOVER_SIGMAS: f64 = 2.0;
+/// Probability of a UAV by the recogniser, log-odds by the detector and length in the picture [px] from which on looks outweigh a
+/// distance: what hovers beside a crown echoes from as far as the crown does.
+const PLAIN_PROBABILITY: f64 = 0.95;
+const PLAIN_LOG_ODDS: f64 = 4.0;
+const PLAIN_PX: f64 = 24.0;
 /// What never flew and is nearer to the city's surface behind it than this [m], or as little beyond it, is part of it: the
 /// raster's cells and crowns err by some metres.
 const SURFACE_M: f64 = 8.0;
@@ -151,6 +156,14 @@ pub(crate) struct Situation<'a> {
     pub(crate) tasking: Option<&'a Tasking>,
     /// Where an operator has the station search by hand: it takes up nothing elsewhere.
     pub(crate) within: Option<Sector>,
+}
+
+/// Whether a track looks so much like a UAV, and is seen so well, that where it stands says nothing against it.
+fn is_plainly_uav(track: &Track) -> bool {
+    let found = |found: Recognition| found.p_uav() >= PLAIN_PROBABILITY;
+    track.recognition.is_some_and(found)
+        && track.evidence.log_odds() >= PLAIN_LOG_ODDS
+        && track.evidence.best_px() >= PLAIN_PX
 }
 
 impl Situation<'_> {
@@ -458,7 +471,10 @@ impl Situation<'_> {
             let reason = format!("too large for a UAV: {span_m:.1} m by the range finder");
             return Some(reason);
         }
-        let part = track.conduct.is_scenery() && !self.cued(track) && self.is_on_surface(track);
+        let part = track.conduct.is_scenery()
+            && !self.cued(track)
+            && !is_plainly_uav(track)
+            && self.is_on_surface(track);
         part.then(|| "no further off than what stands behind it, by the range finder".into())
     }
 
