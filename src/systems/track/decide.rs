@@ -953,14 +953,16 @@ mod tests {
             HeightGrid::from_fn(DVec2::new(-100.0, 500.0), 2.0, [100, 100], height_m)
         };
         let dsm = Dsm::new(heights(0.0), heights(200.0), 0.0);
-        // What never flew, so far to the north by the range finder, whose echo is so old [s].
-        let left = |north_m: f64, flown: bool, age_s: f64| {
+        // What never flew, so far to the north by the range finder, whose echo is so old [s]; seen by a camera of this angle a
+        // pixel [rad], too.
+        let left_seen_by = |ifov_rad: f64, north_m: f64, flown: bool, age_s: f64| {
             let r_enu_m = DVec3::new(0.0, north_m, 80.0);
             left_after_s(
                 Some(&dsm),
                 r_enu_m,
                 TrackingState::Engage,
                 |frame, tracker| {
+                    see_by(ifov_rad, tracker, f64::from(frame) / 60.0, &[r_enu_m]);
                     judge(tracker, 0.97);
                     let track = &mut tracker.table.tracks[0];
                     (track.conduct.in_scenery, track.conduct.flown) = (true, flown);
@@ -972,6 +974,8 @@ mod tests {
                 },
             )
         };
+        // 20 px long.
+        let left = |north_m, flown, age_s| left_seen_by(3e-5, north_m, flown, age_s);
         let (after_s, barred_s) = left(597.0, false, 0.0).unwrap();
         let expected_s = DISPROVED_S..DISPROVED_S + 0.1;
         assert!(expected_s.contains(&after_s), "{after_s}");
@@ -982,6 +986,8 @@ mod tests {
         assert_eq!(left(597.0, false, 0.5), None);
         // Beyond an edge of which it stands clear: it is no part of that.
         assert_eq!(left(650.0, false, 0.0), None);
+        // 60 px long and plainly a UAV.
+        assert_eq!(left_seen_by(1e-5, 597.0, false, 0.0), None);
     }
 
     #[test]
