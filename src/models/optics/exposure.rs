@@ -14,8 +14,7 @@ const METER_POWER: f64 = 4.0;
 /// A camera that is read less often than it could be exposes for longer where light is short, for half the time since it was
 /// last read and up to this [s]: as one of 30 Hz.
 const LONGEST_S: f64 = 1.0 / 60.0;
-/// Gain above which a camera is read less often, to expose for longer: 24 dB. At 36 dB, the usual limit, a frame of 4 ms at dusk
-/// holds a few electrons a pixel.
+/// Gain above which a camera is read less often, to expose for longer: 24 dB.
 const NOISY_GAIN: f64 = 16.0;
 /// The chromaticities x of the daylights that automatic white balance makes up for, about 10,000 K
 /// to 4,000 K: bluer dusk stays a little blue, a sunset and lamplight a little red.
