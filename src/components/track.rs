@@ -411,12 +411,14 @@ impl Tracker {
     }
 
     /// Probability that the target is a UAV, as far as fire is concerned: the recogniser must have been sure for some time, for
-    /// of many birds one looks like a UAV for a moment, and what the radar sees of it counts as well.
+    /// of many birds one looks like a UAV for a moment, and what the radar sees of it counts as well. Once something has passed
+    /// it, it is no likelier than not until it is recognised anew.
     pub fn fire_belief(&self) -> Option<f64> {
         let track = self.target_track()?;
         let now = track.log_odds();
         let lately = match track.recognition {
             Some(_) => now.min(self.mean_log_odds),
+            None if track.passed_s.is_some() => now.min(0.0),
             None => now,
         };
         let log_odds = lately + self.radar_log_odds;

@@ -26,7 +26,7 @@ use crate::models::tracking::radar::{Plot, RadarTrack};
 use crate::models::tracking::search::Gaze;
 use crate::models::tracking::table::separation_rad;
 use crate::scenario::{Gains, GainsOrder, suggestion};
-use crate::systems::control::search::{read_every, search};
+use crate::systems::control::search::{every_in_pass, search};
 use crate::systems::track::CONFIRM_HITS;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -461,7 +461,7 @@ pub fn choose_readouts(
             _ if !path.is_on_gimbal() => Readout::Full,
             (TrackingState::Search, tier) => {
                 let every = match tier {
-                    _ if scan.looks_with(tier) => read_every(tier, frame_s),
+                    _ if scan.looks_with(tier) => every_in_pass(tier, frame_s),
                     Tier::Search => WATCH_SEARCH,
                     // In the middle of the gaze it shows what is too small for the search camera.
                     Tier::Coarse => WATCH_COARSE,

@@ -522,6 +522,10 @@ mod tests {
             rules([true; 3]).takes_for_uav(&tracker)
         };
         assert!(takes(seen(1, 0.9), 0.0) && !takes(seen(1, 0.15), 0.0));
+        // But what something has passed waits for the recogniser's word.
+        let mut passed = seen(1, 0.9);
+        passed.tracks[0].passed_s = Some(0.9);
+        assert!(!takes(passed, 0.0));
         // 20 px long, and a dot of 5 px, of which nobody can be so sure.
         for (ifov_rad, p_uav, fires) in [
             (5e-5, 0.69, false),

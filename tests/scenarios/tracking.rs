@@ -4,7 +4,7 @@ use crate::common::{BLIND, ROOT, messages, of, run_scenario};
 use bevy::prelude::{App, World};
 use boresight::app::{self, Options};
 use boresight::components::beam::BeamState;
-use boresight::components::capture::Tier;
+use boresight::components::capture::{Readout, SensorCamera, Tier};
 use boresight::components::control::SearchScan;
 use boresight::components::environment::Environment;
 use boresight::components::flight::{Air, Flight, Uav, UavStatus};
@@ -428,6 +428,34 @@ fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
     assert!((az_rad.to_degrees() - 135.0).abs() < 3.0, "{az_rad}");
     let app = hovering(&[held, away], 15);
     assert!(of::<Tracker>(app.world()).target.is_some());
+}
+
+/// Frames that the precise camera reads in the fifth second of a hover at this time of day, held fire.
+fn precise_frames(time_utc: &str) -> usize {
+    let time = format!("time_utc={time_utc}");
+    let mut app = hovering(&["engage.authorised=false", &time], 4);
+    assert!(of::<Tracker>(app.world()).state.holds(Tier::Precise));
+    let world = app.world_mut();
+    let mut cameras = world.query::<(&SensorCamera, &Readout)>();
+    let ticks_per_s = world.resource::<SimClock>().tick / 4;
+    let mut read = 0;
+    for _ in 0..ticks_per_s {
+        app::step(world).unwrap();
+        let tick = world.resource::<SimClock>().tick;
+        read += (cameras.iter(world))
+            .filter(|(camera, _)| camera.tier == Tier::Precise)
+            .filter(|(camera, _)| tick.is_multiple_of(camera.period_ticks))
+            .filter(|(_, readout)| **readout != Readout::Off)
+            .count();
+    }
+    read
+}
+
+#[test]
+fn a_camera_that_tracks_in_little_light_is_read_less_often() {
+    assert_eq!(precise_frames("2025-09-20T08:50:00Z"), 120);
+    // Half an hour after sunset: down to 30 Hz.
+    assert_eq!(precise_frames("2025-09-20T18:00:00Z"), 30);
 }
 
 #[test]

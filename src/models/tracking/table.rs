@@ -149,8 +149,10 @@ pub struct Track {
     pub barred_until_s: f64,
     /// The next time that the city hides it, as far as predicted.
     pub occlusion: Option<Occlusion>,
-    /// What it was last found to be.
+    /// What it was last found to be, since nothing passed it.
     pub recognition: Option<Recognition>,
+    /// When something else that flies last passed before or behind it [s], if it had been recognised by then.
+    pub passed_s: Option<f64>,
 }
 
 /// How a track behaves, judged over time.
@@ -442,6 +444,8 @@ pub struct TrackTable {
     pub tracks: Vec<Track>,
     /// Identities that the last frame ended.
     pub joined: Vec<JoinedTrack>,
+    /// Identities of which the last frame may show either of two: they passed each other.
+    pub passed: Vec<u32>,
     /// Where scenery has been seen.
     pub background: Background,
     next_id: u32,
@@ -477,6 +481,10 @@ const MOST_GROWTH: f64 = 0.5;
 const LEAST_SCORE_SHARE: f64 = 0.05;
 /// Squared distance up to which a sighting is offered to a track, over the gate's.
 const OFFERED: f64 = 4.0;
+/// Two tracks pass each other that touch, and at their rates did not so long ago [s]: parts of one object keep together.
+const APART_S: f64 = 0.5;
+/// Longest time without a hit of a track that passes another [s].
+const PASSING_S: f64 = 0.3;
 
 impl TrackTable {
     /// The track of an identity.
@@ -498,6 +506,7 @@ impl TrackTable {
             .iter()
             .map(|track| track.filter.predicted(look.t_s))
             .collect();
+        self.note_passes(&predicted, look.t_s);
         let pairs = self.pairs(look, &predicted);
         let chosen = assign(self.tracks.len(), look.sightings.len(), &pairs);
         for (row, column) in chosen.into_iter().enumerate() {
@@ -525,6 +534,36 @@ impl TrackTable {
         }
         self.stitch(look.t_s, &mut assigned);
         assigned
+    }
+
+    /// Notes which tracks of what flies pass each other. They may leave as each other: what they were found to be before says
+    /// nothing about them any more.
+    fn note_passes(&mut self, predicted: &[LosState], t_s: f64) {
+        let flies = |track: &Track| {
+            track.total_hits() >= CONFIRMED_HITS
+                && t_s - track.seen_s() < PASSING_S
+                // The rates of a younger one say nothing yet.
+                && t_s - track.started_s > APART_S
+                && (track.conduct.flown || track.conduct.in_sky)
+        };
+        let flying: Vec<usize> = (0..self.tracks.len())
+            .filter(|i| flies(&self.tracks[*i]))
+            .collect();
+        let passes = |a: usize, b: usize| {
+            let reach_rad = 0.5 * (self.tracks[a].size_rad + self.tracks[b].size_rad);
+            let [(at_a, v_a), (at_b, v_b)] = [a, b].map(|i| predicted[i].direction_enu());
+            (at_a - at_b).length() < reach_rad && (v_a - v_b).length() * APART_S > reach_rad
+        };
+        let passed = |a: &usize| flying.iter().any(|b| a != b && passes(*a, *b));
+        let passed: Vec<usize> = flying.iter().copied().filter(passed).collect();
+        self.passed.clear();
+        for i in passed {
+            let track = &mut self.tracks[i];
+            if track.recognition.take().is_some() || track.passed_s.is_some() {
+                track.passed_s = Some(t_s);
+            }
+            self.passed.push(track.id);
+        }
     }
 
     /// Whether a sighting lies on the picture of a track: the box of a part of it, or one that
@@ -650,6 +689,7 @@ impl TrackTable {
                     track.size_rad = fresh.size_rad;
                     track.score = fresh.score;
                     track.recognition = fresh.recognition.or(track.recognition);
+                    track.passed_s = fresh.passed_s.or(track.passed_s);
                     track.evidence.join(&fresh.evidence);
                     track.flutter = fresh.flutter;
                     track.conduct.flown |= fresh.conduct.flown;
@@ -736,7 +776,9 @@ impl TrackTable {
     /// One that does not fit restarts the track's estimate, under the same identity.
     pub fn force(&mut self, id: u32, look: &CameraLook, sighting: Option<&Sighting>) {
         let filter = self.params.filter;
-        let Some(track) = self.tracks.iter_mut().find(|track| track.id == id) else {
+        self.joined.clear();
+        self.passed.clear();
+        let Some(track) = self.get_mut(id) else {
             return;
         };
         match sighting {
@@ -792,6 +834,7 @@ impl TrackTable {
             barred_until_s: f64::NEG_INFINITY,
             occlusion: None,
             recognition: None,
+            passed_s: None,
         };
         track.record(look, sighting);
         self.tracks.push(track);

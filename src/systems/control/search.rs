@@ -60,7 +60,7 @@ const GLANCED_RAD: f64 = 2e-3;
 const GLANCED_FOR_S: f64 = 10.0;
 
 /// Of how many of its exposures a camera of `frame_s` [s] a frame reads one in its pass.
-pub(super) fn read_every(tier: Tier, frame_s: f64) -> u64 {
+pub(super) fn every_in_pass(tier: Tier, frame_s: f64) -> u64 {
     match tier {
         Tier::Search => 1,
         Tier::Coarse | Tier::Precise => (1.0 / (CLOSER_HZ * frame_s)).round().max(1.0) as u64,
@@ -78,7 +78,7 @@ impl SearchScan {
     ) -> Self {
         let passes = cameras.iter().enumerate();
         let passes = passes.map(|(index, (tier, field_rad, frame_s))| {
-            let read_s = frame_s * read_every(*tier, *frame_s) as f64;
+            let read_s = frame_s * every_in_pass(*tier, *frame_s) as f64;
             Pass {
                 tier: *tier,
                 field_rad: *field_rad,
@@ -522,7 +522,7 @@ mod tests {
         let gaze_s = DVec3::from([0, 1, 2].map(|pass| slow.passes[pass].gaze_s));
         let off_s = gaze_s - DVec3::new(1.5, 1.0 / 3.0, 1.0 / 3.0);
         assert!(off_s.abs().max_element() < 1e-9);
-        let every = |frame_s| read_every(Tier::Coarse, frame_s);
+        let every = |frame_s| every_in_pass(Tier::Coarse, frame_s);
         assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(every), [4, 2, 1]);
     }
 

@@ -40,6 +40,9 @@ impl Gallery {
                 self.histories.entry(joined.old).or_default().join(young);
             }
         }
+        for id in &table.passed {
+            self.histories.remove(id);
+        }
         for (detection, id) in hung.batch.detections.iter().zip(hung.assigned) {
             let Some(track) = id.and_then(|id| table.get(id)) else {
                 continue;
@@ -148,7 +151,9 @@ fn ask(
     }
     recogniser.waiting.retain(|(arrives, id, found)| {
         let here = *arrives <= clock.tick;
-        if here && let Some(track) = tracker.table.get_mut(*id) {
+        // An answer about what was seen before something passed it comes too late.
+        let still = |track: &&mut Track| track.passed_s.is_none_or(|passed_s| passed_s < found.t_s);
+        if here && let Some(track) = tracker.table.get_mut(*id).filter(still) {
             track.recognition = Some(match track.recognition {
                 Some(before) => found.after(&before),
                 None => *found,
@@ -239,13 +244,13 @@ mod tests {
             rgb8: rgb8.map(Arc::new),
             ..ExposedFrame::bare(Tier::Coarse, pinhole)
         };
-        let table = table(&[0.2], 10);
+        let mut table = table(&[0.2], 10);
         let id = table.tracks[0].id;
         let mut gallery = Gallery {
             wanted: true,
             ..Gallery::default()
         };
-        let hang = |gallery: &mut Gallery, tick: u64, rgb8: Option<Vec<u8>>| {
+        let hang = |gallery: &mut Gallery, table: &TrackTable, tick: u64, rgb8: Option<Vec<u8>>| {
             let batch = DetectionBatch {
                 frame: Arc::new(frame(tick, rgb8)),
                 available_tick: tick,
@@ -260,13 +265,13 @@ mod tests {
                 t_s: tick as f64 / 960.0,
                 assigned: &[Some(id)],
             };
-            gallery.hang(&hung, &table, |_| Some("bird"));
+            gallery.hang(&hung, table, |_| Some("bird"));
         };
         // A run without pictures keeps nothing.
-        hang(&mut gallery, 0, None);
+        hang(&mut gallery, &table, 0, None);
         assert!(gallery.histories.is_empty());
         for tick in [60, 120, 180, 240] {
-            hang(&mut gallery, tick, Some(picture.clone()));
+            hang(&mut gallery, &table, tick, Some(picture.clone()));
         }
         let sequence = gallery.sequence(&table.tracks[0], 0.3, true).unwrap();
         let steps: Vec<_> = sequence.steps.iter().flatten().collect();
@@ -283,6 +288,10 @@ mod tests {
         // Dark in the middle, bright around.
         let chip = &steps[0].chip;
         assert!(chip[3 * (12 * 24 + 12)] < 20 && chip[0] == 200);
+        // Pictures from before something passed it may be of that.
+        table.passed = vec![id];
+        hang(&mut gallery, &table, 300, Some(picture.clone()));
+        assert!(gallery.sequence(&table.tracks[0], 0.4, true).is_none());
         gallery.tidy(&TrackTable::default());
         assert!(gallery.histories.is_empty());
     }

@@ -50,6 +50,46 @@ fn two_targets_that_cross_keep_their_identities() {
 }
 
 #[test]
+fn what_something_passes_is_to_be_recognised_anew() {
+    // Two recognised tracks at these rates to the right [rad/s], which meet after a second and part again.
+    let after = |rates_radps: [f64; 2], both_fly: bool| {
+        let mut table = TrackTable::default();
+        let mut passed_s = Vec::new();
+        for i in 0..=96 {
+            let t_s = f64::from(i) / 60.0;
+            for (index, track) in table.tracks.iter_mut().enumerate() {
+                track.conduct.flown = both_fly || index == 0;
+                if i == 30 {
+                    track.recognition = Some(Recognition {
+                        probabilities: [0.95, 0.01, 0.01, 0.01, 0.01, 0.01],
+                        t_s,
+                    });
+                }
+            }
+            let seen = [(rates_radps[0], 1e-4), (rates_radps[1], -1e-4)]
+                .map(|(rate_radps, el)| sighting(rate_radps * (t_s - 1.0), el));
+            table.update(&look(t_s, &seen));
+            if !table.passed.is_empty() {
+                assert_eq!(table.passed, [0, 1]);
+                passed_s.push(t_s);
+            }
+        }
+        let known = table.tracks.iter().map(|track| track.recognition.is_some());
+        (known.collect::<Vec<_>>(), passed_s)
+    };
+    let (known, passed_s) = after([0.008, -0.008], true);
+    assert_eq!(known, [false, false]);
+    // Boxes of 0.3 mrad that close at 16 mrad/s touch for 35 ms.
+    assert!(
+        passed_s.iter().all(|t_s| (t_s - 1.0).abs() < 0.02),
+        "{passed_s:?}"
+    );
+    // Scenery is passed by what flies all the time; what flies in company is no other a moment later.
+    assert_eq!(after([0.008, -0.008], false), (vec![true, true], vec![]));
+    assert_eq!(after([0.008, 0.0078], true), (vec![true, true], vec![]));
+}
+
+#[test]
 fn a_flicker_does_not_last() {
     let mut table = TrackTable::default();
     table.update(&look(0.0, &[sighting(0.1, 0.1)]));
