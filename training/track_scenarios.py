@@ -22,7 +22,7 @@ KINDS = {
     "uav": {"phantom4": 0.35, "mavic2": 0.35, "mavic_air": 0.21, "matrice200": 0.64, "matrice600": 1.13, "fpv5": 0.22},
     "bird": {"bird": 1.4, "crow": 0.95, "pigeon": 0.66, "swift": 0.42, "goose": 1.6, "raptor": 1.25},
     "balloon": {"balloon": 0.3},
-    "aeroplane": {"aeroplane": 35.8, "light_aircraft": 11.0},
+    "aeroplane": {"aeroplane": 35.8, "turboprop": 27.1, "light_aircraft": 11.0, "contrail": 60.0},  # the first of its trail
     "helicopter": {"helicopter": 12.2},
     "leaf": {"leaf": 0.16},
 }
@@ -66,6 +66,12 @@ def pick(rng: random.Random, shares: dict) -> str:
 
 def kind_of(rng: random.Random, what: str) -> str:
     return pick(rng, {kind: OFTEN.get(kind, 1.0) for kind in KINDS[what]})
+
+
+def of_kind(rng: random.Random, key: str, kind: str) -> str:
+    """Its model, or its kind and most often which individual of it."""
+    individual = f"variant = {rng.randrange(1000)}\n" if key == "kind" and rng.random() < 0.8 else ""
+    return f'{key} = "{kind}"\n{individual}'
 
 
 def place(az_deg: float, el_deg: float, range_m: float) -> list[float]:
@@ -134,7 +140,7 @@ def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_
     at = place(az_deg, el_deg, range_m)
     moves = hover(at, rng.uniform(0, 360)) if math.hypot(*v) < 0.5 else straight(at, v)
     key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
-    return f'[[{table}]]\nname = "{name}"\n{key} = "{kind}"\ntrajectory = {moves}\n', table
+    return f'[[{table}]]\nname = "{name}"\n{of_kind(rng, key, kind)}trajectory = {moves}\n', table
 
 
 def crossing(rng: random.Random, what: str, az_deg: float, el_deg: float) -> tuple[str, str, float]:
@@ -156,7 +162,7 @@ def crossing(rng: random.Random, what: str, az_deg: float, el_deg: float) -> tup
     at = place(az_deg, el_deg, range_m)
     moves = hover(at, rng.uniform(0, 360)) if math.hypot(*v) < 0.5 else straight(at, v)
     key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
-    return f'[[{table}]]\nname = "held"\n{key} = "{kind}"\ntrajectory = {moves}\n', table, across / range_m
+    return f'[[{table}]]\nname = "held"\n{of_kind(rng, key, kind)}trajectory = {moves}\n', table, across / range_m
 
 
 def rounded(xs: list[float]) -> list[float]:
@@ -176,7 +182,7 @@ def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float
         range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
     at = place(az_deg, el_deg, range_m)
     key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
-    return f'[[{table}]]\nname = "{name}"\n{key} = "{kind}"\ntrajectory = {flight(rng, what, at, az_deg, range_m)}\n', table
+    return f'[[{table}]]\nname = "{name}"\n{of_kind(rng, key, kind)}trajectory = {flight(rng, what, at, az_deg, range_m)}\n', table
 
 
 def scenario(seed: int, duration_s: float) -> str:
@@ -247,7 +253,7 @@ def beside_intruder(rng: random.Random, intruder: dict) -> list[str]:
         moves = ", ".join(f"{name} = {json.dumps(value)}" for name, value in (path | {key: at}).items())
         bird = moves_like_a_bird and rng.random() < 0.6
         table, of = ("distractors", "kind") if bird else ("uavs", "model")
-        parts.append(f'[[{table}]]\nname = "beside {k}"\n{of} = "{kind_of(rng, "bird" if bird else "uav")}"\ntrajectory = {{ {moves} }}\n')
+        parts.append(f'[[{table}]]\nname = "beside {k}"\n{of_kind(rng, of, kind_of(rng, "bird" if bird else "uav"))}trajectory = {{ {moves} }}\n')
     return parts
 
 

@@ -123,6 +123,10 @@ pub struct TrackerParams {
     pub switch_ratio: f64,
     /// What is protected [m].
     pub r_asset_enu_m: DVec3,
+    /// Least rate on the sky that counts as flight [rad/s].
+    pub moving_radps: f64,
+    /// Whether clear sky is behind everything where no height raster says what is.
+    pub open_sky: bool,
     /// The part aimed at, for a detector that boxes the whole UAV; `None` for one that boxes the
     /// part itself.
     pub aim: Option<AimPart>,

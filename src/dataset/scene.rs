@@ -276,6 +276,8 @@ fn props(
         (DistractorKind::Goose, 1),
         (DistractorKind::Raptor, 2),
         (DistractorKind::Aeroplane, 1),
+        (DistractorKind::Contrail, 1),
+        (DistractorKind::Turboprop, 2),
         (DistractorKind::LightAircraft, 2),
         (DistractorKind::Helicopter, 2),
         (DistractorKind::Balloon, 2),

@@ -13,9 +13,10 @@ use crate::models::flight::swarm::{Behaviour, Mate, Member, Steering, low_course
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::dsm::Dsm;
 use crate::models::laser::thermal::Skin;
-use crate::models::shape::uav_mesh::{distractor_mesh, uav_mesh};
+use crate::models::maths::rng::Stream;
+use crate::models::shape::uav_mesh::{UavMesh, distractor_mesh, drawn_distractor_mesh, uav_mesh};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, InputError, Loaded, SwarmTakeOff, catalogue};
+use crate::scenario::{self, DistractorConfig, InputError, Loaded, SwarmTakeOff, catalogue};
 use crate::systems::flight as systems;
 use bevy::prelude::*;
 use glam::{DQuat, DVec2, DVec3};
@@ -178,6 +179,18 @@ fn put_down(
     }
 }
 
+/// A distractor's body, and its length, width and height [m]. An individual is the same in every run.
+fn body_of(distractor: &DistractorConfig) -> (Arc<UavMesh>, [f64; 3]) {
+    let kind = distractor.kind;
+    let Some(variant) = distractor.variant else {
+        return (Arc::new(distractor_mesh(kind)), kind.size_m());
+    };
+    let mut drawn = Stream::new(0, u64::from(variant), kind.name());
+    let mesh = drawn_distractor_mesh(kind, &mut drawn);
+    let size_m = mesh.size_m();
+    (Arc::new(mesh), size_m)
+}
+
 /// Birds, balloons, aircraft and leaves: their indices come after the UAVs'.
 fn spawn_distractors(
     mut commands: Commands,
@@ -196,12 +209,12 @@ fn spawn_distractors(
             &mut seed.stream(index as u64, "spread"),
         );
         let start = plan.sample(0.0);
-        let mesh = Arc::new(distractor_mesh(distractor.kind));
+        let (mesh, size_m) = body_of(distractor);
         commands.spawn((
             Uav {
                 index,
                 name: distractor.name.clone(),
-                size_m: distractor.kind.size_m(),
+                size_m,
             },
             Flight {
                 state: MultirotorState {
@@ -266,5 +279,43 @@ fn air_at(
         gusts,
         rng: noise.is_none().then_some(rng),
         wind_enu_mps: environment.mean_wind.mean_wind_enu_mps(height_m),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::flight::distractor::DistractorKind;
+
+    #[test]
+    fn an_individual_is_the_same_in_every_run_and_unlike_the_next() {
+        let of = |kind, variant| {
+            body_of(&DistractorConfig {
+                name: "it".into(),
+                kind,
+                variant,
+                trajectory: Trajectory::Hover {
+                    position_enu_m: [0.0, 100.0, 50.0],
+                    heading_deg: 0.0,
+                },
+                spread_m: [0.0; 2],
+                spread_s: 0.0,
+                decoy: false,
+            })
+        };
+        for kind in DistractorKind::ALL {
+            let (standard, size_m) = of(kind, None);
+            assert_eq!(size_m, kind.size_m());
+            let [first, again, next] = [1, 1, 2].map(|number| of(kind, Some(number)));
+            assert_eq!(first.0.body.positions, again.0.body.positions, "{kind:?}");
+            for other in [&standard, &next.0] {
+                assert_ne!(first.0.body.positions, other.body.positions, "{kind:?}");
+            }
+            let ratio = first.1[0] / size_m[0];
+            assert!(
+                (0.2..3.0).contains(&ratio),
+                "{kind:?}: {ratio} times as long"
+            );
+        }
     }
 }

@@ -163,6 +163,8 @@ pub fn tracker_params(
         precise_field_rad,
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
+        moving_radps: systems::MOVING_RADPS,
+        open_sky: true,
         aim: (!reading.boxes_part).then_some(engage.aim),
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,

@@ -358,6 +358,7 @@ impl SwarmConfig {
                     decoys.push(DistractorConfig {
                         name: format!("{}_decoy_{}", self.name, decoys.len() + 1),
                         kind: *kind,
+                        variant: None,
                         trajectory,
                         spread_m: [0.0; 2],
                         spread_s: 0.0,

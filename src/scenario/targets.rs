@@ -45,6 +45,9 @@ pub struct DistractorConfig {
     pub name: String,
     /// What it is.
     pub kind: DistractorKind,
+    /// Number of an individual, by which its size, shape and colours are drawn; without one they are the kind's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<u32>,
     /// Where it flies; a balloon's or leaf's is relative to the air, so that one that hovers drifts
     /// with the wind.
     pub trajectory: Trajectory,

@@ -16,7 +16,7 @@ pub use foresee::{aim, foresee};
 pub use orders::obey;
 pub use range::find_range;
 pub use situation::patience_s;
-pub(crate) use situation::{CONFIRM_HITS, Situation};
+pub(crate) use situation::{CONFIRM_HITS, MOVING_RADPS, Situation};
 
 use crate::components::flight::{Flight, Uav};
 use crate::components::track::Tracker;

@@ -1,13 +1,14 @@
 //! The tracker of a run, fed with the frames of a clip.
 //!
 //! It is that of a run with its table, its filter and its states. The clip is to it the coarse camera of
-//! a station that stands still under an open sky. A nominal pinhole turns pixels into angles, for the
-//! filter's motion is one of angles. Latency is none.
+//! a station under an open sky, which turns as the scenery in its pictures says, and stands still where none shows. A
+//! nominal pinhole turns pixels into angles, for the filter's motion is one of angles. Latency is none.
 
 use super::arguments::Arguments;
 use super::figures::State;
 use crate::components::capture::{ExposedFrame, Tier};
-use crate::components::detect::DetectionBatch;
+use crate::components::detect::{DetectionBatch, other_classes};
+use crate::components::mount::{OpticalPath, Pointing};
 use crate::components::run::SimClock;
 use crate::components::track::{Gallery, Tracker, TrackerParams};
 use crate::eval::EvalError;
@@ -16,13 +17,16 @@ use crate::inference::OnnxRecogniser;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
+use crate::models::optics::registration::Registration;
 use crate::models::optics::tier::PerTier;
 use crate::models::tracking::evidence::EvidenceParams;
+use crate::models::tracking::recognition::WINDOW_S;
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
 use crate::systems::track::recognise::Hung;
 use crate::systems::track::{Situation, patience_s, step, take_in};
 use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Ticks of the tracker's clock a second: whole numbers of them for all usual rates.
@@ -40,11 +44,26 @@ pub(super) struct Follower {
     gallery: Gallery,
     /// The detector's classes.
     classes: Vec<String>,
+    /// Least score of a detection that counts.
+    weak_score: f64,
+    /// How the pictures move, and where something of its own showed in the last.
+    registration: Registration,
+    apart_px: Vec<[f64; 4]>,
+    /// Where the camera looks, and the last frame whose motion is not known [s].
+    pointing: Pointing,
+    lost_s: f64,
+    /// The last frame that showed scenery [s].
+    scenery_s: f64,
+    /// Share of the last second in which each track moved over the scenery, of those whose motion is known.
+    moved: BTreeMap<u32, f64>,
 }
 
 /// How often the recogniser looks at tracks [s], and at how many: those of a run.
 const RECOGNISES_EVERY_S: f64 = 0.125; // [s]
 const RECOGNISED: usize = 8;
+
+/// Least motion over the scenery that counts as flight [px/s]: that of a run in its search camera.
+const MOVING_PXPS: f64 = 6.0; // [px/s]
 
 /// A track in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +78,8 @@ pub(super) struct Followed {
     pub(super) seen_px: Option<[f64; 4]>,
     /// Mean score.
     pub(super) score: f64,
+    /// Whether the tracker might have it as its target: it has flown, or may hover, or stands in clear sky.
+    pub(super) may_be_target: bool,
     /// Probability that it is a UAV, once the recogniser has looked at it.
     pub(super) p_uav: Option<f64>,
 }
@@ -73,6 +94,7 @@ impl Follower {
         let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians())
             .map_err(EvalError::FieldOfView)?;
         let defaults = scenario::TrackerConfig::default();
+        let start_score = arguments.threshold.unwrap_or_default();
         Ok(Self {
             clock: SimClock {
                 tick: 0,
@@ -83,14 +105,17 @@ impl Follower {
                 linear_angles: false,
                 centre_sigma_px: arguments.centre_sigma_px,
                 centre_sigma_rel: 0.0,
-                start_score: 0.0,
+                start_score,
                 reads: EvidenceParams {
                     min_quality: defaults.min_quality,
+                    other_classes: other_classes(classes),
                     ..EvidenceParams::default()
                 },
                 precise_field_rad: 0.0,
                 switch_ratio: defaults.switch_ratio,
                 r_asset_enu_m: DVec3::ZERO,
+                moving_radps: MOVING_PXPS * pinhole.ifov_rad(),
+                open_sky: true,
                 aim: None,
                 // There is no precise camera to lock.
                 lock_radius_px: 0.0,
@@ -111,10 +136,18 @@ impl Follower {
                 .transpose()?,
             recognises_s: 0.0,
             classes: classes.to_vec(),
+            registration: Registration::default(),
+            apart_px: Vec::new(),
+            pointing: Pointing::default(),
+            lost_s: f64::NEG_INFINITY,
+            scenery_s: f64::NEG_INFINITY,
+            moved: BTreeMap::new(),
+            weak_score: scenario::DetectorConfig::default().weak_share * start_score,
         })
     }
 
-    /// Takes a frame's detections in; returns the confirmed tracks in view. `rgb8`: its pixels.
+    /// Takes a frame's detections in, of whatever class, most confident first; returns the confirmed tracks in view.
+    /// `rgb8`: its pixels.
     pub(super) fn look(
         &mut self,
         t_s: f64,
@@ -124,12 +157,21 @@ impl Follower {
         let tick = (t_s * f64::from(TICK_HZ)).round() as u64;
         self.clock.tick = tick;
         let t_s = self.clock.t_s();
+        let counted = detections.partition_point(|found| found.score >= self.weak_score);
+        let detections = &detections[..counted];
+        self.turn(t_s, rgb8);
+        // Where the picture shows scenery, it may be behind anything.
+        self.params.open_sky = t_s - self.scenery_s > WINDOW_S;
+        self.apart_px = detections.iter().map(|found| found.box_px).collect();
+        let pose = (self.pointing).pose(DVec3::ZERO, OpticalPath::OnGimbal, DVec3::ZERO);
         let frame = ExposedFrame {
             tick,
+            pose,
+            believed: pose,
             rgb8: (self.gallery.wanted).then(|| Arc::new(rgb8.to_vec())),
             ..ExposedFrame::bare(Tier::Coarse, self.pinhole)
         };
-        let q_enu_cam = frame.pose.q_enu_cam;
+        let q_enu_cam = pose.q_enu_cam;
         let batch = DetectionBatch {
             available_tick: tick,
             look: frame.rect,
@@ -179,6 +221,7 @@ impl Follower {
                     px,
                     side_px: track.size_rad / self.pinhole.ifov_rad(),
                     seen_px: found(track),
+                    may_be_target: now.may_be_target(track),
                     score: track.score,
                     p_uav: track.recognition.map(|found| found.p_uav()),
                 })
@@ -187,7 +230,24 @@ impl Follower {
         Ok(followed.collect())
     }
 
-    /// Asks the recogniser what the tracks are, when it is time; how a clip's camera moves is not known.
+    /// Turns the camera as the scenery moved since the picture before.
+    fn turn(&mut self, t_s: f64, rgb8: &[u8]) {
+        let size_px = [self.pinhole.width_px, self.pinhole.height_px];
+        let shift_px = (self.registration).shift_px(rgb8, size_px, &self.apart_px);
+        match shift_px {
+            Some(shift_px) => {
+                self.scenery_s = t_s;
+                let turned_rad = DVec2::new(-shift_px.x, shift_px.y) * self.pinhole.ifov_rad();
+                self.pointing.az_el_rad += turned_rad;
+            }
+            // The first picture has none before it.
+            None if t_s > 0.0 => self.lost_s = t_s,
+            None => {}
+        }
+    }
+
+    /// Asks the recogniser what the tracks are, when it is time; where the camera's motion was not known throughout the
+    /// last second, it is left out.
     fn recognise(&mut self, t_s: f64) -> Result<(), EvalError> {
         let table = &mut self.tracker.table;
         let Some(model) = self
@@ -199,11 +259,27 @@ impl Follower {
         };
         self.recognises_s = t_s + RECOGNISES_EVERY_S;
         self.gallery.tidy(table);
-        let (first, at) = (self.tracker.target, (t_s, false));
+        self.moved.retain(|id, _| table.get(*id).is_some());
+        let sky_known = t_s - self.lost_s > WINDOW_S;
+        let (first, at) = (self.tracker.target, (t_s, sky_known));
         let found = (self.gallery).recognise(model, table, first, RECOGNISED, at)?;
         for (id, found) in found {
             if let Some(track) = table.get_mut(id) {
-                track.recognition = Some(found);
+                let sequence = self.gallery.sequence(track, t_s, sky_known);
+                if let Some(rate_radps) = sequence.and_then(|sequence| sequence.rate_radps) {
+                    let moves = f64::from(u8::from(rate_radps.length() > self.params.moving_radps));
+                    let moved = self.moved.entry(id).or_insert(moves);
+                    *moved += RECOGNISES_EVERY_S / WINDOW_S * (moves - *moved);
+                    // What stands still over scenery is part of it: in a clip no radar and no closer look says otherwise.
+                    if *moved < 0.5 {
+                        let again_s = t_s + 2.0 * RECOGNISES_EVERY_S;
+                        track.barred_until_s = track.barred_until_s.max(again_s);
+                    }
+                }
+                track.recognition = Some(match track.recognition {
+                    Some(before) => found.after(&before),
+                    None => found,
+                });
             }
         }
         Ok(())
@@ -230,5 +306,90 @@ impl Follower {
                 reason: change.reason,
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::num::NonZeroUsize;
+    use std::path::{Path, PathBuf};
+
+    /// A camera that pans by 3 px a frame over scenery, or over a bare sky, and two detections: one of something that stays where
+    /// the scenery has it, one that flies 3 px a frame the other way. Whether each is left alone at the end.
+    fn left_alone(scenery: bool) -> [bool; 2] {
+        let (width, height) = (320_u32, 240_u32);
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
+        let arguments = Arguments {
+            files: Vec::new(),
+            model: root.join("boresight-p2-roi.onnx"),
+            out: PathBuf::new(),
+            threshold: Some(0.2),
+            boxes: None,
+            category: Vec::new(),
+            recogniser: Some(root.join("recogniser.onnx")),
+            uav_probability: 0.5,
+            fov_deg: 1.0,
+            centre_sigma_px: 2.0,
+            rate_hz: 30.0,
+            threads: NonZeroUsize::new(1),
+        };
+        let classes = ["quadcopter".to_string()];
+        let mut follower = Follower::new([width, height], 30.0, &classes, &arguments).unwrap();
+        for k in 0..36 {
+            let panned_px = 3.0 * f64::from(k);
+            let places = [[220.0 - panned_px, 150.0], [60.0 + panned_px, 60.0]];
+            let mut rgb8 = Vec::new();
+            for y in 0..height {
+                for x in 0..width {
+                    let (x, y) = (f64::from(x), f64::from(y));
+                    let u = x + panned_px;
+                    let waves = [
+                        0.31 * u + 0.12 * y,
+                        0.13 * u - 0.29 * y,
+                        0.07 * u + 0.45 * y,
+                    ];
+                    let texture: f64 = waves.iter().map(|phase| 15.0 * phase.sin()).sum();
+                    let dark = (places.iter()).any(|[px, py]| (x - px).hypot(y - py) < 6.0);
+                    let level = if dark {
+                        30.0
+                    } else {
+                        140.0 + if scenery { texture } else { 0.0 }
+                    };
+                    rgb8.extend([level as u8; 3]);
+                }
+            }
+            let found =
+                places.map(|[x, y]| Detection::new([x - 6.0, y - 6.0, x + 6.0, y + 6.0], 0.9, 0));
+            follower.look(f64::from(k) / 30.0, &rgb8, &found).unwrap();
+        }
+        let t_s = follower.clock.t_s();
+        let cam_enu = (follower
+            .pointing
+            .pose(DVec3::ZERO, OpticalPath::OnGimbal, DVec3::ZERO))
+        .q_enu_cam
+        .inverse();
+        [[220.0 - 105.0, 150.0], [60.0 + 105.0, 60.0]].map(|place| {
+            let near = |track: &&Track| {
+                let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
+                let px = follower.pinhole.project(cam_enu * los_enu).unwrap();
+                px.distance(place.into()) < 8.0
+            };
+            follower
+                .tracker
+                .table
+                .tracks
+                .iter()
+                .find(near)
+                .unwrap()
+                .is_barred(t_s)
+        })
+    }
+
+    #[test]
+    fn what_stands_still_over_scenery_is_no_target_however_the_camera_pans() {
+        assert_eq!(left_alone(true), [true, false]);
+        // Without scenery nobody knows which of the two moves.
+        assert_eq!(left_alone(false), [false, false]);
     }
 }

@@ -220,10 +220,10 @@ fn look(
 ) -> Result<Moment, EvalError> {
     let mut found = Vec::new();
     model.detect(frame.picture.as_raw(), frame.size_px(), &mut found)?;
-    // What is called no UAV is neither a false alarm nor a track.
+    let followed = follower.look(frame.t_s, frame.picture.as_raw(), &found)?;
+    // What is called no UAV is no false alarm, but a track, as in a run.
     found.retain(|detection| model.is_uav(detection.label));
     let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
-    let followed = follower.look(frame.t_s, frame.picture.as_raw(), &found[..sure])?;
     Ok(Moment {
         index,
         t_s: frame.t_s,
@@ -338,7 +338,9 @@ impl Notes {
     /// Counts the tracks that the recogniser takes for UAVs.
     fn recognised(&mut self, moment: &Moment, arguments: &Arguments) {
         self.tally.recognised = arguments.recogniser.is_some();
-        let is_uav = |track: &&Followed| track.p_uav >= Some(arguments.uav_probability);
+        let is_uav = |track: &&Followed| {
+            track.may_be_target && track.p_uav >= Some(arguments.uav_probability)
+        };
         let mut seen = [false; 3];
         for track in moment.followed.iter().filter(is_uav) {
             seen[0] = true;

@@ -598,6 +598,7 @@ impl Stage<'_> {
             DistractorConfig {
                 name: format!("{} {}", kind.name, member + 1),
                 kind: kind.kind,
+                variant: None,
                 trajectory,
                 spread_m: [0.0; 2],
                 spread_s: 0.0,

@@ -30,6 +30,10 @@ pub enum DistractorKind {
     Balloon,
     /// A twin-jet airliner along its trajectory.
     Aeroplane,
+    /// A twin-jet airliner at cruising height, with its contrail of some hundred metres.
+    Contrail,
+    /// A regional airliner with two turboprops, a high wing and a T-tail.
+    Turboprop,
     /// A four-seat aeroplane with one propeller.
     LightAircraft,
     /// A light twin-engined helicopter.
@@ -41,7 +45,7 @@ pub enum DistractorKind {
 
 impl DistractorKind {
     /// Every kind.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Bird,
         Self::Crow,
         Self::Pigeon,
@@ -50,6 +54,8 @@ impl DistractorKind {
         Self::Raptor,
         Self::Balloon,
         Self::Aeroplane,
+        Self::Contrail,
+        Self::Turboprop,
         Self::LightAircraft,
         Self::Helicopter,
         Self::Leaf,
@@ -66,6 +72,8 @@ impl DistractorKind {
             Self::Raptor => "raptor",
             Self::Balloon => "balloon",
             Self::Aeroplane => "aeroplane",
+            Self::Contrail => "contrail",
+            Self::Turboprop => "turboprop",
             Self::LightAircraft => "light_aircraft",
             Self::Helicopter => "helicopter",
             Self::Leaf => "leaf",
@@ -76,7 +84,9 @@ impl DistractorKind {
     pub fn class(self) -> ObjectClass {
         match self {
             Self::Balloon => ObjectClass::Balloon,
-            Self::Aeroplane | Self::LightAircraft => ObjectClass::Aeroplane,
+            Self::Aeroplane | Self::Contrail | Self::Turboprop | Self::LightAircraft => {
+                ObjectClass::Aeroplane
+            }
             Self::Helicopter => ObjectClass::Helicopter,
             Self::Leaf => ObjectClass::Other,
             _ => ObjectClass::Bird,
@@ -101,6 +111,11 @@ impl DistractorKind {
         match self {
             Self::Balloon => [2.0 * BALLOON_RADIUS_M; 3],
             Self::Aeroplane => AIRLINER_SIZE_M,
+            Self::Contrail => {
+                let [length_m, span_m, height_m] = AIRLINER_SIZE_M;
+                [0.5 * length_m + CONTRAIL_M, span_m, height_m]
+            }
+            Self::Turboprop => TURBOPROP_SIZE_M,
             Self::LightAircraft => LIGHT_AIRCRAFT_SIZE_M,
             Self::Helicopter => HELICOPTER_SIZE_M,
             Self::Leaf => LEAF_SIZE_M,
@@ -121,6 +136,7 @@ impl DistractorKind {
         let mut phases = [0.0; MAX_ROTORS];
         let turns_hz: &[f64] = match self {
             Self::LightAircraft => &[PROPELLER_HZ],
+            Self::Turboprop => &[TURBOPROP_HZ; 2],
             Self::Helicopter => &ROTORS_HZ,
             _ => &[],
         };
@@ -151,6 +167,12 @@ impl DistractorKind {
 /// Length, span and height of a twin-jet airliner of the Airbus A320's size [m] (recalled from the
 /// maker's airport planning manual).
 pub const AIRLINER_SIZE_M: [f64; 3] = [37.6, 35.8, 11.8]; // [m]
+/// How far behind the middle of an airliner its contrail ends [m] (assumption: one that fades soon).
+pub const CONTRAIL_M: f64 = 350.0; // [m]
+/// Length, span and height of a regional airliner of the ATR 72's size [m] (recalled).
+pub const TURBOPROP_SIZE_M: [f64; 3] = [27.2, 27.1, 7.7]; // [m]
+/// Turns a second of a turboprop's propellers (1,200 a minute; recalled).
+pub const TURBOPROP_HZ: f64 = 20.0; // [Hz]
 /// Length, span and height of a four-seat high-wing aeroplane of the Cessna 172's size [m] (recalled).
 pub const LIGHT_AIRCRAFT_SIZE_M: [f64; 3] = [8.3, 11.0, 2.7]; // [m]
 /// Length with turning rotors, diameter of the main rotor and height of a helicopter of the Airbus

@@ -12,5 +12,6 @@ pub mod motion;
 pub mod noise;
 pub mod pattern;
 pub mod raster;
+pub mod registration;
 pub mod sensor;
 pub mod tier;

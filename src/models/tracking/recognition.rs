@@ -276,7 +276,10 @@ impl History {
             return None;
         }
         let second = Second::of(&steps);
-        let mut sequence = Sequence::default();
+        let mut sequence = Sequence {
+            rate_radps: sky_known.then_some(second.rate_radps),
+            ..Sequence::default()
+        };
         for step in steps {
             let at = (step.number - (last - STEPS as i64 + 1)) as usize;
             let mut features = second.features(step, t_s, sky_known);
@@ -298,6 +301,8 @@ pub struct Sequence {
     pub steps: [Option<Step>; STEPS],
     /// Their features, by [`FEATURES`]; 0 where it was not seen.
     pub features: [[f32; FEATURES.len()]; STEPS],
+    /// Its rate on the sky, right and up, through the whole second [rad/s]; `None` where directions are not those on the sky.
+    pub rate_radps: Option<DVec2>,
 }
 
 /// What the features of all steps refer to.

@@ -602,6 +602,8 @@ mod tests {
             precise_field_rad: f64::INFINITY,
             switch_ratio: 2.0,
             r_asset_enu_m: DVec3::ZERO,
+            moving_radps: crate::systems::track::MOVING_RADPS,
+            open_sky: true,
             aim: None,
             lock_radius_px: 5.0,
             lock_dwell_s: 0.1,

@@ -34,7 +34,7 @@ const DOT_SHARE: f64 = 0.5;
 const DOT_PX: [f64; 2] = [8.0, 16.0];
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
 /// still, a flickering facade does not move far.
-const MOVING_RADPS: f64 = 1.0e-3;
+pub(crate) const MOVING_RADPS: f64 = 1.0e-3;
 const MOVING_SIGMAS: f64 = 6.0;
 /// How long a track must move to be a candidate in front of scenery, and to have flown for good [s].
 const MOVED_S: f64 = 0.2;
@@ -223,7 +223,7 @@ impl Situation<'_> {
     /// Whether there is clear sky behind a direction and some way below it.
     fn in_sky(&self, az_el_rad: DVec2) -> bool {
         let below = az_el_rad - DVec2::new(0.0, SKY_MARGIN_RAD);
-        self.dsm.is_none_or(|dsm| {
+        self.dsm.map_or(self.params.open_sky, |dsm| {
             dsm.first_hit(self.r_station_enu_m, az_el_to_los(below), FAR_M)
                 .is_none()
         })
@@ -258,7 +258,7 @@ impl Situation<'_> {
             let doubted = track.log_odds() < 0.0;
             let conduct = &mut track.conduct;
             conduct.in_sky = self.in_sky(at);
-            if significant && rate_radps > MOVING_RADPS {
+            if significant && rate_radps > self.params.moving_radps {
                 conduct.moving_s += elapsed_s;
                 conduct.still_s = 0.0;
             } else {
@@ -426,7 +426,7 @@ impl Situation<'_> {
     }
 
     /// Whether a track has been seen long enough, and moves, stands in clear sky or may hover.
-    fn may_be_target(&self, track: &Track) -> bool {
+    pub(crate) fn may_be_target(&self, track: &Track) -> bool {
         let conduct = &track.conduct;
         let here = |area: &Sector| area.contains(track.filter.predicted(self.t_s()).az_el_rad());
         self.within.as_ref().is_none_or(here)

@@ -1,11 +1,11 @@
-//! Aeroplanes: an airliner and a light aircraft.
+//! Aeroplanes: an airliner, also with its contrail, a turboprop and a light aircraft.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DQuat, DVec3};
 
 use super::parts::{block, hull_forward, propeller, section, tube};
-use super::style::{BLACK, DARK, SILVER};
+use super::style::{BLACK, DARK, SILVER, WHITE};
 use super::{RotorMount, UavMesh};
 use crate::models::shape::mesh::{MeshData, Paint};
 
@@ -105,6 +105,78 @@ pub(super) fn airliner(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) -> Mes
     let fin_ends = ends([-0.35, 0.0, 0.5 * r, 0.15], [-0.455, 0.0, top, 0.045]);
     plane.wing(1.0, fin_ends, 0.1, DVec3::Y, fin);
     plane.mesh
+}
+
+/// An airliner as [`airliner`], and behind each engine a trail that grows as it is left behind, and ends in a point
+/// `trail_m` behind the middle [m].
+pub(super) fn contrail(
+    size_m: [f64; 3],
+    trail_m: f64,
+    shell: [f32; 3],
+    tail: [f32; 3],
+) -> MeshData {
+    let [l, span, _] = size_m;
+    let mut mesh = airliner(size_m, shell, tail);
+    for y in [-1.0, 1.0] {
+        // Vapour freezes some lengths behind the engine.
+        let along = [1.0 * l, 0.3 * trail_m, trail_m];
+        let radii_m = [0.02 * l, 0.06 * l, 0.0];
+        let at = |x_m: f64| DVec3::new(-x_m, y * 0.16 * span, -0.06 * l);
+        for k in [1, 0] {
+            mesh.frustum(
+                (at(along[k + 1]), radii_m[k + 1]),
+                (at(along[k]), radii_m[k]),
+                10,
+                Paint::plain(WHITE),
+            );
+        }
+    }
+    mesh
+}
+
+/// A regional airliner of length, span and height `size_m` [m] and its two propellers.
+pub(super) fn turboprop(size_m: [f64; 3], shell: [f32; 3], tail: [f32; 3]) -> UavMesh {
+    let [l, span, h] = size_m;
+    let mut plane = Builder {
+        mesh: MeshData::new(DVec3::ZERO),
+        length_m: l,
+    };
+    let r = 0.051 * l;
+    let (white, fin) = (Paint::plain(shell), Paint::plain(tail));
+    #[rustfmt::skip]
+    hull_forward(&mut plane.mesh, &[
+        [-0.5 * l, 0.1 * r, 0.15 * r, 0.55 * r], [-0.33 * l, 0.6 * r, 0.65 * r, 0.3 * r],
+        [-0.12 * l, r, r, 0.0], [0.36 * l, r, r, 0.0], [0.44 * l, 0.78 * r, 0.75 * r, -0.12 * r],
+        [0.5 * l, 0.12 * r, 0.12 * r, -0.3 * r],
+    ], 2.0, white);
+    let top = h - r;
+    let mut rotors = Vec::new();
+    for y in [-1.0, 1.0] {
+        let main = ends([0.1, 0.0, r, 0.1], [0.07, span / 2.0, 1.05 * r, 0.06]);
+        plane.wing(y, main, 0.14, DVec3::Z, white);
+        let tailplane = ends([-0.42, 0.0, top, 0.08], [-0.44, 0.135 * span, top, 0.05]);
+        plane.wing(y, tailplane, 0.1, DVec3::Z, fin);
+        let nacelle = [-0.02, 0.16].map(|x| plane.at(x, y, 0.15 * span, 0.7 * r));
+        plane
+            .mesh
+            .frustum((nacelle[0], 0.3 * r), (nacelle[1], 0.38 * r), 12, white);
+        rotors.push(RotorMount {
+            hub_body_m: nacelle[1] + DVec3::X * 0.01 * l,
+            // Its axis points forward.
+            q_body_hub: DQuat::from_rotation_y(FRAC_PI_2),
+            sweep_rad: [0.0, TAU],
+            clockwise: false,
+            blade: 0,
+            parent: None,
+        });
+    }
+    let fin_ends = ends([-0.33, 0.0, 0.5 * r, 0.17], [-0.41, 0.0, top, 0.09]);
+    plane.wing(1.0, fin_ends, 0.1, DVec3::Y, fin);
+    UavMesh {
+        body: plane.mesh,
+        rotors,
+        blades: vec![propeller(0.0725 * l, 6, DARK)],
+    }
 }
 
 /// How a light aircraft differs from others.

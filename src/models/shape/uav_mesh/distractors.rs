@@ -2,14 +2,15 @@
 
 use glam::DVec3;
 
-use super::aeroplane::{LightAircraft, airliner, light_aircraft};
+use super::aeroplane::{LightAircraft, airliner, contrail, light_aircraft, turboprop};
 use super::birds::{bird, drawn_bird};
 use super::helicopter::{Helicopter, helicopter};
 use super::parts::section;
 use super::style::{BLUE, DARK, GREEN, GREY, ORANGE, RED, SILVER, WHITE, YELLOW};
 use super::{RotorMount, UavMesh};
 use crate::models::flight::distractor::{
-    AIRLINER_SIZE_M, BALLOON_RADIUS_M, DistractorKind, LEAF_SIZE_M, LIGHT_AIRCRAFT_SIZE_M,
+    AIRLINER_SIZE_M, BALLOON_RADIUS_M, CONTRAIL_M, DistractorKind, LEAF_SIZE_M,
+    LIGHT_AIRCRAFT_SIZE_M, TURBOPROP_SIZE_M,
 };
 use crate::models::maths::rng::Stream;
 use crate::models::shape::mesh::{MeshData, Paint};
@@ -19,6 +20,8 @@ pub fn distractor_mesh(kind: DistractorKind) -> UavMesh {
     match kind {
         DistractorKind::Balloon => balloon(BALLOON_RADIUS_M, RED),
         DistractorKind::Aeroplane => solid(airliner(AIRLINER_SIZE_M, WHITE, BLUE)),
+        DistractorKind::Contrail => solid(contrail(AIRLINER_SIZE_M, CONTRAIL_M, WHITE, BLUE)),
+        DistractorKind::Turboprop => turboprop(TURBOPROP_SIZE_M, WHITE, DARK),
         DistractorKind::LightAircraft => light_aircraft(&LightAircraft {
             size_m: LIGHT_AIRCRAFT_SIZE_M,
             low_wing: false,
@@ -42,7 +45,7 @@ pub fn distractor_mesh(kind: DistractorKind) -> UavMesh {
 }
 
 /// A distractor of drawn size and colour: birds within 12 % of their species' size; balloons;
-/// airliners of 35 to 70 m, light aircraft and helicopters from two-seaters to large ones; leaves and
+/// airliners of 35 to 70 m, turboprops of 19 to 34 m, light aircraft and helicopters from two-seaters to large ones; leaves and
 /// scraps of 5 to 35 cm.
 pub fn drawn_distractor_mesh(kind: DistractorKind, rng: &mut Stream) -> UavMesh {
     let colours = [WHITE, WHITE, WHITE, SILVER, GREY, BLUE, RED, ORANGE, GREEN];
@@ -55,6 +58,17 @@ pub fn drawn_distractor_mesh(kind: DistractorKind, rng: &mut Stream) -> UavMesh 
             let [shell, tail] = [rng.pick(&colours[..5]), rng.pick(&colours)];
             let size = rng.range(35.0, 70.0) / AIRLINER_SIZE_M[0];
             solid(airliner(AIRLINER_SIZE_M.map(|x| x * size), shell, tail))
+        }
+        DistractorKind::Contrail => {
+            let [shell, tail] = [rng.pick(&colours[..5]), rng.pick(&colours)];
+            let size = rng.range(35.0, 70.0) / AIRLINER_SIZE_M[0];
+            let size_m = AIRLINER_SIZE_M.map(|x| x * size);
+            solid(contrail(size_m, rng.range(150.0, 500.0), shell, tail))
+        }
+        DistractorKind::Turboprop => {
+            let [shell, tail] = [rng.pick(&colours[..5]), rng.pick(&colours)];
+            let size = rng.range(0.7, 1.25);
+            turboprop(TURBOPROP_SIZE_M.map(|x| x * size), shell, tail)
         }
         DistractorKind::LightAircraft => {
             let size = rng.range(0.75, 1.4);

@@ -159,6 +159,14 @@ impl UavMesh {
         }
         outline
     }
+
+    /// Length, width and height of the box that holds it, rotors and wings in any phase [m].
+    pub fn size_m(&self) -> [f64; 3] {
+        let outline = self.outline_body_m();
+        let low = outline.iter().copied().reduce(DVec3::min);
+        let high = outline.iter().copied().reduce(DVec3::max);
+        (high.unwrap_or_default() - low.unwrap_or_default()).to_array()
+    }
 }
 
 /// The body, hubs and propeller of a UAV as its maker publishes it.

@@ -373,6 +373,8 @@ fn styles_show_what_they_name() {
 fn aircraft_face_outward() {
     for kind in [
         DistractorKind::Aeroplane,
+        DistractorKind::Contrail,
+        DistractorKind::Turboprop,
         DistractorKind::LightAircraft,
         DistractorKind::Helicopter,
     ] {
@@ -397,6 +399,8 @@ fn drawn_distractors_vary_and_repeat() {
         (DistractorKind::Raptor, [1.0, 1.5], 1.2),
         (DistractorKind::Balloon, [0.2, 1.1], 1.8),
         (DistractorKind::Aeroplane, [34.0, 71.0], 1.5),
+        (DistractorKind::Contrail, [150.0, 540.0], 1.8),
+        (DistractorKind::Turboprop, [18.0, 35.0], 1.5),
         (DistractorKind::LightAircraft, [7.0, 16.0], 1.5),
         (DistractorKind::Helicopter, [8.0, 19.0], 1.7),
         (DistractorKind::Leaf, [0.02, 0.36], 1.8),
