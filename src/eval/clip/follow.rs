@@ -7,7 +7,7 @@
 use super::arguments::Arguments;
 use super::figures::State;
 use crate::components::capture::{ExposedFrame, Tier};
-use crate::components::detect::{DetectionBatch, other_classes};
+use crate::components::detect::DetectionBatch;
 use crate::components::mount::{OpticalPath, Pointing};
 use crate::components::run::SimClock;
 use crate::components::track::{Gallery, Tracker, TrackerParams};
@@ -44,8 +44,6 @@ pub(super) struct Follower {
     gallery: Gallery,
     /// The detector's classes.
     classes: Vec<String>,
-    /// Least score of a detection that counts.
-    weak_score: f64,
     /// How the pictures move, and where something of its own showed in the last.
     registration: Registration,
     apart_px: Vec<[f64; 4]>,
@@ -94,7 +92,6 @@ impl Follower {
         let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians())
             .map_err(EvalError::FieldOfView)?;
         let defaults = scenario::TrackerConfig::default();
-        let start_score = arguments.threshold.unwrap_or_default();
         Ok(Self {
             clock: SimClock {
                 tick: 0,
@@ -105,10 +102,9 @@ impl Follower {
                 linear_angles: false,
                 centre_sigma_px: arguments.centre_sigma_px,
                 centre_sigma_rel: 0.0,
-                start_score,
+                start_score: 0.0,
                 reads: EvidenceParams {
                     min_quality: defaults.min_quality,
-                    other_classes: other_classes(classes),
                     ..EvidenceParams::default()
                 },
                 precise_field_rad: 0.0,
@@ -142,12 +138,10 @@ impl Follower {
             lost_s: f64::NEG_INFINITY,
             scenery_s: f64::NEG_INFINITY,
             moved: BTreeMap::new(),
-            weak_score: scenario::DetectorConfig::default().weak_share * start_score,
         })
     }
 
-    /// Takes a frame's detections in, of whatever class, most confident first; returns the confirmed tracks in view.
-    /// `rgb8`: its pixels.
+    /// Takes a frame's detections in; returns the confirmed tracks in view. `rgb8`: its pixels.
     pub(super) fn look(
         &mut self,
         t_s: f64,
@@ -157,8 +151,6 @@ impl Follower {
         let tick = (t_s * f64::from(TICK_HZ)).round() as u64;
         self.clock.tick = tick;
         let t_s = self.clock.t_s();
-        let counted = detections.partition_point(|found| found.score >= self.weak_score);
-        let detections = &detections[..counted];
         self.turn(t_s, rgb8);
         // Where the picture shows scenery, it may be behind anything.
         self.params.open_sky = t_s - self.scenery_s > WINDOW_S;
@@ -266,8 +258,13 @@ impl Follower {
         for (id, found) in found {
             if let Some(track) = table.get_mut(id) {
                 let sequence = self.gallery.sequence(track, t_s, sky_known);
-                if let Some(rate_radps) = sequence.and_then(|sequence| sequence.rate_radps) {
-                    let moves = f64::from(u8::from(rate_radps.length() > self.params.moving_radps));
+                if let Some(flight) = sequence.and_then(|sequence| sequence.flight) {
+                    // A young track must have come further than its places err.
+                    let least_rad = self.params.centre_sigma_px * self.pinhole.ifov_rad();
+                    let rate_radps = flight.rate_radps.length();
+                    let moves = rate_radps > self.params.moving_radps
+                        && rate_radps * flight.span_s > least_rad;
+                    let moves = f64::from(u8::from(moves));
                     let moved = self.moved.entry(id).or_insert(moves);
                     *moved += RECOGNISES_EVERY_S / WINDOW_S * (moves - *moved);
                     // What stands still over scenery is part of it: in a clip no radar and no closer look says otherwise.

@@ -220,10 +220,10 @@ fn look(
 ) -> Result<Moment, EvalError> {
     let mut found = Vec::new();
     model.detect(frame.picture.as_raw(), frame.size_px(), &mut found)?;
-    let followed = follower.look(frame.t_s, frame.picture.as_raw(), &found)?;
-    // What is called no UAV is no false alarm, but a track, as in a run.
+    // What is called no UAV is neither a false alarm nor a track.
     found.retain(|detection| model.is_uav(detection.label));
     let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
+    let followed = follower.look(frame.t_s, frame.picture.as_raw(), &found[..sure])?;
     Ok(Moment {
         index,
         t_s: frame.t_s,

@@ -277,7 +277,7 @@ impl History {
         }
         let second = Second::of(&steps);
         let mut sequence = Sequence {
-            rate_radps: sky_known.then_some(second.rate_radps),
+            flight: sky_known.then(|| second.flight(&steps)),
             ..Sequence::default()
         };
         for step in steps {
@@ -301,8 +301,17 @@ pub struct Sequence {
     pub steps: [Option<Step>; STEPS],
     /// Their features, by [`FEATURES`]; 0 where it was not seen.
     pub features: [[f32; FEATURES.len()]; STEPS],
-    /// Its rate on the sky, right and up, through the whole second [rad/s]; `None` where directions are not those on the sky.
-    pub rate_radps: Option<DVec2>,
+    /// How it flew on the sky; `None` where directions are not those on the sky.
+    pub flight: Option<Flight>,
+}
+
+/// The straight flight at constant rates that suits a second best.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flight {
+    /// Its rates, right and up [rad/s].
+    pub rate_radps: DVec2,
+    /// From the first detection to the last [s].
+    pub span_s: f64,
 }
 
 /// What the features of all steps refer to.
@@ -354,6 +363,18 @@ impl Second {
         }
         second.place_rad = (place - time * second.rate_radps) / weights;
         second
+    }
+
+    fn flight(&self, steps: &[&Step]) -> Flight {
+        let times_s = || {
+            let glimpses = steps.iter().flat_map(|step| &step.glimpses);
+            glimpses.map(|glimpse| glimpse.t_s)
+        };
+        let span_s = times_s().fold(f64::MIN, f64::max) - times_s().fold(f64::MAX, f64::min);
+        Flight {
+            rate_radps: self.rate_radps,
+            span_s,
+        }
     }
 
     /// Where a detection is from the origin, right and up [rad].
@@ -494,6 +515,9 @@ mod tests {
             }
             let t_s = shift_s + 69.0 / 60.0;
             let found = history.sequence(t_s, 0.9, true).unwrap();
+            let flight = found.flight.unwrap();
+            assert!((flight.rate_radps - rate).abs().max_element() < 5e-3);
+            assert!((0.9..=1.0).contains(&flight.span_s), "{flight:?}");
             for step in 0..STEPS {
                 // The cosine is that of the first of the second's frames.
                 let right = (1e3 * rate.x).asinh();
@@ -536,6 +560,7 @@ mod tests {
         for (step, (name, silent)) in [("sky_known", 0.0), ("up_sizes", 0.0)].iter().enumerate() {
             assert_eq!(feature(&blind, step, name), *silent);
         }
+        assert!(blind.flight.is_none() && found.flight.is_some());
     }
 
     #[test]
