@@ -14,6 +14,7 @@ use crate::components::track::{Gallery, Tracker, TrackerParams};
 use crate::eval::EvalError;
 use crate::eval::shared::confirmed;
 use crate::inference::OnnxRecogniser;
+use crate::models::flight::class::is_uav;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
@@ -54,6 +55,9 @@ pub(super) struct Follower {
     scenery_s: f64,
     /// Share of the last second in which each track moved over the scenery, of those whose motion is known.
     moved: BTreeMap<u32, f64>,
+    /// Probability from which on a track is taken for a UAV, and those that were so in the last frame.
+    uav_probability: f64,
+    believed: Vec<Followed>,
 }
 
 /// How often the recogniser looks at tracks [s], and at how many: those of a run.
@@ -62,6 +66,9 @@ const RECOGNISED: usize = 8;
 
 /// Least motion over the scenery that counts as flight [px/s]: that of a run in its search camera.
 const MOVING_PXPS: f64 = 6.0; // [px/s]
+
+/// How far a small target moves from frame to frame at most, for what is called no UAV to go on with it [px].
+const NEAR_PX: f64 = 12.0; // [px]
 
 /// A track in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,8 +85,17 @@ pub(super) struct Followed {
     pub(super) score: f64,
     /// Whether the tracker might have it as its target: it has flown, or may hover, or stands in clear sky.
     pub(super) may_be_target: bool,
+    /// Whether its detections mostly call it a UAV.
+    pub(super) called_uav: bool,
     /// Probability that it is a UAV, once the recogniser has looked at it.
     pub(super) p_uav: Option<f64>,
+}
+
+impl Followed {
+    /// Whether the recogniser gives a track that may be a target at least this probability of being a UAV.
+    pub(super) fn is_taken_for_uav(&self, probability: f64) -> bool {
+        self.may_be_target && self.p_uav >= Some(probability)
+    }
 }
 
 impl Follower {
@@ -138,6 +154,8 @@ impl Follower {
             lost_s: f64::NEG_INFINITY,
             scenery_s: f64::NEG_INFINITY,
             moved: BTreeMap::new(),
+            uav_probability: arguments.uav_probability,
+            believed: Vec::new(),
         })
     }
 
@@ -203,7 +221,7 @@ impl Follower {
             let index = assigned.iter().position(|id| *id == Some(track.id))?;
             detections.get(index).map(|detection| detection.box_px)
         };
-        let followed = (self.tracker.table.tracks.iter())
+        let followed: Vec<Followed> = (self.tracker.table.tracks.iter())
             .filter(|track| confirmed(track, t_s))
             .filter_map(|track| {
                 let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
@@ -214,12 +232,28 @@ impl Follower {
                     side_px: track.size_rad / self.pinhole.ifov_rad(),
                     seen_px: found(track),
                     may_be_target: now.may_be_target(track),
+                    called_uav: (self.classes.get(track.label() as usize))
+                        .is_none_or(|name| is_uav(name)),
                     score: track.score,
                     p_uav: track.recognition.map(|found| found.p_uav()),
                 })
             })
-            .filter(|followed| self.pinhole.contains(followed.px));
-        Ok(followed.collect())
+            .filter(|followed| self.pinhole.contains(followed.px))
+            .collect();
+        let believed = followed
+            .iter()
+            .filter(|track| track.is_taken_for_uav(self.uav_probability));
+        self.believed = believed.copied().collect();
+        Ok(followed)
+    }
+
+    /// Whether a detection lies on a track that was taken for a UAV in the last frame, and mostly called one before.
+    pub(super) fn believes_in(&self, found: &Detection) -> bool {
+        let centre_px = DVec2::from(found.centre_px());
+        let near = |track: &Followed| {
+            track.called_uav && track.px.distance(centre_px) < track.side_px.max(NEAR_PX)
+        };
+        self.believed.iter().any(near)
     }
 
     /// Turns the camera as the scenery moved since the picture before.

@@ -220,10 +220,16 @@ fn look(
 ) -> Result<Moment, EvalError> {
     let mut found = Vec::new();
     model.detect(frame.picture.as_raw(), frame.size_px(), &mut found)?;
-    // What is called no UAV is neither a false alarm nor a track.
+    // What is called no UAV is no false alarm and starts no track, but goes on with one that is taken for a UAV and mostly
+    // called one.
+    let counts = |found: &&Detection| {
+        let named = model.is_uav(found.label) || follower.believes_in(found);
+        named && Some(found.score) >= arguments.threshold
+    };
+    let tracked: Vec<Detection> = found.iter().filter(counts).copied().collect();
+    let followed = follower.look(frame.t_s, frame.picture.as_raw(), &tracked)?;
     found.retain(|detection| model.is_uav(detection.label));
     let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
-    let followed = follower.look(frame.t_s, frame.picture.as_raw(), &found[..sure])?;
     Ok(Moment {
         index,
         t_s: frame.t_s,
@@ -338,9 +344,7 @@ impl Notes {
     /// Counts the tracks that the recogniser takes for UAVs.
     fn recognised(&mut self, moment: &Moment, arguments: &Arguments) {
         self.tally.recognised = arguments.recogniser.is_some();
-        let is_uav = |track: &&Followed| {
-            track.may_be_target && track.p_uav >= Some(arguments.uav_probability)
-        };
+        let is_uav = |track: &&Followed| track.is_taken_for_uav(arguments.uav_probability);
         let mut seen = [false; 3];
         for track in moment.followed.iter().filter(is_uav) {
             seen[0] = true;
