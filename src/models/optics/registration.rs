@@ -184,7 +184,7 @@ pub struct Registration {
 
 impl Registration {
     /// How the scenery shifted since the picture before, right and down [px]; `None` for the first picture, one of
-    /// another size, and where too little scenery shows. `rgb8`: 8-bit RGB rows; `apart_px`: boxes (x0, y0, x1, y1) of the
+    /// another size or without all its pixels, and where too little scenery shows. `rgb8`: 8-bit RGB rows; `apart_px`: boxes (x0, y0, x1, y1) of the
     /// picture before in which things move by themselves.
     pub fn shift_px(
         &mut self,
@@ -192,6 +192,10 @@ impl Registration {
         size_px: [u32; 2],
         apart_px: &[[f64; 4]],
     ) -> Option<DVec2> {
+        if rgb8.len() != 3 * size_px[0] as usize * size_px[1] as usize {
+            self.before = None;
+            return None;
+        }
         let fine = Grey::of(rgb8, size_px);
         let coarse = fine.shrunk();
         let [fine_before, coarse_before] = self.before.replace([fine, coarse])?;
@@ -334,7 +338,7 @@ mod tests {
             registration.shift_px(&[9; 3 * 64 * 48], [64, 48], &[]),
             None
         );
-        assert_eq!(registration.shift_px(&[], [0, 0], &[]), None);
+        assert_eq!(registration.shift_px(&[9; 3 * 64], [64, 48], &[]), None);
         assert_eq!(registration.shift_px(&[], [0, 0], &[]), None);
     }
 }
