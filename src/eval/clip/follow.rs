@@ -346,10 +346,9 @@ mod tests {
     use std::num::NonZeroUsize;
     use std::path::{Path, PathBuf};
 
-    /// A camera that pans by 3 px a frame over scenery, or over a bare sky, and two detections: one of something that stays where
-    /// the scenery has it, one that flies 3 px a frame the other way. Whether each is left alone at the end.
-    fn left_alone(scenery: bool) -> [bool; 2] {
-        let (width, height) = (320_u32, 240_u32);
+    const SIZE_PX: [u32; 2] = [320, 240];
+
+    fn follower() -> Follower {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
         let arguments = Arguments {
             files: Vec::new(),
@@ -366,7 +365,14 @@ mod tests {
             threads: NonZeroUsize::new(1),
         };
         let classes = ["quadcopter".to_string()];
-        let mut follower = Follower::new([width, height], 30.0, &classes, &arguments).unwrap();
+        Follower::new(SIZE_PX, 30.0, &classes, &arguments).unwrap()
+    }
+
+    /// A camera that pans by 3 px a frame over scenery, or over a bare sky, and two detections: one of something that stays where
+    /// the scenery has it, one that flies 3 px a frame the other way. Whether each is left alone at the end.
+    fn left_alone(scenery: bool) -> [bool; 2] {
+        let [width, height] = SIZE_PX;
+        let mut follower = follower();
         for k in 0..36 {
             let panned_px = 3.0 * f64::from(k);
             let places = [[220.0 - panned_px, 150.0], [60.0 + panned_px, 60.0]];
@@ -422,5 +428,39 @@ mod tests {
         assert_eq!(left_alone(true), [true, false]);
         // Without scenery nobody knows which of the two moves.
         assert_eq!(left_alone(false), [false, false]);
+    }
+
+    #[test]
+    fn what_is_called_no_uav_goes_on_with_what_is_taken_for_one_and_called_one() {
+        let mut follower = follower();
+        let found = |x: f64| Detection::new([x - 6.0, 50.0, x + 6.0, 62.0], 0.5, 1);
+        let track = Followed {
+            id: 0,
+            px: DVec2::new(100.0, 56.0),
+            side_px: 10.0,
+            seen_px: None,
+            score: 0.5,
+            may_be_target: true,
+            called_uav: true,
+            p_uav: Some(0.9),
+        };
+        assert!(!follower.believes_in(&found(104.0)));
+        follower.believed = vec![track];
+        assert!(follower.believes_in(&found(104.0)) && !follower.believes_in(&found(130.0)));
+        follower.believed[0].called_uav = false;
+        assert!(!follower.believes_in(&found(104.0)));
+        assert!(track.is_taken_for_uav(0.9) && !track.is_taken_for_uav(0.95));
+        let barred = Followed {
+            may_be_target: false,
+            ..track
+        };
+        assert!(!barred.is_taken_for_uav(0.5));
+        assert!(
+            !Followed {
+                p_uav: None,
+                ..track
+            }
+            .is_taken_for_uav(0.0)
+        );
     }
 }
