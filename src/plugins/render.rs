@@ -15,17 +15,37 @@ use crate::systems::capture::{ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX
 use crate::systems::render::city_tiles::{settle_city, spawn_city_tiles};
 use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn_sensor_view};
 use crate::systems::render::scene;
+use bevy::light::cluster::GlobalClusterSettings;
 use bevy::prelude::*;
 use bevy::render::view::{prepare_view_attachments, prepare_view_targets};
 use bevy::render::{Render, RenderApp, RenderSystems};
-use big_space::plugin::BigSpaceMinimalPlugins;
+use bevy::transform::TransformSystems;
+use big_space::grid::local_origin::LocalFloatingOrigin;
+use big_space::plugin::{BigSpaceCorePlugin, BigSpaceSystems};
+use big_space::prelude::{BigSpace, Grid};
 
 /// Materials, shader and big space; needs Bevy's own rendering plugins.
 pub struct ScenePlugin;
 
 impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
-        app.add_plugins(BigSpaceMinimalPlugins)
+        app.add_plugins(BigSpaceCorePlugin)
+            .add_systems(
+                PostUpdate,
+                // As `BigSpacePropagationPlugin` has them, but for the flat form of the third from last: its own hands every
+                // entity to the task pool through channels, which costs more than the sums. Nothing lies outside the big space.
+                (
+                    BigSpace::find_floating_origin,
+                    LocalFloatingOrigin::compute_all,
+                    Grid::tag_low_precision_roots,
+                    Grid::propagate_root_grids,
+                    Grid::propagate_high_precision,
+                    Grid::propagate_low_precision,
+                )
+                    .chain()
+                    .after(BigSpaceSystems::RecenterLargeTransforms)
+                    .in_set(TransformSystems::Propagate),
+            )
             .add_plugins(MaterialPlugin::<LeanMaterial>::default())
             .add_plugins(TilesPlugin::<LeanPaint>::painted());
         if let Some(renderer) = app.get_sub_app_mut(RenderApp) {
@@ -43,6 +63,14 @@ impl Plugin for ScenePlugin {
             &LEAN_SHADER,
             Shader::from_wgsl(include_str!("../../assets/shaders/lean.wgsl"), "lean.wgsl"),
         );
+    }
+
+    /// Runs after Bevy's own, which finds out what the adapter can do.
+    fn finish(&self, app: &mut App) {
+        // There are no lamps to sort into clusters; on the GPU that is five passes a view.
+        if let Some(mut clusters) = app.world_mut().get_resource_mut::<GlobalClusterSettings>() {
+            clusters.gpu_clustering = None;
+        }
     }
 }
 

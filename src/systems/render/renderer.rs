@@ -14,6 +14,7 @@ use bevy::camera::{
 };
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::ecs::schedule::{Schedules, SingleThreadedExecutor};
+use bevy::light::cluster::ClusterConfig;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::RenderAssets;
@@ -242,6 +243,7 @@ pub fn spawn_sensor_view(
             },
             Tonemapping::None,
             NoIndirectDrawing,
+            ClusterConfig::Single,
             RenderLayers::from_layers(&[0, SENSOR_LAYER]),
             Transform::default(),
             Visibility::default(),
