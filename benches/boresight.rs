@@ -386,6 +386,13 @@ fn places() -> Vec<(&'static str, Loaded)> {
             ("[0, 0, 60]", 315.0, -10.0),
         ),
         (
+            "woods",
+            None,
+            [47.3769, 8.5417, 455.0],
+            "city={ seed = 3, forest_share = 0.5, building_density = 0.1 }".to_owned(),
+            ("[0, 0, 40]", 20.0, -3.0),
+        ),
+        (
             "Delft, CityJSON",
             Some(delft.clone()),
             [52.0113, 4.3683, 43.0],

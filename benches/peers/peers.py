@@ -29,7 +29,15 @@ WIDTH, HEIGHT = 640, 480
 STATION_M = (0.0, 0.0, 48.0)
 UAV_M = (-707.0, 707.0, 58.0)
 FIELDS_DEG = (1.0, 6.0)
-OURS = {1.0: "precise 640x480, rendering and readback", 6.0: "search 640x480, rendering and readback"}
+# Criterion's group and name of Boresight's frame at each field.
+OURS = {1.0: ("frame", "precise 640x480, rendering and readback"), 6.0: ("frame", "search 640x480, rendering and readback")}
+# What else is compared with MuJoCo's full frame of four samples: its field [deg], and what is taken away from it.
+MORE = {
+    "256 x 256 window": (1.0, ("frame", "precise 256x256, rendering and readback"), None),
+    "sensor model and truth": (1.0, ("frame", "precise 640x480, with sensor model and truth"), OURS[1.0]),
+    "woods fill the picture, precise": (1.0, ("place", "woods, precise"), None),
+    "woods fill the picture, search": (6.0, ("place", "woods, search"), None),
+}
 
 
 def city():
@@ -153,10 +161,9 @@ def pybullet_ms(field_deg, samples, frames):
     return result
 
 
-def ours_ms(criterion, field_deg):
-    """Milliseconds from criterion's estimates; None if `cargo bench` left none."""
-    # Criterion replaces what a file name should not have.
-    path = criterion / "frame" / OURS[field_deg] / "new" / "estimates.json"
+def ours_ms(criterion, bench):
+    """Milliseconds from criterion's estimates of a group and name; None if `cargo bench` left none."""
+    path = criterion.joinpath(*bench, "new", "estimates.json")
     try:
         return 1e-6 * json.loads(path.read_text())["median"]["point_estimate"]
     except (OSError, ValueError, KeyError):
@@ -177,20 +184,29 @@ def main():
     os.environ.setdefault("MUJOCO_GL", "egl")
     os.environ.setdefault("LIBGL_ALWAYS_SOFTWARE", "1")
     print("640 x 480, 1,050 boxes, milliseconds a frame with readback (median)\n")
+    mujoco = {}  # its four samples [ms] at each field
     print(f"{'field':>6} {'samples':>8} {'Boresight':>10} {'MuJoCo':>8} {'PyBullet':>9}")
     for field_deg in FIELDS_DEG:
         for samples in (0, 4):
             # Boresight's cameras always take four samples.
-            ours = ours_ms(args.criterion, field_deg) if samples == 4 else None
+            ours = ours_ms(args.criterion, OURS[field_deg]) if samples == 4 else None
             cells = [f"{ours:.1f}" if ours else "-"]
             for engine in (mujoco_ms, pybullet_ms):
                 try:
-                    cells.append(f"{engine(field_deg, samples, args.frames):.1f}")
+                    cells.append(f"{(taken := engine(field_deg, samples, args.frames)):.1f}")
+                    if engine is mujoco_ms:
+                        mujoco[field_deg] = taken
                 except Exception as error:  # an engine that cannot run here leaves its cell empty
                     print(f"peers: {engine.__name__[:-3]}: {error}", file=sys.stderr)
                     cells.append("-")
             print(f"{field_deg:>5.0f}° {max(samples, 1):>8} {cells[0]:>10} {cells[1]:>8} {cells[2]:>9}", flush=True)
-    if ours_ms(args.criterion, FIELDS_DEG[0]) is None:
+    print("\nBoresight's time over that of MuJoCo's full frame of four samples\n")
+    full = {f"640 x 480 frame, {field_deg:.0f}°": (field_deg, bench, None) for field_deg, bench in OURS.items()}
+    for name, (field_deg, bench, less) in (full | MORE).items():
+        whole, part = ours_ms(args.criterion, bench), ours_ms(args.criterion, less) if less else 0.0
+        known = field_deg in mujoco and whole is not None and part is not None
+        print(f"{name:>32} {(whole - part) / mujoco[field_deg]:6.3f}" if known else f"{name:>32}      -")
+    if ours_ms(args.criterion, OURS[FIELDS_DEG[0]]) is None:
         print(f"\nBoresight's column is empty: run `cargo bench` first (looked in {args.criterion})")
 
 

@@ -17,12 +17,19 @@ use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn
 use crate::systems::render::scene;
 use bevy::light::cluster::GlobalClusterSettings;
 use bevy::prelude::*;
+use bevy::render::batching::gpu_preprocessing::{GpuPreprocessingMode, GpuPreprocessingSupport};
 use bevy::render::view::{prepare_view_attachments, prepare_view_targets};
-use bevy::render::{Render, RenderApp, RenderSystems};
+use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems, init_gpu_resource};
 use bevy::transform::TransformSystems;
 use big_space::grid::local_origin::LocalFloatingOrigin;
 use big_space::plugin::{BigSpaceCorePlugin, BigSpaceSystems};
 use big_space::prelude::{BigSpace, Grid};
+
+/// Meshes are placed on the CPU: there are some hundred, and a compute shader in every view costs more than
+/// their matrices.
+const BY_HAND: GpuPreprocessingSupport = GpuPreprocessingSupport {
+    max_supported_mode: GpuPreprocessingMode::None,
+};
 
 /// Materials, shader and big space; needs Bevy's own rendering plugins.
 pub struct ScenePlugin;
@@ -49,6 +56,12 @@ impl Plugin for ScenePlugin {
             .add_plugins(MaterialPlugin::<LeanMaterial>::default())
             .add_plugins(TilesPlugin::<LeanPaint>::painted());
         if let Some(renderer) = app.get_sub_app_mut(RenderApp) {
+            // Bevy asks before the first frame and again when it has the device.
+            renderer.insert_resource(BY_HAND).add_systems(
+                RenderStartup,
+                (|mut commands: Commands| commands.insert_resource(BY_HAND))
+                    .after(init_gpu_resource::<GpuPreprocessingSupport>),
+            );
             renderer.add_systems(
                 Render,
                 attach_unwritten

@@ -46,6 +46,7 @@ impl Background<'_> {
         let width = self.rect.size_px[0] as usize;
         let [left, top] = self.rect.offset_px.map(|x| x as usize);
         let count = rows.len() / (PIXEL_BYTES * width).max(1);
+        let mut lattice = Lattice::default();
         let mut row = 0;
         while row < count {
             // Up to the next row of the sensor's lattice.
@@ -58,42 +59,61 @@ impl Background<'_> {
                 let lines = rows[PIXEL_BYTES * width * row..PIXEL_BYTES * width * end]
                     .chunks_exact_mut(PIXEL_BYTES * width)
                     .map(|line| &mut line[columns[0]..columns[1]]);
-                self.fill_tile([x, y], lines);
+                self.fill_tile([x, y], &mut lattice, lines);
                 x = next;
             }
+            lattice.go_down();
             row = end;
         }
     }
 
     /// Adds the sky to the part of a tile whose first pixel is `at` of the sensor.
-    fn fill_tile<'b>(&self, at: [usize; 2], lines: impl Iterator<Item = &'b mut [u8]>) {
+    fn fill_tile<'b>(
+        &self,
+        at: [usize; 2],
+        lattice: &mut Lattice,
+        lines: impl Iterator<Item = &'b mut [u8]>,
+    ) {
         let corner = at.map(|x| x - x % TILE_PX);
         let mut tile: Option<Tile> = None;
         for (y, line) in (at[1]..).zip(lines) {
             let mut rgba = [0.0; 4 * TILE_PX];
             let mut halves = [f16::ZERO; 4 * TILE_PX];
             let length = line.len() / 2;
+            // Most of a sky is bare: it is written without being read.
+            let (words, _) = line.as_chunks::<PIXEL_BYTES>();
+            let drawn = words
+                .iter()
+                .fold(0, |all, pixel| all | u64::from_ne_bytes(*pixel))
+                != 0;
             let (bytes, _) = line.as_chunks_mut::<2>();
-            for (half, bytes) in halves.iter_mut().zip(&*bytes) {
-                *half = f16::from_le_bytes(*bytes);
-            }
-            halves[..length].convert_to_f32_slice(&mut rgba[..length]);
             let samples = self.samples as f32;
             let open = |alpha: f32| {
                 let sum = (alpha * samples + 0.5) as u32;
                 1.0 - (sum % BASE) as f32 / samples
             };
             let (pixels, _) = rgba[..length].as_chunks_mut::<4>();
-            if pixels.iter().all(|pixel| open(pixel[3]) <= 0.0) {
-                continue;
-            }
-            let tile = tile.get_or_insert_with(|| self.tile(corner));
-            let sky = tile.line(y - corner[1]);
-            for (x, pixel) in (at[0] - corner[0]..).zip(pixels) {
-                let open = open(pixel[3]);
-                for (pixel, sky) in pixel.iter_mut().zip(sky[x]) {
-                    *pixel += open * sky;
+            if drawn {
+                for (half, bytes) in halves.iter_mut().zip(&*bytes) {
+                    *half = f16::from_le_bytes(*bytes);
                 }
+                halves[..length].convert_to_f32_slice(pixels.as_flattened_mut());
+                if pixels.iter().all(|pixel| open(pixel[3]) <= 0.0) {
+                    continue;
+                }
+            }
+            let tile = tile.get_or_insert_with(|| self.tile(corner, lattice));
+            let sky = tile.line(y - corner[1]);
+            let sky = &sky[at[0] - corner[0]..];
+            if drawn {
+                for (pixel, sky) in pixels.iter_mut().zip(sky) {
+                    let open = open(pixel[3]);
+                    for (pixel, sky) in pixel.iter_mut().zip(sky) {
+                        *pixel += open * sky;
+                    }
+                }
+            } else {
+                pixels.copy_from_slice(&sky[..pixels.len()]);
             }
             if tile.sunny {
                 for (x, pixel) in (at[0]..).zip(rgba[..length].as_chunks_mut::<4>().0) {
@@ -118,12 +138,19 @@ impl Background<'_> {
     }
 
     /// The sky of the tile whose corner is pixel `corner` of the sensor.
-    fn tile(&self, corner: [usize; 2]) -> Tile {
+    fn tile(&self, corner: [usize; 2], lattice: &mut Lattice) -> Tile {
         let corner_px = DVec2::new(corner[0] as f64, corner[1] as f64);
         let at = |i: usize, j: usize| corner_px + DVec2::new(i as f64, j as f64);
-        let sky = |i: usize, j: usize| self.backdrop.sky(self.direction(at(i, j)));
         let last = TILE_PX;
-        let corners = [[sky(0, 0), sky(last, 0)], [sky(0, last), sky(last, last)]];
+        let first = self.rect.offset_px[0] as usize / TILE_PX;
+        let corners = [0, 1].map(|j| {
+            [0, 1].map(|i| {
+                let column = corner[0] / TILE_PX - first + i;
+                lattice.at(column, j, || {
+                    self.backdrop.sky(self.direction(at(i * last, j * last)))
+                })
+            })
+        });
         let detail_rad = CLOUD_PX as f64 / self.pinhole.focal_px;
         let middle = self.direction(at(last / 2, last / 2));
         let radius_rad = TILE_PX as f64 / self.pinhole.focal_px;
@@ -152,6 +179,27 @@ impl Background<'_> {
     }
 }
 
+/// The clear sky at the corners of a row of tiles, the upper ones and the lower ones, where a tile has asked for it.
+#[derive(Default)]
+struct Lattice([Vec<Option<[f64; 3]>>; 2]);
+
+impl Lattice {
+    /// The sky at column `column` of the upper (0) or lower (1) corners.
+    fn at(&mut self, column: usize, row: usize, sky: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
+        let row = &mut self.0[row];
+        if row.len() <= column {
+            row.resize(column + 1, None);
+        }
+        *row[column].get_or_insert_with(sky)
+    }
+
+    /// Goes on to the next row of tiles, whose upper corners are this one's lower.
+    fn go_down(&mut self) {
+        self.0.swap(0, 1);
+        self.0[1].clear();
+    }
+}
+
 /// The sky of a square of pixels.
 struct Tile {
     /// Rows of nodes: linear sRGB [kcd/m^2], and what clouds leave of the sun's disc.
@@ -165,16 +213,19 @@ impl Tile {
     fn line(&self, y: usize) -> [[f32; 4]; TILE_PX] {
         let v = (y % CLOUD_PX) as f32 / CLOUD_PX as f32 + 0.5 / CLOUD_PX as f32;
         let rows = [y / CLOUD_PX, y / CLOUD_PX + 1].map(|j| &self.nodes[j]);
-        let across: [[f32; 3]; NODES + 1] = std::array::from_fn(|i| {
-            std::array::from_fn(|c| rows[0][i][c] + (rows[1][i][c] - rows[0][i][c]) * v)
-        });
+        // All four numbers at once, so that a pixel is one vector.
+        let join = |a: &[f32; 4], b: &[f32; 4], share: f32| -> [f32; 4] {
+            std::array::from_fn(|c| a[c] + (b[c] - a[c]) * share)
+        };
+        let across: [[f32; 4]; NODES + 1] =
+            std::array::from_fn(|i| join(&rows[0][i], &rows[1][i], v));
         std::array::from_fn(|x| {
             let (i, u) = (
                 x / CLOUD_PX,
                 (x % CLOUD_PX) as f32 / CLOUD_PX as f32 + 0.5 / CLOUD_PX as f32,
             );
-            let rgb = |c: usize| across[i][c] + (across[i + 1][c] - across[i][c]) * u;
-            [rgb(0), rgb(1), rgb(2), 0.0]
+            let [r, g, b, _] = join(&across[i], &across[i + 1], u);
+            [r, g, b, 0.0]
         })
     }
 
