@@ -37,8 +37,8 @@ MORE = {
     "256 x 256 window": (1.0, ("frame", "precise 256x256, rendering and readback")),
     "all of a frame, 1°": (1.0, ("frame", "precise 640x480, with sensor model and truth")),
     "all of a frame, 6°": (6.0, ("frame", "search 640x480, with sensor model and truth")),
-    "woods fill the picture, 1°": (1.0, ("place", "woods, precise")),
-    "woods fill the picture, 6°": (6.0, ("place", "woods, search")),
+    "woods and fields, 1°": (1.0, ("place", "woods, precise")),
+    "woods and fields, 6°": (6.0, ("place", "woods, search")),
 }
 
 

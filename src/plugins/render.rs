@@ -39,7 +39,7 @@ impl Plugin for ScenePlugin {
         app.add_plugins(BigSpaceCorePlugin)
             .add_systems(
                 PostUpdate,
-                // As `BigSpacePropagationPlugin` has them, but for the flat form of the third from last: its own hands every
+                // As `BigSpacePropagationPlugin` has them, but with the flat `propagate_high_precision`: the other form hands every
                 // entity to the task pool through channels, which costs more than the sums. Nothing lies outside the big space.
                 (
                     BigSpace::find_floating_origin,
