@@ -28,6 +28,7 @@ import torch  # noqa: E402
 from torch import nn  # noqa: E402
 from torch.nn import functional as F  # noqa: E402
 
+import augment as pictures  # noqa: E402
 import plot  # noqa: E402
 from recogniser_interface import CHIP, CLASSES, FEATURES, STEPS  # noqa: E402
 
@@ -35,6 +36,10 @@ AT = {name: k for k, name in enumerate(FEATURES)}
 MOTION = slice(AT["sky_known"], AT["position_flutter"] + 1)
 NAMED = slice(AT["named_uav"], AT["named_other"] + 1)
 BANDS_PX = ((0, 4), (4, 10), (10, 30), (30, 1e9))  # of the newest box
+# Rigid classes whose shapes are drawn anew, and how often: the program has few models of each, the world has many.
+SHAPES = {"uav": pictures.uav, "aeroplane": pictures.aeroplane, "helicopter": pictures.helicopter}
+REDRAWN = 0.25
+CHIP_OVER_BOX, LEAST_CHIP_PX = 2.0, 16.0  # side of a chip (models/tracking/recognition.rs)
 SURE = 0.95  # the laser fires from this one on (`engage.min_uav_probability`)
 LIGHTS = ("Day", "LowSun", "Dusk")  # as a scenario's description names it
 
@@ -133,12 +138,14 @@ def sampling_weights(tracks: Tracks) -> np.ndarray:
 # --- augmentation ---
 
 
-def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, rng: np.random.Generator):
-    """One batch changed as other cameras, detectors and gaps would: chips u8 [B,16,24,24,3]."""
+def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, labels: torch.Tensor, rng: np.random.Generator):
+    """One batch changed as other shapes, cameras, detectors and gaps would: chips u8 [B,16,24,24,3]."""
     chips, features, mask = chips.copy(), features.clone(), mask.clone()
     for b in range(len(chips)):
         f = features[b]
         seen = mask[b] > 0
+        if (shape := SHAPES.get(CLASSES[labels[b]])) and rng.random() < REDRAWN:
+            chips[b] = redrawn(shape, f[:, AT["log_size_px"]].exp().numpy(), seen.numpy(), rng)
         if rng.random() < 0.5:  # mirrored
             chips[b] = chips[b, :, :, ::-1]
             f[:, AT["rate_right"]] *= -1
@@ -169,6 +176,37 @@ def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, rng: 
         chips[b] = spoilt(chips[b], rng)
     features *= mask[:, :, None]
     return chips, features, mask
+
+
+def redrawn(shape, size_px: np.ndarray, seen: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """What a rigid thing of another shape of its class would show in place of a track's chips [16,24,24,3]: one drawing, which
+    wanders, turns and grows a little over the second, before a background that may pass; its boxes are `size_px` [16] large
+    where it was `seen`."""
+    box_px = float(np.clip(np.median(size_px[seen]), 3, 60)) if seen.any() else 10.0
+    side_px = max(CHIP_OVER_BOX * box_px, LEAST_CHIP_PX)
+    wide = 2 * round(0.75 * side_px)  # of the camera's pixels, with a margin
+    behind = pictures.background(rng, wide)
+    drawing = shape(rng, box_px, pictures.tone_against(rng, behind, wide / 2, wide / 2, box_px / 2 + 2))[0]
+    zoom = CHIP / side_px
+    if zoom < 1:  # so that what is taken from them has no aliases
+        behind, drawing = (cv2.GaussianBlur(x, (0, 0), 0.5 / zoom) for x in (behind, drawing))
+    turn_deg, growth, unrest_px = rng.normal(0, 4), rng.normal(0, 0.04), abs(rng.normal(0, 0.04)) * box_px
+    passing_px = rng.normal(0, 0.3, 2) * side_px * (rng.random() < 0.5)  # in the second
+    chips = np.empty((STEPS, CHIP, CHIP, 3), np.float32)
+    for k, part in enumerate(np.linspace(-0.5, 0.5, STEPS)):
+        shake_px = rng.normal(0, 1, 2) * unrest_px
+        chips[k] = seen_by(behind, 0.0, zoom, zoom * (passing_px * part + shake_px), cv2.BORDER_REPLICATE)
+        cut = seen_by(drawing, turn_deg * part, zoom * np.exp(growth * part), zoom * shake_px, cv2.BORDER_CONSTANT)
+        pictures.paste(chips[k], cut, 0, 0)
+    return chips.clip(0, 255).astype(np.uint8)
+
+
+def seen_by(picture: np.ndarray, turn_deg: float, zoom: float, shift: np.ndarray, border: int) -> np.ndarray:
+    """The middle of a picture as a chip: turned, enlarged, shifted by so many pixels of the chip."""
+    middle = (np.array(picture.shape[1::-1]) - 1) / 2  # OpenCV's pixel 0 has its middle at 0
+    way = cv2.getRotationMatrix2D(middle.tolist(), turn_deg, zoom)
+    way[:, 2] += (CHIP - 1) / 2 - middle + shift
+    return cv2.warpAffine(picture, way, (CHIP, CHIP), flags=cv2.INTER_LINEAR, borderMode=border)
 
 
 def stretch(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, pace: float) -> None:
@@ -468,7 +506,7 @@ def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, start: R
     for step in range(1, steps + 1):
         rows = rng.choice(len(tracks), batch, p=weights)
         chips, features, mask, labels = tracks.batch(rows)
-        chips, features, mask = augment(chips.numpy(), features, mask, rng)
+        chips, features, mask = augment(chips.numpy(), features, mask, labels, rng)
         model.train()
         loss = F.cross_entropy(model(planes(chips), features, mask), labels, label_smoothing=0.02)
         optimiser.zero_grad()

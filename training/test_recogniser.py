@@ -77,14 +77,28 @@ def test_folders_are_read_and_damage_is_told(tmp_path):
 def test_augmentation_keeps_what_it_must():
     tracks = made()
     rng = np.random.default_rng(1)
-    chips, features, mask, _ = tracks.batch(np.arange(64))
+    chips, features, mask, labels = tracks.batch(np.arange(64))
     before = chips.numpy().copy()
-    changed, f, m = r.augment(chips.numpy(), features, mask, rng)
+    changed, f, m = r.augment(chips.numpy(), features, mask, labels, rng)
     assert (chips.numpy() == before).all() and changed.shape == before.shape and changed.dtype == np.uint8
     assert ((m == 0) | (m == 1)).all() and (m.sum(1) >= 3).all()
     assert (f[m == 0] == 0).all() and torch.isfinite(f).all()
     known = f[:, :, r.AT["sky_known"]]
     assert (f[..., r.MOTION][known == 0] == 0).all()
+
+
+@pytest.mark.parametrize("box_px", [6.0, 12.0, 40.0])
+def test_what_is_drawn_anew_is_as_large_as_the_boxes_and_in_the_middle(box_px, monkeypatch):
+    monkeypatch.setattr(r.pictures, "background", lambda rng, size: np.full((size, size, 3), 100, np.float32))
+    square = lambda rng, size, tone: (np.full((round(size), round(size), 4), (250, 250, 250, 1), np.float32), None, 0)
+    seen = np.arange(16) % 2 == 0
+    sizes = np.where(seen, box_px, 99.0)  # of a step that was not seen nothing is known
+    rng = np.random.default_rng(5)
+    found = [r.redrawn(square, sizes, seen, rng)[..., 0] > 175 for _ in range(20)]
+    side = 24 * box_px / max(2 * box_px, 16)
+    assert np.sqrt(np.mean([step.sum() for chips in found for step in chips])) == pytest.approx(side, rel=0.1)
+    y, x = np.mean([np.argwhere(step).mean(0) for chips in found for step in chips], 0)
+    assert abs(y - 11.5) < 0.3 and abs(x - 11.5) < 0.3
 
 
 def test_stretching_time_keeps_the_newest_and_scales_rates():

@@ -393,3 +393,19 @@ def test_table_gives_mean_and_spread(tmp_path):
     assert rows[3][column["mAP@50"]] == "0.600 ± 0.141"  # sample standard deviation of 0.5 and 0.7: 0.1414
     assert rows[2][column["mAP@50"]] == "0.250" and rows[3][column["seeds"]] == "2"
     assert rows[3][column["M parameters"]] == "0.35" and rows[3][column["miss distance mean [px]"]] == "–"
+
+
+def test_weights_of_several_runs_are_exported_as_their_mean(tmp_path):
+    """Weights are averaged, counters are the last run's, and runs of other models are refused."""
+    classes, paths = list(models.CLASSES), [tmp_path / "a.pt", tmp_path / "b.pt", tmp_path / "c.pt"]
+    for seed, (path, name) in enumerate(zip(paths, ("boresight-p2", "boresight-p2", "boresight-p2-roi"))):
+        torch.manual_seed(seed)
+        weights = models.build(name, len(classes)).state_dict()
+        weights = {k: v if v.is_floating_point() else v + 10 * seed for k, v in weights.items()}
+        torch.save({"recipe": {"model": name}, "classes": classes, "ema": weights}, path)
+    a, b, mean = (export.load(*some)[0].state_dict() for some in (paths[:1], paths[1:2], paths[:2]))
+    assert any(k.endswith("num_batches_tracked") for k in mean)
+    for name, value in mean.items():
+        torch.testing.assert_close(value, (a[name] + b[name]) / 2 if value.is_floating_point() else b[name])
+    with pytest.raises(SystemExit, match="another model"):
+        export.load(*paths)
