@@ -40,7 +40,7 @@ class Decoder(torch.nn.Module):
 def load(*paths: Path) -> tuple[torch.nn.Module, dict]:
     """The averaged weights of a checkpoint, of several of one model their mean, ready to infer, and the last checkpoint.
 
-    The mean of runs of which one began where another ended errs less than either (Wortsman et al., ICML 2022).
+    The mean of runs of which one began where another ended often errs less than either (Wortsman et al., ICML 2022).
     """
     states = [torch.load(path, map_location="cpu", weights_only=True) for path in paths]
     state = states[-1]
