@@ -30,7 +30,7 @@ from torch.nn import functional as F  # noqa: E402
 
 import augment as pictures  # noqa: E402
 import plot  # noqa: E402
-from recogniser_interface import CHIP, CLASSES, FEATURES, STEPS  # noqa: E402
+from recogniser_interface import CHIP, CHIP_OVER_BOX, CLASSES, FEATURES, LEAST_CHIP_PX, STEPS  # noqa: E402
 
 AT = {name: k for k, name in enumerate(FEATURES)}
 MOTION = slice(AT["sky_known"], AT["position_flutter"] + 1)
@@ -39,7 +39,6 @@ BANDS_PX = ((0, 4), (4, 10), (10, 30), (30, 1e9))  # of the newest box
 # Rigid classes whose shapes are drawn anew, and how often: the program has few models of each, the world has many.
 SHAPES = {"uav": pictures.uav, "aeroplane": pictures.aeroplane, "helicopter": pictures.helicopter}
 REDRAWN = 0.25
-CHIP_OVER_BOX, LEAST_CHIP_PX = 2.0, 16.0  # side of a chip (models/tracking/recognition.rs)
 SURE = 0.95  # the laser fires from this one on (`engage.min_uav_probability`)
 LIGHTS = ("Day", "LowSun", "Dusk")  # as a scenario's description names it
 

@@ -1,6 +1,7 @@
 """What a recogniser is given and gives, as `boresight` checks it (models/tracking/recognition.rs)."""
 
 STEPS, CHIP = 16, 24
+CHIP_OVER_BOX, LEAST_CHIP_PX = 2.0, 16.0  # a chip's side over the box's, and its least in the camera's pixels
 CLASSES = ("uav", "bird", "aeroplane", "helicopter", "balloon", "other")
 FEATURES = (
     "age_s", "sky_known", "right_sizes", "up_sizes", "rate_right", "rate_up", "rate_sizes", "position_flutter",
