@@ -1,7 +1,7 @@
 //! The site's world: city, weather, light.
 
 use crate::models::air::atmosphere::Cn2Profile;
-use crate::models::air::sky::Sky;
+use crate::models::air::backdrop::Backdrop;
 use crate::models::air::weather::Weather;
 use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
@@ -30,10 +30,8 @@ pub struct Environment {
     pub air_density_kgpm3: f64,
     /// Optical turbulence over height above the ground.
     pub cn2: Cn2Profile,
-    /// Unit vector to the sun.
-    pub sun_dir_enu: DVec3,
-    /// Light of sun and sky.
-    pub sky: Sky,
+    /// Sun, sky and clouds.
+    pub backdrop: Backdrop,
 }
 
 /// The tiles that show a real city.

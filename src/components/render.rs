@@ -1,7 +1,6 @@
 //! What the renderer sees: the lean material, the sensor projection, links from truth to scene.
 
 use crate::components::tiles::TileSurface;
-use crate::models::air::backdrop::Backdrop;
 use crate::models::ground::skyline::Skyline;
 use crate::models::optics::camera::PixelRect;
 use crate::models::shape::mesh::Surface;
@@ -209,10 +208,6 @@ pub struct SceneHandles {
     /// Material of each kind of solid surface, by its number.
     pub solid: [Handle<LeanMaterial>; Surface::ALL.len()],
 }
-
-/// What shows where nothing solid stands.
-#[derive(Resource)]
-pub struct SkyView(pub Backdrop);
 
 /// The layer that only the window's camera sees: the sky, and the tiles that are streamed for it.
 pub const WINDOW_LAYER: usize = 1;

@@ -283,6 +283,8 @@ pub struct Tracker {
     pub turned: BTreeMap<usize, (f64, DQuat)>,
     /// Since when it has been seen well, and not well enough recognised to be fired at.
     pub doubtful_since: Option<u64>,
+    /// Since when it has been ranged where the radar has no target, and not well enough recognised to be fired at.
+    pub another_since: Option<u64>,
     /// Since when the range finder has said that the target is no UAV.
     pub disproved_since: Option<u64>,
     /// Since when the target has been as unlikely as what is given up.
@@ -319,6 +321,7 @@ impl Default for Tracker {
             settling: None,
             turned: BTreeMap::new(),
             doubtful_since: None,
+            another_since: None,
             disproved_since: None,
             unlikely_since: None,
             mean_log_odds: 0.0,
@@ -387,6 +390,7 @@ impl Tracker {
         self.falling_since = None;
         self.scenery_since = None;
         self.doubtful_since = None;
+        self.another_since = None;
         self.disproved_since = None;
         self.unlikely_since = None;
         self.mean_log_odds = 0.0;

@@ -6,6 +6,7 @@ use super::shares::{Background, choose, log_range, pick};
 use super::stage::Prop;
 use crate::components::environment::Environment;
 use crate::models::air::atmosphere::{Cn2Profile, air_density_kgpm3};
+use crate::models::air::backdrop::Backdrop;
 use crate::models::air::sky::{GROUND_ALBEDO, Sky};
 use crate::models::air::weather::Weather;
 use crate::models::air::wind::{MeanWind, WindError};
@@ -47,8 +48,6 @@ pub struct Scene {
     pub uavs: Vec<Arc<UavModel>>,
     /// Cranes, masts and the like, about the origin.
     pub clutter: Vec<MeshData>,
-    /// The seed of its clouds; none: their mean light only.
-    pub clouds: Option<u64>,
     /// Tops of the clutter [m].
     pub tops_enu_m: Vec<DVec3>,
 }
@@ -95,11 +94,12 @@ impl Scene {
         let clouds = (rng.uniform() < 0.8).then(|| rng.bits());
         let mut rng = stream("dataset clutter");
         let (clutter, tops_enu_m) = clutter(&city, background, camera.r_enu_m, &mut rng);
-        let environment =
-            environment(city, weather, sun_dir_enu).map_err(|source| DatasetError::Wind {
+        let environment = environment(city, weather, sun_dir_enu, clouds).map_err(|source| {
+            DatasetError::Wind {
                 scene: index,
                 source,
-            })?;
+            }
+        })?;
         let balance = &recipe.camera.white_balance_error_stops;
         let mut rng = stream("dataset white balance");
         camera.sensor.white_balance = drawn_balance(&environment, *balance, &mut rng);
@@ -113,7 +113,6 @@ impl Scene {
             props,
             uavs,
             clutter,
-            clouds,
             tops_enu_m,
         })
     }
@@ -176,7 +175,7 @@ fn drawn_balance(environment: &Environment, error_stops: f64, rng: &mut Stream) 
     let balance = if fixed {
         [1.0; 3]
     } else {
-        white_balance(environment.sky.illuminant_klx())
+        white_balance(environment.backdrop.sky.illuminant_klx())
     };
     let mut off = || (error_stops * rng.normal()).exp2();
     let balance = [balance[0] * off(), balance[1], balance[2] * off()];
@@ -298,8 +297,19 @@ fn props(
     Ok((props, uavs))
 }
 
-/// The world around a scene; its wind moves nothing in the pictures.
-fn environment(city: City, weather: Weather, sun_dir_enu: DVec3) -> Result<Environment, WindError> {
+/// The world around a scene, whose clouds are drawn if they have a seed; its wind moves nothing in the pictures.
+fn environment(
+    city: City,
+    weather: Weather,
+    sun_dir_enu: DVec3,
+    clouds: Option<u64>,
+) -> Result<Environment, WindError> {
+    let sky = Sky::new(
+        sun_dir_enu,
+        weather.visibility_m,
+        weather.cloud_cover,
+        GROUND_ALBEDO,
+    );
     Ok(Environment {
         site: SiteFrame::new(Geodetic {
             latitude_rad: 47.3769f64.to_radians(),
@@ -320,13 +330,7 @@ fn environment(city: City, weather: Weather, sun_dir_enu: DVec3) -> Result<Envir
             weather.relative_humidity,
         ),
         cn2: Cn2Profile::Constant(1e-14),
-        sun_dir_enu,
-        sky: Sky::new(
-            sun_dir_enu,
-            weather.visibility_m,
-            weather.cloud_cover,
-            GROUND_ALBEDO,
-        ),
+        backdrop: Backdrop::new(sky, sun_dir_enu).with_clouds(weather.cloud_cover, clouds),
         weather,
     })
 }

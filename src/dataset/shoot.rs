@@ -49,7 +49,6 @@ pub fn make(
         size_px,
         &scene.props,
         &scene.clutter,
-        scene.clouds,
     );
     // Pictures are compressed and written while the next ones are rendered.
     let (give, take) = sync_channel::<Developed>(8);
@@ -87,7 +86,7 @@ pub fn make(
         scene: scene.index,
         split,
         background: scene.background,
-        sun_elevation_deg: scene.environment.sun_dir_enu.z.asin().to_degrees(),
+        sun_elevation_deg: scene.environment.backdrop.sun_dir_enu.z.asin().to_degrees(),
         visibility_m: scene.environment.weather.visibility_m,
         cloud_cover: scene.environment.weather.cloud_cover,
         camera: CameraRecord {

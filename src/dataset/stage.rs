@@ -6,7 +6,6 @@ use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::render::{SceneHandles, SensorViews};
-use crate::models::air::backdrop::Backdrop;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::multirotor::{MAX_ROTORS, MultirotorState};
 use crate::models::maths::kinematics::Pose;
@@ -103,7 +102,6 @@ impl Stage {
         size_px: [u32; 2],
         props: &[Prop],
         clutter: &[MeshData],
-        clouds: Option<u64>,
     ) {
         let world = self.app.world_mut();
         if let Some(root) = self.root.take() {
@@ -114,12 +112,8 @@ impl Stage {
                 world.despawn(entity);
             }
         }
-        let mut backdrop = Backdrop::new(environment.sky.clone(), environment.sun_dir_enu);
-        if let Some(seed) = clouds {
-            backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
-        }
         let tiles = environment.city.chunks();
-        scene::spawn(world, &environment, tiles, backdrop, &[r_camera_enu_m]);
+        scene::spawn(world, &environment, tiles, &[r_camera_enu_m]);
         world.insert_resource(environment);
         let site_grid = world.resource::<SceneHandles>().site_grid;
         self.root = world.get::<ChildOf>(site_grid).map(|child| child.parent());

@@ -5,7 +5,7 @@ use crate::components::capture::{
 };
 use crate::components::environment::Environment;
 use crate::components::mount::{Boresight, Mount, OpticalPath, Optics, Station};
-use crate::components::render::SkyView;
+use crate::components::render::SceneHandles;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::optics::calibration::{self, CalibrationError};
@@ -43,7 +43,7 @@ impl Plugin for CapturePlugin {
                 Tick,
                 (
                     scene::relight.run_if(
-                        resource_exists::<SkyView>
+                        resource_exists::<SceneHandles>
                             .and_then(resource_changed::<Environment>)
                             .and_then(not(resource_added::<Environment>)),
                     ),
@@ -244,7 +244,7 @@ fn sensor_params(
         blur_sigma_px: blur.min(16.0),
         white_balance: match camera.white_balance {
             _ if camera.mosaic == scenario::Mosaic::Mono => [1.0; 3],
-            WhiteBalance::Auto => white_balance(environment.sky.illuminant_klx()),
+            WhiteBalance::Auto => white_balance(environment.backdrop.sky.illuminant_klx()),
             WhiteBalance::Daylight => [1.0; 3],
         },
         transfer: Transfer::Srgb,

@@ -1,8 +1,9 @@
 //! Site, city, weather and light; the air at every UAV.
 
 use crate::components::environment::{CityTiles, Environment};
-use crate::components::run::{Options, PartError, RunScenario, SetUp, Tick, TickSet};
+use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::air::atmosphere::air_density_kgpm3;
+use crate::models::air::backdrop::Backdrop;
 use crate::models::air::sky::{GROUND_ALBEDO, Sky};
 use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
@@ -38,10 +39,11 @@ fn set_up(
     mut commands: Commands,
     mut loaded: ResMut<RunScenario>,
     options: Res<Options>,
+    seed: Res<Seed>,
 ) -> Result<(), PartError> {
     // Baked shadows depend on the sun, and only pictures show them.
     let city = options.city.clone().filter(|_| !options.capture);
-    let environment = environment(&loaded, city)?;
+    let environment = environment(&loaded, city, seed.0)?;
     // What follows reads places as numbers.
     if let Some(placed) = placed(&loaded, &environment.site, &environment.city)? {
         loaded.0 = Arc::new(placed);
@@ -77,7 +79,11 @@ pub fn placed(
 }
 
 /// The surroundings that a scenario describes; `city` is taken if it has the scenario's parameters.
-fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, InputError> {
+fn environment(
+    loaded: &Loaded,
+    city: Option<Arc<City>>,
+    seed: u64,
+) -> Result<Environment, InputError> {
     let scenario = &loaded.scenario;
     let site = scenario.site.frame();
     let (weather, pressure_pa, sun) = loaded.weather_and_sun()?;
@@ -100,6 +106,13 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
         city.roughness.displacement_m(),
     )
     .map_err(|error| loaded.refuse("weather", error))?;
+    let sky = Sky::new(
+        sun_dir_enu,
+        weather.visibility_m,
+        weather.cloud_cover,
+        GROUND_ALBEDO,
+    );
+    let clouds = scenario.weather.cloud_texture.then_some(seed);
     Ok(Environment {
         air_density_kgpm3: air_density_kgpm3(
             pressure_pa,
@@ -107,18 +120,12 @@ fn environment(loaded: &Loaded, city: Option<Arc<City>>) -> Result<Environment, 
             weather.relative_humidity,
         ),
         cn2: scenario.turbulence.cn2_profile(mean_height_m, day),
-        sky: Sky::new(
-            sun_dir_enu,
-            weather.visibility_m,
-            weather.cloud_cover,
-            GROUND_ALBEDO,
-        ),
         site,
         city,
         tiles,
         weather,
         mean_wind,
-        sun_dir_enu,
+        backdrop: Backdrop::new(sky, sun_dir_enu).with_clouds(weather.cloud_cover, clouds),
     })
 }
 

@@ -7,8 +7,7 @@ use crate::components::mount::Mount;
 use crate::components::render::{
     LEAN_SHADER, LeanMaterial, LeanPaint, SceneHandles, SensorViews, Solids,
 };
-use crate::components::run::{Failure, Options, RunScenario, Seed};
-use crate::models::air::backdrop::Backdrop;
+use crate::components::run::{Failure, Options};
 use crate::models::ground::skyline::Skyline;
 use crate::plugins::tiles::TilesPlugin;
 use crate::systems::capture::{ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX};
@@ -100,22 +99,12 @@ pub fn show(world: &mut World) {
         .map(|(entity, mount)| (entity, mount.r_enu_m))
         .collect();
     let eyes_enu_m: Vec<_> = stations.iter().map(|(_, r_enu_m)| *r_enu_m).collect();
-    let mut backdrop = Backdrop::new(environment.sky.clone(), environment.sun_dir_enu);
-    if world
-        .resource::<RunScenario>()
-        .scenario
-        .weather
-        .cloud_texture
-    {
-        let seed = world.resource::<Seed>().0;
-        backdrop = backdrop.with_clouds(environment.weather.cloud_cover, seed);
-    }
     let tiles = environment.city.chunks();
     for (station, r_enu_m) in stations {
         let solids = Solids(Skyline::new(&tiles, r_enu_m));
         world.entity_mut(station).insert(solids);
     }
-    scene::spawn(world, &environment, tiles, backdrop, &eyes_enu_m);
+    scene::spawn(world, &environment, tiles, &eyes_enu_m);
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let uavs: Vec<_> = uavs
         .iter(world)

@@ -8,9 +8,7 @@ use crate::components::detect::region_px;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
 use crate::components::mount::{Boresight, CameraView};
-use crate::components::render::{
-    SensorProjection, SensorViews, SkyView, Solids, UavBody, UavRotor,
-};
+use crate::components::render::{SensorProjection, SensorViews, Solids, UavBody, UavRotor};
 use crate::components::run::{Failure, Seed, SimClock, Stopwatch};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::ground::skyline::Skyline;
@@ -544,11 +542,8 @@ fn add_sky(
     (pinhole, rect, samples): (Pinhole, PixelRect, u32),
     pixels: &mut [u8],
 ) {
-    let Some(SkyView(backdrop)) = world.get_resource() else {
-        return;
-    };
     let background = Background {
-        backdrop,
+        backdrop: &world.resource::<Environment>().backdrop,
         pinhole,
         q_enu_cam: frame.pose.q_enu_cam,
         rect,

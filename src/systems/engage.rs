@@ -350,7 +350,11 @@ fn look_along(
     let t_s = clock.t_s();
     let los = track.filter.predicted(t_s);
     let direction = az_el_to_los(los.az_el_rad());
-    if faces_sun(direction, environment.sun_dir_enu, rules.sun_exclusion_rad) {
+    if faces_sun(
+        direction,
+        environment.backdrop.sun_dir_enu,
+        rules.sun_exclusion_rad,
+    ) {
         refused.push("sun behind the target");
     }
     let mut others = (tracker.table.tracks.iter()).filter(|other| {

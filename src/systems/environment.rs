@@ -28,8 +28,8 @@ impl Environment {
             visibility_m: order.visibility_m.unwrap_or(before.visibility_m),
             ..before
         };
-        self.sky = Sky::new(
-            self.sun_dir_enu,
+        self.backdrop.sky = Sky::new(
+            self.backdrop.sun_dir_enu,
             self.weather.visibility_m,
             self.weather.cloud_cover,
             GROUND_ALBEDO,

@@ -20,11 +20,11 @@ use glam::{DVec2, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
-/// `urban_intercept` with the truth as detector, a search camera that stares, and one UAV that hovers.
-fn hovering_at(r_enu_m: DVec3) -> Loaded {
+/// `urban_intercept` with the truth as detector, a search camera that stares, one UAV that hovers, and what else is set.
+fn hovering_at(r_enu_m: DVec3, set: &[&str]) -> Loaded {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     let [e, n, u] = r_enu_m.to_array();
-    let overrides = [
+    let own = [
         "detector.kind=truth".to_string(),
         // Still tracked: a target that falls changes shape.
         "engage.authorised=false".to_string(),
@@ -32,6 +32,9 @@ fn hovering_at(r_enu_m: DVec3) -> Loaded {
         "search.cue.sigma_deg=0.001".to_string(),
         format!("uavs.0.trajectory={{ kind = \"hover\", position_enu_m = [{e}, {n}, {u}] }}"),
     ];
+    let overrides: Vec<String> = (own.into_iter())
+        .chain(set.iter().map(|text| (*text).to_owned()))
+        .collect();
     Scenario::load(&path, &overrides).unwrap()
 }
 
@@ -153,7 +156,7 @@ fn picture_centroid_px(seen: &Seen) -> Option<DVec2> {
 #[test]
 fn a_rendered_uav_is_where_the_truth_has_it() {
     let _one = rendering();
-    let all = rendered(&hovering_at(DVec3::new(-660.0, 660.0, 125.0)), 1.2);
+    let all = rendered(&hovering_at(DVec3::new(-660.0, 660.0, 125.0), &[]), 1.2);
     let (mut small, mut worst_px, mut sum) = (0, 0.0f64, DVec2::ZERO);
     let mut pictures_px = Vec::new();
     for seen in &all {
@@ -289,7 +292,7 @@ fn hidden_place(dsm: &Dsm, station_enu_m: DVec3, city: &City) -> DVec3 {
 #[test]
 fn a_uav_above_closed_cloud_is_not_visible() {
     let _one = rendering();
-    let mut loaded = hovering_at(DVec3::new(-660.0, 660.0, 125.0));
+    let mut loaded = hovering_at(DVec3::new(-660.0, 660.0, 125.0), &[]);
     loaded.scenario.weather.cloud_cover = Some(1.0);
     for (base_m, seen_there) in [(130.0, true), (120.0, false)] {
         loaded.scenario.weather.cloud_base_m = Some(base_m);
@@ -306,10 +309,10 @@ fn a_uav_above_closed_cloud_is_not_visible() {
 #[test]
 fn a_uav_behind_a_building_is_not_visible() {
     let _one = rendering();
-    let scenario = hovering_at(DVec3::new(-660.0, 660.0, 125.0)).scenario;
+    let scenario = hovering_at(DVec3::new(-660.0, 660.0, 125.0), &[]).scenario;
     let city = City::generate(&scenario.city).unwrap();
     let r_enu_m = hidden_place(&city.dsm, city.station_enu_m(), &city);
-    let all = rendered(&hovering_at(r_enu_m), 0.2);
+    let all = rendered(&hovering_at(r_enu_m, &[]), 0.2);
     assert!(all.len() >= 5, "{} frames", all.len());
     for seen in &all {
         assert!(!seen.geometric.clear);
@@ -322,6 +325,27 @@ fn a_uav_behind_a_building_is_not_visible() {
 }
 
 /// Linear signal of an 8-bit code, the inverse of the sRGB curve (IEC 61966-2-1).
+/// Sunlit clouds are several times as bright as the mean sky that has their light, too: the exposure knows them.
+#[test]
+fn sunlit_clouds_are_not_blown_out() {
+    let set = [
+        "weather.metar=ZZZZ 050657Z 31012G22KT 9999 BKN030 12/07 Q1012 NOSIG",
+        "weather.cloud_texture=true",
+        "time_utc=2025-07-05T06:57:00Z",
+        "seed=8598617661694",
+    ];
+    let loaded = hovering_at(DVec3::new(-660.0, -220.0, 160.0), &set);
+    let frames = rendered(&loaded, 0.5);
+    let shares = frames.iter().map(|seen| {
+        let rgb8 = seen.frame.rgb8.as_ref().unwrap();
+        let white = |pixel: &&[u8]| pixel.iter().all(|level| *level >= 254);
+        3.0 * rgb8.chunks_exact(3).filter(white).count() as f64 / rgb8.len() as f64
+    });
+    let most = shares.fold(0.0, f64::max);
+    println!("{} frames, white {most:.3} at most", frames.len());
+    assert!(frames.len() > 10 && most < 0.05, "{most}");
+}
+
 fn linear(code: u8) -> f64 {
     let code = f64::from(code) / 255.0;
     if code <= 0.040_45 {
@@ -487,7 +511,7 @@ fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
     let towards = DVec3::new(-1.0, 1.0, 0.02).normalize();
     let beta_per_m = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));
     let kept = |range_m: f64| {
-        let sky = &environment.sky;
+        let sky = &environment.backdrop.sky;
         let seen = sky.through_air([0.0; 3], towards, beta_per_m, range_m);
         1.0 - seen[1] / sky.airlight(towards)[1]
     };

@@ -255,13 +255,13 @@ fn tiles_are_as_bright_as_the_light_of_the_scene_makes_them() {
     let mut app = with_tiles(&plain(&[]), &folder);
     let frame = search_frame(&mut app);
     let environment = app.world().resource::<Environment>();
-    let sky = &environment.sky;
+    let sky = &environment.backdrop.sky;
     let green = |rgb: [f64; 3]| rgb[1];
     // Light on the level, and on a wall that faces south.
     let sun = green(sky.sun_illuminance());
     let (down, up) = (green(sky.ambient_down()), green(sky.ambient_up()));
-    let level_klx = sun * environment.sun_dir_enu.z + down;
-    let wall_klx = sun * (-environment.sun_dir_enu.y).max(0.0) + 0.5 * (down + up);
+    let level_klx = sun * environment.backdrop.sun_dir_enu.z + down;
+    let wall_klx = sun * (-environment.backdrop.sun_dir_enu.y).max(0.0) + 0.5 * (down + up);
     let at = |east_m| green(signal(&frame, DVec3::new(east_m, NORTH_M, UP_M)));
     let [baked, lit, baked_picture, lit_picture] = [-4.0, -2.0, 0.0, 2.0].map(at);
     println!("{baked} {lit} {baked_picture} {lit_picture}, {level_klx} {wall_klx} klx");

@@ -230,7 +230,16 @@ fn history(outcome: &Outcome) -> String {
         .map(|(c, s)| seconds((c.name(), *s)));
     let fired = record.fired_s.iter().map(|(what, s)| seconds((what, *s)));
     let looks = ["search", "coarse", "precise"].iter().zip(record.looks);
-    let looks = looks.map(|(name, l)| format!("{name} {} of {}", l.found, l.frames));
+    let looks = looks.map(|(name, l)| {
+        let before = match l.before {
+            0 => String::new(),
+            _ => format!(
+                " (signal to clutter {:.1} before acquisition)",
+                l.clutter_ratio
+            ),
+        };
+        format!("{name} {} of {}{before}", l.found, l.frames)
+    });
     format!(
         "Visible {}, acquired {}, precise {}, neutralised {}, ended at {:.2} s; held for {} of the time; given \
          up {} times, {} changes of target. Charged: {}. Fired at: {}. Found in frames: {}.",

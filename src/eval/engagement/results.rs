@@ -1,7 +1,9 @@
 //! What the engagements add up to.
 
 use super::job::Outcome;
-use super::verdict::{Cause, HELD_SHARE, IN_TIME_S, VISIBLE_S, What, nearness_name, size_band};
+use super::verdict::{
+    Cause, HELD_SHARE, IN_TIME_S, VISIBLE_S, What, clutter_band, nearness_name, size_band,
+};
 use crate::models::maths::statistics::Rate;
 use crate::report::page::percent;
 use serde::Serialize;
@@ -112,11 +114,14 @@ fn words(value: &impl Serialize) -> String {
 /// A property by which the shares are told apart.
 type Property = (&'static str, fn(&Outcome) -> String);
 
-const PROPERTIES: [Property; 8] = [
+const PROPERTIES: [Property; 9] = [
     ("model", |o| o.facts.model.clone()),
     ("size in the search camera", |o| {
         let size_px = o.record.size_px.map_or(0.0, |[search, _]| search);
         size_band(size_px).into()
+    }),
+    ("signal-to-clutter ratio before acquisition", |o| {
+        clutter_band(&o.record.looks).into()
     }),
     ("background", |o| words(&o.facts.background)),
     ("light", |o| words(&o.facts.light)),

@@ -151,6 +151,18 @@ pub struct Looks {
     pub frames: u32,
     /// Those with a detection on it.
     pub found: u32,
+    /// Those before it was acquired, where pictures are rendered.
+    pub before: u32,
+    /// Its mean [signal-to-clutter ratio](crate::models::optics::clutter::signal_to_clutter) in these.
+    pub clutter_ratio: f64,
+}
+
+impl Looks {
+    /// Takes in the signal-to-clutter ratio in a frame before it was acquired.
+    pub fn stands_out(&mut self, ratio: f64) {
+        self.before += 1;
+        self.clutter_ratio += (ratio - self.clutter_ratio) / f64::from(self.before);
+    }
 }
 
 /// A UAV that was given up.
@@ -293,6 +305,21 @@ pub fn size_band(size_px: f64) -> &'static str {
         px if px < 8.0 => "4–8 px",
         px if px < 16.0 => "8–16 px",
         _ => "16 px and more",
+    }
+}
+
+/// The band of how far it stood out before it was acquired, in whichever of the search and the coarse camera showed it more
+/// clearly.
+pub fn clutter_band([search, coarse, _]: &[Looks; 3]) -> &'static str {
+    if search.before + coarse.before == 0 {
+        return "never in a picture";
+    }
+    match search.clutter_ratio.max(coarse.clutter_ratio) {
+        ratio if ratio < 0.5 => "below 0.5",
+        ratio if ratio < 1.0 => "0.5–1",
+        ratio if ratio < 2.0 => "1–2",
+        ratio if ratio < 4.0 => "2–4",
+        _ => "4 and more",
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::verdict::{Cause, GivenUp, Glance, LATELY_S, LEAST_PX, Record, What, charge};
 use crate::components::beam::BeamState;
-use crate::components::capture::{SensorCamera, Tier};
+use crate::components::capture::{ExposedFrame, SensorCamera, Tier, UavInFrame};
 use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::engage::{Interlocks, Rules};
 use crate::components::environment::Environment;
@@ -13,6 +13,7 @@ use crate::components::track::{Tracker, TrackingState};
 use crate::models::engage::interlock::{FAR_M, faces_sun};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, boresight_chain, los_to_az_el};
+use crate::models::optics::clutter::signal_to_clutter;
 use crate::models::optics::tier::PerTier;
 use crate::report::run::{ContactBox, ContactFrame};
 use crate::systems::capture::projected;
@@ -207,9 +208,13 @@ impl Seen {
                 if found {
                     self.found_s = self.found_s.max(t_s);
                 }
+                let acquired = self.record.acquired_s.is_some();
                 let looks = &mut self.record.looks[tier as usize];
                 looks.frames += 1;
                 looks.found += u32::from(found);
+                if !acquired && let Some(ratio) = clutter_ratio(&batch.frame, uav) {
+                    looks.stands_out(ratio);
+                }
             }
             self.latest[tier] = Some(batch.clone());
         }
@@ -426,6 +431,14 @@ fn within(batch: &DetectionBatch, at_px: [f64; 2]) -> bool {
     })
 }
 
+/// How far the UAV stands out in a picture.
+fn clutter_ratio(frame: &ExposedFrame, uav: &UavInFrame) -> Option<f64> {
+    let [dx, dy] = frame.rect.offset_px.map(f64::from);
+    let [x0, y0, x1, y1] = uav.box_px;
+    let box_px = [x0 - dx, y0 - dy, x1 - dx, y1 - dy];
+    signal_to_clutter(frame.rgb8.as_ref()?, frame.rect.size_px, box_px)
+}
+
 /// Whether a detection's centre lies on a box or close beside it.
 fn on(at_px: [f64; 2], [x0, y0, x1, y1]: [f64; 4]) -> bool {
     let beside_px = BESIDE_PX.max(BESIDE_SHARE * (x1 - x0).max(y1 - y0));
@@ -508,7 +521,7 @@ impl<'w> Now<'w> {
         let (direction, range_m) = (uav.to_m.normalize(), uav.to_m.length());
         let dsm = &environment.city.dsm;
         let behind = dsm.first_hit_kind(self.r_station_enu_m, direction, FAR_M);
-        let sun = environment.sun_dir_enu;
+        let sun = environment.backdrop.sun_dir_enu;
         rules.authorised
             && rules.refusal(range_m, behind).is_none()
             && !faces_sun(direction, sun, rules.sun_exclusion_rad)

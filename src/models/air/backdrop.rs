@@ -21,8 +21,10 @@ const DISC_LIMIT_KCD_M2: f64 = 30_000.0;
 /// What a camera sees in a direction without a surface.
 #[derive(Clone, Debug)]
 pub struct Backdrop {
-    sky: Sky,
-    sun_dir_enu: DVec3,
+    /// Light of sun and sky.
+    pub sky: Sky,
+    /// Unit vector to the sun.
+    pub sun_dir_enu: DVec3,
     clouds: Option<Clouds>,
 }
 
@@ -36,15 +38,13 @@ impl Backdrop {
         }
     }
 
-    /// The same with clouds over the share `cover` (0 to 1) of it, placed by `seed`.
-    pub fn with_clouds(self, cover: f64, seed: u64) -> Self {
-        let clouds = (cover > 0.0).then(|| Clouds::new(cover, seed));
-        Self { clouds, ..self }
-    }
-
-    /// The same with another sky.
-    pub fn with_sky(self, sky: Sky) -> Self {
-        Self { sky, ..self }
+    /// The same with clouds over the share `cover` (0 to 1) of it, placed by `seed`; without one they are not drawn.
+    pub fn with_clouds(self, cover: f64, seed: Option<u64>) -> Self {
+        let clouds = seed.filter(|_| cover > 0.0);
+        Self {
+            clouds: clouds.map(|seed| Clouds::new(cover, seed)),
+            ..self
+        }
     }
 
     /// Whether clouds are drawn: they have finer detail than the sky.
@@ -52,14 +52,11 @@ impl Backdrop {
         self.clouds.is_some()
     }
 
-    /// Unit vector to the sun.
-    pub fn sun_dir_enu(&self) -> DVec3 {
-        self.sun_dir_enu
-    }
-
-    /// Radiance of the sky without clouds and sun towards `dir_enu` (unit), linear sRGB [kcd/m^2].
-    pub fn sky(&self, dir_enu: DVec3) -> [f64; 3] {
-        self.sky.radiance(dir_enu)
+    /// Radiance towards `dir_enu` (unit) without the sun's disc, linear sRGB [kcd/m^2], in detail down to the angle
+    /// `detail_rad`.
+    pub fn radiance(&self, dir_enu: DVec3, detail_rad: f64) -> [f64; 3] {
+        self.clouded(dir_enu, self.sky.radiance(dir_enu), detail_rad)
+            .0
     }
 
     /// `sky`, the radiance towards `dir_enu` without clouds [kcd/m^2], as it is with them, in detail down
@@ -167,7 +164,7 @@ mod tests {
     fn backdrop(cover: f64) -> Backdrop {
         let sun_dir_enu = DVec3::new(0.5, -0.6, 0.62).normalize();
         let sky = Sky::new(sun_dir_enu, 20_000.0, cover, 0.18);
-        Backdrop::new(sky, sun_dir_enu).with_clouds(cover, 7)
+        Backdrop::new(sky, sun_dir_enu).with_clouds(cover, Some(7))
     }
 
     /// Directions spread evenly over the sky above 10 degrees.

@@ -147,7 +147,9 @@ impl Background<'_> {
             [0, 1].map(|i| {
                 let column = corner[0] / TILE_PX - first + i;
                 lattice.at(column, j, || {
-                    self.backdrop.sky(self.direction(at(i * last, j * last)))
+                    self.backdrop
+                        .sky
+                        .radiance(self.direction(at(i * last, j * last)))
                 })
             })
         });
@@ -243,7 +245,7 @@ mod tests {
     fn backdrop(cover: f64) -> Backdrop {
         let sun_dir_enu = DVec3::new(0.1, 0.95, 0.3).normalize();
         let sky = Sky::new(sun_dir_enu, 20_000.0, cover, 0.18);
-        Backdrop::new(sky, sun_dir_enu).with_clouds(cover, 7)
+        Backdrop::new(sky, sun_dir_enu).with_clouds(cover, Some(7))
     }
 
     fn background(backdrop: &Backdrop, rect: PixelRect) -> Background<'_> {
@@ -276,7 +278,7 @@ mod tests {
         frame.fill(0, &mut bytes);
         for (x, y) in [(0, 0), (639, 479), (100, 333), (17, 401), (320, 240)] {
             let dir = frame.direction(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-            let (sky, disc) = (backdrop.sky(dir), backdrop.disc(dir));
+            let (sky, disc) = (backdrop.sky.radiance(dir), backdrop.disc(dir));
             let found = pixel(&bytes, y * 640 + x);
             for c in 0..3 {
                 let expected = sky[c] + disc[c];

@@ -1,9 +1,10 @@
-//! Cameras: projection, exposure, sensor, background, rasterised truth, calibration, chips, detections.
+//! Cameras: projection, exposure, sensor, background, rasterised truth, calibration, chips, clutter, detections.
 
 pub mod background;
 pub mod calibration;
 pub mod camera;
 pub mod chip;
+pub mod clutter;
 pub mod detection;
 pub mod exposure;
 pub mod glare;

@@ -462,6 +462,14 @@ mod tests {
     }
 
     #[test]
+    fn training_cuts_chips_as_the_loop_does() {
+        let interface = include_str!("../../../training/recogniser_interface.py");
+        let sides =
+            format!("CHIP_OVER_BOX, LEAST_CHIP_PX = {CHIP_OVER_BOX:?}, {LEAST_CHIP_PX:?}  #");
+        assert!(interface.contains(&sides), "{sides}");
+    }
+
+    #[test]
     fn one_answer_overturns_no_judgement() {
         let found = |p_uav: f64, t_s: f64| {
             let mut probabilities = [0.0; CLASSES];

@@ -50,13 +50,13 @@ pub(super) fn image_motion(
 pub fn sun_glare(environment: &Environment, pinhole: &Pinhole, pose: &Pose) -> Option<SunGlare> {
     /// Farthest that something is looked for before the sun [m].
     const FAR_M: f64 = 10_000.0;
-    let sun_cam = pose.q_enu_cam.inverse() * environment.sun_dir_enu;
-    let sun_klx = environment.sky.sun_illuminance();
+    let sun_cam = pose.q_enu_cam.inverse() * environment.backdrop.sun_dir_enu;
+    let sun_klx = environment.backdrop.sky.sun_illuminance();
     let dsm = &environment.city.dsm;
     let shines = sun_cam.z > 0.0
         && sun_klx.into_iter().sum::<f64>() > 0.0
         && dsm
-            .first_hit(pose.r_enu_m, environment.sun_dir_enu, FAR_M)
+            .first_hit(pose.r_enu_m, environment.backdrop.sun_dir_enu, FAR_M)
             .is_none();
     shines.then(|| SunGlare {
         sun_cam,

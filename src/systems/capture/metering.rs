@@ -1,4 +1,4 @@
-//! What a camera's automatic exposure meters: the model's sky and ground in its field.
+//! What a camera's automatic exposure meters: the model's sky, its clouds and ground in its field.
 
 use crate::components::capture::{AutoExposure, SensorCamera};
 use crate::components::environment::Environment;
@@ -20,13 +20,14 @@ const FAR_M: f64 = 8_000.0;
 
 /// The luminance of a bright surface in the light on level ground [kcd/m^2].
 pub fn bright_ground_kcd_m2(environment: &Environment) -> f64 {
-    BRIGHT_ALBEDO * environment.sky.global_illuminance_klx() / PI
+    BRIGHT_ALBEDO * environment.backdrop.sky.global_illuminance_klx() / PI
 }
 
 /// The luminance that a camera's whole field is metered at [kcd/m^2].
 pub fn metered_kcd_m2(environment: &Environment, pinhole: &Pinhole, pose: &Pose) -> f64 {
-    let sky = &environment.sky;
+    let backdrop = &environment.backdrop;
     let size_px = 2.0 * pinhole.centre_px();
+    let cell_rad = size_px.x / f64::from(COLUMNS) / pinhole.focal_px;
     let ground = [bright_ground_kcd_m2(environment); 3];
     let extinction = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));
     metered((0..COLUMNS * ROWS).map(|i| {
@@ -35,8 +36,10 @@ pub fn metered_kcd_m2(environment: &Environment, pinhole: &Pinhole, pose: &Pose)
         let dir_enu: DVec3 = pose.q_enu_cam * pinhole.ray(px);
         let dsm = &environment.city.dsm;
         luminance(match dsm.first_hit(pose.r_enu_m, dir_enu, FAR_M) {
-            Some(range_m) => sky.through_air(ground, dir_enu, extinction, range_m),
-            None => sky.radiance(dir_enu),
+            Some(range_m) => backdrop
+                .sky
+                .through_air(ground, dir_enu, extinction, range_m),
+            None => backdrop.radiance(dir_enu, cell_rad),
         })
     }))
 }

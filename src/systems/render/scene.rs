@@ -8,9 +8,8 @@ use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::render::{
     ATTRIBUTE_SURFACE, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading, SiteGrid,
-    SkyView, StationOrigin, UavBody, UavRotor, WINDOW_LAYER,
+    StationOrigin, UavBody, UavRotor, WINDOW_LAYER,
 };
-use crate::models::air::backdrop::Backdrop;
 use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::ground::visible::keep_visible;
 use crate::models::shape::mesh::{MeshData, Surface};
@@ -140,17 +139,17 @@ pub fn add_structure(world: &mut World, data: &MeshData) {
 /// The light of an environment as the shader takes it.
 fn light(environment: &Environment) -> LightUniform {
     let rgb = |[r, g, b]: [f64; 3]| Vec4::new(r as f32, g as f32, b as f32, 0.0);
-    let sky = &environment.sky;
+    let sky = &environment.backdrop.sky;
     let extinction = CHANNELS_M.map(|m| environment.weather.extinction_per_m(m));
     LightUniform {
-        sun_dir_enu: environment.sun_dir_enu.as_vec3().extend(0.0),
+        sun_dir_enu: environment.backdrop.sun_dir_enu.as_vec3().extend(0.0),
         sun_klx: rgb(sky.sun_illuminance()),
         ambient_sky_klx: rgb(sky.ambient_down()),
         ambient_ground_klx: rgb(sky.ambient_up()),
         extinction_per_m: rgb(extinction),
         // A lit window seen from outside: some 80 cd/m^2.
         night: Vec4::new(0.08, 0.0, 0.0, 0.0),
-        airlight_kcd_m2: airlight_polynomial(sky, environment.sun_dir_enu),
+        airlight_kcd_m2: airlight_polynomial(sky, environment.backdrop.sun_dir_enu),
     }
 }
 
@@ -160,7 +159,6 @@ pub fn spawn(
     world: &mut World,
     environment: &Environment,
     mut tiles: Vec<MeshData>,
-    backdrop: Backdrop,
     eyes_enu_m: &[DVec3],
 ) {
     let r_station_enu_m = eyes_enu_m.first().copied().unwrap_or_default();
@@ -171,7 +169,7 @@ pub fn spawn(
     let sky = LeanMaterial {
         light: light(environment),
         picture: images.add(ground_texture(&city.ground_map)),
-        sky_table: images.add(sky_texture(&backdrop, sky_side)),
+        sky_table: images.add(sky_texture(&environment.backdrop, sky_side)),
         shading: Shading::Sky,
     };
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
@@ -224,7 +222,6 @@ pub fn spawn(
             ChildOf(site_grid),
         ));
     }
-    world.insert_resource(SkyView(backdrop));
     world.insert_resource(paint);
     world.insert_resource(SceneHandles { site_grid, solid });
     if !windowed {
@@ -263,14 +260,10 @@ fn is_windowed(world: &mut World) -> bool {
 
 /// Gives the scene the light of the environment as it is now: orders change the weather.
 pub fn relight(world: &mut World) {
-    let Some(SkyView(backdrop)) = world.remove_resource() else {
-        return;
-    };
     let sky_side = sky_side(world);
     let environment = world.resource::<Environment>();
-    let backdrop = backdrop.with_sky(environment.sky.clone());
     let light = light(environment);
-    let sky = sky_texture(&backdrop, sky_side);
+    let sky = sky_texture(&environment.backdrop, sky_side);
     let sky_table = world.resource_mut::<Assets<Image>>().add(sky);
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
     let relit = |material: &mut LeanMaterial| {
@@ -283,7 +276,6 @@ pub fn relight(world: &mut World) {
     if let Some(mut paint) = world.get_resource_mut::<LeanPaint>() {
         relit(&mut paint.0);
     }
-    world.insert_resource(SkyView(backdrop));
     // The next frames must not show the light of before.
     if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
         settle(world, &mut renderer);

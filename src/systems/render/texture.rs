@@ -175,7 +175,7 @@ pub fn sky_texture(backdrop: &Backdrop, side: u32) -> Image {
         .flat_map(|j| (0..side).map(move |i| sky_direction(at(i), at(j))))
         .flat_map(|dir| {
             let detail_rad = std::f64::consts::PI / f64::from(side);
-            let ([r, g, b], left) = backdrop.clouded(dir, backdrop.sky(dir), detail_rad);
+            let ([r, g, b], left) = backdrop.clouded(dir, backdrop.sky.radiance(dir), detail_rad);
             [r, g, b, left]
         })
         .flat_map(half)

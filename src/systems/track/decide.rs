@@ -51,6 +51,8 @@ const DISPROVED_BARRED_S: f64 = 60.0;
 /// proportion to them for a likelier one, and twice as long for a dot.
 const DOUBTFUL_S: f64 = 4.0;
 const DOUBTFUL_ODDS: f64 = 4.0;
+/// Time for which a target at another range than the radar's may be less than surely a UAV [s].
+const ANOTHER_S: f64 = 2.0;
 /// Time over which the flutter of a target's box evens out [s].
 const FLUTTER_S: f64 = 0.2;
 /// Lock and break radius as a share of the smaller side of a large target's box: a beam on a larger body
@@ -101,7 +103,13 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
         let free = within.is_none();
         let tasked = tasking.cue(mount.r_enu_m, t_s);
         let by_radar = tasked.is_none();
-        let cue = || tasked.or_else(|| radar.cue(t_s));
+        // Of several the radar speaks of the one that a target may be.
+        let target_at = (tracker.target_track()).map(|t| t.filter.predicted(t_s).az_el_rad());
+        let plotted = || match target_at {
+            Some(at) => radar.nearest(at, t_s).map(|(_, cue)| cue),
+            None => radar.cue(t_s),
+        };
+        let cue = || tasked.or_else(plotted);
         let now = Situation {
             tick: clock.tick,
             clock: &clock,
@@ -196,6 +204,15 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
             tick,
             Some(until_s),
             "engaged for some seconds, and not surely a UAV",
+        );
+        return;
+    }
+    if is_another(now, tracker) {
+        let until_s = now.t_s() + REJECTED_S;
+        tracker.give_up(
+            tick,
+            Some(until_s),
+            "the radar has its target at another range, and this is not surely a UAV",
         );
         return;
     }
@@ -297,6 +314,25 @@ fn is_doubtful(now: &Situation, tracker: &mut Tracker) -> bool {
     let since = *tracker.doubtful_since.get_or_insert(now.tick);
     let longest_s = DOUBTFUL_S * (2.0 - named) * (odds / DOUBTFUL_ODDS).max(1.0);
     now.clock.at_s(now.tick - since) > longest_s
+}
+
+/// Whether the range finder has had the target at another range than the radar for so long, without it being recognised
+/// surely enough to be fired at, that the search goes on. What breaks up and has no echo in between is no less another.
+fn is_another(now: &Situation, tracker: &mut Tracker) -> bool {
+    let left_alone = now.params.nearest_to_centre || tracker.designated;
+    let judged = |track: &&Track| !track.hidden(now.t_s()) && track.recognition.is_some();
+    let target = tracker.target_track().filter(judged);
+    let elsewhere = target.and_then(|track| now.is_ranged_elsewhere(track));
+    let sure = |belief: f64| belief >= now.params.fire_belief;
+    if left_alone || elsewhere == Some(false) || tracker.fire_belief().is_none_or(sure) {
+        tracker.another_since = None;
+        return false;
+    }
+    if elsewhere.is_none() {
+        return false;
+    }
+    let since = *tracker.another_since.get_or_insert(now.tick);
+    now.clock.at_s(now.tick - since) > ANOTHER_S
 }
 
 /// Whether a cue may mean a track, by their directions.
@@ -1358,6 +1394,72 @@ mod tests {
             );
             assert_eq!(given_up_s(0.97, false, Some(other)), None);
         }
+    }
+
+    #[test]
+    fn what_is_not_where_the_radar_has_its_target_must_surely_be_a_uav() {
+        let params = params();
+        let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
+        let cue = |range_m: f64| TargetCue {
+            az_el_rad: los_to_az_el(r_enu_m),
+            sigma_rad: DVec2::splat(0.01),
+            range_m,
+            range_sigma_m: 15.0,
+            rate_radps: DVec2::ZERO,
+            rate_sigma_radps: DVec2::splat(5e-3),
+        };
+        let there_m = r_enu_m.length();
+        // An echo in every frame but those of each second half of a second.
+        let given_up_s = |p_uav: f64, cue: Option<TargetCue>, by_radar: bool, echoes: bool| {
+            let mut tracker = Tracker::default();
+            for frame in 0..300_u32 {
+                let t_s = f64::from(frame) / 60.0;
+                see(&mut tracker, t_s, &[r_enu_m]);
+                let track = &mut tracker.table.tracks[0];
+                track.conduct.in_sky = true;
+                track.recognition = Some(Recognition {
+                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
+                    t_s,
+                });
+                let broken = frame % 60 >= 30;
+                track.lased = (echoes && !broken).then_some(Lased {
+                    t_s,
+                    range_m: there_m,
+                    sigma_m: 0.5,
+                });
+                let (id, tick) = (track.id, u64::from(frame * FRAME));
+                if frame == 20 {
+                    tracker.acquire(tick, id, "test");
+                    tracker.change(tick, TrackingState::Precise, "test");
+                }
+                if frame > 20 {
+                    let now = Situation {
+                        cue,
+                        by_radar,
+                        ..situation(&params, frame * FRAME)
+                    };
+                    let centred = seen_at(now.tick, DVec2::ZERO);
+                    tracker.error = PerTier::of(|_| Some(centred));
+                    step(&now, &mut tracker, false, frame % 6 == 0);
+                    if tracker.target.is_none() {
+                        return Some(t_s - 20.0 / 60.0);
+                    }
+                }
+            }
+            None
+        };
+        let nearer = Some(cue(there_m - 150.0));
+        let waited_s = given_up_s(0.7, nearer, true, true).unwrap();
+        assert!(
+            (ANOTHER_S..ANOTHER_S + 0.6).contains(&waited_s),
+            "{waited_s}"
+        );
+        // Surely a UAV, where the radar has its target, without a radar, known by the defence, without an echo.
+        assert_eq!(given_up_s(0.999, nearer, true, true), None);
+        assert_eq!(given_up_s(0.7, Some(cue(there_m + 20.0)), true, true), None);
+        assert_eq!(given_up_s(0.7, None, true, true), None);
+        assert_eq!(given_up_s(0.7, nearer, false, true), None);
+        assert_eq!(given_up_s(0.7, nearer, true, false), None);
     }
 
     #[test]

@@ -333,21 +333,24 @@ impl Situation<'_> {
                 .sigma_rad
                 .max_element()
                 .hypot(los.sigma_rad().max_element());
-        let range = track
-            .range
-            .range_m(self.t_s())
-            .map_or(0.0, |(range_m, sigma_m)| {
-                let sigma_rel = sigma_m / range_m;
-                let sigma_rel = if sigma_rel > MEASURED_REL {
-                    sigma_rel.max(SPANS_SIGMA_REL)
-                } else {
-                    sigma_rel
-                };
-                let sigma = sigma_rel.hypot(cue.range_sigma_m / cue.range_m);
-                (range_m / cue.range_m).ln() / sigma
-            });
+        let range = self.range_deviations(cue, track);
         let rates = (self.rates_distance2(cue, track) - RATES_EXPECTED).max(0.0);
         direction * direction + range * range + rates
+    }
+
+    /// How much further a track is than the radar's target, in deviations.
+    fn range_deviations(&self, cue: &TargetCue, track: &Track) -> f64 {
+        let range = track.range.range_m(self.t_s());
+        range.map_or(0.0, |(range_m, sigma_m)| {
+            let sigma_rel = sigma_m / range_m;
+            let sigma_rel = if sigma_rel > MEASURED_REL {
+                sigma_rel.max(SPANS_SIGMA_REL)
+            } else {
+                sigma_rel
+            };
+            let sigma = sigma_rel.hypot(cue.range_sigma_m / cue.range_m);
+            (range_m / cue.range_m).ln() / sigma
+        })
     }
 
     /// Squared distance of a track's rates on the sky from those that the radar sees, in deviations.
@@ -503,6 +506,13 @@ impl Situation<'_> {
     fn elsewhere(&self, track: &Track) -> bool {
         self.cue
             .is_some_and(|cue| self.cue_distance2(&cue, track) > CUE_ELSEWHERE)
+    }
+
+    /// Whether the range finder has a track at another range than the radar's target; `None` without an echo or a radar.
+    pub(super) fn is_ranged_elsewhere(&self, track: &Track) -> Option<bool> {
+        let cue = self.cue.filter(|_| self.by_radar)?;
+        track.echo(self.t_s())?;
+        Some(self.range_deviations(&cue, track).powi(2) > CUE_ELSEWHERE)
     }
 
     /// Why a track may be a UAV.

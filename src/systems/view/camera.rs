@@ -57,6 +57,7 @@ pub fn spawn_window_camera(world: &mut World) {
     // Grey of 18 % on level ground comes out at a linear 0.2; moonless night sets the limit.
     let klx = world
         .resource::<Environment>()
+        .backdrop
         .sky
         .global_illuminance_klx()
         .max(1e-5);
