@@ -15,7 +15,7 @@ import re
 import time
 import tomllib
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -65,6 +65,13 @@ class Tracks:
     def only(self, keep: np.ndarray) -> "Tracks":
         return Tracks(self.chips, self.index[keep], self.features[keep], self.labels[keep], self.track[keep], self.run[keep], self.size_px[keep],
                       self.light[keep])  # fmt: skip
+
+    def and_those(self, other: "Tracks") -> "Tracks":
+        """These and others, whose runs and tracks stay their own."""
+        ends = {"index": len(self.chips), "track": self.track.max(initial=-1) + 1, "run": self.run.max(initial=-1) + 1}
+        after = {name: getattr(other, name) + (getattr(other, name) >= 0) * end for name, end in ends.items()}
+        names = [field.name for field in fields(self)]
+        return Tracks(*(np.concatenate([getattr(self, name), after.get(name, getattr(other, name))]) for name in names))
 
     def batch(self, rows: np.ndarray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """Chips u8 [B,16,24,24,3], features, mask, labels."""
@@ -557,6 +564,8 @@ def ensemble(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, action="append", required=True, help="folder of `boresight tracks`; may be repeated")
+    parser.add_argument("--also", type=Path, action="append", default=[],
+                        help="the same, to learn from alone: what --init has learned from measures nothing")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
     parser.add_argument("--steps", type=int, default=6000)
     parser.add_argument("--batch", type=int, default=64)
@@ -571,6 +580,8 @@ def main() -> None:
     args = parser.parse_args()
     tracks = load(args.data)
     learn, calibrate, test = split(tracks, args.held_out, args.seed)
+    if args.also:
+        learn = learn.and_those(load(args.also))
     for name, part in (("training", learn), ("calibration", calibrate), ("test", test)):
         by_class = {n: len(set(part.track[part.labels == i].tolist())) for i, n in enumerate(CLASSES)}
         print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")
@@ -578,7 +589,7 @@ def main() -> None:
     start = of_file(onnx.load(args.init)) if args.init else None
     model, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes, start, args.keep)
     temperature = temperature_of(logits_of(model, calibrate), calibrate.labels, track_weights(calibrate))
-    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "keep": args.keep, "runs": len(set(tracks.run.tolist())),
+    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "keep": args.keep, "runs": len(set(learn.run.tolist())),
               "sequences": len(learn)}  # fmt: skip
     graph = to_onnx(model, temperature, recipe)
     worst = compare(model, temperature, graph, test)

@@ -53,6 +53,16 @@ def test_names_are_those_of_the_program():
     assert f"STEPS: usize = {STEPS}" in text
 
 
+def test_joined_tracks_stay_apart():
+    one, other = made(8), made(12, seed=4)
+    both = one.and_those(other)
+    assert len(both) == len(one) + len(other) and len(set(both.track)) == 8 + 12 and len(set(both.run)) == 2 + 3
+    for place, tracks in ((0, one), (len(one), other)):
+        mine, theirs = both.batch(np.arange(place, place + len(tracks))), tracks.batch(np.arange(len(tracks)))
+        seen = theirs[2].bool()
+        assert torch.equal(mine[0][seen], theirs[0][seen]) and all(torch.equal(a, b) for a, b in zip(mine[1:], theirs[1:]))
+
+
 def test_folders_are_read_and_damage_is_told(tmp_path):
     tracks = made(4, 2)
     folder = tmp_path / "run-1"

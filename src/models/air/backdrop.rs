@@ -180,7 +180,7 @@ mod tests {
     fn more_cover_hides_more_of_the_sky() {
         let hidden = |cover: f64| {
             let backdrop = backdrop(cover);
-            let left = |dir| backdrop.clouded(dir, backdrop.sky(dir), 1e-3).1;
+            let left = |dir| backdrop.clouded(dir, backdrop.sky.radiance(dir), 1e-3).1;
             1.0 - directions().map(left).sum::<f64>() / 4000.0
         };
         assert_eq!(hidden(0.0), 0.0);

@@ -1412,7 +1412,7 @@ mod tests {
         // An echo in every frame but those of each second half of a second.
         let given_up_s = |p_uav: f64, cue: Option<TargetCue>, by_radar: bool, echoes: bool| {
             let mut tracker = Tracker::default();
-            for frame in 0..300_u32 {
+            for frame in 0..230_u32 {
                 let t_s = f64::from(frame) / 60.0;
                 see(&mut tracker, t_s, &[r_enu_m]);
                 let track = &mut tracker.table.tracks[0];
