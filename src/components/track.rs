@@ -7,7 +7,7 @@ use crate::models::maths::kinematics::wrap_pi;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::estimation::LosState;
-use crate::models::tracking::evidence::EvidenceParams;
+use crate::models::tracking::evidence::{EvidenceParams, probability};
 use crate::models::tracking::recognition::{History, Recognition};
 use crate::models::tracking::table::{JoinedTrack, Track, TrackTable};
 use crate::scenario::{GainsOrder, WeatherOrder};
@@ -291,7 +291,7 @@ pub struct Tracker {
     pub unlikely_since: Option<u64>,
     /// The target's log-odds by the recogniser since it was chosen, evened out over half a second from even odds on.
     pub mean_log_odds: f64,
-    /// What the radar adds to the log-odds of the target for fire: 0 or more.
+    /// What the radar adds to the log-odds of the target for fire, or takes from them.
     pub radar_log_odds: f64,
     /// Every change so far.
     pub changes: Vec<StateChange>,
@@ -418,19 +418,23 @@ impl Tracker {
         Some(los)
     }
 
-    /// Probability that the target is a UAV, as far as fire is concerned: the recogniser must have been sure for some time, for
-    /// of many birds one looks like a UAV for a moment, and what the radar sees of it counts as well. Once something has passed
-    /// it, it is no likelier than not until it is recognised anew.
-    pub fn fire_belief(&self) -> Option<f64> {
+    /// Log-odds that the target is a UAV, by what the cameras saw of it: the recogniser must have been sure for some time, for
+    /// of many birds one looks like a UAV for a moment. Once something has passed it, it is no likelier than not until it is
+    /// recognised anew.
+    pub fn lately_log_odds(&self) -> Option<f64> {
         let track = self.target_track()?;
         let now = track.log_odds();
-        let lately = match track.recognition {
+        Some(match track.recognition {
             Some(_) => now.min(self.mean_log_odds),
             None if track.passed_s.is_some() => now.min(0.0),
             None => now,
-        };
-        let log_odds = lately + self.radar_log_odds;
-        Some(1.0 / (1.0 + (-log_odds).exp()))
+        })
+    }
+
+    /// Probability that the target is a UAV, as far as fire is concerned: what the radar sees of it counts as well.
+    pub fn fire_belief(&self) -> Option<f64> {
+        let log_odds = self.lately_log_odds()? + self.radar_log_odds;
+        Some(probability(log_odds))
     }
 
     /// The target's track.

@@ -409,6 +409,20 @@ mod tests {
         assert_eq!(charge(&firing), Some(Cause::OutOfTime));
     }
 
+    #[test]
+    fn the_clearer_camera_says_how_far_it_stood_out() {
+        let seen = |ratios: &[f64]| {
+            let mut looks = Looks::default();
+            ratios.iter().for_each(|ratio| looks.stands_out(*ratio));
+            looks
+        };
+        let band = |search, coarse| clutter_band(&[seen(search), seen(coarse), seen(&[9.0])]);
+        assert_eq!(band(&[], &[]), "never in a picture");
+        assert_eq!(band(&[0.2, 0.6], &[]), "below 0.5");
+        assert_eq!(band(&[0.2, 0.6], &[1.0, 2.0, 1.5]), "1–2");
+        assert_eq!(band(&[5.0, 3.0], &[0.9]), "4 and more");
+    }
+
     /// Acquired after a second, neutralised after five.
     fn won() -> Record {
         Record {

@@ -74,6 +74,11 @@ pub fn logit(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
 }
 
+/// What [`logit`] is of.
+pub fn probability(log_odds: f64) -> f64 {
+    1.0 / (1.0 + (-log_odds).exp())
+}
+
 /// How much the class says that is named at such a size, 0 to 1: nobody can name a dot.
 pub fn named_share(size_px: f64) -> f64 {
     ((size_px - NAMED_PX[0]) / (NAMED_PX[1] - NAMED_PX[0])).clamp(0.0, 1.0)

@@ -16,7 +16,9 @@ use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::background::Background;
 use crate::models::tracking::estimation::{Gating, LosFilter, LosFilterParams, LosState};
-use crate::models::tracking::evidence::{Evidence, EvidenceParams, logit, named_share};
+use crate::models::tracking::evidence::{
+    Evidence, EvidenceParams, logit, named_share, probability,
+};
 use crate::models::tracking::flutter::{Flutter, Place};
 use crate::models::tracking::ranging::Ranging;
 use crate::models::tracking::recognition::Recognition;
@@ -199,7 +201,7 @@ impl Track {
 
     /// Probability that it is a UAV.
     pub fn uav_belief(&self) -> f64 {
-        1.0 / (1.0 + (-self.log_odds()).exp())
+        probability(self.log_odds())
     }
 
     /// Whether it has been dealt with and falls.

@@ -9,7 +9,7 @@ use crate::components::network::Tasking;
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Operator, Tracker, TrackerParams, TrackingState};
 use crate::models::tracking::cartesian::TargetCue;
-use crate::models::tracking::evidence::named_share;
+use crate::models::tracking::evidence::{named_share, probability};
 use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ, dot_share};
@@ -323,8 +323,8 @@ fn is_another(now: &Situation, tracker: &mut Tracker) -> bool {
     let judged = |track: &&Track| !track.hidden(now.t_s()) && track.recognition.is_some();
     let target = tracker.target_track().filter(judged);
     let elsewhere = target.and_then(|track| now.is_ranged_elsewhere(track));
-    let sure = |belief: f64| belief >= now.params.fire_belief;
-    if left_alone || elsewhere == Some(false) || tracker.fire_belief().is_none_or(sure) {
+    let sure = |log_odds: f64| probability(log_odds) >= now.params.fire_belief;
+    if left_alone || elsewhere == Some(false) || tracker.lately_log_odds().is_none_or(sure) {
         tracker.another_since = None;
         return false;
     }
@@ -1188,11 +1188,15 @@ mod tests {
         assert_eq!(vouches(&tracker, right, true), 1.0);
         for (cue, by_radar) in [
             (right, false),
-            (cue(range_m + 60.0, rate_radps), true),
+            (cue(range_m + 50.0, rate_radps), true),
             (cue(range_m, -rate_radps), true),
+            (cue(range_m + 150.0, rate_radps), false),
         ] {
             assert_eq!(vouches(&tracker, cue, by_radar), 0.0, "{cue:?}");
         }
+        // What is there by chance at another range is all the less to be fired at.
+        let nearer = cue(range_m - 150.0, rate_radps);
+        assert_eq!(vouches(&tracker, nearer, true), -3.0);
     }
 
     #[test]

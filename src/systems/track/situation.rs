@@ -312,14 +312,14 @@ impl Situation<'_> {
         }
     }
 
-    /// What the radar says for a target, as log-odds of 0 or more: it has one where the range finder's last echo came from, and
-    /// sees it fly alike. A bird that is there by chance flies its own way.
+    /// What the radar says of a target for fire, as log-odds. It speaks for one that it has where the range finder's last
+    /// echo came from, and sees fly alike: a bird that is there by chance flies its own way. It speaks against one from which
+    /// the echo came from another range.
     pub(super) fn vouches(&self, track: &Track) -> f64 {
-        let echo = track.echo(self.t_s());
-        if self.by_radar && echo.is_some() && self.cued(track) {
-            self.cue_log_odds(track).max(0.0)
-        } else {
-            0.0
+        match self.is_ranged_elsewhere(track) {
+            Some(true) => CUE_AGAINST,
+            Some(false) if self.cued(track) => self.cue_log_odds(track).max(0.0),
+            _ => 0.0,
         }
     }
 
