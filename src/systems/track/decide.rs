@@ -189,31 +189,18 @@ pub(crate) fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs:
         tracker.give_up(tick, Some(until_s), reason);
         return;
     }
-    if stands(now, tracker) {
+    let rejected = if stands(now, tracker) {
+        Some("it stands before scenery, and is not surely a UAV")
+    } else if is_doubtful(now, tracker) {
+        Some("engaged for some seconds, and not surely a UAV")
+    } else if is_another(now, tracker) {
+        Some("the radar has its target at another range, and this is not surely a UAV")
+    } else {
+        None
+    };
+    if let Some(reason) = rejected {
         let until_s = now.t_s() + REJECTED_S;
-        tracker.give_up(
-            tick,
-            Some(until_s),
-            "it stands before scenery, and is not surely a UAV",
-        );
-        return;
-    }
-    if is_doubtful(now, tracker) {
-        let until_s = now.t_s() + REJECTED_S;
-        tracker.give_up(
-            tick,
-            Some(until_s),
-            "engaged for some seconds, and not surely a UAV",
-        );
-        return;
-    }
-    if is_another(now, tracker) {
-        let until_s = now.t_s() + REJECTED_S;
-        tracker.give_up(
-            tick,
-            Some(until_s),
-            "the radar has its target at another range, and this is not surely a UAV",
-        );
+        tracker.give_up(tick, Some(until_s), reason);
         return;
     }
     if !firing && !tracker.designated && tracker.target.is_some_and(|id| now.spares(id)) {
