@@ -12,7 +12,9 @@ use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::evidence::{named_share, probability};
 use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
-use crate::systems::track::situation::{CONFIRM_HITS, Situation, WEIGHING_HZ, dot_share};
+use crate::systems::track::situation::{
+    CONFIRM_HITS, Situation, WEIGHING_HZ, dot_share, is_unlikely,
+};
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 
@@ -563,10 +565,21 @@ fn compare(now: &Situation, tracker: &mut Tracker) {
     let Some(target) = tracker.target_track() else {
         return;
     };
-    let expected_s = |track: &Track| now.expected_s(track, track.log_odds());
+    // An unlikely one is compared as if there were no target.
+    let (ratio, pointed) = if is_unlikely(target) {
+        (1.0, 1.0)
+    } else {
+        (now.params.switch_ratio, 0.0)
+    };
+    let expected_s = |track: &Track| {
+        now.expected_s(
+            track,
+            track.log_odds() + pointed * now.pointed_log_odds(track),
+        )
+    };
     let held_s = expected_s(target);
     let greater = now.candidate(tracker).and_then(|rival| {
-        let less = expected_s(rival) * now.params.switch_ratio < held_s;
+        let less = expected_s(rival) * ratio < held_s;
         less.then(|| {
             let id = rival.id;
             let word = |track: &Track| {
@@ -1088,7 +1101,8 @@ mod tests {
     #[test]
     fn a_doubted_target_gives_way_to_a_uav() {
         let params = params();
-        let weighed = |p_target: f64| {
+        // Seen in so many pixels, with these probabilities of being a UAV.
+        let weighed = |size_px: f64, p_target: f64, p_other: f64| {
             let mut tracker = Tracker::default();
             let mut first = 0;
             for frame in 0..120_u32 {
@@ -1096,10 +1110,10 @@ mod tests {
                 // Both come at the same speed, the target from nearer by.
                 let target = DVec3::new(-60.0, 500.0 - 20.0 * t_s, 80.0);
                 let other = DVec3::new(60.0, 600.0 - 20.0 * t_s, 80.0);
-                see(&mut tracker, t_s, &[target, other]);
+                see_by(6e-4 / size_px, &mut tracker, t_s, &[target, other]);
                 for track in &mut tracker.table.tracks {
                     let held = track.filter.predicted(t_s).az_el_rad().x < 0.0;
-                    let p_uav = if held { p_target } else { 0.95 };
+                    let p_uav = if held { p_target } else { p_other };
                     first = if held { track.id } else { first };
                     track.recognition = Some(Recognition {
                         probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
@@ -1116,14 +1130,20 @@ mod tests {
                     step(&now, &mut tracker, false, true);
                 }
                 if tracker.target.is_some_and(|id| id != first) {
-                    return Some(t_s);
+                    return Some(t_s - 10.0 / 60.0);
                 }
             }
             None
         };
-        assert_eq!(weighed(0.95), None);
-        let changed_s = weighed(0.3).unwrap() - 10.0 / 60.0;
-        assert!((RIVAL_S..RIVAL_S + 0.1).contains(&changed_s), "{changed_s}");
+        assert_eq!(weighed(20.0, 0.95, 0.95), None);
+        let at_once = RIVAL_S..RIVAL_S + 0.1;
+        let changed_s = weighed(20.0, 0.3, 0.95).unwrap();
+        assert!(at_once.contains(&changed_s), "{changed_s}");
+        // What would not be chosen is no rival, and a dot that would be is one only of what a close look speaks against.
+        assert_eq!(weighed(20.0, 0.3, 0.6), None);
+        let changed_s = weighed(6.0, 0.3, 0.6).unwrap();
+        assert!(at_once.contains(&changed_s), "{changed_s}");
+        assert_eq!(weighed(6.0, 0.6, 0.65), None);
     }
 
     /// The recogniser finds the first track a UAV with this probability.

@@ -166,6 +166,13 @@ fn is_plainly_uav(track: &Track) -> bool {
         && track.evidence.best_px() >= PLAIN_PX
 }
 
+/// Whether a track has been looked at closely and is sooner no UAV: as a target it has no more right than any other.
+pub(super) fn is_unlikely(track: &Track) -> bool {
+    track.hits[Tier::Precise] >= CONFIRM_HITS
+        && track.recognition.is_some()
+        && track.log_odds() < 0.0
+}
+
 impl Situation<'_> {
     pub(super) fn t_s(&self) -> f64 {
         self.clock.at_s(self.tick)
@@ -312,6 +319,11 @@ impl Situation<'_> {
         }
     }
 
+    /// All that the radar says for a track that is no target yet, as log-odds.
+    pub(super) fn pointed_log_odds(&self, track: &Track) -> f64 {
+        self.cue_log_odds(track) + self.flying_log_odds(track)
+    }
+
     /// What the radar says of a target for fire, as log-odds. It speaks for one that it has where the range finder's last
     /// echo came from, and sees fly alike: a bird that is there by chance flies its own way. It speaks against one from which
     /// the echo came from another range.
@@ -380,14 +392,11 @@ impl Situation<'_> {
             .filter(|track| !self.spares(track.id))
             .filter_map(|track| {
                 // Beside a target the radar's cue, which may be the target's own, says nothing.
-                let (cue, least) = match tracker.target_track() {
+                let (cue, least) = match tracker.target_track().filter(|t| !is_unlikely(t)) {
                     // One that is itself in doubt gives way to what would be chosen.
                     Some(target) if target.log_odds() < CHOSEN => (0.0, CHOSEN),
                     Some(_) => (0.0, RIVAL),
-                    None => {
-                        let cue = self.cue_log_odds(track) + self.flying_log_odds(track);
-                        (cue, self.chosen(track))
-                    }
+                    None => (self.pointed_log_odds(track), self.chosen(track)),
                 };
                 let log_odds = track.log_odds() + cue;
                 if log_odds < least {
