@@ -815,46 +815,18 @@ mod tests {
 
     #[test]
     fn what_is_seen_well_and_not_recognised_is_left() {
-        let params = params();
-        // Held for a second: then this probability, with a radar's cue or without, by a camera of this angle a pixel [rad].
+        // With this probability, with a radar's cue or without, by a camera of this angle a pixel [rad].
         let held_by_s = |ifov_rad: f64, p_uav: f64, cued: bool| {
-            let mut tracker = Tracker::default();
-            let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-            for frame in 0..700_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                see_by(ifov_rad, &mut tracker, t_s, &[r_enu_m]);
-                let track = &mut tracker.table.tracks[0];
-                track.recognition = Some(Recognition {
-                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
-                    t_s,
-                });
-                let id = track.id;
-                if frame < 60 {
-                    continue;
-                }
-                if frame == 60 {
-                    tracker.acquire(u64::from(frame * FRAME), id, "test");
-                    tracker.change(u64::from(frame * FRAME), TrackingState::Engage, "test");
-                }
-                let now = Situation {
-                    cue: cued.then(|| TargetCue {
-                        az_el_rad: los_to_az_el(r_enu_m),
-                        sigma_rad: DVec2::splat(5e-3),
-                        range_m: 600.0,
-                        range_sigma_m: 15.0,
-                        rate_radps: DVec2::ZERO,
-                        rate_sigma_radps: DVec2::splat(5e-3),
-                    }),
-                    ..situation(&params, frame * FRAME)
-                };
-                let seen = seen_at(now.tick, DVec2::ZERO);
-                tracker.error = PerTier::of(|_| Some(seen));
-                step(&now, &mut tracker, false, false);
-                if tracker.target.is_none() {
-                    return Some(t_s - 1.0);
-                }
-            }
-            None
+            let held = Held {
+                ifov_rad,
+                state: TrackingState::Engage,
+                from: 60,
+                frames: 640,
+                ..Held::default()
+            };
+            let cue = cued.then(|| hovers_at(held.r_enu_m));
+            let left = Held { cue, ..held }.left_after_s(|_, tracker| judge(tracker, p_uav));
+            left.map(|(after_s, _)| after_s)
         };
         let held_s = |p_uav: f64, cued: bool| held_by_s(3e-5, p_uav, cued);
         let left_s = held_s(0.75, false).unwrap();
@@ -873,46 +845,23 @@ mod tests {
 
     #[test]
     fn what_is_larger_than_a_uav_is_left() {
-        let params = params();
         // A box of 0.6 mrad, at this range by the range finder [m].
-        let left_at_s = |range_m: f64| {
-            let mut tracker = Tracker::default();
-            for frame in 0..180_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                let r_enu_m = DVec3::new(0.0, range_m, 80.0);
-                see(&mut tracker, t_s, &[r_enu_m]);
-                let track = &mut tracker.table.tracks[0];
-                let id = track.id;
-                if frame < 60 {
-                    continue;
-                }
-                track.lased = Some(Lased {
-                    t_s,
-                    range_m,
-                    sigma_m: 0.5,
-                });
-                if frame == 60 {
-                    tracker.acquire(u64::from(frame * FRAME), id, "test");
-                    tracker.change(u64::from(frame * FRAME), TrackingState::Engage, "test");
-                }
-                let now = situation(&params, frame * FRAME);
-                tracker.error = PerTier::of(|_| Some(seen_at(now.tick, DVec2::ZERO)));
-                step(&now, &mut tracker, false, false);
-                if tracker.target.is_none() {
-                    let barred_until_s = tracker.table.tracks[0].barred_until_s;
-                    assert!((barred_until_s - t_s - DISPROVED_BARRED_S).abs() < 1e-9);
-                    return Some(t_s - 1.0);
-                }
-            }
-            None
+        let left = |range_m: f64| {
+            let held = Held {
+                r_enu_m: DVec3::new(0.0, range_m, 80.0),
+                state: TrackingState::Engage,
+                ..Held::default()
+            };
+            held.left_after_s(|frame, tracker| {
+                tracker.table.tracks[0].lased = Some(echo(frame, range_m));
+            })
         };
         // 3.9 and 4.2 m.
-        assert_eq!(left_at_s(6500.0), None);
-        let left_s = left_at_s(7000.0).unwrap();
-        assert!(
-            (DISPROVED_S..DISPROVED_S + 0.1).contains(&left_s),
-            "{left_s}"
-        );
+        assert_eq!(left(6500.0), None);
+        let (after_s, barred_s) = left(7000.0).unwrap();
+        let expected_s = DISPROVED_S..DISPROVED_S + 0.1;
+        assert!(expected_s.contains(&after_s), "{after_s}");
+        assert!((barred_s - DISPROVED_BARRED_S).abs() < 1e-9, "{barred_s}");
     }
 
     #[test]
@@ -949,38 +898,92 @@ mod tests {
         assert!(tracker.fire_belief().unwrap() < 0.65);
     }
 
-    /// What is at `r_enu_m` becomes the target in this state after half a second; `each` says what is known of it in a frame. After
-    /// how long it is left within two and a half seconds, and for how long it is barred then [s].
-    fn left_after_s(
-        dsm: Option<&Dsm>,
+    /// Something that stays where it is and becomes the target.
+    struct Held<'a> {
         r_enu_m: DVec3,
+        /// Angle a pixel of the camera that sees it [rad].
+        ifov_rad: f64,
+        /// In this state, from this frame on, for so many.
         state: TrackingState,
-        each: impl Fn(u32, &mut Tracker),
-    ) -> Option<(f64, f64)> {
-        let params = params();
-        let mut tracker = Tracker::default();
-        for frame in 0..180_u32 {
-            let (t_s, tick) = (f64::from(frame) / 60.0, u64::from(frame * FRAME));
-            see(&mut tracker, t_s, &[r_enu_m]);
-            if frame == 30 {
-                let id = tracker.table.tracks[0].id;
-                tracker.acquire(tick, id, "test");
-                tracker.change(tick, state, "test");
-            }
-            each(frame, &mut tracker);
-            if frame > 30 {
-                tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
-                let now = Situation {
-                    dsm,
-                    ..situation(&params, frame * FRAME)
-                };
-                step(&now, &mut tracker, false, false);
-                if tracker.target.is_none() {
-                    return Some((t_s - 0.5, tracker.table.tracks[0].barred_until_s - t_s));
-                }
+        from: u32,
+        frames: u32,
+        /// What is known besides.
+        dsm: Option<&'a Dsm>,
+        cue: Option<TargetCue>,
+        by_radar: bool,
+        /// Whether it is judged as it is held, ten times a second.
+        weighed: bool,
+    }
+
+    impl Default for Held<'_> {
+        fn default() -> Self {
+            Self {
+                r_enu_m: DVec3::new(0.0, 600.0, 80.0),
+                ifov_rad: 3e-5,
+                state: TrackingState::Precise,
+                from: 30,
+                frames: 150,
+                dsm: None,
+                cue: None,
+                by_radar: true,
+                weighed: false,
             }
         }
-        None
+    }
+
+    impl Held<'_> {
+        /// After how long it is left, and for how long it is barred then [s]; `each` says what is known of it in a frame.
+        fn left_after_s(&self, each: impl Fn(u32, &mut Tracker)) -> Option<(f64, f64)> {
+            let params = params();
+            let mut tracker = Tracker::default();
+            for frame in 0..=self.from + self.frames {
+                let (t_s, tick) = (f64::from(frame) / 60.0, u64::from(frame * FRAME));
+                see_by(self.ifov_rad, &mut tracker, t_s, &[self.r_enu_m]);
+                if frame == self.from {
+                    let id = tracker.table.tracks[0].id;
+                    tracker.acquire(tick, id, "test");
+                    tracker.change(tick, self.state, "test");
+                }
+                each(frame, &mut tracker);
+                if frame > self.from {
+                    tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
+                    let now = Situation {
+                        dsm: self.dsm,
+                        cue: self.cue,
+                        by_radar: self.by_radar,
+                        ..situation(&params, frame * FRAME)
+                    };
+                    let weighs = self.weighed && frame.is_multiple_of(6);
+                    step(&now, &mut tracker, false, weighs);
+                    if tracker.target.is_none() {
+                        let held_s = t_s - f64::from(self.from) / 60.0;
+                        return Some((held_s, tracker.table.tracks[0].barred_until_s - t_s));
+                    }
+                }
+            }
+            None
+        }
+    }
+
+    /// A radar's target that hovers at a place.
+    fn hovers_at(r_enu_m: DVec3) -> TargetCue {
+        TargetCue {
+            az_el_rad: los_to_az_el(r_enu_m),
+            sigma_rad: DVec2::splat(0.01),
+            range_m: r_enu_m.length(),
+            range_sigma_m: 15.0,
+            rate_radps: DVec2::ZERO,
+            rate_sigma_radps: DVec2::splat(5e-3),
+        }
+    }
+
+    /// An echo of the range finder from so far away [m].
+    fn echo(frame: u32, range_m: f64) -> Lased {
+        Lased {
+            t_s: f64::from(frame) / 60.0,
+            range_m,
+            sigma_m: 0.5,
+        }
     }
 
     #[test]
@@ -992,25 +995,25 @@ mod tests {
         };
         let dsm = Dsm::new(heights(0.0), heights(200.0), 0.0);
         // What never flew, so far to the north by the range finder, whose echo is so old [s]; seen by a camera of this angle a
-        // pixel [rad], too.
+        // pixel [rad].
         let left_seen_by = |ifov_rad: f64, north_m: f64, flown: bool, age_s: f64| {
-            let r_enu_m = DVec3::new(0.0, north_m, 80.0);
-            left_after_s(
-                Some(&dsm),
-                r_enu_m,
-                TrackingState::Engage,
-                |frame, tracker| {
-                    see_by(ifov_rad, tracker, f64::from(frame) / 60.0, &[r_enu_m]);
-                    judge(tracker, 0.97);
-                    let track = &mut tracker.table.tracks[0];
-                    (track.conduct.in_scenery, track.conduct.flown) = (true, flown);
-                    track.lased = Some(Lased {
-                        t_s: f64::from(frame) / 60.0 - age_s,
-                        range_m: r_enu_m.length(),
-                        sigma_m: 0.5,
-                    });
-                },
-            )
+            let held = Held {
+                r_enu_m: DVec3::new(0.0, north_m, 80.0),
+                ifov_rad,
+                state: TrackingState::Engage,
+                dsm: Some(&dsm),
+                ..Held::default()
+            };
+            held.left_after_s(|frame, tracker| {
+                judge(tracker, 0.97);
+                let track = &mut tracker.table.tracks[0];
+                (track.conduct.in_scenery, track.conduct.flown) = (true, flown);
+                let fresh = echo(frame, held.r_enu_m.length());
+                track.lased = Some(Lased {
+                    t_s: fresh.t_s - age_s,
+                    ..fresh
+                });
+            })
         };
         // 20 px long.
         let left = |north_m, flown, age_s| left_seen_by(3e-5, north_m, flown, age_s);
@@ -1032,10 +1035,11 @@ mod tests {
     fn what_the_precise_camera_does_not_see_is_left() {
         // Held by the coarse camera, after so many hits of the precise one.
         let left = |hits: u32| {
-            let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-            left_after_s(None, r_enu_m, TrackingState::Coarse, |_, tracker| {
-                tracker.table.tracks[0].hits[Tier::Precise] = hits;
-            })
+            let held = Held {
+                state: TrackingState::Coarse,
+                ..Held::default()
+            };
+            held.left_after_s(|_, tracker| tracker.table.tracks[0].hits[Tier::Precise] = hits)
         };
         let (after_s, barred_s) = left(CONFIRM_HITS - 1).unwrap();
         assert!((1.0..1.1).contains(&after_s), "{after_s}");
@@ -1046,8 +1050,7 @@ mod tests {
     #[test]
     fn what_is_lost_and_seen_again_by_turns_is_doubted_all_the_same() {
         let left = |p_uav: f64| {
-            let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-            left_after_s(None, r_enu_m, TrackingState::Precise, |frame, tracker| {
+            Held::default().left_after_s(|frame, tracker| {
                 judge(tracker, p_uav);
                 if frame > 30 && frame.is_multiple_of(12) {
                     let turns = [TrackingState::Precise, TrackingState::Lost];
@@ -1293,104 +1296,53 @@ mod tests {
 
     #[test]
     fn what_the_radar_points_at_is_doubted_later_and_what_it_vouches_for_is_not() {
-        let params = params();
-        let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-        let cue = TargetCue {
-            az_el_rad: los_to_az_el(r_enu_m),
-            sigma_rad: DVec2::splat(0.01),
-            range_m: r_enu_m.length(),
-            range_sigma_m: 15.0,
-            rate_radps: DVec2::ZERO,
-            rate_sigma_radps: DVec2::splat(5e-3),
-        };
         let doubted_s = |cue: Option<TargetCue>, radar_log_odds: f64| {
-            let mut tracker = Tracker::default();
-            for frame in 0..150_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                see(&mut tracker, t_s, &[r_enu_m]);
-                judge(&mut tracker, 0.02);
-                let tick = u64::from(frame * FRAME);
-                if frame == 10 {
-                    let id = tracker.table.tracks[0].id;
-                    tracker.acquire(tick, id, "test");
-                    tracker.radar_log_odds = radar_log_odds;
-                }
-                if frame > 10 {
-                    let now = Situation {
-                        cue,
-                        ..situation(&params, frame * FRAME)
-                    };
-                    step(&now, &mut tracker, false, false);
-                    if tracker.target.is_none() {
-                        return Some(t_s - 10.0 / 60.0);
-                    }
-                }
-            }
-            None
+            let held = Held {
+                state: TrackingState::Acquire,
+                cue,
+                ..Held::default()
+            };
+            let left = held.left_after_s(|_, tracker| {
+                judge(tracker, 0.02);
+                // The precise camera has not seen it yet.
+                tracker.hits_in_state = PerTier::default();
+                tracker.radar_log_odds = radar_log_odds;
+            });
+            left.map(|(after_s, _)| after_s)
         };
         let within = |least_s: f64| least_s..least_s + 0.1;
-        let [alone_s, cued_s] = [None, Some(cue)].map(|cue| doubted_s(cue, 0.0).unwrap());
+        let cue = Some(hovers_at(Held::default().r_enu_m));
+        let [alone_s, cued_s] = [None, cue].map(|cue| doubted_s(cue, 0.0).unwrap());
         assert!(within(DOUBT_AFTER_S).contains(&alone_s), "{alone_s}");
         assert!(within(DOUBT_CLOSE_S).contains(&cued_s), "{cued_s}");
-        assert_eq!(doubted_s(Some(cue), 1.0), None);
+        assert_eq!(doubted_s(cue, 1.0), None);
     }
 
     #[test]
     fn a_target_that_stands_before_scenery_must_go_on_to_look_like_a_uav() {
-        let params = params();
-        let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-        let los = los_to_az_el(r_enu_m);
-        let cue = TargetCue {
-            az_el_rad: los,
-            sigma_rad: DVec2::splat(0.01),
-            range_m: r_enu_m.length(),
-            range_sigma_m: 15.0,
-            rate_radps: DVec2::ZERO,
-            rate_sigma_radps: DVec2::splat(5e-3),
-        };
+        let cue = hovers_at(Held::default().r_enu_m);
         let given_up_s = |p_uav: f64, in_scenery: bool, cue: Option<TargetCue>| {
-            let mut tracker = Tracker::default();
-            for frame in 0..240_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                see(&mut tracker, t_s, &[r_enu_m]);
-                let track = &mut tracker.table.tracks[0];
-                (track.conduct.in_scenery, track.conduct.in_sky) = (in_scenery, !in_scenery);
-                track.recognition = Some(Recognition {
-                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
-                    t_s,
-                });
-                let (id, tick) = (track.id, u64::from(frame * FRAME));
-                if frame == 10 {
-                    tracker.acquire(tick, id, "test");
-                    tracker.change(tick, TrackingState::Precise, "test");
-                }
-                if frame > 10 {
-                    let now = Situation {
-                        cue,
-                        ..situation(&params, frame * FRAME)
-                    };
-                    let centred = seen_at(now.tick, DVec2::ZERO);
-                    tracker.error = PerTier::of(|_| Some(centred));
-                    step(&now, &mut tracker, false, false);
-                    if tracker.target.is_none() {
-                        return Some(t_s - 10.0 / 60.0);
-                    }
-                }
-            }
-            None
+            let held = Held {
+                cue,
+                ..Held::default()
+            };
+            let left = held.left_after_s(|_, tracker| {
+                judge(tracker, p_uav);
+                let conduct = &mut tracker.table.tracks[0].conduct;
+                (conduct.in_scenery, conduct.in_sky) = (in_scenery, !in_scenery);
+            });
+            left.map(|(after_s, _)| after_s)
         };
+        let within = SCENERY_S..SCENERY_S + 0.1;
         let waited_s = given_up_s(0.6, true, None).unwrap();
-        assert!(
-            (SCENERY_S..SCENERY_S + 0.1).contains(&waited_s),
-            "{waited_s}"
-        );
+        assert!(within.contains(&waited_s), "{waited_s}");
         // Sure of it, pointed at by the radar, or in the sky.
         assert_eq!(given_up_s(0.95, true, None), None);
         assert_eq!(given_up_s(0.6, true, Some(cue)), None);
         assert_eq!(given_up_s(0.6, false, None), None);
         // The radar follows its target elsewhere: in another direction, at another range.
         let beside = TargetCue {
-            az_el_rad: los + DVec2::new(0.05, 0.0),
+            az_el_rad: cue.az_el_rad + DVec2::new(0.05, 0.0),
             ..cue
         };
         let before = TargetCue {
@@ -1399,75 +1351,45 @@ mod tests {
         };
         for other in [beside, before] {
             let waited_s = given_up_s(0.97, true, Some(other)).unwrap();
-            assert!(
-                (SCENERY_S..SCENERY_S + 0.1).contains(&waited_s),
-                "{waited_s}"
-            );
+            assert!(within.contains(&waited_s), "{waited_s}");
             assert_eq!(given_up_s(0.97, false, Some(other)), None);
         }
     }
 
     #[test]
     fn what_is_not_where_the_radar_has_its_target_must_surely_be_a_uav() {
-        let params = params();
-        let r_enu_m = DVec3::new(0.0, 600.0, 80.0);
-        let cue = |range_m: f64| TargetCue {
-            az_el_rad: los_to_az_el(r_enu_m),
-            sigma_rad: DVec2::splat(0.01),
-            range_m,
-            range_sigma_m: 15.0,
-            rate_radps: DVec2::ZERO,
-            rate_sigma_radps: DVec2::splat(5e-3),
+        let there = hovers_at(Held::default().r_enu_m);
+        let cue = |off_m: f64| {
+            Some(TargetCue {
+                range_m: there.range_m + off_m,
+                ..there
+            })
         };
-        let there_m = r_enu_m.length();
         // An echo in every frame but those of each second half of a second.
         let given_up_s = |p_uav: f64, cue: Option<TargetCue>, by_radar: bool, echoes: bool| {
-            let mut tracker = Tracker::default();
-            for frame in 0..230_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                see(&mut tracker, t_s, &[r_enu_m]);
+            let held = Held {
+                cue,
+                by_radar,
+                frames: 210,
+                weighed: true,
+                ..Held::default()
+            };
+            let left = held.left_after_s(|frame, tracker| {
+                judge(tracker, p_uav);
                 let track = &mut tracker.table.tracks[0];
                 track.conduct.in_sky = true;
-                track.recognition = Some(Recognition {
-                    probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
-                    t_s,
-                });
-                let broken = frame % 60 >= 30;
-                track.lased = (echoes && !broken).then_some(Lased {
-                    t_s,
-                    range_m: there_m,
-                    sigma_m: 0.5,
-                });
-                let (id, tick) = (track.id, u64::from(frame * FRAME));
-                if frame == 20 {
-                    tracker.acquire(tick, id, "test");
-                    tracker.change(tick, TrackingState::Precise, "test");
-                }
-                if frame > 20 {
-                    let now = Situation {
-                        cue,
-                        by_radar,
-                        ..situation(&params, frame * FRAME)
-                    };
-                    let centred = seen_at(now.tick, DVec2::ZERO);
-                    tracker.error = PerTier::of(|_| Some(centred));
-                    step(&now, &mut tracker, false, frame % 6 == 0);
-                    if tracker.target.is_none() {
-                        return Some(t_s - 20.0 / 60.0);
-                    }
-                }
-            }
-            None
+                let meets = echoes && frame % 60 < 30;
+                track.lased = meets.then(|| echo(frame, there.range_m));
+            });
+            left.map(|(after_s, _)| after_s)
         };
-        let nearer = Some(cue(there_m - 150.0));
+        let nearer = cue(-150.0);
         let waited_s = given_up_s(0.7, nearer, true, true).unwrap();
-        assert!(
-            (ANOTHER_S..ANOTHER_S + 0.6).contains(&waited_s),
-            "{waited_s}"
-        );
+        let within = ANOTHER_S..ANOTHER_S + 0.6;
+        assert!(within.contains(&waited_s), "{waited_s}");
         // Surely a UAV, where the radar has its target, without a radar, known by the defence, without an echo.
         assert_eq!(given_up_s(0.999, nearer, true, true), None);
-        assert_eq!(given_up_s(0.7, Some(cue(there_m + 20.0)), true, true), None);
+        assert_eq!(given_up_s(0.7, cue(20.0), true, true), None);
         assert_eq!(given_up_s(0.7, None, true, true), None);
         assert_eq!(given_up_s(0.7, nearer, false, true), None);
         assert_eq!(given_up_s(0.7, nearer, true, false), None);
