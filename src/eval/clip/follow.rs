@@ -118,7 +118,7 @@ impl Follower {
                 linear_angles: false,
                 centre_sigma_px: arguments.centre_sigma_px,
                 centre_sigma_rel: 0.0,
-                start_score: 0.0,
+                start_score: arguments.threshold.unwrap_or(0.0),
                 reads: EvidenceParams {
                     min_quality: defaults.min_quality,
                     ..EvidenceParams::default()

@@ -16,6 +16,7 @@ use crate::models::tracking::table::JoinedTrack;
 use crate::output;
 use crate::output::put;
 use crate::report::chart::Series;
+use crate::scenario::DetectorConfig;
 use glam::DVec2;
 use image::RgbImage;
 use std::collections::{BTreeMap, btree_map::Entry};
@@ -220,11 +221,10 @@ fn look(
 ) -> Result<Moment, EvalError> {
     let mut found = Vec::new();
     model.detect(frame.picture.as_raw(), frame.size_px(), &mut found)?;
-    // What is called no UAV is no false alarm and starts no track, but goes on with one that is taken for a UAV and mostly
-    // called one.
+    let threshold = arguments.threshold.unwrap_or(0.0);
     let counts = |found: &&Detection| {
-        let named = model.is_uav(found.label) || follower.believes_in(found);
-        named && Some(found.score) >= arguments.threshold
+        let believed = follower.believes_in(found);
+        counts(found.score, threshold, model.is_uav(found.label), believed)
     };
     let tracked: Vec<Detection> = found.iter().filter(counts).copied().collect();
     let followed = follower.look(frame.t_s, frame.picture.as_raw(), &tracked)?;
@@ -239,6 +239,14 @@ fn look(
         followed,
         held: follower.held(),
     })
+}
+
+/// Whether the tracker gets a detection. What is called no UAV is no false alarm and starts no track. It goes on with one
+/// that is `believed`, taken for a UAV and mostly called one; so does what scores less than the threshold, as far as a run
+/// keeps that.
+pub(super) fn counts(score: f64, threshold: f64, called_uav: bool, believed: bool) -> bool {
+    let weak_score = DetectorConfig::default().weak_share * threshold;
+    score >= threshold && called_uav || score >= weak_score && believed
 }
 
 /// Whether a frame is shown on the contact sheet, whose pictures are spread evenly over the clip: it is the
