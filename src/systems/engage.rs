@@ -7,7 +7,7 @@ use crate::components::environment::Environment;
 use crate::components::mount::Mount;
 use crate::components::network::Tasking;
 use crate::components::run::SimClock;
-use crate::components::track::{Command, Operator, Tracker, TrackingState};
+use crate::components::track::{BoresightError, Command, Operator, Tracker, TrackingState};
 use crate::models::engage::interlock::{FAR_M, beam_half_angle_rad, bundle, faces_sun, in_beam};
 use crate::models::ground::dsm::HitKind;
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
@@ -85,6 +85,9 @@ impl Rules {
 const SURROUNDINGS_HZ: u32 = 120;
 /// Instants at which the line of sight ahead is checked.
 const LOOKS_AHEAD: u32 = 3;
+/// Time without news of the target from the precise camera after which the laser is held [s], and least number of its frames.
+const UNSEEN_S: f64 = 0.1;
+const UNSEEN_FRAMES: f64 = 2.0;
 /// Hits that make a track an object to be spared: a false alarm seldom comes back.
 const OBJECT_HITS: u32 = 3;
 /// Time since the last hit for which it does [s].
@@ -263,10 +266,16 @@ fn decide_station(
         reasons.push("track not stable");
         *looked_over = None;
     }
-    if let Some(error) = tracker.error[Tier::Precise]
-        && error.offset_px.length() > error.half_side_px
-    {
-        reasons.push("aim point outside the target");
+    let precise = cameras
+        .iter_many(own.entities())
+        .find(|camera| camera.tier == Tier::Precise);
+    if let Some(error) = tracker.error[Tier::Precise] {
+        if error.offset_px.length() > error.half_side_px {
+            reasons.push("aim point outside the target");
+        }
+        if precise.is_some_and(|camera| is_unseen(clock, &error, camera.period_ticks)) {
+            reasons.push("target not seen");
+        }
     }
     if !rules.takes_for_uav(tracker) {
         reasons.push("not recognised as a UAV");
@@ -282,8 +291,6 @@ fn decide_station(
             let known = looked_over.as_ref().map(|(id, _)| *id);
             if known != Some(track.id) || clock.due(SURROUNDINGS_HZ) {
                 // The beam's whole width must be clear: look around the line by some pixels.
-                let precise =
-                    (cameras.iter_many(own.entities())).find(|camera| camera.tier == Tier::Precise);
                 let way = Way {
                     rules,
                     environment,
@@ -319,6 +326,13 @@ fn decide_station(
         (true, began) => began,
         (false, _) => None,
     };
+}
+
+/// Whether the precise camera, with so many ticks from frame to frame, has had no news of the target for so long that the
+/// mount may follow something it is not.
+fn is_unseen(clock: &SimClock, error: &BoresightError, period_ticks: u64) -> bool {
+    let silent_s = clock.at_s(clock.tick.saturating_sub(error.available_tick));
+    silent_s > UNSEEN_S.max(UNSEEN_FRAMES * clock.at_s(period_ticks))
 }
 
 /// Whether a track is something to be spared: seen often enough and lately, and no part of what stands
@@ -452,6 +466,27 @@ mod tests {
             });
         }
         table
+    }
+
+    #[test]
+    fn the_laser_is_held_while_the_target_is_not_seen() {
+        let unseen = |since_ticks: u64, period_ticks: u64| {
+            let clock = SimClock {
+                tick: 1000 + since_ticks,
+                tick_hz: 960,
+            };
+            let error = BoresightError {
+                exposure_tick: 900,
+                available_tick: 1000,
+                angle_rad: DVec2::ZERO,
+                offset_px: DVec2::ZERO,
+                half_side_px: 4.0,
+            };
+            is_unseen(&clock, &error, period_ticks)
+        };
+        assert_eq!([96, 97].map(|since| unseen(since, 8)), [false, true]);
+        // A camera of 10 Hz may miss a frame.
+        assert_eq!([192, 193].map(|since| unseen(since, 96)), [false, true]);
     }
 
     #[test]
