@@ -86,7 +86,7 @@ const SURROUNDINGS_HZ: u32 = 120;
 /// Instants at which the line of sight ahead is checked.
 const LOOKS_AHEAD: u32 = 3;
 /// Time without news of the target from the precise camera after which the laser is held [s], and least number of its frames.
-const UNSEEN_S: f64 = 0.1;
+const UNSEEN_S: f64 = 0.05;
 const UNSEEN_FRAMES: f64 = 2.0;
 /// Hits that make a track an object to be spared: a false alarm seldom comes back.
 const OBJECT_HITS: u32 = 3;
@@ -484,7 +484,7 @@ mod tests {
             };
             is_unseen(&clock, &error, period_ticks)
         };
-        assert_eq!([96, 97].map(|since| unseen(since, 8)), [false, true]);
+        assert_eq!([48, 49].map(|since| unseen(since, 8)), [false, true]);
         // A camera of 10 Hz may miss a frame.
         assert_eq!([192, 193].map(|since| unseen(since, 96)), [false, true]);
     }
