@@ -166,7 +166,7 @@ fn is_plainly_uav(track: &Track) -> bool {
         && track.evidence.best_px() >= PLAIN_PX
 }
 
-/// Whether a track has been looked at closely and is sooner no UAV: as a target it has no more right than any other.
+/// Whether a track has been looked at closely and is more likely no UAV: as a target it has no more right than any other.
 pub(super) fn is_unlikely(track: &Track) -> bool {
     track.hits[Tier::Precise] >= CONFIRM_HITS
         && track.recognition.is_some()
