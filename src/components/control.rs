@@ -127,6 +127,8 @@ pub struct Glance {
     pub since: u64,
     /// Which glance of its gaze it is, from 1.
     pub count: usize,
+    /// Whether that gaze is to begin anew.
+    pub cut_short: bool,
 }
 
 /// A track that was glanced at.

@@ -98,6 +98,19 @@ impl Recognition {
         }
     }
 
+    /// This one, once something else is known that is so many times as likely of these classes as of any other.
+    pub fn weighed(&self, classes: &[TrackClass], times: f64) -> Self {
+        let mut probabilities = self.probabilities;
+        for class in classes {
+            probabilities[*class as usize] *= times;
+        }
+        let sum: f64 = probabilities.iter().sum();
+        Self {
+            probabilities: probabilities.map(|p| p / sum),
+            t_s: self.t_s,
+        }
+    }
+
     /// Probability that it is a UAV.
     pub fn p_uav(&self) -> f64 {
         self.probabilities[TrackClass::Uav as usize]

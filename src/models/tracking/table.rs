@@ -21,7 +21,7 @@ use crate::models::tracking::evidence::{
 };
 use crate::models::tracking::flutter::{Flutter, Place};
 use crate::models::tracking::ranging::Ranging;
-use crate::models::tracking::recognition::Recognition;
+use crate::models::tracking::recognition::{Recognition, TrackClass};
 use glam::{DVec2, DVec3};
 use nalgebra::{Matrix2, Vector2};
 use std::ops::Range;
@@ -187,16 +187,39 @@ impl Track {
     /// says which birds and UAVs are about where it learned.
     pub fn log_odds(&self) -> f64 {
         match self.recognised() {
-            Some(log_odds) => log_odds + self.conduct.company,
+            Some(found) => logit(found.p_uav()) + self.conduct.company,
             None => self.evidence.log_odds(),
         }
     }
 
-    /// Log-odds that it is a UAV by the recogniser alone, if that has an answer.
-    pub fn recognised(&self) -> Option<f64> {
+    /// What the recogniser last found it to be, which sees no distance, and what the range finder's last echo makes of its size.
+    pub fn found(&self) -> Option<Recognition> {
+        let is_small = |lased: &Lased| self.size_rad * lased.range_m < LEAST_AIRCRAFT_M;
+        let found = self.recognition?;
+        Some(match self.lased.filter(is_small) {
+            Some(_) => found.weighed(
+                &[TrackClass::Aeroplane, TrackClass::Helicopter],
+                PART_OF_AIRCRAFT,
+            ),
+            None => found,
+        })
+    }
+
+    /// What it was found to be, as far as that counts: of a dot less.
+    pub fn recognised(&self) -> Option<Recognition> {
         let named = named_share(self.evidence.best_px());
         let share = OF_A_DOT + (1.0 - OF_A_DOT) * named;
-        self.recognition.map(|found| share * logit(found.p_uav()))
+        let found = self.found()?;
+        let p_uav = found.p_uav();
+        let counted = probability(share * logit(p_uav));
+        // What is left goes to the other classes as they stand.
+        let others = (1.0 - counted) / (1.0 - p_uav).max(1e-6);
+        let mut probabilities = found.probabilities.map(|p| p * others);
+        probabilities[TrackClass::Uav as usize] = counted;
+        Some(Recognition {
+            probabilities,
+            ..found
+        })
     }
 
     /// Probability that it is a UAV.
@@ -465,6 +488,10 @@ pub const JUDGED_HITS: u32 = 3;
 const ESTABLISHED_HITS: u32 = 30;
 /// An echo of the range finder says for so long how far its track is [s].
 const ECHO_S: f64 = 1.0;
+/// Manned aircraft are longer than this [m] from any side; a box shows but so small a part of one this often, as against what is
+/// so small.
+const LEAST_AIRCRAFT_M: f64 = 3.0;
+const PART_OF_AIRCRAFT: f64 = 0.05;
 /// What a recogniser's word on a dot counts.
 const OF_A_DOT: f64 = 0.3;
 /// Hits from which on a weak detection may go on with a track.

@@ -217,6 +217,10 @@ impl SearchScan {
     /// the area at a time, and back to the search camera.
     fn advance(&mut self) {
         self.settled_since = None;
+        // A gaze that was cut short begins anew.
+        if self.glance.take().is_some_and(|glance| glance.cut_short) {
+            return;
+        }
         self.index += 1;
         if self.index < self.offsets_rad.len() {
             return;
@@ -259,11 +263,13 @@ impl SearchScan {
     }
 
     /// Turns to the likeliest of what shows that was not glanced at lately; whether there is any, and a glance left for
-    /// the present gaze.
-    fn glances(&mut self, clock: &SimClock, shown: &[&Track]) -> bool {
+    /// the present gaze, which may be `cut_short` by it.
+    fn glances(&mut self, clock: &SimClock, shown: &[&Track], cut_short: bool) -> bool {
         let t_s = clock.t_s();
-        let count = 1 + self.glance.take().map_or(0, |glance| glance.count);
-        self.settled_since = None;
+        let (count, cut_short) = match &self.glance {
+            Some(last) => (last.count + 1, last.cut_short),
+            None => (1, cut_short),
+        };
         if count > MOST_GLANCES || !self.has_closer() {
             return false;
         }
@@ -287,10 +293,12 @@ impl SearchScan {
         let Some(track) = likeliest else {
             return false;
         };
+        self.settled_since = None;
         self.glance = Some(Glance {
             track: track.id,
             since: clock.tick,
             count,
+            cut_short,
         });
         self.glanced.push(Glanced {
             track: track.id,
@@ -330,7 +338,10 @@ pub(super) fn search(
         None => scan.gaze_s(),
     };
     let over = rested_s > longest_s;
-    if over && !scan.glances(clock, &fresh) {
+    // What the recogniser finds likely only now, from what a glance showed beside its object, is not left to the next pass.
+    let likely = fresh.iter().copied().filter(|track| is_likely(track, t_s));
+    let turns = !glances && scan.glances(clock, &likely.collect::<Vec<_>>(), !over);
+    if over && !turns && !scan.glances(clock, &fresh, false) {
         scan.advance();
     }
     // A promising gaze drifts on as it did: a plot would move it off what it looks at.
@@ -383,8 +394,7 @@ fn may_be_glanced_at(track: &Track, t_s: f64) -> bool {
             (true, true) if is_only_seen_from_afar(track) => true,
             (in_sky, steady) => (in_sky || steady) && track.log_odds() > GLANCED,
         }
-        && (!track.conduct.is_scenery()
-            || (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY))
+        && (!track.conduct.is_scenery() || is_likely(track, t_s))
 }
 
 /// Whether no finer camera has seen a track but by chance.
@@ -395,7 +405,9 @@ fn is_only_seen_from_afar(track: &Track) -> bool {
 /// Whether the recogniser finds a track more likely a UAV than not, and it is not left alone.
 fn is_likely(track: &Track, t_s: f64) -> bool {
     !track.is_barred(t_s)
-        && (track.recognition).is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY)
+        && track
+            .found()
+            .is_some_and(|found| found.p_uav() > PROMISING_PROBABILITY)
 }
 
 /// Whether a track that is seen is worth a longer look: it flies, stands in the sky or where the radar points, or is more likely a
@@ -630,6 +642,9 @@ mod tests {
         let likely = looked(&all, Some(at), 0.8, 4.0);
         let lasted_s = likely[2].1 - likely[1].1;
         assert!((lasted_s - LIKELY_GLANCE_S).abs() < 5e-3, "{lasted_s}");
+        // It is turned to as soon as that is known, and the gaze begins anew.
+        assert!(likely[1].1 < 0.5 * GAZE_S, "{}", likely[1].1);
+        assert_eq!(likely[2].0, gazes[0].0);
     }
 
     #[test]

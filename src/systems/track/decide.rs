@@ -1068,32 +1068,44 @@ mod tests {
     #[test]
     fn one_that_flies_among_birds_is_taken_for_one_of_them() {
         let params = params();
-        // What is left of a belief of 0.97 after three seconds beside another, so far above [m], judged so, at this speed [m/s].
-        let believed_beside = |above_m: f64, p_other: f64, speed_mps: f64| {
-            let mut tracker = Tracker::default();
-            for frame in 0..180_u32 {
-                let t_s = f64::from(frame) / 60.0;
-                let flies = DVec3::new(12.0 * t_s, 600.0, 80.0);
-                let other = DVec3::new(speed_mps * t_s, 600.0, 80.0 + above_m);
-                see(&mut tracker, t_s, &[flies, other]);
-                for (track, p_uav) in tracker.table.tracks.iter_mut().zip([0.97, p_other]) {
-                    track.recognition = Some(Recognition {
-                        probabilities: [p_uav, 1.0 - p_uav, 0.0, 0.0, 0.0, 0.0],
-                        t_s,
-                    });
+        // What is left of such a belief after three seconds beside a bird or a balloon, so far above [m], judged so, at this
+        // speed [m/s].
+        let believed_beside =
+            |p_uav: f64, above_m: f64, p_other: f64, speed_mps: f64, balloon: bool| {
+                let mut tracker = Tracker::default();
+                for frame in 0..180_u32 {
+                    let t_s = f64::from(frame) / 60.0;
+                    let flies = DVec3::new(12.0 * t_s, 600.0, 80.0);
+                    let other = DVec3::new(speed_mps * t_s, 600.0, 80.0 + above_m);
+                    see(&mut tracker, t_s, &[flies, other]);
+                    for (track, p_uav) in tracker.table.tracks.iter_mut().zip([p_uav, p_other]) {
+                        let [bird, balloon] = if balloon && p_uav < 0.5 {
+                            [0.0, 1.0 - p_uav]
+                        } else {
+                            [1.0 - p_uav, 0.0]
+                        };
+                        track.recognition = Some(Recognition {
+                            probabilities: [p_uav, bird, 0.0, 0.0, balloon, 0.0],
+                            t_s,
+                        });
+                    }
+                    if frame.is_multiple_of(6) {
+                        let now = situation(&params, frame * FRAME);
+                        now.weigh(&mut tracker.table, 0.1);
+                    }
                 }
-                if frame.is_multiple_of(6) {
-                    let now = situation(&params, frame * FRAME);
-                    now.weigh(&mut tracker.table, 0.1);
-                }
-            }
-            assert_eq!(tracker.table.tracks.len(), 2);
-            tracker.table.tracks[0].uav_belief()
-        };
-        let believed = |p_other: f64, speed_mps: f64| believed_beside(10.0, p_other, speed_mps);
-        assert!(believed(0.02, 11.0) < 0.7);
+                assert_eq!(tracker.table.tracks.len(), 2);
+                tracker.table.tracks[0].uav_belief()
+            };
+        let believed =
+            |p_other: f64, speed_mps: f64| believed_beside(0.97, 10.0, p_other, speed_mps, false);
+        assert!(believed(0.02, 11.0) < 0.8);
+        // By how much depends on how much it looks like one of them itself.
+        assert!(believed_beside(0.8, 10.0, 0.02, 11.0, false) < 0.35);
+        assert!(believed_beside(0.997, 10.0, 0.02, 11.0, false) > 0.95);
+        assert!(believed_beside(0.97, 10.0, 0.02, 11.0, true) > 0.96);
         // A part of itself says nothing.
-        assert!((believed_beside(0.5, 0.02, 11.9) - 0.97).abs() < 1e-6);
+        assert!((believed_beside(0.97, 0.5, 0.02, 11.9, false) - 0.97).abs() < 1e-6);
         // One that goes its own way, or another UAV, says nothing.
         assert!((believed(0.02, 8.0) - 0.97).abs() < 1e-6);
         assert!((believed(0.98, 11.0) - 0.97).abs() < 1e-6);

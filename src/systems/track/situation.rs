@@ -10,7 +10,8 @@ use crate::models::engage::threat::time_to_asset_s;
 use crate::models::ground::dsm::Dsm;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::cartesian::TargetCue;
-use crate::models::tracking::recognition::Recognition;
+use crate::models::tracking::evidence::{logit, probability};
+use crate::models::tracking::recognition::{CLASSES, Recognition, TrackClass};
 use crate::models::tracking::search::{Sector, SlewLimits};
 use crate::models::tracking::table::{JUDGED_HITS, Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
@@ -109,17 +110,20 @@ const COMPANY_RADPS: f64 = 3.0e-3;
 const COMPANY_RATES: f64 = 0.2;
 const COMPANY_S: f64 = 1.0;
 
+/// How much oftener two that fly along are of a kind because of that than two of any kinds by chance.
+const COMPANY_OF_A_KIND: f64 = 15.0;
+
 /// A track that flies, as those see it that fly along with it.
 struct Flyer {
     id: u32,
     az_el_rad: DVec2,
     size_rad: f64,
     rate_radps: DVec2,
-    log_odds: f64,
+    found: Recognition,
 }
 
-/// What those say of a flyer that fly along with it: things of a kind keep together, so that it is no likelier a UAV
-/// than they are in the mean; log-odds, 0 or less.
+/// What those say of a flyer that fly along with it, as log-odds, 0 or less. Either it is of their kind, or it is there by chance:
+/// what it looks like itself tells how likely the one is, and the other.
 fn company(flyer: &Flyer, flyers: &[Flyer]) -> f64 {
     let apart_rad = COMPANY_SIZES * flyer.size_rad..COMPANY_RAD;
     let along = flyers.iter().filter(|other| {
@@ -128,14 +132,21 @@ fn company(flyer: &Flyer, flyers: &[Flyer]) -> f64 {
             && (other.rate_radps - flyer.rate_radps).length()
                 < COMPANY_RATES * flyer.rate_radps.length()
     });
-    let (count, sum) = along.fold((0.0, 0.0), |(count, sum), other| {
-        (count + 1.0, sum + other.log_odds)
-    });
-    if count > 0.0 {
-        f64::min(sum / count, 0.0)
-    } else {
-        0.0
+    let (mut count, mut both) = (0.0, [0.0; CLASSES]);
+    for other in along {
+        count += 1.0;
+        for (kind, both) in both.iter_mut().enumerate() {
+            *both += flyer.found.probabilities[kind] * other.found.probabilities[kind];
+        }
     }
+    let of_a_kind: f64 = both.iter().sum();
+    if count == 0.0 || of_a_kind <= 0.0 {
+        return 0.0;
+    }
+    let alone = flyer.found.p_uav();
+    let along = both[TrackClass::Uav as usize] / of_a_kind;
+    let share = probability((COMPANY_OF_A_KIND * of_a_kind / count).ln());
+    f64::min(logit(alone + share * (along - alone)) - logit(alone), 0.0)
 }
 
 /// What the state machine looks at.
@@ -161,7 +172,7 @@ pub(crate) struct Situation<'a> {
 /// Whether a track looks so much like a UAV, and is seen so well, that where it stands says nothing against it.
 fn is_plainly_uav(track: &Track) -> bool {
     let found = |found: Recognition| found.p_uav() >= PLAIN_PROBABILITY;
-    track.recognition.is_some_and(found)
+    track.found().is_some_and(found)
         && track.evidence.log_odds() >= PLAIN_LOG_ODDS
         && track.evidence.best_px() >= PLAIN_PX
 }
@@ -293,7 +304,7 @@ impl Situation<'_> {
             az_el_rad: track.filter.predicted(self.t_s()).az_el_rad(),
             size_rad: track.size_rad,
             rate_radps,
-            log_odds: track.recognised().filter(|_| flies)?,
+            found: track.recognised().filter(|_| flies)?,
         })
     }
 
@@ -456,7 +467,7 @@ impl Situation<'_> {
         let least = HOVER_PROBABILITY - (HOVER_PROBABILITY - HOVER_DOT) * dot_share(track);
         let sure = |found: Recognition| found.p_uav() > least;
         let by_radar = || track.log_odds() + self.cue_log_odds(track) > CHOSEN;
-        track.recognition.is_some_and(sure) || self.cued(track) && by_radar()
+        track.found().is_some_and(sure) || self.cued(track) && by_radar()
     }
 
     /// Whether the radar has its target where a track is, and sees it fly alike.

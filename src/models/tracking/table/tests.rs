@@ -50,6 +50,42 @@ fn two_targets_that_cross_keep_their_identities() {
 }
 
 #[test]
+fn what_is_small_by_the_range_finder_is_no_helicopter() {
+    // A track of 0.75 mrad that may be a UAV, a bird or a helicopter, with an echo from this range.
+    let p_uav = |range_m: Option<f64>, [uav, bird, helicopter]: [f64; 3]| {
+        let mut table = TrackTable::default();
+        let seen = Sighting {
+            size_rad: 7.5e-4,
+            ..sighting(0.0, 0.0)
+        };
+        table.update(&look(0.0, &[seen]));
+        let track = &mut table.tracks[0];
+        track.recognition = Some(Recognition {
+            probabilities: [uav, bird, 0.0, helicopter, 0.0, 0.0],
+            t_s: 0.0,
+        });
+        track.lased = range_m.map(|range_m| Lased {
+            t_s: 0.0,
+            range_m,
+            sigma_m: 0.5,
+        });
+        track.found().unwrap().p_uav()
+    };
+    let near = |p: f64, expected: f64| assert!((p - expected).abs() < 1e-12, "{p} {expected}");
+    let doubtful = [0.9, 0.02, 0.08];
+    // 0.75 m, then 3.75 m; without an echo it may be of any size.
+    near(
+        p_uav(Some(1_000.0), doubtful),
+        0.9 / (0.92 + 0.08 * PART_OF_AIRCRAFT),
+    );
+    near(p_uav(Some(5_000.0), doubtful), 0.9);
+    near(p_uav(None, doubtful), 0.9);
+    // A bird is as small, and what looks like nothing else is still most likely a part of one.
+    near(p_uav(Some(1_000.0), [0.5, 0.5, 0.0]), 0.5);
+    assert!(p_uav(Some(1_000.0), [0.001, 0.0, 0.999]) < 0.05);
+}
+
+#[test]
 fn what_something_passes_is_to_be_recognised_anew() {
     // Two recognised tracks at these rates to the right [rad/s], which meet after a second and part again.
     let after = |rates_radps: [f64; 2], both_fly: bool| {
