@@ -25,9 +25,10 @@ const EMPTY_SHARE: f64 = 0.6;
 /// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;
 /// Log-odds that make a track worth a longer gaze: even, or less for what the recogniser has judged, of which a dot may
-/// still be chosen.
+/// still be chosen, and less again for what a finer camera shows by now: the recogniser's second is still full of dots.
 const PROMISING: f64 = 0.0;
 const PROMISING_JUDGED: f64 = -0.6;
+const PROMISING_CLOSE: f64 = GLANCED;
 /// Probability by the recogniser that makes it worth one wherever it stands: a UAV that hovers before scenery is
 /// only chosen once the recogniser is sure.
 const PROMISING_PROBABILITY: f64 = 0.5;
@@ -414,8 +415,11 @@ fn is_likely(track: &Track, t_s: f64) -> bool {
 /// UAV than not.
 fn is_promising(track: &Track, cue: Option<&TargetCue>, t_s: f64) -> bool {
     let (rate, sigmas) = track.motion(t_s);
-    let judged = track.recognition.is_some();
-    let least = if judged { PROMISING_JUDGED } else { PROMISING };
+    let least = match track.recognition {
+        Some(_) if !is_only_seen_from_afar(track) => PROMISING_CLOSE,
+        Some(_) => PROMISING_JUDGED,
+        None => PROMISING,
+    };
     let cued = || {
         cue.is_some_and(|cue| {
             let at = track.filter.predicted(t_s).az_el_rad();
@@ -545,14 +549,15 @@ mod tests {
         judged: f64,
         until_s: f64,
     ) -> Vec<(DVec2, f64)> {
-        looked_with(0.0, false, cameras, seen_az_el_rad, judged, until_s)
+        looked_with(0.0, false, 0, cameras, seen_az_el_rad, judged, until_s)
     }
 
     /// Runs a scan for so long [s] over its sector, with a mount that turns for `turn_s` [s], while the search camera, at rest,
-    /// sees this; where the mount was told to look and since when [s].
+    /// sees this, which the coarse one has seen in so many frames; where the mount was told to look and since when [s].
     fn looked_with(
         turn_s: f64,
         in_sky: bool,
+        closely: u32,
         cameras: &[(Tier, [f64; 2], f64)],
         seen_az_el_rad: Option<DVec2>,
         judged: f64,
@@ -591,6 +596,7 @@ mod tests {
                 });
                 for track in &mut tracker.table.tracks {
                     track.conduct.in_sky = in_sky;
+                    track.hits[Tier::Coarse] = closely;
                     track.recognition = Some(Recognition {
                         probabilities: [judged, 1.0 - judged, 0.0, 0.0, 0.0, 0.0],
                         t_s,
@@ -634,7 +640,7 @@ mod tests {
         // What is surely none, even for a dot, is not worth it but in clear sky; without a finer camera there is nothing to see.
         assert_eq!(glances(&looked(&all, Some(at), 1e-4, 3.0)), 0);
         assert_eq!(
-            glances(&looked_with(0.0, true, &all, Some(at), 1e-4, 3.0)),
+            glances(&looked_with(0.0, true, 0, &all, Some(at), 1e-4, 3.0)),
             1
         );
         assert_eq!(glances(&looked(&all[..1], Some(at), 0.3, 3.0)), 0);
@@ -645,6 +651,12 @@ mod tests {
         // It is turned to as soon as that is known, and the gaze begins anew.
         assert!(likely[1].1 < 0.5 * GAZE_S, "{}", likely[1].1);
         assert_eq!(likely[2].0, gazes[0].0);
+        // What a finer camera shows is waited for longer before it is left for none.
+        for (closely, expected_s) in [(0, GLANCE_S), (JUDGED_HITS, LONGEST_GLANCE_S)] {
+            let looked = looked_with(0.0, true, closely, &all, Some(at), 0.01, 3.0);
+            let lasted_s = looked[2].1 - looked[1].1;
+            assert!((lasted_s - expected_s).abs() < 5e-3, "{lasted_s}");
+        }
     }
 
     #[test]
@@ -653,7 +665,7 @@ mod tests {
         const TURN_S: f64 = 0.4;
         let all = cameras(1.0 / 30.0);
         let at = scan(None).gaze(0.0).az_el_rad + DVec2::new(0.02, 0.01);
-        let looked = looked_with(TURN_S, false, &all, Some(at), 0.3, 3.0);
+        let looked = looked_with(TURN_S, false, 0, &all, Some(at), 0.3, 3.0);
         assert!(separation_rad(looked[1].0, at) < 5e-4);
         let lasted_s = looked[2].1 - looked[1].1;
         assert!((lasted_s - TURN_S - GLANCE_S).abs() < 5e-3, "{lasted_s}");
