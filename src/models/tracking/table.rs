@@ -488,9 +488,9 @@ pub const JUDGED_HITS: u32 = 3;
 const ESTABLISHED_HITS: u32 = 30;
 /// An echo of the range finder says for so long how far its track is [s].
 const ECHO_S: f64 = 1.0;
-/// Manned aircraft are longer than this [m] from any side; a box shows but so small a part of one this often, as against what is
-/// so small.
-const LEAST_AIRCRAFT_M: f64 = 3.0;
+/// Manned aircraft are longer than this [m] from any side, a small helicopter's cabin from ahead included; a box shows but so small
+/// a part of one this often, as against what is so small.
+const LEAST_AIRCRAFT_M: f64 = 2.0;
 const PART_OF_AIRCRAFT: f64 = 0.05;
 /// What a recogniser's word on a dot counts.
 const OF_A_DOT: f64 = 0.3;
