@@ -10,14 +10,15 @@ use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
 use glam::{DQuat, DVec2};
 use std::collections::VecDeque;
+use std::ops::Range;
 
 /// Frames that a line runs over at least and at most: of fewer the noise of a pixel is not known, and an empty gaze must show
-/// as many (`systems::control::search`).
-const LEAST_FRAMES: usize = 8;
+/// some more (`systems::control::search`).
+const LEAST_FRAMES: usize = 6;
 const MOST_FRAMES: usize = 12;
-/// The newest frames, in which a dot still covers what it covers now, and to either side of a frame on its line: they are
-/// no scenery.
-const RECENT: usize = 3;
+/// So many of the newest frames, and as many from one on a line to either side, show a dot still where it is now: they are no
+/// scenery.
+const RECENT: usize = 2;
 /// Most by which the picture may move from one frame to the next, and from the first to the newest [px]; and most of the
 /// former within an exposure.
 const MOST_STEP_PX: f64 = 8.0;
@@ -25,33 +26,36 @@ const MOST_SHIFT_PX: f64 = 24.0;
 const MOST_SMEAR_PX: f64 = 0.5;
 /// Most by which a corner may move otherwise than the middle [px]: the picture rolls with the azimuth, and in a wide field bends.
 const MOST_BENT_PX: f64 = 0.2;
-/// Share by which the exposure may differ from the first's: the scenery's brightness goes with it.
-const SAME_EXPOSURE: f64 = 0.05;
+/// Share by which the exposure may differ from the first's: by one factor for all pixels, the scenery's brightness goes with
+/// it about so far.
+const SAME_EXPOSURE: f64 = 0.25;
+/// One row in so many says which factor.
+const GAIN_ROWS: usize = 4;
 /// Share by which the time from frame to frame may differ on a line.
 const STEADY_SHARE: f64 = 0.05;
+/// Frames are laid on one another about so exactly [px]: what an edge shows of that counts as noise.
+const LAID_PX: f32 = 0.1;
+/// Share of the noise close by that counts at least: what shimmers has more than what is around it.
+const NEAR_SHARE: f32 = 0.7;
 /// Pixels over which noise is measured to either side.
 const NOISE_REACH: usize = 4;
-/// Pixels at the edges to which no frame is laid: the largest shift, and the filters' reach; and in which no dot is found.
-const EDGE: usize = MOST_SHIFT_PX as usize + 4;
-const MARGIN: usize = EDGE + NOISE_REACH;
+/// Pixels at the edges that the filters do not reach, and most in which nothing is found: a shift leaves some bare.
+const EDGE: usize = 3;
+const WIDEST_MARGIN: usize = EDGE + MOST_SHIFT_PX as usize + NOISE_REACH;
 /// Remainder of a pixel and its eight neighbours, in deviations, from which on a line may end in it; most of them a frame.
 const STANDS_OUT: f32 = 1.7;
 const MOST_ENDS: usize = 64;
-/// Sum over a line, in deviations of such a sum, from which on it is a dot; share of it by a rough mean that makes it worth a
-/// close look; and what one frame may say at most.
-const DOT: f32 = 4.5;
-const ROUGH_SHARE: f32 = 0.6;
-const MOST_OF_FRAME: f32 = 4.0;
+/// Sum over a line, in deviations of such a sum, from which on it is a dot; and what one frame may say at most.
+const DOT: f32 = 5.0;
+const MOST_OF_FRAME: f32 = 3.0;
 /// Most dots a frame: where there are more, the scenery itself moves, and nothing is said.
-const MOST_DOTS: usize = 3;
+const MOST_DOTS: usize = 8;
 /// Fastest along and across the picture, slowest, and the step of the lines' slopes [px a frame].
 const FASTEST: [i32; 2] = [6, 3];
 const SLOWEST: f32 = 0.7;
 const PER_STEP: i32 = 2;
 /// Added to the noise of the sum of a pixel's three bytes: rounding may hide it.
 const ROUNDING: f32 = 0.3;
-/// Share of the noise close by that counts at least: an edge that shimmers has more than what is around it.
-const NEAR_SHARE: f32 = 0.5;
 /// The corners of a picture, over its sides.
 const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
 /// Dots are further apart than this [px]: a bright one draws lines beside its own.
@@ -135,16 +139,20 @@ pub struct MovingDots {
     step_s: Option<f64>,
     /// The first, and what the others differ by from it: sums of three bytes, means of three by three pixels, as the first lies.
     base: Vec<f32>,
-    planes: VecDeque<Vec<f32>>,
-    /// Sum and sum of squares of those that are not recent.
+    /// By how much the first changes from pixel to pixel.
+    slope: Vec<f32>,
+    planes: VecDeque<Plane>,
+    /// Sum and sum of squares of all that are not recent.
     sum: Vec<f32>,
     squares: Vec<f32>,
 }
 
-/// What the scenery shows, by all frames but the recent, and one over its noise.
-struct Scenery {
-    mean: Vec<f32>,
-    per_noise: Vec<f32>,
+/// A frame laid on the first.
+#[derive(Clone, Debug)]
+struct Plane {
+    values: Vec<f32>,
+    /// Pixels at the edges that it leaves bare.
+    bare: usize,
 }
 
 /// A line over the frames that ends in a pixel.
@@ -158,7 +166,7 @@ struct Line {
 impl MovingDots {
     /// Takes in a frame, and finds what moves in it.
     pub fn look(&mut self, pinhole: &Pinhole, picture: &Picture) -> Vec<Dot> {
-        if pinhole.width_px.min(pinhole.height_px) as usize <= 2 * MARGIN {
+        if pinhole.width_px.min(pinhole.height_px) as usize <= 2 * WIDEST_MARGIN {
             return Vec::new();
         }
         let Some(shift_px) = self.follow(pinhole, picture) else {
@@ -171,10 +179,10 @@ impl MovingDots {
         if self.planes.len() < LEAST_FRAMES {
             return Vec::new();
         }
-        let scenery = self.scenery();
-        let ends = self.ends(&scenery);
+        let per_noise = self.per_noise();
+        let ends = self.ends(&per_noise);
         let mut lines: Vec<Line> = (ends.into_iter())
-            .filter_map(|pixel| self.best_line(&scenery, pixel))
+            .filter_map(|pixel| self.best_line(&per_noise, pixel))
             .collect();
         lines.sort_by(|a, b| {
             let order = b.sigmas.total_cmp(&a.sigmas);
@@ -182,7 +190,7 @@ impl MovingDots {
         });
         let mut dots: Vec<Dot> = Vec::new();
         for line in lines {
-            let dot = self.dot(&scenery, &line, shift_px);
+            let dot = self.dot(&line, shift_px);
             if dots
                 .iter()
                 .all(|other| other.at_px.distance(dot.at_px) > APART_PX)
@@ -239,6 +247,7 @@ impl MovingDots {
         (self.width, self.height) = (pinhole.width_px as usize, pinhole.height_px as usize);
         self.first = Some((picture.q_enu_cam, picture.exposure_s));
         self.base = smoothed(picture.rgb8, self.width, self.height);
+        self.slope = slope(&self.base, self.width);
         for plane in [&mut self.sum, &mut self.squares] {
             plane.clear();
             plane.resize(self.base.len(), 0.0);
@@ -248,72 +257,81 @@ impl MovingDots {
     /// Lays a frame, in which the first's middle is off by `shift_px`, on the others.
     fn lay(&mut self, picture: &Picture, shift_px: DVec2) {
         let smooth = smoothed(picture.rgb8, self.width, self.height);
-        let mut plane = if self.planes.len() == MOST_FRAMES {
-            let oldest = self.planes.pop_front().unwrap_or_default();
+        let bare = EDGE + shift_px.abs().max_element().ceil() as usize;
+        let mut values = if self.planes.len() == MOST_FRAMES {
+            let oldest = (self.planes.pop_front()).map_or_else(Vec::new, |plane| plane.values);
             add(&mut self.sum, &mut self.squares, &oldest, -1.0);
             oldest
         } else {
             vec![0.0; smooth.len()]
         };
+        if let Some(settled) = (self.planes.len() + 1).checked_sub(RECENT + 1) {
+            let values = &self.planes[settled].values;
+            add(&mut self.sum, &mut self.squares, values, 1.0);
+        }
         let whole = shift_px.floor();
         let [across, down] = (shift_px - whole).to_array().map(cubic);
         let width = self.width;
-        let length = width - 2 * EDGE;
-        let left = EDGE as i64 + whole.x as i64 - 1;
-        let mut between = vec![0.0; length * self.height];
-        let lines = between.chunks_exact_mut(length);
-        for (row, line) in smooth.chunks_exact(width).zip(lines) {
-            let taps = [0, 1, 2, 3].map(|tap| &row[left as usize + tap..][..length]);
-            for (i, out) in line.iter_mut().enumerate() {
-                *out = weighed(across, taps.map(|row| row[i]));
-            }
+        let length = width - 2 * bare;
+        let rows = bare..self.height - bare;
+        // The first pixel of a row of the first frame, and of those of this one that are laid on it.
+        let at = |row: usize| row * width + bare;
+        let shifted = |row: usize, tap: usize| {
+            ((row + tap) as i64 + whole.y as i64 - 1) as usize * width
+                + (bare as i64 + whole.x as i64 - 1) as usize
+        };
+        let total = |plane: &[f32], at: usize| plane[at..][..length].iter().sum::<f32>();
+        let (mut first, mut now) = (0.0, 0.0);
+        for row in rows.clone().step_by(GAIN_ROWS) {
+            first += total(&self.base, at(row));
+            now += total(&smooth, shifted(row, 1) + 1);
         }
-        for row in EDGE..self.height - EDGE {
-            let top = (row as i64 + whole.y as i64 - 1) as usize;
-            let taps = [0, 1, 2, 3].map(|tap| &between[(top + tap) * length..][..length]);
-            let at = row * width + EDGE;
-            let (out, base) = (&mut plane[at..][..length], &self.base[at..][..length]);
+        let gain = if now > 0.0 { first / now } else { 1.0 };
+        let mut between = vec![0.0; length + 3];
+        for row in rows {
+            let taps = [0, 1, 2, 3].map(|tap| &smooth[shifted(row, tap)..][..length + 3]);
+            for (i, out) in between.iter_mut().enumerate() {
+                *out = gain * weighed(down, taps.map(|row| row[i]));
+            }
+            let (out, base) = (&mut values[at(row)..][..length], &self.base[at(row)..]);
+            let taps = [0, 1, 2, 3].map(|tap| &between[tap..][..length]);
             for (i, (out, base)) in out.iter_mut().zip(base).enumerate() {
-                *out = weighed(down, taps.map(|row| row[i])) - base;
+                *out = weighed(across, taps.map(|row| row[i])) - base;
             }
         }
-        self.planes.push_back(plane);
-        if let Some(settled) = self.planes.len().checked_sub(RECENT + 1) {
-            let plane = std::mem::take(&mut self.planes[settled]);
-            add(&mut self.sum, &mut self.squares, &plane, 1.0);
-            self.planes[settled] = plane;
-        }
+        self.planes.push_back(Plane { values, bare });
     }
 
-    fn scenery(&self) -> Scenery {
+    /// Pixels at the edges in which nothing is found.
+    fn margin(&self) -> usize {
+        let bare = self.planes.iter().map(|plane| plane.bare).max();
+        NOISE_REACH + bare.unwrap_or_default()
+    }
+
+    /// One over the noise of each pixel, by all frames that are not recent.
+    fn per_noise(&self) -> Vec<f32> {
         let count = (self.planes.len() - RECENT) as f32;
-        let mean: Vec<f32> = self.sum.iter().map(|sum| sum / count).collect();
         let variance: Vec<f32> = (self.squares.iter().zip(&self.sum))
             .map(|(squares, sum)| ((squares - sum * sum / count) / (count - 1.0)).max(0.0))
             .collect();
         let mut noise = box_mean(&variance, self.width, self.height, NOISE_REACH);
         let near = box_mean(&variance, self.width, self.height, 1);
-        for (noise, near) in noise.iter_mut().zip(near) {
+        for ((noise, near), slope) in noise.iter_mut().zip(near).zip(&self.slope) {
             // Rounding may leave less than nothing.
-            let variance = noise.max(NEAR_SHARE * near).max(0.0);
+            let variance = noise.max(NEAR_SHARE * near).max(0.0) + (LAID_PX * slope).powi(2);
             *noise = 1.0 / (variance.sqrt() + ROUNDING);
         }
-        Scenery {
-            mean,
-            per_noise: noise,
-        }
+        noise
     }
 
     /// The pixels that stand out of the newest frame, those that do so most.
-    fn ends(&self, scenery: &Scenery) -> Vec<usize> {
-        let Some(newest) = self.planes.back() else {
-            return Vec::new();
-        };
-        let stands = |at: usize| ((newest[at] - scenery.mean[at]) * scenery.per_noise[at]).abs();
-        let width = self.width;
+    fn ends(&self, per_noise: &[f32]) -> Vec<usize> {
+        let newest = self.planes.len() - 1;
+        let stands = |at: usize| (self.remainder(newest, at) * per_noise[at]).abs();
+        let (width, margin) = (self.width, self.margin());
         let mut ends: Vec<(f32, usize)> = Vec::new();
-        for row in MARGIN..self.height - MARGIN {
-            for at in row * width + MARGIN..(row + 1) * width - MARGIN {
+        for row in margin..self.height - margin {
+            for at in row * width + margin..(row + 1) * width - margin {
                 let out = stands(at);
                 let highest = || {
                     let around = [at - width - 1, at - 1, at + width - 1];
@@ -329,9 +347,9 @@ impl MovingDots {
     }
 
     /// The line that ends in a pixel and says most, if that is enough.
-    fn best_line(&self, scenery: &Scenery, pixel: usize) -> Option<Line> {
+    fn best_line(&self, per_noise: &[f32], pixel: usize) -> Option<Line> {
         let root = (self.planes.len() as f32).sqrt();
-        let sign = (self.planes.back()?[pixel] - scenery.mean[pixel]).signum();
+        let sign = self.remainder(self.planes.len() - 1, pixel).signum();
         let mut best: Option<Line> = None;
         for down in -PER_STEP * FASTEST[1]..=PER_STEP * FASTEST[1] {
             for right in -PER_STEP * FASTEST[0]..=PER_STEP * FASTEST[0] {
@@ -342,17 +360,9 @@ impl MovingDots {
                 let Some(line) = self.line(pixel, velocity) else {
                     continue;
                 };
-                let rough = |(frame, at): (usize, usize)| {
-                    let off = sign * (self.planes[frame][at] - scenery.mean[at]);
-                    (off * scenery.per_noise[at]).min(MOST_OF_FRAME)
-                };
-                let sum: f32 = line.clone().map(rough).sum();
-                if sum < ROUGH_SHARE * DOT * root {
-                    continue;
-                }
                 let says = |(frame, at): (usize, usize)| {
                     let off = sign * self.remainder(frame, at);
-                    (off * scenery.per_noise[at]).min(MOST_OF_FRAME)
+                    (off * per_noise[at]).min(MOST_OF_FRAME)
                 };
                 let sigmas = line.map(says).sum::<f32>() / root;
                 if sigmas >= DOT && best.is_none_or(|best| sigmas > best.sigmas) {
@@ -373,8 +383,8 @@ impl MovingDots {
         &self,
         pixel: usize,
         velocity: [f32; 2],
-    ) -> Option<impl Iterator<Item = (usize, usize)> + Clone> {
-        let (width, last) = (self.width, self.planes.len() - 1);
+    ) -> Option<impl Iterator<Item = (usize, usize)>> {
+        let (width, margin, last) = (self.width, self.margin(), self.planes.len() - 1);
         let ends = [pixel % width, pixel / width].map(|at| at as f32);
         let back = move |frame: usize| {
             let ago = (last - frame) as f32;
@@ -383,7 +393,7 @@ impl MovingDots {
         let sizes = [self.width, self.height];
         let first = back(0);
         let inside = (0..2).all(|axis| {
-            first[axis] >= MARGIN as f32 && first[axis] < (sizes[axis] - MARGIN) as f32
+            first[axis] >= margin as f32 && first[axis] < (sizes[axis] - margin) as f32
         });
         inside.then(|| {
             (0..=last).map(move |frame| {
@@ -395,18 +405,17 @@ impl MovingDots {
 
     /// What a frame shows in a pixel beyond the mean of those that are not next to it.
     fn remainder(&self, frame: usize, at: usize) -> f32 {
-        let close = frame.saturating_sub(RECENT - 1)..=frame + RECENT - 1;
-        let far = (self.planes.iter().enumerate()).filter(|(other, _)| !close.contains(other));
-        let (count, sum) = far.fold((0.0, 0.0), |(count, sum), (_, plane)| {
-            (count + 1.0, sum + plane[at])
-        });
-        self.planes[frame][at] - sum / count
+        let count = self.planes.len();
+        let close = (frame + 1).saturating_sub(RECENT)..(frame + RECENT).min(count);
+        let shown = |frames: Range<usize>| frames.map(|frame| self.planes[frame].values[at]);
+        let far = self.sum[at] + shown(count - RECENT..count).sum::<f32>()
+            - shown(close.clone()).sum::<f32>();
+        self.planes[frame].values[at] - far / (count - close.len()) as f32
     }
 
     /// What a line ends in.
-    fn dot(&self, scenery: &Scenery, line: &Line, shift_px: DVec2) -> Dot {
-        let newest = &self.planes[self.planes.len() - 1];
-        let off = |at: usize| newest[at] - scenery.mean[at];
+    fn dot(&self, line: &Line, shift_px: DVec2) -> Dot {
+        let off = |at: usize| self.remainder(self.planes.len() - 1, at);
         let peak = off(line.pixel);
         let (mut count, mut moment) = (0.0, DVec2::ZERO);
         for down in -3..=3_i64 {
@@ -466,6 +475,16 @@ fn smoothed(rgb8: &[u8], width: usize, height: usize) -> Vec<f32> {
         .collect();
     bytes.resize(width * height, 0.0);
     box_mean(&bytes, width, height, 1)
+}
+
+/// By how much a plane changes from pixel to pixel, 0 in its first and last rows.
+fn slope(plane: &[f32], width: usize) -> Vec<f32> {
+    let mut out = vec![0.0; plane.len()];
+    for at in width..plane.len().saturating_sub(width) {
+        let [across, down] = [1, width].map(|step| plane[at + step] - plane[at - step]);
+        out[at] = 0.5 * across.hypot(down);
+    }
+    out
 }
 
 /// The mean of the pixels up to `reach` away along both axes; that many at the edges are 0.

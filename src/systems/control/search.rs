@@ -55,6 +55,12 @@ const GLANCE_TIMEOUT_S: f64 = 2.5;
 /// alarms is seen in fewer.
 const GLANCED: f64 = -2.0;
 const GLANCED_SHARE: f64 = 0.6;
+/// Without a cue, what stands before scenery must move besides, this fast [rad/s] and surely [standard deviations], or be a UAV with this
+/// probability by the recogniser, or without its word by the evidence: the networks box much of a wood that hangs still.
+const GLANCED_RADPS: f64 = 1e-3;
+const GLANCED_SIGMAS: f64 = 2.0;
+const GLANCED_PROBABILITY: f64 = 0.25;
+const GLANCED_EVIDENCE: f64 = 0.0;
 /// Most glances a gaze; what stands within this of one [rad] is not glanced at again for so long [s].
 const MOST_GLANCES: usize = 2;
 const GLANCED_RAD: f64 = 2e-3;
@@ -286,7 +292,9 @@ impl SearchScan {
         // Slewed by hand, it leaves what lies elsewhere.
         let here = |track: &Track| self.slew_rad.is_none() || self.area.contains(at_rad(track));
         let likeliest = (shown.iter())
-            .filter(|track| may_be_glanced_at(track, t_s) && here(track) && !known(track))
+            .filter(|track| {
+                may_be_glanced_at(track, self.cued, t_s) && here(track) && !known(track)
+            })
             .max_by(|a, b| {
                 let order = a.log_odds().total_cmp(&b.log_odds());
                 order.then(b.id.cmp(&a.id))
@@ -387,15 +395,29 @@ fn is_fresh(track: &Track, t_s: f64) -> bool {
 }
 
 /// Whether a track may be worth a glance: seen steadily, not known for scenery, and not surely something else; what is seen
-/// so in clear sky, once anyway.
-fn may_be_glanced_at(track: &Track, t_s: f64) -> bool {
+/// so in clear sky, once anyway. Without a cue, which says that there is something, what stands before scenery must stand out
+/// of that.
+fn may_be_glanced_at(track: &Track, cued: bool, t_s: f64) -> bool {
     track.total_hits() >= JUDGED_HITS
         && !track.is_barred(t_s)
         && match (track.conduct.in_sky, track.seen_share() > GLANCED_SHARE) {
             (true, true) if is_only_seen_from_afar(track) => true,
-            (in_sky, steady) => (in_sky || steady) && track.log_odds() > GLANCED,
+            (in_sky, steady) => {
+                let stands_out = in_sky || steady && (cued || stands_out(track, t_s));
+                stands_out && track.log_odds() > GLANCED
+            }
         }
         && (!track.conduct.is_scenery() || is_likely(track, t_s))
+}
+
+/// Whether a track before scenery differs from that: it moves, or looks somewhat like a UAV.
+fn stands_out(track: &Track, t_s: f64) -> bool {
+    let (rate_radps, sigmas) = track.motion(t_s);
+    let looks = match track.found() {
+        Some(found) => found.p_uav() > GLANCED_PROBABILITY,
+        None => track.log_odds() > GLANCED_EVIDENCE,
+    };
+    looks || rate_radps > GLANCED_RADPS && sigmas > GLANCED_SIGMAS
 }
 
 /// Whether no finer camera has seen a track but by chance.
@@ -440,7 +462,7 @@ mod tests {
     use crate::models::mount::gimbal::{GimbalParams, GimbalState};
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::recognition::Recognition;
-    use crate::models::tracking::table::{CameraLook, Sighting};
+    use crate::models::tracking::table::{CameraLook, Sighting, TrackTable};
     use glam::DVec3;
 
     const FIELDS_RAD: [[f64; 2]; 3] = [[0.105, 0.079], [0.052, 0.039], [0.0175, 0.0131]];
@@ -542,6 +564,33 @@ mod tests {
         assert_eq!([1.0 / 120.0, 1.0 / 60.0, 0.1].map(every), [4, 2, 1]);
     }
 
+    /// The search camera sees this, a bird or with this probability a UAV.
+    fn see(table: &mut TrackTable, az_el_rad: DVec2, judged: f64, t_s: f64) {
+        let sighting = Sighting {
+            az_el_rad,
+            sigma_rad: 1e-4,
+            size_rad: 6e-4,
+            score: 0.6,
+            label: 0,
+            weak: false,
+        };
+        table.update(&CameraLook {
+            tier: Tier::Search,
+            t_s,
+            ifov_rad: 1.6e-4,
+            reads: &EvidenceParams::default(),
+            sightings: &[sighting],
+            in_view: &|_| true,
+            start_tracks: true,
+        });
+        for track in &mut table.tracks {
+            track.recognition = Some(Recognition {
+                probabilities: [judged, 1.0 - judged, 0.0, 0.0, 0.0, 0.0],
+                t_s,
+            });
+        }
+    }
+
     /// As `looked_with`, not before clear sky and the mount at once where it is told to be.
     fn looked(
         cameras: &[(Tier, [f64; 2], f64)],
@@ -577,30 +626,10 @@ mod tests {
             };
             let shown = seen_az_el_rad.filter(|_| rests(&looked) && clock.due(30));
             if let Some(az_el_rad) = shown {
-                let sighting = Sighting {
-                    az_el_rad,
-                    sigma_rad: 1e-4,
-                    size_rad: 6e-4,
-                    score: 0.6,
-                    label: 0,
-                    weak: false,
-                };
-                tracker.table.update(&CameraLook {
-                    tier: Tier::Search,
-                    t_s,
-                    ifov_rad: 1.6e-4,
-                    reads: &EvidenceParams::default(),
-                    sightings: &[sighting],
-                    in_view: &|_| true,
-                    start_tracks: true,
-                });
+                see(&mut tracker.table, az_el_rad, judged, t_s);
                 for track in &mut tracker.table.tracks {
                     track.conduct.in_sky = in_sky;
                     track.hits[Tier::Coarse] = closely;
-                    track.recognition = Some(Recognition {
-                        probabilities: [judged, 1.0 - judged, 0.0, 0.0, 0.0, 0.0],
-                        t_s,
-                    });
                 }
             }
             let gaze = search(&clock, &tracker, None, &mut scan, &gimbal);
@@ -656,6 +685,26 @@ mod tests {
             let looked = looked_with(0.0, true, closely, &all, Some(at), 0.01, 3.0);
             let lasted_s = looked[2].1 - looked[1].1;
             assert!((lasted_s - expected_s).abs() < 5e-3, "{lasted_s}");
+        }
+    }
+
+    #[test]
+    fn what_hangs_still_before_scenery_is_glanced_at_on_a_cue_or_if_it_looks_like_a_uav() {
+        // The second probability is 0.24 for a dot as small as this.
+        for (rate_radps, judged, cued, expected) in [
+            (0.0, 0.3, false, true),
+            (0.0, 0.02, false, false),
+            (0.0, 0.02, true, true),
+            (5e-3, 0.02, false, true),
+        ] {
+            let mut table = TrackTable::default();
+            let mut t_s = 0.0;
+            for _ in 0..15 {
+                t_s += 1.0 / 30.0;
+                see(&mut table, DVec2::new(rate_radps * t_s, 0.1), judged, t_s);
+            }
+            let may_be = may_be_glanced_at(&table.tracks[0], cued, t_s);
+            assert_eq!(may_be, expected, "{rate_radps} {judged} {cued}");
         }
     }
 

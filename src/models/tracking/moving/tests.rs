@@ -3,6 +3,8 @@ use crate::models::maths::rng::Stream;
 
 const STEP_S: f64 = 1.0 / 30.0;
 const SIZE: [usize; 2] = [160, 140];
+/// Frames over which a dot as faint as these is told from noise: two more than a plain one needs.
+const FULL_FRAMES: usize = LEAST_FRAMES + 2;
 
 /// A camera of 0.16 mrad a pixel.
 fn pinhole() -> Pinhole {
@@ -29,17 +31,29 @@ fn scenery(x: f64, y: f64) -> f64 {
 /// dot of 3 by 3 px stands out by `contrast` grey levels and moves at `velocity_px` a frame over the scenery. The dots
 /// found in each, and where it is.
 fn found(contrast: f64, velocity_px: DVec2, turn_px: f64, frames: usize) -> Vec<(Vec<Dot>, DVec2)> {
+    let start_px = pinhole().centre_px() + DVec2::new(-6.0, 5.0);
+    found_from(start_px, 1.0, contrast, velocity_px, turn_px, frames)
+}
+
+/// The same of a dot that starts there, and under an exposure that makes each frame `brighter` than the one before by a factor.
+fn found_from(
+    start_px: DVec2,
+    brighter: f64,
+    contrast: f64,
+    velocity_px: DVec2,
+    turn_px: f64,
+    frames: usize,
+) -> Vec<(Vec<Dot>, DVec2)> {
     let pinhole = pinhole();
     let mut rng = Stream::new(7, 0, "moving dots");
     let mut dots = MovingDots::default();
-    let middle = pinhole.centre_px();
     let look = |frame: usize| {
         let sway_px = 0.4 * DVec2::new((0.9 * frame as f64).sin(), (0.7 * frame as f64).cos());
         let off_px = sway_px + DVec2::new(turn_px * frame as f64, 0.0);
         // The scenery moves left and up by as much as the camera turns right and down.
         let turned = DQuat::from_rotation_y((off_px.x / pinhole.focal_px).atan())
             * DQuat::from_rotation_x(-(off_px.y / pinhole.focal_px).atan());
-        let dot = middle + DVec2::new(-6.0, 5.0) + velocity_px * frame as f64 - off_px;
+        let dot = start_px + velocity_px * frame as f64 - off_px;
         let mut rgb8 = Vec::new();
         for y in 0..SIZE[1] {
             for x in 0..SIZE[0] {
@@ -52,6 +66,7 @@ fn found(contrast: f64, velocity_px: DVec2, turn_px: f64, frames: usize) -> Vec<
                     let shown = scenery(at.x + off_px.x, at.y + off_px.y);
                     value += (shown - if inside { contrast } else { 0.0 }) / 16.0;
                 }
+                value *= brighter.powi(frame as i32);
                 for _ in 0..3 {
                     rgb8.push((value + 2.0 * rng.normal()).round().clamp(0.0, 255.0) as u8);
                 }
@@ -59,7 +74,7 @@ fn found(contrast: f64, velocity_px: DVec2, turn_px: f64, frames: usize) -> Vec<
         }
         let picture = Picture {
             t_s: STEP_S * frame as f64,
-            exposure_s: 1e-3,
+            exposure_s: 1e-3 * brighter.powi(frame as i32),
             q_enu_cam: turned,
             rgb8: &rgb8,
         };
@@ -70,7 +85,7 @@ fn found(contrast: f64, velocity_px: DVec2, turn_px: f64, frames: usize) -> Vec<
 
 /// Frames with a dot within 2.5 px of what is there, of those that could have one; there is no other.
 fn hits(found: &[(Vec<Dot>, DVec2)]) -> (usize, usize) {
-    let judged = &found[LEAST_FRAMES - 1..];
+    let judged = &found[FULL_FRAMES - 1..];
     let right = |dot: &Dot, at: DVec2| dot.at_px.distance(at) < 2.5;
     let wrong = (judged.iter()).any(|(dots, at)| dots.iter().any(|dot| !right(dot, *at)));
     assert!(!wrong, "{found:?}");
@@ -80,8 +95,8 @@ fn hits(found: &[(Vec<Dot>, DVec2)]) -> (usize, usize) {
 
 #[test]
 fn a_dot_too_faint_for_one_frame_is_found_by_its_motion() {
-    // Four grey levels: windows and walls around it differ by forty.
-    let seen = found(4.0, DVec2::new(1.6, 0.4), 0.0, 24);
+    // Six grey levels: windows and walls around it differ by forty.
+    let seen = found(6.0, DVec2::new(1.6, 0.4), 0.0, 24);
     assert!(
         seen[..LEAST_FRAMES - 1]
             .iter()
@@ -110,10 +125,20 @@ fn scenery_noise_and_what_stands_still_are_no_dots() {
 #[test]
 fn a_camera_that_drifts_finds_it_and_one_that_slews_forgets() {
     let velocity_px = DVec2::new(-1.2, 0.8);
-    let (right, judged) = hits(&found(6.0, velocity_px, 1.0, 16));
+    let (right, judged) = hits(&found(8.0, velocity_px, 1.0, 16));
     assert!(3 * right >= 2 * judged, "{right} of {judged}");
-    let slews = found(6.0, velocity_px, 9.0, 14);
+    let slews = found(8.0, velocity_px, 9.0, 14);
     assert!(slews.iter().all(|(dots, _)| dots.is_empty()));
+}
+
+#[test]
+fn a_dot_is_found_close_to_the_edge_and_while_the_exposure_settles() {
+    let velocity_px = DVec2::new(1.6, 0.2);
+    let middle_px = pinhole().centre_px();
+    for (start_px, brighter) in [(DVec2::new(25.0, 14.0), 1.0), (middle_px, 0.985)] {
+        let (right, judged) = hits(&found_from(start_px, brighter, 10.0, velocity_px, 0.0, 16));
+        assert!(3 * right >= 2 * judged, "{right} of {judged}");
+    }
 }
 
 #[test]
@@ -197,7 +222,7 @@ fn frames_that_do_not_lie_on_one_another_begin_anew() {
 
 #[test]
 fn sensors_of_any_size_are_looked_at() {
-    for [width_px, height_px] in [[1, 1], [64, 300], [65, 66], [300, 64], [67, 400]] {
+    for [width_px, height_px] in [[1, 1], [20, 300], [62, 300], [63, 64], [300, 62], [67, 400]] {
         let pinhole = Pinhole {
             width_px,
             height_px,
