@@ -265,7 +265,7 @@ impl MovingDots {
         } else {
             vec![0.0; smooth.len()]
         };
-        if let Some(settled) = (self.planes.len() + 1).checked_sub(RECENT + 1) {
+        if let Some(settled) = self.planes.len().checked_sub(RECENT) {
             let values = &self.planes[settled].values;
             add(&mut self.sum, &mut self.squares, values, 1.0);
         }

@@ -17,15 +17,27 @@ const FORESIGHT_S: f64 = 4.0;
 const SEEN_S: f64 = 0.15;
 
 /// Fire without effect for so long [s] makes the aim walk over a large body, beside whose middle that of its picture may
-/// lie: round it at this distance [m], where discs of the 5 cm that the laser heats leave no gap, for this
-/// long [s] at each of six places and in the middle.
+/// lie: round it in steps of this [m], where discs of the 5 cm that the laser heats leave no gap, for this
+/// long [s] at each place and in the middle.
 const WALK_AFTER_S: f64 = 4.0; // [s]
 const WALK_M: f64 = 0.087; // [m]
 const WALK_DWELL_S: f64 = 2.0; // [s]
-/// Places of the walk, from the first on [deg, from right to up]; opposite ones follow each other.
-const WALK_DEG: [f64; 6] = [90.0, 270.0, 30.0, 210.0, 150.0, 330.0];
+/// Places of the walk, from the first on [deg, from right to up] and [steps]: mostly the middle lies below the body, for legs and
+/// load hang from it.
+const WALK: [(f64, f64); 8] = [
+    (90.0, 1.0),
+    (90.0, 2.0),
+    (270.0, 1.0),
+    (90.0, 3.0),
+    (30.0, 1.0),
+    (210.0, 1.0),
+    (150.0, 1.0),
+    (330.0, 1.0),
+];
 /// Least span of what is walked over [m]: on a smaller one the beam would go past it.
 const WALK_SPAN_M: f64 = 0.8; // [m]
+/// Share of the span that a second step and a third end in at most: a large body with legs is about half as high as wide.
+const WALK_SHARE: f64 = 0.16;
 
 /// Finds where on the target's picture the part aimed at is expected.
 pub fn aim(clock: Res<SimClock>, mut stations: Query<(&TrackerParams, &Mount, &mut Tracker)>) {
@@ -44,12 +56,15 @@ fn walk_rad(tracker: &Tracker, fired_s: f64) -> DVec2 {
     let (Some(range_m), Some(track)) = (tracker.range_m, tracker.target_track()) else {
         return DVec2::ZERO;
     };
-    if fired_s < WALK_AFTER_S || track.size_rad * range_m < WALK_SPAN_M {
+    let span_m = track.size_rad * range_m;
+    if fired_s < WALK_AFTER_S || span_m < WALK_SPAN_M {
         return DVec2::ZERO;
     }
-    let place = ((fired_s - WALK_AFTER_S) / WALK_DWELL_S) as usize % (WALK_DEG.len() + 1);
-    WALK_DEG.get(place).map_or(DVec2::ZERO, |deg| {
-        WALK_M / range_m * DVec2::from_angle(deg.to_radians())
+    let on_it = |(_, steps): &&(f64, f64)| *steps <= 1.0 || steps * WALK_M <= WALK_SHARE * span_m;
+    let places: Vec<&(f64, f64)> = WALK.iter().filter(on_it).collect();
+    let place = ((fired_s - WALK_AFTER_S) / WALK_DWELL_S) as usize % (places.len() + 1);
+    places.get(place).map_or(DVec2::ZERO, |(deg, steps)| {
+        steps * WALK_M / range_m * DVec2::from_angle(deg.to_radians())
     })
 }
 
@@ -151,13 +166,19 @@ mod tests {
         };
         assert_eq!(walked(1.6, WALK_AFTER_S - 0.1).0, 0.0);
         assert_eq!(walked(0.5, 60.0).0, 0.0);
-        for (place, deg) in WALK_DEG.into_iter().enumerate() {
-            let at_s = WALK_AFTER_S + (place as f64 + 0.5) * WALK_DWELL_S;
-            let (far_m, to_deg) = walked(1.6, at_s);
-            assert!((far_m - WALK_M).abs() < 1e-12 && (to_deg - deg).abs() < 1e-9);
+        // On a smaller one the further places are left out.
+        for (span_m, most) in [(1.0, 1.0), (1.2, 2.0), (1.7, 3.0)] {
+            let mut places: Vec<(f64, f64)> = WALK.to_vec();
+            places.retain(|(_, steps)| *steps <= most);
+            for (place, (deg, steps)) in places.iter().enumerate() {
+                let at_s = WALK_AFTER_S + (place as f64 + 0.5) * WALK_DWELL_S;
+                let (far_m, to_deg) = walked(span_m, at_s);
+                assert!((far_m - steps * WALK_M).abs() < 1e-12 && (to_deg - deg).abs() < 1e-9);
+            }
+            // Back in the middle, and round again.
+            let round_s = WALK_AFTER_S + places.len() as f64 * WALK_DWELL_S;
+            assert_eq!(walked(span_m, round_s + 0.5 * WALK_DWELL_S).0, 0.0);
+            assert!(walked(span_m, round_s + 1.5 * WALK_DWELL_S).0 > 0.0);
         }
-        // Back in the middle, and round again.
-        assert_eq!(walked(1.6, WALK_AFTER_S + 6.5 * WALK_DWELL_S).0, 0.0);
-        assert!(walked(1.6, WALK_AFTER_S + 7.5 * WALK_DWELL_S).0 > 0.0);
     }
 }
