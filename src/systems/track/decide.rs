@@ -477,7 +477,14 @@ fn find_again(now: &Situation, tracker: &mut Tracker, in_state_s: f64) {
         return;
     };
     let (id, hits) = (track.id, tracker.hits_in_state);
-    let waits = track.hidden(now.t_s()) || in_state_s <= LOST_TIMEOUT_S + hidden_s(track);
+    let hidden_s = if track.hidden(now.t_s()) {
+        in_state_s
+    } else {
+        hidden_s(track)
+    };
+    // What was hardly seen before is not waited for as long as what is known.
+    let followed_s = track.seen_s() - track.started_s;
+    let waits = in_state_s <= LOST_TIMEOUT_S + hidden_s.min(followed_s);
     let reason = format!("track {id} seen again after {in_state_s:.2} s");
     if hits[Tier::Coarse] >= AGAIN_HITS {
         tracker.change(now.tick, TrackingState::Coarse, reason);
@@ -616,7 +623,7 @@ mod tests {
     use crate::models::optics::tier::PerTier;
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::recognition::Recognition;
-    use crate::models::tracking::table::{CameraLook, Lased, Sighting};
+    use crate::models::tracking::table::{CameraLook, Lased, Occlusion, Sighting};
     use crate::systems::track::situation::patience_s;
     use glam::{DVec2, DVec3};
 
@@ -1029,6 +1036,44 @@ mod tests {
         assert_eq!(left(650.0, false, 0.0), None);
         // 60 px long and plainly a UAV.
         assert_eq!(left_seen_by(1e-5, 597.0, false, 0.0), None);
+    }
+
+    #[test]
+    fn what_was_hardly_seen_is_not_waited_for_behind_a_building_as_long_as_what_is_known() {
+        let waited_s = |followed_s: f64| {
+            let params = params();
+            let mut tracker = Tracker::default();
+            let last = (followed_s * 60.0) as u32;
+            for frame in 0..=last {
+                let t_s = f64::from(frame) / 60.0;
+                see_by(3e-5, &mut tracker, t_s, &[DVec3::new(0.0, 600.0, 80.0)]);
+            }
+            let (id, tick) = (tracker.table.tracks[0].id, u64::from(last * FRAME));
+            tracker.acquire(tick, id, "test");
+            tracker.change(tick, TrackingState::Lost, "test");
+            tracker.table.tracks[0].occlusion = Some(Occlusion {
+                enter_s: followed_s,
+                exit_s: None,
+                exit_az_el_rad: DVec2::ZERO,
+            });
+            let left = (last + 1..last + 900).find(|frame| {
+                step(
+                    &situation(&params, frame * FRAME),
+                    &mut tracker,
+                    false,
+                    false,
+                );
+                tracker.target.is_none()
+            });
+            left.map(|frame| f64::from(frame - last) / 60.0).unwrap()
+        };
+        for followed_s in [1.0, 5.0] {
+            let expected_s = LOST_TIMEOUT_S + followed_s;
+            assert!(
+                (waited_s(followed_s) - expected_s).abs() < 0.05,
+                "{expected_s}"
+            );
+        }
     }
 
     #[test]
