@@ -55,8 +55,9 @@ const GLANCE_TIMEOUT_S: f64 = 2.5;
 /// alarms is seen in fewer.
 const GLANCED: f64 = -2.0;
 const GLANCED_SHARE: f64 = 0.6;
-/// Without a cue, what stands before scenery must move besides, this fast [rad/s] and surely [standard deviations], or be a UAV with this
-/// probability by the recogniser, or without its word by the evidence: the networks box much of a wood that hangs still.
+/// Without a cue, what stands before scenery must move besides, this fast [rad/s] and surely [standard deviations], or be a UAV
+/// with this probability by the recogniser, or without its word with these log-odds by the evidence: the networks box much of a
+/// wood that stands still.
 const GLANCED_RADPS: f64 = 1e-3;
 const GLANCED_SIGMAS: f64 = 2.0;
 const GLANCED_PROBABILITY: f64 = 0.25;
