@@ -404,8 +404,8 @@ fn may_be_glanced_at(track: &Track, cued: bool, t_s: f64) -> bool {
         && match (track.conduct.in_sky, track.seen_share() > GLANCED_SHARE) {
             (true, true) if is_only_seen_from_afar(track) => true,
             (in_sky, steady) => {
-                let stands_out = in_sky || steady && (cued || stands_out(track, t_s));
-                stands_out && track.log_odds() > GLANCED
+                let may_fly = in_sky || steady && (cued || stands_out(track, t_s));
+                may_fly && track.log_odds() > GLANCED
             }
         }
         && (!track.conduct.is_scenery() || is_likely(track, t_s))
