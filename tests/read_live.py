@@ -27,17 +27,26 @@ PROTOCOL = "foxglove.sdk.v1"
 MESSAGE, TIME = 1, 2
 
 
+def time_of(data):
+    return struct.unpack_from("<Q", data, 1)[0]
+
+
 def subscribe(socket):
-    """Subscribes to every topic; returns the channels by subscription."""
+    """Subscribes to every topic; returns the channels by subscription, and the times that came before them."""
     assert socket.subprotocol == PROTOCOL, socket.subprotocol
     info = json.loads(socket.recv())
     assert info["op"] == "serverInfo" and "time" in info["capabilities"], info
-    advertised = json.loads(socket.recv())
+    # The run goes on meanwhile: its clock may be sent to a client that has not been told the channels yet.
+    times = []
+    while isinstance(data := socket.recv(), bytes):
+        assert data[0] == TIME, data
+        times.append(time_of(data))
+    advertised = json.loads(data)
     assert advertised["op"] == "advertise", advertised
     channels = {channel["id"]: channel for channel in advertised["channels"]}
     wanted = [{"id": id, "channelId": id} for id in channels]
     socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-    return channels
+    return channels, times
 
 
 def schema_of(channel):
@@ -51,19 +60,18 @@ def main():
         sys.exit(__doc__)
     address, recording = sys.argv[1:]
     received = collections.defaultdict(list)
-    times = []
     join = functools.partial(connect, address, subprotocols=[PROTOCOL], max_size=None, close_timeout=1)
     with join() as stalled, join() as vanished, join() as socket:
         subscribe(stalled)
         subscribe(vanished)
         vanished.socket.close()
-        channels = subscribe(socket)
+        channels, times = subscribe(socket)
         try:
             while True:
                 data = socket.recv(timeout=60)
                 assert isinstance(data, bytes), data
                 if data[0] == TIME:
-                    times.append(struct.unpack_from("<Q", data, 1)[0])
+                    times.append(time_of(data))
                 elif data[0] == MESSAGE:
                     id, log_time = struct.unpack_from("<IQ", data, 1)
                     received[channels[id]["topic"]].append((log_time, data[13:]))
