@@ -209,7 +209,15 @@ impl Stage {
         // Whatever is small is magnified: no sort of thing must be told by the renderer's samples.
         for patch in Patch::all(frame).iter().skip(1).take(MAX_PATCHES) {
             let magnifier = (patch, views.magnifier);
-            capture::enlarge(world, &mut self.renderer, frame, shot, magnifier, scratch)?;
+            capture::enlarge(
+                world,
+                &mut self.renderer,
+                frame,
+                shot,
+                &digits,
+                magnifier,
+                scratch,
+            )?;
         }
         let ([frame], [shot]) = (frames, shots);
         Ok(Rendered {

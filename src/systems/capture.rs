@@ -13,7 +13,7 @@ use crate::components::run::{Failure, Seed, SimClock, Stopwatch};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::ground::skyline::Skyline;
 use crate::models::maths::kinematics::Pose;
-use crate::models::optics::background::Background;
+use crate::models::optics::background::{Background, open_share};
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
@@ -45,7 +45,7 @@ pub enum CaptureError {
 
 /// The surroundings of a UAV too small for four samples a pixel: an airframe of three pixels is
 /// all thin arms and legs, and its centroid would be off by a third of a pixel. They are rendered
-/// [`MAGNIFY`] times enlarged and averaged into the frame.
+/// [`MAGNIFY`] times enlarged and, where they show it, averaged into the frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Patch {
     /// Scenario index of the UAV.
@@ -125,28 +125,47 @@ impl Patch {
         }
     }
 
-    /// Averages the enlarged pixels into those of the frame; identities stay as they are.
-    fn blend(&self, enlarged: &[u8], frame: PixelRect, pixels: &mut [u8]) {
+    /// Averages the enlarged pixels into those of the frame that show the UAV of identity `digit`, and adds the `sky` that the
+    /// frame has there; identities stay as they are, and so does all around it: scenery sampled more finely than the rest
+    /// would tell where the UAV is.
+    fn blend(
+        &self,
+        enlarged: &[u8],
+        sky: &[u8],
+        digit: u32,
+        into: (PixelRect, u32),
+        out: &mut [u8],
+    ) {
+        let (frame, samples) = into;
         let side = (MAGNIFY * PATCH_PX) as usize;
         let value = |bytes: &[u8]| half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
+        let [column, row] = [0, 1].map(|i| (self.rect.offset_px[i] - frame.offset_px[i]) as usize);
+        let width = frame.size_px[0] as usize;
         for y in 0..PATCH_PX as usize {
             for x in 0..PATCH_PX as usize {
-                let mut sum = [0.0f32; 3];
+                let (mut rgb, mut open) = ([0.0; 3], 0.0);
+                let at = (row + y) * width + column + x;
+                let mut shown = shows(alpha_at(out, at), samples, digit);
                 for row in y * MAGNIFY as usize..(y + 1) * MAGNIFY as usize {
                     let first = 8 * (row * side + x * MAGNIFY as usize);
                     for pixel in enlarged[first..first + 8 * MAGNIFY as usize].chunks_exact(8) {
-                        for (channel, sum) in sum.iter_mut().enumerate() {
+                        for (channel, sum) in rgb.iter_mut().enumerate() {
                             *sum += value(&pixel[2 * channel..]);
                         }
+                        let alpha = value(&pixel[6..]);
+                        open += open_share(alpha, MAGNIFIED_SAMPLES);
+                        shown |= shows(alpha.into(), MAGNIFIED_SAMPLES, digit);
                     }
                 }
-                let column = (self.rect.offset_px[0] - frame.offset_px[0]) as usize + x;
-                let row = (self.rect.offset_px[1] - frame.offset_px[1]) as usize + y;
-                let at = 8 * (row * frame.size_px[0] as usize + column);
-                for (channel, sum) in sum.iter().enumerate() {
+                if !shown {
+                    continue;
+                }
+                let sky = &sky[8 * (y * PATCH_PX as usize + x)..];
+                for (channel, sum) in rgb.iter().enumerate() {
+                    let sum = sum + open * value(&sky[2 * channel..]);
                     let mean = half::f16::from_f32(sum / (MAGNIFY * MAGNIFY) as f32);
-                    pixels[at + 2 * channel..at + 2 * channel + 2]
-                        .copy_from_slice(&mean.to_le_bytes());
+                    let at = 8 * at + 2 * channel;
+                    out[at..at + 2].copy_from_slice(&mean.to_le_bytes());
                 }
             }
         }
@@ -512,15 +531,40 @@ pub(crate) fn read(
     add_sky(world, frame, (pinhole, rect, samples), &mut scratch.pixels);
     count_identities(world, frame, camera, digits, &scratch.pixels, None);
     if let Some((patch, magnifier)) = &shot.patch {
-        let rect = patch.magnified_rect();
-        renderer.read(*magnifier, rect.size_px, &mut scratch.enlarged)?;
-        let view = (magnified(&pinhole), rect, MAGNIFIED_SAMPLES);
-        add_sky(world, frame, view, &mut scratch.enlarged);
+        let size_px = patch.magnified_rect().size_px;
+        renderer.read(*magnifier, size_px, &mut scratch.enlarged)?;
         let enlarged = &scratch.enlarged;
         count_identities(world, frame, camera, digits, enlarged, Some(patch));
-        patch.blend(&scratch.enlarged, frame.rect, &mut scratch.pixels);
+        put(
+            world,
+            frame,
+            shot,
+            digits,
+            patch,
+            enlarged,
+            &mut scratch.pixels,
+        );
     }
     Ok(())
+}
+
+/// Puts what the enlarged pixels of a patch show into those of its frame.
+fn put(
+    world: &World,
+    frame: &ExposedFrame,
+    shot: &Shot,
+    digits: &[u32],
+    patch: &Patch,
+    enlarged: &[u8],
+    pixels: &mut [u8],
+) {
+    let SensorCamera {
+        pinhole, antialias, ..
+    } = shot.camera;
+    let mut sky = vec![0; 8 * (PATCH_PX * PATCH_PX) as usize];
+    background(world, frame, (pinhole, patch.rect, antialias)).fill(0, &mut sky);
+    let digit = digits[patch.uav];
+    patch.blend(enlarged, &sky, digit, (frame.rect, antialias), pixels);
 }
 
 /// Puts the pixels of a part of a frame at their place.
@@ -535,21 +579,30 @@ fn paste(pixels: &[u8], part: PixelRect, frame: PixelRect, out: &mut [u8]) {
     }
 }
 
-/// Adds the sky to the rendered rectangle of a sensor, seen with so many samples a pixel.
-fn add_sky(
-    world: &World,
+/// The sky behind a rectangle of a sensor, seen with so many samples a pixel.
+fn background<'a>(
+    world: &'a World,
     frame: &ExposedFrame,
     (pinhole, rect, samples): (Pinhole, PixelRect, u32),
-    pixels: &mut [u8],
-) {
-    let background = Background {
+) -> Background<'a> {
+    Background {
         backdrop: &world.resource::<Environment>().backdrop,
         pinhole,
         q_enu_cam: frame.pose.q_enu_cam,
         rect,
         samples,
-    };
-    let [width, height] = rect.size_px.map(|n| n as usize);
+    }
+}
+
+/// Adds the sky to the rendered rectangle of a sensor.
+fn add_sky(
+    world: &World,
+    frame: &ExposedFrame,
+    view: (Pinhole, PixelRect, u32),
+    pixels: &mut [u8],
+) {
+    let background = background(world, frame, view);
+    let [width, height] = view.1.size_px.map(|n| n as usize);
     let strip = height.div_ceil(STRIPS);
     ComputeTaskPool::get().scope(|scope| {
         for (i, rows) in pixels.chunks_mut(8 * width * strip).enumerate() {
@@ -564,6 +617,7 @@ pub(crate) fn enlarge(
     renderer: &mut Renderer,
     frame: &ExposedFrame,
     shot: &Shot,
+    digits: &[u32],
     (patch, magnifier): (&Patch, Entity),
     scratch: &mut ImageScratch,
 ) -> Result<(), CaptureError> {
@@ -578,9 +632,15 @@ pub(crate) fn enlarge(
     // The truth and the identities of the first patch stay as they are.
     let mut enlarged = Vec::new();
     renderer.read(magnifier, rect.size_px, &mut enlarged)?;
-    let view = (magnified(&shot.camera.pinhole), rect, MAGNIFIED_SAMPLES);
-    add_sky(world, frame, view, &mut enlarged);
-    patch.blend(&enlarged, frame.rect, &mut scratch.pixels);
+    put(
+        world,
+        frame,
+        shot,
+        digits,
+        patch,
+        &enlarged,
+        &mut scratch.pixels,
+    );
     Ok(())
 }
 
@@ -745,6 +805,11 @@ fn count_identities(
     }
 }
 
+/// Whether a pixel with a mean alpha over so many samples shows the UAV of a digit.
+fn shows(alpha: f64, samples: u32, digit: u32) -> bool {
+    digit_of((alpha * f64::from(samples)).round() as u32, digit) > 0
+}
+
 /// How many samples of a pixel belong to a digit, given their base-5 sum.
 pub(crate) fn digit_of(sum: u32, digit: u32) -> u32 {
     if digit == 0 {
@@ -773,6 +838,46 @@ mod tests {
                 assert_eq!(counted, count(digit as usize + 1), "{samples:?}");
             }
             assert_eq!(stored.round() as u32 % 5, (4 - count(0)) % 5);
+        }
+    }
+
+    #[test]
+    fn what_lies_around_an_enlarged_uav_stays_as_it_is() {
+        let rgba = |rgb: f32, alpha: f32| {
+            [rgb, rgb, rgb, alpha].map(|value| half::f16::from_f32(value).to_le_bytes())
+        };
+        let rect = |offset_px, size_px| PixelRect { offset_px, size_px };
+        let frame = rect([8, 4], [32, 24]);
+        let patch = Patch {
+            uav: 0,
+            rect: rect([16, 9], [PATCH_PX; 2]),
+        };
+        let mut pixels = rgba(0.625, 0.0).as_flattened().repeat(32 * 24);
+        let sky = rgba(0.75, 0.0).as_flattened().repeat(256);
+        // Scenery everywhere but in one pixel: there the UAV fills the left half, and the right is open.
+        let [column, row] = [3, 5];
+        let side = MAGNIFY * PATCH_PX;
+        let mut enlarged = Vec::new();
+        for (y, x) in (0..side).flat_map(|y| (0..side).map(move |x| (y, x))) {
+            let pixel = match (x / MAGNIFY == column && y / MAGNIFY == row, x % MAGNIFY < 4) {
+                (false, _) => rgba(0.125, 1.0),
+                (true, true) => rgba(0.25, 26.0),
+                (true, false) => rgba(0.0, 0.0),
+            };
+            enlarged.extend(pixel.as_flattened());
+        }
+        patch.blend(&enlarged, &sky, 2, (frame, 4), &mut pixels);
+        let at = ((9 - 4 + row) * 32 + 16 - 8 + column) as usize;
+        for (index, pixel) in pixels.chunks_exact(8).enumerate() {
+            let expected = rgba(
+                if index == at {
+                    0.5 * (0.25 + 0.75)
+                } else {
+                    0.625
+                },
+                0.0,
+            );
+            assert_eq!(pixel, expected.as_flattened(), "{index}");
         }
     }
 }

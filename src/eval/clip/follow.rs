@@ -14,7 +14,6 @@ use crate::components::track::{Gallery, Tracker, TrackerParams};
 use crate::eval::EvalError;
 use crate::eval::shared::confirmed;
 use crate::inference::OnnxRecogniser;
-use crate::models::flight::class::is_uav;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
@@ -85,8 +84,6 @@ pub(super) struct Followed {
     pub(super) score: f64,
     /// Whether the tracker might have it as its target: it has flown, or may hover, or stands in clear sky.
     pub(super) may_be_target: bool,
-    /// Whether its detections mostly call it a UAV.
-    pub(super) called_uav: bool,
     /// Probability that it is a UAV, once the recogniser has looked at it.
     pub(super) p_uav: Option<f64>,
 }
@@ -232,8 +229,6 @@ impl Follower {
                     side_px: track.size_rad / self.pinhole.ifov_rad(),
                     seen_px: found(track),
                     may_be_target: now.may_be_target(track),
-                    called_uav: (self.classes.get(track.label() as usize))
-                        .is_none_or(|name| is_uav(name)),
                     score: track.score,
                     p_uav: track.recognition.map(|found| found.p_uav()),
                 })
@@ -247,12 +242,10 @@ impl Follower {
         Ok(followed)
     }
 
-    /// Whether a detection lies on a track that was taken for a UAV in the last frame, and mostly called one before.
+    /// Whether a detection lies on a track that was taken for a UAV in the last frame.
     pub(super) fn believes_in(&self, found: &Detection) -> bool {
         let centre_px = DVec2::from(found.centre_px());
-        let near = |track: &Followed| {
-            track.called_uav && track.px.distance(centre_px) < track.side_px.max(NEAR_PX)
-        };
+        let near = |track: &Followed| track.px.distance(centre_px) < track.side_px.max(NEAR_PX);
         self.believed.iter().any(near)
     }
 
@@ -431,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_called_no_uav_goes_on_with_what_is_taken_for_one_and_called_one() {
+    fn what_is_called_no_uav_goes_on_with_what_is_taken_for_one() {
         let mut follower = follower();
         let found = |x: f64| Detection::new([x - 6.0, 50.0, x + 6.0, 62.0], 0.5, 1);
         let track = Followed {
@@ -441,14 +434,11 @@ mod tests {
             seen_px: None,
             score: 0.5,
             may_be_target: true,
-            called_uav: true,
             p_uav: Some(0.9),
         };
         assert!(!follower.believes_in(&found(104.0)));
         follower.believed = vec![track];
         assert!(follower.believes_in(&found(104.0)) && !follower.believes_in(&found(130.0)));
-        follower.believed[0].called_uav = false;
-        assert!(!follower.believes_in(&found(104.0)));
         assert!(track.is_taken_for_uav(0.9) && !track.is_taken_for_uav(0.95));
         let barred = Followed {
             may_be_target: false,

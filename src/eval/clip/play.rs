@@ -242,8 +242,7 @@ fn look(
 }
 
 /// Whether the tracker gets a detection. What is called no UAV is no false alarm and starts no track. It goes on with one
-/// that is `believed`, taken for a UAV and mostly called one; so does what scores less than the threshold, as far as a run
-/// keeps that.
+/// that is `believed`, taken for a UAV; so does what scores less than the threshold, as far as a run keeps that.
 pub(super) fn counts(score: f64, threshold: f64, called_uav: bool, believed: bool) -> bool {
     let weak_score = DetectorConfig::default().weak_share * threshold;
     score >= threshold && called_uav || score >= weak_score && believed

@@ -23,6 +23,13 @@ const PIXEL_BYTES: usize = 8;
 /// the sum over a pixel's samples modulo five counts the covered ones.
 const BASE: u32 = 5;
 
+/// The share of a pixel's `samples` that nothing solid covers, from their mean alpha.
+pub fn open_share(alpha: f32, samples: u32) -> f32 {
+    let samples = samples as f32;
+    let sum = (alpha * samples + 0.5) as u32;
+    1.0 - (sum % BASE) as f32 / samples
+}
+
 /// How a frame looks at the sky.
 #[derive(Clone, Copy, Debug)]
 pub struct Background<'a> {
@@ -87,11 +94,7 @@ impl Background<'_> {
                 .fold(0, |all, pixel| all | u64::from_ne_bytes(*pixel))
                 != 0;
             let (bytes, _) = line.as_chunks_mut::<2>();
-            let samples = self.samples as f32;
-            let open = |alpha: f32| {
-                let sum = (alpha * samples + 0.5) as u32;
-                1.0 - (sum % BASE) as f32 / samples
-            };
+            let open = |alpha: f32| open_share(alpha, self.samples);
             let (pixels, _) = rgba[..length].as_chunks_mut::<4>();
             if drawn {
                 for (half, bytes) in halves.iter_mut().zip(&*bytes) {
