@@ -233,8 +233,8 @@ pub struct SensorViews {
     /// Size [px] and camera of the rectangles that can be rendered, the smallest first; the last is the
     /// whole sensor.
     pub sizes: Vec<([u32; 2], Entity)>,
-    /// Renders the surroundings of a small UAV enlarged; see [`crate::systems::capture`].
-    pub magnifier: Entity,
+    /// Each renders the surroundings of something small enlarged; see [`crate::systems::capture`].
+    pub magnifiers: Vec<Entity>,
 }
 
 impl SensorViews {

@@ -83,17 +83,17 @@ pub fn visible_share<'a>(
         let sum = f64::from(samples) * capture::alpha_at(pixels, index);
         f64::from(capture::digit_of(sum.round() as u32, digit))
     };
-    let patch = rendered.shot.patch.as_ref();
-    let patch = patch.map(|(patch, _)| patch).filter(|p| p.uav == prop);
+    let mut patches = rendered.shot.patches.iter().zip(&scratch.enlarged);
+    let patch = patches.find(|((patch, _), _)| patch.uav == prop);
     move |x, y| {
-        if let Some(patch) = patch {
+        if let Some(((patch, _), enlarged)) = patch {
             let [left, top] = patch.rect.offset_px;
             if x >= left && y >= top && x < left + PATCH_PX && y < top + PATCH_PX {
                 let (x0, y0) = (MAGNIFY * (x - left), MAGNIFY * (y - top));
                 let row = |y: u32| (x0..x0 + MAGNIFY).map(move |x| y * MAGNIFY * PATCH_PX + x);
                 let samples: f64 = (y0..y0 + MAGNIFY)
                     .flat_map(row)
-                    .map(|index| count(&scratch.enlarged, index as usize, MAGNIFIED_SAMPLES))
+                    .map(|index| count(enlarged, index as usize, MAGNIFIED_SAMPLES))
                     .sum();
                 let area = samples / f64::from(MAGNIFIED_SAMPLES * MAGNIFY * MAGNIFY);
                 let whole = f64::from(masks.at(x, y).count_ones()) / f64::from(SIDE * SIDE);

@@ -14,15 +14,13 @@ use crate::models::optics::exposure::ExposureControl;
 use crate::models::optics::sensor::Sensor;
 use crate::models::shape::mesh::MeshData;
 use crate::models::shape::uav_mesh::UavMesh;
-use crate::systems::capture::{self, ImageScratch, Patch, Shot};
+use crate::systems::capture::{self, ImageScratch, Shot};
 use crate::systems::render::renderer::{Renderer, settle, spawn_sensor_view};
 use crate::systems::render::scene;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
-/// Most patches of a frame after the first.
-const MAX_PATCHES: usize = 6;
 /// Samples a pixel of the renderer.
 pub const ANTIALIAS: u32 = 4;
 
@@ -140,12 +138,7 @@ impl Stage {
                 size_px,
                 spawn_sensor_view(world, site_grid, size_px, ANTIALIAS),
             )],
-            magnifier: spawn_sensor_view(
-                world,
-                site_grid,
-                [capture::MAGNIFY * capture::PATCH_PX; 2],
-                capture::MAGNIFIED_SAMPLES,
-            ),
+            magnifiers: capture::spawn_magnifiers(world, site_grid),
         };
         // Where `settle` looks for them; a child of the scene, so that it goes with it.
         world.spawn((views.clone(), ChildOf(site_grid)));
@@ -206,19 +199,6 @@ impl Stage {
         let ([frame], [shot]) = (&mut frames, &shots);
         let scratch = &mut self.scratch;
         capture::read(world, &mut self.renderer, frame, shot, &digits, scratch)?;
-        // Whatever is small is magnified: no sort of thing must be told by the renderer's samples.
-        for patch in Patch::all(frame).iter().skip(1).take(MAX_PATCHES) {
-            let magnifier = (patch, views.magnifier);
-            capture::enlarge(
-                world,
-                &mut self.renderer,
-                frame,
-                shot,
-                &digits,
-                magnifier,
-                scratch,
-            )?;
-        }
         let ([frame], [shot]) = (frames, shots);
         Ok(Rendered {
             frame,

@@ -10,7 +10,7 @@ use crate::components::render::{
 use crate::components::run::{Failure, Options};
 use crate::models::ground::skyline::Skyline;
 use crate::plugins::tiles::TilesPlugin;
-use crate::systems::capture::{ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX};
+use crate::systems::capture::{ImageScratch, spawn_magnifiers};
 use crate::systems::render::city_tiles::{settle_city, spawn_city_tiles};
 use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn_sensor_view};
 use crate::systems::render::scene;
@@ -150,12 +150,12 @@ fn spawn_views(world: &mut World, camera: &SensorCamera) -> SensorViews {
         .collect();
     sizes.sort_by_key(|[width, height]| (width * height, *width));
     sizes.dedup();
-    let mut view = |size_px, samples| spawn_sensor_view(world, site_grid, size_px, samples);
+    let mut view = |size_px| spawn_sensor_view(world, site_grid, size_px, camera.antialias);
     SensorViews {
-        magnifier: view([MAGNIFY * PATCH_PX; 2], MAGNIFIED_SAMPLES),
         sizes: sizes
             .into_iter()
-            .map(|size_px| (size_px, view(size_px, camera.antialias)))
+            .map(|size_px| (size_px, view(size_px)))
             .collect(),
+        magnifiers: spawn_magnifiers(world, site_grid),
     }
 }

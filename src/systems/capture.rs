@@ -18,7 +18,7 @@ use crate::models::optics::camera::Pinhole;
 use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
 use crate::systems::render::city_tiles::settle_city;
-use crate::systems::render::renderer::{RenderError, Renderer, aim_sensor_view};
+use crate::systems::render::renderer::{RenderError, Renderer, aim_sensor_view, spawn_sensor_view};
 use crate::systems::render::scene::{bevy_attitude, place_in_site, sync_scene};
 use bevy::ecs::query::QueryData;
 use bevy::mesh::MeshTag;
@@ -43,12 +43,13 @@ pub enum CaptureError {
     Sensor(#[from] sensor::SensorError),
 }
 
-/// The surroundings of a UAV too small for four samples a pixel: an airframe of three pixels is
+/// The surroundings of something that flies and is too small for four samples a pixel: an airframe of three pixels is
 /// all thin arms and legs, and its centroid would be off by a third of a pixel. They are rendered
-/// [`MAGNIFY`] times enlarged and, where they show it, averaged into the frame.
+/// [`MAGNIFY`] times enlarged and, where they show it, averaged into the frame. Birds as well as UAVs: no sort of thing must
+/// be told by the renderer's samples.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Patch {
-    /// Scenario index of the UAV.
+    /// Scenario index of what is small.
     pub(crate) uav: usize,
     /// Where the patch lies on the sensor.
     pub(crate) rect: PixelRect,
@@ -60,7 +61,9 @@ pub const MAGNIFY: u32 = 8;
 pub const MAGNIFIED_SAMPLES: u32 = 4;
 /// Side of a patch [px].
 pub const PATCH_PX: u32 = 16;
-/// UAVs with a box smaller than this get a patch [px]: the patch holds the box with a margin.
+/// Most patches of a frame: what is small beyond them has four samples a pixel.
+pub const PATCHES: usize = 7;
+/// What has a box smaller than this gets a patch [px]: the patch holds the box with a margin.
 const SMALL_PX: f64 = 8.0;
 
 /// A patch's camera: the same sensor with [`MAGNIFY`] times the pixels.
@@ -73,14 +76,8 @@ pub fn magnified(pinhole: &Pinhole) -> Pinhole {
 }
 
 impl Patch {
-    /// The patch of a frame, if something in it is small: the nearest UAV, or else the nearest
-    /// distractor, gets it.
-    fn of(frame: &ExposedFrame) -> Option<Self> {
-        Self::all(frame).into_iter().next()
-    }
-
     /// A patch about everything that is small in a frame, UAVs first, the nearest before others.
-    pub(crate) fn all(frame: &ExposedFrame) -> Vec<Self> {
+    fn all(frame: &ExposedFrame) -> Vec<Self> {
         let small = |seen: &&UavInFrame| {
             let [x0, y0, x1, y1] = seen.box_px;
             (x1 - x0).max(y1 - y0) < SMALL_PX
@@ -339,6 +336,13 @@ fn projected_box(
         .then_some([low.x, low.y, high.x, high.y])
 }
 
+/// Spawns the cameras that enlarge what is small in a sensor's frames.
+pub fn spawn_magnifiers(world: &mut World, site_grid: Entity) -> Vec<Entity> {
+    let size_px = [MAGNIFY * PATCH_PX; 2];
+    let view = |_| spawn_sensor_view(world, site_grid, size_px, MAGNIFIED_SAMPLES);
+    (0..PATCHES).map(view).collect()
+}
+
 /// What image formation keeps between frames.
 #[derive(Default)]
 pub struct ImageScratch {
@@ -346,8 +350,8 @@ pub struct ImageScratch {
     pub(crate) pixels: Vec<u8>,
     /// The part of it that was rendered.
     part: Vec<u8>,
-    /// Its enlarged patch.
-    pub(crate) enlarged: Vec<u8>,
+    /// Its enlarged patches.
+    pub(crate) enlarged: Vec<Vec<u8>>,
     /// Scratch of each strip of rows.
     strips: [Scratch; STRIPS],
 }
@@ -408,8 +412,8 @@ pub(crate) struct Shot {
     pub(crate) camera: SensorCamera,
     /// The view that renders the part with something solid in it, and that part; `None`: all is sky.
     view: Option<(Entity, PixelRect)>,
-    /// The small UAV of the frame and the view that enlarges it.
-    pub(crate) patch: Option<(Patch, Entity)>,
+    /// What is small in the frame, and the views that enlarge it.
+    pub(crate) patches: Vec<(Patch, Entity)>,
 }
 
 impl Shot {
@@ -426,7 +430,9 @@ impl Shot {
         };
         Self {
             view: solid.and_then(|solid| views.around(solid, frame.rect)),
-            patch: Patch::of(frame).map(|patch| (patch, views.magnifier)),
+            patches: (Patch::all(frame).into_iter())
+                .zip(views.magnifiers.iter().copied())
+                .collect(),
             camera,
         }
     }
@@ -485,17 +491,15 @@ pub(crate) fn draw(
         if let Some((view, rect)) = shot.view {
             aim_sensor_view(world, view, projection(pinhole, rect), at);
         }
-        if let Some((patch, magnifier)) = shot.patch {
+        for (patch, magnifier) in &shot.patches {
             let projection = projection(&magnified(pinhole), patch.magnified_rect());
-            aim_sensor_view(world, magnifier, projection, at);
+            aim_sensor_view(world, *magnifier, projection, at);
         }
     }
     let active = |shot: &Shot| {
-        let [view, magnifier] = [
-            shot.view.map(|(view, _)| view),
-            shot.patch.map(|(_, view)| view),
-        ];
-        view.into_iter().chain(magnifier)
+        let magnifiers = shot.patches.iter().map(|(_, view)| *view);
+        let view = shot.view.map(|(view, _)| view);
+        view.into_iter().chain(magnifiers).collect::<Vec<_>>()
     };
     if shots.iter().flat_map(active).next().is_some() {
         renderer.render(world);
@@ -530,41 +534,17 @@ pub(crate) fn read(
     let samples = camera.antialias;
     add_sky(world, frame, (pinhole, rect, samples), &mut scratch.pixels);
     count_identities(world, frame, camera, digits, &scratch.pixels, None);
-    if let Some((patch, magnifier)) = &shot.patch {
-        let size_px = patch.magnified_rect().size_px;
-        renderer.read(*magnifier, size_px, &mut scratch.enlarged)?;
-        let enlarged = &scratch.enlarged;
+    (scratch.enlarged).resize_with(shot.patches.len(), Vec::new);
+    let patches = shot.patches.iter().zip(&mut scratch.enlarged);
+    for ((patch, magnifier), enlarged) in patches {
+        renderer.read(*magnifier, patch.magnified_rect().size_px, enlarged)?;
         count_identities(world, frame, camera, digits, enlarged, Some(patch));
-        put(
-            world,
-            frame,
-            shot,
-            digits,
-            patch,
-            enlarged,
-            &mut scratch.pixels,
-        );
+        let mut sky = vec![0; 8 * (PATCH_PX * PATCH_PX) as usize];
+        background(world, frame, (pinhole, patch.rect, samples)).fill(0, &mut sky);
+        let (digit, into) = (digits[patch.uav], (rect, samples));
+        patch.blend(enlarged, &sky, digit, into, &mut scratch.pixels);
     }
     Ok(())
-}
-
-/// Puts what the enlarged pixels of a patch show into those of its frame.
-fn put(
-    world: &World,
-    frame: &ExposedFrame,
-    shot: &Shot,
-    digits: &[u32],
-    patch: &Patch,
-    enlarged: &[u8],
-    pixels: &mut [u8],
-) {
-    let SensorCamera {
-        pinhole, antialias, ..
-    } = shot.camera;
-    let mut sky = vec![0; 8 * (PATCH_PX * PATCH_PX) as usize];
-    background(world, frame, (pinhole, patch.rect, antialias)).fill(0, &mut sky);
-    let digit = digits[patch.uav];
-    patch.blend(enlarged, &sky, digit, (frame.rect, antialias), pixels);
 }
 
 /// Puts the pixels of a part of a frame at their place.
@@ -609,39 +589,6 @@ fn add_sky(
             scope.spawn(async move { background.fill(i * strip, rows) });
         }
     });
-}
-
-/// Renders one more patch of a frame that [`read`] has read, and averages it into `scratch`.
-pub(crate) fn enlarge(
-    world: &mut World,
-    renderer: &mut Renderer,
-    frame: &ExposedFrame,
-    shot: &Shot,
-    digits: &[u32],
-    (patch, magnifier): (&Patch, Entity),
-    scratch: &mut ImageScratch,
-) -> Result<(), CaptureError> {
-    let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
-    let rect = patch.magnified_rect();
-    let projection = projection(&magnified(&shot.camera.pinhole), rect);
-    aim_sensor_view(world, magnifier, projection, at);
-    renderer.render(world);
-    if let Some(mut view) = world.get_mut::<Camera>(magnifier) {
-        view.is_active = false;
-    }
-    // The truth and the identities of the first patch stay as they are.
-    let mut enlarged = Vec::new();
-    renderer.read(magnifier, rect.size_px, &mut enlarged)?;
-    put(
-        world,
-        frame,
-        shot,
-        digits,
-        patch,
-        &enlarged,
-        &mut scratch.pixels,
-    );
-    Ok(())
 }
 
 /// The projection that renders a rectangle of a sensor.

@@ -185,7 +185,7 @@ pub fn settle(world: &mut World, renderer: &mut Renderer) {
         .iter(world)
         .flat_map(|views| {
             let whole = views.sizes.last().map(|(_, view)| *view);
-            whole.into_iter().chain([views.magnifier])
+            whole.into_iter().chain(views.magnifiers.iter().copied())
         })
         .collect();
     let activate = |world: &mut World, active: bool| {
