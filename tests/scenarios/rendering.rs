@@ -48,7 +48,20 @@ struct Seen {
     fine_centroid_px: DVec2,
 }
 
-/// Renders `seconds` of a scenario with one UAV and takes every frame that has it.
+/// A frame with each thing whose projection meets what was read out.
+fn within(frame: &Arc<ExposedFrame>) -> Vec<(&Arc<ExposedFrame>, &UavInFrame)> {
+    let PixelRect { offset_px, size_px } = frame.rect;
+    let meets = |seen: &&UavInFrame| {
+        (0..2).all(|i| {
+            let (low, size) = (f64::from(offset_px[i]), f64::from(size_px[i]));
+            seen.box_px[i + 2] > low && seen.box_px[i] < low + size
+        })
+    };
+    let seen = frame.truth.iter().filter(meets);
+    seen.map(|seen| (frame, seen)).collect()
+}
+
+/// Renders `seconds` of a scenario and takes every frame for each that is in it.
 fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
     const FINER: u32 = 16;
     let options = Options {
@@ -65,12 +78,12 @@ fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
     let mut seen = Vec::new();
     for _ in 0..(seconds * f64::from(loaded.scenario.tick_hz)) as u64 {
         app::step(world).unwrap();
-        for frame in &world.resource::<Frames>().0 {
-            let (Some(geometric), Ok((_, flight, shape))) =
-                (frame.truth.first(), uavs.single(world))
-            else {
-                continue;
-            };
+        let frames = world.resource::<Frames>().0.clone();
+        for (frame, geometric) in frames.iter().flat_map(within) {
+            let (_, flight, shape) = uavs
+                .iter(world)
+                .find(|(uav, ..)| uav.index == geometric.uav)
+                .unwrap();
             let camera = cameras
                 .iter(world)
                 .find(|camera| camera.tier == frame.tier)
@@ -208,6 +221,27 @@ fn a_rendered_uav_is_where_the_truth_has_it() {
     );
     assert!(pictures_px.len() >= 10, "{} pictures", pictures_px.len());
     assert!(shift_px.length() < 0.33, "{shift_px}");
+}
+
+#[test]
+fn whatever_is_small_is_magnified() {
+    let _one = rendering();
+    // Some 25 px from the UAV in the search camera.
+    let gull = "distractors=[{ name = 'gull', kind = 'bird', trajectory = { kind = 'hover', \
+                position_enu_m = [-652, 668, 125], heading_deg = 30 } }]";
+    let all = rendered(&hovering_at(DVec3::new(-660.0, 660.0, 125.0), &[gull]), 0.6);
+    let (mut birds, mut worst_px) = (0, 0.0f64);
+    let small = |seen: &&Seen| {
+        let [x0, y0, x1, y1] = seen.fine_box_px;
+        (1.5..4.0).contains(&(x1 - x0).max(y1 - y0))
+    };
+    for seen in all.iter().filter(small) {
+        birds += u32::from(seen.geometric.distractor);
+        let found_px = DVec2::from(seen.rendered.centroid_px.unwrap());
+        worst_px = worst_px.max(found_px.distance(seen.fine_centroid_px));
+    }
+    println!("{birds} frames of the bird: worst {worst_px:.3} px");
+    assert!(birds >= 5 && worst_px < 0.1, "{birds}, {worst_px} px");
 }
 
 #[test]
