@@ -419,12 +419,13 @@ impl Tracker {
     }
 
     /// Log-odds that the target is a UAV, by what the cameras saw of it: the recogniser must have been sure for some time, for
-    /// of many birds one looks like a UAV for a moment. Once something has passed it, it is no likelier than not until it is
-    /// recognised anew.
+    /// of many birds one looks like a UAV for a moment. What most detections name no UAV is no likelier than not; so is what
+    /// something has passed, until it is recognised anew.
     pub fn lately_log_odds(&self) -> Option<f64> {
         let track = self.target_track()?;
         let now = track.log_odds();
         Some(match track.recognition {
+            Some(_) if track.evidence.is_named_none() => now.min(0.0),
             Some(_) => now.min(self.mean_log_odds),
             None if track.passed_s.is_some() => now.min(0.0),
             None => now,

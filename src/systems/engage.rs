@@ -565,6 +565,23 @@ mod tests {
         let mut passed = seen(1, 0.9);
         passed.tracks[0].passed_s = Some(0.9);
         assert!(!takes(passed, 0.0));
+        // Nor is what its detections name a bird, however sure the recogniser and the radar.
+        let params = EvidenceParams {
+            other_classes: 0b10,
+            ..EvidenceParams::default()
+        };
+        for (names_none, fires) in [(false, true), (true, false)] {
+            let mut named = seen(1, 0.9);
+            let track = &mut named.tracks[0];
+            for t_s in [0.5, 1.0] {
+                (track.evidence).on_look(&params, (1.0, Some(names_none)), 20.0, t_s);
+            }
+            track.recognition = Some(Recognition {
+                probabilities: [0.99, 0.01, 0.0, 0.0, 0.0, 0.0],
+                t_s: 1.0,
+            });
+            assert_eq!(takes(named, 0.5), fires);
+        }
         // 20 px long, and a dot of 5 px, of which nobody can be so sure.
         for (ifov_rad, p_uav, fires) in [
             (5e-5, 0.69, false),

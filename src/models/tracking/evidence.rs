@@ -93,11 +93,15 @@ impl EvidenceParams {
         }
     }
 
+    /// Whether a class is no UAV.
+    pub fn names_none(&self, label: u32) -> bool {
+        label < 64 && self.other_classes >> label & 1 == 1
+    }
+
     /// What a detection says: of this score, class and size, its box fluttering so many times as much as
     /// a rigid body's.
     pub fn of_hit(&self, score: f64, label: u32, size_px: f64, flutter: f64) -> f64 {
-        let other = label < 64 && self.other_classes >> label & 1 == 1;
-        let of_score = if other {
+        let of_score = if self.names_none(label) {
             OTHER_CLASS * named_share(size_px)
         } else {
             (self.of_score(score)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
@@ -130,6 +134,8 @@ pub struct Evidence {
     last_s: Option<f64>,
     /// Size in the best view of it [px].
     best_px: f64,
+    /// Weight of the detections that named it no UAV, and of all, with the memory of the mean.
+    named: [f64; 2],
 }
 
 impl Evidence {
@@ -143,8 +149,21 @@ impl Evidence {
         self.best_px
     }
 
-    /// Takes in that a look at `t_s` [s], in which the track measures `size_px`, says λ.
-    pub fn on_look(&mut self, params: &EvidenceParams, lambda: f64, size_px: f64, t_s: f64) {
+    /// Whether most of its detections of late name it no UAV, at a size at which names count.
+    pub fn is_named_none(&self) -> bool {
+        let [none, all] = self.named;
+        named_share(self.best_px) >= 1.0 && none > 0.5 * all
+    }
+
+    /// Takes in that a look at `t_s` [s], in which the track measures `size_px`, says λ; `names_none`: whether its detection
+    /// names it no UAV, if there is one.
+    pub fn on_look(
+        &mut self,
+        params: &EvidenceParams,
+        (lambda, names_none): (f64, Option<bool>),
+        size_px: f64,
+        t_s: f64,
+    ) {
         let since_s = self.last_s.map_or(CORRELATED_S, |last_s| t_s - last_s);
         self.last_s = Some(self.last_s.map_or(t_s, |last_s| last_s.max(t_s)));
         let elapsed_s = since_s.clamp(0.0, CORRELATED_S);
@@ -155,6 +174,12 @@ impl Evidence {
         };
         let share = 1.0 - (-view * elapsed_s / MEMORY_S).exp();
         self.mean += share * (lambda - self.mean);
+        if let Some(none) = names_none {
+            let now = [f64::from(u8::from(none)), 1.0];
+            for (sum, now) in self.named.iter_mut().zip(now) {
+                *sum += share * (now - *sum);
+            }
+        }
         let bound = params.bound(self.best_px) / LOOKS;
         self.mean = self.mean.clamp(-bound, bound);
     }
@@ -169,6 +194,7 @@ impl Evidence {
     pub fn join(&mut self, young: &Self) {
         if young.best_px >= self.best_px {
             self.mean = young.mean;
+            self.named = young.named;
         }
         self.best_px = self.best_px.max(young.best_px);
         self.last_s = young.last_s.or(self.last_s);
@@ -197,7 +223,7 @@ mod tests {
             };
             evidence.on_look(
                 &params,
-                lambda,
+                (lambda, None),
                 size_px,
                 from_s + f64::from(i) / f64::from(hz),
             );
@@ -237,6 +263,30 @@ mod tests {
         assert!(named(6.0) > 0.5 && named(12.0) < -0.4);
         assert!((named(9.0) - 0.5 * (named(6.0) + named(12.0))).abs() < 1e-12);
         assert_eq!(named(12.0), named(40.0));
+    }
+
+    #[test]
+    fn what_most_detections_name_none_is_named_none() {
+        let params = EvidenceParams {
+            other_classes: 0b10,
+            ..EvidenceParams::default()
+        };
+        let after = |size_px: f64, labels: [u32; 3]| {
+            let mut evidence = Evidence::default();
+            for i in 0..60 {
+                let label = labels[i % 3];
+                let says = (0.0, Some(params.names_none(label)));
+                evidence.on_look(&params, says, size_px, i as f64 / 60.0);
+            }
+            evidence
+        };
+        assert!(after(20.0, [1, 1, 0]).is_named_none());
+        assert!(!after(20.0, [1, 0, 0]).is_named_none());
+        assert!(!after(8.0, [1, 1, 1]).is_named_none());
+        // Frames without it name nothing.
+        let mut unseen = after(20.0, [1, 1, 0]);
+        unseen.on_look(&params, (params.of_miss(), None), 20.0, 1.1);
+        assert!(unseen.is_named_none());
     }
 
     #[test]

@@ -904,7 +904,8 @@ impl Track {
             // A camera that has never shown it may be turned past it: its view is not yet the best one.
             size_px = size_px.min(UNCONFIRMED_SHARE * self.evidence.best_px());
         }
-        (self.evidence).on_look(look.reads, look.reads.of_miss(), size_px, look.t_s);
+        let says = (look.reads.of_miss(), None);
+        (self.evidence).on_look(look.reads, says, size_px, look.t_s);
     }
 
     fn record(&mut self, look: &CameraLook, sighting: &Sighting) {
@@ -927,7 +928,8 @@ impl Track {
         let lambda = look
             .reads
             .of_hit(sighting.score, sighting.label, size_px, flutter.ratio());
-        self.evidence.on_look(look.reads, lambda, size_px, look.t_s);
+        let says = (lambda, Some(look.reads.names_none(sighting.label)));
+        self.evidence.on_look(look.reads, says, size_px, look.t_s);
         // The mean of the first ones, so that a candidate is judged by several frames.
         let share = (1.0 / f64::from(self.total_hits())).max(LEAST_SCORE_SHARE);
         self.score += share * (sighting.score - self.score);
