@@ -419,7 +419,7 @@ impl Tracker {
     }
 
     /// Log-odds that the target is a UAV, by what the cameras saw of it: the recogniser must have been sure for some time, for
-    /// of many birds one looks like a UAV for a moment. What most detections name no UAV is no likelier than not; so is what
+    /// of many birds one looks like a UAV for a moment. What is plain and mostly named no UAV is no likelier than not; so is what
     /// something has passed, until it is recognised anew.
     pub fn lately_log_odds(&self) -> Option<f64> {
         let track = self.target_track()?;

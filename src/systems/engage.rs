@@ -574,7 +574,7 @@ mod tests {
             let mut named = seen(1, 0.9);
             let track = &mut named.tracks[0];
             for t_s in [0.5, 1.0] {
-                (track.evidence).on_look(&params, (1.0, Some(names_none)), 20.0, t_s);
+                (track.evidence).on_look(&params, (1.0, Some(names_none)), 30.0, t_s);
             }
             track.recognition = Some(Recognition {
                 probabilities: [0.99, 0.01, 0.0, 0.0, 0.0, 0.0],

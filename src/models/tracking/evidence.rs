@@ -22,6 +22,9 @@ const SEEN_STEP: f64 = 1.5;
 const OTHER_CLASS: f64 = -1.5;
 /// Sizes up to which a class says nothing, and from which on it says all [px].
 const NAMED_PX: [f64; 2] = [6.0, 12.0];
+/// Size from which on names weigh more than what a recogniser makes of shape and flight [px]: smaller UAVs at dusk have been
+/// called aeroplanes for ten seconds.
+const PLAIN_PX: f64 = 24.0;
 /// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
 /// times, in size or place (measured with the shipped network: docs/validation.md).
 const RIGID_RATIO: f64 = 1.5;
@@ -149,10 +152,10 @@ impl Evidence {
         self.best_px
     }
 
-    /// Whether most of its detections of late name it no UAV, at a size at which names count.
+    /// Whether most of its detections of late name it no UAV, though it is large enough to be plain.
     pub fn is_named_none(&self) -> bool {
         let [none, all] = self.named;
-        named_share(self.best_px) >= 1.0 && none > 0.5 * all
+        self.best_px >= PLAIN_PX && none > 0.5 * all
     }
 
     /// Takes in that a look at `t_s` [s], in which the track measures `size_px`, says λ; `names_none`: whether its detection
@@ -280,12 +283,12 @@ mod tests {
             }
             evidence
         };
-        assert!(after(20.0, [1, 1, 0]).is_named_none());
-        assert!(!after(20.0, [1, 0, 0]).is_named_none());
-        assert!(!after(8.0, [1, 1, 1]).is_named_none());
+        assert!(after(30.0, [1, 1, 0]).is_named_none());
+        assert!(!after(30.0, [1, 0, 0]).is_named_none());
+        assert!(!after(20.0, [1, 1, 1]).is_named_none());
         // Frames without it name nothing.
-        let mut unseen = after(20.0, [1, 1, 0]);
-        unseen.on_look(&params, (params.of_miss(), None), 20.0, 1.1);
+        let mut unseen = after(30.0, [1, 1, 0]);
+        unseen.on_look(&params, (params.of_miss(), None), 30.0, 1.1);
         assert!(unseen.is_named_none());
     }
 
