@@ -147,6 +147,8 @@ pub struct Track {
     pub conduct: Conduct,
     /// Pulses of the range finder in a row without an echo where its range is expected.
     unanswered: u32,
+    /// Pulses in a row that something nearer answered first, and how far that was the last time [m].
+    nearer: (u32, f64),
     /// It is no target until then [s]: it has fallen, or no camera could confirm it.
     pub barred_until_s: f64,
     /// The next time that the city hides it, as far as predicted.
@@ -330,6 +332,7 @@ impl Track {
             self.range.restart();
         }
         self.unanswered = 0;
+        self.nearer.0 = 0;
         self.range.on_laser(range_m, sigma_m, t_s);
         if let Some((range_m, _)) = self.range.range_m(t_s) {
             self.filter.set_range_m(range_m);
@@ -337,13 +340,29 @@ impl Track {
     }
 
     /// The ranges [m] at which an echo may be the target's at `t_s` [s]; all of them after several pulses
-    /// without one, since the estimate may be wrong: it was another's echo, or no target is so large.
+    /// without one, or that something nearer kept answering first, since the estimate may be wrong: it was another's
+    /// echo, or no target is so large.
     pub fn range_gate(&self, t_s: f64) -> Range<f64> {
         const UNANSWERED: u32 = 4;
-        if self.unanswered >= UNANSWERED {
+        const NEARER: u32 = 5;
+        if self.unanswered >= UNANSWERED || self.nearer.0 >= NEARER {
             return 0.0..f64::INFINITY;
         }
         self.range.gate_m(t_s).unwrap_or(0.0..f64::INFINITY)
+    }
+
+    /// Notes the first thing that a pulse met, in the gate or not [m]: the first pulse of all may have passed the target by
+    /// and met the hill behind it.
+    pub fn met_first(&mut self, first_m: Option<f64>, t_s: f64) {
+        // What keeps its distance so well from pulse to pulse is one thing [m].
+        const SAME_M: f64 = 10.0;
+        let gate = self.range.gate_m(t_s);
+        let (pulses, before_m) = self.nearer;
+        self.nearer = match first_m.filter(|m| gate.is_some_and(|gate| *m < gate.start)) {
+            Some(m) if pulses > 0 && (m - before_m).abs() < SAME_M => (pulses + 1, m),
+            Some(m) => (1, m),
+            None => (0, 0.0),
+        };
     }
 
     /// A pulse had no echo within the gate.
@@ -860,6 +879,7 @@ impl TrackTable {
                 ..Conduct::default()
             },
             unanswered: 0,
+            nearer: (0, 0.0),
             barred_until_s: f64::NEG_INFINITY,
             occlusion: None,
             recognition: None,

@@ -65,10 +65,12 @@ fn pulse(
     };
     let pulses = held && believed_rad.is_some_and(|off_rad| off_rad < params.half_field_rad);
     let echo_m = if pulses {
-        let gate = track.range_gate(t_s);
         let mut surfaces = lit_surfaces(params, environment, optics, uavs);
-        surfaces.retain(|surface| gate.contains(&surface.range_m));
         let extinction_per_m = environment.weather.extinction_per_m(params.wavelength_m);
+        let first_m = params.first_echo_m(surfaces.iter().copied(), extinction_per_m);
+        track.met_first(first_m, t_s);
+        let gate = track.range_gate(t_s);
+        surfaces.retain(|surface| gate.contains(&surface.range_m));
         params.first_echo_m(surfaces, extinction_per_m)
     } else {
         None

@@ -401,6 +401,27 @@ fn an_echo_counts_within_the_gate_or_after_silence() {
 }
 
 #[test]
+fn what_keeps_answering_before_the_gate_is_the_target() {
+    let mut table = TrackTable::default();
+    table.update(&look(0.0, &[sighting(0.1, 0.1)]));
+    let track = &mut table.tracks[0];
+    // The hill behind it.
+    track.ranged(6112.0, 0.5, 0.0);
+    for (pulse, first_m) in [1010.0, 1012.0, 1014.0, 1016.0, 1018.0].into_iter().enumerate() {
+        assert!(!track.range_gate(0.1).contains(&first_m));
+        track.met_first(Some(first_m), 0.1 * pulse as f64);
+    }
+    assert!(track.range_gate(0.5).contains(&1020.0));
+    track.ranged(1020.0, 0.5, 0.5);
+    assert!(!track.range_gate(0.6).contains(&6112.0));
+    // Things that cross, each at its own distance, and an echo of its own between.
+    for first_m in [400.0, 500.0, 400.0, 1020.0, 400.0, 400.0, 400.0, 400.0] {
+        track.met_first(Some(first_m), 0.6);
+    }
+    assert!(!track.range_gate(0.6).contains(&400.0));
+}
+
+#[test]
 fn a_weak_detection_goes_on_with_a_track_and_starts_none() {
     let weak = |az: f64| Sighting {
         score: 0.08,
