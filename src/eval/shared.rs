@@ -58,9 +58,12 @@ const CONFIRMED_HITS: u32 = 6;
 /// Longest time since the last hit of a track that counts as seen [s].
 pub(crate) const FRESH_S: f64 = 0.25;
 
+/// Whether a track was seen often enough, and lately at `t_s`.
+pub(crate) fn seen(track: &Track, t_s: f64) -> bool {
+    track.total_hits() >= CONFIRMED_HITS && track.filter.coast_s(t_s) < FRESH_S
+}
+
 /// Whether a track is confirmed at `t_s`.
 pub(crate) fn confirmed(track: &Track, t_s: f64) -> bool {
-    track.total_hits() >= CONFIRMED_HITS
-        && track.filter.coast_s(t_s) < FRESH_S
-        && track.log_odds() > 0.0
+    seen(track, t_s) && track.log_odds() > 0.0
 }

@@ -27,7 +27,7 @@ impl Default for RecogniserConfig {
     fn default() -> Self {
         Self {
             onnx_model: None,
-            rate_hz: 8,
+            rate_hz: 16,
             max_tracks: 8,
         }
     }

@@ -11,7 +11,7 @@ mod situation;
 pub use associate::associate;
 pub(crate) use associate::take_in;
 pub use decide::decide;
-pub(crate) use decide::step;
+pub(crate) use decide::{GIVEN_UP, step};
 pub use foresee::{aim, foresee};
 pub use orders::obey;
 pub use range::find_range;

@@ -36,7 +36,7 @@ pub struct Figures {
     pub on_target_share: Option<f64>,
     /// Share of the frames in which the tracker holds a target that is in no box of a UAV.
     pub false_lock_share: Option<f64>,
-    /// Share of the frames in which a track is held that the recogniser takes for a UAV.
+    /// Share of the frames in which a track is held as a UAV: the recogniser took it for one, and nothing has changed that since.
     pub held_as_uav_share: Option<f64>,
     /// Share of the frames with a UAV in which such a track is in its box.
     pub uav_held_as_uav_share: Option<f64>,

@@ -12,7 +12,7 @@ use crate::components::mount::{OpticalPath, Pointing};
 use crate::components::run::SimClock;
 use crate::components::track::{Gallery, Tracker, TrackerParams};
 use crate::eval::EvalError;
-use crate::eval::shared::confirmed;
+use crate::eval::shared::{confirmed, seen};
 use crate::inference::OnnxRecogniser;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::Pinhole;
@@ -24,7 +24,7 @@ use crate::models::tracking::recognition::WINDOW_S;
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
 use crate::systems::track::recognise::Hung;
-use crate::systems::track::{Situation, patience_s, step, take_in};
+use crate::systems::track::{GIVEN_UP, Situation, patience_s, step, take_in};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -54,13 +54,13 @@ pub(super) struct Follower {
     scenery_s: f64,
     /// Share of the last second in which each track moved over the scenery, of those whose motion is known.
     moved: BTreeMap<u32, f64>,
-    /// Probability from which on a track is taken for a UAV, and those that were so in the last frame.
+    /// Probability from which on a track is taken for a UAV, and those held as such in the last frame.
     uav_probability: f64,
     believed: Vec<Followed>,
 }
 
 /// How often the recogniser looks at tracks [s], and at how many: those of a run.
-const RECOGNISES_EVERY_S: f64 = 0.125; // [s]
+const RECOGNISES_EVERY_S: f64 = 1.0 / 16.0; // [s]
 const RECOGNISED: usize = 8;
 
 /// Least motion over the scenery that counts as flight [px/s]: that of a run in its search camera.
@@ -82,16 +82,19 @@ pub(super) struct Followed {
     pub(super) seen_px: Option<[f64; 4]>,
     /// Mean score.
     pub(super) score: f64,
-    /// Whether the tracker might have it as its target: it has flown, or may hover, or stands in clear sky.
-    pub(super) may_be_target: bool,
     /// Probability that it is a UAV, once the recogniser has looked at it.
     pub(super) p_uav: Option<f64>,
+    /// Whether it is held as a UAV.
+    pub(super) as_uav: bool,
 }
 
-impl Followed {
-    /// Whether the recogniser gives a track that may be a target at least this probability of being a UAV.
-    pub(super) fn is_taken_for_uav(&self, probability: f64) -> bool {
-        self.may_be_target && self.p_uav >= Some(probability)
+/// Whether what may be a target is held as a UAV: from when the recogniser says so on, until the evidence is such that a run gives
+/// its target up.
+fn is_held(before: bool, log_odds: f64, recognised: bool) -> bool {
+    if before {
+        log_odds >= GIVEN_UP
+    } else {
+        log_odds > 0.0 && recognised
     }
 }
 
@@ -156,7 +159,7 @@ impl Follower {
         })
     }
 
-    /// Takes a frame's detections in; returns the confirmed tracks in view. `rgb8`: its pixels.
+    /// Takes a frame's detections in; returns the tracks in view that are confirmed, or held as UAVs. `rgb8`: its pixels.
     pub(super) fn look(
         &mut self,
         t_s: f64,
@@ -219,8 +222,19 @@ impl Follower {
             detections.get(index).map(|detection| detection.box_px)
         };
         let followed: Vec<Followed> = (self.tracker.table.tracks.iter())
-            .filter(|track| confirmed(track, t_s))
             .filter_map(|track| {
+                let p_uav = track.recognition.map(|found| found.p_uav());
+                let before = self.believed.iter().any(|known| known.id == track.id);
+                let as_uav = seen(track, t_s)
+                    && now.may_be_target(track)
+                    && is_held(
+                        before,
+                        track.log_odds(),
+                        p_uav >= Some(self.uav_probability),
+                    );
+                if !as_uav && !confirmed(track, t_s) {
+                    return None;
+                }
                 let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
                 let px = (self.pinhole).project(q_enu_cam.inverse() * los_enu)?;
                 Some(Followed {
@@ -228,21 +242,19 @@ impl Follower {
                     px,
                     side_px: track.size_rad / self.pinhole.ifov_rad(),
                     seen_px: found(track),
-                    may_be_target: now.may_be_target(track),
                     score: track.score,
-                    p_uav: track.recognition.map(|found| found.p_uav()),
+                    p_uav,
+                    as_uav,
                 })
             })
             .filter(|followed| self.pinhole.contains(followed.px))
             .collect();
-        let believed = followed
-            .iter()
-            .filter(|track| track.is_taken_for_uav(self.uav_probability));
+        let believed = followed.iter().filter(|track| track.as_uav);
         self.believed = believed.copied().collect();
         Ok(followed)
     }
 
-    /// Whether a detection lies on a track that was taken for a UAV in the last frame.
+    /// Whether a detection lies on a track that was held as a UAV in the last frame.
     pub(super) fn believes_in(&self, found: &Detection) -> bool {
         let centre_px = DVec2::from(found.centre_px());
         let near = |track: &Followed| track.px.distance(centre_px) < track.side_px.max(NEAR_PX);
@@ -424,6 +436,13 @@ mod tests {
     }
 
     #[test]
+    fn a_uav_is_held_until_a_run_would_give_it_up() {
+        assert!(is_held(false, 0.1, true));
+        assert!(!is_held(false, 0.1, false) && !is_held(false, -0.1, true));
+        assert!(is_held(true, GIVEN_UP, false) && !is_held(true, GIVEN_UP - 0.1, true));
+    }
+
+    #[test]
     fn what_is_called_no_uav_goes_on_with_what_is_taken_for_one() {
         let mut follower = follower();
         let found = |x: f64| Detection::new([x - 6.0, 50.0, x + 6.0, 62.0], 0.5, 1);
@@ -433,24 +452,11 @@ mod tests {
             side_px: 10.0,
             seen_px: None,
             score: 0.5,
-            may_be_target: true,
             p_uav: Some(0.9),
+            as_uav: true,
         };
         assert!(!follower.believes_in(&found(104.0)));
         follower.believed = vec![track];
         assert!(follower.believes_in(&found(104.0)) && !follower.believes_in(&found(130.0)));
-        assert!(track.is_taken_for_uav(0.9) && !track.is_taken_for_uav(0.95));
-        let barred = Followed {
-            may_be_target: false,
-            ..track
-        };
-        assert!(!barred.is_taken_for_uav(0.5));
-        assert!(
-            !Followed {
-                p_uav: None,
-                ..track
-            }
-            .is_taken_for_uav(0.0)
-        );
     }
 }

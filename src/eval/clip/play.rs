@@ -178,7 +178,7 @@ pub(super) fn play(
             moment.boxes = truth.of(file, index, &frame)?;
         }
         notes.take(&moment, follower.joined());
-        notes.recognised(&moment, arguments);
+        notes.recognised(&moment, arguments.recogniser.is_some());
         notes.draw(&mut frame.picture, &moment, (TRAIL_S * rate_hz) as usize);
         writer.push(&frame.picture)?;
         if on_sheet(index, count) {
@@ -348,12 +348,11 @@ impl Notes {
         }
     }
 
-    /// Counts the tracks that the recogniser takes for UAVs.
-    fn recognised(&mut self, moment: &Moment, arguments: &Arguments) {
-        self.tally.recognised = arguments.recogniser.is_some();
-        let is_uav = |track: &&Followed| track.is_taken_for_uav(arguments.uav_probability);
+    /// Counts the tracks that are held as UAVs, if there is a recogniser that says so.
+    fn recognised(&mut self, moment: &Moment, is_there: bool) {
+        self.tally.recognised = is_there;
         let mut seen = [false; 3];
-        for track in moment.followed.iter().filter(is_uav) {
+        for track in moment.followed.iter().filter(|track| track.as_uav) {
             seen[0] = true;
             seen[1] |= moment.uav_at(track.px).is_some();
             seen[2] |= moment.is_elsewhere(track.px);

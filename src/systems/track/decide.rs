@@ -32,7 +32,7 @@ const LOST_TIMEOUT_S: f64 = 3.0;
 const RIVAL_S: f64 = 1.0;
 /// Log-odds at which a target is given up (one to seven): as far below even odds as it was above them when
 /// it was chosen, and then some.
-const GIVEN_UP: f64 = -2.0;
+pub(crate) const GIVEN_UP: f64 = -2.0;
 /// Log-odds below which not even a dot is shown to the precise camera.
 const SURELY_NONE: f64 = -1.5;
 /// Time for which it must have been held before it is doubted [s]; by the precise camera, whose pictures must first take the

@@ -407,7 +407,10 @@ fn what_keeps_answering_before_the_gate_is_the_target() {
     let track = &mut table.tracks[0];
     // The hill behind it.
     track.ranged(6112.0, 0.5, 0.0);
-    for (pulse, first_m) in [1010.0, 1012.0, 1014.0, 1016.0, 1018.0].into_iter().enumerate() {
+    for (pulse, first_m) in [1010.0, 1012.0, 1014.0, 1016.0, 1018.0]
+        .into_iter()
+        .enumerate()
+    {
         assert!(!track.range_gate(0.1).contains(&first_m));
         track.met_first(Some(first_m), 0.1 * pulse as f64);
     }
