@@ -351,7 +351,7 @@ pub struct ImageScratch {
     /// The part of it that was rendered.
     part: Vec<u8>,
     /// Its enlarged patches.
-    pub(crate) enlarged: Vec<Vec<u8>>,
+    pub(crate) enlarged: [Vec<u8>; PATCHES],
     /// Scratch of each strip of rows.
     strips: [Scratch; STRIPS],
 }
@@ -534,7 +534,6 @@ pub(crate) fn read(
     let samples = camera.antialias;
     add_sky(world, frame, (pinhole, rect, samples), &mut scratch.pixels);
     count_identities(world, frame, camera, digits, &scratch.pixels, None);
-    (scratch.enlarged).resize_with(shot.patches.len(), Vec::new);
     let patches = shot.patches.iter().zip(&mut scratch.enlarged);
     for ((patch, magnifier), enlarged) in patches {
         renderer.read(*magnifier, patch.magnified_rect().size_px, enlarged)?;

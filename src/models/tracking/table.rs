@@ -149,6 +149,8 @@ pub struct Track {
     unanswered: u32,
     /// Pulses in a row that something nearer answered first, and how far that was the last time [m].
     nearer: (u32, f64),
+    /// Whether a radar has told its range.
+    ranged_by_radar: bool,
     /// It is no target until then [s]: it has fallen, or no camera could confirm it.
     pub barred_until_s: f64,
     /// The next time that the city hides it, as far as predicted.
@@ -339,6 +341,12 @@ impl Track {
         }
     }
 
+    /// Takes in the range [m] that a radar tells, with its standard deviation [m].
+    pub fn ranged_by_radar(&mut self, range_m: f64, sigma_m: f64, t_s: f64) {
+        self.ranged_by_radar = true;
+        self.ranged(range_m, sigma_m, t_s);
+    }
+
     /// The ranges [m] at which an echo may be the target's at `t_s` [s]; all of them after several pulses
     /// without one, or that something nearer kept answering first, since the estimate may be wrong: it was another's
     /// echo, or no target is so large.
@@ -352,8 +360,11 @@ impl Track {
     }
 
     /// Notes the first thing that a pulse met, in the gate or not [m]: the first pulse of all may have passed the target by
-    /// and met the hill behind it.
+    /// and met the hill behind it. Where a radar has told the range, what is nearer is another thing.
     pub fn met_first(&mut self, first_m: Option<f64>, t_s: f64) {
+        if self.ranged_by_radar {
+            return;
+        }
         // What keeps its distance so well from pulse to pulse is one thing [m].
         const SAME_M: f64 = 10.0;
         let gate = self.range.gate_m(t_s);
@@ -880,6 +891,7 @@ impl TrackTable {
             },
             unanswered: 0,
             nearer: (0, 0.0),
+            ranged_by_radar: false,
             barred_until_s: f64::NEG_INFINITY,
             occlusion: None,
             recognition: None,

@@ -340,7 +340,7 @@ fn take_radar_range(cue: &TargetCue, table: &mut TrackTable, id: u32, t_s: f64) 
     if let (Some(track), None) = (near.next(), near.next())
         && track.id == id
     {
-        track.ranged(cue.range_m, cue.range_sigma_m, t_s);
+        track.ranged_by_radar(cue.range_m, cue.range_sigma_m, t_s);
     }
 }
 

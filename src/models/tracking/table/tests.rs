@@ -422,6 +422,12 @@ fn what_keeps_answering_before_the_gate_is_the_target() {
         track.met_first(Some(first_m), 0.6);
     }
     assert!(!track.range_gate(0.6).contains(&400.0));
+    // Where the radar has it, what stands before it is another thing.
+    track.ranged_by_radar(1020.0, 15.0, 0.7);
+    for _ in 0..9 {
+        track.met_first(Some(400.0), 0.7);
+    }
+    assert!(!track.range_gate(0.7).contains(&400.0));
 }
 
 #[test]
