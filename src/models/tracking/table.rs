@@ -334,7 +334,6 @@ impl Track {
             self.range.restart();
         }
         self.unanswered = 0;
-        self.nearer.0 = 0;
         self.range.on_laser(range_m, sigma_m, t_s);
         if let Some((range_m, _)) = self.range.range_m(t_s) {
             self.filter.set_range_m(range_m);

@@ -412,10 +412,16 @@ fn what_keeps_answering_before_the_gate_is_the_target() {
         .enumerate()
     {
         assert!(!track.range_gate(0.1).contains(&first_m));
-        track.met_first(Some(first_m), 0.1 * pulse as f64);
+        let t_s = 0.1 * pulse as f64;
+        track.met_first(Some(first_m), t_s);
+        // The hill answers as well.
+        if pulse < 4 {
+            track.ranged(6112.0, 0.5, t_s);
+        }
     }
     assert!(track.range_gate(0.5).contains(&1020.0));
     track.ranged(1020.0, 0.5, 0.5);
+    track.met_first(Some(1020.0), 0.6);
     assert!(!track.range_gate(0.6).contains(&6112.0));
     // Things that cross, each at its own distance, and an echo of its own between.
     for first_m in [400.0, 500.0, 400.0, 1020.0, 400.0, 400.0, 400.0, 400.0] {
