@@ -563,7 +563,7 @@ fn inference(criterion: &mut Criterion) {
         .sample_size(10)
         .measurement_time(Duration::from_secs(3));
     group.warm_up_time(Duration::from_millis(500));
-    for size_px in [[640u32, 480], [256, 256]] {
+    for size_px in [[640u32, 480], [256, 256], [128, 128]] {
         let [width, height] = size_px;
         let rgb8: Vec<u8> = (0..3 * width * height)
             .map(|i| (100 + i.wrapping_mul(2_654_435_761) % 7) as u8)

@@ -42,7 +42,7 @@ impl Default for DetectorConfig {
             provider: Provider::Cpu,
             score_threshold: None,
             weak_share: 0.5,
-            roi_px: 256,
+            roi_px: 128,
             moving: true,
             truth: TruthErrorsConfig::default(),
         }
