@@ -83,7 +83,17 @@ fn airlight(dir: vec3<f32>) -> vec3<f32> {
 fn vertex(in: Vertex) -> Fragment {
     var out: Fragment;
     let world_from_local = mesh_functions::get_world_from_local(in.instance_index);
-    let at = mesh_functions::mesh_position_local_to_world(world_from_local, vec4(in.position, 1.0));
+    var place = in.position;
+    // A tag: the digit of an identity in three bits, above them a rotor's speed [rad/s / 16].
+    let tag = mesh_functions::get_tag(in.instance_index);
+#ifdef TURNS
+    // A rotor's sliver stands where its blade is at its share of the exposure, which the view has as its bias [s].
+    let turn_rad = in.uv.x * min(f32(tag >> 3u) * 0.0625 * view.mip_bias, abs(in.uv.y));
+    let turned = vec2(cos(turn_rad), sin(turn_rad));
+    let turns = mat2x2(turned.x, turned.y, -turned.y, turned.x);
+    place = vec3(turns * place.xy, place.z);
+#endif
+    let at = mesh_functions::mesh_position_local_to_world(world_from_local, vec4(place, 1.0));
     let world = at.xyz - view.world_position;
     out.clip = view.clip_from_world * at;
 #ifdef SKY
@@ -99,7 +109,12 @@ fn vertex(in: Vertex) -> Fragment {
     // The colours have their light in them: level ground in the open sets the scale, and nights are dark.
     let illuminance = light.sun.rgb * max(light.sun_dir.z, 0.0) + light.ambient_sky.rgb;
 #else
-    var normal = normalize(mesh_functions::mesh_normal_local_to_world(in.normal, in.instance_index));
+#ifdef TURNS
+    let facing = vec3(turns * in.normal.xy, in.normal.z);
+#else
+    let facing = in.normal;
+#endif
+    var normal = normalize(mesh_functions::mesh_normal_local_to_world(facing, in.instance_index));
 #ifdef TWO_SIDED
     normal *= -sign(dot(normal, world));
 #endif
@@ -120,7 +135,7 @@ fn vertex(in: Vertex) -> Fragment {
 #endif
     // Digits in base 5: the resolve averages 4 samples, so sum(samples) = alpha * 4 tells
     // exactly how many samples of a pixel are covered, and how many by each of four identities.
-    let digit = f32(mesh_functions::get_tag(in.instance_index));
+    let digit = f32(tag & 7u);
     let identity = select(floor(pow(5.0, digit) + 0.5), 0.0, digit == 0.0);
 #ifdef TILE
     out.surface = vec4(color.a, 0.0, 1.0 + identity, 0.0);

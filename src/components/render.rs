@@ -79,7 +79,8 @@ impl Shading {
     /// The definitions that select the shader's variant.
     fn definitions(self) -> Vec<ShaderDefVal> {
         let names: &[&str] = match self {
-            Self::Solid(Surface::Plain) => &[],
+            // Rotors are of it.
+            Self::Solid(Surface::Plain) => &["TURNS"],
             Self::Solid(Surface::FacadeResidential | Surface::FacadeOffice) => {
                 &["MIRRORS", "FACADE"]
             }
@@ -198,6 +199,14 @@ pub struct UavRotor {
     pub number: usize,
     /// Attitude on the airframe at phase 0.
     pub q_body_hub: Quat,
+}
+
+/// The bits of a mesh's tag that hold its digit among the identities of a frame.
+pub const DIGIT_OF_TAG: u32 = 0b111;
+
+/// The bits above, by which the shader smears a rotor: its speed in sixteenths of a radian a second.
+pub fn speed_tag(speed_radps: f64) -> u32 {
+    ((16.0 * speed_radps.abs()).round() as u32) << 3
 }
 
 /// The materials and meshes of the scene that later systems change.

@@ -5,7 +5,7 @@ use super::scene::Scene;
 use super::shares::{Background, Motion, choose, log_range, pick};
 use super::stage::Placed;
 use crate::models::flight::distractor::{DistractorKind, tumbling_attitude};
-use crate::models::flight::multirotor::MAX_ROTORS;
+use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, Setpoint};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{
     Pose, az_el_to_los, boresight_chain, los_to_az_el, wrap_pi,
@@ -13,6 +13,7 @@ use crate::models::maths::kinematics::{
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::{Pinhole, PixelRect};
 use crate::models::optics::raster;
+use crate::models::shape::uav_mesh::Rotors;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -111,6 +112,7 @@ struct Target {
     range_m: f64,
     q_enu_body: DQuat,
     phase_rad: [f64; MAX_ROTORS],
+    speed_radps: [f64; MAX_ROTORS],
 }
 
 impl Target {
@@ -120,6 +122,7 @@ impl Target {
             prop: self.prop,
             body: (r_enu_m, self.q_enu_body),
             phase_rad: self.phase_rad,
+            speed_radps: self.speed_radps,
         }
     }
 }
@@ -144,6 +147,7 @@ fn target(recipe: &Recipe, scene: &Scene, motion: Motion, rng: &mut Stream) -> O
     let q_enu_body = attitude(motion, rng);
     let mut phase_rad = [0.0; MAX_ROTORS];
     phase_rad.fill_with(|| rng.range(0.0, TAU));
+    let speed_radps = rotor_speeds_radps(scene, prop, rng);
     if !(least..=most).contains(&size_px) {
         return None;
     }
@@ -153,6 +157,7 @@ fn target(recipe: &Recipe, scene: &Scene, motion: Motion, rng: &mut Stream) -> O
         range_m: 0.0,
         q_enu_body,
         phase_rad,
+        speed_radps,
     };
     target.range_m = range_for(scene, &target)?;
     let [nearest, farthest] = targets.range_m;
@@ -160,6 +165,20 @@ fn target(recipe: &Recipe, scene: &Scene, motion: Motion, rng: &mut Stream) -> O
     (nearest..=farthest.min(seen_m))
         .contains(&target.range_m)
         .then_some(target)
+}
+
+/// Speeds of a UAV's rotors [rad/s]: those at which it hovers, more and less by a sixth as it is steered.
+fn rotor_speeds_radps(scene: &Scene, prop: usize, rng: &mut Stream) -> [f64; MAX_ROTORS] {
+    let hover = Setpoint {
+        r_enu_m: DVec3::ZERO,
+        v_enu_mps: DVec3::ZERO,
+        a_enu_mps2: DVec3::ZERO,
+        yaw_rad: 0.0,
+    };
+    let airframe = Airframe::new(&scene.uavs[prop]);
+    let density_kgpm3 = scene.environment.air_density_kgpm3;
+    let hovering = MultirotorState::trimmed(&airframe, &hover, DVec3::ZERO, density_kgpm3);
+    (hovering.rotor_speed_radps).map(|speed_radps| speed_radps * rng.range(5.0 / 6.0, 7.0 / 6.0))
 }
 
 /// The range at which a UAV has the size wanted, seen level from the south [m].
@@ -179,7 +198,11 @@ fn range_for(scene: &Scene, target: &Target) -> Option<f64> {
         &pinhole,
         &pose,
         (DVec3::Y * range_m, target.q_enu_body),
-        &target.phase_rad,
+        Rotors {
+            phase_rad: &target.phase_rad,
+            speed_radps: &target.speed_radps,
+            exposure_s: 0.0,
+        },
         &scene.props[target.prop].mesh,
         PixelRect {
             offset_px: [0, 0],
@@ -454,6 +477,7 @@ fn placed_distractor(
         prop,
         body: (pose.r_enu_m + range_m * dir, q_enu_body),
         phase_rad: kind.phases_rad(t_s, phase_rad),
+        speed_radps: kind.rotor_speeds_radps(),
     })
 }
 
@@ -507,7 +531,7 @@ mod tests {
                 &scene.camera.pinhole,
                 &pose,
                 placed.body,
-                &placed.phase_rad,
+                placed.rotors(0.0),
                 &scene.props[placed.prop].mesh,
                 PixelRect {
                     offset_px: [0, 0],

@@ -5,6 +5,7 @@ use super::scene::Scene;
 use super::stage::{CONTROL, Rendered};
 use crate::components::capture::Conditions;
 use crate::models::air::daylight;
+use crate::models::maths::kinematics::Pose;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::exposure::ExposureControl;
 use crate::models::optics::motion::ImageMotion;
@@ -25,11 +26,12 @@ pub fn luminance(pixels: &[u8], index: usize) -> f64 {
     daylight::luminance([0, 1, 2].map(|c| channel(pixels, index, c)))
 }
 
-/// How a rendered frame is exposed, `more_stops` brighter than the scene's others.
+/// How a frame is exposed, `more_stops` brighter than the scene's others. Before it is rendered there are no
+/// `pixels`, and every camera meters the model's light.
 pub fn conditions(
     scene: &Scene,
-    rendered: &Rendered,
-    pixels: &[u8],
+    pose: &Pose,
+    pixels: Option<&[u8]>,
     more_stops: f64,
 ) -> Conditions {
     let camera = &scene.camera;
@@ -39,7 +41,7 @@ pub fn conditions(
         time_s: [CONTROL.time_s[0], camera.max_exposure_s],
         ..CONTROL
     };
-    let metered_kcd_m2 = if camera.metered {
+    let metered_kcd_m2 = if let Some(pixels) = pixels.filter(|_| camera.metered) {
         const EVERY: usize = 37; // [px]
         let values = (0..pixels.len() / 8)
             .step_by(EVERY)
@@ -48,9 +50,8 @@ pub fn conditions(
         // The mean at 0.21 of the white level, as cameras do that do not weight the highlights.
         control.level / 0.21 * sum / count
     } else {
-        metering::metered_kcd_m2(&scene.environment, &camera.pinhole, &rendered.frame.pose)
+        metering::metered_kcd_m2(&scene.environment, &camera.pinhole, pose)
     };
-    let pose = &rendered.frame.pose;
     Conditions {
         exposure: control.setting(control.wanted_s(metered_kcd_m2, saturation) * error.exp2()),
         motion: ImageMotion::default(),

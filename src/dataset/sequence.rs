@@ -94,6 +94,7 @@ impl Drifter {
             prop: self.start.prop,
             body: (r_enu_m + moved_m, q_enu_body),
             phase_rad: self.kind.phases_rad(now_s, self.phase_rad),
+            speed_radps: self.kind.rotor_speeds_radps(),
         }
     }
 }
@@ -211,6 +212,7 @@ impl ClipProgress {
             prop: pilot.prop,
             body: (pilot.state.r_enu_m, pilot.state.q_enu_body),
             phase_rad: pilot.state.rotor_phase_rad,
+            speed_radps: pilot.state.rotor_speed_radps,
         });
         let others = self.others.iter().map(|other| other.at(self.t_s));
         Still {

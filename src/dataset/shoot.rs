@@ -151,11 +151,12 @@ fn clip(
                 still.pose,
                 scene.camera.pinhole,
                 &scene.sensor,
+                exposure::conditions(scene, &still.pose, None, 0.0),
                 &scene.props,
                 &still.placed,
             )?;
             rendered.frame.conditions =
-                exposure::conditions(scene, &rendered, &stage.scratch.pixels, 0.0);
+                exposure::conditions(scene, &still.pose, Some(&stage.scratch.pixels), 0.0);
             let annotations: Vec<_> = (still.placed.iter())
                 .filter_map(|placed| annotation(recipe, scene, &rendered, stage, placed))
                 .filter(|seen| seen.visible_fraction >= MIN_CLIP_VISIBLE)
@@ -241,16 +242,17 @@ fn shoot(
     rng: &mut Stream,
 ) -> Result<Option<(Picture, Vec<u8>)>, DatasetError> {
     let pinhole = scene.camera.pinhole;
+    let more_stops = rng.range(-0.3, 0.3);
     let mut rendered = stage.render(
         still.pose,
         pinhole,
         &scene.sensor,
+        exposure::conditions(scene, &still.pose, None, more_stops),
         &scene.props,
         &still.placed,
     )?;
     let pixels = &mut stage.scratch.pixels;
-    let more_stops = rng.range(-0.3, 0.3);
-    rendered.frame.conditions = exposure::conditions(scene, &rendered, pixels, more_stops);
+    rendered.frame.conditions = exposure::conditions(scene, &still.pose, Some(pixels), more_stops);
     exposure::effects(recipe, scene, &mut rendered, pixels, rng);
     let mut annotations = Vec::new();
     for placed in &still.placed {
@@ -293,9 +295,9 @@ fn annotation(
         &rendered.frame.pose,
         rendered.frame.rect,
     );
-    let (body, phases) = (placed.body, &placed.phase_rad);
-    let fine = raster::fine_silhouette(pinhole, pose, body, phases, mesh, rect);
-    let own = raster::sampled_silhouette(pinhole, pose, body, phases, mesh, rect, 4);
+    let (body, rotors) = (placed.body, placed.rotors(rendered.smeared_s));
+    let fine = raster::fine_silhouette(pinhole, pose, body, rotors, mesh, rect);
+    let own = raster::sampled_silhouette(pinhole, pose, body, rotors, mesh, rect, 4);
     let share = label::visible_share(rendered, &stage.scratch, placed.prop, &fine, &own);
     let label = label::label(&fine, share)?;
     let [x0, y0, x1, y1] = label.box_px;

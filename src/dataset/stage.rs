@@ -2,7 +2,7 @@
 
 use super::error::DatasetError;
 use crate::app::{self, Options, RunError};
-use crate::components::capture::{ExposedFrame, SensorCamera, Tier};
+use crate::components::capture::{Conditions, ExposedFrame, SensorCamera, Tier};
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav, UavShape};
 use crate::components::render::{SceneHandles, SensorViews};
@@ -13,7 +13,7 @@ use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::ExposureControl;
 use crate::models::optics::sensor::Sensor;
 use crate::models::shape::mesh::MeshData;
-use crate::models::shape::uav_mesh::UavMesh;
+use crate::models::shape::uav_mesh::{Rotors, UavMesh};
 use crate::systems::capture::{self, ImageScratch, Shot};
 use crate::systems::render::renderer::{Renderer, settle, spawn_sensor_view};
 use crate::systems::render::scene;
@@ -50,6 +50,27 @@ pub struct Placed {
     pub body: (DVec3, DQuat),
     /// Phases of its rotors or wings [rad].
     pub phase_rad: [f64; MAX_ROTORS],
+    /// Speeds of its rotors [rad/s].
+    pub speed_radps: [f64; MAX_ROTORS],
+}
+
+impl Placed {
+    /// Its rotors or wings during an exposure [s].
+    pub fn rotors(&self, exposure_s: f64) -> Rotors<'_> {
+        Rotors {
+            phase_rad: &self.phase_rad,
+            speed_radps: &self.speed_radps,
+            exposure_s,
+        }
+    }
+
+    fn state(&self) -> MultirotorState {
+        MultirotorState {
+            rotor_speed_radps: self.speed_radps,
+            rotor_phase_rad: self.phase_rad,
+            ..standing(self.body)
+        }
+    }
 }
 
 /// The app and what it shows.
@@ -70,6 +91,8 @@ pub struct Rendered {
     pub shot: Shot,
     /// Identities by prop.
     pub digits: Vec<u32>,
+    /// Exposure time that its rotors are smeared for [s].
+    pub smeared_s: f64,
 }
 
 impl Stage {
@@ -124,7 +147,7 @@ impl Stage {
                     size_m: [0.0; 3],
                 },
                 Flight {
-                    state: state((DVec3::ZERO, DQuat::IDENTITY), [0.0; MAX_ROTORS]),
+                    state: standing((DVec3::ZERO, DQuat::IDENTITY)),
                     aim_body_m: prop.mesh.centroid_body_m(),
                 },
                 UavShape::new(prop.mesh.clone()),
@@ -146,15 +169,17 @@ impl Stage {
         settle(world, &mut self.renderer);
     }
 
-    /// Renders what a camera sees of the props placed; the others are not there.
+    /// Renders what a camera sees of the props placed, exposed so; the others are not there.
     pub fn render(
         &mut self,
         pose: Pose,
         pinhole: Pinhole,
         sensor: &Sensor,
+        conditions: Conditions,
         props: &[Prop],
         placed: &[Placed],
     ) -> Result<Rendered, DatasetError> {
+        let smeared_s = sensor.smeared_s(&conditions.exposure);
         let world = self.app.world_mut();
         let views = self.views.clone().ok_or(RunError::NoAdapter)?;
         let camera = SensorCamera {
@@ -176,8 +201,8 @@ impl Stage {
         for (uav, mut flight, shape) in uavs.iter_mut(world) {
             let at = placed.iter().find(|placed| placed.prop == uav.index);
             flight.state = match at {
-                Some(placed) => state(placed.body, placed.phase_rad),
-                None => state((away_enu_m, DQuat::IDENTITY), [0.0; MAX_ROTORS]),
+                Some(placed) => placed.state(),
+                None => standing((away_enu_m, DQuat::IDENTITY)),
             };
             if at.is_some()
                 && let Some(mut seen) = capture::projected(&pinhole, &pose, &flight, shape)
@@ -191,6 +216,7 @@ impl Stage {
         let frame = ExposedFrame {
             pose,
             truth,
+            conditions,
             ..ExposedFrame::bare(Tier::Search, pinhole)
         };
         let shots = [Shot::new(&frame, camera, &views, None)];
@@ -204,18 +230,19 @@ impl Stage {
             frame,
             shot,
             digits,
+            smeared_s,
         })
     }
 }
 
-fn state((r_enu_m, q_enu_body): (DVec3, DQuat), phase_rad: [f64; MAX_ROTORS]) -> MultirotorState {
+fn standing((r_enu_m, q_enu_body): (DVec3, DQuat)) -> MultirotorState {
     MultirotorState {
         r_enu_m,
         v_enu_mps: DVec3::ZERO,
         q_enu_body,
         omega_body_radps: DVec3::ZERO,
         rotor_speed_radps: [0.0; MAX_ROTORS],
-        rotor_phase_rad: phase_rad,
+        rotor_phase_rad: [0.0; MAX_ROTORS],
         drag_estimate_enu_mps2: DVec3::ZERO,
     }
 }

@@ -222,7 +222,7 @@ fn spawn_distractors(
                     v_enu_mps: start.v_enu_mps,
                     q_enu_body: DQuat::IDENTITY,
                     omega_body_radps: DVec3::ZERO,
-                    rotor_speed_radps: [0.0; MAX_ROTORS],
+                    rotor_speed_radps: distractor.kind.rotor_speeds_radps(),
                     rotor_phase_rad: [0.0; MAX_ROTORS],
                     drag_estimate_enu_mps2: DVec3::ZERO,
                 },

@@ -208,7 +208,7 @@ camera! {
     shutter: Shutter,
     /// Time from one row to the next of a rolling shutter.
     line_time_us: f64,
-    /// Whether what moves during the exposure is smeared.
+    /// Whether what moves or turns during the exposure is smeared: the picture, what flies, rotors.
     motion_blur: bool,
     /// Light that the lens loses in the corners, beyond the natural cos⁴.
     vignetting_percent: f64,

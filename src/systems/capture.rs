@@ -8,7 +8,9 @@ use crate::components::detect::region_px;
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape};
 use crate::components::mount::{Boresight, CameraView};
-use crate::components::render::{SensorProjection, SensorViews, Solids, UavBody, UavRotor};
+use crate::components::render::{
+    DIGIT_OF_TAG, SensorProjection, SensorViews, Solids, UavBody, UavRotor,
+};
 use crate::components::run::{Failure, Seed, SimClock, Stopwatch};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::ground::skyline::Skyline;
@@ -17,6 +19,7 @@ use crate::models::optics::background::{Background, open_share};
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
+use crate::models::shape::uav_mesh::Rotors;
 use crate::systems::render::city_tiles::settle_city;
 use crate::systems::render::renderer::{RenderError, Renderer, aim_sensor_view, spawn_sensor_view};
 use crate::systems::render::scene::{bevy_attitude, place_in_site, sync_scene};
@@ -483,17 +486,19 @@ pub(crate) fn draw(
     for ((body, rotor), mut tag) in tagged.iter_mut(world) {
         let uav = body.map(|b| b.0).or(rotor.map(|r| r.uav));
         let digit = uav.and_then(|uav| digits.get(uav)).copied().unwrap_or(0);
+        let digit = tag.0 & !DIGIT_OF_TAG | digit;
         tag.set_if_neq(MeshTag(digit));
     }
     for (frame, shot) in frames.iter().map(Borrow::borrow).zip(shots) {
         let pinhole = &shot.camera.pinhole;
+        let smeared_s = shot.camera.sensor.smeared_s(&frame.conditions.exposure);
         let at = place_in_site(frame.pose.r_enu_m, bevy_attitude(frame.pose.q_enu_cam));
         if let Some((view, rect)) = shot.view {
-            aim_sensor_view(world, view, projection(pinhole, rect), at);
+            aim_sensor_view(world, view, projection(pinhole, rect), at, smeared_s);
         }
         for (patch, magnifier) in &shot.patches {
             let projection = projection(&magnified(pinhole), patch.magnified_rect());
-            aim_sensor_view(world, *magnifier, projection, at);
+            aim_sensor_view(world, *magnifier, projection, at, smeared_s);
         }
     }
     let active = |shot: &Shot| {
@@ -733,7 +738,7 @@ fn count_identities(
             &pinhole,
             &frame.pose,
             (state.r_enu_m, state.q_enu_body),
-            &state.rotor_phase_rad,
+            Rotors::of(state, camera.sensor.smeared_s(&frame.conditions.exposure)),
             &shape.mesh,
             rect,
             antialias,

@@ -15,6 +15,7 @@ use boresight::models::ground::city::City;
 use boresight::models::ground::dsm::{Dsm, LineOfSight};
 use boresight::models::optics::camera::Pinhole;
 use boresight::models::optics::raster;
+use boresight::models::shape::uav_mesh::Rotors;
 use boresight::scenario::{Loaded, Scenario};
 use glam::{DVec2, DVec3};
 use std::path::Path;
@@ -98,7 +99,7 @@ fn rendered(loaded: &Loaded, seconds: f64) -> Vec<Seen> {
                 },
                 &frame.pose,
                 (state.r_enu_m, state.q_enu_body),
-                &state.rotor_phase_rad,
+                Rotors::of(state, camera.sensor.smeared_s(&frame.conditions.exposure)),
                 &shape.mesh,
                 PixelRect {
                     offset_px: frame.rect.offset_px.map(finer),
@@ -517,6 +518,7 @@ fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
             .iter(world)
             .find(|camera| camera.tier == Tier::Search)
             .unwrap();
+        let smeared_s = camera.sensor.smeared_s(&frame.conditions.exposure);
         let camera = (camera.pinhole, camera.antialias);
         assert_eq!(frame.truth.len(), 4);
         for (uav, flight, shape) in flights.iter(world) {
@@ -527,7 +529,7 @@ fn a_dark_uav_fades_in_fog_as_the_air_light_model_says() {
                 &camera.0,
                 &frame.pose,
                 (state.r_enu_m, state.q_enu_body),
-                &state.rotor_phase_rad,
+                Rotors::of(state, smeared_s),
                 &shape.mesh,
                 frame.rect,
                 camera.1,

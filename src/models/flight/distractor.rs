@@ -133,17 +133,22 @@ impl DistractorKind {
         if let Some(species) = self.species() {
             return species.wings_rad(t_s, phase_rad);
         }
-        let mut phases = [0.0; MAX_ROTORS];
+        self.rotor_speeds_radps()
+            .map(|speed_radps| match speed_radps {
+                0.0 => 0.0,
+                _ => (phase_rad + speed_radps * t_s).rem_euclid(TAU),
+            })
+    }
+
+    /// Speeds of its rotors [rad/s]; wings have none.
+    pub fn rotor_speeds_radps(self) -> [f64; MAX_ROTORS] {
         let turns_hz: &[f64] = match self {
             Self::LightAircraft => &[PROPELLER_HZ],
             Self::Turboprop => &[TURBOPROP_HZ; 2],
             Self::Helicopter => &ROTORS_HZ,
             _ => &[],
         };
-        for (phase, hz) in phases.iter_mut().zip(turns_hz) {
-            *phase = (phase_rad + TAU * hz * t_s).rem_euclid(TAU);
-        }
-        phases
+        std::array::from_fn(|i| turns_hz.get(i).map_or(0.0, |hz| TAU * hz))
     }
 
     /// Position, velocity and attitude of one that follows `setpoint`, `t_s` after it had

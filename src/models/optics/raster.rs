@@ -2,7 +2,7 @@
 
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::{Pinhole, PixelRect};
-use crate::models::shape::uav_mesh::UavMesh;
+use crate::models::shape::uav_mesh::{Rotors, UavMesh};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Vulkan's standard sample positions for four samples a pixel (specification, "Rasterization").
@@ -69,13 +69,13 @@ impl Coverage {
     }
 }
 
-/// What a UAV at position and attitude `body` would cover of `rect` if nothing stood before it, pixel by pixel:
-/// the union of its triangles, with `antialias` (1 or 4) samples a pixel.
+/// What a UAV at position and attitude `body` would cover of `rect` if nothing stood before it, pixel by pixel,
+/// its rotors smeared by the exposure: the union of its triangles, with `antialias` (1 or 4) samples a pixel.
 pub fn sampled_silhouette(
     pinhole: &Pinhole,
     pose: &Pose,
     body: (DVec3, DQuat),
-    rotor_phase_rad: &[f64],
+    rotors: Rotors<'_>,
     shape: &UavMesh,
     rect: PixelRect,
     antialias: u32,
@@ -85,7 +85,7 @@ pub fn sampled_silhouette(
     } else {
         &SAMPLES_1
     };
-    let triangles = triangles(pinhole, pose, body, rotor_phase_rad, shape);
+    let triangles = triangles(pinhole, pose, body, rotors, shape);
     cover(&triangles, rect, positions)
 }
 
@@ -94,11 +94,11 @@ pub fn fine_silhouette(
     pinhole: &Pinhole,
     pose: &Pose,
     body: (DVec3, DQuat),
-    rotor_phase_rad: &[f64],
+    rotors: Rotors<'_>,
     shape: &UavMesh,
     rect: PixelRect,
 ) -> Masks {
-    let triangles = triangles(pinhole, pose, body, rotor_phase_rad, shape);
+    let triangles = triangles(pinhole, pose, body, rotors, shape);
     cover(&triangles, rect, &FINE)
 }
 
@@ -107,27 +107,23 @@ fn triangles(
     pinhole: &Pinhole,
     pose: &Pose,
     body: (DVec3, DQuat),
-    rotor_phase_rad: &[f64],
+    rotors: Rotors<'_>,
     shape: &UavMesh,
 ) -> Vec<[DVec2; 3]> {
     let q_cam_enu = pose.q_enu_cam.inverse();
     let r_cam_m = q_cam_enu * (body.0 - pose.r_enu_m);
     let q_cam_body = q_cam_enu * body.1;
     let body_axes = DMat3::from_quat(q_cam_body);
-    let project = |mesh: &crate::models::shape::mesh::MeshData, axes: DMat3, at_cam_m: DVec3| {
-        mesh.positions
-            .iter()
-            .map(|p| pinhole.project(at_cam_m + axes * DVec3::from_array(p.map(f64::from))))
-            .collect::<Option<Vec<DVec2>>>()
-    };
-    let mut parts = vec![(
-        &shape.body.indices,
-        project(&shape.body, body_axes, r_cam_m),
-    )];
-    for (blade, at_body) in shape.blades_at(rotor_phase_rad) {
+    let body = shape.body.positions.iter();
+    let body =
+        body.map(|p| pinhole.project(r_cam_m + body_axes * DVec3::from_array(p.map(f64::from))));
+    let mut parts = vec![(&shape.body.indices, body.collect::<Option<Vec<DVec2>>>())];
+    for (number, (blade, at_body)) in (shape.blades_at(rotors.phase_rad).into_iter()).enumerate() {
         let axes = body_axes * at_body.matrix3;
         let hub_cam_m = r_cam_m + body_axes * at_body.translation;
-        parts.push((&blade.indices, project(blade, axes, hub_cam_m)));
+        let points = (0..blade.positions.len())
+            .map(|i| pinhole.project(hub_cam_m + axes * rotors.vertex_m(number, blade, i)));
+        parts.push((&blade.indices, points.collect()));
     }
     parts
         .iter()

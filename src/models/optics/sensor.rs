@@ -704,11 +704,19 @@ impl Sensor {
         }
     }
 
+    /// How long what moves is smeared by an exposure [s].
+    pub fn smeared_s(&self, exposure: &Exposure) -> f64 {
+        if self.params.motion_blur {
+            exposure.time_s
+        } else {
+            0.0
+        }
+    }
+
     /// How row `y` of a frame moves while it is exposed; none where nothing does.
     fn smear(&self, frame: &RenderedFrame<'_>, y: usize) -> Option<Smear> {
         let params = &self.params;
-        let time_s = frame.conditions.exposure.time_s;
-        let smeared_s = if params.motion_blur { time_s } else { 0.0 };
+        let smeared_s = self.smeared_s(&frame.conditions.exposure);
         let delay_s = match params.shutter {
             Shutter::Global => 0.0,
             Shutter::Rolling(line_s) => {

@@ -16,7 +16,7 @@ use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::ecs::schedule::{Schedules, SingleThreadedExecutor};
 use bevy::light::cluster::ClusterConfig;
 use bevy::prelude::*;
-use bevy::render::camera::ExtractedCamera;
+use bevy::render::camera::{ExtractedCamera, MipBias};
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, Extent3d, MapMode, Origin3d,
@@ -252,15 +252,18 @@ pub fn spawn_sensor_view(
         .id()
 }
 
-/// Points a sensor view at a rectangle of its sensor.
+/// Points a sensor view at a rectangle of its sensor, whose exposure smears what turns for `smeared_s` [s].
 pub fn aim_sensor_view(
     world: &mut World,
     view: Entity,
     projection: SensorProjection,
     at: impl Bundle,
+    smeared_s: f64,
 ) {
     let mut entity = world.entity_mut(view);
-    entity.insert((Projection::custom(projection), at));
+    // No texture is chosen by a bias here: its place in the view's uniform carries the exposure.
+    let exposure = MipBias(smeared_s as f32);
+    entity.insert((Projection::custom(projection), at, exposure));
     if let Some(mut camera) = entity.get_mut::<Camera>() {
         camera.is_active = true;
     }

@@ -7,8 +7,8 @@
 use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::render::{
-    ATTRIBUTE_SURFACE, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading, SiteGrid,
-    StationOrigin, UavBody, UavRotor, WINDOW_LAYER,
+    ATTRIBUTE_SURFACE, DIGIT_OF_TAG, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading,
+    SiteGrid, StationOrigin, UavBody, UavRotor, WINDOW_LAYER, speed_tag,
 };
 use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::ground::visible::keep_visible;
@@ -316,9 +316,12 @@ pub fn sync_scene(world: &mut World) {
             });
         }
     }
-    let mut rotors = world.query::<(&UavRotor, &mut Transform)>();
-    for (rotor, mut transform) in rotors.iter_mut(world) {
+    let mut rotors = world.query::<(&UavRotor, &mut Transform, &mut MeshTag)>();
+    for (rotor, mut transform, mut tag) in rotors.iter_mut(world) {
         if let Some((state, _)) = of(rotor.uav) {
+            let speed = speed_tag(state.rotor_speed_radps[rotor.number]);
+            let tagged = MeshTag(speed | tag.0 & DIGIT_OF_TAG);
+            tag.set_if_neq(tagged);
             let phase_rad = state.rotor_phase_rad[rotor.number] as f32;
             transform.rotation = rotor.q_body_hub * Quat::from_rotation_z(phase_rad);
         }

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use super::parts::{block, hull_forward, section, tube};
+use super::parts::{block, hull_forward, section, spun, tube};
 use super::style::{BLACK, DARK, GREY, LENS};
 use super::{RotorMount, UavMesh};
 use crate::models::flight::distractor::HELICOPTER_SIZE_M;
@@ -137,23 +137,15 @@ fn fuselage(style: &Helicopter) -> MeshData {
 /// A rotor about its hub, axis z: flat blades of chord `chord_m` that rise by `cone_rad` to their
 /// tips.
 fn rotor(radius_m: f64, chord_m: f64, blades: u32, cone_rad: f64) -> MeshData {
-    let mut blade = MeshData::new(DVec3::ZERO);
-    let rings = [0.07, 0.16, 1.0].map(|r| {
+    let sections = [0.07, 0.16, 1.0].map(|r| {
         let half = if r < 0.1 { 0.2 } else { 0.5 } * chord_m;
-        section(
+        [
             DVec3::new(r * radius_m, 0.0, r * radius_m * cone_rad),
             DVec3::Y * half,
             DVec3::Z * 0.12 * half,
-            2.0,
-            6,
-        )
+        ]
     });
-    blade.loft(&rings, Paint::plain(DARK));
-    let mut mesh = MeshData::new(DVec3::ZERO);
-    for k in 0..blades {
-        let turn_rad = TAU * f64::from(k) / f64::from(blades);
-        mesh.append(&blade, DAffine3::from_rotation_z(turn_rad));
-    }
+    let mut mesh = spun(&sections, blades, Paint::plain(DARK));
     mesh.frustum(
         (DVec3::Z * -0.04 * radius_m, 0.07 * radius_m),
         (DVec3::Z * 0.05 * radius_m, 0.06 * radius_m),

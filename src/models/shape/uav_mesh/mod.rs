@@ -24,6 +24,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
+use crate::models::flight::multirotor::MultirotorState;
 use crate::models::flight::uav::{AimPart, UavModel};
 use crate::models::shape::mesh::MeshData;
 pub use distractors::{distractor_mesh, drawn_distractor_mesh};
@@ -64,6 +65,37 @@ pub struct UavMesh {
     pub rotors: Vec<RotorMount>,
     /// Propellers, or parts of wings, about their hubs, axis z [m].
     pub blades: Vec<MeshData>,
+}
+
+/// A UAV's rotors, or a bird's wings, during an exposure.
+#[derive(Clone, Copy, Debug)]
+pub struct Rotors<'a> {
+    /// Their phases in its middle [rad].
+    pub phase_rad: &'a [f64],
+    /// Their speeds [rad/s].
+    pub speed_radps: &'a [f64],
+    /// How long it lasts [s]; at 0 they stand sharp.
+    pub exposure_s: f64,
+}
+
+impl<'a> Rotors<'a> {
+    /// Those of a state.
+    pub fn of(state: &'a MultirotorState, exposure_s: f64) -> Self {
+        Self {
+            phase_rad: &state.rotor_phase_rad,
+            speed_radps: &state.rotor_speed_radps,
+            exposure_s,
+        }
+    }
+
+    /// Where vertex `i` of the mesh of rotor `number` shows, about its hub at its phase [m].
+    pub fn vertex_m(&self, number: usize, blade: &MeshData, i: usize) -> DVec3 {
+        let speed_radps = self.speed_radps.get(number).copied().unwrap_or_default();
+        let [share, spacing_rad] = blade.uv[i].map(f64::from);
+        // As assets/shaders/lean.wgsl turns it.
+        let turned_rad = share * (speed_radps.abs() * self.exposure_s).min(spacing_rad);
+        DQuat::from_rotation_z(turned_rad) * DVec3::from_array(blade.positions[i].map(f64::from))
+    }
 }
 
 impl RotorMount {

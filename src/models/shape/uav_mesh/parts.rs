@@ -137,33 +137,69 @@ pub(super) fn camera(mesh: &mut MeshData, at: DVec3, radius: f64, albedo: [f32; 
     );
 }
 
+/// Slivers of a blade: as many places at which it is seen during an exposure.
+const SLIVERS: u32 = 16;
+
+/// Blades about z, the first along x: centre, half chord and half thickness of each elliptic section
+/// from root to tip.
+///
+/// Along its chord a blade is cut into slivers that may be turned one by one: the first texture
+/// coordinate is a sliver's share of the turn during an exposure, from -1/2 to 1/2, the second the angle
+/// from blade to blade [rad], beyond which nothing is smeared. Over the exposure a place on the disc is
+/// then covered for as long as a blade is there, however short or long that is.
+pub(super) fn spun(sections: &[[DVec3; 3]], blades: u32, paint: Paint) -> MeshData {
+    let mut blade = MeshData::new(DVec3::ZERO);
+    let spacing_rad = TAU / f64::from(blades.max(1));
+    for (sliver, side) in (0..SLIVERS).flat_map(|k| [(k, 1.0), (k, -1.0)]) {
+        let share = (f64::from(sliver) + 0.5) / f64::from(SLIVERS) - 0.5;
+        let uv = [share as f32, spacing_rad as f32];
+        let edges = [sliver, sliver + 1].map(|k| 2.0 * f64::from(k) / f64::from(SLIVERS) - 1.0);
+        let mut before: Option<[u32; 2]> = None;
+        for &[centre, chord, thick] in sections {
+            let now = edges.map(|s| {
+                let bulge = side * (1.0 - s * s).sqrt();
+                let out =
+                    s * chord / chord.length_squared() + bulge * thick / thick.length_squared();
+                let at = centre + s * chord + bulge * thick;
+                blade.vertex(at, out.normalize_or_zero(), uv, 1.0, paint)
+            });
+            if let Some([a, b]) = before {
+                let [d, c] = now;
+                for [p, q, r] in [[a, d, c], [a, c, b]] {
+                    let facing = if side > 0.0 { [p, q, r] } else { [p, r, q] };
+                    blade.indices.extend(facing);
+                }
+            }
+            before = Some(now);
+        }
+    }
+    let mut rotor = MeshData::new(DVec3::ZERO);
+    for k in 0..blades {
+        let turn_rad = spacing_rad * f64::from(k);
+        rotor.append(&blade, DAffine3::from_rotation_z(turn_rad));
+    }
+    rotor
+}
+
 /// A propeller: twisted thin blades of constant pitch, 0.5 of the diameter.
 pub(super) fn propeller(radius: f64, blades: u32, albedo: [f32; 3]) -> MeshData {
-    let mut blade = MeshData::new(DVec3::ZERO);
     let pitch_m = 0.5 * 2.0 * radius;
-    let rings: Vec<Vec<DVec3>> = [
+    let sections = [
         (0.08, 0.05),
         (0.3, 0.12),
         (0.6, 0.11),
         (0.9, 0.075),
         (1.0, 0.02),
     ]
-    .iter()
-    .map(|&(r, chord)| {
+    .map(|(r, chord)| {
         let beta = (pitch_m / (TAU * r * radius)).atan().min(0.6);
         // Turning from x to y, the leading edge is the one at +y, and it is the higher one.
         let along = DVec3::new(0.0, beta.cos(), beta.sin());
         let up = DVec3::X.cross(along);
         let (half, thick) = (chord * radius, (0.009 * radius).min(0.1 * chord * radius));
-        section(DVec3::X * r * radius, along * half, up * thick, 2.0, 6)
-    })
-    .collect();
-    blade.loft(&rings, Paint::plain(albedo));
-    let mut rotor = MeshData::new(DVec3::ZERO);
-    for k in 0..blades {
-        let turn_rad = TAU * f64::from(k) / f64::from(blades);
-        rotor.append(&blade, DAffine3::from_rotation_z(turn_rad));
-    }
+        [DVec3::X * r * radius, along * half, up * thick]
+    });
+    let mut rotor = spun(&sections, blades, Paint::plain(albedo));
     let (low, high) = (DVec3::Z * -0.03 * radius, DVec3::Z * 0.05 * radius);
     rotor.frustum(
         (low, 0.09 * radius),
