@@ -87,8 +87,15 @@ fn vertex(in: Vertex) -> Fragment {
     // A tag: the digit of an identity in three bits, above them a rotor's speed [rad/s / 16].
     let tag = mesh_functions::get_tag(in.instance_index);
 #ifdef TURNS
-    // A rotor's sliver stands where its blade is at its share of the exposure, which the view has as its bias [s].
-    let turn_rad = in.uv.x * min(f32(tag >> 3u) * 0.0625 * view.mip_bias, abs(in.uv.y));
+    // A rotor's slivers lie as densely as the blade is there during the exposure, which the view has as its bias [s]:
+    // `sliver_turn_rad` of models/shape/uav_mesh/mod.rs.
+    let half_turn = 0.5 * min(f32(tag >> 3u) * 0.0625 * view.mip_bias, in.surface.y);
+    let half_chord = in.uv.y;
+    let sharp = half_chord * abs(in.uv.x);
+    let inner = sharp * max(half_turn / half_chord, 1.0);
+    let outer = half_chord + half_turn - 2.0 * sqrt(max(half_turn * (half_chord - sharp), 0.0));
+    let angle = select(outer, inner, inner <= abs(half_chord - half_turn));
+    let turn_rad = select(sign(in.uv.x) * (angle - sharp), 0.0, in.uv.x == 0.0 || half_turn <= 0.0);
     let turned = vec2(cos(turn_rad), sin(turn_rad));
     let turns = mat2x2(turned.x, turned.y, -turned.y, turned.x);
     place = vec3(turns * place.xy, place.z);

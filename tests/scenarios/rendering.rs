@@ -186,8 +186,8 @@ fn a_rendered_uav_is_where_the_truth_has_it() {
                 id[edge] - projected[edge]
             };
             assert!(outward < 1.0 + 1e-6, "{id:?} leaves {projected:?}");
-            // Samples may all miss a thin part, such as the tip of a blade.
-            let slack_px = 2.0 + 0.05 * (fine[2] - fine[0]);
+            // Samples may all miss a thin part, such as the smeared tip of a blade.
+            let slack_px = 3.0 + 0.05 * (fine[2] - fine[0]);
             assert!(
                 (id[edge] - fine[edge]).abs() < slack_px,
                 "{id:?} against {fine:?}"

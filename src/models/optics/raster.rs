@@ -220,6 +220,9 @@ fn cover(triangles: &[[DVec2; 3]], rect: PixelRect, positions: &[[f64; 2]]) -> M
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::shape::mesh::MeshData;
+    use crate::models::shape::uav_mesh::uav_mesh;
+    use crate::scenario::catalogue;
 
     const RECT: PixelRect = PixelRect {
         offset_px: [0, 0],
@@ -239,6 +242,76 @@ mod tests {
         assert_eq!(coverage.samples, 4.0 * 12.0);
         assert_eq!(coverage.box_px(), Some([10.0, 20.0, 14.0, 23.0]));
         assert_eq!(coverage.centroid_px(), Some([12.0, 21.5]));
+    }
+
+    /// Area [px^2] that a rotor seen from above covers of each square of 4 px.
+    fn rotor_squares(speed_radps: f64, phase_rad: f64, exposure_s: f64) -> Vec<f64> {
+        const SQUARE_PX: u32 = 4;
+        const SIDE_PX: u32 = 64;
+        let uav = catalogue::load("mavic2").unwrap();
+        let mut shape = uav_mesh(&uav);
+        shape.body = MeshData::new(DVec3::ZERO);
+        shape.rotors.truncate(1);
+        let hub_m = std::mem::take(&mut shape.rotors[0].hub_body_m);
+        assert!(hub_m.length() > 0.0);
+        let radius_m = 0.5 * uav.propeller_diameter_m;
+        let pinhole = Pinhole {
+            width_px: SIDE_PX,
+            height_px: SIDE_PX,
+            focal_px: 28.0 * 100.0, // [px]: the blades reach 28 px from 100 radii away
+        };
+        let pose = Pose {
+            r_enu_m: 100.0 * radius_m * DVec3::Z,
+            q_enu_cam: DQuat::from_rotation_x(std::f64::consts::PI),
+        };
+        let rotors = Rotors {
+            phase_rad: &[phase_rad],
+            speed_radps: &[speed_radps],
+            exposure_s,
+        };
+        let rect = PixelRect {
+            offset_px: [0; 2],
+            size_px: [SIDE_PX; 2],
+        };
+        let body = (DVec3::ZERO, DQuat::IDENTITY);
+        let masks = fine_silhouette(&pinhole, &pose, body, rotors, &shape, rect);
+        let squares = SIDE_PX / SQUARE_PX;
+        let mut area_px2 = vec![0.0; (squares * squares) as usize];
+        for (x, y) in (0..SIDE_PX).flat_map(|y| (0..SIDE_PX).map(move |x| (x, y))) {
+            let square = y / SQUARE_PX * squares + x / SQUARE_PX;
+            area_px2[square as usize] += f64::from(masks.at(x, y).count_ones()) / 64.0;
+        }
+        area_px2
+    }
+
+    #[test]
+    fn a_smeared_rotor_covers_each_place_for_as_long_as_a_blade_is_there() {
+        const PHASES: u32 = 64;
+        let (speed_radps, phase_rad) = (600.0, 0.4);
+        for exposure_s in [0.2e-3, 1e-3, 3e-3] {
+            let smeared = rotor_squares(speed_radps, phase_rad, exposure_s);
+            let mut mean = vec![0.0; smeared.len()];
+            for k in 0..PHASES {
+                let share = (f64::from(k) + 0.5) / f64::from(PHASES) - 0.5;
+                let at_rad = phase_rad + share * speed_radps * exposure_s;
+                let sharp = rotor_squares(speed_radps, at_rad, 0.0);
+                for (sum, area_px2) in mean.iter_mut().zip(sharp) {
+                    *sum += area_px2 / f64::from(PHASES);
+                }
+            }
+            let total = |squares: &[f64]| squares.iter().sum::<f64>();
+            let ratio = total(&smeared) / total(&mean);
+            let worst_px2 = (smeared.iter().zip(&mean))
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max);
+            println!("{exposure_s} s: area {ratio:.3}, worst square {worst_px2:.2} px2 of 16");
+            assert!((ratio - 1.0).abs() < 0.02, "{exposure_s} s: {ratio}");
+            assert!(worst_px2 < 1.0, "{exposure_s} s: {worst_px2}");
+            // It is smeared: what stands sharp differs by more.
+            let sharp = rotor_squares(speed_radps, phase_rad, 0.0);
+            let apart = (sharp.iter().zip(&mean)).map(|(a, b)| (a - b).abs());
+            assert!(apart.fold(0.0, f64::max) > 2.0 * worst_px2);
+        }
     }
 
     #[test]

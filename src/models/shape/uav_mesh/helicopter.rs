@@ -142,7 +142,7 @@ fn rotor(radius_m: f64, chord_m: f64, blades: u32, cone_rad: f64) -> MeshData {
         [
             DVec3::new(r * radius_m, 0.0, r * radius_m * cone_rad),
             DVec3::Y * half,
-            DVec3::Z * 0.12 * half,
+            DVec3::Z,
         ]
     });
     let mut mesh = spun(&sections, blades, Paint::plain(DARK));

@@ -91,11 +91,34 @@ impl<'a> Rotors<'a> {
     /// Where vertex `i` of the mesh of rotor `number` shows, about its hub at its phase [m].
     pub fn vertex_m(&self, number: usize, blade: &MeshData, i: usize) -> DVec3 {
         let speed_radps = self.speed_radps.get(number).copied().unwrap_or_default();
-        let [share, spacing_rad] = blade.uv[i].map(f64::from);
-        // As assets/shaders/lean.wgsl turns it.
-        let turned_rad = share * (speed_radps.abs() * self.exposure_s).min(spacing_rad);
-        DQuat::from_rotation_z(turned_rad) * DVec3::from_array(blade.positions[i].map(f64::from))
+        let [share, half_chord_rad] = blade.uv[i].map(f64::from);
+        let spacing_rad = f64::from(blade.surface[i][1]);
+        let half_turn_rad = 0.5 * (speed_radps.abs() * self.exposure_s).min(spacing_rad);
+        let turn_rad = sliver_turn_rad(share, half_chord_rad, half_turn_rad);
+        DQuat::from_rotation_z(turn_rad) * DVec3::from_array(blade.positions[i].map(f64::from))
     }
+}
+
+/// How far a sliver of a blade is turned from its place in the middle of an exposure [rad], as
+/// `assets/shaders/lean.wgsl` turns it: one `share` of the half chord from the blade's middle, -1 to 1, where
+/// the half chord takes `half_chord_rad` about the hub and the blade turns by `half_turn_rad` before and after.
+///
+/// A blade shows at an angle for as long as it is there: the convolution of its box with that of the turn, a
+/// trapezoid. Slivers keep their order and their widths, and lie as densely as that is high.
+fn sliver_turn_rad(share: f64, half_chord_rad: f64, half_turn_rad: f64) -> f64 {
+    if share == 0.0 || half_turn_rad <= 0.0 {
+        return 0.0;
+    }
+    let sharp_rad = half_chord_rad * share.abs();
+    let flat_rad = (half_chord_rad - half_turn_rad).abs();
+    let inner_rad = sharp_rad * (half_turn_rad / half_chord_rad).max(1.0);
+    let angle_rad = if inner_rad <= flat_rad {
+        inner_rad
+    } else {
+        let rest = half_turn_rad * (half_chord_rad - sharp_rad);
+        half_chord_rad + half_turn_rad - 2.0 * rest.max(0.0).sqrt()
+    };
+    share.signum() * (angle_rad - sharp_rad)
 }
 
 impl RotorMount {

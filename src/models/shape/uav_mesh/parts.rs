@@ -140,37 +140,38 @@ pub(super) fn camera(mesh: &mut MeshData, at: DVec3, radius: f64, albedo: [f32; 
 /// Slivers of a blade: as many places at which it is seen during an exposure.
 const SLIVERS: u32 = 16;
 
-/// Blades about z, the first along x: centre, half chord and half thickness of each elliptic section
-/// from root to tip.
+/// Blades about z, the first along x: centre, half chord and normal of each section from root to tip.
 ///
-/// Along its chord a blade is cut into slivers that may be turned one by one: the first texture
-/// coordinate is a sliver's share of the turn during an exposure, from -1/2 to 1/2, the second the angle
-/// from blade to blade [rad], beyond which nothing is smeared. Over the exposure a place on the disc is
-/// then covered for as long as a blade is there, however short or long that is.
+/// Along its chord a blade is cut into slivers, which [`super::sliver_turn_rad`] spreads over what it sweeps
+/// during an exposure: the texture coordinates are a sliver's place on the half chord, from -1 to 1, and the
+/// angle of the half chord about the hub [rad]; the surface's variant is the angle from blade to blade [rad],
+/// beyond which nothing is smeared. Slivers have no thickness: apart, each would show its own.
 pub(super) fn spun(sections: &[[DVec3; 3]], blades: u32, paint: Paint) -> MeshData {
     let mut blade = MeshData::new(DVec3::ZERO);
     let spacing_rad = TAU / f64::from(blades.max(1));
+    let paint = Paint {
+        variant: spacing_rad as f32,
+        ..paint
+    };
+    let edge = |k: u32| 2.0 * f64::from(k) / f64::from(SLIVERS) - 1.0;
     for (sliver, side) in (0..SLIVERS).flat_map(|k| [(k, 1.0), (k, -1.0)]) {
-        let share = (f64::from(sliver) + 0.5) / f64::from(SLIVERS) - 0.5;
-        let uv = [share as f32, spacing_rad as f32];
-        let edges = [sliver, sliver + 1].map(|k| 2.0 * f64::from(k) / f64::from(SLIVERS) - 1.0);
-        let mut before: Option<[u32; 2]> = None;
-        for &[centre, chord, thick] in sections {
-            let now = edges.map(|s| {
-                let bulge = side * (1.0 - s * s).sqrt();
-                let out =
-                    s * chord / chord.length_squared() + bulge * thick / thick.length_squared();
-                let at = centre + s * chord + bulge * thick;
-                blade.vertex(at, out.normalize_or_zero(), uv, 1.0, paint)
-            });
-            if let Some([a, b]) = before {
-                let [d, c] = now;
-                for [p, q, r] in [[a, d, c], [a, c, b]] {
-                    let facing = if side > 0.0 { [p, q, r] } else { [p, r, q] };
-                    blade.indices.extend(facing);
-                }
+        let edges = [sliver, sliver + 1].map(edge);
+        let share = 0.5 * (edges[0] + edges[1]);
+        let first = blade.positions.len() as u32;
+        for &[centre, half_chord, normal] in sections {
+            let [radius_m, half_m] = [centre, half_chord].map(|v| v.truncate().length());
+            let uv = [share as f32, half_m.atan2(radius_m) as f32];
+            for edge in edges {
+                let at = centre + edge * half_chord;
+                blade.vertex(at, side * normal, uv, 1.0, paint);
             }
-            before = Some(now);
+        }
+        for k in 1..sections.len() as u32 {
+            let [a, b, d, c] = [0, 1, 2, 3].map(|i| first + 2 * (k - 1) + i);
+            for [p, q, r] in [[a, d, c], [a, c, b]] {
+                let facing = if side > 0.0 { [p, q, r] } else { [p, r, q] };
+                blade.indices.extend(facing);
+            }
         }
     }
     let mut rotor = MeshData::new(DVec3::ZERO);
@@ -196,8 +197,7 @@ pub(super) fn propeller(radius: f64, blades: u32, albedo: [f32; 3]) -> MeshData 
         // Turning from x to y, the leading edge is the one at +y, and it is the higher one.
         let along = DVec3::new(0.0, beta.cos(), beta.sin());
         let up = DVec3::X.cross(along);
-        let (half, thick) = (chord * radius, (0.009 * radius).min(0.1 * chord * radius));
-        [DVec3::X * r * radius, along * half, up * thick]
+        [DVec3::X * r * radius, along * chord * radius, up]
     });
     let mut rotor = spun(&sections, blades, Paint::plain(albedo));
     let (low, high) = (DVec3::Z * -0.03 * radius, DVec3::Z * 0.05 * radius);
