@@ -133,6 +133,8 @@ fn triangles(
                 .chunks_exact(3)
                 .map(|t| [0, 1, 2].map(|i| points[t[i] as usize]))
         })
+        // What faces away is not drawn: corners run counter-clockwise from outside, clockwise where rows count downward.
+        .filter(|[a, b, c]| (*b - *a).perp_dot(*c - *a) < 0.0)
         .collect()
 }
 
