@@ -35,10 +35,10 @@ struct Vertex {
     @location(2) color: vec4<f32>,   // linear albedo, ambient occlusion; of TILE alpha
 #endif
 #ifdef VERTEX_UVS_A
-    @location(3) uv: vec2<f32>,      // facade metres or coordinates in the picture
+    @location(3) uv: vec2<f32>,      // facade metres, place in the picture, or on a half chord and the angle of that
 #endif
 #ifndef TILE
-    @location(4) surface: vec2<f32>, // kind, variant in 0..1
+    @location(4) surface: vec2<f32>, // kind; variant in 0..1, or the angle from blade to blade
 #endif
 }
 

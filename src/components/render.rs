@@ -14,7 +14,7 @@ use bevy::render::render_resource::{
 };
 use bevy::shader::{ShaderDefVal, ShaderRef};
 
-/// Surface kind and per-building variant of a vertex; see [`crate::models::shape::mesh::Surface`].
+/// Surface kind of a vertex, and its building's variant or its blade's spacing; see [`crate::models::shape::mesh::Surface`].
 pub const ATTRIBUTE_SURFACE: MeshVertexAttribute =
     MeshVertexAttribute::new("Surface", 7_310_001, VertexFormat::Float32x2);
 

@@ -70,9 +70,10 @@ pub struct MeshData {
     pub normals: Vec<[f32; 3]>,
     /// Linear RGB albedo, and ambient occlusion in 0..1 (1: the whole hemisphere is open).
     pub colors: Vec<[f32; 4]>,
-    /// Facades: metres along the wall and above ground; ground: map coordinates 0..1.
+    /// Facades: metres along the wall and above ground; ground: map coordinates 0..1; blades: place on the half
+    /// chord, -1 to 1, and its angle [rad].
     pub uv: Vec<[f32; 2]>,
-    /// [`Surface`] as f32, and the variant in 0..1.
+    /// [`Surface`] as f32, and the variant in 0..1; of a blade the angle from one to the next [rad].
     pub surface: Vec<[f32; 2]>,
     /// Three per triangle.
     pub indices: Vec<u32>,
