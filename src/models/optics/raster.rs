@@ -308,7 +308,7 @@ mod tests {
                 .fold(0.0, f64::max);
             println!("{exposure_s} s: area {ratio:.3}, worst square {worst_px2:.2} px2 of 16");
             assert!((ratio - 1.0).abs() < 0.02, "{exposure_s} s: {ratio}");
-            assert!(worst_px2 < 1.0, "{exposure_s} s: {worst_px2}");
+            assert!(worst_px2 < 2.0, "{exposure_s} s: {worst_px2}");
             // It is smeared: what stands sharp differs by more.
             let sharp = rotor_squares(speed_radps, phase_rad, 0.0);
             let apart = (sharp.iter().zip(&mean)).map(|(a, b)| (a - b).abs());

@@ -137,8 +137,9 @@ pub(super) fn camera(mesh: &mut MeshData, at: DVec3, radius: f64, albedo: [f32; 
     );
 }
 
-/// Slivers of a blade: as many places at which it is seen during an exposure.
-const SLIVERS: u32 = 16;
+/// Slivers of a blade: as many places at which it is seen during an exposure. Sixteen took a fifth more of
+/// a run's time than sharp blades, these 3 %.
+const SLIVERS: u32 = 8;
 
 /// Blades about z, the first along x: centre, half chord and normal of each section from root to tip.
 ///
@@ -185,14 +186,7 @@ pub(super) fn spun(sections: &[[DVec3; 3]], blades: u32, paint: Paint) -> MeshDa
 /// A propeller: twisted thin blades of constant pitch, 0.5 of the diameter.
 pub(super) fn propeller(radius: f64, blades: u32, albedo: [f32; 3]) -> MeshData {
     let pitch_m = 0.5 * 2.0 * radius;
-    let sections = [
-        (0.08, 0.05),
-        (0.3, 0.12),
-        (0.6, 0.11),
-        (0.9, 0.075),
-        (1.0, 0.02),
-    ]
-    .map(|(r, chord)| {
+    let sections = [(0.08, 0.05), (0.3, 0.12), (0.9, 0.075), (1.0, 0.02)].map(|(r, chord)| {
         let beta = (pitch_m / (TAU * r * radius)).atan().min(0.6);
         // Turning from x to y, the leading edge is the one at +y, and it is the higher one.
         let along = DVec3::new(0.0, beta.cos(), beta.sin());
