@@ -29,8 +29,11 @@ KINDS = {
 OFTEN = {"raptor": 3.0}  # beside 1 of each other kind: while it glides, only its shape tells it from a UAV
 SPEED_MPS = {"uav": (0, 16), "bird": (6, 14), "aeroplane": (50, 200), "helicopter": (0, 60)}  # the others drift
 RANGE_M = {  # nearest and farthest
-    "uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (800, 14000), "helicopter": (600, 9000),
+    "uav": (60, 1200), "bird": (60, 900), "balloon": (60, 800), "leaf": (30, 150), "aeroplane": (600, 14000), "helicopter": (300, 9000),
 }  # fmt: skip
+FROM_BELOW = 0.2  # share of what is held far above the horizon, where aircraft show their rotors and wings
+FROM_BELOW_DEG = 12.0, 60.0
+WIDER = 2.0, 8.0  # times as wide are the cameras then: aircraft near, dark before the sky, as people film them
 HELD = {"uav": 0.38, "bird": 0.28, "aeroplane": 0.11, "helicopter": 0.11, "balloon": 0.07, "leaf": 0.05}
 # What flies beside the held one; the far ones where no hill is before them.
 LOW_COMPANY = {"uav": 0.5, "bird": 0.5}
@@ -40,11 +43,11 @@ IN_SECTOR = {"uav": 0.5, "bird": 0.3, "aeroplane": 0.07, "helicopter": 0.07, "ba
 WIDE_DEG = 36.0, 10.0
 FAR, ABOVE_HILLS_DEG = ("aeroplane", "helicopter"), 3.0
 # Half the rates of the preset: twice the seconds for the time.
-CAMERAS = "[station.cameras.search]\nrate_hz = 15\n[station.cameras.coarse]\nrate_hz = 30\n[station.cameras.precise]\nrate_hz = 60\n"
+CAMERAS = {"search": (15, 6.0), "coarse": (30, 3.0), "precise": (60, 1.0)}  # and the fields of view [deg]
 # Cities in which engagements take place that the loop is judged by: not learned from.
 JUDGED_CITIES = range(1, 9)
 FREE, HELD_UAV = 0.45, 0.25  # shares of what is drawn; in the rest a distractor is held
-FINE_IFOV_RAD = math.radians(1.0) / 640
+FINE_IFOV_RAD = math.radians(CAMERAS["precise"][1]) / 640
 # UTC: the light, and how often; a UAV that is not found is mostly one in low light.
 TIMES = {
     "04:50": ("Dusk", 3), "05:10": ("Dusk", 2), "05:40": ("LowSun", 2), "08:50": ("Day", 1), "11:30": ("Day", 1), "15:10": ("Day", 1),
@@ -112,70 +115,82 @@ def straight(at: list[float], v: list[float]) -> str:
     return f'{{ kind = "straight", start_enu_m = {rounded(at)}, velocity_enu_mps = {rounded(v)} }}'
 
 
-def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_radps: float) -> tuple[str, str] | None:
-    """Something that stays beside the held one, which moves at this rate to the right: the farther, the faster, and
-    for the rest along the line of sight."""
+def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_radps: tuple[float, float], ifov_rad: float) -> tuple[str, str] | None:
+    """Something that stays beside the held one, which moves at these rates to the right and away over ground: the
+    farther, the faster. Near the horizon, where it does not show, it moves along the line of sight as it likes."""
     what = pick(rng, COMPANY if el_deg >= ABOVE_HILLS_DEG else LOW_COMPANY)
     kind = kind_of(rng, what)
     slow, fast = SPEED_MPS[what]
     wanted_px = math.exp(rng.uniform(math.log(5), math.log(100)))
-    range_m = KINDS[what][kind] / (wanted_px * FINE_IFOV_RAD)
-    across = rate_radps * range_m
+    range_m = KINDS[what][kind] / (wanted_px * ifov_rad)
+    across, along = (rate * range_m for rate in rate_radps)
     near, far = RANGE_M[what]
-    if not near <= range_m <= far or abs(across) > fast:
+    from_below = el_deg >= FROM_BELOW_DEG[0]
+    if not near <= range_m <= far or (math.hypot(across, along) if from_below else abs(across)) > fast:
         return None
-    speed = rng.uniform(max(slow, abs(across)), fast)
-    along = math.sqrt(speed**2 - across**2) * rng.choice((-1, 1))
-    if what == "uav" and rng.random() < 0.5:
-        along = 0.0
-    if range_m + 5 * min(along, 0.0) < near:
-        along = -along
-    az_deg += math.degrees(rng.uniform(-5e-3, 5e-3))
+    if from_below and math.hypot(across, along) < slow:
+        return None
+    if not from_below:
+        speed = rng.uniform(max(slow, abs(across)), fast)
+        along = math.sqrt(speed**2 - across**2) * rng.choice((-1, 1))
+        if what == "uav" and rng.random() < 0.5:
+            along = 0.0
+        if range_m + 5 * min(along, 0.0) < near:
+            along = -along
+    az_deg += math.degrees(rng.uniform(-5e-3, 5e-3)) / math.cos(math.radians(el_deg))
     el_deg += math.degrees(rng.uniform(-4e-3, 4e-3))
     if el_deg < 0:
         range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
-    a, e = math.radians(az_deg), math.radians(el_deg)
-    v = [across * math.cos(a) + along * math.cos(e) * math.sin(a), -across * math.sin(a) + along * math.cos(e) * math.cos(a),
-         along * math.sin(e)]  # fmt: skip
+    v = velocity(az_deg, 0.0 if from_below else el_deg, across, along)
     at = place(az_deg, el_deg, range_m)
     moves = hover(at, rng.uniform(0, 360)) if math.hypot(*v) < 0.5 else straight(at, v)
     key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
     return f'[[{table}]]\nname = "{name}"\n{of_kind(rng, key, kind)}trajectory = {moves}\n', table
 
 
-def crossing(rng: random.Random, what: str, az_deg: float, el_deg: float) -> tuple[str, str, float]:
-    """The held one in straight flight, or at rest, and its rate to the right [rad/s]."""
+def velocity(az_deg: float, el_deg: float, across: float, along: float) -> list[float]:
+    """East, north, up, of so much to the right and so much away in a direction."""
+    a, e = math.radians(az_deg), math.radians(el_deg)
+    return [across * math.cos(a) + along * math.cos(e) * math.sin(a), -across * math.sin(a) + along * math.cos(e) * math.cos(a),
+            along * math.sin(e)]  # fmt: skip
+
+
+def crossing(rng: random.Random, what: str, az_deg: float, el_deg: float, ifov_rad: float) -> tuple[str, str, tuple[float, float]]:
+    """The held one in straight flight, or at rest, and its rates to the right and away [rad/s]. What is seen from below
+    flies level."""
     kind = kind_of(rng, what)
     wanted_px = math.exp(rng.uniform(math.log(7), math.log(140)))
     near, far = RANGE_M[what]
-    range_m = min(max(KINDS[what][kind] / (wanted_px * FINE_IFOV_RAD), near), far)
+    range_m = min(max(KINDS[what][kind] / (wanted_px * ifov_rad), near), far)
     if el_deg < 0:
         range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
     speed = rng.uniform(*SPEED_MPS[what])
     across = speed * rng.uniform(-1, 1)
     along = math.sqrt(speed**2 - across**2) * rng.choice((-1, 1))
-    a, e = math.radians(az_deg), math.radians(el_deg)
-    v = [across * math.cos(a) + along * math.cos(e) * math.sin(a), -across * math.sin(a) + along * math.cos(e) * math.cos(a),
-         along * math.sin(e)]  # fmt: skip
     if what == "uav" and rng.random() < 0.3:
-        across, v = 0.0, [0.0] * 3
+        across = along = 0.0
+    v = velocity(az_deg, 0.0 if el_deg >= FROM_BELOW_DEG[0] else el_deg, across, along)
     at = place(az_deg, el_deg, range_m)
     moves = hover(at, rng.uniform(0, 360)) if math.hypot(*v) < 0.5 else straight(at, v)
     key, table = ("model", "uavs") if what == "uav" else ("kind", "distractors")
-    return f'[[{table}]]\nname = "held"\n{of_kind(rng, key, kind)}trajectory = {moves}\n', table, across / range_m
+    return f'[[{table}]]\nname = "held"\n{of_kind(rng, key, kind)}trajectory = {moves}\n', table, (across / range_m, along / range_m)
+
+
+def cameras(wider: float = 1.0) -> str:
+    return "".join(f"[station.cameras.{name}]\nrate_hz = {rate_hz}\nhfov_deg = {wider * hfov_deg:.3f}\n" for name, (rate_hz, hfov_deg) in CAMERAS.items())
 
 
 def rounded(xs: list[float]) -> list[float]:
     return [round(x, 3) for x in xs]
 
 
-def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float, size_px: tuple[float, float] = (5, 120)) -> tuple[str, str]:
+def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float, ifov_rad: float, size_px: tuple[float, float] = (5, 120)) -> tuple[str, str]:
     """A table of the scenario, and which list it belongs to; its size is that in the precise camera."""
     kind = kind_of(rng, what)
     extent_m = KINDS[what][kind]
     wanted_px = math.exp(rng.uniform(*map(math.log, size_px)))
     near, far = RANGE_M[what]
-    range_m = min(max(extent_m / (wanted_px * FINE_IFOV_RAD), near), far)
+    range_m = min(max(extent_m / (wanted_px * ifov_rad), near), far)
     if range_m > 2000:  # above the hills
         el_deg = max(el_deg, ABOVE_HILLS_DEG)
     if el_deg < 0:  # above the roofs of low houses, before meadows, streets and facades
@@ -185,15 +200,20 @@ def thing(rng: random.Random, what: str, name: str, az_deg: float, el_deg: float
     return f'[[{table}]]\nname = "{name}"\n{of_kind(rng, key, kind)}trajectory = {flight(rng, what, at, az_deg, range_m)}\n', table
 
 
-def scenario(seed: int, duration_s: float) -> str:
+def scenario(seed: int, duration_s: float, kinds: tuple[str, ...] = tuple(HELD), from_below: float = FROM_BELOW) -> str:
     rng = random.Random(seed)
     az, el = rng.uniform(0, 360), rng.choice((rng.uniform(-3, 1), rng.uniform(-2, 1.5), rng.uniform(1.2, 4), rng.uniform(2, 12)))
-    wide = rng.random() < 0.25
-    held = "nothing" if wide else pick(rng, HELD)
+    above = rng.random() < from_below
+    wide = not above and rng.random() < 0.25
+    if above:
+        el = rng.uniform(*FROM_BELOW_DEG)
+    wider = math.exp(rng.uniform(*map(math.log, WIDER))) if above else 1.0
+    ifov_rad = wider * FINE_IFOV_RAD
+    held = "nothing" if wide else pick(rng, {kind: HELD[kind] for kind in kinds})
     if held in FAR:
         el = max(el, ABOVE_HILLS_DEG)
     metar, visibility_m, texture = rng.choice(WEATHER)
-    time = pick(rng, {time: share for time, (_, share) in TIMES.items()})
+    time = pick(rng, {time: 1 if above else share for time, (_, share) in TIMES.items()})
     forest = rng.random() < 0.4
     parts = [
         f'name = "tracks_{seed}"\ndescription = "{held} held, {TIMES[time][0]}"\nseed = {seed}\nduration_s = {duration_s}\n'
@@ -201,7 +221,7 @@ def scenario(seed: int, duration_s: float) -> str:
         "[site]\nlatitude_deg = 47.3769\nlongitude_deg = 8.5417\naltitude_m = 455.0\n",
         f"[city]\nseed = {rng.randrange(JUDGED_CITIES.stop, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else "building_density = 0.4\n" if el < 1 else ""),
         f"[station]\nposition_enu_m = [0.0, 0.0, {STATION_UP_M}]\n",
-        CAMERAS,
+        cameras(wider),
         f'[weather]\nmetar = "LSZH 200850Z {metar} NOSIG"\nvisibility_m = {visibility_m}.0\ncloud_texture = {str(texture).lower()}\n',
         "[engage]\nauthorised = false\n",
     ]
@@ -215,20 +235,20 @@ def scenario(seed: int, duration_s: float) -> str:
     if wide:
         for k in range(rng.randint(10, 16)):
             at = az + rng.uniform(-0.5, 0.5) * WIDE_DEG[0], low + rng.uniform(0, 1) * WIDE_DEG[1]
-            text, table = thing(rng, pick(rng, IN_SECTOR), f"in the sector {k}", *at, size_px=(10, 50))
+            text, table = thing(rng, pick(rng, IN_SECTOR), f"in the sector {k}", *at, ifov_rad, size_px=(10, 50))
             tables[table].append(text)
     elif held in ("uav", "bird", *FAR) and rng.random() < 0.75:
-        text, table, rate = crossing(rng, held, az, el)
+        text, table, rate = crossing(rng, held, az, el, ifov_rad)
         tables[table].append(text)
-        company = [companion(rng, f"beside {k}", az, el, rate) for k in range(16)]
+        company = [companion(rng, f"beside {k}", az, el, rate, ifov_rad) for k in range(16)]
         for other, of in [found for found in company if found][:6]:
             tables[of].append(other)
     else:
-        text, table = thing(rng, held, "held", az, el)
+        text, table = thing(rng, held, "held", az, el, ifov_rad)
         tables[table].append(text)
     for k in range(0 if wide else rng.choice((0, 1, 1, 2))):
         other = rng.choice(("uav", "bird", "bird", "aeroplane", "helicopter", "balloon"))
-        text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(min(el, 0.8), el + rng.uniform(-1, 1)))
+        text, table = thing(rng, other, f"other {k}", az + rng.uniform(-1.5, 1.5), max(min(el, 0.8), el + rng.uniform(-1, 1)), ifov_rad)
         tables[table].append(text)
     parts += tables["uavs"] + tables["distractors"]
     parts += [] if wide else orders("held", duration_s)
@@ -264,7 +284,7 @@ def of_drawn(text: str, duration_s: float) -> str | None:
         return None
     rng = random.Random(drawn["seed"])
     text = text.replace(f"duration_s = {drawn['duration_s']}\n", f"duration_s = {duration_s}\n", 1)
-    parts = [text.replace("[engage]\n", "[engage]\nauthorised = false\n", 1), CAMERAS]
+    parts = [text.replace("[engage]\n", "[engage]\nauthorised = false\n", 1), cameras()]
     parts += beside_intruder(rng, drawn["uavs"][0])
     share, others = rng.random(), [thing["name"] for thing in drawn.get("distractors", [])]
     if share > FREE:
@@ -279,6 +299,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--first", type=int, default=1000, help="seed of the first")
     parser.add_argument("--duration-s", type=float, default=5.0)
+    parser.add_argument("--held", nargs="+", choices=HELD, default=list(HELD), help="what may be held")
+    parser.add_argument("--from-below", type=float, default=FROM_BELOW, help="share of them that is held far above the horizon")
     parser.add_argument("--drawn", type=Path, help="folder `draws` of an evaluation of engagements, in place of own scenarios")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -288,7 +310,7 @@ def main() -> None:
                 (args.out / f"drawn_{path.name}").write_text(text)
         return
     for seed in range(args.first, args.first + args.count):
-        (args.out / f"tracks_{seed}.toml").write_text(scenario(seed, args.duration_s))
+        (args.out / f"tracks_{seed}.toml").write_text(scenario(seed, args.duration_s, tuple(args.held), args.from_below))
 
 
 if __name__ == "__main__":
