@@ -38,7 +38,10 @@ NAMED = slice(AT["named_uav"], AT["named_other"] + 1)
 BANDS_PX = ((0, 4), (4, 10), (10, 30), (30, 1e9))  # of the newest box
 # Rigid classes whose shapes are drawn anew, and how often: the program has few models of each, the world has many.
 SHAPES = {"uav": pictures.uav, "aeroplane": pictures.aeroplane, "helicopter": pictures.helicopter}
-REDRAWN = 0.25
+REDRAWN = 0.4
+# How often something is as dark before its background as it was bright, or the reverse: which of them a class shows here is the
+# light and the haze of where it flew; in the world it may be either.
+RETONED = 0.3
 SURE = 0.95  # the laser fires from this one on (`engage.min_uav_probability`)
 LIGHTS = ("Day", "LowSun", "Dusk")  # as a scenario's description names it
 
@@ -152,6 +155,8 @@ def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, label
         seen = mask[b] > 0
         if (shape := SHAPES.get(CLASSES[labels[b]])) and rng.random() < REDRAWN:
             chips[b] = redrawn(shape, f[:, AT["log_size_px"]].exp().numpy(), seen.numpy(), rng)
+        elif CLASSES[labels[b]] != "other" and rng.random() < RETONED:
+            chips[b] = retoned(chips[b], rng)
         if rng.random() < 0.5:  # mirrored
             chips[b] = chips[b, :, :, ::-1]
             f[:, AT["rate_right"]] *= -1
@@ -177,6 +182,8 @@ def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, label
         shift = rng.normal(0, 0.1)
         f[:, [AT["log_size_px"], AT["log_size_mrad"]]] += shift
         f[:, AT["log_aspect"]] += rng.normal(0, 0.05)
+        if rng.random() < 0.5:  # another field of view, or one that is not known, as in a clip
+            f[:, AT["log_size_mrad"]] += rng.uniform(-2, 2)
         if rng.random() < 0.5:
             stretch(chips[b], f, mask[b], rng.uniform(0.75, 1.3))
         chips[b] = spoilt(chips[b], rng)
@@ -213,6 +220,16 @@ def seen_by(picture: np.ndarray, turn_deg: float, zoom: float, shift: np.ndarray
     way = cv2.getRotationMatrix2D(middle.tolist(), turn_deg, zoom)
     way[:, 2] += (CHIP - 1) / 2 - middle + shift
     return cv2.warpAffine(picture, way, (CHIP, CHIP), flags=cv2.INTER_LINEAR, borderMode=border)
+
+
+def retoned(chips: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """What stands out from its background as more, less or the opposite, of one tone or in its colours."""
+    behind = np.median(chips, (1, 2), keepdims=True).astype(np.float32)
+    out = chips - behind
+    if rng.random() < 0.7:
+        out = out.mean(-1, keepdims=True)
+    gain = np.exp(rng.normal(0.2, 0.6)) * rng.choice((-1, 1), p=(0.7, 0.3))
+    return (behind + gain * out).clip(0, 255).astype(np.uint8)
 
 
 def stretch(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, pace: float) -> None:

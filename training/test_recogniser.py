@@ -111,6 +111,20 @@ def test_what_is_drawn_anew_is_as_large_as_the_boxes_and_in_the_middle(box_px, m
     assert abs(y - 11.5) < 0.3 and abs(x - 11.5) < 0.3
 
 
+def test_what_has_another_tone_stands_where_it_stood():
+    rng = np.random.default_rng(2)
+    chips = np.full((STEPS, CHIP, CHIP, 3), (90, 120, 150), np.uint8)
+    chips[:, 9:15, 9:15] = (40, 60, 110)
+    seen = set()
+    for _ in range(60):
+        other = r.retoned(chips, rng)
+        assert (other[:, :8] == chips[:, :8]).all()
+        thing = other[:, 9:15, 9:15].astype(int)
+        assert (thing == thing[:1, :1, :1]).all()
+        seen.add(int(np.sign(thing[0, 0, 0, 1] - 120)))
+    assert seen == {-1, 1}
+
+
 def test_stretching_time_keeps_the_newest_and_scales_rates():
     tracks = made()
     chips, features, mask, _ = tracks.batch(np.array([0]))
@@ -178,14 +192,16 @@ def test_company_stays_in_the_precise_field():
     vector = rf"\[{number}, {number}, {number}\]"
     read = lambda text: [np.array([float(x) for x in found]) for found in re.findall(vector, text)]
     rng = track_scenarios.random.Random(5)
-    beside = 0
-    for _ in range(200):
-        az, el = rng.uniform(0, 360), rng.uniform(1, 12)
-        held, _, rate = track_scenarios.crossing(rng, rng.choice(("uav", "bird")), az, el)
-        found = track_scenarios.companion(rng, "beside", az, el, rate)
+    beside = {1.0: 0, 4.0: 0}
+    for _ in range(500):
+        wider = rng.choice(list(beside))
+        ifov_rad = wider * track_scenarios.FINE_IFOV_RAD
+        az, el = rng.uniform(0, 360), rng.uniform(1, 12) if wider == 1 else rng.uniform(*track_scenarios.FROM_BELOW_DEG)
+        held, _, rates = track_scenarios.crossing(rng, rng.choice(("uav", "bird")), az, el, ifov_rad)
+        found = track_scenarios.companion(rng, "beside", az, el, rates, ifov_rad)
         if found is None:
             continue
-        beside += 1
+        beside[wider] += 1
         # One second on, in units of the precise camera's field of 17 by 13 mrad.
         bearings = []
         for text in (held, found[0]):
@@ -194,8 +210,8 @@ def test_company_stays_in_the_precise_field():
             bearings.append([np.arctan2(at[0], at[1]), np.arcsin(at[2] / np.linalg.norm(at))])
         apart = np.array(bearings[1]) - bearings[0]
         apart[0] = np.angle(np.exp(1j * apart[0])) * np.cos(bearings[0][1])
-        assert np.abs(apart).max() < 0.02, (held, found)
-    assert beside > 50
+        assert np.abs(apart).max() < 0.02 * wider, (held, found)
+    assert min(beside.values()) > 50
 
 
 def test_scenarios_are_drawn_from_their_seeds():
@@ -203,6 +219,13 @@ def test_scenarios_are_drawn_from_their_seeds():
     assert one == track_scenarios.scenario(7, 5.0) != track_scenarios.scenario(8, 5.0)
     held = {re.search(r'description = "(\w+) held,', track_scenarios.scenario(s, 5.0)).group(1) for s in range(60)}
     assert held == {"nothing", *track_scenarios.HELD}
+    from_below = [track_scenarios.tomllib.loads(track_scenarios.scenario(s, 5.0, ("helicopter",), 1.0)) for s in range(20)]
+    for made in from_below:
+        assert made["description"].startswith("helicopter held") and made["search"]["elevation_deg"] >= 12
+        # It flies level in a camera that is wider than the station's own.
+        moves = next(thing for thing in made["distractors"] if thing["name"] == "held")["trajectory"]
+        assert abs(moves.get("velocity_enu_mps", [0, 0, 0])[2]) <= 0.08 * 60
+        assert made["station"]["cameras"]["precise"]["hfov_deg"] >= 2
 
 
 def test_a_file_gives_back_its_models():

@@ -39,6 +39,7 @@ HELD = {"uav": 0.38, "bird": 0.28, "aeroplane": 0.11, "helicopter": 0.11, "ballo
 LOW_COMPANY = {"uav": 0.5, "bird": 0.5}
 COMPANY = {"uav": 0.25, "bird": 0.25, "aeroplane": 0.25, "helicopter": 0.25}
 # What a wide sector holds, of 10 to 50 px in the precise camera: 2 to 8 in the search camera.
+BESIDE_PX = 180  # so far to either side, in the precise camera
 IN_SECTOR = {"uav": 0.5, "bird": 0.3, "aeroplane": 0.07, "helicopter": 0.07, "balloon": 0.06}
 WIDE_DEG = 36.0, 10.0
 FAR, ABOVE_HILLS_DEG = ("aeroplane", "helicopter"), 3.0
@@ -137,8 +138,8 @@ def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_
             along = 0.0
         if range_m + 5 * min(along, 0.0) < near:
             along = -along
-    az_deg += math.degrees(rng.uniform(-5e-3, 5e-3)) / math.cos(math.radians(el_deg))
-    el_deg += math.degrees(rng.uniform(-4e-3, 4e-3))
+    az_deg += math.degrees(rng.uniform(-BESIDE_PX, BESIDE_PX) * ifov_rad) / math.cos(math.radians(el_deg))
+    el_deg += math.degrees(rng.uniform(-BESIDE_PX, BESIDE_PX) * 0.8 * ifov_rad)
     if el_deg < 0:
         range_m = min(range_m, (STATION_UP_M - LOWEST_M) / math.sin(math.radians(-el_deg)))
     v = velocity(az_deg, 0.0 if from_below else el_deg, across, along)
