@@ -127,9 +127,8 @@ def companion(rng: random.Random, name: str, az_deg: float, el_deg: float, rate_
     across, along = (rate * range_m for rate in rate_radps)
     near, far = RANGE_M[what]
     from_below = el_deg >= FROM_BELOW_DEG[0]
-    if not near <= range_m <= far or (math.hypot(across, along) if from_below else abs(across)) > fast:
-        return None
-    if from_below and math.hypot(across, along) < slow:
+    can_keep_up = slow <= math.hypot(across, along) <= fast if from_below else abs(across) <= fast
+    if not near <= range_m <= far or not can_keep_up:
         return None
     if not from_below:
         speed = rng.uniform(max(slow, abs(across)), fast)
