@@ -202,8 +202,9 @@ def rotation(rng: Rng, tilt_rad: float) -> np.ndarray:
     """World-from-body rotation: random yaw, then a tilt of normal spread, then a view elevation; rows are view axes
     right, down, depth."""
     yaw, roll, pitch = rng.uniform(0, 2 * math.pi), rng.normal(0, tilt_rad), rng.normal(0, tilt_rad)
-    # Mostly seen from below or level; sometimes from above or any side.
-    elevation = rng.normal(0.25, 0.35) if rng.random() < 0.85 else rng.uniform(-1.5, 1.5)
+    # Mostly seen from below or level, at times from far below; sometimes from above or any side.
+    kind = rng.random()
+    elevation = rng.normal(0.25, 0.35) if kind < 0.65 else rng.uniform(0.2, 1.2) if kind < 0.85 else rng.uniform(-1.5, 1.5)
 
     def turn(axis: int, a: float) -> np.ndarray:
         i, j = [(1, 2), (2, 0), (0, 1)][axis]
@@ -325,7 +326,8 @@ def bird(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
 
 
 def aeroplane(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
-    """An aeroplane or a glider: fuselage, wings, tail, with engines below the wings or the disc of a propeller."""
+    """An aeroplane or a glider: fuselage, wings, tail, with jets below the wings, turboprops before them or the disc of a
+    propeller; its wheels may be down."""
     sprite = Sprite(size_px)
     r = rotation(rng, 0.25)
     span, sweep, fat = rng.uniform(0.8, 1.1), rng.uniform(0, 0.5), rng.uniform(0.05, 0.12)
@@ -333,23 +335,33 @@ def aeroplane(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
     fuselage = np.concatenate([RING * (0.95, fat, 0), (RING * (0.95, fat, 0))[:, [0, 2, 1]]])
     high = rng.uniform(-0.08, 0.1)  # where the wing sits
     kind = rng.random()
+    turboprop = 0.4 <= kind < 0.6
+    if turboprop:
+        sweep, high = rng.uniform(0, 0.15), fat
+    rise = 0.35 if turboprop and rng.random() < 0.7 else 0.0  # of a T-tail
     for s in (-1, 1):
         wing = np.array([[chord / 2, 0, high], [-chord / 2, 0, high], [-sweep, s * span, high + 0.08], [-sweep + 0.1, s * span, high + 0.08]])
-        tail = np.array([[-0.75, 0, 0], [-0.95, 0, 0], [-1.0, s * 0.35, 0], [-0.9, s * 0.35, 0]])
+        tail = np.array([[-0.75, 0, rise], [-0.95, 0, rise], [-1.0, s * 0.35, rise], [-0.9, s * 0.35, rise]])
         sprite.fill((wing @ r.T)[:, :2], tone * rng.uniform(0.8, 1.2))
         sprite.fill((tail @ r.T)[:, :2], tone)
         if kind < 0.4:  # jets
             engine = BOX * (0.12, 0.05, 0.05) + [0.02 - 0.3 * sweep, s * 0.33, high - 0.08]
             sprite.fill((engine @ r.T)[:, :2], tone * rng.uniform(0.6, 1.1))
+        if turboprop:
+            nacelle = BOX * (0.15, 0.04, 0.04) + [0.15, s * 0.3, high - 0.02]
+            disc = RING[:, [2, 0, 1]] * rng.uniform(0.12, 0.17) + [0.32, s * 0.3, high - 0.02]
+            sprite.fill((nacelle @ r.T)[:, :2], tone * rng.uniform(0.6, 1.1))
+            sprite.fill((disc @ r.T)[:, :2], tone * rng.uniform(0.5, 1.2), rng.uniform(0.05, 0.4))
     fin = np.array([[-0.7, 0, 0], [-0.95, 0, 0], [-1.0, 0, 0.35], [-0.9, 0, 0.35]])
     sprite.fill((fin @ r.T)[:, :2], tone * rng.uniform(0.7, 1.3))
     sprite.fill((fuselage @ r.T)[:, :2], tone)
     if kind > 0.6:  # a propeller
         disc = RING[:, [2, 0, 1]] * rng.uniform(0.15, 0.25) + [0.95, 0, 0]
         sprite.fill((disc @ r.T)[:, :2], tone * rng.uniform(0.5, 1.2), rng.uniform(0.05, 0.3))
-        if rng.random() < 0.6:
-            wheels = BOX * (0.06, 0.2, 0.03) + [0.2, 0, -fat - 0.15]
-            sprite.fill((wheels @ r.T)[:, :2], tone * 0.6)
+    if rng.random() < (0.6 if kind > 0.6 else 0.4):
+        for at in ((0.7, 0), (0, -0.15), (0, 0.15)):
+            wheel = BOX * (0.04, 0.02, 0.06) + [*at, -fat - 0.05]
+            sprite.fill((wheel @ r.T)[:, :2], tone * rng.uniform(0.3, 0.8))
     return *sprite.down(), AEROPLANE
 
 
@@ -549,7 +561,9 @@ def tone_against(rng: Rng, picture: np.ndarray, x: float, y: float, reach: float
 
 
 def target_size(rng: Rng) -> float:
-    """Long side of a target [px]: log-normal about 13 px, 3..70."""
+    """Long side of a target [px]: log-normal about 13 px, 3..70; one in seven evenly over its logarithm, 30..150."""
+    if rng.random() < 0.15:
+        return float(math.exp(rng.uniform(math.log(30), math.log(150))))
     return float(np.clip(math.exp(rng.normal(math.log(13), 0.65)), 3, 70))
 
 

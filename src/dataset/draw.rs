@@ -49,7 +49,7 @@ pub fn still(
         // The view that a UAV there would have had.
         0 => {
             let range_m = log_range([30.0, 300.0], rng);
-            let pose = view(scene, px, range_m, 10.0, rng)?;
+            let pose = view(recipe, scene, px, range_m, 10.0, rng)?;
             return Some(Still {
                 pose,
                 motion,
@@ -58,7 +58,7 @@ pub fn still(
         }
         _ => target(recipe, scene, motion, rng)?,
     };
-    let pose = view(scene, px, first.range_m, first.size_px, rng)?;
+    let pose = view(recipe, scene, px, first.range_m, first.size_px, rng)?;
     let mut placed = vec![first.at(&scene.camera.pinhole, &pose, px)];
     let mut taken = vec![(px, first.size_px)];
     if !clear(scene, &pose, &placed[0]) {
@@ -263,7 +263,14 @@ enum Place {
 }
 
 /// The pose that shows a point at `range_m` in pixel `px` before the scene's background.
-fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) -> Option<Pose> {
+fn view(
+    recipe: &Recipe,
+    scene: &Scene,
+    px: DVec2,
+    range_m: f64,
+    size_px: f64,
+    rng: &mut Stream,
+) -> Option<Pose> {
     let pinhole = &scene.camera.pinhole;
     let dsm = &scene.environment.city.dsm;
     let roll_rad = rng.normal() * 1.5f64.to_radians();
@@ -274,6 +281,7 @@ fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) 
     };
     let top = (rng.uniform() < 0.15 && !scene.tops_enu_m.is_empty())
         .then(|| scene.tops_enu_m[pick(scene.tops_enu_m.len(), rng)]);
+    let far_up = rng.uniform() < recipe.camera.from_below;
     let size_rad = size_px / pinhole.focal_px;
     let (hfov_rad, vfov_rad) = (pinhole.hfov_rad(), pinhole.vfov_rad());
     for _ in 0..VIEW_TRIES {
@@ -292,8 +300,12 @@ fn view(scene: &Scene, px: DVec2, range_m: f64, size_px: f64, rng: &mut Stream) 
                     .map(|side| skyline_rad(scene, az_rad + side * hfov_rad))
                     .into_iter()
                     .fold(skyline, f64::max);
-                // Low over the roofs is where UAVs are looked for.
-                let above_rad = -9f64.to_radians() * rng.uniform().max(1e-9).ln();
+                let above_rad = if far_up {
+                    rng.range(10.0, 60.0).to_radians()
+                } else {
+                    // Low over the roofs is where UAVs are looked for.
+                    -9f64.to_radians() * rng.uniform().max(1e-9).ln()
+                };
                 let low_rad = skyline + 0.55 * vfov_rad;
                 let el_rad = match top {
                     Some(top) => {

@@ -374,6 +374,8 @@ pub struct CameraRanges {
     pub ground_hfov_deg: f64,
     /// Lowest and highest camera above the ground [m].
     pub height_m: [f64; 2],
+    /// Share of the stills before the sky alone that look far up, as people film aircraft.
+    pub from_below: f64,
     /// Least and greatest blur of optics and air [px].
     pub blur_px: [f64; 2],
     /// Most by which the automatic exposure errs [stops].
@@ -406,6 +408,7 @@ impl Default for CameraRanges {
             hfov_deg: [0.8, 40.0],
             ground_hfov_deg: 2.0,
             height_m: [2.0, 60.0],
+            from_below: 0.25,
             blur_px: [0.3, 1.6],
             exposure_error_stops: 1.0,
             white_balance_error_stops: 0.15,
@@ -438,6 +441,7 @@ impl CameraRanges {
         let most_stops = self.white_balance_error_stops;
         check.within("white_balance_error_stops", most_stops, 0.0..=2.0);
         check.within("mosaic_share", self.mosaic_share, FRACTION);
+        check.within("from_below", self.from_below, FRACTION);
         check.within("motion_blur_share", self.motion_blur_share, FRACTION);
         check.within("motion_blur_px", self.motion_blur_px, 0.0..=32.0);
         check.within("flare_share", self.flare_share, FRACTION);
