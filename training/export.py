@@ -167,7 +167,7 @@ def main() -> None:
     args = parser.parse_args()
     model, state = load(*args.checkpoints)
     recipe = state["recipe"]
-    training = {k: recipe[k] for k in ("model", "steps", "batch", "crop", "bf16", "seed", "lr", "procedural", "data")}
+    training = {k: recipe[k] for k in ("model", "steps", "batch", "crop", "bf16", "seed", "lr", "procedural", "data") if k in recipe}
     training |= {"step": state["step"], "hours": round(state["seconds"] / 3600, 2), "machine": state["machine"]}
     training |= {"mean_of": len(args.checkpoints)} if len(args.checkpoints) > 1 else {}
     parameters = sum(p.numel() for p in model.parameters())
