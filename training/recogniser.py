@@ -92,12 +92,12 @@ def load(folders: list[Path]) -> Tracks:
     first = tracks = 0
     for number, folder in enumerate(found):
         sheet = json.loads((folder / "sequences.json").read_text())
-        if tuple(sheet["features"]) != FEATURES:
-            raise SystemExit(f"{folder}: its features are not those of this version; make it anew")
+        own = np.load(folder / "chips.npy")
+        if tuple(sheet["features"]) != FEATURES or own.shape[1:] != (CHIP, CHIP, 3):
+            raise SystemExit(f"{folder}: its features or chips are not those of this version; make it anew")
         rows = sheet["sequences"]
         if not rows:
             continue
-        own = np.load(folder / "chips.npy")
         places = np.load(folder / "index.npy").astype(np.int64)
         if places.max(initial=-1) >= len(own) or len(places) != len(rows):
             raise SystemExit(f"{folder}: damaged; delete it and make it anew")
@@ -154,7 +154,8 @@ def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, label
         f = features[b]
         seen = mask[b] > 0
         if (shape := SHAPES.get(CLASSES[labels[b]])) and rng.random() < REDRAWN:
-            chips[b] = redrawn(shape, f[:, AT["log_size_px"]].exp().numpy(), seen.numpy(), rng)
+            chips[b], log_aspect = redrawn(shape, f[:, AT["log_size_px"]].exp().numpy(), seen.numpy(), rng)
+            f[:, AT["log_aspect"]] += log_aspect - f[seen, AT["log_aspect"]].mean()
         elif CLASSES[labels[b]] != "other" and rng.random() < RETONED:
             chips[b] = retoned(chips[b], rng)
         if rng.random() < 0.5:  # mirrored
@@ -191,16 +192,20 @@ def augment(chips: np.ndarray, features: torch.Tensor, mask: torch.Tensor, label
     return chips, features, mask
 
 
-def redrawn(shape, size_px: np.ndarray, seen: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def redrawn(shape, size_px: np.ndarray, seen: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, float]:
     """What a rigid thing of another shape of its class would show in place of a track's chips [16,24,24,3]: one drawing, which
     wanders, turns and grows a little over the second, before a background that may pass; its boxes are `size_px` [16] large
-    where it was `seen`."""
+    where it was `seen`. Also the logarithm of its width over its height."""
     box_px = float(np.clip(np.median(size_px[seen]), 3, 60)) if seen.any() else 10.0
     side_px = max(CHIP_OVER_BOX * box_px, LEAST_CHIP_PX)
     wide = 2 * round(0.75 * side_px)  # of the camera's pixels, with a margin
     behind = pictures.background(rng, wide)
-    drawing = shape(rng, box_px, pictures.tone_against(rng, behind, wide / 2, wide / 2, box_px / 2 + 2))[0]
-    zoom = CHIP / side_px
+    drawing, box, _ = shape(rng, box_px, pictures.tone_against(rng, behind, wide / 2, wide / 2, box_px / 2 + 2))
+    if box is None:  # all of it is thinner than a pixel
+        box = np.array([0, 0, *drawing.shape[1::-1]], np.float32)
+    width_px, height_px = (box[2:] - box[:2]).tolist()
+    zoom, fit = CHIP / side_px, box_px / max(width_px, height_px)
+    off_px = (box[:2] + box[2:] - drawing.shape[1::-1]) / 2
     if zoom < 1:  # so that what is taken from them has no aliases
         behind, drawing = (cv2.GaussianBlur(x, (0, 0), 0.5 / zoom) for x in (behind, drawing))
     turn_deg, growth, unrest_px = rng.normal(0, 4), rng.normal(0, 0.04), abs(rng.normal(0, 0.04)) * box_px
@@ -209,9 +214,9 @@ def redrawn(shape, size_px: np.ndarray, seen: np.ndarray, rng: np.random.Generat
     for k, part in enumerate(np.linspace(-0.5, 0.5, STEPS)):
         shake_px = rng.normal(0, 1, 2) * unrest_px
         chips[k] = seen_by(behind, 0.0, zoom, zoom * (passing_px * part + shake_px), cv2.BORDER_REPLICATE)
-        cut = seen_by(drawing, turn_deg * part, zoom * np.exp(growth * part), zoom * shake_px, cv2.BORDER_CONSTANT)
+        cut = seen_by(drawing, turn_deg * part, zoom * fit * np.exp(growth * part), zoom * (shake_px - fit * off_px), cv2.BORDER_CONSTANT)
         pictures.paste(chips[k], cut, 0, 0)
-    return chips.clip(0, 255).astype(np.uint8)
+    return chips.clip(0, 255).astype(np.uint8), float(np.log(width_px / height_px))
 
 
 def seen_by(picture: np.ndarray, turn_deg: float, zoom: float, shift: np.ndarray, border: int) -> np.ndarray:

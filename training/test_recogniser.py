@@ -82,6 +82,10 @@ def test_folders_are_read_and_damage_is_told(tmp_path):
     (folder / "sequences.json").write_text(json.dumps(sheet | {"features": ["age_s"]}))
     with pytest.raises(SystemExit, match="not those of this version"):
         r.load([tmp_path])
+    (folder / "sequences.json").write_text(json.dumps(sheet))
+    np.save(folder / "chips.npy", tracks.chips[:-1, :12, :12])
+    with pytest.raises(SystemExit, match="features or chips are not those of this version"):
+        r.load([tmp_path])
 
 
 def test_augmentation_keeps_what_it_must():
@@ -104,11 +108,28 @@ def test_what_is_drawn_anew_is_as_large_as_the_boxes_and_in_the_middle(box_px, m
     seen = np.arange(16) % 2 == 0
     sizes = np.where(seen, box_px, 99.0)  # of a step that was not seen nothing is known
     rng = np.random.default_rng(5)
-    found = [r.redrawn(square, sizes, seen, rng)[..., 0] > 175 for _ in range(20)]
-    side = 24 * box_px / max(2 * box_px, 16)
+    found = [r.redrawn(square, sizes, seen, rng)[0][..., 0] > 175 for _ in range(20)]
+    side = CHIP * box_px / max(2 * box_px, 16)
     assert np.sqrt(np.mean([step.sum() for chips in found for step in chips])) == pytest.approx(side, rel=0.1)
     y, x = np.mean([np.argwhere(step).mean(0) for chips in found for step in chips], 0)
-    assert abs(y - 11.5) < 0.3 and abs(x - 11.5) < 0.3
+    assert abs(y - (CHIP - 1) / 2) < 0.3 and abs(x - (CHIP - 1) / 2) < 0.3
+
+
+def test_a_drawing_of_another_size_fits_the_boxes_and_tells_its_aspect(monkeypatch):
+    monkeypatch.setattr(r.pictures, "background", lambda rng, size: np.full((size, size, 3), 100, np.float32))
+
+    def bar(rng, size, tone):  # half as long as it should be, in the corner of its drawing
+        drawing = np.zeros((40, 60, 4), np.float32)
+        drawing[5:15, 2:22] = (250, 250, 250, 1)
+        return drawing, np.array([2, 5, 22, 15], np.float32), 0
+
+    rng = np.random.default_rng(5)
+    chips, aspects = zip(*(r.redrawn(bar, np.full(16, 40.0), np.ones(16, bool), rng) for _ in range(20)))
+    assert aspects == pytest.approx([np.log(2)] * 20)
+    found = [step for chip in chips for step in chip[..., 0] > 175]
+    assert np.sqrt(np.mean([step.sum() for step in found])) == pytest.approx(CHIP / 2 / np.sqrt(2), rel=0.1)
+    y, x = np.mean([np.argwhere(step).mean(0) for step in found], 0)
+    assert abs(y - (CHIP - 1) / 2) < 0.3 and abs(x - (CHIP - 1) / 2) < 0.3
 
 
 def test_what_has_another_tone_stands_where_it_stood():
