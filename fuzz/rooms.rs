@@ -14,3 +14,5 @@ pub mod projection;
 pub mod sources;
 #[path = "../src/tiles/mod.rs"]
 pub mod tiles;
+#[path = "../src/warning.rs"]
+pub mod warning;

@@ -26,6 +26,7 @@ pub mod tiles;
 pub mod tiles_command;
 pub mod tune;
 pub mod view;
+pub mod warning;
 
 /// Version of the program, as artefacts carry it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

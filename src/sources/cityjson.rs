@@ -167,6 +167,7 @@ fn layers(
         site,
         meshes: gathered.surfaces.finish(),
         features: gathered.features,
+        warnings: Vec::new(),
     };
     let layers: Vec<Layer> = full.map(layer).collect();
     if layers.is_empty() {

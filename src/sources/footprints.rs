@@ -288,6 +288,7 @@ fn buildings(
         site,
         meshes: surfaces.finish(),
         features,
+        warnings: Vec::new(),
     })
 }
 

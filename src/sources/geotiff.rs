@@ -109,6 +109,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         site,
         meshes,
         features: Vec::new(),
+        warnings: Vec::new(),
     })
 }
 

@@ -298,6 +298,7 @@ fn layer(products: Vec<Product>, to_ecef: &ToEcef, options: &Options) -> Result<
         site,
         meshes,
         features,
+        warnings: Vec::new(),
     })
 }
 

@@ -85,6 +85,7 @@ pub(super) fn placed(
         site,
         meshes,
         features: Vec::new(),
+        warnings: Vec::new(),
     })
 }
 

@@ -15,6 +15,7 @@ pub mod surfaces;
 
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::shape::textured::TexturedMesh;
+use crate::warning::Warning;
 use serde_json::{Map, Value};
 
 /// What the triangles of a layer are, as far as its source says.
@@ -39,4 +40,6 @@ pub struct Layer {
     pub meshes: Vec<TexturedMesh>,
     /// What is known of each feature, by feature ID (`TexturedMesh::features`).
     pub features: Vec<Map<String, Value>>,
+    /// What its reader took for granted or left out; of a source of several layers the first has all.
+    pub warnings: Vec<Warning>,
 }

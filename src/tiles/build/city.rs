@@ -65,6 +65,7 @@ fn empty(kind: LayerKind, site: &SiteFrame) -> Layer {
         site: *site,
         meshes: Vec::new(),
         features: Vec::new(),
+        warnings: Vec::new(),
     }
 }
 

@@ -29,6 +29,7 @@ fn layer(kind: LayerKind, meshes: Vec<TexturedMesh>) -> Layer {
         site: site(),
         meshes,
         features: Vec::new(),
+        warnings: Vec::new(),
     }
 }
 
