@@ -21,6 +21,7 @@ use crate::scenario::{self, Loaded, Scenario};
 use crate::tiles_command::{self as tiles, Tiles};
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
+use crate::warning;
 use bevy::prelude::World;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -95,6 +96,9 @@ pub enum CliError {
 #[derive(Parser, Debug)]
 #[command(name = "boresight", version)]
 pub struct Cli {
+    /// Warnings are errors: the command ends with 2 where something is warned of, before its work.
+    #[arg(long, global = true)]
+    strict: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -289,6 +293,9 @@ struct TuneArgs {
 
 /// Carries out a command line.
 pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
+    if cli.strict {
+        warning::be_strict();
+    }
     let done: Result<(), CliError> = match cli.command {
         Command::Test(args) => {
             let tests = experiment::test::test(&args)?;

@@ -1,10 +1,14 @@
 //! What a file states that the program took in some way, or left out: no error, but never silent.
 
-use std::collections::BTreeMap;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// One thing about a file that its user should know; prints as one line, as an error does.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Warning {
     /// The file.
     pub file: PathBuf,
@@ -20,6 +24,39 @@ impl std::fmt::Display for Warning {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let file = self.file.display();
         write!(f, "{file}: {}: {}; {}", self.place, self.what, self.mend)
+    }
+}
+
+/// Whether warnings are errors in this process.
+static STRICT: AtomicBool = AtomicBool::new(false);
+/// What this process has printed.
+static TOLD: Mutex<BTreeSet<Warning>> = Mutex::new(BTreeSet::new());
+
+/// Warnings where they are errors; prints as one line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "--strict makes errors of warnings ({0} above); mend what is named there, or leave --strict out"
+)]
+pub struct StrictError(usize);
+
+/// Makes warnings errors from now on, in the whole process.
+pub fn be_strict() {
+    STRICT.store(true, Ordering::Relaxed);
+}
+
+/// Prints warnings to standard error, a line each, every one once in a process. Where warnings are errors, any is one:
+/// also one that was printed before.
+pub fn tell(warnings: &[Warning]) -> Result<(), StrictError> {
+    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    for warning in warnings {
+        if told.insert(warning.clone()) {
+            // A closed pipe is no error.
+            let _ = writeln!(std::io::stderr(), "warning: {warning}");
+        }
+    }
+    match STRICT.load(Ordering::Relaxed) && !warnings.is_empty() {
+        true => Err(StrictError(warnings.len())),
+        false => Ok(()),
     }
 }
 

@@ -9,6 +9,7 @@ use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::shape::textured::TilesLight;
 use crate::tiles::tileset::Tileset;
+use crate::warning::Warning;
 use bevy::prelude::*;
 use glam::{DAffine3, DVec3};
 use std::sync::{Arc, Mutex};
@@ -50,6 +51,8 @@ pub struct CityTiles {
     pub light: TilesLight,
     /// What it is, in words.
     pub summary: String,
+    /// What the readers of its files took for granted or left out.
+    pub warnings: Vec<Warning>,
 }
 
 impl Environment {

@@ -18,6 +18,7 @@ use crate::tiles::fetch::resolve;
 use crate::tiles::heights::{self, Heights};
 use crate::tiles::settled;
 use crate::tiles::tileset::Tileset;
+use crate::warning::Warning;
 use glam::{DAffine3, DMat3, DVec3};
 pub use location::located;
 use std::path::Path;
@@ -45,6 +46,8 @@ pub struct RealPlace {
     pub enu_from_root: DAffine3,
     /// What it is, in words.
     pub summary: String,
+    /// What the readers of its files took for granted or left out.
+    pub warnings: Vec<Warning>,
 }
 
 /// What tells one real city from another: its parameters with paths seen from the working directory.
@@ -98,11 +101,14 @@ pub fn found_anywhere(params: &CityParams, folder: &Path) -> Vec<String> {
 
 /// Reads the real city of some parameters, whose paths are relative to `folder`, about a site.
 pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<RealPlace, PlaceError> {
+    let mut warnings = Vec::new();
     let location = match &params.tileset {
         Some(tileset) => located(folder, tileset),
-        None => cache::tiles(params, site, folder)?
-            .to_string_lossy()
-            .into_owned(),
+        None => {
+            let built = cache::tiles(params, site, folder)?;
+            warnings.extend(built.warnings);
+            built.folder.to_string_lossy().into_owned()
+        }
     };
     let mut tileset = Tileset::open(&location).map_err(PlaceError::Tileset)?;
     let enu_from_root = placed(&tileset, params, site, folder)?;
@@ -133,6 +139,7 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
                 location,
                 enu_from_root,
                 summary,
+                warnings,
             });
         }
         terrain = ground;
@@ -171,7 +178,9 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
         [detail_m, reach_m],
     )?;
     if let Some(horizon) = &params.horizon {
-        evidence.horizon = cache::horizon(horizon, site, folder)?;
+        let (triangles, noted) = cache::horizon(horizon, site, folder)?;
+        evidence.horizon = triangles;
+        warnings.extend(noted);
     }
     let triangles = evidence.triangles.len();
     let upside_down = evidence.facing() < UPSIDE_DOWN;
@@ -202,6 +211,7 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
         location,
         enu_from_root,
         summary,
+        warnings,
     })
 }
 

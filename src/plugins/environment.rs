@@ -12,6 +12,7 @@ use crate::place::{self, made_from};
 use crate::plugins::run::fallible;
 use crate::scenario::{Above, InputError, Loaded};
 use crate::systems::environment as systems;
+use crate::warning;
 use bevy::prelude::*;
 use glam::DVec3;
 use std::path::Path;
@@ -144,6 +145,7 @@ fn real_city(
         let key = error.key(params.tileset.is_some());
         loaded.refuse(&format!("city.{key}"), error)
     })?;
+    warning::tell(&place.warnings).map_err(|error| loaded.refuse("city", error))?;
     let tiles = CityTiles {
         tileset: Arc::new(Mutex::new(place.tileset)),
         location: place.location,
@@ -151,6 +153,7 @@ fn real_city(
         enu_from_root: place.enu_from_root,
         light: params.light.unwrap_or_default(),
         summary: place.summary,
+        warnings: place.warnings,
     };
     Ok((Arc::new(place.city), Some(tiles)))
 }

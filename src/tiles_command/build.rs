@@ -10,6 +10,7 @@ use crate::tiles::build::options::{BuildOptions, Division, Pictures};
 use crate::tiles::build::report::{BuildError, BuildReport};
 use crate::tiles::build::{build_with, city, ground::terrain, sources};
 use crate::tiles::heights::{Heights, HeightsError};
+use crate::warning::{self, StrictError, Warning};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::num::NonZeroUsize;
@@ -98,6 +99,9 @@ pub enum CommandError {
     /// The heights beside the tiles.
     #[error(transparent)]
     Heights(#[from] HeightsError),
+    /// Warnings where they are errors.
+    #[error(transparent)]
+    Strict(#[from] StrictError),
     /// A scenario whose city is there already.
     #[error("{}: its city is a real one, which a run builds by itself; give a scenario with a generated city", .0.display())]
     Real(PathBuf),
@@ -174,6 +178,10 @@ pub fn run(arguments: &Arguments) -> Result<String, CommandError> {
             (layers, heights)
         }
     };
+    let warnings: Vec<Warning> = (layers.iter())
+        .flat_map(|layer| layer.warnings.clone())
+        .collect();
+    warning::tell(&warnings)?;
     let read_s = begun.elapsed().as_secs_f64();
     say(&format!("{} layers read in {read_s:.1} s", layers.len()));
     let report = build_with(&layers, &arguments.build_options(), &arguments.out, say)?;
