@@ -4,7 +4,7 @@
 //! seven (or three) parameters of each code, no grids (docs/georeferencing.md says what that costs). Heights are over the
 //! ellipsoid or over a geoid. National heights over a geoid are taken as heights over EGM96's.
 
-use crate::models::maths::geodesy::Geodetic;
+use crate::models::maths::geodesy::{Geodetic, longitude_arc_deg, longitude_near_deg};
 use glam::{DVec2, DVec3};
 use proj4rs::Proj;
 use proj4rs::transform::transform;
@@ -201,9 +201,14 @@ impl Crs {
         })
     }
 
-    /// The same system over a geoid that lies `height_m` [m] above the ellipsoid everywhere.
+    /// The same system over a geoid that lies `height_m` [m] above the ellipsoid everywhere. Whoever states that height has heights
+    /// over the geoid, where the system's name says nothing else.
     pub fn with_geoid_height(mut self, height_m: f64) -> Self {
         self.geoid.constant_m = Some(height_m);
+        if !self.stated {
+            self.heights = Heights::Geoid("stated");
+            self.stated = true;
+        }
         self
     }
 
@@ -234,6 +239,24 @@ impl Crs {
                 format!("heights over the geoid ({name}), taken as EGM96's{assumed}")
             }
         }
+    }
+
+    /// Whether its name says what heights are counted from, or that was assumed.
+    pub fn heights_are_stated(&self) -> bool {
+        self.stated
+    }
+
+    /// Lowest and highest corner of points in this system's coordinates. Longitudes that lie across ±180° or 0° are taken on one side
+    /// of it, so that the middle of the corners is the middle of the points.
+    pub fn bounds(&self, points: impl Iterator<Item = DVec3> + Clone) -> [DVec3; 2] {
+        let arc = longitude_arc_deg(points.clone().map(|r| r.x)).filter(|_| self.is_geographic());
+        let middle = arc.map(|[west, east]| (west + east) / 2.0);
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for r in points {
+            let r = r.with_x(middle.map_or(r.x, |middle| longitude_near_deg(r.x, middle)));
+            bounds = [bounds[0].min(r), bounds[1].max(r)];
+        }
+        bounds
     }
 
     /// Whether its coordinates are longitude and latitude [deg].

@@ -6,6 +6,7 @@ use super::options::Options;
 use crate::models::ground::georeference::Placement;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::projection::{Crs, CrsError};
+use crate::warning::Notes;
 use glam::{DAffine3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -95,6 +96,22 @@ pub fn crs(name: &str, options: &Options) -> Result<Crs, Fault> {
     })
 }
 
+/// Notes what heights are counted from where the system does not say it.
+pub fn note_heights(crs: &Crs, notes: &mut Notes) {
+    if crs.heights_are_stated() {
+        return;
+    }
+    let (name, taken) = (crs.name(), crs.heights_in_words());
+    let [ellipsoid, geoid] = match name.starts_with('+') {
+        true => ["+ellipsoid", "+geoid"].map(|kind| format!("'{name} {kind}'")),
+        false => ["+ellipsoid", "+geoid"].map(|kind| format!("{name}{kind}")),
+    };
+    let mend = format!(
+        "say which: --crs {ellipsoid} or {geoid} (crs of a scenario's source), or a vertical system in the file"
+    );
+    notes.assume("heights", taken, mend);
+}
+
 impl Place {
     /// What the options state, or else the system `own` that the source itself names.
     pub fn of(options: &Options, own: Option<&str>, path: &Path) -> Result<Self, SourceError> {
@@ -114,6 +131,25 @@ impl Place {
         found
             .map(|crs| Self::Crs(Box::new(crs)))
             .map_err(|fault| fault.of(path))
+    }
+
+    /// Notes what the place takes for granted: heights over the geoid or the ellipsoid, where nothing says which. Every reader calls it
+    /// once a file whose own heights count.
+    pub fn note(&self, notes: &mut Notes) {
+        if let Self::Crs(crs) = self {
+            note_heights(crs, notes);
+        }
+    }
+
+    /// Lowest and highest corner of a source's points, in its coordinates; across ±180° the longitudes go on beyond it.
+    pub fn bounds(&self, points: impl Iterator<Item = DVec3> + Clone) -> [DVec3; 2] {
+        match self {
+            Self::Crs(crs) => crs.bounds(points),
+            Self::Local(_) => {
+                let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+                points.fold(start, |[low, high], r| [low.min(r), high.max(r)])
+            }
+        }
     }
 
     /// The ECEF position [m] of a point of the source.
@@ -142,6 +178,7 @@ pub fn site(options: &Options, place: &Place, bounds: [DVec3; 2]) -> Result<Site
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::maths::geodesy::longitude_near_deg;
 
     #[test]
     fn a_parameter_file_comes_back() {
@@ -171,6 +208,63 @@ mod tests {
         )
         .unwrap();
         assert!(placement(&path).is_err());
+    }
+
+    #[test]
+    fn heights_that_nothing_states_are_noted_once_with_what_states_them() {
+        let noted = |name: &str, options: &Options| {
+            let options = Options {
+                crs: Some(name.into()),
+                ..options.clone()
+            };
+            let place = Place::of(&options, None, Path::new("a.obj")).unwrap();
+            let mut notes = Notes::default();
+            place.note(&mut notes);
+            place.note(&mut notes);
+            let warnings = notes.warnings(Path::new("a.obj"));
+            warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        let plain = Options::default();
+        for (name, taken) in [
+            ("EPSG:25832", "geoid"),
+            ("WGS84", "ellipsoid"),
+            ("+proj=utm +zone=32 +ellps=GRS80", "geoid"),
+        ] {
+            let lines = noted(name, &plain);
+            assert_eq!(lines.len(), 1, "{name}");
+            assert!(
+                lines[0].contains(taken) && lines[0].contains("+ellipsoid"),
+                "{lines:?}"
+            );
+            // What the warning names silences it.
+            for kind in ["+ellipsoid", "+geoid"] {
+                let space = if name.starts_with('+') { " " } else { "" };
+                let named = format!("{name}{space}{kind}");
+                assert!(lines[0].contains(&named), "{lines:?}");
+                assert!(noted(&named, &plain).is_empty(), "{named}");
+            }
+        }
+        for name in ["EPSG:7415", "EPSG:4978", "EPSG:4979", "EPSG:2056+5728"] {
+            assert!(noted(name, &plain).is_empty(), "{name}");
+        }
+        let stated = Options {
+            geoid_height_m: Some(47.5),
+            ..plain
+        };
+        assert!(noted("WGS84", &stated).is_empty());
+    }
+
+    #[test]
+    fn the_middle_of_a_source_across_the_antimeridian_lies_in_it() {
+        let place = Place::Crs(Box::new(Crs::parse("WGS84").unwrap()));
+        let points = [[179.99, -16.5, 3.0], [-179.98, -16.4, 9.0]].map(DVec3::from);
+        let bounds = place.bounds(points.into_iter());
+        let site = site(&Options::default(), &place, bounds).unwrap();
+        let middle_deg = site.origin().longitude_rad.to_degrees();
+        assert!(
+            (longitude_near_deg(middle_deg, 180.0) - 180.005).abs() < 1e-9,
+            "{middle_deg}"
+        );
     }
 
     #[test]

@@ -40,6 +40,36 @@ impl Geodetic {
     }
 }
 
+/// The same meridian, at most half a turn from `near_deg` [deg].
+pub fn longitude_near_deg(longitude_deg: f64, near_deg: f64) -> f64 {
+    longitude_deg + 360.0 * ((near_deg - longitude_deg) / 360.0).round()
+}
+
+/// West and east end of the arc that holds all longitudes [deg]: as they are written where they span half a turn or less, otherwise
+/// the shortest arc, which may cross ±180° (its east end is then above 180°). `None` without longitudes, or where one is no number.
+pub fn longitude_arc_deg(longitudes_deg: impl IntoIterator<Item = f64>) -> Option<[f64; 2]> {
+    let mut all: Vec<f64> = longitudes_deg.into_iter().collect();
+    if !all.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    all.sort_by(f64::total_cmp);
+    let [west, east] = [*all.first()?, *all.last()?];
+    if east - west <= 180.0 {
+        return Some([west, east]);
+    }
+    for x in &mut all {
+        *x = x.rem_euclid(360.0);
+    }
+    all.sort_by(f64::total_cmp);
+    // The arc begins behind the widest gap.
+    let around = all.last()? - 360.0;
+    let before = std::iter::once(&around).chain(&all);
+    let gaps = before.zip(&all).map(|(before, x)| x - before).enumerate();
+    let (widest, gap) = gaps.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let west = longitude_near_deg(all[widest], 0.0);
+    Some([west, west + 360.0 - gap])
+}
+
 /// The ENU frame tangent to the ellipsoid's normal at a site (EPSG method 9836).
 #[derive(Clone, Copy, Debug)]
 pub struct SiteFrame {
@@ -153,6 +183,20 @@ mod tests {
                 assert!((turned - ecef).abs().max_element() < 3e-9);
             }
         }
+    }
+
+    #[test]
+    fn an_arc_of_longitudes_crosses_the_antimeridian() {
+        let arc = |all: &[f64]| longitude_arc_deg(all.iter().copied());
+        assert_eq!(arc(&[8.0, 7.5, 9.0]), Some([7.5, 9.0]));
+        assert_eq!(arc(&[359.0, 358.0]), Some([358.0, 359.0]));
+        assert_eq!(arc(&[179.5, -179.0, 178.0]), Some([178.0, 181.0]));
+        assert_eq!(arc(&[359.5, 0.25]), Some([-0.5, 0.25]));
+        assert_eq!(arc(&[-170.0, -180.0, 180.0]), Some([-180.0, -170.0]));
+        assert_eq!(arc(&[5.0]), Some([5.0, 5.0]));
+        assert_eq!((arc(&[]), arc(&[f64::NAN])), (None, None));
+        assert_eq!(longitude_near_deg(-179.0, 178.0), 181.0);
+        assert_eq!(longitude_near_deg(359.0, 8.0), -1.0);
     }
 
     #[test]
