@@ -264,6 +264,16 @@ impl Crs {
         self.proj.is_latlong()
     }
 
+    /// Metres in its units of easting, northing and height; one for a geographic system's longitude and latitude.
+    pub fn units_m(&self) -> DVec3 {
+        let flat_m = if self.is_geographic() {
+            1.0
+        } else {
+            self.proj.to_meter()
+        };
+        DVec3::new(flat_m, flat_m, self.height_unit_m)
+    }
+
     /// Whether its coordinates are X, Y and Z from the centre of the Earth.
     pub fn is_geocentric(&self) -> bool {
         self.proj.is_geocent()

@@ -1,32 +1,39 @@
 //! IFC (STEP) building models: what their products look like, and where they belong: room, storey, building.
 //!
-//! `ifc-lite-core` reads the records, units and georeferencing; it makes no geometry. What is made here: extruded areas, faceted
-//! B-reps, surface models, triangulated and polygonal face sets, mapped items, local placements. Not made: curved B-reps, revolved and
-//! swept solids, openings and other Boolean operations (the first operand stands uncut), curtain walls' grids, styles.
+//! `ifc-lite-core` reads the records; it makes no geometry, and its georeferencing takes defaults where something is not understood, so
+//! that units and georeferencing are read here. What is made and what is not: `docs/sources.md`.
 
+mod curve;
+mod georeference;
+mod model;
+mod placing;
+mod profile;
 mod shape;
+mod system;
+mod units;
 
 use super::error::{Fault, SourceError, read_bytes};
 use super::options::Options;
-use super::place::{self, Place};
 use super::surfaces::{Corner, Surfaces};
 use super::{Layer, LayerKind};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
+use crate::warning::Notes;
+use georeference::Stated;
 use glam::DVec3;
 use ifc_lite_core::{
-    DecodedEntity, EntityDecoder, EntityScanner, GeoRefExtractor, GeoRefSource, GeoReference,
-    IfcType, build_entity_index,
+    AttributeValue, DecodedEntity, EntityDecoder, EntityScanner, IfcType, build_entity_index,
 };
+use model::{Lost, Model};
+use placing::{Placing, ToEcef};
 use serde_json::{Map, Value};
-use shape::Model;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// Deepest tree of rooms, storeys and assemblies that is followed.
 const DEEPEST: usize = 32;
 
-/// A product's faces in the model's frame [m], with what is known of it.
+/// A product's faces in the frame of the placements [m], with what is known of it.
 struct Product {
     known: Map<String, Value>,
     kind: IfcType,
@@ -37,129 +44,143 @@ struct Product {
 /// The products of an IFC file with shapes, a feature each, with name, type, room, storey and building; rooms follow as features
 /// without triangles. It stands where its map conversion or its site's latitude and longitude say, or where the options say.
 ///
-/// Fails where the file is damaged, holds no shape, or says nowhere where it stands.
+/// Fails where the file is damaged, holds no shape, states a unit or a place that is not understood, or says nowhere where it stands.
 pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
     let bytes = read_bytes(path)?;
     let damaged = || Fault::new("IFC", "a record is damaged", "export it again").of(path);
     // Behind the library's interface lie indices of the file's own.
     let made = catch_unwind(AssertUnwindSafe(|| products(&bytes))).map_err(|_| damaged())?;
-    let (products, georeference, unit_m) = made.map_err(|fault| fault.of(path))?;
+    let mut made = made.map_err(|fault| fault.of(path))?;
     drop(bytes);
-    let to_ecef = placing(georeference.as_ref(), unit_m, options, path)?;
-    layer(products, &to_ecef, options).map_err(|fault| fault.of(path))
+    let [low, high] = made.bounds();
+    let placing = Placing {
+        stated: &made.stated,
+        unit_m: made.unit_m,
+        middle_m: (low + high) / 2.0,
+        options,
+    };
+    let to_ecef = placing.to_ecef(path, &mut made.notes)?;
+    let warnings = std::mem::take(&mut made.notes);
+    let mut layer = layer(made, &to_ecef, options).map_err(|fault| fault.of(path))?;
+    layer.warnings = warnings.warnings(path);
+    Ok(layer)
 }
 
-/// From the model's frame [m] to ECEF [m].
-type ToEcef = Box<dyn Fn(DVec3) -> Result<DVec3, Fault>>;
-
-/// Where the model stands.
-fn placing(
-    georeference: Option<&GeoReference>,
+/// What is read of a file before it is placed.
+struct Made {
+    /// Products with faces, then the rooms.
+    products: Vec<Product>,
+    stated: Stated,
     unit_m: f64,
-    options: &Options,
-    path: &Path,
-) -> Result<ToEcef, SourceError> {
-    let local = options.georef.is_some();
-    // A site's latitude and longitude stand back where the options name the map.
-    let stands = |given: &&GeoReference| match given.source {
-        None => false,
-        Some(GeoRefSource::SiteLocation) => options.crs.is_none(),
-        Some(_) => true,
-    };
-    let Some(given) = georeference.filter(|_| !local).filter(stands).cloned() else {
-        let place = Place::of(options, None, path)?;
-        return Ok(Box::new(move |r| place.ecef_m(r)));
-    };
-    if given.source == Some(GeoRefSource::SiteLocation) {
-        let site = SiteFrame::new(Geodetic {
-            latitude_rad: given.northings.to_radians(),
-            longitude_rad: given.eastings.to_radians(),
-            height_m: 0.0,
-        });
-        // The site's elevation is one over the sea.
-        let wgs84 = place::crs("EPSG:4326+5773", options).map_err(|fault| fault.of(path))?;
-        let ground = DVec3::new(
-            given.eastings,
-            given.northings,
-            given.orthogonal_height * unit_m,
-        );
-        let height_m = wgs84
-            .to_geodetic(ground)
-            .map_err(|error| Fault::from(error).of(path))?
-            .height_m;
-        let site = SiteFrame::new(Geodetic {
-            height_m,
-            ..site.origin()
-        });
-        return Ok(Box::new(move |r| Ok(site.enu_to_ecef(r))));
-    }
-    let place = Place::of(options, given.crs_name.as_deref(), path)?;
-    let map_m = given.map_unit_scale.unwrap_or(unit_m);
-    Ok(Box::new(move |r| {
-        let (e, n, h) = given.local_to_map(r.x / unit_m, r.y / unit_m, r.z / unit_m);
-        place.ecef_m(DVec3::new(e, n, h) * map_m)
-    }))
+    notes: Notes,
 }
 
-/// Products with faces, the georeferencing, and metres in the file's unit.
-type Made = (Vec<Product>, Option<GeoReference>, f64);
+impl Made {
+    /// Lowest and highest corner in the frame of the placements [m].
+    fn bounds(&self) -> [DVec3; 2] {
+        let all = self.products.iter().flat_map(|p| p.faces.iter());
+        let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        all.flatten()
+            .flatten()
+            .fold(start, |[low, high], r| [low.min(*r), high.max(*r)])
+    }
+}
+
+/// The text of a STEP file, without a byte-order mark.
+fn step(bytes: &[u8]) -> Result<&[u8], Fault> {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let text = text.trim_ascii_start();
+    if text.starts_with(b"ISO-10303-21") {
+        return Ok(text);
+    }
+    let (what, mend) = match text {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => ("it is UTF-16", "save it as UTF-8 or ASCII"),
+        [b'P', b'K', ..] => (
+            "it is an ifcZIP archive",
+            "unzip it and name the .ifc inside",
+        ),
+        [0x1f, 0x8b, ..] => ("it is compressed with gzip", "unpack it"),
+        [b'<', ..] => ("it is ifcXML", "export it as STEP (.ifc)"),
+        _ => (
+            "it does not begin with ISO-10303-21",
+            "name an IFC file (STEP, .ifc)",
+        ),
+    };
+    Err(Fault::new("IFC", what, mend))
+}
+
+/// Products that have no shape of their own by their nature.
+fn shapeless(kind: &IfcType) -> bool {
+    let all = [
+        IfcType::IfcSpatialElement,
+        IfcType::IfcSpatialStructureElement,
+        IfcType::IfcPort,
+        IfcType::IfcLinearElement,
+        IfcType::IfcPositioningElement,
+        IfcType::IfcStructuralItem,
+        IfcType::IfcStructuralActivity,
+        IfcType::IfcElementAssembly,
+    ];
+    all.into_iter().any(|one| kind.is_subtype_of(one))
+}
+
+/// The kind under which a product is left out that is never shown.
+fn hidden(kind: &IfcType) -> Option<&'static str> {
+    match kind {
+        IfcType::IfcOpeningElement
+        | IfcType::IfcOpeningStandardCase
+        | IfcType::IfcVoidingFeature => Some("openings (walls and slabs stay uncut)"),
+        IfcType::IfcAnnotation => Some("annotations"),
+        IfcType::IfcGrid => Some("grids"),
+        IfcType::IfcVirtualElement => Some("virtual elements"),
+        _ => None,
+    }
+}
 
 fn products(bytes: &[u8]) -> Result<Made, Fault> {
-    let mend = "name an IFC file (STEP, .ifc)";
-    if !bytes.trim_ascii_start().starts_with(b"ISO-10303-21") {
-        return Err(Fault::new(
-            "IFC",
-            "it does not begin with ISO-10303-21",
-            mend,
-        ));
-    }
+    let bytes = step(bytes)?;
     let mut scanner = EntityScanner::new(bytes);
     let mut kinds: Vec<(u32, IfcType)> = Vec::new();
     while let Some((id, keyword, ..)) = scanner.next_entity() {
         kinds.push((id, IfcType::from_str(keyword)));
     }
-    kinds.sort_unstable_by_key(|(id, _)| *id);
+    kinds.sort_by_key(|(id, _)| *id);
+    let mut model = Model::new(EntityDecoder::with_index(bytes, build_entity_index(bytes)));
+    for start in scanner.malformed_record_starts() {
+        let line = bytes[..(*start).min(bytes.len())].iter();
+        let line = 1 + line.filter(|b| **b == b'\n').count();
+        model
+            .notes
+            .leave_out("damaged records", format!("line {line}"));
+    }
+    for twins in kinds.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        let place = format!("#{}", twins[0].0);
+        model
+            .notes
+            .leave_out("records whose number is taken", place);
+    }
     kinds.dedup_by_key(|(id, _)| *id);
-    let mut decoder = EntityDecoder::with_index(bytes, build_entity_index(bytes));
-    let unit_m = Some(decoder.length_unit_scale())
-        .filter(|m| m.is_finite() && (1e-6..1e4).contains(m))
-        .unwrap_or(1.0);
-    let georeference = GeoRefExtractor::extract(&mut decoder, &kinds)
-        .ok()
-        .flatten();
-    let mut model = Model::new(decoder, unit_m);
-    let parents = parents(&mut model, &kinds);
+    model.take_units(&kinds)?;
+    let stated = Stated::read(&mut model, &kinds)?;
+    let (parents, wholes) = parents(&mut model, &kinds);
     let mut found = Vec::new();
     let mut rooms = Vec::new();
     for (id, kind) in &kinds {
-        let hidden = [
-            IfcType::IfcOpeningElement,
-            IfcType::IfcAnnotation,
-            IfcType::IfcGrid,
-            IfcType::IfcVirtualElement,
-        ];
-        if !kind.is_subtype_of(IfcType::IfcProduct) || hidden.contains(kind) {
+        if !kind.is_subtype_of(IfcType::IfcProduct) {
             continue;
         }
-        let Some(product) = model.entity(*id) else {
-            continue;
+        let read = catch_unwind(AssertUnwindSafe(|| {
+            product(&mut model, *id, kind, &parents, &wholes)
+        }));
+        let lost = || Lost {
+            kind: "damaged products".into(),
+            place: format!("#{id} {}", kind.name()),
         };
-        let known = known(&mut model, &product, &parents);
-        if *kind == IfcType::IfcSpace {
-            rooms.push(Product {
-                known,
-                kind: kind.clone(),
-                faces: Vec::new(),
-            });
-            continue;
-        }
-        let faces = model.faces(&product);
-        if !faces.is_empty() {
-            found.push(Product {
-                known,
-                kind: kind.clone(),
-                faces,
-            });
+        match read.unwrap_or_else(|_| Err(lost())) {
+            Ok(Some(product)) if product.kind == IfcType::IfcSpace => rooms.push(product),
+            Ok(Some(product)) => found.push(product),
+            Ok(None) => {}
+            Err(lost) => model.notes.leave_out(lost.kind, lost.place),
         }
         if model.exhausted() {
             let what = "mapped items multiply to too many faces";
@@ -169,17 +190,87 @@ fn products(bytes: &[u8]) -> Result<Made, Fault> {
     if found.is_empty() {
         return Err(Fault::new(
             "IFC",
-            "no product has a shape that is read",
+            format!(
+                "no product has a shape that is read{}",
+                reasons(model.notes)
+            ),
             "export it with B-reps, extrusions or face sets",
         ));
     }
     found.extend(rooms);
-    Ok((found, georeference, unit_m))
+    Ok(Made {
+        products: found,
+        stated,
+        unit_m: model.unit_m,
+        notes: model.notes,
+    })
 }
 
-/// What each object is a part of or stands in.
-fn parents(model: &mut Model, kinds: &[(u32, IfcType)]) -> BTreeMap<u32, u32> {
+/// What was left out, in brackets.
+fn reasons(notes: Notes) -> String {
+    let warnings = notes.warnings(Path::new(""));
+    let left_out = warnings
+        .into_iter()
+        .find(|warning| warning.place == "left out");
+    left_out.map_or(String::new(), |warning| format!(" ({})", warning.what))
+}
+
+/// A product with its faces; none where it has none by its nature.
+fn product(
+    model: &mut Model,
+    id: u32,
+    kind: &IfcType,
+    parents: &BTreeMap<u32, u32>,
+    wholes: &BTreeSet<u32>,
+) -> Result<Option<Product>, Lost> {
+    let place = |product: &DecodedEntity| {
+        let name = product.get_string(2).unwrap_or_default();
+        format!("{} '{name}'", kind.name())
+    };
+    let lost = |what: &str| Lost {
+        kind: what.into(),
+        place: format!("#{id} {}", kind.name()),
+    };
+    let product = model.entity(id).ok_or_else(|| lost("damaged products"))?;
+    if let Some(what) = hidden(kind) {
+        return Err(lost(what));
+    }
+    let known = known(model, &product, parents);
+    let mut made = Product {
+        known,
+        kind: kind.clone(),
+        faces: Vec::new(),
+    };
+    if *kind == IfcType::IfcSpace {
+        return Ok(Some(made));
+    }
+    if product.get(6).is_none_or(AttributeValue::is_null) {
+        // A whole is shown by its parts.
+        if shapeless(kind) || wholes.contains(&id) {
+            return Ok(None);
+        }
+        return Err(lost("products without a shape"));
+    }
+    model.product = place(&product);
+    let before = model.notes.count_left_out();
+    let faces = model.faces(&product);
+    model.product.clear();
+    made.faces = faces.map_err(|lost| Lost {
+        place: format!("{} of {}", lost.place, place(&product)),
+        ..lost
+    })?;
+    let silent = made.faces.is_empty() && model.notes.count_left_out() == before;
+    if silent && !shapeless(kind) {
+        return Err(lost("products whose shape has no faces"));
+    }
+    let some = !made.faces.is_empty();
+    Ok(some.then_some(made))
+}
+
+/// What each object is a part of or stands in, and the objects that others are parts of.
+fn parents(model: &mut Model, kinds: &[(u32, IfcType)]) -> (BTreeMap<u32, u32>, BTreeSet<u32>) {
     let mut parents = BTreeMap::new();
+    let mut wholes = BTreeSet::new();
     for (id, kind) in kinds {
         // Attributes: the whole and its parts; the elements and the structure that contains them.
         let (whole, parts) = match kind {
@@ -193,11 +284,12 @@ fn parents(model: &mut Model, kinds: &[(u32, IfcType)]) -> BTreeMap<u32, u32> {
         let Some(whole) = relation.get_ref(whole) else {
             continue;
         };
+        wholes.insert(whole);
         for part in relation.get_refs(parts).unwrap_or_default() {
             parents.entry(part).or_insert(whole);
         }
     }
-    parents
+    (parents, wholes)
 }
 
 /// Name and type of an object, and the room, storey and building that it stands in.
@@ -258,14 +350,9 @@ fn albedo(kind: &IfcType) -> [f32; 4] {
 }
 
 /// The layer of products.
-fn layer(products: Vec<Product>, to_ecef: &ToEcef, options: &Options) -> Result<Layer, Fault> {
-    let corners = || {
-        products
-            .iter()
-            .flat_map(|p| p.faces.iter().flatten().flatten())
-    };
-    let low = corners().fold(DVec3::INFINITY, |a, b| a.min(*b));
-    let high = corners().fold(DVec3::NEG_INFINITY, |a, b| a.max(*b));
+fn layer(made: Made, to_ecef: &ToEcef, options: &Options) -> Result<Layer, Fault> {
+    let [low, high] = made.bounds();
+    let products = made.products;
     let site = match options.site {
         Some(site) => site,
         None => {

@@ -117,11 +117,17 @@ impl Surfaces {
         self.parts.len() - 1
     }
 
-    /// A polygon of a feature: its outline and holes, open rings, counter-clockwise seen from outside.
-    pub fn polygon(&mut self, rings: &[Vec<Corner>], feature: u32, color: [f32; 4], look: usize) {
+    /// A polygon of a feature: its outline and holes, open rings, counter-clockwise seen from outside. Whether it has an area.
+    pub fn polygon(
+        &mut self,
+        rings: &[Vec<Corner>],
+        feature: u32,
+        color: [f32; 4],
+        look: usize,
+    ) -> bool {
         let triangles = triangulate(rings, &mut self.scratch);
         let Some(part) = self.parts.get_mut(look).filter(|_| !triangles.is_empty()) else {
-            return;
+            return false;
         };
         let normal = area_vector_m2(&rings[0]).normalize_or_zero();
         let base = part.corners.len() as u32;
@@ -133,6 +139,7 @@ impl Surfaces {
         }
         let indices = triangles.into_iter().flatten();
         part.indices.extend(indices.map(|k| base + k as u32));
+        true
     }
 
     /// The meshes, each about the middle of its corners.

@@ -1,7 +1,7 @@
 use super::*;
 use crate::sources::surfaces::volume_m3;
 use proptest::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// A file of its own in a folder that goes with it.
 fn read_text(text: &str, options: &Options) -> Result<Vec<Layer>, SourceError> {
@@ -260,9 +260,10 @@ proptest! {
         if cut < bytes.len() && cut % 3 == 0 {
             bytes.truncate(cut);
         }
-        if let Ok(documents) = document::parse(&bytes) {
+        let mut notes = Notes::default();
+        if let Ok(documents) = document::parse(&bytes, &mut notes) {
             let place = Place::Local(glam::DAffine3::from_translation(DVec3::new(6_378_137.0, 0.0, 0.0)));
-            let _ = layers(&documents, &place, &Options::default(), Path::new("."));
+            let _ = layers(&documents, &place, &Options::default(), Path::new("."), &mut notes);
         }
     }
 }
@@ -300,4 +301,383 @@ fn delft_has_its_160_buildings() {
     assert_eq!(high, 160);
     // The solids lack their ground surfaces. Their volume over it in the map's plane is 33060.4 m³; the map's scale there is 0.99993.
     assert!((volume_all / 33_060.36 - 1.0).abs() < 5e-4, "{volume_all}");
+}
+
+/// What a file is read to, with its warnings in one text.
+fn read_with_warnings(text: &str, options: &Options) -> (Vec<Layer>, String) {
+    let layers = read_text(text, options).unwrap();
+    let lines: Vec<String> = layers
+        .iter()
+        .flat_map(|layer| &layer.warnings)
+        .map(ToString::to_string)
+        .collect();
+    (layers, lines.join("\n"))
+}
+
+fn house() -> Value {
+    json!({"type": "Building", "geometry": [{"type": "Solid", "lod": "2", "boundaries": [cube()]}]})
+}
+
+fn sound(layers: &[Layer]) -> bool {
+    (volume_m3(&layers[0].meshes, Some(0)) / 1200.0 - 1.0).abs() < 3e-4
+}
+
+#[test]
+fn members_may_stand_in_any_order_behind_a_mark_and_between_blanks() {
+    let head = city(json!({}));
+    let feature = json!({"type": "CityJSONFeature", "id": "a", "CityObjects": {"a": house()}, "vertices": corners()});
+    // The type of the head and of each feature stands last.
+    let last = |value: &Value| {
+        let mut members: Vec<_> = value.as_object().unwrap().iter().collect();
+        members.sort_by_key(|(key, _)| *key == "type");
+        let members: Vec<_> = members
+            .iter()
+            .map(|(key, value)| format!("{key:?}:{value}"))
+            .collect();
+        format!("{{{}}}", members.join(","))
+    };
+    let (head, feature) = (last(&head), last(&feature));
+    for text in [
+        format!("{head}\n{feature}"),
+        format!("\u{feff}{head}\r\n\r\n{feature}\r\n\n"),
+        format!("\u{1e}{head}\n\u{1e}{feature}\n"),
+        format!("{head}\n{}\n", feature.replace(',', ",\n  ")),
+        format!("{head}\n{feature}\n{{\"type\": \"CityJSONFeature\", \"vert"),
+    ] {
+        let (layers, warnings) = read_with_warnings(&text, &Options::default());
+        assert!(sound(&layers), "{text}");
+        let damaged = warnings.contains("1 damaged lines (line 3)");
+        assert_eq!(damaged, text.ends_with("vert"), "{warnings}");
+    }
+    let said = |bytes: Vec<u8>| document::parse(&bytes, &mut Notes::default()).unwrap_err();
+    let wide = |text: &str| -> Vec<u8> { text.encode_utf16().flat_map(u16::to_le_bytes).collect() };
+    assert!(said(wide(&head)).what.contains("UTF-16"));
+    assert!(
+        said(wide(&format!("\u{feff}{head}")))
+            .what
+            .contains("UTF-16")
+    );
+    assert!(said(vec![0x1f, 0x8b, 8, 0]).what.contains("gzip"));
+    assert!(
+        said(feature.into_bytes())
+            .mend
+            .contains("CityJSON line first")
+    );
+}
+
+#[test]
+fn odd_records_are_left_out_and_the_rest_is_read() {
+    let surface = |ring: Value| json!({"type": "Building", "geometry": [{"type": "MultiSurface", "lod": "1", "boundaries": [[ring], [[4, 5, 6]]]}]});
+    for (name, odd, said) in [
+        ("null", Value::Null, "damaged objects"),
+        ("text", json!("house"), "damaged objects"),
+        (
+            "nothing",
+            json!({"type": "Building"}),
+            "objects without geometry",
+        ),
+        (
+            "no geometry",
+            json!({"type": "Building", "geometry": [null]}),
+            "damaged geometries",
+        ),
+        (
+            "empty",
+            json!({"type": "Building", "geometry": [{"type": "MultiSurface", "lod": "1", "boundaries": []}]}),
+            "geometries without surfaces",
+        ),
+        (
+            "null lists",
+            json!({"type": "Building", "geometry": [{"type": "Solid", "lod": null, "boundaries": null}]}),
+            "geometries without surfaces",
+        ),
+        (
+            "points",
+            json!({"type": "Building", "geometry": [{"type": "MultiPoint", "lod": "1", "boundaries": [0]}]}),
+            "MultiPoint",
+        ),
+        (
+            "lines",
+            json!({"type": "Building", "geometry": [{"type": "MultiLineString", "lod": "1", "boundaries": [[0, 1]]}]}),
+            "MultiLineString",
+        ),
+        (
+            "extension",
+            json!({"type": "Building", "geometry": [{"type": "+Pipe", "lod": "1", "boundaries": [[0, 1]]}]}),
+            "geometries of extensions",
+        ),
+        (
+            "two corners",
+            surface(json!([0, 1])),
+            "fewer than three corners",
+        ),
+        ("a line", surface(json!([0, 1, 0, 1])), "without an area"),
+        (
+            "no vertex",
+            surface(json!([0, 1, 77])),
+            "a vertex that does not exist",
+        ),
+        (
+            "minus",
+            surface(json!([0, 1, -2])),
+            "a vertex that does not exist",
+        ),
+        (
+            "bad vertex",
+            surface(json!([0, 1, 8])),
+            "a vertex that is no point",
+        ),
+        (
+            "stray vertex",
+            surface(json!([0, 1, 9])),
+            "a thousand kilometres",
+        ),
+        (
+            "no template",
+            json!({"type": "Building", "geometry": [{"type": "GeometryInstance", "template": 3, "boundaries": [0]}]}),
+            "template that does not exist",
+        ),
+    ] {
+        let mut text = city(json!({"a house": house(), name: odd}));
+        let vertices = text["vertices"].as_array_mut().unwrap();
+        vertices.extend([json!([1, null, 2]), json!([3e15, 0, 0])]);
+        let (layers, warnings) = read_with_warnings(&text.to_string(), &Options::default());
+        assert!(sound(&layers), "{name}");
+        assert!(warnings.contains(said), "{name}: {warnings}");
+        assert!(warnings.contains("left out: "), "{name}: {warnings}");
+        // The stray vertex does not move the frame.
+        let site = layers[0].site.origin();
+        assert!(
+            (site.latitude_rad.to_degrees() - 52.0).abs() < 0.1,
+            "{name}: {site:?}"
+        );
+    }
+}
+
+#[test]
+fn null_and_empty_members_are_taken_as_absent() {
+    let mut text = city(json!({"a": house()}));
+    for (member, value) in [
+        ("semantics", Value::Null),
+        ("semantics", json!({"surfaces": null, "values": null})),
+        ("semantics", json!([])),
+        ("material", Value::Null),
+        ("material", json!({"rgb": null})),
+        ("material", json!({"rgb": {"value": null}})),
+        ("texture", json!([])),
+        (
+            "texture",
+            json!({"day": {"values": [[null, [], [[null]]]]}}),
+        ),
+    ] {
+        text["CityObjects"]["a"]["geometry"][0][member] = value;
+        assert!(
+            sound(&read_with_warnings(&text.to_string(), &Options::default()).0),
+            "{text}"
+        );
+    }
+    text["CityObjects"]["a"]["attributes"] = Value::Null;
+    text["CityObjects"]["a"]["parents"] = Value::Null;
+    text["CityObjects"]["a"]["children"] = Value::Null;
+    for (member, value) in [
+        ("appearance", json!({})),
+        ("appearance", Value::Null),
+        (
+            "appearance",
+            json!({"materials": null, "textures": [null], "vertices-texture": [[0]]}),
+        ),
+        ("geometry-templates", json!({})),
+        ("extensions", Value::Null),
+    ] {
+        text[member] = value;
+        assert!(
+            sound(&read_with_warnings(&text.to_string(), &Options::default()).0),
+            "{text}"
+        );
+    }
+    text["metadata"] = Value::Null;
+    let options = Options {
+        crs: Some("EPSG:7415".into()),
+        ..Options::default()
+    };
+    assert!(sound(&read_with_warnings(&text.to_string(), &options).0));
+    text["version"] = json!(1.1);
+    assert!(sound(&read_with_warnings(&text.to_string(), &options).0));
+    text["version"] = Value::Null;
+    let (layers, warnings) = read_with_warnings(&text.to_string(), &options);
+    assert!(
+        sound(&layers) && warnings.contains("version: it states none"),
+        "{warnings}"
+    );
+}
+
+#[test]
+fn a_transform_is_applied_or_refused_by_name() {
+    let said = |text: &Value| {
+        read_text(&text.to_string(), &Options::default())
+            .unwrap_err()
+            .to_string()
+    };
+    let whole = city(json!({"a": house()}));
+    for (scale, translate) in [
+        (json!([0.001, 0.001, 0.0]), json!([0, 0, 0])),
+        (json!([0.001, null, 0.001]), json!([0, 0, 0])),
+        (json!([0.001, 0.001]), json!([0, 0, 0])),
+        (json!(0.001), json!([0, 0, 0])),
+        (json!([0.001, 0.001, 0.001]), json!([0, "x", 0])),
+        (Value::Null, Value::Null),
+    ] {
+        let mut text = whole.clone();
+        text["transform"] = json!({"scale": scale, "translate": translate});
+        assert!(said(&text).contains("transform: its "), "{}", said(&text));
+    }
+    let mut text = whole.clone();
+    text["transform"] = Value::Null;
+    for version in ["1.1", "2.0", "2.0.1"] {
+        text["version"] = json!(version);
+        assert!(
+            said(&text).contains("transform: it is missing"),
+            "{}",
+            said(&text)
+        );
+    }
+    // Without one, vertices of 1.0 count as they stand.
+    text["version"] = json!("1.0");
+    let metres: Vec<Value> = corners()
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|v| {
+            json!([
+                v[0].as_f64().unwrap() / 1e3 + 84600.0,
+                v[1].as_f64().unwrap() / 1e3 + 447400.0,
+                v[2].as_f64().unwrap() / 1e3
+            ])
+        })
+        .collect();
+    text["vertices"] = json!(metres);
+    assert!(sound(
+        &read_with_warnings(&text.to_string(), &Options::default()).0
+    ));
+    // An extent that the vertices leave is a warning, a larger one is none.
+    let mut text = whole;
+    text["metadata"]["geographicalExtent"] = json!([84000, 447000, 0, 85000, 448000, 50]);
+    assert!(
+        !read_with_warnings(&text.to_string(), &Options::default())
+            .1
+            .contains("Extent")
+    );
+    text["metadata"]["geographicalExtent"] = json!([194000, 447000, 0, 195000, 448000, 50]);
+    assert!(
+        read_with_warnings(&text.to_string(), &Options::default())
+            .1
+            .contains("geographicalExtent: it reaches")
+    );
+}
+
+#[test]
+fn systems_are_understood_in_many_forms() {
+    let heights = "heights: ";
+    for (system, compound) in [
+        (json!("https://www.opengis.net/def/crs/EPSG/0/7415"), true),
+        (json!("http://www.opengis.net/def/crs/EPSG/0/28992/"), false),
+        (json!("urn:ogc:def:crs:EPSG::7415"), true),
+        (
+            json!("urn:ogc:def:crs,crs:EPSG::28992,crs:EPSG::5709"),
+            true,
+        ),
+        (
+            json!(
+                "https://www.opengis.net/def/crs-compound?1=https://www.opengis.net/def/crs/EPSG/0/28992&2=https://www.opengis.net/def/crs/EPSG/0/5709"
+            ),
+            true,
+        ),
+        (json!("EPSG:28992"), false),
+        (json!(" epsg:28992+5709 "), true),
+        (json!(7415), true),
+        (json!({"epsg": 7415}), true),
+    ] {
+        let mut text = city(json!({"a": house()}));
+        text["metadata"]["referenceSystem"] = system.clone();
+        let (layers, warnings) = read_with_warnings(&text.to_string(), &Options::default());
+        let site = layers[0].site.origin();
+        assert!(
+            (site.latitude_rad.to_degrees() - 52.01).abs() < 0.01,
+            "{system}"
+        );
+        // The heights of a horizontal system are said to be assumed.
+        assert_eq!(
+            !warnings.contains(heights),
+            compound,
+            "{system}: {warnings}"
+        );
+    }
+    let mut text = city(json!({"a": house()}));
+    text["metadata"]["referenceSystem"] = json!([7415]);
+    let said = read_text(&text.to_string(), &Options::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        said.contains("referenceSystem") && said.contains("--crs"),
+        "{said}"
+    );
+}
+
+#[test]
+fn levels_shells_and_pictures_that_are_not_shown_are_counted() {
+    let mut text = city(json!({"a": house(), "b": house()}));
+    text["CityObjects"]["a"]["geometry"][0]["boundaries"] =
+        json!([cube(), [[[0, 1, 2]]], [[[0, 1, 3]]]]);
+    let ring = json!([[0, 0, 1, 2, 3]]);
+    let none = json!([[null]]);
+    text["CityObjects"]["b"]["geometry"][0]["texture"] =
+        json!({"day": {"values": [[none, none, ring, ring, none, none]]}});
+    text["appearance"] = json!({"textures": [{"type": "PNG", "image": "gone.png"}], "vertices-texture": [[0, 0], [1, 0], [1, 1], [0, 1]]});
+    let options = Options {
+        lod: Some("1".into()),
+        ..Options::default()
+    };
+    let (layers, warnings) = read_with_warnings(&text.to_string(), &options);
+    assert!(sound(&layers));
+    assert!(
+        warnings.contains("2 inner shells of solids (first Building a)"),
+        "{warnings}"
+    );
+    assert!(
+        warnings.contains("1 textures whose picture is missing or damaged (gone.png)"),
+        "{warnings}"
+    );
+    assert!(
+        warnings.contains("lod: 2 objects have none of 1"),
+        "{warnings}"
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    /// Whole-number vertices with another scale and shift are the same ground.
+    #[test]
+    fn another_transform_is_the_same_ground(digits in 0..5_i32, mirrored in any::<[bool; 3]>(), shift in prop::array::uniform3(-1000..1000_i32)) {
+        let own = city(json!({"a": house()}));
+        let mut other = own.clone();
+        let scale: Vec<f64> = mirrored.iter().map(|m| 10_f64.powi(-digits) * if *m { -1.0 } else { 1.0 }).collect();
+        let old = [84600.0, 447400.0, 1.0];
+        let translate: Vec<f64> = (0..3).map(|k| old[k] + f64::from(shift[k])).collect();
+        let vertices: Vec<Value> = corners().as_array().unwrap().iter().map(|v| {
+            let place = |k: usize| ((v[k].as_f64().unwrap() * 0.001 - f64::from(shift[k])) / scale[k]).round() as i64;
+            json!([place(0), place(1), place(2)])
+        }).collect();
+        other["transform"] = json!({"scale": scale, "translate": translate});
+        other["vertices"] = json!(vertices);
+        let places = |text: &Value| -> Vec<DVec3> {
+            let layer = read_text(&text.to_string(), &Options::default()).unwrap().remove(0);
+            let mesh = &layer.meshes[0];
+            let all = 0..mesh.positions.len() as u32;
+            all.map(|k| layer.site.enu_to_ecef(mesh.vertex_m(k))).collect()
+        };
+        for (a, b) in places(&own).iter().zip(places(&other)) {
+            // Corners in f32 about a middle: some micrometres.
+            prop_assert!(a.distance(b) < 1e-4, "{a} {b}");
+        }
+    }
 }

@@ -1,4 +1,6 @@
+
 use super::*;
+use crate::sources::place;
 use crate::sources::surfaces::volume_m3;
 use proptest::prelude::*;
 
@@ -218,7 +220,11 @@ fn bad_files_are_one_error_that_says_what_to_do() {
         "#10=IFCLOCALPLACEMENT($,#6)",
         "#10=IFCLOCALPLACEMENT(#21,#6)",
     );
-    assert!(read_text(&circle, &Options::default()).is_ok());
+    let circle = said(&circle);
+    assert!(
+        circle.contains("placements that run in a circle"),
+        "{circle}"
+    );
     let circle = house(MAP).replace("'SweptSolid',(#79)", "'SweptSolid',(#73,#74)");
     assert!(said(&circle).contains("multiply"));
 }
@@ -233,9 +239,13 @@ proptest! {
             bytes[at] ^= 1 << bit;
         }
         bytes.truncate(cut.max(200));
-        if let Ok((products, ..)) = products(&bytes) {
-            let to_ecef: ToEcef = Box::new(|r| Ok(r + DVec3::X * 6_378_137.0));
-            let _ = layer(products, &to_ecef, &Options::default());
+        if let Ok(mut made) = products(&bytes) {
+            let [low, high] = made.bounds();
+            let options = Options::default();
+            let placing = Placing { stated: &made.stated, unit_m: made.unit_m, middle_m: (low + high) / 2.0, options: &options };
+            if let Ok(to_ecef) = placing.to_ecef(Path::new("house.ifc"), &mut made.notes) {
+                let _ = layer(made, &to_ecef, &options);
+            }
         }
     }
 }
