@@ -7,17 +7,19 @@ use serde::{Deserialize, Serialize};
 
 use super::check::{Check, FRACTION};
 use crate::models::air::atmosphere::Cn2Profile;
-use crate::models::air::metar::MetarError;
+use crate::models::air::metar::{Given, MetarError, Report};
 use crate::models::air::turbulence::PaperIntensity;
 use crate::models::air::weather::Weather;
 use crate::models::air::wind::over_rough_ground;
+use crate::warning::Notes;
 
 /// The weather: a METAR, explicit values, or both (an explicit value wins over the report's).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Weather")]
 pub struct WeatherConfig {
-    /// An aerodrome report, verbatim.
+    /// An aerodrome report, verbatim (METAR or SPECI); the [page of METAR](metar.md) says what is read. What it lacks
+    /// (`/////KT`, `////`, `M01/`, `Q////`) is to be given beside it.
     pub metar: Option<String>,
     /// Mean wind speed 10 m above the ground, in a city above 0.7 of its mean building height; 3 without
     /// a METAR. A METAR's wind is that of open ground; the city's roughness takes about half of its speed.
@@ -69,7 +71,7 @@ impl WeatherConfig {
     /// The weather of a run: the METAR's or the documented defaults, then the explicit values.
     pub fn resolved(&self) -> Result<Weather, MetarError> {
         let base = match &self.metar {
-            Some(report) => Weather::from_metar(report)?,
+            Some(report) => Report::read(report)?.weather(&self.given())?,
             None => UNREPORTED_WEATHER,
         };
         let given = Weather {
@@ -92,6 +94,56 @@ impl WeatherConfig {
                 ..given.with_precipitation(rate_mmph)
             },
         })
+    }
+
+    /// The explicit values, in the units of a report's weather.
+    fn given(&self) -> Given {
+        Given {
+            wind_speed_mps: self.wind_speed_mps,
+            wind_from_rad: self.wind_from_deg.map(f64::to_radians),
+            visibility_m: self.visibility_m,
+            temperature_c: self.temperature_c,
+            relative_humidity: self.relative_humidity,
+            pressure_pa: self.pressure_hpa.map(|hpa| 100.0 * hpa),
+            cloud_cover: self.cloud_cover,
+        }
+    }
+
+    /// What is taken where the report leaves something open that no explicit value states.
+    pub fn notes(&self) -> Notes {
+        let mut notes = Notes::default();
+        let report = self.metar.as_deref().map(Report::read);
+        for assumed in report
+            .into_iter()
+            .flatten()
+            .flat_map(|report| report.assumed)
+        {
+            let mend = match assumed.key {
+                Some(key) if self.states(key) => continue,
+                Some(key) => format!("say it with weather.{key}"),
+                None => "leave it out of the report if it should not count".into(),
+            };
+            let what = format!("\"{}\" {}", assumed.group, assumed.what);
+            notes.assume("weather.metar", what, mend);
+        }
+        notes
+    }
+
+    /// Whether an explicit value is there that a report may leave open.
+    fn states(&self, key: &str) -> bool {
+        let value = match key {
+            "wind_speed_mps" => self.wind_speed_mps,
+            "wind_from_deg" => self.wind_from_deg,
+            "gust_mps" => self.gust_mps,
+            "visibility_m" => self.visibility_m,
+            "temperature_c" => self.temperature_c,
+            "pressure_hpa" => self.pressure_hpa,
+            "cloud_cover" => self.cloud_cover,
+            "cloud_base_m" => self.cloud_base_m,
+            "precipitation_mmph" => self.precipitation_mmph,
+            _ => None,
+        };
+        value.is_some()
     }
 
     /// The resolved weather at a site of roughness length `roughness_m` [m]: a report's wind is that
@@ -233,5 +285,94 @@ impl Turbulence {
             self.paper_volatility,
             PaperIntensity::VOLATILITY_RANGE_PER_SQRT_S,
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::air::weather::OPEN_VISIBILITY_M;
+    use crate::scenario::Scenario;
+    use std::path::Path;
+
+    fn of(metar: &str) -> WeatherConfig {
+        WeatherConfig {
+            metar: Some(metar.into()),
+            ..WeatherConfig::default()
+        }
+    }
+
+    fn told(weather: &WeatherConfig) -> Vec<String> {
+        let warnings = weather.notes().warnings(Path::new("s.toml"));
+        warnings.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn visibility_without_directions_is_open() {
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/odd/metar-9999ndv.toml");
+        if !path.exists() {
+            println!("skipped: no ../shared/data/odd");
+            return;
+        }
+        let loaded = Scenario::load(&path, &[]).unwrap();
+        let weather = loaded.scenario.weather.resolved().unwrap();
+        assert_eq!(weather.visibility_m, OPEN_VISIBILITY_M);
+        assert_eq!((weather.wind_speed_mps, weather.gust_mps), (0.0, None));
+        assert_eq!((weather.cloud_cover, weather.pressure_pa), (1.0, 100_100.0));
+        assert_eq!(told(&loaded.scenario.weather), Vec::<String>::new());
+    }
+
+    #[test]
+    fn an_explicit_value_stands_in_for_what_a_report_lacks() {
+        let lacking = of("METAR EGPF 171220Z AUTO /////KT 4000NDV // ////// 11/ Q////");
+        let error = lacking.resolved().unwrap_err().to_string();
+        assert!(error.contains("weather.wind_speed_mps"), "{error}");
+        let whole = WeatherConfig {
+            wind_speed_mps: Some(7.0),
+            wind_from_deg: Some(180.0),
+            relative_humidity: Some(0.7),
+            pressure_hpa: Some(990.0),
+            ..lacking
+        };
+        let weather = whole.resolved().unwrap();
+        let found = [
+            weather.wind_speed_mps,
+            weather.wind_from_rad.to_degrees(),
+            weather.visibility_m,
+            weather.temperature_k,
+            weather.relative_humidity,
+            weather.pressure_pa,
+        ];
+        assert_eq!(found, [7.0, 180.0, 4000.0, 284.15, 0.7, 99_000.0]);
+        // And wins over what it states.
+        let both = WeatherConfig {
+            visibility_m: Some(1500.0),
+            temperature_c: Some(-3.0),
+            ..whole
+        };
+        let weather = both.resolved().unwrap();
+        assert_eq!(
+            (weather.visibility_m, weather.temperature_k),
+            (1500.0, 270.15)
+        );
+    }
+
+    #[test]
+    fn what_a_report_leaves_open_is_told_until_a_value_states_it() {
+        let open = of("EDDF 171220Z VRB02KT 9999 // NSC 11/04 Q1013");
+        let expected = [
+            "s.toml: weather.metar: \"VRB02KT\" gives no direction of the wind: from the north is taken; say it with \
+             weather.wind_from_deg",
+            "s.toml: weather.metar: \"//\" means that the station cannot tell the weather: no precipitation is taken; \
+             say it with weather.precipitation_mmph",
+        ];
+        assert_eq!(told(&open), expected);
+        let stated = WeatherConfig {
+            wind_from_deg: Some(20.0),
+            precipitation_mmph: Some(0.0),
+            ..open
+        };
+        assert_eq!(told(&stated), Vec::<String>::new());
     }
 }

@@ -1,38 +1,39 @@
-//! The weather from a METAR or SPECI, by the grammar of WMO-No. 306 FM 15 / FMH-1.
+//! The weather from a METAR or SPECI, by the grammar of WMO-No. 306 FM 15 / FMH-1 and as stations write it.
 //!
-//! The report is read up to the pressure group; colour codes, recent weather, runway states, trends
-//! and remarks after it do not change the weather now and are not read.
+//! What a station did not measure (`/////KT`, `////`, `M01/`, `Q////`, a group that is not there) is absent: the caller's
+//! own value takes its place. The report is read up to its pressure; runway states, recent weather, colours and trends do
+//! not change the weather now and are not read. Remarks are read only for a pressure (`SLP142`, `QNH1013`, `A2992`) or
+//! temperatures (`T00640036`) that the report itself lacks.
 //!
-//! Conventions for what a METAR leaves open:
-//! - `9999` and `CAVOK` mean "10 km or more": [`OPEN_VISIBILITY_M`] is taken, less what the
+//! Conventions for what a METAR leaves open; those with a * are told as an [`Assumption`]:
+//! - `9999`, `CAVOK` and `10KM` mean "10 km or more": [`OPEN_VISIBILITY_M`] is taken, less what the
 //!   precipitation takes of it, down to 10 km. Statute miles are taken as written (a US `10SM` is
-//!   also a lower bound).
-//! - `VRB` gives no direction: north (0) is taken. `00000KT` is a calm from the north.
+//!   also a lower bound), and so are the bounds `P6SM`, `M1/4SM` and, *, `P99KT`.
+//! - `VRB` gives no direction: north (0) is taken*. `00000KT` is a calm from the north.
 //! - Cover: FEW 1.5, SCT 3.5, BKN 6, OVC and vertical visibility 8 oktas; the layers' largest. The
 //!   base is that layer's. A vertical visibility has none: the visibility hides what fog hides.
-//! - Pressure is the reported one, reduced to sea level (QNH or altimeter setting).
+//!   Where the sky was not measured, it is taken as clear*.
+//! - Pressure is the reported one, reduced to sea level (QNH or altimeter setting); of two the first.
 //! - Precipitation: the first phenomenon of a group decides the kind, `-`/none/`+` the class of
-//!   WMO-No. 8; the rate is nominal, from inside the class. What is in the vicinity (VC), fog,
-//!   mist, haze and ice crystals count nothing: the visibility carries them.
-
-use std::iter::Peekable;
-use std::ops::{Range, RangeInclusive};
-use std::vec::IntoIter;
+//!   WMO-No. 8; the rate is nominal, from inside the class. What is in the vicinity (VC), raised by the wind (BL, DR), fog,
+//!   mist, haze and ice crystals count nothing: the visibility carries them. What is unknown (`UP`) is snow below 1 °C*, what
+//!   was not measured (`//`) nothing*.
 
 use super::weather::{OPEN_VISIBILITY_M, Weather};
+use groups::{SkyGroup, VisibilityGroup, digits, slashes};
+
+mod groups;
+
+pub use groups::{Falling, Precipitation};
 
 /// What "10 km or more" holds at least [m].
 const LEAST_OPEN_VISIBILITY_M: f64 = 10_000.0;
-/// The visibility taken where the report says zero [m]: `0000` means less than 50 m.
-const LEAST_VISIBILITY_M: f64 = 25.0;
+/// Below it, what falls is snow where the report does not say [°C].
+const SNOW_BELOW_C: f64 = 1.0;
+/// Two pressures that differ by more contradict each other [Pa]: rounding to whole hectopascals and hundredths of an inch.
+const SAME_PRESSURE_PA: f64 = 200.0;
 
-const KNOT_MPS: f64 = 1852.0 / 3600.0;
-const KMH_MPS: f64 = 1.0 / 3.6;
-const STATUTE_MILE_M: f64 = 1609.344;
-const FOOT_M: f64 = 0.3048;
-const INCH_OF_MERCURY_PA: f64 = 3386.389;
-
-/// A METAR that cannot be read.
+/// A METAR that cannot be read, or that lacks what is needed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MetarError {
     /// A group that is not what stands at its place in a METAR.
@@ -45,29 +46,38 @@ pub enum MetarError {
         /// What could stand there, and how to write it.
         expected: &'static str,
     },
-    /// A group that the simulation needs is not there.
-    #[error("METAR ends before {missing}")]
+    /// The simulation needs what neither the report nor a value of the scenario states.
+    #[error("METAR states no {missing}")]
     Missing {
-        /// What is missing, and how to write it.
+        /// What is missing, how to write it, and the scenario's key that gives it.
         missing: &'static str,
     },
 }
 
+/// What is taken where a report leaves something open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Assumption {
+    /// The group, or what is missing.
+    pub group: String,
+    /// What is taken.
+    pub what: &'static str,
+    /// The scenario's key in `[weather]` that states it otherwise; none where only the report can.
+    pub key: Option<&'static str>,
+}
+
 const STATION: &str = "a station: write four letters or digits, as in LSZH";
 const TIME: &str = "a time: write day, hour and minute in UTC, as in 171230Z";
-const WIND: &str = "a measured wind: write 24008KT, 24008G18KT, VRB03KT, 24005MPS or 240015KMH";
-const VISIBILITY: &str =
-    "a measured visibility: write CAVOK, metres as in 4000, or miles as in 10SM, 1/2SM or 1 1/2SM";
-const SKY_OR_TEMPERATURE: &str =
-    "a weather, cloud or temperature group: write them as -RA, BKN020 or 12/M03, in this order";
-const TEMPERATURE: &str = "a measured temperature and dew point, the dew point not above the temperature: write them as 12/07 or M03/M05";
-const PRESSURE: &str = "a measured pressure: write it as Q1013 or A2992";
-
-/// Precipitation and obscuration codes (WMO code table 4678).
-const PHENOMENA: [&str; 30] = [
-    "MI", "PR", "BC", "DR", "BL", "SH", "TS", "FZ", "RA", "DZ", "SN", "SG", "IC", "PL", "GR", "GS",
-    "UP", "FG", "VA", "BR", "HZ", "DU", "FU", "SA", "PY", "SQ", "PO", "DS", "SS", "FC",
-];
+const WIND: &str = "a wind: write 24008KT, 24008G18KT, VRB03KT, 24005MPS or 240015KMH, or /////KT \
+     where it was not measured";
+const VISIBILITY: &str = "a visibility: write CAVOK, metres as in 4000, or miles as in 10SM, 1/2SM or 1 1/2SM, or //// \
+     where it was not measured";
+const SKY_OR_TEMPERATURE: &str = "a weather, cloud or temperature group: write them as -RA, BKN020 or 12/M03, in this \
+     order, or leave the group out";
+const TEMPERATURE: &str = "a temperature and dew point, the dew point not above the temperature: write them as 12/07 or \
+     M03/M05, or ///// where they were not measured";
+const PRESSURE: &str = "a pressure: write it as Q1013 or A2992, or Q//// where it was not measured";
+const ONCE: &str = "the only group of its kind: leave one of them out";
+const ONE_REPORT: &str = "the end of the report: write one METAR only";
 
 /// A group of the report and its column.
 #[derive(Clone, Copy)]
@@ -86,346 +96,453 @@ impl Token<'_> {
     }
 }
 
-/// The groups that have not been read yet.
-struct Groups<'a>(Peekable<IntoIter<Token<'a>>>);
-
-impl<'a> Groups<'a> {
-    fn new(text: &'a str) -> Self {
-        // A report may end with "=" and may have been wrapped over lines.
-        let report = text.trim_end().trim_end_matches('=');
-        let tokens: Vec<Token<'a>> = report
-            .split_whitespace()
-            .map(|token| Token {
-                text: token,
-                // `token` lies inside `text`: the difference of addresses is its byte offset.
-                column: 1 + text[..token.as_ptr() as usize - text.as_ptr() as usize]
-                    .chars()
-                    .count(),
-            })
-            .collect();
-        Self(tokens.into_iter().peekable())
-    }
-
-    /// The next group, or the error that it is missing.
-    fn next(&mut self, missing: &'static str) -> Result<Token<'a>, MetarError> {
-        self.0.next().ok_or(MetarError::Missing { missing })
-    }
-
-    /// The next group, if it is one that `belongs`.
-    fn next_if(&mut self, belongs: impl Fn(&str) -> bool) -> Option<Token<'a>> {
-        self.0.next_if(|token| belongs(token.text))
-    }
-
-    fn skip(&mut self, words: &[&str]) {
-        while self.next_if(|text| words.contains(&text)).is_some() {}
-    }
-}
-
-/// Whether `text` is `len` ASCII digits.
-fn digits(text: &str, len: usize) -> bool {
-    text.len() == len && text.bytes().all(|byte| byte.is_ascii_digit())
-}
-
-/// Whether `text` is `len` digits, or `len` slashes for "not measured".
-fn digits_or_unknown(text: &str, len: usize) -> bool {
-    digits(text, len) || (text.len() == len && text.bytes().all(|byte| byte == b'/'))
-}
-
-/// The number that `len` digits make.
-fn number(text: &str, len: usize) -> Option<f64> {
-    digits(text, len).then(|| text.parse().ok()).flatten()
-}
-
-/// The measured wind.
-#[derive(Clone, Copy)]
-struct WindGroup {
-    from_rad: f64,
-    speed_mps: f64,
-    gust_mps: Option<f64>,
-}
-
-/// The wind of a group that names a speed.
-fn wind(text: &str) -> Option<WindGroup> {
-    if text == "CALM" {
-        return Some(WindGroup {
-            from_rad: 0.0,
-            speed_mps: 0.0,
-            gust_mps: None,
-        });
-    }
-    // A group in kilometres per hour carries two or three digits.
-    let units: [(&str, f64, &[usize]); 3] = [
-        ("KT", KNOT_MPS, &[2]),
-        ("MPS", 1.0, &[2]),
-        ("KMH", KMH_MPS, &[3, 2]),
-    ];
-    let (body, unit_mps, lengths) = units
-        .into_iter()
-        .find_map(|(suffix, unit_mps, len)| Some((text.strip_suffix(suffix)?, unit_mps, len)))?;
-    let (direction, speeds) = body.split_at_checked(3)?;
-    let from_rad = if direction == "VRB" {
-        0.0
-    } else {
-        let degrees = number(direction, 3).filter(|degrees| *degrees <= 360.0)?;
-        (degrees % 360.0).to_radians()
+/// The groups of a text.
+fn tokens(text: &str) -> Vec<Token<'_>> {
+    let token = |token: &'_ str| {
+        // `token` lies inside `text`: the difference of addresses is its byte offset.
+        let before = &text[..token.as_ptr() as usize - text.as_ptr() as usize];
+        1 + before.chars().count()
     };
-    let (mean, gust) = match speeds.split_once('G') {
-        Some((mean, gust)) => (mean, Some(gust)),
-        None => (speeds, None),
-    };
-    let speed_mps = |text: &str| {
-        let speed = lengths.iter().find_map(|&len| number(text, len))?;
-        Some(speed * unit_mps)
-    };
-    Some(WindGroup {
-        from_rad,
-        speed_mps: speed_mps(mean)?,
-        gust_mps: match gust {
-            Some(gust) => Some(speed_mps(gust)?),
-            None => None,
-        },
-    })
+    text.split_whitespace()
+        .map(|text| Token {
+            text,
+            column: token(text),
+        })
+        .collect()
 }
 
-/// Whether `text` says between which directions the wind varies, as in `180V240`.
-fn is_wind_sector(text: &str) -> bool {
-    text.split_once('V')
-        .is_some_and(|(from, to)| digits(from, 3) && digits(to, 3) && from <= "360" && to <= "360")
+/// The visibility that a report states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Visibility {
+    /// 10 km or more.
+    Open,
+    /// As much [m].
+    Metres(f64),
 }
 
-/// The fraction of a mile in a group with its unit, as in `1/2SM`.
-fn mile_fraction(text: &str) -> Option<f64> {
-    let (top, bottom) = text.strip_suffix("SM")?.split_once('/')?;
-    let bottom = number(bottom, 1)
-        .or_else(|| number(bottom, 2))
-        .filter(|_| !bottom.starts_with('0'))?;
-    Some(number(top, 1)? / bottom)
+/// What a METAR states; what is absent was not measured or not reported.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Direction the wind blows from, clockwise from true north [rad].
+    pub wind_from_rad: Option<f64>,
+    /// Mean wind speed 10 m above open ground [m/s].
+    pub wind_speed_mps: Option<f64>,
+    /// Gust speed, where gusts are reported [m/s].
+    pub gust_mps: Option<f64>,
+    /// Prevailing visibility.
+    pub visibility: Option<Visibility>,
+    /// The heaviest precipitation of its groups.
+    pub falls: Precipitation,
+    /// Share of the sky that the layer covers that covers most, 0 to 1.
+    pub cloud_cover: Option<f64>,
+    /// Height of that layer's base above the aerodrome, where it was measured [m].
+    pub cloud_base_m: Option<f64>,
+    /// Air temperature [°C].
+    pub temperature_c: Option<f64>,
+    /// Dew point [°C].
+    pub dew_point_c: Option<f64>,
+    /// Pressure reduced to sea level [Pa].
+    pub pressure_pa: Option<f64>,
+    /// What is taken where the report leaves something open.
+    pub assumed: Vec<Assumption>,
 }
 
-/// A whole number of up to two digits.
-fn short_number(text: &str) -> Option<f64> {
-    number(text, 1).or_else(|| number(text, 2))
+/// Values that a caller has beside a report: they take the place of what is absent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Given {
+    /// Mean wind speed [m/s].
+    pub wind_speed_mps: Option<f64>,
+    /// Direction the wind blows from, clockwise from true north [rad].
+    pub wind_from_rad: Option<f64>,
+    /// Meteorological visibility [m].
+    pub visibility_m: Option<f64>,
+    /// Air temperature [°C].
+    pub temperature_c: Option<f64>,
+    /// Relative humidity, 0 to 1.
+    pub relative_humidity: Option<f64>,
+    /// Pressure reduced to sea level [Pa].
+    pub pressure_pa: Option<f64>,
+    /// Share of the sky that cloud covers, 0 to 1.
+    pub cloud_cover: Option<f64>,
 }
 
-/// The prevailing visibility [m]; None for "10 km or more", with whether the group was `CAVOK`.
-struct VisibilityGroup {
-    metres: Option<f64>,
+/// Reads the groups one after the other.
+struct Reader<'a> {
+    tokens: Vec<Token<'a>>,
+    next: usize,
+    report: Report,
+    /// What is expected next: a wind, a visibility, weather, cloud or temperature, a pressure; or nothing more.
+    stage: usize,
+    wind: bool,
+    temperature: bool,
+    sky: bool,
     cavok: bool,
+    /// The lowest visibility in a direction [m].
+    directional_m: Option<f64>,
 }
 
-/// Reads the prevailing visibility, of one group or of whole and broken miles.
-fn visibility(groups: &mut Groups<'_>) -> Result<VisibilityGroup, MetarError> {
-    let token = groups.next(VISIBILITY)?;
-    let of_miles = |miles: f64| VisibilityGroup {
-        metres: Some((miles * STATUTE_MILE_M).max(LEAST_VISIBILITY_M)),
-        cavok: false,
-    };
-    // "Less than" a quarter mile has no better estimate than its bound.
-    let text = token.text.strip_prefix('M').unwrap_or(token.text);
-    if let Some(whole) = short_number(text)
-        && let Some(part) = groups.next_if(|next| mile_fraction(next).is_some())
-    {
-        // Whole miles are followed by a half to a ninth only.
-        return mile_fraction(part.text)
-            .filter(|_| part.text.len() == "1/2SM".len())
-            .map(|fraction| of_miles(whole + fraction))
-            .ok_or_else(|| part.is_not(VISIBILITY));
+impl<'a> Reader<'a> {
+    fn peek(&self) -> Option<&'a str> {
+        self.tokens.get(self.next).map(|token| token.text)
     }
-    if let Some(miles) = mile_fraction(text) {
-        return Ok(of_miles(miles));
+
+    fn take(&mut self) -> Option<Token<'a>> {
+        let token = self.tokens.get(self.next).copied();
+        self.next += 1;
+        token
     }
-    if let Some(miles) = token.text.strip_suffix("SM").and_then(short_number) {
-        return Ok(of_miles(miles));
+
+    fn take_if(&mut self, belongs: impl Fn(&str) -> bool) -> bool {
+        let there = self.peek().is_some_and(belongs);
+        self.next += usize::from(there);
+        there
     }
-    let cavok = token.text == "CAVOK";
-    match number(token.text, 4) {
-        Some(metres) if metres < 9999.0 => Ok(VisibilityGroup {
-            metres: Some(metres.max(LEAST_VISIBILITY_M)),
-            cavok,
-        }),
-        None if !cavok => Err(token.is_not(VISIBILITY)),
-        _ => Ok(VisibilityGroup {
-            metres: None,
-            cavok,
-        }),
+
+    fn assume(&mut self, group: &str, what: &'static str, key: impl Into<Option<&'static str>>) {
+        let (group, key) = (group.to_owned(), key.into());
+        self.report.assumed.push(Assumption { group, what, key });
     }
-}
 
-/// Whether `text` is a visibility in one direction (`1500SW`, `4000NDV`) or along a runway
-/// (`R27/1200N`); neither is the prevailing one.
-fn is_partial_visibility(text: &str) -> bool {
-    let directional = text.split_at_checked(4).is_some_and(|(metres, direction)| {
-        let known = ["N", "NE", "E", "SE", "S", "SW", "W", "NW", "NDV"];
-        digits(metres, 4) && known.contains(&direction)
-    });
-    let runway = text
-        .strip_prefix('R')
-        .and_then(|rest| rest.split_once('/'))
-        .is_some_and(|(runway, _)| runway.get(..2).is_some_and(|number| digits(number, 2)));
-    directional || runway
-}
-
-/// What falls, as one group of present weather says.
-#[derive(Clone, Copy, Default)]
-struct Precipitation {
-    /// Nominal rate [mm/h of water], inside its WMO-No. 8 class.
-    rate_mmph: f64,
-    snow: bool,
-}
-
-/// The precipitation of a group of present weather, as in `-SHRA` or `VCFG`; none for another group.
-fn present_weather(text: &str) -> Option<Precipitation> {
-    // Light, moderate and heavy in the order of the rates below; the vicinity has none.
-    let (class, codes) = if let Some(codes) = text.strip_prefix('-') {
-        (Some(0), codes)
-    } else if let Some(codes) = text.strip_prefix('+') {
-        (Some(2), codes)
-    } else if let Some(codes) = text.strip_prefix("VC") {
-        (None, codes)
-    } else {
-        (Some(1), text)
-    };
-    if codes.is_empty() || !codes.is_ascii() || !codes.len().is_multiple_of(2) {
-        return None;
-    }
-    let codes = || (0..codes.len()).step_by(2).map(|at| &codes[at..at + 2]);
-    if !codes().all(|code| PHENOMENA.contains(&code)) {
-        return None;
-    }
-    let kind = codes().find_map(|code| match code {
-        // Classes: below 2.5, to 10, above.
-        "RA" | "GR" | "GS" | "UP" => Some(([1.0, 5.0, 20.0], false)),
-        // Classes: below 0.1, to 0.5, above.
-        "DZ" => Some(([0.05, 0.25, 0.8], false)),
-        // Classes: below 1, to 5, above.
-        "SN" | "SG" | "PL" => Some(([0.5, 2.5, 7.0], true)),
-        _ => None,
-    });
-    let (rates_mmph, snow) = kind.unwrap_or_default();
-    Some(Precipitation {
-        rate_mmph: class.map_or(0.0, |class: usize| rates_mmph[class]),
-        snow,
-    })
-}
-
-/// A layer of cloud.
-#[derive(Clone, Copy, Default)]
-struct Layer {
-    /// Share of the sky it covers, from the middle of its class (WMO code table 2700); 0 where it
-    /// was not measured.
-    cover: f64,
-    /// Height of its base above the aerodrome, where it was measured [m].
-    base_m: Option<f64>,
-}
-
-/// The cloud of a layer's group, as in `BKN020CB`.
-fn cloud_layer(text: &str) -> Option<Layer> {
-    let (amount, rest) = text.split_at_checked(3)?;
-    let (height, kind) = rest.split_at_checked(3)?;
-    let oktas = match amount {
-        "FEW" => 1.5,
-        "SCT" => 3.5,
-        "BKN" => 6.0,
-        "OVC" => 8.0,
-        "///" => 0.0,
-        _ => return None,
-    };
-    let known = digits_or_unknown(height, 3) && ["", "CB", "TCU", "///"].contains(&kind);
-    known.then(|| Layer {
-        cover: oktas / 8.0,
-        base_m: number(height, 3).map(|height| height * 100.0 * FOOT_M),
-    })
-}
-
-/// Temperature in whole degrees Celsius, as in `M03`.
-fn celsius(text: &str) -> Option<f64> {
-    match text.strip_prefix('M') {
-        Some(below) => number(below, 2).map(|degrees| -degrees),
-        None => number(text, 2),
-    }
-}
-
-/// Present weather, cloud, temperature and dew point.
-#[derive(Default)]
-struct SkyGroups {
-    falls: Precipitation,
-    /// The layer that covers most; of equal ones the lowest, which is reported first.
-    cloud: Layer,
-    /// Whether a vertical visibility stands in place of layers.
-    hidden: bool,
-    celsius: f64,
-    dew_celsius: f64,
-}
-
-/// Reads everything from the present weather to the temperature.
-fn sky(groups: &mut Groups<'_>) -> Result<SkyGroups, MetarError> {
-    let mut sky = SkyGroups::default();
-    loop {
-        let token = groups.next(TEMPERATURE)?;
-        let text = token.text;
-        if let Some(falls) = present_weather(text) {
-            if falls.rate_mmph > sky.falls.rate_mmph {
-                sky.falls = falls;
-            }
-        } else if let Some(layer) = cloud_layer(text) {
-            if layer.cover > sky.cloud.cover {
-                sky.cloud = layer;
-            }
-        } else if text == "VV///" || text.strip_prefix("VV").is_some_and(|h| digits(h, 3)) {
-            sky.hidden = true;
-        } else if let Some((air, dew)) = text.split_once('/')
-            && (celsius(air).is_some() || air.is_empty())
+    /// Reads over the kind of report, the station and the time; whether a report follows.
+    fn header(&mut self) -> Result<bool, MetarError> {
+        // The date line of a file, and the heading of a bulletin.
+        let date = |text: &str| text.len() == 10 && text.split('/').count() == 3;
+        if self.take_if(date) {
+            self.take_if(|text| text.len() == 5 && text.contains(':'));
+        }
+        let heading = |text: &str| {
+            let parts = text.split_at_checked(4);
+            parts.is_some_and(|(area, number)| {
+                digits(number, 2) && area.bytes().all(|byte| byte.is_ascii_uppercase())
+            })
+        };
+        let day = self.tokens.get(self.next + 2);
+        if self.peek().is_some_and(heading) && day.is_some_and(|day| digits(day.text, 6)) {
+            self.next += 3;
+            self.take_if(is_correction);
+        }
+        while self.take_if(|text| ["METAR", "SPECI", "AUTO"].contains(&text) || is_correction(text))
         {
-            if let (Some(air), Some(dew)) = (celsius(air), celsius(dew)) {
-                if dew > air {
-                    return Err(token.is_not(TEMPERATURE));
+        }
+        let missing = "station: write four letters or digits, as in LSZH";
+        let station = self.take().ok_or(MetarError::Missing { missing })?;
+        let in_station = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit();
+        if station.text.len() != 4 || !station.text.bytes().all(in_station) {
+            return Err(station.is_not(STATION));
+        }
+        if self.take_if(|text| text == "NIL") {
+            return Ok(false);
+        }
+        let missing = "time: write day, hour and minute in UTC, as in 171230Z";
+        let time = self.take().ok_or(MetarError::Missing { missing })?;
+        let body = time.text.strip_suffix('Z').unwrap_or(time.text);
+        let valid = digits(body, 6)
+            && ("01"..="31").contains(&&body[..2])
+            && ("00"..="23").contains(&&body[2..4])
+            && ("00"..="59").contains(&&body[4..]);
+        if !valid {
+            return Err(time.is_not(TIME));
+        }
+        while self.take_if(|text| text == "AUTO" || is_correction(text)) {}
+        Ok(!self.take_if(|text| text == "NIL"))
+    }
+
+    /// Reads everything from the wind to the pressure and what comes after it, up to the remarks.
+    fn body(&mut self) -> Result<(), MetarError> {
+        while let Some(token) = self.take() {
+            let text = token.text;
+            if text == "RMK" || text == "RMKS" {
+                return Ok(());
+            }
+            if ["METAR", "SPECI"].contains(&text) {
+                return Err(token.is_not(ONE_REPORT));
+            }
+            if text == "NOSIG" || groups::is_aside(text) {
+                continue;
+            }
+            if text == "WS" {
+                self.wind_shear();
+                continue;
+            }
+            if groups::is_trend(text) {
+                while self.peek().is_some_and(|text| !text.starts_with("RMK")) {
+                    self.no_second_report()?;
+                    self.next += 1;
                 }
-                (sky.celsius, sky.dew_celsius) = (air, dew);
-                return Ok(sky);
+                continue;
             }
-            // "//" alone: the station cannot tell the present weather.
-            if text != "//" {
-                return Err(token.is_not(TEMPERATURE));
+            if self.stage < 4 {
+                let read = self.wind(token)?
+                    || self.visibility(token)?
+                    || self.sky(token)
+                    || self.temperature(token)?;
+                if read {
+                    continue;
+                }
             }
-        } else if !["SKC", "CLR", "NSC", "NCD"].contains(&text) && !is_partial_visibility(text) {
-            return Err(token.is_not(SKY_OR_TEMPERATURE));
+            if let Some(pressure_pa) = groups::pressure_pa(text) {
+                self.pressure(token, pressure_pa);
+            } else if slashes(text, 1) {
+                // Whatever it is, it was not measured.
+            } else if self.stage < 4 {
+                return Err(token.is_not(self.expected(text)));
+            } else {
+                self.assume(text, "is not understood and is left out", None);
+            }
+        }
+        Ok(())
+    }
+
+    fn no_second_report(&self) -> Result<(), MetarError> {
+        match self.tokens.get(self.next) {
+            Some(token) if ["METAR", "SPECI"].contains(&token.text) => {
+                Err(token.is_not(ONE_REPORT))
+            }
+            _ => Ok(()),
         }
     }
+
+    /// What a group that is not understood should have been.
+    fn expected(&self, text: &str) -> &'static str {
+        let then_digit = |first: char| {
+            let rest = text.strip_prefix(first);
+            rest.is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+        };
+        if ["KT", "KTS", "MPS", "KMH"]
+            .iter()
+            .any(|unit| text.ends_with(unit))
+        {
+            WIND
+        } else if text.ends_with("SM") {
+            VISIBILITY
+        } else if then_digit('Q') || then_digit('A') {
+            PRESSURE
+        } else {
+            [WIND, VISIBILITY, SKY_OR_TEMPERATURE, PRESSURE][self.stage.min(3)]
+        }
+    }
+
+    fn wind(&mut self, token: Token<'_>) -> Result<bool, MetarError> {
+        let text = token.text;
+        // Five or six slashes before anything else are a wind without its unit.
+        if self.stage == 0 && slashes(text, 5) && text.len() <= 6 {
+            self.stage = 1;
+            return Ok(true);
+        }
+        if self.wind && groups::is_wind_sector(text) {
+            return Ok(true);
+        }
+        let Some(wind) = groups::wind(text) else {
+            return Ok(false);
+        };
+        if self.wind {
+            return Err(token.is_not(ONCE));
+        }
+        self.wind = true;
+        self.stage = self.stage.max(1);
+        self.report.wind_from_rad = wind.from_rad;
+        self.report.wind_speed_mps = wind.speed_mps;
+        self.report.gust_mps = wind.gust_mps;
+        if wind.varies && wind.speed_mps != Some(0.0) {
+            let what = "gives no direction of the wind: from the north is taken";
+            self.assume(text, what, "wind_from_deg");
+        }
+        if wind.bound {
+            let what = "gives a bound of the wind speed: the bound is taken";
+            self.assume(text, what, "wind_speed_mps");
+        }
+        if wind.gust_unknown {
+            let what = "gives no speed of its gusts: none are taken";
+            self.assume(text, what, "gust_mps");
+        }
+        Ok(true)
+    }
+
+    fn visibility(&mut self, token: Token<'_>) -> Result<bool, MetarError> {
+        let text = token.text;
+        let whole = text.strip_prefix(['M', 'P']).unwrap_or(text);
+        let group = if let Some(whole) = groups::short_number(whole) {
+            // Miles over two groups or three: `1 1/2SM`, `1 1/2 SM`, `10 SM`.
+            let part = self.peek().and_then(|next| {
+                let part = next.strip_suffix("SM").unwrap_or(next);
+                groups::fraction(part).filter(|part| *part < 1.0)
+            });
+            self.next += usize::from(part.is_some());
+            let before = self.tokens.get(self.next - 1);
+            let unit = before.is_some_and(|token| token.text.ends_with("SM"));
+            if !(unit || self.take_if(|text| text == "SM")) {
+                return Err(token.is_not(VISIBILITY));
+            }
+            groups::miles(whole + part.unwrap_or(0.0))
+        } else if let Some(group) = groups::visibility(text) {
+            group
+        } else {
+            return Ok(false);
+        };
+        self.stage = self.stage.max(2);
+        let stated = match group {
+            VisibilityGroup::Cavok => {
+                self.cavok = true;
+                Visibility::Open
+            }
+            VisibilityGroup::Open => Visibility::Open,
+            VisibilityGroup::Metres(metres) => Visibility::Metres(metres),
+            VisibilityGroup::Directional(metres) => {
+                let least_m = self.directional_m.unwrap_or(f64::INFINITY).min(metres);
+                self.directional_m = Some(least_m);
+                return Ok(true);
+            }
+            VisibilityGroup::Unknown => return Ok(true),
+        };
+        // A second one is the least in some direction.
+        self.report.visibility.get_or_insert(stated);
+        Ok(true)
+    }
+
+    fn sky(&mut self, token: Token<'_>) -> bool {
+        let text = token.text;
+        if text == "//" {
+            let what = "means that the station cannot tell the weather: no precipitation is taken";
+            self.assume(text, what, "precipitation_mmph");
+        } else if let Some(falls) = groups::present_weather(text) {
+            if falls.falling == Falling::Unknown {
+                let what = "does not say what falls: snow below 1 °C, else rain";
+                self.assume(text, what, "precipitation_mmph");
+            }
+            if falls.rate_mmph > self.report.falls.rate_mmph {
+                self.report.falls = falls;
+            }
+        } else if let Some(sky) = groups::sky(text) {
+            self.cloud(text, sky);
+        } else if text == "BLW" {
+            // The Canadian `CLR BLW 120`.
+            self.take_if(|text| digits(text, 3));
+        } else {
+            return false;
+        }
+        self.stage = self.stage.max(2);
+        true
+    }
+
+    fn cloud(&mut self, text: &str, sky: SkyGroup) {
+        let (cover, base_m) = match sky {
+            SkyGroup::Clear => (Some(0.0), None),
+            SkyGroup::Hidden => (Some(1.0), None),
+            SkyGroup::Layer { cover, base_m } => (cover, base_m),
+        };
+        let Some(cover) = cover else {
+            let what = "gives no cover: the layer is not counted";
+            self.sky = true;
+            self.assume(text, what, "cloud_cover");
+            return;
+        };
+        self.sky = true;
+        // Of equal layers the lowest counts, which is reported first; a vertical visibility stands for all.
+        let known = self.report.cloud_cover;
+        if sky == SkyGroup::Hidden || known.is_none_or(|known| cover > known) {
+            self.report.cloud_cover = Some(cover);
+            self.report.cloud_base_m = base_m;
+        }
+        if matches!(sky, SkyGroup::Layer { base_m: None, .. }) && cover >= 1.0 {
+            let what = "gives no height: the cloud is taken to be above everything";
+            self.assume(text, what, "cloud_base_m");
+        }
+    }
+
+    fn temperature(&mut self, token: Token<'_>) -> Result<bool, MetarError> {
+        let Some([air, dew]) = groups::temperatures(token.text) else {
+            return Ok(false);
+        };
+        if self.temperature {
+            return Err(token.is_not(ONCE));
+        }
+        if let (Some(air), Some(dew)) = (air, dew)
+            && dew > air
+        {
+            return Err(token.is_not(TEMPERATURE));
+        }
+        self.temperature = true;
+        self.stage = self.stage.max(3);
+        (self.report.temperature_c, self.report.dew_point_c) = (air, dew);
+        Ok(true)
+    }
+
+    fn pressure(&mut self, token: Token<'_>, pressure_pa: Option<f64>) {
+        self.stage = 4;
+        match (self.report.pressure_pa, pressure_pa) {
+            (Some(first), Some(second)) if (first - second).abs() > SAME_PRESSURE_PA => {
+                let what = "contradicts the pressure before it, which is taken";
+                self.assume(token.text, what, "pressure_hpa");
+            }
+            (None, stated) => self.report.pressure_pa = stated,
+            _ => {}
+        }
+    }
+
+    /// Reads over a wind shear, as in `WS R27`, `WS ALL RWY` or `WS TKOF RWY 09`.
+    fn wind_shear(&mut self) {
+        while self.take_if(|text| {
+            let runway = text.strip_prefix("RWY").or(text.strip_prefix('R'));
+            let number = |text: &str| text.get(..2).is_some_and(|text| digits(text, 2));
+            ["ALL", "RWY", "RWYS", "TKOF", "LDG"].contains(&text)
+                || runway.is_some_and(|rest| number(rest) && !rest.contains('/'))
+                || (number(text) && text.len() <= 3)
+        }) {}
+    }
+
+    /// Takes from the remarks what the report itself lacks.
+    fn remarks(&mut self) -> Result<(), MetarError> {
+        while let Some(token) = self.tokens.get(self.next).copied() {
+            self.no_second_report()?;
+            self.next += 1;
+            let text = token.text;
+            let pressure_pa =
+                groups::sea_level_pa(text).or_else(|| groups::pressure_pa(text).flatten());
+            if self.report.pressure_pa.is_none() && pressure_pa.is_some() {
+                self.report.pressure_pa = pressure_pa;
+                let what = "of the remarks is taken as the pressure, which the report lacks";
+                self.assume(text, what, "pressure_hpa");
+            }
+            if let Some([air, dew]) = groups::tenths(text)
+                && self.report.temperature_c.is_none()
+                && self.report.dew_point_c.is_none()
+                && dew <= air
+            {
+                (self.report.temperature_c, self.report.dew_point_c) = (air, dew);
+                let what = "of the remarks is taken as the temperature, which the report lacks";
+                self.assume(text, what, "temperature_c");
+            }
+        }
+        Ok(())
+    }
+
+    /// The report, with what its groups mean together.
+    fn finish(mut self) -> Report {
+        if self.cavok {
+            self.report.cloud_cover = Some(0.0);
+            self.report.cloud_base_m = None;
+        } else if !self.sky {
+            let what = "is not in the report: a clear one is taken";
+            self.assume("the sky", what, "cloud_cover");
+        }
+        if let (None, Some(metres)) = (self.report.visibility, self.directional_m) {
+            self.report.visibility = Some(match metres >= LEAST_OPEN_VISIBILITY_M {
+                true => Visibility::Open,
+                false => Visibility::Metres(metres),
+            });
+            let what = "is stated for directions only: the least is taken";
+            self.assume("the visibility", what, "visibility_m");
+        }
+        self.report
+    }
 }
 
-/// The pressure [Pa] of a group in hectopascals (850 to 1100) or hundredths of an inch of mercury
-/// (25 to 32.5 inches).
-fn pressure_pa(text: &str) -> Option<f64> {
-    if let Some(hpa) = text.strip_prefix('Q') {
-        let hpa = number(hpa, 4).filter(|hpa| (850.0..=1100.0).contains(hpa))?;
-        return Some(hpa * 100.0);
-    }
-    let hundredths = number(text.strip_prefix('A')?, 4)?;
-    (2500.0..=3250.0)
-        .contains(&hundredths)
-        .then(|| hundredths / 100.0 * INCH_OF_MERCURY_PA)
-}
-
-/// Reads over the kind of report, the station and the time.
-fn header(groups: &mut Groups<'_>) -> Result<(), MetarError> {
-    groups.skip(&["METAR", "SPECI", "COR", "AUTO"]);
-    let station = groups.next(STATION)?;
-    let in_station = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit();
-    if station.text.len() != 4 || !station.text.bytes().all(in_station) {
-        return Err(station.is_not(STATION));
-    }
-    let time = groups.next(TIME)?;
-    let valid = |at: Range<usize>, limits: RangeInclusive<&str>| {
-        let part = time.text.get(at);
-        part.is_some_and(|part| digits(part, 2) && limits.contains(&part))
-    };
-    if !(valid(0..2, "01"..="31") && valid(2..4, "00"..="23") && valid(4..6, "00"..="59"))
-        || time.text.get(6..) != Some("Z")
-    {
-        return Err(time.is_not(TIME));
-    }
-    groups.skip(&["AUTO", "COR"]);
-    Ok(())
+/// Whether `text` marks a report as corrected, amended or delayed: `COR`, `CCA`, `AMD`, `AAB`, `RTD`, `RRC`.
+fn is_correction(text: &str) -> bool {
+    let numbered = text.len() == 3
+        && ["CC", "AA", "RR"].iter().any(|kind| text.starts_with(kind))
+        && text.bytes().all(|byte| byte.is_ascii_uppercase());
+    numbered || ["COR", "CORR", "AMD", "RTD"].contains(&text)
 }
 
 /// Saturation vapour pressure over water [hPa] at `celsius` (Magnus form, Sonntag 1990
@@ -434,44 +551,118 @@ fn saturation_hpa(celsius: f64) -> f64 {
     6.112 * (17.62 * celsius / (243.12 + celsius)).exp()
 }
 
-impl Weather {
-    /// The weather of a METAR or SPECI; the module's page says how open reports are read.
-    pub fn from_metar(text: &str) -> Result<Self, MetarError> {
-        let mut groups = Groups::new(text);
-        header(&mut groups)?;
-        let token = groups.next(WIND)?;
-        let wind = wind(token.text).ok_or_else(|| token.is_not(WIND))?;
-        groups.next_if(is_wind_sector);
-        let visibility = visibility(&mut groups)?;
-        let sky = sky(&mut groups)?;
-        let token = groups.next(PRESSURE)?;
-        let pressure_pa = pressure_pa(token.text).ok_or_else(|| token.is_not(PRESSURE))?;
+impl Report {
+    /// What a METAR or SPECI states; the module's page says how open reports are read.
+    pub fn read(text: &str) -> Result<Self, MetarError> {
+        Self::read_upper(&text.to_ascii_uppercase()).map_err(|error| match error {
+            MetarError::Token {
+                token,
+                column,
+                expected,
+            } => {
+                let written = text.chars().skip(column - 1).take(token.chars().count());
+                MetarError::Token {
+                    token: written.collect(),
+                    column,
+                    expected,
+                }
+            }
+            error => error,
+        })
+    }
 
-        let cloud = match (sky.hidden, visibility.cavok) {
-            (true, _) => Layer {
-                cover: 1.0,
-                base_m: None,
-            },
-            (false, true) => Layer::default(),
-            (false, false) => sky.cloud,
+    /// As [`Report::read`], of a text in capitals.
+    fn read_upper(upper: &str) -> Result<Self, MetarError> {
+        // A report may end with "=".
+        let (report, behind) = upper.split_once('=').unwrap_or((upper, ""));
+        if let Some(more) = tokens(upper).iter().find(|token| {
+            let more = behind.contains(|c: char| !c.is_whitespace() && c != '=');
+            more && token.text.as_ptr() > report.as_ptr().wrapping_add(report.len())
+        }) {
+            return Err(more.is_not(ONE_REPORT));
+        }
+        let mut reader = Reader {
+            tokens: tokens(report),
+            next: 0,
+            report: Self::default(),
+            stage: 0,
+            wind: false,
+            temperature: false,
+            sky: false,
+            cavok: false,
+            directional_m: None,
         };
-        let weather = Self {
-            wind_speed_mps: wind.speed_mps,
-            wind_from_rad: wind.from_rad,
-            gust_mps: wind.gust_mps,
-            visibility_m: visibility.metres.unwrap_or(OPEN_VISIBILITY_M),
-            temperature_k: sky.celsius + 273.15,
-            relative_humidity: saturation_hpa(sky.dew_celsius) / saturation_hpa(sky.celsius),
+        if reader.header()? {
+            reader.body()?;
+            reader.remarks()?;
+        }
+        Ok(reader.finish())
+    }
+
+    /// The weather of the report, with `given` in place of what it lacks; refused where neither has what is needed.
+    pub fn weather(&self, given: &Given) -> Result<Weather, MetarError> {
+        fn need(value: Option<f64>, missing: &'static str) -> Result<f64, MetarError> {
+            value.ok_or(MetarError::Missing { missing })
+        }
+        let wind_speed_mps = need(
+            self.wind_speed_mps.or(given.wind_speed_mps),
+            "wind speed: write it as in 24008KT, or give weather.wind_speed_mps",
+        )?;
+        let calm = (wind_speed_mps == 0.0).then_some(0.0);
+        let wind_from_rad = need(
+            self.wind_from_rad.or(given.wind_from_rad).or(calm),
+            "direction of the wind: write it as in 24008KT, or give weather.wind_from_deg",
+        )?;
+        let metres = match self.visibility {
+            Some(Visibility::Open) => None,
+            Some(Visibility::Metres(metres)) => Some(metres),
+            None => Some(need(
+                given.visibility_m,
+                "visibility: write it as 9999, 4000 or 10SM, or give weather.visibility_m",
+            )?),
+        };
+        let celsius = need(
+            self.temperature_c.or(given.temperature_c),
+            "temperature: write it as in 12/07, or give weather.temperature_c",
+        )?;
+        let relative_humidity = need(
+            (self.dew_point_c)
+                .map(|dew| (saturation_hpa(dew) / saturation_hpa(celsius)).min(1.0))
+                .or(given.relative_humidity),
+            "dew point: write it as in 12/07, or give weather.relative_humidity",
+        )?;
+        let pressure_pa = need(
+            self.pressure_pa.or(given.pressure_pa),
+            "pressure: write it as in Q1013 or A2992, or give weather.pressure_hpa",
+        )?;
+        let weather = Weather {
+            wind_speed_mps,
+            wind_from_rad,
+            gust_mps: self.gust_mps,
+            visibility_m: metres.unwrap_or(OPEN_VISIBILITY_M),
+            temperature_k: celsius + 273.15,
+            relative_humidity,
             pressure_pa,
-            cloud_cover: cloud.cover,
-            cloud_base_m: cloud.base_m,
-            precipitation_mmph: sky.falls.rate_mmph,
-            snow: sky.falls.snow,
+            cloud_cover: self.cloud_cover.or(given.cloud_cover).unwrap_or(0.0),
+            cloud_base_m: self.cloud_base_m,
+            precipitation_mmph: self.falls.rate_mmph,
+            snow: match self.falls.falling {
+                Falling::Rain => false,
+                Falling::Snow => true,
+                Falling::Unknown => celsius < SNOW_BELOW_C,
+            },
         };
-        Ok(match visibility.metres {
+        Ok(match metres {
             Some(_) => weather,
             None => weather.with_precipitation_in_open_air(LEAST_OPEN_VISIBILITY_M),
         })
+    }
+}
+
+impl Weather {
+    /// The weather of a METAR or SPECI that states all that is needed.
+    pub fn from_metar(text: &str) -> Result<Self, MetarError> {
+        Report::read(text)?.weather(&Given::default())
     }
 }
 
