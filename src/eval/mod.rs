@@ -17,6 +17,7 @@ use crate::models::ground::city::CityError;
 use crate::models::optics::camera::CameraError;
 use crate::output::OutputError;
 use crate::scenario::InputError;
+use crate::warning::StrictError;
 use clip::truth::BoxesError;
 use detector::coco::CocoError;
 use engagement::draw::DrawError;
@@ -67,6 +68,9 @@ pub enum EvalError {
     /// The boxes of clips.
     #[error(transparent)]
     Boxes(#[from] BoxesError),
+    /// Warnings that are errors.
+    #[error(transparent)]
+    Strict(#[from] StrictError),
     /// A clip.
     #[error(transparent)]
     Video(#[from] VideoError),

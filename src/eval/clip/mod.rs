@@ -14,6 +14,7 @@ use crate::inference::OnnxDetector;
 use crate::media::video::Clip;
 use crate::output::{put, put_json, writable};
 use crate::parallel::threads;
+use crate::warning;
 pub use arguments::Arguments;
 use arguments::{command, folder_names};
 use figures::{Evaluation, Tally};
@@ -43,6 +44,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     // What cannot be read or written is told before the work.
     for file in &arguments.files {
         let clip = Clip::open(file, arguments.rate_hz)?;
+        warning::tell(clip.warnings())?;
         if let Some(truth) = &truth {
             truth.check(file, &clip)?;
         }

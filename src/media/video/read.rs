@@ -1,9 +1,15 @@
 //! Clips in: H.264 in MP4 and MOV files, and folders of numbered pictures.
 
-use super::boxes::{Movie, Sample, format, moov};
-use super::colour::rgb_of;
+use super::boxes::{format, index};
+use super::colour::{Colours, rgb_of};
+use super::description::Description;
 use super::error::VideoError;
+use super::movie::Movie;
+use super::sps::{Stated, stated};
+use super::tables::Sample;
+use super::turn::Turn;
 use crate::media::image::decode;
+use crate::warning::{Notes, Warning};
 use image::RgbImage;
 use rusty_h264_common::YuvFrame;
 use rusty_h264_decoder::Decoder;
@@ -38,6 +44,7 @@ pub struct Clip {
     times_s: Vec<f64>,
     next: usize,
     size_px: Option<[u32; 2]>,
+    warnings: Vec<Warning>,
 }
 
 enum Source {
@@ -48,13 +55,17 @@ enum Source {
 struct Mp4 {
     file: File,
     samples: Vec<Sample>,
-    /// Bytes of the length before each unit of a sample.
-    length_bytes: usize,
+    descriptions: Vec<Description>,
+    /// The description whose parameter sets the decoder has.
+    description: Option<usize>,
+    /// What the last sequence parameter set says.
+    stated: Option<Stated>,
+    turn: Turn,
     decoder: Decoder,
     /// Samples that have gone into the decoder.
     decoded: usize,
     /// Pictures that are shown later, by their place.
-    waiting: BTreeMap<usize, YuvFrame>,
+    waiting: BTreeMap<usize, RgbImage>,
 }
 
 impl Clip {
@@ -64,13 +75,15 @@ impl Clip {
             path: path.into(),
             why: error.to_string(),
         };
+        let mut warnings = Vec::new();
         let (source, times_s) = if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
             let files = pictures(path)?;
             let times_s = (0..files.len()).map(|i| i as f64 / rate_hz).collect();
             (Source::Folder(files), times_s)
         } else {
             let file = File::open(path).map_err(unreadable)?;
-            let (mp4, times_s) = Mp4::open(path, file)?;
+            let (mp4, times_s, notes) = Mp4::open(path, file)?;
+            warnings = notes.warnings(path);
             (Source::Mp4(Box::new(mp4)), times_s)
         };
         Ok(Self {
@@ -79,7 +92,13 @@ impl Clip {
             times_s,
             next: 0,
             size_px: None,
+            warnings,
         })
+    }
+
+    /// What is taken for granted or left out of the file.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
     }
 
     /// Number of frames.
@@ -113,7 +132,7 @@ impl Clip {
         };
         self.next += 1;
         let (picture, file) = match &mut self.source {
-            Source::Mp4(mp4) => (rgb_of(&mp4.frame(&self.path, index)?), None),
+            Source::Mp4(mp4) => (mp4.frame(&self.path, index)?, None),
             Source::Folder(files) => {
                 let path = files[index].clone();
                 (picture(&path)?, Some(path))
@@ -187,30 +206,41 @@ pub(super) fn numbered(path: &Path) -> (String, u64, PathBuf) {
 }
 
 impl Mp4 {
-    fn open(path: &Path, mut file: File) -> Result<(Self, Vec<f64>), VideoError> {
-        let (moov, length) = moov(&mut file).map_err(|broken| broken.at(path))?;
-        let movie = Movie::parse(&moov, length).map_err(|broken| broken.at(path))?;
-        let first = movie.samples.iter().map(|sample| sample.shown).min();
-        let mut times_s = vec![0.0; movie.samples.len()];
-        for sample in &movie.samples {
-            let since = sample.shown - first.unwrap_or(0);
-            times_s[sample.place] = since as f64 / f64::from(movie.timescale);
-        }
-        let mut decoder = Decoder::new();
-        decoded(&mut decoder, &movie.head).map_err(|why| format(why).at(path))?;
-        let mp4 = Self {
+    fn open(path: &Path, mut file: File) -> Result<(Self, Vec<f64>, Notes), VideoError> {
+        let index = index(&mut file).map_err(|broken| broken.at(path))?;
+        let movie = Movie::parse(&index).map_err(|broken| broken.at(path))?;
+        let mut notes = movie.notes;
+        let mut mp4 = Self {
             file,
             samples: movie.samples,
-            length_bytes: movie.length_bytes,
-            decoder,
+            descriptions: movie.descriptions,
+            description: None,
+            stated: None,
+            turn: movie.turn,
+            decoder: Decoder::new(),
             decoded: 0,
             waiting: BTreeMap::new(),
         };
-        Ok((mp4, times_s))
+        mp4.begin(0).map_err(|why| format(why).at(path))?;
+        let first = &mp4.descriptions[0];
+        colours(first, mp4.stated).map_err(|why| format(why).at(path))?;
+        note_pictures(first, mp4.stated, &mut notes);
+        Ok((mp4, movie.times_s, notes))
+    }
+
+    /// Gives the decoder the parameter sets of a description.
+    fn begin(&mut self, description: usize) -> Result<(), String> {
+        if self.description != Some(description) {
+            let next = &self.descriptions[description];
+            decoded(&mut self.decoder, &next.head)?;
+            self.stated = next.stated;
+            self.description = Some(description);
+        }
+        Ok(())
     }
 
     /// The picture that is shown at place `place`; asked for in order.
-    fn frame(&mut self, path: &Path, place: usize) -> Result<YuvFrame, VideoError> {
+    fn frame(&mut self, path: &Path, place: usize) -> Result<RgbImage, VideoError> {
         loop {
             if let Some(frame) = self.waiting.remove(&place) {
                 return Ok(frame);
@@ -221,25 +251,114 @@ impl Mp4 {
                 frame: index,
                 why,
             };
-            let Some(sample) = self.samples.get(index) else {
+            let Some(sample) = self.samples.get(index).copied() else {
                 return Err(wrong("it is missing".into()));
             };
-            let mut data = vec![0; sample.size as usize];
-            self.file
-                .seek(SeekFrom::Start(sample.offset))
-                .and_then(|_| self.file.read_exact(&mut data))
-                .map_err(|error| wrong(error.to_string()))?;
-            let units = annex_b(&data, self.length_bytes)
-                .ok_or_else(|| wrong("its parts are longer than it is".into()))?;
-            let frame = decoded(&mut self.decoder, &units)
-                .map_err(wrong)?
-                .ok_or_else(|| wrong("it holds no picture".into()))?;
-            if !frame.is_valid() {
-                return Err(wrong("its planes do not fit its size".into()));
+            let picture = self.picture(sample).map_err(wrong)?;
+            if let (Some(place), Some(picture)) = (sample.place, picture) {
+                self.waiting.insert(place, picture);
             }
-            self.waiting.insert(sample.place, frame);
             self.decoded += 1;
         }
+    }
+
+    /// The picture of a sample as it is shown; none of one that is not.
+    fn picture(&mut self, sample: Sample) -> Result<Option<RgbImage>, String> {
+        let mut data = vec![0; sample.size as usize];
+        self.file
+            .seek(SeekFrom::Start(sample.offset))
+            .and_then(|_| self.file.read_exact(&mut data))
+            .map_err(|error| error.to_string())?;
+        self.begin(sample.description)?;
+        let description = &self.descriptions[sample.description];
+        let units =
+            units(&data, description.length_bytes).ok_or("its parts are longer than it is")?;
+        self.stated = units.iter().find_map(|unit| stated(unit)).or(self.stated);
+        let frame = decoded(&mut self.decoder, &annex_b(&units))?;
+        if sample.place.is_none() {
+            return Ok(None);
+        }
+        let frame = frame.ok_or("it holds no picture")?;
+        if !frame.is_valid() {
+            return Err("its planes do not fit its size".into());
+        }
+        let colours = colours(description, self.stated)?;
+        let whole = rgb_of(&frame, colours);
+        let [left, top] = self.stated.unwrap_or_default().corner_px;
+        let (width, height) = whole.dimensions();
+        if left >= width || top >= height {
+            return Err("nothing of it is shown".into());
+        }
+        let mut picture = cut(whole, [left, top, width - left, height - top]);
+        let size_px = picture.dimensions().into();
+        if let Some(aperture) = description.aperture {
+            let rectangle = aperture.rectangle(size_px);
+            picture = cut(
+                picture,
+                rectangle.ok_or("its clean aperture does not lie in it")?,
+            );
+        }
+        Ok(Some(self.turn.apply(picture)))
+    }
+}
+
+/// A rectangle (left, top, width, height) [px] of a picture.
+fn cut(picture: RgbImage, [left, top, width, height]: [u32; 4]) -> RgbImage {
+    if (width, height) == picture.dimensions() {
+        return picture;
+    }
+    image::imageops::crop_imm(&picture, left, top, width, height).to_image()
+}
+
+/// The colours of pictures: those that the container says, then those that the stream does.
+fn colours(description: &Description, stated: Option<Stated>) -> Result<Colours, String> {
+    let stated = stated.unwrap_or_default();
+    let said = description
+        .colours
+        .map(|([matrix, _], _)| matrix)
+        .filter(|matrix| *matrix != 2);
+    let matrix = said.or(stated.matrix);
+    let full = description
+        .colours
+        .and_then(|(_, full)| full)
+        .or(stated.full_range);
+    Colours::of(matrix, full.unwrap_or(false)).ok_or_else(|| {
+        let code = matrix.unwrap_or_default();
+        format!("its colours are of matrix {code} of ITU-T H.273, which is none of brightness and colour differences")
+    })
+}
+
+/// Notes what the pictures are said to be that they are not taken as.
+fn note_pictures(description: &Description, stated: Option<Stated>, notes: &mut Notes) {
+    let stated = stated.unwrap_or_default();
+    let aspect = description.aspect.or(stated.aspect);
+    if let Some([width, height]) = aspect.filter(|[width, height]| width != height) {
+        let what = format!("a pixel is {width} wide and {height} high: it is taken as square");
+        let mend = "make them square with `ffmpeg -i IN -vf scale=iw*sar:ih,setsar=1 OUT.mp4`";
+        notes.assume("pixels", what, mend);
+    }
+    if description.fields {
+        let mend = "part them with `ffmpeg -i IN -vf bwdif OUT.mp4`";
+        notes.assume(
+            "frames",
+            "each is of two fields (interlaced): they are taken as they are",
+            mend,
+        );
+    }
+    let transfer = description
+        .colours
+        .map(|([_, transfer], _)| transfer)
+        .or(stated.transfer);
+    if let Some(code @ (16 | 18)) = transfer {
+        let name = if code == 16 { "PQ" } else { "HLG" };
+        let what = format!(
+            "their brightness is that of high dynamic range ({name}): it is taken as it is"
+        );
+        notes.assume(
+            "colours",
+            what,
+            "convert it to BT.709 with ffmpeg's filter zscale",
+        );
     }
 }
 
@@ -252,17 +371,26 @@ fn decoded(decoder: &mut Decoder, units: &[u8]) -> Result<Option<YuvFrame>, Stri
     }
 }
 
-/// The units of a sample, each after its length, as a byte stream with start codes.
-fn annex_b(sample: &[u8], length_bytes: usize) -> Option<Vec<u8>> {
-    let mut out = Vec::with_capacity(sample.len() + 16);
+/// The units of a sample, each after its length.
+fn units(sample: &[u8], length_bytes: usize) -> Option<Vec<&[u8]>> {
+    let mut units = Vec::new();
     let mut rest = sample;
     while !rest.is_empty() {
         let (length, after) = rest.split_at_checked(length_bytes)?;
         let length = length.iter().fold(0, |n, b| n << 8 | usize::from(*b));
         let (unit, after) = after.split_at_checked(length)?;
-        out.extend([0, 0, 0, 1]);
-        out.extend(unit);
+        units.push(unit);
         rest = after;
     }
-    Some(out)
+    Some(units)
+}
+
+/// Units as a byte stream with start codes.
+fn annex_b(units: &[&[u8]]) -> Vec<u8> {
+    let mut out = Vec::new();
+    for unit in units {
+        out.extend([0, 0, 0, 1]);
+        out.extend(*unit);
+    }
+    out
 }

@@ -1,12 +1,15 @@
-use super::boxes::{Broken, samples};
-use super::colour::{rgb_of, yuv_of};
+use super::boxes::Broken;
+use super::colour::{Colours, rgb_of, yuv_of};
 use super::read::numbered;
+use super::tables::samples;
 use super::write::{HEAD, boxed};
 use super::*;
 use image::{ImageFormat, Rgb, RgbImage};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::LazyLock;
+
+mod containers;
 
 const SIZE: [u32; 2] = [66, 50];
 const COUNT: usize = 9;
@@ -118,7 +121,7 @@ fn colours_are_those_of_the_standard() {
         for (found, expected) in [frame.y[0], frame.u[0], frame.v[0]].iter().zip(ycc) {
             assert!(found.abs_diff(expected) <= 1, "{rgb:?}: {found} {expected}");
         }
-        let back = rgb_of(&frame);
+        let back = rgb_of(&frame, Colours::of(None, false).unwrap());
         for (found, expected) in back.as_raw().iter().zip(rgb.iter().cycle()) {
             assert!(found.abs_diff(*expected) <= 3, "{rgb:?}: {back:?}");
         }
@@ -175,7 +178,10 @@ fn what_is_no_clip_is_told() {
             "frame 8 of 9 lies behind the end",
         ),
         (&replaced(b"vide", b"soun"), "no video track"),
-        (&replaced(b"avc1\0\0\0\0", b"hvc1"), "'hvc1', not H.264"),
+        (
+            &replaced(b"avc1\0\0\0\0", b"hvc1"),
+            "H.265 (HEVC) ('hvc1'), not H.264",
+        ),
         (&replaced(b"avcC", b"free"), "lacks the parameters"),
         (&replaced(b"stsz", b"free"), "'stsz' is damaged"),
         (
