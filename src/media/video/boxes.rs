@@ -12,6 +12,8 @@ const MAX_INDEX_BYTES: u64 = 1 << 28; // [byte]
 pub(super) enum Broken {
     Format(String),
     Truncated(String),
+    /// Fragments without the index that they continue.
+    Segment,
 }
 
 impl Broken {
@@ -20,6 +22,7 @@ impl Broken {
         match self {
             Broken::Format(why) => VideoError::Format { path, why },
             Broken::Truncated(why) => VideoError::Truncated { path, why },
+            Broken::Segment => VideoError::Segment { path },
         }
     }
 }
@@ -130,6 +133,7 @@ pub(super) fn index(file: &mut File) -> Result<Index, Broken> {
             length,
             cut,
         }),
+        (None, _) if !fragments.is_empty() => Err(Broken::Segment),
         (None, Some(cut)) => Err(Broken::Truncated(cut)),
         (None, None) if known => Err(Broken::Truncated("it has no 'moov' box (its index)".into())),
         (None, None) => Err(format("it is no MP4 or MOV file")),

@@ -33,6 +33,15 @@ pub enum VideoError {
         /// What is missing.
         why: String,
     },
+    /// The file is a segment of a stream.
+    #[error(
+        "clip {path}: it is a segment of a stream, without its index ('moov'); put the stream's first part before it with \
+         `cat INIT.mp4 SEGMENT.m4s > OUT.mp4`"
+    )]
+    Segment {
+        /// The clip.
+        path: PathBuf,
+    },
     /// A frame cannot be decoded.
     #[error(
         "clip {path}: frame {frame} cannot be decoded ({why}); copy the file again, or convert it \

@@ -230,6 +230,7 @@ impl<'a> Reader<'a> {
         if station.text.len() != 4 || !station.text.bytes().all(in_station) {
             return Err(station.is_not(STATION));
         }
+        while self.take_if(is_correction) {}
         if self.take_if(|text| text == "NIL") {
             return Ok(false);
         }
@@ -282,7 +283,7 @@ impl<'a> Reader<'a> {
             }
             if let Some(pressure_pa) = groups::pressure_pa(text) {
                 self.pressure(token, pressure_pa);
-            } else if slashes(text, 1) {
+            } else if slashes(text, 1) || ["M", "MM"].contains(&text) {
                 // Whatever it is, it was not measured.
             } else if self.stage < 4 {
                 return Err(token.is_not(self.expected(text)));

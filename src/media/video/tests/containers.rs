@@ -533,6 +533,25 @@ fn a_fragmented_clip_that_is_cut_off_is_read_to_its_last_whole_fragment() {
 }
 
 #[test]
+fn a_segment_without_its_index_is_named() {
+    let bytes = Boxing {
+        fragments: vec![4, 5],
+        ..plain()
+    }
+    .bytes();
+    let moof = find(&bytes, b"moof") - 4;
+    let segment = [boxed(b"styp", b"msdh\0\0\0\0"), bytes[moof..].to_vec()].concat();
+    let message = read_bytes(&segment).unwrap_err().to_string();
+    assert!(
+        message.contains("a segment of a stream") && message.contains("cat INIT.mp4"),
+        "{message}"
+    );
+    // With its first part before it, it is a clip.
+    let joined = [&bytes[..moof], &segment].concat();
+    same(&read_bytes(&joined).unwrap(), 0, &even_s(COUNT));
+}
+
+#[test]
 fn parameter_sets_may_stand_in_the_frames() {
     for fragments in [vec![], vec![5, 4]] {
         let boxing = Boxing {

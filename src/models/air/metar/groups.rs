@@ -178,7 +178,7 @@ pub(super) fn visibility(text: &str) -> Option<VisibilityGroup> {
     }
     let (metres, direction) = text.split_at_checked(4)?;
     let compass = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"].contains(&direction);
-    if !(compass || ["", "NDV", "M"].contains(&direction)) {
+    if !(compass || ["", "NDV", "NDZ", "ND", "M"].contains(&direction)) {
         return None;
     }
     if slashes(metres, 4) {
