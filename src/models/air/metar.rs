@@ -348,9 +348,12 @@ impl<'a> Reader<'a> {
             let what = "gives no direction of the wind: from the north is taken";
             self.assume(text, what, "wind_from_deg");
         }
-        if wind.bound {
+        for (_, key) in (wind.bounds.into_iter())
+            .zip(["wind_speed_mps", "gust_mps"])
+            .filter(|(bound, _)| *bound)
+        {
             let what = "gives a bound of the wind speed: the bound is taken";
-            self.assume(text, what, "wind_speed_mps");
+            self.assume(text, what, key);
         }
         if wind.gust_unknown {
             let what = "gives no speed of its gusts: none are taken";

@@ -49,8 +49,8 @@ pub(super) struct WindGroup {
     pub(super) gust_mps: Option<f64>,
     /// Whether a gust is announced that was not measured (`G//`).
     pub(super) gust_unknown: bool,
-    /// Whether a speed is a lower bound (`P99`).
-    pub(super) bound: bool,
+    /// Whether the mean and the gust speed are lower bounds (`P99`).
+    pub(super) bounds: [bool; 2],
 }
 
 /// The wind of a group that names its unit, as in `24008G18KT`, `VRB03MPS`, `250100G125KT`, `240P99KT` or `/////KT`.
@@ -61,7 +61,7 @@ pub(super) fn wind(text: &str) -> Option<WindGroup> {
         speed_mps: Some(0.0),
         gust_mps: None,
         gust_unknown: false,
-        bound: false,
+        bounds: [false; 2],
     };
     if text == "CALM" {
         return Some(group);
@@ -99,12 +99,10 @@ pub(super) fn wind(text: &str) -> Option<WindGroup> {
             Some((degrees % 360.0).to_radians())
         }
     };
-    (group.speed_mps, group.bound) = speed(mean)?;
+    (group.speed_mps, group.bounds[0]) = speed(mean)?;
     if let Some(gust) = gust {
-        let bound;
-        (group.gust_mps, bound) = speed(gust)?;
+        (group.gust_mps, group.bounds[1]) = speed(gust)?;
         group.gust_unknown = group.gust_mps.is_none();
-        group.bound |= bound;
     }
     // A calm has no direction to measure.
     if group.speed_mps == Some(0.0) {

@@ -529,6 +529,24 @@ proptest! {
         prop_assert_eq!(plain.pressure_pa, Some(100.0 * f64::from(hpa)));
     }
 
+    /// 5 m/s are 18 km/h, and 8 km are 8,000 m; a mile is eight eighths.
+    #[test]
+    fn a_report_in_other_units_states_the_same(fives in 1_u32..10, km in 1_u32..10, eighths in 1_u32..8) {
+        let wind = |wind: String| Report::read(&format!("LSZH 171220Z 240{wind} 9999 NSC 05/04 Q1008")).unwrap();
+        let (metres, km_h) = (wind(format!("{:02}MPS", 5 * fives)), wind(format!("{:03}KMH", 18 * fives)));
+        prop_assert!((metres.wind_speed_mps.unwrap() - km_h.wind_speed_mps.unwrap()).abs() < 1e-9);
+        let seen = |seen: String| {
+            let text = format!("LSZH 171220Z 24005KT {seen} NSC 05/04 Q1008");
+            match Report::read(&text).unwrap().visibility {
+                Some(Visibility::Metres(metres)) => metres,
+                other => panic!("{text}: {other:?}"),
+            }
+        };
+        prop_assert_eq!(seen(format!("{km}KM")), seen(format!("{:04}", 1000 * km)));
+        let parts = seen(format!("1 {eighths}/8SM")) - seen(format!("{eighths}/8SM"));
+        prop_assert!((parts - seen("1SM".into())).abs() < 1e-9);
+    }
+
     #[test]
     fn a_spoilt_report_is_read_or_refused_with_a_reason(at in 0_usize..60, with in "\\PC") {
         let mut report: Vec<char> =
