@@ -5,6 +5,7 @@
 
 mod document;
 mod geometry;
+mod kinds;
 mod reader;
 mod tolerant;
 
@@ -66,47 +67,6 @@ pub fn read_all(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceErro
     Ok(layers)
 }
 
-/// What a city object's triangles are.
-fn kind(object: &str) -> LayerKind {
-    let ground = [
-        "LandUse",
-        "Road",
-        "Railway",
-        "Square",
-        "TransportSquare",
-        "Track",
-        "Waterway",
-        "WaterBody",
-        "TINRelief",
-        "GenericCityObject",
-    ];
-    let ground = ground.contains(&object) || (object == "PlantCover");
-    if object.starts_with("Building") {
-        LayerKind::Buildings
-    } else if ground {
-        LayerKind::Terrain
-    } else {
-        LayerKind::Surface
-    }
-}
-
-/// Linear albedo of a surface by what it is, where the file gives no material.
-fn albedo(object: &str, semantics: Option<&str>, up: f64) -> [f32; 4] {
-    let [r, g, b] = match (semantics, object) {
-        (Some("RoofSurface" | "OuterCeilingSurface"), _) => [0.30, 0.16, 0.12],
-        (Some("GroundSurface"), _) => [0.18, 0.18, 0.18],
-        (Some("Window"), _) => [0.08, 0.10, 0.12],
-        (Some("Door"), _) => [0.16, 0.10, 0.06],
-        (Some("WaterSurface"), _) | (_, "WaterBody" | "Waterway") => [0.05, 0.10, 0.13],
-        (_, "Road" | "Railway" | "Square" | "TransportSquare" | "Track") => [0.12, 0.12, 0.12],
-        (_, "PlantCover" | "SolitaryVegetationObject") => [0.08, 0.16, 0.05],
-        (_, "LandUse" | "TINRelief" | "GenericCityObject") => [0.16, 0.18, 0.10],
-        (None, _) if object.starts_with("Building") && up > 0.5 => [0.30, 0.16, 0.12],
-        _ => [0.38, 0.34, 0.29],
-    };
-    [r, g, b, 1.0]
-}
-
 /// Points farther than this from the middle one are strays: of a map's coordinates, no city is larger [m].
 const STRAY_M: f64 = 1e6; // [m]
 
@@ -150,6 +110,12 @@ fn layers(
         looks: BTreeMap::new(),
     };
     let mut kinds = [LayerKind::Buildings, LayerKind::Terrain, LayerKind::Surface].map(gathered);
+    let level = options.lod.as_deref().map(|lod| {
+        let what = format!("'{lod}' is no level of detail");
+        let level = lod.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+        level.ok_or_else(|| Fault::new("lod", what, "write --lod 1 or --lod 2.2"))
+    });
+    let level = level.transpose()?;
     let reader = |(document, source)| Reader {
         document,
         templates: documents.first().unwrap_or(document),
@@ -158,7 +124,7 @@ fn layers(
         place,
         site: &site,
         folder,
-        level: options.lod.as_deref().and_then(|lod| lod.parse().ok()),
+        level,
     };
     let readers: Vec<Reader> = documents.iter().zip(sources).map(reader).collect();
     let mut found = Found::default();

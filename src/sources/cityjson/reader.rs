@@ -4,8 +4,8 @@ use super::document::{Document, Geometry, MaterialTheme, Object, TextureTheme};
 use super::geometry::{
     Face, choose, flatten, inner_shells, outward, shells, value_at, without_surfaces,
 };
+use super::kinds::{albedo, kind};
 use super::tolerant::{Maybe, Nest, Table};
-use super::{albedo, kind};
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::shape::textured::{Look, Texture};
 use crate::sources::LayerKind;

@@ -1,3 +1,4 @@
+use super::kinds::albedo;
 use super::*;
 use crate::sources::surfaces::volume_m3;
 use proptest::prelude::*;

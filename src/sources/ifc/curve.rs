@@ -182,15 +182,17 @@ impl Model<'_> {
     }
 
     /// Radians in the unit of some angles: degrees where no unit is stated and radians would be more than a turn.
-    fn angle(&mut self, angles: impl Iterator<Item = f64>, curve: &DecodedEntity) -> f64 {
+    pub fn angle(&mut self, angles: impl Iterator<Item = f64>, record: &DecodedEntity) -> f64 {
         let most = angles.fold(0.0_f64, |most, angle| most.max(angle.abs()));
         if self.angle_stated || most <= TAU + 1e-3 {
             return self.angle_rad;
         }
-        let place = format!("#{} {}", curve.id, curve.ifc_type.name());
         let what = "no plane-angle unit is assigned and some angles are more than a turn in radians: taken as degrees";
-        self.notes
-            .assume(place, what, "assign a PLANEANGLEUNIT to the project");
+        self.notes.assume(
+            record.ifc_type.name(),
+            what,
+            "assign a PLANEANGLEUNIT to the project",
+        );
         TAU / 360.0
     }
 

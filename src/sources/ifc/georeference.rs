@@ -104,7 +104,15 @@ impl Stated {
         let target = model.at(&record, 1);
         let target = target.filter(|target| known.contains(&target.ifc_type));
         let target = target.or_else(|| model.entity(systems().next()?));
+        let id = target.as_ref().map(|target| target.id);
         self.system = target.map(|it| System::read(model, &it)).transpose()?;
+        let texts: Vec<u32> = all(&[IfcType::IfcWellKnownText]).collect();
+        let texts = texts.into_iter().filter_map(|text| model.entity(text));
+        let own = |text: &DecodedEntity| id.is_some() && text.get_ref(1) == id;
+        let text = texts.into_iter().find(own);
+        if let Some(system) = &mut self.system {
+            system.definition = text.and_then(|text| text.get_string(0).map(str::to_string));
+        }
         let system = self.system.as_ref();
         let operation = match record.ifc_type {
             IfcType::IfcRigidOperation => rigid(&record, place, system)?,

@@ -11,6 +11,9 @@ const MOST_FACES: usize = 8_000_000;
 /// Most representation items of a file, each time counted that a map shows it.
 const MOST_ITEMS: usize = 1_000_000;
 
+/// Rings of a face: outline and holes [m].
+pub type Face = Vec<Vec<DVec3>>;
+
 /// A record that is left out: its kind in the plural with the reason, and where it stands.
 #[derive(Debug)]
 pub struct Lost {
@@ -131,6 +134,17 @@ impl<'a> Model<'a> {
         }
         self.vector(entity, slot)
             .ok_or_else(|| Lost::damaged(entity))
+    }
+
+    /// Positive lengths [m].
+    pub fn lengths<const N: usize>(
+        &self,
+        entity: &DecodedEntity,
+        slots: [usize; N],
+    ) -> Result<[f64; N], Lost> {
+        let all = slots.map(|slot| entity.get_float(slot).unwrap_or(f64::NAN) * self.unit_m);
+        let sound = all.iter().all(|v| v.is_finite() && *v > 0.0);
+        sound.then_some(all).ok_or_else(|| Lost::damaged(entity))
     }
 
     /// `IfcAxis2Placement3D` or `2D`, in metres; without one the identity.

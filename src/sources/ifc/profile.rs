@@ -77,45 +77,83 @@ impl Model<'_> {
 
     /// An area about its own place, from lengths and radii.
     fn parametric(&self, profile: &DecodedEntity) -> Result<Area, Lost> {
-        let damaged = || Lost::damaged(profile);
-        let unit_m = self.unit_m;
-        let stated = |slot: usize| profile.get_float(slot).map(|v| v * unit_m);
-        let length = |slot: usize| {
-            let sound = stated(slot).filter(|v| v.is_finite() && *v > 0.0);
-            sound.ok_or_else(damaged)
+        let own = Sizes {
+            profile,
+            unit_m: self.unit_m,
+            angle_rad: self.angle_rad,
         };
-        let radius = |slot: usize| stated(slot).filter(|v| v.is_finite() && *v > 0.0);
-        let r = |slot: usize| radius(slot).unwrap_or(0.0);
-        let slope = |slot: usize| {
-            let angle_rad = profile.get_float(slot).unwrap_or(0.0) * self.angle_rad;
-            Some(angle_rad.tan())
-                .filter(|s| s.abs() < 1.0)
-                .unwrap_or(0.0)
-        };
+        let sound = |ring: &Vec<DVec2>| ring.len() >= 3 && ring.iter().all(|p| p.is_finite());
+        let area = own.plain()?;
+        let area = area.iter().all(sound).then_some(area);
+        area.ok_or_else(|| Lost::damaged(profile))
+    }
+}
+
+/// Lengths, radii and slopes of a profile.
+struct Sizes<'a> {
+    profile: &'a DecodedEntity,
+    unit_m: f64,
+    angle_rad: f64,
+}
+
+impl Sizes<'_> {
+    /// A length, also a negative one [m].
+    fn stated(&self, slot: usize) -> Option<f64> {
+        self.profile.get_float(slot).map(|v| v * self.unit_m)
+    }
+
+    /// A positive length that may be absent [m].
+    fn radius(&self, slot: usize) -> Option<f64> {
+        self.stated(slot).filter(|v| v.is_finite() && *v > 0.0)
+    }
+
+    /// A positive length that must be there [m].
+    fn length(&self, slot: usize) -> Result<f64, Lost> {
+        let length = self.radius(slot);
+        length.ok_or_else(|| Lost::damaged(self.profile))
+    }
+
+    /// A radius that is nothing where it is absent [m].
+    fn r(&self, slot: usize) -> f64 {
+        self.radius(slot).unwrap_or(0.0)
+    }
+
+    /// The tangent of an angle; nothing where it is absent, or as steep as no rolled section.
+    fn slope(&self, slot: usize) -> f64 {
+        let angle_rad = self.profile.get_float(slot).unwrap_or(0.0) * self.angle_rad;
+        let tangent = Some(angle_rad.tan());
+        tangent.filter(|s| s.abs() < 1.0).unwrap_or(0.0)
+    }
+
+    /// Rectangles, circles, trapezia; otherwise the shapes of rolled sections.
+    fn plain(&self) -> Result<Area, Lost> {
+        let own = self;
         let one = |corners: Vec<Corner>| vec![rounded(&corners)];
-        let area = match profile.ifc_type {
-            IfcType::IfcRectangleProfileDef => one(rectangle(length(3)?, length(4)?, 0.0)),
-            IfcType::IfcRoundedRectangleProfileDef => one(rectangle(length(3)?, length(4)?, r(5))),
+        Ok(match own.profile.ifc_type {
+            IfcType::IfcRectangleProfileDef => one(rectangle(own.length(3)?, own.length(4)?, 0.0)),
+            IfcType::IfcRoundedRectangleProfileDef => {
+                one(rectangle(own.length(3)?, own.length(4)?, own.r(5)))
+            }
             IfcType::IfcRectangleHollowProfileDef => {
-                let (x, y, wall) = (length(3)?, length(4)?, length(5)?);
-                let mut area = one(rectangle(x, y, r(7)));
+                let (x, y, wall) = (own.length(3)?, own.length(4)?, own.length(5)?);
+                let mut area = one(rectangle(x, y, own.r(7)));
                 let inner = (x - 2.0 * wall, y - 2.0 * wall);
                 if inner.0 > 0.0 && inner.1 > 0.0 {
-                    area.push(rounded(&rectangle(inner.0, inner.1, r(6))));
+                    area.push(rounded(&rectangle(inner.0, inner.1, own.r(6))));
                 }
                 area
             }
-            IfcType::IfcCircleProfileDef => vec![ellipse(length(3)?, length(3)?)],
+            IfcType::IfcCircleProfileDef => vec![ellipse(own.length(3)?, own.length(3)?)],
             IfcType::IfcCircleHollowProfileDef => {
-                let inner = length(3)? - length(4)?;
-                let mut area = vec![ellipse(length(3)?, length(3)?)];
+                let inner = own.length(3)? - own.length(4)?;
+                let mut area = vec![ellipse(own.length(3)?, own.length(3)?)];
                 area.extend((inner > 0.0).then(|| ellipse(inner, inner)));
                 area
             }
-            IfcType::IfcEllipseProfileDef => vec![ellipse(length(3)?, length(4)?)],
+            IfcType::IfcEllipseProfileDef => vec![ellipse(own.length(3)?, own.length(4)?)],
             IfcType::IfcTrapeziumProfileDef => {
-                let (bottom, top, y) = (length(3)?, length(4)?, length(5)? / 2.0);
-                let from = stated(6).unwrap_or(0.0) - bottom / 2.0;
+                let (bottom, top, y) = (own.length(3)?, own.length(4)?, own.length(5)? / 2.0);
+                let from = own.stated(6).unwrap_or(0.0) - bottom / 2.0;
                 one(sharp(&[
                     (-bottom / 2.0, -y),
                     (bottom / 2.0, -y),
@@ -123,41 +161,60 @@ impl Model<'_> {
                     (from, y),
                 ]))
             }
+            IfcType::IfcIShapeProfileDef | IfcType::IfcAsymmetricIShapeProfileDef => {
+                one(own.double_flanged()?)
+            }
+            _ => one(own.rolled()?),
+        })
+    }
+
+    /// I shapes, symmetric or not.
+    fn double_flanged(&self) -> Result<Vec<Corner>, Lost> {
+        let own = self;
+        Ok(match own.profile.ifc_type {
             IfcType::IfcIShapeProfileDef => {
-                let (width, thick) = (length(3)?, length(6)?);
+                let (width, thick) = (own.length(3)?, own.length(6)?);
                 let flange = Flange {
                     width,
                     thick,
-                    fillet: r(7),
-                    edge: r(8),
-                    slope: slope(9),
+                    fillet: own.r(7),
+                    edge: own.r(8),
+                    slope: own.slope(9),
                 };
-                one(i_shape(length(4)?, length(5)?, flange, flange))
+                i_shape(own.length(4)?, own.length(5)?, flange, flange)
             }
             IfcType::IfcAsymmetricIShapeProfileDef => {
                 // In IFC 2x3 the centre of gravity stands where the edges' radii stand since.
-                let edges = profile.get(12).is_some();
-                let edge = |slot| if edges { r(slot) } else { 0.0 };
+                let edges = own.profile.get(12).is_some();
+                let edge = |slot| if edges { own.r(slot) } else { 0.0 };
                 let bottom = Flange {
-                    width: length(3)?,
-                    thick: length(6)?,
-                    fillet: r(7),
+                    width: own.length(3)?,
+                    thick: own.length(6)?,
+                    fillet: own.r(7),
                     edge: edge(11),
-                    slope: slope(12),
+                    slope: own.slope(12),
                 };
                 let top = Flange {
-                    width: length(8)?,
-                    thick: radius(9).unwrap_or(bottom.thick),
-                    fillet: r(10),
+                    width: own.length(8)?,
+                    thick: own.radius(9).unwrap_or(bottom.thick),
+                    fillet: own.r(10),
                     edge: edge(13),
-                    slope: slope(14),
+                    slope: own.slope(14),
                 };
-                one(i_shape(length(4)?, length(5)?, bottom, top))
+                i_shape(own.length(4)?, own.length(5)?, bottom, top)
             }
+            _ => return Err(Lost::kind(own.profile, "profiles")),
+        })
+    }
+
+    /// L, U, C, Z and T shapes.
+    fn rolled(&self) -> Result<Vec<Corner>, Lost> {
+        let own = self;
+        Ok(match own.profile.ifc_type {
             IfcType::IfcLShapeProfileDef => {
-                let (h, t) = (length(3)?, length(5)?);
-                let w = radius(4).unwrap_or(h);
-                let (fillet, edge, lean) = (r(6), r(7), slope(8));
+                let (h, t) = (own.length(3)?, own.length(5)?);
+                let w = own.radius(4).unwrap_or(h);
+                let (fillet, edge, lean) = (own.r(6), own.r(7), own.slope(8));
                 // The legs' thickness is that at their middle.
                 let (dx, dy) = (lean * (w - t) / 2.0, lean * (h - t) / 2.0);
                 let corners = [
@@ -168,14 +225,14 @@ impl Model<'_> {
                     (t - dy, h, edge),
                     (0.0, h, 0.0),
                 ];
-                one(corners
+                corners
                     .map(|(x, y, r)| (DVec2::new(x - w / 2.0, y - h / 2.0), r))
-                    .to_vec())
+                    .to_vec()
             }
             IfcType::IfcUShapeProfileDef => {
-                let (h, b) = (length(3)? / 2.0, length(4)? / 2.0);
-                let (web, thick) = (length(5)?, length(6)?);
-                let (fillet, edge, lean) = (r(7), r(8), slope(9));
+                let (h, b) = (own.length(3)? / 2.0, own.length(4)? / 2.0);
+                let (web, thick) = (own.length(5)?, own.length(6)?);
+                let (fillet, edge, lean) = (own.r(7), own.r(8), own.slope(9));
                 // The flanges' thickness is that at their middle.
                 let (tip, root) = (thick - lean * b, thick + lean * (b - web));
                 let lower = [
@@ -184,11 +241,11 @@ impl Model<'_> {
                     (b, tip - h, edge),
                     (web - b, root - h, fillet),
                 ];
-                one(with_mirror(&lower, |(x, y)| (x, -y)))
+                with_mirror(&lower, |(x, y)| (x, -y))
             }
             IfcType::IfcCShapeProfileDef => {
-                let (h, b) = (length(3)? / 2.0, length(4)? / 2.0);
-                let (wall, girth, inner) = (length(5)?, length(6)?, r(7));
+                let (h, b) = (own.length(3)? / 2.0, own.length(4)? / 2.0);
+                let (wall, girth, inner) = (own.length(5)?, own.length(6)?, own.r(7));
                 let outer = if inner > 0.0 { inner + wall } else { 0.0 };
                 let lower = [
                     (-b, -h, outer),
@@ -198,43 +255,39 @@ impl Model<'_> {
                     (b - wall, wall - h, inner),
                     (wall - b, wall - h, inner),
                 ];
-                one(with_mirror(&lower, |(x, y)| (x, -y)))
+                with_mirror(&lower, |(x, y)| (x, -y))
             }
             IfcType::IfcZShapeProfileDef => {
-                let (h, b) = (length(3)? / 2.0, length(4)?);
-                let (web, thick, fillet, edge) = (length(5)? / 2.0, length(6)?, r(7), r(8));
+                let (h, b) = (own.length(3)? / 2.0, own.length(4)?);
+                let (web, thick, fillet, edge) =
+                    (own.length(5)? / 2.0, own.length(6)?, own.r(7), own.r(8));
                 let lower = [
                     (-web, -h, 0.0),
                     (b - web, -h, 0.0),
                     (b - web, thick - h, edge),
                     (web, thick - h, fillet),
                 ];
-                one(turned_twice(&lower))
+                turned_twice(&lower)
             }
             IfcType::IfcTShapeProfileDef => {
-                let (h, b) = (length(3)? / 2.0, length(4)? / 2.0);
-                let (web, thick) = (length(5)? / 2.0, length(6)?);
-                let (web_lean, lean) = (slope(10), slope(11));
+                let (h, b) = (own.length(3)? / 2.0, own.length(4)? / 2.0);
+                let (web, thick) = (own.length(5)? / 2.0, own.length(6)?);
+                let (web_lean, lean) = (own.slope(10), own.slope(11));
                 // Thickness is that at the middle of a flange and of the web.
                 let inner = thick + lean * (b / 2.0 - web);
                 let tip = thick - lean * b / 2.0;
                 let under = inner.min(2.0 * h);
                 let (foot, neck) = (web - web_lean * h, web + web_lean * (h - thick));
                 let right = [
-                    (foot, -h, r(9)),
-                    (neck, h - under, r(7)),
-                    (b, h - tip, r(8)),
+                    (foot, -h, own.r(9)),
+                    (neck, h - under, own.r(7)),
+                    (b, h - tip, own.r(8)),
                     (b, h, 0.0),
                 ];
-                one(with_mirror(&right, |(x, y)| (-x, y)))
+                with_mirror(&right, |(x, y)| (-x, y))
             }
-            _ => return Err(Lost::kind(profile, "profiles")),
-        };
-        let sound = |ring: &Vec<DVec2>| ring.len() >= 3 && ring.iter().all(|p| p.is_finite());
-        area.iter()
-            .all(sound)
-            .then_some(area)
-            .ok_or_else(|| Lost::damaged(profile))
+            _ => return Err(Lost::kind(own.profile, "profiles")),
+        })
     }
 }
 

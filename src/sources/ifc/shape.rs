@@ -1,14 +1,11 @@
 //! Faces of IFC products.
 
 use super::curve::CORNERS;
-use super::model::{DEEPEST, Lost, Model, numbers};
+use super::model::{DEEPEST, Face, Lost, Model, numbers};
 use super::profile::Area;
 use glam::{DAffine3, DVec2, DVec3};
 use ifc_lite_core::{AttributeValue, DecodedEntity, IfcType};
 use std::f64::consts::TAU;
-
-/// Rings of a face: outline and holes.
-pub type Face = Vec<Vec<DVec3>>;
 
 /// Representations that show something else than the body, by their identifiers in small letters.
 const BESIDE_THE_BODY: [&str; 15] = [
@@ -170,41 +167,39 @@ impl Model<'_> {
             IfcType::IfcBlock => {
                 let placement = self.axes_at(item, 0)?;
                 let size = self.lengths(item, [1, 2, 3])?;
-                let base = [
-                    DVec2::ZERO,
-                    DVec2::X * size[0],
-                    DVec2::new(size[0], size[1]),
-                    DVec2::Y * size[1],
+                let corners = [
+                    (0.0, 0.0),
+                    (size[0], 0.0),
+                    (size[0], size[1]),
+                    (0.0, size[1]),
                 ];
-                let area = vec![base.to_vec()];
-                Ok(between(
-                    &area,
-                    &area,
-                    placement,
-                    DAffine3::from_translation(DVec3::Z * size[2]),
-                ))
-            }
-            IfcType::IfcRightCircularCylinder => {
-                let placement = self.axes_at(item, 0)?;
-                let [height, radius] = self.lengths(item, [1, 2])?;
-                let corner = |k: usize| DVec2::from_angle(TAU * k as f64 / CORNERS as f64) * radius;
-                let area = vec![(0..CORNERS).map(corner).collect()];
-                let up = DAffine3::from_translation(DVec3::Z * height);
+                let area = vec![corners.map(DVec2::from).to_vec()];
+                let up = DAffine3::from_translation(DVec3::Z * size[2]);
                 Ok(between(&area, &area, placement, up))
             }
+            IfcType::IfcRightCircularCylinder | IfcType::IfcRightCircularCone => {
+                let placement = self.axes_at(item, 0)?;
+                let [height, radius] = self.lengths(item, [1, 2])?;
+                let area = vec![circle(radius)];
+                let end = match item.ifc_type {
+                    IfcType::IfcRightCircularCone => vec![vec![DVec2::ZERO; CORNERS]],
+                    _ => area.clone(),
+                };
+                let up = DAffine3::from_translation(DVec3::Z * height);
+                Ok(between(&area, &end, placement, up))
+            }
+            IfcType::IfcRectangularPyramid => {
+                let placement = self.axes_at(item, 0)?;
+                let [x, y, height] = self.lengths(item, [1, 2, 3])?;
+                let corners = [(0.0, 0.0), (x, 0.0), (x, y), (0.0, y)];
+                let area = vec![corners.map(DVec2::from).to_vec()];
+                let end = vec![vec![DVec2::new(x, y) / 2.0; 4]];
+                let up = DAffine3::from_translation(DVec3::Z * height);
+                Ok(between(&area, &end, placement, up))
+            }
+            IfcType::IfcSweptDiskSolid | IfcType::IfcSweptDiskSolidPolygonal => self.pipe(item),
             _ => Err(Lost::kind(item, "shape items")),
         }
-    }
-
-    /// Positive lengths [m].
-    fn lengths<const N: usize>(
-        &self,
-        entity: &DecodedEntity,
-        slots: [usize; N],
-    ) -> Result<[f64; N], Lost> {
-        let all = slots.map(|slot| entity.get_float(slot).unwrap_or(f64::NAN) * self.unit_m);
-        let sound = all.iter().all(|v| v.is_finite() && *v > 0.0);
-        sound.then_some(all).ok_or_else(|| Lost::damaged(entity))
     }
 
     /// Adds faces through a placement; a mirroring one turns them.
@@ -220,129 +215,6 @@ impl Model<'_> {
             self.left -= 1;
             found.push(face);
         }
-    }
-
-    /// Faces of a shell, or of a connected set of faces.
-    fn shell(&mut self, shell: &DecodedEntity) -> Vec<Face> {
-        let mut faces = Vec::new();
-        for id in shell.get_refs(0).unwrap_or_default() {
-            let face = self.entity(id).ok_or_else(|| Lost {
-                kind: "faces that are missing or damaged".into(),
-                place: format!("#{id}"),
-            });
-            match face.and_then(|face| self.face(&face)) {
-                Ok(rings) if faces.len() < self.left => faces.push(rings),
-                Ok(_) => {}
-                Err(lost) => self.leave_out(lost),
-            }
-        }
-        faces
-    }
-
-    /// The rings of a flat face.
-    fn face(&mut self, face: &DecodedEntity) -> Result<Face, Lost> {
-        if matches!(
-            face.ifc_type,
-            IfcType::IfcAdvancedFace | IfcType::IfcFaceSurface
-        ) {
-            let surface = self.need(face, 1)?;
-            if surface.ifc_type != IfcType::IfcPlane {
-                return Err(Lost::kind(&surface, "faces of curved B-reps"));
-            }
-        }
-        let mut rings: Face = Vec::new();
-        for bound in self.all(face, 0) {
-            let looped = self.need(&bound, 0)?;
-            let mut ring = match looped.ifc_type {
-                IfcType::IfcPolyLoop => {
-                    let points = self.all(&looped, 0);
-                    let place = |p: &DecodedEntity| Some(numbers(p.get_list(0)?)? * self.unit_m);
-                    let found = points.iter().map(place).collect::<Option<Vec<_>>>();
-                    found.ok_or_else(|| Lost::damaged(&looped))?
-                }
-                IfcType::IfcEdgeLoop => self.edges(&looped)?,
-                _ => return Err(Lost::kind(&looped, "of faces")),
-            };
-            if bound.get(1).and_then(AttributeValue::as_enum) == Some("F") {
-                ring.reverse();
-            }
-            if bound.ifc_type == IfcType::IfcFaceOuterBound {
-                rings.insert(0, ring);
-            } else {
-                rings.push(ring);
-            }
-        }
-        rings.retain(|ring| ring.len() >= 3);
-        let some = !rings.is_empty();
-        some.then_some(rings).ok_or_else(|| Lost::damaged(face))
-    }
-
-    /// Corners along the edges of a loop.
-    fn edges(&mut self, looped: &DecodedEntity) -> Result<Vec<DVec3>, Lost> {
-        let damaged = || Lost::damaged(looped);
-        let mut ring = Vec::new();
-        for oriented in self.all(looped, 0) {
-            let edge = self.need(&oriented, 2)?;
-            let mut ends = Vec::new();
-            for slot in [0, 1] {
-                let vertex = self.need(&edge, slot)?;
-                ends.push(self.vector(&vertex, 0).ok_or_else(damaged)? * self.unit_m);
-            }
-            let curve = self.at(&edge, 2);
-            let mut part = match curve {
-                Some(curve) if curve.ifc_type != IfcType::IfcLine => {
-                    // Against the curve's own sense the edge runs from its end to its beginning.
-                    let against = edge.get(3).and_then(AttributeValue::as_enum) == Some("F");
-                    if against {
-                        ends.reverse();
-                    }
-                    let mut part = self.edge(&curve, [ends[0], ends[1]])?;
-                    if against {
-                        part.reverse();
-                    }
-                    part
-                }
-                _ => ends,
-            };
-            if oriented.get(3).and_then(AttributeValue::as_enum) == Some("F") {
-                part.reverse();
-            }
-            // The next edge begins where this one ends.
-            part.pop();
-            ring.extend(part);
-        }
-        Ok(ring)
-    }
-
-    /// Corners of a curved edge between two of its points: the part of a closed curve, or the whole of an open one.
-    fn edge(&mut self, curve: &DecodedEntity, ends: [DVec3; 2]) -> Result<Vec<DVec3>, Lost> {
-        let mut points = self.curve(curve, DEEPEST)?;
-        let n = points.len();
-        let closed = n > 2 && points[0].distance(points[n - 1]) < 1e-6;
-        if !closed {
-            if points[0].distance(ends[1]) < points[0].distance(ends[0]) {
-                points.reverse();
-            }
-            (points[0], points[n - 1]) = (ends[0], ends[1]);
-            return Ok(points);
-        }
-        points.pop();
-        let nearest = |end: DVec3| {
-            let far = |k: &usize| points[*k].distance(end);
-            (0..points.len()).min_by(|a, b| far(a).total_cmp(&far(b)))
-        };
-        let (from, to) = (nearest(ends[0]), nearest(ends[1]));
-        let (from, to) = from.zip(to).ok_or_else(|| Lost::damaged(curve))?;
-        let steps = match (to + points.len() - from) % points.len() {
-            0 => points.len(),
-            steps => steps,
-        };
-        let mut part: Vec<DVec3> = (0..=steps)
-            .map(|k| points[(from + k) % points.len()])
-            .collect();
-        part[0] = ends[0];
-        part[steps] = ends[1];
-        Ok(part)
     }
 
     /// `IfcTriangulatedFaceSet` (also an irregular network) or `IfcPolygonalFaceSet`.
@@ -438,7 +310,8 @@ impl Model<'_> {
         let origin = self.vector(&axis, 0).ok_or_else(damaged)? * self.unit_m;
         let along = self.vector(&axis, 1).unwrap_or(DVec3::Z);
         let along = along.try_normalize().ok_or_else(damaged)?;
-        let angle = solid.get_float(3).ok_or_else(damaged)? * self.angle_rad;
+        let angle = solid.get_float(3).ok_or_else(damaged)?;
+        let angle = angle * self.angle([angle].into_iter(), solid);
         let whole = angle.abs() > TAU - 1e-6;
         let angle = angle.clamp(-TAU, TAU);
         let steps = ((angle.abs() / TAU * CORNERS as f64 - 1e-9).ceil() as usize).max(1);
@@ -467,6 +340,11 @@ impl Model<'_> {
         }
         Ok(faces)
     }
+}
+
+fn circle(radius: f64) -> Vec<DVec2> {
+    let corner = |k: usize| DVec2::from_angle(TAU * k as f64 / CORNERS as f64) * radius;
+    (0..CORNERS).map(corner).collect()
 }
 
 /// The faces between an area and another of as many corners, moved by `arm`: the two ends, then the sides.

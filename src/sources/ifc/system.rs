@@ -19,6 +19,8 @@ pub struct System {
     vertical: Option<String>,
     projection: Option<String>,
     zone: Option<String>,
+    /// Its definition as well-known text.
+    pub definition: Option<String>,
     /// Metres in the unit of a map, or of the heights of a geographic system.
     pub unit_m: Option<f64>,
     /// Whether it counts longitudes and latitudes.
@@ -108,7 +110,9 @@ impl System {
     pub fn known_name(&self, notes: &mut Notes) -> Option<String> {
         let own = self.name.as_deref().and_then(known);
         let name = own.or_else(|| {
-            let found = (self.description.as_deref().and_then(coded)).or_else(|| self.utm())?;
+            let described = self.description.as_deref().and_then(coded);
+            let defined = || self.definition.as_deref().and_then(identified);
+            let found = described.or_else(defined).or_else(|| self.utm())?;
             let stated = self.name.as_deref().unwrap_or_default();
             let what = format!("'{stated}' is taken as {found}");
             notes.assume(&self.place, what, "name it with --crs");
@@ -166,7 +170,9 @@ impl System {
                     "" => parts.get(k + 1).copied().unwrap_or(""),
                     own => own,
                 };
-                let south = ["S", "SOUTH"].contains(&half);
+                // The bands of latitude from C to M lie in the south.
+                let band = half.len() == 1 && ("C"..="M").contains(&half);
+                let south = band || ["S", "SOUTH"].contains(&half);
                 (1..=60).contains(&zone).then_some((zone, south))
             })
         });
@@ -174,7 +180,9 @@ impl System {
         let datum = self.datum.as_deref().unwrap_or(&all).to_uppercase();
         let etrs = datum.contains("ETRS") || datum.contains("6258");
         let wgs = datum.contains("WGS") || datum.contains("6326");
+        let nad83 = datum.contains("NAD83") || datum.contains("6269");
         match (etrs, wgs, south) {
+            _ if nad83 && !south && zone <= 23 => Some(format!("EPSG:{}", 26900 + zone)),
             (true, _, false) if (28..=38).contains(&zone) => Some(format!("EPSG:{}", 25800 + zone)),
             (_, true, false) => Some(format!("EPSG:{}", 32600 + zone)),
             (_, true, true) => Some(format!("EPSG:{}", 32700 + zone)),
@@ -218,6 +226,11 @@ fn coded(text: &str) -> Option<String> {
         .collect();
     let name = format!("EPSG:{digits}");
     Crs::parse(&name).is_ok().then_some(name)
+}
+
+/// The code that a well-known text ends with: that of the whole stands last.
+fn identified(text: &str) -> Option<String> {
+    coded(&text[text.to_ascii_uppercase().rfind("EPSG")?..])
 }
 
 /// What a vertical datum's name says behind a horizontal code: an EPSG code, `geoid` or `ellipsoid`.
@@ -291,7 +304,7 @@ mod tests {
         for (name, want) in [
             ("EPSG:25832", "EPSG:25832"),
             ("epsg: 25832", "epsg: 25832"),
-            ("EPSG/25832", "EPSG:25832"),
+            ("EPSG/25832", "EPSG/25832"),
             ("EPSG 25832", "EPSG:25832"),
             ("25832", "25832"),
             ("urn:ogc:def:crs:EPSG::25832", "urn:ogc:def:crs:EPSG::25832"),
@@ -322,6 +335,8 @@ mod tests {
             utm("utm grid", "Zone 56 South", "WGS 84").as_deref(),
             Some("EPSG:32756")
         );
+        assert_eq!(utm("UTM", "17T", "NAD83").as_deref(), Some("EPSG:26917"));
+        assert_eq!(utm("UTM", "23K", "WGS84").as_deref(), Some("EPSG:32723"));
         assert_eq!(utm("Gauss-Krüger", "3", "DHDN"), None);
         for (name, want) in [
             ("EPSG:7837", Some("7837")),

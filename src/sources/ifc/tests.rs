@@ -1,7 +1,12 @@
+mod places;
+mod shapes;
 
 use super::*;
+use crate::models::maths::geodesy::Geodetic;
 use crate::sources::place;
 use crate::sources::surfaces::volume_m3;
+use crate::warning::Notes;
+use glam::DVec3;
 use proptest::prelude::*;
 
 /// A house in millimetres: a slab, a wall of an L-shaped outline, a B-rep, a triangulated tetrahedron, two mapped boxes (one mirrored),
@@ -187,14 +192,14 @@ fn it_stands_by_its_map_conversion_its_site_or_the_options() {
         crs: Some("EPSG:25832".into()),
         ..Options::default()
     };
-    let text = site.replace("(1000.,2000.,3000.)", "(691000000.,5334000000.,3000.)");
+    let far = "#10=IFCLOCALPLACEMENT($,#300);\n#300=IFCAXIS2PLACEMENT3D(#301,$,$);\n#301=IFCCARTESIANPOINT((690999000.,5333998000.,0.));";
+    let text = site.replace("#10=IFCLOCALPLACEMENT($,#6);", far);
     let found = top_of_slab(&read_text(&text, &options).unwrap());
     let want = crs
         .to_geodetic(DVec3::new(691_000.0, 5_334_000.0, 3.15))
         .unwrap();
-    // The other products stay at the map's origin, and one mesh holds them all in f32.
     assert!(
-        found.to_ecef().distance(want.to_ecef()) < 0.5,
+        found.to_ecef().distance(want.to_ecef()) < 0.01,
         "{found:?} {want:?}"
     );
 }
@@ -244,7 +249,8 @@ proptest! {
             let options = Options::default();
             let placing = Placing { stated: &made.stated, unit_m: made.unit_m, middle_m: (low + high) / 2.0, options: &options };
             if let Ok(to_ecef) = placing.to_ecef(Path::new("house.ifc"), &mut made.notes) {
-                let _ = layer(made, &to_ecef, &options);
+                let mut notes = Notes::default();
+                let _ = layer(made, &to_ecef, &options, &mut notes);
             }
         }
     }

@@ -72,17 +72,16 @@ impl Model<'_> {
             IfcType::IfcConversionBasedUnit => {
                 let name = unit.get_string(2).unwrap_or_default().to_string();
                 let measure = self.at(unit, 3);
+                if measure.is_none() && base == "METRE" {
+                    let what = format!("'{name}' without a factor");
+                    return named_unit_m(&name).ok_or_else(|| wrong(what));
+                }
                 let factor = measure.as_ref().and_then(|measure| measure.get_float(0));
                 let factor = factor.filter(|f| f.is_finite() && *f > 0.0);
                 let component = measure.and_then(|measure| self.at(&measure, 1));
-                let Some((factor, component)) = factor.zip(component) else {
-                    let known = match base {
-                        "METRE" => named_unit_m(&name),
-                        _ => None,
-                    };
-                    let what = format!("'{name}' without a factor of a unit");
-                    return known.ok_or_else(|| wrong(what));
-                };
+                let both = factor.zip(component);
+                let (factor, component) =
+                    both.ok_or_else(|| wrong(format!("'{name}' without a factor of a unit")))?;
                 let found = factor * self.unit(&component, base, depth)?;
                 let meant = named_unit_m(&name).filter(|_| base == "METRE");
                 if let Some(meant) = meant.filter(|meant| (found / meant - 1.0).abs() > 1e-3) {
