@@ -7,7 +7,9 @@ use crate::plugins::render::ScenePlugin;
 use crate::scenario::{InputError, Loaded};
 use crate::systems::render::renderer::Renderer;
 use crate::systems::run;
-use bevy::app::{Main, PluginGroupBuilder, TaskPoolThreadAssignmentPolicy};
+use bevy::app::{
+    Main, PluginGroupBuilder, TaskPoolThreadAssignmentPolicy, TerminalCtrlCHandlerPlugin,
+};
 use bevy::log::{Level, LogPlugin};
 use bevy::pbr::PbrPlugin;
 use bevy::prelude::*;
@@ -30,13 +32,13 @@ pub enum RunError {
     Part(#[from] PartError),
     /// Without images the detector is blind.
     #[error(
-        "detector.kind = \"onnx\" needs rendered images: run without --no-capture, or with \
+        "detector.kind = \"onnx\" needs rendered images; run without --no-capture, or with \
          --set detector.kind=truth"
     )]
     NeedsImages,
     /// No graphics adapter.
     #[error(
-        "no Vulkan adapter found: install a driver (on Debian and Ubuntu \
+        "no Vulkan adapter found; install a driver (on Debian and Ubuntu \
          `apt-get install mesa-vulkan-drivers` gives a software one), or run with --no-capture \
          --set detector.kind=truth"
     )]
@@ -236,7 +238,10 @@ fn bevy_plugins(options: &Options) -> PluginGroupBuilder {
         plugins = plugins.disable::<LogPlugin>();
     }
     if !options.window {
-        plugins = plugins.disable::<bevy::winit::WinitPlugin>();
+        // Its handler would keep a signal from a run that has no event loop to end.
+        plugins = plugins
+            .disable::<bevy::winit::WinitPlugin>()
+            .disable::<TerminalCtrlCHandlerPlugin>();
     }
     plugins
 }

@@ -12,19 +12,20 @@ use crate::experiment::diff::{Comparison, Tolerances};
 use crate::experiment::{self, ExperimentError};
 use crate::georef::{self, GeorefError};
 use crate::output::{self, OutputError};
+use crate::progress::Progress;
 use crate::recording::film::{self, FilmError};
 use crate::recording::read::Recorded;
 use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
 use crate::scenario::{self, Loaded, Scenario};
+use crate::stop;
 use crate::tiles_command::{self as tiles, Tiles};
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
 use crate::warning;
-use bevy::prelude::World;
+use bevy::prelude::{App, World};
 use clap::{Args, Parser, Subcommand};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -78,7 +79,7 @@ pub enum CliError {
     #[error(transparent)]
     Uav(#[from] UavError),
     /// The time of a picture of the window.
-    #[error("--screenshot: '{0}' is not a number of seconds")]
+    #[error("--screenshot: '{0}' is not a number of seconds; give FILE SECONDS")]
     Seconds(String),
     /// An option that only a simulation has.
     #[error("{0}: a recording is played back as it is; with --simulate its scenario runs again")]
@@ -298,18 +299,20 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
     }
     let done: Result<(), CliError> = match cli.command {
         Command::Test(args) => {
+            stop::listen();
             let tests = experiment::test::test(&args)?;
             say!("{}", tests.text());
-            return Ok(ExitCode::from(tests.exit_code()));
+            return Ok(ended(tests.exit_code()));
         }
         Command::Sweep(args) => {
+            stop::listen();
             let swept = experiment::sweep::sweep(&args)?;
             say!("{}", swept.text());
             if swept.table {
                 say!("table {}", args.out.join("table.parquet").display());
                 say!("page  {}", args.out.join("sweep.html").display());
             }
-            return Ok(ExitCode::from(swept.exit_code()));
+            return Ok(ended(swept.exit_code()));
         }
         Command::Video(args) => {
             let pictures = film::film(&args)?;
@@ -334,10 +337,22 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 log: true,
                 ..Options::default()
             };
-            let finished = run_headless(&loaded, &options, true)?;
+            let app = app::build(&loaded, &options)?;
+            // From here on there is something to end whole; before, a signal ends the program as ever.
+            stop::listen();
+            let finished = run_to_end(app, &loaded, &options, true)?;
             say!("{}", summary::table(&finished.summary).trim_end());
             say!("report  {}", args.out.join("report.html").display());
-            Ok(())
+            if let Some(t_s) = finished.summary.stopped_s {
+                let [run, sums, page] = ["run.mcap", "summary.json", "report.html"]
+                    .map(|name| args.out.join(name).display().to_string());
+                let there = format!(
+                    "{run}, {sums} and {page} hold the run to {t_s:.2} s; the same command makes it whole, from its \
+                     beginning"
+                );
+                say!("{}", stop::said(&there).unwrap_or(there));
+            }
+            return Ok(ended(0));
         }
         Command::View(args) => view(args),
         Command::Check(args) => {
@@ -366,41 +381,16 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
             say!("page  {}", page.display());
             Ok(())
         }
-        Command::Eval(EvalCommand::Tracking(args)) => {
-            let evaluation = eval::tracking::evaluate(&args)?;
-            say!("{}", evaluation.text().trim_end());
-            say!("page  {}", args.out.join("tracking.html").display());
-            Ok(())
-        }
-        Command::Eval(EvalCommand::Engagement(args)) => {
-            say!("{}", eval::engagement::evaluate(&args)?.trim_end());
-            Ok(())
-        }
-        Command::Eval(EvalCommand::Defence(args)) => {
-            let evaluation = eval::defence::evaluate(&args)?;
-            say!("{}", evaluation.text().trim_end());
-            say!("json  {}", args.out.join("defence.json").display());
-            Ok(())
-        }
-        Command::Eval(EvalCommand::Detector(args)) => {
-            let evaluation = eval::detector::evaluate(&args)?;
-            say!("{}", evaluation.text().trim_end());
-            say!("page  {}", args.out.join("detector.html").display());
-            Ok(())
-        }
-        Command::Eval(EvalCommand::Clip(args)) => {
-            let evaluation = eval::clip::evaluate(&args)?;
-            say!("{}", evaluation.text().trim_end());
-            say!("page  {}", args.out.join("clip.html").display());
-            Ok(())
-        }
+        Command::Eval(command) => return eval(command),
         Command::Dataset(args) => {
+            stop::listen();
             say!("{}", dataset::dataset(&args)?.trim_end());
-            Ok(())
+            return Ok(ended(0));
         }
         Command::Tracks(args) => {
+            stop::listen();
             say!("{}", dataset::tracks::tracks(&args)?.trim_end());
-            Ok(())
+            return Ok(ended(0));
         }
         Command::Georef(args) => {
             let found = georef::georeference(&args)?;
@@ -441,6 +431,49 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
         }
     };
     done.map(|()| ExitCode::SUCCESS)
+}
+
+/// How a command ends that can be stopped: by what stopped it, else with `code`.
+fn ended(code: u8) -> ExitCode {
+    ExitCode::from(stop::asked().map_or(code, stop::Stop::exit_code))
+}
+
+/// Carries out an evaluation.
+fn eval(command: EvalCommand) -> Result<ExitCode, CliError> {
+    // A draw of its own process leaves nothing until it is whole: a signal ends it as ever.
+    if !matches!(&command, EvalCommand::Engagement(args) if args.draw.is_some()) {
+        stop::listen();
+    }
+    let (text, left) = match command {
+        EvalCommand::Tracking(args) => {
+            let page = args.out.join("tracking.html");
+            (
+                eval::tracking::evaluate(&args)?.text(),
+                Some(("page", page)),
+            )
+        }
+        EvalCommand::Engagement(args) => (eval::engagement::evaluate(&args)?, None),
+        EvalCommand::Defence(args) => {
+            let json = args.out.join("defence.json");
+            (eval::defence::evaluate(&args)?.text(), Some(("json", json)))
+        }
+        EvalCommand::Detector(args) => {
+            let page = args.out.join("detector.html");
+            (
+                eval::detector::evaluate(&args)?.text(),
+                Some(("page", page)),
+            )
+        }
+        EvalCommand::Clip(args) => {
+            let page = args.out.join("clip.html");
+            (eval::clip::evaluate(&args)?.text(), Some(("page", page)))
+        }
+    };
+    say!("{}", text.trim_end());
+    if let Some((what, path)) = left {
+        say!("{what}  {}", path.display());
+    }
+    Ok(ended(0))
 }
 
 /// Compares two recordings, or one and a new run of its scenario.
@@ -528,15 +561,38 @@ pub fn run_headless(
     options: &Options,
     progress: bool,
 ) -> Result<Finished, CliError> {
-    let mut app = app::build(loaded, options)?;
-    let bar = bar(loaded, progress);
+    let app = app::build(loaded, options)?;
+    run_to_end(app, loaded, options, progress)
+}
+
+/// Runs what is set up to its end, or until it is stopped from outside, and writes what it leaves.
+fn run_to_end(
+    mut app: App,
+    loaded: &Loaded,
+    options: &Options,
+    progress: bool,
+) -> Result<Finished, CliError> {
+    let duration_s = loaded.scenario.duration_s;
+    let progress = match progress {
+        // The bar's position counts milliseconds of simulated time.
+        true => Progress::new((1e3 * duration_s) as u64, "{prefix} [{bar:30}] {msg}{left}"),
+        false => Progress::hidden(),
+    };
+    let bar = progress.bar();
+    bar.set_prefix(loaded.scenario.name.clone());
     let started = Instant::now();
     let mut shown = started;
     loop {
         let over = app::step(app.world_mut())?;
         if over || shown.elapsed() > Duration::from_millis(200) {
             shown = Instant::now();
-            show(app.world(), &bar, started.elapsed());
+            let t_s = app.world().resource::<SimClock>().t_s();
+            let state = state(app.world(), started.elapsed());
+            bar.set_position((1e3 * t_s) as u64);
+            bar.set_message(format!("{t_s:.1} s {state}"));
+            bar.tick();
+            let name = &loaded.scenario.name;
+            progress.say(|| format!("{name}: {t_s:.1} of {duration_s} s {state}"));
         }
         if over {
             break;
@@ -557,21 +613,8 @@ pub fn run_headless(
     )?)
 }
 
-/// Position of the bar counts milliseconds of simulated time.
-fn bar(loaded: &Loaded, progress: bool) -> ProgressBar {
-    let bar = ProgressBar::new((1e3 * loaded.scenario.duration_s) as u64);
-    if !progress {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    // The template is a constant; should it be refused, the default style serves.
-    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:30}] {msg}, {eta} left") {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    bar.set_prefix(loaded.scenario.name.clone());
-    bar
-}
-
-fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
+/// Factor of real time, the first station's state, and UAVs brought down, of a run that took so long.
+fn state(world: &World, elapsed: Duration) -> String {
     let t_s = world.resource::<SimClock>().t_s();
     let state = first_station::<Tracker>(world).map_or("", |tracker| tracker.state.name());
     let down = world
@@ -581,27 +624,25 @@ fn show(world: &World, bar: &ProgressBar, elapsed: Duration) {
         .filter(|fate| fate.neutralised_s.is_some())
         .count();
     let factor = t_s / elapsed.as_secs_f64().max(1e-9);
-    bar.set_position((1e3 * t_s) as u64);
-    bar.set_message(format!(
-        "{t_s:.1} s at {factor:.2}x, {state}, {down} neutralised"
-    ));
-    bar.tick();
+    format!("at {factor:.2}x, {state}, {down} neutralised")
 }
 
 /// The catalogue as a table.
 fn models() -> Result<String, UavError> {
-    let mut text = format!(
-        "{:<12} {:<24} {:>8} {:>11} {:>6} {:>9}\n",
-        "name", "model", "mass kg", "diagonal m", "props", "max m/s"
-    );
+    const HEAD: [&str; 6] = ["name", "model", "mass kg", "diagonal m", "props", "max m/s"];
+    let mut rows = Vec::new();
     for name in catalogue::names() {
         let uav = catalogue::load(name)?;
-        text += &format!(
-            "{name:<12} {:<24} {:>8.3} {:>11.3} {:>6} {:>9.0}\n",
-            uav.name, uav.mass_kg, uav.diagonal_m, uav.rotor_count, uav.v_max_mps
-        );
+        rows.push(vec![
+            name.to_owned(),
+            uav.name.clone(),
+            format!("{:.3}", uav.mass_kg),
+            format!("{:.3}", uav.diagonal_m),
+            uav.rotor_count.to_string(),
+            format!("{:.0}", uav.v_max_mps),
+        ]);
     }
-    Ok(text)
+    Ok(output::columns(&HEAD, &rows, 2))
 }
 
 fn doctor() {

@@ -73,7 +73,9 @@ pub enum GeorefError {
         source: GeoreferenceError,
     },
     /// The result cannot be encoded.
-    #[error("cannot encode the parameters: {0}")]
+    #[error(
+        "the parameters cannot be encoded: {0}; this is a fault of the program: please report it"
+    )]
     Encode(#[from] toml::ser::Error),
     /// The result cannot be written.
     #[error(transparent)]

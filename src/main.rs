@@ -1,6 +1,6 @@
 //! The `boresight` command.
 
-use boresight::cli;
+use boresight::{cli, stop};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -9,8 +9,8 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {error}");
-            // Bad input of every kind ends with 2, so that scripts can tell it from a crash.
-            ExitCode::from(2)
+            // Bad input of every kind ends with 2, so that scripts can tell it from a crash and from a stop.
+            ExitCode::from(stop::asked().map_or(2, stop::Stop::exit_code))
         }
     }
 }

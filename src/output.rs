@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     /// A folder that cannot be made.
-    #[error("output folder {path}: {source}; name a folder that can be written with --out")]
+    #[error("{path}: the folder cannot be made: {source}; name one that can be written with --out")]
     Folder {
         /// The folder.
         path: PathBuf,
@@ -15,7 +15,7 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// A file that cannot be written.
-    #[error("output {path}: {source}; name a folder that can be written with --out")]
+    #[error("{path}: cannot be written: {source}; name a folder that can be written with --out")]
     File {
         /// The file.
         path: PathBuf,
@@ -23,7 +23,9 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// What was found cannot be written as JSON.
-    #[error("cannot encode {path}: {source}")]
+    #[error(
+        "{path}: cannot be encoded: {source}; this is a fault of the program: please report it"
+    )]
     Json {
         /// The file.
         path: PathBuf,
@@ -89,5 +91,49 @@ pub(crate) fn quoted(word: impl std::fmt::Display) -> String {
         word
     } else {
         format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// A table as text: cells under their heads, two blanks apart. The first `left` columns begin at the left, the others,
+/// which are numbers, end at the right.
+pub(crate) fn columns(head: &[&str], rows: &[Vec<String>], left: usize) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().filter_map(|row| row.get(column));
+        let cells = cells.map(|cell| cell.chars().count());
+        let head = head[column].chars().count();
+        cells.fold(head, usize::max)
+    };
+    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let padded = cells.zip(&widths).enumerate();
+        let padded = padded.map(|(column, (cell, width))| match column < left {
+            true => format!("{cell:<width$}"),
+            false => format!("{cell:>width$}"),
+        });
+        let line = padded.collect::<Vec<_>>().join("  ");
+        line.trim_end().to_owned() + "\n"
+    };
+    let mut text = line(&mut head.iter().copied());
+    for row in rows {
+        text += &line(&mut row.iter().map(String::as_str));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_stand_over_their_columns() {
+        let rows = [["fpv5", "0.62", "–"], ["a longer name", "1500.5", "34"]];
+        let rows = rows.map(|row| row.map(String::from).to_vec());
+        let text = columns(&["name", "mass kg", "m/s"], &rows, 1);
+        let want = "\
+name           mass kg  m/s
+fpv5              0.62    –
+a longer name   1500.5   34
+";
+        assert_eq!(text, want);
     }
 }

@@ -59,7 +59,7 @@ const CHUNK_BYTES: usize = 1 << 20; // [byte]
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The file could not be created.
-    #[error("cannot create the recording {}: {source}", path.display())]
+    #[error("{}: the recording cannot be created: {source}; name a folder that can be written with --out", path.display())]
     Create {
         /// The file asked for.
         path: PathBuf,
@@ -67,13 +67,13 @@ pub enum RecordingError {
         source: io::Error,
     },
     /// There is no room left where the recording lies.
-    #[error("the disk is full: the recording {} is cut short", path.display())]
+    #[error("{}: the disk is full, and the recording cut short; make room, or name another folder with --out", path.display())]
     DiskFull {
         /// The recording.
         path: PathBuf,
     },
     /// Writing failed for another reason.
-    #[error("cannot write the recording {}: {source}", path.display())]
+    #[error("{}: the recording cannot be written: {source}; name a folder that can be written with --out", path.display())]
     Write {
         /// The recording.
         path: PathBuf,
@@ -81,10 +81,12 @@ pub enum RecordingError {
         source: McapError,
     },
     /// A message could not be encoded.
-    #[error("cannot encode a message: {0}")]
+    #[error("a message cannot be encoded: {0}; this is a fault of the program: please report it")]
     Encode(#[from] prost::EncodeError),
     /// A message is older than the last one.
-    #[error("message of tick {tick} after tick {last}: a recording runs forwards")]
+    #[error(
+        "message of tick {tick} after tick {last}: a recording runs forwards; this is a fault of the program: please report it"
+    )]
     Backwards {
         /// Tick of the late message.
         tick: u64,
@@ -95,13 +97,15 @@ pub enum RecordingError {
     #[error(transparent)]
     Live(#[from] LiveError),
     /// A picture could not be encoded.
-    #[error("cannot record a picture: {0}")]
+    #[error("a picture cannot be recorded: {0}; this is a fault of the program: please report it")]
     Picture(#[from] ImageError),
     /// The thread that writes could not be started.
-    #[error("cannot start the thread that writes the recording: {0}")]
+    #[error(
+        "the thread that writes the recording cannot be started: {0}; let the system have more threads (ulimit -u)"
+    )]
     Thread(io::Error),
     /// It has failed before.
-    #[error("the recording has ended with an error")]
+    #[error("the recording has ended; the error before this one says why")]
     Ended,
 }
 

@@ -14,7 +14,7 @@ use crate::models::control::tuning::{
 use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::tracking::estimation::LosFilterParams;
-use crate::output::{self, OutputError};
+use crate::output::{self, OutputError, columns};
 use crate::plugins::control::{controller, laws};
 use crate::plugins::mount::{gimbal_params, mirror_params};
 use crate::plugins::track::tracker_params;
@@ -33,7 +33,7 @@ pub enum TuneError {
     #[error(transparent)]
     Scenario(#[from] InputError),
     /// The figures cannot be encoded.
-    #[error("cannot encode tune.json: {0}")]
+    #[error("tune.json: cannot be encoded: {0}; this is a fault of the program: please report it")]
     Json(#[from] serde_json::Error),
     /// A file cannot be written.
     #[error(transparent)]
@@ -174,8 +174,7 @@ impl Tuning {
 
     /// Margins and gains as text.
     pub fn table(&self) -> String {
-        let mut text = format!(
-            "{:<24} {:>15} {:>16} {:>16} {:>10} {:>6} {:>9} {:>6} {:>9}\n",
+        const HEAD: [&str; 9] = [
             "loop",
             "amplitude",
             "gain margin",
@@ -185,18 +184,14 @@ impl Tuning {
             "rise",
             "over",
             "settle",
-        );
-        for cells in self.loops.iter().map(cells) {
-            let [name, amplitude, gain, phase, band, peak, rise, over, settle] = cells;
-            text += &format!(
-                "{name:<24} {amplitude:>15} {gain:>16} {phase:>16} {band:>10} {peak:>6} \
-                 {rise:>9} {over:>6} {settle:>9}\n"
-            );
-        }
-        text += &format!("\n{:<24} {:>12} {:>12}\n", "gain", "in use", "derived");
-        for (name, in_use, derived) in self.gain_rows() {
-            text += &format!("{name:<24} {in_use:>12} {derived:>12}\n");
-        }
+        ];
+        let loops: Vec<Vec<String>> = self.loops.iter().map(|of| cells(of).to_vec()).collect();
+        let gains = self.gain_rows().into_iter();
+        let gains: Vec<Vec<String>> = gains
+            .map(|(name, in_use, derived)| vec![name.to_owned(), in_use, derived])
+            .collect();
+        let text =
+            columns(&HEAD, &loops, 1) + "\n" + &columns(&["gain", "in use", "derived"], &gains, 1);
         text + &format!("gimbal gain limited by: {}\n", self.derived.limit)
     }
 

@@ -32,13 +32,15 @@ pub enum ViewError {
     #[error("no display: DISPLAY is not set; start it under a desktop, or with xvfb-run")]
     NoDisplay,
     /// A screenshot's name without a known ending.
-    #[error("--screenshot: {} must end in .jpg or .png", .0.display())]
+    #[error("--screenshot: {}: its name does not say which kind of picture it is; end it in .jpg or .png", .0.display())]
     Screenshot(PathBuf),
     /// A recording without anything to play back.
-    #[error("{}: has no states: its run was stopped before the first", .0.display())]
+    #[error("{}: has no states: its run was killed before the first; make the run again", .0.display())]
     Nothing(PathBuf),
     /// The operator's orders cannot be written as TOML.
-    #[error("--save-orders: {0}")]
+    #[error(
+        "--save-orders: the scenario cannot be written as TOML: {0}; this is a fault of the program: please report it"
+    )]
     Orders(#[from] toml::ser::Error),
     /// A file cannot be written.
     #[error(transparent)]

@@ -135,6 +135,8 @@ pub struct RunEnd {
     pub last_tick: u64,
     /// Tick at which every UAV had come to its end, if that has happened.
     pub settled: Option<u64>,
+    /// Tick after which the run was stopped from outside, if it was.
+    pub stopped: Option<u64>,
 }
 
 /// What a domain, or a user's own plugin, reports when it cannot go on: any typed error.

@@ -20,7 +20,7 @@ pub enum DatasetError {
     #[error(transparent)]
     Recipe(#[from] InputError),
     /// The scenes that are asked for.
-    #[error("--scenes: '{text}' is no range FROM..TO within 0..{count}")]
+    #[error("--scenes: '{text}' is no range of the scenes; write FROM..TO within 0..{count}")]
     Range {
         /// What was given.
         text: String,
@@ -29,7 +29,7 @@ pub enum DatasetError {
     },
     /// The folder holds another set.
     #[error(
-        "{path} holds a set of another recipe or program version; name another folder with --out, \
+        "{path}: holds a set of another recipe or program version; name another folder with --out, \
          or empty this one"
     )]
     OtherRecipe {
@@ -84,6 +84,9 @@ pub enum DatasetError {
         /// The class.
         class: ObjectClass,
     },
+    /// It was stopped from outside; what is whole by then is told where this is caught.
+    #[error("stopped before the first scene; the same command begins again")]
+    Stopped,
     /// No view of a scene shows what the recipe wants.
     #[error(
         "scene {scene} has no view that the recipe allows; widen camera.hfov_deg or camera.height_m"
@@ -107,10 +110,12 @@ pub enum DatasetError {
         source: image::ImageError,
     },
     /// A picture of the page cannot be encoded.
-    #[error("the page: {0}")]
+    #[error("the page: {0}; this is a fault of the program: please report it")]
     Preview(#[from] ImageError),
     /// Records and statistics that cannot be encoded.
-    #[error("cannot encode a file of the set: {0}")]
+    #[error(
+        "a file of the set cannot be encoded: {0}; this is a fault of the program: please report it"
+    )]
     Json(#[from] serde_json::Error),
     /// The renderer.
     #[error(transparent)]

@@ -27,14 +27,14 @@ pub mod tracks;
 pub use error::DatasetError;
 pub use recipe::Recipe;
 
+use crate::progress::Progress;
+use crate::stop;
 use assign::assign_scenes;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use merge::merge;
 use scene::Scene;
 use shoot::make;
 use stage::Stage;
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
 use store::{claim, digest, done};
@@ -67,7 +67,12 @@ pub fn dataset(arguments: &Arguments) -> Result<String, DatasetError> {
     claim(out, &text, &digest)?;
     let assigned = assign_scenes(&recipe);
     let waiting: Vec<u32> = scenes.clone().filter(|index| !done(out, *index)).collect();
-    let bar = bar(waiting.len() as u64);
+    let left = waiting.len();
+    let progress = Progress::new(
+        left as u64,
+        "[{bar:30}] {pos} of {len} scenes, {per_sec}{left}",
+    );
+    let bar = progress.bar();
     if !waiting.is_empty() {
         let mut stage = Stage::new(arguments.threads)?;
         // The next scene is generated while this one is rendered.
@@ -85,18 +90,22 @@ pub fn dataset(arguments: &Arguments) -> Result<String, DatasetError> {
                 }
             });
             for (scene, split) in take {
-                make(recipe, scene?, split, &mut stage, out)?;
-                bar.inc(1);
-                if bar.is_hidden() && bar.position().is_multiple_of(10) {
-                    let total = bar.length().unwrap_or(0);
-                    eprintln!("{} of {total} scenes", bar.position());
+                match make(recipe, scene?, split, &mut stage, out) {
+                    Err(DatasetError::Stopped) => break,
+                    made => made?,
                 }
+                bar.inc(1);
+                progress.say(|| format!("{} of {left} scenes", bar.position()));
             }
             Ok::<_, DatasetError>(())
         })?;
     }
     bar.finish_and_clear();
-    merge(&recipe, &digest, assigned.len(), out)
+    let text = merge(&recipe, &digest, assigned.len(), out)?;
+    let said = stop::said(
+        "the files about the set tell of the scenes that are whole; the same command goes on",
+    );
+    Ok(text + said.as_deref().unwrap_or_default())
 }
 
 /// The scenes asked for.
@@ -114,16 +123,4 @@ fn scenes(text: Option<&str>, count: u32) -> Result<std::ops::Range<u32>, Datase
             count,
         }),
     }
-}
-
-fn bar(scenes: u64) -> ProgressBar {
-    let bar = ProgressBar::new(scenes);
-    if !std::io::stderr().is_terminal() {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    let template = "[{bar:30}] {pos} of {len} scenes, {per_sec}, {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    bar
 }

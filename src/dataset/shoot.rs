@@ -11,6 +11,7 @@ use super::store::{record_path, write};
 use super::{exposure, label, sequence};
 use crate::models::maths::rng::Stream;
 use crate::models::optics::raster;
+use crate::stop;
 use crate::systems::capture;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageResult};
@@ -66,7 +67,7 @@ pub fn make(
         // The writer stops at its first error, which is told below.
         let mut keep = |image: &Picture, rgb8: Vec<u8>| {
             let path = folder.join(&image.file_name);
-            give.send((path, rgb8)).is_ok()
+            give.send((path, rgb8)).is_ok() && stop::asked().is_none()
         };
         let images = if scene.index < recipe.scenes {
             stills(recipe, &scene, stage, &mut keep)
@@ -82,6 +83,10 @@ pub fn make(
             Err(panic) => std::panic::resume_unwind(panic),
         }
     })?;
+    // A scene of some of its pictures is none.
+    if stop::asked().is_some() {
+        return Err(DatasetError::Stopped);
+    }
     let record = SceneRecord {
         scene: scene.index,
         split,

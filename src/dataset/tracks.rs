@@ -19,6 +19,7 @@ use crate::models::tracking::recognition::{FEATURES, STEPS, Sequence, Step, Trac
 use crate::models::tracking::table::Track;
 use crate::output;
 use crate::scenario::Scenario;
+use crate::stop;
 use bevy::prelude::World;
 use clap::Args;
 use glam::DVec2;
@@ -120,6 +121,11 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
             if over {
                 break;
             }
+        }
+        if let Some(stopped) =
+            stop::said("folders that are whole stay; the same command goes on with the others")
+        {
+            return Ok(said + &stopped);
         }
         let sheet = Sheet {
             version: crate::VERSION,

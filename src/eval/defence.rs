@@ -15,6 +15,7 @@ use crate::plugins::environment::placed_in_city;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::summary::{Summary, finish};
 use crate::scenario::{Loaded, Scenario};
+use crate::stop;
 use clap::Args;
 use serde::Serialize;
 use std::num::NonZeroUsize;
@@ -65,6 +66,9 @@ pub struct Evaluation {
     pub version: &'static str,
     /// The command that makes it.
     pub command: String,
+    /// What was left out, where it was stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<String>,
     /// The cases.
     pub cases: Vec<Case>,
 }
@@ -84,7 +88,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let json = arguments.out.join("defence.json");
     writable(&json)?;
     let mut cases = Vec::new();
-    for stations in 1..=raid.scenario.stations.len().max(1) {
+    'cases: for stations in 1..=raid.scenario.stations.len().max(1) {
         for rule in rules(stations) {
             let mut loaded = raid.clone();
             loaded.scenario.stations.truncate(stations);
@@ -99,7 +103,10 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
                 })
                 .collect();
             let label = format!("{stations} stations, {}", rule.name());
-            let runs = in_parallel(&label, &jobs, threads(arguments.jobs), run)?;
+            let runs = match in_parallel(&label, &jobs, threads(arguments.jobs), run) {
+                Err(EvalError::Stopped) if !cases.is_empty() => break 'cases,
+                runs => runs?,
+            };
             let case = case(stations, *rule, &raid.scenario, &runs);
             progress(&format!("{label}: leakers {}", case.leakers.text()));
             cases.push(case);
@@ -108,6 +115,10 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let evaluation = Evaluation {
         version: crate::VERSION,
         command: command(arguments),
+        stopped: stop::said(&format!(
+            "{} cases are whole and here; the same command makes all of them again",
+            cases.len()
+        )),
         cases,
     };
     put_json(&json, &evaluation)?;
@@ -199,6 +210,9 @@ impl Evaluation {
                 case.clear_s.text(),
                 case.kill_to_shot_s.text(),
             );
+        }
+        if let Some(stopped) = &self.stopped {
+            text += &format!("\n{stopped}\n");
         }
         text
     }

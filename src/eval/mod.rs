@@ -35,7 +35,7 @@ pub enum EvalError {
     #[error(transparent)]
     Drawn(#[from] DrawError),
     /// A draw whose process failed.
-    #[error("draw {index} ({status}): {message}")]
+    #[error("draw {index} ({status}): {message}; `--draw {index}` makes it alone")]
     Draw {
         /// Its number.
         index: u32,
@@ -45,13 +45,16 @@ pub enum EvalError {
         message: String,
     },
     /// The record of a draw is gone.
-    #[error("draw {index} has no record of this evaluation: run the command again")]
+    #[error("draw {index} has no record of this evaluation; run the command again")]
     NoDraw {
         /// Its number.
         index: u32,
     },
+    /// It was stopped from outside; what it has by then is told where it is caught.
+    #[error("stopped before anything was measured; the same command begins again")]
+    Stopped,
     /// The program itself.
-    #[error("this program cannot be run or read: {source}")]
+    #[error("this program cannot be run or read: {source}; start it by its path")]
     Program {
         /// What the system said.
         source: std::io::Error,
@@ -81,7 +84,7 @@ pub enum EvalError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// A number of the command line.
-    #[error("{argument}: {value}, must be {low} to {high}")]
+    #[error("{argument}: {value} is out of range; give {low} to {high}")]
     OutOfRange {
         /// The argument.
         argument: &'static str,
@@ -94,13 +97,13 @@ pub enum EvalError {
     },
     /// No picture is of the half asked for.
     #[error(
-        "--half: no picture is of that half: clips belong to one by the last number in their names"
+        "--half: no picture is of that half; clips belong to one by the last number in their names"
     )]
     EmptyHalf,
     /// The field of view does not fit the clip's pictures.
-    #[error("--fov-deg: {0}")]
+    #[error("--fov-deg: {0}; give another angle")]
     FieldOfView(CameraError),
     /// The city of the runs.
-    #[error("the city of the evaluation: {0}")]
+    #[error("the city of the evaluation: {0}; this is a fault of the program: please report it")]
     City(#[from] CityError),
 }

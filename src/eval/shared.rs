@@ -3,6 +3,7 @@
 use super::EvalError;
 use crate::models::tracking::table::Track;
 use crate::parallel;
+use crate::stop;
 use std::io::Write as _;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -45,6 +46,10 @@ pub(crate) fn in_parallel<J: Sync, T: Send>(
     let done = AtomicUsize::new(0);
     parallel::in_parallel(jobs, threads, |job| {
         let result = work(job);
+        // What was stopped midway is no result.
+        if stop::asked().is_some() {
+            return Err(EvalError::Stopped);
+        }
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         if done.is_multiple_of(OFTEN) || done == jobs.len() || threads == 1 {
             progress(&format!("{label}: {done} of {} runs", jobs.len()));

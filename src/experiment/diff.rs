@@ -242,11 +242,56 @@ impl Comparison {
         }
     }
 
-    /// What was found, in lines.
+    /// What was found, in lines, the verdict first.
     pub fn text(&self) -> String {
-        /// Fields that are listed.
-        const MOST: usize = 15;
-        let t_s = |tick: u64| tick as f64 / f64::from(self.tick_hz.max(1));
+        let mut lines = vec![self.verdict()];
+        lines.extend(self.of_the_runs());
+        if !self.equal() {
+            lines.extend(self.of_the_fields());
+            lines.extend(self.of_the_states());
+            lines.extend(self.of_the_ends());
+        }
+        lines.join("\n")
+    }
+
+    /// Time of a tick [s].
+    fn t_s(&self, tick: u64) -> f64 {
+        tick as f64 / f64::from(self.tick_hz.max(1))
+    }
+
+    /// In one line, whether they are equal, or where they part.
+    fn verdict(&self) -> String {
+        if self.messages == 0 {
+            return "nothing to compare: no message is in both recordings".to_owned();
+        }
+        let until_s = self.t_s(self.last_tick);
+        let (count, end) = (self.messages, format!("{until_s:.3} s"));
+        match (self.fields.first(), self.ends) {
+            (Some(first), _) => {
+                let (tick, t_s) = (first.tick, self.t_s(first.tick));
+                let parted = format!("they part at tick {tick}, {t_s:.4} s, in {}", first.place());
+                // A hash tells of what is recorded later, or not at all.
+                let shown = self.fields.iter().find(|field| field.field != HASH);
+                match shown.filter(|_| first.field == HASH) {
+                    Some(shown) => {
+                        format!(
+                            "{parted}, seen from tick {} in {}",
+                            shown.tick,
+                            shown.place()
+                        )
+                    }
+                    None => parted,
+                }
+            }
+            (None, Some(_)) => {
+                format!("equal to {end}, where one of them ends: {count} messages")
+            }
+            (None, None) => format!("equal: {count} messages to {end}"),
+        }
+    }
+
+    /// In what the runs differ by themselves.
+    fn of_the_runs(&self) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some((line, [a, b])) = &self.scenario {
             lines.push(format!(
@@ -259,61 +304,43 @@ impl Comparison {
             let shown = |text: &str| if text.is_empty() { "none" } else { text }.replace('\n', " ");
             lines.push(format!("{what:<9} {} | {}", shown(a), shown(b)));
         }
-        for path in &self.cut {
-            lines.push(format!(
-                "cut       {} lacks its end: its run was stopped",
-                path.display()
-            ));
-        }
-        if self.equal() {
-            let until_s = t_s(self.last_tick);
-            lines.push(format!(
-                "equal     {} messages to {until_s:.3} s",
-                self.messages
-            ));
-            return lines.join("\n");
-        }
-        if self.messages == 0 {
-            lines.push("nothing   is in both recordings that could be compared".to_owned());
-        }
+        let cut = |path: &PathBuf| {
+            let path = path.display();
+            format!("cut       {path} lacks its end: its run was killed")
+        };
+        lines.extend(self.cut.iter().map(cut));
+        lines
+    }
+
+    /// The fields that differ, the earliest first.
+    fn of_the_fields(&self) -> Vec<String> {
+        /// Fields that are listed.
+        const MOST: usize = 15;
+        let mut lines = Vec::new();
         for (index, difference) in self.fields.iter().take(MOST).enumerate() {
-            let FieldDifference {
-                tick,
-                topic,
-                entity,
-                field,
-                values,
-                largest,
-            } = difference;
-            let word = if index == 0 { "first    " } else { "         " };
-            let shown = |value: &Option<Value>| match value {
-                None => "not there".to_owned(),
-                Some(_) if field.is_empty() => "there".to_owned(),
-                Some(Value::Number(hash)) if field == HASH => {
-                    format!("{:016x}", hash.as_u64().unwrap_or_default())
-                }
-                Some(Value::String(text)) if text.len() > 40 => format!("{:.40}…", text),
-                Some(value) => value.to_string(),
-            };
-            let at = [topic.as_str(), entity, field].map(str::trim);
-            let at: Vec<&str> = at.into_iter().filter(|part| !part.is_empty()).collect();
-            let largest = match largest {
+            let word = if index == 0 { "first" } else { "" };
+            let largest = match difference.largest {
                 Some(largest) => format!(", at most {largest:.3e} apart"),
                 None => String::new(),
             };
-            let [a, b] = [0, 1].map(|i| shown(&values[i]));
+            let [a, b] = [0, 1].map(|i| difference.shown(i));
+            let tick = difference.tick;
             lines.push(format!(
-                "{word} tick {tick} ({:.4} s) {}: {a} | {b}{largest}",
-                t_s(*tick),
-                at.join(" ")
+                "{word:<9} tick {tick} ({:.4} s) {}: {a} | {b}{largest}",
+                self.t_s(tick),
+                difference.place()
             ));
         }
         if self.fields.len() > MOST {
-            lines.push(format!(
-                "          and {} fields more",
-                self.fields.len() - MOST
-            ));
+            let more = self.fields.len() - MOST;
+            lines.push(format!("          and {more} fields more"));
         }
+        lines
+    }
+
+    /// From where on the stations' states differ.
+    fn of_the_states(&self) -> Vec<String> {
+        let mut lines = Vec::new();
         let [a, b] = &self.states;
         let topics: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
         for topic in topics {
@@ -324,7 +351,8 @@ impl Comparison {
                 continue;
             }
             let rest = |states: &[(u64, String)]| {
-                let one = |(tick, state): &(u64, String)| format!("{state} {:.2} s", t_s(*tick));
+                let one =
+                    |(tick, state): &(u64, String)| format!("{state} {:.2} s", self.t_s(*tick));
                 let rest: Vec<String> = states[until..].iter().take(6).map(one).collect();
                 if rest.is_empty() {
                     "nothing more".to_owned()
@@ -334,6 +362,12 @@ impl Comparison {
             };
             lines.push(format!("states    {topic}: {} | {}", rest(a), rest(b)));
         }
+        lines
+    }
+
+    /// How orders, ends and outcomes differ.
+    fn of_the_ends(&self) -> Vec<String> {
+        let mut lines = Vec::new();
         if let [a, b] = self.orders
             && a != b
         {
@@ -342,7 +376,8 @@ impl Comparison {
             ));
         }
         if let Some([a, b]) = self.ends {
-            lines.push(format!("ends      {:.3} s | {:.3} s", t_s(a), t_s(b)));
+            let [a, b] = [a, b].map(|tick| self.t_s(tick));
+            lines.push(format!("ends      {a:.3} s | {b:.3} s"));
         }
         let [a, b] = &self.fates;
         for (name, status) in a {
@@ -351,7 +386,29 @@ impl Comparison {
                 lines.push(format!("outcome   {name}: {status} | {other}"));
             }
         }
-        lines.join("\n")
+        lines
+    }
+}
+
+impl FieldDifference {
+    /// Topic, entity and field, as far as there are.
+    fn place(&self) -> String {
+        let at = [&self.topic, &self.entity, &self.field].map(|part| part.trim());
+        let at: Vec<&str> = at.into_iter().filter(|part| !part.is_empty()).collect();
+        at.join(" ")
+    }
+
+    /// Its value in the first or second recording.
+    fn shown(&self, side: usize) -> String {
+        match &self.values[side] {
+            None => "not there".to_owned(),
+            Some(_) if self.field.is_empty() => "there".to_owned(),
+            Some(Value::Number(hash)) if self.field == HASH => {
+                format!("{:016x}", hash.as_u64().unwrap_or_default())
+            }
+            Some(Value::String(text)) if text.len() > 40 => format!("{text:.40}…"),
+            Some(value) => value.to_string(),
+        }
     }
 }
 

@@ -187,6 +187,7 @@ fn sample(scenario: &Scenario) -> Value {
     let summary = Summary {
         time_to_acquire_s: time,
         time_to_neutralise_s: time,
+        stopped_s: time,
         energy_per_neutralised_j: time,
         miss_distance_px: MissDistances {
             coarse: miss,

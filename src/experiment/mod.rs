@@ -13,6 +13,7 @@ use crate::plugins::environment::city_of;
 use crate::recording::read::ReadError;
 use crate::report::summary::finish;
 use crate::scenario::{InputError, Loaded, Site};
+use crate::stop;
 use serde_json::Value;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -37,7 +38,7 @@ pub enum ExperimentError {
         what: String,
     },
     /// A tolerance of `diff`.
-    #[error("--tolerance {0}: expected FIELD=MOST such as azimuth_rad=1e-9")]
+    #[error("--tolerance {0}: is no tolerance; write FIELD=MOST such as azimuth_rad=1e-9")]
     Tolerance(String),
     /// No folder for what is thrown away afterwards.
     #[error("no temporary folder: {0}; set TMPDIR to one with room")]
@@ -49,7 +50,7 @@ pub enum ExperimentError {
     #[error(transparent)]
     Recording(#[from] ReadError),
     /// What was found cannot be written as JSON or XML.
-    #[error("{}: {message}", path.display())]
+    #[error("{}: cannot be written: {message}; name another file or folder", path.display())]
     Text {
         /// The file.
         path: PathBuf,
@@ -64,6 +65,15 @@ const MOST_CITIES: usize = 8;
 /// What tells cities apart: their parameters, and for a real one its site.
 type CityKey = (CityParams, Option<Site>);
 
+/// Why a run has no summary.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum NoSummary {
+    /// It was stopped from outside before its end, or not begun.
+    Stopped,
+    /// It failed; why.
+    Failed(String),
+}
+
 /// Makes runs for several threads.
 #[derive(Default)]
 pub(crate) struct Runner {
@@ -74,18 +84,21 @@ pub(crate) struct Runner {
 
 impl Runner {
     /// Makes a run to its end and gives its summary, and the time it took; without pictures the detector must need
-    /// none. `Err`: why there is no summary. A fault of the program in one run does not take the others with it.
+    /// none. A fault of the program in one run does not take the others with it.
     pub(crate) fn run(
         &self,
         loaded: &Loaded,
         seed: u64,
         pictures: bool,
-    ) -> Result<(Value, Duration), String> {
+    ) -> Result<(Value, Duration), NoSummary> {
         let _one = pictures.then(|| {
             self.rendering
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
         });
+        if stop::asked().is_some() {
+            return Err(NoSummary::Stopped);
+        }
         let run = || -> Result<(Value, Duration), RunError> {
             let options = Options {
                 seed: Some(seed),
@@ -102,14 +115,14 @@ impl Runner {
             Ok((summary, started.elapsed()))
         };
         match catch_unwind(AssertUnwindSafe(run)) {
-            Ok(result) => result.map_err(|error| error.to_string()),
+            // A summary of half a run is none.
+            Ok(Ok((summary, _))) if !summary["stopped_s"].is_null() => Err(NoSummary::Stopped),
+            Ok(result) => result.map_err(|error| NoSummary::Failed(error.to_string())),
             Err(panic) => {
                 let said = (panic.downcast_ref::<String>().map(String::as_str))
                     .or_else(|| panic.downcast_ref::<&str>().copied());
-                Err(format!(
-                    "a fault of the program: {}",
-                    said.unwrap_or("no message")
-                ))
+                let said = said.unwrap_or("no message");
+                Err(NoSummary::Failed(format!("a fault of the program: {said}")))
             }
         }
     }

@@ -1,11 +1,12 @@
 //! `boresight test`: holds scenarios to their `[expect]`, as test runners do.
 
 use super::figures::{Kind, figure, kind};
-use super::{ExperimentError, Runner};
+use super::{ExperimentError, NoSummary, Runner};
 use crate::models::maths::statistics::least_share;
 use crate::output::{self, OutputError, put, put_json, writable};
 use crate::parallel::threads;
 use crate::scenario::{Bound, Expect, InputError, Loaded, Never, Scenario};
+use crate::stop;
 use clap::Args;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
@@ -16,7 +17,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What `boresight test` is asked for.
 #[derive(Args, Clone, Debug)]
@@ -50,6 +51,8 @@ pub enum Verdict {
     NothingExpected,
     /// It cannot be run.
     BadInput,
+    /// The command was stopped before its runs were made.
+    Stopped,
 }
 
 /// What became of a scenario.
@@ -67,6 +70,14 @@ pub struct Tested {
     pub elapsed_s: f64,
 }
 
+/// Wall-clock time in words: tenths of a second, whole seconds from a hundred on.
+fn seconds(elapsed_s: f64) -> String {
+    match elapsed_s < 100.0 {
+        true => format!("{elapsed_s:.1} s"),
+        false => format!("{elapsed_s:.0} s"),
+    }
+}
+
 /// What became of all.
 #[derive(Clone, Debug, Serialize)]
 pub struct Tests {
@@ -76,6 +87,8 @@ pub struct Tests {
     pub platform: String,
     /// The scenarios in the order of their paths.
     pub scenarios: Vec<Tested>,
+    /// Wall-clock time of all \[s\].
+    pub elapsed_s: f64,
 }
 
 impl Tests {
@@ -95,18 +108,23 @@ impl Tests {
 
     /// One line on all.
     pub fn text(&self) -> String {
-        let [met, not_met, nothing, bad] = [
-            Verdict::Met,
-            Verdict::NotMet,
-            Verdict::NothingExpected,
-            Verdict::BadInput,
-        ]
-        .map(|verdict| self.count(verdict));
+        let [met, not_met] = [Verdict::Met, Verdict::NotMet].map(|verdict| self.count(verdict));
         let mut text = format!("{met} met, {not_met} not met");
-        for (count, what) in [(nothing, "without [expect]"), (bad, "cannot be run")] {
+        for (verdict, what) in [
+            (Verdict::NothingExpected, "without [expect]"),
+            (Verdict::BadInput, "cannot be run"),
+            (Verdict::Stopped, "stopped"),
+        ] {
+            let count = self.count(verdict);
             if count > 0 {
                 text += &format!(", {count} {what}");
             }
+        }
+        let runs: usize = self.scenarios.iter().map(|tested| tested.runs).sum();
+        let plural = if runs == 1 { "" } else { "s" };
+        text += &format!("  ({runs} run{plural}, {})", seconds(self.elapsed_s));
+        if let Some(said) = stop::said("the same command makes all runs again") {
+            text += &format!("\n{said}");
         }
         text
     }
@@ -119,11 +137,12 @@ impl Tests {
                 Verdict::Met => TestCaseStatus::success(),
                 Verdict::NotMet => TestCaseStatus::non_success(NonSuccessKind::Failure),
                 Verdict::BadInput => TestCaseStatus::non_success(NonSuccessKind::Error),
-                Verdict::NothingExpected => TestCaseStatus::skipped(),
+                Verdict::NothingExpected | Verdict::Stopped => TestCaseStatus::skipped(),
             };
             match tested.verdict {
                 Verdict::NotMet => status.set_type("not met"),
                 Verdict::BadInput => status.set_type("cannot be run"),
+                Verdict::Stopped => status.set_type("stopped"),
                 Verdict::Met | Verdict::NothingExpected => &mut status,
             };
             if !tested.reasons.is_empty() {
@@ -156,6 +175,7 @@ pub fn platform() -> String {
 
 /// Tests every scenario, says of each how it went once its runs are over, and writes what is asked for.
 pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
+    let started = Instant::now();
     let files = [("--json", &arguments.json), ("--junit", &arguments.junit)];
     for (option, path) in files {
         if let Some(path) = path {
@@ -167,7 +187,7 @@ pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
         if !scenarios_below(path, &mut paths, &mut met)? {
             return Err(ExperimentError::Path {
                 path: path.into(),
-                what: "holds no scenario (*.toml)".into(),
+                what: "holds no scenario (*.toml); name a scenario or a folder with some".into(),
             });
         }
     }
@@ -208,6 +228,7 @@ pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
         version: crate::VERSION,
         platform: platform(),
         scenarios: cases.into_iter().map(Case::tested).collect(),
+        elapsed_s: started.elapsed().as_secs_f64(),
     };
     if let Some(path) = &arguments.json {
         put_json(path, &tests).map_err(|error| unwritable("--json", path, error))?;
@@ -335,16 +356,17 @@ impl Case {
         };
         let summary = runner.run(&plan.loaded, seed, !plan.expected.blind);
         let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
-        found.runs += 1;
         match summary {
             Ok((summary, elapsed)) => {
                 found.elapsed += elapsed;
                 found.summaries.insert(seed, summary);
             }
-            Err(error) => {
+            Err(NoSummary::Failed(error)) => {
                 found.failed.insert(seed, format!("seed {seed}: {error}"));
             }
+            Err(NoSummary::Stopped) => return,
         }
+        found.runs += 1;
         if found.runs == plan.seeds.len() {
             found.not_met = plan.judge(&found.summaries);
             if self.bless
@@ -362,6 +384,7 @@ impl Case {
             _ if !found.failed.is_empty() => Verdict::BadInput,
             (Some(_), _) => Verdict::BadInput,
             (None, None) => Verdict::NothingExpected,
+            (None, Some(plan)) if found.runs < plan.seeds.len() => Verdict::Stopped,
             (None, Some(_)) if found.not_met.is_empty() => Verdict::Met,
             (None, Some(_)) => Verdict::NotMet,
         }
@@ -375,12 +398,13 @@ impl Case {
             Verdict::NotMet => "NOT MET ",
             Verdict::NothingExpected => "-       ",
             Verdict::BadInput => "ERROR   ",
+            Verdict::Stopped => "stopped ",
         };
         let mut text = format!("{word} {}", self.path.display());
         if found.runs > 0 {
             let plural = if found.runs == 1 { "" } else { "s" };
-            let elapsed_s = found.elapsed.as_secs_f64();
-            text += &format!("  ({} run{plural}, {elapsed_s:.1} s)", found.runs);
+            let elapsed = seconds(found.elapsed.as_secs_f64());
+            text += &format!("  ({} run{plural}, {elapsed})", found.runs);
         }
         for reason in found.reasons() {
             text += &format!("\n         {reason}");

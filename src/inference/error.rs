@@ -13,7 +13,9 @@ pub enum DetectorError {
     )]
     NoRuntime(String),
     /// The library is there but does not start.
-    #[error("ONNX Runtime at {path} does not start: {why}")]
+    #[error(
+        "{path}: this ONNX Runtime does not start: {why}; set ORT_DYLIB_PATH to another, or run ./setup.sh"
+    )]
     Runtime {
         /// The library.
         path: PathBuf,
@@ -67,7 +69,7 @@ pub enum DetectorError {
         why: String,
     },
     /// The runtime failed while the model ran.
-    #[error("detector model {path}: it cannot be run: {why}")]
+    #[error("detector model {path}: it cannot be run: {why}; export it again, or name another")]
     Run {
         /// The model file.
         path: PathBuf,
@@ -75,7 +77,7 @@ pub enum DetectorError {
         why: String,
     },
     /// The thread of the detector has ended; it does so only when it panics.
-    #[error("the detector's thread has ended")]
+    #[error("the detector's thread has ended; the error before this one says why")]
     Ended,
     /// The model does not have the documented inputs and outputs.
     #[error("detector model {path}: {why}; see the interface in training/README.md")]

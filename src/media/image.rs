@@ -17,7 +17,7 @@ pub enum ImageError {
     Encode(#[from] jpeg_encoder::EncodingError),
     /// A side is longer than JPEG allows.
     #[error(
-        "a picture of {width} × {height} px cannot be encoded as JPEG, whose sides end at 65535 px"
+        "a picture of {width} × {height} px cannot be encoded as JPEG, whose sides end at 65535 px; take a smaller one"
     )]
     TooLarge {
         /// Width [px].

@@ -21,7 +21,7 @@ pub enum PlaceError {
     Heights(String, HeightsError),
     /// More triangles than memory is planned for.
     #[error(
-        "has more than {most} triangles at detail_m = {detail_m} within radius_m = {radius_m}: raise the one or lower \
+        "has more than {most} triangles at detail_m = {detail_m} within radius_m = {radius_m}; raise the one or lower \
          the other"
     )]
     TooMany {
@@ -33,14 +33,14 @@ pub enum PlaceError {
         radius_m: f64,
     },
     /// A placement for tiles that have theirs.
-    #[error("the tileset is placed on the Earth already: leave {0} out")]
+    #[error("the tileset is placed on the Earth already; leave {0} out")]
     Placed(&'static str),
     /// A source that cannot be read.
     #[error("{0}")]
     Source(SourceError),
     /// Sources too large to build at the start of a run.
     #[error(
-        "{triangles} triangles are more than {most}: build them apart with boresight tiles build, and name the tileset"
+        "{triangles} triangles are more than {most}; build them apart with boresight tiles build, and name the tileset"
     )]
     TooLarge {
         /// How many there are.

@@ -83,5 +83,6 @@ fn set_up(mut commands: Commands, loaded: Res<RunScenario>, options: Res<Options
     commands.insert_resource(RunEnd {
         last_tick: clock.ticks_of(scenario.duration_s),
         settled: None,
+        stopped: None,
     });
 }

@@ -47,7 +47,7 @@ pub enum FilmError {
     #[error(transparent)]
     Read(#[from] ReadError),
     /// A picture of it.
-    #[error("{}: a picture cannot be read: {source}", path.display())]
+    #[error("{}: a picture cannot be read: {source}; make the run again", path.display())]
     Picture {
         /// The recording.
         path: PathBuf,

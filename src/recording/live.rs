@@ -35,7 +35,7 @@ pub enum LiveError {
         source: io::Error,
     },
     /// The server refused something else.
-    #[error("--live: {0}")]
+    #[error("--live: {0}; leave it out, or choose another address")]
     Server(#[from] FoxgloveError),
 }
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; name a recording", path.display())]
     File {
         /// The file.
         path: PathBuf,
@@ -21,7 +21,7 @@ pub enum ReadError {
         source: io::Error,
     },
     /// It is no MCAP file.
-    #[error("{}: is no MCAP recording: {source}", path.display())]
+    #[error("{}: is no MCAP recording: {source}; name one that `boresight run` left (run.mcap)", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,

@@ -19,7 +19,9 @@ pub enum ReportError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// A frame of the contact sheet is no image.
-    #[error("frame {index} of the contact sheet: {source}")]
+    #[error(
+        "report.html: frame {index} of the contact sheet: {source}; this is a fault of the program: please report it"
+    )]
     Frame {
         /// Its place in the sheet.
         index: usize,
@@ -30,6 +32,8 @@ pub enum ReportError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// The summary cannot be encoded.
-    #[error("cannot encode the summary: {0}")]
+    #[error(
+        "summary.json: cannot be encoded: {0}; this is a fault of the program: please report it"
+    )]
     Json(#[from] serde_json::Error),
 }

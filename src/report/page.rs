@@ -70,7 +70,7 @@ pub struct Head<'a> {
     pub title: &'a str,
     /// Heading of the page.
     pub heading: &'a str,
-    /// Label and value of what stands below the heading; either may be empty.
+    /// Label and value of what stands below the heading; either may be empty, and a fact of neither is left out.
     pub facts: &'a [(&'a str, &'a str)],
     /// Rules of this page besides those of every page.
     pub style: &'a str,
@@ -91,7 +91,7 @@ pub fn page(head: &Head, body: &Markup) -> String {
                 header {
                     h1 { (head.heading) }
                     p .meta {
-                        @for (label, value) in head.facts {
+                        @for (label, value) in head.facts.iter().filter(|fact| **fact != ("", "")) {
                             span {
                                 @if !label.is_empty() { (label) " " }
                                 @if !value.is_empty() { code { (value) } }

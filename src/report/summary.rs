@@ -17,8 +17,8 @@ use crate::components::network::{Holding, Holdings};
 use crate::components::record::{
     CameraHistory, Fate, Fates, History, KeptFrame, Recording, StateHash,
 };
-use crate::components::run::SimClock;
 use crate::components::run::Stopwatch;
+use crate::components::run::{RunEnd, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::air::atmosphere::{extinction_per_m, transmittance};
 use crate::models::engage::outcome::Outcome;
@@ -47,6 +47,8 @@ pub struct Summary {
     pub state_hash: String,
     /// Simulated time \[s\].
     pub simulated_s: f64,
+    /// Time at which it was stopped from outside (Ctrl-C, SIGTERM), before its end \[s\].
+    pub stopped_s: Option<f64>,
     /// Simulated over elapsed time.
     pub real_time_factor: f64,
     /// Time of the first Coarse state: the coarse camera had confirmed a target \[s\].
@@ -208,13 +210,21 @@ pub fn finish(
 ) -> Finished {
     let fates = fates(world);
     let conditions = conditions(world);
-    let (outcome, reason) = outcome(world, &fates, &conditions);
+    let (outcome, mut reason) = outcome(world, &fates, &conditions);
+    let clock = world.resource::<SimClock>();
+    let stopped = world.resource::<RunEnd>().stopped;
+    let stopped_s = stopped.map(|tick| clock.at_s(tick));
+    if let Some(t_s) = stopped_s {
+        let whole_s = loaded.scenario.duration_s;
+        reason += &format!("; the run was stopped at {t_s:.2} s of {whole_s} s");
+    }
     let summary = Summary {
         scenario: loaded.scenario.name.clone(),
         version: VERSION.into(),
         seed: options.seed.unwrap_or(loaded.scenario.seed),
         outcome,
         reason,
+        stopped_s,
         ..summary(world, &fates, elapsed)
     };
     let report = report(world, loaded, &summary, &fates);
@@ -708,6 +718,7 @@ mod tests {
             reason: "skin failed".into(),
             state_hash: "00000000deadbeef".into(),
             simulated_s: 12.5,
+            stopped_s: None,
             real_time_factor: 101.0,
             time_to_acquire_s: None,
             time_to_neutralise_s: Some(9.0),
@@ -760,7 +771,7 @@ mod tests {
             concat!(
                 r#"{"scenario":"urban","version":"0.1.0","seed":7,"outcome":"neutralised","#,
                 r#""reason":"skin failed","state_hash":"00000000deadbeef","simulated_s":12.5,"#,
-                r#""real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
+                r#""stopped_s":null,"real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
                 r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
                 r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"keep_out_s":0.0,"wrong_object_s":0.0,"leakers":0,"energy_j":9000.0,"#,
                 r#""energy_per_neutralised_j":9000.0,"uavs":[{"name":"one","status":"down","#,

@@ -248,12 +248,12 @@ impl Default for PaintFile {
 /// Why the shape of a file cannot be used.
 #[derive(Debug, Error)]
 enum ShapeError {
-    #[error("{}: cannot be read: {source}", file.display())]
+    #[error("{}: cannot be read: {source}; name an existing file", file.display())]
     Read { file: PathBuf, source: io::Error },
     #[error("{}: {source}", file.display())]
     Gltf { file: PathBuf, source: GltfError },
     #[error(
-        "{}: measures {found_m:.3} m in length, width and height, size_m says {size_m:.3} - export it in \
+        "{}: measures {found_m:.3} m in length, width and height, size_m says {size_m:.3}; export it in \
          metres, looking along +z with +y up, or correct size_m",
         file.display()
     )]

@@ -38,7 +38,7 @@ pub(crate) struct Parsed<T> {
 #[derive(Debug, Error)]
 pub enum InputError {
     /// The file cannot be read.
-    #[error("{file}: cannot be read: {source}")]
+    #[error("{file}: cannot be read: {source}; name an existing file")]
     Read {
         /// The file.
         file: String,

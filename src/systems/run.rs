@@ -2,6 +2,7 @@
 
 use crate::components::flight::{Distractor, UavStatus};
 use crate::components::run::{Failure, PartError, RunEnd, SimClock, Tick};
+use crate::stop;
 use bevy::prelude::*;
 
 /// Simulated time that a run goes on after its last UAV has come down [s].
@@ -36,7 +37,7 @@ pub fn nothing_failed(failure: Res<Failure>) -> bool {
     !failure.is_set()
 }
 
-/// Runs one tick; true when the run is over.
+/// Runs one tick; true when the run is over, or stopped from outside.
 pub fn step(world: &mut World) -> Result<bool, PartError> {
     world.run_schedule(Tick);
     if let Some(error) = world.resource_mut::<Failure>().take() {
@@ -45,8 +46,12 @@ pub fn step(world: &mut World) -> Result<bool, PartError> {
     let clock = world.resource::<SimClock>();
     let end = world.resource::<RunEnd>();
     let aftermath = clock.ticks_of(AFTERMATH_S);
-    Ok(clock.tick >= end.last_tick
-        || end
-            .settled
-            .is_some_and(|since| clock.tick >= since + aftermath))
+    let tick = clock.tick;
+    let over =
+        tick >= end.last_tick || (end.settled).is_some_and(|since| tick >= since + aftermath);
+    let stopped = !over && stop::asked().is_some();
+    if stopped {
+        world.resource_mut::<RunEnd>().stopped = Some(tick);
+    }
+    Ok(over || stopped)
 }

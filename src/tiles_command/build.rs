@@ -2,12 +2,13 @@
 
 use crate::models::ground::city::City;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
+use crate::output::columns;
 use crate::scenario::{InputError, Scenario};
 use crate::sources::Layer;
 use crate::sources::error::SourceError;
 use crate::sources::options::Options;
 use crate::tiles::build::options::{BuildOptions, Division, Pictures};
-use crate::tiles::build::report::{BuildError, BuildReport};
+use crate::tiles::build::report::{BuildError, BuildReport, LevelReport};
 use crate::tiles::build::{build_with, city, ground::terrain, sources};
 use crate::tiles::heights::{Heights, HeightsError};
 use crate::warning::{self, StrictError, Warning};
@@ -225,24 +226,30 @@ fn words(report: &BuildReport, out: &Path, seconds: f64) -> String {
         mega(report.bytes),
         report.features,
     );
-    let _ = writeln!(
-        text,
-        "level  tiles  triangles  kept of children  error [m]     MB"
-    );
-    for (level, state) in report.levels.iter().enumerate() {
+    const HEAD: [&str; 6] = [
+        "level",
+        "tiles",
+        "triangles",
+        "kept of children",
+        "error [m]",
+        "MB",
+    ];
+    let row = |(level, state): (usize, &LevelReport)| {
         let kept = match state.share {
             share if share > 0.0 => format!("{:.1} %", 100.0 * share),
             _ => "-".into(),
         };
-        let _ = writeln!(
-            text,
-            "{level:>5}  {:>5}  {:>9}  {kept:>16}  {:>9.3}  {:>5.1}",
-            state.tiles,
-            state.triangles,
-            state.error_m,
-            mega(state.bytes)
-        );
-    }
+        vec![
+            level.to_string(),
+            state.tiles.to_string(),
+            state.triangles.to_string(),
+            kept,
+            format!("{:.3}", state.error_m),
+            format!("{:.1}", mega(state.bytes)),
+        ]
+    };
+    let rows: Vec<_> = report.levels.iter().enumerate().map(row).collect();
+    text += &columns(&HEAD, &rows, 0);
     text
 }
 

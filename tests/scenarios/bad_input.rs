@@ -342,9 +342,106 @@ fn a_machine_that_cannot_is_one_error_that_names_the_mend() {
             .arg(&out);
         refused(
             &mut command,
-            &["output folder", out.to_str().unwrap(), "--out"],
+            &["the folder cannot be made", out.to_str().unwrap(), "--out"],
         );
     }
     std::fs::create_dir_all(folder.join("out/run.mcap")).unwrap();
     refused(&mut blind(folder, demo), &["run.mcap"]);
+}
+
+/// A CityJSON of one house at Delft and an object without geometry, whose system names no heights.
+const CITY: &str = r#"{
+  "type": "CityJSON", "version": "2.0",
+  "metadata": { "referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/28992" },
+  "transform": { "scale": [1.0, 1.0, 1.0], "translate": [84600.0, 447400.0, 0.0] },
+  "CityObjects": {
+    "house": { "type": "Building", "geometry": [{ "type": "Solid", "lod": "1.2", "boundaries": [[
+      [[0, 3, 2, 1]], [[4, 5, 6, 7]], [[0, 1, 5, 4]], [[1, 2, 6, 5]], [[2, 3, 7, 6]], [[3, 0, 4, 7]]]] }] },
+    "nothing": { "type": "Building", "geometry": [] },
+    "ground": { "type": "LandUse", "geometry": [{ "type": "MultiSurface", "lod": "1", "boundaries": [[[8, 9, 10, 11]]] }] }
+  },
+  "vertices": [
+    [0, 0, 1], [20, 0, 1], [20, 20, 1], [0, 20, 1], [0, 0, 13], [20, 0, 13], [20, 20, 13], [0, 20, 13],
+    [-900, -900, 1], [900, -900, 1], [900, 900, 1], [-900, 900, 1]]
+}"#;
+
+#[test]
+fn what_a_source_leaves_open_is_warned_of_and_an_error_where_asked() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let city = folder.join("town.city.json");
+    std::fs::write(&city, CITY).unwrap();
+    let warned = |command: &mut Command, code: i32| {
+        let output = command
+            .env("BORESIGHT_CACHE", folder.join("cache"))
+            .output()
+            .unwrap();
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(code), "{command:?}: {text}");
+        let warnings = (text.lines())
+            .filter(|line| line.starts_with("warning: ") && line.contains("town.city.json"));
+        let warnings: Vec<String> = warnings.map(str::to_owned).collect();
+        assert_eq!(warnings.len(), 2, "{text}");
+        for (line, words) in warnings
+            .iter()
+            .zip(["heights: ", "left out: 1 objects without geometry"])
+        {
+            assert!(line.contains(city.to_str().unwrap()), "{line}");
+            assert!(line.contains(words) && line.contains("; "), "{line}");
+        }
+        text
+    };
+    let tiles = folder.join("tiles");
+    let build = || {
+        let mut command = boresight();
+        command
+            .args(["tiles", "build"])
+            .arg(&city)
+            .arg("--out")
+            .arg(&tiles);
+        command
+    };
+    // With the flag nothing is built; it stands before or behind the command.
+    let text = warned(build().arg("--strict"), 2);
+    assert!(
+        text.lines().last().unwrap().starts_with("error: --strict "),
+        "{text}"
+    );
+    assert!(!tiles.join("tileset.json").exists());
+    warned(&mut build(), 0);
+    assert!(tiles.join("tileset.json").exists());
+    // A scenario's sources: the first time they are built, the second time their tiles are there.
+    let demo =
+        std::fs::read_to_string(Path::new(ROOT).join("scenarios/urban_intercept.toml")).unwrap();
+    let scenario = folder.join("town.toml");
+    let own = demo.split("[expect]").next().unwrap();
+    let mut document: toml_edit::DocumentMut = own.parse().unwrap();
+    document["duration_s"] = toml_edit::value(0.5);
+    document["site"]["latitude_deg"] = toml_edit::value(52.0105);
+    document["site"]["longitude_deg"] = toml_edit::value(4.3590);
+    document["site"]["altitude_m"] = toml_edit::value(44.0);
+    document["city"] = toml_edit::table();
+    document["city"]["sources"] =
+        toml_edit::value(toml_edit::Array::from_iter([city.to_str().unwrap()]));
+    std::fs::write(&scenario, document.to_string()).unwrap();
+    for command in ["check", "check", "run"] {
+        let mut command_line = boresight();
+        command_line
+            .arg(command)
+            .arg(&scenario)
+            .args(["--set", "detector.kind=truth"]);
+        if command == "run" {
+            command_line
+                .args(["--no-capture", "--out"])
+                .arg(folder.join("out"));
+        }
+        warned(&mut command_line, 0);
+    }
+    let mut strict = boresight();
+    let text = warned(strict.args(["--strict", "check"]).arg(&scenario), 2);
+    let last = text.lines().last().unwrap();
+    assert!(
+        last.starts_with("error: ") && last.contains("city") && last.contains("--strict"),
+        "{text}"
+    );
 }

@@ -161,9 +161,14 @@ fn two_recordings_are_compared_and_one_is_run_again() {
     let weaker = run(&["--set", "station.laser.power_w=500"]);
     let mcap = [&one, &same, &other, &weaker].map(|run| run.file("run.mcap"));
     let (code, text) = diff(&[&mcap[0], &mcap[1]]);
-    assert!(code == 0 && text.contains("equal"), "{text}");
+    // The verdict stands first.
+    assert!(code == 0 && text.starts_with("equal: "), "{text}");
+    assert!(text.contains(" messages to 3.000 s"), "{text}");
     let (code, text) = diff(&[&mcap[0], &mcap[2]]);
     assert!(code == 1 && text.contains("first     tick "), "{text}");
+    let verdict = text.lines().next().unwrap();
+    assert!(verdict.starts_with("they part at tick "), "{text}");
+    assert!(verdict.contains(" s, in /"), "{text}");
     assert!(text.contains("seed      1 | 2"), "{text}");
     // The laser's power shows when the laser does: what differs first is the beam.
     let (code, text) = diff(&[&mcap[0], &mcap[3]]);
@@ -203,7 +208,10 @@ fn two_recordings_are_compared_and_one_is_run_again() {
     let head = after(after(0, b"epoch_unix_ns"), b"tick_hz") + 40;
     std::fs::write(&cut, &bytes[..head]).unwrap();
     let (code, text) = diff(&[&mcap[0], &cut]);
-    assert!(code == 1 && text.contains("nothing   is in both"), "{text}");
+    assert!(
+        code == 1 && text.starts_with("nothing to compare"),
+        "{text}"
+    );
     let mut damaged = bytes.clone();
     // Inside a chunk: 04 22 4D 18 begins its LZ4 frame.
     damaged[after(bytes.len() / 2, b"\x04\x22\x4d\x18") + 200] ^= 0x10;
@@ -366,13 +374,24 @@ fn a_sweeps_table_depends_on_neither_cores_nor_order_nor_kills() {
         println!("SKIP: no Python with ray; ./test installs it");
     }
 
-    // Another experiment does not go on in the folder of this one.
+    // More seeds and values: what there is stays, the rest is made, and the table is that of all at once.
     let other = path("other.toml");
-    std::fs::write(&other, SWEEP.replace("500.0", "600.0")).unwrap();
+    let more = SWEEP
+        .replace("'1..=3'", "'1..=4'")
+        .replace("[500.0,", "[250.0, 500.0,");
+    std::fs::write(&other, more).unwrap();
+    let output = sweep(&other, &path("one"), &[]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("24 runs, 12 of them made before"), "{said}");
+    made(sweep(&other, &path("all"), &[]));
+    assert_eq!(table("one"), table("all"));
+
+    // Another experiment does not go on in the folder of this one.
+    std::fs::write(&other, SWEEP.replace("'energy_j', ", "")).unwrap();
     let output = sweep(&other, &path("one"), &[]);
     assert_eq!(output.status.code(), Some(2));
     assert!(
-        stderr(&output).contains("of another experiment"),
+        stderr(&output).contains("of another scenario"),
         "{}",
         stderr(&output)
     );

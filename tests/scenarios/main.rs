@@ -18,6 +18,7 @@ mod real_city;
 mod rendering;
 mod shipped;
 mod stations;
+mod stopping;
 mod structure;
 mod swarms;
 mod tiles;

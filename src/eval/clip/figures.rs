@@ -112,6 +112,9 @@ pub struct Evaluation {
     pub version: &'static str,
     /// The command that repeats it.
     pub command: String,
+    /// What was left out, where it was stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<String>,
     /// The detector's model file.
     pub model: PathBuf,
     /// The file of `--boxes`.

@@ -14,6 +14,7 @@ use crate::inference::OnnxDetector;
 use crate::media::video::Clip;
 use crate::output::{put, put_json, writable};
 use crate::parallel::threads;
+use crate::stop;
 use crate::warning;
 pub use arguments::Arguments;
 use arguments::{command, folder_names};
@@ -61,6 +62,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         fov_deg,
         centre_sigma_px: arguments.centre_sigma_px,
         threads,
+        stopped: None,
         figures: Tally::default().figures(),
         clips: Vec::new(),
     };
@@ -68,6 +70,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let names = folder_names(&arguments.files);
     let mut all = Tally::default();
     let mut clips = Vec::new();
+    let mut all_stopped = None;
     for (file, name) in arguments.files.iter().zip(&names) {
         let folder = if several {
             arguments.out.join(name)
@@ -77,7 +80,12 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         let played = play(&mut model, file, name, truth.as_ref(), arguments, &folder)?;
         all.add(&played.tally);
         clips.push(played.clip.clone());
+        let stopped = stop::said(&format!(
+            "{name} is played to {:.2} s; the same command plays all anew",
+            played.end_s
+        ));
         let evaluation = Evaluation {
+            stopped: stopped.clone(),
             figures: played.clip.figures.clone(),
             clips: vec![played.clip.clone()],
             ..head(std::slice::from_ref(file))
@@ -87,8 +95,13 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
             &evaluation,
             page::of_one(&evaluation, name, &played),
         )?;
+        if stopped.is_some() {
+            all_stopped = stopped;
+            break;
+        }
     }
     let evaluation = Evaluation {
+        stopped: all_stopped,
         figures: all.figures(),
         clips,
         ..head(&arguments.files)

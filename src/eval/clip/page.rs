@@ -4,6 +4,7 @@ use super::arguments::folder_names;
 use super::draw::COLOURS;
 use super::figures::{ClipFigures, Evaluation, Figures};
 use super::play::{Curves, Played};
+use crate::output::columns;
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::page::{Head, data_url, note, number, page, percent, table};
 use crate::report::states::{StateSpan, states};
@@ -104,22 +105,14 @@ impl Evaluation {
     pub fn text(&self) -> String {
         let mut text = String::new();
         if self.clips.len() > 1 {
-            let rows = self.summary();
-            let longest = rows.iter().map(|row| row[0].chars().count()).max();
-            let first = longest.unwrap_or(0).max(4);
-            let head = COLUMNS.map(String::from).to_vec();
-            for row in std::iter::once(&head).chain(&rows) {
-                let _ = write!(text, "{:<first$}", row[0]);
-                for (cell, name) in row.iter().zip(COLUMNS).skip(1) {
-                    let width = name.chars().count().max(8) + 2;
-                    let _ = write!(text, "{cell:>width$}");
-                }
-                text.push('\n');
-            }
+            text += &columns(&COLUMNS, &self.summary(), 1);
             text.push('\n');
         }
         for (name, value) in self.figures.rows() {
             let _ = writeln!(text, "{name:<48} {value}");
+        }
+        if let Some(stopped) = &self.stopped {
+            let _ = writeln!(text, "{stopped}");
         }
         text
     }
@@ -141,6 +134,7 @@ fn whole(evaluation: &Evaluation, heading: &str, body: &Markup) -> String {
             ("Truth", &boxes),
             ("Version", evaluation.version),
             ("", &evaluation.command),
+            (evaluation.stopped.as_deref().unwrap_or_default(), ""),
         ],
         style: ".sheet img,video{width:100%;display:block;border-radius:6px}",
     };

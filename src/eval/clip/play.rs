@@ -17,6 +17,7 @@ use crate::output;
 use crate::output::put;
 use crate::report::chart::Series;
 use crate::scenario::DetectorConfig;
+use crate::stop;
 use glam::DVec2;
 use image::RgbImage;
 use std::collections::{BTreeMap, btree_map::Entry};
@@ -192,6 +193,9 @@ pub(super) fn play(
         if shown.elapsed() > Duration::from_secs(2) || index + 1 == count {
             shown = Instant::now();
             progress(&format!("{name}: {} of {count} frames", index + 1));
+        }
+        if stop::asked().is_some() {
+            break;
         }
     }
     let mut states = Vec::new();

@@ -45,7 +45,7 @@ pub enum BoxesError {
 #[derive(Debug, thiserror::Error)]
 pub enum BoxesFault {
     /// The file cannot be read.
-    #[error("{0}")]
+    #[error("cannot be read: {0}; name an existing file")]
     Unreadable(#[from] std::io::Error),
     /// No JSON, a key missing or of another type.
     #[error("{0}; expected a list of {{file, frames, boxes_xywh}}")]
@@ -61,13 +61,13 @@ pub enum BoxesFault {
         why: String,
     },
     /// The list has no entry of a clip.
-    #[error("it lists no boxes of '{clip}'")]
+    #[error("it lists no boxes of '{clip}'; add them, or name another file")]
     NoClip {
         /// The clip's file.
         clip: String,
     },
     /// The entry of a clip is of another length.
-    #[error("it lists {listed} frames of {clip}, which has {frames}", clip = clip.display())]
+    #[error("it lists {listed} frames of {clip}, which has {frames}; list the boxes of every frame", clip = clip.display())]
     Length {
         /// The clip.
         clip: PathBuf,
@@ -77,14 +77,14 @@ pub enum BoxesFault {
         frames: usize,
     },
     /// Annotations of pictures with a video.
-    #[error("COCO annotations are of pictures, but {} is a video", .0.display())]
+    #[error("COCO annotations are of pictures, but {} is a video; give a folder of its pictures", .0.display())]
     Video(PathBuf),
     /// The annotations have no such picture.
-    #[error("it does not list {}", .0.display())]
+    #[error("it does not list {}; add the picture, or leave it out of the folder", .0.display())]
     NoPicture(PathBuf),
     /// A picture is of another size than the annotations say.
     #[error(
-        "{file} is {} × {} px, but images[].width and height say {} × {}",
+        "{file} is {} × {} px, but images[].width and height say {} × {}; correct them",
         found_px[0], found_px[1], listed_px[0], listed_px[1]
     )]
     Size {

@@ -22,6 +22,9 @@ pub struct Evaluation {
     pub version: &'static str,
     /// The command that repeats it.
     pub command: String,
+    /// What was left out, where it was stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<String>,
     /// The model file.
     pub model: PathBuf,
     /// The annotation file.

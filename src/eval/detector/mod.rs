@@ -13,6 +13,7 @@ use crate::inference::{DetectorError, OnnxDetector};
 use crate::models::optics::detection::Detection;
 use crate::output::{OutputError, put, put_json, quoted, writable};
 use crate::parallel::threads;
+use crate::stop;
 use clap::{Args, ValueEnum};
 use coco::{Coco, Half, Picture};
 use figures::{BySize, CentreHit, Cost, Evaluation, FPPI, Miss, PrecisionRecall, Speed, Worst};
@@ -81,10 +82,19 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         model.input_px(picture.size_px())?;
         coco.path(picture)?;
     }
+    let all = coco.pictures.len();
     let (images, named, times) = detect(&mut model, &coco)?;
+    coco.truncate(images.len());
     let cost = cost(&arguments.model, &model, &coco, out)?;
     let speed = Speed::of(&times, threads);
-    let evaluation = measure(arguments, &coco, &model, (&images, &named), cost, speed);
+    let stopped = stop::said(&format!(
+        "the figures are of the first {} of {all} pictures; the same command looks at all",
+        images.len()
+    ));
+    let evaluation = Evaluation {
+        stopped: stopped.filter(|_| images.len() < all),
+        ..measure(arguments, &coco, &model, (&images, &named), cost, speed)
+    };
     put_json(&json, &evaluation)?;
     let results = out.join("detections.json");
     let text =
@@ -123,6 +133,7 @@ fn measure(
     Evaluation {
         version: crate::VERSION,
         command: command(arguments, speed.threads),
+        stopped: None,
         model: arguments.model.clone(),
         data: coco.file.clone(),
         categories: coco.categories.values().cloned().collect(),
@@ -218,6 +229,9 @@ fn detect(model: &mut OnnxDetector, coco: &Coco) -> Result<Detected, EvalError> 
         if shown.elapsed() > Duration::from_secs(2) || i + 1 == count {
             shown = Instant::now();
             progress(&format!("{} of {count} pictures", i + 1));
+        }
+        if stop::asked().is_some() {
+            break;
         }
     }
     Ok((images, named, times))

@@ -6,7 +6,7 @@ use super::metrics::AnnotatedImage;
 use super::operating::AtThreshold;
 use crate::eval::EvalError;
 use crate::media::image::jpeg_of;
-use crate::output::put;
+use crate::output::{columns, put};
 use crate::report::chart::{Across, Chart, Scale, Series};
 use crate::report::page::{Head, data_url, note, number, page, table};
 use image::imageops;
@@ -172,10 +172,9 @@ impl Evaluation {
         let mut text: String = (rows.chain(self.distractor_rows()))
             .map(|(name, value)| format!("{name:<48} {value}\n"))
             .collect();
-        text += "threshold  recall  false alarms a frame\n";
-        for row in self.threshold_rows().iter().step_by(2) {
-            text += &format!("{}\n", row.join("  "));
-        }
+        let rows: Vec<Vec<String>> = self.threshold_rows().into_iter().step_by(2).collect();
+        text += &columns(&["threshold", "recall", "false alarms a frame"], &rows, 0);
+        text += self.stopped.as_deref().unwrap_or_default();
         text
     }
 }
@@ -222,6 +221,7 @@ pub(super) fn write(
             ("Category", &evaluation.categories.join(", ")),
             ("Version", evaluation.version),
             ("", &evaluation.command),
+            (evaluation.stopped.as_deref().unwrap_or_default(), ""),
         ],
         ..Head::default()
     };

@@ -19,14 +19,16 @@ use super::shared::{progress, within};
 use crate::app;
 use crate::output::{put_json, writable};
 use crate::parallel::threads;
+use crate::stop;
 pub use arguments::Arguments;
 use job::{Bench, Outcome};
 use recipe::Recipe;
 use results::Results;
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Carries out the evaluation; what to tell the user.
 pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
@@ -50,16 +52,33 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     }
     app::check(&loaded)?;
     let key = bench.key(&loaded)?;
-    make_all(&bench, &key)?;
-    let draws: Vec<Outcome> = (0..arguments.n)
-        .map(|index| bench.made(index, &key).ok_or(EvalError::NoDraw { index }))
+    let stopped = match make_all(&bench, &key) {
+        Err(EvalError::Stopped) => true,
+        done => done.map(|()| false)?,
+    };
+    let made = (0..arguments.n).map(|index| (index, bench.made(index, &key)));
+    let draws: Vec<Outcome> = made
+        // What a stop has left out is made by the next call.
+        .filter(|(_, outcome)| !stopped || outcome.is_some())
+        .map(|(index, outcome)| outcome.ok_or(EvalError::NoDraw { index }))
         .collect::<Result<_, _>>()?;
+    if draws.is_empty() {
+        return Err(EvalError::Stopped);
+    }
+    let said = stop::said(&format!(
+        "{} of {} draws are made and counted here; the same command makes the others",
+        draws.len(),
+        arguments.n
+    ));
     let detector = if rendered {
         "rendered pixels"
     } else {
         "truth detector"
     };
-    let results = Results::of(arguments.command(), detector, draws);
+    let results = Results {
+        stopped: said.filter(|_| stopped),
+        ..Results::of(arguments.command(), detector, draws)
+    };
     put_json(&json, &results)?;
     page::write(&arguments.out, &results)?;
     let page = arguments.out.join("results.html");
@@ -79,7 +98,9 @@ fn make_all(bench: &Bench, key: &str) -> Result<(), EvalError> {
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(there));
     let failure: Mutex<Option<EvalError>> = Mutex::new(None);
     let work = || {
-        while let Some(index) = waiting.get(next.fetch_add(1, Ordering::Relaxed)) {
+        while stop::asked().is_none()
+            && let Some(index) = waiting.get(next.fetch_add(1, Ordering::Relaxed))
+        {
             let started = Instant::now();
             match spawned(arguments, *index) {
                 Ok(()) => {
@@ -93,6 +114,10 @@ fn make_all(bench: &Bench, key: &str) -> Result<(), EvalError> {
                     ));
                 }
                 Err(error) => {
+                    let error = match stop::asked() {
+                        Some(_) => EvalError::Stopped,
+                        None => error,
+                    };
                     // What has not begun need not begin.
                     next.store(waiting.len(), Ordering::Relaxed);
                     let mut first = failure.lock().unwrap_or_else(PoisonError::into_inner);
@@ -106,6 +131,9 @@ fn make_all(bench: &Bench, key: &str) -> Result<(), EvalError> {
             scope.spawn(work);
         }
     });
+    if stop::asked().is_some() {
+        return Err(EvalError::Stopped);
+    }
     match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
         Some(error) => Err(error),
         None => Ok(()),
@@ -114,21 +142,43 @@ fn make_all(bench: &Bench, key: &str) -> Result<(), EvalError> {
 
 /// Makes a draw in a process of its own.
 fn spawned(arguments: &Arguments, index: u32) -> Result<(), EvalError> {
+    /// How often it is looked whether it has ended, or is to.
+    const LOOK: Duration = Duration::from_millis(20);
     let process = |source| EvalError::Program { source };
-    let output = Command::new(std::env::current_exe().map_err(process)?)
+    // A file takes what the process says without anybody who reads it meanwhile.
+    let mut errors = tempfile::tempfile().map_err(process)?;
+    let mut child = Command::new(std::env::current_exe().map_err(process)?)
         .args(["eval", "engagement", "--draw", &index.to_string()])
         .args(arguments.options())
         .stdin(Stdio::null())
-        .output()
+        .stdout(Stdio::null())
+        .stderr(errors.try_clone().map_err(process)?)
+        .spawn()
         .map_err(process)?;
-    if output.status.success() {
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(process)? {
+            break status;
+        }
+        if stop::asked().is_some() {
+            // It may have ended since.
+            let _ = child.kill();
+            child.wait().map_err(process)?;
+            return Err(EvalError::Stopped);
+        }
+        std::thread::sleep(LOOK);
+    };
+    if status.success() {
         return Ok(());
     }
-    let said = String::from_utf8_lossy(&output.stderr);
+    let mut said = Vec::new();
+    (errors.seek(SeekFrom::Start(0)))
+        .and_then(|_| errors.read_to_end(&mut said))
+        .map_err(process)?;
+    let said = String::from_utf8_lossy(&said);
     let last = said.lines().last().unwrap_or_default();
     Err(EvalError::Draw {
         index,
-        status: output.status,
+        status,
         message: last.trim_start_matches("error: ").to_owned(),
     })
 }

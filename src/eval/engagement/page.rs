@@ -28,6 +28,7 @@ pub fn write(out: &Path, results: &Results) -> Result<(), EvalError> {
             ("Version", results.version),
             ("Detector", results.detector),
             ("", &results.command),
+            (results.stopped.as_deref().unwrap_or_default(), ""),
         ],
         style: STYLE,
     };

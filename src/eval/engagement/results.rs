@@ -19,6 +19,9 @@ pub struct Results {
     pub command: String,
     /// What found the UAVs: `rendered pixels` or `truth detector`.
     pub detector: &'static str,
+    /// What was left out, where it was stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<String>,
     /// Shares of all engagements.
     pub headline: Vec<Line>,
     /// The same by what was drawn.
@@ -190,6 +193,7 @@ impl Results {
             version: crate::VERSION,
             command,
             detector,
+            stopped: None,
             headline: headline(&all, detector),
             groups: groups.collect(),
             causes: causes.into_iter().filter(|(_, count)| *count > 0).collect(),
@@ -206,6 +210,9 @@ impl Results {
         }
         for (cause, count) in &self.causes {
             let _ = writeln!(text, "failed, {cause:<76}{count}");
+        }
+        if let Some(stopped) = &self.stopped {
+            let _ = writeln!(text, "{stopped}");
         }
         text
     }

@@ -14,7 +14,9 @@ mod targets;
 use super::EvalError;
 use super::shared::progress;
 use crate::output::{put_json, writable};
+use crate::stop;
 use bench::Bench;
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use results::Evaluation;
 use std::path::PathBuf;
@@ -64,30 +66,74 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     };
     let json = arguments.out.join("tracking.json");
     writable(&json)?;
+    let (mut left, mut measured) = (Vec::new(), 0);
     for section in Section::value_variants() {
         if !arguments.only.is_empty() && !arguments.only.contains(section) {
             continue;
         }
         let started = Instant::now();
-        match section {
-            Section::Table2 => evaluation.table2 = bench.table2()?,
-            Section::Precision => evaluation.precision = bench.precision()?,
-            Section::Weave => evaluation.weave = bench.weave()?,
-            Section::Occlusion => evaluation.occlusion = bench.occlusion()?,
-            Section::Suite => evaluation.suite = bench.suite()?,
-            Section::Search => evaluation.search = bench.search()?,
-            Section::Budget => evaluation.budget = bench.budget()?,
+        match measure(*section, &mut bench, &mut evaluation) {
+            Err(EvalError::Stopped) => {
+                left.extend(section.to_possible_value());
+                continue;
+            }
+            done => done?,
         }
+        measured += 1;
         progress(&format!(
             "{section:?}: {:.0} s",
             started.elapsed().as_secs_f64()
         ));
     }
+    // An earlier evaluation's files stay where this one has nothing.
+    if measured == 0 && !left.is_empty() {
+        return Err(EvalError::Stopped);
+    }
     evaluation.not_run = bench.not_run;
+    if let Some(said) = not_measured(arguments, &left) {
+        evaluation.not_run.push(said);
+    }
     evaluation.targets = evaluation.targets();
     put_json(&json, &evaluation)?;
     page::write(&arguments.out, &evaluation)?;
     Ok(evaluation)
+}
+
+/// Measures a section.
+fn measure(
+    section: Section,
+    bench: &mut Bench,
+    evaluation: &mut Evaluation,
+) -> Result<(), EvalError> {
+    if stop::asked().is_some() {
+        return Err(EvalError::Stopped);
+    }
+    match section {
+        Section::Table2 => evaluation.table2 = bench.table2()?,
+        Section::Precision => evaluation.precision = bench.precision()?,
+        Section::Weave => evaluation.weave = bench.weave()?,
+        Section::Occlusion => evaluation.occlusion = bench.occlusion()?,
+        Section::Suite => evaluation.suite = bench.suite()?,
+        Section::Search => evaluation.search = bench.search()?,
+        Section::Budget => evaluation.budget = bench.budget()?,
+    }
+    Ok(())
+}
+
+/// What is said of the sections that a stop has left out.
+fn not_measured(arguments: &Arguments, left: &[PossibleValue]) -> Option<String> {
+    let names: Vec<&str> = left.iter().map(PossibleValue::get_name).collect();
+    let only: String = names.iter().map(|name| format!(" --only {name}")).collect();
+    let rest = Arguments {
+        only: Vec::new(),
+        ..arguments.clone()
+    };
+    let there = format!(
+        "{}; `{}{only}` makes them",
+        names.join(", "),
+        command(&rest)
+    );
+    stop::said(&there).filter(|_| !left.is_empty())
 }
 
 /// The command that repeats the evaluation.

@@ -9,11 +9,12 @@ pub mod run;
 mod table;
 
 use super::figures::figure;
-use super::{ExperimentError, Runner};
+use super::{ExperimentError, NoSummary, Runner};
 use crate::output::{self, OutputError};
 use crate::parallel::{in_parallel, threads};
+use crate::progress::Progress;
+use crate::stop;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Plan, PlannedRun};
 use run::{Done, STATE_HASH};
 use serde::{Deserialize, Serialize};
@@ -68,7 +69,7 @@ fn shard(text: &str) -> Result<Shard, String> {
 /// First line of a journal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Header {
-    /// Hash of the experiment with its scenario and the files that they name.
+    /// Hash of what all runs of the experiment share ([`Plan::hash`]).
     experiment: String,
     version: String,
     /// Hash of the program.
@@ -100,6 +101,8 @@ pub struct Swept {
     pub table: bool,
     /// Those of them that earlier calls had made.
     pub resumed: u64,
+    /// Those of them that were not made, because the command was stopped.
+    pub left: u64,
 }
 
 impl Swept {
@@ -109,6 +112,7 @@ impl Swept {
             runs,
             failed,
             resumed,
+            left,
             ..
         } = self;
         let earlier = match resumed {
@@ -119,7 +123,15 @@ impl Swept {
             0 => "",
             _ => ": a further sweep into this folder makes them again",
         };
-        format!("{runs} runs{earlier}, {failed} failed{again}")
+        let text = format!("{runs} runs{earlier}, {failed} failed{again}");
+        let there = format!(
+            "{} of {runs} runs are in the journal; the same command goes on with the others",
+            runs - left
+        );
+        match stop::said(&there).filter(|_| *left > 0) {
+            Some(stopped) => format!("{text}\n{stopped}"),
+            None => text,
+        }
     }
 
     /// 0 where every run has its figures, else 1.
@@ -155,12 +167,18 @@ pub fn sweep(arguments: &Arguments) -> Result<Swept, ExperimentError> {
             keep(&mut done, run);
         }
     }
-    let succeeded = |done: &BTreeMap<u64, Done>, index: &u64| {
-        done.get(index).is_some_and(|run| run.result.is_ok())
+    let key = |index: &u64| plan.key(&plan.run(*index));
+    let found = |done: &BTreeMap<String, Done>, good: bool| {
+        let is = |index: &&u64| {
+            done.get(&key(index))
+                .is_some_and(|run| run.result.is_ok() == good)
+        };
+        wanted.iter().filter(is).count() as u64
     };
     // A run that failed is made again: the cause may be gone.
+    let succeeded = |index: &u64| done.get(&key(index)).is_some_and(|run| run.result.is_ok());
     let left: Vec<u64> = (wanted.iter().copied())
-        .filter(|index| !succeeded(&done, index))
+        .filter(|index| !succeeded(index))
         .collect();
     let resumed = (wanted.len() - left.len()) as u64;
     if let Some(journal) = journal {
@@ -169,26 +187,27 @@ pub fn sweep(arguments: &Arguments) -> Result<Swept, ExperimentError> {
             keep(&mut done, run);
         }
     }
-    let failed = |index: &&u64| done.get(index).is_some_and(|run| run.result.is_err());
-    let failed = wanted.iter().filter(failed).count() as u64;
-    let whole = done.len() as u64 == plan.runs();
-    if arguments.merge && !whole {
-        let missing = (0..plan.runs()).find(|index| !done.contains_key(index));
+    let (good, failed) = (found(&done, true), found(&done, false));
+    let missing = (0..plan.runs()).find(|index| !done.contains_key(&key(index)));
+    if let Some(missing) = missing.filter(|_| arguments.merge) {
+        let there = (0..plan.runs()).filter(|index| done.contains_key(&key(index)));
         return Err(ExperimentError::Path {
             path: arguments.out.clone(),
             what: format!(
-                "its journals hold {} of {} runs, run {} is the first that is missing: make the other shards",
-                done.len(),
+                "its journals hold {} of {} runs, run {missing} is the first that is missing; make the other shards",
+                there.count(),
                 plan.runs(),
-                missing.unwrap_or(0)
             ),
         });
     }
-    let table = whole && arguments.shard.is_none();
+    let table = missing.is_none() && arguments.shard.is_none();
     if table {
-        let rows: Vec<(PlannedRun, Done)> = (done.into_values())
-            .map(|run| (plan.run(run.run), run))
-            .collect();
+        let row = |index| {
+            let run = plan.run(index);
+            let done = done.get(&plan.key(&run))?.clone();
+            Some((run, done))
+        };
+        let rows: Vec<(PlannedRun, Done)> = (0..plan.runs()).filter_map(row).collect();
         table::write(&arguments.out, &plan, &rows)?;
         page::write(&arguments.out, &plan, &rows, &arguments.experiment)?;
     }
@@ -197,66 +216,69 @@ pub fn sweep(arguments: &Arguments) -> Result<Swept, ExperimentError> {
         failed,
         table,
         resumed,
+        left: wanted.len() as u64 - good - failed,
     })
 }
 
 /// Takes in a run that is over; one that succeeded stands against one that failed.
-fn keep(done: &mut BTreeMap<u64, Done>, run: Done) {
-    let stands = done.get(&run.run).is_some_and(|known| known.result.is_ok());
+fn keep(done: &mut BTreeMap<String, Done>, run: Done) {
+    let stands = done.get(&run.key).is_some_and(|known| known.result.is_ok());
     if !stands {
-        done.insert(run.run, run);
+        done.insert(run.key.clone(), run);
     }
 }
 
-/// Makes runs on so many threads and writes each to the journal when it is over.
+/// Makes runs on so many threads and writes each to the journal when it is over; those of them that are over when the
+/// command is stopped.
 fn make(
     plan: &Plan,
     left: &[u64],
     journal: &Journal,
     threads: usize,
 ) -> Result<Vec<Done>, ExperimentError> {
-    let bar = ProgressBar::new(left.len() as u64);
-    // The template is a constant; should it be refused, the default style serves.
-    if let Ok(style) =
-        ProgressStyle::with_template("{prefix} [{bar:30}] {pos} of {len} runs, {eta} left")
-    {
-        bar.set_style(style.progress_chars("=> "));
-    }
+    let template = "{prefix} [{bar:30}] {pos} of {len} runs{left}";
+    let progress = Progress::new(left.len() as u64, template);
+    let bar = progress.bar();
     bar.set_prefix(plan.experiment.name.clone());
     let runner = Runner::default();
     let made = in_parallel(left, threads, |index| {
-        let done = one(plan, *index, &runner);
+        let Some(done) = one(plan, *index, &runner) else {
+            return Ok(None);
+        };
         // Without a journal the work would be lost.
         journal.write(&done)?;
         bar.inc(1);
-        Ok(done)
+        progress.say(|| {
+            let name = &plan.experiment.name;
+            format!("{name}: {} of {} runs", bar.position(), left.len())
+        });
+        Ok(Some(done))
     });
     bar.finish_and_clear();
-    made
+    made.map(|made| made.into_iter().flatten().collect())
 }
 
-/// Makes one run.
-fn one(plan: &Plan, index: u64, runner: &Runner) -> Done {
+/// Makes one run; none where it was stopped.
+fn one(plan: &Plan, index: u64, runner: &Runner) -> Option<Done> {
     let run = plan.run(index);
+    let over = |scenario_hash, result| Done {
+        run: index,
+        key: plan.key(&run),
+        scenario_hash,
+        result,
+    };
     let loaded = match plan.scenario(&run) {
         Ok(loaded) => loaded,
-        Err(error) => {
-            return Done {
-                run: index,
-                scenario_hash: String::new(),
-                result: Err(error.to_string()),
-            };
-        }
+        Err(error) => return Some(over(String::new(), Err(error.to_string()))),
     };
     let text = serde_json::to_string(&loaded.scenario).unwrap_or_default();
-    let result = runner
-        .run(&loaded, run.seed, plan.experiment.pictures)
-        .map(|(summary, _)| kept(plan, &summary));
-    Done {
-        run: index,
-        scenario_hash: format!("{:016x}", xxh3_64(text.as_bytes())),
-        result,
-    }
+    let hash = format!("{:016x}", xxh3_64(text.as_bytes()));
+    let result = match runner.run(&loaded, run.seed, plan.experiment.pictures) {
+        Ok((summary, _)) => Ok(kept(plan, &summary)),
+        Err(NoSummary::Failed(why)) => Err(why),
+        Err(NoSummary::Stopped) => return None,
+    };
+    Some(over(hash, result))
 }
 
 /// The figures of a summary that the table has.
@@ -305,8 +327,8 @@ fn read_journal(path: &Path, header: &Header) -> Result<Vec<Done>, ExperimentErr
         return Ok(Vec::new());
     };
     if serde_json::from_slice::<Header>(first).ok().as_ref() != Some(header) {
-        let what = "is of another experiment, scenario or file that they name, or of another build of the program: name \
-                    another folder with --out, or delete it";
+        let what = "is of another scenario, name, set, keep or file than the experiment's, or of another build of the program; \
+                    name another folder with --out, or delete it";
         return Err(ExperimentError::Path {
             path: path.into(),
             what: what.into(),
@@ -345,7 +367,7 @@ impl Journal {
             Err(TryLockError::WouldBlock) => {
                 return Err(ExperimentError::Path {
                     path: path.into(),
-                    what: "another sweep is writing it: wait for that, or name another folder with --out".into(),
+                    what: "another sweep is writing it; wait for that, or name another folder with --out".into(),
                 });
             }
             // Some network file systems have no locks.
@@ -415,6 +437,7 @@ mod tests {
     fn done(run: u64, result: Result<(), &str>) -> Done {
         Done {
             run,
+            key: run.to_string(),
             scenario_hash: "ü".into(),
             result: result.map(|()| BTreeMap::new()).map_err(str::to_owned),
         }

@@ -458,6 +458,7 @@ mod tests {
             };
             let done = Done {
                 run: index as u64,
+                key: String::new(),
                 scenario_hash: String::new(),
                 result: Ok(BTreeMap::new()),
             };

@@ -8,9 +8,9 @@ use crate::scenario::load::{self, Checked, Parsed};
 use crate::scenario::{InputError, Loaded, Places, Scenario, Seeds};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 /// Most runs of an experiment.
 const MOST_RUNS: u64 = 1_000_000;
@@ -366,9 +366,11 @@ pub struct Plan {
     pub factors: Vec<Factor>,
     /// Figures that are kept, with what they are.
     pub figures: Vec<(String, Kind)>,
-    /// Hash of what the results follow from, but for the program: experiment, scenario, and the models, UAVs and flights
-    /// that the scenario names. What such a file names itself is not in it.
+    /// Hash of what all runs share, but for the program: the scenario with what every run changes, the models, UAVs and
+    /// flights that it names, and the figures that are kept. What such a file names itself is not in it.
     pub hash: String,
+    /// For a factor and a value's label a digest of the files that only this value names.
+    files: BTreeMap<(usize, String), u64>,
     /// The scenario's path, and its text.
     scenario: PathBuf,
     source: String,
@@ -437,6 +439,7 @@ impl Plan {
         let plan = Self {
             figures,
             hash: String::new(),
+            files: BTreeMap::new(),
             seeds: match &experiment.seeds {
                 Some(seeds) => seeds.all(),
                 None => vec![base.scenario.seed],
@@ -449,7 +452,8 @@ impl Plan {
             strata,
         };
         let blind = !plan.experiment.pictures;
-        let mut files = named_files(&base.scenario);
+        let shared = named_files(&base.scenario);
+        let mut files = BTreeMap::new();
         // A factor may choose the detector; one that does not is held to the scenario's.
         let chooses = |set: &String| {
             let key = set.split_once('=').map_or("", |(key, _)| key.trim());
@@ -473,27 +477,47 @@ impl Plan {
                 if blind && setting.set.iter().any(chooses) && loaded.scenario.detector.is_onnx() {
                     return Err(at(NEEDS_PICTURES.into()));
                 }
-                files.extend(named_files(&loaded.scenario));
+                let own = &named_files(&loaded.scenario) - &shared;
+                files.insert((index, setting.label), digest(&own));
             }
         }
         if blind && !chosen && base.scenario.detector.is_onnx() {
             return Err(places.refuse("pictures", NEEDS_PICTURES));
         }
-        let mut hasher = Xxh3::new();
-        for part in [&text, &plan.source] {
-            hasher.update(&(part.len() as u64).to_le_bytes());
-            hasher.update(part.as_bytes());
-        }
-        for file in files {
-            // One that is not there is told by the runs.
-            let bytes = std::fs::read(&file).unwrap_or_default();
-            hasher.update(&(bytes.len() as u64).to_le_bytes());
-            hasher.update(&bytes);
-        }
+        let Experiment {
+            name,
+            set,
+            pictures,
+            ..
+        } = &plan.experiment;
+        let keys = plan.figures.iter().map(|(key, _)| key.as_str());
+        let words = [name.as_str(), if *pictures { "pictures" } else { "blind" }];
+        let words = words
+            .into_iter()
+            .chain(set.iter().map(String::as_str))
+            .chain(keys);
+        let hash = hash_of(words.chain([plan.source.as_str()]), digest(&shared));
         Ok(Self {
-            hash: format!("{:016x}", hasher.digest()),
+            hash,
+            files,
             ..plan
         })
+    }
+
+    /// What a run follows from beside what all share, as a hash: changes, files that these name, seed. The number of a run
+    /// is not in it, so that an experiment with more seeds or values has the runs of the one with fewer.
+    pub fn key(&self, run: &PlannedRun) -> String {
+        let changes = run.settings.iter().flat_map(|setting| &setting.set);
+        let files = run.settings.iter().enumerate().map(|(index, setting)| {
+            // A place of a range names the files that its ends name.
+            let own = self.files.get(&(index, setting.label.clone()));
+            own.copied().unwrap_or_default()
+        });
+        let files = files.filter(|digest| *digest != 0);
+        let rest: Vec<u8> = (files.chain([run.seed]))
+            .flat_map(u64::to_le_bytes)
+            .collect();
+        hash_of(changes.map(String::as_str), xxh3_64(&rest))
     }
 
     /// How many runs there are.
@@ -588,6 +612,32 @@ fn named_files(scenario: &Scenario) -> BTreeSet<PathBuf> {
             .map(PathBuf::from),
     );
     files
+}
+
+/// A digest of the contents of files; 0 of none.
+fn digest(files: &BTreeSet<PathBuf>) -> u64 {
+    if files.is_empty() {
+        return 0;
+    }
+    let mut hasher = Xxh3::new();
+    for file in files {
+        // One that is not there is told by the runs.
+        let bytes = std::fs::read(file).unwrap_or_default();
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(&bytes);
+    }
+    hasher.digest()
+}
+
+/// A hash of words and a number, in hexadecimal digits.
+fn hash_of<'a>(words: impl Iterator<Item = &'a str>, number: u64) -> String {
+    let mut hasher = Xxh3::new();
+    for word in words {
+        hasher.update(&(word.len() as u64).to_le_bytes());
+        hasher.update(word.as_bytes());
+    }
+    hasher.update(&number.to_le_bytes());
+    format!("{:016x}", hasher.digest())
 }
 
 /// Refuses two columns of one name.
@@ -688,19 +738,47 @@ mod tests {
     }
 
     #[test]
-    fn a_changed_model_is_another_experiment() {
+    fn runs_of_a_changed_model_are_others() {
         let folder = tempfile::tempdir().unwrap();
         let uav = folder.path().join("own.toml");
         let text = format!(
-            "[[factors]]\nkey = 'uavs.0.model'\nvalues = ['{}', 'fpv5']\n",
+            "[[factors]]\nkey = 'uavs.0.model'\nvalues = ['fpv5', '{}']\n",
             uav.display()
         );
-        let hash = |content: &str| {
+        let keys = |content: &str| {
             std::fs::write(&uav, content).unwrap();
-            plan(&text).unwrap().hash
+            let plan = plan(&text).unwrap();
+            (plan.key(&plan.run(0)), plan.key(&plan.run(1)))
         };
-        let [one, same, other] = ["a", "a", "b"].map(hash);
-        assert!(one == same && one != other);
+        let [one, same, other] = ["a", "a", "b"].map(keys);
+        assert!(one == same && one.0 == other.0 && one.1 != other.1);
+    }
+
+    #[test]
+    fn more_seeds_and_values_keep_the_runs_that_there_are() {
+        let keys = |text: &str| {
+            let plan = plan(text).unwrap();
+            let keys: Vec<String> = (0..plan.runs())
+                .map(|index| plan.key(&plan.run(index)))
+                .collect();
+            (plan.hash, keys)
+        };
+        let text = |seeds: &str, values: &str| {
+            format!(
+                "seeds = {seeds}\n[[factors]]\nkey = 'station.laser.power_w'\nvalues = {values}\n"
+            )
+        };
+        let (hash, few) = keys(&text("'1..=2'", "[100.0, 400.0]"));
+        let (same, many) = keys(&text("'0..=2'", "[200.0, 100.0, 400.0]"));
+        assert_eq!(hash, same);
+        assert!(few.iter().all(|key| many.contains(key)));
+        assert_eq!(BTreeSet::from_iter(&many).len(), 9);
+        // Other figures are kept: no run has them yet.
+        let (other, _) = keys(&format!(
+            "keep = ['dwell_s']\n{}",
+            text("'1..=2'", "[100.0]")
+        ));
+        assert_ne!(hash, other);
     }
 
     const POWER: &str = "[[factors]]\nkey = 'station.laser.power_w'\nrange = [100.0, 1600.0]\n";

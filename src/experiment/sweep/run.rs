@@ -12,8 +12,10 @@ pub const OWN_COLUMNS: [&str; 5] = ["run", "seed", "scenario_hash", "version", S
 /// A run that is over.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Done {
-    /// Its number.
+    /// Its number in the experiment that it was made for.
     pub run: u64,
+    /// What tells it from others, whatever experiment asks for it ([`super::plan::Plan::key`]).
+    pub key: String,
     /// Hash of its scenario, all changes made.
     pub scenario_hash: String,
     /// What was kept of its summary; `Err`: why there is none.

@@ -23,16 +23,16 @@ const LEAST_PACE_MPS: f64 = 1.0; // [m/s]
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum WindError {
     /// The reference speed is negative or not finite.
-    #[error("wind speed {0} m/s: give a finite speed of at least 0")]
+    #[error("wind speed {0} m/s; give a finite speed of at least 0")]
     Speed(f64),
     /// The direction is not finite.
-    #[error("wind direction {0} deg: give a finite direction, clockwise from north")]
+    #[error("wind direction {0} deg; give a finite direction, clockwise from north")]
     Direction(f64),
     /// The roughness length lies outside the law's use.
-    #[error("roughness length {0} m: give a length above 0 and up to 2 m (0.03 grass, 1 city)")]
+    #[error("roughness length {0} m; give a length above 0 and up to 2 m (0.03 grass, 1 city)")]
     Roughness(f64),
     /// The displacement height is negative or not finite.
-    #[error("displacement height {0} m: give a finite height of at least 0")]
+    #[error("displacement height {0} m; give a finite height of at least 0")]
     Displacement(f64),
 }
 

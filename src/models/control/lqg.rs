@@ -39,7 +39,9 @@ use crate::models::mount::mirror::MirrorParams;
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum LqgError {
     /// The Riccati equation has no stabilising solution, or it was not found.
-    #[error("the Riccati equation was not solved: relative residual {residual:e}")]
+    #[error(
+        "the Riccati equation was not solved: relative residual {residual:e}; choose less extreme weights"
+    )]
     Riccati {
         /// Residual of the equation, relative to the solution.
         residual: f64,

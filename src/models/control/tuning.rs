@@ -66,7 +66,9 @@ pub enum TuningError {
     #[error(transparent)]
     Filter(#[from] LosFilterError),
     /// No gain of the position loop keeps the margins.
-    #[error("no gimbal gain keeps {GAIN_MARGIN_DB} dB and {PHASE_MARGIN_DEG} deg of margin")]
+    #[error(
+        "no gimbal gain keeps {GAIN_MARGIN_DB} dB and {PHASE_MARGIN_DEG} deg of margin; make the mount stiffer or its loops faster (bandwidths, rates, latency)"
+    )]
     NoGain,
 }
 

@@ -110,20 +110,20 @@ fn default_clockwise() -> bool {
 #[derive(Debug, Error)]
 pub enum TrajectoryError {
     /// A field holds NaN or infinity.
-    #[error("{0} is not finite: give plain numbers")]
+    #[error("{0} is not finite; give plain numbers")]
     NotFinite(&'static str),
     /// A field that must be positive is not.
-    #[error("{0} is {1}: give a value above 0")]
+    #[error("{0} is {1}; give a value above 0")]
     NotPositive(&'static str, f64),
     /// A path of fewer than two waypoints.
-    #[error("points_enu_m has {0} point(s): give at least 2")]
+    #[error("points_enu_m has {0} point(s); give at least 2")]
     TooFewWaypoints(usize),
     /// Two successive waypoints coincide.
-    #[error("waypoint {0} (counted from 1) repeats the one before it: remove it")]
+    #[error("waypoint {0} (counted from 1) repeats the one before it; remove it")]
     RepeatedWaypoint(usize),
     /// The corners at the ends of a leg take more than its length.
     #[error(
-        "the leg to waypoint {waypoint} (counted from 1) is too short for its corners: \
+        "the leg to waypoint {waypoint} (counted from 1) is too short for its corners; \
          lower speed_mps to {speed_mps:.2}, or raise corner_acceleration_mps2 to {acceleration_mps2:.2}"
     )]
     LegTooShort {
@@ -135,10 +135,10 @@ pub enum TrajectoryError {
         acceleration_mps2: f64,
     },
     /// A weave about a line without a horizontal direction.
-    #[error("velocity_enu_mps is vertical or zero: a weave needs a horizontal part")]
+    #[error("velocity_enu_mps is vertical or zero; a weave needs a horizontal part")]
     NoSideways,
     /// A pop-up that does not rise.
-    #[error("hide_height_m {hide_m} is not below the hover height {hover_m}: lower it")]
+    #[error("hide_height_m {hide_m} is not below the hover height {hover_m}; lower it")]
     NoRise {
         /// Height before the rise [m].
         hide_m: f64,
@@ -146,7 +146,9 @@ pub enum TrajectoryError {
         hover_m: f64,
     },
     /// The recorded file could not be read.
-    #[error("cannot read {file}: {source}")]
+    #[error(
+        "{file}: cannot be read: {source}; name an existing file, from the scenario's folder or whole"
+    )]
     Unreadable {
         /// The file named by the scenario.
         file: String,
@@ -155,7 +157,7 @@ pub enum TrajectoryError {
     },
     /// The recorded file is not a CSV of the expected columns.
     #[error(
-        "{file}: {source}: the header must be t_s,east_m,north_m,up_m and every row four numbers"
+        "{file}: {source}; the header must be t_s,east_m,north_m,up_m and every row four numbers"
     )]
     Csv {
         /// The file named by the scenario.
@@ -164,7 +166,7 @@ pub enum TrajectoryError {
         source: csv::Error,
     },
     /// A recorded row holds NaN or infinity.
-    #[error("{file}: data row {row} is not finite: remove it or fill it in")]
+    #[error("{file}: data row {row} is not finite; remove it or fill it in")]
     RowNotFinite {
         /// The file named by the scenario.
         file: String,
@@ -173,7 +175,7 @@ pub enum TrajectoryError {
     },
     /// Time stands still or runs back in a recorded file.
     #[error(
-        "{file}: data row {row} is not later than the one before it: sort by t_s, drop repeats"
+        "{file}: data row {row} is not later than the one before it; sort by t_s, drop repeats"
     )]
     TimeNotIncreasing {
         /// The file named by the scenario.
@@ -182,7 +184,7 @@ pub enum TrajectoryError {
         row: usize,
     },
     /// A recorded file of fewer than two rows.
-    #[error("{file} has {rows} data row(s): give at least 2")]
+    #[error("{file} has {rows} data row(s); give at least 2")]
     TooFewRows {
         /// The file named by the scenario.
         file: String,

@@ -121,7 +121,7 @@ pub enum SurveyError {
     /// No triangle near the site point.
     #[error(
         "has no triangle within {radius_m} m of the site point (it reaches from {from} to {to}, east, north, up \
-         in m): move the site, or raise radius_m"
+         in m); move the site, or raise radius_m"
     )]
     Nothing {
         /// How far was looked [m].

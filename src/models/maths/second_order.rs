@@ -9,7 +9,7 @@ use thiserror::Error;
 pub enum SecondOrderError {
     /// A frequency, damping ratio or step that is not a positive finite number.
     #[error(
-        "second-order element of {frequency_hz} Hz, damping {damping}, step {dt_s} s is not positive"
+        "second-order element of {frequency_hz} Hz, damping {damping}, step {dt_s} s is not positive; give values above 0"
     )]
     NotPositive {
         /// Natural frequency [Hz].
@@ -20,7 +20,7 @@ pub enum SecondOrderError {
         dt_s: f64,
     },
     /// An amplitude (stroke or rms) that is negative or not finite.
-    #[error("amplitude {0} rad is not a non-negative number")]
+    #[error("amplitude {0} rad is not a non-negative number; give 0 or more")]
     Amplitude(f64),
 }
 

@@ -92,13 +92,15 @@ struct ModeState {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum SpectrumError {
     /// Fewer than two points.
-    #[error("a spectrum needs two points or more")]
+    #[error("a spectrum of fewer than two points; give two or more")]
     TooShort,
     /// A frequency that does not rise, or is not positive.
-    #[error("frequency {0} Hz of the spectrum: frequencies must be positive and rise")]
+    #[error(
+        "frequency {0} Hz of the spectrum is not above the one before it, or above 0; sort the points by frequency"
+    )]
     Frequency(f64),
     /// A density that is not positive.
-    #[error("density {0} rad^2/Hz of the spectrum must be positive: leave out what has none")]
+    #[error("density {0} rad^2/Hz of the spectrum must be positive; leave out what has none")]
     Density(f64),
 }
 

@@ -25,7 +25,7 @@ use crate::models::maths::second_order::second_order_transition;
 
 /// A gimbal parameter out of its range.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("gimbal parameter {name} = {value} is out of range")]
+#[error("gimbal parameter {name} = {value} is out of range; give a plain value above 0")]
 pub struct GimbalError {
     /// Field name.
     pub name: &'static str,

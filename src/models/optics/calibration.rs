@@ -14,7 +14,7 @@ use crate::models::optics::camera::Pinhole;
 
 /// Too few or too poor measurements.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("{count} centroids do not determine a boresight")]
+#[error("{count} centroids do not determine a boresight; take more")]
 pub struct CalibrationError {
     /// Number of measurements.
     pub count: usize,

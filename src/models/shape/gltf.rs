@@ -17,22 +17,22 @@ pub const MAX_TRIANGLES: usize = 100_000;
 #[derive(Debug, Error)]
 pub enum GltfError {
     /// It is something else.
-    #[error("is no binary glTF 2.0 file - export the shape as .glb")]
+    #[error("is no binary glTF 2.0 file; export the shape as .glb")]
     NotBinary,
     /// It contradicts the specification, or needs an extension.
-    #[error("{0} - export the shape anew, as plain .glb without compression")]
+    #[error("{0}; export the shape anew, as plain .glb without compression")]
     Invalid(#[from] gltf::Error),
     /// A part of its data is not where or what it should be.
-    #[error("its {what} are damaged, or lie in another file - export the shape anew, as one .glb")]
+    #[error("its {what} are damaged, or lie in another file; export the shape anew, as one .glb")]
     Data {
         /// The part.
         what: &'static str,
     },
     /// Nothing to draw.
-    #[error("has no triangles - export a mesh of triangles in its scene")]
+    #[error("has no triangles; export a mesh of triangles in its scene")]
     NoTriangles,
     /// Too much to draw.
-    #[error("has more than {MAX_TRIANGLES} triangles - simplify the shape")]
+    #[error("has more than {MAX_TRIANGLES} triangles; simplify the shape")]
     TooMany,
 }
 

@@ -51,7 +51,7 @@ const REACQUIRE_AFTER: u32 = 3;
 
 /// A filter parameter out of its range.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("line-of-sight filter parameter {name} = {value} is not positive")]
+#[error("line-of-sight filter parameter {name} = {value} is not positive; give a value above 0")]
 pub struct LosFilterError {
     /// Field name.
     pub name: &'static str,

@@ -24,7 +24,7 @@ const SPAN_TAU_S: f64 = 60.0;
 
 /// A size that no target has.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("assumed {name} = {value} is not positive")]
+#[error("assumed {name} = {value} is not positive; give a value above 0")]
 pub struct RangingError {
     /// Parameter.
     pub name: &'static str,

@@ -258,7 +258,7 @@ fn a_bad_shape_is_one_error_with_its_line_and_its_mend() {
             HUBS,
             Ok(b"glass".to_vec()),
             38,
-            "own.glb: is no binary glTF 2.0 file - export",
+            "own.glb: is no binary glTF 2.0 file; export",
         ),
         (
             HUBS,

@@ -13,7 +13,9 @@ const INFERENCE_THREADS: usize = 2;
 
 /// Why the detector's thread does not work.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot start the detector's thread: {0}")]
+#[error(
+    "the detector's thread cannot be started: {0}; let the system have more threads (ulimit -u)"
+)]
 pub struct ThreadError(std::io::Error);
 
 /// The network of a scenario.

@@ -40,10 +40,14 @@ pub struct Renderer {
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     /// The camera has no rendered target.
-    #[error("the renderer delivered no picture: {0}")]
+    #[error(
+        "the renderer delivered no picture: {0}; run again, or with --no-capture --set detector.kind=truth"
+    )]
     NoPicture(&'static str),
     /// The GPU device failed.
-    #[error("the GPU device failed while a frame was read back: {0}")]
+    #[error(
+        "the GPU device failed while a frame was read back: {0}; see its driver and its memory, or run with --no-capture --set detector.kind=truth"
+    )]
     Device(String),
 }
 

@@ -30,7 +30,7 @@ pub enum BuildError {
         limit_m: f64,
     },
     /// A mesh whose lists do not fit each other.
-    #[error("layer {layer}, mesh {mesh}: {what}; the source is damaged")]
+    #[error("layer {layer}, mesh {mesh}: {what}; the source is damaged: export it again")]
     Mesh {
         /// Which layer, from 0.
         layer: usize,
@@ -40,7 +40,7 @@ pub enum BuildError {
         what: &'static str,
     },
     /// An option outside its range.
-    #[error("{option} = {value}: it must be from {low} to {high}")]
+    #[error("{option} = {value} is out of range; give a value from {low} to {high}")]
     Option {
         /// The option.
         option: &'static str,

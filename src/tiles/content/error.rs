@@ -17,11 +17,11 @@ pub struct ContentError {
 pub enum Fault {
     /// It is none of the known formats.
     #[error(
-        "is no content of 3D Tiles: it begins with {0:?} - expected b3dm, i3dm, pnts, cmpt or glTF"
+        "is no content of 3D Tiles: it begins with {0:?}; expected b3dm, i3dm, pnts, cmpt or glTF"
     )]
     Unknown(String),
     /// It ends early.
-    #[error("is cut short: needs {needed} bytes and has {have} - fetch or export it again")]
+    #[error("is cut short: needs {needed} bytes and has {have}; fetch or export it again")]
     Short {
         /// What its own header or tables ask for [byte].
         needed: u64,
@@ -29,13 +29,13 @@ pub enum Fault {
         have: u64,
     },
     /// It contradicts itself or its specification.
-    #[error("is damaged: {0} - export it again")]
+    #[error("is damaged: {0}; export it again")]
     Damaged(String),
     /// It is right, but this program does not read it.
-    #[error("is not supported: {0}")]
+    #[error("is not supported: {0}; export it without")]
     Unsupported(String),
     /// A file that it refers to cannot be read.
-    #[error("refers to {uri:?}, which cannot be read: {why}")]
+    #[error("refers to {uri:?}, which cannot be read: {why}; put it there, or correct the address")]
     Missing {
         /// The address, as the content has it.
         uri: String,
@@ -43,7 +43,9 @@ pub enum Fault {
         why: String,
     },
     /// It would need too much memory.
-    #[error("is too large: {what} of {amount} where {limit} is the limit")]
+    #[error(
+        "is too large: {what} of {amount} where {limit} is the limit; cut the tile into smaller ones"
+    )]
     TooLarge {
         /// Of what there is too much.
         what: &'static str,

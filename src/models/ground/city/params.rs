@@ -145,7 +145,7 @@ impl Default for CityParams {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum CityError {
     /// A parameter is outside its range.
-    #[error("city {field} = {value} is outside {low}..{high}")]
+    #[error("{field} = {value} is outside {low}..{high}; give a value inside")]
     OutOfRange {
         /// Parameter name.
         field: &'static str,
