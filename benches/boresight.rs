@@ -539,6 +539,7 @@ fn simplification(criterion: &mut Criterion) {
             ..TexturedMesh::default()
         }],
         features: Vec::new(),
+        warnings: Vec::new(),
     };
     let folder = std::env::temp_dir().join(format!("boresight-bench-{}", std::process::id()));
     let options = BuildOptions {

@@ -224,6 +224,13 @@ pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
             scope.spawn(move || work(thread));
         }
     });
+    if stop::asked().is_some() {
+        // The others have said how they went.
+        cases
+            .iter()
+            .filter(|case| case.is_stopped())
+            .for_each(Case::say);
+    }
     let tests = Tests {
         version: crate::VERSION,
         platform: platform(),
@@ -377,6 +384,12 @@ impl Case {
             drop(found);
             self.say();
         }
+    }
+
+    /// Whether some of its runs were not made.
+    fn is_stopped(&self) -> bool {
+        let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+        self.verdict(&found) == Verdict::Stopped
     }
 
     fn verdict(&self, found: &Found) -> Verdict {

@@ -338,6 +338,7 @@ fn layer(city: &City, site: SiteFrame) -> Layer {
         site,
         meshes: city.chunks().into_iter().map(mesh).collect(),
         features: Vec::new(),
+        warnings: Vec::new(),
     }
 }
 
@@ -480,6 +481,7 @@ fn houses_hide_and_stand_behind() {
         site,
         meshes: vec![mesh],
         features: Vec::new(),
+        warnings: Vec::new(),
     };
     let tiles = folder.join("tiles");
     std::fs::create_dir_all(&tiles).unwrap();

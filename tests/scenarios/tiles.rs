@@ -164,6 +164,7 @@ fn with_tiles(loaded: &Loaded, folder: &TempDir) -> App {
                 enu_from_root: DAffine3::IDENTITY,
                 light: TilesLight::AsStored,
                 summary: String::new(),
+                warnings: Vec::new(),
             });
         };
         let between = (add.after(TickSet::Environment)).before(TickSet::Flight);

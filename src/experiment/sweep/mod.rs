@@ -123,7 +123,11 @@ impl Swept {
             0 => "",
             _ => ": a further sweep into this folder makes them again",
         };
-        let text = format!("{runs} runs{earlier}, {failed} failed{again}");
+        let not_made = match left {
+            0 => String::new(),
+            left => format!(", {left} not made"),
+        };
+        let text = format!("{runs} runs{earlier}{not_made}, {failed} failed{again}");
         let there = format!(
             "{} of {runs} runs are in the journal; the same command goes on with the others",
             runs - left
