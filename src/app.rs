@@ -1,7 +1,7 @@
 //! From a scenario to an app that steps: Bevy, the plugins, the set-up.
 
 use crate::components::detect::DetectorInUse;
-use crate::components::run::{Failure, PartError, RunScenario, SetUp};
+use crate::components::run::{PartError, RunScenario};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::render::ScenePlugin;
 use crate::scenario::{InputError, Loaded};
@@ -128,6 +128,17 @@ fn set_up(
     options: &Options,
     more: impl FnOnce(&mut App),
 ) -> Result<App, RunError> {
+    let mut app = prepare_with(loaded, options, more)?;
+    run::set_up(app.world_mut())?;
+    Ok(app)
+}
+
+/// As [`build_with`], but the set-up is still to be run: a window shows meanwhile that it is at work.
+pub fn prepare_with(
+    loaded: &Loaded,
+    options: &Options,
+    more: impl FnOnce(&mut App),
+) -> Result<App, RunError> {
     if options.capture {
         adapter()?;
     }
@@ -143,11 +154,7 @@ fn set_up(
         None if options.capture => return Err(RunError::NoAdapter),
         None => {}
     }
-    world.run_schedule(SetUp);
-    match world.resource_mut::<Failure>().take() {
-        Some(error) => Err(error.into()),
-        None => Ok(app),
-    }
+    Ok(app)
 }
 
 /// Runs one tick; true when the run is over.

@@ -98,18 +98,13 @@ pub fn view(
         // The receiver waits below for the event loop to return.
         let _ = sender.send(finished);
     });
-    let session = session(keep.screenshot.as_ref(), ended)?;
-    let mut app = app::build_with(loaded, options, |app| {
+    let mut session = session(keep.screenshot.as_ref(), ended)?;
+    if let (Some(shot), Some((_, at_s))) = (&mut session.screenshot, &keep.screenshot) {
+        shot.at_s = Some(*at_s);
+    }
+    let mut app = app::prepare_with(loaded, options, |app| {
         app.insert_resource(session).add_plugins(ViewPlugin);
     })?;
-    if let Some((_, at_s)) = keep.screenshot {
-        let world = app.world_mut();
-        let tick = world.resource::<SimClock>().ticks_of(at_s);
-        let mut pacing = world.resource_mut::<Pacing>();
-        pacing.speed = f64::INFINITY;
-        pacing.pause_at = Some(tick);
-        pacing.paused = tick == 0;
-    }
     app.run();
     receiver.try_recv().ok().transpose()
 }
@@ -150,7 +145,7 @@ pub fn play(
         log: true,
         ..Options::default()
     };
-    let mut app = app::build_with(&scene, &options, |app| {
+    let mut app = app::prepare_with(&scene, &options, |app| {
         app.insert_resource(session)
             .insert_resource(playback)
             .insert_resource(pacing)
@@ -174,8 +169,10 @@ fn session(screenshot: Option<&(PathBuf, f64)>, ended: SessionEnd) -> Result<Ses
         started: now,
         last: now,
         lately: VecDeque::new(),
+        waiting: Some(0),
         screenshot: screenshot.map(|(file, _)| ScreenshotRequest {
             file: file.clone(),
+            at_s: None,
             drawn: 0,
         }),
         ended: Some(ended),

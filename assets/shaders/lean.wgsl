@@ -3,6 +3,7 @@
 // asks uniforms alone: Mesa's lavapipe makes a shader anew, and keeps it, whenever such a uniform may have changed.
 // Output: rgb = luminance of linear sRGB channels [kcd/m^2] times the view's exposure,
 // alpha = 1 and the identity digit of the surface (see `systems/capture.rs`).
+// A window's view alone asks Bevy for a tone curve; its pipelines balance the white and roll the highlights off.
 
 #import bevy_pbr::mesh_functions
 #import bevy_pbr::mesh_view_bindings::view
@@ -72,6 +73,27 @@ fn sky(dir: vec3<f32>) -> vec4<f32> {
     return textureSampleLevel(sky_table, sky_sampler, uv, 0.0);
 }
 
+// The view's exposure by channel. A window's has the gains of its white balance in its saturations: `systems/view/exposure.rs`.
+fn exposed() -> vec3<f32> {
+#ifdef TONEMAP_METHOD_REINHARD
+    return view.exposure * view.color_grading.saturation;
+#else
+    return vec3(view.exposure);
+#endif
+}
+
+// What a window shows of a colour: as it is up to a middle grey twice over, then ever less, so that white walls in the sun keep
+// their shades. Pixels of sensors are left alone: their sensor model saturates.
+fn developed(rgb: vec3<f32>) -> vec3<f32> {
+#ifdef TONEMAP_METHOD_REINHARD
+    let knee = vec3(0.4);
+    let rolled = knee + (1.0 - knee) * (1.0 - exp((knee - rgb) / (1.0 - knee)));
+    return select(rgb, rolled, rgb > knee);
+#else
+    return rgb;
+#endif
+}
+
 // What distant air shines with in a direction: the sky just above the horizon there.
 fn airlight(dir: vec3<f32>) -> vec3<f32> {
     let c = dot(normalize(dir.xy + vec2(1e-9, 0.0)), normalize(light.sun_dir.xy + vec2(1e-9, 0.0)));
@@ -106,7 +128,7 @@ fn vertex(in: Vertex) -> Fragment {
 #ifdef SKY
     out.world = world;
 #else
-    let through = exp(-light.extinction.rgb * length(world)) * view.exposure;
+    let through = exp(-light.extinction.rgb * length(world)) * exposed();
 #ifdef VERTEX_COLORS
     let color = in.color;
 #else
@@ -136,7 +158,7 @@ fn vertex(in: Vertex) -> Fragment {
     let illuminance = light.sun.rgb * lambert * (0.35 + 0.65 * openness) + ambient * openness;
 #endif
     out.lit = color.rgb * illuminance * 0.31830988 * through;
-    out.haze = airlight(world) * (view.exposure - through);
+    out.haze = airlight(world) * (exposed() - through);
 #ifdef VERTEX_UVS_A
     out.uv = in.uv;
 #endif
@@ -200,7 +222,7 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     // The sun's disc, 0.53 deg across; half floats end at 65504.
     let disc = behind.a * smoothstep(0.999985, 0.999993, dot(dir, light.sun_dir.xyz));
     let radiance = behind.rgb + disc * min(light.sun.rgb * 15.0, vec3(30000.0));
-    return vec4(radiance * view.exposure, 0.0);
+    return vec4(developed(radiance * exposed()), 0.0);
 }
 #else
 @fragment
@@ -253,6 +275,6 @@ fn fragment(in: Fragment) -> @location(0) vec4<f32> {
     seen += reflected * fresnel * in.through;
 #endif
 #endif
-    return vec4(seen + in.haze, in.surface.z);
+    return vec4(developed(seen + in.haze), in.surface.z);
 }
 #endif

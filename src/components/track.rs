@@ -213,11 +213,24 @@ pub struct Order {
     pub command: Command,
 }
 
+/// What has come of an order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// It has come due, and waits for its target's track.
+    Waits,
+    /// It was carried out.
+    Obeyed,
+    /// It cannot be carried out, for this reason.
+    Refused(String),
+}
+
 /// The operator's orders, in order of time, and what has come of them.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Operator {
     /// Orders sorted by tick, those carried out included.
     pub orders: Vec<Order>,
+    /// What has come of those that have come due, one each.
+    pub answers: Vec<Answer>,
     /// The first that has not come due.
     pub next: usize,
     /// A target that is wanted and has no track yet.
@@ -234,6 +247,25 @@ impl Operator {
     pub fn give(&mut self, order: Order) {
         let at = self.orders.partition_point(|o| o.tick <= order.tick);
         self.orders.insert(at.max(self.next), order);
+    }
+
+    /// Answers the order that waits for its track, if one does.
+    pub fn answer_waiting(&mut self, answer: Answer) {
+        let waits = self.answers.iter_mut().rev();
+        if let Some(last) = waits.into_iter().find(|last| **last == Answer::Waits) {
+            *last = answer;
+        }
+    }
+
+    /// Answers the last order of this kind that came due with a refusal.
+    pub fn refuse(&mut self, command: &Command, why: String) {
+        let orders = self.orders.iter().zip(&mut self.answers).rev();
+        if let Some((_, answer)) = orders
+            .into_iter()
+            .find(|(order, _)| order.command == *command)
+        {
+            *answer = Answer::Refused(why);
+        }
     }
 }
 

@@ -63,6 +63,8 @@ impl Default for Pacing {
 pub struct WindowFrame {
     /// True in a window frame.
     pub active: bool,
+    /// Whether the scene is still to be built.
+    pub waiting: bool,
     /// Wall-clock time since the last window frame [s].
     pub wall_s: f64,
 }
@@ -76,6 +78,8 @@ pub struct DrawAndTick;
 pub struct ScreenshotRequest {
     /// Where it goes.
     pub file: PathBuf,
+    /// The simulated time that it shows [s]; a playback stands there from the beginning.
+    pub at_s: Option<f64>,
     /// Window frames drawn since its time came.
     pub drawn: u32,
 }
@@ -89,6 +93,8 @@ pub struct Session {
     pub last: Instant,
     /// Wall-clock and simulated time of the last window frames [s].
     pub lately: VecDeque<(f64, f64)>,
+    /// Window frames drawn while the scene is still to be built; none once it stands.
+    pub waiting: Option<u32>,
     /// A screenshot that was asked for.
     pub screenshot: Option<ScreenshotRequest>,
     /// Called once with how the session ended and how long it took, before winit clears the world.
@@ -183,6 +189,21 @@ pub enum PlayStep {
     End,
 }
 
+/// A line of a plot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurveLine {
+    /// Whose it is: a camera's, a station's.
+    pub name: String,
+    /// Number of the recording.
+    pub source: usize,
+    /// Its number among those of its recording in the plot, by which it is coloured.
+    pub number: usize,
+    /// Time [s] and value.
+    pub points: Vec<[f64; 2]>,
+    /// Whether the user wants it.
+    pub shown: bool,
+}
+
 /// A figure over time, from each recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
@@ -190,10 +211,17 @@ pub struct Curve {
     pub title: &'static str,
     /// Whether its scale is logarithmic.
     pub logarithmic: bool,
-    /// Points by line: number of the recording, time [s] and value.
-    pub lines: Vec<(usize, Vec<[f64; 2]>)>,
-    /// Least and greatest value shown.
+    /// Its lines, recording after recording.
+    pub lines: Vec<CurveLine>,
+    /// Least and greatest value of all lines.
     pub range: [f64; 2],
+}
+
+impl Curve {
+    /// Whether the user wants any of its lines.
+    pub fn shown(&self) -> bool {
+        self.lines.iter().any(|line| line.shown)
+    }
 }
 
 /// Recordings that are played back: no tick runs, and what was recorded takes the places of UAVs, cameras and
@@ -239,6 +267,28 @@ pub enum Sight {
     },
     /// As a camera of a station looks, by the camera's number.
     Camera(usize),
+}
+
+/// The station whose orders and panel are shown, by its number.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ChosenStation(pub usize);
+
+/// A row of the list of tracks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackRow {
+    /// What it says of the track.
+    pub text: String,
+    /// For how long the track has been gone [s of the wall clock].
+    pub ended_s: Option<f64>,
+}
+
+/// The lists of tracks.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct TrackRows {
+    /// Rows by station and by the track's identity.
+    pub lists: BTreeMap<usize, BTreeMap<u32, TrackRow>>,
+    /// Whether the pointer is over the list that is shown.
+    pub pointed_at: bool,
 }
 
 /// Marks the window's camera.

@@ -11,7 +11,7 @@ use crate::components::run::{Failure, Options};
 use crate::models::ground::skyline::Skyline;
 use crate::plugins::tiles::TilesPlugin;
 use crate::systems::capture::{ImageScratch, spawn_magnifiers};
-use crate::systems::render::city_tiles::{settle_city, spawn_city_tiles};
+use crate::systems::render::city_tiles::{settle_city, spawn_city_tiles, spawn_window_tiles};
 use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn_sensor_view};
 use crate::systems::render::scene;
 use bevy::light::cluster::GlobalClusterSettings;
@@ -104,7 +104,7 @@ pub fn show(world: &mut World) {
         let solids = Solids(Skyline::new(&tiles, r_enu_m));
         world.entity_mut(station).insert(solids);
     }
-    scene::spawn(world, &environment, tiles, &eyes_enu_m);
+    let hidden = scene::spawn(world, &environment, tiles, &eyes_enu_m);
     let mut uavs = world.query::<(&Uav, &Flight, &UavShape)>();
     let uavs: Vec<_> = uavs
         .iter(world)
@@ -123,8 +123,7 @@ pub fn show(world: &mut World) {
         world.entity_mut(entity).insert(views);
     }
     if let Some(city) = &environment.tiles {
-        let windowed = world.resource::<Options>().window;
-        spawn_city_tiles(world, city, windowed);
+        spawn_city_tiles(world, city);
         settle_city(world);
     }
     if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
@@ -132,6 +131,13 @@ pub fn show(world: &mut World) {
         world.insert_non_send(renderer);
     }
     world.insert_non_send(ImageScratch::default());
+    if world.resource::<Options>().window {
+        let r_station_enu_m = eyes_enu_m.first().copied().unwrap_or_default();
+        scene::spawn_for_window(world, &environment, &hidden, r_station_enu_m);
+        if let Some(city) = &environment.tiles {
+            spawn_window_tiles(world, city);
+        }
+    }
 }
 
 /// Sides of the squares that a view renders when nothing else is to be seen [px].

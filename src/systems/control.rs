@@ -215,16 +215,22 @@ pub fn command_mount(
     }
 }
 
-/// Puts laws and gains in force that operators have ordered in this tick. One that cannot be had is passed over:
-/// a scenario's are tried at the set-up, and a window offers what there is.
+/// Puts laws and gains in force that operators have ordered in this tick, and refuses those that cannot be had: a
+/// scenario's are tried at the set-up.
 pub fn change_laws(
     clock: Res<SimClock>,
     laws: Res<PointingLaws>,
-    mut stations: Query<(&Mount, &Operator, &mut Controller)>,
+    mut stations: Query<(&Mount, &mut Operator, &mut Controller)>,
 ) {
-    for (mount, operator, mut controller) in &mut stations {
-        for command in &operator.due {
-            let _ = controller.obey(command, &laws, &mount.plant(clock.dt_s()));
+    for (mount, mut operator, mut controller) in &mut stations {
+        let refused: Vec<(Command, String)> = (operator.due.iter())
+            .filter_map(|command| {
+                let obeyed = controller.obey(command, &laws, &mount.plant(clock.dt_s()));
+                obeyed.err().map(|(_, why)| (command.clone(), why))
+            })
+            .collect();
+        for (command, why) in refused {
+            operator.refuse(&command, why);
         }
     }
 }

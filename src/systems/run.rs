@@ -1,7 +1,7 @@
 //! The run: its clock starts a tick, its first error or its end stops it.
 
 use crate::components::flight::{Distractor, UavStatus};
-use crate::components::run::{Failure, PartError, RunEnd, SimClock, Tick};
+use crate::components::run::{Failure, PartError, RunEnd, SetUp, SimClock, Tick};
 use crate::stop;
 use bevy::prelude::*;
 
@@ -35,6 +35,12 @@ pub fn note_failure(In(result): In<Result<(), PartError>>, mut failure: ResMut<F
 /// Whether nothing has failed so far: what failed leaves out what later parts build on.
 pub fn nothing_failed(failure: Res<Failure>) -> bool {
     !failure.is_set()
+}
+
+/// Builds the run.
+pub fn set_up(world: &mut World) -> Result<(), PartError> {
+    world.run_schedule(SetUp);
+    world.resource_mut::<Failure>().take().map_or(Ok(()), Err)
 }
 
 /// Runs one tick; true when the run is over, or stopped from outside.

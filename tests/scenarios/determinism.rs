@@ -1,7 +1,8 @@
 //! One seed is one run, to the bit.
 
 use crate::common::{
-    BLIND, ROOT, boresight, messages, of, read_with_python, rendering, run_scenario, tick_hashes,
+    BLIND, ROOT, Run, boresight, messages, of, on_display, read_with_python, rendering,
+    run_scenario, stderr, tick_hashes,
 };
 use bevy::prelude::{Component, Without};
 use boresight::app::{self, Options};
@@ -162,6 +163,44 @@ fn rendering_changes_no_state() {
         bytes[0] == bytes[1],
         "two runs of one seed leave different recordings"
     );
+}
+
+/// What a window shows besides reaches no sensor: on pixels its session is the run without a window, in every picture and
+/// every state, before and after an order of weather changes the light.
+#[test]
+fn a_window_shows_and_does_what_a_run_does() {
+    let _one = rendering();
+    let weather = "operator=[{ t_s = 0.6, weather = { visibility_m = 6000 } }]";
+    let set = ["--set", "duration_s=1", "--set", weather];
+    let run = run_scenario("rooftops", &set);
+    let folder = TempDir::new().unwrap();
+    let output = on_display()
+        .args(["view", "scenarios/rooftops.toml"])
+        .args(set)
+        .arg("--out")
+        .arg(folder.path())
+        .arg("--screenshot")
+        .arg(folder.path().join("window.png"))
+        .arg("1")
+        .output()
+        .unwrap_or_else(|error| panic!("xvfb-run: {error}; ./setup.sh installs it (xvfb, xauth)"));
+    assert!(output.status.success(), "{}", stderr(&output));
+    let session = Run {
+        folder,
+        summary: run.summary.clone(),
+    };
+    for topic in ["/stv/image", "/ctv/image", "/ptv/image"] {
+        let [alone, windowed] = [&run, &session].map(|run| messages(&run.file("run.mcap"), topic));
+        let differs = alone.iter().zip(&windowed).position(|(a, b)| a != b);
+        assert_eq!(differs, None, "{topic}: the first picture that differs");
+        assert_eq!(alone.len(), windowed.len(), "{topic}");
+    }
+    assert!(messages(&run.file("run.mcap"), "/stv/image").len() > 20);
+    let [alone, windowed] = [&run, &session].map(tick_hashes);
+    assert_eq!(alone.len(), 960);
+    let differs = alone.iter().zip(&windowed).find(|(a, b)| a != b);
+    assert_eq!(differs, None, "the first tick that differs");
+    assert_eq!(alone, windowed);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use boresight::components::mount::{Mount, Optics};
 use boresight::components::record::StateHash;
 use boresight::components::run::SimClock;
 use boresight::components::track::{
-    Command, Designation, Operator, Order, StateChange, Tracker, TrackingState,
+    Answer, Command, Designation, Operator, Order, StateChange, Tracker, TrackingState,
 };
 use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::LineOfSight;
@@ -361,6 +361,47 @@ fn fire_slew_law_gains_and_weather_are_repeated_by_their_orders() {
     let (repeated, again) = ordered(&[&set[..], &[scripted]].concat(), &[], 6.0);
     assert_eq!(again, orders);
     assert_eq!(repeated, clicked);
+}
+
+/// What has come of each order is kept beside it, so that a window can say so.
+#[test]
+fn an_order_is_answered() {
+    let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
+    let set = ["detector.kind=truth", "engage.authorised=false", BESIDE].map(String::from);
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let mut app = app::build(&loaded, &Options::default()).unwrap();
+    let world = app.world_mut();
+    let mut after = |commands: &[Command], ticks: u32| {
+        let tick = world.resource::<SimClock>().tick + 1;
+        for command in commands {
+            let command = command.clone();
+            let mut operator = world.query::<&mut Operator>().single_mut(world).unwrap();
+            operator.give(Order { tick, command });
+        }
+        for _ in 0..ticks {
+            app::step(world).unwrap();
+        }
+        of::<Operator>(world).answers.clone()
+    };
+    let refused = |why: &str| Answer::Refused(why.into());
+    let target = Command::Target;
+    assert_eq!(after(&[], 3 * 960), []);
+    // One that has not come due has no answer.
+    let two = [Command::Fire(false), target(Designation::Track(9_999))];
+    assert_eq!(after(&two, 0), []);
+    let gone = refused("there is no track 9999");
+    assert_eq!(after(&[], 1), [Answer::Obeyed, gone.clone()]);
+    let answers = after(&[Command::Law("nonesuch".into())], 1);
+    assert!(
+        matches!(&answers[2], Answer::Refused(why) if why.contains("no law 'nonesuch'")),
+        "{answers:?}"
+    );
+    // Of two in one tick the later takes the other's place, and is carried out in the next.
+    let (first, release) = (Designation::Uav(1), Designation::Release);
+    let answers = after(&[target(first), target(release)], 1);
+    let replaced = refused("another order took its place");
+    assert_eq!(answers[3..], [replaced.clone(), Answer::Waits]);
+    assert_eq!(after(&[], 1)[3..], [replaced, Answer::Obeyed]);
 }
 
 /// `urban_intercept`, blind, with its UAV hovering in the sector and these settings, after so many seconds.

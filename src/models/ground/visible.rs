@@ -19,10 +19,11 @@ const NEAR_M: f64 = 5.0; // [m]
 /// A hidden triangle is farther than what hides it by at least this share.
 const FARTHER: f64 = 1e-3;
 
-/// Takes away the triangles of `meshes` (enu) that none of the eyes [m, enu] can see; without eyes it takes away none.
-pub fn keep_visible(meshes: &mut [MeshData], eyes_enu_m: &[DVec3]) {
+/// Takes away the triangles of `meshes` (enu) that none of the eyes [m, enu] can see, and gives back their indices, mesh by
+/// mesh; without eyes it takes away none.
+pub fn keep_visible(meshes: &mut [MeshData], eyes_enu_m: &[DVec3]) -> Vec<Vec<u32>> {
     if eyes_enu_m.is_empty() {
-        return;
+        return vec![Vec::new(); meshes.len()];
     }
     let mut seen: Vec<Vec<bool>> = (meshes.iter())
         .map(|mesh| vec![false; mesh.triangle_count()])
@@ -32,13 +33,19 @@ pub fn keep_visible(meshes: &mut [MeshData], eyes_enu_m: &[DVec3]) {
             seen.iter_mut().zip(mesh).for_each(|(a, b)| *a |= b);
         }
     }
-    for (mesh, seen) in meshes.iter_mut().zip(seen) {
-        let triangles = mesh.indices.as_chunks::<3>().0.iter().zip(seen);
-        mesh.indices = triangles
-            .filter(|(_, seen)| *seen)
-            .flat_map(|(triangle, _)| *triangle)
-            .collect();
-    }
+    let part = |(mesh, seen): (&mut MeshData, Vec<bool>)| {
+        let of = |wanted: bool| -> Vec<u32> {
+            let triangles = mesh.indices.as_chunks::<3>().0.iter().zip(&seen);
+            triangles
+                .filter(|(_, seen)| **seen == wanted)
+                .flat_map(|(triangle, _)| *triangle)
+                .collect()
+        };
+        let (kept, taken) = (of(true), of(false));
+        mesh.indices = kept;
+        taken
+    };
+    meshes.iter_mut().zip(seen).map(part).collect()
 }
 
 /// What one face knows of a triangle.
@@ -327,12 +334,22 @@ mod tests {
         }
         // Two eyes keep what either sees; without one all is kept.
         let mut meshes = vec![wall(), behind()];
-        keep_visible(&mut meshes, &[DVec3::ZERO, DVec3::new(0.0, 300.0, 0.0)]);
+        let taken = keep_visible(&mut meshes, &[DVec3::ZERO, DVec3::new(0.0, 300.0, 0.0)]);
         let counts: Vec<usize> = meshes.iter().map(MeshData::triangle_count).collect();
         assert_eq!(counts, [4, 2]);
+        // What is taken away and what is left are all that there was.
+        for ((mesh, taken), whole) in meshes.iter().zip(taken).zip([wall(), behind()]) {
+            let mut triangles = [&mesh.indices[..], &taken[..]].concat();
+            let (triangles, _) = triangles.as_chunks_mut::<3>();
+            triangles.sort_unstable();
+            let mut all = whole.indices.as_chunks::<3>().0.to_vec();
+            all.sort_unstable();
+            assert_eq!(triangles, all);
+        }
         let mut meshes = vec![wall(), behind()];
-        keep_visible(&mut meshes, &[]);
+        let taken = keep_visible(&mut meshes, &[]);
         assert!(meshes.iter().all(|mesh| mesh.triangle_count() == 12));
+        assert_eq!(taken, [[0; 0]; 2]);
     }
 
     /// Distance along a ray from the origin to the front of a triangle.

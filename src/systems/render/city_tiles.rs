@@ -43,26 +43,35 @@ impl TilePaint for LeanPaint {
     }
 }
 
-/// Puts a city's tiles into the spawned scene; `windowed`: for a window as well.
-pub fn spawn_city_tiles(world: &mut World, city: &CityTiles, windowed: bool) {
-    let site_grid = world.resource::<SceneHandles>().site_grid;
-    let mut spawn = |mode, layer| {
-        let tiles = Tiles {
-            place: TilesPlace::At(city.enu_from_root),
-            mode,
-            light: city.light,
-            byte_budget: BYTE_BUDGET,
-            layers: RenderLayers::layer(layer),
-            ..Tiles::new(&city.location)
-        };
-        let parts = (tiles, grid(), CellCoord::default(), ChildOf(site_grid));
-        world.spawn(parts).id()
-    };
+/// Puts a city's tiles into the spawned scene, for the sensors.
+pub fn spawn_city_tiles(world: &mut World, city: &CityTiles) {
     let tilesets = CityTilesets {
-        sensors: spawn(TilesMode::Settled, SENSOR_LAYER),
-        window: windowed.then(|| spawn(TilesMode::Streamed, WINDOW_LAYER)),
+        sensors: spawn_tileset(world, city, TilesMode::Settled, SENSOR_LAYER),
+        window: None,
     };
     world.insert_resource(tilesets);
+}
+
+/// Puts them there a second time, for a window.
+pub fn spawn_window_tiles(world: &mut World, city: &CityTiles) {
+    let window = spawn_tileset(world, city, TilesMode::Streamed, WINDOW_LAYER);
+    if let Some(mut tilesets) = world.get_resource_mut::<CityTilesets>() {
+        tilesets.window = Some(window);
+    }
+}
+
+fn spawn_tileset(world: &mut World, city: &CityTiles, mode: TilesMode, layer: usize) -> Entity {
+    let site_grid = world.resource::<SceneHandles>().site_grid;
+    let tiles = Tiles {
+        place: TilesPlace::At(city.enu_from_root),
+        mode,
+        light: city.light,
+        byte_budget: BYTE_BUDGET,
+        layers: RenderLayers::layer(layer),
+        ..Tiles::new(&city.location)
+    };
+    let parts = (tiles, grid(), CellCoord::default(), ChildOf(site_grid));
+    world.spawn(parts).id()
 }
 
 /// Loads the tiles that this tick's pictures are drawn from: those that all cameras ask for as they stand now, whether they are

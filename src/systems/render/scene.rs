@@ -10,6 +10,7 @@ use crate::components::render::{
     ATTRIBUTE_SURFACE, DIGIT_OF_TAG, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading,
     SiteGrid, StationOrigin, UavBody, UavRotor, WINDOW_LAYER, speed_tag,
 };
+use crate::components::run::Options;
 use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::ground::visible::keep_visible;
 use crate::models::shape::mesh::{MeshData, Surface};
@@ -92,7 +93,7 @@ fn dome() -> Mesh {
 }
 
 /// Texels along a side of the sky table: 0.4 deg at the horizon, enough for panes and water, and 0.1 deg
-/// where a window shows it.
+/// for the sky itself, which a window shows.
 const SKY_SIDE: u32 = 256;
 const WINDOW_SKY_SIDE: u32 = 1024;
 
@@ -124,6 +125,11 @@ fn airlight_polynomial(sky: &Sky, sun_dir_enu: DVec3) -> [Vec4; 4] {
 
 /// Adds a structure to the spawned scene, if anything is rendered: its mesh at its origin, unturned.
 pub fn add_structure(world: &mut World, data: &MeshData) {
+    add_to(world, data, RenderLayers::default());
+}
+
+/// The same, for the cameras that see the `layers`.
+fn add_to(world: &mut World, data: &MeshData, layers: RenderLayers) {
     let Some(handles) = world.get_resource::<SceneHandles>() else {
         return;
     };
@@ -132,7 +138,13 @@ pub fn add_structure(world: &mut World, data: &MeshData) {
     for (surface, part) in data.by_surface() {
         let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh(&part));
         let material = MeshMaterial3d(solid[surface as usize].clone());
-        world.spawn((Mesh3d(mesh), material, at, ChildOf(site_grid)));
+        world.spawn((
+            Mesh3d(mesh),
+            material,
+            at,
+            layers.clone(),
+            ChildOf(site_grid),
+        ));
     }
 }
 
@@ -153,23 +165,21 @@ fn light(environment: &Environment) -> LightUniform {
     }
 }
 
-/// Builds the grids, the city from its `tiles` and, for a window, the sky. The sensors stand at `eyes_enu_m` [m], for
-/// the first of which it is drawn fastest; without a window only what they can see is there.
+/// Builds the grids and the city from its `tiles`. The sensors stand at `eyes_enu_m` [m], for the first of which it is drawn
+/// fastest; what they cannot see is left out and given back.
 pub fn spawn(
     world: &mut World,
     environment: &Environment,
     mut tiles: Vec<MeshData>,
     eyes_enu_m: &[DVec3],
-) {
+) -> Vec<MeshData> {
     let r_station_enu_m = eyes_enu_m.first().copied().unwrap_or_default();
     let city = &environment.city;
-    let windowed = is_windowed(world);
-    let sky_side = sky_side(world);
     let mut images = world.resource_mut::<Assets<Image>>();
     let sky = LeanMaterial {
         light: light(environment),
         picture: images.add(ground_texture(&city.ground_map)),
-        sky_table: images.add(sky_texture(&environment.backdrop, sky_side)),
+        sky_table: images.add(sky_texture(&environment.backdrop, SKY_SIDE)),
         shading: Shading::Sky,
     };
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
@@ -180,7 +190,6 @@ pub fn spawn(
             ..sky.clone()
         })
     });
-    let sky = materials.add(sky);
 
     let site = &environment.site;
     let (cell, transform) = place(&grid(), site.origin().to_ecef(), site.q_ecef_enu());
@@ -211,24 +220,55 @@ pub fn spawn(
         Visibility::default(),
         ChildOf(site_grid),
     ));
-    if windowed {
-        let dome = world.resource_mut::<Assets<Mesh>>().add(dome());
-        world.spawn((
-            Mesh3d(dome),
-            MeshMaterial3d(sky),
-            RenderLayers::layer(WINDOW_LAYER),
-            NoFrustumCulling,
-            at,
-            ChildOf(site_grid),
-        ));
-    }
     world.insert_resource(paint);
     world.insert_resource(SceneHandles { site_grid, solid });
-    if !windowed {
-        keep_visible(&mut tiles, eyes_enu_m);
+    let hidden = keep_visible(&mut tiles, eyes_enu_m);
+    for part in near_first(&tiles, r_station_enu_m) {
+        add_structure(world, &part);
     }
-    // A narrow field pays for the corners of every mesh that it touches. Near ones first: of one material, meshes are
-    // drawn in the order they were added in, and what is hidden by then is not shaded.
+    let rest = tiles.into_iter().zip(hidden);
+    rest.map(|(tile, indices)| MeshData { indices, ..tile })
+        .collect()
+}
+
+/// Adds what a window alone shows: the sky, and what the sensors cannot see. It comes after all that they see and on a
+/// layer of its own, so that their pictures are the same with a window and without.
+pub fn spawn_for_window(
+    world: &mut World,
+    environment: &Environment,
+    hidden: &[MeshData],
+    r_station_enu_m: DVec3,
+) {
+    let (Some(site_grid), Some(paint)) = (
+        (world.get_resource::<SceneHandles>()).map(|handles| handles.site_grid),
+        world.get_resource::<LeanPaint>().cloned(),
+    ) else {
+        return;
+    };
+    let table = sky_texture(&environment.backdrop, WINDOW_SKY_SIDE);
+    let sky = LeanMaterial {
+        sky_table: world.resource_mut::<Assets<Image>>().add(table),
+        ..paint.0
+    };
+    let sky = world.resource_mut::<Assets<LeanMaterial>>().add(sky);
+    let dome = world.resource_mut::<Assets<Mesh>>().add(dome());
+    world.spawn((
+        Mesh3d(dome),
+        MeshMaterial3d(sky),
+        RenderLayers::layer(WINDOW_LAYER),
+        NoFrustumCulling,
+        place(&grid(), r_station_enu_m, DQuat::IDENTITY),
+        ChildOf(site_grid),
+    ));
+    for part in near_first(hidden, r_station_enu_m) {
+        add_to(world, &part, RenderLayers::layer(WINDOW_LAYER));
+    }
+}
+
+/// Meshes cut into the squares that are culled one by one, near ones first. A narrow field pays for the corners of every mesh
+/// that it touches; of one material, meshes are drawn in the order they were added in, and what is hidden by then is not
+/// shaded.
+fn near_first(tiles: &[MeshData], r_station_enu_m: DVec3) -> Vec<MeshData> {
     let mut parts: Vec<(f64, MeshData)> = tiles
         .iter()
         .flat_map(|tile| tile.cut(CULLED_M))
@@ -239,42 +279,33 @@ pub fn spawn(
         })
         .collect();
     parts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (_, mut part) in parts {
+    let parts = parts.into_iter().map(|(_, mut part)| {
         part.sort_from(r_station_enu_m);
-        add_structure(world, &part);
-    }
-}
-
-/// Texels along a side of the sky table, which a window shows more of.
-fn sky_side(world: &mut World) -> u32 {
-    if is_windowed(world) {
-        WINDOW_SKY_SIDE
-    } else {
-        SKY_SIDE
-    }
-}
-
-fn is_windowed(world: &mut World) -> bool {
-    world.query::<&Window>().iter(world).next().is_some()
+        part
+    });
+    parts.collect()
 }
 
 /// Gives the scene the light of the environment as it is now: orders change the weather.
 pub fn relight(world: &mut World) {
-    let sky_side = sky_side(world);
+    let windowed = (world.get_resource::<Options>()).is_some_and(|options| options.window);
     let environment = world.resource::<Environment>();
     let light = light(environment);
-    let sky = sky_texture(&environment.backdrop, sky_side);
-    let sky_table = world.resource_mut::<Assets<Image>>().add(sky);
+    let mirrored = sky_texture(&environment.backdrop, SKY_SIDE);
+    let shown = windowed.then(|| sky_texture(&environment.backdrop, WINDOW_SKY_SIDE));
+    let mut images = world.resource_mut::<Assets<Image>>();
+    let mirrored = images.add(mirrored);
+    let shown = shown.map(|shown| images.add(shown));
     let mut materials = world.resource_mut::<Assets<LeanMaterial>>();
-    let relit = |material: &mut LeanMaterial| {
+    for (_, material) in materials.iter_mut() {
         material.light = light;
-        material.sky_table = sky_table.clone();
-    };
-    materials
-        .iter_mut()
-        .for_each(|(_, material)| relit(material));
+        material.sky_table = match (material.shading, &shown) {
+            (Shading::Sky, Some(shown)) => shown.clone(),
+            _ => mirrored.clone(),
+        };
+    }
     if let Some(mut paint) = world.get_resource_mut::<LeanPaint>() {
-        relit(&mut paint.0);
+        (paint.0.light, paint.0.sky_table) = (light, mirrored);
     }
     // The next frames must not show the light of before.
     if let Some(mut renderer) = world.remove_non_send::<Renderer>() {

@@ -3,7 +3,7 @@
 use crate::components::flight::{Flight, Uav};
 use crate::components::mount::Mount;
 use crate::components::run::SimClock;
-use crate::components::track::{Command, Designation, Operator, Tracker};
+use crate::components::track::{Answer, Command, Designation, Operator, Tracker};
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
 use crate::systems::track::situation::CONFIRM_HITS;
@@ -43,8 +43,18 @@ fn take_due(clock: &SimClock, operator: &mut Operator, tracker: &mut Tracker) ->
     {
         let command = order.command.clone();
         operator.next += 1;
+        let answer = match command {
+            Command::Target(_) => Answer::Waits,
+            _ => Answer::Obeyed,
+        };
         match command {
-            Command::Target(target) => replaced |= operator.waiting.replace(target).is_some(),
+            Command::Target(target) => {
+                if operator.waiting.replace(target).is_some() {
+                    let why = "another order took its place".to_owned();
+                    operator.answer_waiting(Answer::Refused(why));
+                    replaced = true;
+                }
+            }
             Command::Slew(az_el_deg) => {
                 let [azimuth_deg, elevation_deg] = az_el_deg;
                 operator.slew_rad = Some(DVec2::from(az_el_deg.map(f64::to_radians)));
@@ -56,6 +66,7 @@ fn take_due(clock: &SimClock, operator: &mut Operator, tracker: &mut Tracker) ->
             }
             other => operator.due.push(other),
         }
+        operator.answers.push(answer);
     }
     replaced
 }
@@ -74,12 +85,14 @@ fn designate(
         Some(Designation::Release) => {
             tracker.designated = false;
             (operator.waiting, operator.slew_rad) = (None, None);
+            operator.answer_waiting(Answer::Obeyed);
             return;
         }
         Some(Designation::Track(id)) => {
             let Some(track) = tracker.table.get(id) else {
                 // A track that is gone does not come back under its old number.
                 operator.waiting = None;
+                operator.answer_waiting(Answer::Refused(format!("there is no track {id}")));
                 return;
             };
             let held = (track.total_hits() >= CONFIRM_HITS).then_some(id);
@@ -88,6 +101,7 @@ fn designate(
         Some(Designation::Uav(index)) => {
             let Some((uav, flight)) = uavs.iter().find(|(uav, _)| uav.index == index) else {
                 operator.waiting = None;
+                operator.answer_waiting(Answer::Refused("there is no such UAV".into()));
                 return;
             };
             let at = los_to_az_el(flight.aim_enu_m() - mount.r_enu_m);
@@ -102,6 +116,7 @@ fn designate(
         }
         tracker.designated = true;
         (operator.waiting, operator.slew_rad) = (None, None);
+        operator.answer_waiting(Answer::Obeyed);
     }
 }
 

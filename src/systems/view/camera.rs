@@ -9,13 +9,15 @@ use crate::components::tiles::SeesTiles;
 use crate::components::view::{FreeCamera, Session, Sight, WindowCamera, WindowFrame};
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::systems::render::scene::{bevy_attitude, place_in_site};
+use crate::systems::view::exposure::shown_in;
+use crate::systems::view::keys::context_settings;
 use bevy::camera::Exposure;
 use bevy::camera::visibility::RenderLayers;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::input::mouse::AccumulatedMouseMotion;
 use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
-use bevy::render::view::{Msaa, NoIndirectDrawing};
+use bevy::render::view::{ColorGrading, Msaa, NoIndirectDrawing};
 use bevy_egui::PrimaryEguiContext;
 use bevy_egui::input::EguiWantsInput;
 use big_space::prelude::CellCoord;
@@ -27,12 +29,52 @@ const VFOV_RAD: f64 = 0.85;
 /// Longest wall-clock time that counts as passed between two window frames [s].
 pub const LONGEST_FRAME_S: f64 = 0.25;
 
-/// Puts the free camera behind and above the station, looking over it to the first UAV.
-pub fn spawn_window_camera(world: &mut World) {
-    let Some(site_grid) = world
-        .get_resource::<SceneHandles>()
-        .map(|scene| scene.site_grid)
-    else {
+/// Spawns the window's camera, with nothing to be seen yet.
+pub fn spawn_window_camera(
+    mut commands: Commands,
+    adapter: Option<Res<RenderAdapterInfo>>,
+    session: Option<Res<Session>>,
+) {
+    // A software rasteriser has no time for four samples a pixel, but a picture is worth them.
+    let software = adapter.is_some_and(|info| info.device_type == wgpu::DeviceType::Cpu);
+    let pictured = session.is_some_and(|session| session.screenshot.is_some());
+    commands.spawn((
+        (WindowCamera, SeesTiles),
+        (PrimaryEguiContext, context_settings()),
+        Camera3d::default(),
+        Camera {
+            is_active: false,
+            clear_color: ClearColorConfig::Custom(Color::srgb(0.04, 0.05, 0.06)),
+            ..default()
+        },
+        RenderLayers::from_layers(&[0, WINDOW_LAYER]),
+        Projection::Perspective(PerspectiveProjection {
+            fov: VFOV_RAD as f32,
+            near: 0.5,
+            far: 100_000.0,
+            ..default()
+        }),
+        if software && !pictured {
+            Msaa::Off
+        } else {
+            Msaa::Sample4
+        },
+        (Exposure::default(), ColorGrading::default()),
+        // By it the shader knows the window.
+        Tonemapping::Reinhard,
+        NoIndirectDrawing,
+        Transform::default(),
+        Visibility::default(),
+    ));
+}
+
+/// Puts the window's camera into the built scene: behind and above the station, looking over it to the first UAV.
+pub fn place_window_camera(world: &mut World) {
+    let mut cameras = world.query_filtered::<Entity, With<WindowCamera>>();
+    let (Some(site_grid), Some(entity)) = (
+        (world.get_resource::<SceneHandles>()).map(|scene| scene.site_grid),
+        cameras.iter(world).next(),
+    ) else {
         return;
     };
     let mut mounts = world.query::<&Mount>();
@@ -54,51 +96,13 @@ pub fn spawn_window_camera(world: &mut World) {
         elevation_rad: -0.09,
         vfov_rad: VFOV_RAD,
     };
-    // Grey of 18 % on level ground comes out at a linear 0.2; moonless night sets the limit.
-    let klx = world
-        .resource::<Environment>()
-        .backdrop
-        .sky
-        .global_illuminance_klx()
-        .max(1e-5);
-    let exposure = 0.2 * std::f64::consts::PI / (0.18 * klx);
-    // A software rasteriser has no time for four samples a pixel, but a picture is worth them.
-    let software = world
-        .get_resource::<RenderAdapterInfo>()
-        .is_some_and(|info| info.device_type == wgpu::DeviceType::Cpu);
-    let pictured = world
-        .get_resource::<Session>()
-        .is_some_and(|session| session.screenshot.is_some());
-    world.spawn((
-        (WindowCamera, SeesTiles),
-        PrimaryEguiContext,
-        Camera3d::default(),
-        Camera {
-            is_active: false,
-            clear_color: ClearColorConfig::None,
-            ..default()
-        },
-        RenderLayers::from_layers(&[0, WINDOW_LAYER]),
-        Projection::Perspective(PerspectiveProjection {
-            fov: camera.vfov_rad as f32,
-            near: 0.5,
-            far: 100_000.0,
-            ..default()
-        }),
-        if software && !pictured {
-            Msaa::Off
-        } else {
-            Msaa::Sample4
-        },
-        Exposure {
-            ev100: -(1.2 * exposure).log2() as f32,
-        },
-        Tonemapping::None,
-        NoIndirectDrawing,
-        placed(&camera),
-        Visibility::default(),
-        ChildOf(site_grid),
-    ));
+    let light = shown_in(world.resource::<Environment>());
+    let mut window = world.entity_mut(entity);
+    window.insert((light, placed(&camera), ChildOf(site_grid)));
+    if let Some(mut camera) = window.get_mut::<Camera>() {
+        // The sky covers everything.
+        camera.clear_color = ClearColorConfig::None;
+    }
     world.insert_resource(camera);
 }
 

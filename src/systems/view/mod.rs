@@ -5,13 +5,18 @@
 //! schedule too, find none left. The wall clock decides how many ticks run and enters no state.
 
 pub mod camera;
+pub mod controls;
+pub mod exposure;
 pub mod insets;
+pub mod keys;
+mod orders;
 pub mod overlay;
 pub mod panel;
 pub mod playback;
 pub mod recorded;
 mod style;
 pub mod timeline;
+pub mod tracks;
 
 use crate::components::capture::Frames;
 use crate::components::run::{PartError, SimClock};
@@ -31,6 +36,8 @@ use std::time::{Duration, Instant};
 const TICK_BUDGET: Duration = Duration::from_millis(50);
 /// The same while nobody watches, on the way to a screenshot.
 const UNWATCHED_BUDGET: Duration = Duration::from_secs(1);
+/// Window frames that say that the scene is being built, before it is: the first may show nothing yet.
+const WAITING_FRAMES: u32 = 3;
 /// Window frames drawn before a screenshot, so that panels have found their sizes.
 const SETTLE_FRAMES: u32 = 5;
 /// Simulated time within which a step to the next exposure gives up [s].
@@ -49,6 +56,7 @@ pub fn frame(world: &mut World) {
     session.last = now;
     world.insert_resource(WindowFrame {
         active: true,
+        waiting: session.waiting.is_some(),
         wall_s,
     });
     draw(world);
@@ -56,7 +64,14 @@ pub fn frame(world: &mut World) {
 
     let mut failure = None;
     let closing = !world.resource::<Messages<AppExit>>().is_empty();
-    if !closing {
+    if let Some(drawn) = session.waiting {
+        if closing {
+            // Of a run that never began nothing is left.
+            session.ended = None;
+        } else {
+            failure = build(world, &mut session, drawn + 1).err();
+        }
+    } else if !closing {
         let before = world.resource::<SimClock>().t_s();
         let budget = if session.screenshot.is_some() {
             UNWATCHED_BUDGET
@@ -107,6 +122,26 @@ pub fn frame(world: &mut World) {
     world.insert_resource(session);
 }
 
+/// Builds the run, once the window has been `drawn` often enough to show that it will.
+fn build(world: &mut World, session: &mut Session, drawn: u32) -> Result<(), PartError> {
+    session.waiting = Some(drawn);
+    if drawn < WAITING_FRAMES {
+        return Ok(());
+    }
+    session.waiting = None;
+    run::set_up(world)?;
+    if let Some(at_s) = session.screenshot.as_ref().and_then(|shot| shot.at_s) {
+        let tick = world.resource::<SimClock>().ticks_of(at_s);
+        let mut pacing = world.resource_mut::<Pacing>();
+        pacing.speed = f64::INFINITY;
+        pacing.pause_at = Some(tick);
+        pacing.paused = tick == 0;
+    }
+    // What the set-up took is no time of the run.
+    session.last = Instant::now();
+    Ok(())
+}
+
 /// Draws the window; no sensor camera is active meanwhile.
 fn draw(world: &mut World) {
     let Some(mut renderer) = world.remove_non_send::<Renderer>() else {
@@ -119,7 +154,9 @@ fn draw(world: &mut World) {
         }
     };
     activate(world, true);
-    sync_scene(world);
+    if !world.resource::<WindowFrame>().waiting {
+        sync_scene(world);
+    }
     renderer.render(world);
     activate(world, false);
     world.insert_non_send(renderer);

@@ -1,57 +1,51 @@
-//! The window's panel: pace, tracking, orders, engagement, weather.
+//! The window's panel: what a station sees, was ordered and does.
 
 use super::style::{
-    AMBER, GREEN, GREY, RED, heading, left_panel, row, state_colour, status_colour,
+    AMBER, GREEN, GREY, RED, fixed_panel, heading, list, row, state_colour, status_colour,
 };
+use super::{orders, tracks};
 use crate::components::beam::BeamState;
-use crate::components::capture::SensorCamera;
-use crate::components::control::{Controller, PointingLaws};
-use crate::components::detect::DetectorInUse;
-use crate::components::engage::{Interlocks, Rules};
+use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
-use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
-use crate::components::mount::{Mount, Station};
+use crate::components::flight::{HeatedSkin, Uav, UavStatus};
+use crate::components::mount::Station;
 use crate::components::network::Tasking;
-use crate::components::run::SimClock;
+use crate::components::run::{RunScenario, SimClock};
 use crate::components::tiles::{Tiles, TilesCount, TilesMode};
-use crate::components::track::{Command, Designation, Operator, Order, Tracker};
-use crate::components::view::{FreeCamera, Pacing, Sight, StepSize};
+use crate::components::track::{Command, Operator, Order, Tracker};
+use crate::components::view::{ChosenStation, TrackRows};
 use crate::models::air::weather::Weather;
-use crate::models::control::paper::PaperLaw;
-use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::tracking::picture::Follower;
-use crate::models::tracking::table::separation_rad;
-use crate::scenario::{Gains, GainsOrder, WeatherOrder};
 use bevy::prelude::*;
 use bevy_egui::EguiContexts;
-use bevy_egui::egui::{self, Color32};
-use glam::DVec2;
-use std::ops::RangeInclusive;
+use bevy_egui::egui;
 
-/// A station with its operator.
-type Manned = (
+/// A station as its panel shows it.
+type Shown = (
     &'static Station,
-    &'static Mount,
     &'static BeamState,
     &'static Tracker,
     &'static Interlocks,
     &'static Tasking,
-    (&'static Rules, &'static mut Controller),
     &'static mut Operator,
 );
 
-/// The panel: pace, tracking, orders, engagement, weather.
+/// Heights of the lists, which scroll [points].
+const TRACKS_HEIGHT: f32 = 132.0;
+const ORDERS_HEIGHT: f32 = 78.0;
+const INTERLOCKS_HEIGHT: f32 = 50.0;
+
+/// The panel of the chosen station: its state, tracks, orders and laser at fixed places, and below them, scrolling, what else
+/// there is.
 pub fn draw_panel(
     mut contexts: EguiContexts,
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    detector: Res<DetectorInUse>,
-    mut pacing: ResMut<Pacing>,
-    mut sight: ResMut<Sight>,
-    (laws, camera): (Res<PointingLaws>, Res<FreeCamera>),
-    cameras: Query<&SensorCamera>,
-    mut stations: Query<Manned>,
-    uavs: Query<(&Uav, &Flight, &UavStatus, &HeatedSkin)>,
+    chosen: Res<ChosenStation>,
+    mut rows: ResMut<TrackRows>,
+    mut stations: Query<Shown>,
+    uavs: Query<(&Uav, &UavStatus, &HeatedSkin)>,
+    named: Query<&Uav>,
     tilesets: Query<(&Tiles, &TilesCount)>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
@@ -59,140 +53,102 @@ pub fn draw_panel(
         .iter()
         .map(|(station, ..)| station.name.clone())
         .collect();
-    let many = names.len() > 1;
-    left_panel(ctx, |ui| {
-        pace(ui, &clock, &mut pacing);
-        let flying = uavs.iter().map(|(uav, ..)| uav);
-        choose_sight(ui, &mut sight, flying, cameras.iter());
-        let tick = clock.tick + 1;
-        for (station, mount, _, tracker, _, tasking, ordered, mut operator) in &mut stations {
-            if many {
-                heading(ui, &station.name);
-            }
+    fixed_panel(ctx, |ui| {
+        let shown = stations.iter_mut().find(|(own, ..)| own.index == chosen.0);
+        if let Some((station, beam, tracker, interlocks, tasking, mut operator)) = shown {
             tracking(ui, &clock, tracker);
-            waiting(ui, tracker, tasking, &names);
-            let known: Vec<_> = uavs
-                .iter()
-                .map(|(uav, flight, ..)| {
-                    (
-                        uav.name.as_str(),
-                        los_to_az_el(flight.state.r_enu_m - mount.r_enu_m),
-                    )
-                })
-                .collect();
-            let target = targets(ui, &clock, (tracker, &operator), &detector, &known);
-            let (rules, mut controller) = ordered;
-            ui.push_id(station.index, |ui| {
-                let fire = fire(ui, rules);
-                let slew = slew(ui, mount, &camera);
-                // What is only read must not count as changed.
-                let law = law(ui, &laws, controller.bypass_change_detection());
-                let given = [target.map(Command::Target), fire, slew, law];
-                for command in given.into_iter().flatten() {
-                    operator.give(Order { tick, command });
-                }
+            task(ui, tracker, tasking, &names);
+            heading(ui, "Tracks");
+            let own = rows.lists.get(&station.index);
+            let (target, pointed_at) = list(ui, "tracks", TRACKS_HEIGHT, |ui| {
+                tracks::list(ui, own, tracker)
+            });
+            rows.pointed_at = pointed_at;
+            heading(ui, "Orders");
+            let name_of = |index| {
+                let uav = named.iter().find(|uav| uav.index == index);
+                uav.map(|uav| uav.name.clone())
+            };
+            list(ui, "orders", ORDERS_HEIGHT, |ui| {
+                orders::list(ui, &operator, |tick| clock.at_s(tick), name_of);
+            });
+            if let Some(target) = target {
+                let command = Command::Target(target);
+                let tick = clock.tick + 1;
+                operator.give(Order { tick, command });
+            }
+            heading(ui, "Laser");
+            laser(ui, beam);
+            row(ui, "dwell", format!("{:.2} s", beam.dwell_s));
+            let energy = format!("{:.1} kJ", 1e-3 * beam.energy_j);
+            row(ui, "energy emitted", energy);
+            list(ui, "interlocks", INTERLOCKS_HEIGHT, |ui| {
+                let reasons = interlocks.reasons.iter().map(ToString::to_string);
+                held_by(ui, reasons);
             });
         }
-        heading(ui, "UAVs");
-        for (uav, _, status, skin) in &uavs {
-            ui.colored_label(
-                status_colour(*status),
-                format!("{}: {}", uav.name, status.name()),
-            );
-            row(
-                ui,
-                "skin",
-                format!("{:.0} °C", skin.skin.temperature_k - 273.15),
-            );
-        }
-        for (station, _, beam, _, interlocks, ..) in &stations {
-            let name = if many { station.name.as_str() } else { "" };
-            let reasons = interlocks.reasons.iter().map(ToString::to_string);
-            engagement(ui, name, beam, reasons);
-            row(ui, "dwell", format!("{:.2} s", beam.dwell_s));
-            row(
-                ui,
-                "energy emitted",
-                format!("{:.1} kJ", 1e-3 * beam.energy_j),
-            );
-        }
-        tiles(ui, &tilesets);
-        conditions(ui, &environment.weather);
-        let weather = change_weather(ui, &environment.weather);
-        if let (Some(command), Some((.., mut operator))) = (weather, stations.iter_mut().next()) {
-            operator.give(Order { tick, command });
-        }
-        ui.small(
-            "Orders count from the next tick and are recorded; --save-orders keeps them as a \
-                 scenario.",
-        );
-        ui.add_space(8.0);
-        ui.small(FLY_KEYS);
-        ui.small("Space: pause. Full stop: one tick. Slash: one frame.");
+        ui.separator();
+        let rest = ui.available_height();
+        list(ui, "rest", rest, |ui| {
+            flying(ui, &uavs);
+            for (station, _, tracker, ..) in &stations {
+                heading(ui, &format!("States, {}", station.name));
+                changes(ui, &clock, tracker);
+            }
+            tiles(ui, &tilesets);
+            conditions(ui, &environment.weather);
+            ui.add_space(8.0);
+            ui.small(ORDERS_KEPT);
+            ui.small(FLY_KEYS);
+            ui.small("Space: pause. Full stop: one tick. Slash: one frame.");
+        });
     });
+    Ok(())
+}
+
+const ORDERS_KEPT: &str =
+    "Orders count from the next tick and are recorded; --save-orders keeps them as a scenario.";
+
+fn flying(ui: &mut egui::Ui, uavs: &Query<(&Uav, &UavStatus, &HeatedSkin)>) {
+    ui.label(egui::RichText::new("UAVs").strong().color(AMBER));
+    for (uav, status, skin) in uavs {
+        let text = format!("{}: {}", uav.name, status.name());
+        ui.colored_label(status_colour(*status), text);
+        let skin_c = skin.skin.temperature_k - 273.15;
+        row(ui, "skin", format!("{skin_c:.0} °C"));
+    }
+}
+
+/// Says that the scene is being built.
+pub fn draw_waiting(mut contexts: EguiContexts, scenario: Res<RunScenario>) -> Result {
+    let ctx = contexts.ctx_mut()?;
+    let painter = ctx.layer_painter(egui::LayerId::background());
+    let at = ctx.viewport_rect().center();
+    let name = &scenario.scenario.name;
+    let text = format!("building {name}: city, sky, cameras and detectors …");
+    let font = egui::FontId::proportional(20.0);
+    painter.text(at, egui::Align2::CENTER_CENTER, text, font, GREY);
     Ok(())
 }
 
 /// How the window's camera is moved.
 pub const FLY_KEYS: &str = "Fly: W A S D Q E, shift for haste. Look: right mouse button.";
 
-/// Lets the user choose from where the window looks.
-pub fn choose_sight<'a>(
-    ui: &mut egui::Ui,
-    sight: &mut Sight,
-    flying: impl Iterator<Item = &'a Uav> + Clone,
-    cameras: impl Iterator<Item = &'a SensorCamera> + Clone,
-) {
-    const DISTANCE_M: f64 = 25.0;
-    let chase = |uav: &Uav| format!("look at {}", uav.name);
-    let look = |camera: &SensorCamera| format!("look with camera {}", camera.name);
-    let shown = match *sight {
-        Sight::Free => None,
-        Sight::Chase { uav, .. } => flying.clone().find(|own| own.index == uav).map(chase),
-        Sight::Camera(index) => cameras.clone().find(|own| own.index == index).map(look),
-    };
-    let free = "look from anywhere".to_owned();
-    egui::ComboBox::from_id_salt("sight")
-        .selected_text(shown.unwrap_or_else(|| free.clone()))
-        .show_ui(ui, |ui| {
-            ui.selectable_value(sight, Sight::Free, free);
-            for uav in flying {
-                let chosen = matches!(*sight, Sight::Chase { uav: own, .. } if own == uav.index);
-                if ui.selectable_label(chosen, chase(uav)).clicked() {
-                    *sight = Sight::Chase {
-                        uav: uav.index,
-                        distance_m: DISTANCE_M,
-                    };
-                }
-            }
-            for camera in cameras {
-                ui.selectable_value(sight, Sight::Camera(camera.index), look(camera));
-            }
-        });
+/// What keeps a laser from firing.
+pub fn held_by(ui: &mut egui::Ui, interlocks: impl Iterator<Item = String>) {
+    for interlock in interlocks {
+        ui.colored_label(GREY, format!("interlock: {interlock}"));
+    }
 }
 
-/// What a laser does, and what keeps it from firing.
-pub fn engagement(
-    ui: &mut egui::Ui,
-    station: &str,
-    beam: &BeamState,
-    interlocks: impl Iterator<Item = String>,
-) {
-    let title = if station.is_empty() {
-        "Engagement".into()
-    } else {
-        format!("Engagement, {station}")
-    };
-    heading(ui, &title);
+/// What a laser does.
+pub fn laser(ui: &mut egui::Ui, beam: &BeamState) {
     let (word, colour) = if beam.firing {
         ("FIRING", RED)
     } else {
         ("safe", GREEN)
     };
     ui.colored_label(colour, format!("laser: {word}"));
-    for interlock in interlocks {
-        ui.colored_label(GREY, format!("interlock: {interlock}"));
-    }
     let shown = |value: f64| if beam.firing { value } else { 0.0 };
     let millimetres = |m: f64| format!("{:.0} mm", 1e3 * shown(m));
     for (name, value) in [
@@ -262,50 +218,6 @@ pub fn conditions(ui: &mut egui::Ui, weather: &Weather) {
     }
 }
 
-fn pace(ui: &mut egui::Ui, clock: &SimClock, pacing: &mut Pacing) {
-    ui.label(
-        egui::RichText::new(format!("{:.3} s", clock.t_s()))
-            .size(26.0)
-            .monospace()
-            .color(Color32::WHITE),
-    );
-    ui.horizontal(|ui| {
-        let word = if pacing.paused { "Play" } else { "Pause" };
-        if ui
-            .add_enabled(!pacing.over, egui::Button::new(word))
-            .clicked()
-        {
-            pacing.paused = !pacing.paused;
-        }
-        for (word, step) in [("+1 tick", StepSize::Tick), ("+1 frame", StepSize::Frame)] {
-            if ui
-                .add_enabled(!pacing.over, egui::Button::new(word))
-                .clicked()
-            {
-                pacing.paused = true;
-                pacing.step = Some(step);
-            }
-        }
-        if pacing.over {
-            ui.colored_label(AMBER, "over");
-        }
-    });
-    let mut unbound = pacing.speed.is_infinite();
-    if ui.checkbox(&mut unbound, "as fast as possible").changed() {
-        pacing.speed = if unbound { f64::INFINITY } else { 1.0 };
-    }
-    if !unbound {
-        let range = 0.1..=10.0;
-        ui.add(
-            egui::Slider::new(&mut pacing.speed, range)
-                .logarithmic(true)
-                .suffix("×"),
-        );
-    }
-    row(ui, "reached", format!("{:.2}× real time", pacing.reached));
-    row(ui, "window", format!("{:.1} frames/s", pacing.frames_hz));
-}
-
 /// A tracking state, large.
 pub fn tracking_state(ui: &mut egui::Ui, state: &str) {
     let text = egui::RichText::new(state.to_uppercase()).size(18.0);
@@ -313,8 +225,6 @@ pub fn tracking_state(ui: &mut egui::Ui, state: &str) {
 }
 
 fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
-    const SHOWN: usize = 4;
-    heading(ui, "Tracking");
     tracking_state(ui, tracker.state.name());
     let since_s = clock.at_s(clock.tick - tracker.since_tick);
     row(ui, "for", format!("{since_s:.2} s"));
@@ -325,6 +235,11 @@ fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
             .range_m
             .map_or("none".into(), |range_m| format!("{range_m:.0} m")),
     );
+}
+
+/// The last changes of a station's state, the latest first.
+fn changes(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
+    const SHOWN: usize = 8;
     for change in tracker.changes.iter().rev().take(SHOWN) {
         let at_s = clock.at_s(change.tick);
         ui.small(format!(
@@ -335,215 +250,32 @@ fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
     }
 }
 
-/// The station's task, and what comes next: by the defence, or by its own tracks.
-fn waiting(ui: &mut egui::Ui, tracker: &Tracker, tasking: &Tasking, stations: &[String]) {
+/// The station's task and what comes next, by the defence or by its own tracks, in a row each.
+fn task(ui: &mut egui::Ui, tracker: &Tracker, tasking: &Tasking, stations: &[String]) {
     const SHOWN: usize = 5;
     let name = |identity: &Follower| {
         let station = stations.get(identity.station);
         identity.named(station.map_or("", String::as_str))
     };
-    let queue: Vec<String> = match &tasking.task {
-        Some(task) => {
-            let word = if task.engages { "engages" } else { "watches" };
-            row(ui, word, name(&task.identity));
-            tasking.queue.iter().take(SHOWN).map(name).collect()
-        }
-        None => (tracker.queue.iter().take(SHOWN))
-            .map(ToString::to_string)
-            .collect(),
-    };
-    if !queue.is_empty() {
-        // Several names are wider than a row.
-        ui.small(format!("next: {}", queue.join(", ")));
-    }
-}
-
-/// Lists the tracks; returns what the operator has clicked.
-fn targets(
-    ui: &mut egui::Ui,
-    clock: &SimClock,
-    (tracker, operator): (&Tracker, &Operator),
-    detector: &DetectorInUse,
-    known: &[(&str, DVec2)],
-) -> Option<Designation> {
-    /// A track this near to a UAV is listed under its name [rad].
-    const SAME_RAD: f64 = 5e-3;
-    heading(ui, "Target");
-    if tracker.table.tracks.is_empty() {
-        ui.colored_label(GREY, "no tracks");
-    }
-    let mut chosen = None;
-    for track in &tracker.table.tracks {
-        let az_el_rad = track.filter.predicted(clock.t_s()).az_el_rad();
-        let name = known
-            .iter()
-            .map(|(name, at_rad)| (separation_rad(*at_rad, az_el_rad), *name))
-            .filter(|(apart_rad, _)| *apart_rad < SAME_RAD)
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map_or("unknown", |(_, name)| name);
-        let [az_deg, el_deg] = az_el_rad.to_array().map(f64::to_degrees);
-        let az_deg = az_deg.rem_euclid(360.0);
-        let class = detector.class(track.label());
-        let target = tracker.target == Some(track.id);
-        let pinned = if target && tracker.designated {
-            ", pinned"
-        } else {
-            ""
-        };
-        let text = format!(
-            "#{} {name}, {class} {az_deg:.0}° {el_deg:.1}°{pinned}",
-            track.id
-        );
-        if ui.radio(target, text).clicked() {
-            chosen = Some(Designation::Track(track.id));
-        }
-    }
-    let hand_back = egui::Button::new("Let the tracker choose");
-    let in_hand = tracker.designated || operator.slew_rad.is_some() || operator.waiting.is_some();
-    if ui.add_enabled(in_hand, hand_back).clicked() {
-        chosen = Some(Designation::Release);
-    }
-    ui.small("A click pins a track.");
-    chosen
-}
-
-/// Whether the laser may fire, as the operator says.
-fn fire(ui: &mut egui::Ui, rules: &Rules) -> Option<Command> {
-    let mut may = rules.authorised;
-    let clicked = ui.checkbox(&mut may, "fire authority").changed();
-    clicked.then_some(Command::Fire(may))
-}
-
-/// Turns the station by hand: to a direction, or to what the window looks at.
-fn slew(ui: &mut egui::Ui, mount: &Mount, camera: &FreeCamera) -> Option<Command> {
-    /// How far away that is taken to be [m].
-    const SEEN_M: f64 = 1_000.0;
-    // Angles that read well.
-    let rounded_deg = |az_el_rad: DVec2| {
-        let [azimuth, elevation] = az_el_rad.to_array().map(f64::to_degrees);
-        [azimuth.rem_euclid(360.0), elevation].map(|deg| (10.0 * deg).round() / 10.0)
-    };
-    let id = ui.id().with("slew");
-    let kept = ui.data(|data| data.get_temp(id));
-    let mut az_el_deg: [f64; 2] = kept.unwrap_or(rounded_deg(mount.measured_az_el_rad()));
-    let mut ordered = false;
-    ui.horizontal(|ui| {
-        for (deg, range) in az_el_deg.iter_mut().zip([0.0..=360.0, -90.0..=90.0]) {
-            ui.add(
-                egui::DragValue::new(deg)
-                    .range(range)
-                    .speed(0.2)
-                    .suffix("°"),
-            );
-        }
-        ordered = ui.button("Slew").clicked();
-        if ui.button("to my view").clicked() {
-            let ahead = az_el_to_los(DVec2::new(camera.azimuth_rad, camera.elevation_rad));
-            let seen_enu_m = camera.r_enu_m + SEEN_M * ahead;
-            az_el_deg = rounded_deg(los_to_az_el(seen_enu_m - mount.r_enu_m));
-            ordered = true;
-        }
-    });
-    ui.data_mut(|data| data.insert_temp(id, az_el_deg));
-    ordered.then_some(Command::Slew(az_el_deg))
-}
-
-/// The pointing law and its gains.
-fn law(ui: &mut egui::Ui, laws: &PointingLaws, controller: &mut Controller) -> Option<Command> {
-    /// What a proportional, integral or derivative gain and the gimbal's may be [1], [1/s], [s], [1/s].
-    const GAIN: RangeInclusive<f64> = 0.0..=1000.0;
-    let gains = |gains| Some(Command::Gains(gains));
-    match controller {
-        Controller::Pointing(pointing) => {
-            let mut name = pointing.name.clone();
-            egui::ComboBox::from_label("law")
-                .selected_text(&name)
-                .show_ui(ui, |ui| {
-                    for known in laws.names() {
-                        ui.selectable_value(&mut name, known.to_owned(), known);
-                    }
-                });
-            if name != pointing.name {
-                return Some(Command::Law(name));
-            }
-            let gain_per_s = *pointing.law.gimbal_gain_per_s()?;
-            let gimbal_per_s = figure(ui, "gimbal gain", gain_per_s, (GAIN, 0.1, " /s"))?;
-            gains(GainsOrder {
-                gimbal_per_s: Some(gimbal_per_s),
-                ..default()
-            })
-        }
-        Controller::Paper(paper) => {
-            let mut of = |name: &str, law: &PaperLaw| {
-                let mut one = |key: &str, value: f64, unit: &str| {
-                    figure(ui, &format!("{name} {key}"), value, (GAIN, 1e-4, unit))
-                };
-                let kp = one("kp", law.kp, "");
-                let ki_per_s = one("ki", law.ki_per_s, " /s");
-                let kd_s = one("kd", law.kd_s, " s");
-                (kp.or(ki_per_s).or(kd_s)).map(|_| Gains {
-                    kp: kp.unwrap_or(law.kp),
-                    ki_per_s: ki_per_s.unwrap_or(law.ki_per_s),
-                    kd_s: kd_s.unwrap_or(law.kd_s),
-                })
-            };
-            let coarse = of("coarse", &paper.coarse_law);
-            let precise = of("precise", &paper.precise_law);
-            coarse.or(precise)?;
-            gains(GainsOrder {
-                coarse,
-                precise,
-                gimbal_per_s: None,
-            })
-        }
-    }
-}
-
-/// Wind and visibility as the operator wants them.
-fn change_weather(ui: &mut egui::Ui, weather: &Weather) -> Option<Command> {
-    let wind_deg = (10.0 * weather.wind_from_rad.to_degrees()).round() / 10.0;
-    let order = WeatherOrder {
-        wind_speed_mps: figure(
-            ui,
-            "wind",
-            weather.wind_speed_mps,
-            (0.0..=60.0, 0.1, " m/s"),
+    let (word, what, queue): (_, _, Vec<String>) = match &tasking.task {
+        Some(task) => (
+            if task.engages { "engages" } else { "watches" },
+            name(&task.identity),
+            tasking.queue.iter().take(SHOWN).map(name).collect(),
         ),
-        wind_from_deg: figure(ui, "wind from", wind_deg, (0.0..=360.0, 1.0, "°")),
-        visibility_m: figure(
-            ui,
-            "visibility",
-            weather.visibility_m,
-            (10.0..=400_000.0, 100.0, " m"),
+        None => (
+            "target",
+            (tracker.target).map_or("none".into(), |id| format!("#{id}")),
+            (tracker.queue.iter().take(SHOWN))
+                .map(|id| format!("#{id}"))
+                .collect(),
         ),
     };
-    (order != WeatherOrder::default()).then_some(Command::Weather(order))
-}
-
-/// A figure to be changed, within a range, by so much a point of the mouse, with its unit; the new one once the
-/// user lets go of it.
-fn figure(
-    ui: &mut egui::Ui,
-    name: &str,
-    value: f64,
-    (range, speed, unit): (RangeInclusive<f64>, f64, &str),
-) -> Option<f64> {
-    let id = ui.id().with(name);
-    let kept = ui.data(|data| data.get_temp(id));
-    let mut draft: f64 = kept.unwrap_or(value);
-    let mut ended = false;
-    ui.horizontal(|ui| {
-        let drag = egui::DragValue::new(&mut draft).range(range).speed(speed);
-        let drag = ui.add(drag.suffix(unit));
-        ended = drag.drag_stopped() || drag.lost_focus();
-        if drag.changed() {
-            ui.data_mut(|data| data.insert_temp(id, draft));
-        }
-        ui.small(name);
-    });
-    if !ended {
-        return None;
-    }
-    ui.data_mut(|data| data.remove::<f64>(id));
-    (draft != value).then_some(draft)
+    row(ui, word, what);
+    let next = if queue.is_empty() {
+        "none".into()
+    } else {
+        queue.join(", ")
+    };
+    row(ui, "next", next);
 }

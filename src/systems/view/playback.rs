@@ -6,7 +6,8 @@ use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{CameraView, Station};
 use crate::components::run::SimClock;
 use crate::components::view::{
-    CameraShown, Curve, Estimate, Estimates, Pacing, Picture, Pictures, PlayStep, Playback,
+    CameraShown, Curve, CurveLine, Estimate, Estimates, Pacing, Picture, Pictures, PlayStep,
+    Playback,
 };
 use crate::media::image::decode;
 use crate::recording::timeline::{CameraTrack, StationTrack, Timeline};
@@ -34,6 +35,20 @@ impl Playback {
         };
         playback.span_s = [0.0, playback.end_s()];
         playback
+    }
+
+    /// Plays, or pauses; what stands at its end begins again.
+    pub fn toggle(&mut self, pacing: &mut Pacing) {
+        pacing.paused = !pacing.paused;
+        let ends_s = [0.0, self.end_s()];
+        let [from_s, to_s] = if self.backwards {
+            [ends_s[1], ends_s[0]]
+        } else {
+            ends_s
+        };
+        if !pacing.paused && self.t_s == to_s {
+            self.t_s = from_s;
+        }
     }
 
     /// The time to which a step leads [s].
@@ -106,51 +121,82 @@ fn events_s(timeline: &Timeline) -> Vec<f64> {
 
 /// What the time line plots.
 fn curves(timelines: &[Timeline]) -> Vec<Curve> {
-    let sources = || timelines.iter().enumerate();
-    let line = |timeline: &Timeline, values: &mut dyn Iterator<Item = (u64, f64)>| {
-        let finite = values.filter(|(_, value)| value.is_finite());
-        finite
-            .map(|(tick, value)| [timeline.t_s(tick), value])
-            .collect()
+    let lines = |of: &dyn Fn(&Timeline) -> Vec<(String, Vec<(u64, f64)>)>| {
+        let mut lines = Vec::new();
+        for (source, timeline) in timelines.iter().enumerate() {
+            for (number, (name, values)) in of(timeline).into_iter().enumerate() {
+                let finite = values.into_iter().filter(|(_, value)| value.is_finite());
+                lines.push(CurveLine {
+                    name: if timelines.len() > 1 {
+                        format!("{}: {name}", source + 1)
+                    } else {
+                        name
+                    },
+                    source,
+                    number,
+                    points: (finite.map(|(tick, value)| [timeline.t_s(tick), value])).collect(),
+                    shown: true,
+                });
+            }
+        }
+        lines.retain(|line| !line.points.is_empty());
+        lines
     };
-    let miss = sources().flat_map(|(source, timeline)| {
-        timeline.cameras.iter().map(move |camera| {
-            let mut values = camera.miss_px.entries().iter().copied();
-            (source, line(timeline, &mut values))
-        })
+    let miss = lines(&|timeline| {
+        let cameras = timeline.cameras.iter();
+        cameras
+            .map(|camera| (camera.name.clone(), camera.miss_px.entries().to_vec()))
+            .collect()
     });
-    let irradiance = sources().flat_map(|(source, timeline)| {
-        timeline.stations.iter().map(move |station| {
+    let irradiance = lines(&|timeline| {
+        of_stations(timeline, |station| {
             let beams = station.beam.entries().iter();
-            let mut values = beams.map(|(tick, beam)| (*tick, 1e-4 * beam.irradiance_wpm2));
-            (source, line(timeline, &mut values))
+            beams
+                .map(|(tick, beam)| (*tick, 1e-4 * beam.irradiance_wpm2))
+                .collect()
         })
     });
-    let hottest = sources().map(|(source, timeline)| {
+    let hottest = lines(&|timeline| {
         let mut by_tick: BTreeMap<u64, f64> = BTreeMap::new();
         for (tick, uav) in timeline.uavs.iter().flat_map(|(_, s)| s.entries()) {
             let hottest = by_tick.entry(*tick).or_insert(f64::NAN);
             *hottest = hottest.max(uav.skin_k - 273.15);
         }
-        (source, line(timeline, &mut by_tick.into_iter()))
+        vec![("hottest of all".into(), by_tick.into_iter().collect())]
     });
+    let mut range = lines(&|timeline| {
+        of_stations(timeline, |station| {
+            let tracks = station.track.entries().iter();
+            tracks.map(|(tick, track)| (*tick, track.range_m)).collect()
+        })
+    });
+    // The user may ask for it.
+    range.iter_mut().for_each(|line| line.shown = false);
     [
-        curve("miss distance (px)", true, miss.collect()),
-        curve("irradiance (W/cm²)", false, irradiance.collect()),
-        curve("hottest skin (°C)", false, hottest.collect()),
+        curve("miss distance (px)", true, miss),
+        curve("irradiance (W/cm²)", false, irradiance),
+        curve("skin (°C)", false, hottest),
+        curve("range (m)", false, range),
     ]
     .into_iter()
     .flatten()
     .collect()
 }
 
+/// A line a station.
+fn of_stations(
+    timeline: &Timeline,
+    values: impl Fn(&StationTrack) -> Vec<(u64, f64)>,
+) -> Vec<(String, Vec<(u64, f64)>)> {
+    let stations = timeline.stations.iter();
+    stations
+        .map(|station| (station.name.clone(), values(station)))
+        .collect()
+}
+
 /// A curve, if there is anything to plot.
-fn curve(
-    title: &'static str,
-    logarithmic: bool,
-    lines: Vec<(usize, Vec<[f64; 2]>)>,
-) -> Option<Curve> {
-    let values = || lines.iter().flat_map(|(_, points)| points).map(|p| p[1]);
+fn curve(title: &'static str, logarithmic: bool, lines: Vec<CurveLine>) -> Option<Curve> {
+    let values = || (lines.iter().flat_map(|line| &line.points)).map(|p| p[1]);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
     let low = values().fold(f64::INFINITY, f64::min);
     let range = if logarithmic {
@@ -353,7 +399,7 @@ pub fn obey_keys(
         return;
     }
     if keys.just_pressed(KeyCode::Space) {
-        pacing.paused = !pacing.paused;
+        playback.toggle(&mut pacing);
     }
     if keys.just_pressed(KeyCode::KeyR) {
         playback.backwards = !playback.backwards;
@@ -420,6 +466,12 @@ mod tests {
         let states = &timeline.uavs[0].1;
         let playback = Playback::new(vec![timeline.clone(), timeline.clone()]);
         let (end_s, first_event_s) = (playback.end_s(), playback.events_s[0]);
+        // Of two recordings each line says whose it is.
+        let skin = (playback.curves.iter()).find(|curve| curve.title.starts_with("skin"));
+        let names: Vec<&str> = (skin.unwrap().lines.iter())
+            .map(|line| line.name.as_str())
+            .collect();
+        assert_eq!(names, ["1: hottest of all", "2: hottest of all"]);
 
         let mut app = app::build(&loaded(), &Options::default()).unwrap();
         let world = app.world_mut();
@@ -476,6 +528,39 @@ mod tests {
         assert_eq!(step(PlayStep::Event, false), first_event_s);
         assert_eq!(step(PlayStep::End, true), end_s);
         assert_eq!(step(PlayStep::Event, true), end_s);
-        assert_eq!(step(PlayStep::End, false), 0.0);
+
+        // Play at the end begins again, backwards from the other; elsewhere it goes on.
+        let mut toggle = |at_s: f64, backwards: bool| {
+            let world = &mut *world;
+            world.resource_scope(|world, mut playback: Mut<Playback>| {
+                (playback.t_s, playback.backwards) = (at_s, backwards);
+                let mut pacing = world.resource_mut::<Pacing>();
+                pacing.paused = true;
+                playback.toggle(&mut pacing);
+                assert!(!pacing.paused);
+                let from_s = playback.t_s;
+                playback.toggle(&mut pacing);
+                assert!(pacing.paused);
+                (from_s, playback.t_s)
+            })
+        };
+        assert_eq!(toggle(end_s, false), (0.0, 0.0));
+        assert_eq!(toggle(0.0, true), (end_s, end_s));
+        assert_eq!(toggle(0.5, false), (0.5, 0.5));
+        assert_eq!(toggle(0.0, false), (0.0, 0.0));
+    }
+
+    #[test]
+    fn curves_are_named_after_whose_they_are() {
+        let line = |number, values: &[f64]| CurveLine {
+            name: format!("line {number}"),
+            source: 0,
+            number,
+            points: (values.iter().zip(0..).map(|(v, t)| [f64::from(t), *v])).collect(),
+            shown: true,
+        };
+        let shown = curve("", false, vec![line(0, &[2.0, 5.0]), line(1, &[-1.0])]);
+        assert_eq!(shown.map(|curve| curve.range), Some([-1.0, 5.0]));
+        assert_eq!(curve("", false, vec![line(0, &[0.0])]), None);
     }
 }

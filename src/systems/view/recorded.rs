@@ -1,6 +1,7 @@
 //! The panel of a playback: what the recordings say at their time.
 
-use super::panel::{FLY_KEYS, choose_sight, conditions, engagement, tiles, tracking_state};
+use super::controls::choose_sight;
+use super::panel::{FLY_KEYS, conditions, held_by, laser, tiles, tracking_state};
 use super::style::{AMBER, heading, left_panel, row, source_colour, status_colour};
 use crate::components::beam::BeamState;
 use crate::components::capture::SensorCamera;
@@ -64,7 +65,9 @@ fn recording(ui: &mut egui::Ui, timeline: &Timeline, tick: u64) {
             tracking(ui, timeline, station, track, tick);
         }
         if let Some(beam) = station.beam.at(tick) {
-            engagement(ui, "", &beam_state(beam), beam.interlocks.iter().cloned());
+            heading(ui, "Laser");
+            laser(ui, &beam_state(beam));
+            held_by(ui, beam.interlocks.iter().cloned());
         }
     }
     heading(ui, "UAVs");

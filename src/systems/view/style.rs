@@ -17,6 +17,27 @@ pub fn source_colour(source: usize) -> Color32 {
     }
 }
 
+/// The colour of a line of a plot, by its recording and its number among that recording's.
+pub fn line_colour(source: usize, number: usize) -> Color32 {
+    // The first recording's are warm, the second's cold, the first of each the recording's own.
+    const LINES: [[[u8; 3]; 4]; 2] = [
+        [
+            [255, 190, 70],
+            [255, 105, 80],
+            [205, 225, 90],
+            [245, 140, 200],
+        ],
+        [
+            [110, 190, 255],
+            [175, 140, 255],
+            [80, 225, 205],
+            [205, 215, 255],
+        ],
+    ];
+    let [r, g, b] = LINES[source.min(1)][number % 4];
+    Color32::from_rgb(r, g, b)
+}
+
 /// The colour of a tracking state, by its name.
 pub fn state_colour(state: &str) -> Color32 {
     match state {
@@ -57,15 +78,23 @@ pub fn rimmed(painter: &egui::Painter, at: Pos2, align: Align2, text: &str, colo
     painter.text(at, align, text, font, colour);
 }
 
-/// Where egui keeps what the time line leaves of the window to the panels above it.
+/// Where egui keeps what the bars at top and bottom leave of the window to the panels between them.
 fn room() -> egui::Id {
-    egui::Id::new("room above the time line")
+    egui::Id::new("room between the bars")
 }
 
-/// Keeps the panels that are drawn after this above a height [points].
+/// Gives the panels that are drawn after this what lies above a height [points].
 pub fn keep_above(ctx: &egui::Context, y: f32) {
     let mut rect = ctx.viewport_rect();
     rect.max.y = y;
+    ctx.data_mut(|data| data.insert_temp(room(), rect));
+}
+
+/// Keeps them below a height [points] as well.
+pub fn keep_below(ctx: &egui::Context, y: f32) {
+    let kept: Option<egui::Rect> = ctx.data(|data| data.get_temp(room()));
+    let mut rect = kept.unwrap_or(ctx.viewport_rect());
+    rect.min.y = y;
     ctx.data_mut(|data| data.insert_temp(room(), rect));
 }
 
@@ -80,6 +109,13 @@ pub fn screen_ui(ctx: &egui::Context) -> egui::Ui {
 
 /// The panel on the left, in light grey on dark, that scrolls where it is too long.
 pub fn left_panel(ctx: &egui::Context, contents: impl FnOnce(&mut egui::Ui)) {
+    fixed_panel(ctx, |ui| {
+        egui::ScrollArea::vertical().show(ui, contents);
+    });
+}
+
+/// The same without scrolling.
+pub fn fixed_panel(ctx: &egui::Context, contents: impl FnOnce(&mut egui::Ui)) {
     const WIDTH: f32 = 250.0;
     let panel = egui::Panel::left("panel")
         .exact_size(WIDTH)
@@ -87,12 +123,27 @@ pub fn left_panel(ctx: &egui::Context, contents: impl FnOnce(&mut egui::Ui)) {
         .show_separator_line(false)
         .frame(panel_frame());
     panel.show(&mut screen_ui(ctx), |ui| {
-        egui::ScrollArea::vertical().show(ui, |ui| {
-            ui.spacing_mut().item_spacing.y = 3.0;
-            ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
-            contents(ui);
-        });
+        ui.spacing_mut().item_spacing.y = 3.0;
+        ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
+        contents(ui);
     });
+}
+
+/// A list of a set height [points] that scrolls within it, whatever it holds; whether the pointer is over it.
+pub fn list<R>(
+    ui: &mut egui::Ui,
+    name: &str,
+    height: f32,
+    contents: impl FnOnce(&mut egui::Ui) -> R,
+) -> (R, bool) {
+    let shown = egui::ScrollArea::vertical()
+        .id_salt(name)
+        .max_height(height)
+        .min_scrolled_height(height)
+        .auto_shrink(false)
+        .show(ui, contents);
+    let pointed_at = ui.rect_contains_pointer(shown.inner_rect);
+    (shown.inner, pointed_at)
 }
 
 pub fn panel_frame() -> egui::Frame {

@@ -1,6 +1,8 @@
 //! The time line below a playback: states, shots, events and figures over time, and where time stands.
 
-use super::style::{GREY, RED, keep_above, panel_frame, screen_ui, source_colour, state_colour};
+use super::style::{
+    GREY, RED, keep_above, line_colour, panel_frame, screen_ui, source_colour, state_colour,
+};
 use crate::components::view::{Curve, Pacing, PlayStep, Playback};
 use bevy::prelude::*;
 use bevy_egui::EguiContexts;
@@ -67,12 +69,13 @@ pub fn draw_timeline(
         .frame(panel_frame().inner_margin(8.0));
     let shown = panel.show(&mut screen_ui(ctx), |ui| {
         buttons(ui, &mut pacing, &mut playback);
+        legend(ui, &mut playback.curves);
         let bands: usize = (playback.timelines.iter())
             .map(|timeline| timeline.stations.len())
             .sum();
         let height = bands as f32 * (BAND_HEIGHT + GAP)
             + 16.0
-            + playback.curves.len() as f32 * (PLOT_HEIGHT + GAP);
+            + shown_curves(&playback).count() as f32 * (PLOT_HEIGHT + GAP);
         let size = vec2(ui.available_width(), height);
         let (area, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
         let end_s = playback.end_s();
@@ -105,6 +108,7 @@ pub fn draw_timeline(
 }
 
 fn buttons(ui: &mut egui::Ui, pacing: &mut Pacing, playback: &mut Playback) {
+    let mut playing = false;
     ui.horizontal(|ui| {
         let mut step = |ui: &mut egui::Ui, word: &str, hint: &str, step, forwards| {
             if ui.button(word).on_hover_text(hint).clicked() {
@@ -133,7 +137,7 @@ fn buttons(ui: &mut egui::Ui, pacing: &mut Pacing, playback: &mut Playback) {
             "⏸ pause"
         };
         if ui.button(word).on_hover_text("space").clicked() {
-            pacing.paused = !pacing.paused;
+            playing = true;
         }
         step(ui, "+ tick", "next tick (full stop)", PlayStep::Tick, true);
         step(ui, "+ frame", "next picture (right)", PlayStep::Frame, true);
@@ -145,6 +149,9 @@ fn buttons(ui: &mut egui::Ui, pacing: &mut Pacing, playback: &mut Playback) {
             true,
         );
         step(ui, "⏭", "to the end (End)", PlayStep::End, true);
+        if playing {
+            playback.toggle(pacing);
+        }
         ui.checkbox(&mut playback.backwards, "backwards")
             .on_hover_text("R");
         let slider = egui::Slider::new(&mut pacing.speed, 0.01..=100.0)
@@ -154,6 +161,26 @@ fn buttons(ui: &mut egui::Ui, pacing: &mut Pacing, playback: &mut Playback) {
         let at = format!("{:.4} of {:.2} s", playback.t_s, playback.end_s());
         ui.monospace(at);
     });
+}
+
+/// The names of all lines in their colours; the user chooses which are plotted.
+fn legend(ui: &mut egui::Ui, curves: &mut [Curve]) {
+    ui.horizontal_wrapped(|ui| {
+        for curve in curves {
+            ui.colored_label(GREY, curve.title);
+            for line in &mut curve.lines {
+                let colour = line_colour(line.source, line.number);
+                let name = egui::RichText::new(&line.name).color(colour);
+                ui.checkbox(&mut line.shown, name);
+            }
+            ui.add_space(10.0);
+        }
+    });
+}
+
+/// The curves of which the user wants a line.
+fn shown_curves(playback: &Playback) -> impl Iterator<Item = &Curve> {
+    playback.curves.iter().filter(|curve| curve.shown())
 }
 
 fn draw(painter: &Painter, area: Rect, axis: Axis, playback: &Playback) {
@@ -185,17 +212,17 @@ fn draw(painter: &Painter, area: Rect, axis: Axis, playback: &Playback) {
         painter.text(at, Align2::CENTER_TOP, text, small.clone(), GREY);
     }
     y += 16.0;
-    for curve in &playback.curves {
+    for curve in shown_curves(playback) {
         let plot = Rect::from_min_max(pos2(axis.left, y), pos2(axis.right, y + PLOT_HEIGHT));
         name(y, curve.title, GREY);
         let [low, high] = curve.range.map(|value| format!("{value:.3e}"));
         name(y + 13.0, &tidy(&high), Color32::from_gray(120));
         name(y + PLOT_HEIGHT - 13.0, &tidy(&low), Color32::from_gray(120));
         painter.rect_filled(plot, 0.0, Color32::from_gray(22));
-        for (source, points) in &curve.lines {
-            let line = polyline(curve, points, axis, plot);
-            let colour = source_colour(*source);
-            painter.add(egui::Shape::line(line, Stroke::new(1.0, colour)));
+        for line in curve.lines.iter().filter(|line| line.shown) {
+            let stroke = Stroke::new(1.0, line_colour(line.source, line.number));
+            let line = polyline(curve, &line.points, axis, plot);
+            painter.add(egui::Shape::line(line, stroke));
         }
         y += PLOT_HEIGHT + GAP;
     }
