@@ -82,13 +82,13 @@ fn exposed() -> vec3<f32> {
 #endif
 }
 
-// What a window shows of a colour: as it is up to a middle grey twice over, then ever less, so that white walls in the sun keep
-// their shades. Pixels of sensors are left alone: their sensor model saturates.
+// What a window shows of a colour: as it is up to a middle grey twice over, then ever less in its own hue, so that white walls
+// in the sun keep their shades and lamps their colour. Pixels of sensors are left alone: their sensor model saturates.
 fn developed(rgb: vec3<f32>) -> vec3<f32> {
 #ifdef TONEMAP_METHOD_REINHARD
-    let knee = vec3(0.4);
-    let rolled = knee + (1.0 - knee) * (1.0 - exp((knee - rgb) / (1.0 - knee)));
-    return select(rgb, rolled, rgb > knee);
+    let most = max(max(rgb.r, rgb.g), max(rgb.b, 1e-6));
+    let rolled = 1.0 - 0.6 * exp((0.4 - most) / 0.6);
+    return rgb * select(1.0, rolled / most, most > 0.4);
 #else
     return rgb;
 #endif

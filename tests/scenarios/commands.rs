@@ -383,7 +383,7 @@ fn grey(picture: &image::RgbImage, [x0, y0, x1, y1]: [u32; 4]) -> (f64, f64) {
     (mean, (square / grey.len() as f64).sqrt())
 }
 
-/// Opens the window on a virtual display and looks at what it shows: the panel on the left, the
+/// Opens the window on a virtual display and looks at what it shows: the controls at the top, the panel on the left, the
 /// city and the sky beside it.
 #[test]
 fn the_window_shows_panel_and_scene() {
@@ -394,14 +394,17 @@ fn the_window_shows_panel_and_scene() {
         "detector.kind=truth",
     ];
     let picture = window(&args, "0.5");
-    let (panel, sky, city) = (
-        grey(&picture, [4, 4, 240, 796]),
-        grey(&picture, [300, 20, 900, 80]),
+    let (bar, panel, sky, city) = (
+        grey(&picture, [4, 4, 1_240, 68]),
+        grey(&picture, [4, 76, 240, 796]),
+        grey(&picture, [300, 84, 900, 140]),
         grey(&picture, [300, 400, 900, 740]),
     );
-    println!("grey levels: panel {panel:.1?}, sky {sky:.1?}, city {city:.1?}");
+    println!("grey levels: bar {bar:.1?}, panel {panel:.1?}, sky {sky:.1?}, city {city:.1?}");
     // Dark, with light text on it.
-    assert!(panel.0 < 90.0 && panel.1 > 15.0, "no panel: {panel:?}");
+    for dark in [bar, panel] {
+        assert!(dark.0 < 90.0 && dark.1 > 15.0, "no panel: {dark:?}");
+    }
     assert!(sky.0 > panel.0 + 50.0 && sky.1 < 10.0, "no sky: {sky:?}");
     assert!(city.1 > 15.0, "one colour: {city:?}");
 }

@@ -20,7 +20,8 @@ use bevy::prelude::*;
 use bevy_egui::EguiContexts;
 use bevy_egui::egui::containers::menu::{MenuButton, MenuConfig};
 use bevy_egui::egui::{
-    self, Align, Button, Color32, Layout, PopupCloseBehavior, Rect, RichText, UiBuilder, pos2, vec2,
+    self, Align, Button, Color32, Layout, PopupCloseBehavior, Pos2, Rect, RichText, UiBuilder,
+    pos2, vec2,
 };
 use glam::DVec2;
 use std::ops::RangeInclusive;
@@ -38,8 +39,8 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn new(ui: &'a mut egui::Ui, number: u8) -> Self {
-        let corner = ui.max_rect().left_top();
+    /// Row `number` of a bar from this corner on.
+    fn new(ui: &'a mut egui::Ui, corner: Pos2, number: u8) -> Self {
         Self {
             left: corner.x,
             top: corner.y + f32::from(number) * (ROW + GAP),
@@ -100,7 +101,8 @@ pub fn draw_controls(
         .frame(panel_frame().inner_margin(MARGIN));
     let shown = panel.show(&mut screen_ui(ctx), |ui| {
         ui.visuals_mut().override_text_color = Some(Color32::from_gray(200));
-        pace(&mut Row::new(ui, 0), &clock, &mut pacing, |ui| {
+        let corner = ui.max_rect().left_top();
+        pace(&mut Row::new(ui, corner, 0), &clock, &mut pacing, |ui| {
             choose_sight(ui, &mut sight, uavs.iter(), cameras.iter());
         });
         let names: Vec<String> = (stations.iter())
@@ -108,7 +110,7 @@ pub fn draw_controls(
             .collect();
         let mut given = Vec::new();
         ui.push_id(chosen.0, |ui| {
-            let mut row = Row::new(ui, 1);
+            let mut row = Row::new(ui, corner, 1);
             row.slot(104.0, |ui| choose_station(ui, &mut chosen, &names));
             let in_hand = (stations.iter_mut()).find(|(station, ..)| station.index == chosen.0);
             if let Some((_, mount, tracker, rules, mut controller, operator)) = in_hand {

@@ -17,34 +17,56 @@ use std::f64::consts::PI;
 const GREY: f64 = 0.18;
 /// What the card comes out at, over the curve's key: 0.2 of white by day.
 const MIDDLE: f64 = 0.3;
-/// Share of the field that lit windows fill at night, which the eye adapts to: a fifth of the windows in some tenth of it.
-const LIT_SHARE: f64 = 0.02;
-/// Luminance of a lit window [kcd/m^2], as in the scene.
-const LIT_KCD_M2: f64 = 0.08;
 /// Least luminance adapted to [kcd/m^2]: an overcast moonless night's ground.
 const DARKEST_KCD_M2: f64 = 1e-7;
+/// Luminance at which half of the white balance is made [kcd/m^2]: eyes see lamps and a city's glow in their colours.
+const BALANCED_KCD_M2: f64 = 1e-3;
 
-/// The exposure [m^2/kcd] in light of so much illuminance of level ground [klx]; `lit`: with a city's lit windows about.
-fn exposure(ground_klx: f64, lit: bool) -> f64 {
-    let lamps_kcd_m2 = if lit { LIT_SHARE * LIT_KCD_M2 } else { 0.0 };
-    let adapted_kcd_m2 = GREY * ground_klx / PI + lamps_kcd_m2;
+/// What the ground throws back, as far as the picture follows it: by half, in stops, so that snow and white models stay bright.
+fn followed(reflectance: f64) -> f64 {
+    (GREY * reflectance.clamp(GREY, 1.0)).sqrt()
+}
+
+/// The exposure [m^2/kcd] in light of so much illuminance of level ground [klx] that reflects so much of it.
+fn exposure(ground_klx: f64, reflectance: f64) -> f64 {
+    let adapted_kcd_m2 = followed(reflectance) * ground_klx / PI;
     let adapted_kcd_m2 = adapted_kcd_m2.max(DARKEST_KCD_M2);
     let key = 1.03 - 2.0 / (2.0 + (1e3 * adapted_kcd_m2 + 1.0).log10());
     MIDDLE * key / adapted_kcd_m2
+}
+
+/// Gains of the white balance, and what they leave of the brightness of a grey card.
+fn balance(light_klx: [f64; 3]) -> ([f64; 3], f64) {
+    let grey_kcd_m2 = GREY * luminance(light_klx) / PI;
+    let share = grey_kcd_m2 / (grey_kcd_m2 + BALANCED_KCD_M2);
+    let gains = white_balance(light_klx).map(|gain| gain.powf(share));
+    let balanced_klx = luminance([0, 1, 2].map(|i| gains[i] * light_klx[i]));
+    let brighter = balanced_klx / luminance(light_klx);
+    (gains, if brighter.is_finite() { brighter } else { 1.0 })
+}
+
+/// Mean reflectance of the ground: of tiles, that of the land around them, which has their colour.
+fn reflectance(environment: &Environment) -> f64 {
+    if environment.tiles.is_none() {
+        return GREY;
+    }
+    let land = environment.city.chunks();
+    let colours = || land.iter().flat_map(|mesh| &mesh.colors);
+    let sum: f64 = colours()
+        .map(|[r, g, b, _]| luminance([r, g, b].map(|channel| f64::from(*channel))))
+        .sum();
+    match colours().count() {
+        0 => GREY,
+        count => sum / count as f64,
+    }
 }
 
 /// What the window's camera needs to show the scene in its light. The view has no place for the gains of the white balance
 /// but its colour grading, whose saturations nothing else reads.
 pub fn shown_in(environment: &Environment) -> (Exposure, ColorGrading) {
     let sky = &environment.backdrop.sky;
-    let lit = !environment.city.buildings.is_empty() && environment.tiles.is_none();
-    let light_klx = sky.illuminant_klx();
-    let gains = white_balance(light_klx);
-    let balanced_klx = luminance([0, 1, 2].map(|i| gains[i] * light_klx[i]));
-    // The balance changes the colour of a grey card, not its brightness.
-    let dimmed = luminance(light_klx) / balanced_klx;
-    let dimmed = if dimmed.is_finite() { dimmed } else { 1.0 };
-    let exposure = dimmed * exposure(sky.global_illuminance_klx(), lit);
+    let (gains, brighter) = balance(sky.illuminant_klx());
+    let exposure = exposure(sky.global_illuminance_klx(), reflectance(environment)) / brighter;
     let mut grading = ColorGrading::default();
     let [r, g, b] = gains.map(|gain| gain as f32);
     grading.shadows.saturation = r;
@@ -70,15 +92,15 @@ pub fn expose_window(
 mod tests {
     use super::*;
 
-    /// What a grey card comes out at.
-    fn grey(ground_klx: f64, lit: bool) -> f64 {
-        exposure(ground_klx, lit) * GREY * ground_klx / PI
+    /// What a grey card comes out at on grey ground.
+    fn grey(ground_klx: f64) -> f64 {
+        exposure(ground_klx, GREY) * GREY * ground_klx / PI
     }
 
     #[test]
     fn day_is_shown_bright_dusk_darker_and_night_dark() {
         // A clear noon, an overcast day, sunset, the end of civil dusk, moonlight.
-        let shown = [100.0, 10.0, 0.4, 3.4e-3, 2e-4].map(|klx| grey(klx, false));
+        let shown = [100.0, 10.0, 0.4, 3.4e-3, 2e-4].map(grey);
         println!("{shown:.4?}");
         assert!((0.19..0.22).contains(&shown[0]), "{shown:?}");
         assert!(shown.windows(2).all(|pair| pair[1] < pair[0]), "{shown:?}");
@@ -87,13 +109,35 @@ mod tests {
     }
 
     #[test]
-    fn lit_windows_stay_windows_at_night() {
-        // Seen from afar a front averages its windows: a fifth are lit, and glass is some two fifths of it.
-        let exposure = exposure(1e-6, true);
-        let (window, front) = (exposure * LIT_KCD_M2, exposure * 0.08 * LIT_KCD_M2);
-        assert!((1.0..4.0).contains(&window), "{window}");
-        assert!(front < 0.3, "{front}");
-        // By day they change nothing.
-        assert!((grey(50.0, true) / grey(50.0, false) - 1.0).abs() < 1e-3);
+    fn white_ground_stays_below_white() {
+        let ground = |reflectance: f64| exposure(50.0, reflectance) * reflectance * 50.0 / PI;
+        // What a level white face comes out at, before the highlights roll off from 0.4 on.
+        assert!((0.4..0.55).contains(&ground(1.0)), "{}", ground(1.0));
+        assert!(ground(1.0) > 1.5 * ground(0.4));
+        // Dark ground is no reason to expose for longer.
+        assert_eq!(exposure(50.0, 0.05), exposure(50.0, GREY));
+    }
+
+    #[test]
+    fn light_is_balanced_by_day_and_left_in_its_colour_at_night() {
+        let warm = |klx: f64| balance([1.3 * klx, klx, 0.6 * klx]);
+        let (day, brighter) = warm(50.0);
+        let grey = [1.3 * day[0], day[1], 0.6 * day[2]].map(|channel| channel / brighter);
+        assert!(
+            grey.iter()
+                .all(|channel| (channel / grey[1] - 1.0).abs() < 0.1),
+            "{grey:?}"
+        );
+        let (night, brighter) = warm(1e-5);
+        assert!(
+            night.iter().all(|gain| (gain - 1.0).abs() < 0.01),
+            "{night:?}"
+        );
+        assert!((brighter - 1.0).abs() < 0.01);
+        // The balance does not change how bright a grey card is.
+        let (gains, brighter) = warm(5.0);
+        let card = luminance([1.3 * gains[0], gains[1], 0.6 * gains[2]]) / brighter;
+        assert!((card / luminance([1.3, 1.0, 0.6]) - 1.0).abs() < 1e-9);
+        assert_eq!(balance([0.0; 3]), ([1.0; 3], 1.0));
     }
 }

@@ -6,7 +6,7 @@
 use bevy::input::ButtonState;
 use bevy::input::keyboard::{Key, KeyboardFocusLost, KeyboardInput};
 use bevy::prelude::*;
-use bevy_egui::egui::{self, Event, Modifiers};
+use bevy_egui::egui::{Event, Modifiers};
 use bevy_egui::helpers::{bevy_to_egui_key, bevy_to_egui_physical_key};
 use bevy_egui::input::EguiInputEvent;
 use bevy_egui::{EguiContextSettings, EguiInputSystemSettings, PrimaryEguiContext};
@@ -84,6 +84,7 @@ fn typed<'a>(held: &mut Modifiers, inputs: impl Iterator<Item = &'a KeyboardInpu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bevy_egui::egui;
 
     fn key(key_code: KeyCode, logical_key: Key, state: ButtonState) -> KeyboardInput {
         KeyboardInput {

@@ -32,8 +32,9 @@ pub fn list(
     for line in lines {
         ui.horizontal_wrapped(|ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
-            ui.small(line.text);
-            ui.label(egui::RichText::new(line.state).small().color(line.colour));
+            ui.label(egui::RichText::new(line.text).size(12.0));
+            let state = egui::RichText::new(line.state).size(12.0);
+            ui.label(state.color(line.colour));
         });
     }
 }
