@@ -91,6 +91,7 @@ pub fn expose_window(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::air::daylight::daylight;
 
     /// What a grey card comes out at on grey ground.
     fn grey(ground_klx: f64) -> f64 {
@@ -120,24 +121,24 @@ mod tests {
 
     #[test]
     fn light_is_balanced_by_day_and_left_in_its_colour_at_night() {
-        let warm = |klx: f64| balance([1.3 * klx, klx, 0.6 * klx]);
-        let (day, brighter) = warm(50.0);
-        let grey = [1.3 * day[0], day[1], 0.6 * day[2]].map(|channel| channel / brighter);
+        let warm = |klx: f64| daylight(0.35).map(|channel| klx * channel);
+        let (day, _) = balance(warm(50.0));
+        let grey = [0, 1, 2].map(|i| day[i] * daylight(0.35)[i]);
         assert!(
             grey.iter()
-                .all(|channel| (channel / grey[1] - 1.0).abs() < 0.1),
+                .all(|channel| (channel / grey[1] - 1.0).abs() < 0.01),
             "{grey:?}"
         );
-        let (night, brighter) = warm(1e-5);
+        let (night, brighter) = balance(warm(1e-5));
         assert!(
             night.iter().all(|gain| (gain - 1.0).abs() < 0.01),
             "{night:?}"
         );
         assert!((brighter - 1.0).abs() < 0.01);
         // The balance does not change how bright a grey card is.
-        let (gains, brighter) = warm(5.0);
-        let card = luminance([1.3 * gains[0], gains[1], 0.6 * gains[2]]) / brighter;
-        assert!((card / luminance([1.3, 1.0, 0.6]) - 1.0).abs() < 1e-9);
+        let (gains, brighter) = balance(warm(5.0));
+        let card = luminance([0, 1, 2].map(|i| gains[i] * daylight(0.35)[i])) / brighter;
+        assert!((card / luminance(daylight(0.35)) - 1.0).abs() < 1e-9);
         assert_eq!(balance([0.0; 3]), ([1.0; 3], 1.0));
     }
 }
