@@ -20,21 +20,25 @@ pub fn source_colour(source: usize) -> Color32 {
 /// The colour of a line of a plot, by its recording and its number among that recording's.
 pub fn line_colour(source: usize, number: usize) -> Color32 {
     // The first recording's are warm, the second's cold, the first of each the recording's own.
-    const LINES: [[[u8; 3]; 4]; 2] = [
+    const LINES: [[[u8; 3]; 6]; 2] = [
         [
             [255, 190, 70],
             [255, 105, 80],
             [205, 225, 90],
             [245, 140, 200],
+            [205, 150, 110],
+            [255, 240, 170],
         ],
         [
             [110, 190, 255],
             [175, 140, 255],
             [80, 225, 205],
             [205, 215, 255],
+            [120, 230, 130],
+            [110, 140, 190],
         ],
     ];
-    let [r, g, b] = LINES[source.min(1)][number % 4];
+    let [r, g, b] = LINES[source.min(1)][number % 6];
     Color32::from_rgb(r, g, b)
 }
 
