@@ -251,19 +251,16 @@ impl Operator {
 
     /// Answers the order that waits for its track, if one does.
     pub fn answer_waiting(&mut self, answer: Answer) {
-        let waits = self.answers.iter_mut().rev();
-        if let Some(last) = waits.into_iter().find(|last| **last == Answer::Waits) {
+        let mut latest_first = self.answers.iter_mut().rev();
+        if let Some(last) = latest_first.find(|last| **last == Answer::Waits) {
             *last = answer;
         }
     }
 
     /// Answers the last order of this kind that came due with a refusal.
     pub fn refuse(&mut self, command: &Command, why: String) {
-        let orders = self.orders.iter().zip(&mut self.answers).rev();
-        if let Some((_, answer)) = orders
-            .into_iter()
-            .find(|(order, _)| order.command == *command)
-        {
+        let mut latest_first = self.orders.iter().zip(&mut self.answers).rev();
+        if let Some((_, answer)) = latest_first.find(|(order, _)| order.command == *command) {
             *answer = Answer::Refused(why);
         }
     }
