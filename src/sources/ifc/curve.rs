@@ -244,8 +244,7 @@ impl Model<'_> {
             let times = usize::try_from(times?).ok()?.min(degree + 1);
             knots.extend(std::iter::repeat_n(value?, times));
         }
-        let sound = degree >= 1
-            && degree <= 16
+        let sound = (1..=16).contains(&degree)
             && controls.len() > degree
             && weights.len() == controls.len()
             && knots.len() == controls.len() + degree + 1

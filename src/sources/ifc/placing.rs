@@ -47,7 +47,8 @@ impl Placing<'_> {
             return Ok(Box::new(move |r| place.ecef_m(world.transform_point3(r))));
         }
         let fault = |fault: Fault| fault.of(path);
-        match (&stated.operation, &stated.site) {
+        let operation = self.set_operation(world, notes).map_err(fault)?;
+        match (operation, &stated.site) {
             (Some(operation), _) if operation.angles => {
                 self.geographic(operation, world, notes).map_err(fault)
             }
@@ -60,6 +61,39 @@ impl Placing<'_> {
             }
             _ => self.in_a_map(world, path, notes),
         }
+    }
+
+    /// The map conversion, if it is set and names its system; where it does not, the site's latitude and longitude count.
+    fn set_operation(
+        &self,
+        world: DAffine3,
+        notes: &mut Notes,
+    ) -> Result<Option<&Operation>, Fault> {
+        let Some(operation) = &self.stated.operation else {
+            return Ok(None);
+        };
+        let near_m = world.transform_point3(self.middle_m).truncate().length();
+        let unset = operation.offset.truncate() == DVec2::ZERO && near_m < MAP_M;
+        let named = |it: &super::system::System| it.name.is_some() || it.is_described();
+        let nameless =
+            self.options.crs.is_none() && !self.stated.system.as_ref().is_some_and(named);
+        let what = match (unset, nameless) {
+            (true, _) => {
+                "its eastings and northings are 0, where no map has a city: it is taken as not set"
+            }
+            (false, true) => "it names no coordinate reference system: it is not used",
+            _ => return Ok(Some(operation)),
+        };
+        if self.stated.site.is_none() && unset {
+            let mend = "state them, or place it with --georef";
+            return Err(Fault::new(&operation.place, what, mend));
+        }
+        if self.stated.site.is_none() {
+            return Ok(Some(operation));
+        }
+        let what = format!("{what}, and the site's latitude and longitude count");
+        notes.assume(&operation.place, what, MEND);
+        Ok(None)
     }
 
     /// From the frame of the placements to that of the world coordinate system.

@@ -148,6 +148,12 @@ impl System {
         }
     }
 
+    /// Whether words beside its name say which it is.
+    pub fn is_described(&self) -> bool {
+        let words = [&self.description, &self.definition, &self.projection];
+        words.into_iter().any(Option::is_some)
+    }
+
     /// The code of a UTM zone that is named in words.
     fn utm(&self) -> Option<String> {
         let words = [&self.name, &self.description, &self.projection, &self.zone];

@@ -376,6 +376,54 @@ fn a_site_stands_at_its_latitude_with_true_north() {
     assert!(said.contains("5.0 km from the point"), "{said}");
 }
 
+#[test]
+fn conversions_that_are_not_set_give_way_to_the_site() {
+    let unset = format!("#205=IFCMAPCONVERSION(#5,#201,0.,0.,0.,1.,0.,$);\n{CRS}");
+    let nameless = "#205=IFCMAPCONVERSION(#5,#201,691000.,5334000.,0.,1.,0.,$);\n#201=IFCPROJECTEDCRS('',$,$,$,$,$,$);\n";
+    for (place, word) in [
+        (unset.as_str(), "taken as not set"),
+        (nameless, "names no coordinate reference system"),
+    ] {
+        let (found, said) = middle(&format!("{SITE}{place}"));
+        assert!((found.latitude_rad.to_degrees() - 48.0 - 8.0 / 60.0).abs() < 1e-4);
+        assert!(said.contains(word) && said.contains("--georef"), "{said}");
+        let said = refused(METRES, place);
+        assert!(said.contains("--georef"), "{said}");
+    }
+}
+
+#[test]
+fn maps_in_feet_are_met_in_their_own_feet() {
+    // New York's Long Island plane counts US survey feet.
+    let crs = place::crs("EPSG:2263", &Options::default()).unwrap();
+    let survey = 1200.0 / 3937.0;
+    let want = crs
+        .to_ecef(DVec3::new(987_000.0, 195_000.0, 30.0 * survey))
+        .unwrap();
+    let map = |scale: &str, unit: &str| {
+        format!(
+            "#200=IFCMAPCONVERSION(#5,#201,987000.,195000.,30.,1.,0.,{scale});\n#201=IFCPROJECTEDCRS('EPSG:2263',$,$,$,$,$,{unit});\n\
+        #202=IFCCONVERSIONBASEDUNIT($,.LENGTHUNIT.,'US SURVEY FOOT',#203);\n#203=IFCMEASUREWITHUNIT(IFCRATIOMEASURE(0.30480060960121924),#204);\n\
+        #204=IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.);\n"
+        )
+    };
+    for (units, place, own) in [
+        (METRES.to_string(), map("3.2808333333", "#202"), false),
+        (metres(FOOT), map("$", "$"), true),
+        (metres(FOOT), map("1.", "#202"), false),
+    ] {
+        let text = file(&units, &place, &[BLOCK]);
+        let layer = read_text(&text, &Options::default()).unwrap();
+        let off_m = corners(&layer)
+            .iter()
+            .map(|r| r.distance(want))
+            .fold(f64::INFINITY, f64::min);
+        assert!(off_m < 2e-3, "{off_m} {place}");
+        let said = warnings(&layer);
+        assert_eq!(said.contains("taken as the map's own"), own, "{said}");
+    }
+}
+
 /// A tetrahedron, written with other units, scales, turns, placements.
 fn tetrahedron(points: &[DVec3]) -> String {
     let list: Vec<String> = points
