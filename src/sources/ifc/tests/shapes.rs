@@ -302,6 +302,38 @@ fn what_is_not_read_is_counted_and_named() {
 }
 
 #[test]
+fn one_damaged_record_does_not_cost_the_file() {
+    let block = "@1=IFCBLOCK(#6,1.,1.,1.);";
+    let far = "@1=IFCBLOCK(@2,1.,1.,1.);@2=IFCAXIS2PLACEMENT3D(@3,$,$);@3=IFCCARTESIANPOINT((9.E9,0.,0.));";
+    let flat = "@1=IFCTRIANGULATEDFACESET(@2,$,.T.,((1,2,3),(1,2,9)),$);@2=IFCCARTESIANPOINTLIST3D(((0.,0.,0.),(1.,0.,0.),(1.,0.,0.)));";
+    let text = file(
+        METRES,
+        MAP,
+        &[("one", block), ("two", block), ("far", far), ("flat", flat)],
+    );
+    let odd = "#400=IFCWALL('x',$,'cut off',$,$,#10,#1901,$,$\n#401=IFCWALL('x',$,'twice',$,$,#10,#1901,$,$);\n\
+        #401=IFCWALL('x',$,'twice',$,$,#10,#1901,$,$);\n#4294967999=IFCWALL('x',$,'large',$,$,#10,#1901,$,$);\nENDSEC;\nEND-";
+    let layer = read_text(&text.replace("ENDSEC;\nEND-", odd), &Options::default()).unwrap();
+    let said = warnings(&layer);
+    for part in [
+        "1 products a thousand kilometres from the rest (IfcBeam 'far')",
+        "1 products whose faces have no area (IfcBeam 'flat')",
+        "1 faces of sets with points that do not exist (#4001 in IfcBeam 'flat')",
+        "1 damaged records (line ",
+        "1 records whose number is taken (#401)",
+        "1 records with numbers above 4294967295 (line ",
+    ] {
+        assert!(said.contains(part), "{part} is not in {said}");
+    }
+    let names: Vec<_> = layer
+        .features
+        .iter()
+        .filter_map(|known| known["name"].as_str())
+        .collect();
+    assert_eq!(names, ["twice", "one", "two"]);
+}
+
+#[test]
 fn marks_and_archives_are_told_apart() {
     let text = file(METRES, MAP, &[("block", "@1=IFCBLOCK(#6,1.,1.,1.);")]);
     for text in [
