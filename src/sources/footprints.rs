@@ -1,23 +1,28 @@
 //! Outlines of buildings with heights (GeoJSON, OpenStreetMap), extruded from the ground.
 
+mod extrude;
+mod geojson;
+mod length;
 mod osm;
 mod outline;
+mod pbf;
 
 use super::error::{Fault, SourceError, read_bytes};
 use super::geotiff::Ground;
 use super::options::Options;
 use super::place;
-use super::surfaces::{Corner, Surfaces};
+use super::surfaces::Surfaces;
 use super::{Layer, LayerKind};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::polygon;
 use crate::projection::Crs;
-use geojson::{GeoJson, GeometryValue};
+use crate::warning::Notes;
+use extrude::{extrude, tidy};
+pub use geojson::is_geojson;
 use glam::{DVec2, DVec3};
-use outline::{Footprint, TALLEST_M};
+use outline::{Footprint, Remarks, TALLEST_M};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
-use serde_json::{Map, Value};
 use std::path::Path;
 
 /// Height of a building of which nothing is known [m].
@@ -27,8 +32,9 @@ const WALL: [f32; 4] = [0.38, 0.34, 0.29, 1.0];
 /// Of a roof.
 const ROOF: [f32; 4] = [0.24, 0.20, 0.18, 1.0];
 
-/// Buildings from outlines: polygons of a GeoJSON file, or ways and multipolygons tagged `building` or `building:part` of an
-/// `.osm.pbf` file. They stand on the options' terrain, else at their base height; outlines beside the terrain are left out.
+/// Buildings from outlines: polygons of a GeoJSON file or sequence, or ways and multipolygons tagged `building` or `building:part` of an
+/// `.osm.pbf` file. They stand on the options' terrain, else at their base height. What lies under the ground, beside the terrain or has no
+/// outline is left out, and said in the layer's warnings.
 ///
 /// Fails where the file is damaged, names a system that is not known, or holds no outline.
 pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
@@ -37,29 +43,14 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         .file_name()
         .map(|name| name.to_string_lossy().to_lowercase())
         .unwrap_or_default();
-    if name.ends_with(".osm") {
-        let mend = "convert it (osmium cat city.osm -o city.osm.pbf)";
-        return Err(Fault::new("OpenStreetMap data", "XML is not read", mend).of(path));
-    }
-    let found = if name.ends_with(".pbf") {
-        osm::read(&bytes).map(|found| (found, "WGS84".to_string()))
-    } else {
-        parse_geojson(&bytes)
-    };
-    let (footprints, system) = found.map_err(|fault| fault.of(path))?;
+    let mut notes = Notes::default();
+    let found = parse(&bytes, &name, options, &mut notes);
+    let (mut footprints, system) = found.map_err(|fault| fault.of(path))?;
     drop(bytes);
-    let degrees = |r: &DVec2| r.x.abs() <= 180.0 && r.y.abs() <= 90.0;
-    let all_degrees = footprints
-        .iter()
-        .flat_map(|f| f.rings.iter().flatten())
-        .all(degrees);
-    // A map named for other sources beside it does not turn longitudes and latitudes into metres.
-    let named = options
-        .crs
-        .as_deref()
-        .filter(|_| !name.ends_with(".pbf") && !all_degrees);
-    let system = named.unwrap_or(&system);
-    let crs = place::crs(system, options).map_err(|fault| fault.of(path))?;
+    let crs = place::crs(&system, options).map_err(|fault| fault.of(path))?;
+    if crs.is_geographic() {
+        one_turn(&mut footprints);
+    }
     let ground = match &options.terrain {
         Some(terrain) => {
             let own = Options {
@@ -70,76 +61,79 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         }
         None => None,
     };
-    buildings(&footprints, &crs, ground.as_ref(), options).map_err(|fault| fault.of(path))
-}
-
-/// The polygons of a GeoJSON text, and its system: WGS 84, but where an old file names another.
-fn parse_geojson(bytes: &[u8]) -> Result<(Vec<Footprint>, String), Fault> {
-    let mend = "name a GeoJSON file of polygons, or an .osm.pbf file";
-    let parsed: GeoJson =
-        serde_json::from_slice(bytes).map_err(|error| Fault::new("GeoJSON", error, mend))?;
-    let mut system = "WGS84".to_string();
-    let mut found = Vec::new();
-    match parsed {
-        GeoJson::FeatureCollection(collection) => {
-            let named = collection.foreign_members.as_ref().and_then(|members| {
-                let name = members.get("crs")?.get("properties")?.get("name")?;
-                name.as_str().map(str::to_string)
-            });
-            system = named.unwrap_or(system);
-            for feature in collection.features {
-                let mut known = feature.properties.unwrap_or_default();
-                if let Some(id) = feature.id {
-                    let id = match id {
-                        geojson::feature::Id::String(text) => Value::from(text),
-                        geojson::feature::Id::Number(number) => Value::from(number.to_string()),
-                    };
-                    known.entry("id").or_insert(id);
-                }
-                if let Some(geometry) = feature.geometry {
-                    polygons(geometry.value, &known, &mut found);
-                }
-            }
-        }
-        GeoJson::Feature(feature) => {
-            let known = feature.properties.unwrap_or_default();
-            if let Some(geometry) = feature.geometry {
-                polygons(geometry.value, &known, &mut found);
-            }
-        }
-        GeoJson::Geometry(geometry) => polygons(geometry.value, &Map::new(), &mut found),
+    if ground.is_none() {
+        place::note_heights(&crs, &mut notes);
     }
-    Ok((found, system))
+    let layer = buildings(footprints, &crs, ground.as_ref(), options, &mut notes);
+    let layer = layer.map_err(|fault| fault.of(path))?;
+    Ok(Layer {
+        warnings: notes.warnings(path),
+        ..layer
+    })
 }
 
-/// Gathers the polygons of a geometry.
-fn polygons(value: GeometryValue, known: &Map<String, Value>, found: &mut Vec<Footprint>) {
-    let mut add = |rings: Vec<Vec<geojson::Position>>| {
-        let point = |p: &geojson::Position| {
-            let numbers = p.as_slice();
-            DVec2::new(
-                numbers.first().copied().unwrap_or(f64::NAN),
-                numbers.get(1).copied().unwrap_or(f64::NAN),
-            )
-        };
-        let rings = rings
-            .iter()
-            .map(|ring| ring.iter().map(point).collect())
-            .collect();
-        found.push(Footprint {
-            rings,
-            known: known.clone(),
-        });
+/// The outlines of a file and the name of their system.
+fn parse(
+    bytes: &[u8],
+    name: &str,
+    options: &Options,
+    notes: &mut Notes,
+) -> Result<(Vec<Footprint>, String), Fault> {
+    const WGS84: &str = "WGS84";
+    let xml = bytes.trim_ascii_start().starts_with(b"<");
+    if [".osm", ".osm.gz", ".osm.bz2", ".o5m"]
+        .iter()
+        .any(|end| name.ends_with(end))
+        || xml
+    {
+        let mend = "convert it (osmium cat city.osm -o city.osm.pbf)";
+        return Err(Fault::new(
+            "OpenStreetMap data",
+            "of its forms only .osm.pbf is read",
+            mend,
+        ));
+    }
+    // A map named for other sources beside it does not turn longitudes and latitudes into metres.
+    let geographic =
+        |name: &&String| place::crs(name, options).is_ok_and(|crs| crs.is_geographic());
+    if name.ends_with(".pbf") {
+        let system = options.crs.as_ref().filter(geographic).cloned();
+        return Ok((osm::read(bytes, notes)?, system.unwrap_or(WGS84.into())));
+    }
+    let outlines = geojson::read(bytes, notes)?;
+    let degrees = look_like_degrees(&outlines.footprints);
+    let own = match (outlines.system, &options.crs) {
+        // Another system than the one that is not understood is named.
+        (Some(Err(_)), Some(_)) => None,
+        (own, _) => own.transpose()?,
     };
-    match value {
-        GeometryValue::Polygon { coordinates } => add(coordinates),
-        GeometryValue::MultiPolygon { coordinates } => coordinates.into_iter().for_each(add),
-        GeometryValue::GeometryCollection { geometries } => {
-            geometries
-                .into_iter()
-                .for_each(|geometry| polygons(geometry.value, known, found));
-        }
-        _ => {}
+    let named = options
+        .crs
+        .as_ref()
+        .filter(|name| !degrees || geographic(name));
+    let system = named.cloned().or(own).unwrap_or(WGS84.into());
+    Ok((outlines.footprints, system))
+}
+
+/// Whether most points may be longitudes and latitudes [deg].
+fn look_like_degrees(footprints: &[Footprint]) -> bool {
+    let points = || footprints.iter().flat_map(|f| f.rings.iter().flatten());
+    let degrees = points().filter(|r| r.x.abs() <= 360.0 && r.y.abs() <= 90.0);
+    2 * degrees.count() > points().count()
+}
+
+/// Brings longitudes [deg] to within half a turn of their mean direction: outlines on both sides of the meridian of 180° are neighbours.
+fn one_turn(footprints: &mut [Footprint]) {
+    let points = footprints.iter().flat_map(|f| f.rings.iter().flatten());
+    let mean: DVec2 = (points.filter(|r| r.is_finite()))
+        .map(|r| DVec2::from_angle(r.x.to_radians()))
+        .sum();
+    let middle = mean.to_angle().to_degrees();
+    for r in footprints
+        .iter_mut()
+        .flat_map(|f| f.rings.iter_mut().flatten())
+    {
+        r.x -= 360.0 * ((r.x - middle) / 360.0).round();
     }
 }
 
@@ -183,65 +177,125 @@ fn replaced(footprints: &[Footprint]) -> Vec<bool> {
     replaced
 }
 
-/// The layer of extruded outlines.
+/// The least of a footprint's ground heights [m over the ellipsoid].
+///
+/// Fails where a corner lies nowhere on the Earth; `None` beside the terrain.
+fn stand_m(
+    footprint: &Footprint,
+    base: &impl Fn(DVec2) -> Result<Geodetic, Fault>,
+    ground: Option<&Ground>,
+) -> Result<Option<f64>, Fault> {
+    let mut least: Option<f64> = None;
+    for ring in &footprint.rings {
+        for r in ring {
+            base(*r)?;
+        }
+    }
+    for r in footprint.rings.first().into_iter().flatten() {
+        let place = base(*r)?;
+        let height_m = ground.map_or(Some(place.height_m), |ground| ground.height_m(place));
+        least = height_m.map(|h| least.map_or(h, |l| l.min(h))).or(least);
+    }
+    Ok(least)
+}
+
+/// Outlines that stand somewhere, with the height of the ground below each [m over the ellipsoid].
+fn standing(
+    footprints: Vec<Footprint>,
+    base: &impl Fn(DVec2) -> Result<Geodetic, Fault>,
+    ground: Option<&Ground>,
+    notes: &mut Notes,
+) -> Result<Vec<(Footprint, f64)>, Fault> {
+    if footprints.is_empty() {
+        let mend = "name a file with outlines of buildings";
+        return Err(Fault::new("outlines", "no polygon", mend));
+    }
+    let above = |footprint: &Footprint| {
+        let under = footprint.is_underground();
+        if under {
+            notes.leave_out("buildings under the ground", &footprint.name);
+        }
+        !under
+    };
+    let footprints: Vec<_> = footprints.into_iter().filter(above).collect();
+    let replaced = replaced(&footprints);
+    let mut wrong = None;
+    let mut standing = Vec::new();
+    for (footprint, replaced) in footprints.into_iter().zip(replaced) {
+        match stand_m(&footprint, base, ground) {
+            _ if replaced => {}
+            Ok(Some(stand_m)) => standing.push((footprint, stand_m)),
+            Ok(None) => notes.leave_out("outlines beside the terrain", footprint.name),
+            Err(fault) => {
+                notes.leave_out("outlines that lie nowhere on the Earth", footprint.name);
+                wrong.get_or_insert(fault);
+            }
+        }
+    }
+    match wrong {
+        Some(fault) if standing.is_empty() => Err(fault),
+        _ => Ok(standing),
+    }
+}
+
+/// The frame of the outlines: that of the options, or one in their middle on their lowest ground.
+fn site(
+    standing: &[(Footprint, f64)],
+    base: &impl Fn(DVec2) -> Result<Geodetic, Fault>,
+    options: &Options,
+) -> Result<SiteFrame, Fault> {
+    if let Some(site) = options.site {
+        return Ok(site);
+    }
+    let points = || standing.iter().flat_map(|(f, _)| f.rings.iter().flatten());
+    let low = points().fold(DVec2::INFINITY, |a, b| a.min(*b));
+    let high = points().fold(DVec2::NEG_INFINITY, |a, b| a.max(*b));
+    let height_m = (standing.iter()).fold(f64::INFINITY, |low, (_, stand_m)| low.min(*stand_m));
+    Ok(SiteFrame::new(Geodetic {
+        height_m,
+        ..base((low + high) / 2.0)?
+    }))
+}
+
+/// The error of a file whose outlines are all left out.
+fn nothing(notes: &Notes) -> Fault {
+    let what = match notes.count_left_out() {
+        0 => "no outline has an area".to_string(),
+        n => format!("all {n} are left out: under or beside the ground, or without an area"),
+    };
+    let mend = "check the terrain's extent and both coordinate systems";
+    Fault::new("outlines", what, mend)
+}
+
+/// The layer of extruded outlines; what is left out is said to the notes.
 fn buildings(
-    footprints: &[Footprint],
+    footprints: Vec<Footprint>,
     crs: &Crs,
     ground: Option<&Ground>,
     options: &Options,
+    notes: &mut Notes,
 ) -> Result<Layer, Fault> {
-    let points = || footprints.iter().flat_map(|f| f.rings.iter().flatten());
-    let low = points().fold(DVec2::INFINITY, |a, b| a.min(*b));
-    let high = points().fold(DVec2::NEG_INFINITY, |a, b| a.max(*b));
-    if !(low.is_finite() && high.is_finite()) {
-        let what = "no polygon, or coordinates that are no numbers";
-        return Err(Fault::new(
-            "outlines",
-            what,
-            "name a file with outlines of buildings",
-        ));
-    }
-    let base = |r: DVec2| Ok::<_, Fault>(crs.to_geodetic(r.extend(options.base_height_m))?);
-    // Height of the ground over the ellipsoid: the lowest along the outline.
-    let mut stands = Vec::with_capacity(footprints.len());
-    for footprint in footprints {
-        let mut least: Option<f64> = None;
-        for r in footprint.rings.first().into_iter().flatten() {
-            let place = base(*r)?;
-            let height_m = ground.map_or(Some(place.height_m), |ground| ground.height_m(place));
-            least = height_m.map(|h| least.map_or(h, |l| l.min(h))).or(least);
-        }
-        stands.push(least);
-    }
-    let site = match options.site {
-        Some(site) => site,
-        None => {
-            let lowest = stands
-                .iter()
-                .flatten()
-                .copied()
-                .fold(f64::INFINITY, f64::min);
-            let middle = base((low + high) / 2.0)?;
-            let height_m = if lowest.is_finite() {
-                lowest
-            } else {
-                middle.height_m
-            };
-            SiteFrame::new(Geodetic { height_m, ..middle })
-        }
+    let turned = |x: f64| match crs.is_geographic() && x.abs() > 180.0 {
+        true => x - 360.0 * (x / 360.0).round(),
+        false => x,
     };
-    let replaced = replaced(footprints);
+    let base = |r: DVec2| {
+        let r = DVec3::new(turned(r.x), r.y, options.base_height_m);
+        Ok::<_, Fault>(crs.to_geodetic(r)?)
+    };
+    let standing = standing(footprints, &base, ground, notes)?;
+    if standing.is_empty() {
+        return Err(nothing(notes));
+    }
+    let site = site(&standing, &base, options)?;
+    let unknown_m = options
+        .building_height_m
+        .unwrap_or(UNKNOWN_M)
+        .clamp(0.1, TALLEST_M);
+    let mut remarks = Remarks::default();
     let mut surfaces = Surfaces::default();
     let mut features = Vec::new();
-    for ((footprint, stand), replaced) in footprints.iter().zip(stands).zip(replaced) {
-        let (Some(stand_m), false) = (stand, replaced) else {
-            continue;
-        };
-        let unknown_m = options
-            .building_height_m
-            .unwrap_or(UNKNOWN_M)
-            .clamp(0.1, TALLEST_M);
-        let [low_m, high_m, roof_m] = footprint.heights_m(unknown_m);
+    for (footprint, stand_m) in standing {
         let at = |r: &DVec2, up_m: f64| {
             let place = Geodetic {
                 height_m: stand_m + up_m,
@@ -249,6 +303,7 @@ fn buildings(
             };
             Ok::<_, Fault>(site.ecef_to_enu(place.to_ecef()))
         };
+        let [low_m, high_m, roof_m] = footprint.heights_m(unknown_m, &mut remarks);
         let mut rings = Vec::new();
         for (k, ring) in footprint.rings.iter().enumerate() {
             let corners = ring.iter().map(|r| Ok([at(r, low_m)?, at(r, high_m)?]));
@@ -260,29 +315,24 @@ fn buildings(
             rings.extend(Some(ring).filter(|ring| !ring.is_empty()));
         }
         if rings.is_empty() {
+            notes.leave_out("outlines without an area", &footprint.name);
             continue;
         }
         let number = features.len() as u32;
-        let looks = [("building:colour", WALL), ("roof:colour", ROOF)];
-        let [wall, roof] =
-            looks.map(|(key, plain)| footprint.text(key).and_then(colour).unwrap_or(plain));
-        let pyramid = footprint.text("roof:shape") == Some("pyramidal") && rings.len() == 1;
+        let pyramid = is_pyramid(&footprint, rings.len(), notes);
         let roof_m = if pyramid { roof_m } else { 0.0 };
-        extrude(&mut surfaces, &rings, roof_m, number, [wall, roof]);
-        let mut known = footprint.known.clone();
+        let colours = colours(&footprint, notes);
+        extrude(&mut surfaces, &rings, roof_m, number, colours);
+        let mut known = footprint.known;
         known.insert("ground_ellipsoid_m".into(), stand_m.into());
         known.insert("bottom_m".into(), low_m.into());
         known.insert("top_m".into(), high_m.into());
         features.push(known);
     }
     if features.is_empty() {
-        let what = "no outline has an area and ground under it";
-        return Err(Fault::new(
-            "outlines",
-            what,
-            "check the terrain's extent and both coordinate systems",
-        ));
+        return Err(nothing(notes));
     }
+    remarks.say(unknown_m, notes);
     Ok(Layer {
         kind: LayerKind::Buildings,
         site,
@@ -292,80 +342,91 @@ fn buildings(
     })
 }
 
-/// An open ring of bottom and top corners without repeated ones, counter-clockwise seen from above for an outline, clockwise for a hole.
-/// Empty where nothing is left.
-fn tidy(mut ring: Vec<[DVec3; 2]>, outline: bool) -> Vec<[DVec3; 2]> {
-    let same = |a: &[DVec3; 2], b: &[DVec3; 2]| a[0].distance_squared(b[0]) < 1e-6;
-    ring.dedup_by(|a, b| same(a, b));
-    while ring.len() > 1
-        && ring
-            .first()
-            .zip(ring.last())
-            .is_some_and(|(a, b)| same(a, b))
-    {
-        ring.pop();
-    }
-    let flat: Vec<DVec2> = ring.iter().map(|c| c[0].truncate()).collect();
-    let first = flat.first().copied().unwrap_or_default();
-    let twice: f64 = flat
-        .windows(2)
-        .map(|w| (w[0] - first).perp_dot(w[1] - first))
-        .sum();
-    if ring.len() < 3 || twice.abs() < 0.02 || !twice.is_finite() {
-        return Vec::new();
-    }
-    if (twice > 0.0) != outline {
-        ring.reverse();
-    }
-    ring
-}
-
-/// Walls, roof and floor of a building.
-fn extrude(
-    surfaces: &mut Surfaces,
-    rings: &[Vec<[DVec3; 2]>],
-    roof_m: f64,
-    feature: u32,
-    [wall, roof]: [[f32; 4]; 2],
-) {
-    let eaves = |c: &[DVec3; 2]| c[1] - DVec3::Z * roof_m;
-    for ring in rings {
-        for (a, b) in ring.iter().zip(ring.iter().cycle().skip(1)) {
-            let face = [a[0], b[0], eaves(b), eaves(a)].map(Corner::from);
-            surfaces.polygon(&[face.to_vec()], feature, wall, 0);
-        }
-    }
-    let floor: Vec<Vec<Corner>> = rings
+/// Whether a building has a pyramid for a roof; of other shapes it is said that they are made flat.
+fn is_pyramid(footprint: &Footprint, rings: usize, notes: &mut Notes) -> bool {
+    let shape = ["roof:shape", "roof_shape"]
         .iter()
-        .map(|ring| ring.iter().rev().map(|c| c[0].into()).collect())
-        .collect();
-    surfaces.polygon(&floor, feature, wall, 0);
-    if roof_m > 0.0 {
-        let outline: Vec<DVec2> = rings[0].iter().map(|c| c[1].truncate()).collect();
-        let apex = polygon::centroid(&outline).extend(rings[0][0][1].z);
-        for (a, b) in rings[0].iter().zip(rings[0].iter().cycle().skip(1)) {
-            surfaces.polygon(
-                &[[eaves(a), eaves(b), apex].map(Corner::from).to_vec()],
-                feature,
-                roof,
-                0,
-            );
+        .find_map(|key| footprint.text(key));
+    match shape {
+        None | Some("flat" | "") => false,
+        Some("pyramidal") if rings == 1 => true,
+        Some(shape) => {
+            let place = format!("{}, {shape}", footprint.name);
+            notes.leave_out("roof shapes, made flat at full height", place);
+            false
         }
-    } else {
-        let top: Vec<Vec<Corner>> = rings
-            .iter()
-            .map(|ring| ring.iter().map(|c| c[1].into()).collect())
-            .collect();
-        surfaces.polygon(&top, feature, roof, 0);
     }
 }
 
-/// Linear albedo of a colour of the screen, `#rrggbb`.
+/// Linear albedos of walls and roof.
+fn colours(footprint: &Footprint, notes: &mut Notes) -> [[f32; 4]; 2] {
+    let keys = [
+        ["building:colour", "building:color", "facade_color"],
+        ["roof:colour", "roof:color", "roof_color"],
+    ];
+    let mut look = |keys: [&str; 3], plain| {
+        let Some(text) = keys
+            .iter()
+            .find_map(|key| footprint.text(key))
+            .filter(|text| !text.is_empty())
+        else {
+            return plain;
+        };
+        colour(text).unwrap_or_else(|| {
+            let place = format!(
+                "{}, {}",
+                footprint.name,
+                text.chars().take(40).collect::<String>()
+            );
+            notes.leave_out("colours that are not understood", place);
+            plain
+        })
+    };
+    [look(keys[0], WALL), look(keys[1], ROOF)]
+}
+
+/// Colours by the names that HTML 4 has, as OpenStreetMap uses them, and the commonest of CSS on roofs.
+const NAMED: [(&str, &str); 26] = [
+    ("black", "#000000"),
+    ("silver", "#c0c0c0"),
+    ("gray", "#808080"),
+    ("grey", "#808080"),
+    ("white", "#ffffff"),
+    ("maroon", "#800000"),
+    ("red", "#ff0000"),
+    ("purple", "#800080"),
+    ("fuchsia", "#ff00ff"),
+    ("green", "#008000"),
+    ("lime", "#00ff00"),
+    ("olive", "#808000"),
+    ("yellow", "#ffff00"),
+    ("navy", "#000080"),
+    ("blue", "#0000ff"),
+    ("teal", "#008080"),
+    ("aqua", "#00ffff"),
+    ("brown", "#a52a2a"),
+    ("orange", "#ffa500"),
+    ("pink", "#ffc0cb"),
+    ("beige", "#f5f5dc"),
+    ("tan", "#d2b48c"),
+    ("lightgray", "#d3d3d3"),
+    ("lightgrey", "#d3d3d3"),
+    ("darkgray", "#a9a9a9"),
+    ("darkgrey", "#a9a9a9"),
+];
+
+/// Linear albedo of a colour of the screen: `#rrggbb`, `#rgb` or a name.
 fn colour(text: &str) -> Option<[f32; 4]> {
-    let hex = text
-        .strip_prefix('#')
-        .filter(|hex| hex.len() == 6 && hex.is_ascii())?;
-    let part = |k: usize| u8::from_str_radix(hex.get(2 * k..2 * k + 2)?, 16).ok();
+    let lower = text.to_lowercase();
+    let named = NAMED.iter().find(|(name, _)| *name == lower);
+    let hex = named.map_or(lower.as_str(), |(_, hex)| hex);
+    let hex = hex.strip_prefix('#').filter(|hex| hex.is_ascii())?;
+    let digits: String = match hex.len() {
+        3 => hex.chars().flat_map(|c| [c, c]).collect(),
+        6 => hex.into(),
+        _ => return None,
+    };
+    let part = |k: usize| u8::from_str_radix(digits.get(2 * k..2 * k + 2)?, 16).ok();
     let linear = |v: u8| (f32::from(v) / 255.0).powf(2.2);
     Some([linear(part(0)?), linear(part(1)?), linear(part(2)?), 1.0])
 }

@@ -6,8 +6,10 @@ use super::mesh::placed;
 use super::options::Options;
 use crate::models::shape::textured::{PlacedMesh, TexturedMesh};
 use crate::tiles::content::{UpAxis, decode};
+use crate::tiles::fetch::unescape;
+use crate::warning::Notes;
 use glam::{DAffine3, DVec3, Vec3};
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
 /// Its meshes as one surface, z up; light and unlit as the file says.
 ///
@@ -15,24 +17,59 @@ use std::path::{Component, Path};
 pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
     let bytes = read_bytes(path)?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    let fetch = |uri: &str| -> Result<Vec<u8>, String> {
-        let name = Path::new(uri);
-        let inside = |part: Component| matches!(part, Component::Normal(_) | Component::CurDir);
-        if !name.components().all(inside) {
-            return Err(format!("{uri}: it lies outside the model's folder"));
-        }
-        read_bytes(&folder.join(name)).map_err(|error| error.to_string())
-    };
-    let content = decode(&bytes, UpAxis::Y, &fetch).map_err(|error| {
+    let fetch = |uri: &str| beside(folder, uri);
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    let content = decode(bytes, UpAxis::Y, &fetch).map_err(|error| {
         let mend = "export it again as glTF 2.0 or GLB";
         Fault::new("model", error, mend).of(path)
     })?;
+    let mut notes = Notes::default();
+    for note in &content.notes {
+        notes.assume("model", note, "the rest is read");
+    }
+    let clouds = content.points.len();
+    if clouds > 0 {
+        notes.assume(
+            "model",
+            format!("{clouds} point clouds are left out"),
+            "the rest is read",
+        );
+    }
     let features = content.features;
     let meshes = (content.meshes.iter())
         .flat_map(|placed| placed.placements.iter().map(|to| standing(placed, to)))
         .collect();
-    let layer = placed(meshes, options, path)?;
+    let layer = placed(meshes, options, path, notes)?;
     Ok(Layer { features, ..layer })
+}
+
+/// A file inside the model's folder, by its URI: percent escapes and backslashes stand for what they mean.
+fn beside(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
+    let plain = |uri: &str| {
+        let uri = uri.split(['?', '#']).next().unwrap_or(uri);
+        let name = String::from_utf8_lossy(&unescape(uri)).replace('\\', "/");
+        folder.join(name)
+    };
+    let inside = |path: &PathBuf| {
+        let within = path.strip_prefix(folder).unwrap_or(path);
+        within
+            .components()
+            .all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+    };
+    if uri.contains("://") {
+        return Err("addresses are not fetched; put the file beside the model".into());
+    }
+    // A name may hold what looks like an escape.
+    let literal = folder.join(uri);
+    let path = if literal.is_file() {
+        literal
+    } else {
+        plain(uri)
+    };
+    if !inside(&path) {
+        return Err("it lies outside the model's folder".into());
+    }
+    read_bytes(&path).map_err(|error| error.to_string())
 }
 
 /// A mesh at one of its places.
@@ -59,3 +96,6 @@ fn standing(placed: &PlacedMesh, to: &DAffine3) -> TexturedMesh {
     }
     out
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,8 +3,11 @@
 use super::error::{Fault, SourceError, read_bytes};
 use super::options::Options;
 use super::place::{Place, site};
+use super::surfaces::{Corner, triangulate};
 use super::{Layer, LayerKind};
 use crate::models::shape::textured::{Texture, TexturedMesh};
+use crate::warning::Notes;
+use earcut::Earcut;
 use glam::{DMat3, DVec3, Vec3};
 use std::path::Path;
 use std::sync::Arc;
@@ -37,6 +40,14 @@ pub(super) fn picture(path: &Path) -> Result<Arc<Texture>, SourceError> {
     }))
 }
 
+/// The triangles of a face, by the numbers of its corners; none where it has no area.
+pub(super) fn triangles(face: &[DVec3], scratch: &mut Earcut<f64>) -> Vec<[usize; 3]> {
+    match face.len() {
+        3 => vec![[0, 1, 2]],
+        _ => triangulate(&[face.iter().copied().map(Corner::from).collect()], scratch),
+    }
+}
+
 /// Linear light of an sRGB value of 0..1 (IEC 61966-2-1).
 pub(super) fn linear(srgb: f32) -> f32 {
     if srgb <= 0.04045 {
@@ -47,24 +58,19 @@ pub(super) fn linear(srgb: f32) -> f32 {
 }
 
 /// Meshes of a source, in its own coordinates, as a layer on the Earth: through the system or the parameters that the
-/// options name; with only a site named they are east, north and up of it.
+/// options name; with only a site named they are east, north and up of it. The notes become the layer's warnings.
 pub(super) fn placed(
     meshes: Vec<TexturedMesh>,
     options: &Options,
     path: &Path,
+    mut notes: Notes,
 ) -> Result<Layer, SourceError> {
-    let used = |mesh: &TexturedMesh| -> Vec<DVec3> {
-        mesh.indices.iter().map(|&i| mesh.vertex_m(i)).collect()
-    };
-    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    for r in meshes.iter().flat_map(used) {
-        bounds = [bounds[0].min(r), bounds[1].max(r)];
-    }
-    if !(bounds[0].is_finite() && bounds[1].is_finite()) {
-        let what = if meshes.iter().all(|mesh| mesh.indices.is_empty()) {
-            "no triangles"
-        } else {
-            "a coordinate that is no number"
+    let used =
+        || (meshes.iter()).flat_map(|mesh| mesh.indices.iter().map(move |&i| mesh.vertex_m(i)));
+    if used().next().is_none() || !used().all(|r| r.is_finite()) {
+        let what = match used().next() {
+            None => "no triangles",
+            Some(_) => "a coordinate that is no number",
         };
         return Err(Fault::new("mesh", what, "export the surface again").of(path));
     }
@@ -73,6 +79,8 @@ pub(super) fn placed(
         Some(site) => (site, meshes),
         None => {
             let place = Place::of(options, None, path)?;
+            place.note(&mut notes);
+            let bounds = place.bounds(used());
             let site = site(options, &place, bounds).map_err(|fault| fault.of(path))?;
             let enu_m = |r: DVec3| Ok(site.ecef_to_enu(place.ecef_m(r)?));
             let moved: Result<Vec<_>, Fault> =
@@ -85,7 +93,7 @@ pub(super) fn placed(
         site,
         meshes,
         features: Vec::new(),
-        warnings: Vec::new(),
+        warnings: notes.warnings(path),
     })
 }
 

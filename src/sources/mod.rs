@@ -6,6 +6,7 @@ pub mod footprints;
 pub mod geotiff;
 pub mod gltf;
 pub mod ifc;
+pub mod json;
 mod mesh;
 pub mod obj;
 pub mod options;

@@ -1,243 +1,396 @@
-//! PLY meshes, ASCII or binary, read by `ply-rs-bw`: colours at vertices, or a texture as MeshLab writes it.
+//! PLY meshes, ASCII or binary: colours at vertices or faces, or textures as MeshLab writes them.
+
+mod parse;
 
 use super::Layer;
 use super::error::{Fault, SourceError, read_bytes};
-use super::mesh::{linear, picture, placed};
+use super::mesh::{linear, picture, placed, triangles};
 use super::options::Options;
 use crate::models::shape::textured::TexturedMesh;
+use crate::warning::Notes;
+use earcut::Earcut;
 use glam::DVec3;
-use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use parse::{Element, Row};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 const MEND: &str = "export it again as a triangle mesh with x, y and z of each vertex";
 
 /// A vertex as the file has it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Vertex {
-    place: [f64; 3],
-    normal: Option<[f32; 3]>,
-    /// Of 0..1, sRGB.
-    color: Option<[f32; 4]>,
-    uv: Option<[f32; 2]>,
+    place: DVec3,
+    normal: [f32; 3],
+    /// As the file has it.
+    color: [f32; 4],
+    uv: [f32; 2],
+}
+
+/// What a file holds.
+#[derive(Debug, Default)]
+struct Model {
+    vertices: Vec<Vertex>,
+    /// Whether vertices have normals, colours, places in a texture.
+    has: [bool; 3],
+    /// Vertices of all faces, one face behind the other.
+    corners: Vec<u32>,
+    faces: Vec<Face>,
+    /// Places in the texture, two numbers for each of `corners`; empty where faces have none.
+    uv: Vec<f32>,
+    /// Names of textures.
+    textures: Vec<String>,
 }
 
 /// A face as the file has it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Face {
-    corners: Vec<u32>,
-    /// Two for each corner.
-    uv: Vec<f32>,
+    /// Where its corners begin.
+    start: usize,
+    /// The number of its texture.
+    texture: u32,
+    /// As the file has it.
+    color: Option<[f32; 4]>,
 }
 
-/// Any number.
-fn number(property: &Property) -> Option<f64> {
-    Some(match *property {
-        Property::Char(x) => x.into(),
-        Property::UChar(x) => x.into(),
-        Property::Short(x) => x.into(),
-        Property::UShort(x) => x.into(),
-        Property::Int(x) => x.into(),
-        Property::UInt(x) => x.into(),
-        Property::Float(x) => x.into(),
-        Property::Double(x) => x,
-        _ => return None,
-    })
-}
-
-/// The greatest value of a number's kind: what a whole colour is stored as.
-fn full(property: &Property) -> f32 {
-    match property {
-        Property::UChar(_) => 255.0,
-        Property::UShort(_) => 65535.0,
-        _ => 1.0,
-    }
-}
-
-impl PropertyAccess for Vertex {
-    fn new() -> Self {
-        Self {
-            place: [f64::NAN; 3],
-            normal: None,
-            color: None,
-            uv: None,
-        }
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let Some(x) = number(&property) else {
-            return PropertyAccessResult::Ignored;
-        };
-        let part = || (x as f32 / full(&property)).clamp(0.0, 1.0);
-        match name {
-            "x" => self.place[0] = x,
-            "y" => self.place[1] = x,
-            "z" => self.place[2] = x,
-            "nx" => self.normal.get_or_insert_default()[0] = x as f32,
-            "ny" => self.normal.get_or_insert_default()[1] = x as f32,
-            "nz" => self.normal.get_or_insert_default()[2] = x as f32,
-            "red" | "r" | "diffuse_red" => self.color.get_or_insert([1.0; 4])[0] = part(),
-            "green" | "g" | "diffuse_green" => self.color.get_or_insert([1.0; 4])[1] = part(),
-            "blue" | "b" | "diffuse_blue" => self.color.get_or_insert([1.0; 4])[2] = part(),
-            "alpha" => self.color.get_or_insert([1.0; 4])[3] = part(),
-            "s" | "u" | "texture_u" => self.uv.get_or_insert_default()[0] = x as f32,
-            "t" | "v" | "texture_v" => self.uv.get_or_insert_default()[1] = x as f32,
-            _ => return PropertyAccessResult::Ignored,
-        }
-        PropertyAccessResult::Set
-    }
-}
-
-impl PropertyAccess for Face {
-    fn new() -> Self {
-        Self {
-            corners: Vec::new(),
-            uv: Vec::new(),
-        }
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        /// A negative number names no vertex.
-        fn whole<T: TryInto<u32>>(list: Vec<T>) -> Vec<u32> {
-            list.into_iter()
-                .map(|i| i.try_into().unwrap_or(u32::MAX))
-                .collect()
-        }
-        match (name, property) {
-            ("vertex_indices" | "vertex_index", list) => {
-                self.corners = match list {
-                    Property::ListChar(list) => whole(list),
-                    Property::ListUChar(list) => whole(list),
-                    Property::ListShort(list) => whole(list),
-                    Property::ListUShort(list) => whole(list),
-                    Property::ListInt(list) => whole(list),
-                    Property::ListUInt(list) => list,
-                    _ => return PropertyAccessResult::UnsupportedType,
-                }
-            }
-            ("texcoord", Property::ListFloat(list)) => self.uv = list,
-            ("texcoord", Property::ListDouble(list)) => {
-                self.uv = list.into_iter().map(|x| x as f32).collect();
-            }
-            _ => return PropertyAccessResult::Ignored,
-        }
-        PropertyAccessResult::Set
-    }
-}
-
-/// An element that is of no use here.
-struct Other;
-
-impl PropertyAccess for Other {
-    fn new() -> Self {
-        Self
-    }
-}
-
-/// A mesh with colours or a texture, as one surface. Both are taken to hold the light already.
+/// A mesh with colours or textures, as one surface. Both are taken to hold the light already.
 ///
-/// Fails where the file or its texture is missing or damaged, has no faces, or where nothing says where it stands.
+/// Faces that are damaged and textures that are missing are left out and said in the layer's warnings. Fails where the file is damaged,
+/// has no faces, or where nothing says where it stands.
 pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
     let bytes = read_bytes(path)?;
-    let mesh = parsed(&bytes, path)?;
-    placed(vec![mesh], options, path)
+    let mut notes = Notes::default();
+    let model = model(&bytes, &mut notes);
+    let model = model.map_err(|what| Fault::new("PLY", what, MEND).of(path))?;
+    drop(bytes);
+    let meshes = meshes(&model, path, &mut notes);
+    if meshes.is_empty() {
+        let what = format!("all {} faces are left out", model.faces.len());
+        return Err(Fault::new("PLY", what, MEND).of(path));
+    }
+    placed(meshes, options, path, notes)
 }
 
-/// The file's mesh.
-fn parsed(bytes: &[u8], path: &Path) -> Result<TexturedMesh, SourceError> {
-    let fault = |what: String| Fault::new("PLY", what, MEND).of(path);
-    let mut reader = Reader::new(bytes);
-    let header = Parser::<Vertex>::new().read_header(&mut reader);
-    let header = header.map_err(|error| fault(error.to_string()))?;
-    let (mut vertices, mut faces): (Vec<Vertex>, Vec<Face>) = Default::default();
-    for (name, element) in &header.elements {
-        // Every row has at least a byte.
-        if element.count > bytes.len() {
-            let what = format!("{} of '{name}' in {} bytes", element.count, bytes.len());
-            return Err(fault(what));
-        }
-        let read = match name.as_str() {
-            "vertex" => Parser::new()
-                .read_payload_for_element(&mut reader, element, &header)
-                .map(|read| vertices = read),
-            "face" => Parser::new()
-                .read_payload_for_element(&mut reader, element, &header)
-                .map(|read| faces = read),
-            _ => Parser::<Other>::new()
-                .read_payload_for_element(&mut reader, element, &header)
-                .map(|_| ()),
-        };
-        read.map_err(|error| fault(error.to_string()))?;
-    }
-    let named = header.comments.iter().find_map(|comment| {
-        let (key, name) = comment.trim().split_once(' ')?;
-        key.eq_ignore_ascii_case("TextureFile")
-            .then_some(name.trim())
-    });
-    let mut mesh = joined(&vertices, &faces).map_err(fault)?;
-    if let Some(name) = named.filter(|_| !mesh.uv.is_empty()) {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        mesh.look.texture = Some(picture(&folder.join(name))?);
-    }
-    mesh.look.unlit = mesh.look.texture.is_some() || !mesh.colors.is_empty();
-    Ok(mesh)
-}
-
-/// Vertices and faces as a mesh; a corner with a place of its own in the texture is a vertex of its own.
-fn joined(vertices: &[Vertex], faces: &[Face]) -> Result<TexturedMesh, String> {
-    let origin_m = vertices
-        .first()
-        .map_or(DVec3::ZERO, |v| DVec3::from(v.place).round());
-    let by_face = faces.iter().any(|face| !face.uv.is_empty());
-    let (normals, colors) = (
-        vertices.iter().all(|v| v.normal.is_some()),
-        vertices.iter().all(|v| v.color.is_some()),
-    );
-    let uv = by_face || vertices.iter().all(|v| v.uv.is_some());
-    let mut mesh = TexturedMesh {
-        origin_m,
-        ..TexturedMesh::default()
-    };
-    let mut add = |vertex: &Vertex, place: [f32; 2]| {
-        let at = DVec3::from(vertex.place) - origin_m;
-        mesh.positions.push(at.as_vec3().to_array());
-        if normals {
-            mesh.normals.push(vertex.normal.unwrap_or_default());
-        }
-        if colors {
-            let [r, g, b, a] = vertex.color.unwrap_or_default();
-            mesh.colors.push([linear(r), linear(g), linear(b), a]);
-        }
-        if uv {
-            mesh.uv.push([place[0], 1.0 - place[1]]);
-        }
-        mesh.positions.len() as u32 - 1
-    };
-    if !by_face {
-        for vertex in vertices {
-            add(vertex, vertex.uv.unwrap_or_default());
+/// What the file holds.
+fn model(bytes: &[u8], notes: &mut Notes) -> Result<Model, String> {
+    let (header, mut rows) = parse::header(bytes)?;
+    let mut found = Model::default();
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" => rows.read(element, vertices(element, &mut found, notes))?,
+            "face" => rows.read(element, faces(element, &mut found))?,
+            "tristrips" => rows.read(element, strips(element, &mut found))?,
+            name => {
+                rows.read(element, |_| {})?;
+                if element.count > 0 {
+                    let what = format!("{} rows of '{name}' are not read", element.count);
+                    notes.assume(
+                        "elements",
+                        what,
+                        "the surface is that of 'vertex' and 'face'",
+                    );
+                }
+            }
         }
     }
-    let mut indices = Vec::new();
-    for (k, face) in faces.iter().enumerate() {
-        let mut corners = Vec::with_capacity(face.corners.len());
-        for (c, &i) in face.corners.iter().enumerate() {
-            let vertex = (vertices.get(i as usize))
-                .ok_or_else(|| format!("face {k} names a vertex that is not there"))?;
-            corners.push(if by_face {
-                let place = |k: usize| face.uv.get(2 * c + k).copied().unwrap_or_default();
-                add(vertex, [place(0), place(1)])
-            } else {
-                i
-            });
-        }
-        for pair in corners.windows(2).skip(1) {
-            indices.extend([corners[0], pair[0], pair[1]]);
-        }
-    }
-    if indices.is_empty() {
+    if found.faces.is_empty() {
         return Err("no faces: it is a point cloud".into());
     }
-    mesh.indices = indices;
-    Ok(mesh)
+    let texture = |comment: &String| {
+        let (key, name) = comment.split_once(char::is_whitespace)?;
+        key.eq_ignore_ascii_case("TextureFile")
+            .then(|| name.trim().to_string())
+    };
+    found.textures = header.comments.iter().filter_map(texture).collect();
+    in_units(&mut found, header.elements.iter(), notes);
+    Ok(found)
 }
+
+/// Where an element has the first of some properties.
+fn index(element: &Element, names: &[&str]) -> Option<usize> {
+    let find = |name: &&str| {
+        element
+            .properties
+            .iter()
+            .position(|property| property.name == *name)
+    };
+    names.iter().find_map(find)
+}
+
+/// The properties of a colour.
+const COLOR: [[&str; 4]; 4] = [
+    ["red", "r", "diffuse_red", "Red"],
+    ["green", "g", "diffuse_green", "Green"],
+    ["blue", "b", "diffuse_blue", "Blue"],
+    ["alpha", "a", "diffuse_alpha", "Alpha"],
+];
+
+/// Takes in rows of vertices.
+fn vertices<'m>(
+    element: &Element,
+    found: &'m mut Model,
+    notes: &mut Notes,
+) -> impl FnMut(&Row) + use<'m> {
+    let place = ["x", "y", "z"].map(|name| index(element, &[name]));
+    let normal = ["nx", "ny", "nz"].map(|name| index(element, &[name]));
+    let color = COLOR.map(|names| index(element, &names));
+    let uv = [
+        index(element, &["s", "u", "texture_u", "texture_s"]),
+        index(element, &["t", "v", "texture_v", "texture_t"]),
+    ];
+    found.has = [
+        normal.iter().all(Option::is_some),
+        color[..3].iter().all(Option::is_some),
+        uv.iter().all(Option::is_some),
+    ];
+    if place.contains(&None) {
+        notes.assume("vertex", "not all of x, y and z are there", MEND);
+    }
+    move |row: &Row| {
+        let number = |at: Option<usize>| at.and_then(|at| row.get(at).first().copied());
+        let part = |at: Option<usize>, plain: f64| number(at).unwrap_or(plain) as f32;
+        found.vertices.push(Vertex {
+            place: place.map(|at| number(at).unwrap_or(f64::NAN)).into(),
+            normal: normal.map(|at| part(at, 0.0)),
+            color: color.map(|at| part(at, f64::NAN)),
+            uv: uv.map(|at| part(at, 0.0)),
+        });
+    }
+}
+
+/// A number as an index; one that is none names no vertex.
+fn whole(number: &f64) -> u32 {
+    match number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(number) {
+        true => *number as u32,
+        false => u32::MAX,
+    }
+}
+
+/// Takes in rows of faces.
+fn faces<'m>(element: &Element, found: &'m mut Model) -> impl FnMut(&Row) + use<'m> {
+    let corners = index(
+        element,
+        &["vertex_indices", "vertex_index", "vertex_indexes"],
+    );
+    let uv = index(element, &["texcoord"]);
+    let texture = index(element, &["texnumber"]);
+    let color = COLOR.map(|names| index(element, &names));
+    move |row: &Row| {
+        let list = |at: Option<usize>| at.map_or(&[][..], |at| row.get(at));
+        let start = found.corners.len();
+        found.corners.extend(list(corners).iter().map(whole));
+        if uv.is_some() {
+            let mut each = list(uv).iter().map(|x| *x as f32);
+            let count = 2 * (found.corners.len() - start);
+            found
+                .uv
+                .extend((0..count).map(|_| each.next().unwrap_or_default()));
+        }
+        let part = |at: Option<usize>| list(at).first().map_or(f32::NAN, |x| *x as f32);
+        found.faces.push(Face {
+            start,
+            texture: list(texture).first().map_or(0, whole),
+            color: color[..3]
+                .iter()
+                .all(Option::is_some)
+                .then(|| color.map(part)),
+        });
+    }
+}
+
+/// Takes in strips of triangles, which numbers below 0 part.
+fn strips<'m>(element: &Element, found: &'m mut Model) -> impl FnMut(&Row) + use<'m> {
+    let corners = index(element, &["vertex_indices", "vertex_index"]);
+    move |row: &Row| {
+        let all = corners.map_or(&[][..], |at| row.get(at));
+        for strip in all.split(|number| *number < 0.0) {
+            for (k, triangle) in strip.windows(3).enumerate() {
+                let [a, b, c] = [0, 1, 2].map(|i| whole(&triangle[i]));
+                if a == b || b == c || a == c {
+                    continue;
+                }
+                let start = found.corners.len();
+                found
+                    .corners
+                    .extend(if k % 2 == 0 { [a, b, c] } else { [b, a, c] });
+                found.faces.push(Face {
+                    start,
+                    texture: 0,
+                    color: None,
+                });
+            }
+        }
+    }
+}
+
+/// Brings colours to 0..1 by the kind of their numbers, or by their size where floats are of 0 to 255.
+fn in_units<'e>(found: &mut Model, elements: impl Iterator<Item = &'e Element>, notes: &mut Notes) {
+    for element in elements {
+        let Some(at) = index(element, &COLOR[0]) else {
+            continue;
+        };
+        let kind = element.properties[at].kind;
+        let mut colors: Vec<&mut [f32; 4]> = match element.name.as_str() {
+            "vertex" => found
+                .vertices
+                .iter_mut()
+                .map(|vertex| &mut vertex.color)
+                .collect(),
+            "face" => found
+                .faces
+                .iter_mut()
+                .filter_map(|face| face.color.as_mut())
+                .collect(),
+            _ => continue,
+        };
+        let most = colors
+            .iter()
+            .flat_map(|color| color.iter())
+            .fold(0.0_f32, |a, b| a.max(*b));
+        let full = match kind {
+            parse::Kind::U16 => 65535.0,
+            kind if !kind.is_float() || most > 1.0 => 255.0,
+            _ => 1.0,
+        };
+        if kind.is_float() && most > 1.0 {
+            let what = format!("colours up to {most}, taken as of 0 to 255");
+            notes.assume(&element.name, what, "write them as 0 to 1");
+        }
+        for part in colors.iter_mut().flat_map(|color| color.iter_mut()) {
+            // What a colour lacks is full: that is its alpha.
+            *part = if part.is_nan() {
+                1.0
+            } else {
+                (*part / full).clamp(0.0, 1.0)
+            };
+        }
+    }
+}
+
+/// A mesh in the making.
+#[derive(Default)]
+struct Part {
+    /// Corners of the file's list that are vertices of their own, or vertices of the file.
+    sources: Vec<(u32, u32)>,
+    numbers: BTreeMap<(u32, u32), u32>,
+    indices: Vec<u32>,
+}
+
+/// Its faces as triangles, a mesh for each texture. A corner with a place of its own in the texture, or a colour of its face, is a vertex of its own.
+fn meshes(model: &Model, path: &Path, notes: &mut Notes) -> Vec<TexturedMesh> {
+    let shared = u32::MAX;
+    let mut parts: BTreeMap<u32, Part> = BTreeMap::new();
+    let mut scratch = Earcut::new();
+    for (k, face) in model.faces.iter().enumerate() {
+        let end = model
+            .faces
+            .get(k + 1)
+            .map_or(model.corners.len(), |next| next.start);
+        let corners = &model.corners[face.start..end];
+        let places: Option<Vec<DVec3>> = (corners.iter())
+            .map(|&i| Some(model.vertices.get(i as usize)?.place).filter(|place| place.is_finite()))
+            .collect();
+        let place = || format!("face {k}");
+        let Some(places) = places else {
+            notes.leave_out(
+                "faces with a vertex that is not there or no number",
+                place(),
+            );
+            continue;
+        };
+        if places.len() < 3 {
+            notes.leave_out("faces of fewer than three corners", place());
+            continue;
+        }
+        let triangles = triangles(&places, &mut scratch);
+        if triangles.is_empty() {
+            notes.leave_out("faces without an area", place());
+        }
+        let own = !model.uv.is_empty() || face.color.is_some();
+        let part = parts.entry(face.texture).or_default();
+        for corner in triangles.into_iter().flatten() {
+            let at = (face.start + corner) as u32;
+            let key = (corners[corner], if own { at } else { shared });
+            let number = *part.numbers.entry(key).or_insert_with(|| {
+                part.sources
+                    .push((key.0, if own { k as u32 } else { shared }));
+                part.sources.len() as u32 - 1
+            });
+            part.indices.push(number);
+        }
+    }
+    let whole = parts
+        .into_iter()
+        .filter(|(_, part)| !part.indices.is_empty());
+    whole
+        .map(|(texture, part)| meshed(model, &part, texture, path, notes))
+        .collect()
+}
+
+/// A part as a mesh, about one of its own vertices: places are far from the file's origin.
+fn meshed(
+    model: &Model,
+    part: &Part,
+    texture: u32,
+    path: &Path,
+    notes: &mut Notes,
+) -> TexturedMesh {
+    let middle = part.indices[part.indices.len() / 2] as usize;
+    let vertex = |source: &(u32, u32)| &model.vertices[source.0 as usize];
+    let origin_m = vertex(&part.sources[middle]).place.round();
+    let mut mesh = TexturedMesh {
+        origin_m,
+        indices: part.indices.clone(),
+        ..TexturedMesh::default()
+    };
+    let mut places = vec![[0.0; 2]; part.sources.len()];
+    for (key, number) in &part.numbers {
+        let at = 2 * key.1 as usize;
+        if let Some(place) = model.uv.get(at..at.saturating_add(2)) {
+            places[*number as usize] = [place[0], place[1]];
+        }
+    }
+    let by_face = !model.uv.is_empty();
+    let colored = part.sources.iter().any(|source| {
+        model
+            .faces
+            .get(source.1 as usize)
+            .is_some_and(|face| face.color.is_some())
+    });
+    for (source, place) in part.sources.iter().zip(places) {
+        let vertex = vertex(source);
+        mesh.positions
+            .push((vertex.place - origin_m).as_vec3().to_array());
+        if model.has[0] {
+            mesh.normals.push(vertex.normal);
+        }
+        let face = model
+            .faces
+            .get(source.1 as usize)
+            .and_then(|face| face.color);
+        if model.has[1] || colored {
+            let plain = if model.has[1] { vertex.color } else { [1.0; 4] };
+            let [r, g, b, a] = face.filter(|_| !model.has[1]).unwrap_or(plain);
+            mesh.colors.push([linear(r), linear(g), linear(b), a]);
+        }
+        if by_face || model.has[2] {
+            let [u, v] = if by_face { place } else { vertex.uv };
+            mesh.uv.push([u, 1.0 - v]);
+        }
+    }
+    if let Some(name) = model
+        .textures
+        .get(texture as usize)
+        .filter(|_| !mesh.uv.is_empty())
+    {
+        let folder = path.parent().unwrap_or(Path::new("."));
+        match picture(&folder.join(name.replace('\\', "/"))) {
+            Ok(texture) => mesh.look.texture = Some(texture),
+            Err(error) => notes.leave_out("textures", error),
+        }
+    }
+    mesh.look.unlit = mesh.look.texture.is_some() || !mesh.colors.is_empty();
+    mesh
+}
+
+#[cfg(test)]
+mod tests;

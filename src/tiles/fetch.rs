@@ -4,7 +4,9 @@
 //! A member of an archive has a location like a file in a folder: `city.3tz/tileset.json`.
 
 use crate::tiles::error::TilesError;
-use base64::Engine as _;
+use base64::engine::DecodePaddingMode;
+use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
+use base64::{Engine as _, alphabet};
 use flate2::read::MultiGzDecoder;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -204,16 +206,27 @@ fn in_archive(path: &Path) -> Option<(PathBuf, String)> {
 }
 
 /// What a `data:` address holds, its scheme taken off.
-fn data(rest: &str) -> Option<Vec<u8>> {
+pub(crate) fn data(rest: &str) -> Option<Vec<u8>> {
+    const LENIENT: GeneralPurpose = GeneralPurpose::new(
+        &alphabet::STANDARD,
+        GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+    );
     let (kind, text) = rest.split_once(',')?;
+    let plain = unescape(text);
     if kind.ends_with(";base64") {
-        return base64::engine::general_purpose::STANDARD.decode(text).ok();
+        // Long ones are broken into lines by hand.
+        let packed: Vec<u8> = plain
+            .iter()
+            .copied()
+            .filter(|c| !c.is_ascii_whitespace())
+            .collect();
+        return LENIENT.decode(packed).ok();
     }
-    Some(unescape(text).into_owned())
+    Some(plain.into_owned())
 }
 
 /// Percent escapes undone.
-fn unescape(text: &str) -> Cow<'_, [u8]> {
+pub(crate) fn unescape(text: &str) -> Cow<'_, [u8]> {
     let bytes = text.as_bytes();
     if !bytes.contains(&b'%') {
         return Cow::Borrowed(bytes);

@@ -3,6 +3,7 @@
 use crate::eval::detector::coco::{Coco, CocoError, UAVS, is_other};
 use crate::eval::detector::metrics::Truth;
 use crate::media::video::{Clip, ClipFrame};
+use crate::warning::{self, StrictError};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,9 @@ pub enum BoxesError {
     /// The annotations of pictures.
     #[error(transparent)]
     Coco(#[from] CocoError),
+    /// Warnings where they are errors.
+    #[error(transparent)]
+    Strict(#[from] StrictError),
     /// The file, or what it says of a clip.
     #[error("--boxes: {path}: {fault}")]
     File {
@@ -214,6 +218,7 @@ impl BoxFile {
 
     fn pictures(path: &Path, categories: &[String]) -> Result<Self, BoxesError> {
         let coco = Coco::load(path, categories)?;
+        warning::tell(&coco.warnings())?;
         // Pictures that are not there are of other clips.
         let places = (coco.pictures.iter().enumerate())
             .filter_map(|(i, picture)| {

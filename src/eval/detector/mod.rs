@@ -14,8 +14,9 @@ use crate::models::optics::detection::Detection;
 use crate::output::{OutputError, put, put_json, quoted, writable};
 use crate::parallel::threads;
 use crate::stop;
+use crate::warning;
 use clap::{Args, ValueEnum};
-use coco::{Coco, Half, Picture};
+use coco::{Coco, Half, Id, Picture};
 use figures::{BySize, CentreHit, Cost, Evaluation, FPPI, Miss, PrecisionRecall, Speed, Worst};
 use metrics::{ALL, AnnotatedImage, Criterion, Matching, Truth, mean_average_precision};
 use operating::Counted;
@@ -64,6 +65,8 @@ const PICTURES: usize = 12;
 /// Carries out the evaluation and writes what it leaves.
 pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let mut coco = Coco::load(&arguments.data, &arguments.category)?;
+    coco.leave_out_absent();
+    warning::tell(&coco.warnings())?;
     if let Some(half) = arguments.half {
         coco.halve(half);
         if coco.pictures.is_empty() {
@@ -317,8 +320,8 @@ fn worst(
 /// A detection as `pycocotools` loads it.
 #[derive(Serialize)]
 struct Found {
-    image_id: i64,
-    category_id: i64,
+    image_id: Id,
+    category_id: Id,
     /// x, y, width, height [px].
     bbox: [f64; 4],
     score: f64,
@@ -332,19 +335,19 @@ fn results_json(
     images: &[AnnotatedImage],
     named: &[Vec<Detection>],
 ) -> Result<String, serde_json::Error> {
-    let uav_id = coco.categories.keys().next().copied().unwrap_or_default();
+    let uav_id = coco.categories.keys().next().cloned().unwrap_or_default();
     let of_name = |label: u32| {
         let name = model.classes().get(label as usize)?;
-        coco.other_ids.get(name).copied()
+        coco.other_ids.get(name).cloned()
     };
     let mut all: Vec<Found> = Vec::new();
     for ((picture, image), named) in coco.pictures.iter().zip(images).zip(named) {
-        let uavs = image.found.iter().map(|found| (uav_id, found));
+        let uavs = (image.found.iter()).map(|found| (uav_id.clone(), found));
         let others = named.iter().filter_map(|f| Some((of_name(f.label)?, f)));
         all.extend(uavs.chain(others).map(|(category_id, found)| {
             let [x0, y0, x1, y1] = found.box_px;
             Found {
-                image_id: picture.id,
+                image_id: picture.id.clone(),
                 category_id,
                 bbox: [x0, y0, x1 - x0, y1 - y0],
                 score: found.score,

@@ -1,8 +1,11 @@
 use super::*;
 use crate::sources::surfaces::volume_m3;
 use proptest::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
+
+mod extract;
+mod odd;
 
 /// A file in a folder of its own.
 fn read_text(text: &str, options: &Options) -> Result<Layer, SourceError> {
@@ -140,31 +143,6 @@ fn longitudes_and_latitudes_stay_so_beside_a_map() {
 }
 
 #[test]
-fn lengths_are_read_with_their_units() {
-    let read = |value: Value| {
-        let known = [("height".to_string(), value)].into_iter().collect();
-        Footprint {
-            known,
-            ..Footprint::default()
-        }
-        .length_m(&["height"])
-    };
-    assert_eq!(read(json!("12,5 m")), Some(12.5));
-    assert_eq!(read(json!("10'")), Some(3.048));
-    assert_eq!(read(json!(7)), Some(7.0));
-    for wrong in [
-        json!("about 7"),
-        json!("7 km"),
-        json!(null),
-        json!(1e9),
-        json!("1e999"),
-        json!([7]),
-    ] {
-        assert_eq!(read(wrong), None);
-    }
-}
-
-#[test]
 fn bad_files_are_one_error_that_says_what_to_do() {
     let said = |text: &str, options: &Options| read_text(text, options).unwrap_err().to_string();
     let plain = Options::default();
@@ -226,6 +204,11 @@ fn buildings_stand_on_terrain() {
     };
     let layer = read_text(&text, &options).unwrap();
     assert_eq!(layer.features.len(), 2);
+    let said = layer.warnings[0].to_string();
+    assert!(
+        said.contains("1 outlines beside the terrain (feature 3)"),
+        "{said}"
+    );
     let ground = |k: usize| layer.features[k]["ground_ellipsoid_m"].as_f64().unwrap() - 47.5;
     println!("{} {}", ground(0), ground(1));
     assert!((400.0..460.0).contains(&ground(0)) && (550.0..700.0).contains(&ground(1)));
@@ -244,7 +227,7 @@ proptest! {
         if cut < bytes.len() && cut % 2 == 0 {
             bytes.truncate(cut);
         }
-        let _ = osm::read(&bytes);
+        let _ = osm::read(&bytes, &mut Notes::default());
     }
 
     #[test]
@@ -255,8 +238,11 @@ proptest! {
             let at = at % bytes.len();
             bytes[at] ^= 1 << bit;
         }
-        if let Ok((found, system)) = parse_geojson(&bytes) && let Ok(crs) = Crs::parse(&system) {
-            let _ = buildings(&found, &crs.with_geoid_height(47.0), None, &Options::default());
+        let mut notes = Notes::default();
+        if let Ok((found, system)) = parse(&bytes, "a.geojson", &Options::default(), &mut notes)
+            && let Ok(crs) = Crs::parse(&system)
+        {
+            let _ = buildings(found, &crs.with_geoid_height(47.0), None, &Options::default(), &mut notes);
         }
     }
 }

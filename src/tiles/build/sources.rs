@@ -5,6 +5,20 @@ use crate::sources::options::Options;
 use crate::sources::{Layer, cityjson, footprints, geotiff, gltf, ifc, obj, ply};
 use std::path::{Path, PathBuf};
 
+/// What names of files with outlines of buildings end with; the last four are refused by name.
+const OUTLINES: [&str; 10] = [
+    ".geojson",
+    ".geojsonl",
+    ".geojsons",
+    ".geojsonseq",
+    ".ndjson",
+    ".pbf",
+    ".osm",
+    ".osm.gz",
+    ".osm.bz2",
+    ".o5m",
+];
+
 /// The layers of a file, by its name's end; of a folder: the height raster that its files are parts of.
 pub fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
     let name = path.to_string_lossy().to_ascii_lowercase();
@@ -12,15 +26,13 @@ pub fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
     let one = |layer: Result<Layer, SourceError>| layer.map(|layer| vec![layer]);
     if path.is_dir() || ends(&[".tif", ".tiff"]) {
         one(geotiff::read(path, options))
-    } else if ends(&[".city.json", ".city.jsonl", ".cityjson", ".jsonl"]) {
+    } else if ends(&[".city.json", ".city.jsonl", ".cityjson"]) {
         cityjson::read_all(path, options)
-    } else if ends(&[".geojson", ".geojsonl", ".osm", ".pbf"]) {
+    } else if ends(&OUTLINES) {
         one(footprints::read(path, options))
-    } else if ends(&[".json"]) {
-        // Either of two: a CityJSON says so near its beginning.
-        let bytes = read_bytes(path)?;
-        let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
-        match head.contains("\"FeatureCollection\"") {
+    } else if ends(&[".json", ".jsonl"]) {
+        // Either of two.
+        match footprints::is_geojson(&read_bytes(path)?) {
             true => one(footprints::read(path, options)),
             false => cityjson::read_all(path, options),
         }
@@ -34,8 +46,8 @@ pub fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
         one(ply::read(path, options))
     } else {
         let what = "its name does not say what it is";
-        let mend = "name CityJSON (.city.json), GeoTIFF (.tif, or a folder of them), GeoJSON (.geojson), \
-                    OpenStreetMap (.osm, .pbf), .ifc, .obj, .gltf, .glb or .ply";
+        let mend = "name CityJSON (.city.json), GeoTIFF (.tif, or a folder of them), GeoJSON (.geojson, .geojsonl), \
+                    OpenStreetMap (.osm.pbf), .ifc, .obj, .gltf, .glb or .ply";
         Err(Fault::new("name", what, mend).of(path))
     }
 }
@@ -83,8 +95,16 @@ mod tests {
             crs: Some("EPSG:32632".into()),
             ..Options::default()
         };
-        let missing = read(&obj, &options).unwrap_err().to_string();
-        assert!(missing.contains("wall.png"), "{missing}");
+        let missing = read(&obj, &options).unwrap().remove(0);
+        assert!(missing.meshes[0].look.texture.is_none());
+        assert!(
+            missing
+                .warnings
+                .iter()
+                .any(|warning| warning.what.contains("wall.png")),
+            "{:?}",
+            missing.warnings
+        );
         let picture = image::RgbImage::from_fn(4, 4, |x, _| image::Rgb([60 * x as u8, 0, 0]));
         picture.save(folder.path().join("wall.png")).unwrap();
         let ply = folder.path().join("roof.ply");

@@ -3,7 +3,7 @@
 use super::document::{Document, extension};
 use super::schema::{Material, SpecularGlossiness, Texture, TextureInfo, TextureTransform};
 use crate::models::shape::textured::{self, Look};
-use crate::tiles::content::error::ContentError;
+use crate::tiles::content::error::{ContentError, Fault};
 use crate::tiles::content::picture;
 use serde::Deserialize;
 use serde_json::Value;
@@ -20,7 +20,7 @@ pub(crate) struct Surface {
     /// What they are multiplied with and added to: rows of a 2 × 3 matrix; `None` leaves them.
     pub transform: Option<[[f32; 3]; 2]>,
     /// What was not taken over.
-    pub note: Option<&'static str>,
+    pub notes: Vec<String>,
 }
 
 /// The pictures of a file, each decoded once.
@@ -59,7 +59,7 @@ impl<'d, 'b> Looks<'d, 'b> {
             factor = other.diffuse_factor.or(factor);
             info = other.diffuse_texture.or(info);
         }
-        let (mut alpha_cutoff, mut note) = (None, None);
+        let (mut alpha_cutoff, mut note) = (None, None::<&str>);
         if let Some(own) = material.extensions.get("KHR_techniques_webgl") {
             note = Some("shaders of a material's own are left out, but for what they call diffuse");
             let values = own.get("values").and_then(Value::as_object);
@@ -94,7 +94,7 @@ impl<'d, 'b> Looks<'d, 'b> {
                 alpha_cutoff,
                 ..Look::default()
             },
-            note,
+            notes: note.into_iter().map(str::to_owned).collect(),
             ..Surface::default()
         };
         if let Some(info) = info {
@@ -133,7 +133,12 @@ impl<'d, 'b> Looks<'d, 'b> {
         let sampler = texture.sampler.and_then(|i| root.samplers.get(i));
         let clamps = |wrap: Option<u32>| wrap == Some(CLAMP);
         found.look.repeats = !sampler.is_some_and(|s| clamps(s.wrap_s) && clamps(s.wrap_t));
-        found.look.texture = self.picture(texture, place)?;
+        match self.picture(texture, place) {
+            Ok(picture) => found.look.texture = picture,
+            Err(why) if matches!(why.fault, Fault::TooLarge { .. }) => return Err(why),
+            // The surface stands without it.
+            Err(why) => found.notes.push(format!("a texture is left out: {why}")),
+        }
         Ok(())
     }
 

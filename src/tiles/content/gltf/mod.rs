@@ -10,7 +10,7 @@ mod schema;
 
 use crate::models::shape::textured::PlacedMesh;
 use crate::tiles::content::bytes::Kind;
-use crate::tiles::content::error::ContentError;
+use crate::tiles::content::error::{ContentError, Fault};
 use crate::tiles::content::model::{Content, Context, Rows};
 use crate::tiles::content::place::{Stand, baked, baked_points, placed};
 use document::{Document, extension, layout};
@@ -58,10 +58,18 @@ fn read(bytes: &[u8], setting: Setting, context: &Context) -> Result<Content, Co
     let center = DAffine3::from_translation(DVec3::from(rtc.center));
     let to_content = setting.outer * center * setting.inner;
     let stands = stands(&document, &mut features, to_content, &mut content)?;
+    let mut wrong: Option<(u64, ContentError)> = None;
     for (index, stands) in stands {
         let place = format!("mesh {index}");
         let absent = || ContentError::damaged(&place, "there is none");
         let mesh = document.root.meshes.get(index).ok_or_else(absent)?;
+        if mesh
+            .primitives
+            .iter()
+            .any(|primitive| !primitive.targets.is_empty())
+        {
+            content.note("morph targets are left out");
+        }
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             let place = format!("{place}, primitive {number}");
             let mut notes = Vec::new();
@@ -73,10 +81,28 @@ fn read(bytes: &[u8], setting: Setting, context: &Context) -> Result<Content, Co
                 primitive,
                 &place,
                 &mut note,
-            )?;
+            );
+            let drawn = match drawn {
+                Ok(drawn) => drawn,
+                // What is too large for one is too large for the content.
+                Err(why) if matches!(why.fault, Fault::TooLarge { .. }) => return Err(why),
+                Err(why) => {
+                    wrong.get_or_insert((0, why)).0 += 1;
+                    continue;
+                }
+            };
             notes.into_iter().for_each(|text| content.note(text));
             stand(&document, &mut content, drawn, &stands, &place)?;
         }
+    }
+    // One bad primitive does not cost the others.
+    if let Some((count, why)) = wrong {
+        if content.meshes.is_empty() && content.points.is_empty() {
+            return Err(why);
+        }
+        content.note(format!(
+            "{count} damaged primitives are left out, the first: {why}"
+        ));
     }
     content.features = features.rows;
     Ok(content)
@@ -163,6 +189,9 @@ fn stands(
     content: &mut Content,
 ) -> Result<BTreeMap<usize, Vec<Stand>>, ContentError> {
     let root = &document.root;
+    if root.scenes.len() > 1 {
+        content.note("scenes but the first, or the one that is said to count, are left out");
+    }
     let scene = root.scenes.get(root.scene.unwrap_or(0));
     let mut waiting: Vec<(usize, DAffine3)> = match scene {
         Some(scene) => scene.nodes.iter().rev().map(|n| (*n, to_content)).collect(),
@@ -203,6 +232,9 @@ fn stands(
             return Err(damaged("it stands beyond all numbers"));
         }
         if let Some(mesh) = node.mesh {
+            if node.skin.is_some() {
+                content.note("skins are left out: meshes stand as they are bound");
+            }
             let stands = instances(document, features, node, to_content, content, &place)?;
             found.entry(mesh).or_default().extend(stands);
         }

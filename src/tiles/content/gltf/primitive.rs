@@ -173,7 +173,7 @@ pub(crate) fn read(
         return Err(ContentError::damaged(place, why));
     }
     let surface = looks.look(primitive.material)?;
-    if let Some(text) = surface.note {
+    for text in &surface.notes {
         note(text);
     }
     let normals = source

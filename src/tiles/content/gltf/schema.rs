@@ -44,6 +44,7 @@ pub(crate) struct Scene {
 pub(crate) struct Node {
     pub children: Vec<usize>,
     pub mesh: Option<usize>,
+    pub skin: Option<usize>,
     pub matrix: Option<[f64; 16]>,
     pub translation: Option<[f64; 3]>,
     pub rotation: Option<[f64; 4]>,
@@ -64,6 +65,7 @@ pub(crate) struct Primitive {
     pub indices: Option<usize>,
     pub material: Option<usize>,
     pub mode: Option<u32>,
+    pub targets: Vec<Value>,
     pub extensions: Extensions,
 }
 
