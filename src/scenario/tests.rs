@@ -191,7 +191,7 @@ fn contradictions_are_found_where_they_stand() {
     );
     assert!(
         distractor("gull", "bird", "trajectory.speed_mps = 0")
-            .contains("distractors[0].trajectory: speed_mps is 0: give a value above 0")
+            .contains("distractors[0].trajectory: speed_mps is 0; give a value above 0")
     );
     assert!(
         distractor(

@@ -115,7 +115,7 @@ fn what_cannot_be_drawn_is_one_error_with_its_mend() {
         (
             "/scenes/0/nodes",
             json!([]),
-            "has no triangles - export a mesh of triangles",
+            "has no triangles; export a mesh of triangles",
         ),
         ("/meshes/0/primitives/0/mode", json!(1), "has no triangles"),
         ("/accessors/0/count", json!(400), "positions are damaged"),
