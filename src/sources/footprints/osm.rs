@@ -96,16 +96,12 @@ fn buildings(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Building>, Fault> {
     let mut buildings = Vec::new();
     let points = "buildings that are points";
     walk(bytes, |element| match element {
-        Element::Way(way) => {
-            if way.tags().any(is_building) {
-                buildings.push(Building {
-                    outer: vec![way.id()],
-                    inner: Vec::new(),
-                    known: tags(way.tags()),
-                    name: format!("way {}", way.id()),
-                });
-            }
-        }
+        Element::Way(way) if way.tags().any(is_building) => buildings.push(Building {
+            outer: vec![way.id()],
+            inner: Vec::new(),
+            known: tags(way.tags()),
+            name: format!("way {}", way.id()),
+        }),
         Element::Relation(relation) => {
             if !relation.tags().any(is_building) {
                 return;
