@@ -23,7 +23,7 @@ use crate::stop;
 use crate::tiles_command::{self as tiles, Tiles};
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
-use crate::warning;
+use crate::warning::{self, StrictError};
 use bevy::prelude::{App, World};
 use clap::{Args, Parser, Subcommand};
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -51,6 +51,9 @@ pub enum CliError {
     /// An evaluation.
     #[error(transparent)]
     Eval(#[from] EvalError),
+    /// A warning where none is wanted.
+    #[error(transparent)]
+    Strict(#[from] StrictError),
     /// A film.
     #[error(transparent)]
     Film(#[from] FilmError),
@@ -342,6 +345,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
             stop::listen();
             let finished = run_to_end(app, &loaded, &options, true)?;
             say!("{}", summary::table(&finished.summary).trim_end());
+            warning::tell(&finished.warnings)?;
             say!("report  {}", args.out.join("report.html").display());
             if let Some(t_s) = finished.summary.stopped_s {
                 let [run, sums, page] = ["run.mcap", "summary.json", "report.html"]
@@ -551,6 +555,7 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
     };
     if let Some(finished) = view::view(&loaded, &options, &keep)? {
         say!("{}", summary::table(&finished.summary).trim_end());
+        warning::tell(&finished.warnings)?;
     }
     Ok(())
 }

@@ -18,7 +18,8 @@ use std::{
     thread::JoinHandle,
 };
 
-use crate::media::image::{ImageError, encode_jpeg};
+use crate::media::image::{ImageError, encode_within};
+use crate::warning::Warning;
 use foxglove::{
     Encode, Schema,
     messages::{
@@ -213,12 +214,40 @@ pub struct SceneEntity<'a> {
 /// One labelled box on an image.
 #[derive(Clone, Copy, Debug)]
 pub struct BoxAnnotation<'a> {
-    /// Text above the box.
+    /// Class of what it holds.
     pub label: &'a str,
     /// Box as x0, y0, x1, y1 \[px\].
     pub rect_px: [f64; 4],
-    /// Colour.
-    pub colour: Rgba,
+    /// Score of the detection, 0 to 1.
+    pub score: f64,
+    /// Whether that is below the threshold.
+    pub weak: bool,
+}
+
+/// Name of the city among the things of the scene.
+pub const CITY: &str = "city";
+
+/// Colours of what counts by itself, and of what does not.
+const STRONG: Rgba = [0.0, 0.62, 0.45, 1.0];
+const WEAK: Rgba = [0.6, 0.6, 0.6, 0.35];
+
+/// What the annotation of a box says besides, by key.
+const CLASS: &str = "class";
+const SCORE: &str = "score";
+const COUNTS: &str = "counts";
+
+impl BoxAnnotation<'_> {
+    fn metadata(&self) -> Vec<fg::KeyValuePair> {
+        let pair = |key: &str, value: String| fg::KeyValuePair {
+            key: key.to_owned(),
+            value,
+        };
+        vec![
+            pair(CLASS, self.label.to_owned()),
+            pair(SCORE, format!("{:.3}", self.score)),
+            pair(COUNTS, (!self.weak).to_string()),
+        ]
+    }
 }
 
 /// One of the project's own messages with its place among the channels.
@@ -300,8 +329,10 @@ pub struct Picture {
     pub rgb8: Arc<Vec<u8>>,
     /// Width and height \[px\].
     pub size_px: [u16; 2],
-    /// JPEG quality, 1 to 100.
+    /// The best JPEG quality, 1 to 100.
     pub quality: u8,
+    /// Most bytes that it takes, in a lower quality if need be.
+    pub most_bytes: usize,
 }
 
 /// A message to be written.
@@ -323,6 +354,39 @@ struct OneTick {
 struct Sink {
     file: Option<Mcap>,
     live: Option<Live>,
+    written: Written,
+}
+
+/// How large a recording has become.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Written {
+    /// Length of the file; 0 without one \[byte\].
+    pub bytes: u64,
+    /// Length of the pictures in it, and in what was served \[byte\].
+    pub picture_bytes: u64,
+}
+
+/// What a recording takes of a disk in a simulated second before its user is warned \[byte/s\]: 14 GB an hour.
+const MUCH_BYTES_PER_S: f64 = 4e6;
+
+impl Written {
+    /// A warning where so much was written in `simulated_s` \[s\] that it should not go on so for long.
+    pub fn warning(&self, path: &Path, simulated_s: f64) -> Option<Warning> {
+        let [all, pictures] = [self.bytes, self.picture_bytes].map(|bytes| bytes as f64);
+        let rate = all / simulated_s;
+        (simulated_s > 0.0 && rate > MUCH_BYTES_PER_S).then(|| Warning {
+            file: path.to_owned(),
+            place: "size".into(),
+            what: format!(
+                "{:.0} MB, {:.1} MB a simulated second, {:.0} % of it pictures",
+                1e-6 * all,
+                1e-6 * rate,
+                100.0 * pictures / all
+            ),
+            mend: "keep fewer or coarser ones by record.images = { every = 4 } or a lower record.picture_bits_per_px"
+                .into(),
+        })
+    }
 }
 
 impl Sink {
@@ -335,8 +399,14 @@ impl Sink {
             match message {
                 Content::Encoded(range) => self.send(channel, log_time_ns, &tick.encoded[range])?,
                 Content::Picture(picture, mut message) => {
-                    let [width, height] = picture.size_px;
-                    let jpeg = encode_jpeg(&picture.rgb8, width, height, picture.quality)?;
+                    let Picture {
+                        rgb8,
+                        size_px,
+                        quality,
+                        most_bytes,
+                    } = picture;
+                    let jpeg = encode_within(&rgb8, size_px, quality, most_bytes)?;
+                    self.written.picture_bytes += jpeg.len() as u64;
                     message.data = jpeg.into();
                     let message = prost::Message::encode_to_vec(&*message);
                     self.send(channel, log_time_ns, &message)?;
@@ -365,10 +435,13 @@ impl Sink {
     }
 
     /// Writes ticks until there are no more, and closes the file.
-    fn run(mut self, ticks: mpsc::Receiver<OneTick>) -> Result<(), RecordingError> {
+    fn run(mut self, ticks: mpsc::Receiver<OneTick>) -> Result<Written, RecordingError> {
         let written = ticks.into_iter().try_for_each(|tick| self.write(tick));
-        let closed = self.file.map_or(Ok(()), Mcap::close);
-        written.and(closed)
+        let closed = self.file.map_or(Ok(0), Mcap::close);
+        written.and(closed).map(|bytes| Written {
+            bytes,
+            ..self.written
+        })
     }
 }
 
@@ -481,12 +554,14 @@ impl Mcap {
         Ok(())
     }
 
-    fn close(mut self) -> Result<(), RecordingError> {
+    /// Writes the end; the length of the file [byte].
+    fn close(mut self) -> Result<u64, RecordingError> {
         let finished = self.writer.finish();
-        let flushed = self.writer.into_inner().into_inner().flush();
+        let mut file = self.writer.into_inner().into_inner();
+        let flushed = file.flush();
         finished
             .map(drop)
-            .and_then(|()| Ok(flushed?))
+            .and_then(|()| Ok(flushed.and_then(|()| Ok(file.get_ref().metadata()?.len()))?))
             .map_err(|source| write_error(&self.path, source))
     }
 }
@@ -499,7 +574,7 @@ pub struct Recorder {
     /// Takes the ticks that are over; `None` once closed.
     ticks: Option<mpsc::SyncSender<OneTick>>,
     /// What writes them; `None` once its result is known.
-    writer: Option<JoinHandle<Result<(), RecordingError>>>,
+    writer: Option<JoinHandle<Result<Written, RecordingError>>>,
     live_address: Option<SocketAddr>,
     epoch_unix_ns: u64,
     tick_hz: NonZeroU32,
@@ -528,6 +603,7 @@ impl Recorder {
         let sink = Sink {
             live: live.map(serve).transpose()?,
             file: file.map(|path| Mcap::create(path, meta)).transpose()?,
+            written: Written::default(),
         };
         Self::into_sink(sink, meta)
     }
@@ -652,24 +728,32 @@ impl Recorder {
             timestamp,
             ..Default::default()
         };
+        let mut boxes: Vec<&BoxAnnotation> = boxes.iter().collect();
+        // What is drawn later covers what was drawn before.
+        boxes.sort_by(|a, b| b.weak.cmp(&a.weak).then(a.score.total_cmp(&b.score)));
         for annotation in boxes {
             let [x0, y0, x1, y1] = annotation.rect_px;
+            let outline = if annotation.weak { WEAK } else { STRONG };
             message.points.push(fg::PointsAnnotation {
                 timestamp,
                 r#type: points_annotation::Type::LineLoop.into(),
                 points: [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(point2).into(),
-                outline_color: Some(colour(annotation.colour)),
+                outline_color: Some(colour(outline)),
                 thickness: 1.0, // [px]
+                metadata: annotation.metadata(),
                 ..Default::default()
             });
-            message.texts.push(fg::TextAnnotation {
-                timestamp,
-                position: Some(point2([x0, y0 - 2.0])),
-                text: annotation.label.to_owned(),
-                font_size: 12.0, // [px]
-                text_color: Some(colour(annotation.colour)),
-                ..Default::default()
-            });
+            // A text of what does not count would lie on those of what does.
+            if !annotation.weak {
+                message.texts.push(fg::TextAnnotation {
+                    timestamp,
+                    position: Some(point2([x0, y0 - 2.0])),
+                    text: annotation.label.to_owned(),
+                    font_size: 12.0, // [px]
+                    text_color: Some(colour(outline)),
+                    ..Default::default()
+                });
+            }
         }
         let [x, y] = reticle_px;
         // A cross with an open centre, so that it never hides a target of a few pixels.
@@ -795,8 +879,8 @@ impl Recorder {
         CAMERAS + 3 * self.cameras.len()
     }
 
-    /// Writes what is left and closes the file.
-    pub fn finish(mut self) -> Result<(), RecordingError> {
+    /// Writes what is left and closes the file; how large it has become.
+    pub fn finish(mut self) -> Result<Written, RecordingError> {
         self.close()
     }
 
@@ -870,15 +954,15 @@ impl Recorder {
     }
 
     /// Waits for the end of what has been handed on.
-    fn ended(&mut self) -> Result<(), RecordingError> {
+    fn ended(&mut self) -> Result<Written, RecordingError> {
         drop(self.ticks.take());
         let result = self.writer.take().map(JoinHandle::join);
-        result.map_or(Ok(()), |result| {
+        result.map_or(Ok(Written::default()), |result| {
             result.unwrap_or(Err(RecordingError::Ended))
         })
     }
 
-    fn close(&mut self) -> Result<(), RecordingError> {
+    fn close(&mut self) -> Result<Written, RecordingError> {
         if self.writer.is_none() {
             return Err(RecordingError::Ended);
         }

@@ -1,6 +1,6 @@
 //! The detector, and detections on their way to the tracker.
 
-use crate::components::capture::{ExposedFrame, PixelRect, Readout};
+use crate::components::capture::{ExposedFrame, PixelRect, Readout, UavInFrame};
 use crate::components::run::{Options, PartError, Registry, Seed};
 use crate::models::flight::class::is_uav;
 use crate::models::optics::detection::Detection;
@@ -174,6 +174,15 @@ impl DetectorInUse {
         }
     }
 
+    /// The detections that a picture is marked with, the weakest first, so that none covers a stronger one: those that
+    /// count by themselves.
+    pub fn drawn<'a>(&self, detections: &'a [Detection]) -> Vec<&'a Detection> {
+        let counts = |found: &&Detection| found.score >= self.reading.start_score;
+        let mut drawn: Vec<_> = detections.iter().filter(counts).collect();
+        drawn.sort_by(|a, b| a.score.total_cmp(&b.score));
+        drawn
+    }
+
     /// What a picture's box is labelled with: the score, and the class where there are several.
     pub fn caption(&self, detection: &Detection) -> String {
         if self.detector.classes().len() > 1 {
@@ -232,6 +241,9 @@ pub struct DetectionBatch {
     pub shrunk: u32,
     /// Detections above the threshold, in full-sensor pixels; empty until `answered`.
     pub detections: Vec<Detection>,
+    /// The best score that the detector gave to anything near each UAV in front of the camera, in the order of the
+    /// frame's truth, below the threshold too; for the record alone.
+    pub best_scores: Vec<Option<f64>>,
     /// What moves in it against the scenery.
     pub moving: Vec<Dot>,
     /// Whether the detector has answered.
@@ -281,10 +293,12 @@ impl DetectionQueue {
             .any(|batch| !batch.answered)
     }
 
-    /// Puts the detector's next answer into its batch, and counts what moves there among it.
-    pub fn answer(&mut self, found: Vec<Detection>, moving: &MovingAs) {
+    /// Puts the detector's next answer, from `weak_score` on, into its batch, and counts what moves there among it.
+    pub fn answer(&mut self, mut found: Vec<Detection>, weak_score: f64, moving: &MovingAs) {
         let open = self.waiting.iter_mut().filter(|batch| !batch.answered);
         if let Some(batch) = open.min_by_key(|batch| batch.asked()) {
+            batch.best_scores = best_scores(&batch.frame.truth, &found);
+            found.retain(|detection| detection.score >= weak_score);
             batch.detections = found;
             for dot in std::mem::take(&mut batch.moving) {
                 dot.count_in(&mut batch.detections, moving);
@@ -304,6 +318,15 @@ impl DetectionQueue {
             self.arrived.extend(self.waiting.pop_front());
         }
     }
+}
+
+/// The best score of what lies on each of `truth`.
+fn best_scores(truth: &[UavInFrame], found: &[Detection]) -> Vec<Option<f64>> {
+    let best = |seen: &UavInFrame| {
+        let on = found.iter().filter(|found| found.lies_on(seen.box_px));
+        on.map(|found| found.score).reduce(f64::max)
+    };
+    truth.iter().map(best).collect()
 }
 
 #[cfg(test)]
@@ -338,6 +361,7 @@ mod tests {
             look,
             shrunk: 1,
             detections: Vec::new(),
+            best_scores: Vec::new(),
             moving: Vec::new(),
             answered: false,
         }
@@ -360,12 +384,12 @@ mod tests {
             score: 0.3,
         };
         assert!(!queue.wants_answer(23) && queue.wants_answer(24));
-        queue.answer(vec![seen(1.0)], &moving);
+        queue.answer(vec![seen(1.0)], 0.0, &moving);
         assert!(
             queue.wants_answer(24),
             "the first answer was the search camera's"
         );
-        queue.answer(vec![seen(2.0)], &moving);
+        queue.answer(vec![seen(2.0)], 0.0, &moving);
         assert!(!queue.wants_answer(40));
         queue.release(24);
         let [precise] = &queue.arrived[..] else {

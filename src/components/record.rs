@@ -1,6 +1,7 @@
 //! What a run leaves behind.
 
 use crate::components::capture::ExposedFrame;
+use crate::models::maths::spread::Spread;
 use crate::models::optics::detection::Detection;
 use crate::recording::{OwnTopic, Recorder};
 use bevy::platform::cell::SyncCell;
@@ -8,6 +9,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -25,8 +27,10 @@ pub struct Recording {
     pub state_period_ticks: u64,
     /// Every n-th image of each camera is kept; 0 keeps none.
     pub image_every: u64,
-    /// JPEG quality.
+    /// The best JPEG quality.
     pub jpeg_quality: u8,
+    /// Most bits to a pixel of a picture.
+    pub picture_bits_per_px: f64,
 }
 
 /// What of a station the recording's log has.
@@ -102,9 +106,26 @@ impl OwnTopics {
     }
 }
 
+/// How a UAV flew into something.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Crash {
+    /// When [s].
+    pub t_s: f64,
+    /// Where [m].
+    pub r_enu_m: DVec3,
+    /// Into what, in words.
+    pub into: String,
+}
+
 /// What has become of a UAV, and when.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fate {
+    /// A camera of a station first held it [s].
+    pub acquired_s: Option<f64>,
+    /// How it crashed.
+    pub crash: Option<Crash>,
+    /// The hottest that its skin has been [K].
+    pub hottest_k: f64,
     /// Its skin failed [s].
     pub neutralised_s: Option<f64>,
     /// It came within the asset's radius unharmed [s].
@@ -125,6 +146,11 @@ impl Recording {
     /// Whether the picture of a frame is recorded.
     pub fn keeps(&self, frame: &ExposedFrame) -> bool {
         self.image_every > 0 && frame.number.is_multiple_of(self.image_every)
+    }
+
+    /// Most bytes of a picture of a size [px].
+    pub fn most_bytes(&self, [width, height]: [u32; 2]) -> usize {
+        (self.picture_bits_per_px / 8.0 * f64::from(width) * f64::from(height)) as usize
     }
 }
 
@@ -151,9 +177,46 @@ pub struct KeptFrame {
     pub state: &'static str,
 }
 
+/// What the pictures of a camera showed of a UAV, as far as their detections have arrived.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sight {
+    /// Pictures in which it was.
+    pub pictures: u32,
+    /// The same as a time [s].
+    pub in_view_s: f64,
+    /// Of that the time for which something hid it [s].
+    pub hidden_s: f64,
+    /// Pictures in which a detection that counts lay on it.
+    pub found: u32,
+    /// The longer side of its box [px], hidden or not.
+    pub size_px: Spread,
+    /// Its signal-to-clutter ratio where it was not hidden.
+    pub contrast: Spread,
+    /// Grey level of what was around it, 0 to 255.
+    pub grey: Spread,
+    /// The best score of a detection on it.
+    pub best_score: Option<f64>,
+}
+
+/// What a station had to do with a UAV.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Dealing {
+    /// Time for which the UAV flew in its sight, and behind the city or in cloud [s].
+    pub clear_s: f64,
+    pub hidden_s: f64,
+    /// Time for which a camera held it [s].
+    pub held_s: f64,
+    /// Of that the times for which the laser was not to fire, by the reason [s]; several may hold at once.
+    pub refused_s: BTreeMap<&'static str, f64>,
+}
+
 /// What a camera leaves for summary, report and window.
 #[derive(Component, Default)]
 pub struct CameraHistory {
+    /// What it showed of each UAV, by scenario index.
+    pub sights: BTreeMap<usize, Sight>,
+    /// Tick of its last picture whose detections have arrived.
+    pub arrived_tick: Option<u64>,
     /// True distance of the target from the boresight while the camera holds it: (time [s], distance [px]).
     pub miss_px: Vec<(f64, f64)>,
     /// Last picture whose detections have arrived.
@@ -173,12 +236,14 @@ pub struct History {
     pub los_error_urad: Vec<(f64, f64)>,
     /// Pictures for the contact sheet.
     pub frames: Vec<KeptFrame>,
-    /// Time of the first Coarse state [s].
+    /// When a camera first held a target [s].
     pub acquired_s: Option<f64>,
     /// Time for which the firing beam's axis met a keep-out zone [s].
     pub keep_out_s: f64,
     /// Time for which the coarse or precise camera held what is no UAV [s].
     pub wrong_object_s: f64,
+    /// What it had to do with each UAV, by scenario index.
+    pub dealings: BTreeMap<usize, Dealing>,
     /// Every first shot at a UAV or distractor after one at another: time [s] and scenario index.
     pub shots: Vec<(f64, usize)>,
 }

@@ -65,6 +65,11 @@ impl TrackingState {
         }
     }
 
+    /// Whether the target is acquired: a camera holds it, the coarse or the precise one.
+    pub fn acquired(self) -> bool {
+        self.holds(Tier::Coarse) || self.holds(Tier::Precise)
+    }
+
     /// Whether a camera of `tier` holds the target in this state.
     pub fn holds(self, tier: Tier) -> bool {
         match tier {
@@ -491,6 +496,21 @@ mod tests {
             (900, TrackingState::Precise),
         ] {
             assert_eq!(tracker.state_at(tick), state, "{tick}");
+        }
+    }
+
+    #[test]
+    fn acquired_is_what_a_camera_holds_whichever() {
+        let held = [
+            (TrackingState::Search, false),
+            (TrackingState::Acquire, false),
+            (TrackingState::Coarse, true),
+            (TrackingState::Precise, true),
+            (TrackingState::Engage, true),
+            (TrackingState::Lost, false),
+        ];
+        for (state, acquired) in held {
+            assert_eq!(state.acquired(), acquired, "{}", state.name());
         }
     }
 

@@ -1,7 +1,8 @@
 //! Figures of a run by their keys in `summary.json`, such as `uavs.intruder.neutralised_s`.
 
 use crate::report::statistics::MissStats;
-use crate::report::summary::{MissDistances, ObjectSummary, StationSummary, Summary, UavSummary};
+use crate::report::summary::{MissDistances, ObjectSummary, StationSummary, Summary};
+use crate::report::uavs::{CrashSummary, DealingSummary, SightSummary, UavSummary};
 use crate::scenario::{Scenario, suggestion};
 use serde_json::{Map, Value, json};
 
@@ -77,12 +78,13 @@ pub enum Kind {
 const WALL_CLOCK: [&str; 2] = ["real_time_factor", "share"];
 
 /// Lists whose elements are not known before the run, by the keys that lead to them; the sample has one element of each.
-const GROWING: [&str; 5] = [
+const GROWING: [&str; 6] = [
     "objects",
     "objects.stations",
     "objects.engaged_by",
     "stations.lost_s",
     "stations.kill_to_shot_s",
+    "uavs.stations.refused",
 ];
 
 /// What the figure of this key is in the runs of a scenario; what is wrong with the key if they have none.
@@ -194,14 +196,7 @@ fn sample(scenario: &Scenario) -> Value {
             precise: miss,
         },
         uavs: (scenario.uavs.iter())
-            .map(|uav| UavSummary {
-                name: uav.name.clone(),
-                status: String::new(),
-                energy_j: 0.0,
-                dwell_s: 0.0,
-                neutralised_s: time,
-                at_asset_s: time,
-            })
+            .map(|uav| uav_sample(&uav.name, scenario))
             .collect(),
         stations: (scenario.stations().into_iter())
             .map(|station| StationSummary {
@@ -224,6 +219,46 @@ fn sample(scenario: &Scenario) -> Value {
         ..Summary::default()
     };
     serde_json::to_value(summary).unwrap_or_else(|_| Value::Object(Map::new()))
+}
+
+/// A UAV's part of a summary that has every figure.
+fn uav_sample(name: &str, scenario: &Scenario) -> UavSummary {
+    let number = Some(0.0);
+    let stations = scenario.stations();
+    let sight = |(first, station, camera): (bool, &str, &str)| SightSummary {
+        name: match first {
+            true => camera.to_owned(),
+            false => format!("{station}/{camera}"),
+        },
+        largest_px: number,
+        typical_px: number,
+        contrast: number,
+        grey_level: number,
+        best_score: number,
+        wanted_score: number,
+        ..SightSummary::default()
+    };
+    let cameras = stations.iter().enumerate().flat_map(|(index, station)| {
+        let all = station.config.cameras.all().into_iter();
+        all.map(move |camera| sight((index == 0, &station.name, &camera.name)))
+    });
+    UavSummary {
+        name: name.to_owned(),
+        neutralised_s: number,
+        at_asset_s: number,
+        acquired_s: number,
+        crash: Some(CrashSummary::default()),
+        why: Some(String::new()),
+        cameras: cameras.collect(),
+        stations: (stations.iter())
+            .map(|station| DealingSummary {
+                name: station.name.clone(),
+                refused: vec![(String::new(), 0.0)],
+                ..DealingSummary::default()
+            })
+            .collect(),
+        ..UavSummary::default()
+    }
 }
 
 #[cfg(test)]
@@ -280,12 +315,21 @@ mod tests {
             "objects.7.engaged_by.3.0",
             "stations.0.lost_s.3",
             "stations.tower.kill_to_shot_s.9",
+            "uavs.0.cameras.0.in_view_s",
+            "uavs.0.cameras.stv.largest_px",
+            "uavs.0.stations.tower.hidden_s",
+            "uavs.0.stations.0.refused.3.1",
+            "uavs.0.crash.t_s",
+            "light.illuminance_lx",
         ] {
             assert_eq!(kind(key, &scenario), Ok(Kind::Number), "{key}");
         }
         for key in [
             "outcome",
             "uavs.0.status",
+            "uavs.0.why",
+            "uavs.0.crash.into",
+            "uavs.0.stations.0.refused.3.0",
             "objects.0.engaged_by.1.1",
             "objects.2.stations.5",
         ] {

@@ -58,6 +58,43 @@ pub fn encode_jpeg(
     Ok(jpeg)
 }
 
+/// Qualities below the wanted one that [`encode_within`] takes, a fifth to a third of the bytes apart.
+const LOWER: [u8; 9] = [80, 70, 60, 50, 40, 30, 20, 10, 5];
+
+/// Encodes as [`encode_jpeg`] does, in the best of a few qualities up to `quality` with which it takes at most `most_bytes`;
+/// in the least of them where none does. The same picture gives the same bytes.
+pub fn encode_within(
+    rgb8: &[u8],
+    size_px: [u16; 2],
+    quality: u8,
+    most_bytes: usize,
+) -> Result<Vec<u8>, ImageError> {
+    let [width, height] = size_px;
+    let best = encode_jpeg(rgb8, width, height, quality)?;
+    if best.len() <= most_bytes {
+        return Ok(best);
+    }
+    let lower: Vec<u8> = LOWER.into_iter().filter(|lower| *lower < quality).collect();
+    // Bytes grow with the quality: the first of these qualities that fits is searched by halving.
+    let (mut low, mut high) = (0, lower.len());
+    let mut fits = None;
+    while low < high {
+        let middle = (low + high) / 2;
+        let jpeg = encode_jpeg(rgb8, width, height, lower[middle])?;
+        if jpeg.len() <= most_bytes {
+            high = middle;
+            fits = Some(jpeg);
+        } else {
+            low = middle + 1;
+        }
+    }
+    match (fits, lower.last()) {
+        (Some(jpeg), _) => Ok(jpeg),
+        (None, Some(least)) => encode_jpeg(rgb8, width, height, *least),
+        (None, None) => Ok(best),
+    }
+}
+
 /// Encodes a picture as JPEG of the given quality, 1 to 100.
 pub fn jpeg_of(picture: &RgbImage, quality: u8) -> Result<Vec<u8>, ImageError> {
     let (width, height) = picture.dimensions();
@@ -97,6 +134,49 @@ mod tests {
         let picture = decode(&jpeg).expect("a picture");
         assert_eq!(picture.dimensions(), (16, 8));
         assert!(picture.as_raw().iter().all(|&c| c.abs_diff(200) < 4));
+    }
+
+    /// Grey noise of this deviation about a plain picture.
+    fn noise(deviation: f64, size_px: [u16; 2]) -> Vec<u8> {
+        let mut rng = crate::models::maths::rng::Stream::new(1, 0, "noise");
+        let values = 3 * usize::from(size_px[0]) * usize::from(size_px[1]);
+        (0..values)
+            .map(|_| (30.0 + deviation * rng.normal()).round() as u8)
+            .collect()
+    }
+
+    #[test]
+    fn noise_is_kept_within_its_bytes_and_a_clean_picture_in_its_quality() {
+        let size_px = [320, 240];
+        let [width, height] = size_px;
+        let clean = noise(0.0, size_px);
+        let whole = encode_jpeg(&clean, width, height, 90).unwrap();
+        assert_eq!(encode_within(&clean, size_px, 90, 9_600).unwrap(), whole);
+        for deviation in [3.0, 8.0, 20.0] {
+            let noisy = noise(deviation, size_px);
+            let free = encode_jpeg(&noisy, width, height, 90).unwrap();
+            for most_bytes in [38_400, 19_200, 9_600] {
+                let jpeg = encode_within(&noisy, size_px, 90, most_bytes).unwrap();
+                assert!(
+                    jpeg.len() <= most_bytes,
+                    "{deviation}: {} of {most_bytes}",
+                    jpeg.len()
+                );
+                // No coarser than it need be: the next quality would not have fitted, or it is the wanted one.
+                let next = (LOWER.iter().rev().copied().chain([90]))
+                    .map(|quality| encode_jpeg(&noisy, width, height, quality).unwrap())
+                    .find(|larger| larger.len() > jpeg.len());
+                assert!(next.is_none_or(|next| next.len() > most_bytes));
+                assert_eq!(decode(&jpeg).unwrap().dimensions(), (320, 240));
+            }
+            assert_eq!(
+                encode_within(&noisy, size_px, 90, usize::MAX).unwrap(),
+                free
+            );
+        }
+        // Nothing fits into nothing: the least quality is taken.
+        let least = encode_within(&noise(8.0, size_px), size_px, 90, 10).unwrap();
+        assert!(least.len() > 10 && decode(&least).is_ok());
     }
 
     #[test]

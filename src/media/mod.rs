@@ -1,4 +1,5 @@
 //! Pictures and clips, in and out.
 
 pub mod image;
+pub mod labels;
 pub mod video;

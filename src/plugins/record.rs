@@ -9,18 +9,19 @@ use crate::components::record::{
 };
 use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::ground::city::City;
+use crate::models::maths::polygon;
 use crate::models::mount::gimbal::GimbalParams;
 use crate::models::tracking::search::{SlewLimits, coverage_time_s};
 use crate::place::found_anywhere;
 use crate::plugins::run::fallible;
 use crate::recording::{
-    LogLevel, Meta, OwnTopic, Recorder, RecordingError, SceneEntity, SceneShape,
+    CITY, LogLevel, Meta, OwnTopic, Recorder, RecordingError, SceneEntity, SceneShape,
 };
 use crate::scenario::{Images, Loaded};
 use crate::systems::record as systems;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec3};
 use std::io::{self, Write};
 use std::num::NonZeroU32;
 use std::path::Path;
@@ -39,6 +40,9 @@ impl Plugin for RecordPlugin {
                     systems::hash_state,
                     systems::keep_series,
                     systems::keep_pictures,
+                    systems::sights::note_crashes,
+                    systems::sights::keep_dealings,
+                    systems::sights::keep_sights,
                     systems::mcap::write_recording,
                 )
                     .chain()
@@ -100,6 +104,7 @@ fn set_up(
             Images::Every(every) => u64::from(every),
         },
         jpeg_quality: record.jpeg_quality,
+        picture_bits_per_px: record.picture_bits_per_px,
     });
     Ok(())
 }
@@ -158,22 +163,25 @@ fn record_city(recorder: &mut Recorder, city: &City) -> Result<(), RecordingErro
         .buildings
         .iter()
         .map(|building| {
+            // Along its longest wall.
             let outline = building.footprint_enu_m();
-            let low = outline.iter().copied().fold(DVec2::MAX, DVec2::min);
-            let high = outline.iter().copied().fold(DVec2::MIN, DVec2::max);
-            let centre = 0.5 * (low + high);
+            let along = polygon::main_axis(outline);
+            let [[x0, x1], [y0, y1]] =
+                [along, along.perp()].map(|axis| polygon::span(outline, axis));
+            let centre = 0.5 * ((x0 + x1) * along + (y0 + y1) * along.perp());
+            let rotation = DQuat::from_rotation_z(along.to_angle());
             let base_m = city.dsm.terrain_m(centre.x, centre.y);
             let height_m = building.height_m();
             SceneShape::Cube {
                 centre_m: [centre.x, centre.y, base_m + 0.5 * height_m],
-                rotation: [0.0, 0.0, 0.0, 1.0],
-                size_m: [high.x - low.x, high.y - low.y, height_m],
+                rotation: rotation.to_array(),
+                size_m: [x1 - x0, y1 - y0, height_m],
                 colour: [0.7, 0.7, 0.68, 1.0],
             }
         })
         .collect();
     let city = SceneEntity {
-        id: "city",
+        id: CITY,
         frame: "enu",
         lifetime_ticks: 0,
         shapes: &boxes,

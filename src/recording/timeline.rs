@@ -1,12 +1,12 @@
 //! A recording by time: what films and playback show of it.
 
-use super::proto;
 use super::read::Recorded;
+use super::{CITY, CLASS, COUNTS, SCORE, proto};
 use foxglove::messages::{
-    CameraCalibration, CompressedImage, FrameTransforms, ImageAnnotations, Log, Timestamp,
-    points_annotation::Type,
+    CameraCalibration, CompressedImage, CubePrimitive, FrameTransforms, ImageAnnotations, Log,
+    SceneUpdate, Timestamp, points_annotation::Type,
 };
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use mcap::Message;
 use prost::Message as _;
 use std::collections::BTreeMap;
@@ -20,6 +20,16 @@ pub struct Series<T>(Vec<(u64, T)>);
 impl<T> Default for Series<T> {
     fn default() -> Self {
         Self(Vec::new())
+    }
+}
+
+impl<T> FromIterator<(u64, T)> for Series<T> {
+    fn from_iter<I: IntoIterator<Item = (u64, T)>>(entries: I) -> Self {
+        let mut series = Self::default();
+        for (tick, value) in entries {
+            series.push(tick, value);
+        }
+        series
     }
 }
 
@@ -83,10 +93,28 @@ pub struct UavAt {
 /// What is drawn on a picture.
 #[derive(Clone, Debug, Default)]
 pub struct Marks {
-    /// Boxes as x0, y0, x1, y1 \[px\], with their labels.
-    pub boxes: Vec<([f64; 4], String)>,
+    /// What the detector found, the weakest first.
+    pub boxes: Vec<Mark>,
     /// Where the camera's boresight is \[px\].
     pub reticle_px: Option<[f64; 2]>,
+}
+
+/// A box on a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mark {
+    /// x0, y0, x1, y1 \[px\].
+    pub rect_px: [f64; 4],
+    /// Class and score.
+    pub label: String,
+    /// Whether its score is below the threshold.
+    pub weak: bool,
+}
+
+impl Marks {
+    /// The boxes that count by themselves, with their labels.
+    pub fn strong(&self) -> impl Iterator<Item = &Mark> {
+        self.boxes.iter().filter(|mark| !mark.weak)
+    }
 }
 
 /// What a camera left.
@@ -175,6 +203,8 @@ pub struct Timeline {
     pub stations: Vec<StationTrack>,
     /// The log.
     pub events: Vec<Event>,
+    /// The buildings: boxes on the ground as their corners, in order \[m, east and north\].
+    pub buildings: Vec<[DVec2; 4]>,
 }
 
 impl Timeline {
@@ -261,6 +291,15 @@ impl Timeline {
                     );
                     self.camera(&name, places).poses.push(tick, pose);
                 }
+            }
+            // The city is recorded once, before anything moves.
+            "/scene" if tick == 0 && self.buildings.is_empty() => {
+                let entities = SceneUpdate::decode(data)?.entities;
+                let city = entities.into_iter().filter(|entity| entity.id == CITY);
+                self.buildings = city
+                    .flat_map(|city| city.cubes)
+                    .filter_map(ground_plan)
+                    .collect();
             }
             "/log" => {
                 let log = Log::decode(data)?;
@@ -374,6 +413,18 @@ impl Timeline {
     }
 }
 
+/// The corners of a box from above \[m, east and north\].
+fn ground_plan(cube: CubePrimitive) -> Option<[DVec2; 4]> {
+    let (pose, size) = (cube.pose?, cube.size?);
+    let (r, q) = (pose.position?, pose.orientation?);
+    let q = DQuat::from_xyzw(q.x, q.y, q.z, q.w);
+    let corner = |(x, y): (f64, f64)| {
+        let off_m = q * DVec3::new(0.5 * x * size.x, 0.5 * y * size.y, 0.0);
+        DVec2::new(r.x + off_m.x, r.y + off_m.y)
+    };
+    Some([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(corner))
+}
+
 /// Places of UAVs and cameras by their names.
 #[derive(Default)]
 struct Places {
@@ -399,10 +450,20 @@ fn marks(annotations: ImageAnnotations) -> Marks {
             ]
         });
         if shape.r#type == i32::from(Type::LineLoop) {
-            let label = labels.next().unwrap_or_default();
-            marks
-                .boxes
-                .push(([low[0], low[1], high[0], high[1]], label));
+            let said = |key: &str| {
+                let pair = shape.metadata.iter().find(|pair| pair.key == key)?;
+                Some(pair.value.as_str())
+            };
+            let weak = said(COUNTS) == Some("false");
+            // Recordings of earlier versions have a text for each box, and nothing else of it.
+            let text = if weak { None } else { labels.next() };
+            let score = said(SCORE).and_then(|score| score.parse::<f64>().ok());
+            let class = said(CLASS).map(str::to_owned).or(text).unwrap_or_default();
+            marks.boxes.push(Mark {
+                rect_px: [low[0], low[1], high[0], high[1]],
+                label: score.map_or(class.clone(), |score| format!("{class} {score:.2}")),
+                weak,
+            });
         } else if shape.r#type == i32::from(Type::LineList) {
             marks.reticle_px = Some([0, 1].map(|i| 0.5 * (low[i] + high[i])));
         }

@@ -7,6 +7,7 @@ pub mod run;
 pub mod states;
 pub mod statistics;
 pub mod summary;
+pub mod uavs;
 
 use crate::media::image::ImageError;
 use crate::output::OutputError;

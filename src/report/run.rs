@@ -5,7 +5,9 @@ use super::chart::{Across, Chart, Scale, Series};
 use super::page::{Head, data_url, note, page, table, tiles};
 use super::states::{StateSpan, states};
 use super::statistics::MissStats;
+use super::uavs::{self, Light, UavSummary};
 use crate::media::image::encode_jpeg;
+use crate::media::labels;
 use crate::output;
 use maud::{Markup, html};
 use serde::{Deserialize, Serialize};
@@ -35,6 +37,10 @@ pub struct ReportData {
     pub summary: Vec<(String, String)>,
     /// What each station did.
     pub stations: Vec<StationReport>,
+    /// Sun and daylight.
+    pub light: Light,
+    /// What became of each UAV.
+    pub uavs: Vec<UavSummary>,
     /// The objects that the stations' network knew, each a row: identity, first and last followed, longest gap,
     /// stations that followed it, stations that engaged it.
     pub objects: Vec<[String; 6]>,
@@ -79,7 +85,7 @@ pub struct ContactFrame {
     /// Rows of red, green, blue bytes; they are not part of a record.
     #[serde(skip)]
     pub rgb8: Vec<u8>,
-    /// What is marked in it.
+    /// What is marked in it, the least important first.
     pub boxes: Vec<ContactBox>,
     /// Boresight \[px\].
     pub reticle_px: [f64; 2],
@@ -149,6 +155,10 @@ fn body(data: &ReportData, jpegs: &[Vec<u8>]) -> Markup {
         p .outcome .good[data.succeeded] { (data.outcome) }
         h2 { "Summary" }
         (tiles(&data.summary))
+        @if !data.uavs.is_empty() {
+            h2 { "UAVs" }
+            (uavs::tables(&data.uavs, &data.light))
+        }
         @for station in &data.stations {
             @let heading = |what: &str| match &data.stations[..] {
                 [_] => what.to_owned(),
@@ -303,7 +313,9 @@ impl ContactFrame {
                     image width=(w) height=(h) href=(data_url(jpeg)) {}
                     path fill="none" stroke="#fff" stroke-opacity=".8"
                         stroke-width=(format_args!("{unit:.2}")) d=(self.reticle(unit)) {}
-                    @for mark in &self.boxes { (mark.drawing(f64::from(w), unit)) }
+                    @for (mark, label_px) in self.boxes.iter().zip(self.labels(unit)) {
+                        (mark.drawing(unit, label_px))
+                    }
                 }
                 figcaption {
                     b { (self.camera) }
@@ -332,33 +344,48 @@ impl ContactFrame {
     }
 }
 
+/// Height of a label, and its width to a letter, where a picture is 320 px wide [px].
+const LABEL_PX: [f64; 2] = [7.0, 13.0];
+
+impl ContactFrame {
+    /// Where the labels of the boxes begin, on their base lines [px]; the boxes are the weakest first.
+    fn labels(&self, unit: f64) -> Vec<Option<[f64; 2]>> {
+        let strongest_first = || self.boxes.iter().rev();
+        let boxes: Vec<_> = strongest_first().map(|mark| mark.padded(unit)).collect();
+        let [wide, high] = LABEL_PX.map(|px| px * unit);
+        let labels_px: Vec<_> = strongest_first()
+            .map(|mark| [wide * mark.label.chars().count() as f64, high])
+            .collect();
+        let size_px = [self.width, self.height].map(f64::from);
+        let mut places = labels::place(&boxes, &labels_px, size_px, 2.0 * unit);
+        places.reverse();
+        let on_line = |[x, y]: [f64; 2]| [x, y + 0.8 * high];
+        places.into_iter().map(|place| place.map(on_line)).collect()
+    }
+}
+
 impl ContactBox {
-    /// The box with its label, on an image of width `w` [px].
-    fn drawing(&self, w: f64, unit: f64) -> Markup {
+    /// The box, kept off a target of a few pixels.
+    fn padded(&self, unit: f64) -> [f64; 4] {
         let [x0, y0, x1, y1] = self.rect_px;
+        let pad = 2.0 * unit;
+        [x0 - pad, y0 - pad, x1.max(x0) + pad, y1.max(y0) + pad]
+    }
+
+    /// The box with its label, where that has a place.
+    fn drawing(&self, unit: f64, label_px: Option<[f64; 2]>) -> Markup {
+        let [x0, y0, x1, y1] = self.padded(unit);
         let [r, g, b] = self.colour;
         let colour = format!("rgb({r},{g},{b})");
-        // Kept off a target of a few pixels, and the label within the image.
-        let pad = 2.0 * unit;
-        let label_y = if y0 > 20.0 * unit {
-            y0 - 5.0 * unit
-        } else {
-            y1 + 15.0 * unit
-        };
-        let (label_x, anchor) = if x0 < 0.6 * w {
-            (x0 - pad, "start")
-        } else {
-            (x1 + pad, "end")
-        };
         html! {
-            rect x=(format_args!("{:.1}", x0 - pad))
-                y=(format_args!("{:.1}", y0 - pad))
-                width=(format_args!("{:.1}", (x1 - x0).max(0.0) + 2.0 * pad))
-                height=(format_args!("{:.1}", (y1 - y0).max(0.0) + 2.0 * pad))
+            rect x=(format_args!("{x0:.1}"))
+                y=(format_args!("{y0:.1}"))
+                width=(format_args!("{:.1}", x1 - x0))
+                height=(format_args!("{:.1}", y1 - y0))
                 fill="none" stroke=(colour) {}
-            text x=(format_args!("{label_x:.1}"))
-                y=(format_args!("{label_y:.1}"))
-                text-anchor=(anchor) fill=(colour) { (self.label) }
+            @if let Some([x, y]) = label_px.filter(|_| !self.label.is_empty()) {
+                text x=(format_args!("{x:.1}")) y=(format_args!("{y:.1}")) fill=(colour) { (self.label) }
+            }
         }
     }
 }

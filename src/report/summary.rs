@@ -4,6 +4,7 @@ use super::ReportError;
 use super::run::{ContactBox, ContactFrame, ReportData, StationReport, write_report};
 use super::states::StateSpan;
 use super::statistics::MissStats;
+use super::uavs::{CrashSummary, DealingSummary, Light, SightSummary, UavSummary};
 use crate::VERSION;
 use crate::app::Options;
 use crate::components::beam::{BeamState, Dose};
@@ -25,6 +26,7 @@ use crate::models::engage::outcome::Outcome;
 use crate::models::tracking::picture::Follower;
 use crate::output;
 use crate::scenario::Loaded;
+use crate::warning::Warning;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use serde::Serialize;
@@ -51,7 +53,7 @@ pub struct Summary {
     pub stopped_s: Option<f64>,
     /// Simulated over elapsed time.
     pub real_time_factor: f64,
-    /// Time of the first Coarse state: the coarse camera had confirmed a target \[s\].
+    /// When the coarse or precise camera of a station first held a target \[s\].
     pub time_to_acquire_s: Option<f64>,
     /// Time at which the last target failed \[s\].
     pub time_to_neutralise_s: Option<f64>,
@@ -71,6 +73,8 @@ pub struct Summary {
     pub energy_j: f64,
     /// The same for each UAV brought down by it \[J\]; `None` without any.
     pub energy_per_neutralised_j: Option<f64>,
+    /// Sun and daylight, at the end.
+    pub light: Light,
     /// Each UAV, in the order of the scenario.
     pub uavs: Vec<UavSummary>,
     /// Each station, in the order of the scenario.
@@ -81,29 +85,12 @@ pub struct Summary {
     pub share: Shares,
 }
 
-/// What became of a UAV, and what the laser spent on it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct UavSummary {
-    /// Name in the scenario.
-    pub name: String,
-    /// Flying, falling, struck, down, crashed or landed.
-    pub status: String,
-    /// Energy emitted while the beam was aimed at it \[J\].
-    pub energy_j: f64,
-    /// Time for which the firing beam's centre lay on its aim point \[s\].
-    pub dwell_s: f64,
-    /// Time at which its skin failed \[s\].
-    pub neutralised_s: Option<f64>,
-    /// Time at which it came within the asset's radius unharmed \[s\].
-    pub at_asset_s: Option<f64>,
-}
-
 /// What a station did.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StationSummary {
     /// Name in the scenario.
     pub name: String,
-    /// Time of its first coarse track \[s\].
+    /// When its coarse or precise camera first held a target \[s\].
     pub acquired_s: Option<f64>,
     /// Energy emitted \[J\].
     pub energy_j: f64,
@@ -179,6 +166,8 @@ pub struct Finished {
     pub summary: Summary,
     /// What the report shows.
     pub report: ReportData,
+    /// What its user should know of its files.
+    pub warnings: Vec<Warning>,
 }
 
 /// Ends a run that took `elapsed` of wall-clock time: closes its recording and writes summary and
@@ -189,10 +178,15 @@ pub fn conclude(
     options: &Options,
     elapsed: Duration,
 ) -> Result<Finished, ReportError> {
-    if let Some(recorder) = world.resource_mut::<Recording>().recorder.take() {
-        SyncCell::to_inner(recorder).finish()?;
+    let recorder = world.resource_mut::<Recording>().recorder.take();
+    let written = recorder.map(|recorder| SyncCell::to_inner(recorder).finish());
+    let written = written.transpose()?;
+    let mut finished = finish(world, loaded, options, elapsed);
+    if let (Some(written), Some(out)) = (written, &options.out) {
+        let simulated_s = finished.summary.simulated_s;
+        let warning = written.warning(&out.join("run.mcap"), simulated_s);
+        finished.warnings.extend(warning);
     }
-    let finished = finish(world, loaded, options, elapsed);
     if let Some(out) = &options.out {
         let text = serde_json::to_string_pretty(&finished.summary)? + "\n";
         output::write(&out.join("summary.json"), text)?;
@@ -228,7 +222,11 @@ pub fn finish(
         ..summary(world, &fates, elapsed)
     };
     let report = report(world, loaded, &summary, &fates);
-    Finished { summary, report }
+    Finished {
+        summary,
+        report,
+        warnings: Vec::new(),
+    }
 }
 
 /// What became of a UAV.
@@ -270,6 +268,7 @@ fn brought_down(fates: &[Ended]) -> usize {
 fn summary(world: &World, fates: &[Ended], elapsed: Duration) -> Summary {
     let clock = world.resource::<SimClock>();
     let known = &world.resource::<Fates>().uavs;
+    let light = light(world);
     let stations = &world.resource::<Stations>().0;
     let of_stations = station_summaries(world);
     let sum = |of: fn(&StationSummary) -> f64| of_stations.iter().map(of).sum::<f64>();
@@ -308,16 +307,9 @@ fn summary(world: &World, fates: &[Ended], elapsed: Duration) -> Summary {
             .count(),
         energy_j,
         energy_per_neutralised_j: (down > 0).then(|| energy_j / down as f64),
-        uavs: fates
-            .iter()
-            .map(|fate| UavSummary {
-                name: fate.name.clone(),
-                status: fate.status.name().into(),
-                energy_j: fate.dose.energy_j,
-                dwell_s: fate.dose.dwell_s,
-                neutralised_s: known.get(fate.index).and_then(|fate| fate.neutralised_s),
-                at_asset_s: known.get(fate.index).and_then(|fate| fate.at_asset_s),
-            })
+        light,
+        uavs: (fates.iter())
+            .map(|fate| uav_summary(world, fate, &light))
             .collect(),
         stations: of_stations,
         objects: object_summaries(world),
@@ -328,6 +320,94 @@ fn summary(world: &World, fates: &[Ended], elapsed: Duration) -> Summary {
         },
         ..Summary::default()
     }
+}
+
+/// Sun and daylight.
+fn light(world: &World) -> Light {
+    let backdrop = &world.resource::<Environment>().backdrop;
+    let up = backdrop.sun_dir_enu.z.clamp(-1.0, 1.0);
+    Light {
+        sun_elevation_deg: up.asin().to_degrees(),
+        illuminance_lx: 1e3 * backdrop.sky.global_illuminance_klx(),
+    }
+}
+
+/// What became of a UAV, and why.
+fn uav_summary(world: &World, ended: &Ended, light: &Light) -> UavSummary {
+    let unknown = Fate::default();
+    let known = &world.resource::<Fates>().uavs;
+    let fate = known.get(ended.index).unwrap_or(&unknown);
+    let stations = &world.resource::<Stations>().0;
+    let cameras = (stations.iter())
+        .filter_map(|station| world.get::<StationCameras>(*station))
+        .flat_map(StationCameras::entities);
+    let crash = fate.crash.as_ref().map(|crash| CrashSummary {
+        t_s: crash.t_s,
+        r_enu_m: crash.r_enu_m.to_array(),
+        into: crash.into.clone(),
+    });
+    let summary = UavSummary {
+        name: ended.name.clone(),
+        status: ended.status.name().into(),
+        energy_j: ended.dose.energy_j,
+        dwell_s: ended.dose.dwell_s,
+        neutralised_s: fate.neutralised_s,
+        at_asset_s: fate.at_asset_s,
+        acquired_s: fate.acquired_s,
+        hottest_k: fate.hottest_k,
+        fails_at_k: ended.failure_temperature_k,
+        crash,
+        why: None,
+        stations: (stations.iter())
+            .filter_map(|station| dealing_summary(world, *station, ended.index))
+            .collect(),
+        cameras: cameras
+            .filter_map(|camera| sight_summary(world, *camera, ended.index))
+            .collect(),
+    };
+    UavSummary {
+        why: summary.reason(light),
+        ..summary
+    }
+}
+
+/// What a station had to do with a UAV.
+fn dealing_summary(world: &World, station: Entity, uav: usize) -> Option<DealingSummary> {
+    let history: &History = world.get(station)?;
+    let dealing = history.dealings.get(&uav).cloned().unwrap_or_default();
+    let mut refused: Vec<(String, f64)> = (dealing.refused_s.into_iter())
+        .map(|(reason, lasted_s)| (reason.to_owned(), lasted_s))
+        .collect();
+    refused.sort_by(|a, b| b.1.total_cmp(&a.1));
+    Some(DealingSummary {
+        name: world.get::<Station>(station)?.name.clone(),
+        clear_s: dealing.clear_s,
+        hidden_s: dealing.hidden_s,
+        held_s: dealing.held_s,
+        refused,
+    })
+}
+
+/// What a camera showed of a UAV.
+fn sight_summary(world: &World, camera: Entity, uav: usize) -> Option<SightSummary> {
+    let history: &CameraHistory = world.get(camera)?;
+    let camera: &SensorCamera = world.get(camera)?;
+    let sight = history.sights.get(&uav).cloned().unwrap_or_default();
+    let wanted = world.resource::<DetectorInUse>().reading.start_score;
+    Some(SightSummary {
+        name: camera.name.to_string(),
+        tier: camera.tier.word().into(),
+        in_view_s: sight.in_view_s,
+        hidden_s: sight.hidden_s,
+        pictures: sight.pictures,
+        found: sight.found,
+        largest_px: sight.size_px.largest(),
+        typical_px: sight.size_px.median(),
+        contrast: sight.contrast.median(),
+        grey_level: sight.grey.median(),
+        best_score: sight.best_score.filter(|_| wanted > 0.0),
+        wanted_score: Some(wanted).filter(|wanted| *wanted > 0.0),
+    })
 }
 
 /// What each station did, in the order of the scenario.
@@ -439,10 +519,16 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (Outcome, String
             .is_some_and(|history| history.acquired_s.is_some())
     });
     let down = brought_down(fates);
-    let crashed: Vec<&str> = fates
+    let known = &world.resource::<Fates>().uavs;
+    let crashed: Vec<String> = fates
         .iter()
         .filter(|fate| matches!(fate.status, UavStatus::Struck | UavStatus::Crashed))
-        .map(|fate| fate.name.as_str())
+        .map(|fate| {
+            let crash = known.get(fate.index).and_then(|fate| fate.crash.as_ref());
+            let into = crash.map_or("the city or another UAV", |crash| &crash.into);
+            let when = crash.map_or(String::new(), |crash| format!(" at {:.1} s", crash.t_s));
+            format!("{} flew into {into}{when}", fate.name)
+        })
         .collect();
     if !fates.is_empty() && down == fates.len() {
         return (
@@ -457,10 +543,7 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (Outcome, String
         );
     }
     if !crashed.is_empty() {
-        return (
-            Outcome::Crashed,
-            format!("{} flew into the city or another UAV", crashed.join(", ")),
-        );
+        return (Outcome::Crashed, crashed.join(", "));
     }
     if acquired {
         let reached = trackers()
@@ -495,7 +578,7 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (Outcome, String
     let why = if tried == 0 {
         format!("the search camera found no candidate{conditions}")
     } else {
-        format!("{tried} candidates were not confirmed by the coarse camera")
+        format!("{tried} candidates were confirmed neither by the coarse nor by the precise camera")
     };
     (Outcome::NotAcquired, why)
 }
@@ -526,6 +609,8 @@ fn report(world: &World, loaded: &Loaded, summary: &Summary, fates: &[Ended]) ->
                 ..report
             })
             .collect(),
+        light: summary.light,
+        uavs: summary.uavs.clone(),
         objects: summary.objects.iter().map(ObjectSummary::row).collect(),
         frames: (frames.into_iter())
             .map(|frame| contact_frame(detector, frame))
@@ -575,7 +660,8 @@ fn state_spans(tracker: &Tracker, loaded: &Loaded, end_s: f64) -> Vec<StateSpan>
 /// A picture of the run with its detections, in pixels of the picture.
 fn contact_frame(detector: &DetectorInUse, frame: &KeptFrame) -> ContactFrame {
     let [dx, dy] = frame.offset_px.map(f64::from);
-    let boxes = frame.detections.iter().map(|detection| {
+    let drawn = detector.drawn(&frame.detections).into_iter();
+    let boxes = drawn.map(|detection| {
         let [x0, y0, x1, y1] = detection.box_px;
         ContactBox {
             label: detector.caption(detection),
@@ -688,12 +774,31 @@ fn several(stations: &[StationSummary]) -> &[StationSummary] {
     }
 }
 
+/// Most UAVs of which the terminal is told why they were not brought down.
+const TOLD: usize = 12;
+
 /// The summary for a terminal.
 pub fn table(summary: &Summary) -> String {
-    rows(summary)
-        .iter()
+    let rows = rows(summary);
+    let mut lines: Vec<String> = (rows.iter())
         .map(|(label, value)| format!("{label:<24}{value}\n"))
-        .collect()
+        .collect();
+    let unhurt = (summary.uavs.iter()).filter_map(|uav| Some((uav, uav.why.as_ref()?)));
+    let (told, left): (Vec<_>, Vec<_>) = unhurt.enumerate().partition(|(i, _)| *i < TOLD);
+    for (_, (uav, why)) in told {
+        let missed = uav.acquired_s.map_or("not acquired: ", |_| "");
+        lines.push(format!(
+            "{:<24}{missed}{why}\n",
+            format!("  why {}", uav.name)
+        ));
+    }
+    if !left.is_empty() {
+        lines.push(format!(
+            "{:<24}in report.html\n",
+            format!("  why {} more", left.len())
+        ));
+    }
+    lines.concat()
 }
 
 #[cfg(test)]
@@ -733,6 +838,10 @@ mod tests {
             leakers: 0,
             energy_j: 9000.0,
             energy_per_neutralised_j: Some(9000.0),
+            light: Light {
+                sun_elevation_deg: 30.0,
+                illuminance_lx: 5e4,
+            },
             uavs: vec![UavSummary {
                 name: "one".into(),
                 status: "down".into(),
@@ -740,6 +849,36 @@ mod tests {
                 dwell_s: 3.0,
                 neutralised_s: Some(9.0),
                 at_asset_s: None,
+                acquired_s: Some(1.5),
+                hottest_k: 573.0,
+                fails_at_k: 573.0,
+                crash: Some(CrashSummary {
+                    t_s: 9.5,
+                    r_enu_m: [1.0, 2.0, 3.0],
+                    into: "the ground".into(),
+                }),
+                why: None,
+                stations: vec![DealingSummary {
+                    name: "roof".into(),
+                    clear_s: 8.0,
+                    hidden_s: 1.0,
+                    held_s: 7.5,
+                    refused: vec![("no range".into(), 0.5)],
+                }],
+                cameras: vec![SightSummary {
+                    name: "stv".into(),
+                    tier: "search".into(),
+                    in_view_s: 4.0,
+                    hidden_s: 0.5,
+                    pictures: 80,
+                    found: 60,
+                    largest_px: Some(5.0),
+                    typical_px: Some(4.0),
+                    contrast: Some(6.0),
+                    grey_level: Some(140.0),
+                    best_score: Some(0.75),
+                    wanted_score: Some(0.25),
+                }],
             }],
             stations: vec![StationSummary {
                 name: "roof".into(),
@@ -774,8 +913,12 @@ mod tests {
                 r#""stopped_s":null,"real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
                 r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
                 r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"keep_out_s":0.0,"wrong_object_s":0.0,"leakers":0,"energy_j":9000.0,"#,
-                r#""energy_per_neutralised_j":9000.0,"uavs":[{"name":"one","status":"down","#,
-                r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0,"at_asset_s":null}],"#,
+                r#""energy_per_neutralised_j":9000.0,"light":{"sun_elevation_deg":30.0,"illuminance_lx":50000.0},"uavs":[{"name":"one","status":"down","#,
+                r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0,"at_asset_s":null,"#,
+                r#""acquired_s":1.5,"hottest_k":573.0,"fails_at_k":573.0,"crash":{"t_s":9.5,"r_enu_m":[1.0,2.0,3.0],"into":"the ground"},"#,
+                r#""why":null,"stations":[{"name":"roof","clear_s":8.0,"hidden_s":1.0,"held_s":7.5,"refused":[["no range",0.5]]}],"#,
+                r#""cameras":[{"name":"stv","tier":"search","in_view_s":4.0,"hidden_s":0.5,"pictures":80,"found":60,"largest_px":5.0,"#,
+                r#""typical_px":4.0,"contrast":6.0,"grey_level":140.0,"best_score":0.75,"wanted_score":0.25}]}],"#,
                 r#""stations":[{"name":"roof","acquired_s":null,"energy_j":9000.0,"#,
                 r#""dwell_s":3.0,"distractor_s":0.0,"keep_out_s":0.0,"wrong_object_s":0.0,"lost_s":[],"kill_to_shot_s":[1.5]}],"#,
                 r#""objects":[{"identity":"roof/3","from_s":1.0,"to_s":8.0,"longest_gap_s":0.125,"#,

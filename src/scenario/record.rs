@@ -11,10 +11,14 @@ use super::check::Check;
 pub struct Record {
     /// Rate of the recorded states; must divide `tick_hz`.
     pub state_hz: u32,
-    /// Which frames are kept: "all", "none" or { every = n }.
+    /// Which frames are kept: "all", "none" or { every = n }, one in n of each camera. Most of a recording are pictures:
+    /// what it grows by in a second is about that many times smaller.
     pub images: Images,
     /// JPEG quality of the kept frames, 1 to 100.
     pub jpeg_quality: u8,
+    /// Most bits to a pixel of a kept frame: one that would take more, such as the noise of a night, is kept in the best
+    /// lower quality that fits.
+    pub picture_bits_per_px: f64,
 }
 
 impl Default for Record {
@@ -23,6 +27,7 @@ impl Default for Record {
             state_hz: 120,
             images: Images::All,
             jpeg_quality: 90,
+            picture_bits_per_px: 1.0,
         }
     }
 }
@@ -46,5 +51,7 @@ impl Record {
             check.within("images.every", frames.into(), 1.0..=f64::MAX);
         }
         check.within("jpeg_quality", self.jpeg_quality.into(), 1.0..=100.0);
+        // Below, JPEG's own head would not fit into a small window; above there is nothing to bound.
+        check.within("picture_bits_per_px", self.picture_bits_per_px, 0.4..=24.0);
     }
 }

@@ -53,6 +53,7 @@ pub fn ask(
             look: question.look,
             shrunk: question.shrunk,
             detections: Vec::new(),
+            best_scores: Vec::new(),
             moving: Vec::new(),
             answered: false,
         });
@@ -98,13 +99,12 @@ pub fn answer(
     while queues.iter().any(|queue| queue.wants_answer(clock.tick))
         && let Some(station) = detector.asked.pop_front()
     {
-        let mut found = detector.detector.answer().unwrap_or_else(|error| {
+        let found = detector.detector.answer().unwrap_or_else(|error| {
             failure.set(error);
             Vec::new()
         });
-        found.retain(|detection| detection.score >= detector.reading.weak_score);
         if let Ok(mut queue) = queues.get_mut(station) {
-            queue.answer(found, &moving);
+            queue.answer(found, detector.reading.weak_score, &moving);
         }
     }
     stopwatch.inference += started.elapsed();

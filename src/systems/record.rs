@@ -1,17 +1,18 @@
 //! State hash, statistics, recording: what a tick leaves behind.
 
 pub mod mcap;
+pub mod sights;
 
 use crate::components::beam::{BeamState, FireCommand};
 use crate::components::capture::{ExposedFrame, Frames, Tier};
 use crate::components::detect::DetectionQueue;
-use crate::components::engage::Rules;
+use crate::components::engage::{Interlocks, Rules};
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{Mount, MountCommand, Optics, PanTilt};
 use crate::components::network::{SharedPicture, Tasking};
 use crate::components::record::{CameraHistory, Fates, History, KeptFrame, Recording, StateHash};
 use crate::components::run::SimClock;
-use crate::components::track::{Tracker, TrackingState};
+use crate::components::track::Tracker;
 use crate::models::engage::interlock::FAR_M;
 use crate::models::maths::kinematics::{error_angles, los_to_az_el};
 use crate::systems::track::followed;
@@ -182,6 +183,7 @@ pub struct Kept {
     beam: &'static BeamState,
     tracker: &'static Tracker,
     rules: &'static Rules,
+    interlocks: &'static Interlocks,
     history: &'static mut History,
 }
 
@@ -198,11 +200,12 @@ pub fn keep_series(
 ) {
     let t_s = clock.t_s();
     let (r_asset_enu_m, asset_radius_m) = (fates.r_asset_enu_m, fates.asset_radius_m);
-    for (uav, flight, _, status) in &uavs {
+    for (uav, flight, skin, status) in &uavs {
         if fates.uavs.len() <= uav.index {
             fates.uavs.resize(uav.index + 1, default());
         }
         let fate = &mut fates.uavs[uav.index];
+        fate.hottest_k = fate.hottest_k.max(skin.skin.temperature_k);
         let near = flight.state.r_enu_m.distance(r_asset_enu_m) < asset_radius_m;
         if status.neutralised() {
             fate.neutralised_s.get_or_insert(t_s);
@@ -219,10 +222,11 @@ pub fn keep_series(
             beam,
             tracker,
             rules,
+            interlocks,
             mut history,
         } = kept;
-        if tracker.state == TrackingState::Coarse && history.acquired_s.is_none() {
-            history.acquired_s = Some(t_s);
+        if tracker.state.acquired() {
+            history.acquired_s.get_or_insert(t_s);
         }
         if let Some(aimed) = beam.aimed.filter(|_| beam.firing)
             && history.shots.last().is_none_or(|(_, last)| *last != aimed)
@@ -246,12 +250,24 @@ pub fn keep_series(
         let target =
             nearest.and_then(|(index, _)| uavs.iter().find(|(uav, ..)| uav.index == index));
         if sampled {
-            let holds = [Tier::Coarse, Tier::Precise].map(|tier| tracker.state.holds(tier));
             let off_rad = target
                 .and(nearest)
                 .map_or(f64::INFINITY, |(_, off_rad)| off_rad);
-            if holds.contains(&true) && off_rad > ON_UAV_RAD {
+            if tracker.state.acquired() && off_rad > ON_UAV_RAD {
                 history.wrong_object_s += clock.at_s(recording.state_period_ticks);
+            }
+            if let Some((uav, flight, ..)) = target.filter(|_| tracker.state.acquired()) {
+                let range_m = flight.state.r_enu_m.distance(mount.r_enu_m);
+                let reach_rad = 0.5 * uav.size_m[0].max(uav.size_m[1]) / range_m.max(1.0);
+                if off_rad <= ON_UAV_RAD.max(reach_rad) {
+                    let held_s = clock.at_s(recording.state_period_ticks);
+                    let dealing = history.dealings.entry(uav.index).or_default();
+                    dealing.held_s += held_s;
+                    for reason in &interlocks.reasons {
+                        *dealing.refused_s.entry(reason).or_default() += held_s;
+                    }
+                    fates.uavs[uav.index].acquired_s.get_or_insert(t_s);
+                }
             }
             history.irradiance_wpm2.push((t_s, beam.irradiance_wpm2));
             history

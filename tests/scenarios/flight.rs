@@ -5,14 +5,16 @@ use boresight::app::{self, Options};
 use boresight::components::environment::Environment;
 use boresight::components::flight::{Flight, Uav, UavStatus};
 use boresight::components::run::SimClock;
-use boresight::models::ground::city::{BuildingKind, City, CityParams, Roof};
+use boresight::models::ground::city::{Building, BuildingKind, City, CityParams, Roof};
 use boresight::models::maths::kinematics::GRAVITY_MPS2;
 use boresight::recording::proto;
+use boresight::report::summary;
 use boresight::scenario::{Scenario, catalogue};
 use glam::{DVec2, DVec3};
 use prost::Message as _;
 use serde_json::Value;
 use std::path::Path;
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// Birds and balloons are in truth and recording, and neither end nor outlast a run.
@@ -223,4 +225,96 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
             r.z - surface_m
         );
     }
+}
+
+/// When, where and into what UAVs fly is told: a roof, the ground, each other.
+#[test]
+fn a_crash_is_told_with_when_where_and_into_what() {
+    let params = CityParams {
+        relief_m: 0.0,
+        ..CityParams::default()
+    };
+    let city = City::generate(&params).unwrap();
+    let built_m = |p: DVec2| city.dsm.surface_m(p.x, p.y) - city.dsm.terrain_m(p.x, p.y);
+    let open = (0..2_000)
+        .map(f64::from)
+        .map(|k| (100.0 + 0.2 * k) * DVec2::from_angle(2.4 * k))
+        .find(|p| level(&city, *p, 8.0) && built_m(*p).abs() < 0.1)
+        .unwrap();
+    let middle = |building: &Building| {
+        let outline = building.footprint_enu_m();
+        outline.iter().sum::<DVec2>() / outline.len() as f64
+    };
+    let (number, roof) = (city.buildings.iter().enumerate())
+        .filter(|(_, building)| building.kind == BuildingKind::Office)
+        .map(|(number, building)| (number, middle(building)))
+        .find(|(_, p)| level(&city, *p, 4.0) && built_m(*p) > 8.0)
+        .unwrap();
+    let above = |p: DVec2| p.extend(city.dsm.surface_m(p.x, p.y) + 30.0);
+    let high = DVec3::new(0.0, 300.0, 200.0);
+    let flying = |(name, r, v): (&str, DVec3, [f64; 3])| {
+        format!(
+            "{{ name = '{name}', model = 'phantom4', trajectory = {{ kind = 'straight', \
+             start_enu_m = {:?}, velocity_enu_mps = {v:?} }} }}",
+            r.to_array()
+        )
+    };
+    let uavs = [
+        ("roof", above(roof), [0.0, 0.0, -6.0]),
+        ("open", above(open), [0.0, 0.0, -6.0]),
+        ("east", high, [4.0, 0.0, 0.0]),
+        ("west", high + DVec3::new(8.0, 0.0, 0.0), [-4.0, 0.0, 0.0]),
+    ]
+    .map(flying)
+    .join(", ");
+    let set = [
+        "detector.kind=truth".to_string(),
+        "engage.authorised=false".to_string(),
+        "city.relief_m=0".to_string(),
+        "weather={ wind_speed_mps = 0 }".to_string(),
+        format!("uavs=[{uavs}]"),
+    ];
+    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+    let loaded = Scenario::load(&path, &set).unwrap();
+    let options = Options::default();
+    let mut app = app::build(&loaded, &options).unwrap();
+    let world = app.world_mut();
+    while world.resource::<SimClock>().t_s() < 8.0 {
+        app::step(world).unwrap();
+    }
+    let finished = summary::finish(world, &loaded, &options, Duration::from_secs(1));
+    let crash = |name: &str| {
+        let uavs = &finished.summary.uavs;
+        let uav = uavs.iter().find(|uav| uav.name == name).unwrap();
+        (uav.crash.clone().unwrap(), uav.why.clone().unwrap())
+    };
+    let (on_roof, why) = crash("roof");
+    assert!(
+        on_roof
+            .into
+            .starts_with(&format!("building {number} (an office building, ")),
+        "{}",
+        on_roof.into
+    );
+    // 30 m at 6 m/s.
+    assert!((4.0..6.5).contains(&on_roof.t_s), "{}", on_roof.t_s);
+    let [e, n, _] = on_roof.r_enu_m;
+    assert!(DVec2::new(e, n).distance(roof) < 3.0);
+    assert!(
+        why.starts_with(&format!("flew into {} at ", on_roof.into)),
+        "{why}"
+    );
+    assert_eq!(crash("open").0.into, "the ground");
+    assert_eq!(crash("east").0.into, "the UAV west");
+    assert_eq!(crash("west").0.into, "the UAV east");
+    assert!(
+        (0.6..1.2).contains(&crash("east").0.t_s),
+        "{}",
+        crash("east").0.t_s
+    );
+    assert!(
+        finished.summary.reason.contains("roof flew into building"),
+        "{}",
+        finished.summary.reason
+    );
 }

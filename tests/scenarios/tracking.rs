@@ -17,8 +17,10 @@ use boresight::components::track::{
 use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::LineOfSight;
 use boresight::models::maths::kinematics::error_angles;
+use boresight::recording::proto;
 use boresight::scenario::{GainsOrder, Scenario, WeatherOrder};
 use glam::DVec3;
+use prost::Message as _;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
@@ -698,4 +700,35 @@ fn what_the_search_glances_at_is_logged() {
         "{glances} of {} lines",
         lines.len()
     );
+}
+
+/// Acquired is what a camera holds, whichever: where the precise camera finds the candidate before the coarse one.
+#[test]
+fn what_the_precise_camera_finds_first_is_acquired() {
+    let slow = [
+        "--set",
+        "station.cameras.coarse.rate_hz=1",
+        "--set",
+        "duration_s=12",
+    ];
+    let run = run_scenario("urban_intercept", &[&BLIND[..], &slow].concat());
+    let states: Vec<String> = (messages(&run.file("run.mcap"), "/boresight/track_state").iter())
+        .map(|data| proto::TrackState::decode(&data[..]).unwrap())
+        .map(|state| state.state)
+        .collect();
+    let first = states.iter().position(|state| state == "precise").unwrap();
+    assert!(
+        !states[..first].contains(&"coarse".to_owned()),
+        "the coarse camera was first"
+    );
+    // States are recorded 120 times a second.
+    let acquired_s = run.number("/time_to_acquire_s");
+    assert!(
+        (acquired_s - first as f64 / 120.0).abs() < 0.02,
+        "{acquired_s}"
+    );
+    assert_eq!(run.number("/stations/0/acquired_s"), acquired_s);
+    assert!((run.number("/uavs/0/acquired_s") - acquired_s).abs() < 0.02);
+    assert_ne!(run.text("outcome"), "not_acquired");
+    assert!(run.number("/energy_j") > 0.0);
 }

@@ -188,6 +188,7 @@ impl Follower {
             frame: Arc::new(frame),
             detections: detections.to_vec(),
             shrunk: 1,
+            best_scores: Vec::new(),
             moving: Vec::new(),
             answered: true,
         };

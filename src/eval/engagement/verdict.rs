@@ -203,7 +203,7 @@ pub struct Record {
     pub after_s: f64,
     /// What of it a camera held what.
     pub held_s: BTreeMap<String, f64>,
-    /// What the coarse camera held before or after that was something else, and when it began.
+    /// What the coarse or precise camera held before or after that was something else, and when it began.
     pub acquired_else: Vec<(f64, String)>,
     /// What was fired at, and for how long.
     pub fired_s: BTreeMap<String, f64>,

@@ -29,9 +29,6 @@ const ON_RAD: f64 = 1e-3;
 const MOMENT_S: f64 = 0.25;
 /// Pictures older than this show nothing of a moment [s].
 const STALE_S: f64 = 2.0;
-/// A detection this far outside the UAV's box is still on it [px], or this share of the box's side.
-const BESIDE_PX: f64 = 2.0;
-const BESIDE_SHARE: f64 = 0.25;
 /// States that a record keeps from the start, and from the end.
 const KEPT_STATES: usize = 30;
 
@@ -200,10 +197,8 @@ impl Seen {
             let uav = batch.frame.truth.iter().find(|seen| !seen.distractor);
             if let Some(uav) = uav.filter(|uav| uav.clear && within(batch, uav.aim_px)) {
                 let t_s = now.clock.at_s(batch.frame.tick);
-                let found = batch.detections.iter().any(|detection| {
-                    let [x0, y0, x1, y1] = detection.box_px;
-                    on([0.5 * (x0 + x1), 0.5 * (y0 + y1)], uav.box_px)
-                });
+                let mut detections = batch.detections.iter();
+                let found = detections.any(|detection| detection.lies_on(uav.box_px));
                 self.in_view_s = self.in_view_s.max(t_s);
                 if found {
                     self.found_s = self.found_s.max(t_s);
@@ -223,7 +218,10 @@ impl Seen {
     /// Takes in what the tracker decided in this tick.
     fn state_changes(&mut self, now: &Now) {
         let tracker = now.tracker;
-        for change in tracker.changes.iter().skip(self.changes) {
+        for (number, change) in tracker.changes.iter().enumerate().skip(self.changes) {
+            let before = number
+                .checked_sub(1)
+                .map(|before| tracker.changes[before].to);
             let t_s = now.clock.at_s(change.tick);
             let entry = (t_s, change.to.name().to_owned(), change.reason.clone());
             let states = &mut self.record.states;
@@ -243,7 +241,8 @@ impl Seen {
                     rejected,
                 });
             }
-            if change.to == TrackingState::Coarse
+            if change.to.acquired()
+                && !before.is_some_and(TrackingState::acquired)
                 && let Some(what) = now.target().filter(|what| *what != What::Uav)
             {
                 self.record.acquired_else.push((t_s, what.name().into()));
@@ -281,7 +280,7 @@ impl Seen {
         let target = now.target();
         self.shown = shown;
         self.target.clone_from(&target);
-        let held = now.tracker.state.holds(Tier::Coarse);
+        let held = now.tracker.state.acquired();
         let held_uav = held && target == Some(What::Uav);
         let record = &mut self.record;
         if target == Some(What::Uav) {
@@ -399,7 +398,7 @@ impl Seen {
                     let colour = if seen.distractor { ORANGE } else { BLUE };
                     mark(String::new(), seen.box_px, colour)
                 });
-                let found = batch.detections.iter();
+                let found = detector.drawn(&batch.detections).into_iter();
                 let found = found.map(|d| mark(detector.caption(d), d.box_px, GREEN));
                 let reticle = frame.reticle_px();
                 let state = now.tracker.state_at(frame.tick).name();
@@ -437,13 +436,6 @@ fn clutter_ratio(frame: &ExposedFrame, uav: &UavInFrame) -> Option<f64> {
     let [x0, y0, x1, y1] = uav.box_px;
     let box_px = [x0 - dx, y0 - dy, x1 - dx, y1 - dy];
     signal_to_clutter(frame.rgb8.as_ref()?, frame.rect.size_px, box_px)
-}
-
-/// Whether a detection's centre lies on a box or close beside it.
-fn on(at_px: [f64; 2], [x0, y0, x1, y1]: [f64; 4]) -> bool {
-    let beside_px = BESIDE_PX.max(BESIDE_SHARE * (x1 - x0).max(y1 - y0));
-    (x0 - beside_px..=x1 + beside_px).contains(&at_px[0])
-        && (y0 - beside_px..=y1 + beside_px).contains(&at_px[1])
 }
 
 impl<'w> Now<'w> {

@@ -226,7 +226,7 @@ impl Watch {
         let Some(view) = world.get::<CameraView>(*entity) else {
             return;
         };
-        let held = tracker.state.holds(Tier::Coarse);
+        let held = tracker.state.acquired();
         let precise = tracker.state.holds(Tier::Precise);
         let seen = &mut self.seen;
         if seen.targets.last().map_or(Some(None), |last| Some(last.1)) != Some(tracker.target) {

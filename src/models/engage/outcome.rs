@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// No station's coarse camera confirmed a target.
+    /// No station's coarse or precise camera held a target.
     #[default]
     NotAcquired,
     /// A target was tracked, and outlasted the run.

@@ -1,5 +1,5 @@
 //! Mathematics that belongs to no domain: rotations, random streams and fields, polygons, geodesy,
-//! assignment, first- and second-order systems, frequency responses, quantiles,
+//! assignment, first- and second-order systems, frequency responses, quantiles, spreads,
 //! rates and means with intervals.
 
 pub mod assignment;
@@ -13,4 +13,5 @@ pub mod polygon;
 pub mod quantile;
 pub mod rng;
 pub mod second_order;
+pub mod spread;
 pub mod statistics;

@@ -7,6 +7,24 @@ const BLURRED_PX: f64 = 1.0;
 /// Deviation that rounding to whole grey levels leaves.
 const ROUNDING: f64 = 0.288_675; // 1/sqrt(12) [grey levels]
 
+/// How a box in a picture differs from what is around it, in 8-bit grey levels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contrast {
+    /// Mean of the box.
+    pub target: f64,
+    /// Mean of its surroundings.
+    pub around: f64,
+    /// Standard deviation of its surroundings, at least what rounding to whole levels leaves.
+    pub deviation: f64,
+}
+
+impl Contrast {
+    /// The signal-to-clutter ratio.
+    pub fn ratio(&self) -> f64 {
+        (self.target - self.around).abs() / self.deviation
+    }
+}
+
 /// The signal-to-clutter ratio |m_t - m_b| / s_b of a box in a picture of 8-bit RGB pixels: the mean grey level of the pixels
 /// that the box `[x0, y0, x1, y1]` [px] touches against mean and standard deviation of those around it. Noise alone gives a box
 /// of n pixels some 1/sqrt(n). `None` where the box or its surroundings lie outside the picture.
@@ -14,6 +32,11 @@ const ROUNDING: f64 = 0.288_675; // 1/sqrt(12) [grey levels]
 /// C. Gao, D. Meng, Y. Yang, Y. Wang, X. Zhou and A. G. Hauptmann, Infrared patch-image model for small target detection in
 /// a single image, IEEE Transactions on Image Processing 22(12), 2013.
 pub fn signal_to_clutter(rgb8: &[u8], size_px: [u32; 2], box_px: [f64; 4]) -> Option<f64> {
+    Some(contrast(rgb8, size_px, box_px)?.ratio())
+}
+
+/// What [`signal_to_clutter`] is made of.
+pub fn contrast(rgb8: &[u8], size_px: [u32; 2], box_px: [f64; 4]) -> Option<Contrast> {
     let width = size_px[0] as usize;
     // The pixels that a box with this margin touches, on one axis.
     let span = |axis: usize, margin_px: f64| {
@@ -39,9 +62,13 @@ pub fn signal_to_clutter(rgb8: &[u8], size_px: [u32; 2], box_px: [f64; 4]) -> Op
             }
         }
     }
-    let (of_target, _) = target.mean_and_deviation()?;
-    let (of_around, deviation) = around.mean_and_deviation()?;
-    Some((of_target - of_around).abs() / deviation.max(ROUNDING))
+    let (target, _) = target.mean_and_deviation()?;
+    let (around, deviation) = around.mean_and_deviation()?;
+    Some(Contrast {
+        target,
+        around,
+        deviation: deviation.max(ROUNDING),
+    })
 }
 
 /// Sums of numbers and of their squares.

@@ -3,6 +3,10 @@
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::PixelRect;
 
+/// A detection this far outside the box of the truth is still on it [px], or this share of the box's longer side.
+const BESIDE_PX: f64 = 2.0;
+const BESIDE_SHARE: f64 = 0.25;
+
 /// One detection in full-sensor pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detection {
@@ -27,6 +31,14 @@ impl Detection {
         };
         detection.aim_px = detection.centre_px();
         detection
+    }
+
+    /// Whether its centre lies in a box of the truth or close beside it.
+    pub fn lies_on(&self, [x0, y0, x1, y1]: [f64; 4]) -> bool {
+        let [x, y] = self.centre_px();
+        let beside_px = BESIDE_PX.max(BESIDE_SHARE * (x1 - x0).max(y1 - y0));
+        (x0 - beside_px..=x1 + beside_px).contains(&x)
+            && (y0 - beside_px..=y1 + beside_px).contains(&y)
     }
 
     /// Centre of the box [px].

@@ -362,6 +362,7 @@ impl Recorded<'_, '_> {
             state.los_covariance[4 * (2 * i) + 2 * j] = az[(i, j)];
             state.los_covariance[4 * (2 * i + 1) + 2 * j + 1] = el[(i, j)];
         }
+        state.track = Some(target.id);
         state.quality = target.filter.quality();
         state.class = self.detector.class(target.label()).into();
         state.uav_probability = target.uav_belief();
@@ -465,16 +466,18 @@ impl Recorded<'_, '_> {
         }
         let [dx, dy] = frame.rect.offset_px.map(f64::from);
         let reticle = frame.reticle_px();
+        let threshold = self.detector.reading.start_score;
         let boxes: Vec<_> = batch
             .detections
             .iter()
             .map(|detection| BoxAnnotation {
                 label: self.detector.class(detection.label),
+                score: detection.score,
+                weak: detection.score < threshold,
                 rect_px: {
                     let [x0, y0, x1, y1] = detection.box_px;
                     [x0 - dx, y0 - dy, x1 - dx, y1 - dy]
                 },
-                colour: [0.0, 0.62, 0.45, 1.0],
             })
             .collect();
         recorder.image_annotations(
@@ -508,6 +511,7 @@ impl Recorded<'_, '_> {
                 exposure_tick: batch.frame.tick,
                 available_tick: batch.available_tick,
                 detections,
+                threshold: self.detector.reading.start_score,
             },
         )
     }
@@ -574,6 +578,7 @@ fn write_image(
         rgb8: rgb8.clone(),
         size_px: [w as u16, h as u16],
         quality: recording.jpeg_quality,
+        most_bytes: recording.most_bytes([w, h]),
     };
     // A window is a picture of its own: its calibration has the shifted principal point.
     let [dx, dy] = frame.rect.offset_px.map(f64::from);

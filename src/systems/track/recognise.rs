@@ -257,6 +257,7 @@ mod tests {
                 look: rect,
                 shrunk: 1,
                 detections: vec![Detection::new([28.0, 20.0, 36.0, 28.0], 0.8, 0)],
+                best_scores: Vec::new(),
                 moving: Vec::new(),
                 answered: true,
             };

@@ -5,6 +5,7 @@ use crate::components::capture::{Readout, SensorCamera};
 use crate::components::detect::DetectorInUse;
 use crate::components::record::{CameraHistory, KeptFrame};
 use crate::components::view::{CameraShown, Insets, Picture, Pictures, Uploaded};
+use crate::media::labels;
 use bevy::asset::RenderAssetUsages;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
@@ -43,11 +44,14 @@ pub fn look_at_cameras(
 
 fn picture_of(frame: &KeptFrame, camera: &SensorCamera, detector: &DetectorInUse) -> Picture {
     let [dx, dy] = frame.offset_px.map(f64::from);
-    let boxes = frame.detections.iter().map(|detection| {
-        let [x0, y0, x1, y1] = detection.box_px;
-        let found = [x0 - dx, y0 - dy, x1 - dx, y1 - dy];
-        (found, detector.caption(detection))
-    });
+    let boxes = detector
+        .drawn(&frame.detections)
+        .into_iter()
+        .map(|detection| {
+            let [x0, y0, x1, y1] = detection.box_px;
+            let found = [x0 - dx, y0 - dy, x1 - dx, y1 - dy];
+            (found, detector.caption(detection))
+        });
     Picture {
         t_s: frame.t_s,
         size_px: frame.size_px,
@@ -213,23 +217,46 @@ impl PlacedPicture {
         self.shown.min + vec2(x as f32, y as f32) * self.scale
     }
 
+    /// The boxes, the weakest first, with their labels, of which the stronger choose their places first.
+    fn draw_boxes(&self, painter: &egui::Painter, picture: &Picture) {
+        let area = painter.clip_rect().intersect(self.shown);
+        let within = |at: Pos2| [at.x - area.min.x, at.y - area.min.y].map(f64::from);
+        let strongest_first = || picture.boxes.iter().rev();
+        let outlines: Vec<Rect> = strongest_first()
+            .map(|([x0, y0, x1, y1], _)| {
+                Rect::from_two_pos(self.at(*x0, *y0), self.at(*x1, *y1)).expand(2.0)
+            })
+            .collect();
+        let words: Vec<_> = strongest_first()
+            .map(|(_, caption)| {
+                painter.layout_no_wrap(caption.clone(), FontId::proportional(11.0), GREEN)
+            })
+            .collect();
+        let boxes: Vec<[f64; 4]> = (outlines.iter())
+            .map(|outline| {
+                let ([x0, y0], [x1, y1]) = (within(outline.min), within(outline.max));
+                [x0, y0, x1, y1]
+            })
+            .collect();
+        let labels_px: Vec<[f64; 2]> = (words.iter())
+            .map(|words| [words.size().x, words.size().y].map(f64::from))
+            .collect();
+        let size_px = [area.width(), area.height()].map(f64::from);
+        let places = labels::place(&boxes, &labels_px, size_px, 1.0);
+        for ((outline, words), place) in outlines.into_iter().zip(words).zip(places).rev() {
+            painter.rect_stroke(outline, 0.0, Stroke::new(1.4, GREEN), StrokeKind::Outside);
+            if let Some([x, y]) = place {
+                painter.galley(area.min + vec2(x as f32, y as f32), words, GREEN);
+            }
+        }
+    }
+
     fn draw(&self, painter: &egui::Painter, picture: &Picture, inset: Option<&Uploaded>) {
         if let Some(inset) = inset {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
             painter.image(inset.texture, self.shown, whole, Color32::WHITE);
         }
-        for ([x0, y0, x1, y1], caption) in &picture.boxes {
-            let found = Rect::from_two_pos(self.at(*x0, *y0), self.at(*x1, *y1)).expand(2.0);
-            let stroke = Stroke::new(1.4, GREEN);
-            painter.rect_stroke(found, 0.0, stroke, StrokeKind::Outside);
-            painter.text(
-                found.right_top() + vec2(3.0, 0.0),
-                Align2::LEFT_CENTER,
-                caption,
-                FontId::proportional(11.0),
-                GREEN,
-            );
-        }
+        self.draw_boxes(painter, picture);
         let Some([x, y]) = picture.reticle_px else {
             return;
         };

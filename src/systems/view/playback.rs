@@ -382,7 +382,10 @@ fn picture(
         }
     };
     if let Some(marks) = camera.marks_at(tick) {
-        picture.boxes.clone_from(&marks.boxes);
+        let strong = marks
+            .strong()
+            .map(|mark| (mark.rect_px, mark.label.clone()));
+        picture.boxes = strong.collect();
         picture.reticle_px = marks.reticle_px;
     }
     Some(picture)
