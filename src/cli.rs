@@ -345,7 +345,6 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
             stop::listen();
             let finished = run_to_end(app, &loaded, &options, true)?;
             say!("{}", summary::table(&finished.summary).trim_end());
-            warning::tell(&finished.warnings)?;
             say!("report  {}", args.out.join("report.html").display());
             if let Some(t_s) = finished.summary.stopped_s {
                 let [run, sums, page] = ["run.mcap", "summary.json", "report.html"]
@@ -356,6 +355,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 );
                 say!("{}", stop::said(&there).unwrap_or(there));
             }
+            warning::tell(&finished.warnings)?;
             return Ok(ended(0));
         }
         Command::View(args) => view(args),

@@ -368,13 +368,16 @@ pub struct Written {
 
 /// What a recording takes of a disk in a simulated second before its user is warned \[byte/s\]: 14 GB an hour.
 const MUCH_BYTES_PER_S: f64 = 4e6;
+/// What a shorter run takes says little: city and first pictures weigh more in it \[s\].
+const SHORT_S: f64 = 2.0;
 
 impl Written {
     /// A warning where so much was written in `simulated_s` \[s\] that it should not go on so for long.
     pub fn warning(&self, path: &Path, simulated_s: f64) -> Option<Warning> {
         let [all, pictures] = [self.bytes, self.picture_bytes].map(|bytes| bytes as f64);
         let rate = all / simulated_s;
-        (simulated_s > 0.0 && rate > MUCH_BYTES_PER_S).then(|| Warning {
+        let much = all > MUCH_BYTES_PER_S * simulated_s.max(SHORT_S);
+        much.then(|| Warning {
             file: path.to_owned(),
             place: "size".into(),
             what: format!(

@@ -719,6 +719,11 @@ fn noisy_pictures_are_bounded_and_a_large_recording_is_warned_of() {
         picture_bytes: 45_000_000,
     };
     assert_eq!(much.warning(path, 20.0), None);
+    let short = Written {
+        bytes: 7_900_000,
+        picture_bytes: 0,
+    };
+    assert_eq!(short.warning(path, 0.1), None);
     assert_eq!(
         much.warning(path, 10.0).unwrap().to_string(),
         "run.mcap: size: 50 MB, 5.0 MB a simulated second, 90 % of it pictures; keep fewer or coarser ones by \
