@@ -70,6 +70,9 @@ pub fn read_all(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceErro
 /// Points farther than this from the middle one are strays: of a map's coordinates, no city is larger [m].
 const STRAY_M: f64 = 1e6; // [m]
 
+/// Nearer than this to a map's own origin a city was hardly meant to lie [m].
+const ORIGIN_M: f64 = 5e3; // [m]
+
 /// The documents as layers.
 fn layers(
     documents: &[Document],
@@ -102,6 +105,7 @@ fn layers(
         return Err(Fault::new("CityObjects", what, mend));
     }
     extent(documents, corners, notes);
+    origin(place, corners, notes);
     let site = place::site(options, place, corners)?;
     let gathered = |kind| Gathered {
         kind,
@@ -213,6 +217,23 @@ fn extent(documents: &[Document], corners: [DVec3; 2], notes: &mut Notes) {
         );
         let mend = "check the transform, and name the system with --crs if it is another";
         notes.assume("geographicalExtent", what, mend);
+    }
+}
+
+/// Notes vertices about a map's own origin, where they were hardly meant to lie.
+fn origin(place: &Place, corners: [DVec3; 2], notes: &mut Notes) {
+    let Place::Crs(crs) = place else {
+        return;
+    };
+    let middle_m = (corners[0] + corners[1]) / 2.0 * crs.units_m();
+    let far_m = middle_m.truncate().length();
+    if !crs.is_geographic() && !crs.is_geocentric() && far_m < ORIGIN_M {
+        let what = format!(
+            "they lie {:.1} km from the map's own origin, where few maps have a city",
+            far_m / 1e3
+        );
+        let mend = "check the transform, name the system with --crs, or place it with --georef";
+        notes.assume("vertices", what, mend);
     }
 }
 

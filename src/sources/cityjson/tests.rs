@@ -560,6 +560,18 @@ fn a_transform_is_applied_or_refused_by_name() {
     assert!(sound(
         &read_with_warnings(&text.to_string(), &Options::default()).0
     ));
+    // Without its shift a city lies at the map's own origin.
+    let mut text = whole.clone();
+    text["transform"]["translate"] = json!([0, 0, 0]);
+    let options = Options {
+        crs: Some("EPSG:25832".into()),
+        ..Options::default()
+    };
+    let (_, warnings) = read_with_warnings(&text.to_string(), &options);
+    assert!(
+        warnings.contains("vertices: they lie 0.0 km from the map's own origin"),
+        "{warnings}"
+    );
     // An extent that the vertices leave is a warning, a larger one is none.
     let mut text = whole;
     text["metadata"]["geographicalExtent"] = json!([84000, 447000, 0, 85000, 448000, 50]);

@@ -20,6 +20,8 @@ const APART_M: f64 = 2e3; // [m]
 const FARTHEST_M: f64 = 100e3; // [m]
 /// Coordinates farther than this [m] from the origin are those of a map.
 const MAP_M: f64 = 50e3; // [m]
+/// Nearer than this [m] to a map's own origin a model was hardly meant to stand.
+const ORIGIN_M: f64 = 5e3; // [m]
 /// Two heights farther apart than this [m] contradict each other.
 const HEIGHT_M: f64 = 5.0; // [m]
 
@@ -289,6 +291,14 @@ impl Placing<'_> {
                 axis.rotate(r.truncate()).extend(r.z) + offset_m
             })
         };
+        let far_m = to_map(self.middle_m).truncate().length();
+        if far_m < ORIGIN_M {
+            let what = format!(
+                "it puts the model {:.1} km from the map's own origin, where few maps have a city",
+                far_m / 1e3
+            );
+            notes.assume(&operation.place, what, MEND);
+        }
         let to_ecef: ToEcef = Box::new(move |r| place.ecef_m(to_map(r) / crs_m));
         self.contradictions(operation, &to_ecef, notes)
             .map_err(|fault| fault.of(path))?;

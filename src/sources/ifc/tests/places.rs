@@ -393,6 +393,13 @@ fn conversions_that_are_not_set_give_way_to_the_site() {
 }
 
 #[test]
+fn a_model_at_the_origin_of_its_map_is_a_warning() {
+    let place = format!("#200=IFCMAPCONVERSION(#5,#201,100.,200.,0.,1.,0.,$);\n{CRS}");
+    let (_, said) = middle(&place);
+    assert!(said.contains("0.2 km from the map's own origin"), "{said}");
+}
+
+#[test]
 fn maps_in_feet_are_met_in_their_own_feet() {
     // New York's Long Island plane counts US survey feet.
     let crs = place::crs("EPSG:2263", &Options::default()).unwrap();
