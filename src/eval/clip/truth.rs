@@ -196,7 +196,7 @@ pub(super) enum BoxFile {
     /// Clips by their files' names.
     Clips(PathBuf, Vec<ClipTruth>),
     /// A set, and the index of each picture by its file.
-    Pictures(Coco, BTreeMap<PathBuf, usize>),
+    Pictures(Box<Coco>, BTreeMap<PathBuf, usize>),
 }
 
 impl BoxFile {
@@ -225,7 +225,7 @@ impl BoxFile {
                 Some((std::fs::canonicalize(coco.path(picture).ok()?).ok()?, i))
             })
             .collect();
-        Ok(Self::Pictures(coco, places))
+        Ok(Self::Pictures(Box::new(coco), places))
     }
 
     /// Refuses a clip of which this file does not tell the truth.
