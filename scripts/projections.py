@@ -1,18 +1,20 @@
 """Writes tests/data/projections.csv: points in many systems, and where PROJ puts them. `cargo test projection` holds
 Boresight to them. With --datums it prints how far Boresight's datum shifts (those of the PROJ strings) lie from what PROJ itself
-chooses by EPSG code without grids, and the accuracy that EPSG states of it.
+chooses by EPSG code without grids, and the accuracy that EPSG states of it. With --registers it writes assets/epsg: EPSG's vertical
+systems, and its compound and three-dimensional ones, from PROJ's database.
 
     python3 -m venv venv && venv/bin/pip install pyproj==3.7.2
-    venv/bin/python scripts/projections.py [--datums]
+    venv/bin/python scripts/projections.py [--datums | --registers]
 """
 
 import csv
 import math
 import re
+import sqlite3
 import sys
 from pathlib import Path
 
-from pyproj import Geod, Transformer, __version__, proj_version_str
+from pyproj import Geod, Transformer, __version__, datadir, proj_version_str
 from pyproj.transformer import TransformerGroup
 
 # Points by the code of the system they lie in: east or longitude, north or latitude, height (X, Y, Z in geocentric ones).
@@ -95,8 +97,54 @@ def datums(table: dict[int, str]) -> None:
         print(f"EPSG:{code:<6} {max(gaps):10.4f} m   accuracy stated without and with grids: {stated}")
 
 
+def registers(table: dict[int, str]) -> None:
+    """Writes EPSG's vertical systems (code, datum, metres in its unit, negative for depths, name), and the horizontal and vertical part of
+    each compound system; `ellipsoid` for three-dimensional ones."""
+    folder = Path(__file__).parent.parent / "assets/epsg"
+    folder.mkdir(parents=True, exist_ok=True)
+    base = sqlite3.connect(Path(datadir.get_data_dir()) / "proj.db")
+    vertical = base.execute(
+        "select v.code, v.datum_code, u.conv_factor, a.orientation, v.name from vertical_crs v "
+        "join axis a using (coordinate_system_auth_name, coordinate_system_code) "
+        "join unit_of_measure u on u.auth_name = a.uom_auth_name and u.code = a.uom_code "
+        "where v.auth_name = 'EPSG' order by cast(v.code as int)"
+    )
+    with (folder / "vertical.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["code", "datum", "unit_m", "name"])
+        for code, datum, unit_m, orientation, name in vertical:
+            sign = -1 if orientation == "down" else 1
+            rows.writerow([code, datum, f"{sign * unit_m:.16g}", name.strip().replace(",", "").removesuffix(" height")])
+    parts = base.execute(
+        "select code, horiz_crs_code, vertical_crs_code from compound_crs where auth_name = 'EPSG' "
+        "and horiz_crs_auth_name = 'EPSG' and vertical_crs_auth_name = 'EPSG'"
+    )
+    found = [(int(code), int(horizontal), vertical) for code, horizontal, vertical in parts if int(horizontal) in table]
+    flat = base.execute(
+        "select t.code, f.code from geodetic_crs t left join geodetic_crs f on f.datum_auth_name = t.datum_auth_name "
+        "and f.datum_code = t.datum_code and f.type = 'geographic 2D' and f.auth_name = 'EPSG' "
+        "where t.auth_name = 'EPSG' and t.type = 'geographic 3D'"
+    )
+    three = {}
+    for code, of in flat:
+        known = [k for k in (three.get(int(code)), of and int(of), int(code)) if k in table]
+        if known:
+            three[int(code)] = known[0]
+    found += [(code, horizontal, "ellipsoid") for code, horizontal in three.items()]
+    # LUREF / Luxembourg TM (3D), the one projected system of three dimensions.
+    found.append((9895, 2169, "ellipsoid"))
+    with (folder / "compound.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["code", "horizontal", "vertical"])
+        rows.writerows(sorted(found))
+    print(f"{folder}: pyproj {__version__}, PROJ {proj_version_str}")
+
+
 def main() -> None:
     table = strings()
+    if "--registers" in sys.argv:
+        registers(table)
+        return
     if "--datums" in sys.argv:
         datums(table)
         return

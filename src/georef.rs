@@ -4,8 +4,9 @@ use crate::models::ground::georeference::{
     ControlPoint, Fit, GeoreferenceError, Mode, Suspect, fit, suspects,
 };
 use crate::output::{self, OutputError};
-use crate::projection::{Crs, CrsError};
-use crate::sources::place::Parameters;
+use crate::projection::{Crs, CrsError, HEIGHTS_M, Heights, RADII_M};
+use crate::sources::place::{Parameters, note_heights};
+use crate::warning::{self, Notes, StrictError, Warning};
 use clap::Args;
 use glam::DVec3;
 use serde::Serialize;
@@ -64,6 +65,14 @@ pub enum GeorefError {
     /// The coordinate system.
     #[error(transparent)]
     Crs(#[from] CrsError),
+    /// A fit that means nothing.
+    #[error("{}: fit: {what}; check that each row has the same point twice, the order and unit of the columns, and --fixed-scale", path.display())]
+    Nonsense {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
     /// The fit.
     #[error("{}: {source}", path.display())]
     Fit {
@@ -72,6 +81,9 @@ pub enum GeorefError {
         /// What is wrong.
         source: GeoreferenceError,
     },
+    /// Warnings where they are errors.
+    #[error(transparent)]
+    Strict(#[from] StrictError),
     /// The result cannot be encoded.
     #[error(
         "the parameters cannot be encoded: {0}; this is a fault of the program: please report it"
@@ -84,6 +96,11 @@ pub enum GeorefError {
 
 /// Accuracy that counts where the file states none [m].
 const SIGMA_M: f64 = 0.01; // [m]
+/// Share of the points' spread above which their misfit says that they are not the same points: where no point can be blamed for it, and in
+/// any case. No survey is so bad.
+const NONSENSE: [f64; 2] = [0.1, 0.5];
+/// Share of it above which the misfit is in doubt.
+const DOUBT: f64 = 0.02;
 /// Most bytes of a file of points.
 const MOST_BYTES: u64 = 16 << 20; // [B]
 
@@ -181,8 +198,19 @@ const COLUMNS: [(&str, &[&str]); 15] = [
     ),
 ];
 
-/// The points of a file, their system, and whether the file states how exact they are.
-fn read(arguments: &Arguments) -> Result<(Vec<ControlPoint>, Crs, bool), GeorefError> {
+/// The points of a file.
+struct Survey {
+    points: Vec<ControlPoint>,
+    /// The system of their places on the Earth.
+    crs: Crs,
+    /// Whether the file states how exact they are.
+    stated: bool,
+    /// What was taken for granted.
+    notes: Notes,
+}
+
+/// The points of a file.
+fn read(arguments: &Arguments) -> Result<Survey, GeorefError> {
     let path = &arguments.points;
     let failed = |source| GeorefError::Read {
         path: path.clone(),
@@ -196,12 +224,61 @@ fn read(arguments: &Arguments) -> Result<(Vec<ControlPoint>, Crs, bool), GeorefE
     parse(&text, path, arguments)
 }
 
-/// The points of a text.
-fn parse(
-    text: &str,
-    path: &Path,
+/// The system of the places on the Earth, over what the heading of the heights says they are over.
+fn system(
+    name: &str,
+    heading: Option<&str>,
     arguments: &Arguments,
-) -> Result<(Vec<ControlPoint>, Crs, bool), GeorefError> {
+    notes: &mut Notes,
+) -> Result<Crs, CrsError> {
+    let mut crs = Crs::parse(name)?;
+    let kind = match heading.map(str::to_lowercase).as_deref() {
+        Some("orthometric_height") => Some("geoid"),
+        Some("ellipsoidal_height") => Some("ellipsoid"),
+        _ => None,
+    };
+    if let Some(kind) = kind {
+        let over = matches!(crs.heights(), Heights::Geoid(_));
+        if !crs.heights_are_stated() {
+            crs = crs.with_vertical(kind)?;
+        } else if over != (kind == "geoid") {
+            let what = format!(
+                "it says heights over the {kind}, but {} counts: {}",
+                crs.name(),
+                crs.heights_in_words()
+            );
+            notes.assume(
+                "column of heights",
+                what,
+                "mend the heading, or name another --crs",
+            );
+        }
+    }
+    if let Some(height_m) = arguments.geoid_height {
+        crs = crs.with_geoid_height(height_m);
+    }
+    note_heights(&crs, notes);
+    Ok(crs)
+}
+
+/// Notes columns that are not used.
+fn unused(headings: &csv::StringRecord, used: &[usize], notes: &mut Notes) {
+    let other =
+        (headings.iter().enumerate()).filter(|(k, name)| !used.contains(k) && !name.is_empty());
+    let names: Vec<_> = other.map(|(_, name)| format!("'{name}'")).collect();
+    if !names.is_empty() {
+        let what = format!("{} mean nothing here and are not used", names.join(", "));
+        notes.assume(
+            "columns",
+            what,
+            "rename them if they hold something (boresight georef --help)",
+        );
+    }
+}
+
+/// The points of a text.
+fn parse(text: &str, path: &Path, arguments: &Arguments) -> Result<Survey, GeorefError> {
+    let mut notes = Notes::default();
     let wrong = |line: u64, what: String| GeorefError::Line {
         path: path.into(),
         line,
@@ -249,10 +326,7 @@ fn parse(
             "east and north are of which system? name it with --crs EPSG:…".into(),
         )
     })?;
-    let mut crs = Crs::parse(name)?;
-    if let Some(height_m) = arguments.geoid_height {
-        crs = crs.with_geoid_height(height_m);
-    }
+    let crs = system(name, headings.get(earth[2]), arguments, &mut notes)?;
     let kinds = [crs.is_geocentric(), crs.is_geographic(), true];
     let kind = kinds.iter().position(|kind| *kind).unwrap_or(2);
     let given = [Some("EPSG:4978"), Some("WGS84"), None]
@@ -274,6 +348,9 @@ fn parse(
     let mut points = Vec::new();
     let sigmas = [["sigma_ground", "sigma"], ["sigma_height", "sigma"]];
     let sigmas = sigmas.map(|names| names.iter().find_map(|name| column(name)));
+    let mut used = [local, earth].concat();
+    used.extend(sigmas.iter().flatten().chain(column("name").iter()));
+    unused(&headings, &used, &mut notes);
     for (index, row) in reader.records().enumerate() {
         let row = row.map_err(|error| {
             wrong(
@@ -314,7 +391,12 @@ fn parse(
             sigma_m,
         });
     }
-    Ok((points, crs, sigmas.iter().any(Option::is_some)))
+    Ok(Survey {
+        points,
+        crs,
+        stated: sigmas.iter().any(Option::is_some),
+        notes,
+    })
 }
 
 /// A number rounded to significant digits; what is far below any accuracy is zero.
@@ -382,23 +464,55 @@ pub struct Georeferenced {
     pub used: Vec<bool>,
     /// What is wrong with points, in words.
     pub suspects: Vec<String>,
+    /// What was taken for granted of the file.
+    pub warnings: Vec<Warning>,
     crs: Crs,
     stated: bool,
 }
 
-/// Fits a model's placement.
+/// Fits a model's placement, and tells what it took for granted.
 pub fn georeference(arguments: &Arguments) -> Result<Georeferenced, GeorefError> {
-    let (points, crs, stated) = read(arguments)?;
-    place(points, crs, stated, arguments)
+    let found = place(read(arguments)?, arguments)?;
+    warning::tell(&found.warnings)?;
+    Ok(found)
+}
+
+/// Refuses a fit that means nothing: one whose points misfit by a good part of their spread, or whose centre is not on the Earth.
+fn sensible(fit: &Fit, points: &[ControlPoint], blamed: bool) -> Result<(), String> {
+    let spread_m = spread_m(points);
+    if fit.rms_m > NONSENSE[usize::from(blamed)] * spread_m {
+        return Err(format!(
+            "residuals of {:.1} m rms among points that spread by {spread_m:.1} m are no fit",
+            fit.rms_m
+        ));
+    }
+    let height_m = fit.site.origin().height_m;
+    if !HEIGHTS_M.contains(&height_m) || !RADII_M.contains(&fit.placement.r_ecef_m.length()) {
+        return Err(format!(
+            "its centre would lie {height_m:.0} m over the ellipsoid, as its points lie {spread_m:.0} m apart"
+        ));
+    }
+    Ok(())
+}
+
+/// How far points lie from their middle (rms) [m].
+fn spread_m(points: &[ControlPoint]) -> f64 {
+    let count = points.len().max(1) as f64;
+    let middle = points.iter().map(|point| point.r_ecef_m).sum::<DVec3>() / count;
+    let squares = points
+        .iter()
+        .map(|point| point.r_ecef_m.distance_squared(middle));
+    (squares.sum::<f64>() / count).sqrt()
 }
 
 /// Fits a placement to points.
-fn place(
-    points: Vec<ControlPoint>,
-    crs: Crs,
-    stated: bool,
-    arguments: &Arguments,
-) -> Result<Georeferenced, GeorefError> {
+fn place(survey: Survey, arguments: &Arguments) -> Result<Georeferenced, GeorefError> {
+    let Survey {
+        points,
+        crs,
+        stated,
+        notes,
+    } = survey;
     let mode = match (arguments.paper, arguments.fixed_scale) {
         (true, _) => Mode::Paper,
         (_, true) => Mode::FixedScale,
@@ -438,12 +552,26 @@ fn place(
         .filter(|(_, used)| **used)
         .map(|(point, _)| point.clone())
         .collect();
-    let fit = fit(&taken, mode).map_err(wrong)?;
+    let mut fit = fit(&taken, mode).map_err(wrong)?;
+    let path = &arguments.points;
+    let nonsense = |what| GeorefError::Nonsense {
+        path: path.clone(),
+        what,
+    };
+    sensible(&fit, &taken, !words.is_empty()).map_err(nonsense)?;
+    let share = fit.rms_m / spread_m(&taken);
+    if share > DOUBT {
+        fit.warnings.push(format!(
+            "the residuals are {:.0} % of the points' spread: the model has another shape or unit, or points do not belong together",
+            100.0 * share
+        ));
+    }
     Ok(Georeferenced {
         fit,
         points,
         used,
         suspects: words,
+        warnings: notes.warnings(path),
         crs,
         stated,
     })
@@ -465,9 +593,12 @@ impl Georeferenced {
         }
     }
 
-    /// Whether no point is in doubt that the fit uses.
+    /// Whether no point is in doubt that the fit uses, and the points fit.
     pub fn sound(&self) -> bool {
-        self.suspects.is_empty() || self.used.contains(&false)
+        let kept = (self.points.iter().zip(&self.used)).filter(|(_, used)| **used);
+        let kept: Vec<_> = kept.map(|(point, _)| point.clone()).collect();
+        let fits = self.fit.rms_m <= DOUBT * spread_m(&kept);
+        fits && (self.suspects.is_empty() || self.used.contains(&false))
     }
 
     /// Free parameters with one sigma: place of the centre, turn and scale.

@@ -4,6 +4,8 @@
 //! seven (or three) parameters of each code, no grids (docs/georeferencing.md says what that costs). Heights are over the
 //! ellipsoid or over a geoid. National heights over a geoid are taken as heights over EGM96's.
 
+pub mod vertical;
+
 use crate::models::maths::geodesy::{Geodetic, longitude_arc_deg, longitude_near_deg};
 use glam::{DVec2, DVec3};
 use proj4rs::Proj;
@@ -26,6 +28,26 @@ pub enum CrsError {
         "'{0}' is no vertical system known here; write +ellipsoid (over WGS 84's) or +geoid (over EGM96's) in its place, with --geoid-height where its height over the ellipsoid is known"
     )]
     Vertical(String),
+    /// Depths.
+    #[error(
+        "'{code}' ({name}) counts depths downwards; turn the sign of the values and name a system of heights (a code, or +geoid)"
+    )]
+    Depth {
+        /// Its code.
+        code: u32,
+        /// Its name.
+        name: &'static str,
+    },
+    /// Heights over an ellipsoid that is not WGS 84's.
+    #[error(
+        "'{code}' means heights over the ellipsoid {name}; bring them to WGS 84's, or write +ellipsoid or +geoid where the file says it wrongly"
+    )]
+    Ellipsoid {
+        /// Its code.
+        code: u32,
+        /// The ellipsoid.
+        name: &'static str,
+    },
     /// A projection that cannot be worked out.
     #[error("'{name}': {what}; give the coordinates in another system, EPSG:4979 for instance")]
     Unsupported {
@@ -48,7 +70,31 @@ pub enum CrsError {
         /// Height or Z.
         z: f64,
     },
+    /// What cannot lie on the Earth.
+    #[error(
+        "({x}, {y}, {z}) of {name} cannot lie on the Earth: {why}; check the system, the order of the columns and their unit"
+    )]
+    OffEarth {
+        /// The system.
+        name: String,
+        /// East, longitude or X, as it was given.
+        x: f64,
+        /// North, latitude or Y.
+        y: f64,
+        /// Height or Z.
+        z: f64,
+        /// What is wrong with it.
+        why: String,
+    },
 }
+
+/// Heights over the ellipsoid [m] that a place on the Earth may have: from below the deepest sea to where space begins.
+pub const HEIGHTS_M: std::ops::RangeInclusive<f64> = -12_000.0..=100_000.0; // [m]
+/// Distances from the Earth's centre [m] that such heights allow.
+pub const RADII_M: std::ops::RangeInclusive<f64> = 6_344_000.0..=6_479_000.0; // [m]
+/// How far from its central meridian a transverse Mercator projection is used at most [deg]: Norway in one zone needs 16. What lies farther
+/// has its columns swapped.
+const REACH_DEG: f64 = 18.0; // [deg]
 
 /// What heights are counted from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,47 +104,6 @@ pub enum Heights {
     /// A geoid, or the national levelling that stands for it, by its name.
     Geoid(&'static str),
 }
-
-/// Vertical systems over a geoid: EPSG code, name, metres in its unit.
-const VERTICAL: [(u16, &str, f64); 37] = [
-    (3855, "EGM2008", 1.0),
-    (3886, "Fao 1979", 1.0),
-    (3900, "N2000", 1.0),
-    (5193, "Incheon", 1.0),
-    (5214, "Genoa 1942", 1.0),
-    (5613, "RH2000", 1.0),
-    (5621, "EVRF2007", 1.0),
-    (5701, "Newlyn (ODN)", 1.0),
-    (5702, "NGVD29", 1200.0 / 3937.0),
-    (5703, "NAVD88", 1.0),
-    (5705, "Baltic 1977", 1.0),
-    (5709, "NAP", 1.0),
-    (5710, "Ostend (TAW)", 1.0),
-    (5711, "AHD", 1.0),
-    (5714, "mean sea level", 1.0),
-    (5720, "NGF-IGN69", 1.0),
-    (5728, "LN02", 1.0),
-    (5729, "LHN95", 1.0),
-    (5730, "EVRF2000", 1.0),
-    (5731, "Malin Head", 1.0),
-    (5737, "Yellow Sea 1985", 1.0),
-    (5738, "HKPD", 1.0),
-    (5773, "EGM96", 1.0),
-    (5776, "NN54", 1.0),
-    (5778, "GHA", 1.0),
-    (5780, "Cascais", 1.0),
-    (5782, "Alicante", 1.0),
-    (5783, "DHHN92", 1.0),
-    (5798, "EGM84", 1.0),
-    (5799, "DVR90", 1.0),
-    (5941, "NN2000", 1.0),
-    (6360, "NAVD88 (US feet)", 1200.0 / 3937.0),
-    (6695, "JGD2011", 1.0),
-    (7837, "DHHN2016", 1.0),
-    (7839, "NZVD2016", 1.0),
-    (8228, "NAVD88 (feet)", 0.3048),
-    (9389, "EVRF2019", 1.0),
-];
 
 /// Parts of PROJ strings that are replaced: of the two series for the transverse Mercator the one that stays exact far from the
 /// meridian, and datum shifts of three countries with the parameters of EPSG 1314, 1777 and 5239.
@@ -128,6 +133,10 @@ pub struct Crs {
     heights: Heights,
     stated: bool,
     height_unit_m: f64,
+    /// Whether the name says what unit its heights are in.
+    unit_stated: bool,
+    /// Central meridian of a transverse Mercator projection [deg].
+    meridian_deg: Option<f64>,
     geoid: Geoid,
 }
 
@@ -152,15 +161,21 @@ impl Crs {
             let vertical = words.filter(own).map(|word| word[1..].to_string()).next();
             (definition.join(" "), vertical)
         } else {
-            let mut parts = text
+            let mut named = text
                 .split(['+', ','])
                 .filter(|part| !part.ends_with(":crs"));
-            let definition = definition(parts.next().unwrap_or("")).ok_or_else(unknown)?;
-            let vertical = parts.next().map(|part| last(part).to_lowercase());
-            if parts.next().is_some() {
+            let first = named.next().unwrap_or("");
+            let compound = epsg(first).and_then(vertical::parts);
+            let definition = match compound {
+                Some((horizontal, _)) => by_code(horizontal),
+                None => definition(first),
+            };
+            let own = compound.map(|(_, vertical)| vertical.to_string());
+            let vertical = named.next().map(|part| last(part).to_lowercase()).or(own);
+            if named.next().is_some() {
                 return Err(unknown());
             }
-            (definition, vertical)
+            (definition.ok_or_else(unknown)?, vertical)
         };
         let unsupported = |error: proj4rs::errors::Error| CrsError::Unsupported {
             name: text.into(),
@@ -177,28 +192,74 @@ impl Crs {
         let wgs84 = "+proj=longlat +datum=WGS84 +no_defs";
         let wgs84 = Proj::from_proj_string(wgs84).map_err(unsupported)?;
         let compound = definition.contains("+vunits") || definition.contains("+geoidgrids");
-        let (heights, height_unit_m) = match vertical.as_deref() {
-            Some("ellipsoid" | "4979") => (Heights::Ellipsoid, 1.0),
-            Some("geoid") => (Heights::Geoid("EGM96"), proj.vto_meter()),
-            Some(code) => {
-                let known = VERTICAL.iter().find(|known| code == known.0.to_string());
-                let (_, name, unit_m) = known.ok_or_else(|| CrsError::Vertical(code.into()))?;
-                (Heights::Geoid(name), *unit_m)
-            }
-            None if compound => (Heights::Geoid("of the code"), proj.vto_meter()),
-            None if proj.is_latlong() || proj.is_geocent() => (Heights::Ellipsoid, 1.0),
-            None => (Heights::Geoid("EGM96"), 1.0),
+        let heights = match compound {
+            true => Heights::Geoid("of the PROJ string"),
+            false if proj.is_latlong() || proj.is_geocent() => Heights::Ellipsoid,
+            false => Heights::Geoid("EGM96"),
         };
-        let three = ["4979", "4978", "CRS84h"].contains(&last(text));
-        Ok(Self {
+        let found = Self {
             name: text.into(),
-            stated: vertical.is_some() || compound || proj.is_geocent() || three,
+            stated: compound || proj.is_geocent() || last(text) == "CRS84h",
+            height_unit_m: if compound { proj.vto_meter() } else { 1.0 },
+            unit_stated: definition.contains("+vunits"),
+            meridian_deg: meridian_deg(&definition),
             proj,
             wgs84,
             heights,
-            height_unit_m,
             geoid: Geoid::default(),
-        })
+        };
+        match vertical {
+            Some(vertical) => found.over(&vertical),
+            None => Ok(found),
+        }
+    }
+
+    /// The same system with heights counted as a vertical code says, `ellipsoid` or `geoid`.
+    fn over(mut self, vertical: &str) -> Result<Self, CrsError> {
+        match vertical {
+            "ellipsoid" => self.heights = Heights::Ellipsoid,
+            "geoid" => self.heights = Heights::Geoid("EGM96"),
+            code => {
+                let found = vertical::vertical(code)?;
+                self.heights = found.heights;
+                self.height_unit_m = found.unit_m;
+                self.unit_stated = true;
+            }
+        }
+        self.stated = true;
+        Ok(self)
+    }
+
+    /// The same system with heights counted as a vertical code says; its name gets the code.
+    pub fn with_vertical(self, code: &str) -> Result<Self, CrsError> {
+        let mut found = self.over(code)?;
+        found.name = format!("{}+{code}", found.name);
+        Ok(found)
+    }
+
+    /// The same system with heights in a unit of so many metres.
+    pub fn with_height_unit(mut self, unit_m: f64) -> Self {
+        self.height_unit_m = unit_m;
+        self
+    }
+
+    /// Metres in the unit of its heights.
+    pub fn height_unit_m(&self) -> f64 {
+        self.height_unit_m
+    }
+
+    /// Whether its name says in which unit its heights are.
+    pub fn height_unit_is_stated(&self) -> bool {
+        self.unit_stated
+    }
+
+    /// Metres in the unit of its east and north; 1 in a geographic one.
+    pub fn map_unit_m(&self) -> f64 {
+        if self.is_geographic() {
+            1.0
+        } else {
+            self.proj.to_meter()
+        }
     }
 
     /// The same system over a geoid that lies `height_m` [m] above the ellipsoid everywhere. Whoever states that height has heights
@@ -231,6 +292,9 @@ impl Crs {
         };
         match (self.heights, self.geoid.constant_m) {
             (Heights::Ellipsoid, _) => format!("heights over WGS 84's ellipsoid{assumed}"),
+            (Heights::Geoid("stated"), Some(m)) => {
+                format!("heights over the geoid, {m} m above the ellipsoid")
+            }
             (Heights::Geoid(name), Some(m)) => {
                 format!("heights over the geoid ({name}), {m} m above the ellipsoid{assumed}")
             }
@@ -292,9 +356,23 @@ impl Crs {
         } else {
             r.z * self.height_unit_m
         };
+        let off = |why: String| CrsError::OffEarth {
+            name: self.name.clone(),
+            x: r.x,
+            y: r.y,
+            z: r.z,
+            why,
+        };
+        if self.is_geocentric() && r.is_finite() && !RADII_M.contains(&r.length()) {
+            let far_km = r.length() / 1e3;
+            return Err(off(format!(
+                "it is {far_km:.0} km from the centre, whose surface is 6357 to 6378 km from it"
+            )));
+        }
         // The projection gets the height as that over its own ellipsoid: national ellipsoids lie within metres of the geoid.
         let mut point = if self.is_geographic() {
-            if r.y.abs() > 90.0 || r.x.abs() > 720.0 {
+            // Some rasters run from 0° to 360°.
+            if r.y.abs() > 90.0 || r.x.abs() > 361.0 {
                 return Err(outside());
             }
             (r.x.to_radians(), r.y.to_radians(), z_m)
@@ -314,14 +392,23 @@ impl Crs {
             height_m,
         };
         let all = [latitude_rad, longitude_rad, height_m];
-        if all.iter().all(|v| v.is_finite())
-            && latitude_rad.abs() <= FRAC_PI_2 + 1e-9
-            && height_m.abs() < 1e8
-        {
-            Ok(found)
-        } else {
-            Err(outside())
+        if !all.iter().all(|v| v.is_finite()) || latitude_rad.abs() > FRAC_PI_2 + 1e-9 {
+            return Err(outside());
         }
+        if !HEIGHTS_M.contains(&height_m) {
+            return Err(off(format!("its height would be {height_m:.0} m")));
+        }
+        if let Some(meridian_deg) = self.meridian_deg {
+            let longitude_deg = longitude_rad.to_degrees();
+            let apart_deg = longitude_near_deg(longitude_deg, meridian_deg) - meridian_deg;
+            if apart_deg.abs() > REACH_DEG {
+                let apart_deg = apart_deg.abs();
+                return Err(off(format!(
+                    "it would be {apart_deg:.0}° from the meridian of the projection"
+                )));
+            }
+        }
+        Ok(found)
     }
 
     /// The ECEF position [m] of `r` (east or longitude, north or latitude, height).
@@ -361,16 +448,41 @@ fn last(part: &str) -> &str {
     part.rsplit([':', '/']).next().unwrap_or(part).trim()
 }
 
-/// The PROJ string of a horizontal or compound system.
+/// The PROJ string of a horizontal system.
 fn definition(part: &str) -> Option<String> {
     let lower = part.to_lowercase();
-    let word = last(part);
     if ["wgs84", "wgs 84", "crs84", "crs84h"].contains(&last(&lower)) {
         return Some("+proj=longlat +datum=WGS84 +no_defs".into());
     }
-    let epsg = lower.contains("epsg") || word == part.trim();
-    let code = word.parse().ok().filter(|_| epsg)?;
+    by_code(epsg(part)?.try_into().ok()?)
+}
+
+/// The EPSG code that a name is or ends with.
+fn epsg(part: &str) -> Option<u32> {
+    let word = last(part);
+    let epsg = part.to_lowercase().contains("epsg") || word == part.trim();
+    word.parse().ok().filter(|_| epsg)
+}
+
+/// The PROJ string of a code.
+fn by_code(code: u16) -> Option<String> {
     crs_definitions::from_code(code).map(|found| found.proj4.into())
+}
+
+/// Central meridian of a transverse Mercator projection [deg].
+fn meridian_deg(definition: &str) -> Option<f64> {
+    let value = |key: &str| {
+        let words = definition.split_whitespace();
+        let mut values = words.filter_map(|word| word.strip_prefix(key)?.strip_prefix('='));
+        values.next()
+    };
+    match value("+proj")? {
+        "utm" => Some(6.0 * value("+zone")?.parse::<f64>().ok()? - 183.0),
+        "tmerc" | "etmerc" if value("+pm").is_none() => {
+            value("+lon_0").map_or(Some(0.0), |text| text.parse().ok())
+        }
+        _ => None,
+    }
 }
 
 /// EGM96's geoid, worked out from its coefficients (degree 360) at nodes of a lattice and interpolated in between.

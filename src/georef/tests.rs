@@ -14,8 +14,10 @@ fn arguments(extra: &[&str]) -> Arguments {
 
 fn georef(text: &str, extra: &[&str]) -> Result<Georeferenced, GeorefError> {
     let arguments = arguments(extra);
-    let (points, crs, stated) = parse(text, Path::new("points.csv"), &arguments)?;
-    place(points, crs, stated, &arguments)
+    place(
+        parse(text, Path::new("points.csv"), &arguments)?,
+        &arguments,
+    )
 }
 
 /// A campus surveyed in RD New and NAP: the model is the city's map about (84500, 446500), turned by 30° and scaled by 1.001.
@@ -162,4 +164,151 @@ fn bad_files_are_one_error_with_its_line() {
     assert!(said(&two, &["--crs", "EPSG:7415"]).contains("give 3 or more"));
     let far = said("x,y,z,lon,lat,height\n0,0,0,8,447,3\n", &[]);
     assert!(far.contains(":2:") && far.contains("no point of"), "{far}");
+}
+
+#[test]
+fn what_cannot_lie_on_the_earth_is_one_error() {
+    let said = |text: &str, extra: &[&str]| georef(text, extra).unwrap_err().to_string();
+    // Points 11 km from the centre of the Earth.
+    let deep = "x,y,z,ecef_x,ecef_y,ecef_z\n0,0,0,6000,7000,6100\n100,0,0,6100,7000,6100\n0,100,0,6000,7100,6100\n0,0,50,6000,7000,6150\n";
+    let error = said(deep, &[]);
+    assert!(
+        error.contains(":2:") && error.contains("11 km from the centre"),
+        "{error}"
+    );
+    // Degrees in the columns of metres, latitude under longitude, heights in millimetres, east and north exchanged.
+    let head = "x,y,z,longitude,latitude,height";
+    let error = said(&format!("{head}\n0,0,0,-33.9,151.2,20\n"), &[]);
+    assert!(error.contains("no point of"), "{error}");
+    let error = said(&format!("{head}\n0,0,0,8.5,47.4,408000\n"), &[]);
+    assert!(error.contains("cannot lie on the Earth"), "{error}");
+    let error = said(
+        "x,y,z,east,north,height\n0,0,0,5334000,691000,520\n",
+        &["--crs", "EPSG:25832"],
+    );
+    assert!(
+        error.contains("cannot lie on the Earth") && error.contains("order"),
+        "{error}"
+    );
+    // Points all over the Earth.
+    let far = format!("{head}\n0,0,0,8,47,3\n1,0,0,-120,-47,3\n0,1,0,100,20,3\n1,1,0,8,-80,5\n");
+    assert!(georef(&far, &[]).is_err());
+}
+
+#[test]
+fn a_fit_that_means_nothing_is_one_error() {
+    // Rows that do not belong together.
+    let lines: Vec<String> = survey(HEADER, false).lines().map(str::to_string).collect();
+    let row = |k: usize| lines[k].split(',').map(str::to_string).collect::<Vec<_>>();
+    let mixed: String = (0..7)
+        .map(|k| {
+            let (local, earth) = (row(2 + k), row(2 + (3 * k + 2) % 7));
+            format!(
+                "{},{},{}\n",
+                local[0],
+                local[1..4].join(","),
+                earth[4..].join(",")
+            )
+        })
+        .collect();
+    let error = georef(&format!("{HEADER}\n{mixed}"), &["--crs", "EPSG:7415"])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("points.csv: fit: residuals") && error.contains("order"),
+        "{error}"
+    );
+    // A model in feet whose unit is said to be the metre.
+    let feet: String = lines[2..]
+        .iter()
+        .map(|line| {
+            let f: Vec<&str> = line.split(',').collect();
+            let feet = |k: usize| f[k].parse::<f64>().unwrap() / 0.3048;
+            format!(
+                "{},{},{},{},{}\n",
+                f[0],
+                feet(1),
+                feet(2),
+                feet(3),
+                f[4..].join(",")
+            )
+        })
+        .collect();
+    let text = format!("{HEADER}\n{feet}");
+    let error = georef(&text, &["--crs", "EPSG:7415", "--fixed-scale"])
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("--fixed-scale"), "{error}");
+    assert!(georef(&text, &["--crs", "EPSG:7415"]).unwrap().sound());
+}
+
+#[test]
+fn a_heading_says_what_heights_are_over_and_unused_columns_are_named() {
+    let text = |height: &str| {
+        format!(
+            "x,y,z,lon,lat,{height},remark\n0,0,0,8.540,47.370,450,a\n377.5,0,5,8.545,47.370,455,b\n0,556,10,8.540,47.375,460,c\n\
+             377.5,556,2,8.545,47.375,452,d\n"
+        )
+    };
+    let fitted = |height: &str, extra: &[&str]| georef(&text(height), extra).unwrap();
+    let up_m = |found: &Georeferenced| found.fit.site.origin().height_m;
+    let plain = fitted("height", &[]);
+    let said: Vec<_> = plain.warnings.iter().map(ToString::to_string).collect();
+    assert!(
+        said.len() == 2 && said.iter().any(|line| line.contains("+geoid")),
+        "{said:?}"
+    );
+    assert!(
+        said.iter().any(|line| line.contains("'remark'")),
+        "{said:?}"
+    );
+    let over = fitted("orthometric_height", &[]);
+    assert!((47.0..48.0).contains(&(up_m(&over) - up_m(&plain))));
+    assert_eq!(up_m(&fitted("ellipsoidal_height", &[])), up_m(&plain));
+    assert_eq!(fitted("ellipsoidal_height", &[]).warnings.len(), 1);
+    let against = fitted("ellipsoidal_height", &["--crs", "EPSG:4326+geoid"]);
+    assert!(
+        against
+            .warnings
+            .iter()
+            .any(|warning| warning.place == "column of heights")
+    );
+}
+
+#[test]
+fn a_model_across_the_antimeridian_is_placed() {
+    let site =
+        crate::models::maths::geodesy::SiteFrame::new(crate::models::maths::geodesy::Geodetic {
+            latitude_rad: -16.5_f64.to_radians(),
+            longitude_rad: std::f64::consts::PI,
+            height_m: 10.0, // [m]
+        });
+    let row = |r: [f64; 3]| {
+        let at = site.enu_to_geodetic(r.into());
+        let (lon, lat) = (at.longitude_rad.to_degrees(), at.latitude_rad.to_degrees());
+        format!(
+            "{},{},{},{lon:.12},{lat:.12},{:.6}\n",
+            r[0], r[1], r[2], at.height_m
+        )
+    };
+    let rows: String = [
+        [-300.0, -200.0, 0.0],
+        [300.0, -250.0, 20.0],
+        [280.0, 240.0, 5.0],
+        [-310.0, 260.0, 12.0],
+    ]
+    .map(row)
+    .concat();
+    let found = georef(
+        &format!("x,y,z,longitude,latitude,ellipsoidal_height\n{rows}"),
+        &[],
+    )
+    .unwrap();
+    assert!(
+        found.fit.rms_m < 1e-4 && found.sound(),
+        "{}",
+        found.fit.rms_m
+    );
+    let middle_deg = found.fit.site.origin().longitude_rad.to_degrees().abs();
+    assert!((middle_deg - 180.0).abs() < 1e-3, "{middle_deg}");
 }

@@ -130,6 +130,105 @@ fn heights_over_ellipsoid_and_geoid_are_told_apart() {
 }
 
 #[test]
+fn vertical_codes_say_what_they_count_from_and_in_which_unit() {
+    let zurich = DVec3::new(8.5417, 47.3769, 1000.0);
+    let geoid_m = egm96::egm96_compute_altitude_offset(zurich.y, zurich.x);
+    // Name, metres in its unit, over the geoid or not.
+    for (name, unit_m, over_geoid) in [
+        // GeoTIFF 1.0's ellipsoid of WGS 84, of GRS 80; its NAVD88, Newlyn, NGVD29, Yellow Sea, Baltic and Caspian.
+        ("EPSG:4326+5030", 1.0, false),
+        ("EPSG:4326+5019", 1.0, false),
+        ("EPSG:4326+5103", 1.0, true),
+        ("EPSG:4326+5101", 1.0, true),
+        ("EPSG:4326+5102", 1.0, true),
+        ("EPSG:4326+5104", 1.0, true),
+        ("EPSG:4326+5105", 1.0, true),
+        ("EPSG:4326+5106", 1.0, true),
+        // NAVD88 in US survey feet, in feet, in metres; NGVD29 in US survey feet; the sea in feet.
+        ("EPSG:4326+6360", 1200.0 / 3937.0, true),
+        ("EPSG:4326+8228", 0.3048, true),
+        ("EPSG:4326+5703", 1.0, true),
+        ("EPSG:4326+5702", 1200.0 / 3937.0, true),
+        ("EPSG:4326+8050", 0.3048, true),
+        // WGS 84 with EGM2008 and EGM96; three-dimensional systems, ETRS89's also as the vertical part.
+        ("EPSG:9518", 1.0, true),
+        ("EPSG:9707", 1.0, true),
+        ("EPSG:4979", 1.0, false),
+        ("EPSG:4937", 1.0, false),
+        ("EPSG:7912", 1.0, false),
+        ("EPSG:4326+4979", 1.0, false),
+        ("EPSG:4258+4937", 1.0, false),
+    ] {
+        let crs = Crs::parse(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let found_m = crs.to_geodetic(zurich).unwrap().height_m;
+        let want_m = 1000.0 * unit_m + if over_geoid { geoid_m } else { 0.0 };
+        // The lattice of the geoid is good to 1 mm.
+        assert!(
+            (found_m - want_m).abs() < 2e-3,
+            "{name}: {found_m} for {want_m}"
+        );
+        assert!(crs.heights_are_stated(), "{name}");
+    }
+    // NAD83 in feet of California, with NAVD88 in US survey feet.
+    let compound = Crs::parse("EPSG:2229+6360").unwrap();
+    let parts = DVec3::new(6_487_000.0, 1_842_000.0, 300.0);
+    assert_eq!(compound.height_unit_m(), 0.304_800_609_601_219_2);
+    assert!(compound.to_geodetic(parts).unwrap().height_m < 100.0);
+    assert_eq!(
+        vertical::named_in("NAVD88 height - Geoid12B (ftUS)"),
+        Some("5703")
+    );
+    assert_eq!(
+        vertical::named_in("height over the DHHN2016 datum"),
+        Some("7837")
+    );
+    assert_eq!(vertical::named_in("local"), None);
+}
+
+#[test]
+fn depths_and_other_ellipsoids_are_refused_by_name() {
+    for (name, said) in [
+        ("EPSG:4326+5715", "MSL depth"),
+        ("EPSG:4326+6358", "NAVD88 depth"),
+        ("EPSG:4326+5861", "LAT depth"),
+        ("EPSG:25832+5004", "Bessel 1841"),
+        ("EPSG:25832+5008", "Clarke 1866"),
+    ] {
+        let error = Crs::parse(name).unwrap_err().to_string();
+        assert!(error.contains(said), "{name}: {error}");
+    }
+}
+
+#[test]
+fn what_cannot_lie_on_the_earth_is_refused() {
+    for (name, r, said) in [
+        (
+            "EPSG:4978",
+            [4000.0, 5000.0, 9000.0],
+            "11 km from the centre",
+        ),
+        ("EPSG:4978", [4.2e7, 0.0, 0.0], "42000 km"),
+        ("EPSG:4979", [8.0, 47.0, 5e5], "height would be 500000 m"),
+        ("EPSG:4979", [8.0, 47.0, -20_000.0], "-20000 m"),
+        ("EPSG:4326", [8.0, 98.0, 0.0], "no point of"),
+        ("EPSG:4326", [401.0, 8.0, 0.0], "no point of"),
+        // East and north swapped.
+        ("EPSG:25832", [5_334_000.0, 691_000.0, 520.0], "meridian"),
+        ("EPSG:31467", [5_400_000.0, 3_500_000.0, 300.0], "meridian"),
+    ] {
+        let error = Crs::parse(name)
+            .unwrap()
+            .to_ecef(DVec3::from(r))
+            .unwrap_err();
+        assert!(error.to_string().contains(said), "{name}: {error}");
+    }
+    // From 0° to 360°.
+    let one = Crs::parse("WGS84").unwrap();
+    let [a, b] = [351.5, -8.5].map(|x| one.to_ecef(DVec3::new(x, 40.0, 5.0)).unwrap());
+    assert!(a.distance(b) < 1e-8);
+}
+
+#[test]
 fn a_name_is_understood_or_refused_with_what_to_write() {
     for name in [
         "EPSG:4326",

@@ -1,7 +1,11 @@
 //! Height rasters (GeoTIFF) as terrain, with or without a picture from above.
 
+mod grid;
+mod keys;
+mod metadata;
 pub mod raster;
 mod tiff;
+mod unit;
 
 use super::error::{Fault, SourceError};
 use super::options::Options;
@@ -9,6 +13,7 @@ use super::{Layer, LayerKind};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::shape::textured::{Look, Texture, TexturedMesh};
 use crate::projection::CrsError;
+use crate::warning::{Notes, Warning};
 use glam::{DVec2, DVec3};
 use raster::{Heights, Orthophoto};
 use std::path::{Path, PathBuf};
@@ -65,15 +70,22 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, SourceError> {
 ///
 /// Fails where a file is damaged, has no place on the map or names no system that is known.
 pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
-    let photo = options
-        .orthophoto
-        .as_ref()
-        .map(|path| Orthophoto::read(path, options))
-        .transpose()?;
+    let mut warnings = Vec::new();
+    let photo = match &options.orthophoto {
+        Some(path) => {
+            let mut notes = Notes::default();
+            let photo = Orthophoto::read(path, &mut notes)?;
+            warnings.extend(notes.warnings(path));
+            Some(photo)
+        }
+        None => None,
+    };
     let mut site = options.site;
     let mut meshes = Vec::new();
     for file in files(path)? {
-        let heights = Heights::read(&file, options)?;
+        let mut notes = Notes::default();
+        let heights = Heights::read(&file, options, &mut notes)?;
+        warnings.extend(notes.warnings(&file));
         if heights.size[0] * heights.size[1] > MOST_PIXELS {
             let what = format!(
                 "{} × {} heights are more than {MOST_PIXELS}",
@@ -109,7 +121,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         site,
         meshes,
         features: Vec::new(),
-        warnings: Vec::new(),
+        warnings,
     })
 }
 
@@ -170,11 +182,8 @@ impl Block<'_> {
         let Some(photo) = self.photo else {
             return Ok(DVec2::ZERO);
         };
-        let there = match &photo.crs {
-            Some(crs) => crs.horizontal(self.heights.crs.to_geodetic(r.extend(0.0))?)?,
-            None => r,
-        };
-        Ok(photo.pixel(there).unwrap_or(DVec2::NAN))
+        let found = photo.pixel(r, &self.heights.crs)?;
+        Ok(found.unwrap_or(DVec2::NAN))
     }
 
     /// The mesh between two pixels' centres, both included; `None` where no height is.
@@ -312,16 +321,40 @@ fn drape(mesh: &mut TexturedMesh, photo: &Orthophoto, pixels: &[DVec2]) {
 /// Heights of the ground from rasters: what footprints stand on.
 pub struct Ground {
     rasters: Vec<Heights>,
+    /// What their reader took for granted.
+    pub warnings: Vec<Warning>,
+}
+
+/// The words of an option that names the terrain's system, in place of the source's own.
+fn of_terrain(text: &str) -> String {
+    text.replace("--crs", "--terrain-crs")
+        .replace("(crs of", "(terrain_crs of")
 }
 
 impl Ground {
     /// Reads a raster, or all of a folder.
     pub fn read(path: &Path, options: &Options) -> Result<Self, SourceError> {
-        let rasters = files(path)?
-            .iter()
-            .map(|file| Heights::read(file, options))
-            .collect::<Result<_, _>>()?;
-        Ok(Self { rasters })
+        let (mut rasters, mut warnings) = (Vec::new(), Vec::new());
+        for file in files(path)? {
+            let mut notes = Notes::default();
+            let raster = Heights::read(&file, options, &mut notes);
+            rasters.push(raster.map_err(|error| {
+                match error {
+                    SourceError::Content { path, fault } => Fault {
+                        what: of_terrain(&fault.what),
+                        mend: of_terrain(&fault.mend),
+                        ..fault
+                    }
+                    .of(&path),
+                    other => other,
+                }
+            })?);
+            warnings.extend(notes.warnings(&file).into_iter().map(|warning| Warning {
+                mend: of_terrain(&warning.mend),
+                ..warning
+            }));
+        }
+        Ok(Self { rasters, warnings })
     }
 
     /// Height of the ground over the ellipsoid [m] at a place; `None` where no raster has one.

@@ -5,7 +5,7 @@ use super::error::{Fault, SourceError, read_bytes};
 use super::options::Options;
 use crate::models::ground::georeference::Placement;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
-use crate::projection::{Crs, CrsError};
+use crate::projection::{Crs, CrsError, RADII_M};
 use crate::warning::Notes;
 use glam::{DAffine3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -63,10 +63,7 @@ pub fn placement(path: &Path) -> Result<Placement, SourceError> {
     let placement = Placement::from(file.placement);
     let affine = placement.affine();
     let far = placement.r_ecef_m.length();
-    if !affine.is_finite()
-        || !(1e-6..1e6).contains(&placement.scale)
-        || !(6.2e6..7e6).contains(&far)
-    {
+    if !affine.is_finite() || !(1e-6..1e6).contains(&placement.scale) || !RADII_M.contains(&far) {
         return Err(fault("its placement is none on the Earth".into()));
     }
     Ok(placement)
@@ -89,11 +86,15 @@ impl From<CrsError> for Fault {
 
 /// A system by its name, over the geoid that the options state.
 pub fn crs(name: &str, options: &Options) -> Result<Crs, Fault> {
-    let crs = Crs::parse(name)?;
-    Ok(match options.geoid_height_m {
+    Ok(over_geoid(Crs::parse(name)?, options))
+}
+
+/// A system over the geoid that the options state.
+pub fn over_geoid(crs: Crs, options: &Options) -> Crs {
+    match options.geoid_height_m {
         Some(height_m) => crs.with_geoid_height(height_m),
         None => crs,
-    })
+    }
 }
 
 /// Notes what heights are counted from where the system does not say it.
@@ -172,7 +173,15 @@ pub fn site(options: &Options, place: &Place, bounds: [DVec3; 2]) -> Result<Site
         Place::Crs(crs) if !crs.is_geocentric() => middle.with_z(bounds[0].z),
         _ => middle,
     };
-    Ok(SiteFrame::new(Geodetic::from_ecef(place.ecef_m(middle)?)))
+    let r_ecef_m = place.ecef_m(middle)?;
+    if !RADII_M.contains(&r_ecef_m.length()) {
+        let far_km = r_ecef_m.length() / 1e3;
+        let what =
+            format!("their middle lies {far_km:.0} km from the centre of the Earth, not on it");
+        let mend = "check the unit of the model, and the parameters of --georef";
+        return Err(Fault::new("coordinates", what, mend));
+    }
+    Ok(SiteFrame::new(Geodetic::from_ecef(r_ecef_m)))
 }
 
 #[cfg(test)]
@@ -265,6 +274,20 @@ mod tests {
             (longitude_near_deg(middle_deg, 180.0) - 180.005).abs() < 1e-9,
             "{middle_deg}"
         );
+    }
+
+    #[test]
+    fn a_model_whose_middle_is_not_on_the_earth_is_refused() {
+        let place = Place::Local(DAffine3::from_translation(DVec3::new(
+            6_378_137.0,
+            0.0,
+            0.0,
+        )));
+        let bounds = |far: f64| [DVec3::ZERO, DVec3::new(far, 2.0, 3.0)];
+        assert!(site(&Options::default(), &place, bounds(100.0)).is_ok());
+        // Millimetres that count as metres.
+        let error = site(&Options::default(), &place, bounds(1e6)).unwrap_err();
+        assert!(error.to_string().contains("6878 km"), "{error}");
     }
 
     #[test]

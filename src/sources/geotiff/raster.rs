@@ -1,101 +1,22 @@
 //! Rasters with a place on the map: heights and pictures from above.
 
-use super::tiff::Tiff;
-use crate::projection::Crs;
+use super::grid;
+use super::keys::{self, Keys, NAME, System};
+use super::metadata::{Band, Beside};
+use super::tiff::{Tiff, cover, transparent};
+use super::unit;
+use crate::models::maths::geodesy::longitude_near_deg;
+use crate::projection::{Crs, CrsError};
 use crate::sources::error::{Fault, SourceError, read_bytes};
 use crate::sources::options::Options;
 use crate::sources::place;
-use geotiff_core::crs::CrsInfo;
-use geotiff_core::geokeys::GeoKeyDirectory;
+use crate::warning::Notes;
 use geotiff_core::transform::GeoTransform;
 use glam::DVec2;
 use std::path::Path;
 
-/// What a raster without a place on the map needs.
-const WORLD: &str =
-    "name one with georeferencing, or put a world file beside it (.tfw, .jgw, .pgw)";
-
-/// From pixels (corner of the top left one: 0, 0) to the map and back.
-fn transform(tiff: &Tiff, keys: &CrsInfo) -> Option<GeoTransform> {
-    let kind = keys.raster_type_enum();
-    if let Ok(matrix) = <[f64; 16]>::try_from(tiff.numbers(34_264)) {
-        return Some(GeoTransform::from_transformation_matrix_with_raster_type(
-            &matrix, kind,
-        ));
-    }
-    let tie = tiff.numbers(33_922).get(..6)?.try_into().ok()?;
-    let scale = tiff.numbers(33_550).try_into().ok()?;
-    Some(GeoTransform::from_tiepoint_and_scale_with_raster_type(
-        &tie, &scale, kind,
-    ))
-}
-
-/// The place that a world file gives: six numbers, of the centre of the top left pixel.
-fn world(path: &Path) -> Option<GeoTransform> {
-    let extension = path.extension()?.to_str()?.to_lowercase();
-    let short: String = [extension.chars().next()?, extension.chars().last()?, 'w']
-        .iter()
-        .collect();
-    let names = [
-        short.clone(),
-        format!("{extension}w"),
-        "wld".into(),
-        short.to_uppercase(),
-    ];
-    let text = names
-        .iter()
-        .find_map(|name| std::fs::read_to_string(path.with_extension(name)).ok())?;
-    let numbers: Vec<f64> = text
-        .split_whitespace()
-        .map_while(|word| word.parse().ok())
-        .collect();
-    let &[a, d, b, e, c, f] = numbers.get(..6)? else {
-        return None;
-    };
-    Some(GeoTransform {
-        origin_x: c - (a + b) / 2.0,
-        pixel_width: a,
-        skew_x: b,
-        origin_y: f - (d + e) / 2.0,
-        skew_y: d,
-        pixel_height: e,
-    })
-}
-
-/// Checks that a transform has an inverse.
-fn checked(found: Option<GeoTransform>, path: &Path) -> Result<GeoTransform, SourceError> {
-    let sound = |t: &GeoTransform| {
-        let numbers = [
-            t.origin_x,
-            t.origin_y,
-            t.pixel_width,
-            t.pixel_height,
-            t.skew_x,
-            t.skew_y,
-        ];
-        numbers.iter().all(|v| v.is_finite()) && t.geo_to_pixel(t.origin_x, t.origin_y).is_some()
-    };
-    let none = || Fault::new("georeferencing", "it has no place on the map", WORLD).of(path);
-    found.filter(sound).ok_or_else(none)
-}
-
-/// The keys of a GeoTIFF.
-fn keys(tiff: &Tiff) -> CrsInfo {
-    let directory: Vec<u16> = tiff.numbers(34_735).iter().map(|v| *v as u16).collect();
-    let parsed = GeoKeyDirectory::parse(&directory, &tiff.numbers(34_736), tiff.text(34_737));
-    CrsInfo::from_geokeys(&parsed.unwrap_or_default())
-}
-
-/// The system that keys name.
-fn named(keys: &CrsInfo) -> Option<String> {
-    let horizontal = keys.projected_epsg().or(keys.geodetic_epsg());
-    let known = |code: &u16| ![0, 32_767].contains(code);
-    let horizontal = horizontal.filter(known)?;
-    Some(match keys.vertical_epsg().filter(known) {
-        Some(vertical) => format!("EPSG:{horizontal}+{vertical}"),
-        None => format!("EPSG:{horizontal}"),
-    })
-}
+/// Heights [m] that points of the Earth may have; others stand for none.
+const EARTHLY_M: std::ops::Range<f64> = -12_000.0..9_500.0; // [m]
 
 /// Heights on a map.
 pub struct Heights {
@@ -108,52 +29,145 @@ pub struct Heights {
     heights: Vec<f32>,
 }
 
+/// A raster's place with its coordinates in the system's unit.
+fn in_map_unit(t: GeoTransform, unit: f64) -> GeoTransform {
+    GeoTransform {
+        origin_x: t.origin_x * unit,
+        pixel_width: t.pixel_width * unit,
+        skew_x: t.skew_x * unit,
+        origin_y: t.origin_y * unit,
+        skew_y: t.skew_y * unit,
+        pixel_height: t.pixel_height * unit,
+    }
+}
+
+/// The value for none that the file states.
+fn missing(tiff: &Tiff, notes: &mut Notes) -> Option<f64> {
+    let text = tiff.text(42_113).trim();
+    let value = text.replace(',', ".").parse().ok();
+    if value.is_none() && !text.is_empty() {
+        let what = format!("'{text}' is no number and marks no pixel as missing");
+        notes.assume("GDAL_NODATA", what, "state it with gdal_edit -a_nodata");
+    }
+    value
+}
+
+/// Height of a step of the values, and of the value 0, as the third scale and coordinate of the georeferencing state them (GeoTIFF 1.1, 7.3).
+fn upright(tiff: &Tiff, band: &mut Band, notes: &mut Notes) -> Result<(), Fault> {
+    let (matrix, scale, tie) = (
+        tiff.numbers(34_264),
+        tiff.numbers(33_550),
+        tiff.numbers(33_922),
+    );
+    let [step, zero] = match (<[f64; 16]>::try_from(matrix), scale.get(2), tie.get(..6)) {
+        (Ok(m), ..) if [m[2], m[6], m[8], m[9]] != [0.0; 4] => {
+            let mend = "bring it onto the map first (gdalwarp -t_srs)";
+            return Err(Fault::new(
+                "ModelTransformation",
+                "a matrix that tilts the raster",
+                mend,
+            ));
+        }
+        (Ok(m), ..) => [m[10], m[11]],
+        (_, Some(step), Some(tie)) => [*step, tie[5] - tie[2] * step],
+        _ => return Ok(()),
+    };
+    if step == 0.0 && zero == 0.0 || step == 1.0 && zero == 0.0 {
+        return Ok(());
+    }
+    let place = "third scale and tie point";
+    let mend =
+        "write the heights themselves, with 0 or 1 for the third scale (gdal_translate -unscale)";
+    if step == 0.0 || band.scale.or(band.offset).is_some() {
+        let what = format!("scale {step} and height {zero} are not applied to the heights");
+        notes.assume(place, what, mend);
+        return Ok(());
+    }
+    let what = format!(
+        "heights are {zero} + {step} · value, as the specification has it, where GDAL takes the values alone"
+    );
+    notes.assume(place, what, mend);
+    (band.scale, band.offset) = (Some(step), Some(zero));
+    Ok(())
+}
+
+/// Whether the mask beside a raster (`dem.tif.msk`) shows each pixel; `None` where there is none.
+fn mask_beside(path: &Path, size: [usize; 2]) -> Result<Option<Vec<bool>>, Fault> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".msk");
+    let Ok(bytes) = std::fs::read(Path::new(&beside)) else {
+        return Ok(None);
+    };
+    let mend = "write it again (gdal_translate -mask), or remove it";
+    let wrong = |what: String| Fault::new("mask beside it (.msk)", what, mend);
+    let mask = Tiff::open(bytes).map_err(|fault| wrong(fault.what))?;
+    if mask.size() != size {
+        return Err(wrong(format!(
+            "{:?} pixels do not cover {size:?}",
+            mask.size()
+        )));
+    }
+    mask.as_mask().map(Some)
+}
+
 impl Heights {
-    /// Reads a GeoTIFF's first band.
-    pub fn read(path: &Path, options: &Options) -> Result<Self, SourceError> {
+    /// Reads a GeoTIFF's first band: its values by the scale, offset and unit that it states, without what it says is missing.
+    pub fn read(path: &Path, options: &Options, notes: &mut Notes) -> Result<Self, SourceError> {
         let tiff = Tiff::open(read_bytes(path)?).map_err(|fault| fault.of(path))?;
-        let keys = keys(&tiff);
-        let transform = checked(transform(&tiff, &keys).or_else(|| world(path)), path)?;
+        Self::decode(&tiff, path, options, notes).map_err(|fault| fault.of(path))
+    }
+
+    fn decode(
+        tiff: &Tiff,
+        path: &Path,
+        options: &Options,
+        notes: &mut Notes,
+    ) -> Result<Self, Fault> {
+        let beside = Beside::read(path, notes)?;
+        let mut band = Band::parse(tiff.text(42_112), notes)?;
+        band.missing = missing(tiff, notes).or(band.missing);
+        let mut band = band.or(beside.band.clone(), notes);
+        tiff.note(notes);
+        tiff.heights_only(band.description.as_deref(), notes)?;
+        let keys = Keys::of(tiff);
+        let transform = grid::placed(tiff, &keys, path, &beside, notes)?;
         let none = || {
             Fault::new(
                 "coordinates",
                 "its keys name no coordinate reference system",
-                "name it with --crs",
+                NAME,
             )
         };
-        let name = options
-            .crs
-            .clone()
-            .or_else(|| named(&keys))
-            .ok_or_else(none);
-        let crs = name
-            .and_then(|name| place::crs(&name, options))
-            .map_err(|fault| fault.of(path))?;
-        let nodata: Option<f64> = tiff.text(42_113).trim().parse().ok();
-        let mut heights = tiff.band().map_err(|fault| fault.of(path))?;
-        for height_m in &mut heights {
-            let h = f64::from(*height_m);
-            // No point of the Earth lies so far from its surface: values for no data that no tag names.
-            if nodata.is_some_and(|n| (h - n).abs() <= 1e-6 * n.abs())
-                || !(-12_000.0..9_500.0).contains(&h)
-            {
-                *height_m = f32::NAN;
-            }
+        let System { mut crs, to_map } = keys.system(options, &beside, notes)?.ok_or_else(none)?;
+        if let Some(word) = band.unit.as_deref().filter(|word| !word.is_empty()) {
+            let mend = "give the heights in metres, and say so (gdal_edit -units m)";
+            let unknown = || {
+                Fault::new(
+                    "unit type",
+                    format!("values in '{word}' are no heights in a unit known here"),
+                    mend,
+                )
+            };
+            let unit_m = unit::by_word(word).ok_or_else(unknown)?;
+            crs = keys::stated(crs, unit_m, "unit type", options, notes);
         }
-        if heights.iter().all(|h| h.is_nan()) {
-            return Err(Fault::new(
-                "heights",
-                "no pixel holds a height",
-                "name a raster of heights in metres",
-            )
-            .of(path));
-        }
-        Ok(Self {
+        place::note_heights(&crs, notes);
+        upright(tiff, &mut band, notes)?;
+        let heights = values(tiff, &band, crs.height_unit_m(), notes)?;
+        let mut found = Self {
             size: tiff.size(),
             crs,
-            transform,
+            transform: in_map_unit(transform, to_map),
             heights,
-        })
+        };
+        if let Some(shown) = mask_beside(path, found.size)? {
+            cover(&mut found.heights, shown.into_iter());
+        }
+        if found.heights.iter().all(|h| h.is_nan()) {
+            let mend = "name a raster of heights, with their unit and scale";
+            return Err(Fault::new("heights", "no pixel holds a height", mend));
+        }
+        Ok(found)
     }
 
     /// East or longitude and north or latitude of a pixel's centre.
@@ -170,22 +184,86 @@ impl Heights {
     }
 
     /// Height at a place on the map, between pixels' centres bilinear, at the edge the nearest one's; `None` outside and where a
-    /// pixel is missing.
+    /// pixel is missing. Longitudes may be written either side of 0 or ±180°.
     pub fn sample(&self, r: DVec2) -> Option<f64> {
+        let r = if self.crs.is_geographic() {
+            near(&self.transform, self.size, r)
+        } else {
+            r
+        };
         let (x, y) = self.transform.geo_to_pixel(r.x, r.y)?;
         let [width, height] = self.size.map(|n| n as f64);
         if !((0.0..=width).contains(&x) && (0.0..=height).contains(&y)) {
             return None;
         }
-        let x = (x - 0.5).clamp(0.0, width - 1.0);
-        let y = (y - 0.5).clamp(0.0, height - 1.0);
-        let (i, j) = (x as usize, y as usize);
-        let (i1, j1) = ((i + 1).min(self.size[0] - 1), (j + 1).min(self.size[1] - 1));
-        let (fx, fy) = (x - i as f64, y - j as f64);
+        let around = self.is_around();
+        let (x, y) = (x - 0.5, (y - 0.5).clamp(0.0, height - 1.0));
+        let x = if around { x } else { x.clamp(0.0, width - 1.0) };
+        let [columns, rows] = self.size;
+        // The last column's neighbour is the first where the raster goes round the Earth.
+        let column = |i: f64| match around {
+            true => i.rem_euclid(width) as usize,
+            false => (i as usize).min(columns - 1),
+        };
+        let (i, i1) = (column(x.floor()), column(x.floor() + 1.0));
+        let (j, j1) = (y as usize, (y as usize + 1).min(rows - 1));
+        let (fx, fy) = (x - x.floor(), y - j as f64);
         let top = self.at(i, j)? * (1.0 - fx) + self.at(i1, j)? * fx;
         let bottom = self.at(i, j1)? * (1.0 - fx) + self.at(i1, j1)? * fx;
         Some(top * (1.0 - fy) + bottom * fy)
     }
+
+    /// Whether its columns go once round the Earth.
+    fn is_around(&self) -> bool {
+        let t = &self.transform;
+        let all_deg = t.pixel_width.abs() * self.size[0] as f64;
+        self.crs.is_geographic()
+            && t.skew_x == 0.0
+            && (all_deg - 360.0).abs() < t.pixel_width.abs() / 2.0
+    }
+}
+
+/// A place in degrees with its longitude written as the raster's are.
+fn near(transform: &GeoTransform, size: [usize; 2], r: DVec2) -> DVec2 {
+    let (middle_deg, _) = transform.pixel_to_geo(size[0] as f64 / 2.0, size[1] as f64 / 2.0);
+    DVec2::new(longitude_near_deg(r.x, middle_deg), r.y)
+}
+
+/// The heights in a band's values, in a unit of so many metres. What lies on no place on Earth counts as missing.
+fn values(tiff: &Tiff, band: &Band, unit_m: f64, notes: &mut Notes) -> Result<Vec<f32>, Fault> {
+    let (scale, offset) = (band.scale.unwrap_or(1.0), band.offset.unwrap_or(0.0));
+    if scale == 0.0 {
+        let mend = "state it with gdal_edit -scale";
+        return Err(Fault::new(
+            "GDAL metadata: scale",
+            "0 makes all heights the same",
+            mend,
+        ));
+    }
+    let mut off: Option<(u64, f64)> = None;
+    let heights = tiff.heights(|value| {
+        let is_none = |n: f64| (value - n).abs() <= 1e-6 * n.abs();
+        if value.is_nan() || band.missing.is_some_and(is_none) {
+            return f32::NAN;
+        }
+        let height = offset + scale * value;
+        if EARTHLY_M.contains(&(height * unit_m)) {
+            return height as f32;
+        }
+        off.get_or_insert((0, value)).0 += 1;
+        f32::NAN
+    })?;
+    if let Some((count, first)) = off {
+        let what = format!(
+            "{count} pixels hold what no place on Earth has (the first: {first}) and count as missing"
+        );
+        notes.assume(
+            "heights",
+            what,
+            "state the value for none (gdal_edit -a_nodata), or the unit and scale",
+        );
+    }
+    Ok(heights)
 }
 
 /// A picture from above on a map.
@@ -200,55 +278,99 @@ pub struct Orthophoto {
 
 impl Orthophoto {
     /// Reads a GeoTIFF, or a JPEG or PNG with a world file.
-    pub fn read(path: &Path, options: &Options) -> Result<Self, SourceError> {
+    pub fn read(path: &Path, notes: &mut Notes) -> Result<Self, SourceError> {
         let bytes = read_bytes(path)?;
-        let fault = |what: String| {
-            Fault::new(
-                "picture",
-                what,
-                "name a GeoTIFF, or a JPEG or PNG with a world file",
-            )
-            .of(path)
-        };
-        if [&b"II"[..], b"MM"]
+        let found = match [&b"II"[..], b"MM"]
             .iter()
             .any(|head| bytes.starts_with(head))
         {
-            let tiff = Tiff::open(bytes).map_err(|fault| fault.of(path))?;
-            let keys = keys(&tiff);
-            let transform = checked(transform(&tiff, &keys).or_else(|| world(path)), path)?;
-            let crs = named(&keys)
-                .map(|name| place::crs(&name, options))
-                .transpose();
-            return Ok(Self {
-                size: tiff.size(),
-                crs: crs.map_err(|fault| fault.of(path))?,
-                transform,
-                rgba: tiff.rgba().map_err(|fault| fault.of(path))?,
-            });
+            true => Self::tiff(bytes, path, notes),
+            false => Self::picture(bytes, path, notes),
+        };
+        found.map_err(|fault| fault.of(path))
+    }
+
+    /// A GeoTIFF.
+    fn tiff(bytes: Vec<u8>, path: &Path, notes: &mut Notes) -> Result<Self, Fault> {
+        let tiff = Tiff::open(bytes)?;
+        let beside = Beside::read(path, notes)?;
+        let keys = Keys::of(&tiff);
+        tiff.note(notes);
+        let band = Band::parse(tiff.text(42_112), &mut Notes::default())?;
+        if band.scale.or(band.offset).is_some() {
+            let what = "its scale and offset are not applied to the colours";
+            notes.assume(
+                "GDAL metadata",
+                what,
+                "write the colours themselves (gdal_translate -unscale)",
+            );
         }
-        let transform = checked(world(path), path)?;
+        let transform = grid::placed(&tiff, &keys, path, &beside, notes)?;
+        let system = keys.map(&beside, notes).unwrap_or_else(|fault| {
+            let what = format!("{}: taken as that of the heights", fault.what);
+            let mend = "bring the picture to the heights' system (gdalwarp -t_srs)";
+            notes.assume("the picture's system", what, mend);
+            None
+        });
+        let to_map = system.as_ref().map_or(1.0, |system| system.to_map);
+        let missing = missing(&tiff, notes).or(beside.band.missing);
+        let mut found = Self {
+            size: tiff.size(),
+            crs: system.map(|system| system.crs),
+            transform: in_map_unit(transform, to_map),
+            rgba: tiff.rgba(missing)?,
+        };
+        if let Some(shown) = mask_beside(path, found.size)? {
+            transparent(&mut found.rgba, &shown);
+        }
+        Ok(found)
+    }
+
+    /// A JPEG or PNG.
+    fn picture(bytes: Vec<u8>, path: &Path, notes: &mut Notes) -> Result<Self, Fault> {
+        let mend = "name a GeoTIFF, or a JPEG or PNG with a world file";
+        let fault = |error: &dyn std::fmt::Display| Fault::new("picture", error, mend);
         let reader = image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format();
-        let mut reader = reader.map_err(|error| fault(error.to_string()))?;
+        let mut reader = reader.map_err(|error| fault(&error))?;
         let mut limits = image::Limits::default();
         limits.max_alloc = Some(2 << 30);
         reader.limits(limits);
-        let picture = reader
-            .decode()
-            .map_err(|error| fault(error.to_string()))?
-            .to_rgba8();
-        let size = [picture.width() as usize, picture.height() as usize];
-        Ok(Self {
-            size,
-            crs: None,
-            transform,
+        let picture = reader.decode().map_err(|error| fault(&error))?.to_rgba8();
+        let beside = Beside::read(path, notes)?;
+        let crs = match beside.system.as_deref().and_then(keys::of_wkt) {
+            Some(name) => Some(Crs::parse(&name)?),
+            None => None,
+        };
+        let found = Self {
+            size: [picture.width() as usize, picture.height() as usize],
+            crs,
+            transform: grid::by_world_file(path, &beside)?,
             rgba: picture.into_raw(),
-        })
+        };
+        match mask_beside(path, found.size)? {
+            Some(shown) => {
+                let mut found = found;
+                transparent(&mut found.rgba, &shown);
+                Ok(found)
+            }
+            None => Ok(found),
+        }
     }
 
-    /// Place in the picture [px] of a place on the map.
-    pub fn pixel(&self, r: DVec2) -> Option<DVec2> {
-        self.transform.geo_to_pixel(r.x, r.y).map(DVec2::from)
+    /// Place in the picture [px] of a place on the map of some heights.
+    pub fn pixel(&self, r: DVec2, heights: &Crs) -> Result<Option<DVec2>, CrsError> {
+        let there = match &self.crs {
+            Some(crs) => crs.horizontal(heights.to_geodetic(r.extend(0.0))?)?,
+            None => r,
+        };
+        let there = match self.crs.as_ref().unwrap_or(heights).is_geographic() {
+            true => near(&self.transform, self.size, there),
+            false => there,
+        };
+        Ok(self
+            .transform
+            .geo_to_pixel(there.x, there.y)
+            .map(DVec2::from))
     }
 
     /// A pixel; `None` outside.

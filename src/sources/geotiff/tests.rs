@@ -2,6 +2,8 @@ use super::tiff::Tiff;
 use super::*;
 use proptest::prelude::*;
 
+mod stated;
+
 /// A tag of a directory: number, type, values' bytes and count.
 type Tag = (u16, u16, Vec<u8>, u32);
 
@@ -42,33 +44,43 @@ fn text(tag: u16, text: &str) -> Tag {
 }
 
 /// A little-endian TIFF of one strip.
-fn tiff(mut tags: Vec<Tag>, pixels: &[u8]) -> Vec<u8> {
-    tags.push(longs(273, &[8]));
-    tags.push(longs(279, &[pixels.len() as u32]));
-    tags.sort_by_key(|tag| tag.0);
+fn tiff(tags: Vec<Tag>, pixels: &[u8]) -> Vec<u8> {
+    pages(vec![(tags, pixels.to_vec())])
+}
+
+/// A little-endian TIFF of several pictures, each of one strip.
+fn pages(pages: Vec<(Vec<Tag>, Vec<u8>)>) -> Vec<u8> {
     let mut out = b"II\x2a\0\0\0\0\0".to_vec();
-    out.extend(pixels);
-    let mut places = Vec::new();
-    for (_, _, bytes, _) in &tags {
-        places.push(out.len() as u32);
-        out.extend(bytes);
-    }
-    let directory = out.len() as u32;
-    out[4..8].copy_from_slice(&directory.to_le_bytes());
-    out.extend((tags.len() as u16).to_le_bytes());
-    for ((tag, kind, bytes, count), place) in tags.iter().zip(places) {
-        out.extend(tag.to_le_bytes());
-        out.extend(kind.to_le_bytes());
-        out.extend(count.to_le_bytes());
-        let mut own = [0; 4];
-        if bytes.len() <= 4 {
-            own[..bytes.len()].copy_from_slice(bytes);
-        } else {
-            own = place.to_le_bytes();
+    // Where the place of the next directory is to be written.
+    let mut next = 4;
+    for (mut tags, pixels) in pages {
+        tags.push(longs(273, &[out.len() as u32]));
+        tags.push(longs(279, &[pixels.len() as u32]));
+        tags.sort_by_key(|tag| tag.0);
+        out.extend(pixels);
+        let mut places = Vec::new();
+        for (_, _, bytes, _) in &tags {
+            places.push(out.len() as u32);
+            out.extend(bytes);
         }
-        out.extend(own);
+        let directory = out.len() as u32;
+        out[next..next + 4].copy_from_slice(&directory.to_le_bytes());
+        out.extend((tags.len() as u16).to_le_bytes());
+        for ((tag, kind, bytes, count), place) in tags.iter().zip(places) {
+            out.extend(tag.to_le_bytes());
+            out.extend(kind.to_le_bytes());
+            out.extend(count.to_le_bytes());
+            let mut own = [0; 4];
+            if bytes.len() <= 4 {
+                own[..bytes.len()].copy_from_slice(bytes);
+            } else {
+                own = place.to_le_bytes();
+            }
+            out.extend(own);
+        }
+        next = out.len();
+        out.extend([0; 4]);
     }
-    out.extend([0; 4]);
     out
 }
 
@@ -173,7 +185,7 @@ fn a_point_raster_lies_half_a_pixel_off_an_area_raster() {
     let folder = tempfile::tempdir().unwrap();
     let center = |point| {
         let path = kept(folder.path(), "dem.tif", &slope(2056, point));
-        Heights::read(&path, &Options::default())
+        Heights::read(&path, &Options::default(), &mut Notes::default())
             .unwrap()
             .center(0, 0)
     };
@@ -185,7 +197,7 @@ fn a_point_raster_lies_half_a_pixel_off_an_area_raster() {
 fn ground_is_sampled_between_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let path = kept(folder.path(), "dem.tif", &slope(2056, false));
-    let heights = Heights::read(&path, &Options::default()).unwrap();
+    let heights = Heights::read(&path, &Options::default(), &mut Notes::default()).unwrap();
     // Half way between the rows at 396 and 395 m.
     let found = heights
         .sample(DVec2::new(2_683_120.0, 1_246_950.0))
@@ -301,7 +313,7 @@ fn compressions_predictors_and_byte_orders_are_read() {
     ] {
         let tiff = read(name);
         assert_eq!(tiff.size(), [40, 30], "{name}");
-        let band = tiff.band().unwrap();
+        let band = tiff.band(0, |value| value as f32).unwrap();
         for (k, found) in band.iter().enumerate() {
             let (x, y) = ((k % 40) as f32, (k / 40) as f32);
             let want = if whole {
@@ -313,7 +325,7 @@ fn compressions_predictors_and_byte_orders_are_read() {
         }
     }
     // More codes than the table of the LZW holds.
-    let full = read("lzw-full.tif").band().unwrap();
+    let full = read("lzw-full.tif").band(0, |value| value as f32).unwrap();
     for (k, found) in full.iter().enumerate() {
         let (x, y) = (k % 90, k / 90);
         let want = (x * x * 37 + y * y * 101 + x * y * 59) % 241;
@@ -330,7 +342,7 @@ fn by_gdal(name: &str) -> Tiff {
 #[test]
 fn heights_of_every_compression_are_the_same() {
     for name in ["zstd.tif", "lerc.tif", "sparse.tif"] {
-        let band = by_gdal(name).band().unwrap();
+        let band = by_gdal(name).band(0, |value| value as f32).unwrap();
         for (k, found) in band.iter().enumerate() {
             let (x, y) = ((k % 64) as f32, (k / 64) as f32);
             // The eastern half of the sparse file was never written.
@@ -354,7 +366,7 @@ fn pictures_of_every_colour_model_look_the_same() {
         ("bands.tif", 0, false),
         ("palette.tif", 0, false),
     ] {
-        let rgba = by_gdal(name).rgba().unwrap();
+        let rgba = by_gdal(name).rgba(None).unwrap();
         assert_eq!(rgba.len(), 4 * 64 * 48);
         for (k, found) in rgba.chunks(4).enumerate() {
             let (x, y) = ((k % 64) as i32, (k / 64) as i32);
@@ -435,7 +447,7 @@ proptest! {
             bytes[at] ^= 1 << bit;
         }
         if let Ok(tiff) = Tiff::open(bytes) {
-            let _ = (tiff.band(), tiff.rgba());
+            let _ = (tiff.heights(|value| value as f32), tiff.rgba(Some(0.0)));
         }
     }
 }

@@ -1,13 +1,19 @@
 //! The first picture of a TIFF or BigTIFF file, decoded by `tiff-reader`.
 
 use crate::sources::error::Fault;
+use crate::warning::Notes;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use tiff_reader::ifd::{ColorModel, ExtraSample, Ifd, RasterLayout};
 use tiff_reader::{OpenOptions, Tag, TiffError, TiffFile};
 
-/// What is done about a file that is not read.
-const MEND: &str = "convert it with gdal_translate -co COMPRESS=DEFLATE, or cut it to the city";
+/// What is done about a file whose coding is not read.
+const MEND: &str =
+    "convert it with gdal_translate -co COMPRESS=DEFLATE, or fetch it again if it is damaged";
+/// What is done about samples that are not read.
+const FLOAT: &str = "convert them with gdal_translate -ot Float32";
+/// What is done about a file that is damaged.
+const AGAIN: &str = "fetch it again, or write it again from its source";
 /// Most pixels of a picture.
 const MOST_PIXELS: u64 = 400_000_000;
 /// The most that a byte of a file is taken to expand to; a file that promises more is damaged.
@@ -17,6 +23,8 @@ const ROWS: usize = 1024;
 /// Its tag `NewSubfileType`, with the bit of a transparency mask.
 const SUBFILE: u16 = 254;
 const MASK: u32 = 4;
+/// And with that of an overview.
+const REDUCED: u32 = 1;
 
 /// A file whose directories have been read.
 pub struct Tiff {
@@ -24,14 +32,21 @@ pub struct Tiff {
     layout: RasterLayout,
 }
 
-fn fault(what: impl ToString) -> Fault {
-    Fault::new("TIFF", what, MEND)
+fn fault(what: impl ToString, mend: &str) -> Fault {
+    Fault::new("TIFF", what, mend)
+}
+
+fn none() -> Fault {
+    fault(
+        "this is no TIFF file",
+        "name a GeoTIFF (gdal_translate writes one from most rasters)",
+    )
 }
 
 fn refused(error: TiffError) -> Fault {
     match error {
-        TiffError::InvalidMagic | TiffError::UnsupportedVersion(_) => fault("this is no TIFF file"),
-        other => fault(other),
+        TiffError::InvalidMagic | TiffError::UnsupportedVersion(_) => none(),
+        other => fault(other, MEND),
     }
 }
 
@@ -44,6 +59,9 @@ fn number(bytes: &[u8], format: u16) -> Option<f64> {
         (2, 1) => f64::from(bytes[0].cast_signed()),
         (2, 2) => f64::from(i16::from_ne_bytes(bytes.try_into().ok()?)),
         (2, 4) => f64::from(i32::from_ne_bytes(bytes.try_into().ok()?)),
+        (1, 8) => u64::from_ne_bytes(bytes.try_into().ok()?) as f64,
+        (2, 8) => i64::from_ne_bytes(bytes.try_into().ok()?) as f64,
+        (3, 2) => half::f16::from_ne_bytes(bytes.try_into().ok()?).to_f64(),
         (3, 4) => f64::from(f32::from_ne_bytes(bytes.try_into().ok()?)),
         (3, 8) => f64::from_ne_bytes(bytes.try_into().ok()?),
         _ => return None,
@@ -54,7 +72,7 @@ impl Tiff {
     /// Opens a file of these bytes.
     pub fn open(bytes: Vec<u8>) -> Result<Self, Fault> {
         if bytes.len() < 8 {
-            return Err(fault("this is no TIFF file"));
+            return Err(none());
         }
         let length = bytes.len() as u64;
         let options = OpenOptions {
@@ -66,13 +84,17 @@ impl Tiff {
         let pixels = layout.width as u64 * layout.height as u64;
         let bands = layout.samples_per_pixel as u64;
         if pixels == 0 || pixels > MOST_PIXELS || !(1..=16).contains(&bands) {
-            return Err(fault(format!(
+            let what = format!(
                 "{} × {} pixels of {bands} bands are none, or too many",
                 layout.width, layout.height
-            )));
+            );
+            return Err(fault(
+                what,
+                "cut it to the city (gdalwarp -te), with the bands that are needed (-b)",
+            ));
         }
         if pixels * bands * layout.bytes_per_sample as u64 > MOST_GAIN * length {
-            return Err(fault("it is far too short for its pixels"));
+            return Err(fault("it is far too short for its pixels", AGAIN));
         }
         Ok(Self { file, layout })
     }
@@ -88,6 +110,11 @@ impl Tiff {
 
     fn tag(&self, code: u16) -> Option<&Tag> {
         self.file.ifd(0).ok()?.tag(code)
+    }
+
+    /// Whether a tag is there.
+    pub fn has(&self, code: u16) -> bool {
+        self.tag(code).is_some()
     }
 
     /// The numbers of a tag; none where it is absent.
@@ -116,14 +143,112 @@ impl Tiff {
         for from in (0..self.layout.height).step_by(ROWS) {
             let rows = from..(from + ROWS).min(self.layout.height);
             let decoded = catch_unwind(AssertUnwindSafe(|| read(&rows)));
-            let bytes = decoded.map_err(|_| fault("its pixels are damaged"))?;
+            let bytes = decoded.map_err(|_| fault("its pixels are damaged", AGAIN))?;
             take(rows, bytes.map_err(refused)?);
         }
         Ok(())
     }
 
-    /// The numbers of the first band, row by row from the top; not a number where a sparse file has no block.
-    pub fn band(&self) -> Result<Vec<f32>, Fault> {
+    /// What the tags state that changes what pixels are, and is not applied: pictures behind the first, turned rows.
+    pub fn note(&self, notes: &mut Notes) {
+        let kind = |ifd: &Ifd| {
+            ifd.tag(SUBFILE)
+                .and_then(|tag| tag.value.as_u32())
+                .unwrap_or(0)
+        };
+        if self
+            .ifd()
+            .is_ok_and(|first| kind(first) & (REDUCED | MASK) != 0)
+        {
+            let what =
+                "the first is said to be a reduced picture or a mask, and is read all the same";
+            notes.assume(
+                "NewSubfileType",
+                what,
+                "put the full picture first (gdal_translate)",
+            );
+        }
+        for (page, ifd) in self.file.ifds().iter().enumerate().skip(1) {
+            if kind(ifd) & (REDUCED | MASK) == 0 {
+                notes.leave_out("pictures behind the first", format!("picture {}", page + 1));
+            }
+        }
+        let turned = self.numbers(274).first().copied().unwrap_or(1.0);
+        if turned != 1.0 {
+            let what = format!(
+                "{turned} is not applied: the georeferencing says where rows and columns lie"
+            );
+            notes.assume(
+                "Orientation",
+                what,
+                "write it row by row from the top left (gdal_translate)",
+            );
+        }
+    }
+
+    /// Refuses a picture in colours, and notes of several bands which one counts.
+    pub fn heights_only(&self, description: Option<&str>, notes: &mut Notes) -> Result<(), Fault> {
+        let photometric = self.numbers(262).first().copied().unwrap_or(1.0);
+        let model = match photometric as u16 {
+            0 | 1 => None,
+            2 => Some("red, green and blue"),
+            3 => Some("a palette"),
+            4 => Some("a mask"),
+            5 => Some("CMYK"),
+            6 => Some("YCbCr"),
+            _ => Some("colours of another model"),
+        };
+        if let Some(model) = model {
+            let what = format!("a picture in {model}, no heights");
+            let mend = "name it with --orthophoto, and a raster of heights as the source";
+            return Err(Fault::new("PhotometricInterpretation", what, mend));
+        }
+        let all = self.layout.samples_per_pixel;
+        let bands = all - usize::from(self.alpha(all).is_some());
+        if bands > 1 {
+            let named = description.map_or(String::new(), |name| format!(" ('{name}')"));
+            let what = format!("{bands}: the first{named} is taken as heights");
+            notes.assume("bands", what, "pick another with gdal_translate -b");
+        }
+        Ok(())
+    }
+
+    /// The band of so many that the tags call alpha.
+    fn alpha(&self, bands: usize) -> Option<usize> {
+        let extra = self.ifd().ok()?.extra_samples().ok()?;
+        let is_alpha = |e: &ExtraSample| {
+            matches!(
+                e,
+                ExtraSample::AssociatedAlpha | ExtraSample::UnassociatedAlpha
+            )
+        };
+        let at = extra.iter().position(is_alpha)?;
+        Some(bands.checked_sub(extra.len())? + at)
+    }
+
+    /// The first band, row by row from the top, each number made into a height; not a number where a sparse file has no block, where alpha
+    /// is 0, and where the file's mask covers it.
+    pub fn heights(&self, height: impl FnMut(f64) -> f32) -> Result<Vec<f32>, Fault> {
+        let mut band = self.band(0, height)?;
+        let alpha = self.alpha(self.layout.samples_per_pixel);
+        if let Some(alpha) = alpha.filter(|alpha| *alpha > 0) {
+            let shown = self.band(alpha, |value| value as f32)?;
+            cover(&mut band, shown.iter().map(|alpha| *alpha != 0.0));
+        }
+        if let Some(shown) = self.shown()? {
+            cover(&mut band, shown.into_iter());
+        }
+        Ok(band)
+    }
+
+    /// Whether the pixels of a mask's file are shown.
+    pub fn as_mask(&self) -> Result<Vec<bool>, Fault> {
+        let band = self.band(0, |value| value as f32)?;
+        Ok(band.into_iter().map(|value| value != 0.0).collect())
+    }
+
+    /// The numbers of a band, row by row from the top; not a number where a sparse file has no block.
+    pub fn band(&self, index: usize, mut made: impl FnMut(f64) -> f32) -> Result<Vec<f32>, Fault> {
         let RasterLayout {
             width,
             height,
@@ -133,16 +258,19 @@ impl Tiff {
         } = self.layout;
         let unread = || {
             let bits = self.layout.bits_per_sample;
-            fault(format!("samples of {bits} bits are not read"))
+            fault(
+                format!("samples of {bits} bits and format {format} are not read"),
+                FLOAT,
+            )
         };
         number(&vec![0; wide], format).ok_or_else(unread)?;
         let mut band = Vec::with_capacity(width * height);
         let read = |rows: &Range<usize>| {
-            (self.file).read_band_window_bytes(0, 0, rows.start, 0, rows.len(), width)
+            (self.file).read_band_window_bytes(0, index, rows.start, 0, rows.len(), width)
         };
         self.rows(read, |_, bytes| {
             let samples = bytes.chunks_exact(wide);
-            band.extend(samples.map(|bytes| number(bytes, format).unwrap_or(f64::NAN) as f32));
+            band.extend(samples.map(|bytes| made(number(bytes, format).unwrap_or(f64::NAN))));
         })?;
         for [columns, rows] in self.holes()? {
             for row in rows {
@@ -183,8 +311,8 @@ impl Tiff {
     }
 
     /// Red, green, blue and alpha of each pixel on a screen, row by row from the top: colours of any model that the
-    /// file's tags name, its own alpha, and its transparency mask.
-    pub fn rgba(&self) -> Result<Vec<u8>, Fault> {
+    /// file's tags name, its own alpha, its transparency mask, and its colour for no picture (`missing` in all bands).
+    pub fn rgba(&self, missing: Option<f64>) -> Result<Vec<u8>, Fault> {
         let ifd = self.ifd()?;
         let model = ifd.color_model();
         // What are bands rather than colours is shown as it is stored.
@@ -202,17 +330,15 @@ impl Tiff {
         let shift = match (layout.sample_format, layout.bits_per_sample) {
             (1, 8) => 0,
             (1, 16) => 8,
-            (_, bits) => return Err(fault(format!("pictures of {bits} bits are not shown"))),
+            (_, bits) => {
+                let what = format!("pictures of {bits} bits are not shown");
+                return Err(fault(
+                    what,
+                    "convert it with gdal_translate -ot Byte -scale",
+                ));
+            }
         };
-        let alpha = ifd.extra_samples().ok().and_then(|extra| {
-            let is_alpha = |e: &ExtraSample| {
-                matches!(
-                    e,
-                    ExtraSample::AssociatedAlpha | ExtraSample::UnassociatedAlpha
-                )
-            };
-            Some(bands.checked_sub(extra.len())? + extra.iter().position(is_alpha)?)
-        });
+        let alpha = self.alpha(bands);
         let colours = alpha.unwrap_or(bands);
         let [green, blue] = if colours < 3 { [0, 0] } else { [1, 2] };
         let width = layout.width;
@@ -233,35 +359,65 @@ impl Tiff {
                         (sample >> shift) as u8
                     }
                 };
-                [at(0), at(green), at(blue), alpha.map_or(255, at)]
+                let none = missing.is_some_and(|missing| {
+                    let mut samples = pixel.chunks_exact(wide).take(colours.max(1));
+                    samples.all(|sample| number(sample, 1) == Some(missing))
+                });
+                let alpha = if none { 0 } else { alpha.map_or(255, at) };
+                [at(0), at(green), at(blue), alpha]
             }));
         })?;
-        self.mask(&mut rgba)?;
+        if let Some(shown) = self.shown()? {
+            transparent(&mut rgba, &shown);
+        }
         Ok(rgba)
     }
 
-    /// Makes transparent what the file's transparency mask covers.
-    fn mask(&self, rgba: &mut [u8]) -> Result<(), Fault> {
+    /// Whether the file's transparency mask shows each pixel; `None` without a mask.
+    fn shown(&self) -> Result<Option<Vec<bool>>, Fault> {
         let kind = |ifd: &Ifd| ifd.tag(SUBFILE).and_then(|tag| tag.value.as_u32());
-        let masks = |ifd: &Ifd| {
-            kind(ifd) == Some(MASK)
-                && [ifd.width() as usize, ifd.height() as usize] == self.size()
-                && ifd.samples_per_pixel() == 1
+        let masks = |ifd: &Ifd| kind(ifd) == Some(MASK);
+        let Some((index, ifd)) = (self.file.ifds().iter().enumerate()).find(|(_, ifd)| masks(ifd))
+        else {
+            return Ok(None);
         };
-        let Some(index) = self.file.ifds().iter().position(masks) else {
-            return Ok(());
-        };
+        let size = [ifd.width() as usize, ifd.height() as usize];
+        if size != self.size() || ifd.samples_per_pixel() != 1 {
+            let what = format!(
+                "{} × {} pixels of {} bands do not cover the raster",
+                size[0],
+                size[1],
+                ifd.samples_per_pixel()
+            );
+            let mend = "write the mask anew (gdal_translate -mask 1), or as the value for no data";
+            return Err(Fault::new("transparency mask", what, mend));
+        }
         let width = self.layout.width;
+        let mut shown = Vec::with_capacity(width * self.layout.height);
         let read = |rows: &Range<usize>| {
             (self.file).read_decoded_window_bytes(index, rows.start, 0, rows.len(), width)
         };
-        self.rows(read, |rows, shown| {
-            let pixels = rgba[4 * width * rows.start..].chunks_exact_mut(4);
-            for (pixel, shown) in pixels.zip(shown) {
-                if shown == 0 {
-                    pixel[3] = 0;
-                }
-            }
-        })
+        self.rows(read, |_, bytes| {
+            shown.extend(bytes.iter().map(|byte| *byte != 0));
+        })?;
+        Ok(Some(shown))
+    }
+}
+
+/// Makes heights not a number that a mask does not show.
+pub fn cover(heights: &mut [f32], shown: impl Iterator<Item = bool>) {
+    for (height, shown) in heights.iter_mut().zip(shown) {
+        if !shown {
+            *height = f32::NAN;
+        }
+    }
+}
+
+/// Makes pixels transparent that a mask does not show.
+pub fn transparent(rgba: &mut [u8], shown: &[bool]) {
+    for (pixel, shown) in rgba.chunks_exact_mut(4).zip(shown) {
+        if !shown {
+            pixel[3] = 0;
+        }
     }
 }
