@@ -66,10 +66,9 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
     }
     let layer = buildings(footprints, &crs, ground.as_ref(), options, &mut notes);
     let layer = layer.map_err(|fault| fault.of(path))?;
-    Ok(Layer {
-        warnings: notes.warnings(path),
-        ..layer
-    })
+    let mut warnings = notes.warnings(path);
+    warnings.extend(ground.into_iter().flat_map(|ground| ground.warnings));
+    Ok(Layer { warnings, ..layer })
 }
 
 /// The outlines of a file and the name of their system.
