@@ -4,13 +4,15 @@ use crate::app::{self, Options, RunError};
 use crate::components::environment::Environment;
 use crate::components::mount::first_station;
 use crate::components::record::Fates;
-use crate::components::run::SimClock;
+use crate::components::run::{RunScenario, SimClock};
 use crate::components::track::Tracker;
 use crate::dataset::{self, DatasetError};
 use crate::eval::{self, EvalError};
 use crate::experiment::diff::{Comparison, Tolerances};
 use crate::experiment::{self, ExperimentError};
 use crate::georef::{self, GeorefError};
+use crate::lint;
+use crate::new::{self, NewError};
 use crate::output::{self, OutputError};
 use crate::progress::Progress;
 use crate::recording::film::{self, FilmError};
@@ -18,7 +20,7 @@ use crate::recording::read::Recorded;
 use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
-use crate::scenario::{self, Loaded, Scenario};
+use crate::scenario::{self, Faults, Loaded, Scenario};
 use crate::stop;
 use crate::tiles_command::{self as tiles, Tiles};
 use crate::tune::{self, TuneError};
@@ -69,6 +71,9 @@ pub enum CliError {
     /// A file that a command leaves.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// A new scenario.
+    #[error(transparent)]
+    New(#[from] NewError),
     /// A window.
     #[error(transparent)]
     View(#[from] ViewError),
@@ -113,8 +118,11 @@ enum Command {
     Run(RunArgs),
     /// Open the same simulation in a window, or play recordings back.
     View(ViewArgs),
-    /// Check a scenario without running it.
-    Check(ScenarioArgs),
+    /// Check a scenario without running it: all errors at once, warnings of what makes no sense, and who is seen when, from
+    /// where and how large.
+    Check(CheckArgs),
+    /// Write a commented scenario to start from, and the schema by which editors complete it.
+    New(new::Arguments),
     /// Hold scenarios to what they expect of their runs. Ends with 0 where all is met, with 1 where something is
     /// not, with 2 where a scenario cannot be run.
     Test(experiment::test::Arguments),
@@ -157,13 +165,13 @@ enum Command {
 #[derive(Subcommand, Debug)]
 enum EvalCommand {
     /// Acquisition, tracking and pointing: the paper's Table 2, the jitter budget, manoeuvres,
-    /// occlusion, several targets. Run it where the folder `scenarios` lies.
+    /// occlusion, several targets.
     Tracking(eval::tracking::Arguments),
     /// Engagements drawn from a recipe, on rendered pixels: acquired, held, neutralised, and each failure
-    /// with its cause and the frames that show it. Run it where the folder `recipes` lies.
+    /// with its cause and the frames that show it.
     Engagement(eval::engagement::Arguments),
     /// A raid against one, two and more of its stations, by every rule of assignment; blind, with the truth
-    /// detector. Run it where the folder `scenarios` lies.
+    /// detector.
     Defence(eval::defence::Arguments),
     /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
     Detector(eval::detector::Arguments),
@@ -192,6 +200,14 @@ impl ScenarioArgs {
         Ok((loaded, None))
     }
 
+    /// As [`Self::load`], with all errors of a scenario file.
+    fn load_all(&self) -> Result<Result<Loaded, Faults>, CliError> {
+        match self.scenario.extension().is_some_and(|end| end == "mcap") {
+            true => Ok(Ok(self.load()?.0)),
+            false => Ok(Scenario::load_all(&self.scenario, &self.set)),
+        }
+    }
+
     /// Refuses an output folder whose recording is the one that is run again.
     fn keeps(&self, out: &Path) -> Result<(), CliError> {
         let real = |path: &Path| path.canonicalize().ok();
@@ -201,6 +217,15 @@ impl ScenarioArgs {
         }
         Ok(())
     }
+}
+
+#[derive(Args, Debug)]
+struct CheckArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Write a map as SVG: buildings, stations, sectors, paths.
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
 }
 
 #[derive(Args, Debug)]
@@ -359,22 +384,15 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
             return Ok(ended(0));
         }
         Command::View(args) => view(args),
-        Command::Check(args) => {
-            let (loaded, _) = args.load()?;
-            let set_up = app::checked(&loaded)?;
-            let city = set_up.world().resource::<Environment>().describe();
-            drop(set_up);
-            // With changes it is another scenario than the one that expects.
-            if let Some(expect) = loaded
-                .scenario
-                .expected
-                .as_ref()
-                .filter(|_| args.set.is_empty())
-            {
-                experiment::test::check(&loaded, expect).map_err(ExperimentError::from)?;
-            }
-            say!("city  {city}");
-            say!("{}: ok", loaded.path.display());
+        Command::Check(args) => return check(&args),
+        Command::New(args) => {
+            let [path, schema] = new::new(&args)?;
+            say!("scenario  {}", path.display());
+            say!("schema    {} (for editors)", schema.display());
+            say!(
+                "next      boresight check {}",
+                output::quoted(path.display())
+            );
             Ok(())
         }
         Command::Tune(args) => {
@@ -478,6 +496,52 @@ fn eval(command: EvalCommand) -> Result<ExitCode, CliError> {
         say!("{what}  {}", path.display());
     }
     Ok(ended(0))
+}
+
+/// Checks a scenario: its text, its set-up, and what of it makes no sense.
+fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
+    use std::io::Write as _;
+    let loaded = match args.scenario.load_all()? {
+        Ok(loaded) => loaded,
+        Err(faults) => {
+            for error in faults.all() {
+                // A closed pipe is no error.
+                let _ = writeln!(std::io::stderr(), "error: {error}");
+            }
+            return Ok(ExitCode::from(2));
+        }
+    };
+    let set_up = app::checked(&loaded)?;
+    // With changes it is another scenario than the one that expects.
+    let unchanged = args.scenario.set.is_empty();
+    if let Some(expect) = loaded.scenario.expected.as_ref().filter(|_| unchanged) {
+        experiment::test::check(&loaded, expect).map_err(ExperimentError::from)?;
+    }
+    let world = set_up.world();
+    let environment = world.resource::<Environment>();
+    let scene = lint::Scene {
+        loaded: &world.resource::<RunScenario>().0,
+        city: &environment.city,
+        weather: environment.weather,
+        sun_dir_enu: environment.backdrop.sun_dir_enu,
+    };
+    say!("city  {}", environment.describe());
+    let table = lint::table(&scene);
+    if !table.is_empty() {
+        say!("{}", table.trim_end());
+    }
+    if let Some(map) = &args.map {
+        output::put(map, lint::svg(&scene))?;
+        say!("map   {}", map.display());
+    }
+    let warnings = lint::warnings(&scene);
+    warning::tell(&warnings)?;
+    match warnings.len() {
+        0 => say!("{}: ok", loaded.path.display()),
+        1 => say!("{}: ok, 1 warning", loaded.path.display()),
+        count => say!("{}: ok, {count} warnings", loaded.path.display()),
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Compares two recordings, or one and a new run of its scenario.

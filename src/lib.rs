@@ -5,13 +5,16 @@
 pub mod app;
 pub mod cli;
 pub mod components;
+pub mod data;
 pub mod dataset;
 pub mod eval;
 pub mod experiment;
 pub mod georef;
 pub mod inference;
+pub mod lint;
 pub mod media;
 pub mod models;
+pub mod new;
 pub mod output;
 mod parallel;
 pub mod place;

@@ -473,7 +473,8 @@ impl CityRanges {
 impl Recipe {
     /// Reads and checks a recipe file; also gives its text.
     pub fn load(path: &Path) -> Result<(Self, String), InputError> {
-        let text = load::read(path)?;
+        let path = crate::data::found(path);
+        let text = load::read(&path)?;
         let recipe = Self::parse(&text, &path.display().to_string())?;
         Ok((recipe, text))
     }

@@ -2,6 +2,7 @@
 
 use super::figures::{Kind, figure, kind};
 use super::{ExperimentError, NoSummary, Runner};
+use crate::data;
 use crate::models::maths::statistics::least_share;
 use crate::output::{self, OutputError, put, put_json, writable};
 use crate::parallel::threads;
@@ -184,6 +185,7 @@ pub fn test(arguments: &Arguments) -> Result<Tests, ExperimentError> {
     }
     let (mut paths, mut met) = (Vec::new(), BTreeMap::new());
     for path in &arguments.paths {
+        let path = &data::found(path);
         if !scenarios_below(path, &mut paths, &mut met)? {
             return Err(ExperimentError::Path {
                 path: path.into(),

@@ -49,6 +49,7 @@ impl OnnxDetector {
 
     /// Loads and checks the model at `path`.
     pub fn load_with(path: &Path, setup: &Setup) -> Result<Self, DetectorError> {
+        let path = &crate::data::found(path);
         let unreadable = |error: std::io::Error| DetectorError::Unreadable {
             path: path.into(),
             why: error.to_string(),

@@ -71,6 +71,7 @@ pub struct OnnxRecogniser {
 impl OnnxRecogniser {
     /// Loads and checks the model at `path`, which `named_in` named.
     pub fn load(path: &Path, named_in: &'static str) -> Result<Self, RecogniserError> {
+        let path = &crate::data::found(path);
         let unreadable = |error: std::io::Error| RecogniserError::Unreadable {
             path: path.into(),
             why: error.to_string(),

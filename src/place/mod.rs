@@ -1,11 +1,13 @@
 //! A real city from its files: a tileset opened, or raw data built into one, and surveyed for the physics.
 
 mod cache;
+mod dropped;
 mod error;
 mod location;
 
 pub use error::PlaceError;
 
+use self::dropped::Features;
 use crate::models::ground::city::{City, CityParams, CitySource, GroundMap, RealCity};
 use crate::models::ground::lattice::REACH_M;
 use crate::models::ground::raster::GroundFilter;
@@ -157,10 +159,14 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
     });
     let near = near.map_err(PlaceError::Tileset)?;
     let tiles = near.len();
-    for (tile, content) in &near {
+    let mut features = Features::default();
+    for (number, (tile, content)) in near.iter().enumerate() {
         let to_enu = enu_from_root * tileset.tree.tile(*tile).to_root_m;
         add(content, to_enu, |mesh, placement| {
             evidence.add(mesh, |r| placement.transform_point3(r));
+            features.add(number, (mesh, &content.features), |r| {
+                placement.transform_point3(r)
+            });
         });
         if evidence.triangles.len() > MOST_TRIANGLES {
             return Err(PlaceError::TooMany {
@@ -191,6 +197,12 @@ pub fn load(params: &CityParams, site: &SiteFrame, folder: &Path) -> Result<Real
     };
     let real = survey(evidence, made_from(params, folder), &options);
     let city = City::real(real.map_err(PlaceError::Survey)?);
+    // Tiles that were built here lie where nobody looks: the first source names them.
+    let named = match (params.sources.first(), &params.tileset) {
+        (Some(source), None) => located(folder, &source.params().file),
+        _ => location.clone(),
+    };
+    warnings.extend(features.dropped(&city, radius_m, Path::new(&named)));
     let surface = city.dsm.surface();
     let mut summary = format!(
         "{location}: {} tiles known, {tiles} surveyed at {detail_m} m ({triangles} triangles), {} m by {} m in cells \

@@ -14,6 +14,7 @@ use thiserror::Error;
 use super::check::Check;
 use super::load::{self, Checked, InputError, Parsed, suggestion};
 use super::skin::SkinKind;
+use crate::data;
 use crate::models::flight::class::ObjectClass;
 use crate::models::flight::uav::{Part, UavModel};
 use crate::models::shape::gltf::{GltfError, gltf_mesh};
@@ -56,13 +57,18 @@ pub(crate) fn check(check: &mut Check, key: &str, model: &str) {
     check.that(known, key, || unknown(model).to_string());
 }
 
-/// The UAV of a name of the catalogue, or of a path, from the working directory, that ends in `.toml`.
+/// The UAV of a name of the catalogue, or of a path, from the working directory or the program's data, that ends in `.toml`.
 pub fn load(model: &str) -> Result<UavModel, UavError> {
     if is_path(model) {
-        let path = Path::new(model);
+        let path = &data::found(Path::new(model));
         let folder = path.parent().unwrap_or(Path::new(""));
         let beside = |name: &Path| std::fs::read(folder.join(name));
-        return Ok(parse(&load::read(path)?, model, model, beside)?);
+        return Ok(parse(
+            &load::read(path)?,
+            model,
+            &path.display().to_string(),
+            beside,
+        )?);
     }
     let embedded = |name: &Path| {
         let file = SHIPPED.get_file(name);
@@ -410,13 +416,14 @@ impl UavFile {
             4
         };
         let right = count == wanted || self.class == UavClass::Fpv;
-        check.that(right, "class", || {
+        check.agrees(right, ("class", "rotors.count"), || {
             format!("has {wanted} rotors, but rotors.count is {count}: correct one of them")
         });
         check.within("rotors.diameter_in", diameter_in, 1.0..=100.0);
         // A fifth more than it takes to hold the height at the greatest tilt.
         let least = 1.2 / self.max_tilt_deg.to_radians().cos();
-        check.that(thrust_to_weight >= least, "rotors.thrust_to_weight", || {
+        let keys = ("rotors.thrust_to_weight", "max_tilt_deg");
+        check.agrees(thrust_to_weight >= least, keys, || {
             format!("found {thrust_to_weight}, must be at least {least:.2} at this max_tilt_deg")
         });
         check.within("rotors.thrust_to_weight", thrust_to_weight, 1.0..=30.0);
@@ -431,7 +438,9 @@ impl UavFile {
         check.that(frame.is_none() || gltf.is_none(), "shape.gltf", || {
             "stands beside 'frame': leave one of them out".to_owned()
         });
-        if gltf.is_some() {
+        if gltf.is_some() && frame.is_some() {
+            // Which of them stays decides what else is asked.
+        } else if gltf.is_some() {
             self.check_hubs(check);
         } else {
             check.that(

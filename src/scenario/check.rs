@@ -2,10 +2,12 @@
 
 use std::ops::RangeInclusive;
 
-use super::text::join;
+use super::text::{join, related};
 
 /// Longest run, and latest order in it [s].
 pub(super) const MAX_DURATION_S: f64 = 86_400.0;
+/// Rates of the simulation clock [Hz].
+pub(super) const TICK_HZ: RangeInclusive<f64> = 1.0..=100_000.0;
 /// From 0 on.
 pub(crate) const AT_LEAST_ZERO: RangeInclusive<f64> = 0.0..=f64::MAX;
 /// A share or a chance.
@@ -25,18 +27,18 @@ pub(super) struct Problem {
     pub(super) message: String,
 }
 
-/// Goes through the values of a document and keeps the first problem. Keys are those of the table
+/// Goes through the values of a document and keeps every problem, of one value the first. Keys are those of the table
 /// that [`Check::table`] has entered.
 #[derive(Default)]
 pub(crate) struct Check {
     /// Path of the table that is being checked.
     table: String,
-    problem: Option<Problem>,
+    problems: Vec<Problem>,
 }
 
 impl Check {
-    pub(super) fn into_problem(self) -> Option<Problem> {
-        self.problem
+    pub(super) fn into_problems(self) -> Vec<Problem> {
+        self.problems
     }
 
     /// Checks the table `key` of the present one.
@@ -48,14 +50,17 @@ impl Check {
     }
 
     /// Keeps a problem of the value `key`, or of the present table itself if `key` is empty, unless
-    /// one was found before.
+    /// one was found there, around it or inside it before: it may follow from that.
     fn keep(&mut self, key: &str, with: Option<&'static str>, message: String) {
-        if self.problem.is_none() {
-            let mut path = self.table.clone();
-            if !key.is_empty() {
-                join(&mut path, key);
-            }
-            self.problem = Some(Problem {
+        let mut path = self.table.clone();
+        if !key.is_empty() {
+            join(&mut path, key);
+        }
+        let told = |known: &Problem| {
+            related(&known.path, &path) || with.is_some_and(|with| related(&known.path, with))
+        };
+        if !self.problems.iter().any(told) {
+            self.problems.push(Problem {
                 path,
                 with,
                 message,
@@ -67,6 +72,18 @@ impl Check {
     pub(crate) fn that(&mut self, ok: bool, key: &str, message: impl FnOnce() -> String) {
         if !ok {
             self.keep(key, None, message());
+        }
+    }
+
+    /// The value `key` must agree with another, whose whole path `with` is: an error of that one is told in its place.
+    pub(crate) fn agrees(
+        &mut self,
+        ok: bool,
+        (key, with): (&str, &'static str),
+        message: impl FnOnce() -> String,
+    ) {
+        if !ok {
+            self.keep(key, Some(with), message());
         }
     }
 
@@ -144,8 +161,8 @@ impl Check {
     /// A rate must divide the scenario's tick rate.
     pub(super) fn rate(&mut self, key: &str, rate_hz: u32, tick_hz: u32) {
         let divides = |rate: u32| rate > 0 && tick_hz.is_multiple_of(rate);
-        // The search for a cure takes time at absurd tick rates, which were refused before.
-        if divides(rate_hz) || self.problem.is_some() {
+        // An absurd tick rate has an error of its own.
+        if divides(rate_hz) || !TICK_HZ.contains(&tick_hz.into()) {
             return;
         }
         let nearest = (1..=tick_hz)

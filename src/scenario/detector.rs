@@ -16,7 +16,7 @@ pub struct DetectorConfig {
     /// "onnx": a neural network on the rendered images; "truth": the true positions with errors added, which needs
     /// no images; or a detector that a plugin adds.
     pub kind: String,
-    /// The ONNX file, relative to the working directory.
+    /// The ONNX file, relative to the working directory or, where it is not there, to the program's data.
     pub onnx_model: PathBuf,
     /// What runs the network; the loaded ONNX Runtime must have it.
     pub provider: Provider,

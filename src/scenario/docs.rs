@@ -36,7 +36,7 @@ pub fn docs_markdown() -> String {
         "\n# UAV files\n\n\
          A UAV is a TOML file. Those of `assets/uavs` are the catalogue: they are compiled in, and a \
          scenario names them by their file's name without `.toml` (`boresight models` lists them). Any \
-         other file is named by its path from the working directory: \
+         other file is named by its path from the working directory or the program's data: \
          `model = \"examples/own_uav.toml\"`.\n\n\
          The catalogue's files say where their values come from. Checked: read in the maker's \
          published data. Recalled: believed to be the maker's figure, not checked against the source. \

@@ -11,10 +11,15 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeFloat, DeTable, DeValue};
 
 use super::check::{Check, Problem};
-use super::text::{join, one_line};
+use super::stand_in::{Tried, Wrong};
+use super::text::{join, lies_in, one_line, related};
+use crate::warning::Warning;
+
+/// How often a file is read again after errors: as many errors, or trials, are told at most.
+const MOST_TURNS: usize = 100;
 
 /// A kind of input file.
 pub(crate) trait Checked: DeserializeOwned {
@@ -74,7 +79,7 @@ pub enum InputError {
 }
 
 /// Where a value stands: a line of the file, an override, or neither.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
     /// The file.
     pub file: String,
@@ -105,7 +110,7 @@ pub(crate) fn read(path: &Path) -> Result<String, InputError> {
     })
 }
 
-/// Parses and checks a text; `file` appears in errors.
+/// Parses and checks a text; `file` appears in errors, the first of which, in the text's order, is given.
 ///
 /// An override `uavs.0.model=fpv5` replaces one value, or adds it with the tables around it. Its
 /// right side is TOML, or a string where it is not.
@@ -114,7 +119,18 @@ pub(crate) fn parse<T: Checked>(
     file: &str,
     overrides: &[String],
 ) -> Result<Parsed<T>, InputError> {
+    parse_all(text, file, overrides, Vec::new()).map_err(Faults::first)
+}
+
+/// As [`parse`], with all errors that can be found at once, and those `known` before.
+pub(crate) fn parse_all<T: Checked>(
+    text: &str,
+    file: &str,
+    overrides: &[String],
+    known: Vec<Found>,
+) -> Result<Parsed<T>, Faults> {
     let mut places = Places::new(text, file, overrides);
+    let mut found = known;
     // The right sides as documents of their own; leading blanks make their positions continue
     // those of the text.
     let documents: Vec<String> = (overrides.iter().zip(&places.overrides))
@@ -124,33 +140,93 @@ pub(crate) fn parse<T: Checked>(
         })
         .collect();
 
-    let root = DeTable::parse(text).map_err(|error| InputError::Syntax {
-        place: places.place(error.span().map_or(0, |span| span.start)),
-        message: one_line(error.message()),
+    let root = DeTable::parse(text).map_err(|error| {
+        Faults::from(InputError::Syntax {
+            place: places.place(error.span().map_or(0, |span| span.start)),
+            message: one_line(error.message()),
+        })
     })?;
     let mut root = Spanned::new(0..0, DeValue::Table(root.into_inner()));
     for (index, document) in documents.iter().enumerate() {
         let (start, _) = places.overrides[index];
-        apply(&mut root, &overrides[index], start, document).map_err(|message| {
-            InputError::Override {
-                place: places.place(start),
-                message,
-            }
-        })?;
+        if let Err(message) = apply(&mut root, &overrides[index], start, document) {
+            let place = places.place(start);
+            found.push(Found {
+                at: Some(start),
+                path: String::new(),
+                error: InputError::Override { place, message },
+            });
+        }
     }
 
     if let DeValue::Table(document) = root.get_mut() {
         T::inherit(document);
     }
-    let root = places.number(root, String::new())?;
-    let mut value = T::deserialize(toml::de::ValueDeserializer::from(root))
-        .map_err(|error| places.explain(&error))?;
-    value.complete();
-    let mut check = Check::default();
-    value.check(&mut check);
-    match check.into_problem() {
-        Some(problem) => Err(places.found(&problem)),
-        None => Ok(Parsed { value, places }),
+    let root = places.number(root, String::new(), &mut found);
+    let (value, stood_in) = places.read::<T>(root, &mut found);
+    if let Some(mut value) = value {
+        value.complete();
+        let mut check = Check::default();
+        value.check(&mut check);
+        let own = check.into_problems().into_iter();
+        // What follows from another error is none of its own.
+        let own = own.filter(|problem| {
+            let follows = |path: &str| {
+                let told = found.iter().any(|other| other.concerns(path));
+                told || stood_in.iter().any(|place| lies_in(path, place))
+            };
+            !follows(&problem.path) && !problem.with.is_some_and(follows)
+        });
+        let own: Vec<_> = own.map(|problem| places.found(&problem)).collect();
+        found.extend(own);
+        if found.is_empty() {
+            return Ok(Parsed { value, places });
+        }
+    }
+    found.sort_by_key(|found| found.at);
+    Err(Faults(found.into_iter().map(|found| found.error).collect()))
+}
+
+/// All that is wrong with a file, in its order; at least one error.
+#[derive(Debug, Default)]
+pub struct Faults(Vec<InputError>);
+
+impl Faults {
+    /// The errors.
+    pub fn all(&self) -> &[InputError] {
+        &self.0
+    }
+
+    /// The first of them.
+    pub fn first(self) -> InputError {
+        let none = InputError::Syntax {
+            place: Place::default(),
+            message: "cannot be read".to_owned(),
+        };
+        self.0.into_iter().next().unwrap_or(none)
+    }
+}
+
+impl From<InputError> for Faults {
+    fn from(error: InputError) -> Self {
+        Self(vec![error])
+    }
+}
+
+/// An error, and what it is about.
+pub(crate) struct Found {
+    /// Its offset in the virtual text.
+    pub(super) at: Option<usize>,
+    /// Dotted path of the value; empty where it is about none.
+    pub(super) path: String,
+    /// What is said of it.
+    pub(super) error: InputError,
+}
+
+impl Found {
+    /// Whether an error of the value at `path` would be about the same.
+    fn concerns(&self, path: &str) -> bool {
+        !self.path.is_empty() && related(&self.path, path)
     }
 }
 
@@ -269,12 +345,13 @@ impl Places {
         }
     }
 
-    /// Gives every key and value its number.
+    /// Gives every key and value its number; a number that is none becomes 0.
     fn number<'i>(
         &mut self,
         value: Spanned<DeValue<'i>>,
         path: String,
-    ) -> Result<Spanned<DeValue<'i>>, InputError> {
+        found: &mut Vec<Found>,
+    ) -> Spanned<DeValue<'i>> {
         let at = value.span().start;
         let id = self.push(&path, at);
         let value = match value.into_inner() {
@@ -285,25 +362,69 @@ impl Places {
                         join(&mut child, key.get_ref());
                         let key_id = self.push(&child, key.span().start);
                         let key = Spanned::new(key_id, key.into_inner());
-                        Ok((key, self.number(value, child)?))
+                        (key, self.number(value, child, found))
                     })
-                    .collect::<Result<_, InputError>>()?,
+                    .collect(),
             ),
             DeValue::Array(array) => DeValue::Array(
                 (array.into_iter().enumerate())
-                    .map(|(index, item)| self.number(item, format!("{path}[{index}]")))
-                    .collect::<Result<_, InputError>>()?,
+                    .map(|(index, item)| self.number(item, format!("{path}[{index}]"), found))
+                    .collect(),
             ),
             DeValue::Float(float) if !float.as_str().parse().is_ok_and(f64::is_finite) => {
-                return Err(InputError::Field {
-                    place: self.place(at),
-                    path,
-                    message: "must be a finite number".to_owned(),
-                });
+                found.push(self.field(Some(at), &path, "must be a finite number"));
+                DeValue::Float(DeFloat::default())
             }
             other => other,
         };
-        Ok(Spanned::new(id, value))
+        Spanned::new(id, value)
+    }
+
+    /// The value of a numbered tree, what is wrong with it, and the paths at which something stands in: after each error the
+    /// tree is mended and read again. `None` where that comes to no end.
+    fn read<T: Checked>(
+        &mut self,
+        mut root: Spanned<DeValue<'_>>,
+        found: &mut Vec<Found>,
+    ) -> (Option<T>, Vec<String>) {
+        let mut tried = Tried::default();
+        // Errors inside these, and keys that another was mistaken for, are not the file's.
+        let (mut stood_in, mut mistaken) = (Vec::new(), Vec::new());
+        for _ in 0..MOST_TURNS {
+            let error = match T::deserialize(toml::de::ValueDeserializer::from(root.clone())) {
+                Ok(value) => return (Some(value), stood_in),
+                Err(error) => error,
+            };
+            let Explained {
+                found: said,
+                wrong,
+                meant,
+                id,
+            } = self.explain(&error);
+            let path = said.path.clone();
+            let new = self.push(&path, said.at.unwrap_or_default()).start;
+            let missing = matches!(wrong, Wrong::Missing(_));
+            let follows = found.iter().any(|other| other.concerns(&path))
+                || stood_in.iter().any(|place| lies_in(&path, place))
+                || (missing && mistaken.contains(&path));
+            if !follows {
+                found.push(said);
+            }
+            mistaken.extend(meant);
+            if !matches!(wrong, Wrong::Unknown(_)) {
+                stood_in.push(path.clone());
+            }
+            let nodes = &self.nodes;
+            let paths = |id: usize| {
+                nodes
+                    .get(id)
+                    .map_or(String::new(), |node| node.path.clone())
+            };
+            if !tried.mend(&mut root, (id, &path), &wrong, &paths, new) {
+                break;
+            }
+        }
+        (None, stood_in)
     }
 
     fn push(&mut self, path: &str, at: usize) -> std::ops::Range<usize> {
@@ -333,24 +454,44 @@ impl Places {
     /// The error of the value at `path`; it names the line of the value, or of the innermost table
     /// around it that stands in the file, or the override that gave it.
     pub(crate) fn refuse(&self, path: &str, message: impl fmt::Display) -> InputError {
-        self.field(self.find_around(path), path, &message.to_string())
+        let message = message.to_string();
+        (self.field(self.find_around(path), path, &message)).error
+    }
+
+    /// Warnings of the values at paths, each with what is wrong and what mends it, in the order of the text.
+    pub(super) fn warnings(&self, mut said: Vec<[String; 3]>) -> Vec<Warning> {
+        said.sort_by_key(|[path, ..]| self.find_around(path));
+        let warning = |[path, what, mend]: [String; 3]| {
+            let at = self.find_around(&path);
+            let place = at.map_or_else(|| self.nowhere(), |at| self.place(at));
+            Warning {
+                file: place.to_string().into(),
+                place: path,
+                what: one_line(&what),
+                mend: one_line(&mend),
+            }
+        };
+        said.into_iter().map(warning).collect()
+    }
+
+    /// The file, and no line of it.
+    fn nowhere(&self) -> Place {
+        Place {
+            file: self.file.clone(),
+            line: None,
+            set: None,
+        }
     }
 
     /// The error at an offset of the text, or of the override of a number.
-    pub(super) fn at(
-        &self,
-        set: Option<usize>,
-        offset: usize,
-        path: &str,
-        message: &str,
-    ) -> InputError {
+    pub(super) fn at(&self, set: Option<usize>, offset: usize, path: &str, message: &str) -> Found {
         let start = set.and_then(|number| self.overrides.get(number));
         let offset = start.map_or(offset, |(start, _)| start + offset);
         self.field(Some(offset), path, message)
     }
 
     /// The error of a problem that a check found.
-    fn found(&self, problem: &Problem) -> InputError {
+    fn found(&self, problem: &Problem) -> Found {
         // A preset's value does not stand in the file; what it contradicts may.
         let with = problem.with.and_then(|with| self.find(with));
         let at = self.find(&problem.path).or(with);
@@ -358,22 +499,21 @@ impl Places {
         self.field(at, &problem.path, &problem.message)
     }
 
-    fn field(&self, at: Option<usize>, path: &str, message: &str) -> InputError {
-        let nowhere = || Place {
-            file: self.file.clone(),
-            line: None,
-            set: None,
-        };
-        InputError::Field {
-            place: at.map_or_else(nowhere, |at| self.place(at)),
+    fn field(&self, at: Option<usize>, path: &str, message: &str) -> Found {
+        Found {
+            at,
             path: path.to_owned(),
-            message: one_line(message),
+            error: InputError::Field {
+                place: at.map_or_else(|| self.nowhere(), |at| self.place(at)),
+                path: path.to_owned(),
+                message: one_line(message),
+            },
         }
     }
 
-    /// Turns serde's words about a numbered tree into ours.
-    fn explain(&self, error: &toml::de::Error) -> InputError {
-        let id = error.span().map_or(0, |span| span.start);
+    /// Turns serde's words about a numbered tree into ours, and into what to do about the tree.
+    fn explain(&self, error: &toml::de::Error) -> Explained {
+        let mut id = error.span().map_or(0, |span| span.start);
         let (mut path, at) =
             (self.nodes.get(id)).map_or((String::new(), 0), |node| (node.path.clone(), node.at));
         let message = one_line(error.message());
@@ -383,15 +523,29 @@ impl Places {
         let known: Vec<&str> = names.collect();
         let last_key = path.rsplit('.').next().unwrap_or_default();
         let last_key = last_key.split('[').next().unwrap_or_default().to_owned();
+        let (mut wrong, mut meant) = (Wrong::Value, None);
         let message = if message.starts_with("missing field") {
             join(&mut path, &found);
+            wrong = Wrong::Missing(found.clone());
             format!("is missing: add '{found} = ...' to this table")
         } else if message.starts_with("unknown field") {
             if last_key != found {
                 join(&mut path, &found);
             }
+            wrong = Wrong::Unknown(found.clone());
+            let table = &path[..path.len() - one_line(&found).len()];
+            meant = nearest(&found, &known).map(|name| format!("{table}{name}"));
             format!("unknown key{}", suggestion(&found, &known))
         } else if message.starts_with("unknown variant") {
+            // The kind of a flight decides what its other keys are: all of it goes.
+            let flight = path.strip_suffix(".kind");
+            match flight.filter(|flight| flight.ends_with("trajectory")) {
+                Some(flight) => {
+                    id = self.number_of(flight).unwrap_or(id);
+                    path = flight.to_owned();
+                }
+                None => wrong = Wrong::NoneOf(known.iter().map(ToString::to_string).collect()),
+            }
             format!("unknown {last_key} '{found}'{}", suggestion(&found, &known))
         } else {
             let words = (message.replace("f64", "a number"))
@@ -405,16 +559,44 @@ impl Places {
                 None => words,
             }
         };
-        self.field(Some(at), &path, &message)
+        Explained {
+            found: self.field(Some(at), &path, &message),
+            wrong,
+            meant,
+            id,
+        }
     }
+
+    /// The number of the value at a path, where it stands in the file.
+    fn number_of(&self, path: &str) -> Option<usize> {
+        // A key comes before its value.
+        self.nodes.iter().rposition(|node| node.path == path)
+    }
+}
+
+/// What serde's words about a numbered tree say.
+struct Explained {
+    /// The error.
+    found: Found,
+    /// What to do about the tree.
+    wrong: Wrong,
+    /// Path of the key that an unknown one was probably meant to be.
+    meant: Option<String>,
+    /// The number of the node.
+    id: usize,
+}
+
+/// The known name that another was probably meant to be.
+fn nearest<'k>(found: &str, known: &[&'k str]) -> Option<&'k str> {
+    let distance = |name: &&str| strsim::levenshtein(found, name);
+    let nearest = known.iter().copied().min_by_key(distance);
+    nearest.filter(|name| distance(name) <= name.len() / 2)
 }
 
 /// "did you mean" and the known names.
 pub fn suggestion(found: &str, known: &[&str]) -> String {
     let mut text = String::new();
-    let distance = |name: &&str| strsim::levenshtein(found, name);
-    let nearest = known.iter().copied().min_by_key(distance);
-    if let Some(name) = nearest.filter(|name| distance(name) <= name.len() / 2) {
+    if let Some(name) = nearest(found, known) {
         let _ = write!(text, " - did you mean '{name}'?");
     } else {
         text.push_str(" -");

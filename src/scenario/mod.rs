@@ -21,6 +21,7 @@ mod record;
 mod search;
 mod site;
 mod skin;
+mod stand_in;
 mod station;
 mod swarms;
 mod targets;
@@ -39,7 +40,7 @@ pub use detector::{DetectorConfig, ONNX, Provider, TRUTH, TruthErrorsConfig};
 pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
 pub use expect::{Bound, Expect, Never, Seeds, ShareConfig};
-pub use load::{InputError, Place, Places, suggestion};
+pub use load::{Faults, InputError, Place, Places, suggestion};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
 pub use network::NetworkConfig;
 pub use places::{Above, GivenPlace};
@@ -62,11 +63,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue};
 
+use crate::data;
 use crate::models::air::atmosphere::pressure_at_pa;
 use crate::models::air::sun::Sun;
 use crate::models::air::weather::Weather;
 use crate::models::ground::city::CityParams;
-use check::{Check, MAX_DURATION_S};
+use crate::warning::Warning;
+use check::{Check, MAX_DURATION_S, TICK_HZ};
 use load::{Checked, Parsed};
 use places::Written;
 
@@ -157,10 +160,16 @@ fn default_tick_hz() -> u32 {
 }
 
 impl Scenario {
-    /// Reads, parses and checks a scenario file; `overrides` are `key=value` texts as for
+    /// Reads, parses and checks a scenario file, which may be one that the program brings along; `overrides` are `key=value` texts as for
     /// [`Scenario::parse`].
     pub fn load(path: &Path, overrides: &[String]) -> Result<Loaded, InputError> {
-        Loaded::parse(load::read(path)?, path.to_owned(), overrides.to_vec())
+        Self::load_all(path, overrides).map_err(Faults::first)
+    }
+
+    /// As [`Scenario::load`], with all errors that the file shows, in its order.
+    pub fn load_all(path: &Path, overrides: &[String]) -> Result<Loaded, Faults> {
+        let path = data::found(path);
+        Loaded::parse_all(load::read(&path)?, path, overrides.to_vec())
     }
 
     /// Parses and checks a scenario; `file_name` appears in errors.
@@ -168,7 +177,8 @@ impl Scenario {
     /// An override `uavs.0.model=fpv5` replaces one value, or adds it with the tables around it.
     /// Its right side is TOML, or a string where it is not.
     pub fn parse(text: &str, file_name: &str, overrides: &[String]) -> Result<Self, InputError> {
-        parse(text, file_name, overrides).map(|(parsed, _)| parsed.value)
+        let parsed = parse(text, file_name, overrides).map_err(Faults::first);
+        parsed.map(|(parsed, _)| parsed.value)
     }
 
     /// The stations in their order.
@@ -206,22 +216,21 @@ fn parse(
     text: &str,
     file: &str,
     overrides: &[String],
-) -> Result<(Parsed<Scenario>, Vec<Written>), InputError> {
+) -> Result<(Parsed<Scenario>, Vec<Written>), Faults> {
     let at = Places::new(text, file, overrides);
-    let written = places::find(text, overrides, &at)?;
-    let site = match written.is_empty() {
-        true => None,
-        false => places::site(text, overrides),
+    let (written, faults) = places::find(text, overrides, &at);
+    // A scenario without a site has that error, and its places stand anywhere.
+    let nowhere = Site {
+        latitude_deg: 0.0,
+        longitude_deg: 0.0,
+        altitude_m: 0.0,
     };
-    let Some(site) = site else {
-        // A scenario without a site has that error first.
-        return Ok((load::parse(text, file, overrides)?, Vec::new()));
-    };
+    let site = places::site(text, overrides).unwrap_or_else(|| nowhere.frame());
     let spots: Vec<_> = (written.iter())
         .map(|written| (written, written.place.in_site(&site)))
         .collect();
     let (text, overrides) = places::put(text, overrides, &spots);
-    let parsed = load::parse(&text, file, &overrides)?;
+    let parsed = load::parse_all(&text, file, &overrides, faults)?;
     Ok((parsed, written))
 }
 
@@ -255,7 +264,7 @@ impl Checked for Scenario {
         check.name("name", &self.name, &[]);
         check.positive("duration_s", self.duration_s);
         check.within("duration_s", self.duration_s, 0.0..=MAX_DURATION_S);
-        check.within("tick_hz", self.tick_hz.into(), 1.0..=100_000.0);
+        check.within("tick_hz", self.tick_hz.into(), TICK_HZ);
         check.table("site", |check| self.site.check(check));
         check.table("weather", |check| self.weather.check(check));
         check.table("turbulence", |check| self.turbulence.check(check));
@@ -338,6 +347,15 @@ impl Loaded {
         path: PathBuf,
         overrides: Vec<String>,
     ) -> Result<Self, InputError> {
+        Self::parse_all(source, path, overrides).map_err(Faults::first)
+    }
+
+    /// As [`Loaded::parse`], with all errors that the text shows, in its order.
+    pub fn parse_all(
+        source: String,
+        path: PathBuf,
+        overrides: Vec<String>,
+    ) -> Result<Self, Faults> {
         let file = path.display().to_string();
         let (Parsed { value, places }, written) = parse(&source, &file, &overrides)?;
         Ok(Self {
@@ -397,5 +415,10 @@ impl Loaded {
     /// file, or the override that gave it.
     pub fn refuse(&self, path: &str, message: impl fmt::Display) -> InputError {
         self.places.refuse(path, message)
+    }
+
+    /// Warnings of values by their paths, each with what is wrong and what mends it: with their lines, in the file's order.
+    pub fn warnings(&self, said: Vec<[String; 3]>) -> Vec<Warning> {
+        self.places.warnings(said)
     }
 }

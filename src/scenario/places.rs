@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::load::{InputError, Places};
+use super::load::{Found, InputError, Places};
 use super::site::Site;
 use super::text::{join, one_line};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
@@ -131,16 +131,16 @@ pub struct Written {
     span: Range<usize>,
 }
 
-/// All places of a scenario's text and its overrides; a text that is no TOML has none.
+/// All places of a scenario's text and its overrides, and what is wrong with others; a text that is no TOML has none.
 pub(super) fn find(
     text: &str,
     overrides: &[String],
     places: &Places,
-) -> Result<Vec<Written>, InputError> {
-    let mut found = Vec::new();
+) -> (Vec<Written>, Vec<Found>) {
+    let mut found = (Vec::new(), Vec::new());
     if let Ok(table) = DeTable::parse(text) {
         let root = DeValue::Table(table.into_inner());
-        look(&root, text, (None, 0), "", false, &mut found, places)?;
+        look(&root, text, (None, 0), "", false, &mut found, places);
     }
     for (number, set) in overrides.iter().enumerate() {
         let Some((path, value)) = set.split_once('=') else {
@@ -155,10 +155,10 @@ pub(super) fn find(
             let path = path.trim();
             let wanted = is_place_key(path.rsplit('.').find(|key| key.parse::<usize>().is_err()));
             let at = (Some(number), start as isize - 2);
-            look_at(value, &document, at, path, wanted, &mut found, places)?;
+            look_at(value, &document, at, path, wanted, &mut found, places);
         }
     }
-    Ok(found)
+    found
 }
 
 fn is_place_key(key: Option<&str>) -> bool {
@@ -172,27 +172,26 @@ fn look(
     at: (Option<usize>, isize),
     path: &str,
     wanted: bool,
-    found: &mut Vec<Written>,
+    found: &mut (Vec<Written>, Vec<Found>),
     places: &Places,
-) -> Result<(), InputError> {
+) {
     match value {
         DeValue::Table(table) => {
             for (key, value) in table {
                 let mut child = path.to_owned();
                 join(&mut child, key.get_ref());
                 let wanted = is_place_key(Some(key.get_ref()));
-                look_at(value, text, at, &child, wanted, found, places)?;
+                look_at(value, text, at, &child, wanted, found, places);
             }
         }
         DeValue::Array(array) => {
             for (index, item) in array.iter().enumerate() {
                 let child = format!("{path}[{index}]");
-                look_at(item, text, at, &child, wanted, found, places)?;
+                look_at(item, text, at, &child, wanted, found, places);
             }
         }
         _ => {}
     }
-    Ok(())
 }
 
 fn look_at(
@@ -201,9 +200,9 @@ fn look_at(
     at: (Option<usize>, isize),
     path: &str,
     wanted: bool,
-    found: &mut Vec<Written>,
+    found: &mut (Vec<Written>, Vec<Found>),
     places: &Places,
-) -> Result<(), InputError> {
+) {
     let DeValue::Table(_) = value.get_ref() else {
         return look(value.get_ref(), text, at, path, wanted, found, places);
     };
@@ -214,10 +213,38 @@ fn look_at(
     let own = |k: usize| (k as isize + at.1).max(0) as usize;
     let refuse = |message: String| places.at(at.0, own(span.start), path, &message);
     let written = text.get(span.clone()).unwrap_or_default();
+    let place = match read(written) {
+        Ok(place) => place,
+        Err(message) => {
+            found.1.push(refuse(message));
+            STAND_IN
+        }
+    };
+    let key = path.split('[').next().unwrap_or_default();
+    let last = key.rsplit('.').find(|key| key.parse::<usize>().is_err());
+    found.0.push(Written {
+        place,
+        path: path.to_owned(),
+        flat: last.is_some_and(|key| key.ends_with("_en_m")),
+        set: at.0,
+        span: own(span.start)..own(span.end),
+    });
+}
+
+/// What stands in for a place that is none, so that the rest can be read.
+const STAND_IN: GivenPlace = GivenPlace {
+    lat: None,
+    lon: None,
+    east_m: Some(0.0),
+    north_m: Some(500.0),
+    height_m: 100.0,
+    above: Above::Site,
+};
+
+/// The place that a text is; else what is wrong with it.
+fn read(written: &str) -> Result<GivenPlace, String> {
     if !written.starts_with('{') {
-        return Err(refuse(
-            "write a place as a whole: { lat = ..., lon = ... }".into(),
-        ));
+        return Err("write a place as a whole: { lat = ..., lon = ... }".into());
     }
     #[derive(Deserialize)]
     struct Holder {
@@ -225,27 +252,18 @@ fn look_at(
     }
     let place = toml::from_str::<Holder>(&format!("v={written}"));
     let place = place
-        .map_err(|error| refuse(one_line(error.message()).replace('`', "'")))?
+        .map_err(|error| one_line(error.message()).replace('`', "'"))?
         .v;
-    if let Some(fault) = place.fault() {
-        return Err(refuse(fault));
+    match place.fault() {
+        Some(fault) => Err(fault),
+        None => Ok(place),
     }
-    let key = path.split('[').next().unwrap_or_default();
-    let last = key.rsplit('.').find(|key| key.parse::<usize>().is_err());
-    found.push(Written {
-        place,
-        path: path.to_owned(),
-        flat: last.is_some_and(|key| key.ends_with("_en_m")),
-        set: at.0,
-        span: own(span.start)..own(span.end),
-    });
-    Ok(())
 }
 
 impl Written {
     /// The error of this place.
     pub(super) fn refuse(&self, places: &Places, message: &str) -> InputError {
-        places.at(self.set, self.span.start, &self.path, message)
+        (places.at(self.set, self.span.start, &self.path, message)).error
     }
 }
 

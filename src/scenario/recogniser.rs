@@ -14,7 +14,7 @@ use super::check::Check;
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "Recogniser")]
 pub struct RecogniserConfig {
-    /// The ONNX file, relative to the working directory; empty: nothing is recognised; absent: the shipped
+    /// The ONNX file, relative to the working directory or the program's data; empty: nothing is recognised; absent: the shipped
     /// one beside the shipped detector, from whose tracks it learned, and none beside another.
     pub onnx_model: Option<PathBuf>,
     /// How often it looks at tracks; must divide `tick_hz`.

@@ -8,7 +8,7 @@ use super::check::{AT_LEAST_ZERO, Check};
 use super::skin::SkinKind;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::swarm::Member;
-use crate::models::flight::trajectory::Trajectory;
+use crate::models::flight::trajectory::{Trajectory, TrajectoryError};
 
 /// One UAV.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,7 +18,7 @@ pub struct UavConfig {
     /// Name, unique in the scenario.
     pub name: String,
     /// Its name in the catalogue (`boresight models`), or the path of a file like the catalogue's, which ends
-    /// in `.toml`, relative to the working directory.
+    /// in `.toml`, relative to the working directory or the program's data.
     pub model: String,
     /// Where it flies.
     pub trajectory: Trajectory,
@@ -83,21 +83,36 @@ pub(super) fn check(uavs: &[UavConfig], distractors: &[DistractorConfig], check:
         check.table(&format!("uavs[{index}]"), |check| {
             check.name("name", &uav.name, &names);
             catalogue::check(check, "model", &uav.model);
-            check_flight(&uav.trajectory, uav.spread_m, uav.spread_s, check);
+            let most_mps = uav_speed_mps(&uav.model, &uav.trajectory);
+            check_flight(
+                (&uav.trajectory, most_mps),
+                uav.spread_m,
+                uav.spread_s,
+                check,
+            );
         });
         names.push(&uav.name);
     }
     for (index, other) in distractors.iter().enumerate() {
         check.table(&format!("distractors[{index}]"), |check| {
             check.name("name", &other.name, &names);
-            check_flight(&other.trajectory, other.spread_m, other.spread_s, check);
+            let flight = (&other.trajectory, Some(other.kind.v_max_mps()));
+            check_flight(flight, other.spread_m, other.spread_s, check);
         });
         names.push(&other.name);
     }
 }
 
+/// The greatest speed of a UAV [m/s], where its path is checked against it.
+fn uav_speed_mps(model: &str, trajectory: &Trajectory) -> Option<f64> {
+    // A file of one's own has errors of its own, which the set-up tells.
+    let waypoints = matches!(trajectory, Trajectory::Waypoints { .. });
+    let uav = waypoints.then(|| catalogue::load(model).ok())??;
+    Some(uav.v_max_mps)
+}
+
 fn check_flight(
-    trajectory: &Trajectory,
+    (trajectory, most_mps): (&Trajectory, Option<f64>),
     [across_m, up_m]: [f64; 2],
     spread_s: f64,
     check: &mut Check,
@@ -106,9 +121,73 @@ fn check_flight(
     if !matches!(trajectory, Trajectory::Recorded { .. })
         && let Err(error) = trajectory.compile(|_| Ok(String::new()))
     {
-        check.that(false, "trajectory", || error.to_string());
+        check.that(false, "trajectory", || match (trajectory, most_mps) {
+            // To what cannot fly so fast the corners are no matter.
+            (Trajectory::Waypoints { speed_mps, .. }, Some(most_mps)) if *speed_mps > most_mps => {
+                too_fast(&error, *speed_mps, most_mps)
+            }
+            _ => error.to_string(),
+        });
     }
     check.within("spread_m[0]", across_m, AT_LEAST_ZERO);
     check.within("spread_m[1]", up_m, AT_LEAST_ZERO);
     check.within("spread_s", spread_s, AT_LEAST_ZERO);
+}
+
+/// What is wrong with a path that is flown faster than what flies it can.
+fn too_fast(error: &TrajectoryError, speed_mps: f64, most_mps: f64) -> String {
+    let allowed_mps = match error {
+        TrajectoryError::LegTooShort {
+            speed_mps: allowed_mps,
+            ..
+        } => allowed_mps.min(most_mps),
+        _ => return error.to_string(),
+    };
+    format!(
+        "speed_mps is {speed_mps}, and this flies {most_mps:.0} m/s at most: lower it to {allowed_mps:.2}, at which the corners of \
+         the path can be flown too"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_too_fast_for_its_uav_is_not_to_be_mended_by_its_corners() {
+        let said = |model: &str, speed_mps: f64| {
+            let trajectory = Trajectory::Waypoints {
+                points_enu_m: vec![
+                    [0.0, 300.0, 90.0],
+                    [200.0, 300.0, 90.0],
+                    [200.0, 500.0, 90.0],
+                ],
+                speed_mps,
+                closed: false,
+                corner_acceleration_mps2: 4.0,
+            };
+            let most_mps = uav_speed_mps(model, &trajectory);
+            let mut check = Check::default();
+            check_flight((&trajectory, most_mps), [0.0; 2], 0.0, &mut check);
+            let problems = check.into_problems();
+            problems.first().map(|problem| problem.message.clone())
+        };
+        let uav = catalogue::load("matrice200").unwrap();
+        let fast = said("matrice200", 200.0).unwrap();
+        let begins = format!(
+            "speed_mps is 200, and this flies {:.0} m/s at most: lower it to ",
+            uav.v_max_mps
+        );
+        assert!(
+            fast.starts_with(&begins) && !fast.contains("acceleration"),
+            "{fast}"
+        );
+        // The speed that is named can be flown.
+        let named: f64 = (fast[begins.len()..].split(',').next())
+            .unwrap()
+            .parse()
+            .unwrap();
+        assert!(named <= uav.v_max_mps && said("matrice200", named - 0.01).is_none());
+        assert!(said("matrice200", 10.0).is_none());
+    }
 }

@@ -717,3 +717,89 @@ fn a_city_is_generated_or_real() {
         "{said}"
     );
 }
+
+/// Every error of a scenario's text, as `boresight check` tells them.
+fn all_errors(text: &str) -> Vec<String> {
+    let loaded = Loaded::parse_all(text.to_owned(), "s.toml".into(), Vec::new());
+    let faults = loaded.err().unwrap();
+    faults.all().iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn all_errors_are_told_at_once_in_the_files_order() {
+    let text = "name = \"\"\n\
+        durations_s = 20\n\
+        seed = \"fast\"\n\
+        time_utc = 2025-06-01T10:00:00Z\n\
+        [site]\n\
+        latitude_deg = 473769.0\n\
+        longitude_deg = \"east\"\n\
+        altitude_m = nan\n\
+        [search]\n\
+        centre_azimuth_deg = 0.0\n\
+        width_deg = -4.0\n\
+        [station.laser]\n\
+        power_w = -1\n\
+        watts = 3\n\
+        [station.cameras.precise]\n\
+        rate_hz = 7\n\
+        mosaic = \"rgbb\"\n\
+        [[uavs]]\n\
+        model = \"phantom9\"\n\
+        name = \"a\"\n\
+        trajectory = { kind = \"teleport\" }\n\
+        [[uavs]]\n\
+        model = \"phantom4\"\n\
+        spread_s = -1\n\
+        trajectory = { kind = \"hover\", position_enu_m = { lat = 97, lon = 8 } }\n\
+        [[distractors]]\n\
+        name = \"gull\"\n\
+        kind = \"brd\"\n\
+        trajectory = { kind = \"straight\", start_enu_m = [1, 2, 3], velocity_enu_mps = [1, 2, 3], sped = 3 }\n";
+    let found = all_errors(text);
+    let want = [
+        "s.toml:1: name: must not be empty",
+        "s.toml:2: durations_s: unknown key - did you mean 'duration_s'?",
+        "s.toml:3: seed: invalid type: string \"fast\", expected a whole number",
+        "s.toml:6: site.latitude_deg: found 473769, must be from",
+        "s.toml:7: site.longitude_deg: invalid type: string \"east\", expected a number",
+        "s.toml:8: site.altitude_m: must be a finite number",
+        "s.toml:11: search.width_deg: found -4, must be above 0",
+        "s.toml:13: station.laser.power_w: found -1, must be from",
+        "s.toml:14: station.laser.watts: unknown key",
+        "s.toml:16: station.cameras.precise.rate_hz: 7 Hz does not divide",
+        "s.toml:17: station.cameras.precise.mosaic: unknown mosaic 'rgbb'",
+        "s.toml:19: uavs[0].model: unknown model 'phantom9'",
+        "s.toml:21: uavs[0].trajectory",
+        "s.toml:22: uavs[1].name: is missing",
+        "s.toml:24: uavs[1].spread_s: found -1, must be at least 0",
+        "s.toml:25: uavs[1].trajectory.position_enu_m: lat: found 97, must be from",
+        "s.toml:28: distractors[0].kind: unknown kind 'brd' - did you mean 'bird'?",
+        "s.toml:29: distractors[0].trajectory.sped: unknown key",
+    ];
+    assert_eq!(found.len(), want.len(), "{found:#?}");
+    for (found, want) in found.iter().zip(want) {
+        assert!(found.starts_with(want), "{found}\n{want}");
+    }
+    // A text that is no TOML is one error, and a right one has none.
+    assert_eq!(all_errors("name = \nnom = ").len(), 1);
+    assert!(Loaded::parse_all(GOOD.to_owned(), "s.toml".into(), Vec::new()).is_ok());
+}
+
+#[test]
+fn an_error_is_told_once_whatever_stands_in_for_it() {
+    // What depends on a broken value is not told beside it.
+    let broken = |from: &str, to: &str| all_errors(&GOOD.replacen(from, to, 1));
+    for (from, to) in [
+        ("[search]", "[search]\ncentre_azimuth_deg = [3]\n[old]"),
+        ("trajectory", "trajectori"),
+        ("[[uavs]]", "uavs = 3\n[[uav]]"),
+    ] {
+        assert!(GOOD.contains(from), "{from}");
+        let found = broken(from, to);
+        assert!((1..=3).contains(&found.len()), "{found:#?}");
+        let mut once = found.clone();
+        once.dedup();
+        assert_eq!(once, found);
+    }
+}

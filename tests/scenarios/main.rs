@@ -5,6 +5,7 @@
 //! processes of its own; whatever renders takes [`common::rendering`], since a software rasteriser
 //! uses every core already.
 
+mod anywhere;
 mod bad_input;
 mod beam;
 mod commands;

@@ -146,7 +146,7 @@ impl Bench<'_> {
 /// A digest of a file's bytes.
 fn digest(path: &Path) -> std::io::Result<u64> {
     let mut hasher = Xxh3::new();
-    hasher.update(&std::fs::read(path)?);
+    hasher.update(&std::fs::read(crate::data::found(path))?);
     Ok(hasher.digest())
 }
 

@@ -200,7 +200,8 @@ pub struct EngageDraw {
 impl Recipe {
     /// Reads and checks a recipe file.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        Self::parse(&load::read(path)?, &path.display().to_string())
+        let path = crate::data::found(path);
+        Self::parse(&load::read(&path)?, &path.display().to_string())
     }
 
     /// Reads and checks a recipe; `file` is named in errors.

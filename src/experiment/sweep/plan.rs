@@ -396,6 +396,7 @@ const USUAL: [&str; 9] = [
 impl Plan {
     /// Reads an experiment, and tries every value of every factor on the scenario.
     pub fn read(path: &Path) -> Result<Self, InputError> {
+        let path = &crate::data::found(path);
         let text = load::read(path)?;
         let file = path.display().to_string();
         let Parsed {
@@ -622,7 +623,7 @@ fn digest(files: &BTreeSet<PathBuf>) -> u64 {
     let mut hasher = Xxh3::new();
     for file in files {
         // One that is not there is told by the runs.
-        let bytes = std::fs::read(file).unwrap_or_default();
+        let bytes = std::fs::read(crate::data::found(file)).unwrap_or_default();
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(&bytes);
     }

@@ -123,6 +123,20 @@ impl DistractorKind {
         }
     }
 
+    /// Greatest speed through the air at which it is ever met [m/s]: birds in a dive with the wind behind them, aircraft at
+    /// their limits. Recalled, rounded up: it tells a slip of the pen from a flight.
+    pub fn v_max_mps(self) -> f64 {
+        match self {
+            Self::Bird | Self::Crow | Self::Goose => 35.0,
+            Self::Pigeon | Self::Raptor => 45.0,
+            Self::Swift => 60.0,
+            Self::Balloon | Self::Leaf => 10.0,
+            Self::Aeroplane | Self::Contrail => 320.0,
+            Self::Turboprop => 200.0,
+            Self::LightAircraft | Self::Helicopter => 110.0,
+        }
+    }
+
     /// Whether it drifts with the air.
     pub fn drifts(self) -> bool {
         matches!(self, Self::Balloon | Self::Leaf)

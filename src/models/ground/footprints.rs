@@ -7,9 +7,9 @@ use crate::models::shape::mesh::Surface;
 use glam::{DVec2, IVec2};
 
 /// What stands up less than this is no building [m].
-const LEAST_HEIGHT_M: f64 = 2.5;
+pub const LEAST_HEIGHT_M: f64 = 2.5;
 /// What covers less than this is no building [m^2].
-const LEAST_AREA_M2: f64 = 20.0;
+pub const LEAST_AREA_M2: f64 = 20.0;
 /// An outline leaves out corners that are off by less than this many cells.
 const CORNER_CELLS: f64 = 1.5;
 
