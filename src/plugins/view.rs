@@ -87,7 +87,8 @@ impl Plugin for ViewPlugin {
                     systems::insets::look_at_cameras.run_if(simulates()),
                     systems::overlay::look_at_tracks.run_if(simulates()),
                     systems::tracks::follow_tracks.run_if(simulates()),
-                    systems::exposure::expose_window.run_if(resource_exists_and_changed::<Environment>),
+                    systems::exposure::expose_window
+                        .run_if(resource_exists_and_changed::<Environment>),
                     systems::insets::upload_pictures,
                 )
                     .chain()
