@@ -406,7 +406,7 @@ fn figure(
     ui.small(name);
     let drag = egui::DragValue::new(&mut draft).range(range).speed(speed);
     let size = [ui.available_width().min(76.0), ROW];
-    let drag = ui.add_sized(size, drag.suffix(unit).max_decimals(4));
+    let drag = ui.add_sized(size, drag.suffix(unit).max_decimals(DECIMALS));
     if drag.changed() {
         ui.data_mut(|data| data.insert_temp(id, draft));
     }
@@ -414,5 +414,27 @@ fn figure(
         return None;
     }
     ui.data_mut(|data| data.remove::<f64>(id));
-    (draft != value).then_some(draft)
+    is_another(draft, value).then_some(draft)
+}
+
+/// Decimals to which a figure is shown.
+const DECIMALS: usize = 4;
+
+/// Whether two figures read differently: a field that is left as it was gives back its rounded text.
+fn is_another(draft: f64, value: f64) -> bool {
+    let text = |figure: f64| format!("{figure:.DECIMALS$}");
+    text(draft) != text(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_that_is_left_as_it_was_orders_nothing() {
+        assert!(!is_another(1.1481, 1.148_084_3));
+        assert!(!is_another(18_000.0, 18_000.0));
+        assert!(is_another(1.15, 1.148_084_3));
+        assert!(is_another(7.0, 1.148_084_3));
+    }
 }
