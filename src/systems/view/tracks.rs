@@ -86,14 +86,13 @@ pub fn list(
         ui.colored_label(GREY, "no tracks");
         return None;
     };
+    // A row of two lines would move those below it.
+    ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Truncate);
     let mut chosen = None;
     for (id, row) in rows {
         let target = tracker.target == Some(*id);
-        let note = match (row.ended_s, target && tracker.designated) {
-            (Some(_), _) => " - ended",
-            (None, true) => ", pinned",
-            (None, false) => "",
-        };
+        let pinned = row.ended_s.is_none() && target && tracker.designated;
+        let note = if pinned { ", pinned" } else { "" };
         let mut text = egui::RichText::new(format!("#{id} {}{note}", row.text));
         if row.ended_s.is_some() {
             text = text.color(GREY).strikethrough();
