@@ -40,7 +40,15 @@ fn run_check_and_eval_work_in_an_empty_folder() {
             .args(short),
     );
     assert!(folder.join("blind/summary.json").is_file());
-    let blind = ["--truth", "--n", "1", "--set", "duration_s=1.2", "--out", "drawn"];
+    let blind = [
+        "--truth",
+        "--n",
+        "1",
+        "--set",
+        "duration_s=1.2",
+        "--out",
+        "drawn",
+    ];
     done(within(folder).args(["eval", "engagement"]).args(blind));
     assert!(folder.join("drawn").is_dir());
     // A folder that is named comes first, and what is nowhere is one error.

@@ -72,7 +72,7 @@ fn upright(tiff: &Tiff, band: &mut Band, notes: &mut Notes) -> Result<(), Fault>
         (_, Some(step), Some(tie)) => [*step, tie[5] - tie[2] * step],
         _ => return Ok(()),
     };
-    if step == 0.0 && zero == 0.0 || step == 1.0 && zero == 0.0 {
+    if zero == 0.0 && [0.0, 1.0].contains(&step) {
         return Ok(());
     }
     let place = "third scale and tie point";
