@@ -2,7 +2,6 @@ use std::sync::OnceLock;
 
 use super::*;
 use crate::models::maths::kinematics::az_el_to_los;
-use crate::scenario::Scenario;
 
 /// Level ground, no houses: what is asked does not depend on the city.
 const BASE: &str = r#"name = "test"
