@@ -119,9 +119,12 @@ fn events_s(timeline: &Timeline) -> Vec<f64> {
     logged.chain(shots).map(|tick| timeline.t_s(tick)).collect()
 }
 
+/// What a line of the time line is named, and its values by tick.
+type Series = Vec<(String, Vec<(u64, f64)>)>;
+
 /// What the time line plots.
 fn curves(timelines: &[Timeline]) -> Vec<Curve> {
-    let lines = |of: &dyn Fn(&Timeline) -> Vec<(String, Vec<(u64, f64)>)>| {
+    let lines = |of: &dyn Fn(&Timeline) -> Series| {
         let mut lines = Vec::new();
         for (source, timeline) in timelines.iter().enumerate() {
             for (number, (name, values)) in of(timeline).into_iter().enumerate() {

@@ -106,8 +106,8 @@ mod tests {
         .unwrap();
         let own =
             |b: &&super::super::Building| b.kind != BuildingKind::Bridge && b.height_m() > 8.0;
-        let buildings = city.buildings.iter().enumerate();
-        let (index, building) = buildings.filter(|(_, b)| own(b)).last().unwrap();
+        let mut buildings = city.buildings.iter().enumerate().rev();
+        let (index, building) = buildings.find(|(_, b)| own(b)).unwrap();
         let middle = polygon::centroid(building.footprint_enu_m());
         let roof = middle.extend(building.base_m + building.height_m() + 0.2);
         assert_eq!(city.met(roof, 0.7), Met::Building(index));
