@@ -5,8 +5,9 @@ use boresight::app::{self, Options};
 use boresight::components::environment::Environment;
 use boresight::components::flight::{Flight, Uav, UavStatus};
 use boresight::components::run::SimClock;
-use boresight::models::ground::city::{Building, BuildingKind, City, CityParams, Roof};
+use boresight::models::ground::city::{BuildingKind, City, CityParams, Roof};
 use boresight::models::maths::kinematics::GRAVITY_MPS2;
+use boresight::models::maths::polygon;
 use boresight::recording::proto;
 use boresight::report::summary;
 use boresight::scenario::{Scenario, catalogue};
@@ -241,13 +242,20 @@ fn a_crash_is_told_with_when_where_and_into_what() {
         .map(|k| (100.0 + 0.2 * k) * DVec2::from_angle(2.4 * k))
         .find(|p| level(&city, *p, 8.0) && built_m(*p).abs() < 0.1)
         .unwrap();
-    let middle = |building: &Building| {
-        let outline = building.footprint_enu_m();
-        outline.iter().sum::<DVec2>() / outline.len() as f64
-    };
-    let (number, roof) = (city.buildings.iter().enumerate())
-        .filter(|(_, building)| building.kind == BuildingKind::Office)
-        .map(|(number, building)| (number, middle(building)))
+    let flat = (city.buildings.iter().enumerate()).filter(|(_, building)| {
+        matches!(building.parts[0].roof, Roof::Flat(_)) && building.kind != BuildingKind::Station
+    });
+    let (number, roof) = flat
+        .flat_map(|(number, building)| {
+            let outline = building.footprint_enu_m();
+            let centre = outline.iter().sum::<DVec2>() / outline.len() as f64;
+            let steps_m = [-8.0, -4.0, 0.0, 4.0, 8.0];
+            let around = steps_m.map(|e| steps_m.map(|n| centre + DVec2::new(e, n)));
+            let inside = |p: &DVec2| polygon::encloses(outline, *p);
+            (around.into_iter().flatten().filter(inside))
+                .map(|p| (number, p))
+                .collect::<Vec<_>>()
+        })
         .find(|(_, p)| level(&city, *p, 4.0) && built_m(*p) > 8.0)
         .unwrap();
     let above = |p: DVec2| p.extend(city.dsm.surface_m(p.x, p.y) + 30.0);
@@ -290,9 +298,7 @@ fn a_crash_is_told_with_when_where_and_into_what() {
     };
     let (on_roof, why) = crash("roof");
     assert!(
-        on_roof
-            .into
-            .starts_with(&format!("building {number} (an office building, ")),
+        on_roof.into.starts_with(&format!("building {number} (")),
         "{}",
         on_roof.into
     );

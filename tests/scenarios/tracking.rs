@@ -1,7 +1,8 @@
 //! Tracking against the truth.
 
 use crate::common::{BLIND, ROOT, messages, of, run_scenario};
-use bevy::prelude::{App, World};
+use bevy::ecs::schedule::ScheduleCleanupPolicy;
+use bevy::prelude::{App, IntoScheduleConfigs, Query, Res, World};
 use boresight::app::{self, Options};
 use boresight::components::beam::BeamState;
 use boresight::components::capture::{Readout, SensorCamera, Tier};
@@ -10,9 +11,9 @@ use boresight::components::environment::Environment;
 use boresight::components::flight::{Air, Flight, Uav, UavStatus};
 use boresight::components::mount::{Mount, Optics};
 use boresight::components::record::StateHash;
-use boresight::components::run::SimClock;
+use boresight::components::run::{SimClock, Tick};
 use boresight::components::track::{
-    Answer, Command, Designation, Operator, Order, StateChange, Tracker, TrackingState,
+    Answer, Command, Designation, Operator, Order, StateChange, TrackStage, Tracker, TrackingState,
 };
 use boresight::models::engage::outcome::Outcome;
 use boresight::models::ground::city::{City, CityParams};
@@ -702,44 +703,53 @@ fn what_the_search_glances_at_is_logged() {
     );
 }
 
-/// Acquired is what a camera holds, whichever: the precise one may have found a candidate before the coarse one.
+/// A state machine that goes from acquire to precise without coarse.
+fn straight_to_precise(clock: Res<SimClock>, mut stations: Query<&mut Tracker>) {
+    for mut tracker in &mut stations {
+        let first = tracker.table.tracks.first().map(|track| track.id);
+        match (tracker.state, first) {
+            (TrackingState::Search, Some(id)) => tracker.acquire(clock.tick, id, "test"),
+            (TrackingState::Acquire, _) if clock.tick >= 600 => {
+                tracker.change(clock.tick, TrackingState::Precise, "test");
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Acquired is what a camera holds, whichever: the precise one may find a candidate before the coarse one.
 #[test]
 fn what_the_precise_camera_finds_first_is_acquired() {
     let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     let loaded = Scenario::load(&path, &["detector.kind=truth".into()]).unwrap();
     let options = Options::default();
-    let mut app = app::build(&loaded, &options).unwrap();
+    let mut app = app::build_with(&loaded, &options, |app| {
+        let all = ScheduleCleanupPolicy::RemoveSystemsOnly;
+        let removed = app.remove_systems_in_set(Tick, TrackStage::Decide, all);
+        assert!(removed.unwrap() > 0);
+        app.add_systems(Tick, straight_to_precise.in_set(TrackStage::Decide));
+    })
+    .unwrap();
     let world = app.world_mut();
     let finish = |world: &mut World| {
         summary::finish(world, &loaded, &options, Duration::from_secs(1)).summary
     };
-    while of::<Tracker>(world).state != TrackingState::Acquire {
+    while world.resource::<SimClock>().tick < 599 {
         app::step(world).unwrap();
     }
+    assert_eq!(of::<Tracker>(world).state, TrackingState::Acquire);
     let before = finish(world);
     assert_eq!(before.outcome, Outcome::NotAcquired);
     assert_eq!(before.time_to_acquire_s, None);
     let why = before.uavs[0].why.as_ref().unwrap();
     assert!(why.starts_with("in the search camera's view for "), "{why}");
-    let tick = world.resource::<SimClock>().tick;
-    let mut trackers = world.query::<&mut Tracker>();
-    let mut tracker = trackers.single_mut(world).unwrap();
-    tracker.change(tick, TrackingState::Precise, "test");
     app::step(world).unwrap();
-    let states = of::<Tracker>(world).changes.iter().map(|change| change.to);
-    assert!(
-        states
-            .into_iter()
-            .all(|state| state != TrackingState::Coarse)
-    );
-    let acquired_s = world.resource::<SimClock>().t_s();
+    assert_eq!(of::<Tracker>(world).state, TrackingState::Precise);
+    let acquired_s = Some(world.resource::<SimClock>().t_s());
     let after = finish(world);
-    assert_eq!(after.time_to_acquire_s, Some(acquired_s));
-    assert_eq!(after.stations[0].acquired_s, Some(acquired_s));
+    assert_eq!(after.time_to_acquire_s, acquired_s);
+    assert_eq!(after.stations[0].acquired_s, acquired_s);
     assert_eq!(after.outcome, Outcome::Tracked, "{}", after.reason);
-    assert!(
-        after.reason.starts_with("tracking reached precise"),
-        "{}",
-        after.reason
-    );
+    let reason = &after.reason;
+    assert!(reason.starts_with("tracking reached precise"), "{reason}");
 }
