@@ -848,7 +848,7 @@ mod tests {
                 "one of values, range and levels",
             ),
             (
-                "[[factors]]\nkey = 'seed'\nvalues = [1]\nrange = [1, 2]\n",
+                "[[factors]]\nkey = 'detector.roi_px'\nvalues = [16]\nrange = [16, 18]\nsteps = 2\n",
                 "found 2",
             ),
             (&format!("{POWER}steps = 1\n"), "at least 2 steps"),

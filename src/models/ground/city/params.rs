@@ -307,7 +307,7 @@ mod tests {
             ..CityParams::default()
         };
         assert_eq!(alone.contradiction().unwrap().0, "radius_m");
-        let text = "city park_share = 0.31 is outside 0..0.3";
+        let text = "park_share = 0.31 is outside 0..0.3; give a value inside";
         assert_eq!(bad.validate().map_err(|e| e.to_string()), Err(text.into()));
     }
 }
