@@ -195,7 +195,7 @@ fn a_window_shows_and_does_what_a_run_does() {
         assert_eq!(differs, None, "{topic}: the first picture that differs");
         assert_eq!(alone.len(), windowed.len(), "{topic}");
     }
-    assert!(messages(&run.file("run.mcap"), "/stv/image").len() > 20);
+    assert!(messages(&run.file("run.mcap"), "/stv/image").len() > 10);
     let [alone, windowed] = [&run, &session].map(tick_hashes);
     assert_eq!(alone.len(), 960);
     let differs = alone.iter().zip(&windowed).find(|(a, b)| a != b);
