@@ -4,7 +4,11 @@
 //! seven (or three) parameters of each code, no grids (docs/georeferencing.md says what that costs). Heights are over the
 //! ellipsoid or over a geoid. National heights over a geoid are taken as heights over EGM96's.
 
+mod error;
 pub mod vertical;
+
+pub use error::CrsError;
+pub use vertical::Heights;
 
 use crate::models::maths::geodesy::{Geodetic, longitude_arc_deg, longitude_near_deg};
 use glam::{DVec2, DVec3};
@@ -15,79 +19,6 @@ use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Why coordinates cannot be understood.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum CrsError {
-    /// A name that is no coordinate reference system known here.
-    #[error(
-        "'{0}' is no coordinate reference system known here; write EPSG:7415, EPSG:2056+5728, EPSG:25832+ellipsoid, WGS84 or a PROJ string (+proj=utm +zone=32 +ellps=GRS80)"
-    )]
-    Unknown(String),
-    /// A vertical system that is not known.
-    #[error(
-        "'{0}' is no vertical system known here; write +ellipsoid (over WGS 84's) or +geoid (over EGM96's) in its place, with --geoid-height where its height over the ellipsoid is known"
-    )]
-    Vertical(String),
-    /// Depths.
-    #[error(
-        "'{code}' ({name}) counts depths downwards; turn the sign of the values and name a system of heights (a code, or +geoid)"
-    )]
-    Depth {
-        /// Its code.
-        code: u32,
-        /// Its name.
-        name: &'static str,
-    },
-    /// Heights over an ellipsoid that is not WGS 84's.
-    #[error(
-        "'{code}' means heights over the ellipsoid {name}; bring them to WGS 84's, or write +ellipsoid or +geoid where the file says it wrongly"
-    )]
-    Ellipsoid {
-        /// Its code.
-        code: u32,
-        /// The ellipsoid.
-        name: &'static str,
-    },
-    /// A projection that cannot be worked out.
-    #[error("'{name}': {what}; give the coordinates in another system, EPSG:4979 for instance")]
-    Unsupported {
-        /// The system.
-        name: String,
-        /// What is not supported.
-        what: String,
-    },
-    /// Coordinates outside the system's domain.
-    #[error(
-        "({x}, {y}, {z}) is no point of {name}; check the system and the order of the coordinates (east or longitude first)"
-    )]
-    Outside {
-        /// The system.
-        name: String,
-        /// East, longitude or X, as it was given.
-        x: f64,
-        /// North, latitude or Y.
-        y: f64,
-        /// Height or Z.
-        z: f64,
-    },
-    /// What cannot lie on the Earth.
-    #[error(
-        "({x}, {y}, {z}) of {name} cannot lie on the Earth: {why}; check the system, the order of the columns and their unit"
-    )]
-    OffEarth {
-        /// The system.
-        name: String,
-        /// East, longitude or X, as it was given.
-        x: f64,
-        /// North, latitude or Y.
-        y: f64,
-        /// Height or Z.
-        z: f64,
-        /// What is wrong with it.
-        why: String,
-    },
-}
-
 /// Heights over the ellipsoid [m] that a place on the Earth may have: from below the deepest sea to where space begins.
 pub const HEIGHTS_M: std::ops::RangeInclusive<f64> = -12_000.0..=100_000.0; // [m]
 /// Distances from the Earth's centre [m] that such heights allow.
@@ -95,15 +26,6 @@ pub const RADII_M: std::ops::RangeInclusive<f64> = 6_344_000.0..=6_479_000.0; //
 /// How far from its central meridian a transverse Mercator projection is used at most [deg]: Norway in one zone needs 16. What lies farther
 /// has its columns swapped.
 const REACH_DEG: f64 = 18.0; // [deg]
-
-/// What heights are counted from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heights {
-    /// WGS 84's ellipsoid.
-    Ellipsoid,
-    /// A geoid, or the national levelling that stands for it, by its name.
-    Geoid(&'static str),
-}
 
 /// Parts of PROJ strings that are replaced: of the two series for the transverse Mercator the one that stays exact far from the
 /// meridian, and datum shifts of three countries with the parameters of EPSG 1314, 1777 and 5239.

@@ -1,7 +1,16 @@
 //! EPSG's register of vertical and compound systems (assets/epsg, written by `scripts/projections.py --registers` from PROJ's
 //! database), and the vertical codes of GeoTIFF 1.0, which surveys still write.
 
-use super::{CrsError, Heights};
+use super::error::CrsError;
+
+/// What heights are counted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heights {
+    /// WGS 84's ellipsoid.
+    Ellipsoid,
+    /// A geoid, or the national levelling that stands for it, by its name.
+    Geoid(&'static str),
+}
 
 /// Code, datum, metres in its unit (negative: depths), name.
 const VERTICAL: &str = include_str!(concat!(

@@ -41,6 +41,13 @@ impl Check {
         self.problems
     }
 
+    /// Whether a value whose path begins so has a problem.
+    pub(super) fn found_in(&self, path: &str) -> bool {
+        self.problems
+            .iter()
+            .any(|known| known.path.starts_with(path))
+    }
+
     /// Checks the table `key` of the present one.
     pub(crate) fn table(&mut self, key: &str, check: impl FnOnce(&mut Self)) {
         let len = self.table.len();

@@ -299,7 +299,15 @@ impl Checked for Scenario {
             });
             names.push(&swarm.name);
         }
-        targets::check(&self.uavs, &self.distractors, check);
+        let (mut uavs, mut distractors) = (&self.uavs[..], &self.distractors[..]);
+        if check.found_in("swarms[") {
+            // Members follow from their swarm and stand behind what the file names: they would only repeat its problem.
+            let own = uavs.iter().take_while(|uav| uav.member.is_none());
+            uavs = &uavs[..own.count()];
+            let own = distractors.iter().take_while(|other| !other.decoy);
+            distractors = &distractors[..own.count()];
+        }
+        targets::check(uavs, distractors, check);
         check.table("detector", |check| self.detector.check(check));
         check.table("recogniser", |check| {
             self.recogniser.check(check, self.tick_hz);
