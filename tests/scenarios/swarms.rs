@@ -396,7 +396,8 @@ fn swarms_that_cannot_fly_are_refused() {
             "tracker.asset_enu_m",
         ),
         (
-            "count = 3, models = ['fpv5'], from = [{ azimuth_deg = 0, distance_m = 500 }], formation = 'star'",
+            "count = 3, models = ['fpv5'], from = [{ azimuth_deg = 0, distance_m = 500 }], to_enu_m = [0, 0, 50], \
+             formation = 'star'",
             "wedge",
         ),
         (
