@@ -84,8 +84,8 @@ pub fn svg(scene: &Scene<'_>) -> String {
 
     let size = frame.size_px();
     let mut text = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" font-family=\"sans-serif\" font-size=\"14\">\n\
-         <title>{}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#f4f2ec\"/>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0}\" height=\"{1:.0}\" viewBox=\"0 0 {0:.0} {1:.0}\" font-family=\"sans-serif\" font-size=\"14\">\n\
+         <title>{2}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#f4f2ec\"/>\n",
         size.x,
         size.y,
         escaped(&scene.loaded.scenario.name),
@@ -141,7 +141,7 @@ fn buildings(scene: &Scene<'_>, frame: &Frame) -> String {
 fn sector(seeing: &Seeing<'_>, frame: &Frame) -> String {
     let search = seeing.station.search;
     let middle = seeing.r_enu_m.truncate();
-    let reach_m = 0.45 * (frame.high_m - frame.low_m).max_element();
+    let reach_m = (frame.high_m - frame.low_m).length();
     if search.width_deg >= 360.0 {
         return circle(frame.px(middle), reach_m * frame.px_per_m, "#36c", "");
     }

@@ -123,11 +123,18 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
         let first = cell.chars().next();
         column > 0 && first.is_some_and(|c| c.is_ascii_digit() || "-–".contains(c))
     };
+    // A head stands over its numbers.
+    let of_numbers = |column: usize| {
+        let mut cells = rows.iter().filter_map(|row| row.get(column));
+        cells.any(|cell| is_number(column, cell))
+    };
     html! {
         div .scroll {
             table {
                 tr {
-                    @for cell in head { th { (cell) } }
+                    @for (column, cell) in head.iter().enumerate() {
+                        th class=[of_numbers(column).then_some("n")] { (cell) }
+                    }
                 }
                 @for row in rows {
                     tr {

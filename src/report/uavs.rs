@@ -278,8 +278,12 @@ pub(super) fn tables(uavs: &[UavSummary], light: &Light) -> Markup {
     html! {
         p .note {
             (format_args!(
-                "Sun at {:.1}° of elevation, {:.1} lx on level ground.",
-                light.sun_elevation_deg, light.illuminance_lx
+                "Sun at {:.1}° of elevation, {} lx on level ground.",
+                light.sun_elevation_deg,
+                match light.illuminance_lx {
+                    lx if lx < 10.0 => format!("{lx:.2}"),
+                    lx => format!("{lx:.0}"),
+                }
             ))
         }
         (table(&["UAV", "status", "acquired", "crashed", "why not acquired or not brought down"], &told))

@@ -170,6 +170,11 @@ fn two_recordings_are_compared_and_one_is_run_again() {
     assert!(verdict.starts_with("they part at tick "), "{text}");
     assert!(verdict.contains(" s, in /"), "{text}");
     assert!(text.contains("seed      1 | 2"), "{text}");
+    // What is recorded more rarely is the same run.
+    let rarer = run(&["--set", "record.state_hz=60"]);
+    let (code, text) = diff(&[&mcap[0], &rarer.file("run.mcap")]);
+    assert_eq!(code, 1, "{text}");
+    assert!(text.starts_with("the states are equal, "), "{text}");
     // The laser's power shows when the laser does: what differs first is the beam.
     let (code, text) = diff(&[&mcap[0], &mcap[3]]);
     assert_eq!(code, 1, "{text}");

@@ -100,22 +100,36 @@ fn level(city: &City, at: DVec2, radius_m: f64) -> bool {
         .all(|p| (height_m(p) - height_m(at)).abs() < 0.05)
 }
 
+/// The default city without relief.
+fn flat_city() -> City {
+    let params = CityParams {
+        relief_m: 0.0,
+        ..CityParams::default()
+    };
+    City::generate(&params).unwrap()
+}
+
+/// How high what stands at a place is [m].
+fn built_m(city: &City, p: DVec2) -> f64 {
+    city.dsm.surface_m(p.x, p.y) - city.dsm.terrain_m(p.x, p.y)
+}
+
+/// Level ground with nothing on it.
+fn open_ground(city: &City) -> DVec2 {
+    (0..2_000)
+        .map(f64::from)
+        .map(|k| (100.0 + 0.2 * k) * DVec2::from_angle(2.4 * k))
+        .find(|p| level(city, *p, 8.0) && built_m(city, *p).abs() < 0.1)
+        .unwrap()
+}
+
 /// Two UAVs stand in still air, one above open ground and one above a flat roof, when their rotors
 /// die.
 #[test]
 fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
     const HEIGHT_M: f64 = 60.0;
-    let params = CityParams {
-        relief_m: 0.0,
-        ..CityParams::default()
-    };
-    let city = City::generate(&params).unwrap();
-    let built_m = |p: DVec2| city.dsm.surface_m(p.x, p.y) - city.dsm.terrain_m(p.x, p.y);
-    let open = (0..2_000)
-        .map(f64::from)
-        .map(|k| (100.0 + 0.2 * k) * DVec2::from_angle(2.4 * k))
-        .find(|p| level(&city, *p, 8.0) && built_m(*p).abs() < 0.1)
-        .unwrap();
+    let city = flat_city();
+    let open = open_ground(&city);
     let roofs = city.buildings.iter().filter(|building| {
         matches!(building.parts[0].roof, Roof::Flat(_)) && building.kind != BuildingKind::Station
     });
@@ -128,7 +142,7 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
             let around = steps_m.map(|e| steps_m.map(|n| centre + DVec2::new(e, n)));
             around.into_iter().flatten()
         })
-        .find(|p| level(&city, *p, 4.0) && built_m(*p) > 5.0)
+        .find(|p| level(&city, *p, 4.0) && built_m(&city, *p) > 5.0)
         .unwrap();
 
     let places = [open, roof].map(|p| {
@@ -231,17 +245,8 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
 /// When, where and into what UAVs fly is told: a roof, the ground, each other.
 #[test]
 fn a_crash_is_told_with_when_where_and_into_what() {
-    let params = CityParams {
-        relief_m: 0.0,
-        ..CityParams::default()
-    };
-    let city = City::generate(&params).unwrap();
-    let built_m = |p: DVec2| city.dsm.surface_m(p.x, p.y) - city.dsm.terrain_m(p.x, p.y);
-    let open = (0..2_000)
-        .map(f64::from)
-        .map(|k| (100.0 + 0.2 * k) * DVec2::from_angle(2.4 * k))
-        .find(|p| level(&city, *p, 8.0) && built_m(*p).abs() < 0.1)
-        .unwrap();
+    let city = flat_city();
+    let open = open_ground(&city);
     let flat = (city.buildings.iter().enumerate()).filter(|(_, building)| {
         matches!(building.parts[0].roof, Roof::Flat(_)) && building.kind != BuildingKind::Station
     });
@@ -256,7 +261,7 @@ fn a_crash_is_told_with_when_where_and_into_what() {
                 .map(|p| (number, p))
                 .collect::<Vec<_>>()
         })
-        .find(|(_, p)| level(&city, *p, 4.0) && built_m(*p) > 8.0)
+        .find(|(_, p)| level(&city, *p, 4.0) && built_m(&city, *p) > 8.0)
         .unwrap();
     let above = |p: DVec2| p.extend(city.dsm.surface_m(p.x, p.y) + 30.0);
     let high = DVec3::new(0.0, 300.0, 200.0);

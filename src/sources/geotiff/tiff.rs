@@ -46,6 +46,9 @@ fn none() -> Fault {
 fn refused(error: TiffError) -> Fault {
     match error {
         TiffError::InvalidMagic | TiffError::UnsupportedVersion(_) => none(),
+        TiffError::UnsupportedBitsPerSample(_) | TiffError::UnsupportedSampleFormat(_) => {
+            fault(error, FLOAT)
+        }
         other => fault(other, MEND),
     }
 }
@@ -61,7 +64,6 @@ fn number(bytes: &[u8], format: u16) -> Option<f64> {
         (2, 4) => f64::from(i32::from_ne_bytes(bytes.try_into().ok()?)),
         (1, 8) => u64::from_ne_bytes(bytes.try_into().ok()?) as f64,
         (2, 8) => i64::from_ne_bytes(bytes.try_into().ok()?) as f64,
-        (3, 2) => half::f16::from_ne_bytes(bytes.try_into().ok()?).to_f64(),
         (3, 4) => f64::from(f32::from_ne_bytes(bytes.try_into().ok()?)),
         (3, 8) => f64::from_ne_bytes(bytes.try_into().ok()?),
         _ => return None,

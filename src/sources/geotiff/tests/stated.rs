@@ -472,6 +472,11 @@ fn what_is_stated_and_not_understood_is_refused_by_name() {
             "{error}: {words:?}"
         );
     }
+    // Half floats, complex numbers.
+    for tag in [shorts(258, &[16]), shorts(339, &[6])] {
+        let error = said(vec![tag], &[]);
+        assert!(error.contains("-ot Float32"), "{error}");
+    }
     // Pictures.
     let pictures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/rasters");
     for (name, word) in [
