@@ -422,7 +422,7 @@ mod tests {
     #[test]
     fn the_page_has_every_uav_and_camera() {
         let page = tables(&[night()], &NIGHT).into_string();
-        for text in ["0.3 lx", "stv", "ctv", "0 of 246", "2.1", "in sight [s]"] {
+        for text in ["0.31 lx", "stv", "ctv", "0 of 246", "2.1", "in sight [s]"] {
             assert!(page.contains(text), "{text}");
         }
     }
