@@ -173,6 +173,8 @@ pub(super) fn with_options(
         base_height_m: params.base_height_m.unwrap_or_default(),
         building_height_m: params.building_height_m,
         lod: params.lod,
+        mesh_unit: params.mesh_unit,
+        mesh_up: params.mesh_up,
     };
     (at(params.file), options)
 }
@@ -192,6 +194,8 @@ fn key(sources: &[(PathBuf, Options)], site: &SiteFrame) -> Result<u128, PlaceEr
             options.crs.as_deref().unwrap_or_default(),
             options.lod.as_deref().unwrap_or_default(),
             options.terrain_crs.as_deref().unwrap_or_default(),
+            options.mesh_unit.as_deref().unwrap_or_default(),
+            options.mesh_up.map_or("", |axis| axis.letter()),
         ];
         for word in words {
             hash.update(word.as_bytes());

@@ -5,7 +5,6 @@ mod keys;
 mod metadata;
 pub mod raster;
 mod tiff;
-mod unit;
 
 use super::error::{Fault, SourceError};
 use super::options::Options;

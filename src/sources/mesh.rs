@@ -4,8 +4,9 @@ use super::error::{Fault, SourceError, read_bytes};
 use super::options::Options;
 use super::place::{Place, site};
 use super::surfaces::{Corner, triangulate};
+use super::unit;
 use super::{Layer, LayerKind};
-use crate::models::shape::textured::{Texture, TexturedMesh};
+use crate::models::shape::textured::{Texture, TexturedMesh, UpAxis};
 use crate::warning::Notes;
 use earcut::Earcut;
 use glam::{DMat3, DVec3, Vec3};
@@ -95,6 +96,60 @@ pub(super) fn placed(
         features: Vec::new(),
         warnings: notes.warnings(path),
     })
+}
+
+/// Meshes of a format that states neither unit nor axes, in metres (or in the unit of their system) with z up, as the
+/// options say; what they do not say is noted where nothing else tells it.
+pub(super) fn upright(
+    meshes: &mut [TexturedMesh],
+    options: &Options,
+    path: &Path,
+    notes: &mut Notes,
+) -> Result<(), SourceError> {
+    let local = options.crs.is_none() && options.georef.is_none();
+    let fault = |what: String, mend: &str| Fault::new("mesh_unit", what, mend).of(path);
+    let unit_m = match &options.mesh_unit {
+        Some(word) if local => unit::by_word(word).ok_or_else(|| {
+            fault(
+                format!("'{word}' is no unit of length that is known"),
+                "write m, cm, mm, ft, us-ft or in",
+            )
+        })?,
+        Some(_) => {
+            return Err(fault(
+                "its coordinates are already those of a system (crs) or of parameters (georef)"
+                    .into(),
+                "leave mesh_unit out, or give the site alone",
+            ));
+        }
+        None => 1.0,
+    };
+    if local {
+        let unstated = [
+            (options.mesh_unit.is_none(), "unit", "metres are", "mesh_unit"),
+            (options.mesh_up.is_none(), "axes", "z up is", "mesh_up"),
+        ];
+        for (_, place, taken, key) in unstated.iter().filter(|row| row.0) {
+            notes.assume(
+                place,
+                format!("the file states none; {taken} taken"),
+                format!("state it with --{} ({key} of a scenario's source)", key.replace('_', "-")),
+            );
+        }
+    }
+    let y_up = options.mesh_up == Some(UpAxis::Y);
+    for mesh in meshes.iter_mut().filter(|_| y_up || unit_m != 1.0) {
+        let turned = |[x, y, z]: [f32; 3]| if y_up { [x, -z, y] } else { [x, y, z] };
+        let [x, y, z] = mesh.origin_m.to_array();
+        mesh.origin_m = unit_m * if y_up { DVec3::new(x, -z, y) } else { mesh.origin_m };
+        for place in &mut mesh.positions {
+            *place = turned(*place).map(|x| (f64::from(x) * unit_m) as f32);
+        }
+        for normal in &mut mesh.normals {
+            *normal = turned(*normal);
+        }
+    }
+    Ok(())
 }
 
 /// A mesh whose vertices are put where a function says.

@@ -13,6 +13,7 @@ pub mod options;
 pub mod place;
 pub mod ply;
 pub mod surfaces;
+mod unit;
 
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::shape::textured::TexturedMesh;

@@ -5,7 +5,7 @@ mod parse;
 
 use super::Layer;
 use super::error::{Fault, SourceError, read_bytes};
-use super::mesh::{linear, picture, placed, triangles};
+use super::mesh::{linear, picture, placed, triangles, upright};
 use super::options::Options;
 use crate::models::shape::textured::{Look, Texture, TexturedMesh};
 use crate::warning::Notes;
@@ -55,6 +55,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         mesh.look.unlit = mesh.look.texture.is_some() || !mesh.colors.is_empty();
         meshes.push(mesh);
     }
+    upright(&mut meshes, options, path, &mut notes)?;
     placed(meshes, options, path, notes)
 }
 

@@ -1,6 +1,7 @@
 //! What a user says about a source beside its file.
 
 use crate::models::maths::geodesy::SiteFrame;
+use crate::models::shape::textured::UpAxis;
 use std::path::PathBuf;
 
 /// What is known of a source beside its file; every reader takes what concerns it.
@@ -27,4 +28,8 @@ pub struct Options {
     pub building_height_m: Option<f64>,
     /// Level of detail of a city model (`1`, `2.2`); `None`: the finest of each object.
     pub lod: Option<String>,
+    /// Unit of an OBJ's or PLY's coordinates in words (`mm`, `ft`); `None`: metres, or that of its system.
+    pub mesh_unit: Option<String>,
+    /// Axis of an OBJ or PLY that points up; `None`: z.
+    pub mesh_up: Option<UpAxis>,
 }

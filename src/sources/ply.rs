@@ -4,7 +4,7 @@ mod parse;
 
 use super::Layer;
 use super::error::{Fault, SourceError, read_bytes};
-use super::mesh::{linear, picture, placed, triangles};
+use super::mesh::{linear, picture, placed, triangles, upright};
 use super::options::Options;
 use crate::models::shape::textured::TexturedMesh;
 use crate::warning::Notes;
@@ -62,11 +62,12 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
     let model = model(&bytes, &mut notes);
     let model = model.map_err(|what| Fault::new("PLY", what, MEND).of(path))?;
     drop(bytes);
-    let meshes = meshes(&model, path, &mut notes);
+    let mut meshes = meshes(&model, path, &mut notes);
     if meshes.is_empty() {
         let what = format!("all {} faces are left out", model.faces.len());
         return Err(Fault::new("PLY", what, MEND).of(path));
     }
+    upright(&mut meshes, options, path, &mut notes)?;
     placed(meshes, options, path, notes)
 }
 

@@ -2,6 +2,7 @@
 
 use crate::models::ground::city::City;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
+use crate::models::shape::textured::UpAxis;
 use crate::output::columns;
 use crate::scenario::{InputError, Scenario};
 use crate::sources::Layer;
@@ -83,6 +84,12 @@ pub struct Arguments {
     /// Level of detail of a city model, such as 2.2 (default: the finest of each object).
     #[arg(long)]
     lod: Option<String>,
+    /// Unit of an OBJ's or PLY's coordinates, such as mm or ft (default: metres, or that of --crs).
+    #[arg(long, value_name = "UNIT")]
+    mesh_unit: Option<String>,
+    /// Axis of an OBJ or PLY that points up, y or z (default: z).
+    #[arg(long, value_name = "AXIS")]
+    mesh_up: Option<UpAxis>,
 }
 
 /// Why the command cannot be carried out.
@@ -156,6 +163,8 @@ impl Arguments {
             base_height_m: self.base_height,
             building_height_m: self.building_height,
             lod: self.lod.clone(),
+            mesh_unit: self.mesh_unit.clone(),
+            mesh_up: self.mesh_up,
         }
     }
 }

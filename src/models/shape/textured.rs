@@ -57,6 +57,38 @@ pub enum TilesLight {
     Relit,
 }
 
+/// The axis of a mesh's file that points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum UpAxis {
+    /// x to the right, z towards the viewer, as modellers and game engines write.
+    Y,
+    /// x east, y north, as surveys write.
+    Z,
+}
+
+impl UpAxis {
+    /// Its letter.
+    pub fn letter(self) -> &'static str {
+        match self {
+            Self::Y => "y",
+            Self::Z => "z",
+        }
+    }
+}
+
+impl std::str::FromStr for UpAxis {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.to_ascii_lowercase().as_str() {
+            "y" => Ok(Self::Y),
+            "z" => Ok(Self::Z),
+            _ => Err("expected y or z"),
+        }
+    }
+}
+
 /// An indexed triangle mesh of one look; triangles wind counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TexturedMesh {

@@ -2,11 +2,11 @@
 
 use super::metadata::Beside;
 use super::tiff::Tiff;
-use super::unit;
 use crate::projection::{Crs, vertical};
 use crate::sources::error::Fault;
 use crate::sources::options::Options;
 use crate::sources::place;
+use crate::sources::unit;
 use crate::warning::Notes;
 use geotiff_core::crs::RasterType;
 use geotiff_core::geokeys::{self as key, GeoKeyDirectory};

@@ -1,4 +1,5 @@
 use super::*;
+use crate::models::shape::textured::UpAxis;
 use proptest::prelude::*;
 
 fn odd(name: &str) -> Option<PathBuf> {
@@ -20,6 +21,8 @@ fn local() -> Options {
     };
     Options {
         site: Some(crate::models::maths::geodesy::SiteFrame::new(origin)),
+        mesh_unit: Some("m".into()),
+        mesh_up: Some(UpAxis::Z),
         ..Options::default()
     }
 }
@@ -207,7 +210,54 @@ fn colours_hollow_polygons_and_textures_with_spaces() {
     assert_eq!((wall.uv[1], wall.uv[2]), ([2.0, 1.0], [1.0, 0.0]));
 }
 
+#[test]
+fn what_is_not_stated_of_unit_and_axes_is_said() {
+    let text = "v 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 3\n";
+    let site_alone = Options {
+        mesh_unit: None,
+        mesh_up: None,
+        ..local()
+    };
+    let told = said(&read_text(text, &site_alone).unwrap());
+    assert!(told.contains("--mesh-unit") && told.contains("--mesh-up"), "{told}");
+    assert!(read_text(text, &local()).unwrap().warnings.is_empty());
+    let word = |unit: &str, options: Options| {
+        let options = Options {
+            mesh_unit: Some(unit.into()),
+            ..options
+        };
+        read_text(text, &options).unwrap_err().to_string()
+    };
+    assert!(word("cubit", local()).contains("'cubit' is no unit of length"));
+    assert!(word("mm", in_crs()).contains("already those of a system"));
+}
+
 proptest! {
+    /// Another unit and another axis up, with coordinates to match, are the same ground.
+    #[test]
+    fn another_unit_or_axis_is_the_same_ground(
+        points in prop::collection::vec(prop::array::uniform3(-500.0..500.0_f64), 3..12),
+        unit in prop::sample::select(vec![("mm", 1e-3), ("ft", 0.3048), ("us-ft", 1200.0 / 3937.0), ("in", 0.0254)]),
+        up in prop::sample::select(vec![UpAxis::Y, UpAxis::Z]),
+    ) {
+        let write = |turned: bool, unit_m: f64| -> String {
+            let vertex = |p: &[f64; 3]| {
+                let [x, y, z] = p.map(|v| v / unit_m);
+                let [x, y, z] = if turned { [x, z, -y] } else { [x, y, z] };
+                format!("v {x} {y} {z}\n")
+            };
+            let faces = (0..points.len() - 2).map(|k| format!("f {} {} {}\n", k + 1, k + 2, k + 3));
+            points.iter().map(vertex).chain(faces).collect()
+        };
+        let stated = Options { mesh_unit: Some(unit.0.into()), mesh_up: Some(up), ..local() };
+        let one = corners(&read_text(&write(false, 1.0), &local()).unwrap()).0;
+        let other = corners(&read_text(&write(up == UpAxis::Y, unit.1), &stated).unwrap()).0;
+        prop_assert_eq!(one.len(), other.len());
+        for (one, other) in one.iter().zip(&other) {
+            prop_assert!(one.distance(*other) < 1e-3, "{one} {other}");
+        }
+    }
+
     /// An offset of the file's coordinates, taken off by the map, is the same ground, however far.
     #[test]
     fn an_offset_is_the_same_ground(

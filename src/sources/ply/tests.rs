@@ -1,5 +1,6 @@
 use super::*;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
+use crate::models::shape::textured::UpAxis;
 use proptest::prelude::*;
 
 fn local() -> Options {
@@ -9,6 +10,8 @@ fn local() -> Options {
             longitude_rad: 0.15,
             height_m: 500.0,
         })),
+        mesh_unit: Some("m".into()),
+        mesh_up: Some(UpAxis::Z),
         ..Options::default()
     }
 }

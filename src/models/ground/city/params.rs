@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::models::shape::textured::TilesLight;
+use crate::models::shape::textured::{TilesLight, UpAxis};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -60,7 +60,7 @@ pub struct CityParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "expected a path, or a table of file, crs, geoid_height_m, georef, orthophoto, terrain, terrain_crs, base_height_m, building_height_m and lod"
+    expecting = "expected a path, or a table of file, crs, geoid_height_m, georef, orthophoto, terrain, terrain_crs, base_height_m, building_height_m, lod, mesh_unit and mesh_up"
 )]
 pub enum CitySource {
     /// A path.
@@ -93,6 +93,10 @@ pub struct SourceParams {
     pub building_height_m: Option<f64>,
     /// Level of detail of a city model.
     pub lod: Option<String>,
+    /// Unit of an OBJ's or PLY's coordinates, such as "mm" or "ft"; absent: metres, or that of `crs`.
+    pub mesh_unit: Option<String>,
+    /// Axis of an OBJ or PLY that points up; absent: z.
+    pub mesh_up: Option<UpAxis>,
 }
 
 impl CitySource {
@@ -111,6 +115,8 @@ impl CitySource {
                 base_height_m: None,
                 building_height_m: None,
                 lod: None,
+                mesh_unit: None,
+                mesh_up: None,
             },
         }
     }

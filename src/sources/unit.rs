@@ -1,4 +1,4 @@
-//! Units of length as rasters state them: by EPSG's code or in words.
+//! Units of length as files and users state them: by EPSG's code or in words.
 
 /// EPSG's code, metres, and the words for it, in lower case.
 const UNITS: [(u16, f64, &[&str]); 15] = [
