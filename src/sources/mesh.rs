@@ -126,14 +126,22 @@ pub(super) fn upright(
     };
     if local {
         let unstated = [
-            (options.mesh_unit.is_none(), "unit", "metres are", "mesh_unit"),
+            (
+                options.mesh_unit.is_none(),
+                "unit",
+                "metres are",
+                "mesh_unit",
+            ),
             (options.mesh_up.is_none(), "axes", "z up is", "mesh_up"),
         ];
         for (_, place, taken, key) in unstated.iter().filter(|row| row.0) {
             notes.assume(
                 place,
                 format!("the file states none; {taken} taken"),
-                format!("state it with --{} ({key} of a scenario's source)", key.replace('_', "-")),
+                format!(
+                    "state it with --{} ({key} of a scenario's source)",
+                    key.replace('_', "-")
+                ),
             );
         }
     }
@@ -141,7 +149,12 @@ pub(super) fn upright(
     for mesh in meshes.iter_mut().filter(|_| y_up || unit_m != 1.0) {
         let turned = |[x, y, z]: [f32; 3]| if y_up { [x, -z, y] } else { [x, y, z] };
         let [x, y, z] = mesh.origin_m.to_array();
-        mesh.origin_m = unit_m * if y_up { DVec3::new(x, -z, y) } else { mesh.origin_m };
+        mesh.origin_m = unit_m
+            * if y_up {
+                DVec3::new(x, -z, y)
+            } else {
+                mesh.origin_m
+            };
         for place in &mut mesh.positions {
             *place = turned(*place).map(|x| (f64::from(x) * unit_m) as f32);
         }

@@ -22,6 +22,8 @@ pub struct Stated {
     pub system: Option<System>,
     /// Latitude and longitude of its site.
     pub site: Option<Site>,
+    /// The reference height of its first building that states one.
+    pub building: Option<Level>,
 }
 
 /// From the model's coordinates to a map's.
@@ -56,6 +58,32 @@ pub struct Site {
     pub origin_m: DVec3,
 }
 
+/// A height over the sea that a record states of its own origin.
+#[derive(Clone, Debug)]
+pub struct Level {
+    /// The record.
+    pub place: String,
+    /// What the record calls it.
+    pub name: &'static str,
+    /// Height over the sea [m].
+    pub elevation_m: f64,
+    /// The record's origin in the frame of the placements [m].
+    pub origin_m: DVec3,
+}
+
+impl Site {
+    /// Its elevation, where it is stated.
+    pub fn level(&self) -> Option<Level> {
+        let elevation_m = self.elevation_m?;
+        Some(Level {
+            place: self.place.clone(),
+            name: "RefElevation",
+            elevation_m,
+            origin_m: self.origin_m,
+        })
+    }
+}
+
 impl Stated {
     /// Reads what the records state.
     ///
@@ -68,6 +96,7 @@ impl Stated {
         }
         stated.take_context(model, kinds, source)?;
         stated.take_site(model, kinds);
+        stated.take_building(model, kinds);
         Ok(stated)
     }
 
@@ -229,7 +258,29 @@ impl Stated {
         Ok(())
     }
 
-    /// Takes the first site with a latitude and a longitude.
+    /// Takes the reference height of the first building that states one; 0 is what programs write that know none.
+    fn take_building(&mut self, model: &mut Model, kinds: &[(u32, IfcType)]) {
+        let buildings = kinds.iter().filter(|row| row.1 == IfcType::IfcBuilding);
+        for (id, _) in buildings {
+            let Some(building) = model.entity(*id) else {
+                continue;
+            };
+            let elevation = building.get_float(9).filter(|v| v.is_finite() && *v != 0.0);
+            let Some((elevation, placement)) = elevation.zip(model.placement(&building).ok())
+            else {
+                continue;
+            };
+            self.building = Some(Level {
+                place: format!("#{id} IfcBuilding"),
+                name: "ElevationOfRefHeight",
+                elevation_m: elevation * model.unit_m,
+                origin_m: placement.translation,
+            });
+            return;
+        }
+    }
+
+    /// Takes the first site with a latitude and a longitude, and notes where others state another place.
     fn take_site(&mut self, model: &mut Model, kinds: &[(u32, IfcType)]) {
         for (id, kind) in kinds {
             if *kind != IfcType::IfcSite {
@@ -258,6 +309,17 @@ impl Stated {
                 model.notes.assume(place, what, "state where the site lies");
                 continue;
             }
+            if let Some(first) = &self.site {
+                if (first.latitude_deg, first.longitude_deg) != (latitude_deg, longitude_deg) {
+                    let what = format!(
+                        "its latitude and longitude are not those of {}, which count for the whole model",
+                        first.place
+                    );
+                    let mend = "give each site a file of its own, or place it with --georef";
+                    model.notes.assume(place, what, mend);
+                }
+                continue;
+            }
             let Ok(placement) = model.placement(&site) else {
                 let what = "its placement is damaged: its latitude and longitude are not used";
                 model.notes.assume(place, what, MEND);
@@ -271,7 +333,6 @@ impl Stated {
                 elevation_m: elevation.map(|v| v * model.unit_m),
                 origin_m: placement.translation,
             });
-            return;
         }
     }
 }

@@ -199,16 +199,46 @@ impl Placing<'_> {
             );
             notes.assume(&site.place, what, MEND);
         }
-        if site.elevation_m.is_none() {
-            let what = "RefElevation is not stated: taken as 0 m over the sea";
-            notes.assume(&site.place, what, "state it, or place it with --georef");
-        }
-        let ground = DVec3::new(
-            site.longitude_deg,
-            site.latitude_deg,
-            site.elevation_m.unwrap_or(0.0),
-        );
+        let elevation_m = self.elevation_m(site, notes);
+        let ground = DVec3::new(site.longitude_deg, site.latitude_deg, elevation_m);
         self.about(ground, origin_m)
+    }
+
+    /// Height over the sea [m] of a site's origin: its own, or what its building's reference height makes of it.
+    fn elevation_m(&self, site: &Site, notes: &mut Notes) -> f64 {
+        let mend = "state RefElevation of the site, or place it with --georef";
+        let building = self.stated.building.as_ref();
+        let by_building = building.map(|level| {
+            let elevation_m = level.elevation_m + site.origin_m.z - level.origin_m.z;
+            (level, elevation_m)
+        });
+        match (site.elevation_m, by_building) {
+            (Some(own_m), Some((level, by_building_m))) => {
+                if (own_m - by_building_m).abs() > HEIGHT_M {
+                    let what = format!(
+                        "by its {} the site lies {by_building_m:.1} m over the sea, which contradicts the site's RefElevation \
+                         of {own_m:.1} m: the latter counts",
+                        level.name
+                    );
+                    notes.assume(&level.place, what, MEND);
+                }
+                own_m
+            }
+            (Some(own_m), None) => own_m,
+            (None, Some((level, by_building_m))) => {
+                let what = format!(
+                    "RefElevation is not stated: taken as {by_building_m:.1} m over the sea, by {} of {}",
+                    level.name, level.place
+                );
+                notes.assume(&site.place, what, mend);
+                by_building_m
+            }
+            (None, None) => {
+                let what = "RefElevation is not stated: taken as 0 m over the sea";
+                notes.assume(&site.place, what, mend);
+                0.0
+            }
+        }
     }
 
     /// About a longitude and latitude that a rigid operation states.
@@ -385,19 +415,22 @@ impl Placing<'_> {
                 );
                 notes.assume(&site.place, what, MEND);
             }
-            let here = Geodetic::from_ecef(to_ecef(site.origin_m)?);
+        }
+        let site = self.stated.site.as_ref().and_then(Site::level);
+        for level in site.iter().chain(&self.stated.building) {
+            let here = Geodetic::from_ecef(to_ecef(level.origin_m)?);
             let wgs84 = place::crs("EPSG:4326+5773", self.options)?;
             let (longitude, latitude) = (here.longitude_rad, here.latitude_rad);
             let ground = DVec3::new(longitude.to_degrees(), latitude.to_degrees(), 0.0);
             let over_the_sea_m = here.height_m - wgs84.to_geodetic(ground)?.height_m;
-            let stated_m = site.elevation_m.filter(|v| *v != 0.0);
-            if let Some(stated_m) = stated_m.filter(|v| (v - over_the_sea_m).abs() > HEIGHT_M) {
+            let stated_m = level.elevation_m;
+            if stated_m != 0.0 && (stated_m - over_the_sea_m).abs() > HEIGHT_M {
                 let what = format!(
-                    "its RefElevation of {stated_m:.1} m contradicts {}, by which it lies {over_the_sea_m:.1} m over the sea: the \
+                    "its {} of {stated_m:.1} m contradicts {}, by which it lies {over_the_sea_m:.1} m over the sea: the \
                      latter counts",
-                    operation.place
+                    level.name, operation.place
                 );
-                notes.assume(&site.place, what, MEND);
+                notes.assume(&level.place, what, MEND);
             }
         }
         // North of the map in the model's plane, which is some degrees off true north at most.

@@ -219,7 +219,10 @@ fn what_is_not_stated_of_unit_and_axes_is_said() {
         ..local()
     };
     let told = said(&read_text(text, &site_alone).unwrap());
-    assert!(told.contains("--mesh-unit") && told.contains("--mesh-up"), "{told}");
+    assert!(
+        told.contains("--mesh-unit") && told.contains("--mesh-up"),
+        "{told}"
+    );
     assert!(read_text(text, &local()).unwrap().warnings.is_empty());
     let word = |unit: &str, options: Options| {
         let options = Options {

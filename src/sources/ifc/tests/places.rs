@@ -324,6 +324,52 @@ fn contradictions_are_said_and_the_map_counts() {
 }
 
 #[test]
+fn of_several_sites_the_first_counts_and_a_building_tells_a_height() {
+    let second = SITE
+        .replace("#200", "#210")
+        .replace("(48,8,0)", "(52,30,0)");
+    let (found, said) = middle(&format!("{SITE}{second}"));
+    assert!((found.latitude_rad.to_degrees() - 48.0 - 8.0 / 60.0).abs() < 1e-4);
+    assert!(
+        said.contains("#210 IfcSite: its latitude and longitude are not those of #200"),
+        "{said}"
+    );
+    let (_, said) = middle(&format!("{SITE}{}", SITE.replace("#200", "#210")));
+    assert!(said.is_empty(), "{said}");
+
+    let building = |elevation: &str| {
+        format!("#220=IFCBUILDING('b',$,'House',$,$,#10,$,$,.ELEMENT.,{elevation},$,$);\n")
+    };
+    let (stated, _) = middle(SITE);
+    let (told, said) = middle(&format!(
+        "{}{}",
+        SITE.replace("515.", "$"),
+        building("515.")
+    ));
+    assert!(stated.to_ecef().distance(told.to_ecef()) < 1e-6);
+    assert!(
+        said.contains("taken as 515.0 m over the sea, by ElevationOfRefHeight of #220"),
+        "{said}"
+    );
+    let (found, said) = middle(&format!("{SITE}{}", building("530.")));
+    assert!(stated.to_ecef().distance(found.to_ecef()) < 1e-6);
+    assert!(
+        said.contains("530.0 m over the sea, which contradicts"),
+        "{said}"
+    );
+    for unset in ["$", "0.", "515."] {
+        let (_, said) = middle(&format!("{SITE}{}", building(unset)));
+        assert!(said.is_empty(), "{said}");
+    }
+    let map = format!("#205=IFCMAPCONVERSION(#5,#201,691000.,5334000.,515.,1.,0.,$);\n{CRS}");
+    let (_, said) = middle(&format!("{SITE}{}{map}", building("30.")));
+    assert!(
+        said.contains("ElevationOfRefHeight of 30.0 m contradicts"),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_site_stands_at_its_latitude_with_true_north() {
     let (found, said) = middle(SITE);
     let site = |latitude: f64, longitude: f64, height: f64| {
