@@ -388,7 +388,12 @@ fn epsg(part: &str) -> Option<u32> {
 
 /// The PROJ string of a code.
 fn by_code(code: u16) -> Option<String> {
-    crs_definitions::from_code(code).map(|found| found.proj4.into())
+    definition_of(code).map(Into::into)
+}
+
+/// The PROJ string of EPSG's code of a horizontal system; `None` where the register has none.
+pub fn definition_of(code: u16) -> Option<&'static str> {
+    crs_definitions::from_code(code).map(|found| found.proj4)
 }
 
 /// Central meridian of a transverse Mercator projection [deg].

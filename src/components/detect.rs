@@ -177,10 +177,15 @@ impl DetectorInUse {
     /// The detections that a picture is marked with, the weakest first, so that none covers a stronger one: those that
     /// count by themselves.
     pub fn drawn<'a>(&self, detections: &'a [Detection]) -> Vec<&'a Detection> {
-        let counts = |found: &&Detection| found.score >= self.reading.start_score;
+        let counts = |found: &&Detection| !self.is_weak(found);
         let mut drawn: Vec<_> = detections.iter().filter(counts).collect();
         drawn.sort_by(|a, b| a.score.total_cmp(&b.score));
         drawn
+    }
+
+    /// Whether a detection counts only where a track awaits it.
+    pub fn is_weak(&self, detection: &Detection) -> bool {
+        detection.score < self.reading.start_score
     }
 
     /// What a picture's box is labelled with: the score, and the class where there are several.

@@ -108,6 +108,17 @@ pub type SessionEnd = Box<dyn FnOnce(&mut World, Result<(), PartError>, Duration
 #[derive(Resource)]
 pub struct Taken(pub Image);
 
+/// Something that the detector found in a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// Where: x0, y0, x1, y1 [px].
+    pub box_px: [f64; 4],
+    /// What it is taken for.
+    pub caption: String,
+    /// Whether it counts only where a track awaits it.
+    pub weak: bool,
+}
+
 /// A camera's picture as the window shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
@@ -119,8 +130,8 @@ pub struct Picture {
     pub rgb8: Arc<Vec<u8>>,
     /// Whether it is but a part of the camera's sensor.
     pub part: bool,
-    /// What the detector found in it: x0, y0, x1, y1 [px], and what it takes that for.
-    pub boxes: Vec<([f64; 4], String)>,
+    /// What the detector found in it, the weakest first.
+    pub found: Vec<Found>,
     /// Where the boresight is [px].
     pub reticle_px: Option<[f64; 2]>,
     /// The tracking state then.
@@ -152,6 +163,10 @@ pub struct Uploaded {
     /// Its name in egui.
     pub texture: egui::TextureId,
 }
+
+/// Whether the pictures are marked with what the detector found below its threshold, too.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct ShowWeak(pub bool);
 
 /// The pictures of [`Pictures`] on the GPU, by column and camera.
 #[derive(Resource, Clone, Debug, Default)]

@@ -4,8 +4,8 @@ use crate::components::environment::Environment;
 use crate::components::render::LeanPaint;
 use crate::components::run::{SetUp, TickSet};
 use crate::components::view::{
-    ChosenStation, DrawAndTick, Estimates, Insets, Pacing, Pictures, Playback, Sight, TrackRows,
-    WindowFrame,
+    ChosenStation, DrawAndTick, Estimates, Insets, Pacing, Pictures, Playback, ShowWeak, Sight,
+    TrackRows, WindowFrame,
 };
 use crate::plugins::render::renders;
 use crate::plugins::tiles::FollowTiles;
@@ -40,6 +40,7 @@ impl Plugin for ViewPlugin {
             .init_resource::<WindowFrame>()
             .init_resource::<Pacing>()
             .init_resource::<Insets>()
+            .init_resource::<ShowWeak>()
             .init_resource::<Pictures>()
             .init_resource::<Estimates>()
             .init_resource::<Sight>()

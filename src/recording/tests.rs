@@ -652,14 +652,18 @@ fn weak_boxes_are_told_from_strong_ones() {
     let timeline = timeline::Timeline::of(&recorded);
     let camera = timeline.cameras.iter().find(|c| c.name == "ctv").unwrap();
     let marks = camera.marks_at(8).unwrap();
-    let labels = |marks: Vec<&timeline::Mark>| -> Vec<String> {
-        marks.iter().map(|mark| mark.label.clone()).collect()
-    };
+    let boxes: Vec<_> = (marks.boxes.iter())
+        .map(|mark| (mark.label.as_str(), mark.weak))
+        .collect();
     assert_eq!(
-        labels(marks.boxes.iter().collect()),
-        ["bird 0.10", "uav 0.20", "uav 0.40", "uav 0.90"]
+        boxes,
+        [
+            ("bird 0.10", true),
+            ("uav 0.20", true),
+            ("uav 0.40", false),
+            ("uav 0.90", false)
+        ]
     );
-    assert_eq!(labels(marks.strong().collect()), ["uav 0.40", "uav 0.90"]);
     assert_eq!(marks.boxes[3].rect_px, [9.0, 20.0, 30.0, 27.0]);
     assert_eq!(marks.reticle_px, Some([32.0, 24.0]));
 }

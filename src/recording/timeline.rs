@@ -110,13 +110,6 @@ pub struct Mark {
     pub weak: bool,
 }
 
-impl Marks {
-    /// The boxes that count by themselves, with their labels.
-    pub fn strong(&self) -> impl Iterator<Item = &Mark> {
-        self.boxes.iter().filter(|mark| !mark.weak)
-    }
-}
-
 /// What a camera left.
 #[derive(Clone, Debug, Default)]
 pub struct CameraTrack {

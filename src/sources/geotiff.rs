@@ -3,6 +3,7 @@
 mod grid;
 mod keys;
 mod metadata;
+mod own;
 pub mod raster;
 mod tiff;
 

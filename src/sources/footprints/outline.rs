@@ -196,10 +196,8 @@ impl Footprint {
             return top < 0.0;
         }
         let quiet = &mut Remarks::default();
-        let none = STOREYS
-            .iter()
-            .find_map(|key| top(key))
-            .is_some_and(|n| n <= 0.0);
+        let storeys = STOREYS.iter().find_map(|key| top(key));
+        let none = storeys.is_some_and(|n| n <= 0.0);
         let cellars = ["building:levels:underground", "num_floors_underground"];
         let under = |key: &&str| top(key).is_some_and(|n| n < 0.0);
         let height_m = self.number(&HEIGHT, length::length_m, quiet);
@@ -218,7 +216,8 @@ impl Footprint {
         if height_m.is_some_and(|m| m <= 0.0) && bottom_m.is_some_and(|m| m < 0.0) {
             return true;
         }
-        top("layer").is_some_and(|layer| layer < 0.0)
+        let stands = stands || storeys.is_some_and(|n| n > 0.0);
+        !stands && top("layer").is_some_and(|layer| layer < 0.0)
     }
 
     /// A text among its attributes.
@@ -284,7 +283,9 @@ mod tests {
             (json!({"location": "underground"}), true),
             (json!({"location": "underwater", "height": 5}), true),
             (json!({"layer": "-1"}), true),
-            (json!({"layer": -2, "height": "3"}), true),
+            (json!({"layer": -1, "height": "45"}), false),
+            (json!({"layer": "-1", "building:levels": "4"}), false),
+            (json!({"layer": "-1", "building:levels": "0"}), true),
             (json!({"layer": "-1", "location": "surface"}), false),
             (json!({"layer": "-1", "level": "-1;0"}), false),
             (json!({"layer": "1"}), false),

@@ -1,6 +1,7 @@
 //! The GeoKeys of a raster: which system its map and its heights are in.
 
 use super::metadata::Beside;
+use super::own;
 use super::tiff::Tiff;
 use crate::projection::{Crs, vertical};
 use crate::sources::error::Fault;
@@ -24,8 +25,16 @@ pub struct System {
     pub to_map: f64,
 }
 
+/// A system as the keys say it.
+enum Horizontal {
+    /// Its code by EPSG.
+    Code(u16),
+    /// Its PROJ string, of parameters that the keys state.
+    Own(String),
+}
+
 /// Codes that name nothing: undefined and user-defined.
-const NONE: [u16; 2] = [0, 32_767];
+pub const NONE: [u16; 2] = [0, 32_767];
 /// Kinds of maps: projected, geographic, geocentric.
 const MODELS: [u16; 3] = [1, 2, 3];
 /// Keys that change where a raster lies, and are not applied: datum shift, prime meridian.
@@ -66,16 +75,19 @@ impl Keys {
         first.map_or(String::new(), |text| format!(" ('{text}')"))
     }
 
-    /// The code of the map that the keys name; `None` where they name none.
-    fn horizontal(&self) -> Result<Option<u16>, Fault> {
-        let own = |what: &str, ids: &[u16]| {
-            let what = format!("its keys define {what} of their own{}", self.citation(ids));
-            Fault::new(
-                "coordinates",
-                what,
-                format!("{NAME} by its code or PROJ string"),
-            )
+    /// The system that the keys name by its code, or define by its parameters; `None` where they name none.
+    fn horizontal(&self) -> Result<Option<Horizontal>, Fault> {
+        let own = |defined: Result<String, String>, ids: &[u16]| {
+            let fault = |what: String| {
+                let what = format!("its keys define {what}{}", self.citation(ids));
+                let mend = format!("{NAME} by its code or PROJ string");
+                Fault::new("coordinates", what, mend)
+            };
+            defined
+                .map(|text| Some(Horizontal::Own(text)))
+                .map_err(fault)
         };
+        let coded = |code: u16| Horizontal::Code(code);
         let projected = self.short(key::PROJECTED_CRS_TYPE);
         let geodetic = self.short(key::GEODETIC_CRS_TYPE);
         let map = [key::PROJ_CITATION, key::GT_CITATION];
@@ -92,19 +104,21 @@ impl Keys {
                 ))
             }
             Some(2) => match self.code(key::GEODETIC_CRS_TYPE) {
-                None if geodetic.is_some() => Err(own(
-                    "a geographic system",
+                None if geodetic.is_some() => own(
+                    own::geographic(&self.directory),
                     &[key::GEOG_CITATION, key::GT_CITATION],
-                )),
-                code => Ok(code),
+                ),
+                code => Ok(code.map(coded)),
             },
             model => match self.code(key::PROJECTED_CRS_TYPE) {
-                Some(code) => Ok(Some(code)),
-                None if projected.is_some() || self.short(key::PROJ_COORD_TRANS).is_some() => {
-                    Err(own("a projection", &map))
+                Some(code) => Ok(Some(coded(code))),
+                None if model == Some(1)
+                    || projected.is_some()
+                    || self.short(key::PROJ_COORD_TRANS).is_some() =>
+                {
+                    own(own::projected(&self.directory), &map)
                 }
-                None if model == Some(1) => Err(own("a projection", &map)),
-                None => Ok(self.code(key::GEODETIC_CRS_TYPE)),
+                None => Ok(self.code(key::GEODETIC_CRS_TYPE).map(coded)),
             },
         }
     }
@@ -154,15 +168,19 @@ impl Keys {
     /// The map that the keys name, else that of the file beside the raster, with what east and north are multiplied with; `None` where
     /// neither names one.
     pub fn map(&self, beside: &Beside, notes: &mut Notes) -> Result<Option<System>, Fault> {
-        let named = match self.horizontal()? {
-            Some(code) => Some(format!("EPSG:{code}")),
-            None => beside.system.as_deref().and_then(of_wkt),
+        let name = match self.horizontal()? {
+            Some(Horizontal::Own(text)) => {
+                let crs = Crs::parse(&text)?;
+                return Ok(Some(System { crs, to_map: 1.0 }));
+            }
+            Some(Horizontal::Code(code)) => format!("EPSG:{code}"),
+            None => match beside.system.as_deref().and_then(of_wkt) {
+                Some(name) => name,
+                None => return Ok(None),
+            },
         };
-        let Some(name) = named else {
-            return Ok(None);
-        };
-        let own = |(id, _): &&(u16, &str)| self.directory.get(*id).is_some();
-        for (_, shift) in SHIFTS.iter().filter(own) {
+        let stated = |(id, _): &&(u16, &str)| self.directory.get(*id).is_some();
+        for (_, shift) in SHIFTS.iter().filter(stated) {
             let what = format!("the file's own is not applied: that of {name} counts");
             notes.assume(shift, what, format!("{NAME} as a PROJ string that has it"));
         }
@@ -222,26 +240,20 @@ impl Keys {
 
     /// What east and north are multiplied with: the keys may state another unit than the system's.
     fn to_map(&self, crs: &Crs) -> Result<f64, Fault> {
-        let id = match crs.is_geographic() {
-            true => key::GEOG_ANGULAR_UNITS,
-            false => key::PROJ_LINEAR_UNITS,
+        let unknown = |code: u16| {
+            let name = match crs.is_geographic() {
+                true => "GeogAngularUnits",
+                false => "ProjLinearUnits",
+            };
+            let what = format!("{code} is no unit known here");
+            let mend = format!("write it in degrees or metres (gdalwarp -t_srs), or {NAME}");
+            Fault::new(name, what, mend)
         };
-        let Some(code) = self.code(id) else {
+        let unit = own::map_unit(&self.directory, crs.is_geographic()).map_err(unknown)?;
+        let Some(unit) = unit else {
             return Ok(1.0);
         };
-        let (name, unit) = match crs.is_geographic() {
-            true => ("GeogAngularUnits", unit::degrees(code)),
-            false => ("ProjLinearUnits", unit::by_code(code)),
-        };
-        let unknown = || {
-            let what = format!("{code} is no unit known here");
-            Fault::new(
-                name,
-                what,
-                format!("write it in degrees or metres (gdalwarp -t_srs), or {NAME}"),
-            )
-        };
-        let to_map = unit.ok_or_else(unknown)? / crs.map_unit_m();
+        let to_map = unit / crs.map_unit_m();
         Ok(if (to_map - 1.0).abs() < 1e-9 {
             1.0
         } else {

@@ -4,7 +4,7 @@ use super::style::{AMBER, GREEN, GREY, panel_frame, rimmed, screen_ui, source_co
 use crate::components::capture::{Readout, SensorCamera};
 use crate::components::detect::DetectorInUse;
 use crate::components::record::{CameraHistory, KeptFrame};
-use crate::components::view::{CameraShown, Insets, Picture, Pictures, Uploaded};
+use crate::components::view::{CameraShown, Found, Insets, Picture, Pictures, ShowWeak, Uploaded};
 use crate::media::labels;
 use bevy::asset::RenderAssetUsages;
 use bevy::prelude::*;
@@ -44,20 +44,22 @@ pub fn look_at_cameras(
 
 fn picture_of(frame: &KeptFrame, camera: &SensorCamera, detector: &DetectorInUse) -> Picture {
     let [dx, dy] = frame.offset_px.map(f64::from);
-    let boxes = detector
-        .drawn(&frame.detections)
-        .into_iter()
-        .map(|detection| {
-            let [x0, y0, x1, y1] = detection.box_px;
-            let found = [x0 - dx, y0 - dy, x1 - dx, y1 - dy];
-            (found, detector.caption(detection))
-        });
+    let mut found: Vec<_> = frame.detections.iter().collect();
+    found.sort_by(|a, b| a.score.total_cmp(&b.score));
+    let found = found.into_iter().map(|detection| {
+        let [x0, y0, x1, y1] = detection.box_px;
+        Found {
+            box_px: [x0 - dx, y0 - dy, x1 - dx, y1 - dy],
+            caption: detector.caption(detection),
+            weak: detector.is_weak(detection),
+        }
+    });
     Picture {
         t_s: frame.t_s,
         size_px: frame.size_px,
         rgb8: frame.rgb8.clone(),
         part: frame.size_px != [camera.pinhole.width_px, camera.pinhole.height_px],
-        boxes: boxes.collect(),
+        found: found.collect(),
         reticle_px: Some([frame.centre_px[0] - dx, frame.centre_px[1] - dy]),
         state: frame.state.to_owned(),
     }
@@ -123,6 +125,7 @@ pub fn draw_insets(
     mut contexts: EguiContexts,
     shown: Res<Pictures>,
     insets: Res<Insets>,
+    mut weak: ResMut<ShowWeak>,
 ) -> Result {
     let ctx = contexts.ctx_mut()?;
     let columns = shown.0.len().max(1);
@@ -137,6 +140,7 @@ pub fn draw_insets(
         if most == 0 {
             ui.colored_label(GREY, "no pictures recorded");
         }
+        ui.checkbox(&mut weak.0, "boxes below the threshold");
         let share = ui.available_height() / most.max(1) as f32;
         let height = (share - 26.0).clamp(20.0, 0.75 * width);
         ui.horizontal_top(|ui| {
@@ -145,7 +149,7 @@ pub fn draw_insets(
                     ui.set_width(width);
                     for camera in cameras {
                         let inset = insets.0.get(&(number, camera.name.clone()));
-                        draw_camera(ui, camera, inset, [width, height], number);
+                        draw_camera(ui, camera, inset, [width, height], (number, *weak));
                     }
                 });
             }
@@ -159,7 +163,7 @@ fn draw_camera(
     camera: &CameraShown,
     inset: Option<&Uploaded>,
     [width, height]: [f32; 2],
-    source: usize,
+    (source, weak): (usize, ShowWeak),
 ) {
     ui.horizontal(|ui| {
         let name = egui::RichText::new(camera.name.to_uppercase()).strong();
@@ -184,7 +188,7 @@ fn draw_camera(
         );
         return;
     };
-    PlacedPicture::new(slot, picture).draw(&painter, picture, inset);
+    PlacedPicture::new(slot, picture).draw(&painter, picture, inset, weak);
     rimmed(
         &painter,
         slot.left_top() + vec2(5.0, 4.0),
@@ -218,18 +222,24 @@ impl PlacedPicture {
     }
 
     /// The boxes, the weakest first, with their labels, of which the stronger choose their places first.
-    fn draw_boxes(&self, painter: &egui::Painter, picture: &Picture) {
+    fn draw_boxes(&self, painter: &egui::Painter, picture: &Picture, weak: ShowWeak) {
         let area = painter.clip_rect().intersect(self.shown);
         let within = |at: Pos2| [at.x - area.min.x, at.y - area.min.y].map(f64::from);
-        let strongest_first = || picture.boxes.iter().rev();
+        let strongest_first = || {
+            let shown = |found: &&Found| weak.0 || !found.weak;
+            picture.found.iter().rev().filter(shown)
+        };
+        let colour = |found: &Found| if found.weak { GREY } else { GREEN };
         let outlines: Vec<Rect> = strongest_first()
-            .map(|([x0, y0, x1, y1], _)| {
-                Rect::from_two_pos(self.at(*x0, *y0), self.at(*x1, *y1)).expand(2.0)
+            .map(|found| {
+                let [x0, y0, x1, y1] = found.box_px;
+                Rect::from_two_pos(self.at(x0, y0), self.at(x1, y1)).expand(2.0)
             })
             .collect();
         let words: Vec<_> = strongest_first()
-            .map(|(_, caption)| {
-                painter.layout_no_wrap(caption.clone(), FontId::proportional(11.0), GREEN)
+            .map(|found| {
+                let font = FontId::proportional(11.0);
+                painter.layout_no_wrap(found.caption.clone(), font, colour(found))
             })
             .collect();
         let boxes: Vec<[f64; 4]> = (outlines.iter())
@@ -243,20 +253,28 @@ impl PlacedPicture {
             .collect();
         let size_px = [area.width(), area.height()].map(f64::from);
         let places = labels::place(&boxes, &labels_px, size_px, 1.0);
-        for ((outline, words), place) in outlines.into_iter().zip(words).zip(places).rev() {
-            painter.rect_stroke(outline, 0.0, Stroke::new(1.4, GREEN), StrokeKind::Outside);
+        let colours: Vec<Color32> = strongest_first().map(colour).collect();
+        let drawn = outlines.into_iter().zip(words).zip(colours).zip(places);
+        for (((outline, words), colour), place) in drawn.rev() {
+            painter.rect_stroke(outline, 0.0, Stroke::new(1.4, colour), StrokeKind::Outside);
             if let Some([x, y]) = place {
-                painter.galley(area.min + vec2(x as f32, y as f32), words, GREEN);
+                painter.galley(area.min + vec2(x as f32, y as f32), words, colour);
             }
         }
     }
 
-    fn draw(&self, painter: &egui::Painter, picture: &Picture, inset: Option<&Uploaded>) {
+    fn draw(
+        &self,
+        painter: &egui::Painter,
+        picture: &Picture,
+        inset: Option<&Uploaded>,
+        weak: ShowWeak,
+    ) {
         if let Some(inset) = inset {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
             painter.image(inset.texture, self.shown, whole, Color32::WHITE);
         }
-        self.draw_boxes(painter, picture);
+        self.draw_boxes(painter, picture, weak);
         let Some([x, y]) = picture.reticle_px else {
             return;
         };

@@ -6,7 +6,7 @@ use crate::components::flight::{Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{CameraView, Station};
 use crate::components::run::SimClock;
 use crate::components::view::{
-    CameraShown, Curve, CurveLine, Estimate, Estimates, Pacing, Picture, Pictures, PlayStep,
+    CameraShown, Curve, CurveLine, Estimate, Estimates, Found, Pacing, Picture, Pictures, PlayStep,
     Playback,
 };
 use crate::media::image::decode;
@@ -378,17 +378,19 @@ fn picture(
                 size_px,
                 rgb8: Arc::new(decoded.into_raw()),
                 part: size_px != camera.full_px(),
-                boxes: Vec::new(),
+                found: Vec::new(),
                 reticle_px: None,
                 state: String::new(),
             }
         }
     };
     if let Some(marks) = camera.marks_at(tick) {
-        let strong = marks
-            .strong()
-            .map(|mark| (mark.rect_px, mark.label.clone()));
-        picture.boxes = strong.collect();
+        let found = marks.boxes.iter().map(|mark| Found {
+            box_px: mark.rect_px,
+            caption: mark.label.clone(),
+            weak: mark.weak,
+        });
+        picture.found = found.collect();
         picture.reticle_px = marks.reticle_px;
     }
     Some(picture)

@@ -441,7 +441,10 @@ fn what_is_stated_and_not_understood_is_refused_by_name() {
         (said(vec![], &[[4096, 5715]]), ["MSL depth", "sign"]),
         (said(vec![], &[[4096, 5004]]), ["Bessel 1841", "+ellipsoid"]),
         (said(vec![], &[[4096, 4444]]), ["'4444'", "+geoid"]),
-        (said(vec![], &[[3072, 32_767]]), ["of their own", "--crs"]),
+        (
+            said(vec![], &[[3072, 32_767]]),
+            ["without an ellipsoid", "--crs"],
+        ),
         (
             said(vec![], &[[1024, 3], [3072, u16::MAX]]),
             ["geocentric", "gdalwarp"],
