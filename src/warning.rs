@@ -113,6 +113,15 @@ impl Notes {
         }
     }
 
+    /// What is left out, kind by kind, with how many and the first.
+    pub fn left_out(&self) -> Vec<String> {
+        let said = |(kind, LeftOut { count, first }): (&String, &LeftOut)| {
+            let example = if *count == 1 { "" } else { "first " };
+            format!("{count} {kind} ({example}{first})")
+        };
+        self.left_out.iter().map(said).collect()
+    }
+
     /// The warnings of a file: what was assumed, a line each, and one line that counts and names all that is left out.
     pub fn warnings(self, file: &Path) -> Vec<Warning> {
         let warning = |[place, what, mend]: [String; 3]| Warning {
@@ -121,11 +130,7 @@ impl Notes {
             what,
             mend,
         };
-        let said = |(kind, LeftOut { count, first }): (&String, &LeftOut)| {
-            let example = if *count == 1 { "" } else { "first " };
-            format!("{count} {kind} ({example}{first})")
-        };
-        let kinds: Vec<_> = self.left_out.iter().map(said).collect();
+        let kinds = self.left_out();
         let mut warnings: Vec<_> = self.assumed.into_iter().map(warning).collect();
         if !kinds.is_empty() {
             warnings.push(warning([

@@ -6,6 +6,7 @@ mod length;
 mod osm;
 mod outline;
 mod pbf;
+mod whole;
 
 use super::error::{Fault, SourceError, read_bytes};
 use super::geotiff::Ground;
@@ -27,6 +28,8 @@ use std::path::Path;
 
 /// Height of a building of which nothing is known [m].
 const UNKNOWN_M: f64 = 8.0; // [m]
+/// Outlines farther than this from the middle one are strays: no city is larger [m].
+const STRAY_M: f64 = 1e6; // [m]
 /// Linear albedo of walls and roofs.
 const WALL: [f32; 4] = [0.38, 0.34, 0.29, 1.0];
 /// Of a roof.
@@ -136,9 +139,12 @@ fn one_turn(footprints: &mut [Footprint]) {
     }
 }
 
-/// Outlines that parts of a building stand in for.
-fn replaced(footprints: &[Footprint]) -> Vec<bool> {
-    let mut replaced = vec![false; footprints.len()];
+/// Share of an outline that its parts must cover to stand in its place.
+const COVERED: f64 = 0.5;
+
+/// Outlines that parts of a building stand in for: those whose parts cover half of them.
+fn replaced(footprints: &[Footprint], notes: &mut Notes) -> Vec<bool> {
+    let mut covered = vec![0.0; footprints.len()];
     let part = |footprint: &Footprint| footprint.known.contains_key("building:part");
     // Degrees are large units: in smaller ones areas do not look like none.
     let outline = |footprint: &Footprint| {
@@ -162,18 +168,35 @@ fn replaced(footprints: &[Footprint]) -> Vec<bool> {
             })
         });
     let tree = RTree::bulk_load(boxes.collect());
+    // About its first corner: far from the origin the digits of an area are lost.
+    let area = |ring: &[DVec2]| {
+        let about: Vec<DVec2> = ring.iter().map(|r| *r - ring[0]).collect();
+        polygon::area_m2(&about).abs()
+    };
     for ring in footprints.iter().filter(|f| part(f)).filter_map(outline) {
         let middle = polygon::centroid(&ring);
         if !middle.is_finite() {
             continue;
         }
         for found in tree.locate_in_envelope_intersecting(AABB::from_point(middle.to_array())) {
-            let footprint = &footprints[found.data];
-            replaced[found.data] |=
-                outline(footprint).is_some_and(|ring| polygon::encloses(&ring, middle));
+            let whole = outline(&footprints[found.data]);
+            if let Some(whole) = whole.filter(|whole| polygon::encloses(whole, middle)) {
+                let share = area(&ring) / area(&whole);
+                covered[found.data] += share;
+            }
         }
     }
-    replaced
+    let partly = |(share, _): &(&f64, &Footprint)| **share > 0.0 && **share < COVERED;
+    let mut kept = covered.iter().zip(footprints).filter(partly).peekable();
+    if let Some((_, first)) = kept.peek() {
+        let first = first.name.clone();
+        let what = format!(
+            "{} stand beside their parts, which cover less than half of them (first {first})",
+            kept.count()
+        );
+        notes.assume("outlines", what, "draw parts that cover the whole building");
+    }
+    covered.into_iter().map(|share| share >= COVERED).collect()
 }
 
 /// The least of a footprint's ground heights [m over the ellipsoid].
@@ -217,7 +240,7 @@ fn standing(
         !under
     };
     let footprints: Vec<_> = footprints.into_iter().filter(above).collect();
-    let replaced = replaced(&footprints);
+    let replaced = replaced(&footprints, notes);
     let mut wrong = None;
     let mut standing = Vec::new();
     for (footprint, replaced) in footprints.into_iter().zip(replaced) {
@@ -235,6 +258,39 @@ fn standing(
         Some(fault) if standing.is_empty() => Err(fault),
         _ => Ok(standing),
     }
+}
+
+/// Leaves out outlines a thousand kilometres from the middle one: of a null island, or of exchanged numbers.
+fn without_strays(
+    standing: &mut Vec<(Footprint, f64)>,
+    base: &impl Fn(DVec2) -> Result<Geodetic, Fault>,
+    notes: &mut Notes,
+) -> Result<(), Fault> {
+    let places = standing.iter().map(|(footprint, _)| {
+        let first = footprint.rings.iter().flatten().next();
+        Ok(base(first.copied().unwrap_or_default())?.to_ecef())
+    });
+    let places = places.collect::<Result<Vec<DVec3>, Fault>>()?;
+    let middle = [0, 1, 2].map(|axis| {
+        let mut values: Vec<f64> = places.iter().map(|r| r[axis]).collect();
+        let half = values.len() / 2;
+        match values.is_empty() {
+            true => 0.0,
+            false => *values.select_nth_unstable_by(half, f64::total_cmp).1,
+        }
+    });
+    let mut near = places.iter().map(|r| r.distance(middle.into()) < STRAY_M);
+    standing.retain(|(footprint, _)| {
+        let near = near.next().unwrap_or(true);
+        if !near {
+            notes.leave_out(
+                "outlines a thousand kilometres from the rest",
+                &footprint.name,
+            );
+        }
+        near
+    });
+    Ok(())
 }
 
 /// The frame of the outlines: that of the options, or one in their middle on their lowest ground.
@@ -260,9 +316,9 @@ fn site(
 fn nothing(notes: &Notes) -> Fault {
     let what = match notes.count_left_out() {
         0 => "no outline has an area".to_string(),
-        n => format!("all {n} are left out: under or beside the ground, or without an area"),
+        _ => format!("none is left: {}", notes.left_out().join("; ")),
     };
-    let mend = "check the terrain's extent and both coordinate systems";
+    let mend = "check the outlines, their coordinate system and that of the terrain";
     Fault::new("outlines", what, mend)
 }
 
@@ -282,7 +338,8 @@ fn buildings(
         let r = DVec3::new(turned(r.x), r.y, options.base_height_m);
         Ok::<_, Fault>(crs.to_geodetic(r)?)
     };
-    let standing = standing(footprints, &base, ground, notes)?;
+    let mut standing = standing(footprints, &base, ground, notes)?;
+    without_strays(&mut standing, &base, notes)?;
     if standing.is_empty() {
         return Err(nothing(notes));
     }
@@ -292,6 +349,7 @@ fn buildings(
         .unwrap_or(UNKNOWN_M)
         .clamp(0.1, TALLEST_M);
     let mut remarks = Remarks::default();
+    let mut crossed = (0, None);
     let mut surfaces = Surfaces::default();
     let mut features = Vec::new();
     for (footprint, stand_m) in standing {
@@ -303,25 +361,37 @@ fn buildings(
             Ok::<_, Fault>(site.ecef_to_enu(place.to_ecef()))
         };
         let [low_m, high_m, roof_m] = footprint.heights_m(unknown_m, &mut remarks);
-        let mut rings = Vec::new();
-        for (k, ring) in footprint.rings.iter().enumerate() {
-            let corners = ring.iter().map(|r| Ok([at(r, low_m)?, at(r, high_m)?]));
-            let corners = corners.collect::<Result<Vec<[DVec3; 2]>, Fault>>()?;
-            let ring = tidy(corners, k == 0);
-            if ring.is_empty() && k == 0 {
-                break;
-            }
-            rings.extend(Some(ring).filter(|ring| !ring.is_empty()));
+        let mended = whole::mended(&footprint.rings);
+        if mended.as_ref().is_some_and(|mended| mended.other_area) {
+            crossed.0 += 1;
+            crossed.1.get_or_insert(footprint.name.clone());
         }
-        if rings.is_empty() {
+        let shapes = mended.map_or_else(|| vec![footprint.rings.clone()], |mended| mended.shapes);
+        let mut solids = Vec::new();
+        for shape in &shapes {
+            let mut rings = Vec::new();
+            for (k, ring) in shape.iter().enumerate() {
+                let corners = ring.iter().map(|r| Ok([at(r, low_m)?, at(r, high_m)?]));
+                let corners = corners.collect::<Result<Vec<[DVec3; 2]>, Fault>>()?;
+                let ring = tidy(corners, k == 0);
+                if ring.is_empty() && k == 0 {
+                    break;
+                }
+                rings.extend(Some(ring).filter(|ring| !ring.is_empty()));
+            }
+            solids.extend(Some(rings).filter(|rings| !rings.is_empty()));
+        }
+        if solids.is_empty() {
             notes.leave_out("outlines without an area", &footprint.name);
             continue;
         }
         let number = features.len() as u32;
-        let pyramid = is_pyramid(&footprint, rings.len(), notes);
+        let pyramid = is_pyramid(&footprint, solids.iter().map(Vec::len).sum(), notes);
         let roof_m = if pyramid { roof_m } else { 0.0 };
         let colours = colours(&footprint, notes);
-        extrude(&mut surfaces, &rings, roof_m, number, colours);
+        for rings in &solids {
+            extrude(&mut surfaces, rings, roof_m, number, colours);
+        }
         let mut known = footprint.known;
         known.insert("ground_ellipsoid_m".into(), stand_m.into());
         known.insert("bottom_m".into(), low_m.into());
@@ -332,6 +402,12 @@ fn buildings(
         return Err(nothing(notes));
     }
     remarks.say(unknown_m, notes);
+    if let (count, Some(first)) = crossed {
+        let what = format!(
+            "{count} cross or touch themselves or their holes (first {first}): taken as what they run around, less their holes"
+        );
+        notes.assume("outlines", what, "draw them anew where that is not meant");
+    }
     Ok(Layer {
         kind: LayerKind::Buildings,
         site,

@@ -315,19 +315,6 @@ fn system_fault(stated: Option<&Value>) -> Fault {
 /// What mends a file that is none.
 const MEND: &str = "name a CityJSON file (1.0, 1.1, 2.0) or a CityJSONSeq";
 
-/// The text of a JSON file, without a byte-order mark or the mark that text sequences begin records with.
-fn text(bytes: &[u8]) -> Result<&[u8], Fault> {
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let (what, mend) = match text {
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => ("it is UTF-16", "save it as UTF-8"),
-        [b'{', 0, ..] | [0, b'{', ..] => ("it is UTF-16", "save it as UTF-8"),
-        [0x1f, 0x8b, ..] => ("it is compressed with gzip", "unpack it"),
-        [b'P', b'K', 3, 4, ..] => ("it is a ZIP archive", "unpack it"),
-        _ => return Ok(trimmed(text)),
-    };
-    Err(Fault::new("JSON", what, mend))
-}
-
 /// Without blanks and record marks at both ends.
 fn trimmed(text: &[u8]) -> &[u8] {
     let blank = |b: &u8| b.is_ascii_whitespace() || *b == 0x1e;
@@ -338,7 +325,7 @@ fn trimmed(text: &[u8]) -> &[u8] {
 
 /// The document of a file, or the documents of a sequence, its head first. Lines that are damaged are counted and left out.
 pub fn parse(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Document>, Fault> {
-    let text = text(bytes)?;
+    let text = trimmed(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
     let mut stream = serde_json::Deserializer::from_slice(text).into_iter::<Maybe<Document>>();
     let head = match stream.next() {
         Some(Ok(Maybe(Some(head)))) => head,

@@ -58,7 +58,7 @@ pub fn is_geojson(bytes: &[u8]) -> bool {
 ///
 /// Fails where the text is no GeoJSON, or another format in JSON.
 pub fn read(bytes: &[u8], notes: &mut Notes) -> Result<Outlines, Fault> {
-    let text = text(bytes, notes)?;
+    let text = text(bytes, notes);
     let text = without_nan(&text);
     let mut found = Outlines::default();
     let mut wrong: Option<Fault> = None;
@@ -102,20 +102,13 @@ pub fn read(bytes: &[u8], notes: &mut Notes) -> Result<Outlines, Fault> {
 }
 
 /// The text of a file, without its byte-order mark.
-fn text(bytes: &[u8], notes: &mut Notes) -> Result<String, Fault> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(Fault::new(
-            "GeoJSON",
-            "its text is UTF-16",
-            "save it as UTF-8",
-        ));
-    }
+fn text(bytes: &[u8], notes: &mut Notes) -> String {
     let text = String::from_utf8_lossy(bytes);
     if let std::borrow::Cow::Owned(_) = text {
         let what = "some of its text is not UTF-8, those letters are lost";
         notes.assume("text", what, "save it as UTF-8");
     }
-    Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_string())
+    text.strip_prefix('\u{feff}').unwrap_or(&text).to_string()
 }
 
 /// Whether each line is a value of its own: the first is whole.

@@ -14,15 +14,42 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A building: its outer and inner ways.
 struct Building {
+    /// Whether it is a multipolygon, not a way.
+    relation: bool,
     outer: Vec<i64>,
     inner: Vec<i64>,
     known: Map<String, Value>,
     name: String,
 }
 
+/// Values of `building` for what does not stand.
+const ABSENT: [&str; 7] = [
+    "",
+    "proposed",
+    "planned",
+    "demolished",
+    "razed",
+    "removed",
+    "destroyed",
+];
+
 /// Whether a tag makes an element a building or a part of one.
 fn is_building((key, value): (&str, &str)) -> bool {
     matches!(key, "building" | "building:part") && value != "no"
+}
+
+/// Whether tags say that the building does not stand; then it is said to the notes.
+fn is_absent(known: &Map<String, Value>, name: &str, notes: &mut Notes) -> bool {
+    let value = known.get("building").or(known.get("building:part"));
+    let value = value.and_then(Value::as_str).unwrap_or_default().trim();
+    let absent = ABSENT.contains(&value);
+    if absent {
+        notes.leave_out(
+            "buildings that do not stand",
+            format!("{name}, building={value}"),
+        );
+    }
+    absent
 }
 
 fn tags<'a>(all: impl Iterator<Item = (&'a str, &'a str)>) -> Map<String, Value> {
@@ -68,7 +95,9 @@ pub fn read(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Footprint>, Fault> {
     })?;
     walk(bytes, |element| {
         let mut put = |id: i64, place: DVec2| {
-            if let Some(found) = nodes.get_mut(&id) {
+            // Some programs write 214.7483647° for a place that they do not know.
+            let somewhere = place.x.abs() <= 180.0 && place.y.abs() <= 90.0;
+            if let Some(found) = nodes.get_mut(&id).filter(|_| somewhere) {
                 *found = place;
             }
         };
@@ -85,7 +114,18 @@ pub fn read(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Footprint>, Fault> {
         }
     })?;
     let mut found = Vec::new();
+    let outlines: BTreeSet<i64> = buildings
+        .iter()
+        .filter(|building| building.relation)
+        .flat_map(|building| building.outer.iter().copied())
+        .collect();
     for building in buildings {
+        // A way with tags of its own that is the outline of a building with holes is that building.
+        let same = |id: &i64| !building.relation && outlines.contains(id);
+        if building.outer.iter().all(same) && !building.known.contains_key("building:part") {
+            notes.leave_out("outlines that a multipolygon repeats", &building.name);
+            continue;
+        }
         assemble(building, &ways, &nodes, &mut found, notes);
     }
     Ok(found)
@@ -96,12 +136,18 @@ fn buildings(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Building>, Fault> {
     let mut buildings = Vec::new();
     let points = "buildings that are points";
     walk(bytes, |element| match element {
-        Element::Way(way) if way.tags().any(is_building) => buildings.push(Building {
-            outer: vec![way.id()],
-            inner: Vec::new(),
-            known: tags(way.tags()),
-            name: format!("way {}", way.id()),
-        }),
+        Element::Way(way) if way.tags().any(is_building) => {
+            let (known, name) = (tags(way.tags()), format!("way {}", way.id()));
+            if !is_absent(&known, &name, notes) {
+                buildings.push(Building {
+                    relation: false,
+                    outer: vec![way.id()],
+                    inner: Vec::new(),
+                    known,
+                    name,
+                });
+            }
+        }
         Element::Relation(relation) => {
             if !relation.tags().any(is_building) {
                 return;
@@ -113,6 +159,9 @@ fn buildings(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Building>, Fault> {
                 return;
             }
             known.remove("type");
+            if is_absent(&known, &name, notes) {
+                return;
+            }
             let ways = relation
                 .members()
                 .filter(|m| m.member_type == RelMemberType::Way);
@@ -121,6 +170,7 @@ fn buildings(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Building>, Fault> {
             let ids =
                 |members: Vec<osmpbf::RelMember>| members.iter().map(|m| m.member_id).collect();
             buildings.push(Building {
+                relation: true,
                 outer: ids(outer),
                 inner: ids(inner),
                 known,
@@ -138,7 +188,8 @@ fn buildings(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Building>, Fault> {
     Ok(buildings)
 }
 
-/// The outlines of a building, each with the holes inside it.
+/// The outlines of a building, each with the holes inside it: what lies in an odd number of other rings is a hole, whatever role its
+/// ways are given (as the wiki of OpenStreetMap's multipolygons has it), and roles that say otherwise are noted.
 fn assemble(
     building: Building,
     ways: &BTreeMap<i64, Vec<i64>>,
@@ -150,35 +201,82 @@ fn assemble(
         ids.iter().filter_map(|id| nodes.get(id).copied()).collect()
     };
     let whole = |ring: &Vec<DVec2>| ring.iter().all(|p| p.is_finite());
-    let mut lost = [0_usize; 2];
-    let mut rings = |ids: &[i64]| -> Vec<Vec<DVec2>> {
-        let absent = ids.iter().filter(|id| !ways.contains_key(id)).count();
-        let (closed, open) = join(ids, ways);
-        let closed: Vec<_> = closed.into_iter().map(place).collect();
-        let cut = closed.iter().filter(|ring| !whole(ring)).count();
-        lost[0] += absent + cut;
-        lost[1] += if absent == 0 { open } else { 0 };
-        closed.into_iter().filter(whole).collect()
+    let all: Vec<i64> = building
+        .outer
+        .iter()
+        .chain(&building.inner)
+        .copied()
+        .collect();
+    let absent = all.iter().filter(|id| !ways.contains_key(id)).count();
+    let [outer, inner] = [&building.outer, &building.inner].map(|ids| join(ids, ways));
+    let as_stated = outer.1 + inner.1 == 0;
+    // Ways of both roles may close a ring that those of one do not.
+    let (rings, open): (Vec<(Vec<i64>, bool)>, usize) = match as_stated {
+        true => {
+            let outer = outer.0.into_iter().map(|ring| (ring, false));
+            (
+                outer
+                    .chain(inner.0.into_iter().map(|ring| (ring, true)))
+                    .collect(),
+                0,
+            )
+        }
+        false => {
+            let (rings, open) = join(&all, ways);
+            (rings.into_iter().map(|ring| (ring, false)).collect(), open)
+        }
     };
-    let inner = rings(&building.inner);
-    let outer = rings(&building.outer);
-    let kinds = [
-        "buildings that the extract cuts off",
-        "buildings whose outline does not close",
-    ];
-    if let Some((kind, _)) = kinds.iter().zip(lost).find(|(_, lost)| *lost > 0) {
+    let closed = rings.len();
+    let (rings, inner): (Vec<Vec<DVec2>>, Vec<bool>) = (rings.into_iter())
+        .map(|(ring, inner)| (place(ring), inner))
+        .filter(|(ring, _)| whole(ring))
+        .unzip();
+    let cut = closed - rings.len();
+    if rings.is_empty() {
+        let kind = match absent + cut {
+            0 if open > 0 => "buildings whose outline does not close",
+            0 => "buildings without an outline",
+            _ => "buildings that the extract cuts off",
+        };
         notes.leave_out(kind, &building.name);
-    } else if outer.is_empty() {
-        notes.leave_out("buildings without an outline", &building.name);
+        return;
     }
-    for outline in outer {
-        let holes = inner
-            .iter()
-            .filter(|hole| {
-                hole.first()
-                    .is_some_and(|first| polygon::encloses(&outline, *first))
-            })
-            .cloned();
+    if absent + cut > 0 {
+        notes.leave_out(
+            "parts of buildings that the extract cuts off",
+            &building.name,
+        );
+    } else if open > 0 {
+        notes.leave_out(
+            "parts of buildings whose outline does not close",
+            &building.name,
+        );
+    }
+    let around = |k: usize| -> Vec<usize> {
+        let Some(first) = rings[k].first() else {
+            return Vec::new();
+        };
+        let others = rings.iter().enumerate().filter(|(other, _)| *other != k);
+        let around = others.filter(|(_, ring)| polygon::encloses(ring, *first));
+        around.map(|(other, _)| other).collect()
+    };
+    let around: Vec<Vec<usize>> = (0..rings.len()).map(around).collect();
+    let holes = around.iter().map(|around| around.len() % 2 == 1);
+    if as_stated && !holes.eq(inner) {
+        let what = "roles of its ways that contradict how they lie: the latter counts";
+        let mend = "give the role inner to the ways of holes, and outer to the others";
+        notes.assume(&building.name, what, mend);
+    }
+    for (k, outline) in rings
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| around[*k].len() % 2 == 0)
+    {
+        let inside =
+            |hole: &usize| around[*hole].len() == around[k].len() + 1 && around[*hole].contains(&k);
+        let holes = (0..rings.len())
+            .filter(inside)
+            .map(|hole| rings[hole].clone());
         let rings = std::iter::once(outline.clone()).chain(holes).collect();
         found.push(Footprint {
             rings,
@@ -219,4 +317,80 @@ fn join(ids: &[i64], ways: &BTreeMap<i64, Vec<i64>>) -> (Vec<Vec<i64>>, usize) {
         }
     }
     (found, open)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Areas of what ways make [squares of the lattice], each with its holes off, and what is said.
+    fn areas(ways: &[&[i64]], outer: &[i64], inner: &[i64]) -> (Vec<f64>, String) {
+        let ways: BTreeMap<i64, Vec<i64>> =
+            (1..).zip(ways.iter().map(|way| way.to_vec())).collect();
+        // Node xy lies at (x, y); node 99 was cut off.
+        let nodes = (0..99).map(|id| (id, DVec2::new((id / 10) as f64, (id % 10) as f64)));
+        let nodes = nodes.chain([(99, DVec2::NAN)]).collect();
+        let building = Building {
+            relation: true,
+            outer: outer.to_vec(),
+            inner: inner.to_vec(),
+            known: Map::new(),
+            name: "relation 1".into(),
+        };
+        let (mut found, mut notes) = (Vec::new(), Notes::default());
+        assemble(building, &ways, &nodes, &mut found, &mut notes);
+        let area = |ring: &Vec<DVec2>| polygon::area_m2(ring).abs();
+        let mut areas: Vec<f64> = (found.iter())
+            .map(|f| area(&f.rings[0]) - f.rings[1..].iter().map(area).sum::<f64>())
+            .collect();
+        areas.sort_by(f64::total_cmp);
+        let lines = notes.warnings(std::path::Path::new("a.osm.pbf"));
+        (areas, lines.iter().map(ToString::to_string).collect())
+    }
+
+    const BIG: &[i64] = &[0, 80, 88, 8, 0];
+    const HOLE: &[i64] = &[11, 61, 66, 16, 11];
+    const ISLAND: &[i64] = &[22, 42, 44, 24, 22];
+
+    #[test]
+    fn a_hole_is_a_hole_whatever_its_role() {
+        for (outer, inner, said) in [
+            (&[1, 2][..], &[][..], true),
+            (&[2], &[1], true),
+            (&[1], &[2], false),
+            (&[], &[1, 2], true),
+        ] {
+            let (found, told) = areas(&[BIG, HOLE], outer, inner);
+            assert_eq!(found, [64.0 - 25.0], "{outer:?} {inner:?}");
+            assert_eq!(
+                told.contains("contradict"),
+                said,
+                "{outer:?} {inner:?}: {told}"
+            );
+        }
+        let (found, told) = areas(&[BIG, HOLE, ISLAND], &[1, 3], &[2]);
+        assert_eq!((found, told.as_str()), (vec![4.0, 39.0], ""));
+    }
+
+    #[test]
+    fn rings_of_many_ways_close_or_are_counted() {
+        let parts: &[&[i64]] = &[&[0, 80, 88], &[0, 8, 88]];
+        assert_eq!(areas(parts, &[1, 2], &[]).0, [64.0]);
+        assert_eq!(areas(parts, &[1], &[2]).0, [64.0]);
+        let (found, told) = areas(&[&[0, 80, 88]], &[1], &[]);
+        assert!(
+            found.is_empty() && told.contains("1 buildings whose outline does not close"),
+            "{told}"
+        );
+        let (found, told) = areas(&[BIG], &[1, 7], &[]);
+        assert!(
+            found == [64.0] && told.contains("1 parts of buildings that the extract cuts off"),
+            "{told}"
+        );
+        let (found, told) = areas(&[&[0, 80, 99, 0]], &[1], &[]);
+        assert!(
+            found.is_empty() && told.contains("1 buildings that the extract cuts off"),
+            "{told}"
+        );
+    }
 }

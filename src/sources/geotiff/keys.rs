@@ -33,8 +33,6 @@ enum Horizontal {
     Own(String),
 }
 
-/// Codes that name nothing: undefined and user-defined.
-pub const NONE: [u16; 2] = [0, 32_767];
 /// Kinds of maps: projected, geographic, geocentric.
 const MODELS: [u16; 3] = [1, 2, 3];
 /// Keys that change where a raster lies, and are not applied: datum shift, prime meridian.
@@ -65,7 +63,7 @@ impl Keys {
 
     /// A code that names something.
     fn code(&self, id: u16) -> Option<u16> {
-        self.short(id).filter(|code| !NONE.contains(code))
+        self.short(id).filter(|code| !own::NONE.contains(code))
     }
 
     /// What the keys call their system, in words.

@@ -1,9 +1,11 @@
 //! Systems that a raster's keys define by their parameters, as PROJ strings (OGC GeoTIFF 1.1, clause 7 and annex C).
 
-use super::keys::NONE;
 use crate::projection::definition_of;
 use crate::sources::unit;
 use geotiff_core::geokeys::{self as key, GeoKeyDirectory, GeoKeyValue};
+
+/// Codes that name nothing: undefined and user-defined.
+pub const NONE: [u16; 2] = [0, 32_767];
 
 const LINEAR_UNIT_SIZE: u16 = 3077;
 const ANGULAR_UNIT_SIZE: u16 = 2055;

@@ -58,12 +58,6 @@ fn step(bytes: &[u8]) -> Result<&[u8], Fault> {
         return Ok(text);
     }
     let (what, mend) = match text {
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => ("it is UTF-16", "save it as UTF-8 or ASCII"),
-        [b'P', b'K', ..] => (
-            "it is an ifcZIP archive",
-            "unzip it and name the .ifc inside",
-        ),
-        [0x1f, 0x8b, ..] => ("it is compressed with gzip", "unpack it"),
         [b'<', ..] => ("it is ifcXML", "export it as STEP (.ifc)"),
         _ => (
             "it does not begin with ISO-10303-21",

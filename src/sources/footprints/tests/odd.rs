@@ -374,12 +374,6 @@ fn other_formats_in_json_are_refused_by_name() {
             .to_string();
         assert!(error.contains(name), "{error}");
     }
-    let mut wide: Vec<u8> = vec![0xff, 0xfe];
-    wide.extend("{}".encode_utf16().flat_map(u16::to_le_bytes));
-    let error = read_bytes_as("a.geojson", &wide, &Options::default())
-        .unwrap_err()
-        .to_string();
-    assert!(error.contains("UTF-16"), "{error}");
 }
 
 /// A street across the meridian of 180°, written in three ways, is one neighbourhood of some 60 m.
@@ -492,4 +486,154 @@ fn json_is_known_by_its_type_wherever_that_stands() {
             .to_string();
         assert!(error.contains(name), "{error}");
     }
+}
+
+#[test]
+fn outlines_that_cross_or_touch_are_closed_solids() {
+    let at =
+        |ring: &[[f64; 2]]| -> Value { ring.iter().map(|[x, y]| json!([E + x, N + y])).collect() };
+    let square = |x: f64, y: f64, w: f64| ring(E + x, N + y, w, w);
+    let bow = at(&[
+        [0.0, 0.0],
+        [10.0, 10.0],
+        [10.0, 0.0],
+        [0.0, 10.0],
+        [0.0, 0.0],
+    ]);
+    let touching = at(&[[0.0, 0.0], [3.0, 1.0], [1.0, 3.0], [0.0, 0.0]]);
+    let outer = || square(0.0, 0.0, 10.0);
+    for (name, rings, m2, told) in [
+        ("bow tie", json!([bow]), 50.0, true),
+        (
+            "hole outside",
+            json!([outer(), square(30.0, 0.0, 4.0)]),
+            100.0,
+            true,
+        ),
+        (
+            "hole across the edge",
+            json!([outer(), square(8.0, 2.0, 4.0)]),
+            92.0,
+            true,
+        ),
+        (
+            "hole at the edge",
+            json!([outer(), square(0.0, 2.0, 4.0)]),
+            84.0,
+            false,
+        ),
+        ("hole at a corner", json!([outer(), touching]), 96.0, false),
+        (
+            "hole in a hole",
+            json!([outer(), square(1.0, 1.0, 8.0), square(3.0, 3.0, 2.0)]),
+            36.0,
+            true,
+        ),
+        (
+            "holes that overlap",
+            json!([outer(), square(1.0, 1.0, 4.0), square(3.0, 3.0, 4.0)]),
+            72.0,
+            true,
+        ),
+    ] {
+        let layer = read_text(
+            &collection(&[(rings, json!({"height": 10}))]),
+            &Options::default(),
+        )
+        .unwrap();
+        // The Swiss map is true to a few parts in 10,000.
+        assert!(
+            (volume(&layer) / (10.0 * m2) - 1.0).abs() < 1e-3,
+            "{name}: {} m³",
+            volume(&layer)
+        );
+        let mut roof_m2 = 0.0;
+        for mesh in &layer.meshes {
+            for corners in mesh.indices.as_chunks::<3>().0 {
+                let [a, b, c] = corners.map(|k| mesh.vertex_m(k));
+                roof_m2 += (b - a).cross(c - a).z.max(0.0) / 2.0;
+            }
+        }
+        assert!(
+            (roof_m2 / m2 - 1.0).abs() < 1e-3,
+            "{name}: a roof of {roof_m2} m²"
+        );
+        assert_eq!(
+            said(&layer).contains("cross or touch"),
+            told,
+            "{name}: {}",
+            said(&layer)
+        );
+    }
+    let none = collection(&[(json!([outer(), outer()]), json!({"height": 10}))]);
+    let error = read_text(&none, &Options::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("1 outlines without an area (feature 1)"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_stray_outline_does_not_cost_the_town() {
+    let house = |x: f64| (json!([ring(E + x, N, 10.0, 10.0)]), json!({"height": 10}));
+    let island = (
+        json!([ring(600_000.0 - 3e6, 200_000.0 - 2e6, 10.0, 10.0)]),
+        json!({"height": 10}),
+    );
+    let layer = read_text(
+        &collection(&[island, house(0.0), house(30.0)]),
+        &Options::default(),
+    )
+    .unwrap();
+    assert_eq!(layer.features.len(), 2);
+    let told = said(&layer);
+    assert!(
+        told.contains("a thousand kilometres from the rest")
+            || told.contains("nowhere on the Earth"),
+        "{told}"
+    );
+    let degrees = |lon: f64, lat: f64| {
+        let d = 1e-4;
+        json!({"type": "Feature", "properties": {"height": 10}, "geometry": {"type": "Polygon", "coordinates":
+            [[[lon, lat], [lon + d, lat], [lon + d, lat + d], [lon, lat + d], [lon, lat]]]}})
+    };
+    let town = json!({"type": "FeatureCollection", "features": [degrees(0.0, 0.0), degrees(8.54, 47.37), degrees(8.541, 47.37)]});
+    let layer = read_text(&town.to_string(), &Options::default()).unwrap();
+    assert_eq!(layer.features.len(), 2);
+    assert!(
+        said(&layer).contains("1 outlines a thousand kilometres from the rest (feature 1)"),
+        "{}",
+        said(&layer)
+    );
+}
+
+#[test]
+fn parts_stand_for_an_outline_that_they_cover() {
+    let outline = (
+        json!([ring(E, N, 100.0, 100.0)]),
+        json!({"building": "yes", "height": 10}),
+    );
+    let part = |w: f64| {
+        (
+            json!([ring(E, N, w, 100.0)]),
+            json!({"building:part": "yes", "height": 20}),
+        )
+    };
+    let read = |w: f64| {
+        read_text(
+            &collection(&[outline.clone(), part(w)]),
+            &Options::default(),
+        )
+        .unwrap()
+    };
+    assert_eq!(read(90.0).features.len(), 1);
+    let both = read(5.0);
+    assert_eq!(both.features.len(), 2);
+    assert!(
+        said(&both).contains("1 stand beside their parts"),
+        "{}",
+        said(&both)
+    );
 }

@@ -352,15 +352,9 @@ fn marks_and_archives_are_told_apart() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ifc");
-    let wide: Vec<u8> = format!("\u{feff}{text}")
-        .encode_utf16()
-        .flat_map(u16::to_le_bytes)
-        .collect();
     for (bytes, word) in [
-        (wide, "UTF-16"),
-        (b"PK\x03\x04".to_vec(), "unzip"),
+        (b"PK\x03\x04".to_vec(), "ZIP archive"),
         (b"<?xml version=\"1.0\"?>".to_vec(), "ifcXML"),
-        (vec![0x1f, 0x8b, 8], "gzip"),
     ] {
         std::fs::write(&path, bytes).unwrap();
         let said = super::read(&path, &Options::default())
