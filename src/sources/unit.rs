@@ -17,8 +17,8 @@ const UNITS: [(u16, f64, &[&str]); 15] = [
             "mètres",
             "1 m",
             "m asl",
-            "m.a.s.l.",
             "masl",
+            "m amsl",
             "metre above sea level",
             "meters above sea level",
         ],
@@ -54,8 +54,6 @@ const UNITS: [(u16, f64, &[&str]); 15] = [
             "foot_us",
             "us foot",
             "us feet",
-            "u.s. survey foot",
-            "u.s. survey feet",
             "us_survey_foot",
             "us_survey_feet",
             "survey foot",
@@ -123,10 +121,9 @@ pub fn by_code(code: u16) -> Option<f64> {
 
 /// Metres in a unit that is written out; `None` where it is no length that is known here.
 pub fn by_word(word: &str) -> Option<f64> {
-    let lower = word
-        .trim()
-        .trim_matches(['[', ']', '(', ')'])
-        .to_lowercase();
+    // Dots and a bracketed plural say nothing more: `m.`, `m a.s.l.`, `meter(s)`.
+    let plain = word.to_lowercase().replace("(s)", "s").replace('.', "");
+    let lower = plain.trim().trim_matches(['[', ']', '(', ')']);
     let lower = lower.split_whitespace().collect::<Vec<_>>().join(" ");
     let found = UNITS.iter().find(|unit| unit.2.contains(&lower.as_str()));
     found.map(|unit| unit.1)
@@ -143,4 +140,31 @@ pub fn degrees(code: u16) -> Option<f64> {
         9109 => 1e-6_f64.to_degrees(),
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_understood_in_their_usual_spellings() {
+        for (words, unit_m) in [
+            (
+                &[
+                    "m", "M", "m.", "meter(s)", "[metres]", "m a.s.l.", "M.A.S.L.",
+                ][..],
+                1.0,
+            ),
+            (&["ft", "Foot (International)", "feet"], 0.3048),
+            (&["U.S. Survey Feet", "us-ft", "foot_us"], 1200.0 / 3937.0),
+            (&["(cm)", "Centimeters"], 0.01),
+        ] {
+            for word in words {
+                assert_eq!(by_word(word), Some(unit_m), "{word}");
+            }
+        }
+        for word in ["", "m/s", "metres above the ellipsoid", "kelvin", "m NAP"] {
+            assert_eq!(by_word(word), None, "{word}");
+        }
+    }
 }

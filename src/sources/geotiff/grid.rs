@@ -32,7 +32,7 @@ pub fn placed(
     let own = inside(tiff, keys, notes)?;
     let others = [
         (".aux.xml", beside.transform.map(ordered)),
-        ("world file", world(path)),
+        ("world file", world(path)?),
     ];
     let size = tiff.size().map(|n| n as f64);
     let mut found = own;
@@ -62,7 +62,7 @@ pub fn placed(
 
 /// The place that a world file, or the file of metadata beside it, gives a picture.
 pub fn by_world_file(path: &Path, beside: &Beside) -> Result<GeoTransform, Fault> {
-    checked(world(path).or(beside.transform.map(ordered)))
+    checked(world(path)?.or(beside.transform.map(ordered)))
 }
 
 /// Farthest that two places of a raster lie apart, in pixels of the first.
@@ -211,31 +211,45 @@ fn control_points(ties: &[[f64; 6]], keys: &Keys) -> Result<GeoTransform, Fault>
     Ok(found)
 }
 
-/// The place that a world file gives: six numbers, of the centre of the top left pixel.
-fn world(path: &Path) -> Option<GeoTransform> {
-    let extension = path.extension()?.to_str()?.to_lowercase();
-    let short: String = [extension.chars().next()?, extension.chars().last()?, 'w']
-        .iter()
-        .collect();
+/// The place that a world file gives: six numbers, of the centre of the top left pixel. `None` where there is none.
+fn world(path: &Path) -> Result<Option<GeoTransform>, Fault> {
+    let extension = path.extension().and_then(|end| end.to_str()).unwrap_or("");
+    let extension = extension.to_lowercase();
+    let ends = extension.chars().next().zip(extension.chars().last());
+    let short = ends.map_or(String::new(), |(first, last)| format!("{first}{last}w"));
     let names = [
         short.clone(),
         format!("{extension}w"),
         "wld".into(),
         short.to_uppercase(),
     ];
-    let text = names
-        .iter()
-        .find_map(|name| std::fs::read_to_string(path.with_extension(name)).ok())?;
+    let mut found = names.iter().filter_map(|name| {
+        let path = path.with_extension(name);
+        let bytes = std::fs::read(&path).ok()?;
+        Some((path, bytes))
+    });
+    let Some((path, bytes)) = found.next() else {
+        return Ok(None);
+    };
+    let text = String::from_utf8_lossy(&bytes);
     let text = text.trim_start_matches('\u{feff}');
     let numbers: Vec<f64> = text
         .split_whitespace()
-        // Decimal commas, as some programs write them in their user's language.
-        .map_while(|word| word.replace(',', ".").parse().ok())
+        // Decimal commas and Fortran's exponents, as some programs write them.
+        .map_while(|word| word.replace(',', ".").replace(['D', 'd'], "e").parse().ok())
         .collect();
-    let &[a, d, b, e, c, f] = numbers.get(..6)? else {
-        return None;
+    let Some(&[a, d, b, e, c, f]) = numbers.get(..6) else {
+        let what = format!("{} does not begin with six numbers", path.display());
+        return Err(fault(what, "write it again, or remove it"));
     };
-    Some(ordered([c - (a + b) / 2.0, a, b, f - (d + e) / 2.0, d, e]))
+    Ok(Some(ordered([
+        c - (a + b) / 2.0,
+        a,
+        b,
+        f - (d + e) / 2.0,
+        d,
+        e,
+    ])))
 }
 
 /// Checks that a transform has an inverse.

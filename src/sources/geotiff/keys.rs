@@ -168,8 +168,13 @@ impl Keys {
     pub fn map(&self, beside: &Beside, notes: &mut Notes) -> Result<Option<System>, Fault> {
         let name = match self.horizontal()? {
             Some(Horizontal::Own(text)) => {
+                if own::is_unshifted(&text) {
+                    let what = "the keys state no shift to WGS 84: taken as none";
+                    notes.assume("datum", what, format!("{NAME} by its code or PROJ string"));
+                }
                 let crs = Crs::parse(&text)?;
-                return Ok(Some(System { crs, to_map: 1.0 }));
+                let to_map = self.to_map(&crs)?;
+                return Ok(Some(System { crs, to_map }));
             }
             Some(Horizontal::Code(code)) => format!("EPSG:{code}"),
             None => match beside.system.as_deref().and_then(of_wkt) {

@@ -30,13 +30,12 @@ const SCALE: &[u16] = &[3092, 3093];
 const POLE_LONGITUDE: &[u16] = &[3095, 3080];
 
 /// EPSG's codes of ellipsoids and PROJ's names for them.
-const ELLIPSOIDS: [(u16, &str); 14] = [
+const ELLIPSOIDS: [(u16, &str); 13] = [
     (7001, "airy"),
     (7002, "mod_airy"),
     (7003, "aust_SA"),
     (7004, "bessel"),
     (7008, "clrk66"),
-    (7012, "clrk80"),
     (7015, "evrst30"),
     (7019, "GRS80"),
     (7022, "intl"),
@@ -44,7 +43,7 @@ const ELLIPSOIDS: [(u16, &str); 14] = [
     (7030, "WGS84"),
     (7036, "GRS67"),
     (7043, "WGS72"),
-    (7050, "GRS67"),
+    (7050, "aust_SA"),
 ];
 
 /// What is wrong with keys that define a system: it, in words behind "its keys define".
@@ -178,6 +177,8 @@ fn datum(keys: &GeoKeyDirectory) -> Result<String, Fault> {
     let mut words = match (known, by_code, axis_m, flattening, minor_m) {
         (Some(known), ..) => known,
         (_, Some((_, name)), ..) => format!("+ellps={name}"),
+        // PROJ's Clarke 1880 is another than EPSG's.
+        _ if ellipsoid == Some(7012) => "+a=6378249.145 +rf=293.465".into(),
         (_, _, Some(a_m), Some(rf), _) if rf > 1.0 => format!("+a={a_m} +rf={rf}"),
         (_, _, Some(a_m), _, Some(b_m)) => format!("+a={a_m} +b={b_m}"),
         (_, _, Some(a_m), ..) => format!("+a={a_m} +b={a_m}"),
@@ -196,11 +197,26 @@ fn datum(keys: &GeoKeyDirectory) -> Result<String, Fault> {
     let meridian = number(keys, &[PRIME_MERIDIAN_LONG]).filter(|degrees| *degrees != 0.0);
     match (meridian, code(PRIME_MERIDIAN)) {
         _ if words.contains("+pm=") => {}
-        (Some(degrees), _) => words += &format!(" +pm={degrees}"),
+        (Some(angle), _) => {
+            let unit_deg = map_unit(keys, true).ok().flatten().unwrap_or(1.0);
+            words += &format!(" +pm={}", angle * unit_deg);
+        }
         (None, None | Some(GREENWICH)) => {}
         (None, Some(code)) => return Err(format!("a system of the prime meridian {code}")),
     }
     Ok(words)
+}
+
+/// Whether a PROJ string has an ellipsoid beside the Earth's, without a shift to it.
+pub fn is_unshifted(text: &str) -> bool {
+    let shifts = ["+towgs84=", "+datum=", "+nadgrids="];
+    let earths = [
+        "+ellps=WGS84",
+        "+ellps=GRS80",
+        "+ellps=WGS72",
+        "+a=6378137 ",
+    ];
+    !shifts.iter().chain(&earths).any(|word| text.contains(word))
 }
 
 /// The number of the first key that is there.
@@ -402,6 +418,23 @@ mod tests {
         );
         let paris = geographic(&keys(&[(2056, 7019), (2051, 8903)], &[]));
         assert!(paris.unwrap_err().contains("8903"));
+    }
+
+    #[test]
+    fn angles_count_in_the_unit_of_the_keys() {
+        let gons = keys(&[(2056, 7030), (2054, 9105)], &[(2061, &[10.0])]);
+        assert!(geographic(&gons).unwrap().contains("+pm=9 "));
+        assert_eq!(map_unit(&gons, true), Ok(Some(0.9)));
+        let own = keys(&[(2054, 32_767)], &[(2055, &[1e-3])]);
+        assert_eq!(map_unit(&own, true), Ok(Some(1e-3_f64.to_degrees())));
+        assert_eq!(map_unit(&keys(&[(3076, 9999)], &[]), false), Err(9999));
+        assert!(is_unshifted("+proj=longlat +ellps=bessel +no_defs"));
+        assert!(!is_unshifted(
+            "+proj=longlat +ellps=bessel +towgs84=1,2,3 +no_defs"
+        ));
+        assert!(!is_unshifted(
+            "+proj=longlat +a=6378137 +rf=298.257223563 +no_defs"
+        ));
     }
 
     #[test]

@@ -72,12 +72,16 @@ fn upright(tiff: &Tiff, band: &mut Band, notes: &mut Notes) -> Result<(), Fault>
         (_, Some(step), Some(tie)) => [*step, tie[5] - tie[2] * step],
         _ => return Ok(()),
     };
-    if zero == 0.0 && [0.0, 1.0].contains(&step) {
-        return Ok(());
-    }
     let place = "third scale and tie point";
     let mend =
         "write the heights themselves, with 0 or 1 for the third scale (gdal_translate -unscale)";
+    if !(step.is_finite() && zero.is_finite()) {
+        notes.assume(place, "they are no numbers and are not applied", mend);
+        return Ok(());
+    }
+    if zero == 0.0 && [0.0, 1.0].contains(&step) {
+        return Ok(());
+    }
     if step == 0.0 || band.scale.or(band.offset).is_some() {
         let what = format!("scale {step} and height {zero} are not applied to the heights");
         notes.assume(place, what, mend);
@@ -229,6 +233,9 @@ fn near(transform: &GeoTransform, size: [usize; 2], r: DVec2) -> DVec2 {
     DVec2::new(longitude_near_deg(r.x, middle_deg), r.y)
 }
 
+/// What most surveys write for no height, where they do not say so.
+const USUAL_NONE: f64 = -9999.0;
+
 /// The heights in a band's values, in a unit of so many metres. What lies on no place on Earth counts as missing.
 fn values(tiff: &Tiff, band: &Band, unit_m: f64, notes: &mut Notes) -> Result<Vec<f32>, Fault> {
     let (scale, offset) = (band.scale.unwrap_or(1.0), band.offset.unwrap_or(0.0));
@@ -241,9 +248,14 @@ fn values(tiff: &Tiff, band: &Band, unit_m: f64, notes: &mut Notes) -> Result<Ve
         ));
     }
     let mut off: Option<(u64, f64)> = None;
+    let mut unstated = 0_u64;
     let heights = tiff.heights(|value| {
-        let is_none = |n: f64| (value - n).abs() <= 1e-6 * n.abs();
+        let is_none = |n: f64| value == n || (value - n).abs() <= 1e-6 * n.abs().min(f64::MAX);
         if value.is_nan() || band.missing.is_some_and(is_none) {
+            return f32::NAN;
+        }
+        if value == USUAL_NONE && band.missing.is_none() {
+            unstated += 1;
             return f32::NAN;
         }
         let height = offset + scale * value;
@@ -253,6 +265,13 @@ fn values(tiff: &Tiff, band: &Band, unit_m: f64, notes: &mut Notes) -> Result<Ve
         off.get_or_insert((0, value)).0 += 1;
         f32::NAN
     })?;
+    if unstated > 0 {
+        let what = format!(
+            "{unstated} pixels hold {USUAL_NONE}, which no value for none states, and count as missing"
+        );
+        let mend = "state it (gdal_edit -a_nodata -9999), or another value where they are heights";
+        notes.assume("heights", what, mend);
+    }
     if let Some((count, first)) = off {
         let what = format!(
             "{count} pixels hold what no place on Earth has (the first: {first}) and count as missing"

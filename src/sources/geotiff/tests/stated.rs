@@ -667,6 +667,74 @@ fn what_is_assumed_or_left_out_is_noted() {
 }
 
 #[test]
+fn values_for_none_in_odd_forms_leave_the_heights() {
+    let holes = |found: &Heights| (0..SIZE[0]).filter(|k| found.at(*k, 0).is_none()).count();
+    for none in ["-inf", "inf", "nan", "-3.4028234663852886e+38", "-1e400"] {
+        let (found, _) = with(vec![text(42_113, none)], &[]).unwrap();
+        assert_eq!(holes(&found), 0, "{none}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut values = ground_m();
+    values[2] = -9999.0;
+    let mut tags = plain(SIZE);
+    tags.extend(lying(Lying::Scale, [0.0, 0.0]).0);
+    tags.push(keys(&[]));
+    let path = kept(
+        folder.path(),
+        "a.tif",
+        &tiff(tags.clone(), &pixels(&values)),
+    );
+    let (found, notes) = heights(&path).unwrap();
+    assert_eq!(holes(&found), 1);
+    assert!(
+        notes
+            .iter()
+            .any(|note| note.contains("1 pixels hold -9999")),
+        "{notes:?}"
+    );
+    tags.push(text(42_113, "7"));
+    let path = kept(folder.path(), "b.tif", &tiff(tags, &pixels(&values)));
+    assert_eq!(heights(&path).unwrap().0.at(2, 0), Some(-9999.0));
+    let scale = vec![doubles(33_550, &[STEP, STEP, f64::NAN])];
+    let (found, notes) = with(scale, &[]).unwrap();
+    assert_eq!(holes(&found), 0);
+    assert!(
+        notes.iter().any(|note| note.contains("are no numbers")),
+        "{notes:?}"
+    );
+}
+
+#[test]
+fn world_files_in_odd_forms_place_a_raster_or_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut tags = plain(SIZE);
+    tags.push(keys(&[]));
+    let path = kept(folder.path(), "dem.tif", &tiff(tags, &pixels(&ground_m())));
+    let world = folder.path().join("dem.tfw");
+    for text in [
+        "10\n0\n0\n-10\n2600005\n1200005\n",
+        "\u{feff} 10,0 0 0 -10,0\r\n2600005,0 1200005,0",
+        "1.0D+01\n0.0D+00\n0.0D+00\n-1.0D+01\n2.600005D+06\n1.200005D+06\n",
+    ] {
+        std::fs::write(&world, text).unwrap();
+        let (found, _) = heights(&path).unwrap();
+        assert!(
+            found
+                .center(0, 0)
+                .distance(DVec2::new(2_600_005.0, 1_200_005.0))
+                < 1e-6,
+            "{text}"
+        );
+    }
+    std::fs::write(&world, "10\n0\nnorth\n").unwrap();
+    let error = heights(&path).err().unwrap();
+    assert!(
+        error.contains("dem.tfw does not begin with six numbers"),
+        "{error}"
+    );
+}
+
+#[test]
 fn high_ground_in_feet_is_no_gap() {
     let folder = tempfile::tempdir().unwrap();
     let high_m: Vec<f64> = ground_m().iter().map(|h| h + 3800.0).collect();
