@@ -122,6 +122,15 @@ impl Notes {
         self.left_out.iter().map(said).collect()
     }
 
+    /// What is left out, in brackets behind another text; nothing where nothing is.
+    pub fn left_out_in_brackets(&self) -> String {
+        let kinds = self.left_out();
+        match kinds.is_empty() {
+            true => String::new(),
+            false => format!(" ({})", kinds.join(", ")),
+        }
+    }
+
     /// The warnings of a file: what was assumed, a line each, and one line that counts and names all that is left out.
     pub fn warnings(self, file: &Path) -> Vec<Warning> {
         let warning = |[place, what, mend]: [String; 3]| Warning {

@@ -100,7 +100,7 @@ fn layers(
     let inside = |r: &DVec3| r.cmpge(bounds[0]).all() && r.cmple(bounds[1]).all();
     let corners = place.bounds(used.iter().filter(|r| inside(r)).copied());
     if !(corners[0].is_finite() && corners[1].is_finite()) {
-        let what = format!("no surfaces with vertices{}", reasons(notes));
+        let what = format!("no surfaces with vertices{}", notes.left_out_in_brackets());
         let mend = "name a file with solids or surfaces";
         return Err(Fault::new("CityObjects", what, mend));
     }
@@ -154,7 +154,7 @@ fn layers(
     if layers.is_empty() {
         return Err(Fault::new(
             "CityObjects",
-            format!("no surfaces{}", reasons(notes)),
+            format!("no surfaces{}", notes.left_out_in_brackets()),
             "name a file with solids or surfaces, or another --lod",
         ));
     }
@@ -235,15 +235,6 @@ fn origin(place: &Place, corners: [DVec3; 2], notes: &mut Notes) {
         let mend = "check the transform, name the system with --crs, or place it with --georef";
         notes.assume("vertices", what, mend);
     }
-}
-
-/// What was left out, in brackets.
-fn reasons(notes: &Notes) -> String {
-    let warnings = notes.clone().warnings(Path::new(""));
-    let left_out = warnings
-        .into_iter()
-        .find(|warning| warning.place == "left out");
-    left_out.map_or(String::new(), |warning| format!(" ({})", warning.what))
 }
 
 #[cfg(test)]

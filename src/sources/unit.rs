@@ -123,7 +123,9 @@ pub fn by_code(code: u16) -> Option<f64> {
 pub fn by_word(word: &str) -> Option<f64> {
     // Dots and a bracketed plural say nothing more: `m.`, `m a.s.l.`, `meter(s)`.
     let plain = word.to_lowercase().replace("(s)", "s").replace('.', "");
-    let lower = plain.trim().trim_matches(['[', ']', '(', ')']);
+    let plain = plain.trim();
+    let inside = |open: char, close: char| plain.strip_prefix(open)?.strip_suffix(close);
+    let lower = inside('[', ']').or(inside('(', ')')).unwrap_or(plain);
     let lower = lower.split_whitespace().collect::<Vec<_>>().join(" ");
     let found = UNITS.iter().find(|unit| unit.2.contains(&lower.as_str()));
     found.map(|unit| unit.1)

@@ -8,6 +8,8 @@ use std::io::{Cursor, Read};
 
 /// Most bytes of an unpacked blob, by the format.
 const MOST_BYTES: usize = 32 << 20; // [B]
+/// Most bytes of all blobs, unpacked.
+const MOST_OUT: usize = 4 << 30; // [B]
 /// What a file may ask for of its reader.
 const KNOWN: [&str; 3] = ["OsmSchema-V0.6", "DenseNodes", "LocationsOnWays"];
 
@@ -80,6 +82,11 @@ pub fn readable(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Fault> {
             (_, Some(raw)) => {
                 let out = out.get_or_insert_with(|| bytes[..start].to_vec());
                 frame(out, &header.kind, raw);
+                if out.len() > MOST_OUT {
+                    let mend = "cut the extract to the city (osmium extract)";
+                    let what = "its blobs unpack to more than 4 GiB";
+                    return Err(Fault::new(&place, what, mend));
+                }
             }
         }
     }

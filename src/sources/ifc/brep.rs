@@ -1,8 +1,32 @@
 //! Faces of B-reps and surface models.
 
 use super::model::{DEEPEST, Face, Lost, Model, numbers};
+use crate::sources::surfaces::{Corner, area_vector_m2};
 use glam::DVec3;
 use ifc_lite_core::{AttributeValue, DecodedEntity, IfcType};
+
+/// Corners without places in a texture.
+fn corners(ring: &[DVec3]) -> Vec<Corner> {
+    ring.iter().copied().map(Corner::from).collect()
+}
+
+/// Turns the faces of a closed shell that is inside out. Of one that is not closed the sense of its faces counts.
+pub fn outwards(faces: &mut [Face]) {
+    let rings = || faces.iter().flatten();
+    let Some(origin) = rings().flatten().next().copied() else {
+        return;
+    };
+    // The area vectors of a closed shell add up to nothing.
+    let sum = |of: &dyn Fn(&Vec<DVec3>) -> f64| rings().map(of).sum::<f64>();
+    let all: DVec3 = rings().map(|ring| area_vector_m2(&corners(ring))).sum();
+    let areas = sum(&|ring| area_vector_m2(&corners(ring)).length());
+    let volume = sum(&|ring| (ring[0] - origin).dot(area_vector_m2(&corners(ring))));
+    if all.length() < 1e-6 * areas && volume < 0.0 {
+        for ring in faces.iter_mut().flatten() {
+            ring.reverse();
+        }
+    }
+}
 
 impl Model<'_> {
     /// Faces of a shell, or of a connected set of faces.
@@ -34,6 +58,7 @@ impl Model<'_> {
             }
         }
         let mut rings: Face = Vec::new();
+        let mut outer = false;
         for bound in self.all(face, 0) {
             let looped = self.need(&bound, 0)?;
             let mut ring = match looped.ifc_type {
@@ -50,12 +75,18 @@ impl Model<'_> {
                 ring.reverse();
             }
             if bound.ifc_type == IfcType::IfcFaceOuterBound {
+                outer = true;
                 rings.insert(0, ring);
             } else {
                 rings.push(ring);
             }
         }
         rings.retain(|ring| ring.len() >= 3);
+        if !outer {
+            // The outline is what holds the others.
+            let area = |ring: &Vec<DVec3>| area_vector_m2(&corners(ring)).length_squared();
+            rings.sort_by(|a, b| area(b).total_cmp(&area(a)));
+        }
         let some = !rings.is_empty();
         some.then_some(rings).ok_or_else(|| Lost::damaged(face))
     }

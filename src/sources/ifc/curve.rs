@@ -36,6 +36,7 @@ impl Model<'_> {
     pub fn curve(&mut self, curve: &DecodedEntity, depth: usize) -> Result<Vec<DVec3>, Lost> {
         let damaged = || Lost::damaged(curve);
         let depth = depth.checked_sub(1).ok_or_else(damaged)?;
+        self.spend().ok_or_else(damaged)?;
         let mut points = match curve.ifc_type {
             IfcType::IfcPolyline => {
                 let points = self.all(curve, 0);
@@ -237,17 +238,22 @@ impl Model<'_> {
                 .collect::<Option<Vec<f64>>>()?,
             None => vec![1.0; controls.len()],
         };
+        if !(1..=16).contains(&degree) || controls.len() <= degree {
+            return None;
+        }
+        let wanted = controls.len() + degree + 1;
         let times = curve.get_list(5)?.iter().map(AttributeValue::as_int);
         let values = curve.get_list(6)?.iter().map(AttributeValue::as_float);
         let mut knots = Vec::new();
         for (times, value) in times.zip(values) {
             let times = usize::try_from(times?).ok()?.min(degree + 1);
             knots.extend(std::iter::repeat_n(value?, times));
+            if knots.len() > wanted {
+                return None;
+            }
         }
-        let sound = (1..=16).contains(&degree)
-            && controls.len() > degree
-            && weights.len() == controls.len()
-            && knots.len() == controls.len() + degree + 1
+        let sound = weights.len() == controls.len()
+            && knots.len() == wanted
             && knots.windows(2).all(|pair| pair[0] <= pair[1]);
         if !sound {
             return None;

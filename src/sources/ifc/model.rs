@@ -56,7 +56,7 @@ pub struct Model<'a> {
     pub product: String,
     /// Faces that may still be made.
     pub left: usize,
-    /// Representation items that may still be looked at.
+    /// Representation items, curves and profiles that may still be looked at.
     pub items_left: usize,
 }
 
@@ -88,6 +88,13 @@ impl<'a> Model<'a> {
     /// Whether the file made more faces than are held.
     pub fn exhausted(&self) -> bool {
         self.left == 0 || self.items_left == 0
+    }
+
+    /// Counts an item, a curve or a profile that is looked at; none where the file has had enough of them: a few records that name each
+    /// other can ask for any number.
+    pub fn spend(&mut self) -> Option<()> {
+        self.items_left = self.items_left.checked_sub(1)?;
+        Some(())
     }
 
     /// Counts a record that is left out of the product that is being read.

@@ -14,27 +14,28 @@ impl Model<'_> {
         self.whole(solid, &directrix)?;
         let inner = self.lengths(solid, [2]).map(|[inner]| inner).ok();
         let inner = inner.filter(|inner| *inner < radius);
-        let mut faces = Vec::new();
-        for radius in std::iter::once(radius).chain(inner) {
-            let mut wall = tube(&line, radius);
-            if radius == inner.unwrap_or(f64::NAN) {
-                wall.iter_mut().flatten().for_each(|ring| ring.reverse());
-            }
+        let outside = sections(&line, radius);
+        let inside = inner.map(|inner| sections(&line, inner));
+        let mut faces = tube(&outside);
+        if let Some(inside) = &inside {
+            let mut wall = tube(inside);
+            wall.iter_mut().flatten().for_each(|ring| ring.reverse());
             faces.extend(wall);
         }
         let n = line.len();
         let ends = [(0, line[0] - line[1]), (n - 1, line[n - 1] - line[n - 2])];
         for (k, out) in ends {
-            let ring = |radius: f64| {
-                let mut ring = section(&line, k, radius);
+            let facing = |ring: &Vec<DVec3>| {
+                let mut ring = ring.clone();
                 let normal = (ring[1] - ring[0]).cross(ring[2] - ring[0]);
                 if normal.dot(out) < 0.0 {
                     ring.reverse();
                 }
                 ring
             };
-            let hole = inner.map(|inner| ring(inner).into_iter().rev().collect());
-            faces.push(std::iter::once(ring(radius)).chain(hole).collect());
+            let hole =
+                (inside.as_ref()).map(|inside| facing(&inside[k]).into_iter().rev().collect());
+            faces.push(std::iter::once(facing(&outside[k])).chain(hole).collect());
         }
         Ok(faces)
     }
@@ -64,34 +65,38 @@ impl Model<'_> {
 /// Corners of a pipe's round.
 const PIPE_CORNERS: usize = 12;
 
-/// The corners of a pipe in the plane that halves the turn at a point of its line. Their order goes with a frame that is carried along
-/// the line without a twist.
-fn section(line: &[DVec3], k: usize, radius: f64) -> Vec<DVec3> {
+/// The corners of a pipe at each point of its line, in the plane that halves the turn there. Their order goes with a frame that is
+/// carried along the line without a twist.
+fn sections(line: &[DVec3], radius: f64) -> Vec<Vec<DVec3>> {
     let way = |k: usize| (line[k + 1] - line[k]).normalize_or(DVec3::Z);
     let last = line.len() - 2;
     let mut x = way(0).any_orthonormal_vector();
-    for i in 1..=k.min(last) {
-        x = DQuat::from_rotation_arc(way(i - 1), way(i)) * x;
+    let mut found = Vec::with_capacity(line.len());
+    for (k, r) in line.iter().enumerate() {
+        let along = way(k.min(last));
+        let before = if k == 0 { along } else { way(k - 1) };
+        if (1..=last).contains(&k) {
+            x = DQuat::from_rotation_arc(before, along) * x;
+        }
+        let y = along.cross(x);
+        let plane = (before + along).normalize_or(along);
+        let corner = |n: usize| {
+            let arm = DVec2::from_angle(TAU * n as f64 / PIPE_CORNERS as f64) * radius;
+            let arm = x * arm.x + y * arm.y;
+            // Along the pipe into the plane; a mitre of a sharp turn ends at four times the radius.
+            let slope = along.dot(plane).max(0.25);
+            *r + arm - along * (arm.dot(plane) / slope)
+        };
+        found.push((0..PIPE_CORNERS).map(corner).collect());
     }
-    let along = way(k.min(last));
-    let y = along.cross(x);
-    let before = if k == 0 { along } else { way(k - 1) };
-    let plane = (before + along).normalize_or(along);
-    let corner = |n: usize| {
-        let arm = DVec2::from_angle(TAU * n as f64 / PIPE_CORNERS as f64) * radius;
-        let arm = x * arm.x + y * arm.y;
-        // Along the pipe into the plane; a mitre of a sharp turn ends at four times the radius.
-        let slope = along.dot(plane).max(0.25);
-        line[k] + arm - along * (arm.dot(plane) / slope)
-    };
-    (0..PIPE_CORNERS).map(corner).collect()
+    found
 }
 
-/// The wall of a pipe, seen from outside.
-fn tube(line: &[DVec3], radius: f64) -> Vec<Face> {
+/// The wall of a pipe over its sections, seen from outside.
+fn tube(sections: &[Vec<DVec3>]) -> Vec<Face> {
     let mut faces = Vec::new();
-    for k in 0..line.len() - 1 {
-        let (low, high) = (section(line, k, radius), section(line, k + 1, radius));
+    for pair in sections.windows(2) {
+        let (low, high) = (&pair[0], &pair[1]);
         for n in 0..PIPE_CORNERS {
             let next = (n + 1) % PIPE_CORNERS;
             let (a, b, c, d) = (low[n], low[next], high[next], high[n]);

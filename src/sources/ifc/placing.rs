@@ -387,6 +387,11 @@ impl Placing<'_> {
                 notes.assume(place, what, MEND);
             }
             map_m = own;
+        } else if own != map_m && stated_m.is_some() {
+            let what = format!(
+                "its unit of {map_m} m is not the map's own of {own} m: eastings and northings are taken in the former"
+            );
+            notes.assume(place, what, "mend MapUnit, or name the map that is meant");
         }
         Scales { map_m, model }
     }

@@ -107,9 +107,20 @@ pub fn products(bytes: &[u8]) -> Result<Made, Fault> {
     }
     kinds.sort_by_key(|(id, _)| *id);
     let mut model = Model::new(EntityDecoder::with_index(bytes, build_entity_index(bytes)));
-    let line = |start: usize| {
-        let before = bytes[..start.min(bytes.len())].iter();
-        format!("line {}", 1 + before.filter(|b| **b == b'\n').count())
+    if std::str::from_utf8(bytes).is_err() {
+        let what = "some of it is neither ASCII nor UTF-8: those letters are lost";
+        let mend = "export it again (ISO 10303-21 writes other letters as \\X2\\)";
+        model.notes.assume("text", what, mend);
+    }
+    let mut counted = [0, 1];
+    let mut line = |start: usize| {
+        let start = start.min(bytes.len());
+        if start < counted[0] {
+            counted = [0, 1];
+        }
+        let between = bytes[counted[0]..start].iter();
+        counted = [start, counted[1] + between.filter(|b| **b == b'\n').count()];
+        format!("line {}", counted[1])
     };
     for start in scanner.malformed_record_starts() {
         model.notes.leave_out("damaged records", line(*start));
@@ -158,7 +169,7 @@ pub fn products(bytes: &[u8]) -> Result<Made, Fault> {
             "IFC",
             format!(
                 "no product has a shape that is read{}",
-                reasons(model.notes)
+                model.notes.left_out_in_brackets()
             ),
             "export it with B-reps, extrusions or face sets",
         ));
@@ -196,15 +207,6 @@ fn without_strays(products: &mut Vec<Product>, notes: &mut Notes) {
         }
         near
     });
-}
-
-/// What was left out, in brackets.
-fn reasons(notes: Notes) -> String {
-    let warnings = notes.warnings(Path::new(""));
-    let left_out = warnings
-        .into_iter()
-        .find(|warning| warning.place == "left out");
-    left_out.map_or(String::new(), |warning| format!(" ({})", warning.what))
 }
 
 /// A product with its faces; none where it has none by its nature.

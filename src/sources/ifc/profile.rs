@@ -20,6 +20,7 @@ impl Model<'_> {
     pub fn profile(&mut self, profile: &DecodedEntity, depth: usize) -> Result<Vec<Area>, Lost> {
         let damaged = || Lost::damaged(profile);
         let depth = depth.checked_sub(1).ok_or_else(damaged)?;
+        self.spend().ok_or_else(damaged)?;
         match profile.ifc_type {
             IfcType::IfcArbitraryClosedProfileDef => Ok(vec![vec![self.ring(profile, 2)?]]),
             IfcType::IfcArbitraryProfileDefWithVoids => {

@@ -1,5 +1,6 @@
 //! Faces of IFC products.
 
+use super::brep::outwards;
 use super::curve::CORNERS;
 use super::model::{DEEPEST, Face, Lost, Model, numbers};
 use super::profile::Area;
@@ -96,7 +97,7 @@ impl Model<'_> {
             return Ok(());
         }
         let deeper = depth.checked_sub(1).ok_or_else(|| Lost::damaged(item))?;
-        self.items_left -= 1;
+        self.spend();
         match item.ifc_type {
             IfcType::IfcMappedItem => {
                 let (map, target) = (self.need(item, 0)?, self.need(item, 1)?);
@@ -129,7 +130,8 @@ impl Model<'_> {
             | IfcType::IfcAdvancedBrepWithVoids
             | IfcType::IfcManifoldSolidBrep => {
                 let shell = self.need(item, 0)?;
-                let faces = self.shell(&shell);
+                let mut faces = self.shell(&shell);
+                outwards(&mut faces);
                 self.push(faces, to, found);
                 for void in item.get_refs(1).unwrap_or_default() {
                     self.leave_out(Lost {

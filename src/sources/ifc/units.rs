@@ -111,8 +111,9 @@ pub fn named_unit_m(name: &str) -> Option<f64> {
     let word = word.strip_suffix('S').unwrap_or(&word);
     Some(match word {
         "FOOT" | "FEET" | "FT" | "INTERNATIONALFOOT" => 0.3048,
-        "USSURVEYFOOT" | "USSURVEYFEET" | "FOOTUS" | "USFT" | "USFOOT" | "FTU" | "FTUS"
-        | "FOOTUSSURVEY" => US_SURVEY_FOOT_M,
+        "USSURVEYFOOT" | "USSURVEYFEET" | "FOOTU" | "USFT" | "USFOOT" | "FTU" | "FOOTUSSURVEY" => {
+            US_SURVEY_FOOT_M
+        }
         "INCH" | "INCHE" | "IN" => 0.0254,
         "YARD" | "YD" => 0.9144,
         "MILE" => 1609.344,
@@ -145,6 +146,8 @@ mod tests {
             ("Millimeters", Some(0.001)),
             ("DECAMETRE", Some(10.0)),
             ("US survey foot", Some(1200.0 / 3937.0)),
+            ("FOOT_US", Some(1200.0 / 3937.0)),
+            ("us-ft", Some(1200.0 / 3937.0)),
             ("feet", Some(0.3048)),
             ("inches", Some(0.0254)),
             ("mm", Some(0.001)),

@@ -36,7 +36,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
             true => one(footprints::read(path, options)),
             false => cityjson::read_all(path, options),
         }
-    } else if ends(&[".ifc"]) {
+    } else if ends(&[".ifc", ".ifczip", ".ifcxml"]) {
         one(ifc::read(path, options))
     } else if ends(&[".obj"]) {
         one(obj::read(path, options))

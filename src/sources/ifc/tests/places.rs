@@ -475,6 +475,10 @@ fn maps_in_feet_are_met_in_their_own_feet() {
         let said = warnings(&layer);
         assert_eq!(said.contains("taken as the map's own"), own, "{said}");
     }
+    // A map in feet whose unit is said to be the metre.
+    let text = file(METRES, &map("$", "#204"), &[BLOCK]);
+    let said = warnings(&read_text(&text, &Options::default()).unwrap());
+    assert!(said.contains("is not the map's own of 0.3048006"), "{said}");
 }
 
 /// A tetrahedron, written with other units, scales, turns, placements.

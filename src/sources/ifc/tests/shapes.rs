@@ -136,6 +136,117 @@ fn profiles_of_every_kind_have_their_areas() {
 }
 
 #[test]
+fn shells_inside_out_are_turned_and_the_largest_loop_is_the_outline() {
+    // A cube of 2 m with a square hole of 1 m on its lid alone, whose loops have no outer one, all turned inwards or outwards.
+    let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2].map(|b| 2 * b);
+    let mut points: Vec<[f64; 3]> = (0..8).map(|k| corner(k).map(|v| v as f64)).collect();
+    points.extend([
+        [0.5, 0.5, 2.0],
+        [1.5, 0.5, 2.0],
+        [1.5, 1.5, 2.0],
+        [0.5, 1.5, 2.0],
+    ]);
+    let brep = |turned: &str, lid: &str| {
+        let loops: [(&[usize], &str); 6] = [
+            (&[0, 2, 3, 1], ""),
+            (&[4, 5, 7, 6], lid),
+            (&[0, 1, 5, 4], ""),
+            (&[2, 6, 7, 3], ""),
+            (&[0, 4, 6, 2], ""),
+            (&[1, 3, 7, 5], ""),
+        ];
+        let mut text =
+            String::from("@1=IFCFACETEDBREP(@2);@2=IFCCLOSEDSHELL((@10,@20,@30,@40,@50,@60));");
+        for (k, [x, y, z]) in points.iter().enumerate() {
+            text += &format!("@{}=IFCCARTESIANPOINT(({x:?},{y:?},{z:?}));", 70 + k);
+        }
+        let names = |ring: &[usize]| {
+            ring.iter()
+                .map(|k| format!("@{}", 70 + k))
+                .collect::<Vec<_>>()
+                .join(",")
+        };
+        for (k, (ring, more)) in loops.iter().enumerate() {
+            let n = 10 * (k + 1);
+            text += &format!(
+                "@{n}=IFCFACE(({more}@{}));@{}=IFCFACEBOUND(@{},{turned});@{}=IFCPOLYLOOP(({}));",
+                n + 1,
+                n + 1,
+                n + 2,
+                n + 2,
+                names(ring)
+            );
+        }
+        text + &format!(
+            "@90=IFCFACEBOUND(@91,.T.);@91=IFCPOLYLOOP(({}));",
+            names(&[8, 11, 10, 9])
+        )
+    };
+    let [out, inside_out] = [".T.", ".F."].map(|turned| brep(turned, ""));
+    let holed = brep(".T.", "@90,");
+    let text = file(
+        METRES,
+        MAP,
+        &[("out", &out), ("in", &inside_out), ("holed", &holed)],
+    );
+    let layer = read_text(&text, &Options::default()).unwrap();
+    for name in ["out", "in"] {
+        let volume = volume_m3(&layer.meshes, Some(number(&layer, name)));
+        assert!((volume / 8.0 - 1.0).abs() < 2e-3, "{name}: {volume}");
+    }
+    // The lid is 4 m² less its hole, not the hole alone.
+    let number = number(&layer, "holed");
+    let lid_m2: f64 = (layer.meshes.iter())
+        .flat_map(|mesh| {
+            mesh.indices
+                .as_chunks::<3>()
+                .0
+                .iter()
+                .map(move |t| (mesh, t))
+        })
+        .filter(|(mesh, t)| mesh.features[t[0] as usize] == number)
+        .map(|(mesh, t)| {
+            let [a, b, c] = t.map(|k| mesh.vertex_m(k));
+            (b - a).cross(c - a).z.max(0.0) / 2.0
+        })
+        .sum();
+    assert!((lid_m2 - 3.0).abs() < 0.01, "{lid_m2}");
+}
+
+#[test]
+fn records_that_ask_for_too_much_end() {
+    // Each curve names the next one twice: 2^30 points.
+    let mut text = String::from(
+        "@1=IFCEXTRUDEDAREASOLID(@2,$,#8,1.);@2=IFCARBITRARYCLOSEDPROFILEDEF(.AREA.,$,@10);",
+    );
+    for k in 10..40 {
+        let (next, segment) = (k + 1, k + 40);
+        text += &format!(
+            "@{k}=IFCCOMPOSITECURVE((@{segment},@{segment}),.F.);@{segment}=IFCCOMPOSITECURVESEGMENT(.CONTINUOUS.,.T.,@{next});"
+        );
+    }
+    text +=
+        "@40=IFCPOLYLINE((@90,@91));@90=IFCCARTESIANPOINT((0.,0.));@91=IFCCARTESIANPOINT((1.,0.));";
+    let spline = "@1=IFCEXTRUDEDAREASOLID(@2,$,#8,1.);@2=IFCARBITRARYCLOSEDPROFILEDEF(.AREA.,$,@3);\
+        @3=IFCBSPLINECURVEWITHKNOTS(2000000000,(@4,@5),.UNSPECIFIED.,.F.,.F.,(2000000001,2000000001),(0.,1.),.UNSPECIFIED.);\
+        @4=IFCCARTESIANPOINT((0.,0.));@5=IFCCARTESIANPOINT((1.,0.));";
+    for (odd, want) in [(spline, 1), (text.as_str(), 0)] {
+        let text = file(
+            METRES,
+            MAP,
+            &[("box", "@1=IFCBLOCK(#6,1.,1.,1.);"), ("odd", odd)],
+        );
+        match read_text(&text, &Options::default()) {
+            Ok(layer) => assert_eq!(layer.features.len(), 1),
+            Err(error) => assert!(
+                want == 0 && error.to_string().contains("multiply"),
+                "{error}"
+            ),
+        }
+    }
+}
+
+#[test]
 fn solids_of_other_kinds_have_their_volumes() {
     let circle = |r: f64| 16.0 * r * r * (TAU / 32.0).sin();
     let ring = "@2=IFCRECTANGLEPROFILEDEF(.AREA.,$,@3,1.,1.);@3=IFCAXIS2PLACEMENT2D(@4,$);@4=IFCCARTESIANPOINT((3.,0.));@5=IFCAXIS1PLACEMENT(#7,#9);";
