@@ -244,11 +244,10 @@ fn bevy_plugins(options: &Options) -> PluginGroupBuilder {
     if !options.log {
         plugins = plugins.disable::<LogPlugin>();
     }
+    // The commands listen for signals themselves.
+    plugins = plugins.disable::<TerminalCtrlCHandlerPlugin>();
     if !options.window {
-        // Its handler would keep a signal from a run that has no event loop to end.
-        plugins = plugins
-            .disable::<bevy::winit::WinitPlugin>()
-            .disable::<TerminalCtrlCHandlerPlugin>();
+        plugins = plugins.disable::<bevy::winit::WinitPlugin>();
     }
     plugins
 }

@@ -105,7 +105,8 @@ pub enum CliError {
 #[derive(Parser, Debug)]
 #[command(name = "boresight", version)]
 pub struct Cli {
-    /// Warnings are errors: the command ends with 2 where something is warned of, before its work.
+    /// Warnings are errors: the command ends with 2 where something is warned of: of its input before its work, of what
+    /// it leaves behind it.
     #[arg(long, global = true)]
     strict: bool,
     #[command(subcommand)]
@@ -366,7 +367,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 ..Options::default()
             };
             let app = app::build(&loaded, &options)?;
-            // From here on there is something to end whole; before, a signal ends the program as ever.
+            // From here on there is something to end whole; before, a signal ends the program.
             stop::listen();
             let finished = run_to_end(app, &loaded, &options, true)?;
             say!("{}", summary::table(&finished.summary).trim_end());
@@ -383,7 +384,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
             warning::tell(&finished.warnings)?;
             return Ok(ended(0));
         }
-        Command::View(args) => view(args),
+        Command::View(args) => return view(args),
         Command::Check(args) => return check(&args),
         Command::New(args) => {
             let [path, schema] = new::new(&args)?;
@@ -462,7 +463,7 @@ fn ended(code: u8) -> ExitCode {
 
 /// Carries out an evaluation.
 fn eval(command: EvalCommand) -> Result<ExitCode, CliError> {
-    // A draw of its own process leaves nothing until it is whole: a signal ends it as ever.
+    // A draw of its own process leaves nothing until it is whole: a signal ends it at once.
     if !matches!(&command, EvalCommand::Engagement(args) if args.draw.is_some()) {
         stop::listen();
     }
@@ -536,7 +537,7 @@ fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
     }
     let warnings = lint::warnings(&scene);
     warning::tell(&warnings)?;
-    match warnings.len() {
+    match warning::told() {
         0 => say!("{}: ok", loaded.path.display()),
         1 => say!("{}: ok, 1 warning", loaded.path.display()),
         count => say!("{}: ok, {count} warnings", loaded.path.display()),
@@ -570,7 +571,7 @@ fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
 }
 
 /// Runs a scenario in a window, or plays recordings back in one.
-fn view(args: ViewArgs) -> Result<(), CliError> {
+fn view(args: ViewArgs) -> Result<ExitCode, CliError> {
     let screenshot = match args.screenshot.as_deref() {
         Some([file, seconds]) => {
             let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;
@@ -593,7 +594,9 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
         let recordings: Result<Vec<_>, _> = (std::iter::once(&args.file).chain(&args.beside))
             .map(|path| Recorded::open(path).map_err(ExperimentError::from))
             .collect();
-        return Ok(view::play(recordings?, screenshot)?);
+        stop::listen();
+        view::play(recordings?, screenshot)?;
+        return Ok(ended(0));
     }
     if let Some(beside) = args.beside {
         return Err(CliError::Beside(beside));
@@ -617,11 +620,21 @@ fn view(args: ViewArgs) -> Result<(), CliError> {
         screenshot,
         orders: args.save_orders,
     };
+    stop::listen();
     if let Some(finished) = view::view(&loaded, &options, &keep)? {
         say!("{}", summary::table(&finished.summary).trim_end());
+        let kept = (options.out.iter().chain(&keep.orders)).map(|path| path.display().to_string());
+        let kept: Vec<String> = kept.collect();
+        let there = match kept.is_empty() {
+            true => "nothing was asked to be kept (--out, --save-orders)".to_owned(),
+            false => format!("{} hold the session", kept.join(" and ")),
+        };
+        if let Some(said) = stop::said(&there) {
+            say!("{said}");
+        }
         warning::tell(&finished.warnings)?;
     }
-    Ok(())
+    Ok(ended(0))
 }
 
 /// Runs a scenario to its end and writes what it leaves.

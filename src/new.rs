@@ -1,6 +1,7 @@
 //! `boresight new`: a commented scenario to start from.
 
 use crate::output::{self, OutputError};
+use crate::place::located;
 use crate::scenario::{self, InputError};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -76,17 +77,25 @@ fn begun_with(from: &Path) -> Result<String, InputError> {
         false => crate::data::found(&shipped),
     };
     let at = if at.exists() { at } else { from.to_owned() };
-    Ok(scenario::Scenario::load(&at, &[])?.source)
+    let mut loaded = scenario::Scenario::load(&at, &[])?;
+    let folder = loaded.path.parent().unwrap_or(Path::new("."));
+    let folder = folder.canonicalize().unwrap_or(folder.to_owned());
+    // What it names is found from the new file, too.
+    let mut text = loaded.source;
+    for path in loaded.scenario.paths_mut() {
+        let whole = toml::Value::String(located(&folder, path)).to_string();
+        for quote in ['"', '\''] {
+            text = text.replace(&format!("{quote}{path}{quote}"), &whole);
+        }
+    }
+    Ok(text)
 }
 
 /// The text with another name, and the line by which editors find the schema.
 fn named(text: &str, name: &str) -> String {
-    let mut new = String::new();
-    if !text.lines().any(|line| line.starts_with("#:schema")) {
-        new += &format!("#:schema ./{SCHEMA}\n");
-    }
+    let mut new = format!("#:schema ./{SCHEMA}\n");
     let mut done = false;
-    for line in text.lines() {
+    for line in text.lines().filter(|line| !line.starts_with("#:schema")) {
         let key = line.split('=').next().unwrap_or_default().trim();
         match key == "name" && !done {
             // Quoted as TOML has it.
@@ -148,6 +157,22 @@ mod tests {
         let [path, _] = written(&folder.path().join("b"), Some(from)).unwrap();
         let text = std::fs::read_to_string(path).unwrap();
         assert_eq!(text.matches("#:schema").count(), 1);
+        // Files that the other one names are found from the new one.
+        let other = folder.path().join("other");
+        std::fs::create_dir(&other).unwrap();
+        let own = format!(
+            "#:schema ../x.json\n{TEMPLATE}\n[city]\nsources = ['a.geojson', {{ file = \"b.tif\", terrain = \"c.tif\" }}]\n"
+        );
+        std::fs::write(other.join("own.toml"), own).unwrap();
+        let from = other.join("own.toml");
+        let [path, _] = written(&folder.path().join("d"), from.to_str()).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("#:schema ./scenarios.schema.json\n") && !text.contains("x.json"));
+        let mut own = scenario::Scenario::load(&path, &[]).unwrap().scenario;
+        let other = other.canonicalize().unwrap();
+        for path in own.paths_mut() {
+            assert_eq!(Path::new(path).parent(), Some(&*other), "{path}");
+        }
         let absent = written(&folder.path().join("c"), Some("absent")).unwrap_err();
         assert!(
             absent.to_string().starts_with("absent: cannot be read"),

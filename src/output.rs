@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     /// A folder that cannot be made.
-    #[error("{path}: the folder cannot be made: {source}; name one that can be written with --out")]
+    #[error("{path}: the folder cannot be made: {source}; name one that can be written")]
     Folder {
         /// The folder.
         path: PathBuf,
@@ -15,7 +15,7 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// A file that cannot be written.
-    #[error("{path}: cannot be written: {source}; name a folder that can be written with --out")]
+    #[error("{path}: cannot be written: {source}; name a place that can be written")]
     File {
         /// The file.
         path: PathBuf,

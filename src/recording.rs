@@ -377,7 +377,7 @@ impl Written {
         let [all, pictures] = [self.bytes, self.picture_bytes].map(|bytes| bytes as f64);
         let rate = all / simulated_s;
         let much = all > MUCH_BYTES_PER_S * simulated_s.max(SHORT_S);
-        much.then(|| Warning {
+        (much && simulated_s > 0.0).then(|| Warning {
             file: path.to_owned(),
             place: "size".into(),
             what: format!(

@@ -40,7 +40,7 @@ impl Stop {
 }
 
 /// Begins to listen: from now on the first signal only asks, and [`asked`] tells of it. Where the system allows no
-/// handler, a signal ends the program as before.
+/// handler, a signal ends the program.
 pub fn listen() {
     ASKED.get_or_init(|| {
         let asked = Arc::new(AtomicUsize::new(0));

@@ -5,8 +5,8 @@ use crate::components::mount::{Station, Stations};
 use crate::components::run::SimClock;
 use crate::components::track::{Command, Designation, Operator};
 use crate::components::view::{Pacing, Playback, ScreenshotRequest, Session, SessionEnd};
-use crate::models::flight::trajectory::Trajectory;
 use crate::output::{self, OutputError};
+use crate::place::located;
 use crate::plugins::view::ViewPlugin;
 use crate::recording::read::Recorded;
 use crate::recording::timeline::Timeline;
@@ -221,19 +221,11 @@ fn with_orders(
     }
     orders.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
     scenario.operator = orders;
-    // A recorded flight is found from wherever the file will lie.
+    // What the scenario names is found from wherever the file will lie.
     let folder = loaded.path.parent().unwrap_or(Path::new("."));
     let folder = folder.canonicalize().unwrap_or(folder.to_owned());
-    let flights = (scenario.uavs.iter_mut().map(|uav| &mut uav.trajectory)).chain(
-        scenario
-            .distractors
-            .iter_mut()
-            .map(|other| &mut other.trajectory),
-    );
-    for flight in flights {
-        if let Trajectory::Recorded { file, .. } = flight {
-            *file = folder.join(&*file).display().to_string();
-        }
+    for path in scenario.paths_mut() {
+        *path = located(&folder, path);
     }
     toml::to_string(&scenario)
 }

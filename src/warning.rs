@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 /// One thing about a file that its user should know; prints as one line, as an error does.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Warning {
-    /// The file.
+    /// The file, with its line, or the override.
     pub file: PathBuf,
     /// Where in the file: a line, an object's name, a key.
     pub place: String,
@@ -58,6 +58,11 @@ pub fn tell(warnings: &[Warning]) -> Result<(), StrictError> {
         true => Err(StrictError(warnings.len())),
         false => Ok(()),
     }
+}
+
+/// How many different warnings this process has printed.
+pub fn told() -> usize {
+    TOLD.lock().unwrap_or_else(PoisonError::into_inner).len()
 }
 
 /// What the reader of one file notes on its way.

@@ -201,8 +201,9 @@ pub struct Sight {
 /// What a station had to do with a UAV.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Dealing {
-    /// Time for which the UAV flew in its sight, and behind the city or in cloud [s].
+    /// Time for which the UAV flew in its sight [s].
     pub clear_s: f64,
+    /// Time for which it flew behind the city or in cloud [s].
     pub hidden_s: f64,
     /// Time for which a camera held it [s].
     pub held_s: f64,

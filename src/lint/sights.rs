@@ -1,6 +1,7 @@
 //! Who is seen when, from where and how large, as a table.
 
 use super::{Flown, Scene, Seeing, View};
+use crate::output::columns;
 
 /// Members of a swarm that the table shows; the others are much the same.
 const SHOWN_OF_SWARM: usize = 3;
@@ -36,7 +37,8 @@ pub fn table(scene: &Scene<'_>) -> String {
         return String::new();
     }
     let several = stations.len() > 1;
-    let mut rows = vec![head(&stations, several)];
+    let cameras = cameras(&stations);
+    let mut rows = Vec::new();
     let mut shown_of_swarm = std::collections::BTreeMap::new();
     let mut left_out = 0;
     for uav in &uavs {
@@ -49,10 +51,12 @@ pub fn table(scene: &Scene<'_>) -> String {
             }
         }
         for seeing in &stations {
-            rows.push(row(scene, seeing, uav, &times_s, several));
+            rows.push(row(scene, seeing, uav, &times_s, (&cameras, several)));
         }
     }
-    let mut text = aligned(&rows);
+    let head = head(&cameras, several);
+    let head: Vec<&str> = head.iter().map(String::as_str).collect();
+    let mut text = columns(&head, &rows, 1);
     if left_out > 0 {
         text +=
             &format!("and {left_out} more members of swarms, which are taken to fly straight on\n");
@@ -60,17 +64,28 @@ pub fn table(scene: &Scene<'_>) -> String {
     text
 }
 
-fn head(stations: &[Seeing<'_>], several: bool) -> Vec<String> {
+/// The cameras of all stations, each once, in their order.
+fn cameras(stations: &[Seeing<'_>]) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for camera in stations
+        .iter()
+        .flat_map(|seeing| seeing.station.config.cameras.all())
+    {
+        let word = word(&camera.place, &camera.name);
+        if words.iter().all(|known| known != word) {
+            words.push(word.to_owned());
+        }
+    }
+    words
+}
+
+fn head(cameras: &[String], several: bool) -> Vec<String> {
     let mut head = vec!["UAV".to_owned()];
     if several {
         head.push("station".to_owned());
     }
     head.extend(["range m", "azimuth °", "elevation °"].map(String::from));
-    let cameras = stations
-        .first()
-        .map(|seeing| seeing.station.config.cameras.all());
-    let cameras = cameras.into_iter().flatten();
-    head.extend(cameras.map(|camera| format!("{} px", word(&camera.place, &camera.name))));
+    head.extend(cameras.iter().map(|camera| format!("{camera} px")));
     head.extend(["first seen s", "at m"].map(String::from));
     head
 }
@@ -89,7 +104,7 @@ fn row(
     seeing: &Seeing<'_>,
     uav: &Flown,
     times_s: &[f64],
-    several: bool,
+    (cameras, several): (&[String], bool),
 ) -> Vec<String> {
     let sight = scene.sight(seeing, uav, times_s);
     let mut row = vec![uav.name.clone()];
@@ -100,44 +115,16 @@ fn row(
     row.push(format!("{:.0}", sight.start.range_m));
     row.push(format!("{az_deg:.1}"));
     row.push(format!("{el_deg:.1}"));
-    for camera in seeing.station.config.cameras.all() {
-        let size_px = sight.start.size_px(uav.size_m(), &camera.config);
-        row.push(format!("{size_px:.1}"));
+    for wanted in cameras {
+        let mut own = seeing.station.config.cameras.all().into_iter();
+        let camera = own.find(|camera| word(&camera.place, &camera.name) == wanted);
+        row.push(camera.map_or("-".to_owned(), |camera| {
+            format!("{:.1}", sight.start.size_px(uav.size_m(), &camera.config))
+        }));
     }
     match sight.first {
         Some((t_s, view)) => row.extend([format!("{t_s:.1}"), format!("{:.0}", view.range_m)]),
         None => row.extend(["never".to_owned(), "-".to_owned()]),
     }
     row
-}
-
-/// Rows as columns: the first flush left, the others flush right under their heads. Rows may be of several lengths, as
-/// stations have several cameras: the last two columns stay the last.
-fn aligned(rows: &[Vec<String>]) -> String {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let filled: Vec<Vec<String>> = (rows.iter())
-        .map(|row| {
-            let mut row = row.clone();
-            let last = row.len().saturating_sub(2);
-            let blanks = std::iter::repeat_n(String::new(), columns - row.len());
-            row.splice(last..last, blanks);
-            row
-        })
-        .collect();
-    let width = |column: usize| {
-        let cells = filled.iter().map(|row| row[column].chars().count());
-        cells.max().unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let mut text = String::new();
-    for row in &filled {
-        let cells = row.iter().zip(&widths).enumerate();
-        let cells = cells.map(|(column, (cell, width))| match column {
-            0 => format!("{cell:<width$}"),
-            _ => format!("{cell:>width$}"),
-        });
-        text += cells.collect::<Vec<_>>().join("  ").trim_end();
-        text.push('\n');
-    }
-    text
 }

@@ -202,7 +202,7 @@ fn a_sector_that_never_contains_the_uav_is_warned_of() {
 
 #[test]
 fn a_run_that_ends_too_early_is_warned_of() {
-    // It comes out from behind the ground's curve of nothing: it reaches the asset after half a minute.
+    // It reaches the asset after half a minute.
     let asset = format!("{BASE}[tracker]\nasset_enu_m = [200.0, 500.0, 120.0]\n");
     one(
         &asset,

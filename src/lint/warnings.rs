@@ -7,15 +7,15 @@ use glam::DVec3;
 use super::{Body, Flown, Scene, Seeing, times_s};
 use crate::models::air::atmosphere::transmittance;
 use crate::models::engage::outcome::Outcome;
-use crate::models::laser::beam::{Laser, power_in_bucket_w};
+use crate::models::laser::beam::{BUCKET_RADIUS_M, Laser, power_in_bucket_w};
 use crate::models::laser::thermal::Skin;
 use crate::scenario::{Bound, Focus, SkinKind, TRUTH};
 use crate::warning::Warning;
 
 /// A speed this much above a kind's greatest is no slip of rounding or of a corner.
 const SPEED_MARGIN: f64 = 1.1;
-/// Radius of the component that the laser heats [m]: as the run has it.
-const BUCKET_RADIUS_M: f64 = 0.05; // [m]
+/// Steps in which the heating of a skin is worked out over the rest of a run.
+const HEAT_STEPS: u32 = 400;
 /// A flight is followed so many times as long as the run, to tell what a longer one would show, but no longer than
 /// [`LATEST_S`].
 const LONGER: f64 = 20.0;
@@ -379,8 +379,8 @@ impl Lint<'_> {
             if power_w <= 0.0 {
                 continue;
             }
-            let best = (self.uavs.iter().enumerate())
-                .filter_map(|(index, flown)| self.heated(seeing, flown, index))
+            let best = (self.uavs.iter())
+                .filter_map(|flown| self.heated(seeing, flown))
                 .max_by(|a, b| a.0.total_cmp(&b.0));
             let Some((share, range_m, name)) = best.filter(|best| best.0 < 1.0) else {
                 continue;
@@ -406,12 +406,7 @@ impl Lint<'_> {
 
     /// How far a station's laser could warm a UAV's skin, as a share of what it stands: held on it at its nearest from the
     /// first sight on, without turbulence and jitter. None where it is never seen.
-    fn heated(
-        &self,
-        seeing: &Seeing<'_>,
-        flown: &Flown,
-        index: usize,
-    ) -> Option<(f64, f64, String)> {
+    fn heated(&self, seeing: &Seeing<'_>, flown: &Flown) -> Option<(f64, f64, String)> {
         let scenario = &self.scene.loaded.scenario;
         let Body::Uav(model, _) = &flown.body else {
             return None;
@@ -437,7 +432,8 @@ impl Lint<'_> {
         let spot_m = laser.spot_radius_m(range_m, focus_m);
         let in_bucket_w = power_in_bucket_w(power_w, spot_m, 0.0, BUCKET_RADIUS_M);
         let irradiance_wpm2 = in_bucket_w / (PI * BUCKET_RADIUS_M.powi(2));
-        let material = (scenario.uavs.get(index).and_then(|uav| uav.skin))
+        let material = (scenario.uavs.iter().find(|uav| uav.name == flown.name))
+            .and_then(|uav| uav.skin)
             .map_or_else(|| model.part_skin(scenario.engage.aim), SkinKind::material);
         let air_k = self.scene.weather.temperature_k;
         let mut skin = Skin {
@@ -445,8 +441,8 @@ impl Lint<'_> {
             length_m: model.size_m[2],
         };
         let wind_enu_mps = self.scene.wind_enu_mps();
-        let dt_s = ((scenario.duration_s - first) / 400.0).max(1e-3);
-        for k in 0..400 {
+        let dt_s = ((scenario.duration_s - first) / f64::from(HEAT_STEPS)).max(1e-3);
+        for k in 0..HEAT_STEPS {
             let v_enu_mps = flown.plan.sample(first + dt_s * f64::from(k)).v_enu_mps;
             let air_mps = (v_enu_mps - wind_enu_mps).length();
             skin.step(dt_s, irradiance_wpm2, air_k, air_mps, &material);
@@ -546,11 +542,22 @@ impl Lint<'_> {
         // Figures of these kinds are never negative; times lie within the run.
         let counts = ["leakers", "count", "energy_j"].contains(&name);
         let time = name.ends_with("_s");
-        let least = bound.at_least.filter(|least| time && *least > duration_s);
+        // These are summed over the stations.
+        let summed = ["dwell_s", "distractor_s", "keep_out_s", "wrong_object_s"].contains(&name);
+        let stations = if summed {
+            self.scene.stations().len().max(1)
+        } else {
+            1
+        };
+        let most_s = duration_s * stations as f64;
+        let least = bound.at_least.filter(|least| time && *least > most_s);
         if let Some(least) = least {
-            return Some(format!(
-                "at_least = {least} s is beyond the end of the run, {duration_s} s"
-            ));
+            return Some(match stations {
+                1 => format!("at_least = {least} s is beyond the end of the run, {duration_s} s"),
+                n => {
+                    format!("at_least = {least} s is more than {n} stations have in {duration_s} s")
+                }
+            });
         }
         let most = bound.at_most.filter(|most| (counts || time) && *most < 0.0);
         most.map(|most| format!("at_most = {most}, and it is never below 0"))

@@ -12,6 +12,9 @@ pub enum ImageError {
     /// The bytes are not a picture that is understood.
     #[error("no picture ({0})")]
     Decode(#[from] image::ImageError),
+    /// A JPEG without its end: decoders show grey for what is missing.
+    #[error("the JPEG is cut off")]
+    CutOff,
     /// The pixels cannot be encoded.
     #[error("a picture cannot be encoded: {0}")]
     Encode(#[from] jpeg_encoder::EncodingError),
@@ -27,8 +30,32 @@ pub enum ImageError {
     },
 }
 
+/// Whether a JPEG lacks its end (ITU T.81, B.1): a picture inside its metadata has one of its own.
+pub fn is_cut_off(jpeg: &[u8]) -> bool {
+    if !jpeg.starts_with(&[0xff, 0xd8]) {
+        return false;
+    }
+    let mut at = 2;
+    while let Some([0xff, marker, rest @ ..]) = jpeg.get(at..) {
+        match (*marker, rest) {
+            // Bytes that fill up, and markers without a length.
+            (0xff, _) => at += 1,
+            (0x01 | 0xd0..=0xd7, _) => at += 2,
+            (0xd9, _) => return false,
+            // The picture itself.
+            (0xda, _) => return !rest.windows(2).any(|pair| pair == [0xff, 0xd9]),
+            (_, [high, low, ..]) => at += 2 + usize::from(u16::from_be_bytes([*high, *low])),
+            _ => return true,
+        }
+    }
+    at >= jpeg.len()
+}
+
 /// Reads a PNG or JPEG file. Grey pictures become coloured ones, transparency is left out.
 pub fn decode(bytes: &[u8]) -> Result<RgbImage, ImageError> {
+    if is_cut_off(bytes) {
+        return Err(ImageError::CutOff);
+    }
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let mut reader = reader.map_err(image::ImageError::from)?;
     let mut limits = Limits::default();
@@ -107,6 +134,23 @@ pub fn jpeg_of(picture: &RgbImage, quality: u8) -> Result<Vec<u8>, ImageError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_jpeg_without_its_end_is_refused() {
+        let rgb8: Vec<u8> = (0..3 * 64 * 64).map(|k| (k * 7 % 251) as u8).collect();
+        let jpeg = encode_jpeg(&rgb8, 64, 64, 90).unwrap();
+        assert!(decode(&jpeg).is_ok());
+        // A picture in the metadata has an end of its own, and blanks may follow the file's.
+        let mut app1 = vec![0xff, 0xd8, 0xff, 0xe1, 0, 6, 0xff, 0xd9, 0, 0];
+        app1.extend(&jpeg[2..]);
+        app1.extend([0; 9]);
+        assert!(decode(&app1).is_ok());
+        for length in [3, 30, app1.len() / 2, app1.len() - 12] {
+            let cut = decode(&app1[..length]).unwrap_err().to_string();
+            assert_eq!(cut, "the JPEG is cut off", "{length}");
+        }
+        assert!(!is_cut_off(b"\x89PNG") && !is_cut_off(b""));
+    }
     use image::{DynamicImage, GrayImage, ImageFormat, RgbaImage};
     use proptest::prelude::*;
 

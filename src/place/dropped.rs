@@ -189,10 +189,15 @@ fn is_found(upright: &Upright, squares: &Squares, cell_m: f64) -> bool {
         upright.high_m.truncate() + cell_m,
     ];
     let inside = DVec2::splat(cell_m);
-    between(low, high)
-        .filter_map(|square| squares.get(&square))
-        .flatten()
-        .any(|[from, to]| upright.overlaps(*from - 0.5 * inside, *to + 0.5 * inside))
+    let overlaps =
+        |[from, to]: &[DVec2; 2]| upright.overlaps(*from - 0.5 * inside, *to + 0.5 * inside);
+    // A stray corner stretches a box over more squares than there are.
+    let across = ((high - low) / SQUARE_M).ceil() + 1.0;
+    if across.x * across.y > squares.len() as f64 {
+        return squares.values().flatten().any(overlaps);
+    }
+    let own = between(low, high).filter_map(|square| squares.get(&square));
+    own.flatten().any(overlaps)
 }
 
 #[cfg(test)]

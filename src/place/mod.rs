@@ -60,7 +60,7 @@ pub fn made_from(params: &CityParams, folder: &Path) -> CityParams {
     for source in own.sources.iter_mut().chain(&mut own.horizon) {
         let mut with = source.params();
         with.file = located(folder, &with.file);
-        *source = CitySource::With(with);
+        *source = CitySource::With(Box::new(with));
     }
     own
 }

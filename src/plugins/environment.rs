@@ -90,8 +90,6 @@ fn environment(
     let (weather, pressure_pa, sun) = loaded.weather_and_sun()?;
     let warnings = scenario.weather.notes().warnings(&loaded.path);
     warning::tell(&warnings).map_err(|error| loaded.refuse("weather.metar", error))?;
-    let noted = scenario.weather.notes().warnings(&loaded.path);
-    warning::tell(&noted).map_err(|error| loaded.refuse("weather.metar", error))?;
     let sun_dir_enu = sun.sun_dir_enu();
     let own = made_from(&scenario.city, folder(loaded));
     let (city, tiles) = match city.filter(|city| city.params == own) {

@@ -120,6 +120,10 @@ fn recorder(
     let scenario = &loaded.scenario;
     let out = options.out.as_deref();
     out.map(crate::output::create_dir).transpose()?;
+    // What an earlier run left there would pass for this one's, should it end without its own.
+    for name in ["summary.json", "report.html"] {
+        let _ = out.map(|out| std::fs::remove_file(out.join(name)));
+    }
     let epoch = scenario.time_utc.timestamp_nanos_opt().unwrap_or(0);
     // A recording lies elsewhere than its scenario.
     let folder = loaded.path.parent().unwrap_or(Path::new(""));

@@ -1,6 +1,5 @@
 //! The window.
 
-use crate::components::environment::Environment;
 use crate::components::render::LeanPaint;
 use crate::components::run::{SetUp, TickSet};
 use crate::components::view::{
@@ -88,8 +87,7 @@ impl Plugin for ViewPlugin {
                     systems::insets::look_at_cameras.run_if(simulates()),
                     systems::overlay::look_at_tracks.run_if(simulates()),
                     systems::tracks::follow_tracks.run_if(simulates()),
-                    systems::exposure::expose_window
-                        .run_if(resource_exists_and_changed::<Environment>),
+                    systems::exposure::expose_window,
                     systems::insets::upload_pictures,
                 )
                     .chain()

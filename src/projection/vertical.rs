@@ -23,7 +23,7 @@ const COMPOUND: &str = include_str!(concat!(
     "/assets/epsg/compound.csv"
 ));
 
-/// Ellipsoids whose heights GeoTIFF 1.0 has codes for (5001 to 5033), by the last two digits: those of GRS 80 (5019), WGS 84 (5030) and the
+/// Ellipsoids whose heights GeoTIFF 1.0 has codes for (5001 to 5034), by the code: those of GRS 80 (5019), WGS 84 (5030) and the
 /// gravity models after it are WGS 84's to a millimetre.
 const ELLIPSOIDS: [(u32, &str); 28] = [
     (5001, "Airy 1830"),
@@ -77,7 +77,7 @@ fn rows<const N: usize>(register: &'static str) -> impl Iterator<Item = [&'stati
     })
 }
 
-/// The vertical system of a code: EPSG's, one of GeoTIFF 1.0 (5001 to 5033: heights over an ellipsoid), or, as GeoTIFF 1.0 has them (5101
+/// The vertical system of a code: EPSG's, one of GeoTIFF 1.0 (5001 to 5034: heights over an ellipsoid), or, as GeoTIFF 1.0 has them (5101
 /// to 5106), the number of its datum.
 pub(super) fn vertical(text: &str) -> Result<Vertical, CrsError> {
     let unknown = || CrsError::Vertical(text.into());

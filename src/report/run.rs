@@ -344,7 +344,7 @@ impl ContactFrame {
     }
 }
 
-/// Height of a label, and its width to a letter, where a picture is 320 px wide [px].
+/// Width of a letter of a label, and height of a label, where a picture is 320 px wide [px].
 const LABEL_PX: [f64; 2] = [7.0, 13.0];
 
 impl ContactFrame {

@@ -21,8 +21,9 @@ pub struct UavSummary {
     pub at_asset_s: Option<f64>,
     /// When the coarse or precise camera of a station first held it \[s\].
     pub acquired_s: Option<f64>,
-    /// The hottest that its skin has been, and the temperature at which it fails \[K\].
+    /// The hottest that its skin has been \[K\].
     pub hottest_k: f64,
+    /// The temperature at which its skin fails \[K\].
     pub fails_at_k: f64,
     /// How it crashed; `None` if it did not.
     pub crash: Option<CrashSummary>,
@@ -75,15 +76,17 @@ pub struct SightSummary {
     pub pictures: u32,
     /// Of these the ones in which a detection that counts lay on it.
     pub found: u32,
-    /// The longer side of the UAV's box \[px\]: at most, and the median.
+    /// The longer side of the UAV's box at most \[px\].
     pub largest_px: Option<f64>,
+    /// Its median \[px\].
     pub typical_px: Option<f64>,
     /// Median of its contrast over the deviation of what is around it (signal-to-clutter ratio).
     pub contrast: Option<f64>,
     /// Median grey level of what was around it, 0 to 255.
     pub grey_level: Option<f64>,
-    /// The best score of a detection on it, and the score from which on one counts; `None` where scores say nothing.
+    /// The best score of a detection on it; `None` where scores say nothing.
     pub best_score: Option<f64>,
+    /// The score from which on a detection counts.
     pub wanted_score: Option<f64>,
 }
 

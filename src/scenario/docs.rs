@@ -232,6 +232,9 @@ fn unit(name: &str) -> &'static str {
     if name.ends_with("_per_s") {
         return "1/s";
     }
+    if name.ends_with("_bits_per_px") {
+        return "bit/px";
+    }
     match name.rsplit_once('_').map_or("", |(_, suffix)| suffix) {
         "m" => "m",
         "m2" => "m²",

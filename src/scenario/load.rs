@@ -533,7 +533,7 @@ impl Places {
                 join(&mut path, &found);
             }
             wrong = Wrong::Unknown(found.clone());
-            let table = &path[..path.len() - one_line(&found).len()];
+            let table = path.strip_suffix(&*one_line(&found)).unwrap_or("");
             meant = nearest(&found, &known).map(|name| format!("{table}{name}"));
             format!("unknown key{}", suggestion(&found, &known))
         } else if message.starts_with("unknown variant") {

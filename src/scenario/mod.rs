@@ -67,6 +67,7 @@ use crate::data;
 use crate::models::air::atmosphere::pressure_at_pa;
 use crate::models::air::sun::Sun;
 use crate::models::air::weather::Weather;
+use crate::models::flight::trajectory::Trajectory;
 use crate::models::ground::city::CityParams;
 use crate::warning::Warning;
 use check::{Check, MAX_DURATION_S, TICK_HZ};
@@ -160,6 +161,18 @@ fn default_tick_hz() -> u32 {
 }
 
 impl Scenario {
+    /// The paths and addresses that count from the scenario's folder: of the city's files and of recorded flights.
+    pub fn paths_mut(&mut self) -> Vec<&mut String> {
+        let uavs = self.uavs.iter_mut().map(|uav| &mut uav.trajectory);
+        let others = self.distractors.iter_mut();
+        let flights = uavs.chain(others.map(|other| &mut other.trajectory));
+        let recorded = flights.filter_map(|trajectory| match trajectory {
+            Trajectory::Recorded { file, .. } => Some(file),
+            _ => None,
+        });
+        self.city.paths_mut().into_iter().chain(recorded).collect()
+    }
+
     /// Reads, parses and checks a scenario file, which may be one that the program brings along; `overrides` are `key=value` texts as for
     /// [`Scenario::parse`].
     pub fn load(path: &Path, overrides: &[String]) -> Result<Loaded, InputError> {

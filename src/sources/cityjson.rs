@@ -68,7 +68,7 @@ pub fn read_all(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceErro
 }
 
 /// Points farther than this from the middle one are strays: of a map's coordinates, no city is larger [m].
-const STRAY_M: f64 = 1e6; // [m]
+const STRAY_M: f64 = 1e5; // [m]
 
 /// Nearer than this to a map's own origin a city was hardly meant to lie [m].
 const ORIGIN_M: f64 = 5e3; // [m]

@@ -6,13 +6,13 @@ mod length;
 mod osm;
 mod outline;
 mod pbf;
-mod whole;
 
 use super::error::{Fault, SourceError, read_bytes};
 use super::geotiff::Ground;
 use super::options::Options;
 use super::place;
 use super::surfaces::Surfaces;
+use super::whole;
 use super::{Layer, LayerKind};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::polygon;
@@ -29,10 +29,10 @@ use std::path::Path;
 /// Height of a building of which nothing is known [m].
 const UNKNOWN_M: f64 = 8.0; // [m]
 /// Outlines farther than this from the middle one are strays: no city is larger [m].
-const STRAY_M: f64 = 1e6; // [m]
-/// Linear albedo of walls and roofs.
+const STRAY_M: f64 = 1e5; // [m]
+/// Linear albedo of walls.
 const WALL: [f32; 4] = [0.38, 0.34, 0.29, 1.0];
-/// Of a roof.
+/// Linear albedo of roofs.
 const ROOF: [f32; 4] = [0.24, 0.20, 0.18, 1.0];
 
 /// Buildings from outlines: polygons of a GeoJSON file or sequence, or ways and multipolygons tagged `building` or `building:part` of an
@@ -260,7 +260,7 @@ fn standing(
     }
 }
 
-/// Leaves out outlines a thousand kilometres from the middle one: of a null island, or of exchanged numbers.
+/// Leaves out outlines a hundred kilometres from the middle one: of a null island, or of exchanged numbers.
 fn without_strays(
     standing: &mut Vec<(Footprint, f64)>,
     base: &impl Fn(DVec2) -> Result<Geodetic, Fault>,
@@ -284,7 +284,7 @@ fn without_strays(
         let near = near.next().unwrap_or(true);
         if !near {
             notes.leave_out(
-                "outlines a thousand kilometres from the rest",
+                "outlines a hundred kilometres from the rest",
                 &footprint.name,
             );
         }

@@ -23,8 +23,6 @@ use std::sync::Arc;
 const MOST_CELLS: usize = 256;
 /// Most pixels along an edge of a texture page.
 const MOST_PAGE: f64 = 2048.0; // [px]
-/// Most pixels of a height raster that become a mesh.
-const MOST_PIXELS: usize = 64_000_000;
 /// Linear albedo of ground without a picture: dry grass.
 const GROUND: [f32; 4] = [0.16, 0.18, 0.10, 1.0];
 
@@ -86,18 +84,6 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         let mut notes = Notes::default();
         let heights = Heights::read(&file, options, &mut notes)?;
         warnings.extend(notes.warnings(&file));
-        if heights.size[0] * heights.size[1] > MOST_PIXELS {
-            let what = format!(
-                "{} × {} heights are more than {MOST_PIXELS}",
-                heights.size[0], heights.size[1]
-            );
-            return Err(Fault::new(
-                "heights",
-                what,
-                "cut it to the city, or thin it out (gdalwarp -tr)",
-            )
-            .of(&file));
-        }
         let done = (|| {
             let site = *site.insert(match site {
                 Some(site) => site,
@@ -116,6 +102,18 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
         .of(path)
     };
     let site = site.filter(|_| !meshes.is_empty()).ok_or_else(none)?;
+    if let Some(path) = &options.orthophoto
+        && meshes.iter().all(|mesh| mesh.look.texture.is_none())
+    {
+        let mut notes = Notes::default();
+        let what = "it covers none of the heights: they keep the colour of ground";
+        notes.assume(
+            "place",
+            what,
+            "check its georeferencing and its system, or leave it out",
+        );
+        warnings.extend(notes.warnings(path));
+    }
     Ok(Layer {
         kind: LayerKind::Terrain,
         site,

@@ -11,6 +11,9 @@ use crate::warning::Notes;
 use glam::{DAffine3, DVec3, Vec3};
 use std::path::{Component, Path, PathBuf};
 
+/// What mends a model of which nothing else is known.
+const AGAIN: &str = "export it again as glTF 2.0 or GLB";
+
 /// Its meshes as one surface, z up; light and unlit as the file says.
 ///
 /// Fails where the file or what it refers to is missing or damaged, or where nothing says where it stands.
@@ -20,8 +23,11 @@ pub fn read(path: &Path, options: &Options) -> Result<Layer, SourceError> {
     let fetch = |uri: &str| beside(folder, uri);
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let content = decode(bytes, UpAxis::Y, &fetch).map_err(|error| {
-        let mend = "export it again as glTF 2.0 or GLB";
-        Fault::new("model", error, mend).of(path)
+        // Most faults end with what mends them.
+        let said = error.fault.to_string();
+        let (what, mend) = said.rsplit_once("; ").unwrap_or((&said, AGAIN));
+        let place = format!("model, {}", error.place);
+        Fault::new(place.trim_end_matches(", "), what, mend).of(path)
     })?;
     let mut notes = Notes::default();
     for note in &content.notes {
@@ -52,9 +58,15 @@ fn beside(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
     };
     let inside = |path: &PathBuf| {
         let within = path.strip_prefix(folder).unwrap_or(path);
-        within
+        let deep = within
             .components()
-            .all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+            .try_fold(0_usize, |deep, part| match part {
+                Component::Normal(_) => Some(deep + 1),
+                Component::CurDir => Some(deep),
+                Component::ParentDir => deep.checked_sub(1),
+                Component::RootDir | Component::Prefix(_) => None,
+            });
+        deep.is_some()
     };
     if uri.contains("://") {
         return Err("addresses are not fetched; put the file beside the model".into());
@@ -69,7 +81,10 @@ fn beside(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
     if !inside(&path) {
         return Err("it lies outside the model's folder".into());
     }
-    read_bytes(&path).map_err(|error| error.to_string())
+    read_bytes(&path).map_err(|error| match error {
+        SourceError::Read { source, .. } => source.to_string(),
+        SourceError::Content { fault, .. } => fault.what,
+    })
 }
 
 /// A mesh at one of its places.

@@ -6,6 +6,7 @@ use super::place::{Place, site};
 use super::surfaces::{Corner, triangulate};
 use super::unit;
 use super::{Layer, LayerKind};
+use crate::media::image::is_cut_off;
 use crate::models::shape::textured::{Texture, TexturedMesh, UpAxis};
 use crate::warning::Notes;
 use earcut::Earcut;
@@ -25,6 +26,9 @@ pub(super) fn picture(path: &Path) -> Result<Arc<Texture>, SourceError> {
     let bytes = read_bytes(path)?;
     let mend = "give it as PNG, JPEG or WebP";
     let fault = |what: String| Fault::new("picture", what, mend).of(path);
+    if is_cut_off(&bytes) {
+        return Err(fault("the JPEG is cut off".into()));
+    }
     let mut reader = image::ImageReader::new(std::io::Cursor::new(&bytes))
         .with_guessed_format()
         .map_err(|error| fault(error.to_string()))?;
@@ -41,7 +45,7 @@ pub(super) fn picture(path: &Path) -> Result<Arc<Texture>, SourceError> {
     }))
 }
 
-/// The triangles of a face, by the numbers of its corners; none where it has no area.
+/// The triangles of a face, by the numbers of its corners; none where it has no area. Three corners are taken as they are.
 pub(super) fn triangles(face: &[DVec3], scratch: &mut Earcut<f64>) -> Vec<[usize; 3]> {
     match face.len() {
         3 => vec![[0, 1, 2]],

@@ -14,6 +14,7 @@ pub mod place;
 pub mod ply;
 pub mod surfaces;
 mod unit;
+mod whole;
 
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::shape::textured::TexturedMesh;

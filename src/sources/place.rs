@@ -114,7 +114,8 @@ pub fn note_heights(crs: &Crs, notes: &mut Notes) {
 }
 
 impl Place {
-    /// What the options state, or else the system `own` that the source itself names.
+    /// What the options state, or else the system `own` that the source itself names. Heights of a map without a vertical system
+    /// count in the map's own unit.
     pub fn of(options: &Options, own: Option<&str>, path: &Path) -> Result<Self, SourceError> {
         if let Some(georef) = &options.georef {
             return Ok(Self::Local(placement(georef)?.affine()));
@@ -129,6 +130,16 @@ impl Place {
         };
         let name = options.crs.as_deref().or(own).ok_or_else(none);
         let found = name.and_then(|name| crs(name, options));
+        // Three coordinates of a model are in one unit, unless its system says otherwise.
+        let found = found.map(
+            |crs| match crs.height_unit_is_stated() || crs.is_geocentric() {
+                true => crs,
+                false => {
+                    let unit_m = crs.map_unit_m();
+                    crs.with_height_unit(unit_m)
+                }
+            },
+        );
         found
             .map(|crs| Self::Crs(Box::new(crs)))
             .map_err(|fault| fault.of(path))
@@ -139,6 +150,15 @@ impl Place {
     pub fn note(&self, notes: &mut Notes) {
         if let Self::Crs(crs) = self {
             note_heights(crs, notes);
+            let unit_m = crs.height_unit_m();
+            if !crs.height_unit_is_stated() && unit_m != 1.0 {
+                let what = format!("in the map's unit of {unit_m} m, as nothing else is said");
+                let mend = format!(
+                    "name the vertical system: --crs {}+CODE, such as +5703 for metres or +6360 for US feet",
+                    crs.name()
+                );
+                notes.assume("heights", what, mend);
+            }
         }
     }
 

@@ -103,6 +103,7 @@ fn model(bytes: &[u8], notes: &mut Notes) -> Result<Model, String> {
     };
     found.textures = header.comments.iter().filter_map(texture).collect();
     in_units(&mut found, header.elements.iter(), notes);
+    precision(&found, &header.elements, notes);
     Ok(found)
 }
 
@@ -220,6 +221,27 @@ fn strips<'m>(element: &Element, found: &'m mut Model) -> impl FnMut(&Row) + use
                 });
             }
         }
+    }
+}
+
+/// Coarser steps than this between coordinates are said [unit of the file].
+const COARSE: f64 = 0.01;
+
+/// Notes places whose digits 32 bits do not hold: the file was written so.
+fn precision(found: &Model, elements: &[Element], notes: &mut Notes) {
+    let vertex = elements.iter().find(|element| element.name == "vertex");
+    let kind = vertex.and_then(|vertex| Some(vertex.properties[index(vertex, &["x"])?].kind));
+    let far = (found.vertices.iter()).fold(0.0_f64, |far, v| far.max(v.place.abs().max_element()));
+    let step = far * f64::from(f32::EPSILON);
+    if kind == Some(parse::Kind::F32) && step > COARSE {
+        let what = format!(
+            "numbers of 32 bits hold coordinates up to {far:.0} in steps of {step:.2} alone"
+        );
+        notes.assume(
+            "vertex",
+            what,
+            "export doubles, or take an offset off first",
+        );
     }
 }
 

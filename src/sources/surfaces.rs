@@ -1,5 +1,6 @@
 //! Polygons with holes, gathered into triangle meshes.
 
+use crate::models::maths::polygon;
 use crate::models::shape::textured::{Look, TexturedMesh};
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
@@ -28,6 +29,32 @@ pub fn area_vector_m2(ring: &[Corner]) -> DVec3 {
     let arms = ring.windows(2);
     arms.map(|pair| (pair[0].r_m - first.r_m).cross(pair[1].r_m - first.r_m))
         .sum()
+}
+
+/// Share by which a hole is made smaller where it touches another ring.
+const HAIR: f64 = 1e-7;
+/// Share of its area by which the triangles of a polygon may miss it.
+const MISSED: f64 = 1e-5;
+
+/// Whether triangles have the area of an outline without its holes; `holes` are where these begin.
+fn covers(points: &[[f64; 2]], holes: &[usize], indices: &[usize]) -> bool {
+    let ends = holes.iter().copied().chain([points.len()]);
+    let area = |ring: &[[f64; 2]]| {
+        let ring: Vec<DVec2> = ring.iter().copied().map(DVec2::from).collect();
+        polygon::area_m2(&ring).abs()
+    };
+    let mut from = 0;
+    let mut wanted = 0.0;
+    for to in ends {
+        let own = area(&points[from..to]);
+        wanted += if from == 0 { own } else { -own };
+        from = to;
+    }
+    let triangles = indices.chunks_exact(3);
+    let found: f64 = triangles
+        .map(|t| area(&[points[t[0]], points[t[1]], points[t[2]]]))
+        .sum();
+    (found - wanted).abs() <= MISSED * wanted.abs()
 }
 
 /// Triangles of a polygon: its first ring is the outline, the others are holes. Indices count the corners of all rings in order.
@@ -67,6 +94,23 @@ pub fn triangulate(rings: &[Vec<Corner>], scratch: &mut Earcut<f64>) -> Vec<[usi
     }
     let mut indices = Vec::new();
     scratch.earcut_slice(&points, &holes, &mut indices);
+    if !holes.is_empty() && !covers(&points, &holes, &indices) {
+        // A hole that touches the outline or another one is not always cut out: a hair smaller it is.
+        let starts: Vec<usize> = holes.iter().copied().chain([points.len()]).collect();
+        let mut smaller = points.clone();
+        for ring in starts.windows(2).map(|ends| ends[0]..ends[1]) {
+            let sum: DVec2 = points[ring.clone()].iter().copied().map(DVec2::from).sum();
+            let middle = sum / ring.len() as f64;
+            for k in ring {
+                smaller[k] = middle.lerp(points[k].into(), 1.0 - HAIR).to_array();
+            }
+        }
+        let mut again = Vec::new();
+        scratch.earcut_slice(&smaller, &holes, &mut again);
+        if covers(&points, &holes, &again) {
+            indices = again;
+        }
+    }
     let turned = |t: &[usize]| {
         let [a, b, c] = [t[0], t[1], t[2]].map(|k| DVec2::from(points[k]));
         if (b - a).perp_dot(c - a) < 0.0 {
@@ -252,6 +296,39 @@ pub fn volume_m3(meshes: &[TexturedMesh], feature: Option<u32>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn holes_that_touch_the_outline_or_each_other_are_cut_out() {
+        let square = |x: f64, y: f64, w: f64| -> Vec<Corner> {
+            let at = [[x, y], [x + w, y], [x + w, y + w], [x, y + w]];
+            at.map(|[x, y]| DVec3::new(x, y, 3.0).into()).to_vec()
+        };
+        let hole = |x: f64, y: f64| {
+            let mut ring = square(x, y, 4.0);
+            ring.reverse();
+            ring
+        };
+        for (holes, want) in [
+            (vec![hole(0.0, 2.0)], 84.0),
+            (vec![hole(6.0, 2.0)], 84.0),
+            (vec![hole(2.0, 0.0)], 84.0),
+            (vec![hole(2.0, 6.0)], 84.0),
+            (vec![hole(0.0, 0.0)], 84.0),
+            (vec![hole(1.0, 1.0), hole(5.0, 1.0)], 68.0),
+            (vec![hole(1.0, 1.0), hole(5.0, 5.0)], 68.0),
+            (vec![hole(3.0, 3.0)], 84.0),
+        ] {
+            let rings: Vec<Vec<Corner>> = std::iter::once(square(0.0, 0.0, 10.0))
+                .chain(holes)
+                .collect();
+            let all: Vec<DVec3> = rings.iter().flatten().map(|corner| corner.r_m).collect();
+            let triangles = triangulate(&rings, &mut Earcut::new());
+            let area =
+                |t: &[usize; 3]| (all[t[1]] - all[t[0]]).cross(all[t[2]] - all[t[0]]).z / 2.0;
+            let found: f64 = triangles.iter().map(area).sum();
+            assert!((found - want).abs() < 1e-3, "{found} of {want}");
+        }
+    }
     use proptest::prelude::*;
 
     fn ring(corners: &[[f64; 3]]) -> Vec<Corner> {

@@ -10,7 +10,7 @@ use crate::models::air::atmosphere::transmittance;
 use crate::models::air::turbulence::{AirPath, IntensityChannel, PathTurbulence};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::laser::beam::{
-    BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
+    BUCKET_RADIUS_M, BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
     wander_correlation_time_s,
 };
 use crate::models::maths::kinematics::Pose;
@@ -19,8 +19,6 @@ use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// Radius of the bucket around the aim point [m]: a fist-sized component.
-pub const BUCKET_RADIUS_M: f64 = 0.05;
 /// A UAV further off the beam's axis than this takes no part in it [rad].
 const AIM_CONE_RAD: f64 = 5e-3;
 /// How often the path's turbulence is integrated anew [Hz]: within a tenth of a second a UAV moves by

@@ -148,14 +148,17 @@ impl Coco {
                 path: file.clone(),
                 why,
             })?;
-        let other_ids: BTreeMap<String, Id> = (content.categories.iter())
+        let others: BTreeMap<&Id, &String> = (content.categories.iter())
             .filter(|category| !chosen.contains_key(&category.id))
-            .map(|category| (category.name.clone(), category.id.clone()))
+            .map(|category| (&category.id, &category.name))
             .collect();
+        let other_ids = others
+            .iter()
+            .map(|(id, name)| ((*name).clone(), (*id).clone()));
+        let other_ids = other_ids.collect();
         let other = |(category, truth): &(Id, Truth)| {
-            let (name, _) = other_ids.iter().find(|(_, id)| *id == category)?;
             Some(Other {
-                name: name.clone(),
+                name: (*others.get(category)?).clone(),
                 box_px: truth.box_px,
                 ignored: truth.ignored,
             })
@@ -200,6 +203,40 @@ impl Coco {
             }
         }
         self.keep(|place, _| sizes[place].is_some());
+        self.fit();
+    }
+
+    /// Leaves out boxes outside their pictures, and notes those that reach beyond them by more than a rounding.
+    fn fit(&mut self) {
+        const SLACK_PX: f64 = 2.0; // [px]
+        let mut beyond = (0_usize, None);
+        for (place, picture) in self.pictures.iter().enumerate() {
+            let [width, height] = picture.size_px().map(f64::from);
+            let mut fits = |[x0, y0, x1, y1]: [f64; 4]| {
+                let inside = x0 < width && y0 < height && x1 > 0.0 && y1 > 0.0;
+                let over = [-x0, -y0, x1 - width, y1 - height];
+                if !inside {
+                    (self.notes).leave_out("boxes outside their pictures", &picture.file_name);
+                } else if over.iter().any(|px| *px > SLACK_PX) {
+                    beyond.0 += 1;
+                    beyond.1.get_or_insert(&picture.file_name);
+                }
+                inside
+            };
+            let kept: Vec<bool> = self.truth[place]
+                .iter()
+                .map(|truth| fits(truth.box_px))
+                .collect();
+            self.others[place].retain(|other| fits(other.box_px));
+            let (mut a, mut b) = (kept.iter(), kept.iter());
+            self.truth[place].retain(|_| a.next() == Some(&true));
+            self.category[place].retain(|_| b.next() == Some(&true));
+        }
+        if let (count, Some(first)) = beyond {
+            let what = format!("{count} reach beyond their pictures (first {first})");
+            let mend = "write them as x, y, width, height";
+            self.notes.assume("boxes", what, mend);
+        }
     }
 
     /// Leaves out pictures whose files are not there, unless none is: then the first says where it was looked for.
@@ -251,6 +288,12 @@ impl Coco {
     pub fn path(&self, picture: &Picture) -> Result<PathBuf, CocoError> {
         (self.folders.iter())
             .map(|folder| folder.join(&picture.file_name))
+            // A whole path is often that of another machine.
+            .chain((self.folders.iter()).filter_map(|folder| {
+                let name = Path::new(&picture.file_name);
+                let whole = name.is_absolute() || picture.file_name.get(1..2) == Some(":");
+                whole.then_some(folder.join(name.file_name()?))
+            }))
             .find(|path| path.is_file())
             .ok_or_else(|| CocoError::Picture {
                 path: PathBuf::from(&picture.file_name),

@@ -510,7 +510,7 @@ impl Plan {
     pub fn key(&self, run: &PlannedRun) -> String {
         let changes = run.settings.iter().flat_map(|setting| &setting.set);
         let files = run.settings.iter().enumerate().map(|(index, setting)| {
-            // A place of a range names the files that its ends name.
+            // A value of a range names no file; its ends do.
             let own = self.files.get(&(index, setting.label.clone()));
             own.copied().unwrap_or_default()
         });

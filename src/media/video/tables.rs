@@ -67,8 +67,10 @@ fn sizes(stsz: &[u8], length: u64) -> Result<Vec<u32>, Broken> {
             .ok_or_else(|| damaged("stsz"))?
             .map(|[size]| size)
             .collect()),
-        // No file holds more frames than bytes.
-        (Some(size), Some(count)) if u64::from(count) <= length => Ok(vec![size; count as usize]),
+        // All of them lie in the file.
+        (Some(size), Some(count)) if u64::from(count) * u64::from(size) <= length => {
+            Ok(vec![size; count as usize])
+        }
         _ => Err(damaged("stsz")),
     }
 }

@@ -626,7 +626,7 @@ impl Report {
             )?),
         };
         let celsius = need(
-            self.temperature_c.or(given.temperature_c),
+            given.temperature_c.or(self.temperature_c),
             "temperature: write it as in 12/07, or give weather.temperature_c",
         )?;
         let relative_humidity = need(

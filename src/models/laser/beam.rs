@@ -131,6 +131,9 @@ pub fn irradiance_wpm2(power_w: f64, w_m: f64, offset_m: f64) -> f64 {
     peak_irradiance_wpm2(power_w, w_m) * (-2.0 * (offset_m / w_m).powi(2)).exp()
 }
 
+/// Radius of the bucket around the aim point [m]: a fist-sized component.
+pub const BUCKET_RADIUS_M: f64 = 0.05; // [m]
+
 /// Power [W] of a Gaussian beam of radius `w_m` [m] that falls into a circular bucket of
 /// `bucket_radius_m` [m] whose centre is `offset_m` [m] from the axis; `power_w` (1 - Q1(2d/w,
 /// 2a/w)) with Marcum's Q.

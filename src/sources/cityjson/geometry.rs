@@ -87,15 +87,18 @@ pub fn value_at(values: &Nest, shell: usize, number: usize) -> Option<usize> {
             .first()
             .is_some_and(|first| !first.items().is_empty())
     };
-    if first.items().is_empty() && !values.items().iter().any(|v| !v.items().is_empty()) {
-        return values.items().get(number)?.index();
+    if first.items().is_empty() {
+        // One list for all surfaces, unless the first shell alone has none.
+        let own = values.items().get(number).and_then(Nest::index);
+        if own.is_some() || shell == 0 {
+            return own;
+        }
     }
-    let shells: Vec<&Nest> = if deep(first) {
-        values.items().iter().flat_map(Nest::items).collect()
-    } else {
-        values.items().iter().collect()
+    let found = match deep(first) {
+        true => values.items().iter().flat_map(Nest::items).nth(shell),
+        false => values.items().get(shell),
     };
-    shells.get(shell)?.items().get(number)?.index()
+    found?.items().get(number)?.index()
 }
 
 /// Turns faces so that they are seen from outside: a closed shell by its volume, an open one of a building by its roofs, ground by its

@@ -272,7 +272,7 @@ impl Reader<'_> {
                 }
                 let inside = r.cmpge(self.bounds[0]).all() && r.cmple(self.bounds[1]).all();
                 if !inside {
-                    return Err("surfaces a thousand kilometres from the rest");
+                    return Err("surfaces a hundred kilometres from the rest");
                 }
                 let uv = uv.get(k + 1).and_then(Nest::index);
                 let uv = uv.and_then(|k| self.document.texture_vertex(k));

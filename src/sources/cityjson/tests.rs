@@ -423,7 +423,7 @@ fn odd_records_are_left_out_and_the_rest_is_read() {
         (
             "stray vertex",
             surface(json!([0, 1, 9])),
-            "a thousand kilometres",
+            "a hundred kilometres",
         ),
         (
             "no template",
@@ -685,4 +685,37 @@ proptest! {
             prop_assert!(a.distance(b) < 1e-4, "{a} {b}");
         }
     }
+}
+
+#[test]
+fn heights_of_a_map_in_feet_are_in_feet_unless_stated() {
+    let foot_m = 1200.0 / 3937.0;
+    let house = json!({"house": {"type": "Building", "geometry": [{"type": "Solid", "lod": "1", "boundaries": [cube()]}]}});
+    let mut document = city(house);
+    document["transform"]["translate"] = json!([987_000.0, 195_000.0, 100.0]);
+    document["metadata"]["referenceSystem"] = json!("EPSG:2263");
+    let document = document.to_string();
+    let height = |text: &str| {
+        let (layers, said) = read_with_warnings(
+            text,
+            &Options {
+                geoid_height_m: Some(0.0),
+                ..Options::default()
+            },
+        );
+        let mesh = &layers[0].meshes[0];
+        let up = (0..mesh.positions.len() as u32).map(|k| mesh.vertex_m(k).z);
+        let [low, high] = up.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], z| {
+            [a.min(z), b.max(z)]
+        });
+        (high - low, said)
+    };
+    let (found, said) = height(&document);
+    assert!((found - 6.0 * foot_m).abs() < 0.01, "{found}");
+    assert!(said.contains("in the map's unit of 0.3048006"), "{said}");
+    let (found, said) = height(&document.replace("EPSG:2263", "EPSG:2263+5703"));
+    assert!(
+        (found - 6.0).abs() < 0.01 && !said.contains("map's unit"),
+        "{found} {said}"
+    );
 }

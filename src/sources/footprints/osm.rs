@@ -208,7 +208,8 @@ fn assemble(
         .copied()
         .collect();
     let absent = all.iter().filter(|id| !ways.contains_key(id)).count();
-    let [outer, inner] = [&building.outer, &building.inner].map(|ids| join(ids, ways));
+    let once = |ids: &Vec<i64>| ids.iter().copied().collect::<BTreeSet<i64>>();
+    let [outer, inner] = [&building.outer, &building.inner].map(|ids| join(&once(ids), ways));
     let as_stated = outer.1 + inner.1 == 0;
     // Ways of both roles may close a ring that those of one do not.
     let (rings, open): (Vec<(Vec<i64>, bool)>, usize) = match as_stated {
@@ -222,7 +223,7 @@ fn assemble(
             )
         }
         false => {
-            let (rings, open) = join(&all, ways);
+            let (rings, open) = join(&once(&all), ways);
             (rings.into_iter().map(|ring| (ring, false)).collect(), open)
         }
     };
@@ -270,7 +271,7 @@ fn assemble(
     for (k, outline) in rings
         .iter()
         .enumerate()
-        .filter(|(k, _)| around[*k].len() % 2 == 0)
+        .filter(|(k, _)| around[*k].len().is_multiple_of(2))
     {
         let inside =
             |hole: &usize| around[*hole].len() == around[k].len() + 1 && around[*hole].contains(&k);
@@ -287,7 +288,7 @@ fn assemble(
 }
 
 /// Rings of nodes that ways close, end to end, and how many ways or chains of them close none.
-fn join(ids: &[i64], ways: &BTreeMap<i64, Vec<i64>>) -> (Vec<Vec<i64>>, usize) {
+fn join(ids: &BTreeSet<i64>, ways: &BTreeMap<i64, Vec<i64>>) -> (Vec<Vec<i64>>, usize) {
     let mut left: Vec<Vec<i64>> = ids
         .iter()
         .filter_map(|id| ways.get(id))

@@ -147,6 +147,11 @@ impl Keys {
         found.map(str::to_string)
     }
 
+    /// Whether the keys state a unit of heights.
+    pub fn state_height_unit(&self) -> bool {
+        self.code(key::VERTICAL_UNITS).is_some()
+    }
+
     /// Metres in the unit of heights that the keys state.
     fn height_unit_m(&self) -> Result<Option<f64>, Fault> {
         let Some(code) = self.code(key::VERTICAL_UNITS) else {

@@ -77,7 +77,7 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
     let unit = |geographic: bool, or: f64| {
         map_unit(keys, geographic)
             .map(|unit| unit.unwrap_or(or))
-            .map_err(|code| format!("parameters in the unit {code}, which is not known here"))
+            .map_err(|code| format!("a projection in the unit {code}, which is not known here"))
     };
     let [unit_m, angle_deg] = [unit(false, 1.0)?, unit(true, 1.0)?];
     let datum = datum(keys)?;
@@ -91,7 +91,8 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
         number(keys, ids).map(|value| format!("+{name}={}", value * unit))
     };
     let needed = |name: &str, ids: &[u16], unit: f64| {
-        of(name, ids, unit).ok_or_else(|| format!("no {name} (GeoKey {})", ids[0]))
+        of(name, ids, unit)
+            .ok_or_else(|| format!("a projection without {name} (GeoKey {})", ids[0]))
     };
     let angle = |name: &str, ids: &[u16]| needed(name, ids, angle_deg);
     let latitude_deg = number(keys, LATITUDE).map(|value| value * angle_deg);
@@ -105,7 +106,7 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
         ))
     };
     let Some(method) = keys.get_short(key::PROJ_COORD_TRANS) else {
-        return Err("no method (ProjCoordTrans)".into());
+        return Err("a projection without a method (ProjCoordTrans)".into());
     };
     let own = match method {
         1 => format!("+proj=tmerc {} {}", origin()?, scale()),
@@ -134,7 +135,7 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
         ),
         12 => format!("+proj=aeqd {}", origin()?),
         15 => {
-            let latitude_deg = latitude_deg.ok_or("no lat_ts (GeoKey 3081)")?;
+            let latitude_deg = latitude_deg.ok_or("a projection without lat_ts (GeoKey 3081)")?;
             let pole = if latitude_deg < 0.0 { -90 } else { 90 };
             let turned = angle("lon_0", POLE_LONGITUDE)?;
             match latitude_deg.abs() < 90.0 {

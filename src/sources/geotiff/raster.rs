@@ -4,6 +4,7 @@ use super::grid;
 use super::keys::{self, Keys, NAME, System};
 use super::metadata::{Band, Beside};
 use super::tiff::{Tiff, cover, transparent};
+use crate::media::image::is_cut_off;
 use crate::models::maths::geodesy::longitude_near_deg;
 use crate::projection::{Crs, CrsError};
 use crate::sources::error::{Fault, SourceError, read_bytes};
@@ -127,6 +128,12 @@ impl Heights {
         options: &Options,
         notes: &mut Notes,
     ) -> Result<Self, Fault> {
+        let [width, height] = tiff.size();
+        if width * height > MOST_HEIGHTS {
+            let what = format!("{width} × {height} heights are more than {MOST_HEIGHTS}");
+            let mend = "cut it to the city, or thin it out (gdalwarp -tr)";
+            return Err(Fault::new("heights", what, mend));
+        }
         let beside = Beside::read(path, notes)?;
         let mut band = Band::parse(tiff.text(42_112), notes)?;
         band.missing = missing(tiff, notes).or(band.missing);
@@ -156,6 +163,15 @@ impl Heights {
             crs = keys::stated(crs, unit_m, "unit type", options, notes);
         }
         place::note_heights(&crs, notes);
+        let map_m = crs.map_unit_m();
+        let unsaid =
+            band.unit.is_none() && !keys.state_height_unit() && !crs.height_unit_is_stated();
+        if map_m != 1.0 && unsaid {
+            let what = format!(
+                "in metres, as nothing else is said, though the map counts units of {map_m} m"
+            );
+            notes.assume("heights", what, "state their unit (gdal_edit -units ft)");
+        }
         upright(tiff, &mut band, notes)?;
         let heights = values(tiff, &band, crs.height_unit_m(), notes)?;
         let mut found = Self {
@@ -233,6 +249,8 @@ fn near(transform: &GeoTransform, size: [usize; 2], r: DVec2) -> DVec2 {
     DVec2::new(longitude_near_deg(r.x, middle_deg), r.y)
 }
 
+/// The most heights of a raster.
+const MOST_HEIGHTS: usize = 64_000_000;
 /// What most surveys write for no height, where they do not say so.
 const USUAL_NONE: f64 = -9999.0;
 
@@ -250,7 +268,9 @@ fn values(tiff: &Tiff, band: &Band, unit_m: f64, notes: &mut Notes) -> Result<Ve
     let mut off: Option<(u64, f64)> = None;
     let mut unstated = 0_u64;
     let heights = tiff.heights(|value| {
-        let is_none = |n: f64| value == n || (value - n).abs() <= 1e-6 * n.abs().min(f64::MAX);
+        // The text may have fewer digits than the value; of what no height comes near, far fewer.
+        let near = |n: f64| n.abs() > 1e30 && (value / n - 1.0).abs() <= 1e-5;
+        let is_none = |n: f64| value == n || value as f32 == n as f32 || near(n);
         if value.is_nan() || band.missing.is_some_and(is_none) {
             return f32::NAN;
         }
@@ -349,6 +369,9 @@ impl Orthophoto {
     fn picture(bytes: Vec<u8>, path: &Path, notes: &mut Notes) -> Result<Self, Fault> {
         let mend = "name a GeoTIFF, or a JPEG or PNG with a world file";
         let fault = |error: &dyn std::fmt::Display| Fault::new("picture", error, mend);
+        if is_cut_off(&bytes) {
+            return Err(fault(&"the JPEG is cut off"));
+        }
         let reader = image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format();
         let mut reader = reader.map_err(|error| fault(&error))?;
         let mut limits = image::Limits::default();

@@ -29,6 +29,8 @@ const REDUCED: u32 = 1;
 /// A file whose directories have been read.
 pub struct Tiff {
     file: TiffFile,
+    /// The directory of the full picture.
+    page: usize,
     layout: RasterLayout,
 }
 
@@ -70,6 +72,12 @@ fn number(bytes: &[u8], format: u16) -> Option<f64> {
     })
 }
 
+/// What kind of picture a directory says it is.
+fn subfile(ifd: &Ifd) -> u32 {
+    let kind = ifd.tag(SUBFILE).and_then(|tag| tag.value.as_u32());
+    kind.unwrap_or(0)
+}
+
 impl Tiff {
     /// Opens a file of these bytes.
     pub fn open(bytes: Vec<u8>) -> Result<Self, Fault> {
@@ -82,7 +90,10 @@ impl Tiff {
             ..OpenOptions::default()
         };
         let file = TiffFile::from_bytes_with_options(bytes, options).map_err(refused)?;
-        let layout = (file.ifd(0).and_then(Ifd::raster_layout)).map_err(refused)?;
+        // Some put a small picture before the full one.
+        let whole = |ifd: &Ifd| subfile(ifd) & (REDUCED | MASK) == 0;
+        let page = file.ifds().iter().position(whole).unwrap_or(0);
+        let layout = (file.ifd(page).and_then(Ifd::raster_layout)).map_err(refused)?;
         let pixels = layout.width as u64 * layout.height as u64;
         let bands = layout.samples_per_pixel as u64;
         if pixels == 0 || pixels > MOST_PIXELS || !(1..=16).contains(&bands) {
@@ -98,7 +109,7 @@ impl Tiff {
         if pixels * bands * layout.bytes_per_sample as u64 > MOST_GAIN * length {
             return Err(fault("it is far too short for its pixels", AGAIN));
         }
-        Ok(Self { file, layout })
+        Ok(Self { file, page, layout })
     }
 
     /// Columns and rows.
@@ -107,11 +118,11 @@ impl Tiff {
     }
 
     fn ifd(&self) -> Result<&Ifd, Fault> {
-        self.file.ifd(0).map_err(refused)
+        self.file.ifd(self.page).map_err(refused)
     }
 
     fn tag(&self, code: u16) -> Option<&Tag> {
-        self.file.ifd(0).ok()?.tag(code)
+        self.file.ifd(self.page).ok()?.tag(code)
     }
 
     /// Whether a tag is there.
@@ -153,14 +164,9 @@ impl Tiff {
 
     /// What the tags state that changes what pixels are, and is not applied: pictures behind the first, turned rows.
     pub fn note(&self, notes: &mut Notes) {
-        let kind = |ifd: &Ifd| {
-            ifd.tag(SUBFILE)
-                .and_then(|tag| tag.value.as_u32())
-                .unwrap_or(0)
-        };
         if self
             .ifd()
-            .is_ok_and(|first| kind(first) & (REDUCED | MASK) != 0)
+            .is_ok_and(|own| subfile(own) & (REDUCED | MASK) != 0)
         {
             let what =
                 "the first is said to be a reduced picture or a mask, and is read all the same";
@@ -170,8 +176,8 @@ impl Tiff {
                 "put the full picture first (gdal_translate)",
             );
         }
-        for (page, ifd) in self.file.ifds().iter().enumerate().skip(1) {
-            if kind(ifd) & (REDUCED | MASK) == 0 {
+        for (page, ifd) in self.file.ifds().iter().enumerate() {
+            if page != self.page && subfile(ifd) & (REDUCED | MASK) == 0 {
                 notes.leave_out("pictures behind the first", format!("picture {}", page + 1));
             }
         }
@@ -268,7 +274,7 @@ impl Tiff {
         number(&vec![0; wide], format).ok_or_else(unread)?;
         let mut band = Vec::with_capacity(width * height);
         let read = |rows: &Range<usize>| {
-            (self.file).read_band_window_bytes(0, index, rows.start, 0, rows.len(), width)
+            (self.file).read_band_window_bytes(self.page, index, rows.start, 0, rows.len(), width)
         };
         self.rows(read, |_, bytes| {
             let samples = bytes.chunks_exact(wide);
@@ -347,9 +353,9 @@ impl Tiff {
         let mut rgba = Vec::with_capacity(4 * width * layout.height);
         let read = |rows: &Range<usize>| {
             if stored {
-                (self.file).read_window_bytes(0, rows.start, 0, rows.len(), width)
+                (self.file).read_window_bytes(self.page, rows.start, 0, rows.len(), width)
             } else {
-                (self.file).read_decoded_window_bytes(0, rows.start, 0, rows.len(), width)
+                (self.file).read_decoded_window_bytes(self.page, rows.start, 0, rows.len(), width)
             }
         };
         self.rows(read, |_, bytes| {

@@ -114,13 +114,16 @@ fn files_beside_are_found_by_escaped_names() {
     std::fs::create_dir(folder.path().join("my data")).unwrap();
     std::fs::write(folder.path().join("my data/Gelände 1.bin"), &bytes).unwrap();
     std::fs::write(folder.path().join("100%25.bin"), &bytes).unwrap();
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
     for (uri, good) in [
         ("my%20data/Gel%C3%A4nde%201.bin", true),
         ("my data/Gelände 1.bin", true),
         ("./my%20data\\Gel%c3%a4nde 1.bin", true),
         ("100%25.bin", true),
         ("my%20data/Gel%C3%A4nde%201.bin?v=2", true),
+        ("./sub/../my%20data/../100%25.bin", true),
         ("..%2Fsecret.bin", false),
+        ("my%20data/../../secret.bin", false),
         ("https://example.org/a.bin", false),
     ] {
         let mut root = model(&TRIANGLE, json!({}));
@@ -147,6 +150,35 @@ fn files_beside_are_found_by_escaped_names() {
         root["buffers"][0]["uri"] = json!(uri);
         assert_eq!(corners(&read_json(&root).unwrap()).len(), 3);
     }
+}
+
+#[test]
+fn hidden_nodes_are_left_out_and_faults_have_one_mend() {
+    let mut root = model(&TRIANGLE, json!({}));
+    let hidden = json!({"mesh": 0, "extensions": {"KHR_node_visibility": {"visible": false}}});
+    root["nodes"].as_array_mut().unwrap().push(hidden);
+    root["scenes"][0]["nodes"] = json!([0, 1]);
+    root["scene"] = json!(0);
+    let layer = read_json(&root).unwrap();
+    assert_eq!(corners(&layer).len(), 3);
+    assert!(
+        layer
+            .warnings
+            .iter()
+            .any(|warning| warning.what.contains("hidden"))
+    );
+    let said = |change: &dyn Fn(&mut Value)| {
+        let mut root = model(&TRIANGLE, json!({}));
+        change(&mut root);
+        read_json(&root).unwrap_err().to_string()
+    };
+    let version = said(&|root| root["asset"]["version"] = json!("1.0"));
+    assert!(
+        version.ends_with("is glTF of version 1.0, of which 2.0 is read; export it as 2.0"),
+        "{version}"
+    );
+    let missing = said(&|root| root["buffers"][0]["uri"] = json!("absent.bin"));
+    assert_eq!(missing.matches("; ").count(), 1, "{missing}");
 }
 
 #[test]

@@ -12,10 +12,9 @@ use ifc_lite_core::{
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 
 /// Products farther than this from the middle one are strays [m].
-const STRAY_M: f64 = 1e6; // [m]
+const STRAY_M: f64 = 1e5; // [m]
 
 /// A product's faces in the frame of the placements [m], with what is known of it.
 pub struct Product {
@@ -203,7 +202,7 @@ fn without_strays(products: &mut Vec<Product>, notes: &mut Notes) {
         if !near {
             let name = product.known.get("name").and_then(Value::as_str);
             let place = format!("{} '{}'", product.kind.name(), name.unwrap_or_default());
-            notes.leave_out("products a thousand kilometres from the rest", place);
+            notes.leave_out("products a hundred kilometres from the rest", place);
         }
         near
     });

@@ -4,6 +4,7 @@ use super::brep::outwards;
 use super::curve::CORNERS;
 use super::model::{DEEPEST, Face, Lost, Model, numbers};
 use super::profile::Area;
+use crate::sources::whole;
 use glam::{DAffine3, DVec2, DVec3};
 use ifc_lite_core::{AttributeValue, DecodedEntity, IfcType};
 use std::f64::consts::TAU;
@@ -280,7 +281,10 @@ impl Model<'_> {
         let direction = direction.ok_or_else(damaged)?;
         let [depth] = self.lengths(solid, [3])?;
         let arm = DAffine3::from_translation(direction * depth);
-        let areas = self.profile(&profile, DEEPEST)?;
+        let mut areas = self.profile(&profile, DEEPEST)?;
+        if solid.ifc_type != IfcType::IfcExtrudedAreaSolidTapered {
+            areas = self.mended(areas, &profile);
+        }
         let mut ends = areas.clone();
         if solid.ifc_type == IfcType::IfcExtrudedAreaSolidTapered {
             let end = self.need(solid, 4)?;
@@ -301,6 +305,26 @@ impl Model<'_> {
         Ok(pairs
             .flat_map(|(area, end)| between(area, end, placement, arm))
             .collect())
+    }
+
+    /// Areas whose outlines and voids cross or touch, as areas that do not; where those hold another area, it is noted.
+    fn mended(&mut self, areas: Vec<Area>, profile: &DecodedEntity) -> Vec<Area> {
+        let mut found = Vec::with_capacity(areas.len());
+        for area in areas {
+            let Some(mended) = whole::mended(&area) else {
+                found.push(area);
+                continue;
+            };
+            if mended.other_area {
+                let place = format!("#{} {}", profile.id, profile.ifc_type.name());
+                let what =
+                    "it crosses itself or its voids: taken as what it runs around, less the voids";
+                self.notes
+                    .assume(place, what, "draw it anew where that is not meant");
+            }
+            found.extend(mended.shapes);
+        }
+        found
     }
 
     /// An area turned about an axis in its plane.
@@ -324,6 +348,7 @@ impl Model<'_> {
                 * DAffine3::from_translation(-origin)
         };
         let areas = self.profile(&profile, DEEPEST)?;
+        let areas = self.mended(areas, &profile);
         let mut faces = Vec::new();
         for area in &areas {
             let mut own = Vec::new();

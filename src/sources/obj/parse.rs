@@ -3,6 +3,7 @@
 use crate::warning::Notes;
 use glam::DVec3;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// In place of an index that a corner does not have.
 pub const NONE: u32 = u32::MAX;
@@ -24,6 +25,8 @@ pub struct Wavefront {
     pub faces: Vec<[u32; 3]>,
     /// Names of materials, in the order of use.
     pub materials: Vec<String>,
+    /// Their numbers by their names.
+    numbers: BTreeMap<String, u32>,
     /// What stands behind `mtllib`.
     pub libraries: Vec<String>,
 }
@@ -52,11 +55,16 @@ impl Wavefront {
     pub fn parse(text: &str, notes: &mut Notes) -> Self {
         let mut found = Self::default();
         let mut material = NONE;
-        for (number, line) in lines(text) {
+        // Lines that end with CR alone, as old programs wrote them.
+        let text = match text.contains('\r') && !text.contains('\n') {
+            true => Cow::Owned(text.replace('\r', "\n")),
+            false => Cow::Borrowed(text),
+        };
+        for (number, line) in lines(&text) {
             let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
             let rest = rest.trim();
             let place = || format!("line {number}");
-            match key {
+            match key.to_ascii_lowercase().as_str() {
                 "v" => found.vertex(rest, number, notes),
                 "vt" => {
                     let [u, v] = numbers(rest);
@@ -187,11 +195,13 @@ impl Wavefront {
         if name.is_empty() {
             return NONE;
         }
-        let known = self.materials.iter().position(|known| known == name);
-        known.unwrap_or_else(|| {
-            self.materials.push(name.to_string());
-            self.materials.len() - 1
-        }) as u32
+        if let Some(known) = self.numbers.get(name) {
+            return *known;
+        }
+        let number = self.materials.len() as u32;
+        self.materials.push(name.to_string());
+        self.numbers.insert(name.to_string(), number);
+        number
     }
 
     /// Corners and material of each face.

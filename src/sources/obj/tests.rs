@@ -146,6 +146,12 @@ fn vertices_may_stand_behind_the_faces_that_name_them() {
 }
 
 #[test]
+fn lines_may_end_with_cr_and_words_be_large() {
+    let text = "V 0 0 0\rV 10 0 0\rV 0 10 0\rUSEMTL x\rF 1 2 3\r";
+    assert_eq!(triangles(&read_text(text, &local()).unwrap()), 1);
+}
+
+#[test]
 fn odd_statements_are_left_out_and_counted() {
     let text = "mtllib nowhere.mtl\nusemtl rough stone\nv 0 0 0\nv 10 0 0\nv 10 10 0 0.5\nv a b c\nv 0 10 0\n\
                 vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1 2 9\nf 1 2 4\nf 1 2\nf 1/7 2/7 5/7\nl 1 2\np 1\nsurf 0 1 0 1 1 2 3\n\

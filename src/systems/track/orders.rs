@@ -35,14 +35,27 @@ pub fn obey(
     }
 }
 
+/// Why an order is not carried out that another one follows.
+const TAKEN: &str = "another order took its place";
+
 /// Takes the orders of a station's operator that are due; true if one took the place of one that waited.
 fn take_due(clock: &SimClock, operator: &mut Operator, tracker: &mut Tracker) -> bool {
     let mut replaced = false;
+    // A slew of the same tick, which a later order undoes before it was begun.
+    let mut slew: Option<usize> = None;
     while let Some(order) = operator.orders.get(operator.next)
         && clock.tick >= order.tick
     {
         let command = order.command.clone();
         operator.next += 1;
+        if matches!(command, Command::Target(_) | Command::Slew(_))
+            && let Some(answer) = slew.take().and_then(|at| operator.answers.get_mut(at))
+        {
+            *answer = Answer::Refused(TAKEN.into());
+        }
+        if matches!(command, Command::Slew(_)) {
+            slew = Some(operator.answers.len());
+        }
         let answer = match command {
             Command::Target(_) => Answer::Waits,
             _ => Answer::Obeyed,
@@ -50,8 +63,7 @@ fn take_due(clock: &SimClock, operator: &mut Operator, tracker: &mut Tracker) ->
         match command {
             Command::Target(target) => {
                 if operator.waiting.replace(target).is_some() {
-                    let why = "another order took its place".to_owned();
-                    operator.answer_waiting(Answer::Refused(why));
+                    operator.answer_waiting(Answer::Refused(TAKEN.into()));
                     replaced = true;
                 }
             }

@@ -112,6 +112,10 @@ pub fn draw_controls(
         ui.push_id(chosen.0, |ui| {
             let mut row = Row::new(ui, corner, 1);
             row.slot(104.0, |ui| choose_station(ui, &mut chosen, &names));
+            if pacing.over {
+                // No tick would carry an order out.
+                row.ui.disable();
+            }
             let in_hand = (stations.iter_mut()).find(|(station, ..)| station.index == chosen.0);
             if let Some((_, mount, tracker, rules, mut controller, operator)) = in_hand {
                 given.extend(fire(&mut row, rules));

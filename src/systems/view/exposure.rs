@@ -78,11 +78,17 @@ pub fn shown_in(environment: &Environment) -> (Exposure, ColorGrading) {
     (exposure, grading)
 }
 
-/// Follows the weather that orders change.
+/// Follows the light, which orders of weather change. The schedule also runs for the sensors' pictures, without this system: whether
+/// the surroundings have changed since its last run no run condition can tell.
 pub fn expose_window(
     environment: Res<Environment>,
     mut cameras: Query<(&mut Exposure, &mut ColorGrading), With<WindowCamera>>,
+    mut shown: Local<Option<[f64; 3]>>,
 ) {
+    let light_klx = environment.backdrop.sky.illuminant_klx();
+    if shown.replace(light_klx) == Some(light_klx) {
+        return;
+    }
     for (mut exposure, mut grading) in &mut cameras {
         (*exposure, *grading) = shown_in(&environment);
     }

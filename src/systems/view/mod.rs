@@ -23,6 +23,7 @@ use crate::components::run::{PartError, SimClock};
 use crate::components::view::{
     Pacing, Playback, ScreenshotRequest, Session, StepSize, Taken, WindowCamera, WindowFrame,
 };
+use crate::stop;
 use crate::systems::render::renderer::Renderer;
 use crate::systems::render::scene::sync_scene;
 use crate::systems::run;
@@ -63,6 +64,9 @@ pub fn frame(world: &mut World) {
     world.resource_mut::<WindowFrame>().active = false;
 
     let mut failure = None;
+    if stop::asked().is_some() {
+        world.write_message(AppExit::Success);
+    }
     let closing = !world.resource::<Messages<AppExit>>().is_empty();
     if let Some(drawn) = session.waiting {
         if closing {

@@ -17,7 +17,7 @@ const LATTICE_BITS: i32 = 22;
 /// Cells are cut at most this often.
 pub(super) const MOST_LEVELS: u32 = 12;
 /// What lies farther from the site is a mistake in the source's coordinates [m].
-const FARTHEST_M: f64 = 200_000.0;
+pub(super) const FARTHEST_M: f64 = 200_000.0;
 /// A texture that repeats more often than this along a side of a mesh, or over its whole area, is kept apart from the
 /// atlases.
 const MOST_REPEATS: f32 = 2.0;

@@ -1,5 +1,6 @@
 //! Files of raw geodata as layers, by what their names end with.
 
+use super::mesh::FARTHEST_M;
 use crate::sources::error::{Fault, SourceError, read_bytes};
 use crate::sources::options::Options;
 use crate::sources::{Layer, cityjson, footprints, geotiff, gltf, ifc, obj, ply};
@@ -20,7 +21,52 @@ const OUTLINES: [&str; 10] = [
 ];
 
 /// The layers of a file, by its name's end; of a folder: the height raster that its files are parts of.
+///
+/// Fails where the file cannot be read, or an option says what its kind states itself.
 pub fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
+    refuse_idle(std::slice::from_ref(&path), options)?;
+    read_near(path, options)
+}
+
+/// The layers of a file, none of which lies farther from its site than tiles reach.
+fn read_near(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
+    let layers = read_one(path, options)?;
+    let meshes = layers.iter().flat_map(|layer| &layer.meshes);
+    let far_m = (meshes.flat_map(|mesh| mesh.indices.iter().map(|k| mesh.vertex_m(*k).length())))
+        .fold(0.0, f64::max);
+    if far_m > FARTHEST_M {
+        let what = format!(
+            "they reach {:.0} km from the site, where {:.0} km is the most",
+            1e-3 * far_m,
+            1e-3 * FARTHEST_M
+        );
+        let mend = "check their system (--crs), their placement (--georef) and the site";
+        return Err(Fault::new("coordinates", what, mend).of(path));
+    }
+    Ok(layers)
+}
+
+/// Refuses a unit or an axis for meshes where none of the files is one that states neither.
+fn refuse_idle(paths: &[impl AsRef<Path>], options: &Options) -> Result<(), SourceError> {
+    let takes = |path: &Path| {
+        let end = path.extension().unwrap_or_default().to_ascii_lowercase();
+        end == "obj" || end == "ply"
+    };
+    let said = [
+        (options.mesh_unit.is_some(), "mesh_unit"),
+        (options.mesh_up.is_some(), "mesh_up"),
+    ];
+    let idle = said.iter().find(|(said, _)| *said);
+    match (idle, paths.first()) {
+        (Some((_, key)), Some(path)) if !paths.iter().any(|path| takes(path.as_ref())) => {
+            let what = "only OBJ and PLY leave their unit and axes open";
+            Err(Fault::new(key, what, "leave it out").of(path.as_ref()))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn read_one(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
     let name = path.to_string_lossy().to_ascii_lowercase();
     let ends = |ends: &[&str]| ends.iter().any(|end| name.ends_with(end));
     let one = |layer: Result<Layer, SourceError>| layer.map(|layer| vec![layer]);
@@ -56,6 +102,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Vec<Layer>, SourceError> {
 ///
 /// A mesh without a system of its own is taken to stand about a site that the options name, never about another file's.
 pub fn read_all(paths: &[PathBuf], options: &Options) -> Result<Vec<Layer>, SourceError> {
+    refuse_idle(paths, options)?;
     let mut layers: Vec<Layer> = Vec::new();
     for path in paths {
         let placed = options.crs.is_some() || options.georef.is_some();
@@ -70,7 +117,7 @@ pub fn read_all(paths: &[PathBuf], options: &Options) -> Result<Vec<Layer>, Sour
             site: options.site.or(first.filter(|_| placed || !mesh)),
             ..options.clone()
         };
-        layers.extend(read(path, &framed)?);
+        layers.extend(read_near(path, &framed)?);
     }
     Ok(layers)
 }
@@ -126,6 +173,15 @@ mod tests {
         assert!(
             lost.contains("--crs") && lost.contains("roof.ply"),
             "{lost}"
+        );
+        let unit = Options {
+            mesh_unit: Some("mm".into()),
+            ..Options::default()
+        };
+        let idle = read(Path::new("a.glb"), &unit).unwrap_err().to_string();
+        assert!(
+            idle.starts_with("a.glb: mesh_unit: only OBJ and PLY"),
+            "{idle}"
         );
         for (name, text) in [
             ("a.obj", "f 1 2 9\n"),

@@ -34,6 +34,9 @@ pub enum Fault {
     /// It is right, but this program does not read it.
     #[error("is not supported: {0}; export it without")]
     Unsupported(String),
+    /// A glTF of another version.
+    #[error("is glTF of version {0}, of which 2.0 is read; export it as 2.0")]
+    Version(String),
     /// A file that it refers to cannot be read.
     #[error("refers to {uri:?}, which cannot be read: {why}; put it there, or correct the address")]
     Missing {

@@ -261,3 +261,33 @@ proptest! {
         let _ = Content::parse(&format!("{}{}", &GOOD[..at], &GOOD[end..]));
     }
 }
+
+#[test]
+fn boxes_beyond_their_pictures_are_left_out_or_noted_and_whole_paths_are_found() {
+    let root = tempfile::tempdir().expect("a folder");
+    let text = r#"{"images": [{"id": 1, "file_name": "C:\\work\\b.png", "width": 640, "height": 480}],
+        "annotations": [
+            {"id": 1, "image_id": 1, "category_id": 1, "bbox": [10, 10, 20, 20]},
+            {"id": 2, "image_id": 1, "category_id": 1, "bbox": [700, 10, 20, 20]},
+            {"id": 3, "image_id": 1, "category_id": 1, "bbox": [600, 400, 630, 420]},
+            {"id": 4, "image_id": 1, "category_id": 2, "bbox": [-50, 0, 20, 20]},
+            {"id": 5, "image_id": 1, "category_id": 3, "bbox": [5, 5, 9, 9]}],
+        "categories": [{"id": 1, "name": "drone"}, {"id": 2, "name": "bird"}, {"id": 3, "name": "bird"}]}"#;
+    write(root.path(), "annotations.json", text.as_bytes());
+    write(root.path(), "images/b.png", &png());
+    let coco = Coco::load(root.path(), &[]).expect("a set");
+    let boxes: Vec<_> = coco.truth[0].iter().map(|truth| truth.box_px[0]).collect();
+    assert_eq!(boxes, [10.0, 600.0]);
+    assert_eq!(coco.category[0].len(), 2);
+    // Of two categories of one name neither is lost.
+    let others: Vec<_> = coco.others[0].iter().map(|other| other.box_px[0]).collect();
+    assert_eq!(others, [5.0]);
+    let said: String = coco.warnings().iter().map(ToString::to_string).collect();
+    assert!(said.contains("2 boxes outside their pictures"), "{said}");
+    assert!(said.contains("1 reach beyond their pictures"), "{said}");
+    assert!(
+        coco.path(&coco.pictures[0])
+            .expect("a file")
+            .ends_with("images/b.png")
+    );
+}

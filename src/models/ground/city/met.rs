@@ -45,7 +45,8 @@ impl City {
         let surface_m = self.dsm.surface_m(at_m.x, at_m.y);
         let stands_m = surface_m - self.dsm.terrain_m(at_m.x, at_m.y);
         match nearest {
-            _ if in_crown && above_m > reach_m => Met::Tree,
+            // Under a crown that reaches down, too.
+            _ if in_crown && above_m.max(stands_m) > reach_m => Met::Tree,
             _ if above_m <= reach_m => Met::Ground,
             Some((index, _)) => Met::Building(index),
             None => Met::Solid(stands_m.max(0.0)),

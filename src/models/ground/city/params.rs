@@ -66,7 +66,7 @@ pub enum CitySource {
     /// A path.
     File(String),
     /// A path and more.
-    With(SourceParams),
+    With(Box<SourceParams>),
 }
 
 /// A file of raw data with what is to be known beside it.
@@ -99,11 +99,29 @@ pub struct SourceParams {
     pub mesh_up: Option<UpAxis>,
 }
 
+impl CityParams {
+    /// The paths and addresses in them, which count from the scenario's folder.
+    pub fn paths_mut(&mut self) -> Vec<&mut String> {
+        let mut paths: Vec<&mut String> = self.tileset.iter_mut().chain(&mut self.georef).collect();
+        for source in self.sources.iter_mut().chain(&mut self.horizon) {
+            match source {
+                CitySource::File(file) => paths.push(file),
+                CitySource::With(with) => {
+                    let beside = [&mut with.georef, &mut with.orthophoto, &mut with.terrain];
+                    paths.push(&mut with.file);
+                    paths.extend(beside.into_iter().flatten());
+                }
+            }
+        }
+        paths
+    }
+}
+
 impl CitySource {
     /// With all that may be known.
     pub fn params(&self) -> SourceParams {
         match self {
-            Self::With(params) => params.clone(),
+            Self::With(params) => (**params).clone(),
             Self::File(file) => SourceParams {
                 file: file.clone(),
                 crs: None,

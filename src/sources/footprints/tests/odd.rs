@@ -590,7 +590,7 @@ fn a_stray_outline_does_not_cost_the_town() {
     assert_eq!(layer.features.len(), 2);
     let told = said(&layer);
     assert!(
-        told.contains("a thousand kilometres from the rest")
+        told.contains("a hundred kilometres from the rest")
             || told.contains("nowhere on the Earth"),
         "{told}"
     );
@@ -603,7 +603,7 @@ fn a_stray_outline_does_not_cost_the_town() {
     let layer = read_text(&town.to_string(), &Options::default()).unwrap();
     assert_eq!(layer.features.len(), 2);
     assert!(
-        said(&layer).contains("1 outlines a thousand kilometres from the rest (feature 1)"),
+        said(&layer).contains("1 outlines a hundred kilometres from the rest (feature 1)"),
         "{}",
         said(&layer)
     );

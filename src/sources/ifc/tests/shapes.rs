@@ -427,7 +427,7 @@ fn one_damaged_record_does_not_cost_the_file() {
     let layer = read_text(&text.replace("ENDSEC;\nEND-", odd), &Options::default()).unwrap();
     let said = warnings(&layer);
     for part in [
-        "1 products a thousand kilometres from the rest (IfcBeam 'far')",
+        "1 products a hundred kilometres from the rest (IfcBeam 'far')",
         "1 products whose faces have no area (IfcBeam 'flat')",
         "1 faces of sets with points that do not exist (#4001 in IfcBeam 'flat')",
         "1 damaged records (line ",

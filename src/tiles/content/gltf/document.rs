@@ -3,7 +3,7 @@
 use super::meshopt;
 use super::schema::{Accessor, Extensions, Meshopt, Root, View};
 use crate::tiles::content::bytes::{self, Kind, elements, json, part, u32_at};
-use crate::tiles::content::error::ContentError;
+use crate::tiles::content::error::{ContentError, Fault};
 use crate::tiles::content::model::Context;
 use crate::tiles::fetch;
 use serde::de::DeserializeOwned;
@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::cell::OnceCell;
 
 /// Extensions that a file may require.
-const KNOWN: [&str; 16] = [
+const KNOWN: [&str; 17] = [
     "CESIUM_RTC",
     "CESIUM_primitive_outline",
     "EXT_instance_features",
@@ -23,6 +23,7 @@ const KNOWN: [&str; 16] = [
     "KHR_draco_mesh_compression",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_basisu",
     "KHR_techniques_webgl",
     "KHR_texture_transform",
@@ -53,11 +54,8 @@ impl<'b> Document<'b> {
         let (text, blob) = chunks(bytes)?;
         let root: Root = json(text, "JSON")?;
         if !root.asset.version.starts_with("2.") {
-            let what = format!(
-                "glTF of version {:?} - export it as 2.0",
-                root.asset.version
-            );
-            return Err(ContentError::unsupported("asset", what));
+            let version = Fault::Version(root.asset.version.clone());
+            return Err(ContentError::new("asset", version));
         }
         let unknown =
             |name: &&String| !KNOWN.contains(&name.as_str()) && !name.starts_with("KHR_materials_");
@@ -315,8 +313,8 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ContentError> {
     }
     let version = u32_at(bytes, 4, "glb header")?;
     if version != 2 {
-        let what = format!("glTF of version {version} - export it as 2.0");
-        return Err(ContentError::unsupported("glb header", what));
+        let version = Fault::Version(version.to_string());
+        return Err(ContentError::new("glb header", version));
     }
     let length = u32_at(bytes, 8, "glb header")? as usize;
     let file = bytes::part(bytes, 0, length, "glb")?;

@@ -226,6 +226,11 @@ fn stands(
         if std::mem::replace(&mut seen[index], true) {
             return Err(damaged("it hangs below two nodes, or below itself"));
         }
+        let visibility = node.extensions.get("KHR_node_visibility");
+        if visibility.and_then(|it| it.get("visible")) == Some(&false.into()) {
+            content.note("nodes that are hidden are left out");
+            continue;
+        }
         let own = transform(node).ok_or_else(|| damaged("its transform is not finite"))?;
         let to_content = to_parent * own;
         if !to_content.is_finite() {

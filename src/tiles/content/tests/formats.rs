@@ -382,7 +382,7 @@ fn what_is_no_content_is_one_clear_error() {
         ),
         (
             b"glTF\x01\0\0\0",
-            "glTF, glb header: is not supported: glTF of version 1",
+            "glTF, glb header: is glTF of version 1, of which 2.0 is read; export it as 2.0",
         ),
         (
             br#"{"asset":{"version":"1.1"},"root":{}}"#,
@@ -394,7 +394,7 @@ fn what_is_no_content_is_one_clear_error() {
         ),
         (
             br#"{"asset":{"version":"1.0"}}"#,
-            "glTF, asset: is not supported: glTF of version \"1.0\"",
+            "glTF, asset: is glTF of version 1.0, of which 2.0 is read",
         ),
         (br#" {"asset""#, "JSON: is damaged"),
     ] {
