@@ -657,11 +657,12 @@ fn run_to_end(
     let duration_s = loaded.scenario.duration_s;
     let progress = match progress {
         // The bar's position counts milliseconds of simulated time.
-        true => Progress::new((1e3 * duration_s) as u64, "{prefix} [{bar:30}] {msg}{left}"),
+        true => Progress::new((1e3 * duration_s) as u64, "{prefix} [{bar:16}] {msg}{left}"),
         false => Progress::hidden(),
     };
     let bar = progress.bar();
     bar.set_prefix(loaded.scenario.name.clone());
+    bar.set_message("begins");
     let started = Instant::now();
     let mut shown = started;
     loop {

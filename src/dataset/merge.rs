@@ -60,7 +60,7 @@ pub fn merge(
     )?;
     if records.len() < scenes {
         text += &format!(
-            "{} of {scenes} scenes are there; run it without --scenes for the rest\n",
+            "{} of {scenes} scenes are there; the same command, without --scenes, makes the rest\n",
             records.len()
         );
     }

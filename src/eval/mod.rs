@@ -51,7 +51,7 @@ pub enum EvalError {
         index: u32,
     },
     /// It was stopped from outside; what it has by then is told where it is caught.
-    #[error("stopped before anything was measured; the same command begins again")]
+    #[error("stopped before any part of it was whole; the same command begins again")]
     Stopped,
     /// The program itself.
     #[error("this program cannot be run or read: {source}; start it by its path")]

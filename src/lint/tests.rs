@@ -236,6 +236,16 @@ fn the_night_is_warned_of_where_pictures_count() {
 }
 
 #[test]
+fn a_uav_without_an_echo_is_warned_of() {
+    let far = BASE.replace("-60.0, 500.0, 120.0", "-60.0, 5000.0, 600.0");
+    one(
+        &far,
+        "s.toml:17: station.position_enu_m: no UAV gives the range finder an echo",
+        "nearer",
+    );
+}
+
+#[test]
 fn a_laser_that_heats_nothing_is_warned_of() {
     let laser = |power_w: f64| {
         with(
@@ -245,7 +255,7 @@ fn a_laser_that_heats_nothing_is_warned_of() {
     };
     one(
         &laser(3.0),
-        "s.toml:18: station.laser.power_w: 3 W never bring anything down",
+        "s.toml:18: station.laser.power_w: 3 W bring nothing down",
         "engage.authorised",
     );
     assert_eq!(said(&laser(800.0)), [""; 0]);

@@ -8,6 +8,7 @@ use super::{Body, Flown, Scene, Seeing, times_s};
 use crate::models::air::atmosphere::transmittance;
 use crate::models::engage::outcome::Outcome;
 use crate::models::laser::beam::{BUCKET_RADIUS_M, Laser, power_in_bucket_w};
+use crate::models::laser::range_finder::{LitSurface, REFLECTANCE, RangeFinderParams};
 use crate::models::laser::thermal::Skin;
 use crate::scenario::{Bound, Focus, SkinKind, TRUTH};
 use crate::warning::Warning;
@@ -372,11 +373,24 @@ impl Lint<'_> {
         if !may_fire || self.uavs.is_empty() {
             return;
         }
-        let mut found = Vec::new();
+        let (mut found, mut silent) = (Vec::new(), Vec::new());
         for seeing in &self.stations {
             let power_w = seeing.station.config.laser.power_w;
             // None at all is meant so.
             if power_w <= 0.0 {
+                continue;
+            }
+            let nearest = (self.uavs.iter())
+                .filter_map(|flown| self.echo(seeing, flown))
+                .max_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((_, range_m, name)) = nearest.filter(|nearest| nearest.0 < 1.0) {
+                let path = match scenario.stations.is_empty() {
+                    true => "station.position_enu_m".to_owned(),
+                    false => format!("{}.position_enu_m", seeing.station.place),
+                };
+                silent.push((path, format!(
+                    "no UAV gives the range finder an echo, without which no laser fires: '{name}' comes to {range_m:.0} m at best"
+                )));
                 continue;
             }
             let best = (self.uavs.iter())
@@ -390,18 +404,53 @@ impl Lint<'_> {
                 false => format!("{}.laser.power_w", seeing.station.place),
             };
             let what = format!(
-                "{power_w} W never bring anything down: held on '{name}' at {range_m:.0} m without a break, they warm its skin by {:.0} % of what it stands",
+                "{power_w} W bring nothing down: held on '{name}' at {range_m:.0} m from its first sight to the end, they warm its skin by {:.0} % of what destroys it",
                 100.0 * share
             );
             found.push((path, what));
+        }
+        for (path, what) in silent {
+            self.warn(
+                path,
+                what,
+                "lead the flight nearer, move the station, or clear the air",
+            );
         }
         for (path, what) in found {
             self.warn(
                 path,
                 what,
-                "raise the power or the visibility, lead the flight nearer, or set engage.authorised = false for a run that only tracks",
+                "raise the power or the visibility, lead the flight nearer, let the run last longer, or set engage.authorised = false for a run that only tracks",
             );
         }
+    }
+
+    /// How much stronger than it must be the echo of a UAV is at its nearest after it is first seen, with that range [m] and its name.
+    /// None where it is never seen.
+    fn echo(&self, seeing: &Seeing<'_>, flown: &Flown) -> Option<(f64, f64, String)> {
+        let Body::Uav(model, _) = &flown.body else {
+            return None;
+        };
+        let range_m = self.nearest_m(seeing, flown)?.1;
+        let [_, width_m, height_m] = model.size_m;
+        let finder = RangeFinderParams::default();
+        let surface = LitSurface {
+            range_m,
+            area_m2: width_m * height_m,
+            reflectance: REFLECTANCE,
+        };
+        let extinction_per_m = self.scene.weather.extinction_per_m(finder.wavelength_m);
+        let margin = finder.margin(&surface, extinction_per_m);
+        Some((margin, range_m, flown.name.clone()))
+    }
+
+    /// When a UAV is first seen [s], and how near it comes from then on [m].
+    fn nearest_m(&self, seeing: &Seeing<'_>, flown: &Flown) -> Option<(f64, f64)> {
+        let first = (self.times_s.iter().copied())
+            .find(|t_s| self.scene.clear(seeing.r_enu_m, flown.at(*t_s)))?;
+        let after = self.times_s.iter().filter(|t_s| **t_s >= first);
+        let range_m = after.map(|t_s| seeing.view(flown.at(*t_s)).range_m);
+        Some((first, range_m.fold(f64::INFINITY, f64::min).max(1.0)))
     }
 
     /// How far a station's laser could warm a UAV's skin, as a share of what it stands: held on it at its nearest from the
@@ -411,11 +460,7 @@ impl Lint<'_> {
         let Body::Uav(model, _) = &flown.body else {
             return None;
         };
-        let first = (self.times_s.iter().copied())
-            .find(|t_s| self.scene.clear(seeing.r_enu_m, flown.at(*t_s)))?;
-        let after = self.times_s.iter().filter(|t_s| **t_s >= first);
-        let range_m = after.map(|t_s| seeing.view(flown.at(*t_s)).range_m);
-        let range_m = range_m.fold(f64::INFINITY, f64::min).max(1.0);
+        let (first, range_m) = self.nearest_m(seeing, flown)?;
         let config = &seeing.station.config.laser;
         let laser = Laser {
             power_w: config.power_w,

@@ -359,7 +359,7 @@ mod tests {
             ..plain.params()
         };
         let params = CityParams {
-            sources: vec![plain, CitySource::With(with)],
+            sources: vec![plain, CitySource::With(Box::new(with))],
             ..CityParams::default()
         };
         let want = [

@@ -14,15 +14,16 @@ body{margin:0 auto;max-width:76rem;padding:1.5rem clamp(.8rem,3vw,2.5rem) 4rem;b
 color:var(--ink);font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}
 h1{font-size:1.75rem;line-height:1.2;margin:0 0 .4rem}
 h2{font-size:1.15rem;margin:2.4rem 0 .8rem;padding-bottom:.3rem;border-bottom:1px solid var(--line)}
+h3{font-size:.95rem;margin:1.2rem 0 .3rem}
 .meta{color:var(--soft);margin:0;display:flex;flex-wrap:wrap;gap:.2rem 1.4rem}
 code{font:.92em ui-monospace,'DejaVu Sans Mono',monospace;color:var(--ink);overflow-wrap:anywhere}
 .outcome{display:inline-block;margin:.9rem 0 0;padding:.25rem .8rem;border-radius:99px;font-weight:600;
 border:2px solid var(--bad);color:var(--bad)}
 .outcome.good{border-color:var(--good);color:var(--good)}
-.tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(10.5rem,1fr));gap:.7rem;margin:0}
+.tiles{display:grid;grid-template-columns:repeat(auto-fill,minmax(11.5rem,1fr));gap:.7rem;margin:0}
 .tiles div{background:var(--card);border-radius:8px;padding:.6rem .8rem}
 .tiles dt{color:var(--soft);font-size:.82rem}
-.tiles dd{margin:0;font-size:1.15rem;font-weight:600;font-variant-numeric:tabular-nums;overflow-wrap:anywhere}
+.tiles dd{margin:0;font-size:1.15rem;font-weight:600;font-variant-numeric:tabular-nums;overflow-wrap:break-word}
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,26rem),1fr));gap:1.2rem}
 figure{margin:0;min-width:0}
 .charts figure{background:var(--card);border-radius:8px;padding:.8rem .8rem .4rem}
@@ -40,7 +41,7 @@ font-variant-numeric:tabular-nums}
 .s{fill:none;stroke-width:1.4;stroke-linejoin:round;stroke-linecap:round}
 .faint{stroke-opacity:.35;stroke-width:1}
 .limit{stroke:var(--s1);stroke-width:1.6;stroke-dasharray:6 4}
-.scroll{overflow-x:auto}
+.scroll{overflow-x:auto;margin-bottom:1.4rem}
 table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
 th,td{padding:.32rem .7rem;text-align:left;border-bottom:1px solid var(--line);vertical-align:top}
 th{color:var(--soft);font-size:.82rem;font-weight:600;white-space:nowrap}

@@ -578,7 +578,12 @@ fn outcome(world: &World, fates: &[Ended], conditions: &str) -> (Outcome, String
     let why = if tried == 0 {
         format!("the search camera found no candidate{conditions}")
     } else {
-        format!("{tried} candidates were confirmed neither by the coarse nor by the precise camera")
+        let were = if tried == 1 {
+            "candidate was"
+        } else {
+            "candidates were"
+        };
+        format!("{tried} {were} confirmed neither by the coarse nor by the precise camera")
     };
     (Outcome::NotAcquired, why)
 }

@@ -215,7 +215,11 @@ impl UavSummary {
                 station.hidden_s,
                 station.clear_s + station.hidden_s
             ),
-            Some(_) => "in no camera's view, though nothing hid it".into(),
+            Some(station) => format!(
+                "in no camera's view: nothing hid it for {:.1} s, but no camera looked there (it may have flown outside the \
+                 sector, or while another target was followed)",
+                station.clear_s
+            ),
             None => "in no camera's view".into(),
         }
     }
@@ -231,6 +235,9 @@ pub(super) fn tables(uavs: &[UavSummary], light: &Light) -> Markup {
             let acquired = uav
                 .acquired_s
                 .map_or("never".into(), |t_s| format!("{t_s:.2} s"));
+            let down = uav
+                .neutralised_s
+                .map_or(String::new(), |t_s| format!("{t_s:.2} s"));
             let crashed = uav.crash.as_ref().map_or(String::new(), |crash| {
                 let [e, n, u] = crash.r_enu_m;
                 format!(
@@ -239,7 +246,14 @@ pub(super) fn tables(uavs: &[UavSummary], light: &Light) -> Markup {
                 )
             });
             let why = uav.why.clone().unwrap_or_default();
-            vec![uav.name.clone(), uav.status.clone(), acquired, crashed, why]
+            vec![
+                uav.name.clone(),
+                uav.status.clone(),
+                acquired,
+                down,
+                crashed,
+                why,
+            ]
         })
         .collect();
     let number =
@@ -289,18 +303,27 @@ pub(super) fn tables(uavs: &[UavSummary], light: &Light) -> Markup {
                 }
             ))
         }
-        (table(&["UAV", "status", "acquired", "crashed", "why not acquired or not brought down"], &told))
+        (table(
+            &["UAV", "status", "acquired", "brought down", "crashed", "why not acquired or not brought down"],
+            &told,
+        ))
+        h3 { "Seen from the stations" }
         (table(
             &["UAV", "station", "in sight [s]", "hidden [s]", "held [s]", "no fire while held"],
             &dealings,
         ))
+        h3 { "Seen by the cameras" }
         (table(
             &[
-                "UAV", "camera", "in view [s]", "hidden [s]", "found in pictures", "largest [px]", "typical [px]",
-                "contrast over noise", "grey level around", "best score", "wanted",
+                "UAV", "camera", "in view [s]", "hidden [s]", "found in", "largest [px]", "typical [px]", "contrast",
+                "grey around", "best score", "wanted",
             ],
             &sights,
         ))
+        p .note {
+            "Found in so many of the pictures that it was in; contrast over the noise of what is around it; its grey level of 255; \
+             the score from which on a detection counts."
+        }
         @if uavs.len() > MOST {
             p .note { "The cameras' and stations' tables are of the first " (MOST) " UAVs; summary.json has all." }
         }

@@ -197,7 +197,8 @@ mod tests {
             [0.0, 10.0],
         ]);
         let with = |hole: Vec<DVec2>| vec![outer.clone(), hole];
-        let cases: Vec<(&str, Vec<Vec<DVec2>>, Vec<f64>)> = vec![
+        type Case = (&'static str, Vec<Vec<DVec2>>, Vec<f64>);
+        let cases: Vec<Case> = vec![
             ("bow tie", vec![bow], vec![25.0, 25.0]),
             ("loops that overlap", vec![twice], vec![175.0]),
             ("figure of eight", vec![eight], vec![16.0, 100.0]),

@@ -39,6 +39,10 @@ impl Default for RangeFinderParams {
     }
 }
 
+/// Diffuse reflectance of airframes, birds, walls and ground at the range finder's wavelength
+/// (assumption).
+pub const REFLECTANCE: f64 = 0.3;
+
 /// A surface that the pulse may meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LitSurface {

@@ -8,7 +8,7 @@ use crate::components::run::SimClock;
 use crate::components::track::{RangeFinder, Tracker};
 use crate::models::engage::interlock::FAR_M;
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::laser::range_finder::{LitSurface, RangeFinderParams};
+use crate::models::laser::range_finder::{LitSurface, REFLECTANCE, RangeFinderParams};
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::table::Lased;
 use bevy::prelude::*;
@@ -18,9 +18,6 @@ use glam::DVec3;
 const RANGE_HZ: u32 = 10;
 /// A range with a smaller deviation than this is good enough to focus and to judge by [m].
 const RANGE_KNOWN_M: f64 = 10.0;
-/// Diffuse reflectance of airframes, birds, walls and ground at the range finder's wavelength
-/// (assumption).
-const REFLECTANCE: f64 = 0.3;
 
 /// Ranges what the pulse meets first within the gate about the target's range, while the precise camera holds a target and the station
 /// believes it in the range finder's field.
