@@ -149,21 +149,17 @@ pub(super) fn upright(
             );
         }
     }
-    let y_up = options.mesh_up == Some(UpAxis::Y);
-    for mesh in meshes.iter_mut().filter(|_| y_up || unit_m != 1.0) {
-        let turned = |[x, y, z]: [f32; 3]| if y_up { [x, -z, y] } else { [x, y, z] };
-        let [x, y, z] = mesh.origin_m.to_array();
-        mesh.origin_m = unit_m
-            * if y_up {
-                DVec3::new(x, -z, y)
-            } else {
-                mesh.origin_m
-            };
+    let turn = options.mesh_up.unwrap_or(UpAxis::Z).to_z();
+    let change = turn * unit_m;
+    for mesh in meshes.iter_mut().filter(|_| change != DMat3::IDENTITY) {
+        mesh.origin_m = change * mesh.origin_m;
         for place in &mut mesh.positions {
-            *place = turned(*place).map(|x| (f64::from(x) * unit_m) as f32);
+            *place = (change * Vec3::from(*place).as_dvec3())
+                .as_vec3()
+                .to_array();
         }
         for normal in &mut mesh.normals {
-            *normal = turned(*normal);
+            *normal = (turn * Vec3::from(*normal).as_dvec3()).as_vec3().to_array();
         }
     }
     Ok(())

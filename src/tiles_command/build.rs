@@ -87,7 +87,7 @@ pub struct Arguments {
     /// Unit of an OBJ's or PLY's coordinates, such as mm or ft (default: metres, or that of --crs).
     #[arg(long, value_name = "UNIT")]
     mesh_unit: Option<String>,
-    /// Axis of an OBJ or PLY that points up, y or z (default: z).
+    /// Axis of an OBJ or PLY that points up: x, y or z (default: z).
     #[arg(long, value_name = "AXIS")]
     mesh_up: Option<UpAxis>,
 }

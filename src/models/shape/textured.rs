@@ -1,6 +1,6 @@
 //! Triangle meshes with textures: what real cities are made of, read from tiles or from raw models.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -58,12 +58,15 @@ pub enum TilesLight {
 }
 
 /// The axis of a mesh's file that points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
-    /// x to the right, z towards the viewer, as modellers and game engines write.
+    /// x.
+    X,
+    /// y, as glTF, modellers and game engines have it: x to the right, z towards the viewer.
+    #[default]
     Y,
-    /// x east, y north, as surveys write.
+    /// z, as surveys have it: x east, y north.
     Z,
 }
 
@@ -71,8 +74,18 @@ impl UpAxis {
     /// Its letter.
     pub fn letter(self) -> &'static str {
         match self {
+            Self::X => "x",
             Self::Y => "y",
             Self::Z => "z",
+        }
+    }
+
+    /// The rotation that makes it z.
+    pub fn to_z(self) -> DMat3 {
+        match self {
+            Self::X => DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X),
+            Self::Y => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
+            Self::Z => DMat3::IDENTITY,
         }
     }
 }
@@ -81,11 +94,11 @@ impl std::str::FromStr for UpAxis {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        match text.to_ascii_lowercase().as_str() {
-            "y" => Ok(Self::Y),
-            "z" => Ok(Self::Z),
-            _ => Err("expected y or z"),
-        }
+        let all = [Self::X, Self::Y, Self::Z].into_iter();
+        let found = all
+            .into_iter()
+            .find(|axis| axis.letter().eq_ignore_ascii_case(text));
+        found.ok_or("expected x, y or z")
     }
 }
 

@@ -137,9 +137,6 @@ pub fn draw_insets(
         .frame(panel_frame().inner_margin(8.0));
     panel.show(&mut screen_ui(ctx), |ui| {
         let most = shown.0.iter().map(Vec::len).max().unwrap_or(0);
-        if most == 0 {
-            ui.colored_label(GREY, "no pictures recorded");
-        }
         ui.checkbox(&mut weak.0, "boxes below the threshold");
         let share = ui.available_height() / most.max(1) as f32;
         let height = (share - 26.0).clamp(20.0, 0.75 * width);
@@ -147,6 +144,9 @@ pub fn draw_insets(
             for (number, cameras) in shown.0.iter().enumerate() {
                 ui.vertical(|ui| {
                     ui.set_width(width);
+                    if cameras.is_empty() {
+                        ui.colored_label(GREY, "no pictures recorded");
+                    }
                     for camera in cameras {
                         let inset = insets.0.get(&(number, camera.name.clone()));
                         draw_camera(ui, camera, inset, [width, height], (number, *weak));

@@ -19,8 +19,9 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+pub use crate::models::shape::textured::UpAxis;
 pub use error::{ContentError, Fault};
-pub use model::{Content, Fetch, Rows, UpAxis};
+pub use model::{Content, Fetch, Rows};
 
 use bytes::{part, u32_at};
 use flate2::read::MultiGzDecoder;

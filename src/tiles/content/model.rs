@@ -1,8 +1,8 @@
 //! A content as the rest of the program sees it, and what its readers share.
 
-use crate::models::shape::textured::{NO_FEATURE, PlacedMesh, PointCloud};
+use crate::models::shape::textured::{NO_FEATURE, PlacedMesh, PointCloud, UpAxis};
 use crate::tiles::content::error::{ContentError, Fault};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::DAffine3;
 use serde_json::{Map, Value};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -72,18 +72,6 @@ impl Content {
             self.notes.push(note);
         }
     }
-}
-
-/// Which axis of a glTF model points up (`asset.gltfUpAxis` of a 3D Tiles 1.0 tileset; y where it says nothing).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum UpAxis {
-    /// x.
-    X,
-    /// y, as glTF has it.
-    #[default]
-    Y,
-    /// z.
-    Z,
 }
 
 /// Reads what lies at an address inside a content: a URI as the content has it, relative to it.
@@ -158,11 +146,7 @@ impl<'f> Context<'f> {
 /// The rotation that takes a glTF model whose up axis is given into a frame with z up (as 3D Tiles 1.0 and its
 /// implementations have it: about x for y up, about y for x up).
 pub(crate) fn up(axis: UpAxis) -> DAffine3 {
-    DAffine3::from_mat3(match axis {
-        UpAxis::X => DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X),
-        UpAxis::Y => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
-        UpAxis::Z => DMat3::IDENTITY,
-    })
+    DAffine3::from_mat3(axis.to_z())
 }
 
 /// Linear light of an sRGB value of 0..1 (IEC 61966-2-1).
