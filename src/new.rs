@@ -160,9 +160,10 @@ mod tests {
         // Files that the other one names are found from the new one.
         let other = folder.path().join("other");
         std::fs::create_dir(&other).unwrap();
-        let own = format!(
-            "#:schema ../x.json\n{TEMPLATE}\n[city]\nsources = ['a.geojson', {{ file = \"b.tif\", terrain = \"c.tif\" }}]\n"
-        );
+        let files = "[city]\nsources = ['a.geojson', { file = \"b.tif\", terrain = \"c.tif\" }]\n";
+        let own = TEMPLATE.replace("[city]\nseed = 1\nextent_m = 1_600.0\n", files);
+        assert!(own.contains("b.tif"));
+        let own = format!("#:schema ../x.json\n{own}");
         std::fs::write(other.join("own.toml"), own).unwrap();
         let from = other.join("own.toml");
         let [path, _] = written(&folder.path().join("d"), from.to_str()).unwrap();

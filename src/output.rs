@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     /// A folder that cannot be made.
-    #[error("{path}: the folder cannot be made: {source}; name one that can be written")]
+    #[error(
+        "{path}: the folder cannot be made: {source}; name one that can be written (--out, --map or --save-orders)"
+    )]
     Folder {
         /// The folder.
         path: PathBuf,
@@ -15,7 +17,9 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// A file that cannot be written.
-    #[error("{path}: cannot be written: {source}; name a place that can be written")]
+    #[error(
+        "{path}: cannot be written: {source}; name a place that can be written (--out, --map or --save-orders)"
+    )]
     File {
         /// The file.
         path: PathBuf,

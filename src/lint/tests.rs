@@ -240,7 +240,7 @@ fn a_uav_without_an_echo_is_warned_of() {
     let far = BASE.replace("-60.0, 500.0, 120.0", "-60.0, 5000.0, 600.0");
     one(
         &far,
-        "s.toml:17: station.position_enu_m: no UAV gives the range finder an echo",
+        "s.toml:15: station.position_enu_m: no UAV gives the range finder an echo",
         "nearer",
     );
 }

@@ -48,7 +48,7 @@ pub fn is_cut_off(jpeg: &[u8]) -> bool {
             _ => return true,
         }
     }
-    at >= jpeg.len()
+    at + 2 > jpeg.len()
 }
 
 /// Reads a PNG or JPEG file. Grey pictures become coloured ones, transparency is left out.

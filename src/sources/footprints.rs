@@ -279,7 +279,24 @@ fn without_strays(
             false => *values.select_nth_unstable_by(half, f64::total_cmp).1,
         }
     });
-    let mut near = places.iter().map(|r| r.distance(middle.into()) < STRAY_M);
+    // Of few outlines the median of each axis may lie nowhere: the nearest of them stands for it. Off Africa, where latitude and
+    // longitude are 0, there is sea alone: what lies there states no place.
+    let null_island = Geodetic {
+        latitude_rad: 0.0,
+        longitude_rad: 0.0,
+        height_m: 0.0,
+    }
+    .to_ecef();
+    let at_sea = |r: &&DVec3| r.distance(null_island) < STRAY_M;
+    let on_land = places.iter().filter(|r| !at_sea(r));
+    let apart = |r: &&DVec3| r.distance_squared(middle.into());
+    let centre = on_land
+        .min_by(|a, b| apart(a).total_cmp(&apart(b)))
+        .or(places.first());
+    let Some(centre) = centre.copied() else {
+        return Ok(());
+    };
+    let mut near = places.iter().map(|r| r.distance(centre) < STRAY_M);
     standing.retain(|(footprint, _)| {
         let near = near.next().unwrap_or(true);
         if !near {

@@ -36,7 +36,7 @@ pub fn mended(rings: &[Vec<DVec2>]) -> Option<Mended> {
         a.cmple(high).all() && b.cmpge(low).all()
     };
     let path = |ring: &Vec<DVec2>| -> Vec<[f64; 2]> {
-        let clockwise = polygon::area_m2(ring) < 0.0;
+        let clockwise = polygon::area_m2(&about(ring, origin)) < 0.0;
         let points = ring.iter().map(|r| (*r - origin).to_array());
         match clockwise {
             true => points.rev().collect(),

@@ -387,7 +387,7 @@ fn heat_map(plan: &Plan, figure: &Figure, down: &Grouped, across: &Grouped) -> M
             table {
                 tr {
                     th { (plan.factors[0].name) " ↓ " (plan.factors[1].name) " →" }
-                    @for group in &across.groups { th { (group.label) } }
+                    @for group in &across.groups { th .n { (group.label) } }
                 }
                 @for (group, row) in down.groups.iter().zip(cells.chunks(count)) {
                     tr {

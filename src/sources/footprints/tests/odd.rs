@@ -607,6 +607,10 @@ fn a_stray_outline_does_not_cost_the_town() {
         "{}",
         said(&layer)
     );
+    // Of two outlines the one that stands somewhere counts.
+    let two = json!({"type": "FeatureCollection", "features": [degrees(0.0, 0.0), degrees(-8.54, -47.37)]});
+    let layer = read_text(&two.to_string(), &Options::default()).unwrap();
+    assert!(layer.features.len() == 1 && layer.site.origin().latitude_rad < -0.8);
 }
 
 #[test]
