@@ -539,8 +539,11 @@ fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
     warning::tell(&warnings)?;
     match warning::told() {
         0 => say!("{}: ok", loaded.path.display()),
-        1 => say!("{}: ok, 1 warning", loaded.path.display()),
-        count => say!("{}: ok, {count} warnings", loaded.path.display()),
+        count => say!(
+            "{}: ok, {}",
+            loaded.path.display(),
+            output::counted(count, "warning")
+        ),
     }
     Ok(ExitCode::SUCCESS)
 }

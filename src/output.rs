@@ -98,6 +98,14 @@ pub(crate) fn quoted(word: impl std::fmt::Display) -> String {
     }
 }
 
+/// A number of things: `1 layer`, `2 layers`.
+pub(crate) fn counted(count: usize, thing: &str) -> String {
+    match count {
+        1 => format!("1 {thing}"),
+        _ => format!("{count} {thing}s"),
+    }
+}
+
 /// A table as text: cells under their heads, two blanks apart. The first `left` columns begin at the left, the others,
 /// which are numbers, end at the right.
 pub(crate) fn columns(head: &[&str], rows: &[Vec<String>], left: usize) -> String {

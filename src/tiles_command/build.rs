@@ -3,7 +3,7 @@
 use crate::models::ground::city::City;
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::shape::textured::UpAxis;
-use crate::output::columns;
+use crate::output::{columns, counted};
 use crate::scenario::{InputError, Scenario};
 use crate::sources::Layer;
 use crate::sources::error::SourceError;
@@ -193,7 +193,10 @@ pub fn run(arguments: &Arguments) -> Result<String, CommandError> {
         .collect();
     warning::tell(&warnings)?;
     let read_s = begun.elapsed().as_secs_f64();
-    say(&format!("{} layers read in {read_s:.1} s", layers.len()));
+    say(&format!(
+        "{} read in {read_s:.1} s",
+        counted(layers.len(), "layer")
+    ));
     let report = build_with(&layers, &arguments.build_options(), &arguments.out, say)?;
     if let Some(heights) = heights {
         heights.write(&arguments.out)?;
