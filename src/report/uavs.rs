@@ -215,12 +215,12 @@ impl UavSummary {
                 station.hidden_s,
                 station.clear_s + station.hidden_s
             ),
-            Some(station) => format!(
+            Some(station) if station.clear_s > 0.0 => format!(
                 "in no camera's view: nothing hid it for {:.1} s, but no camera looked there (it may have flown outside the \
                  sector, or while another target was followed)",
                 station.clear_s
             ),
-            None => "in no camera's view".into(),
+            _ => "in no camera's view".into(),
         }
     }
 }

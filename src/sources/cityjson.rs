@@ -140,6 +140,9 @@ fn layers(
             format!("{count} objects have none of {wanted} and show another (first {first})");
         notes.assume("lod", what, "name another level with --lod");
     }
+    for gathered in &kinds {
+        gathered.surfaces.note(notes);
+    }
     let full = kinds
         .into_iter()
         .filter(|gathered| !gathered.features.is_empty());

@@ -6,6 +6,7 @@ mod length;
 mod osm;
 mod outline;
 mod pbf;
+mod rings;
 
 use super::error::{Fault, SourceError, read_bytes};
 use super::geotiff::Ground;
@@ -296,9 +297,16 @@ fn without_strays(
     let Some(centre) = centre.copied() else {
         return Ok(());
     };
-    let mut near = places.iter().map(|r| r.distance(centre) < STRAY_M);
+    let mut wrong = None;
     standing.retain(|(footprint, _)| {
-        let near = near.next().unwrap_or(true);
+        let mut corners = footprint.rings.iter().flatten();
+        let near = corners.all(|r| match base(*r) {
+            Ok(place) => place.to_ecef().distance(centre) < STRAY_M,
+            Err(fault) => {
+                wrong.get_or_insert(fault);
+                true
+            }
+        });
         if !near {
             notes.leave_out(
                 "outlines a hundred kilometres from the rest",
@@ -307,7 +315,7 @@ fn without_strays(
         }
         near
     });
-    Ok(())
+    wrong.map_or(Ok(()), Err)
 }
 
 /// The frame of the outlines: that of the options, or one in their middle on their lowest ground.

@@ -103,7 +103,9 @@ fn model(bytes: &[u8], notes: &mut Notes) -> Result<Model, String> {
     };
     found.textures = header.comments.iter().filter_map(texture).collect();
     in_units(&mut found, header.elements.iter(), notes);
-    precision(&found, &header.elements, notes);
+    if !header.is_text() {
+        precision(&found, &header.elements, notes);
+    }
     Ok(found)
 }
 

@@ -2,6 +2,7 @@
 
 use crate::models::maths::polygon;
 use crate::models::shape::textured::{Look, TexturedMesh};
+use crate::warning::Notes;
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
@@ -31,8 +32,10 @@ pub fn area_vector_m2(ring: &[Corner]) -> DVec3 {
         .sum()
 }
 
-/// Share by which a hole is made smaller where it touches another ring.
-const HAIR: f64 = 1e-7;
+/// Shares by which a hole is made smaller where it touches another ring, the least first.
+const HAIRS: [f64; 3] = [1e-7, 1e-5, 1e-3];
+/// Share of its area by which the triangles of a polygon must miss it for its rings to cross.
+const CROSSED: f64 = 0.02;
 /// Share of its area by which the triangles of a polygon may miss it.
 const MISSED: f64 = 1e-5;
 
@@ -95,20 +98,23 @@ pub fn triangulate(rings: &[Vec<Corner>], scratch: &mut Earcut<f64>) -> Vec<[usi
     let mut indices = Vec::new();
     scratch.earcut_slice(&points, &holes, &mut indices);
     if !holes.is_empty() && !covers(&points, &holes, &indices) {
-        // A hole that touches the outline or another one is not always cut out: a hair smaller it is.
+        // A hole that touches the outline or another one, or leaves it by a rounding, is not always cut out: a hair smaller it is.
         let starts: Vec<usize> = holes.iter().copied().chain([points.len()]).collect();
-        let mut smaller = points.clone();
-        for ring in starts.windows(2).map(|ends| ends[0]..ends[1]) {
-            let sum: DVec2 = points[ring.clone()].iter().copied().map(DVec2::from).sum();
-            let middle = sum / ring.len() as f64;
-            for k in ring {
-                smaller[k] = middle.lerp(points[k].into(), 1.0 - HAIR).to_array();
+        for hair in HAIRS {
+            let mut smaller = points.clone();
+            for ring in starts.windows(2).map(|ends| ends[0]..ends[1]) {
+                let sum: DVec2 = points[ring.clone()].iter().copied().map(DVec2::from).sum();
+                let middle = sum / ring.len() as f64;
+                for k in ring {
+                    smaller[k] = middle.lerp(points[k].into(), 1.0 - hair).to_array();
+                }
             }
-        }
-        let mut again = Vec::new();
-        scratch.earcut_slice(&smaller, &holes, &mut again);
-        if covers(&points, &holes, &again) {
-            indices = again;
+            let mut again = Vec::new();
+            scratch.earcut_slice(&smaller, &holes, &mut again);
+            if covers(&smaller, &holes, &again) {
+                indices = again;
+                break;
+            }
         }
     }
     let turned = |t: &[usize]| {
@@ -139,6 +145,8 @@ const MOST_CORNERS: usize = 1 << 20;
 /// Collects polygons and hands them out as meshes.
 pub struct Surfaces {
     parts: Vec<Part>,
+    /// Polygons whose triangles do not have their area: rings that cross.
+    crossed: usize,
     scratch: Earcut<f64>,
 }
 
@@ -146,6 +154,7 @@ impl Default for Surfaces {
     fn default() -> Self {
         Self {
             parts: vec![Part::default()],
+            crossed: 0,
             scratch: Earcut::new(),
         }
     }
@@ -174,6 +183,17 @@ impl Surfaces {
             return false;
         };
         let normal = area_vector_m2(&rings[0]).normalize_or_zero();
+        let twice = |ring: &Vec<Corner>| area_vector_m2(ring).length();
+        let wanted = twice(&rings[0]) - rings[1..].iter().map(twice).sum::<f64>();
+        let all: Vec<DVec3> = rings.iter().flatten().map(|corner| corner.r_m).collect();
+        let area = |t: &[usize; 3]| {
+            (all[t[1]] - all[t[0]])
+                .cross(all[t[2]] - all[t[0]])
+                .length()
+        };
+        let found: f64 = triangles.iter().map(area).sum();
+        // Polygons that are not quite flat have a little more.
+        self.crossed += usize::from((found - wanted).abs() > CROSSED * wanted.abs());
         let base = part.corners.len() as u32;
         for corner in rings.iter().flatten() {
             part.corners.push(*corner);
@@ -184,6 +204,21 @@ impl Surfaces {
         let indices = triangles.into_iter().flatten();
         part.indices.extend(indices.map(|k| base + k as u32));
         true
+    }
+
+    /// Says to the notes how many polygons cross themselves or their holes.
+    pub fn note(&self, notes: &mut Notes) {
+        if self.crossed > 0 {
+            let what = format!(
+                "{} cross themselves or their holes: drawn as far as they can be cut into triangles",
+                self.crossed
+            );
+            notes.assume(
+                "surfaces",
+                what,
+                "draw them anew, holes inside their outlines",
+            );
+        }
     }
 
     /// The meshes, each about the middle of its corners.
@@ -328,6 +363,44 @@ mod tests {
             let found: f64 = triangles.iter().map(area).sum();
             assert!((found - want).abs() < 1e-3, "{found} of {want}");
         }
+    }
+
+    #[test]
+    fn rings_that_leave_by_a_rounding_are_cut_out_and_those_that_cross_are_told() {
+        let corners = |at: &[[f64; 2]]| {
+            at.iter()
+                .map(|[x, z]| Corner::from(DVec3::new(*x, 0.0, *z)))
+                .collect::<Vec<_>>()
+        };
+        let wall = corners(&[[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [0.0, 10.0]]);
+        let window = |top: f64| corners(&[[8.0, top], [12.0, top], [12.0, 7.0], [8.0, 7.0]]);
+        let told = |rings: &[Vec<Corner>]| {
+            let mut surfaces = Surfaces::default();
+            surfaces.polygon(rings, 0, [1.0; 4], 0);
+            let mut notes = Notes::default();
+            surfaces.note(&mut notes);
+            let area: f64 = (surfaces.finish().iter())
+                .flat_map(|mesh| {
+                    mesh.indices
+                        .as_chunks::<3>()
+                        .0
+                        .iter()
+                        .map(move |t| t.map(|k| mesh.vertex_m(k)))
+                })
+                .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
+                .sum();
+            (area, notes.warnings(std::path::Path::new("a")).len())
+        };
+        // The chord of a wall of 20 m on the round Earth leaves 8 µm above it.
+        for top in [10.0, 10.0 + 8e-6, 10.0 - 8e-6] {
+            let (area, told) = told(&[wall.clone(), window(top)]);
+            assert!(
+                (area - 188.0).abs() < 1e-3 && told == 0,
+                "{top}: {area} {told}"
+            );
+        }
+        assert_eq!(told(&[wall.clone(), window(14.0)]).1, 1);
+        assert_eq!(told(&[wall]), (200.0, 0));
     }
     use proptest::prelude::*;
 

@@ -72,8 +72,9 @@ pub fn mended(rings: &[Vec<DVec2>]) -> Option<Mended> {
     let stated = area(&rings);
     let found: f64 = shapes.iter().map(|shape| area(shape)).sum();
     let other_area = (found - stated).abs() > SAME_AREA * stated.abs();
-    // Rings that are too many to be compared may have been whole.
-    let whole = shapes.len() == 1 && shapes[0].len() == rings.len() && !other_area;
+    // Rings of more corners than are compared may have been whole.
+    let many = rings.iter().map(Vec::len).sum::<usize>() > MOST_PAIRED;
+    let whole = many && shapes.len() == 1 && shapes[0].len() == rings.len() && !other_area;
     (!whole).then_some(Mended { shapes, other_area })
 }
 
@@ -114,8 +115,17 @@ fn is_whole(rings: &[Vec<DVec2>]) -> bool {
         .collect();
     let apart = |a: &(usize, usize, [DVec2; 2]), b: &(usize, usize, [DVec2; 2])| {
         let last = rings[a.0].len() - 1;
-        let neighbours = a.0 == b.0 && (a.1 + 1 == b.1 || (a.1 == 0 && b.1 == last));
-        neighbours || !meet(a.2, b.2)
+        let follows = a.0 == b.0 && a.1 + 1 == b.1;
+        let neighbours = follows || (a.0 == b.0 && a.1 == 0 && b.1 == last);
+        let [from, corner, to] = if follows {
+            [a.2[0], b.2[0], b.2[1]]
+        } else {
+            [b.2[0], a.2[0], a.2[1]]
+        };
+        match neighbours {
+            true => !turns_back(from, corner, to),
+            false => !meet(a.2, b.2),
+        }
     };
     let all_apart =
         (edges.iter().enumerate()).all(|(k, a)| edges[k + 1..].iter().all(|b| apart(a, b)));
@@ -128,6 +138,13 @@ fn is_whole(rings: &[Vec<DVec2>]) -> bool {
         })
     };
     all_apart && holes.iter().enumerate().all(nested)
+}
+
+/// Whether an outline goes back at a corner the way it came.
+fn turns_back(from: DVec2, corner: DVec2, to: DVec2) -> bool {
+    let (before, after) = (corner - from, to - corner);
+    let straight = before.perp_dot(after).abs() <= 1e-9 * before.length() * after.length();
+    straight && before.dot(after) < 0.0
 }
 
 /// Whether two edges have a point in common.
@@ -243,7 +260,23 @@ mod tests {
                 vec![outer.clone(), ring(&[[0.0, 0.0], [3.0, 1.0], [1.0, 3.0]])],
                 96.0,
             ),
+            (
+                vec![outer.clone(), square(2.0, 2.0, 3.0), square(5.0, 5.0, 3.0)],
+                82.0,
+            ),
             (vec![outer, square(0.0, 2.0, 4.0)], 84.0),
+            // A spike, which encloses nothing.
+            (
+                vec![ring(&[
+                    [0.0, 0.0],
+                    [10.0, 0.0],
+                    [25.0, 0.0],
+                    [10.0, 0.0],
+                    [10.0, 10.0],
+                    [0.0, 10.0],
+                ])],
+                100.0,
+            ),
         ] {
             assert!(!mended(&rings).unwrap().other_area);
             let found_m2: f64 = areas_m2(&rings).unwrap().iter().sum();
@@ -260,7 +293,6 @@ mod tests {
             vec![outer.clone()],
             vec![twice],
             vec![outer.clone(), square(2.0, 2.0, 4.0)],
-            vec![outer.clone(), square(2.0, 2.0, 3.0), square(5.0, 5.0, 3.0)],
             vec![outer.into_iter().rev().collect()],
             vec![],
             vec![vec![]],

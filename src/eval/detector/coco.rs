@@ -52,7 +52,7 @@ pub enum CocoError {
         why: String,
     },
     /// A picture is missing, or its file holds none.
-    #[error("{path}: {why}; a PNG or JPEG file of this name must lie {}", beside(.looked))]
+    #[error("{path}: {why}; {}", mend(.looked))]
     Picture {
         /// The picture.
         path: PathBuf,
@@ -63,11 +63,15 @@ pub enum CocoError {
     },
 }
 
-fn beside(looked: &[PathBuf]) -> String {
+/// What mends a picture: one that was not found is looked for in some folders, another is there and damaged.
+fn mend(looked: &[PathBuf]) -> String {
     let folders: Vec<_> = looked.iter().map(|f| f.display().to_string()).collect();
     match folders.len() {
-        0 => "there".into(),
-        _ => format!("in {}", folders.join(" or ")),
+        0 => "put a whole PNG or JPEG of that size there, or take it out of the annotations".into(),
+        _ => format!(
+            "a PNG or JPEG file of this name must lie in {}",
+            folders.join(" or ")
+        ),
     }
 }
 
@@ -231,6 +235,16 @@ impl Coco {
             let (mut a, mut b) = (kept.iter(), kept.iter());
             self.truth[place].retain(|_| a.next() == Some(&true));
             self.category[place].retain(|_| b.next() == Some(&true));
+        }
+        let corners = || {
+            self.truth
+                .iter()
+                .flatten()
+                .map(|truth| truth.box_px[2].max(truth.box_px[3]))
+        };
+        if corners().next().is_some() && corners().all(|far_px| far_px <= 1.0) {
+            let what = "all lie within one pixel, as shares of the picture would";
+            self.notes.assume("boxes", what, "write them in pixels");
         }
         if let (count, Some(first)) = beyond {
             let what = format!("{count} reach beyond their pictures (first {first})");

@@ -2,7 +2,7 @@
 
 use super::outline::Footprint;
 use super::pbf;
-use crate::models::maths::polygon;
+use super::rings::{around, distinct, join};
 use crate::sources::error::Fault;
 use crate::warning::Notes;
 use glam::DVec2;
@@ -21,6 +21,9 @@ struct Building {
     known: Map<String, Value>,
     name: String,
 }
+
+/// Tags that state how high a building is.
+const HEIGHTS: [&str; 3] = ["height", "building:height", "building:levels"];
 
 /// Values of `building` for what does not stand.
 const ABSENT: [&str; 7] = [
@@ -114,21 +117,53 @@ pub fn read(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Footprint>, Fault> {
         }
     })?;
     let mut found = Vec::new();
-    let outlines: BTreeSet<i64> = buildings
-        .iter()
-        .filter(|building| building.relation)
-        .flat_map(|building| building.outer.iter().copied())
-        .collect();
-    for building in buildings {
-        // A way with tags of its own that is the outline of a building with holes is that building.
-        let same = |id: &i64| !building.relation && outlines.contains(id);
-        if building.outer.iter().all(same) && !building.known.contains_key("building:part") {
-            notes.leave_out("outlines that a multipolygon repeats", &building.name);
-            continue;
-        }
+    for building in each_once(buildings, notes) {
         assemble(building, &ways, &nodes, &mut found, notes);
     }
     Ok(found)
+}
+
+/// Buildings without those that are given twice: as a way with tags of its own, and as the multipolygon that has this way for its
+/// outline. The multipolygon has the holes, the way what it lacks of tags. Ways that are several houses, each with a height, stay beside
+/// a multipolygon that states none.
+fn each_once(buildings: Vec<Building>, notes: &mut Notes) -> Vec<Building> {
+    let whole = |building: &Building| !building.known.contains_key("building:part");
+    let high = |known: &Map<String, Value>| HEIGHTS.iter().any(|key| known.contains_key(*key));
+    let numbered = buildings.into_iter().enumerate();
+    let (mut relations, ways): (Vec<_>, Vec<_>) = numbered.partition(|(_, b)| b.relation);
+    let mut own: BTreeMap<i64, (usize, Building)> = BTreeMap::new();
+    let mut others = Vec::new();
+    for (number, way) in ways {
+        match way.outer.first().filter(|_| whole(&way)) {
+            Some(id) => drop(own.insert(*id, (number, way))),
+            None => others.push((number, way)),
+        }
+    }
+    relations.retain_mut(|(_, relation)| {
+        if !whole(relation) {
+            return true;
+        }
+        let houses = relation.outer.iter().filter_map(|id| own.get(id));
+        let each_is_high = houses.clone().all(|(_, house)| high(&house.known));
+        if houses.count() > 1 && each_is_high && !high(&relation.known) {
+            notes.leave_out("multipolygons around houses of their own", &relation.name);
+            return false;
+        }
+        for id in &relation.outer {
+            let Some((_, way)) = own.remove(id) else {
+                continue;
+            };
+            notes.leave_out("outlines that a multipolygon repeats", &way.name);
+            for (key, value) in way.known {
+                relation.known.entry(key).or_insert(value);
+            }
+        }
+        true
+    });
+    let mut all: Vec<(usize, Building)> =
+        own.into_values().chain(others).chain(relations).collect();
+    all.sort_by_key(|(number, _)| *number);
+    all.into_iter().map(|(_, building)| building).collect()
 }
 
 /// Ways and multipolygons that are buildings.
@@ -154,9 +189,16 @@ fn buildings(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Building>, Fault> {
             }
             let mut known = tags(relation.tags());
             let name = format!("relation {}", relation.id());
-            if known.get("type").and_then(Value::as_str) != Some("multipolygon") {
+            let kind = known.get("type").and_then(Value::as_str).unwrap_or("");
+            match kind.to_ascii_lowercase().as_str() {
+                "multipolygon" | "boundary" | "" => {}
                 // Its outline and parts are ways or multipolygons with tags of their own.
-                return;
+                "building" => return,
+                _ => {
+                    let place = format!("{name}, type={kind}");
+                    notes.leave_out("relations of buildings that are no multipolygons", place);
+                    return;
+                }
             }
             known.remove("type");
             if is_absent(&known, &name, notes) {
@@ -165,8 +207,10 @@ fn buildings(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Building>, Fault> {
             let ways = relation
                 .members()
                 .filter(|m| m.member_type == RelMemberType::Way);
-            let (inner, outer): (Vec<_>, Vec<_>) =
-                ways.partition(|m| m.role().ok() == Some("inner"));
+            let (inner, outer): (Vec<_>, Vec<_>) = ways.partition(|m| {
+                m.role()
+                    .is_ok_and(|role| role.eq_ignore_ascii_case("inner"))
+            });
             let ids =
                 |members: Vec<osmpbf::RelMember>| members.iter().map(|m| m.member_id).collect();
             buildings.push(Building {
@@ -208,31 +252,26 @@ fn assemble(
         .copied()
         .collect();
     let absent = all.iter().filter(|id| !ways.contains_key(id)).count();
-    let once = |ids: &Vec<i64>| ids.iter().copied().collect::<BTreeSet<i64>>();
-    let [outer, inner] = [&building.outer, &building.inner].map(|ids| join(&once(ids), ways));
+    let [outer, inner] = [&building.outer, &building.inner].map(|ids| join(ids, ways));
     let as_stated = outer.1 + inner.1 == 0;
     // Ways of both roles may close a ring that those of one do not.
-    let (rings, open): (Vec<(Vec<i64>, bool)>, usize) = match as_stated {
+    let (rings, open) = match as_stated {
         true => {
             let outer = outer.0.into_iter().map(|ring| (ring, false));
-            (
-                outer
-                    .chain(inner.0.into_iter().map(|ring| (ring, true)))
-                    .collect(),
-                0,
-            )
+            let inner = inner.0.into_iter().map(|ring| (ring, true));
+            (outer.chain(inner).collect(), 0)
         }
         false => {
-            let (rings, open) = join(&once(&all), ways);
+            let (rings, open) = join(&all, ways);
             (rings.into_iter().map(|ring| (ring, false)).collect(), open)
         }
     };
-    let closed = rings.len();
-    let (rings, inner): (Vec<Vec<DVec2>>, Vec<bool>) = (rings.into_iter())
-        .map(|(ring, inner)| (place(ring), inner))
-        .filter(|(ring, _)| whole(ring))
-        .unzip();
-    let cut = closed - rings.len();
+    let rings: Vec<(Vec<i64>, bool)> = rings;
+    let places = rings.into_iter().map(|(ring, inner)| (place(ring), inner));
+    let (rings, lost): (Vec<_>, Vec<_>) = places.partition(|(ring, _)| whole(ring));
+    let (rings, inner): (Vec<Vec<DVec2>>, Vec<bool>) =
+        distinct(rings.into_iter()).into_iter().unzip();
+    let cut = lost.len();
     if rings.is_empty() {
         let kind = match absent + cut {
             0 if open > 0 => "buildings whose outline does not close",
@@ -253,12 +292,7 @@ fn assemble(
             &building.name,
         );
     }
-    let around = |k: usize| -> Vec<usize> {
-        let others = rings.iter().enumerate().filter(|(other, _)| *other != k);
-        let around = others.filter(|(_, ring)| lies_in(&rings[k], ring));
-        around.map(|(other, _)| other).collect()
-    };
-    let around: Vec<Vec<usize>> = (0..rings.len()).map(around).collect();
+    let around = around(&rings, &inner);
     let holes = around.iter().map(|around| around.len() % 2 == 1);
     if as_stated && !holes.eq(inner) {
         let what = "roles of its ways that contradict how they lie: the latter counts";
@@ -284,54 +318,10 @@ fn assemble(
     }
 }
 
-/// Whether a ring lies in another: most of its corners and of the middles of its edges do, each a hair towards its middle, as they may
-/// lie on the other's edge.
-fn lies_in(ring: &[DVec2], other: &[DVec2]) -> bool {
-    const HAIR: f64 = 1e-3;
-    let middle = ring.iter().sum::<DVec2>() / ring.len().max(1) as f64;
-    let next = ring.iter().cycle().skip(1);
-    let halves = ring.iter().zip(next).map(|(a, b)| a.midpoint(*b));
-    let points = ring.iter().copied().chain(halves);
-    let inside = points.filter(|r| polygon::encloses(other, r.lerp(middle, HAIR)));
-    inside.count() > ring.len()
-}
-
-/// Rings of nodes that ways close, end to end, and how many ways or chains of them close none.
-fn join(ids: &BTreeSet<i64>, ways: &BTreeMap<i64, Vec<i64>>) -> (Vec<Vec<i64>>, usize) {
-    let mut left: Vec<Vec<i64>> = ids
-        .iter()
-        .filter_map(|id| ways.get(id))
-        .filter(|way| way.len() >= 2)
-        .cloned()
-        .collect();
-    let mut found = Vec::new();
-    let mut open = 0;
-    while let Some(mut ring) = left.pop() {
-        while ring.first() != ring.last() {
-            let end = ring.last().copied();
-            let next = left
-                .iter()
-                .position(|way| way.first().copied() == end || way.last().copied() == end);
-            let Some(next) = next else { break };
-            let mut way = left.swap_remove(next);
-            if way.first().copied() != end {
-                way.reverse();
-            }
-            ring.extend(way.into_iter().skip(1));
-        }
-        if ring.first() == ring.last() {
-            ring.pop();
-            found.push(ring);
-        } else {
-            open += 1;
-        }
-    }
-    (found, open)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::maths::polygon;
 
     /// Areas of what ways make [squares of the lattice], each with its holes off, and what is said.
     fn areas(ways: &[&[i64]], outer: &[i64], inner: &[i64]) -> (Vec<f64>, String) {
@@ -410,5 +400,53 @@ mod tests {
             found.is_empty() && told.contains("1 buildings that the extract cuts off"),
             "{told}"
         );
+    }
+
+    #[test]
+    fn what_is_given_twice_counts_once() {
+        assert_eq!(areas(&[BIG, BIG], &[1, 2], &[]).0, [64.0]);
+        assert_eq!(areas(&[BIG, HOLE, HOLE], &[1], &[2, 3]).0, [39.0]);
+        assert_eq!(areas(&[BIG, HOLE], &[1, 2], &[2]).0, [39.0]);
+        let building = |outer: &[i64], inner: &[i64], tags: &[(&str, &str)]| Building {
+            relation: outer.len() + inner.len() > 1,
+            outer: outer.to_vec(),
+            inner: inner.to_vec(),
+            known: super::tags(tags.iter().copied()),
+            name: format!("{outer:?}"),
+        };
+        let kept = |buildings: Vec<Building>| {
+            let mut notes = Notes::default();
+            let kept = each_once(buildings, &mut notes);
+            let height = |b: &Building| {
+                b.known
+                    .get("height")
+                    .and_then(Value::as_str)
+                    .map(String::from)
+            };
+            (
+                kept.iter().map(height).collect::<Vec<_>>(),
+                notes.count_left_out(),
+            )
+        };
+        let (house, high) = (("building", "yes"), ("height", "30"));
+        // The way has the height, the multipolygon the hole.
+        let one = vec![
+            building(&[1], &[], &[house, high]),
+            building(&[1], &[2], &[house]),
+        ];
+        assert_eq!(kept(one), (vec![Some("30".into())], 1));
+        // Two houses in a group of which no height is known.
+        let two = vec![
+            building(&[1], &[], &[house, high]),
+            building(&[2], &[], &[house, ("height", "20")]),
+            building(&[1, 2], &[], &[house]),
+        ];
+        assert_eq!(kept(two), (vec![Some("30".into()), Some("20".into())], 1));
+        // Parts are no repetition.
+        let part = vec![
+            building(&[1], &[], &[house, high]),
+            building(&[1], &[2], &[("building:part", "yes")]),
+        ];
+        assert_eq!(kept(part), (vec![Some("30".into()), None], 0));
     }
 }

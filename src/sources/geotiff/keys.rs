@@ -187,7 +187,10 @@ impl Keys {
                 None => return Ok(None),
             },
         };
-        let stated = |(id, _): &&(u16, &str)| self.directory.get(*id).is_some();
+        let stated = |(id, _): &&(u16, &str)| {
+            let numbers = self.directory.get_double(*id);
+            numbers.is_some_and(|numbers| numbers.iter().any(|number| *number != 0.0))
+        };
         for (_, shift) in SHIFTS.iter().filter(stated) {
             let what = format!("the file's own is not applied: that of {name} counts");
             notes.assume(shift, what, format!("{NAME} as a PROJ string that has it"));

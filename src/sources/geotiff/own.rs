@@ -30,7 +30,8 @@ const SCALE: &[u16] = &[3092, 3093];
 const POLE_LONGITUDE: &[u16] = &[3095, 3080];
 
 /// EPSG's codes of ellipsoids and PROJ's names for them.
-const ELLIPSOIDS: [(u16, &str); 13] = [
+const ELLIPSOIDS: [(u16, &str); 14] = [
+    (1024, "GRS80"),
     (7001, "airy"),
     (7002, "mod_airy"),
     (7003, "aust_SA"),
@@ -45,6 +46,16 @@ const ELLIPSOIDS: [(u16, &str); 13] = [
     (7043, "WGS72"),
     (7050, "aust_SA"),
 ];
+
+/// What the map of web pages is called: a sphere's, on WGS 84's latitudes.
+const WEB: [&str; 5] = [
+    "pseudo-mercator",
+    "pseudo mercator",
+    "web_mercator",
+    "web mercator",
+    "auxiliary_sphere",
+];
+const SPHERE_OF_THE_WEB: &str = "+proj=merc +a=6378137 +b=6378137 +lat_ts=0 +k=1 +nadgrids=@null";
 
 /// What is wrong with keys that define a system: it, in words behind "its keys define".
 type Fault = String;
@@ -80,7 +91,8 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
             .map_err(|code| format!("a projection in the unit {code}, which is not known here"))
     };
     let [unit_m, angle_deg] = [unit(false, 1.0)?, unit(true, 1.0)?];
-    let datum = datum(keys)?;
+    let web = keys.get_short(key::PROJ_COORD_TRANS) == Some(7) && cited(keys, &WEB);
+    let datum = if web { String::new() } else { datum(keys)? };
     let tail = format!("{datum} +to_meter={unit_m} +no_defs");
     // UTM by its own code: 16001 to 16060 in the north, 16101 to 16160 in the south.
     if let Some(utm @ (16_001..=16_060 | 16_101..=16_160)) = keys.get_short(key::PROJECTION) {
@@ -110,6 +122,19 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
     };
     let own = match method {
         1 => format!("+proj=tmerc {} {}", origin()?, scale()),
+        // The map of web pages is a sphere's, on WGS 84's latitudes.
+        7 if web => format!("{SPHERE_OF_THE_WEB} {}", angle("lon_0", LONGITUDE)?),
+        // Without a scale the latitude of origin is that of true scale, as GDAL reads it.
+        7 if number(keys, PARALLEL_1).is_none()
+            && latitude_deg.is_some_and(|latitude| latitude != 0.0)
+            && number(keys, SCALE).is_none_or(|scale| scale == 1.0) =>
+        {
+            format!(
+                "+proj=merc {} {}",
+                angle("lat_ts", LATITUDE)?,
+                angle("lon_0", LONGITUDE)?
+            )
+        }
         7 => match of("lat_ts", PARALLEL_1, angle_deg) {
             Some(parallel) => format!("+proj=merc {parallel} {}", angle("lon_0", LONGITUDE)?),
             None => format!("+proj=merc {} {}", angle("lon_0", LONGITUDE)?, scale()),
@@ -134,6 +159,7 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
             origin()?
         ),
         12 => format!("+proj=aeqd {}", origin()?),
+        14 => format!("+proj=stere {} {}", origin()?, scale()),
         15 => {
             let latitude_deg = latitude_deg.ok_or("a projection without lat_ts (GeoKey 3081)")?;
             let pole = if latitude_deg < 0.0 { -90 } else { 90 };
@@ -155,6 +181,16 @@ pub fn projected(keys: &GeoKeyDirectory) -> Result<String, Fault> {
     let [east, north] = [shift("x_0", EASTING), shift("y_0", NORTHING)];
     let words = format!("{own} {east} {north} {tail}");
     Ok(words.split_whitespace().collect::<Vec<_>>().join(" "))
+}
+
+/// Whether what the keys call their system holds one of some words.
+fn cited(keys: &GeoKeyDirectory, words: &[&str]) -> bool {
+    let names = [key::PROJ_CITATION, key::GT_CITATION, key::GEOG_CITATION];
+    let names = names.iter().filter_map(|id| keys.get_ascii(*id));
+    let names: Vec<String> = names.map(str::to_lowercase).collect();
+    words
+        .iter()
+        .any(|word| names.iter().any(|name| name.contains(word)))
 }
 
 /// Ellipsoid, shift and meridian of a system: those of its geographic code, or of the code of its datum, or by their own keys.
@@ -183,7 +219,12 @@ fn datum(keys: &GeoKeyDirectory) -> Result<String, Fault> {
         (_, _, Some(a_m), Some(rf), _) if rf > 1.0 => format!("+a={a_m} +rf={rf}"),
         (_, _, Some(a_m), _, Some(b_m)) => format!("+a={a_m} +b={b_m}"),
         (_, _, Some(a_m), ..) => format!("+a={a_m} +b={a_m}"),
-        _ => return Err("a system without an ellipsoid".into()),
+        _ => {
+            return Err(match ellipsoid {
+                Some(code) => format!("a system on the ellipsoid {code}, which is not known here"),
+                None => "a system without an ellipsoid".into(),
+            });
+        }
     };
     if let Some(shift) = keys
         .get_double(TO_WGS84)
@@ -419,6 +460,31 @@ mod tests {
         );
         let paris = geographic(&keys(&[(2056, 7019), (2051, 8903)], &[]));
         assert!(paris.unwrap_err().contains("8903"));
+    }
+
+    #[test]
+    fn the_map_of_the_web_is_known_by_its_name() {
+        let mut web = keys(
+            &[(2048, 4326), (3075, 7)],
+            &[(3080, &[0.0]), (3092, &[1.0])],
+        );
+        let plain = projected(&web).unwrap();
+        web.set(
+            key::GT_CITATION,
+            GeoKeyValue::Ascii("WGS 84 / Pseudo-Mercator|".into()),
+        );
+        let at = |name: &str| {
+            Crs::parse(name)
+                .unwrap()
+                .to_ecef(DVec3::new(950_000.0, 6_000_000.0, 0.0))
+                .unwrap()
+        };
+        assert!(at(&projected(&web).unwrap()).distance(at("EPSG:3857")) < 1e-3);
+        web.set(3080, GeoKeyValue::Double(vec![150.0]));
+        let there = Crs::parse(&projected(&web).unwrap()).unwrap();
+        let there = there.to_geodetic(DVec3::new(0.0, 0.0, 0.0)).unwrap();
+        assert!((there.longitude_rad.to_degrees() - 150.0).abs() < 1e-9);
+        assert!(at(&plain).distance(at("EPSG:3857")) > 1e4);
     }
 
     #[test]

@@ -68,6 +68,7 @@ pub fn layer(
             notes.leave_out("products whose faces have no area", place());
         }
     }
+    surfaces.note(notes);
     let meshes = surfaces.finish();
     if meshes.is_empty() {
         let none = || Fault::new("IFC", "its faces have no area", "export it again");

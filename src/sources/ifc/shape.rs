@@ -148,7 +148,13 @@ impl Model<'_> {
                 }
             }
             _ => {
-                let faces = self.solid(item)?;
+                let mut faces = self.solid(item)?;
+                if matches!(
+                    item.ifc_type,
+                    IfcType::IfcTriangulatedFaceSet | IfcType::IfcPolygonalFaceSet
+                ) {
+                    outwards(&mut faces);
+                }
                 self.push(faces, to, found);
             }
         }

@@ -104,6 +104,13 @@ pub struct Header {
     pub elements: Vec<Element>,
 }
 
+impl Header {
+    /// Whether its rows are text.
+    pub fn is_text(&self) -> bool {
+        matches!(self.encoding, Encoding::Ascii)
+    }
+}
+
 /// Reads the header of a file and finds where its rows begin.
 pub fn header(bytes: &[u8]) -> Result<(Header, Rows<'_>), String> {
     let mut rest = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
