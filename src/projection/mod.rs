@@ -449,5 +449,4 @@ impl Geoid {
 }
 
 #[cfg(test)]
-#[path = "projection/tests.rs"]
 mod tests;
