@@ -43,7 +43,7 @@ font-variant-numeric:tabular-nums}
 .limit{stroke:var(--s1);stroke-width:1.6;stroke-dasharray:6 4}
 .scroll{overflow-x:auto;margin-bottom:1.4rem}
 table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
-th,td{padding:.32rem .7rem;text-align:left;border-bottom:1px solid var(--line);vertical-align:top}
+th,td{padding:.32rem .5rem;text-align:left;border-bottom:1px solid var(--line);vertical-align:top}
 th{color:var(--soft);font-size:.82rem;font-weight:600;white-space:nowrap}
 .n{text-align:right;white-space:nowrap}
 .bar{position:relative;height:2.2rem;border-radius:6px;overflow:hidden;background:var(--card)}
