@@ -1,6 +1,6 @@
 //! Buildings of an OpenStreetMap extract (`.osm.pbf`), through `osmpbf`.
 
-use super::outline::Footprint;
+use super::outline::{Footprint, states_height};
 use super::pbf;
 use super::rings::{around, distinct, join};
 use crate::sources::error::Fault;
@@ -21,9 +21,6 @@ struct Building {
     known: Map<String, Value>,
     name: String,
 }
-
-/// Tags that state how high a building is.
-const HEIGHTS: [&str; 3] = ["height", "building:height", "building:levels"];
 
 /// Values of `building` for what does not stand.
 const ABSENT: [&str; 7] = [
@@ -128,7 +125,6 @@ pub fn read(bytes: &[u8], notes: &mut Notes) -> Result<Vec<Footprint>, Fault> {
 /// a multipolygon that states none.
 fn each_once(buildings: Vec<Building>, notes: &mut Notes) -> Vec<Building> {
     let whole = |building: &Building| !building.known.contains_key("building:part");
-    let high = |known: &Map<String, Value>| HEIGHTS.iter().any(|key| known.contains_key(*key));
     let numbered = buildings.into_iter().enumerate();
     let (mut relations, ways): (Vec<_>, Vec<_>) = numbered.partition(|(_, b)| b.relation);
     let mut own: BTreeMap<i64, (usize, Building)> = BTreeMap::new();
@@ -144,8 +140,8 @@ fn each_once(buildings: Vec<Building>, notes: &mut Notes) -> Vec<Building> {
             return true;
         }
         let houses = relation.outer.iter().filter_map(|id| own.get(id));
-        let each_is_high = houses.clone().all(|(_, house)| high(&house.known));
-        if houses.count() > 1 && each_is_high && !high(&relation.known) {
+        let each_is_high = houses.clone().all(|(_, house)| states_height(&house.known));
+        if houses.count() > 1 && each_is_high && !states_height(&relation.known) {
             notes.leave_out("multipolygons around houses of their own", &relation.name);
             return false;
         }
@@ -255,7 +251,7 @@ fn assemble(
     let [outer, inner] = [&building.outer, &building.inner].map(|ids| join(ids, ways));
     let as_stated = outer.1 + inner.1 == 0;
     // Ways of both roles may close a ring that those of one do not.
-    let (rings, open) = match as_stated {
+    let (rings, open): (Vec<(Vec<i64>, bool)>, usize) = match as_stated {
         true => {
             let outer = outer.0.into_iter().map(|ring| (ring, false));
             let inner = inner.0.into_iter().map(|ring| (ring, true));
@@ -266,7 +262,6 @@ fn assemble(
             (rings.into_iter().map(|ring| (ring, false)).collect(), open)
         }
     };
-    let rings: Vec<(Vec<i64>, bool)> = rings;
     let places = rings.into_iter().map(|(ring, inner)| (place(ring), inner));
     let (rings, lost): (Vec<_>, Vec<_>) = places.partition(|(ring, _)| whole(ring));
     let (rings, inner): (Vec<Vec<DVec2>>, Vec<bool>) =

@@ -34,6 +34,12 @@ const STOREYS_BELOW: [&str; 3] = ["building:min_level", "min_level", "min_floor"
 /// How high the roof is [m].
 const ROOF: [&str; 2] = ["roof:height", "roof_height"];
 
+/// Whether attributes state how high the top is, by a height or by storeys.
+pub fn states_height(known: &Map<String, Value>) -> bool {
+    let mut keys = HEIGHT.iter().chain(&STOREYS);
+    keys.any(|key| known.contains_key(*key))
+}
+
 /// An outline with what is known of it.
 #[derive(Clone, Debug, Default)]
 pub struct Footprint {
