@@ -690,9 +690,19 @@ def lens(rng: Rng, x: np.ndarray) -> np.ndarray:
     return x
 
 
+def interlace(rng: Rng, x: np.ndarray) -> np.ndarray:
+    """Every other line as the camera saw it a fiftieth of a second earlier: moved sideways."""
+    moved = cv2.warpAffine(x, np.float32([[1, 0, rng.uniform(-4, 4)], [0, 1, 0]]), x.shape[1::-1], borderMode=cv2.BORDER_REPLICATE)
+    x = x.copy()
+    x[1::2] = moved[1::2]
+    return x
+
+
 def camera(rng: Rng, x: np.ndarray) -> np.ndarray:
-    """What a video camera adds: sensor noise, sharpening halos, colour fringes, coarse chroma, compression. uint8."""
+    """What a video camera adds: interlacing, sensor noise, sharpening halos, colour fringes, coarse chroma, compression. uint8."""
     h, w = x.shape[:2]
+    if rng.random() < 0.05:
+        x = interlace(rng, x)
     if rng.random() < 0.7:
         read, shot = abs(rng.normal(0, 2.5)), abs(rng.normal(0, 0.25))
         sigma = np.sqrt(read**2 + shot**2 * np.clip(x, 0, None))

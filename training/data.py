@@ -1,6 +1,6 @@
-"""Training samples: random crops of a rendered COCO folder, and procedural pictures.
+"""Training samples: random crops of a COCO folder of rendered and real pictures, and procedural pictures.
 
-Sample i of epoch e depends on (seed, e, i) and the folder alone, whoever draws it and in which order.
+Sample n depends on (seed, n) and the folder alone, whoever draws it and in which order.
 """
 
 import hashlib
@@ -25,12 +25,14 @@ KEPT = 0.6  # least part of a box inside the crop for it to count; a lesser rest
 OTHERS = 0.4  # share of the crops about something that are about what is no UAV
 HARD = 0.3  # share of crops about what was taken for a UAV, where that is known
 LEAST_PX = 2.5  # resampling shrinks no target below this long side
+# Least and greatest resampling, of rendered and of real pictures: what was filmed near must be known from afar, too.
+SCALES = ((0.6, 1.6), (0.25, 1.6))
 
 
 class Frames:
-    """A split of a COCO folder: pictures as raw bytes in one memory-mapped file beside it, made at first use.
+    """A split of a COCO folder: pictures as raw bytes in one file beside it, made at first use.
 
-    Decoding costs more than all augmentation, and 8,000 frames in RAM are 7 GB; the page cache keeps what fits.
+    Decoding costs more than all augmentation, and 8,000 frames in RAM are 7 GB.
     """
 
     def __init__(self, folder: Path):
@@ -47,6 +49,7 @@ class Frames:
         rows = {image["id"]: k for k, image in enumerate(images)}
         self.files = [folder / "images" / i["file_name"] if (folder / "images" / i["file_name"]).exists() else folder / i["file_name"] for i in images]
         self.shapes = [(i["height"], i["width"], 3) for i in images]
+        self.real = np.array([i.get("source") == "real" for i in images])
         boxes: list[list[list[float]]] = [[] for _ in images]
         labels: list[list[int]] = [[] for _ in images]
         ignore: list[list[list[float]]] = [[] for _ in images]
@@ -71,8 +74,8 @@ class Frames:
         self.pixels = self.cache(folder / "pixels.cache")
         self.empty = [k for k, b in enumerate(boxes) if not b and not ignore[k]]
 
-    def cache(self, path: Path) -> np.ndarray:
-        """The memory-mapped pixels, decoded anew where they belong to other annotations."""
+    def cache(self, path: Path) -> Path:
+        """The file of pixels, decoded anew where they belong to other annotations."""
         stamp, size = path.with_suffix(".json"), int(self.starts[-1])
         whole = path.exists() and path.stat().st_size == size and stamp.exists()
         if not (whole and json.loads(stamp.read_text()).get("annotations") == self.digest):
@@ -89,14 +92,15 @@ class Frames:
                         print(f"decoded {k + 1} of {len(self.files)} pictures", flush=True)
             part.replace(path)
             stamp.write_text(json.dumps({"annotations": self.digest}))
-        return np.memmap(path, np.uint8, "r", shape=(size,))
+        return path
 
     def __len__(self) -> int:
         return len(self.files)
 
     def picture(self, k: int) -> np.ndarray:
-        """Picture k, uint8 [H,W,3] RGB, a view of the file."""
-        return self.pixels[self.starts[k] : self.starts[k + 1]].reshape(self.shapes[k])
+        """Picture k, uint8 [H,W,3] RGB: read in one piece, as a crop's rows one by one cost a disk far more."""
+        start, end = self.starts[k : k + 2].tolist()
+        return np.fromfile(self.pixels, np.uint8, end - start, offset=start).reshape(self.shapes[k])
 
 
 def clip_boxes(boxes: np.ndarray, labels: np.ndarray, ignore: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -119,41 +123,65 @@ def false_alarms(path: Path, frames: Frames) -> np.ndarray:
     return np.array(found["boxes"], np.float32).reshape(-1, 6)
 
 
+class Pool:
+    """The pictures of one source, rendered or real: where its UAVs are, what is none by class, where nothing is."""
+
+    def __init__(self, frames: Frames, rows: np.ndarray, hard: np.ndarray | None):
+        """`rows` [n]: its pictures; `hard` [n,5+]: frame and box of what was taken for a UAV in any picture."""
+        mine = np.zeros(len(frames), bool)
+        mine[rows] = True
+        self.rows = rows
+        self.uavs: list[tuple[int, int]] = []
+        self.others: list[list[tuple[int, int]]] = [[] for _ in models.CLASSES[UAVS:]]
+        for k, j in frames.targets:
+            if mine[k]:
+                label = int(frames.labels[k][j])
+                (self.uavs if label < UAVS else self.others[label - UAVS]).append((k, j))
+        # Rare classes about as often as common ones.
+        weights = np.sqrt([len(one) for one in self.others])
+        self.shares = weights / weights.sum() if weights.sum() > 0 else None
+        self.empty = [k for k in frames.empty if mine[k]]
+        self.hard = None if hard is None else hard[mine[hard[:, 0].astype(int)]]
+
+    def target(self, rng: np.random.Generator) -> tuple[int, int]:
+        """Picture and number of a UAV, or, `OTHERS` of the time, of what is none."""
+        if self.shares is not None and (rng.random() < OTHERS or not self.uavs):
+            one = self.others[rng.choice(len(self.others), p=self.shares)]
+            return one[rng.integers(len(one))]
+        return self.uavs[rng.integers(len(self.uavs))]
+
+
 class Crops(Dataset):
-    """Samples by global number n: epoch n // length, sample n % length."""
+    """Samples by number, without end."""
 
     def __init__(
         self, frames: Frames | None, seed: int, procedural: float = 0.15, negatives: float = 0.27, size: int = CROP,
-        hard: np.ndarray | None = None,
+        hard: np.ndarray | None = None, real: float = 0.5,
     ):  # fmt: skip
         """`hard` [n,5+]: frame and box of what was taken for a UAV. Crops about such (`HARD` of all) then take the places
-        of some about targets and of three quarters of those away from all."""
+        of some about targets and of three quarters of those away from all. `real`: share of the crops of pictures that
+        are cut from real ones; a set of one source is cut from that alone."""
         self.frames, self.seed, self.negatives, self.size = frames, seed, negatives, size
-        self.hard = hard if hard is not None and len(hard) else None
-        self.procedural = procedural if frames is not None and any((l < UAVS).any() for l in frames.labels) else 1.0
-        # An epoch shows every UAV once, and what is no UAV in between, rare classes about as often as common ones.
-        self.uavs: list[tuple[int, int]] = []
-        self.others: list[list[tuple[int, int]]] = [[] for _ in models.CLASSES[UAVS:]]
-        for k, j in frames.targets if frames is not None else []:
-            label = int(frames.labels[k][j])
-            (self.uavs if label < UAVS else self.others[label - UAVS]).append((k, j))
-        weights = np.sqrt([len(one) for one in self.others])
-        self.shares = weights / weights.sum() if weights.sum() > 0 else None
-        self.length = len(self.uavs) or 10_000
-        self.order: tuple[int, np.ndarray] = (-1, np.zeros(0, np.int64))
-
-    def __len__(self) -> int:
-        return self.length
+        hard = hard if hard is not None and len(hard) else None
+        self.pools: list[Pool] = []  # rendered, real: those that hold something
+        shares = []
+        for wanted, share in ((False, 1 - real), (True, real)):
+            rows = np.flatnonzero(frames.real == wanted) if frames is not None else []
+            pool = Pool(frames, rows, hard) if len(rows) and share > 0 else None
+            if pool and (pool.uavs or pool.shares is not None):
+                self.pools.append(pool)
+                shares.append(share)
+        self.shares = np.array(shares) / max(sum(shares), 1e-9)
+        self.procedural = procedural if self.pools else 1.0
 
     def __getitem__(self, n: int) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
-        epoch, i = divmod(n, self.length)
-        rng = np.random.default_rng([self.seed, epoch, i])
+        rng = np.random.default_rng([self.seed, n])
         as_rendered = False
         if rng.random() < self.procedural:
             picture, boxes, labels, ignore = self.invent(rng)
             aims = np.zeros((0, 2), np.float32)
         else:
-            picture, boxes, labels, ignore, aims = self.cut(rng, epoch, i)
+            picture, boxes, labels, ignore, aims = self.cut(rng)
             as_rendered = rng.random() < 0.2  # the simulator's own pictures must stay familiar too
         # Procedural UAVs come after the rendered ones; nobody says where to aim at them.
         aims = np.concatenate([aims, np.full((len(boxes) - len(aims), 2), np.nan, np.float32)])
@@ -182,29 +210,27 @@ class Crops(Dataset):
             boxes, labels = augment.add_flyers(rng, picture, boxes, labels)
         return picture, boxes, labels, np.zeros((0, 4), np.float32)
 
-    def cut(self, rng: np.random.Generator, epoch: int, i: int) -> tuple[np.ndarray, ...]:
-        """A crop of a rendered frame, resampled by 0.6 to 1.6: about a target or a false alarm, or away from all.
+    def cut(self, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+        """A crop of a picture, resampled: about a target or a false alarm, or away from all.
 
-        Picture, boxes, labels, regions to ignore, and the aim points of the rendered ones, which come first.
+        Picture, boxes, labels, regions to ignore, and the aim points of the annotated ones, which come first.
         """
         frames = self.frames
-        about_hard = self.hard is not None and rng.random() < HARD
-        negative = not about_hard and rng.random() < (self.negatives if self.hard is None else self.negatives / 4)
-        if self.order[0] != epoch:
-            self.order = (epoch, np.random.default_rng([self.seed, epoch]).permutation(self.length))
-        k, j = self.uavs[self.order[1][i]]
-        if self.shares is not None and rng.random() < OTHERS:
-            one = self.others[rng.choice(len(self.others), p=self.shares)]
-            k, j = one[rng.integers(len(one))]
+        pool = self.pools[rng.choice(len(self.pools), p=self.shares)]
+        can_be_hard = pool.hard is not None and len(pool.hard) > 0
+        about_hard = can_be_hard and rng.random() < HARD
+        negative = not about_hard and rng.random() < (self.negatives / 4 if can_be_hard else self.negatives)
+        k, j = pool.target(rng)
         about = frames.boxes[k][j]
-        if negative and frames.empty and rng.random() < 0.5:
-            k = frames.empty[rng.integers(len(frames.empty))]
+        if negative and rng.random() < 0.5:
+            rows = pool.empty or pool.rows
+            k = int(rows[rng.integers(len(rows))])
         if about_hard:
-            row = self.hard[rng.integers(len(self.hard))]
+            row = pool.hard[rng.integers(len(pool.hard))]
             k, about = int(row[0]), row[1:5]
         h, w, _ = frames.shapes[k]
         boxes, labels, ignore = frames.boxes[k], frames.labels[k], frames.ignore[k]
-        scale = float(np.exp(rng.uniform(np.log(0.6), np.log(1.6))))
+        scale = float(np.exp(rng.uniform(*np.log(SCALES[int(frames.real[k])]))))
         if not negative:
             scale = max(scale, min(1.0, LEAST_PX / float((about[2:] - about[:2]).max())))
         side = min(round(self.size / scale), h, w)

@@ -45,6 +45,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--ema", type=float, default=0.999, help="decay of the averaged weights")
     parser.add_argument("--clip", type=float, default=10.0, help="largest norm of the gradient")
     parser.add_argument("--procedural", type=float, default=0.15, help="share of procedural pictures beside a data set")
+    parser.add_argument("--real", type=float, default=0.5, help="share of the crops that are cut from real pictures, where the set holds both")
     parser.add_argument("--hard", type=Path, help="false alarms by mine.py, to be cut out more often")
     parser.add_argument("--crop", type=int, default=256, help="side of a training picture, a multiple of 64 [px]")
     parser.add_argument("--bf16", action="store_true", help="multiply in bfloat16: half the time where the CPU or GPU has it in hardware")
@@ -129,14 +130,14 @@ def main() -> None:
     if args.hard and not frames:
         raise SystemExit("--hard: false alarms are of a data set; give --data")
     hard = false_alarms(args.hard, frames) if args.hard else None
-    crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard)
+    crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard, real=args.real)
     args.out.mkdir(parents=True, exist_ok=True)
     if args.init:
         load_weights(model, args.init)
     average = {k: v.detach().clone() for k, v in model.state_dict().items()}
     optimizer = torch.optim.AdamW(groups(model, args.decay), args.lr)
     # What decides the run's numbers; a resumed run must agree in these.
-    recipe = {k: getattr(args, k) for k in ("model", "steps", "batch", "seed", "lr", "decay", "warm_up", "ema", "clip", "procedural", "crop", "bf16")}
+    recipe = {k: getattr(args, k) for k in ("model", "steps", "batch", "seed", "lr", "decay", "warm_up", "ema", "clip", "procedural", "real", "crop", "bf16")}
     recipe["data"] = "none" if frames is None else frames.digest
     recipe["hard"] = "none" if hard is None else hashlib.sha256(hard.tobytes()).hexdigest()
     first, spent_s, last = 0, 0.0, args.out / "last.pt"

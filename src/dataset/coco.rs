@@ -15,6 +15,45 @@ pub struct SceneRecord {
     pub scene: u32,
     /// The part of the set that it belongs to.
     pub split: Split,
+    /// Where its pictures come from.
+    pub origin: Origin,
+    /// Name of its sequence, where it is one.
+    pub sequence: Option<String>,
+    /// Its pictures.
+    pub images: Vec<Picture>,
+}
+
+/// Where the pictures of a scene come from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "source", rename_all = "snake_case")]
+pub enum Origin {
+    /// They are rendered.
+    Rendered(Setting),
+    /// They are frames of a clip of a real camera.
+    Real {
+        /// The clip's name.
+        clip: String,
+    },
+}
+
+impl SceneRecord {
+    /// Whether its pictures are those of a real camera.
+    pub fn is_real(&self) -> bool {
+        matches!(self.origin, Origin::Real { .. })
+    }
+
+    /// The surroundings of what is rendered.
+    pub fn setting(&self) -> Option<&Setting> {
+        match &self.origin {
+            Origin::Rendered(setting) => Some(setting),
+            Origin::Real { .. } => None,
+        }
+    }
+}
+
+/// The surroundings of a rendered scene.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Setting {
     /// What stands behind its targets.
     pub background: Background,
     /// Height of the sun [deg].
@@ -25,10 +64,6 @@ pub struct SceneRecord {
     pub cloud_cover: f64,
     /// Its camera and where it stands.
     pub camera: CameraRecord,
-    /// Name of its clip, where it is one.
-    pub sequence: Option<String>,
-    /// Its pictures.
-    pub images: Vec<Picture>,
 }
 
 /// The camera of a scene.
@@ -49,10 +84,8 @@ pub struct Picture {
     pub width: u32,
     /// Height [px].
     pub height: u32,
-    /// How its UAVs fly.
-    pub motion: Motion,
-    /// Birds and the like in it.
-    pub distractors: usize,
+    /// How its UAVs fly, where that is known.
+    pub motion: Option<Motion>,
     /// Its UAVs and distractors.
     pub annotations: Vec<Annotation>,
 }
@@ -62,12 +95,17 @@ impl Picture {
     pub fn uavs(&self) -> impl Iterator<Item = &Annotation> {
         (self.annotations.iter()).filter(|seen| seen.class.is_uav())
     }
+
+    /// Number of birds and the like that have a box.
+    fn distractors(&self) -> usize {
+        self.annotations.len() - self.uavs().count()
+    }
 }
 
 /// Something in a picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Annotation {
-    /// Its model in the catalogue, or the kind of what is none.
+    /// Its model in the catalogue, or the kind of what is none; in real pictures its label.
     pub model: String,
     /// Its class.
     pub class: ObjectClass,
@@ -77,16 +115,31 @@ pub struct Annotation {
     pub bbox: [f64; 4],
     /// Area of what is seen of it [px^2].
     pub area: f64,
+    /// Contrast to its surroundings over the noise of a pixel: rms over the silhouette, of real pictures the strongest.
+    pub contrast: f64,
+    /// What only the renderer knows.
+    pub rendered: Option<Truth>,
+    /// Tells apart the things of a scene, of a real one those of a picture.
+    pub track_id: u32,
+}
+
+impl Annotation {
+    /// Whether at least this share of its silhouette is seen, as far as anybody knows.
+    pub fn shows(&self, share: f64) -> bool {
+        self.rendered
+            .is_none_or(|truth| truth.visible_fraction >= share)
+    }
+}
+
+/// What only the renderer knows of something in a picture.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Truth {
     /// Where the laser would aim: the projection of the body's middle [px].
     pub aim: [f64; 2],
     /// Distance [m].
     pub range_m: f64,
     /// Share of its silhouette that is seen.
     pub visible_fraction: f64,
-    /// Contrast to its surroundings over the noise of a pixel.
-    pub contrast: f64,
-    /// Tells apart the UAVs of a scene.
-    pub track_id: u32,
 }
 
 /// Rounds to three decimals.
@@ -100,36 +153,50 @@ pub fn file(records: &[&SceneRecord]) -> Value {
     for record in records {
         for image in &record.images {
             let id = images.len() + 1;
-            images.push(json!({
+            let mut about = json!({
                 "id": id,
                 "file_name": image.file_name,
                 "width": image.width,
                 "height": image.height,
                 "scene": record.scene,
-                "sequence": record.sequence,
-                "background": record.background,
-                "motion": image.motion,
-                "distractors": image.distractors,
-                "camera": record.camera,
-                "sun_elevation_deg": record.sun_elevation_deg,
-                "visibility_m": record.visibility_m,
-            }));
+                "distractors": image.distractors(),
+            });
+            let keys = match &record.origin {
+                Origin::Rendered(setting) => json!({
+                    "source": "rendered",
+                    "sequence": record.sequence,
+                    "background": setting.background,
+                    "motion": image.motion,
+                    "camera": setting.camera,
+                    "sun_elevation_deg": setting.sun_elevation_deg,
+                    "visibility_m": setting.visibility_m,
+                }),
+                Origin::Real { clip } => json!({ "source": "real", "clip": clip }),
+            };
+            extend(&mut about, keys);
+            images.push(about);
             for seen in &image.annotations {
-                annotations.push(json!({
+                let mut about = json!({
                     "id": annotations.len() + 1,
                     "image_id": id,
                     "category_id": seen.class.category_id(),
-                    "bbox": seen.bbox,
-                    "area": seen.area,
-                    "aim": seen.aim.map(milli),
+                    "bbox": seen.bbox.map(milli),
+                    "area": milli(seen.area),
                     "iscrowd": 0,
                     "ignore": u8::from(seen.ignore),
                     "model": seen.model,
-                    "range_m": milli(seen.range_m),
-                    "visible_fraction": milli(seen.visible_fraction),
                     "contrast": milli(seen.contrast),
                     "track_id": seen.track_id,
-                }));
+                });
+                if let Some(truth) = seen.rendered {
+                    let keys = json!({
+                        "aim": truth.aim.map(milli),
+                        "range_m": milli(truth.range_m),
+                        "visible_fraction": milli(truth.visible_fraction),
+                    });
+                    extend(&mut about, keys);
+                }
+                annotations.push(about);
             }
         }
     }
@@ -141,14 +208,21 @@ pub fn file(records: &[&SceneRecord]) -> Value {
         })
     });
     json!({
-        "info": { "description": "UAVs rendered by Boresight" },
+        "info": { "description": "UAVs, rendered by Boresight or filmed" },
         "categories": categories,
         "images": images,
         "annotations": annotations,
     })
 }
 
-/// Makes the folders of a clip.
+/// Adds the keys of one JSON object to another.
+fn extend(object: &mut Value, more: Value) {
+    if let (Value::Object(object), Value::Object(more)) = (object, more) {
+        object.extend(more);
+    }
+}
+
+/// Makes the folders of a sequence.
 pub fn sequence_folder(out: &Path, name: &str) -> Result<(), OutputError> {
     let folder = out.join("sequences").join(name);
     output::create_dir(&folder.join("img1"))?;
@@ -170,7 +244,7 @@ pub fn mot(record: &SceneRecord, name: &str, rate_hz: f64) -> (String, String) {
                 seen.track_id,
                 u8::from(seen.class.is_uav()),
                 seen.class.category_id(),
-                seen.visible_fraction
+                seen.rendered.map_or(1.0, |truth| truth.visible_fraction)
             );
         }
     }
@@ -216,18 +290,19 @@ mod tests {
             file_name: "images/s00001_0002.png".into(),
             width: 200,
             height: 100,
-            motion: Motion::Level,
-            distractors: 1,
+            motion: Some(Motion::Level),
             annotations: vec![Annotation {
                 model: "mavic2".into(),
                 class: ObjectClass::Quadcopter,
                 ignore: false,
                 bbox: [10.0, 20.0, 30.0, 10.0],
                 area: 120.0,
-                aim: [25.0, 25.0],
-                range_m: 300.0,
-                visible_fraction: 0.75,
                 contrast: 8.0,
+                rendered: Some(Truth {
+                    aim: [25.0, 25.0],
+                    range_m: 300.0,
+                    visible_fraction: 0.75,
+                }),
                 track_id: 4,
             }],
         }
@@ -245,14 +320,16 @@ mod tests {
         let record = SceneRecord {
             scene: 1,
             split: Split::Val,
-            background: Background::Urban,
-            sun_elevation_deg: 30.0,
-            visibility_m: 10_000.0,
-            cloud_cover: 0.5,
-            camera: CameraRecord {
-                hfov_deg: 4.0,
-                r_enu_m: [0.0; 3],
-            },
+            origin: Origin::Rendered(Setting {
+                background: Background::Urban,
+                sun_elevation_deg: 30.0,
+                visibility_m: 10_000.0,
+                cloud_cover: 0.5,
+                camera: CameraRecord {
+                    hfov_deg: 4.0,
+                    r_enu_m: [0.0; 3],
+                },
+            }),
             sequence: Some("c0001".into()),
             images: vec![image(), image()],
         };
@@ -272,5 +349,28 @@ mod tests {
         assert_eq!(file["annotations"][1]["image_id"], 2);
         assert_eq!(file["annotations"][1]["model"], "mavic2");
         assert_eq!(file["images"][0]["sequence"], "c0001");
+        assert_eq!(file["images"][0]["source"], "rendered");
+        assert_eq!(file["annotations"][0]["range_m"], 300.0);
+    }
+
+    #[test]
+    fn a_real_picture_says_its_clip_and_nothing_of_what_nobody_knows() {
+        let mut image = image();
+        image.motion = None;
+        image.annotations[0].rendered = None;
+        let record = SceneRecord {
+            scene: 2,
+            split: Split::Train,
+            origin: Origin::Real { clip: "V_1".into() },
+            sequence: None,
+            images: vec![image],
+        };
+        let text = serde_json::to_string(&record).unwrap();
+        let record: SceneRecord = serde_json::from_str(&text).unwrap();
+        let file = file(&[&record]);
+        assert_eq!(file["images"][0]["source"], "real");
+        assert_eq!(file["images"][0]["clip"], "V_1");
+        let keys = |value: &Value, key: &str| value[0].as_object().unwrap().contains_key(key);
+        assert!(!keys(&file["images"], "background") && !keys(&file["annotations"], "range_m"));
     }
 }

@@ -1,7 +1,9 @@
 //! What keeps a set from being made.
 
 use crate::app::RunError;
+use crate::media::clip_boxes::ListFault;
 use crate::media::image::ImageError;
+use crate::media::video::VideoError;
 use crate::models::air::wind::WindError;
 use crate::models::flight::class::ObjectClass;
 use crate::models::ground::city::CityError;
@@ -120,6 +122,70 @@ pub enum DatasetError {
     /// The renderer.
     #[error(transparent)]
     Renderer(Box<RunError>),
+    /// Real pictures without a place to take them from.
+    #[error(
+        "real.pictures: the recipe wants {pictures} real pictures; name the folder of the clips with --real"
+    )]
+    RealMissing {
+        /// Pictures that are wanted.
+        pictures: u32,
+    },
+    /// A place for real pictures, of which the recipe wants none.
+    #[error(
+        "--real: the recipe wants no real pictures; give real.pictures in it, or leave --real out"
+    )]
+    RealUnasked,
+    /// The boxes of real clips.
+    #[error("--real: {path}: {fault}")]
+    Real {
+        /// The file of boxes.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: RealFault,
+    },
+    /// A real clip.
+    #[error(transparent)]
+    Video(#[from] VideoError),
+}
+
+/// What is wrong with the boxes of real clips.
+#[derive(Debug, thiserror::Error)]
+pub enum RealFault {
+    /// The list itself.
+    #[error(transparent)]
+    List(#[from] ListFault),
+    /// A label without a class.
+    #[error(
+        "what '{label}' is is not clear; give real.labels.{label} = \"quadcopter\", or another class, in the recipe"
+    )]
+    Label {
+        /// The label.
+        label: String,
+    },
+    /// A clip for validation that is not there.
+    #[error("it lists no clip '{clip}'; correct real.val in the recipe")]
+    Val {
+        /// The clip's name.
+        clip: String,
+    },
+    /// The entry of a clip is of another length.
+    #[error(
+        "it lists {listed} frames of {clip}, which has {frames}; list the boxes of every frame"
+    )]
+    Length {
+        /// The clip's file.
+        clip: String,
+        /// Frames of the entry.
+        listed: usize,
+        /// Frames of the clip.
+        frames: usize,
+    },
+}
+
+impl From<std::io::Error> for RealFault {
+    fn from(error: std::io::Error) -> Self {
+        Self::List(error.into())
+    }
 }
 
 impl From<RunError> for DatasetError {

@@ -44,6 +44,7 @@ pub fn merge(
         );
     }
     statistics(recipe, &records.values().collect::<Vec<_>>(), out)?;
+    let real = records.values().filter(|record| record.is_real()).count();
     let about = serde_json::json!({
         "format": FORMAT,
         "program": crate::VERSION,
@@ -51,6 +52,8 @@ pub fn merge(
         "seed": recipe.seed,
         "scenes": recipe.scenes,
         "sequences": recipe.sequences.count,
+        "real_clips": real,
+        "real_crops": recipe.real.crops,
         "complete": records.len() == scenes,
         "counts": counts,
     });
@@ -114,16 +117,18 @@ fn statistics(recipe: &Recipe, records: &[&SceneRecord], out: &Path) -> Result<(
     if records.is_empty() {
         return Ok(());
     }
-    let [train, val] = [Split::Train, Split::Val].map(|split| {
-        let of_split: Vec<_> = (records.iter().copied())
-            .filter(|record| record.split == split)
+    let part = |wanted: &dyn Fn(&SceneRecord) -> bool| {
+        let of_part: Vec<_> = (records.iter().copied())
+            .filter(|record| wanted(record))
             .collect();
-        Statistics::of(&of_split)
-    });
+        Statistics::of(&of_part)
+    };
     let numbers = serde_json::json!({
         "all": Statistics::of(records),
-        (Split::Train.name()): train,
-        (Split::Val.name()): val,
+        (Split::Train.name()): part(&|record| record.split == Split::Train),
+        (Split::Val.name()): part(&|record| record.split == Split::Val),
+        "rendered": part(&|record| !record.is_real()),
+        "real": part(&SceneRecord::is_real),
     });
     let json = serde_json::to_vec_pretty(&numbers)?;
     write(&out.join("statistics.json"), &json)?;

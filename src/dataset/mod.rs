@@ -14,6 +14,7 @@ mod exposure;
 mod label;
 mod merge;
 mod page;
+mod real;
 mod recipe;
 mod scene;
 mod sequence;
@@ -22,19 +23,23 @@ mod shoot;
 mod stage;
 mod statistics;
 mod store;
+mod thin;
 pub mod tracks;
 
 pub use error::DatasetError;
 pub use recipe::Recipe;
 
+use crate::parallel::{in_parallel, threads};
 use crate::progress::Progress;
 use crate::stop;
 use assign::assign_scenes;
 use clap::Args;
 use merge::merge;
+use real::Clips;
 use scene::Scene;
 use shoot::make;
 use stage::Stage;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
 use store::{claim, digest, done};
@@ -50,6 +55,9 @@ pub struct Arguments {
     /// Make these scenes only, counted from 0: FROM..TO, without TO itself.
     #[arg(long, value_name = "FROM..TO")]
     scenes: Option<String>,
+    /// Folder of clips of real cameras with their boxes.json, where the recipe wants real pictures.
+    #[arg(long, value_name = "FOLDER")]
+    real: Option<PathBuf>,
     /// Worker threads (default: all cores); changes no picture.
     #[arg(long)]
     threads: Option<usize>,
@@ -58,12 +66,12 @@ pub struct Arguments {
 /// Makes the set, or continues it; what to tell the user.
 pub fn dataset(arguments: &Arguments) -> Result<String, DatasetError> {
     let (recipe, text) = Recipe::load(&arguments.recipe)?;
-    let scenes = scenes(
-        arguments.scenes.as_deref(),
-        recipe.scenes + recipe.sequences.count,
-    )?;
+    let clips = Clips::load(&recipe.real, arguments.real.as_deref())?;
+    let rendered = recipe.scenes + recipe.sequences.count;
+    let count = rendered + clips.as_ref().map_or(0, Clips::len);
+    let scenes = scenes(arguments.scenes.as_deref(), count)?;
     let out = &arguments.out;
-    let digest = digest(&recipe)?;
+    let digest = digest(&recipe, clips.as_ref().map_or("", Clips::text))?;
     claim(out, &text, &digest)?;
     let assigned = assign_scenes(&recipe);
     let waiting: Vec<u32> = scenes.clone().filter(|index| !done(out, *index)).collect();
@@ -73,6 +81,8 @@ pub fn dataset(arguments: &Arguments) -> Result<String, DatasetError> {
         "[{bar:30}] {pos} of {len} scenes, {per_sec}{left}",
     );
     let bar = progress.bar();
+    let (waiting, filmed): (Vec<u32>, Vec<u32>) =
+        waiting.into_iter().partition(|index| *index < rendered);
     if !waiting.is_empty() {
         let mut stage = Stage::new(arguments.threads)?;
         // The next scene is generated while this one is rendered.
@@ -100,8 +110,21 @@ pub fn dataset(arguments: &Arguments) -> Result<String, DatasetError> {
             Ok::<_, DatasetError>(())
         })?;
     }
+    if let Some(clips) = &clips {
+        let threads = threads(arguments.threads.and_then(NonZeroUsize::new));
+        let made = in_parallel(&filmed, threads, |index| {
+            clips.make(&recipe, index - rendered, *index, out)?;
+            bar.inc(1);
+            progress.say(|| format!("{} of {left} scenes", bar.position()));
+            Ok(())
+        });
+        match made {
+            Ok(_) | Err(DatasetError::Stopped) => {}
+            Err(error) => return Err(error),
+        }
+    }
     bar.finish_and_clear();
-    let text = merge(&recipe, &digest, assigned.len(), out)?;
+    let text = merge(&recipe, &digest, count as usize, out)?;
     let said = stop::said(
         "the files about the set tell of the scenes that are whole; the same command goes on",
     );

@@ -1,12 +1,13 @@
 //! What a set holds, as the paper's Figure 6 shows it: a page.
 
-use super::coco::{Annotation, Picture, SceneRecord};
+use super::coco::{Annotation, Origin, Picture, SceneRecord};
 use super::error::DatasetError;
 use super::statistics::{SIZES, Statistics, columns, long_px, named};
 use crate::media::image::jpeg_of;
 use crate::report::page::{Head, data_url, note, page as whole_page, table, tiles};
 use image::imageops;
 use maud::{Markup, html};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Bins of a distribution, and of a side of a map.
@@ -28,20 +29,56 @@ pub fn page(
         facts: &[(description, ""), ("Version", crate::VERSION)],
         ..Head::default()
     };
-    let sheet = sheet(records, out)?;
-    Ok(whole_page(&head, &body(records, &sheet)))
+    let sources = sources(records);
+    let sheet = sheet(&sources, out)?;
+    Ok(whole_page(&head, &body(&sources, &sheet)))
 }
 
-fn body(records: &[&SceneRecord], sheet: &[SheetPicture]) -> Markup {
-    let all = Statistics::of(records);
+/// The scenes of one source.
+struct Source<'a> {
+    /// What its figures are called; nothing where it is the only one.
+    name: &'static str,
+    statistics: Statistics,
+    columns: [Vec<f64>; 4],
+    scenes: usize,
+    records: Vec<&'a SceneRecord>,
+}
+
+/// The sources that a set has: simulated, real, or both.
+fn sources<'a>(records: &[&'a SceneRecord]) -> Vec<Source<'a>> {
+    let split: (Vec<&SceneRecord>, Vec<&SceneRecord>) = records
+        .iter()
+        .copied()
+        .partition(|record| !record.is_real());
+    let both = !split.0.is_empty() && !split.1.is_empty();
+    let named = [("simulated", split.0), ("real", split.1)];
+    (named.into_iter())
+        .filter(|(_, records)| !records.is_empty())
+        .map(|(name, records)| Source {
+            name: if both { name } else { "" },
+            statistics: Statistics::of(&records),
+            columns: columns(&records),
+            scenes: records.len(),
+            records,
+        })
+        .collect()
+}
+
+fn body(sources: &[Source], sheet: &[SheetPicture]) -> Markup {
     html! {
-        (tiles(&summary(&all, records.len())))
+        @for source in sources {
+            @if !source.name.is_empty() { h2 { (source.name) } }
+            (tiles(&summary(&source.statistics, source.scenes)))
+        }
         h2 { "Labels" }
-        div .charts { (labels(&all)) }
+        div .charts { (labels(sources)) }
         h2 { "Positions and sizes" }
-        div .charts { (positions(&columns(records))) }
+        div .charts { (positions(sources)) }
         h2 { "Correlations" }
-        (correlations(&all))
+        @for source in sources {
+            @if !source.name.is_empty() { h3 { (source.name) } }
+            (correlations(&source.statistics))
+        }
         (note("x and y are the boxes' centres, all over the picture's width and height."))
         h2 { "Pictures" }
         div .sheet {
@@ -51,9 +88,9 @@ fn body(records: &[&SceneRecord], sheet: &[SheetPicture]) -> Markup {
 }
 
 /// The numbers at the top, with their names.
-fn summary(all: &Statistics, scenes: usize) -> [(String, String); 9] {
+fn summary(all: &Statistics, scenes: usize) -> Vec<(String, String)> {
     let [low, _, median, _, high] = all.long_side_px;
-    [
+    let mut numbers = vec![
         ("pictures", all.images.to_string()),
         ("UAVs", all.annotations.to_string()),
         ("distractors", all.distractors.to_string()),
@@ -65,31 +102,82 @@ fn summary(all: &Statistics, scenes: usize) -> [(String, String); 9] {
             "commonest, of the width",
             format!("{:.1} %", 100.0 * all.mode_width_share),
         ),
-        ("median range", format!("{:.0} m", all.range_m[2])),
-    ]
-    .map(|(name, value)| (name.to_owned(), value))
+    ];
+    if all.range_m[2] > 0.0 {
+        numbers.push(("median range", format!("{:.0} m", all.range_m[2])));
+    }
+    let named = numbers
+        .into_iter()
+        .map(|(name, value)| (name.to_owned(), value));
+    named.collect()
 }
 
-/// What the boxes and pictures are of, as bars.
-fn labels(all: &Statistics) -> Markup {
+/// Names and counts of a chart.
+type Counts = Vec<(String, usize)>;
+/// A chart's title, and what it counts.
+type Chart = (&'static str, fn(&Statistics) -> Counts);
+
+/// What the boxes and pictures are of, as bars, each source's beside the other's.
+fn labels(sources: &[Source]) -> Markup {
+    fn sizes(counts: &BTreeMap<&'static str, usize>) -> Counts {
+        let named = SIZES.map(|(name, _)| (name.to_owned(), counts[name]));
+        named.into()
+    }
+    fn owned<N: ToString>(counts: &BTreeMap<N, usize>) -> Counts {
+        counts
+            .iter()
+            .map(|(name, count)| (name.to_string(), *count))
+            .collect()
+    }
+    let charts: [Chart; 7] = [
+        ("boxes by category", |of| owned(&of.categories)),
+        ("boxes by model", |of| owned(&of.models)),
+        ("distractors by long side", |of| sizes(&of.distractor_sizes)),
+        ("UAVs by long side", |of| sizes(&of.sizes)),
+        ("pictures by background", |of| owned(&of.backgrounds)),
+        ("pictures by motion", |of| owned(&of.motions)),
+        ("pictures by light", |of| owned(&of.light)),
+    ];
     html! {
-        (bars("boxes by category", &all.categories))
-        (bars("boxes by model", &all.models))
-        (bars("distractors by long side", SIZES.iter().map(|(name, _)| (name, &all.distractor_sizes[name]))))
-        (bars("UAVs by long side", SIZES.iter().map(|(name, _)| (name, &all.sizes[name]))))
-        (bars("pictures by background", &all.backgrounds))
-        (bars("pictures by motion", &all.motions))
-        (bars("pictures by light", &all.light))
+        @for (title, counts) in charts {
+            @for source in sources {
+                @let counts = counts(&source.statistics);
+                @if !counts.is_empty() { (bars(&of_source(title, source), &counts)) }
+            }
+        }
     }
 }
 
-/// Where the boxes lie and how large they are, as maps and distributions.
-fn positions(columns: &[Vec<f64>; 4]) -> Markup {
+/// A figure's title with its source's name.
+fn of_source(title: &str, source: &Source) -> String {
+    match source.name {
+        "" => title.to_owned(),
+        name => format!("{title}, {name}"),
+    }
+}
+
+/// Where the boxes lie and how large they are, as maps and distributions, each source's beside the other's on the same axes.
+fn positions(sources: &[Source]) -> Markup {
+    let reaches: Vec<f64> = (AXES.iter().enumerate())
+        .map(|(axis, name)| {
+            let all = sources.iter().flat_map(|source| &source.columns[axis]);
+            reach(name, all.copied())
+        })
+        .collect();
+    let maps = [([0, 1], true), ([2, 3], false)];
+    let more = [[0, 2], [0, 3], [1, 2], [1, 3]].map(|axes| (axes, false));
     html! {
-        (map([0, 1], columns, true))
-        (map([2, 3], columns, false))
-        @for (name, column) in AXES.iter().zip(columns) { (distribution(name, column)) }
-        @for axes in [[0, 2], [0, 3], [1, 2], [1, 3]] { (map(axes, columns, false)) }
+        @for (axes, down) in maps {
+            @for source in sources { (map(source.name, axes, &source.columns, &reaches, down)) }
+        }
+        @for (axis, name) in AXES.iter().enumerate() {
+            @for source in sources {
+                (distribution(&of_source(name, source), &source.columns[axis], reaches[axis]))
+            }
+        }
+        @for (axes, down) in more {
+            @for source in sources { (map(source.name, axes, &source.columns, &reaches, down)) }
+        }
     }
 }
 
@@ -122,20 +210,16 @@ fn px(value: f64) -> String {
 }
 
 /// Horizontal bars with their counts.
-fn bars<'a, N: AsRef<str> + 'a>(
-    title: &str,
-    counts: impl IntoIterator<Item = (&'a N, &'a usize)>,
-) -> Markup {
+fn bars(title: &str, counts: &[(String, usize)]) -> Markup {
     const ROW: usize = 26;
-    let counts: Vec<_> = counts.into_iter().collect();
-    let most = counts.iter().map(|(_, n)| **n).max().unwrap_or(0).max(1) as f64;
-    let total = counts.iter().map(|(_, n)| **n).sum::<usize>().max(1) as f64;
+    let most = counts.iter().map(|(_, n)| *n).max().unwrap_or(0).max(1) as f64;
+    let total = counts.iter().map(|(_, n)| *n).sum::<usize>().max(1) as f64;
     let drawing = html! {
         @for (row, (name, count)) in counts.iter().enumerate() {
             @let y = ROW * row + 3;
-            @let share = format!("{:.0} %", 100.0 * **count as f64 / total);
-            @let length = 250.0 * **count as f64 / most;
-            text x="118" y=(y + 15) text-anchor="end" { (name.as_ref()) }
+            @let share = format!("{:.0} %", 100.0 * *count as f64 / total);
+            @let length = 250.0 * *count as f64 / most;
+            text x="118" y=(y + 15) text-anchor="end" { (name) }
             rect x="125" y=(y) width=(px(length)) height=(ROW - 6) fill="var(--s0)" {}
             text x=(px(132.0 + length)) y=(y + 15) { (count) " (" (share) ")" }
         }
@@ -145,10 +229,10 @@ fn bars<'a, N: AsRef<str> + 'a>(
 }
 
 /// How far a value's axis reaches: positions over the whole picture, sizes as far as there are any.
-fn reach(name: &str, values: &[f64]) -> f64 {
+fn reach(name: &str, values: impl Iterator<Item = f64>) -> f64 {
     match name {
         "x" | "y" => 1.0,
-        _ => values.iter().copied().fold(0.01, f64::max),
+        _ => values.fold(0.01, f64::max),
     }
 }
 
@@ -156,10 +240,9 @@ fn bin(value: f64, reach: f64) -> usize {
     ((value / reach * BINS as f64) as usize).min(BINS - 1)
 }
 
-/// A distribution as columns.
-fn distribution(name: &str, values: &[f64]) -> Markup {
+/// A distribution as columns, over an axis from 0 to `reach`.
+fn distribution(name: &str, values: &[f64], reach: f64) -> Markup {
     const STEP: f64 = 440.0 / BINS as f64;
-    let reach = reach(name, values);
     let mut counts = [0usize; BINS];
     for value in values {
         counts[bin(*value, reach)] += 1;
@@ -177,16 +260,23 @@ fn distribution(name: &str, values: &[f64]) -> Markup {
             }
         }
     };
-    let caption = html! { b { (name) " of the boxes, of the picture's" } };
+    let caption = html! { b { (name) } span .note { "of the boxes, over the picture's" } };
     figure(&caption, &format!("distribution of {name}"), 180, &drawing)
 }
 
-/// How often two values come together; `down`: the second axis grows downward, as a picture's.
-fn map(axes: [usize; 2], columns: &[Vec<f64>; 4], down: bool) -> Markup {
+/// How often two values of a source come together, each axis up to its `reaches`; `down`: the second grows downward, as a
+/// picture's.
+fn map(
+    source: &str,
+    axes: [usize; 2],
+    columns: &[Vec<f64>; 4],
+    reaches: &[f64],
+    down: bool,
+) -> Markup {
     const WIDE: f64 = 400.0 / BINS as f64;
     const HIGH: f64 = 320.0 / BINS as f64;
     let ([a, b], values) = (axes.map(|i| AXES[i]), axes.map(|i| &columns[i]));
-    let reaches = [reach(a, values[0]), reach(b, values[1])];
+    let reaches = axes.map(|axis| reaches[axis]);
     let mut counts = vec![0usize; BINS * BINS];
     for (a, b) in values[0].iter().zip(values[1]) {
         counts[bin(*b, reaches[1]) * BINS + bin(*a, reaches[0])] += 1;
@@ -211,7 +301,7 @@ fn map(axes: [usize; 2], columns: &[Vec<f64>; 4], down: bool) -> Markup {
         }
     };
     let caption = html! {
-        b { (a) " and " (b) }
+        b { (a) " and " (b) @if !source.is_empty() { ", " (source) } }
         span .note { (b) @if down { " downward" } @else { " upward" } }
     };
     figure(&caption, &format!("map of {a} and {b}"), 360, &drawing)
@@ -224,27 +314,25 @@ struct SheetPicture<'a> {
     jpeg: Vec<u8>,
 }
 
-/// Some of the pictures, spread evenly over the set.
-fn sheet<'a>(
-    records: &[&'a SceneRecord],
-    out: &Path,
-) -> Result<Vec<SheetPicture<'a>>, DatasetError> {
-    let images: Vec<(&SceneRecord, &Picture)> = records
-        .iter()
-        .flat_map(|record| record.images.iter().map(move |image| (*record, image)))
-        .collect();
-    let count = SHEET.min(images.len());
-    (0..count)
-        .map(|k| {
+/// Some of the pictures, as many of each source, spread evenly over it.
+fn sheet<'a>(sources: &[Source<'a>], out: &Path) -> Result<Vec<SheetPicture<'a>>, DatasetError> {
+    let mut sheet = Vec::new();
+    for source in sources {
+        let images: Vec<(&SceneRecord, &Picture)> = (source.records.iter().copied())
+            .flat_map(|record| record.images.iter().map(move |image| (record, image)))
+            .collect();
+        let count = (SHEET / sources.len()).min(images.len());
+        for k in 0..count {
             let (record, image) = images[(2 * k + 1) * images.len() / (2 * count)];
             let path = out.join(record.split.name()).join(&image.file_name);
-            Ok(SheetPicture {
+            sheet.push(SheetPicture {
                 record,
                 image,
                 jpeg: thumbnail(&path)?,
-            })
-        })
-        .collect()
+            });
+        }
+    }
+    Ok(sheet)
 }
 
 /// A picture of the set at half its size, as JPEG.
@@ -276,10 +364,17 @@ impl SheetPicture<'_> {
     fn caption(&self) -> String {
         let seen = (self.image.uavs().next()).map_or("no UAV".into(), |seen| {
             let (uav, long_px) = (&seen.model, long_px(seen));
-            format!("{uav}, {long_px:.0} px at {:.0} m", seen.range_m)
+            let range = seen
+                .rendered
+                .map(|truth| format!(" at {:.0} m", truth.range_m));
+            format!("{uav}, {long_px:.0} px{}", range.unwrap_or_default())
         });
         let (split, scene) = (self.record.split.name(), self.record.scene);
-        format!("{split} {scene}: {}, {seen}", named(self.record.background))
+        let behind = match &self.record.origin {
+            Origin::Rendered(setting) => named(setting.background),
+            Origin::Real { clip } => clip.clone(),
+        };
+        format!("{split} {scene}: {behind}, {seen}")
     }
 }
 
@@ -301,11 +396,10 @@ fn outline(seen: &Annotation) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::collections::BTreeMap;
 
     #[test]
     fn bars_are_as_long_as_their_counts() {
-        let counts = BTreeMap::from([("<a>", 1), ("b", 3), ("c", 0)]);
+        let counts = [("<a>", 1), ("b", 3), ("c", 0)].map(|(name, count)| (name.to_owned(), count));
         let text = bars("letters", &counts).into_string();
         for part in [
             r#"viewBox="0 0 480 84""#,
@@ -319,7 +413,7 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part} is not in {text}");
         }
-        let none = bars("letters", &BTreeMap::<String, usize>::new()).into_string();
+        let none = bars("letters", &[]).into_string();
         assert!(
             none.contains("0 0 480 6") && !none.contains("<rect"),
             "{none}"
@@ -329,20 +423,21 @@ mod tests {
     #[test]
     fn maps_of_places_hang_like_pictures_and_those_of_sizes_stand() {
         let columns = [[0.51, 0.52], [0.01, 0.01], [0.1, 0.2], [0.02, 0.04]].map(Vec::from);
+        let reaches = [1.0, 1.0, 0.2, 0.04];
         // Both boxes lie in one cell of the upper row.
-        let places = map([0, 1], &columns, true).into_string();
+        let places = map("", [0, 1], &columns, &reaches, true).into_string();
         assert!(places.contains("y downward") && places.matches("<rect").count() == 2);
         assert!(
             places.contains(r#"x="260.0" y="6.0" width="10.0" height="8.0""#),
             "{places}"
         );
         // The larger box is the upper right end of the axes.
-        let sizes = map([2, 3], &columns, false).into_string();
+        let sizes = map("", [2, 3], &columns, &reaches, false).into_string();
         assert!(sizes.contains("height upward") && sizes.matches("<rect").count() == 3);
         assert!(sizes.contains(r#"x="450.0" y="6.0""#), "{sizes}");
         assert!(sizes.contains(r#"y="344" text-anchor="middle">0.20</text>"#));
         // A distribution of the same sizes has two columns of full height.
-        let widths = distribution(AXES[2], &columns[2]).into_string();
+        let widths = distribution(AXES[2], &columns[2], 0.2).into_string();
         assert_eq!(widths.matches(r#"height="145.0""#).count(), 2, "{widths}");
     }
 }

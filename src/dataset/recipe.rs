@@ -6,6 +6,7 @@ use crate::scenario::check::{Check, FRACTION};
 use crate::scenario::load::{self, Checked};
 use crate::scenario::{InputError, catalogue};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A recipe; what a file leaves out has the default's value.
@@ -38,6 +39,8 @@ pub struct Recipe {
     pub camera: CameraRanges,
     /// The generated surroundings.
     pub city: CityRanges,
+    /// Pictures of real cameras beside the rendered ones.
+    pub real: Real,
 }
 
 impl Default for Recipe {
@@ -56,6 +59,7 @@ impl Default for Recipe {
             light: Light::default(),
             camera: CameraRanges::default(),
             city: CityRanges::default(),
+            real: Real::default(),
         }
     }
 }
@@ -470,6 +474,78 @@ impl CityRanges {
     }
 }
 
+/// Pictures of real cameras: frames of the clips of the folder that `--real` names.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Real {
+    /// Pictures of all clips; each class's are shared out among its clips, of which some have fewer that differ.
+    pub pictures: u32,
+    /// Clips that are kept for validation, by their files' names without ending; name all of a place.
+    pub val: Vec<String>,
+    /// Share of the training crops that are cut from real pictures.
+    pub crops: f64,
+    /// Classes of the clips' labels that are no class's name.
+    pub labels: BTreeMap<String, ObjectClass>,
+    /// Share of pictures of UAVs.
+    pub uav: f64,
+    /// Share of pictures of birds.
+    pub bird: f64,
+    /// Share of pictures of aeroplanes.
+    pub aeroplane: f64,
+    /// Share of pictures of helicopters.
+    pub helicopter: f64,
+    /// Share of pictures of balloons.
+    pub balloon: f64,
+    /// Share of pictures of anything else.
+    pub other: f64,
+}
+
+impl Default for Real {
+    fn default() -> Self {
+        let labels = ["drone", "uav"].map(|label| (label.to_owned(), ObjectClass::Quadcopter));
+        Self {
+            pictures: 0,
+            val: Vec::new(),
+            crops: 0.5,
+            labels: labels.into(),
+            uav: 0.4,
+            bird: 0.25,
+            aeroplane: 0.175,
+            helicopter: 0.175,
+            balloon: 0.0,
+            other: 0.0,
+        }
+    }
+}
+
+impl Real {
+    /// The share of a class's clips; UAVs have one in common.
+    pub fn share(&self, class: ObjectClass) -> f64 {
+        match class {
+            ObjectClass::Fpv | ObjectClass::Quadcopter | ObjectClass::Hexacopter => self.uav,
+            ObjectClass::Bird => self.bird,
+            ObjectClass::Aeroplane => self.aeroplane,
+            ObjectClass::Helicopter => self.helicopter,
+            ObjectClass::Balloon => self.balloon,
+            ObjectClass::Other => self.other,
+        }
+    }
+
+    fn check(&self, check: &mut Check) {
+        check.within("pictures", self.pictures.into(), 0.0..=1_000_000.0);
+        check.within("crops", self.crops, FRACTION);
+        let shares = [
+            ("uav", self.uav),
+            ("bird", self.bird),
+            ("aeroplane", self.aeroplane),
+            ("helicopter", self.helicopter),
+            ("balloon", self.balloon),
+            ("other", self.other),
+        ];
+        check_shares(check, &shares);
+    }
+}
+
 impl Recipe {
     /// Reads and checks a recipe file; also gives its text.
     pub fn load(path: &Path) -> Result<(Self, String), InputError> {
@@ -498,6 +574,7 @@ impl Checked for Recipe {
         check.table("light", |check| self.light.check(check));
         check.table("camera", |check| self.camera.check(check));
         check.table("city", |check| self.city.check(check));
+        check.table("real", |check| self.real.check(check));
     }
 }
 

@@ -1,6 +1,6 @@
 //! The pictures of a scene: drawn, rendered, developed, annotated and written.
 
-use super::coco::{self, Annotation, CameraRecord, Picture, SceneRecord};
+use super::coco::{self, Annotation, CameraRecord, Origin, Picture, SceneRecord, Setting, Truth};
 use super::draw::{self, Still};
 use super::error::DatasetError;
 use super::recipe::Recipe;
@@ -24,9 +24,9 @@ const DRAWS: u64 = 200;
 const RENDERS: u32 = 12;
 /// Boxes whose longer side is below this cannot be told from noise [px].
 const MIN_SIDE_PX: f64 = 2.0;
-/// Draws of a clip before the scene is given up.
+/// Draws of a sequence before the scene is given up.
 const CLIP_DRAWS: u64 = 2_000;
-/// What shows less of itself than this has no box: a distractor, or in clips a UAV until it shows again.
+/// What shows less of itself than this has no box: a distractor, or in sequences a UAV until it shows again.
 const MIN_CLIP_VISIBLE: f64 = 0.1;
 
 /// A picture on its way to its file.
@@ -90,14 +90,16 @@ pub fn make(
     let record = SceneRecord {
         scene: scene.index,
         split,
-        background: scene.background,
-        sun_elevation_deg: scene.environment.backdrop.sun_dir_enu.z.asin().to_degrees(),
-        visibility_m: scene.environment.weather.visibility_m,
-        cloud_cover: scene.environment.weather.cloud_cover,
-        camera: CameraRecord {
-            hfov_deg: scene.camera.pinhole.hfov_rad().to_degrees(),
-            r_enu_m: scene.camera.r_enu_m.to_array(),
-        },
+        origin: Origin::Rendered(Setting {
+            background: scene.background,
+            sun_elevation_deg: scene.environment.backdrop.sun_dir_enu.z.asin().to_degrees(),
+            visibility_m: scene.environment.weather.visibility_m,
+            cloud_cover: scene.environment.weather.cloud_cover,
+            camera: CameraRecord {
+                hfov_deg: scene.camera.pinhole.hfov_rad().to_degrees(),
+                r_enu_m: scene.camera.r_enu_m.to_array(),
+            },
+        }),
         sequence: (scene.index >= recipe.scenes).then(|| clip_name(scene.index - recipe.scenes)),
         images,
     };
@@ -164,7 +166,7 @@ fn clip(
                 exposure::conditions(scene, &still.pose, Some(&stage.scratch.pixels), 0.0);
             let annotations: Vec<_> = (still.placed.iter())
                 .filter_map(|placed| annotation(recipe, scene, &rendered, stage, placed))
-                .filter(|seen| seen.visible_fraction >= MIN_CLIP_VISIBLE)
+                .filter(|seen| seen.shows(MIN_CLIP_VISIBLE))
                 .map(|seen| Annotation {
                     ignore: seen.ignore && !seen.class.is_uav(),
                     ..seen
@@ -183,10 +185,7 @@ fn clip(
                 file_name: format!("../sequences/{name}/img1/{number:06}.png"),
                 width: scene.camera.pinhole.width_px,
                 height: scene.camera.pinhole.height_px,
-                motion,
-                distractors: (still.placed.iter())
-                    .filter(|p| p.prop >= scene.uavs.len())
-                    .count(),
+                motion: Some(motion),
                 annotations,
             };
             let goes_on = keep(&image, rgb8);
@@ -264,7 +263,7 @@ fn shoot(
         let uav = placed.prop < scene.uavs.len();
         match annotation(recipe, scene, &rendered, stage, placed) {
             // A distractor that is hardly seen is neither asked for nor a false alarm.
-            Some(seen) if !uav && seen.visible_fraction < MIN_CLIP_VISIBLE => {}
+            Some(seen) if !uav && !seen.shows(MIN_CLIP_VISIBLE) => {}
             Some(seen) if !(uav && seen.ignore) => annotations.push(seen),
             _ if uav => return Ok(None),
             _ => {}
@@ -275,10 +274,7 @@ fn shoot(
         file_name: String::new(),
         width: pinhole.width_px,
         height: pinhole.height_px,
-        motion: still.motion,
-        distractors: (still.placed.iter())
-            .filter(|p| p.prop >= scene.uavs.len())
-            .count(),
+        motion: Some(still.motion),
         annotations,
     };
     Ok(Some((image, rgb8)))
@@ -325,10 +321,12 @@ fn annotation(
         ignore: label.visible_fraction < targets.min_visible || contrast < targets.min_contrast,
         bbox: [x0, y0, x1 - x0, y1 - y0],
         area: label.area_px,
-        aim: seen.aim_px,
-        range_m: seen.range_m,
-        visible_fraction: label.visible_fraction,
         contrast,
+        rendered: Some(Truth {
+            aim: seen.aim_px,
+            range_m: seen.range_m,
+            visible_fraction: label.visible_fraction,
+        }),
         track_id: placed.prop as u32 + 1,
     })
 }
@@ -344,7 +342,7 @@ fn develop(rendered: &Rendered, key: u64, stage: &mut Stage) -> Result<Vec<u8>, 
 }
 
 /// A picture as a PNG file.
-fn png(rgb8: &[u8], [width, height]: [u32; 2]) -> ImageResult<Vec<u8>> {
+pub fn png(rgb8: &[u8], [width, height]: [u32; 2]) -> ImageResult<Vec<u8>> {
     let mut bytes = Vec::new();
     PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
         .write_image(rgb8, width, height, ExtendedColorType::Rgb8)?;

@@ -21,7 +21,7 @@ pub struct Statistics {
     pub categories: BTreeMap<&'static str, usize>,
     /// Boxes by model, distractors too.
     pub models: BTreeMap<String, usize>,
-    /// Pictures by background.
+    /// Pictures by background, where it is known: that of real ones is not, nor are motion, light and range.
     pub backgrounds: BTreeMap<String, usize>,
     /// Pictures with UAVs, by motion.
     pub motions: BTreeMap<String, usize>,
@@ -115,21 +115,30 @@ impl Statistics {
             light: BTreeMap::new(),
             long_side_px: quantiles(boxes().map(long_px).collect()),
             mode_width_share: 0.0,
-            range_m: quantiles(boxes().map(|seen| seen.range_m).collect()),
+            range_m: quantiles(
+                boxes()
+                    .filter_map(|seen| Some(seen.rendered?.range_m))
+                    .collect(),
+            ),
             correlations: [[0.0; 4]; 4],
         };
         for record in records {
-            let light = match record.sun_elevation_deg {
+            let Some(setting) = record.setting() else {
+                continue;
+            };
+            let light = match setting.sun_elevation_deg {
                 h if h >= 15.0 => "day",
                 h if h >= 2.0 => "low sun",
                 _ => "dusk",
             };
             *statistics.light.entry(light).or_default() += record.images.len();
-            let background = statistics.backgrounds.entry(named(record.background));
+            let background = statistics.backgrounds.entry(named(setting.background));
             *background.or_default() += record.images.len();
         }
         for image in images().filter(|image| image.uavs().next().is_some()) {
-            *statistics.motions.entry(named(image.motion)).or_default() += 1;
+            if let Some(motion) = image.motion {
+                *statistics.motions.entry(named(motion)).or_default() += 1;
+            }
         }
         for seen in all() {
             let class = seen.class;

@@ -7,12 +7,12 @@ use crate::output::{self, OutputError};
 use std::path::{Path, PathBuf};
 
 /// Version of the folder's layout and of what is drawn; a change of either raises it.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 
-/// Tells a recipe and program version from others: a folder can be continued under the same one.
-pub fn digest(recipe: &Recipe) -> Result<String, DatasetError> {
+/// Tells a recipe, program version and boxes of real clips from others: a folder can be continued under the same ones.
+pub fn digest(recipe: &Recipe, boxes: &str) -> Result<String, DatasetError> {
     let json = serde_json::to_string(recipe)?;
-    let text = format!("{FORMAT} {} {json}", crate::VERSION);
+    let text = format!("{FORMAT} {} {json} {boxes}", crate::VERSION);
     Ok(format!(
         "{:032x}",
         xxhash_rust::xxh3::xxh3_128(text.as_bytes())

@@ -1,5 +1,6 @@
 //! Pictures and clips, in and out.
 
+pub mod clip_boxes;
 pub mod image;
 pub mod labels;
 pub mod video;

@@ -2,9 +2,9 @@
 
 use crate::eval::detector::coco::{Coco, CocoError, UAVS, is_other};
 use crate::eval::detector::metrics::Truth;
+use crate::media::clip_boxes::{self, LabelledFrame, ListFault};
 use crate::media::video::{Clip, ClipFrame};
 use crate::warning::{self, StrictError};
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -48,22 +48,9 @@ pub enum BoxesError {
 /// What is wrong with a file of boxes.
 #[derive(Debug, thiserror::Error)]
 pub enum BoxesFault {
-    /// The file cannot be read.
-    #[error("cannot be read: {0}; name an existing file")]
-    Unreadable(#[from] std::io::Error),
-    /// No JSON, a key missing or of another type.
-    #[error("{0}; expected a list of {{file, frames, boxes_xywh}}")]
-    Json(#[from] serde_json::Error),
-    /// A value that cannot be.
-    #[error("[{index}] ({file}): {why}")]
-    Value {
-        /// Index in the list.
-        index: usize,
-        /// The clip's file.
-        file: String,
-        /// What is wrong, and what would be right.
-        why: String,
-    },
+    /// The list itself.
+    #[error(transparent)]
+    List(#[from] ListFault),
     /// The list has no entry of a clip.
     #[error("it lists no boxes of '{clip}'; add them, or name another file")]
     NoClip {
@@ -101,14 +88,6 @@ pub enum BoxesFault {
     },
 }
 
-/// A clip as the file has it.
-#[derive(Debug, Deserialize)]
-struct Listed {
-    file: String,
-    frames: usize,
-    boxes_xywh: Vec<BTreeMap<String, Vec<[f64; 4]>>>,
-}
-
 /// Which labels are of UAVs.
 struct Labels<'a>(&'a [String]);
 
@@ -124,8 +103,8 @@ impl Labels<'_> {
         }
     }
 
-    /// The boxes of a frame, or what is wrong with them.
-    fn frame(&self, labels: &BTreeMap<String, Vec<[f64; 4]>>) -> Result<FrameTruth, String> {
+    /// The truth of a frame, or what is wrong with its labels.
+    fn frame(&self, labels: &LabelledFrame) -> Result<FrameTruth, String> {
         let mut frame = FrameTruth::default();
         for (label, boxes) in labels {
             let uav = self.is_uav(label).ok_or_else(|| {
@@ -133,22 +112,16 @@ impl Labels<'_> {
                     "whether '{label}' is a UAV is not clear; name the labels that are with --category"
                 )
             })?;
-            for [x, y, width, height] in boxes {
-                let box_px = [*x, *y, x + width, y + height];
-                if !(*width > 0.0 && *height > 0.0 && box_px.iter().all(|c| c.is_finite())) {
-                    return Err(format!(
-                        "the box [{x}, {y}, {width}, {height}] must be x, y, width and height with \
-                         sides above 0 px"
-                    ));
-                }
+            for box_px in boxes {
+                let [x0, y0, x1, y1] = *box_px;
                 if uav {
                     frame.uavs.push(Truth {
-                        box_px,
-                        area_px2: width * height,
+                        box_px: *box_px,
+                        area_px2: (x1 - x0) * (y1 - y0),
                         ignored: false,
                     });
                 } else {
-                    frame.others.push(box_px);
+                    frame.others.push(*box_px);
                 }
             }
         }
@@ -158,37 +131,24 @@ impl Labels<'_> {
 
 /// Reads a list of clips with their boxes; those labelled with one of `categories` are UAVs, or
 /// without categories those whose label says so.
-pub fn parse_boxes(text: &str, categories: &[String]) -> Result<Vec<ClipTruth>, BoxesFault> {
-    let listed: Vec<Listed> = serde_json::from_str(text)?;
+pub fn parse_boxes(text: &str, categories: &[String]) -> Result<Vec<ClipTruth>, ListFault> {
     let labels = Labels(categories);
-    let mut clips: Vec<ClipTruth> = Vec::with_capacity(listed.len());
-    for (index, clip) in listed.into_iter().enumerate() {
-        let wrong = |why: String| BoxesFault::Value {
-            index,
-            file: clip.file.clone(),
-            why,
-        };
-        if clip.boxes_xywh.len() != clip.frames {
-            let (found, frames) = (clip.boxes_xywh.len(), clip.frames);
-            return Err(wrong(format!(
-                "boxes_xywh has {found} entries, frames says {frames}"
-            )));
-        }
-        if clips.iter().any(|other| other.file == clip.file) {
-            return Err(wrong("the file is listed twice".into()));
-        }
-        let frames = (clip.boxes_xywh.iter().enumerate())
-            .map(|(i, boxes)| {
-                let frame = labels.frame(boxes);
-                frame.map_err(|why| wrong(format!("frame {i}: {why}")))
-            })
-            .collect::<Result<_, _>>()?;
-        clips.push(ClipTruth {
-            file: clip.file,
-            frames,
-        });
-    }
-    Ok(clips)
+    (clip_boxes::parse(text)?.into_iter().enumerate())
+        .map(|(index, clip)| {
+            let frames = (clip.frames.iter().enumerate())
+                .map(|(i, boxes)| {
+                    labels
+                        .frame(boxes)
+                        .map_err(|why| format!("frame {i}: {why}"))
+                })
+                .collect::<Result<_, _>>();
+            let file = clip.file;
+            match frames {
+                Ok(frames) => Ok(ClipTruth { file, frames }),
+                Err(why) => Err(ListFault::Value { index, file, why }),
+            }
+        })
+        .collect()
 }
 
 /// The truth of `--boxes`.
@@ -208,11 +168,12 @@ impl BoxFile {
             path: path.into(),
             fault,
         };
-        let text = std::fs::read_to_string(path).map_err(|error| wrong(error.into()))?;
+        let text =
+            std::fs::read_to_string(path).map_err(|error| wrong(ListFault::from(error).into()))?;
         if text.trim_start().starts_with('{') {
             return Self::pictures(path, categories);
         }
-        let clips = parse_boxes(&text, categories).map_err(wrong)?;
+        let clips = parse_boxes(&text, categories).map_err(|fault| wrong(fault.into()))?;
         Ok(Self::Clips(path.into(), clips))
     }
 

@@ -16,3 +16,4 @@ pub mod raster;
 pub mod registration;
 pub mod sensor;
 pub mod tier;
+pub mod tighten;
