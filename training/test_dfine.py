@@ -206,6 +206,17 @@ def test_deformable_sampling_reads_the_same_features_in_a_crop():
     torch.testing.assert_close(sample(features[:, 16:48, 24:56]), whole, atol=1e-5, rtol=1e-5)
 
 
+def test_a_step_moves_centres_no_further_than_edges():
+    model = seeded("d-fine-nwd")
+    middle = torch.tensor([0.5, 0.5, 14.0 / 640, 14.0 / 512])
+    for head in (model.model.enc_bbox_head, model.model.decoder.pre_bbox_head):
+        torch.nn.init.zeros_(head.head.layers[-1].weight)
+        torch.nn.init.constant_(head.head.layers[-1].bias, 0.1)
+        moved = (torch.logit(middle) + head(torch.zeros(128))).sigmoid() - middle
+        pixels = moved * torch.tensor([640.0, 512.0, 640.0, 512.0])
+        torch.testing.assert_close(pixels, torch.full((4,), 1.4), rtol=0.06, atol=0)
+
+
 def test_a_copy_has_its_own_canvas():
     model = seeded("d-fine")
     ema = copy.deepcopy(model)

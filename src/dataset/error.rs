@@ -1,6 +1,8 @@
 //! What keeps a set from being made.
 
 use crate::app::RunError;
+use crate::eval::EvalError;
+use crate::inference::DetectorError;
 use crate::media::clip_boxes::ListFault;
 use crate::media::image::ImageError;
 use crate::media::video::VideoError;
@@ -146,6 +148,18 @@ pub enum DatasetError {
     /// A real clip.
     #[error(transparent)]
     Video(#[from] VideoError),
+    /// The detector of tracks of real clips.
+    #[error(transparent)]
+    Model(#[from] DetectorError),
+    /// The tracker on real clips.
+    #[error(transparent)]
+    Follow(Box<EvalError>),
+}
+
+impl From<EvalError> for DatasetError {
+    fn from(error: EvalError) -> Self {
+        Self::Follow(Box::new(error))
+    }
 }
 
 /// What is wrong with the boxes of real clips.

@@ -113,7 +113,7 @@ pub fn dataset(arguments: &Arguments) -> Result<String, DatasetError> {
     if let Some(clips) = &clips {
         let threads = threads(arguments.threads.and_then(NonZeroUsize::new));
         let made = in_parallel(&filmed, threads, |index| {
-            clips.make(&recipe, index - rendered, *index, out)?;
+            clips.make(index - rendered, *index, out)?;
             bar.inc(1);
             progress.say(|| format!("{} of {left} scenes", bar.position()));
             Ok(())

@@ -2,7 +2,7 @@
 
 use super::coco::{Annotation, Origin, Picture, SceneRecord};
 use super::error::{DatasetError, RealFault};
-use super::recipe::{Real, Recipe};
+use super::recipe::Real;
 use super::shares::Split;
 use super::shoot::png;
 use super::store::{record_path, write};
@@ -13,8 +13,9 @@ use crate::models::flight::class::ObjectClass;
 use crate::models::optics::camera::PixelRect;
 use crate::models::optics::chip::{CHIP_PX, chip};
 use crate::models::optics::tighten::{NotTight, TightenParams, tighten};
+use crate::models::tracking::recognition::TrackClass;
 use crate::stop;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// File of the boxes in a folder of clips.
@@ -33,6 +34,7 @@ const STEADY_PX: f64 = 2.5; // [px]
 /// A folder of real clips, and what of it goes into the set.
 pub struct Clips {
     folder: PathBuf,
+    real: Real,
     /// By the names of their files.
     clips: Vec<Taken>,
     /// What the folder's boxes are, for the digest.
@@ -54,7 +56,83 @@ struct Known {
     look: Look,
 }
 
+/// A clip to be played.
+pub struct Filmed<'a> {
+    /// Its file.
+    pub path: PathBuf,
+    /// The part of a set that it belongs to.
+    pub split: Split,
+    labelled: &'a LabelledClip,
+}
+
+impl Filmed<'_> {
+    /// Its name.
+    pub fn name(&self) -> &str {
+        name(&self.labelled.file)
+    }
+}
+
 impl Clips {
+    /// All clips, to be played.
+    pub fn filmed(&self) -> impl Iterator<Item = Filmed<'_>> {
+        (self.clips.iter()).map(|taken| Filmed {
+            path: self.folder.join(&taken.labelled.file),
+            split: taken.split,
+            labelled: &taken.labelled,
+        })
+    }
+
+    /// The labels of a clip by number, and what they are: of two birds of a frame nobody says which is which.
+    pub fn objects(
+        &self,
+        filmed: &Filmed,
+    ) -> Result<BTreeMap<usize, (String, TrackClass)>, DatasetError> {
+        let labels: BTreeSet<&String> = filmed
+            .labelled
+            .frames
+            .iter()
+            .flat_map(BTreeMap::keys)
+            .collect();
+        (labels.into_iter().enumerate())
+            .map(|(number, label)| {
+                let class = self.real.class(label).map_err(|fault| self.wrong(fault))?;
+                Ok((number, (label.clone(), class.into())))
+            })
+            .collect()
+    }
+
+    /// What frame `index` of a clip holds: the numbers of the labels, and tight boxes, or loose ones where those are
+    /// not to be had.
+    pub fn boxes(
+        &self,
+        filmed: &Filmed,
+        index: usize,
+        frame: &ClipFrame,
+    ) -> Result<Vec<(usize, [f64; 4])>, DatasetError> {
+        let objects = self.objects(filmed)?;
+        let Some(boxes) = filmed.labelled.frames.get(index) else {
+            return Ok(Vec::new());
+        };
+        let found = annotations(&self.real, boxes, frame).map_err(|fault| self.wrong(fault))?;
+        let number = |seen: &Annotation| {
+            let known = objects
+                .iter()
+                .find(|(_, (label, _))| label.eq_ignore_ascii_case(&seen.model));
+            known.map(|(number, _)| *number)
+        };
+        let corners = |[x, y, w, h]: [f64; 4]| [x, y, x + w, y + h];
+        Ok((found.iter())
+            .filter_map(|seen| Some((number(seen)?, corners(seen.bbox))))
+            .collect())
+    }
+
+    fn wrong(&self, fault: RealFault) -> DatasetError {
+        DatasetError::Real {
+            path: self.folder.join(BOXES),
+            fault,
+        }
+    }
+
     /// The clips of `folder` as the recipe has them; `None` where it wants none.
     pub fn load(real: &Real, folder: Option<&Path>) -> Result<Option<Self>, DatasetError> {
         let folder = match (folder, real.pictures) {
@@ -108,6 +186,7 @@ impl Clips {
         });
         Ok(Some(Self {
             folder: folder.into(),
+            real: real.clone(),
             clips: clips.collect(),
             text,
         }))
@@ -124,16 +203,10 @@ impl Clips {
     }
 
     /// Takes the frames of clip `number`, which is scene `scene` of the set, and writes them, their record last.
-    pub fn make(
-        &self,
-        recipe: &Recipe,
-        number: u32,
-        scene: u32,
-        out: &Path,
-    ) -> Result<(), DatasetError> {
+    pub fn make(&self, number: u32, scene: u32, out: &Path) -> Result<(), DatasetError> {
         let taken = &self.clips[number as usize];
         let path = self.folder.join(&taken.labelled.file);
-        let mut known = self.know(&recipe.real, taken, &path)?;
+        let mut known = self.know(taken, &path)?;
         unsteady(&mut known);
         let looks: Vec<Look> = known.iter().map(|frame| frame.look.clone()).collect();
         let wanted: BTreeMap<usize, usize> = (thin(&looks, taken.pictures).into_iter())
@@ -179,15 +252,11 @@ impl Clips {
     }
 
     /// What is known of the frames of a clip that have boxes.
-    fn know(&self, real: &Real, taken: &Taken, path: &Path) -> Result<Vec<Known>, DatasetError> {
-        let wrong = |fault: RealFault| DatasetError::Real {
-            path: self.folder.join(BOXES),
-            fault,
-        };
+    fn know(&self, taken: &Taken, path: &Path) -> Result<Vec<Known>, DatasetError> {
         let mut clip = Clip::open(path, RATE_HZ)?;
         let (listed, frames) = (taken.labelled.frames.len(), clip.frames());
         if listed != frames {
-            return Err(wrong(RealFault::Length {
+            return Err(self.wrong(RealFault::Length {
                 clip: taken.labelled.file.clone(),
                 listed,
                 frames,
@@ -201,7 +270,8 @@ impl Clips {
             if stop::asked().is_some() {
                 return Err(DatasetError::Stopped);
             }
-            let annotations = annotations(real, boxes, &frame).map_err(wrong)?;
+            let annotations =
+                annotations(&self.real, boxes, &frame).map_err(|fault| self.wrong(fault))?;
             let Some(first) = annotations.first() else {
                 continue;
             };

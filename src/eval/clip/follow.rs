@@ -4,7 +4,6 @@
 //! a station under an open sky, which turns as the scenery in its pictures says, and stands still where none shows. A
 //! nominal pinhole turns pixels into angles, for the filter's motion is one of angles. Latency is none.
 
-use super::arguments::Arguments;
 use super::figures::State;
 use crate::components::capture::{ExposedFrame, Tier};
 use crate::components::detect::DetectionBatch;
@@ -20,20 +19,37 @@ use crate::models::optics::detection::Detection;
 use crate::models::optics::registration::Registration;
 use crate::models::optics::tier::PerTier;
 use crate::models::tracking::evidence::EvidenceParams;
-use crate::models::tracking::recognition::WINDOW_S;
+use crate::models::tracking::recognition::{Sequence, WINDOW_S};
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
 use crate::systems::track::recognise::Hung;
 use crate::systems::track::{GIVEN_UP, Situation, patience_s, step, take_in};
 use glam::{DVec2, DVec3};
-use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Ticks of the tracker's clock a second: whole numbers of them for all usual rates.
 const TICK_HZ: u32 = 90_000;
 
+/// What a follower is told.
+#[derive(Clone, Debug)]
+pub struct Following {
+    /// Horizontal field of view that the tracker counts on [deg].
+    pub fov_deg: f64,
+    /// Standard deviation of a detection's centre that it counts on [px].
+    pub centre_sigma_px: f64,
+    /// Least score from which on a detection starts a track.
+    pub start_score: f64,
+    /// The network that says what the tracks are, if any does.
+    pub recogniser: Option<PathBuf>,
+    /// Least probability with which its word counts as "a UAV".
+    pub uav_probability: f64,
+    /// Whether the last second of every track is kept, for [`Follower::sequences`].
+    pub keeps: bool,
+}
+
 /// The run's tracker at work on a clip.
-pub(super) struct Follower {
+pub struct Follower {
     clock: SimClock,
     params: TrackerParams,
     tracker: Tracker,
@@ -52,11 +68,9 @@ pub(super) struct Follower {
     lost_s: f64,
     /// The last frame that showed scenery [s].
     scenery_s: f64,
-    /// Share of the last second in which each track moved over the scenery, of those whose motion is known.
-    moved: BTreeMap<u32, f64>,
     /// Probability from which on a track is taken for a UAV, and those held as such in the last frame.
     uav_probability: f64,
-    believed: Vec<Followed>,
+    held: Vec<u32>,
 }
 
 /// How often the recogniser looks at tracks [s], and at how many: those of a run.
@@ -66,26 +80,23 @@ const RECOGNISED: usize = 8;
 /// Least motion over the scenery that counts as flight [px/s]: that of a run in its search camera.
 const MOVING_PXPS: f64 = 6.0; // [px/s]
 
-/// How far a small target moves from frame to frame at most, for what is called no UAV to go on with it [px].
-const NEAR_PX: f64 = 12.0; // [px]
-
 /// A track in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Followed {
+pub struct Followed {
     /// Identity.
-    pub(super) id: u32,
+    pub id: u32,
     /// Where the filter has it [px].
-    pub(super) px: DVec2,
+    pub px: DVec2,
     /// Larger side of its box [px].
-    pub(super) side_px: f64,
+    pub side_px: f64,
     /// Its detection's box in this frame [px].
-    pub(super) seen_px: Option<[f64; 4]>,
+    pub seen_px: Option<[f64; 4]>,
     /// Mean score.
-    pub(super) score: f64,
+    pub score: f64,
     /// Probability that it is a UAV, once the recogniser has looked at it.
-    pub(super) p_uav: Option<f64>,
+    pub p_uav: Option<f64>,
     /// Whether it is held as a UAV.
-    pub(super) as_uav: bool,
+    pub as_uav: bool,
 }
 
 /// Whether what may be a target is held as a UAV: from when the recogniser says so on, until the evidence is such that a run gives
@@ -99,13 +110,14 @@ fn is_held(before: bool, log_odds: f64, recognised: bool) -> bool {
 }
 
 impl Follower {
-    pub(super) fn new(
+    /// A tracker for pictures of a size at a rate, whose detections have these classes.
+    pub fn new(
         [width, height]: [u32; 2],
         rate_hz: f64,
         classes: &[String],
-        arguments: &Arguments,
+        following: &Following,
     ) -> Result<Self, EvalError> {
-        let pinhole = Pinhole::from_hfov(width, height, arguments.fov_deg.to_radians())
+        let pinhole = Pinhole::from_hfov(width, height, following.fov_deg.to_radians())
             .map_err(EvalError::FieldOfView)?;
         let defaults = scenario::TrackerConfig::default();
         Ok(Self {
@@ -116,9 +128,9 @@ impl Follower {
             params: TrackerParams {
                 nearest_to_centre: false,
                 linear_angles: false,
-                centre_sigma_px: arguments.centre_sigma_px,
+                centre_sigma_px: following.centre_sigma_px,
                 centre_sigma_rel: 0.0,
-                start_score: arguments.threshold.unwrap_or(0.0),
+                start_score: following.start_score,
                 reads: EvidenceParams {
                     min_quality: defaults.min_quality,
                     ..EvidenceParams::default()
@@ -140,10 +152,10 @@ impl Follower {
             tracker: Tracker::default(),
             pinhole,
             gallery: Gallery {
-                wanted: arguments.recogniser.is_some(),
+                wanted: following.keeps || following.recogniser.is_some(),
                 ..Gallery::default()
             },
-            recogniser: (arguments.recogniser.as_deref())
+            recogniser: (following.recogniser.as_deref())
                 .map(|path| OnnxRecogniser::load(path, "--recogniser"))
                 .transpose()?,
             recognises_s: 0.0,
@@ -153,14 +165,13 @@ impl Follower {
             pointing: Pointing::default(),
             lost_s: f64::NEG_INFINITY,
             scenery_s: f64::NEG_INFINITY,
-            moved: BTreeMap::new(),
-            uav_probability: arguments.uav_probability,
-            believed: Vec::new(),
+            uav_probability: following.uav_probability,
+            held: Vec::new(),
         })
     }
 
     /// Takes a frame's detections in; returns the tracks in view that are confirmed, or held as UAVs. `rgb8`: its pixels.
-    pub(super) fn look(
+    pub fn look(
         &mut self,
         t_s: f64,
         rgb8: &[u8],
@@ -225,7 +236,7 @@ impl Follower {
         let followed: Vec<Followed> = (self.tracker.table.tracks.iter())
             .filter_map(|track| {
                 let p_uav = track.recognition.map(|found| found.p_uav());
-                let before = self.believed.iter().any(|known| known.id == track.id);
+                let before = self.held.contains(&track.id);
                 let as_uav = seen(track, t_s)
                     && now.may_be_target(track)
                     && is_held(
@@ -250,16 +261,23 @@ impl Follower {
             })
             .filter(|followed| self.pinhole.contains(followed.px))
             .collect();
-        let believed = followed.iter().filter(|track| track.as_uav);
-        self.believed = believed.copied().collect();
+        let held = followed.iter().filter(|track| track.as_uav);
+        self.held = held.map(|track| track.id).collect();
         Ok(followed)
     }
 
-    /// Whether a detection lies on a track that was held as a UAV in the last frame.
-    pub(super) fn believes_in(&self, found: &Detection) -> bool {
-        let centre_px = DVec2::from(found.centre_px());
-        let near = |track: &Followed| track.px.distance(centre_px) < track.side_px.max(NEAR_PX);
-        self.believed.iter().any(near)
+    /// Every track with its last second, of which enough was seen.
+    pub fn sequences(&mut self) -> Vec<(&Track, Sequence)> {
+        let (table, t_s) = (&self.tracker.table, self.clock.t_s());
+        self.gallery.tidy(table);
+        let sky_known = t_s - self.lost_s > WINDOW_S;
+        let last_second = |track| Some((track, self.gallery.sequence(track, t_s, sky_known)?));
+        table.tracks.iter().filter_map(last_second).collect()
+    }
+
+    /// Tick of the last frame, on the tracker's clock.
+    pub fn tick(&self) -> u64 {
+        self.clock.tick
     }
 
     /// Turns the camera as the scenery moved since the picture before.
@@ -291,28 +309,11 @@ impl Follower {
         };
         self.recognises_s = t_s + RECOGNISES_EVERY_S;
         self.gallery.tidy(table);
-        self.moved.retain(|id, _| table.get(*id).is_some());
         let sky_known = t_s - self.lost_s > WINDOW_S;
         let (first, at) = (self.tracker.target, (t_s, sky_known));
         let found = (self.gallery).recognise(model, table, first, RECOGNISED, at)?;
         for (id, found) in found {
             if let Some(track) = table.get_mut(id) {
-                let sequence = self.gallery.sequence(track, t_s, sky_known);
-                if let Some(flight) = sequence.and_then(|sequence| sequence.flight) {
-                    // A young track must have come further than its places err.
-                    let least_rad = self.params.centre_sigma_px * self.pinhole.ifov_rad();
-                    let rate_radps = flight.rate_radps.length();
-                    let moves = rate_radps > self.params.moving_radps
-                        && rate_radps * flight.span_s > least_rad;
-                    let moves = f64::from(u8::from(moves));
-                    let moved = self.moved.entry(id).or_insert(moves);
-                    *moved += RECOGNISES_EVERY_S / WINDOW_S * (moves - *moved);
-                    // What stands still over scenery is part of it: in a clip no radar and no closer look says otherwise.
-                    if *moved < 0.5 {
-                        let again_s = t_s + 2.0 * RECOGNISES_EVERY_S;
-                        track.barred_until_s = track.barred_until_s.max(again_s);
-                    }
-                }
                 track.recognition = Some(match track.recognition {
                     Some(before) => found.after(&before),
                     None => found,
@@ -349,115 +350,11 @@ impl Follower {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::num::NonZeroUsize;
-    use std::path::{Path, PathBuf};
-
-    const SIZE_PX: [u32; 2] = [320, 240];
-
-    fn follower() -> Follower {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
-        let arguments = Arguments {
-            files: Vec::new(),
-            model: root.join("boresight-p2-roi.onnx"),
-            out: PathBuf::new(),
-            threshold: Some(0.2),
-            boxes: None,
-            category: Vec::new(),
-            recogniser: Some(root.join("recogniser.onnx")),
-            uav_probability: 0.5,
-            fov_deg: 1.0,
-            centre_sigma_px: 2.0,
-            rate_hz: 30.0,
-            threads: NonZeroUsize::new(1),
-        };
-        let classes = ["quadcopter".to_string()];
-        Follower::new(SIZE_PX, 30.0, &classes, &arguments).unwrap()
-    }
-
-    /// A camera that pans by 3 px a frame over scenery, or over a bare sky, and two detections: one of something that stays where
-    /// the scenery has it, one that flies 3 px a frame the other way. Whether each is left alone at the end.
-    fn left_alone(scenery: bool) -> [bool; 2] {
-        let [width, height] = SIZE_PX;
-        let mut follower = follower();
-        for k in 0..36 {
-            let panned_px = 3.0 * f64::from(k);
-            let places = [[220.0 - panned_px, 150.0], [60.0 + panned_px, 60.0]];
-            let mut rgb8 = Vec::new();
-            for y in 0..height {
-                for x in 0..width {
-                    let (x, y) = (f64::from(x), f64::from(y));
-                    let u = x + panned_px;
-                    let waves = [
-                        0.31 * u + 0.12 * y,
-                        0.13 * u - 0.29 * y,
-                        0.07 * u + 0.45 * y,
-                    ];
-                    let texture: f64 = waves.iter().map(|phase| 15.0 * phase.sin()).sum();
-                    let dark = (places.iter()).any(|[px, py]| (x - px).hypot(y - py) < 6.0);
-                    let level = if dark {
-                        30.0
-                    } else {
-                        140.0 + if scenery { texture } else { 0.0 }
-                    };
-                    rgb8.extend([level as u8; 3]);
-                }
-            }
-            let found =
-                places.map(|[x, y]| Detection::new([x - 6.0, y - 6.0, x + 6.0, y + 6.0], 0.9, 0));
-            follower.look(f64::from(k) / 30.0, &rgb8, &found).unwrap();
-        }
-        let t_s = follower.clock.t_s();
-        let cam_enu = (follower
-            .pointing
-            .pose(DVec3::ZERO, OpticalPath::OnGimbal, DVec3::ZERO))
-        .q_enu_cam
-        .inverse();
-        [[220.0 - 105.0, 150.0], [60.0 + 105.0, 60.0]].map(|place| {
-            let near = |track: &&Track| {
-                let los_enu = az_el_to_los(track.filter.predicted(t_s).az_el_rad());
-                let px = follower.pinhole.project(cam_enu * los_enu).unwrap();
-                px.distance(place.into()) < 8.0
-            };
-            follower
-                .tracker
-                .table
-                .tracks
-                .iter()
-                .find(near)
-                .unwrap()
-                .is_barred(t_s)
-        })
-    }
-
-    #[test]
-    fn what_stands_still_over_scenery_is_no_target_however_the_camera_pans() {
-        assert_eq!(left_alone(true), [true, false]);
-        // Without scenery nobody knows which of the two moves.
-        assert_eq!(left_alone(false), [false, false]);
-    }
 
     #[test]
     fn a_uav_is_held_until_a_run_would_give_it_up() {
         assert!(is_held(false, 0.1, true));
         assert!(!is_held(false, 0.1, false) && !is_held(false, -0.1, true));
         assert!(is_held(true, GIVEN_UP, false) && !is_held(true, GIVEN_UP - 0.1, true));
-    }
-
-    #[test]
-    fn what_is_called_no_uav_goes_on_with_what_is_taken_for_one() {
-        let mut follower = follower();
-        let found = |x: f64| Detection::new([x - 6.0, 50.0, x + 6.0, 62.0], 0.5, 1);
-        let track = Followed {
-            id: 0,
-            px: DVec2::new(100.0, 56.0),
-            side_px: 10.0,
-            seen_px: None,
-            score: 0.5,
-            p_uav: Some(0.9),
-            as_uav: true,
-        };
-        assert!(!follower.believes_in(&found(104.0)));
-        follower.believed = vec![track];
-        assert!(follower.believes_in(&found(104.0)) && !follower.believes_in(&found(130.0)));
     }
 }

@@ -3,7 +3,7 @@
 mod arguments;
 mod draw;
 pub mod figures;
-mod follow;
+pub mod follow;
 mod page;
 mod play;
 pub mod truth;
@@ -20,6 +20,7 @@ pub use arguments::Arguments;
 use arguments::{command, folder_names};
 use figures::{Evaluation, Tally};
 use play::play;
+pub use play::weak_score;
 use std::path::{Path, PathBuf};
 use truth::BoxFile;
 

@@ -3,7 +3,7 @@
 use super::arguments::Arguments;
 use super::draw::{draw, inset};
 use super::figures::{ClipFigures, Tally, TrackFigures, inside};
-use super::follow::{Followed, Follower};
+use super::follow::{Followed, Follower, Following};
 use super::truth::{BoxFile, FrameTruth};
 use crate::eval::EvalError;
 use crate::eval::detector::metrics::{AnnotatedImage, Truth};
@@ -167,7 +167,7 @@ pub(super) fn play(
                 model.detect(frame.picture.as_raw(), size_px, &mut Vec::new())?;
                 let overlay = folder.join("overlay.mp4");
                 at_work.insert((
-                    Follower::new(size_px, rate_hz, model.classes(), arguments)?,
+                    Follower::new(size_px, rate_hz, model.classes(), &following(arguments))?,
                     Writer::create(&overlay, size_px, rate_hz)?,
                 ))
             }
@@ -225,12 +225,10 @@ fn look(
 ) -> Result<Moment, EvalError> {
     let mut found = Vec::new();
     model.detect(frame.picture.as_raw(), frame.size_px(), &mut found)?;
-    let threshold = arguments.threshold.unwrap_or(0.0);
-    let counts = |found: &&Detection| {
-        let believed = follower.believes_in(found);
-        counts(found.score, threshold, model.is_uav(found.label), believed)
-    };
-    let tracked: Vec<Detection> = found.iter().filter(counts).copied().collect();
+    let weak_score = weak_score(arguments.threshold.unwrap_or(0.0));
+    let tracked: Vec<Detection> = (found.iter().copied())
+        .filter(|detection| detection.score >= weak_score)
+        .collect();
     let followed = follower.look(frame.t_s, frame.picture.as_raw(), &tracked)?;
     found.retain(|detection| model.is_uav(detection.label));
     let sure = found.partition_point(|d| Some(d.score) >= arguments.threshold);
@@ -245,11 +243,21 @@ fn look(
     })
 }
 
-/// Whether the tracker gets a detection. What is called no UAV is no false alarm and starts no track. It goes on with one
-/// that is `believed`, taken for a UAV; so does what scores less than the threshold, as far as a run keeps that.
-pub(super) fn counts(score: f64, threshold: f64, called_uav: bool, believed: bool) -> bool {
-    let weak_score = DetectorConfig::default().weak_share * threshold;
-    score >= threshold && called_uav || score >= weak_score && believed
+/// Least score of what the tracker gets, which starts tracks from `threshold` on: that of a run.
+pub fn weak_score(threshold: f64) -> f64 {
+    DetectorConfig::default().weak_share * threshold
+}
+
+/// What the tracker is told.
+fn following(arguments: &Arguments) -> Following {
+    Following {
+        fov_deg: arguments.fov_deg,
+        centre_sigma_px: arguments.centre_sigma_px,
+        start_score: arguments.threshold.unwrap_or(0.0),
+        recogniser: arguments.recogniser.clone(),
+        uav_probability: arguments.uav_probability,
+        keeps: false,
+    }
 }
 
 /// Whether a frame is shown on the contact sheet, whose pictures are spread evenly over the clip: it is the

@@ -279,14 +279,3 @@ fn a_moving_blob_is_found_and_followed() {
         assert!(message.contains(expected), "{message}");
     }
 }
-
-#[test]
-fn a_weak_detection_goes_on_with_what_is_believed_to_be_a_uav() {
-    let counts = |score: f64, called_uav: bool, believed: bool| {
-        super::play::counts(score, 0.4, called_uav, believed)
-    };
-    assert!(counts(0.4, true, false) && counts(0.4, false, true));
-    assert!(!counts(0.4, false, false) && !counts(0.39, true, false));
-    // From half the threshold on, as in a run.
-    assert!(counts(0.2, true, true) && !counts(0.19, true, true));
-}

@@ -1,0 +1,126 @@
+//! Tracks of clips of real cameras: detector and tracker as on `eval clip`, truth by the clips' boxes.
+
+use super::Arguments;
+use super::take::{InFrame, Of, Take};
+use crate::components::capture::Tier;
+use crate::dataset::DatasetError;
+use crate::dataset::real::{Clips, Filmed};
+use crate::dataset::recipe::Recipe;
+use crate::eval::clip::follow::{Follower, Following};
+use crate::eval::clip::weak_score;
+use crate::inference::OnnxDetector;
+use crate::media::video::Clip;
+use crate::models::optics::detection::Detection;
+use crate::parallel::{in_parallel, threads};
+use crate::scenario::DetectorConfig;
+use crate::stop;
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+/// Rate that is taken for a clip of numbered pictures [Hz].
+const RATE_HZ: f64 = 30.0; // [Hz]
+/// Field of view [deg] and error of a detection's centre [px] that the tracker counts on: those of `eval clip`.
+const FOV_DEG: f64 = 1.0; // [deg]
+const CENTRE_SIGMA_PX: f64 = 2.0; // [px]
+/// Frames whose truth is kept: those of more than the last second.
+const KEPT_FRAMES: usize = 128;
+
+/// Makes the tracks of every clip of a folder; what to tell the user.
+pub(super) fn tracks(
+    folder: &Path,
+    recipe: &Path,
+    arguments: &Arguments,
+) -> Result<String, DatasetError> {
+    let (recipe, _) = Recipe::load(recipe)?;
+    let Some(clips) = Clips::load(&recipe.real, Some(folder))? else {
+        return Ok(String::new());
+    };
+    let model = (arguments.model.clone()).unwrap_or_else(|| DetectorConfig::default().onnx_model);
+    // A model that cannot be used is told of before the work.
+    OnnxDetector::load(&model, 1)?;
+    let threads = threads(arguments.threads.and_then(NonZeroUsize::new));
+    let filmed: Vec<Filmed> = clips.filmed().collect();
+    let said = in_parallel(&filmed, threads, |filmed| {
+        let out = arguments.out.join(filmed.name());
+        if out.join("sequences.json").exists() {
+            return Ok::<_, DatasetError>(format!("{}: whole\n", out.display()));
+        }
+        let take = follow(filmed, &clips, &model, arguments.rate_hz)?;
+        let of = Of::Clip {
+            clip: filmed.name().into(),
+            split: filmed.split.name(),
+            model: model.clone(),
+            rate_hz: arguments.rate_hz,
+        };
+        let count = take.write(&out, of)?;
+        Ok(format!("{}: {count} sequences\n", out.display()))
+    })?;
+    Ok(said.concat())
+}
+
+/// Detector and tracker over a clip, and what is gathered of its tracks.
+fn follow(
+    filmed: &Filmed,
+    clips: &Clips,
+    model: &Path,
+    rate_hz: u32,
+) -> Result<Take, DatasetError> {
+    let mut model = OnnxDetector::load(model, 1)?;
+    let threshold = model.score_threshold_video();
+    let mut clip = Clip::open(&filmed.path, RATE_HZ)?;
+    let mut take = Take::of(clips.objects(filmed)?);
+    let mut at_work: Option<Follower> = None;
+    let mut next_s = 1.0 / f64::from(rate_hz);
+    for index in 0.. {
+        let Some(frame) = clip.next_frame()? else {
+            break;
+        };
+        if stop::asked().is_some() {
+            return Err(DatasetError::Stopped);
+        }
+        let rgb8 = frame.picture.as_raw();
+        let mut found: Vec<Detection> = Vec::new();
+        model.detect(rgb8, frame.size_px(), &mut found)?;
+        found.retain(|detection| detection.score >= weak_score(threshold));
+        let follower = match &mut at_work {
+            Some(follower) => follower,
+            None => {
+                let following = Following {
+                    fov_deg: FOV_DEG,
+                    centre_sigma_px: CENTRE_SIGMA_PX,
+                    start_score: threshold,
+                    recogniser: None,
+                    uav_probability: 0.5,
+                    keeps: true,
+                };
+                let rate_hz = clip.rate_hz();
+                at_work.insert(Follower::new(
+                    frame.size_px(),
+                    rate_hz,
+                    model.classes(),
+                    &following,
+                )?)
+            }
+        };
+        follower.look(frame.t_s, rgb8, &found)?;
+        let truth = (clips.boxes(filmed, index, &frame)?.into_iter())
+            .map(|(object, box_px)| InFrame {
+                object,
+                box_px,
+                range_m: None,
+            })
+            .collect();
+        take.frames
+            .push_back((follower.tick(), Tier::Coarse, truth));
+        if take.frames.len() > KEPT_FRAMES {
+            take.frames.pop_front();
+        }
+        if frame.t_s + 1e-9 >= next_s {
+            next_s += 1.0 / f64::from(rate_hz);
+            for (track, sequence) in follower.sequences() {
+                take.keep(track, &sequence, frame.t_s, false);
+            }
+        }
+    }
+    Ok(take)
+}
