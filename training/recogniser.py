@@ -43,6 +43,7 @@ REDRAWN = 0.4
 # light and the haze of where it flew; in the world it may be either.
 RETONED = 0.3
 SURE = 0.95  # the laser fires from this one on (`engage.min_uav_probability`)
+RENDERED, REAL, REAL_KEPT = 0, 1, 2  # where tracks come from
 LIGHTS = ("Day", "LowSun", "Dusk")  # as a scenario's description names it
 
 
@@ -61,13 +62,13 @@ class Tracks:
     run: np.ndarray  # i64 [N]
     size_px: np.ndarray  # f32 [N]
     light: np.ndarray  # i64 [N]: which of `LIGHTS`; -1 where the scenario does not say
+    source: np.ndarray  # i64 [N]: RENDERED, REAL, or REAL_KEPT for clips that the recipe keeps for validation
 
     def __len__(self) -> int:
         return len(self.labels)
 
     def only(self, keep: np.ndarray) -> "Tracks":
-        return Tracks(self.chips, self.index[keep], self.features[keep], self.labels[keep], self.track[keep], self.run[keep], self.size_px[keep],
-                      self.light[keep])  # fmt: skip
+        return Tracks(self.chips, *(getattr(self, field.name)[keep] for field in fields(self)[1:]))
 
     def and_those(self, other: "Tracks") -> "Tracks":
         """These and others, whose runs and tracks stay their own."""
@@ -88,7 +89,7 @@ def load(folders: list[Path]) -> Tracks:
     found = sorted({path.parent for folder in folders for path in folder.rglob("sequences.json")})
     if not found:
         raise SystemExit(f"{', '.join(map(str, folders))}: no sequences.json below; make some with `boresight tracks`")
-    chips, index, features, labels, track, run, size, light = [], [], [], [], [], [], [], []
+    chips, index, features, labels, track, run, size, light, source = [], [], [], [], [], [], [], [], []
     first = tracks = 0
     for number, folder in enumerate(found):
         sheet = json.loads((folder / "sequences.json").read_text())
@@ -113,9 +114,10 @@ def load(folders: list[Path]) -> Tracks:
         run += [number] * len(rows)
         size += [row["size_px"] for row in rows]
         light += [light_of(Path(sheet.get("scenario", "")))] * len(rows)
+        source += [RENDERED if "clip" not in sheet else REAL_KEPT if sheet["split"] == "val" else REAL] * len(rows)
     chips.append(np.zeros((1, CHIP, CHIP, 3), np.uint8))
     return Tracks(np.concatenate(chips), np.concatenate(index), np.concatenate(features).astype(np.float32),
-                  np.array(labels), np.array(track), np.array(run), np.array(size, np.float32), np.array(light))  # fmt: skip
+                  np.array(labels), np.array(track), np.array(run), np.array(size, np.float32), np.array(light), np.array(source))  # fmt: skip
 
 
 def light_of(scenario: Path) -> int:
@@ -133,14 +135,17 @@ def track_weights(tracks: Tracks) -> np.ndarray:
 
 
 def sampling_weights(tracks: Tracks) -> np.ndarray:
-    """Classes alike but for UAVs, which have as much as all others; in a class each track by the root of its length."""
+    """Classes alike but for UAVs, which have as much as all others; in a class rendered and real ones alike, and of those
+    each track by the root of its length."""
     counts = np.bincount(tracks.track)
     weights = 1.0 / np.sqrt(counts[tracks.track])
-    for k in range(len(CLASSES)):
+    others = len(set(tracks.labels) - {0})
+    for k in set(tracks.labels):
         mine = tracks.labels == k
-        if mine.any():
-            present = len(set(tracks.labels) - {0})
-            weights[mine] *= (1.0 if k == 0 else 1.0 / present) / weights[mine].sum()
+        sources = set(tracks.source[mine])
+        for source in sources:
+            part = mine & (tracks.source == source)
+            weights[part] *= (1.0 if k == 0 else 1.0 / others) / len(sources) / weights[part].sum()
     return weights / weights.sum()
 
 
@@ -415,6 +420,7 @@ def measures(p: np.ndarray, tracks: Tracks) -> dict:
     }  # fmt: skip
     bands = [{"from_px": low, "to_px": None if high > 1e8 else high} | part((tracks.size_px >= low) & (tracks.size_px < high))
              for low, high in BANDS_PX]  # fmt: skip
+    sources = {"rendered": part(tracks.source == RENDERED), "real": part(tracks.source == REAL), "real, kept": part(tracks.source == REAL_KEPT)}
     lights = {name: part(tracks.light == k) for k, name in enumerate(LIGHTS) if (tracks.light == k).any()}
     return {
         "sequences": len(tracks), "tracks": len(set(tracks.track.tolist())), "runs": len(set(tracks.run.tolist())),
@@ -425,7 +431,8 @@ def measures(p: np.ndarray, tracks: Tracks) -> dict:
         "accuracy": float(((p.argmax(1) == labels) * w).sum()),
         "uav_recall": mean(p[:, 0] >= 0.5, uav),
         "false_uav": {n: mean(p[:, 0] >= 0.5, labels == i) for i, n in enumerate(CLASSES) if i},
-        "confusion": confusion, "by_size": bands, "by_light": lights, "reliability_uav": rows,
+        "confusion": confusion, "by_size": bands, "by_light": lights,
+        "by_source": {name: row for name, row in sources.items() if row["sequences"]}, "reliability_uav": rows,
     }  # fmt: skip
 
 
@@ -511,11 +518,12 @@ def milliseconds(graph: bytes, tracks: int = 8, runs: int = 50) -> float:
 
 
 def split(tracks: Tracks, held_out: float, seed: int) -> tuple[Tracks, Tracks, Tracks]:
-    """Training, calibration and test, by whole runs."""
-    runs = np.unique(tracks.run)
+    """Training, calibration and test, by whole runs; the clips that the recipe keeps are all test."""
+    kept = np.unique(tracks.run[tracks.source == REAL_KEPT])
+    runs = np.setdiff1d(np.unique(tracks.run), kept)
     np.random.default_rng(seed).shuffle(runs)
     count = max(1, round(held_out * len(runs)))
-    test, calibration = runs[:count], runs[count : 2 * count]
+    test, calibration = np.concatenate([runs[:count], kept]), runs[count : 2 * count]
     inside = lambda some: np.isin(tracks.run, some)
     return tracks.only(~inside(np.concatenate([test, calibration]))), tracks.only(inside(calibration)), tracks.only(inside(test))
 

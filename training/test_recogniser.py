@@ -41,7 +41,7 @@ def made(tracks: int = 40, per_track: int = 4, seed: int = 3) -> r.Tracks:
     index[rng.random(index.shape) < 0.1] = -1
     features[index < 0] = 0
     track = np.repeat(np.arange(tracks), per_track)
-    return r.Tracks(chips, index, features, labels, track, track // 4, np.full(count, 12.0, np.float32), np.full(count, -1))
+    return r.Tracks(chips, index, features, labels, track, track // 4, np.full(count, 12.0, np.float32), np.full(count, -1), np.zeros(count, int))
 
 
 def test_names_are_those_of_the_program():
@@ -285,3 +285,17 @@ def test_engagements_become_scenarios_for_tracks():
         # At half a kilometre, in a field of 8.7 by 6.5 m.
         assert 0 < np.abs(np.array(other["start_enu_m"]) - path["start_enu_m"]).max() < 2.1
     assert track_scenarios.of_drawn(drawn.format(1, track_scenarios.JUDGED_CITIES[0]), 4.0) is None
+
+
+def test_kept_clips_are_test_alone_and_real_ones_are_half_of_a_class():
+    one = made(24)
+    one.source[:] = np.where(one.run == 0, r.REAL_KEPT, np.where(one.run == 1, r.REAL, r.RENDERED))
+    learn, calibrate, test = r.split(one, 0.2, 1)
+    for part in (learn, calibrate):
+        assert not (part.source == r.REAL_KEPT).any()
+    assert set(one.run[one.source == r.REAL_KEPT]) <= set(test.run)
+    weights = r.sampling_weights(one.only(one.source != r.REAL_KEPT))
+    kept = one.only(one.source != r.REAL_KEPT)
+    for label in set(kept.labels):
+        shares = [weights[(kept.labels == label) & (kept.source == source)].sum() for source in (r.RENDERED, r.REAL)]
+        assert min(shares) == 0 or abs(shares[0] - shares[1]) < 1e-12

@@ -203,6 +203,28 @@ def test_crops_keep_the_box_on_its_target(folder, monkeypatch):
     assert sum(len(empty[n][1]["boxes"]) for n in range(5)) == 0
 
 
+def test_crops_come_from_each_source_by_its_share(folder, tmp_path):
+    for part in ("rendered", "both"):
+        (tmp_path / part).mkdir()
+        coco = json.loads((folder / "train" / "annotations.json").read_text())
+        for image in coco["images"]:
+            image["file_name"] = str(folder / "train" / image["file_name"])
+            image["source"] = "real" if part == "both" and image["id"] <= 2 else "rendered"
+        (tmp_path / part / "annotations.json").write_text(json.dumps(coco))
+    both = Frames(tmp_path / "both")
+    assert both.real.tolist() == [True, True, False, False, False, False]
+    used: list[int] = []
+    whole = both.picture
+    both.picture = lambda k: used.append(k) or whole(k)
+    for real, low, high in ((0.0, 0, 0), (0.25, 15, 45), (1.0, 120, 120)):
+        crops = Crops(both, 3, procedural=0.0, real=real)
+        used.clear()
+        for n in range(120):
+            crops.cut(np.random.default_rng(n))
+        assert low <= sum(k < 2 for k in used) <= high
+    assert len(Crops(Frames(tmp_path / "rendered"), 3, real=0.5).pools) == 1  # a set of one source is cut from that alone
+
+
 def test_crops_about_false_alarms(folder, tmp_path):
     frames = Frames(folder / "train")
     file = tmp_path / "hard.json"

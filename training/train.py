@@ -45,7 +45,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--ema", type=float, default=0.999, help="decay of the averaged weights")
     parser.add_argument("--clip", type=float, default=10.0, help="largest norm of the gradient")
     parser.add_argument("--procedural", type=float, default=0.15, help="share of procedural pictures beside a data set")
-    parser.add_argument("--real", type=float, default=0.5, help="share of the crops that are cut from real pictures, where the set holds both")
+    parser.add_argument("--real", type=float, help="share of the crops that are cut from real pictures (default: what the set's recipe says)")
     parser.add_argument("--hard", type=Path, help="false alarms by mine.py, to be cut out more often")
     parser.add_argument("--crop", type=int, default=256, help="side of a training picture, a multiple of 64 [px]")
     parser.add_argument("--bf16", action="store_true", help="multiply in bfloat16: half the time where the CPU or GPU has it in hardware")
@@ -98,6 +98,12 @@ def load_weights(model: torch.nn.Module, path: Path) -> None:
     print(f"{path}: {len(fit)} of {len(own)} tensors taken over")
 
 
+def real_share(data: str) -> float:
+    """The share of crops from real pictures that a set's recipe says; half of them where it says nothing."""
+    about = Path(data) / "dataset.json"
+    return float(json.loads(about.read_text()).get("real_crops", 0.5)) if about.is_file() else 0.5
+
+
 def groups(model: torch.nn.Module, decay: float) -> list[dict]:
     """Weights with decay; biases and normalisation without."""
     named = [p for p in model.parameters() if p.requires_grad]
@@ -130,6 +136,7 @@ def main() -> None:
     if args.hard and not frames:
         raise SystemExit("--hard: false alarms are of a data set; give --data")
     hard = false_alarms(args.hard, frames) if args.hard else None
+    args.real = real_share(args.data) if args.real is None else args.real
     crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard, real=args.real)
     args.out.mkdir(parents=True, exist_ok=True)
     if args.init:

@@ -16,6 +16,7 @@ mod experiments;
 mod flight;
 mod live;
 mod real_city;
+mod real_pictures;
 mod rendering;
 mod shipped;
 mod stations;
