@@ -101,15 +101,15 @@ impl Clips {
             .collect()
     }
 
-    /// What frame `index` of a clip holds: the numbers of the labels, and tight boxes, or loose ones where those are
-    /// not to be had.
+    /// What frame `index` of a clip holds: the numbers of its [`Self::objects`], and tight boxes, or loose ones where those
+    /// are not to be had.
     pub fn boxes(
         &self,
         filmed: &Filmed,
+        objects: &BTreeMap<usize, (String, TrackClass)>,
         index: usize,
         frame: &ClipFrame,
     ) -> Result<Vec<(usize, [f64; 4])>, DatasetError> {
-        let objects = self.objects(filmed)?;
         let Some(boxes) = filmed.labelled.frames.get(index) else {
             return Ok(Vec::new());
         };

@@ -22,7 +22,9 @@ use crate::scenario::Scenario;
 use crate::stop;
 use bevy::prelude::World;
 use clap::Args;
+use clips::Wanted;
 use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use take::{InFrame, Of, Take};
 
@@ -107,7 +109,14 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
         said += &format!("{}: {count} sequences\n", folder.display());
     }
     if let (Some(clips), Some(recipe)) = (&arguments.real, &arguments.recipe) {
-        said += &clips::tracks(clips, recipe, arguments)?;
+        said += &clips::tracks(&Wanted {
+            clips,
+            recipe,
+            out: &arguments.out,
+            model: arguments.model.as_deref(),
+            rate_hz: arguments.rate_hz,
+            threads: arguments.threads.and_then(NonZeroUsize::new),
+        })?;
     }
     Ok(said)
 }

@@ -186,7 +186,7 @@ fn real_clips_join_a_data_set_and_leave_tracks() {
     tracks
         .args(["tracks", "--real", real, "--recipe"])
         .arg(&recipe)
-        .arg("--out")
+        .args(["--model", "assets/models/saliency.onnx", "--out"])
         .arg(folder.path().join("tracks"));
     let output = tracks.output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));

@@ -1,6 +1,5 @@
 //! Tracks of clips of real cameras: detector and tracker as on `eval clip`, truth by the clips' boxes.
 
-use super::Arguments;
 use super::take::{InFrame, Of, Take};
 use crate::components::capture::Tier;
 use crate::dataset::DatasetError;
@@ -25,32 +24,46 @@ const CENTRE_SIGMA_PX: f64 = 2.0; // [px]
 /// Frames whose truth is kept: those of more than the last second.
 const KEPT_FRAMES: usize = 128;
 
+/// What is made of a folder of clips.
+pub(super) struct Wanted<'a> {
+    /// The folder, and the recipe that says what its labels are.
+    pub(super) clips: &'a Path,
+    pub(super) recipe: &'a Path,
+    /// Where a folder is made for each clip.
+    pub(super) out: &'a Path,
+    /// The detector; that of scenarios by default.
+    pub(super) model: Option<&'a Path>,
+    /// Times a second that every track is written [Hz].
+    pub(super) rate_hz: u32,
+    /// Clips at once; all cores by default.
+    pub(super) threads: Option<NonZeroUsize>,
+}
+
 /// Makes the tracks of every clip of a folder; what to tell the user.
-pub(super) fn tracks(
-    folder: &Path,
-    recipe: &Path,
-    arguments: &Arguments,
-) -> Result<String, DatasetError> {
-    let (recipe, _) = Recipe::load(recipe)?;
-    let Some(clips) = Clips::load(&recipe.real, Some(folder))? else {
+pub(super) fn tracks(wanted: &Wanted) -> Result<String, DatasetError> {
+    let (recipe, _) = Recipe::load(wanted.recipe)?;
+    let Some(clips) = Clips::load(&recipe.real, Some(wanted.clips))? else {
         return Ok(String::new());
     };
-    let model = (arguments.model.clone()).unwrap_or_else(|| DetectorConfig::default().onnx_model);
+    let model = match wanted.model {
+        Some(model) => model.to_path_buf(),
+        None => DetectorConfig::default().onnx_model,
+    };
     // A model that cannot be used is told of before the work.
     OnnxDetector::load(&model, 1)?;
-    let threads = threads(arguments.threads.and_then(NonZeroUsize::new));
+    let threads = threads(wanted.threads);
     let filmed: Vec<Filmed> = clips.filmed().collect();
     let said = in_parallel(&filmed, threads, |filmed| {
-        let out = arguments.out.join(filmed.name());
+        let out = wanted.out.join(filmed.name());
         if out.join("sequences.json").exists() {
             return Ok::<_, DatasetError>(format!("{}: whole\n", out.display()));
         }
-        let take = follow(filmed, &clips, &model, arguments.rate_hz)?;
+        let take = follow(filmed, &clips, &model, wanted.rate_hz)?;
         let of = Of::Clip {
             clip: filmed.name().into(),
             split: filmed.split.name(),
             model: model.clone(),
-            rate_hz: arguments.rate_hz,
+            rate_hz: wanted.rate_hz,
         };
         let count = take.write(&out, of)?;
         Ok(format!("{}: {count} sequences\n", out.display()))
@@ -68,7 +81,8 @@ fn follow(
     let mut model = OnnxDetector::load(model, 1)?;
     let threshold = model.score_threshold_video();
     let mut clip = Clip::open(&filmed.path, RATE_HZ)?;
-    let mut take = Take::of(clips.objects(filmed)?);
+    let objects = clips.objects(filmed)?;
+    let mut take = Take::of(objects.clone());
     let mut at_work: Option<Follower> = None;
     let mut next_s = 1.0 / f64::from(rate_hz);
     for index in 0.. {
@@ -103,7 +117,7 @@ fn follow(
             }
         };
         follower.look(frame.t_s, rgb8, &found)?;
-        let truth = (clips.boxes(filmed, index, &frame)?.into_iter())
+        let truth = (clips.boxes(filmed, &objects, index, &frame)?.into_iter())
             .map(|(object, box_px)| InFrame {
                 object,
                 box_px,
