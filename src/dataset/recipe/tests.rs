@@ -25,7 +25,7 @@ fn what_is_absent_has_its_default() {
     assert_eq!((recipe.scenes, recipe.backgrounds.forest), (12, 0.5));
     assert_eq!(recipe.targets, Targets::default());
     assert_eq!(Recipe::parse("", "r.toml").unwrap(), Recipe::default());
-    for shipped in ["uav", "tiny"] {
+    for shipped in ["uav", "tiny", "hybrid"] {
         let path = format!("{}/recipes/{shipped}.toml", env!("CARGO_MANIFEST_DIR"));
         Recipe::load(Path::new(&path)).unwrap();
     }
