@@ -15,6 +15,7 @@ use crate::output::OutputError;
 use crate::scenario::InputError;
 use crate::scenario::catalogue::UavError;
 use crate::systems::capture::CaptureError;
+use crate::warning::StrictError;
 use std::path::PathBuf;
 
 /// Why a set cannot be made; each prints as one line.
@@ -145,6 +146,9 @@ pub enum DatasetError {
         /// What is wrong with it.
         fault: RealFault,
     },
+    /// Warnings where they are errors.
+    #[error(transparent)]
+    Strict(#[from] StrictError),
     /// A real clip.
     #[error(transparent)]
     Video(#[from] VideoError),

@@ -15,13 +15,14 @@ use crate::models::optics::chip::{CHIP_PX, chip};
 use crate::models::optics::tighten::{NotTight, TightenParams, tighten};
 use crate::models::tracking::recognition::TrackClass;
 use crate::stop;
+use crate::warning;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// File of the boxes in a folder of clips.
 const BOXES: &str = "boxes.json";
 /// Rate that is taken for a clip of numbered pictures [Hz]; no picture depends on it.
-const RATE_HZ: f64 = 30.0; // [Hz]
+pub const RATE_HZ: f64 = 30.0; // [Hz]
 /// How much larger than a box the chip is that tells frames apart, and by how many pixels more.
 const CHIP_SHARE: f64 = 1.5;
 const CHIP_MORE_PX: f64 = 4.0; // [px]
@@ -254,6 +255,7 @@ impl Clips {
     /// What is known of the frames of a clip that have boxes.
     fn know(&self, taken: &Taken, path: &Path) -> Result<Vec<Known>, DatasetError> {
         let mut clip = Clip::open(path, RATE_HZ)?;
+        warning::tell(clip.warnings())?;
         let (listed, frames) = (taken.labelled.frames.len(), clip.frames());
         if listed != frames {
             return Err(self.wrong(RealFault::Length {

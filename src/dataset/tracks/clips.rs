@@ -3,9 +3,9 @@
 use super::take::{InFrame, Of, Take};
 use crate::components::capture::Tier;
 use crate::dataset::DatasetError;
-use crate::dataset::real::{Clips, Filmed};
+use crate::dataset::real::{Clips, Filmed, RATE_HZ};
 use crate::dataset::recipe::Recipe;
-use crate::eval::clip::follow::{Follower, Following};
+use crate::eval::clip::follow::{CENTRE_SIGMA_PX, FOV_DEG, Follower, Following};
 use crate::eval::clip::weak_score;
 use crate::inference::OnnxDetector;
 use crate::media::video::Clip;
@@ -16,11 +16,6 @@ use crate::stop;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
-/// Rate that is taken for a clip of numbered pictures [Hz].
-const RATE_HZ: f64 = 30.0; // [Hz]
-/// Field of view [deg] and error of a detection's centre [px] that the tracker counts on: those of `eval clip`.
-const FOV_DEG: f64 = 1.0; // [deg]
-const CENTRE_SIGMA_PX: f64 = 2.0; // [px]
 /// Frames whose truth is kept: those of more than the last second.
 const KEPT_FRAMES: usize = 128;
 
@@ -53,7 +48,7 @@ pub(super) fn tracks(wanted: &Wanted) -> Result<String, DatasetError> {
     OnnxDetector::load(&model, 1)?;
     let threads = threads(wanted.threads);
     let filmed: Vec<Filmed> = clips.filmed().collect();
-    let said = in_parallel(&filmed, threads, |filmed| {
+    let made = in_parallel(&filmed, threads, |filmed| {
         let out = wanted.out.join(filmed.name());
         if out.join("sequences.json").exists() {
             return Ok::<_, DatasetError>(format!("{}: whole\n", out.display()));
@@ -67,8 +62,15 @@ pub(super) fn tracks(wanted: &Wanted) -> Result<String, DatasetError> {
         };
         let count = take.write(&out, of)?;
         Ok(format!("{}: {count} sequences\n", out.display()))
-    })?;
-    Ok(said.concat())
+    });
+    match made {
+        Ok(said) => Ok(said.concat()),
+        Err(DatasetError::Stopped) => {
+            let there = "clips that are whole stay; the same command goes on with the others";
+            Ok(stop::said(there).unwrap_or_default())
+        }
+        Err(error) => Err(error),
+    }
 }
 
 /// Detector and tracker over a clip, and what is gathered of its tracks.

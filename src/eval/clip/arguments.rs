@@ -1,5 +1,6 @@
 //! What the command line asks for, and the command that repeats it.
 
+use super::follow::{CENTRE_SIGMA_PX, FOV_DEG};
 use crate::output::quoted;
 use clap::Args;
 use std::num::NonZeroUsize;
@@ -31,11 +32,11 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME")]
     pub category: Vec<String>,
     /// Horizontal field of view that the tracker counts on [deg].
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = FOV_DEG)]
     pub fov_deg: f64,
     /// Standard deviation of a detection's centre that the tracker counts on [px]; on real pixels
     /// it is larger than the 0.5 px of a run.
-    #[arg(long, default_value_t = 2.0)]
+    #[arg(long, default_value_t = CENTRE_SIGMA_PX)]
     pub centre_sigma_px: f64,
     /// ONNX recogniser with the interface of training/README.md: the figures also say how often a track is
     /// held as a UAV.

@@ -31,6 +31,11 @@ use std::sync::Arc;
 /// Ticks of the tracker's clock a second: whole numbers of them for all usual rates.
 const TICK_HZ: u32 = 90_000;
 
+/// Horizontal field of view that the tracker counts on where nothing else is said [deg].
+pub const FOV_DEG: f64 = 1.0; // [deg]
+/// Standard deviation of a detection's centre that it counts on [px]; on real pixels it is larger than the 0.5 px of a run.
+pub const CENTRE_SIGMA_PX: f64 = 2.0; // [px]
+
 /// What a follower is told.
 #[derive(Clone, Debug)]
 pub struct Following {

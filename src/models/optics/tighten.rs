@@ -198,7 +198,7 @@ impl View {
             off.sort_by(f64::total_cmp);
             let median = 1.4826 * off[off.len() / 2]; // 1.4826: deviation over the median, of Gaussian noise
             for (kept, (off, around)) in kept.iter_mut().zip(contrast.iter().zip(&self.around)) {
-                *kept = *around && *off < OUTLIER * median.max(0.7);
+                *kept = *around && *off < OUTLIER * median.max(LEAST_NOISE);
             }
         }
         let (mut sum, mut count) = (0.0, 0usize);
