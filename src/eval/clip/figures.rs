@@ -5,6 +5,7 @@ use crate::eval::detector::metrics::{ALL, AnnotatedImage, Criterion, Matching};
 use crate::report::chart::Series;
 use glam::DVec2;
 use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -64,6 +65,8 @@ pub struct ClipFigures {
     pub size_px: [u32; 2],
     /// Mean rate [Hz].
     pub rate_hz: f64,
+    /// What its boxes are called.
+    pub labels: BTreeSet<String>,
     /// What was measured in it.
     #[serde(flatten)]
     pub figures: Figures,
@@ -133,6 +136,9 @@ pub struct Evaluation {
     /// All clips together.
     #[serde(flatten)]
     pub figures: Figures,
+    /// The clips of each label together: those that have a box called so.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub by_label: BTreeMap<String, Figures>,
     /// Figures of each clip, in the order of the command line.
     pub clips: Vec<ClipFigures>,
 }

@@ -21,6 +21,7 @@ use arguments::{command, folder_names};
 use figures::{Evaluation, Tally};
 use play::play;
 pub use play::weak_score;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use truth::BoxFile;
 
@@ -65,11 +66,13 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         threads,
         stopped: None,
         figures: Tally::default().figures(),
+        by_label: BTreeMap::new(),
         clips: Vec::new(),
     };
     let several = arguments.files.len() > 1;
     let names = folder_names(&arguments.files);
     let mut all = Tally::default();
+    let mut by_label: BTreeMap<String, Tally> = BTreeMap::new();
     let mut clips = Vec::new();
     let mut all_stopped = None;
     for (file, name) in arguments.files.iter().zip(&names) {
@@ -80,6 +83,12 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
         };
         let played = play(&mut model, file, name, truth.as_ref(), arguments, &folder)?;
         all.add(&played.tally);
+        for label in &played.clip.labels {
+            by_label
+                .entry(label.clone())
+                .or_default()
+                .add(&played.tally);
+        }
         clips.push(played.clip.clone());
         let stopped = stop::said(&format!(
             "{name} is played to {:.2} s; the same command plays all anew",
@@ -104,6 +113,9 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let evaluation = Evaluation {
         stopped: all_stopped,
         figures: all.figures(),
+        by_label: (by_label.into_iter())
+            .map(|(label, tally)| (label, tally.figures()))
+            .collect(),
         clips,
         ..head(&arguments.files)
     };

@@ -96,6 +96,8 @@ impl Evaluation {
         let clips = self.clips.iter().zip(names);
         let mut rows: Vec<_> = clips.map(|(clip, name)| row(name, &clip.figures)).collect();
         if rows.len() > 1 {
+            let labels = self.by_label.iter();
+            rows.extend(labels.map(|(label, of)| row(format!("all with a {label}"), of)));
             rows.push(row("all".into(), &self.figures));
         }
         rows

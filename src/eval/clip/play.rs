@@ -20,7 +20,7 @@ use crate::scenario::DetectorConfig;
 use crate::stop;
 use glam::DVec2;
 use image::RgbImage;
-use std::collections::{BTreeMap, btree_map::Entry};
+use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -134,6 +134,8 @@ struct Notes {
     trail: Vec<DVec2>,
     /// Text of `tracks.txt`.
     lines: String,
+    /// What boxes are called.
+    labels: BTreeSet<String>,
     sheet: Vec<Sheet>,
 }
 
@@ -208,6 +210,7 @@ pub(super) fn play(
         file: file.into(),
         size_px,
         rate_hz,
+        labels: BTreeSet::new(),
         figures: Tally::default().figures(),
         tracks: Vec::new(),
         states,
@@ -279,12 +282,14 @@ impl Notes {
             lives: BTreeMap::new(),
             trail: Vec::new(),
             lines: String::new(),
+            labels: BTreeSet::new(),
             sheet: Vec::new(),
         }
     }
 
     /// Takes in a frame; `joined` are identities of young tracks, and of the old ones that they are.
     fn take(&mut self, moment: &Moment, joined: &[JoinedTrack]) {
+        self.labels.extend(moment.boxes.labels.iter().cloned());
         self.scores(moment);
         self.join(joined);
         self.tracks(moment);
@@ -394,6 +399,7 @@ impl Notes {
             mut curves,
             images,
             lives,
+            labels,
             sheet,
             ..
         } = self;
@@ -403,6 +409,7 @@ impl Notes {
         let tracks = lives.into_iter();
         Played {
             clip: ClipFigures {
+                labels,
                 figures: tally.figures(),
                 tracks: tracks
                     .map(|(id, life)| life.figures(id, tally.known))

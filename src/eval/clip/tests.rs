@@ -21,6 +21,7 @@ fn boxes_are_read_by_label() {
     };
     assert_eq!(first.uavs[0].box_px, [10.0, 20.0, 14.0, 26.0]);
     assert_eq!(first.others, [[1.0, 1.0, 3.0, 3.0]]);
+    assert_eq!(Vec::from_iter(&first.labels), ["bird", "drone"]);
     assert!(rest.iter().all(|frame| *frame == FrameTruth::default()));
     assert_eq!(clips[1].frames[0].others, [[0.5, 0.0, 2.5, 1.0]]);
     let birds = parse_boxes(GOOD, &["bird".into()]).unwrap();
@@ -266,6 +267,24 @@ fn a_moving_blob_is_found_and_followed() {
     assert_eq!(lines.lines().count(), tracks[0].frames);
     let page = std::fs::read_to_string(arguments.out.join("clip.html")).unwrap();
     assert_eq!(page.matches("data:image/jpeg").count(), SHEET);
+    // Of several clips, those of each label are summed up.
+    let bird = root.path().join("bird");
+    std::fs::create_dir(&bird).unwrap();
+    blob_folder(&bird, 12);
+    let list = serde_json::json!([
+        {"file": "blob", "frames": 60, "boxes_xywh": boxes},
+        {"file": "bird", "frames": 12, "boxes_xywh": vec![serde_json::json!({"Bird": [[1, 1, 9, 9]]}); 12]},
+    ]);
+    std::fs::write(root.path().join("boxes.json"), list.to_string()).unwrap();
+    let both = Arguments {
+        files: vec![arguments.files[0].clone(), bird],
+        ..arguments.clone()
+    };
+    let evaluation = evaluate(&both).unwrap();
+    let frames: Vec<_> = (evaluation.by_label.iter())
+        .map(|(label, of)| (label.as_str(), of.frames, of.boxes))
+        .collect();
+    assert_eq!(frames, [("bird", 12, Some(0)), ("drone", 60, Some(60))]);
     // Truth of other length, or of no such clip, is refused before the work.
     for (frames, name, expected) in [
         (59, "blob", "lists 59 frames"),

@@ -5,7 +5,7 @@ use crate::eval::detector::metrics::Truth;
 use crate::media::clip_boxes::{self, LabelledFrame, ListFault};
 use crate::media::video::{Clip, ClipFrame};
 use crate::warning::{self, StrictError};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Boxes of a frame [px].
@@ -15,6 +15,8 @@ pub struct FrameTruth {
     pub uavs: Vec<Truth>,
     /// Other things: x0, y0, x1, y1.
     pub others: Vec<[f64; 4]>,
+    /// What all these boxes are called.
+    pub labels: BTreeSet<String>,
 }
 
 /// Boxes of a clip.
@@ -112,6 +114,9 @@ impl Labels<'_> {
                     "whether '{label}' is a UAV is not clear; name the labels that are with --category"
                 )
             })?;
+            if !boxes.is_empty() {
+                frame.labels.insert(label.to_lowercase());
+            }
             for box_px in boxes {
                 let [x0, y0, x1, y1] = *box_px;
                 if uav {
@@ -262,6 +267,11 @@ impl BoxFile {
                 Ok(FrameTruth {
                     uavs: coco.truth[at].clone(),
                     others: coco.others[at].iter().map(|other| other.box_px).collect(),
+                    labels: (coco.category[at].iter())
+                        .filter_map(|id| coco.categories.get(id))
+                        .chain(coco.others[at].iter().map(|other| &other.name))
+                        .cloned()
+                        .collect(),
                 })
             }
         }

@@ -1,12 +1,13 @@
 //! What the evaluation measured, as `detector.json` has it.
 
 use super::metrics::{
-    AnnotatedImage, BANDS, Band, Criterion, Matching, mean_average_precision, recall_level,
+    ALL, AnnotatedImage, BANDS, Band, Criterion, Matching, mean_average_precision, recall_level,
 };
 use super::operating::Operating;
 use crate::report::page::number;
 use crate::report::statistics::MissStats;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -67,6 +68,9 @@ pub struct Evaluation {
     pub miss_distance_px: Miss,
     /// The same with the centre in the box as match, for loosely drawn boxes.
     pub centre_hit: CentreHit,
+    /// Figures of each source that the pictures name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub by_source: BTreeMap<String, OfSource>,
     /// What the model costs.
     #[serde(flatten)]
     pub cost: Cost,
@@ -122,6 +126,48 @@ impl Size {
             boxes: matching.boxes,
             ap50: matching.average_precision(),
             ap50_95: mean_average_precision(images, band),
+        }
+    }
+}
+
+/// Figures of the pictures of one source.
+#[derive(Debug, Serialize)]
+pub struct OfSource {
+    /// Number of pictures.
+    pub images: usize,
+    /// Boxes that count.
+    pub boxes: usize,
+    /// Average precision at an IoU of 0.5.
+    pub map50: Option<f64>,
+    /// Mean over IoU of 0.5 to 0.95.
+    pub map50_95: Option<f64>,
+    /// Average precision by the root of the box's area.
+    pub ap_by_size: BySize,
+    /// Largest recall with at most 0.1 false alarms a frame of this source, IoU of 0.5.
+    pub recall_at_fppi_0_1: Option<f64>,
+    /// Recall of the detections from the evaluation's threshold on, IoU of 0.5.
+    pub recall_at_threshold: Option<f64>,
+    /// False alarms a frame among them.
+    pub false_alarms_per_frame: f64,
+    /// Distance of the centres of detections and boxes that match at an IoU of 0.5.
+    pub miss_distance_px: Miss,
+}
+
+impl OfSource {
+    /// The figures of detections in some pictures, from a score of `threshold` on where they have one.
+    pub(super) fn of(images: &[AnnotatedImage], threshold: f64) -> Self {
+        let half = Matching::of(images, Criterion::Iou(0.5), ALL);
+        let (recall_at_threshold, false_alarms_per_frame) = half.at_score(threshold);
+        Self {
+            images: images.len(),
+            boxes: half.boxes,
+            map50: half.average_precision(),
+            map50_95: mean_average_precision(images, ALL),
+            ap_by_size: BySize::of(images),
+            recall_at_fppi_0_1: half.recall_at(FPPI).map(|(recall, _)| recall),
+            recall_at_threshold,
+            false_alarms_per_frame,
+            miss_distance_px: Miss::of(half.miss_distances_px(images)),
         }
     }
 }

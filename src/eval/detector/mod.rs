@@ -17,7 +17,9 @@ use crate::stop;
 use crate::warning;
 use clap::{Args, ValueEnum};
 use coco::{Coco, Half, Id, Picture};
-use figures::{BySize, CentreHit, Cost, Evaluation, FPPI, Miss, PrecisionRecall, Speed, Worst};
+use figures::{
+    BySize, CentreHit, Cost, Evaluation, FPPI, Miss, OfSource, PrecisionRecall, Speed, Worst,
+};
 use metrics::{ALL, AnnotatedImage, Criterion, Matching, Truth, mean_average_precision};
 use operating::Counted;
 use serde::Serialize;
@@ -157,10 +159,24 @@ fn measure(
         class_accuracy: class_accuracy(coco, model.classes(), images, &half),
         miss_distance_px: Miss::of(half.miss_distances_px(images)),
         centre_hit: CentreHit::of(images, &centre, threshold),
+        by_source: by_source(coco, images, threshold),
         cost,
         speed,
         worst: worst(coco, images, &half, recall),
     }
+}
+
+/// The figures of each source that the pictures name.
+fn by_source(coco: &Coco, images: &[AnnotatedImage], threshold: f64) -> BTreeMap<String, OfSource> {
+    let mut sources: BTreeMap<&String, Vec<AnnotatedImage>> = BTreeMap::new();
+    for (picture, image) in coco.pictures.iter().zip(images) {
+        if let Some(source) = &picture.source {
+            sources.entry(source).or_default().push(image.clone());
+        }
+    }
+    (sources.into_iter())
+        .map(|(source, images)| (source.clone(), OfSource::of(&images, threshold)))
+        .collect()
 }
 
 /// The command that repeats the evaluation.
@@ -399,7 +415,11 @@ mod tests {
             let name = format!("s{i}_0001.png");
             let bytes = picture([width, height], &[[x, y, r]]);
             std::fs::write(folder.path().join(&name), bytes).expect("written");
-            images.push(json!({"id": i, "file_name": name, "width": width, "height": height}));
+            let mut image = json!({"id": i, "file_name": name, "width": width, "height": height});
+            if i < 2 {
+                image["source"] = ["rendered", "real"][i].into();
+            }
+            images.push(image);
             annotations.push(json!({
                 "id": i, "image_id": i, "category_id": 1 + i % 2, "tight": i != 2,
                 "bbox": [x - r, y - r, 2.0 * r, 2.0 * r]
@@ -431,6 +451,11 @@ mod tests {
         let evaluation = evaluate(&arguments).expect("an evaluation");
         assert_eq!((evaluation.images, evaluation.boxes), (3, 2));
         assert_eq!(evaluation.ignored, 1);
+        let sources: Vec<_> = (evaluation.by_source.iter())
+            .map(|(name, of)| (name.as_str(), of.images, of.boxes, of.recall_at_threshold))
+            .collect();
+        let expected = ["real", "rendered"].map(|name| (name, 1, 1, Some(1.0)));
+        assert_eq!(sources, expected, "the third picture names none");
         assert_eq!(evaluation.threshold, 0.5, "the model's own");
         assert_eq!(evaluation.recall_at_threshold, Some(1.0));
         assert_eq!(evaluation.false_alarms_per_frame, 0.0);

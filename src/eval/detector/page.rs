@@ -16,6 +16,19 @@ use std::path::Path;
 /// Shortest side of a picture of a missed box or false alarm [px].
 const CROP_PX: f64 = 96.0;
 
+/// Head of the table of sources.
+const SOURCES: [&str; 9] = [
+    "source",
+    "pictures",
+    "boxes",
+    "mAP@50",
+    "mAP@50–95",
+    "AP@50 below 8 px",
+    "recall at 0.1 false alarms",
+    "recall at the threshold",
+    "false alarms a frame there",
+];
+
 fn share(value: Option<f64>) -> String {
     number(value, 4)
 }
@@ -150,6 +163,25 @@ impl Evaluation {
         alarms.chain(taken).collect()
     }
 
+    /// A row for each source.
+    fn source_rows(&self) -> Vec<Vec<String>> {
+        (self.by_source.iter())
+            .map(|(source, of)| {
+                vec![
+                    source.clone(),
+                    of.images.to_string(),
+                    of.boxes.to_string(),
+                    number(of.map50, 3),
+                    number(of.map50_95, 3),
+                    number(of.ap_by_size.below_8_px.ap50, 3),
+                    number(of.recall_at_fppi_0_1, 3),
+                    number(of.recall_at_threshold, 3),
+                    format!("{:.3}", of.false_alarms_per_frame),
+                ]
+            })
+            .collect()
+    }
+
     /// Threshold, recall and false alarms.
     fn threshold_rows(&self) -> Vec<Vec<String>> {
         (self.operating.over_threshold.iter())
@@ -172,6 +204,9 @@ impl Evaluation {
         let mut text: String = (rows.chain(self.distractor_rows()))
             .map(|(name, value)| format!("{name:<48} {value}\n"))
             .collect();
+        if !self.by_source.is_empty() {
+            text += &columns(&SOURCES, &self.source_rows(), 1);
+        }
         let rows: Vec<Vec<String>> = self.threshold_rows().into_iter().step_by(2).collect();
         text += &columns(&["threshold", "recall", "false alarms a frame"], &rows, 0);
         text += self.stopped.as_deref().unwrap_or_default();
@@ -270,6 +305,10 @@ fn body(evaluation: &Evaluation, [curve, chart]: [&Markup; 2], crops: &[Crop]) -
              Sizes are roots of the boxes' areas. Detections in ignored regions count neither for nor \
              against.",
         ))
+        @if !evaluation.by_source.is_empty() {
+            h2 { "By source" }
+            (table(&SOURCES, &evaluation.source_rows()))
+        }
         h2 { "What is no UAV" }
         (table(&["figure at the threshold", "value"], &others))
         (note(&intervals))

@@ -122,6 +122,8 @@ pub struct Picture {
     pub height: u32,
     /// The scene or clip that it is of, where the file says so.
     pub scene: Option<String>,
+    /// Where it comes from, such as `rendered` or `real`, where the file says so.
+    pub source: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -132,6 +134,7 @@ pub(super) struct RawPicture {
     width: Value,
     height: Value,
     scene: Value,
+    source: Value,
 }
 
 impl RawPicture {
@@ -153,6 +156,7 @@ impl RawPicture {
             width: side(&self.width),
             height: side(&self.height),
             scene,
+            source: self.source.as_str().map(str::to_owned),
         })
     }
 }
