@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Trains and evaluates every row of the paper's Table 1 on the same number of crops: `table1.md` and `table1.json`.
 
+A row is a model, or a model and the share of its crops that are of real pictures: `boresight-p2-roi@0`, `boresight-p2-roi@1`,
+`boresight-p2-roi@0.5` are rendered alone, real alone, and both.
 Stopped at any time, the same command goes on: finished rows are kept, a row in the making resumes. Rows are made seed by
 seed, so that a table of fewer seeds is whole.
 """
@@ -33,6 +35,22 @@ COLUMNS = (  # heading, keys in detector.json, digits
     ("GFLOPs", ("gflops",), 1),
     ("frames/s", ("frames_per_s",), 1),
 )
+# Of each source, where the evaluated pictures name theirs.
+BY_SOURCE = (("mAP@50", "map50"), ("recall at 0.1 false alarms", "recall_at_fppi_0_1"))
+
+
+def parted(row: str) -> tuple[str, float | None]:
+    """Model and share of real crops of a row; the share is the set's own where the row says none."""
+    model, at, share = row.partition("@")
+    if model not in models.NAMES:
+        raise SystemExit(f"--rows {row}: no such model; give {', '.join(models.NAMES)}, perhaps with @ and a share of real crops")
+    try:
+        share = float(share) if at else None
+    except ValueError:
+        share = -1.0
+    if share is not None and not 0 <= share <= 1:
+        raise SystemExit(f"--rows {row}: give a share of real crops from 0 to 1 after the @")
+    return model, share
 
 
 def run(command: list, log: Path) -> None:
@@ -56,19 +74,21 @@ def checked(folder: Path, wanted: dict) -> dict:
 
 def make(row: str, seed: int, args: argparse.Namespace) -> dict:
     """Trains, exports and evaluates a row with one seed, as far as it is not done yet."""
+    model_name, share = parted(row)
     folder = args.out / f"{row}-{seed}"
     result = folder / "eval" / "detector.json"
     settings = DFINE if row.startswith("d-fine") else PLAIN
     digest = hashlib.sha256((args.data / "train" / "annotations.json").read_bytes()).hexdigest()
-    wanted = {"model": row, "seed": seed, "steps": args.crops // settings["batch"], "crop": args.crop, "bf16": args.bf16, "data": digest}
-    wanted |= {k.replace("-", "_"): v for k, v in settings.items()}
+    wanted = {"model": model_name, "seed": seed, "steps": args.crops // settings["batch"], "crop": args.crop, "bf16": args.bf16, "data": digest}
+    wanted |= {k.replace("-", "_"): v for k, v in settings.items()} | ({} if share is None else {"real": share})
     if not result.exists():
         folder.mkdir(parents=True, exist_ok=True)
         options = [f"--{k}={v}" for k, v in settings.items()] + [f"--steps={args.crops // settings['batch']}"]
         options += [f"--crop={args.crop}", f"--seed={seed}", f"--threads={args.threads}", f"--workers={args.workers}"]
         options += ["--bf16"] if args.bf16 else []
+        options += [] if share is None else [f"--real={share}"]
         model = folder / "model.onnx"
-        run([sys.executable, HERE / "train.py", "--data", args.data, "--model", row, "--out", folder, "--resume", *options], folder / "log.txt")
+        run([sys.executable, HERE / "train.py", "--data", args.data, "--model", model_name, "--out", folder, "--resume", *options], folder / "log.txt")
         checked(folder, wanted)
         run([sys.executable, HERE / "export.py", folder / "last.pt", "--out", model], folder / "log.txt")
         evaluate = [args.boresight, "eval", "detector", "--model", model, "--data", args.data / "val", "--threads", args.threads]
@@ -95,13 +115,16 @@ def cell(values: list[float | None], digits: int, scale: float = 1.0) -> str:
 
 
 def table(results: list[dict], args: argparse.Namespace) -> str:
-    head = ["row", "seeds", "minutes", *(c[0] for c in COLUMNS)]
+    sources = sorted({source for r in results for source in r["figures"].get("by_source", {})})
+    of_sources = [(f"{source}: {name}", ("by_source", source, key), 3) for source in sources for name, key in BY_SOURCE]
+    all_columns = (*COLUMNS, *of_sources)
+    head = ["row", "seeds", "minutes", *(c[0] for c in all_columns)]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for row in args.rows:
         mine = [r for r in results if r["row"] == row]
         if mine:
             cells = [row, str(len(mine)), cell([r["minutes"] for r in mine], 0)]
-            cells += [cell([value(r["figures"], keys) for r in mine], digits, 1e-6 if keys == ("params",) else 1.0) for _, keys, digits in COLUMNS]
+            cells += [cell([value(r["figures"], keys) for r in mine], digits, 1e-6 if keys == ("params",) else 1.0) for _, keys, digits in all_columns]
             lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -113,12 +136,14 @@ def main() -> None:
     parser.add_argument("--crops", type=int, default=12_000, help="pictures that each row learns from")
     parser.add_argument("--crop", type=int, default=192, help="their side [px]")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
-    parser.add_argument("--rows", nargs="+", default=list(models.NAMES), choices=models.NAMES)
+    parser.add_argument("--rows", nargs="+", default=list(models.NAMES), help="models, perhaps with @ and a share of real crops")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--bf16", action="store_true", help="see train.py")
     parser.add_argument("--boresight", default=shutil.which("boresight") or "boresight", help="the program that evaluates")
     args = parser.parse_args()
+    for row in args.rows:
+        parted(row)
     args.out.mkdir(parents=True, exist_ok=True)
     results = []
     for seed in args.seeds:

@@ -414,7 +414,22 @@ def test_table_gives_mean_and_spread(tmp_path):
     column = {name: k for k, name in enumerate(rows[0])}
     assert rows[3][column["mAP@50"]] == "0.600 ± 0.141"  # sample standard deviation of 0.5 and 0.7: 0.1414
     assert rows[2][column["mAP@50"]] == "0.250" and rows[3][column["seeds"]] == "2"
+    assert not any("rendered" in name for name in column)  # no sources named, none shown
     assert rows[3][column["M parameters"]] == "0.35" and rows[3][column["miss distance mean [px]"]] == "–"
+
+
+def test_rows_may_differ_in_their_share_of_real_crops():
+    assert table1.parted("yolo-n") == ("yolo-n", None) and table1.parted("d-fine-nwd@0.5") == ("d-fine-nwd", 0.5)
+    for row in ("yolo", "yolo-n@", "yolo-n@1.5", "yolo-n@x", "@1"):
+        with pytest.raises(SystemExit, match=f"--rows {row}"):
+            table1.parted(row)
+    figures = {"map50": 0.5, "by_source": {"real": {"map50": 0.75, "recall_at_fppi_0_1": None}, "rendered": {"map50": 0.25}}}
+    args = argparse.Namespace(rows=["yolo-n@0", "yolo-n@1"])
+    text = table1.table([{"row": "yolo-n@1", "seed": 1, "minutes": 1.0, "figures": figures}], args)
+    head, _, row = ([c.strip() for c in line.strip("|").split("|")] for line in text.splitlines())
+    found = dict(zip(head, row))
+    assert found["row"] == "yolo-n@1" and found["real: mAP@50"] == "0.750" and found["rendered: mAP@50"] == "0.250"
+    assert found["real: recall at 0.1 false alarms"] == "–"
 
 
 def test_weights_of_several_runs_are_exported_as_their_mean(tmp_path):
