@@ -544,7 +544,7 @@ def tone_against(rng: Rng, picture: np.ndarray, x: float, y: float, reach: float
     """A colour [3] for a thing at (x, y): darker than the surround as a rule, `least` of 255 away from it."""
     h, w = picture.shape[:2]
     x0, y0 = int(np.clip(x - reach, 0, w - 2)), int(np.clip(y - reach, 0, h - 2))
-    around = picture[y0 : int(y + reach) + 1, x0 : int(x + reach) + 1].mean((0, 1))
+    around = picture[y0 : max(int(y + reach), y0) + 1, x0 : max(int(x + reach), x0) + 1].mean((0, 1))
     level = float(around @ LUMA)
     for _ in range(8):
         kind = rng.random()

@@ -17,12 +17,14 @@ import torch
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 import augment
+import graft
 import models
 from verdict import UAVS
 
 CROP = 256  # [px]
 KEPT = 0.6  # least part of a box inside the crop for it to count; a lesser rest is neither target nor background
 OTHERS = 0.4  # share of the crops about something that are about what is no UAV
+GRAFTED = 0.2  # share of the crops of pictures, and of the procedural ones, that get a thing out of a real picture, where there are such
 HARD = 0.3  # share of crops about what was taken for a UAV, where that is known
 LEAST_PX = 2.5  # resampling shrinks no target below this long side
 # Least and greatest resampling, of rendered and of real pictures: what was filmed near must be known from afar, too.
@@ -173,6 +175,8 @@ class Crops(Dataset):
                 shares.append(share)
         self.shares = np.array(shares) / max(sum(shares), 1e-9)
         self.procedural = procedural if self.pools else 1.0
+        # Rendered alone means that no real pixel comes in.
+        self.donors = graft.Donors(frames) if frames is not None and real > 0 and frames.real.any() else None
 
     def __getitem__(self, n: int) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
         rng = np.random.default_rng([self.seed, n])
@@ -208,7 +212,14 @@ class Crops(Dataset):
         boxes, labels = augment.add_uavs(rng, picture, count, np.zeros((0, 4), np.float32), np.zeros(0, np.int64))
         if rng.random() < (0.4 if count else 0.6):
             boxes, labels = augment.add_flyers(rng, picture, boxes, labels)
+        if self.donors and rng.random() < GRAFTED:
+            boxes, labels = self.graft(rng, picture, boxes, labels)
         return picture, boxes, labels, np.zeros((0, 4), np.float32)
+
+    def graft(self, rng: np.random.Generator, picture: np.ndarray, boxes: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Composes a thing out of a real picture clear of the given boxes; boxes [n,4] and labels [n] of all."""
+        size = augment.target_size(rng)
+        return augment.add(rng, picture, self.donors.maker, size, tuple(rng.uniform(0, self.size, 2)), boxes, labels)
 
     def cut(self, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
         """A crop of a picture, resampled: about a target or a false alarm, or away from all.
@@ -262,9 +273,14 @@ class Crops(Dataset):
         boxes, kept, ignore = clip_boxes(move(boxes), np.arange(len(boxes)), ignore, self.size)
         labels, aims = labels[kept], (frames.aims[k][kept] - (x, y)) * factor
         picture = picture.astype(np.float32)
-        extra = rng.random()  # a procedural UAV, or birds and aircraft, before the rendered background
-        if extra < 0.3:
-            adder = (lambda *known: augment.add_uavs(rng, picture, 1, *known)) if extra < 0.15 else (lambda *known: augment.add_flyers(rng, picture, *known))
+        extra = rng.random()  # a procedural UAV, or birds and aircraft, or something real, before this background
+        if extra < 0.3 or (self.donors and extra < 0.3 + GRAFTED):
+            if extra < 0.15:
+                adder = lambda *known: augment.add_uavs(rng, picture, 1, *known)  # noqa: E731
+            elif extra < 0.3:
+                adder = lambda *known: augment.add_flyers(rng, picture, *known)  # noqa: E731
+            else:
+                adder = lambda *known: self.graft(rng, picture, *known)  # noqa: E731
             boxes, labels = adder(np.concatenate([boxes, ignore]), np.concatenate([labels, np.full(len(ignore), -1)]))
             boxes, labels = boxes[labels >= 0], labels[labels >= 0]
         return picture, boxes, labels, ignore, aims

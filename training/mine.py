@@ -2,7 +2,8 @@
 """Finds what a detector takes for UAVs in its own training pictures: FOLDER/hard.json, which `train.py --hard` cuts
 crops about (bootstrapping: Sung and Poggio 1998).
 
-Birds and aeroplanes fill a thousandth of the pictures; crops at random hardly ever show one.
+What is like a UAV fills a thousandth of the pictures; crops at random hardly ever show it. Birds and the like that are taken
+for UAVs count, too.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import augment
 import export
 from data import Frames
 from preprocess import native
+from verdict import UAVS
 
 MOST = 8  # false alarms of one picture
 
@@ -33,9 +35,11 @@ def main() -> None:
     rows = []
     for k in range(len(frames)):
         image = native(frames.picture(k), model.stride, model.min_side_px, model.fixed_size)
-        boxes, scores, *_ = (x[0] for x in runtime.run(None, {"image": image}))
-        taken = np.concatenate([frames.boxes[k], frames.ignore[k]]) + np.array([-3, -3, 3, 3], np.float32)
-        free = [j for j in range(len(boxes)) if scores[j] >= args.score and augment.overlap(boxes[j], taken) == 0]
+        boxes, scores, labels, *_ = (x[0] for x in runtime.run(None, {"image": image}))
+        uavs = frames.boxes[k][frames.labels[k] < UAVS]
+        taken = np.concatenate([uavs, frames.ignore[k]]) + np.array([-3, -3, 3, 3], np.float32)
+        alarms = np.flatnonzero((scores >= args.score) & (labels < UAVS))
+        free = [j for j in alarms if augment.overlap(boxes[j], taken) == 0]
         rows += [[k, *(round(float(v), 1) for v in boxes[j]), round(float(scores[j]), 3)] for j in free[:MOST]]
         if k % 1000 == 999:
             print(f"{k + 1} of {len(frames)} pictures: {len(rows)} false alarms", flush=True)

@@ -19,6 +19,7 @@ import augment
 import export
 import figures
 import from_onnx
+import graft
 import models
 import pack
 import quick_eval
@@ -218,11 +219,68 @@ def test_crops_come_from_each_source_by_its_share(folder, tmp_path):
     both.picture = lambda k: used.append(k) or whole(k)
     for real, low, high in ((0.0, 0, 0), (0.25, 15, 45), (1.0, 120, 120)):
         crops = Crops(both, 3, procedural=0.0, real=real)
+        assert (crops.donors is None) == (real == 0)  # rendered alone: no real pixel at all
+        crops.donors = None
         used.clear()
         for n in range(120):
             crops.cut(np.random.default_rng(n))
         assert low <= sum(k < 2 for k in used) <= high
     assert len(Crops(Frames(tmp_path / "rendered"), 3, real=0.5).pools) == 1  # a set of one source is cut from that alone
+
+
+def filmed(tmp_path: Path) -> Frames:
+    """Four real frames: a dark bar of 14 x 6 px with a half-dark row below it before a slope of sky, alone; before noise; at the
+    edge; beside another."""
+    (tmp_path / "images").mkdir()
+    rng, images, annotations = np.random.default_rng(4), [], []
+    for k, places in enumerate(([(100, 60)], [(100, 60)], [(1, 60)], [(100, 60), (180, 60)])):
+        sky = 150 + 0.2 * np.arange(240)[:, None, None] + np.zeros((240, 320, 3)) + rng.normal(0, 12 if k == 1 else 0.5, (240, 320, 3))
+        for x, y in places:
+            sky[y : y + 6, x : x + 14] = (30, 40, 50)
+            sky[y + 6, x : x + 14] = sky[y + 6, x : x + 14] / 2 + 20
+            annotations.append({"id": len(annotations), "image_id": k, "category_id": 5, "bbox": [x, y, 14, 7]})
+        cv2.imwrite(str(tmp_path / f"images/{k}.png"), sky.clip(0, 255).astype(np.uint8)[..., ::-1])
+        images.append({"id": k, "file_name": f"images/{k}.png", "width": 320, "height": 240, "source": "real"})
+    categories = [{"id": i + 1, "name": n} for i, n in enumerate(models.CLASSES)]
+    (tmp_path / "annotations.json").write_text(json.dumps({"images": images, "annotations": annotations, "categories": categories}))
+    return Frames(tmp_path)
+
+
+def test_a_real_thing_is_cut_out_before_clear_sky_and_put_before_another(tmp_path):
+    frames = filmed(tmp_path)
+    sprite, box = graft.cut(frames.picture(0), frames.boxes[0][0])
+    x0, y0, x1, y1 = box.astype(int)
+    assert (x1 - x0, y1 - y0) == (14, 7)
+    opaque = sprite[..., 3]
+    assert opaque[y0 : y0 + 6, x0:x1].min() > 0.95 and np.abs(opaque[y0 + 6, x0:x1] - 0.5).max() < 0.15
+    around = np.ones(opaque.shape, bool)
+    around[y0:y1, x0:x1] = False
+    assert opaque[around].max() < 0.01  # neither sky nor its noise goes along
+    green = np.full((*opaque.shape, 3), (0, 200, 0), np.float32)
+    augment.paste(green, sprite, 0, 0)
+    assert np.abs(green[y0 : y0 + 6, x0:x1] - (30, 40, 50)).max() < 8
+    assert graft.cut(frames.picture(1), frames.boxes[1][0]) is None  # before noise
+    assert graft.cut(frames.picture(2), frames.boxes[2][0]) is None  # no sky on one side
+    donors = graft.Donors(frames)
+    assert donors.of == {4: [(0, 0), (1, 0), (2, 0)]}  # what has company is not taken
+    found = 0
+    for n in range(20):
+        made, box, label = donors.maker(np.random.default_rng(n), 9.0, np.array([90.0, 90.0, 90.0]))
+        if box is None:
+            continue
+        found += 1
+        assert label == 4 and made.shape[2] == 4 and np.ptp(box[[0, 2]]) == pytest.approx(2 * np.ptp(box[[1, 3]]), rel=0.25)
+        ys, xs = np.nonzero(made[..., 3] > 0.3)
+        assert np.abs(np.array([xs.min(), ys.min(), xs.max() + 1, ys.max() + 1]) - box).max() < 1.6
+    assert found >= 15
+
+
+def test_crops_get_real_things(tmp_path):
+    crops = Crops(filmed(tmp_path), 3, procedural=1.0, negatives=1.0, real=0.5)
+    labels = [label for n in range(60) for label in crops[n][1]["labels"].tolist()]
+    crops.donors = None
+    without = [label for n in range(60) for label in crops[n][1]["labels"].tolist()]
+    assert labels.count(4) >= without.count(4) + 5
 
 
 def test_crops_about_false_alarms(folder, tmp_path):
