@@ -12,7 +12,7 @@ A model is an `nn.Module` with
 from torch import nn
 
 CLASSES = ("fpv", "quadcopter", "hexacopter", "bird", "aeroplane", "helicopter", "balloon", "other")
-NAMES = ("yolo-n", "d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam", "boresight-p2", "boresight-p2-roi")
+NAMES = ("yolo-n", "d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam", "boresight-p2", "boresight-p2-roi", "boresight-p2-close")
 
 
 def build(name: str, num_classes: int = len(CLASSES), **kw) -> nn.Module:
@@ -25,5 +25,8 @@ def build(name: str, num_classes: int = len(CLASSES), **kw) -> nn.Module:
         return build_dfine(name, num_classes, **kw)
     import convnets
 
-    nets = {"boresight-p2": convnets.BoresightP2, "boresight-p2-roi": convnets.BoresightP2Roi, "yolo-n": convnets.YoloN}
+    nets = {
+        "boresight-p2": convnets.BoresightP2, "boresight-p2-roi": convnets.BoresightP2Roi,
+        "boresight-p2-close": convnets.BoresightP2Close, "yolo-n": convnets.YoloN,
+    }  # fmt: skip
     return nets[name](name, num_classes, **kw)
