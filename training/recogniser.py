@@ -85,14 +85,17 @@ class Tracks:
 
 
 def load(folders: list[Path]) -> Tracks:
-    """Reads every folder below `folders` that `boresight tracks` finished; the run is its number in that order."""
+    """Reads every folder below `folders` that `boresight tracks` finished. The run is its number in that order; what several
+    detectors made of one clip is one run, since it shows the same things."""
     found = sorted({path.parent for folder in folders for path in folder.rglob("sequences.json")})
     if not found:
         raise SystemExit(f"{', '.join(map(str, folders))}: no sequences.json below; make some with `boresight tracks`")
     chips, index, features, labels, track, run, size, light, source = [], [], [], [], [], [], [], [], []
     first = tracks = 0
-    for number, folder in enumerate(found):
+    runs: dict[object, int] = {}
+    for folder in found:
         sheet = json.loads((folder / "sequences.json").read_text())
+        number = runs.setdefault(sheet.get("clip", folder), len(runs))
         own = np.load(folder / "chips.npy")
         if tuple(sheet["features"]) != FEATURES or own.shape[1:] != (CHIP, CHIP, 3):
             raise SystemExit(f"{folder}: its features or chips are not those of this version; make it anew")

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,15 @@ def test_folders_are_read_and_damage_is_told(tmp_path):
     again = r.load([tmp_path])
     assert (again.index == tracks.index).all() and (again.labels == tracks.labels).all()
     assert (again.track == tracks.track).all() and (again.chips[-1] == 0).all()
+    # One clip by two detectors is one run, but its tracks are two.
+    copy = tmp_path / "run-2"
+    shutil.copytree(folder, copy)
+    assert set(r.load([tmp_path]).run) == {0, 1}
+    for one in (folder, copy):
+        (one / "sequences.json").write_text(json.dumps(sheet | {"clip": "V_BIRD_001", "split": "train"}))
+    both = r.load([tmp_path])
+    assert set(both.run) == {0} and len(set(both.track)) == 2 * len(set(tracks.track)) and (both.source == r.REAL).all()
+    shutil.rmtree(copy)
     np.save(folder / "index.npy", tracks.index.astype(np.int32) + 9999)
     with pytest.raises(SystemExit, match="damaged"):
         r.load([tmp_path])
