@@ -27,7 +27,8 @@ OTHERS = 0.4  # share of the crops about something that are about what is no UAV
 GRAFTED = 0.2  # share of the crops of pictures, and of the procedural ones, that get a thing out of a real picture, where there are such
 HARD = 0.3  # share of crops about what was taken for a UAV, where that is known
 LEAST_PX = 2.5  # resampling shrinks no target below this long side
-# Least and greatest resampling, of rendered and of real pictures: what was filmed near must be known from afar, too.
+# Least and greatest resampling, of rendered and of real pictures: what was filmed near must be known from afar, too. A picture
+# that does not fill the crop then is resampled by less.
 SCALES = ((0.6, 1.6), (0.25, 1.6))
 
 
@@ -165,18 +166,20 @@ class Crops(Dataset):
         are cut from real ones; a set of one source is cut from that alone."""
         self.frames, self.seed, self.negatives, self.size = frames, seed, negatives, size
         hard = hard if hard is not None and len(hard) else None
-        self.pools: list[Pool] = []  # rendered, real: those that hold something
-        shares = []
+        found = []  # pool and share of rendered and of real pictures, where they hold something
         for wanted, share in ((False, 1 - real), (True, real)):
             rows = np.flatnonzero(frames.real == wanted) if frames is not None else []
-            pool = Pool(frames, rows, hard) if len(rows) and share > 0 else None
+            pool = Pool(frames, rows, hard) if len(rows) else None
             if pool and (pool.uavs or pool.shares is not None):
-                self.pools.append(pool)
-                shares.append(share)
-        self.shares = np.array(shares) / max(sum(shares), 1e-9)
+                found.append((pool, share))
+        if len(found) == 1:
+            found = [(found[0][0], 1.0)]
+        self.pools = [pool for pool, share in found if share > 0]
+        self.shares = np.array([share for _, share in found if share > 0])
         self.procedural = procedural if self.pools else 1.0
         # Rendered alone means that no real pixel comes in.
-        self.donors = graft.Donors(frames) if frames is not None and real > 0 and frames.real.any() else None
+        donors = graft.Donors(frames) if frames is not None and real > 0 else None
+        self.donors = donors if donors and donors.labels else None
 
     def __getitem__(self, n: int) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
         rng = np.random.default_rng([self.seed, n])
@@ -241,7 +244,8 @@ class Crops(Dataset):
             k, about = int(row[0]), row[1:5]
         h, w, _ = frames.shapes[k]
         boxes, labels, ignore = frames.boxes[k], frames.labels[k], frames.ignore[k]
-        scale = float(np.exp(rng.uniform(*np.log(SCALES[int(frames.real[k])]))))
+        least, most = SCALES[int(frames.real[k])]
+        scale = float(np.exp(rng.uniform(*np.log((max(least, self.size / min(h, w)), most)))))
         if not negative:
             scale = max(scale, min(1.0, LEAST_PX / float((about[2:] - about[:2]).max())))
         side = min(round(self.size / scale), h, w)

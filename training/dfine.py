@@ -189,18 +189,31 @@ class P2P3Fusion(nn.Module):
 class InAnchors(nn.Module):
     """A box head whose first two numbers move the centre by about one anchor's side each, as the last two (d w = w d logit)
     change the size: t = (x - x_a) / w_a as in R-CNN (Girshick et al. 2014, appendix C) and as D-FINE's own decoder layers
-    measure edges in units of the box. The factor could be multiplied into the last layer: the network is the same, only
-    its centres learn no faster than its sizes.
+    measure edges in units of the box. The network is the same, only its centres learn no faster than its sizes: folded, the
+    last layer holds the factor, as exported graphs have it.
     """
 
-    def __init__(self, head: nn.Module, side_px: float):
+    def __init__(self, head: DFineMLP, side_px: float):
         super().__init__()
-        self.head = head
+        self.layers = head.layers
         # The sigmoid's slope is 1/4 at the middle of the canvas.
         self.register_buffer("scale", torch.tensor([4 * side_px / FIXED_SIZE[1], 4 * side_px / FIXED_SIZE[0], 1.0, 1.0]))
+        self.is_folded = False
+
+    def fold(self, folded: bool) -> None:
+        """Multiplies the factor into the last layer, or takes it out again."""
+        if folded != self.is_folded:
+            factor = self.scale if folded else 1 / self.scale
+            with torch.no_grad():
+                self.layers[-1].weight.mul_(factor[:, None])
+                self.layers[-1].bias.mul_(factor)
+            self.is_folded = folded
 
     def forward(self, x: Tensor) -> Tensor:
-        return self.head(x) * self.scale
+        *hidden, last = self.layers
+        for layer in hidden:
+            x = F.relu(layer(x))
+        return last(x) if self.is_folded else last(x) * self.scale
 
 
 def configuration(p2: bool, num_classes: int) -> DFineConfig:
@@ -410,6 +423,11 @@ class DFineDetector(nn.Module):
         for layer in model.decoder.layers:
             layer.encoder_attn.ms_deformable_attn_core = self.canvas.sample
         self.criterion = Criterion(config, self.canvas, mean_object_px if "-nwd" in name else None)
+
+    def fold(self, folded: bool = True) -> None:
+        """Brings the heads into the form that exported graphs have, or back into the one that learns."""
+        for head in (self.model.enc_bbox_head, self.model.decoder.pre_bbox_head):
+            head.fold(folded)
 
     def loss(self, images: Tensor, targets: list[dict]) -> dict[str, Tensor]:
         """Weighted scalar losses, and their sum as `total`.

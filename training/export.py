@@ -2,6 +2,7 @@
 """Writes a checkpoint of `train.py` as ONNX of model interface 1, and compares it with PyTorch."""
 
 import argparse
+import copy
 import io
 import json
 import os
@@ -48,7 +49,11 @@ def load(*paths: Path) -> tuple[torch.nn.Module, dict]:
         if (other["recipe"]["model"], other["classes"]) != (state["recipe"]["model"], state["classes"]):
             raise SystemExit(f"{path}: another model or other classes than {paths[-1]}; a mean is of one model's runs")
     model = models.build(state["recipe"]["model"], len(state["classes"]))
-    model.load_state_dict({name: mean([other["ema"][name] for other in states]) for name in state["ema"]})
+    try:
+        model.load_state_dict({name: mean([other["ema"][name] for other in states]) for name in state["ema"]})
+    except RuntimeError as fault:
+        raise SystemExit(f"{paths[-1]}: its weights are not those of today's {model.name} ({str(fault).splitlines()[-1].strip()}); train it anew, "
+                         "or begin at an exported file (from_onnx.py)") from None  # fmt: skip
     return model.eval(), state
 
 
@@ -61,6 +66,9 @@ def to_onnx(
     model: torch.nn.Module, classes: list[str], threshold: float, description: str, training: dict, video: float | None = None
 ) -> bytes:  # fmt: skip
     """The model as ONNX, opset 17, batch normalisation folded, with the interface's metadata."""
+    if hasattr(model, "fold"):
+        model = copy.deepcopy(model)
+        model.fold()
     height, width = model.fixed_size or (8 * model.stride, 10 * model.stride)
     example = torch.zeros(1, 3, height, width)
     with torch.no_grad():

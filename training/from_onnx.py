@@ -66,6 +66,9 @@ def read(path: Path) -> tuple[torch.nn.Module, dict[str, str]]:
     meta = {p.key: p.value for p in graph.metadata_props}
     name = json.loads(meta["training"])["model"]
     model = models.build(name, len(json.loads(meta["classes"]))).eval()
+    foldable = hasattr(model, "fold")
+    if foldable:
+        model.fold()
     mark(model)
     copy = onnx.load_from_string(export.to_onnx(model, json.loads(meta["classes"]), 0.5, "", {}))
     shipped, ours = weights(graph), weights(copy)
@@ -94,6 +97,8 @@ def read(path: Path) -> tuple[torch.nn.Module, dict[str, str]]:
     count = 8 if model.fixed_size else 32  # the larger canvas costs more
     pictures = torch.stack([crops[n][0] for n in range(count)]).permute(0, 3, 1, 2).float() / 255
     put_back(model, pictures)
+    if foldable:
+        model.fold(False)
     return model, meta
 
 

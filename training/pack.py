@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Packs the training windows of a rendered set into files that a lent machine can be given: PART-k.zip, each at most
+"""Packs the training windows of a set into files that a lent machine can be given: PART-k.zip, each at most
 --part-mib large, COCO folders of WebP windows about what is annotated. `unpack` makes one folder of them again, which
 `train.py --data` takes.
 """
@@ -71,10 +71,13 @@ def pack(data: Path, out: Path, side: int, quality: int, part_mib: float, parts:
                     _, text = cv2.imencode(".webp", view, [cv2.IMWRITE_WEBP_QUALITY, quality])
                     name = f"images/{k:06d}_{number}.webp"
                     archive.writestr(name, text.tobytes())
-                    images.append({"id": len(images) + 1, "file_name": name, "width": wide, "height": high})
+                    source = "real" if frames.real[k] else "rendered"
+                    images.append({"id": len(images) + 1, "file_name": name, "width": wide, "height": high, "source": source})
                     boxes += [{"id": len(boxes) + i + 1, "image_id": len(images)} | a for i, a in enumerate(annotations(frames, k, window))]
                     size += len(text) + 400  # its entries in the archive's lists
             archive.writestr("annotations.json", json.dumps({"categories": categories, "images": images, "annotations": boxes}))
+            if (data / "dataset.json").is_file():  # which holds the share of real crops
+                archive.write(data / "dataset.json", "dataset.json")
         print(f"part {part}: {len(images)} windows, {len(boxes)} boxes, {(out / f'part-{part}.zip').stat().st_size / 2**20:.1f} MiB", flush=True)
         if at >= len(order):
             break
@@ -96,6 +99,8 @@ def unpack(parts: list[Path], out: Path) -> None:
                 (folder / name).write_bytes(archive.read(image["file_name"]))
                 images.append(image | {"id": first + image["id"], "file_name": name})
             boxes += [a | {"id": len(boxes) + i + 1, "image_id": first + a["image_id"]} for i, a in enumerate(coco["annotations"])]
+            if "dataset.json" in archive.namelist():
+                (out / "dataset.json").write_bytes(archive.read("dataset.json"))
     (folder / "annotations.json").write_text(json.dumps({"categories": categories, "images": images, "annotations": boxes}))
 
 

@@ -70,13 +70,6 @@ class Tracks:
     def only(self, keep: np.ndarray) -> "Tracks":
         return Tracks(self.chips, *(getattr(self, field.name)[keep] for field in fields(self)[1:]))
 
-    def and_those(self, other: "Tracks") -> "Tracks":
-        """These and others, whose runs and tracks stay their own."""
-        ends = {"index": len(self.chips), "track": self.track.max(initial=-1) + 1, "run": self.run.max(initial=-1) + 1}
-        after = {name: getattr(other, name) + (getattr(other, name) >= 0) * end for name, end in ends.items()}
-        names = [field.name for field in fields(self)]
-        return Tracks(*(np.concatenate([getattr(self, name), after.get(name, getattr(other, name))]) for name in names))
-
     def batch(self, rows: np.ndarray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """Chips u8 [B,16,24,24,3], features, mask, labels."""
         index = self.index[rows]
@@ -84,16 +77,19 @@ class Tracks:
         return torch.from_numpy(self.chips[index]), torch.from_numpy(self.features[rows]), mask, torch.from_numpy(self.labels[rows])
 
 
-def load(folders: list[Path]) -> Tracks:
-    """Reads every folder below `folders` that `boresight tracks` finished. The run is its number in that order; what several
-    detectors made of one clip is one run, since it shows the same things."""
-    found = sorted({path.parent for folder in folders for path in folder.rglob("sequences.json")})
-    if not found:
-        raise SystemExit(f"{', '.join(map(str, folders))}: no sequences.json below; make some with `boresight tracks`")
+def load(folders: list[Path], also: list[Path] = []) -> tuple[Tracks, int]:
+    """Every folder below `folders`, then below `also`, that `boresight tracks` finished, and the number of the first
+    sequence of `also`. The run is its number in that order; what several detectors made of one clip is one run, since it
+    shows the same things."""
+    found = [sorted({path.parent for folder in some for path in folder.rglob("sequences.json")}) for some in (folders, also)]
+    for some, folders_found in zip((folders, also), found):
+        if some and not folders_found:
+            raise SystemExit(f"{', '.join(map(str, some))}: no sequences.json below; make some with `boresight tracks`")
+    first_also, (found, further) = 0, found
     chips, index, features, labels, track, run, size, light, source = [], [], [], [], [], [], [], [], []
     first = tracks = 0
     runs: dict[object, int] = {}
-    for folder in found:
+    for folder in [*found, *further]:
         sheet = json.loads((folder / "sequences.json").read_text())
         number = runs.setdefault(sheet.get("clip", folder), len(runs))
         own = np.load(folder / "chips.npy")
@@ -118,9 +114,11 @@ def load(folders: list[Path]) -> Tracks:
         size += [row["size_px"] for row in rows]
         light += [light_of(Path(sheet.get("scenario", "")))] * len(rows)
         source += [RENDERED if "clip" not in sheet else REAL_KEPT if sheet["split"] == "val" else REAL] * len(rows)
+        first_also += len(rows) * (folder in found)
     chips.append(np.zeros((1, CHIP, CHIP, 3), np.uint8))
-    return Tracks(np.concatenate(chips), np.concatenate(index), np.concatenate(features).astype(np.float32),
-                  np.array(labels), np.array(track), np.array(run), np.array(size, np.float32), np.array(light), np.array(source))  # fmt: skip
+    whole = Tracks(np.concatenate(chips), np.concatenate(index), np.concatenate(features).astype(np.float32),
+                   np.array(labels), np.array(track), np.array(run), np.array(size, np.float32), np.array(light), np.array(source))  # fmt: skip
+    return whole, first_also
 
 
 def light_of(scenario: Path) -> int:
@@ -520,15 +518,18 @@ def milliseconds(graph: bytes, tracks: int = 8, runs: int = 50) -> float:
 # --- training ---
 
 
-def split(tracks: Tracks, held_out: float, seed: int) -> tuple[Tracks, Tracks, Tracks]:
-    """Training, calibration and test, by whole runs; the clips that the recipe keeps are all test."""
+def split(tracks: Tracks, first_also: int, held_out: float, seed: int) -> tuple[Tracks, Tracks, Tracks]:
+    """Training, calibration and test, by whole runs; the clips that the recipe keeps are all test. Sequences from `first_also`
+    on are for training alone, and left out where they are of a run of the others or of a clip that is kept."""
+    also = np.arange(len(tracks)) >= first_also
     kept = np.unique(tracks.run[tracks.source == REAL_KEPT])
-    runs = np.setdiff1d(np.unique(tracks.run), kept)
+    runs = np.setdiff1d(np.unique(tracks.run[~also]), kept)
     np.random.default_rng(seed).shuffle(runs)
     count = max(1, round(held_out * len(runs)))
     test, calibration = np.concatenate([runs[:count], kept]), runs[count : 2 * count]
     inside = lambda some: np.isin(tracks.run, some)
-    return tracks.only(~inside(np.concatenate([test, calibration]))), tracks.only(inside(calibration)), tracks.only(inside(test))
+    learn = ~inside(np.concatenate([test, calibration]))
+    return tracks.only(learn), tracks.only(inside(calibration) & ~also), tracks.only(inside(test) & ~also)
 
 
 def train(tracks: Tracks, steps: int, batch: int, lr: float, seed: int, start: Recogniser | None, log: list[dict]) -> Recogniser:
@@ -611,10 +612,7 @@ def main() -> None:
     parser.add_argument("--keep", type=float, default=0.0, help="share of those weights in the models at the end, 0 to 1")
     parser.add_argument("--beside", type=Path, help="a recogniser.onnx that is measured on the same sequences")
     args = parser.parse_args()
-    tracks = load(args.data)
-    learn, calibrate, test = split(tracks, args.held_out, args.seed)
-    if args.also:
-        learn = learn.and_those(load(args.also))
+    learn, calibrate, test = split(*load(args.data, args.also), args.held_out, args.seed)
     for name, part in (("training", learn), ("calibration", calibrate), ("test", test)):
         by_class = {n: len(set(part.track[part.labels == i].tolist())) for i, n in enumerate(CLASSES)}
         print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")

@@ -2,6 +2,7 @@
 
 import copy
 import math
+from pathlib import Path
 
 import numpy as np
 import onnxruntime
@@ -17,6 +18,7 @@ from transformers.models.d_fine.modeling_d_fine import (
     weighting_function,
 )
 
+import from_onnx
 from dfine import DSAM, FIXED_SIZE, NAMES, QUERIES, Canvas, Criterion, DFineDetector, P2P3Fusion, build_dfine
 from dfine import configuration, first_of_object, nwd
 
@@ -210,11 +212,22 @@ def test_a_step_moves_centres_no_further_than_edges():
     model = seeded("d-fine-nwd")
     middle = torch.tensor([0.5, 0.5, 14.0 / 640, 14.0 / 512])
     for head in (model.model.enc_bbox_head, model.model.decoder.pre_bbox_head):
-        torch.nn.init.zeros_(head.head.layers[-1].weight)
-        torch.nn.init.constant_(head.head.layers[-1].bias, 0.1)
+        torch.nn.init.zeros_(head.layers[-1].weight)
+        torch.nn.init.constant_(head.layers[-1].bias, 0.1)
         moved = (torch.logit(middle) + head(torch.zeros(128))).sigmoid() - middle
         pixels = moved * torch.tensor([640.0, 512.0, 640.0, 512.0])
         torch.testing.assert_close(pixels, torch.full((4,), 1.4), rtol=0.06, atol=0)
+
+
+def test_the_shipped_file_is_read_back_and_folding_changes_nothing():
+    model, meta = from_onnx.read(Path(__file__).resolve().parent.parent / "assets/models/d-fine-nwd-p2-dsam.onnx")
+    for head in (model.model.enc_bbox_head, model.model.decoder.pre_bbox_head):
+        x = torch.randn(1, 5, head.layers[0].in_features)
+        learning = head(x)
+        head.fold(True)
+        torch.testing.assert_close(head(x), learning)
+        head.fold(False)
+        torch.testing.assert_close(head(x), learning)
 
 
 def test_a_copy_has_its_own_canvas():

@@ -54,16 +54,6 @@ def test_names_are_those_of_the_program():
     assert f"STEPS: usize = {STEPS}" in text
 
 
-def test_joined_tracks_stay_apart():
-    one, other = made(8), made(12, seed=4)
-    both = one.and_those(other)
-    assert len(both) == len(one) + len(other) and len(set(both.track)) == 8 + 12 and len(set(both.run)) == 2 + 3
-    for place, tracks in ((0, one), (len(one), other)):
-        mine, theirs = both.batch(np.arange(place, place + len(tracks))), tracks.batch(np.arange(len(tracks)))
-        seen = theirs[2].bool()
-        assert torch.equal(mine[0][seen], theirs[0][seen]) and all(torch.equal(a, b) for a, b in zip(mine[1:], theirs[1:]))
-
-
 def test_folders_are_read_and_damage_is_told(tmp_path):
     tracks = made(4, 2)
     folder = tmp_path / "run-1"
@@ -74,17 +64,24 @@ def test_folders_are_read_and_damage_is_told(tmp_path):
     rows = [{"track": int(t), "object": "a", "class": CLASSES[c], "size_px": 12.0} for t, c in zip(tracks.track, tracks.labels)]
     sheet = {"features": list(FEATURES), "sequences": rows}
     (folder / "sequences.json").write_text(json.dumps(sheet))
-    again = r.load([tmp_path])
+    again, end = r.load([tmp_path])
+    assert end == len(again)
     assert (again.index == tracks.index).all() and (again.labels == tracks.labels).all()
     assert (again.track == tracks.track).all() and (again.chips[-1] == 0).all()
     # One clip by two detectors is one run, but its tracks are two.
     copy = tmp_path / "run-2"
     shutil.copytree(folder, copy)
-    assert set(r.load([tmp_path]).run) == {0, 1}
+    assert set(r.load([tmp_path])[0].run) == {0, 1}
     for one in (folder, copy):
         (one / "sequences.json").write_text(json.dumps(sheet | {"clip": "V_BIRD_001", "split": "train"}))
-    both = r.load([tmp_path])
+    both, _ = r.load([tmp_path])
     assert set(both.run) == {0} and len(set(both.track)) == 2 * len(set(tracks.track)) and (both.source == r.REAL).all()
+    both, end = r.load([folder], [copy])
+    assert end == len(tracks) and len(both) == 2 * end
+    (copy / "sequences.json").write_text(json.dumps(sheet | {"clip": "V_BIRD_002", "split": "val"}))
+    assert (r.load([folder], [copy])[0].source[end:] == r.REAL_KEPT).all()
+    with pytest.raises(SystemExit, match="no sequences.json below"):
+        r.load([folder], [tmp_path / "nothing"])
     shutil.rmtree(copy)
     np.save(folder / "index.npy", tracks.index.astype(np.int32) + 9999)
     with pytest.raises(SystemExit, match="damaged"):
@@ -300,10 +297,14 @@ def test_engagements_become_scenarios_for_tracks():
 def test_kept_clips_are_test_alone_and_real_ones_are_half_of_a_class():
     one = made(24)
     one.source[:] = np.where(one.run == 0, r.REAL_KEPT, np.where(one.run == 1, r.REAL, r.RENDERED))
-    learn, calibrate, test = r.split(one, 0.2, 1)
+    learn, calibrate, test = r.split(one, len(one), 0.2, 1)
     for part in (learn, calibrate):
         assert not (part.source == r.REAL_KEPT).any()
     assert set(one.run[one.source == r.REAL_KEPT]) <= set(test.run)
+    # Of what is to learn from alone, kept clips and runs that are measured on are left out; nothing of it is measured on.
+    twice = one.only(np.concatenate([np.arange(len(one)), np.arange(len(one))]))
+    more, *measured = r.split(twice, len(one), 0.2, 1)
+    assert len(more) == 2 * len(learn) and [len(part) for part in measured] == [len(calibrate), len(test)]
     weights = r.sampling_weights(one.only(one.source != r.REAL_KEPT))
     kept = one.only(one.source != r.REAL_KEPT)
     for label in set(kept.labels):

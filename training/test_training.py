@@ -225,7 +225,9 @@ def test_crops_come_from_each_source_by_its_share(folder, tmp_path):
         for n in range(120):
             crops.cut(np.random.default_rng(n))
         assert low <= sum(k < 2 for k in used) <= high
-    assert len(Crops(Frames(tmp_path / "rendered"), 3, real=0.5).pools) == 1  # a set of one source is cut from that alone
+    for real in (0.0, 0.5, 1.0):  # a set of one source is cut from that alone
+        rendered = Crops(Frames(tmp_path / "rendered"), 3, real=real)
+        assert len(rendered.pools) == 1 and rendered.procedural < 1 and rendered.donors is None
 
 
 def filmed(tmp_path: Path) -> Frames:
@@ -273,6 +275,15 @@ def test_a_real_thing_is_cut_out_before_clear_sky_and_put_before_another(tmp_pat
         ys, xs = np.nonzero(made[..., 3] > 0.3)
         assert np.abs(np.array([xs.min(), ys.min(), xs.max() + 1, ys.max() + 1]) - box).max() < 1.6
     assert found >= 15
+
+
+def test_nothing_to_cut_out_is_no_fault(tmp_path):
+    coco = json.loads((filmed(tmp_path).files[0].parent.parent / "annotations.json").read_text())
+    coco["images"] = coco["images"][3:]  # two things in one frame
+    coco["annotations"] = [a for a in coco["annotations"] if a["image_id"] == 3]
+    (tmp_path / "annotations.json").write_text(json.dumps(coco))
+    crops = Crops(Frames(tmp_path), 3, procedural=0.0)
+    assert crops.donors is None and len(crops[1][1]["boxes"]) >= 0
 
 
 def test_crops_get_real_things(tmp_path):
@@ -368,6 +379,12 @@ def test_a_packed_set_holds_the_windows(folder, tmp_path):
         x0, y0, x1, y1 = np.round(frames.boxes[k][j]).astype(int)
         inside = frames.picture(k)[y0:y1, x0:x1].astype(float).mean((0, 1))
         assert inside[2] - inside[0] > 100  # the blue target lies where its box does
+    (tmp_path / "both/train").mkdir(parents=True)
+    filmed(tmp_path / "both/train")
+    (tmp_path / "both/dataset.json").write_text(json.dumps({"real_crops": 0.25}))
+    pack.pack(tmp_path / "both", tmp_path / "more", 160, 90, 40, 1, 1)
+    pack.unpack([tmp_path / "more/part-0.zip"], tmp_path / "again")
+    assert Frames(tmp_path / "again/train").real.all() and train.real_share(tmp_path / "again") == 0.25
 
 
 def test_preprocess_keeps_the_golden_file():
@@ -456,8 +473,11 @@ def test_one_part_learns_alone(tmp_path):
     assert told.returncode != 0 and "view, join" in told.stderr and "Traceback" not in told.stderr, told.stderr
 
 
-def test_settings_that_cannot_be_are_told(tmp_path):
-    for options, said in ((("--crop", "200"), "multiple of 64"), (("--crop", "896"), "832"), (("--hard", "x.json"), "--data")):
+def test_settings_that_cannot_be_are_told(folder, tmp_path):
+    for options, said in (
+        (("--crop", "200"), "multiple of 64"), (("--crop", "896"), "832"), (("--hard", "x.json"), "--data"), (("--real", "1.5"), "from 0 to 1"),
+        (("--real", "nan"), "from 0 to 1"), (("--real", "1", "--data", str(folder)), "no real picture"),
+    ):  # fmt: skip
         done = run(tmp_path / "run", *options)
         assert done.returncode != 0 and said in done.stderr and "Traceback" not in done.stderr, done.stderr
     assert not (tmp_path / "run").exists()

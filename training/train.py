@@ -88,6 +88,9 @@ def load_weights(model: torch.nn.Module, path: Path) -> None:
     fit = [k for k, v in given.items() if k in own and v.ndim and own[k].ndim == v.ndim and own[k].shape[1:] == v.shape[1:]]
     if not fit:
         raise SystemExit(f"{path}: no tensor fits {model.name}")
+    # In which units D-FINE's heads move centres is not seen in their shapes.
+    if any(k.endswith(".scale") and k not in given and any(g.startswith(k.removesuffix("scale")) for g in given) for k in own):
+        raise SystemExit(f"{path}: its heads move centres in other units than today's; begin at an exported file (from_onnx.py)")
     with torch.no_grad():
         for k in fit:
             # The second look says the middle of the body in its last two rows, after the classes.
@@ -150,7 +153,12 @@ def main() -> None:
     if args.hard and not frames:
         raise SystemExit("--hard: false alarms are of a data set; give --data")
     hard = false_alarms(args.hard, frames) if args.hard else None
-    args.real = real_share(args.data) if args.real is None else args.real
+    asked = args.real
+    args.real = real_share(args.data) if asked is None else asked
+    if not 0 <= args.real <= 1:
+        raise SystemExit(f"--real {args.real}: give a share from 0 to 1")
+    if frames and asked in (0, 1) and not (frames.real == asked).any():
+        raise SystemExit(f"--real {args.real:g}: {args.data} has no {'real' if asked else 'rendered'} picture; give another share, or leave it out")
     crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard, real=args.real)
     args.out.mkdir(parents=True, exist_ok=True)
     if args.init:
@@ -168,7 +176,7 @@ def main() -> None:
     if args.resume and last.exists():
         state = torch.load(last, map_location="cpu", weights_only=True)
         if state["recipe"] != recipe:
-            wrong = [k for k in recipe if state["recipe"].get(k) != recipe[k]]
+            wrong = [k for k in recipe | state["recipe"] if state["recipe"].get(k) != recipe.get(k)]
             raise SystemExit(f"{last}: made with another {', '.join(wrong)}; give the same or another --out")
         model.load_state_dict(state["model"])
         optimizer.load_state_dict(state["optimizer"])

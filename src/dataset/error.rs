@@ -41,6 +41,15 @@ pub enum DatasetError {
         /// The folder.
         path: PathBuf,
     },
+    /// A folder of tracks holds others.
+    #[error(
+        "{path}: holds tracks that another detector, rate, seed, setting or recipe made; name another folder with --out, or \
+         remove this one"
+    )]
+    OtherTracks {
+        /// The folder.
+        path: PathBuf,
+    },
     /// A file of the set cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -185,6 +194,15 @@ pub enum RealFault {
     Val {
         /// The clip's name.
         clip: String,
+    },
+    /// Two clips whose pictures would be called alike.
+    #[error(
+        "{} and {} have one name but for their endings; rename one, in the list, too",
+        files[0], files[1]
+    )]
+    SameName {
+        /// Their files.
+        files: [String; 2],
     },
     /// The entry of a clip is of another length.
     #[error(

@@ -94,6 +94,7 @@ fn summary(all: &Statistics, scenes: usize) -> Vec<(String, String)> {
         ("pictures", all.images.to_string()),
         ("UAVs", all.annotations.to_string()),
         ("distractors", all.distractors.to_string()),
+        ("boxes not asked for", all.ignored.to_string()),
         ("pictures without a UAV", all.negatives.to_string()),
         ("scenes", scenes.to_string()),
         ("median long side", format!("{median:.1} px")),
@@ -378,7 +379,7 @@ impl SheetPicture<'_> {
     }
 }
 
-/// A frame around a UAV (orange) or a distractor (blue), somewhat larger than its box.
+/// A frame around a UAV (orange) or a distractor (blue), somewhat larger than its box; dashed where it is not asked for.
 fn outline(seen: &Annotation) -> Markup {
     const MARGIN_PX: f64 = 4.0;
     let [x, y, w, h] = seen.bbox;
@@ -389,7 +390,8 @@ fn outline(seen: &Annotation) -> Markup {
     html! {
         rect x=(px(x - MARGIN_PX)) y=(px(y - MARGIN_PX))
             width=(px(w + 2.0 * MARGIN_PX)) height=(px(h + 2.0 * MARGIN_PX))
-            fill="none" stroke=(colour) stroke-width="2" {}
+            fill="none" stroke=(colour) stroke-width="2"
+            stroke-dasharray=[seen.ignore.then_some("6 4")] {}
     }
 }
 

@@ -15,13 +15,13 @@ use crate::models::optics::chip::{CHIP_PX, chip};
 use crate::models::optics::tighten::{NotTight, TightenParams, tighten};
 use crate::models::tracking::recognition::TrackClass;
 use crate::stop;
-use crate::warning;
+use crate::warning::{self, Notes};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// File of the boxes in a folder of clips.
 const BOXES: &str = "boxes.json";
-/// Rate that is taken for a clip of numbered pictures [Hz]; no picture depends on it.
+/// Rate that is taken for a clip of numbered pictures [Hz]: no picture depends on it, rates of tracks do.
 pub const RATE_HZ: f64 = 30.0; // [Hz]
 /// How much larger than a box the chip is that tells frames apart, and by how many pixels more.
 const CHIP_SHARE: f64 = 1.5;
@@ -31,23 +31,19 @@ const CHIP_MORE_PX: f64 = 4.0; // [px]
 const STEADY_FRAMES: usize = 10;
 const STEADY_FACTOR: f64 = 1.6;
 const STEADY_PX: f64 = 2.5; // [px]
+/// Overlap from which on two tight boxes of a frame are of one thing.
+const SAME_THING: f64 = 0.5;
 
 /// A folder of real clips, and what of it goes into the set.
 pub struct Clips {
     folder: PathBuf,
     real: Real,
     /// By the names of their files.
-    clips: Vec<Taken>,
-    /// What the folder's boxes are, for the digest.
+    clips: Vec<LabelledClip>,
+    /// Those that go into the set, by their index, and the most pictures of each.
+    taken: Vec<(usize, usize)>,
+    /// What the folder holds, for the digest.
     text: String,
-}
-
-/// A clip that goes into the set.
-struct Taken {
-    labelled: LabelledClip,
-    split: Split,
-    /// Most pictures of it.
-    pictures: usize,
 }
 
 /// What of a frame is known.
@@ -76,11 +72,30 @@ impl Filmed<'_> {
 impl Clips {
     /// All clips, to be played.
     pub fn filmed(&self) -> impl Iterator<Item = Filmed<'_>> {
-        (self.clips.iter()).map(|taken| Filmed {
-            path: self.folder.join(&taken.labelled.file),
-            split: taken.split,
-            labelled: &taken.labelled,
-        })
+        self.clips.iter().map(|labelled| self.film(labelled))
+    }
+
+    fn film<'a>(&self, labelled: &'a LabelledClip) -> Filmed<'a> {
+        let kept = self.real.val.iter().any(|val| val == name(&labelled.file));
+        Filmed {
+            path: self.folder.join(&labelled.file),
+            split: if kept { Split::Val } else { Split::Train },
+            labelled,
+        }
+    }
+
+    /// Opens a clip, whose list must be as long as it is.
+    pub fn open(&self, filmed: &Filmed) -> Result<Clip, DatasetError> {
+        let clip = Clip::open(&filmed.path, RATE_HZ)?;
+        let (listed, frames) = (filmed.labelled.frames.len(), clip.frames());
+        if listed == frames {
+            return Ok(clip);
+        }
+        Err(self.wrong(RealFault::Length {
+            clip: filmed.labelled.file.clone(),
+            listed,
+            frames,
+        }))
     }
 
     /// The labels of a clip by number, and what they are: of two birds of a frame nobody says which is which.
@@ -116,9 +131,8 @@ impl Clips {
         };
         let found = annotations(&self.real, boxes, frame).map_err(|fault| self.wrong(fault))?;
         let number = |seen: &Annotation| {
-            let known = objects
-                .iter()
-                .find(|(_, (label, _))| label.eq_ignore_ascii_case(&seen.model));
+            let mut labels = objects.iter();
+            let known = labels.find(|(_, (label, _))| label.to_lowercase() == seen.model);
             known.map(|(number, _)| *number)
         };
         let corners = |[x, y, w, h]: [f64; 4]| [x, y, x + w, y + h];
@@ -151,6 +165,12 @@ impl Clips {
         let mut labelled = clip_boxes::parse(&text).map_err(|fault| wrong(fault.into()))?;
         labelled.sort_by(|a, b| a.file.cmp(&b.file));
         let names: Vec<&str> = labelled.iter().map(|clip| name(&clip.file)).collect();
+        if let Some(at) = (1..names.len()).find(|at| names[..*at].contains(&names[*at])) {
+            let same = names.iter().position(|name| *name == names[at]);
+            return Err(wrong(RealFault::SameName {
+                files: [same.unwrap_or(at), at].map(|at| labelled[at].file.clone()),
+            }));
+        }
         if let Some(unknown) = real.val.iter().find(|val| !names.contains(&val.as_str())) {
             return Err(wrong(RealFault::Val {
                 clip: unknown.clone(),
@@ -160,61 +180,59 @@ impl Clips {
             .map(|clip| real.class_of_clip(clip))
             .collect::<Result<Vec<_>, _>>()
             .map_err(wrong)?;
-        let mut of_class: BTreeMap<ObjectClass, usize> = BTreeMap::new();
-        for class in classes.iter().flatten() {
-            *of_class.entry(*class).or_default() += 1;
+        let pictures = shared_out(real, &classes);
+        let mut notes = Notes::default();
+        for (clip, pictures) in labelled.iter().zip(&pictures) {
+            if *pictures == 0 {
+                let kind = "clips for which the recipe's real.pictures and shares leave no picture";
+                notes.leave_out(kind, &clip.file);
+            }
         }
-        let total: f64 = of_class.keys().map(|class| real.share(*class)).sum();
-        let pictures = |class: &Option<ObjectClass>| {
-            let Some(class) = class.filter(|_| total > 0.0) else {
-                return 0;
-            };
-            let all = f64::from(real.pictures) * real.share(class) / total;
-            (all / of_class[&class] as f64).round() as usize
-        };
-        let pictures: Vec<usize> = classes.iter().map(pictures).collect();
-        let clips = labelled
-            .into_iter()
-            .zip(pictures)
-            .filter(|(_, pictures)| *pictures > 0);
-        let clips = clips.map(|(labelled, pictures)| Taken {
-            split: match real.val.iter().any(|val| val == name(&labelled.file)) {
-                true => Split::Val,
-                false => Split::Train,
-            },
-            labelled,
-            pictures,
-        });
-        Ok(Some(Self {
+        warning::tell(&notes.warnings(&folder.join(BOXES)))?;
+        let taken = (pictures.into_iter().enumerate()).filter(|(_, pictures)| *pictures > 0);
+        let mut clips = Self {
             folder: folder.into(),
             real: real.clone(),
-            clips: clips.collect(),
+            clips: labelled,
+            taken: taken.collect(),
             text,
-        }))
+        };
+        // What cannot be read is told before the work.
+        let mut sizes = String::new();
+        for filmed in clips.filmed() {
+            let clip = clips.open(&filmed)?;
+            warning::tell(clip.warnings())?;
+            let bytes = std::fs::metadata(&filmed.path).map_or(0, |about| about.len());
+            sizes += &format!(" {bytes}");
+        }
+        clips.text += &sizes;
+        Ok(Some(clips))
     }
 
     /// Number of clips that go into the set.
     pub fn len(&self) -> u32 {
-        self.clips.len() as u32
+        self.taken.len() as u32
     }
 
-    /// The text that tells these boxes from others.
+    /// The text that tells these clips and boxes from others.
     pub fn text(&self) -> &str {
         &self.text
     }
 
     /// Takes the frames of clip `number`, which is scene `scene` of the set, and writes them, their record last.
     pub fn make(&self, number: u32, scene: u32, out: &Path) -> Result<(), DatasetError> {
-        let taken = &self.clips[number as usize];
-        let path = self.folder.join(&taken.labelled.file);
-        let mut known = self.know(taken, &path)?;
+        let (index, pictures) = self.taken[number as usize];
+        let filmed = self.film(&self.clips[index]);
+        let mut known = self.know(&filmed)?;
         unsteady(&mut known);
+        // What holds nothing to ask for would be the greatest novelty: a loose box is three times as long.
+        known.retain(|frame| frame.annotations.iter().any(|seen| !seen.ignore));
         let looks: Vec<Look> = known.iter().map(|frame| frame.look.clone()).collect();
-        let wanted: BTreeMap<usize, usize> = (thin(&looks, taken.pictures).into_iter())
+        let wanted: BTreeMap<usize, usize> = (thin(&looks, pictures).into_iter())
             .map(|k| (known[k].index, k))
             .collect();
         let mut images = Vec::new();
-        let mut clip = Clip::open(&path, RATE_HZ)?;
+        let mut clip = self.open(&filmed)?;
         let last = wanted.keys().last().map_or(0, |last| last + 1);
         for index in 0..last {
             let Some(frame) = clip.next_frame()? else {
@@ -223,8 +241,8 @@ impl Clips {
             let Some(k) = wanted.get(&index) else {
                 continue;
             };
-            let file_name = format!("images/{}_{index:04}.png", name(&taken.labelled.file));
-            let file = out.join(taken.split.name()).join(&file_name);
+            let file_name = format!("images/{}_{index:04}.png", filmed.name());
+            let file = out.join(filmed.split.name()).join(&file_name);
             let size_px = frame.size_px();
             let bytes =
                 png(frame.picture.as_raw(), size_px).map_err(|source| DatasetError::Picture {
@@ -242,9 +260,9 @@ impl Clips {
         }
         let record = SceneRecord {
             scene,
-            split: taken.split,
+            split: filmed.split,
             origin: Origin::Real {
-                clip: name(&taken.labelled.file).into(),
+                clip: filmed.name().into(),
             },
             sequence: None,
             images,
@@ -253,19 +271,10 @@ impl Clips {
     }
 
     /// What is known of the frames of a clip that have boxes.
-    fn know(&self, taken: &Taken, path: &Path) -> Result<Vec<Known>, DatasetError> {
-        let mut clip = Clip::open(path, RATE_HZ)?;
-        warning::tell(clip.warnings())?;
-        let (listed, frames) = (taken.labelled.frames.len(), clip.frames());
-        if listed != frames {
-            return Err(self.wrong(RealFault::Length {
-                clip: taken.labelled.file.clone(),
-                listed,
-                frames,
-            }));
-        }
+    fn know(&self, filmed: &Filmed) -> Result<Vec<Known>, DatasetError> {
+        let mut clip = self.open(filmed)?;
         let mut known = Vec::new();
-        for (index, boxes) in taken.labelled.frames.iter().enumerate() {
+        for (index, boxes) in filmed.labelled.frames.iter().enumerate() {
             let Some(frame) = clip.next_frame()? else {
                 break;
             };
@@ -274,7 +283,8 @@ impl Clips {
             }
             let annotations =
                 annotations(&self.real, boxes, &frame).map_err(|fault| self.wrong(fault))?;
-            let Some(first) = annotations.first() else {
+            let counts = annotations.iter().find(|seen| !seen.ignore);
+            let Some(first) = counts.or(annotations.first()) else {
                 continue;
             };
             known.push(Known {
@@ -285,6 +295,45 @@ impl Clips {
         }
         Ok(known)
     }
+}
+
+/// How many pictures each clip gives, by the class of each: every class its share of all, its clips alike, and what rounding
+/// leaves to those that it took most from (the method of largest remainders).
+fn shared_out(real: &Real, classes: &[Option<ObjectClass>]) -> Vec<usize> {
+    let mut clips_of: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut total = 0.0;
+    for class in classes.iter().flatten() {
+        let clips = clips_of.entry(Real::shared(*class)).or_default();
+        *clips += 1;
+        if *clips == 1 {
+            total += real.share(*class);
+        }
+    }
+    let wanted: Vec<f64> = (classes.iter())
+        .map(|class| {
+            let Some(class) = class.filter(|_| total > 0.0) else {
+                return 0.0;
+            };
+            let all = f64::from(real.pictures) * real.share(class) / total;
+            all / clips_of[Real::shared(class)] as f64
+        })
+        .collect();
+    let mut pictures: Vec<usize> = wanted
+        .iter()
+        .map(|wanted| wanted.floor() as usize)
+        .collect();
+    let left = (wanted.iter().sum::<f64>().round() as usize).saturating_sub(pictures.iter().sum());
+    let mut order: Vec<usize> = (0..wanted.len()).collect();
+    order.sort_by(|a, b| {
+        wanted[*b]
+            .fract()
+            .total_cmp(&wanted[*a].fract())
+            .then(a.cmp(b))
+    });
+    for at in order.into_iter().take(left) {
+        pictures[at] += 1;
+    }
+    pictures
 }
 
 impl Real {
@@ -316,8 +365,8 @@ fn name(file: &str) -> &str {
         .unwrap_or(file)
 }
 
-/// The things of a frame. What cannot be tightened is neither asked for nor a false alarm, but for what goes on beyond its box
-/// and is no UAV: of an aeroplane and its contrail the box as it was drawn stays.
+/// The things of a frame. What cannot be tightened is neither asked for nor a false alarm, but for an aeroplane that goes on
+/// beyond its box: with a contrail the box as it was drawn stays. Nor are two that were tightened to the same thing.
 fn annotations(
     real: &Real,
     boxes: &LabelledFrame,
@@ -344,7 +393,7 @@ fn annotations(
             let tight = tighten(rgb8, size_px, inside_px, &others, &TightenParams::default());
             let ignore = match tight {
                 Ok(_) => false,
-                Err(NotTight::GoesOn) => class.is_uav(),
+                Err(NotTight::GoesOn) => class != ObjectClass::Aeroplane,
                 Err(_) => true,
             };
             let [x0, y0, x1, y1] = tight.map_or(inside_px, |tight| tight.box_px);
@@ -360,7 +409,27 @@ fn annotations(
             });
         }
     }
+    for k in 1..annotations.len() {
+        let (before, [own, ..]) = annotations.split_at_mut(k) else {
+            continue;
+        };
+        for other in before {
+            if iou(own.bbox, other.bbox) > SAME_THING {
+                own.ignore = true;
+                other.ignore = true;
+            }
+        }
+    }
     Ok(annotations)
+}
+
+/// Intersection over union of two boxes, x, y, width, height.
+fn iou([ax, ay, aw, ah]: [f64; 4], [bx, by, bw, bh]: [f64; 4]) -> f64 {
+    let along = |a: f64, a_side: f64, b: f64, b_side: f64| {
+        ((a + a_side).min(b + b_side) - a.max(b)).max(0.0)
+    };
+    let both = along(ax, aw, bx, bw) * along(ay, ah, by, bh);
+    both / (aw * ah + bw * bh - both)
 }
 
 /// The look of a frame about a box, x, y, width, height [px].
@@ -376,19 +445,23 @@ fn look_of(frame: &ClipFrame, [x, y, w, h]: [f64; 4]) -> Look {
     look(&chip, CHIP_PX, [x, y, x + w, y + h], size_px)
 }
 
-/// Ignores, of frames with one thing, those whose tight box is not about as long as those before and after.
+/// Ignores, of frames with one thing, those whose tight box is not about as long as those shortly before and after.
 fn unsteady(known: &mut [Known]) {
     let long_px = |frame: &Known| match frame.annotations.as_slice() {
         [one] if !one.ignore => Some(one.bbox[2].max(one.bbox[3])),
         _ => None,
     };
     let lengths: Vec<Option<f64>> = known.iter().map(long_px).collect();
+    let indices: Vec<usize> = known.iter().map(|frame| frame.index).collect();
     for (i, frame) in known.iter_mut().enumerate() {
         let Some(own_px) = lengths[i] else {
             continue;
         };
-        let near = i.saturating_sub(STEADY_FRAMES)..(i + STEADY_FRAMES + 1).min(lengths.len());
-        let mut near: Vec<f64> = lengths[near].iter().flatten().copied().collect();
+        let at = indices[i];
+        let mut near: Vec<f64> = (indices.iter().zip(&lengths))
+            .filter(|(index, _)| index.abs_diff(at) <= STEADY_FRAMES)
+            .filter_map(|(_, length)| *length)
+            .collect();
         near.sort_by(f64::total_cmp);
         let median_px = near[near.len() / 2];
         let factor = (own_px / median_px).max(median_px / own_px);
@@ -429,5 +502,27 @@ mod tests {
             .map(|frame| frame.index)
             .collect();
         assert_eq!(ignored, [4]);
+    }
+
+    #[test]
+    fn pictures_are_shared_out_to_the_last() {
+        let real = Real {
+            pictures: 20,
+            ..Real::default()
+        };
+        let (uav, fpv, bird) = (ObjectClass::Quadcopter, ObjectClass::Fpv, ObjectClass::Bird);
+        // UAVs of two kinds have one share in common: 0.4 of 0.65.
+        let shared = shared_out(&real, &[Some(uav), Some(fpv), Some(bird), None]);
+        assert_eq!(shared, [6, 6, 8, 0]);
+        let many: Vec<_> = (0..100)
+            .map(|k| Some(if k < 50 { uav } else { bird }))
+            .collect();
+        let shared = shared_out(&real, &many);
+        assert_eq!(shared.iter().sum::<usize>(), 20);
+        assert_eq!(
+            shared_out(&real, &[Some(ObjectClass::Other)]),
+            [0],
+            "its share is 0"
+        );
     }
 }

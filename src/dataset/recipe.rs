@@ -519,7 +519,12 @@ impl Default for Real {
 }
 
 impl Real {
-    /// The share of a class's clips; UAVs have one in common.
+    /// What a class's share is called; UAVs have one in common.
+    pub fn shared(class: ObjectClass) -> &'static str {
+        if class.is_uav() { "uav" } else { class.name() }
+    }
+
+    /// The share of a class's clips.
     pub fn share(&self, class: ObjectClass) -> f64 {
         match class {
             ObjectClass::Fpv | ObjectClass::Quadcopter | ObjectClass::Hexacopter => self.uav,

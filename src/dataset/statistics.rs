@@ -11,10 +11,12 @@ use std::collections::BTreeMap;
 pub struct Statistics {
     /// Pictures.
     pub images: usize,
-    /// Boxes of UAVs.
+    /// Boxes of UAVs that are asked for.
     pub annotations: usize,
-    /// Boxes of distractors.
+    /// Boxes of distractors that are asked for.
     pub distractors: usize,
+    /// Boxes of either that are not: too little or too faint, or not to be tightened. They count nowhere else.
+    pub ignored: usize,
     /// Pictures without a UAV.
     pub negatives: usize,
     /// Boxes by category, distractors too.
@@ -99,12 +101,14 @@ impl Statistics {
     /// Counts a set's records.
     pub fn of(records: &[&SceneRecord]) -> Self {
         let images = || records.iter().flat_map(|record| &record.images);
-        let boxes = || images().flat_map(Picture::uavs);
-        let all = || images().flat_map(|image| &image.annotations);
+        let every = || images().flat_map(|image| &image.annotations);
+        let all = || every().filter(|seen| !seen.ignore);
+        let boxes = || all().filter(|seen| seen.class.is_uav());
         let mut statistics = Self {
             images: images().count(),
             annotations: boxes().count(),
             distractors: all().count() - boxes().count(),
+            ignored: every().count() - all().count(),
             negatives: images().filter(|i| i.uavs().next().is_none()).count(),
             categories: ObjectClass::ALL.map(|class| (class.name(), 0)).into(),
             models: BTreeMap::new(),
@@ -160,7 +164,7 @@ impl Statistics {
             }
         }
         let shares: Vec<f64> = images()
-            .flat_map(|i| i.uavs().map(|s| long_px(s) / f64::from(i.width)))
+            .flat_map(|i| asked(i).map(|s| long_px(s) / f64::from(i.width)))
             .collect();
         statistics.mode_width_share = mode(&shares);
         statistics
@@ -179,11 +183,16 @@ fn mode(values: &[f64]) -> f64 {
     (fullest as f64 + 0.5) * BIN
 }
 
-/// x, y, width and height of every UAV's box.
+/// A picture's UAVs that are asked for.
+fn asked(image: &Picture) -> impl Iterator<Item = &Annotation> {
+    image.uavs().filter(|seen| !seen.ignore)
+}
+
+/// x, y, width and height of every UAV's box that is asked for.
 pub fn columns(records: &[&SceneRecord]) -> [Vec<f64>; 4] {
     let mut columns = [const { Vec::new() }; 4];
     for image in records.iter().flat_map(|record| &record.images) {
-        for seen in image.uavs() {
+        for seen in asked(image) {
             for (column, value) in columns.iter_mut().zip(relative(image, seen)) {
                 column.push(value);
             }

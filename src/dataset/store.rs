@@ -7,9 +7,9 @@ use crate::output::{self, OutputError};
 use std::path::{Path, PathBuf};
 
 /// Version of the folder's layout and of what is drawn; a change of either raises it.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
-/// Tells a recipe, program version and boxes of real clips from others: a folder can be continued under the same ones.
+/// Tells a recipe, program version and real clips from others: a folder can be continued under the same ones.
 pub fn digest(recipe: &Recipe, boxes: &str) -> Result<String, DatasetError> {
     let json = serde_json::to_string(recipe)?;
     let text = format!("{FORMAT} {} {json} {boxes}", crate::VERSION);

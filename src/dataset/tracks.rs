@@ -15,7 +15,7 @@ use crate::components::capture::UavInFrame;
 use crate::components::detect::DetectionQueue;
 use crate::components::flight::{Distractor, Uav};
 use crate::components::mount::first_station;
-use crate::components::run::{Seed, SimClock};
+use crate::components::run::SimClock;
 use crate::components::track::{Gallery, Tracker};
 use crate::models::tracking::recognition::TrackClass;
 use crate::scenario::Scenario;
@@ -38,19 +38,19 @@ pub struct Arguments {
     #[arg(long, value_name = "FOLDER", requires = "recipe")]
     real: Option<PathBuf>,
     /// Recipe whose table `real` says what the clips' labels are and which clips are for validation.
-    #[arg(long, value_name = "RECIPE")]
+    #[arg(long, value_name = "RECIPE", requires = "real")]
     recipe: Option<PathBuf>,
     /// Detector for the clips (default: that of scenarios).
-    #[arg(long, value_name = "ONNX")]
+    #[arg(long, value_name = "ONNX", requires = "real")]
     model: Option<PathBuf>,
     /// Folder for the tracks, a folder in it for each scenario and seed; what is whole is kept.
     #[arg(long)]
     out: PathBuf,
     /// Change a value of the scenarios, such as `engage.authorised=false`; may be repeated.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
+    #[arg(long = "set", value_name = "KEY=VALUE", requires = "scenarios")]
     set: Vec<String>,
     /// Seed instead of the scenarios'.
-    #[arg(long)]
+    #[arg(long, requires = "scenarios")]
     seed: Option<u64>,
     /// Times a second that every track is written [Hz].
     #[arg(long, default_value_t = 4)]
@@ -68,7 +68,13 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
         let seed = arguments.seed.unwrap_or(loaded.scenario.seed);
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let folder = arguments.out.join(format!("{stem}-{seed}"));
-        if folder.join("sequences.json").exists() {
+        let of = Of::Run {
+            scenario: path.clone(),
+            overrides: arguments.set.clone(),
+            seed,
+            rate_hz: arguments.rate_hz,
+        };
+        if of.is_whole(&folder)? {
             said += &format!("{}: whole\n", folder.display());
             continue;
         }
@@ -99,12 +105,6 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
         {
             return Ok(said + &stopped);
         }
-        let of = Of::Run {
-            scenario: path.clone(),
-            overrides: arguments.set.clone(),
-            seed: app.world().resource::<Seed>().0,
-            rate_hz: arguments.rate_hz,
-        };
         let count = take.write(&folder, of)?;
         said += &format!("{}: {count} sequences\n", folder.display());
     }

@@ -1,23 +1,20 @@
 //! Tracks of clips of real cameras: detector and tracker as on `eval clip`, truth by the clips' boxes.
 
+use super::KEPT_S;
 use super::take::{InFrame, Of, Take};
 use crate::components::capture::Tier;
 use crate::dataset::DatasetError;
-use crate::dataset::real::{Clips, Filmed, RATE_HZ};
+use crate::dataset::real::{Clips, Filmed};
 use crate::dataset::recipe::Recipe;
 use crate::eval::clip::follow::{CENTRE_SIGMA_PX, FOV_DEG, Follower, Following};
 use crate::eval::clip::weak_score;
 use crate::inference::OnnxDetector;
-use crate::media::video::Clip;
 use crate::models::optics::detection::Detection;
 use crate::parallel::{in_parallel, threads};
 use crate::scenario::DetectorConfig;
 use crate::stop;
 use std::num::NonZeroUsize;
 use std::path::Path;
-
-/// Frames whose truth is kept: those of more than the last second.
-const KEPT_FRAMES: usize = 128;
 
 /// What is made of a folder of clips.
 pub(super) struct Wanted<'a> {
@@ -50,16 +47,16 @@ pub(super) fn tracks(wanted: &Wanted) -> Result<String, DatasetError> {
     let filmed: Vec<Filmed> = clips.filmed().collect();
     let made = in_parallel(&filmed, threads, |filmed| {
         let out = wanted.out.join(filmed.name());
-        if out.join("sequences.json").exists() {
-            return Ok::<_, DatasetError>(format!("{}: whole\n", out.display()));
-        }
-        let take = follow(filmed, &clips, &model, wanted.rate_hz)?;
         let of = Of::Clip {
             clip: filmed.name().into(),
-            split: filmed.split.name(),
+            split: filmed.split.name().into(),
             model: model.clone(),
             rate_hz: wanted.rate_hz,
         };
+        if of.is_whole(&out)? {
+            return Ok::<_, DatasetError>(format!("{}: whole\n", out.display()));
+        }
+        let take = follow(filmed, &clips, &model, wanted.rate_hz)?;
         let count = take.write(&out, of)?;
         Ok(format!("{}: {count} sequences\n", out.display()))
     });
@@ -82,7 +79,7 @@ fn follow(
 ) -> Result<Take, DatasetError> {
     let mut model = OnnxDetector::load(model, 1)?;
     let threshold = model.score_threshold_video();
-    let mut clip = Clip::open(&filmed.path, RATE_HZ)?;
+    let mut clip = clips.open(filmed)?;
     let objects = clips.objects(filmed)?;
     let mut take = Take::of(objects.clone());
     let mut at_work: Option<Follower> = None;
@@ -128,9 +125,8 @@ fn follow(
             .collect();
         take.frames
             .push_back((follower.tick(), Tier::Coarse, truth));
-        if take.frames.len() > KEPT_FRAMES {
-            take.frames.pop_front();
-        }
+        let kept_ticks = follower.ticks_of(KEPT_S);
+        (take.frames).retain(|(tick, ..)| tick + kept_ticks > follower.tick());
         if frame.t_s + 1e-9 >= next_s {
             next_s += 1.0 / f64::from(rate_hz);
             for (track, sequence) in follower.sequences() {

@@ -7,7 +7,7 @@ use crate::models::tracking::recognition::{FEATURES, STEPS, Sequence, Step, Trac
 use crate::models::tracking::table::Track;
 use crate::output;
 use glam::DVec2;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ struct Sheet {
 }
 
 /// What the tracks of a folder are of.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize, PartialEq)]
 #[serde(untagged)]
 pub(super) enum Of {
     /// A run.
@@ -36,10 +36,25 @@ pub(super) enum Of {
     /// A clip of a real camera, and the part of a data set to which its recipe puts it.
     Clip {
         clip: String,
-        split: &'static str,
+        split: String,
         model: PathBuf,
         rate_hz: u32,
     },
+}
+
+impl Of {
+    /// Whether a folder holds the tracks of just this; one that holds others is refused.
+    pub(super) fn is_whole(&self, folder: &Path) -> Result<bool, DatasetError> {
+        let Ok(text) = std::fs::read_to_string(folder.join("sequences.json")) else {
+            return Ok(false);
+        };
+        match serde_json::from_str::<Self>(&text) {
+            Ok(found) if found == *self => Ok(true),
+            _ => Err(DatasetError::OtherTracks {
+                path: folder.into(),
+            }),
+        }
+    }
 }
 
 /// One sequence.
@@ -109,8 +124,9 @@ impl Take {
         }
     }
 
-    /// The object on which a step's detection lies, and how far away it is [m].
-    fn object(&self, step: &Step) -> Option<(usize, Option<f64>)> {
+    /// The object on which a step's detection lies, and how far away it is [m], or that it lies on none; `None` where the truth
+    /// of its frame is not kept.
+    fn object(&self, step: &Step) -> Option<Option<(usize, Option<f64>)>> {
         let glimpse = step.glimpses[0];
         let (.., truth) = self
             .frames
@@ -126,8 +142,8 @@ impl Take {
             let on = off.x <= reach.x && off.y <= reach.y;
             on.then(|| (seen.object, seen.range_m, (off / reach).length()))
         });
-        near.min_by(|a, b| a.2.total_cmp(&b.2))
-            .map(|(index, range_m, _)| (index, range_m))
+        let nearest = near.min_by(|a, b| a.2.total_cmp(&b.2));
+        Some(nearest.map(|(index, range_m, _)| (index, range_m)))
     }
 
     /// Keeps a sequence whose steps lie on one thing.
@@ -137,7 +153,7 @@ impl Take {
             return;
         };
         let on: Vec<Option<(usize, Option<f64>)>> =
-            steps.iter().map(|step| self.object(step)).collect();
+            steps.iter().filter_map(|step| self.object(step)).collect();
         let mut votes: BTreeMap<Option<usize>, usize> = BTreeMap::new();
         for object in &on {
             *votes.entry(object.map(|(index, _)| index)).or_default() += 1;
@@ -145,7 +161,7 @@ impl Take {
         let Some((object, count)) = votes.into_iter().max_by_key(|(_, count)| *count) else {
             return;
         };
-        let share = count as f64 / steps.len() as f64;
+        let share = count as f64 / on.len() as f64;
         if share < PURE_SHARE {
             return;
         }

@@ -280,6 +280,11 @@ impl Follower {
         table.tracks.iter().filter_map(last_second).collect()
     }
 
+    /// Ticks of a time on the tracker's clock [s].
+    pub fn ticks_of(&self, span_s: f64) -> u64 {
+        self.clock.ticks_of(span_s)
+    }
+
     /// Tick of the last frame, on the tracker's clock.
     pub fn tick(&self) -> u64 {
         self.clock.tick

@@ -270,7 +270,7 @@ impl BoxFile {
                     labels: (coco.category[at].iter())
                         .filter_map(|id| coco.categories.get(id))
                         .chain(coco.others[at].iter().map(|other| &other.name))
-                        .cloned()
+                        .map(|name| name.to_lowercase())
                         .collect(),
                 })
             }
