@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Trains a detector on a rendered data set (`boresight dataset`), on procedural pictures, or on both.
+"""Trains a detector on a data set of `boresight dataset`, on procedural pictures, or on both.
 
 A run is a folder: `last.pt` (resumable), `log.csv`, `curves.svg`, with `--keep-every` `step-N.pt`. Stopped by SIGTERM, SIGINT or `--time-limit` it
 saves first; `--resume` then goes on exactly as if it had not been stopped.

@@ -225,12 +225,7 @@ impl Clips {
         let filmed = self.film(&self.clips[index]);
         let mut known = self.know(&filmed)?;
         unsteady(&mut known);
-        // What holds nothing to ask for would be the greatest novelty: a loose box is three times as long.
-        known.retain(|frame| frame.annotations.iter().any(|seen| !seen.ignore));
-        let looks: Vec<Look> = known.iter().map(|frame| frame.look.clone()).collect();
-        let wanted: BTreeMap<usize, usize> = (thin(&looks, pictures).into_iter())
-            .map(|k| (known[k].index, k))
-            .collect();
+        let wanted = worth_keeping(&mut known, pictures);
         let mut images = Vec::new();
         let mut clip = self.open(&filmed)?;
         let last = wanted.keys().last().map_or(0, |last| last + 1);
@@ -295,6 +290,16 @@ impl Clips {
         }
         Ok(known)
     }
+}
+
+/// At most `count` frames that ask for something, those that differ most: their place in `known` by their index in the clip. What
+/// asks for nothing would be the greatest novelty, since a loose box is three times as long.
+fn worth_keeping(known: &mut Vec<Known>, count: usize) -> BTreeMap<usize, usize> {
+    known.retain(|frame| frame.annotations.iter().any(|seen| !seen.ignore));
+    let looks: Vec<Look> = known.iter().map(|frame| frame.look.clone()).collect();
+    (thin(&looks, count).into_iter())
+        .map(|k| (known[k].index, k))
+        .collect()
 }
 
 /// How many pictures each clip gives, by the class of each: every class its share of all, its clips alike, and what rounding
@@ -502,6 +507,73 @@ mod tests {
             .map(|frame| frame.index)
             .collect();
         assert_eq!(ignored, [4]);
+    }
+
+    #[test]
+    fn a_frame_whose_box_failed_is_no_novelty() {
+        let mut known: Vec<Known> = (0..40)
+            .map(|i| Known {
+                look: vec![0.1 * i as f64],
+                ..frame(i, 10.0)
+            })
+            .collect();
+        for k in [3, 9, 20, 33, 39] {
+            known[k].annotations[0].ignore = true;
+            known[k].look = vec![99.0 + k as f64];
+        }
+        let wanted = worth_keeping(&mut known, 5);
+        assert_eq!(wanted.len(), 5);
+        assert!(
+            wanted
+                .keys()
+                .all(|index| ![3, 9, 20, 33, 39].contains(index))
+        );
+        assert!(wanted.iter().all(|(index, k)| known[*k].index == *index));
+    }
+
+    /// A grey picture with dark rectangles, and boxes of a label.
+    fn seen(rects: &[[u32; 4]], label: &str, boxes: &[[f64; 4]]) -> Vec<Annotation> {
+        let within = |[x0, y0, x1, y1]: [u32; 4], x, y| x >= x0 && x < x1 && y >= y0 && y < y1;
+        let picture = image::RgbImage::from_fn(160, 120, |x, y| {
+            let dark = rects.iter().any(|rect| within(*rect, x, y));
+            image::Rgb(
+                [if dark {
+                    40
+                } else {
+                    150 + ((7 * x + 13 * y) % 3) as u8
+                }; 3],
+            )
+        });
+        let frame = ClipFrame {
+            picture,
+            t_s: 0.0,
+            file: None,
+        };
+        let labelled = LabelledFrame::from([(label.to_owned(), boxes.to_vec())]);
+        annotations(&Real::default(), &labelled, &frame).unwrap()
+    }
+
+    #[test]
+    fn what_touches_a_mast_is_not_asked_for_but_an_aeroplane_with_its_trail_is() {
+        let (bar, mast) = ([60, 50, 74, 55], [66, 0, 69, 120]);
+        let loose_px = [54.0, 44.0, 80.0, 61.0];
+        assert!(!seen(&[bar], "bird", &[loose_px])[0].ignore);
+        assert!(seen(&[bar, mast], "bird", &[loose_px])[0].ignore);
+        let aeroplane = &seen(&[bar, mast], "airplane", &[loose_px])[0];
+        assert_eq!(
+            (aeroplane.ignore, aeroplane.bbox),
+            (false, [54.0, 44.0, 26.0, 17.0])
+        );
+    }
+
+    #[test]
+    fn one_thing_in_two_boxes_is_asked_for_by_neither() {
+        let bar = [60, 50, 74, 55];
+        let twice = [[54.0, 44.0, 80.0, 61.0], [52.0, 46.0, 82.0, 60.0]];
+        assert!(seen(&[bar], "bird", &twice).iter().all(|seen| seen.ignore));
+        let apart = [[54.0, 44.0, 80.0, 61.0], [104.0, 44.0, 130.0, 61.0]];
+        let two = seen(&[bar, [110, 50, 124, 55]], "bird", &apart);
+        assert!(two.len() == 2 && two.iter().all(|seen| !seen.ignore));
     }
 
     #[test]

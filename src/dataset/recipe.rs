@@ -15,7 +15,7 @@ use std::path::Path;
 pub struct Recipe {
     /// What the set is for, for people.
     pub description: String,
-    /// Seed of every draw: the same recipe gives the same bytes.
+    /// Seed of every draw: the same recipe, with the same clips, gives the same bytes.
     pub seed: u64,
     /// Places with a time, a weather and a camera of their own.
     pub scenes: u32,

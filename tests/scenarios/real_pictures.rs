@@ -204,6 +204,14 @@ fn real_clips_join_a_data_set_and_leave_tracks() {
         );
     }
 
+    // Tracks that are there are kept, but not for others.
+    let again = tracks.output().unwrap();
+    assert!(String::from_utf8_lossy(&again.stdout).contains("V_A: whole"));
+    refused(
+        tracks.args(["--rate-hz", "2"]),
+        &["V_A", "another detector, rate", "--out"],
+    );
+
     refused(&mut command("bad", &[]), &["real.pictures", "--real"]);
     let write = |text: &str| std::fs::write(&recipe, text).unwrap();
     write("scenes = 1\n");
@@ -222,6 +230,11 @@ fn real_clips_join_a_data_set_and_leave_tracks() {
     refused(
         &mut command("bad", &["--real", real]),
         &["'thing'", "real.labels.thing"],
+    );
+    std::fs::write(clips.join("boxes.json"), text.replace("V_B", "V_A.1")).unwrap();
+    refused(
+        &mut command("bad", &["--real", real]),
+        &["V_A and V_A.1", "rename one"],
     );
     std::fs::write(clips.join("boxes.json"), text).unwrap();
     std::fs::remove_file(clips.join("V_A/0059.png")).unwrap();
