@@ -4,11 +4,11 @@ use super::recipe::Recipe;
 use super::shares::{Background, Split, quota};
 use crate::models::maths::rng::Stream;
 
-/// Background and split of every scene of a recipe, those with clips last.
+/// Background and split of every scene of a recipe, those with sequences last.
 pub fn assign_scenes(recipe: &Recipe) -> Vec<(Background, Split)> {
     let mut scenes = assign(recipe, recipe.scenes, "dataset backgrounds");
-    let clips = recipe.sequences.count;
-    scenes.extend(assign(recipe, clips, "dataset clips' backgrounds"));
+    let sequences = recipe.sequences.count;
+    scenes.extend(assign(recipe, sequences, "dataset clips' backgrounds"));
     scenes
 }
 

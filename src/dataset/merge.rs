@@ -86,7 +86,7 @@ fn records(scenes: usize, out: &Path) -> Result<BTreeMap<u32, SceneRecord>, Data
 }
 
 /// Writes the COCO file of a part of the set, the YOLO files of its stills and the MOTChallenge
-/// files of its clips.
+/// files of its sequences.
 fn annotations(
     recipe: &Recipe,
     split: Split,

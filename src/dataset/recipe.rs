@@ -21,7 +21,7 @@ pub struct Recipe {
     pub scenes: u32,
     /// Pictures a scene.
     pub stills: u32,
-    /// Clips, each in a scene of its own.
+    /// Rendered sequences, each in a scene of its own.
     pub sequences: Sequences,
     /// Share of the scenes that are kept for validation.
     pub val_share: f64,
@@ -64,13 +64,13 @@ impl Default for Recipe {
     }
 }
 
-/// Clips.
+/// Rendered sequences.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sequences {
-    /// Number of clips.
+    /// Number of sequences.
     pub count: u32,
-    /// Frames a clip.
+    /// Frames a sequence.
     pub frames: u32,
     /// Frames a second.
     pub rate_hz: f64,

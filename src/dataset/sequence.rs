@@ -1,4 +1,4 @@
-//! Clips: UAVs fly by their autopilots, birds pass, and the camera follows loosely.
+//! Rendered sequences: UAVs fly by their autopilots, birds pass, and the camera follows loosely.
 
 use super::draw::{self, Still};
 use super::recipe::Recipe;
@@ -99,8 +99,8 @@ impl Drifter {
     }
 }
 
-/// A clip in progress.
-pub struct ClipProgress {
+/// A sequence in progress.
+pub struct SequenceProgress {
     pilots: Vec<Pilot>,
     others: Vec<Drifter>,
     /// Azimuth and elevation of the boresight [rad].
@@ -112,36 +112,36 @@ pub struct ClipProgress {
     t_s: f64,
 }
 
-/// Draws a clip of `frames` frames; `None` if the scene has no room for what was drawn.
+/// Draws a sequence of `frames` frames; `None` if the scene has no room for what was drawn.
 pub fn draw(
     recipe: &Recipe,
     scene: &Scene,
     motion: Motion,
     frames: u32,
     rng: &mut Stream,
-) -> Option<ClipProgress> {
+) -> Option<SequenceProgress> {
     let count = 1 + (rng.uniform() * rng.uniform() * 3.0) as usize;
     let still = draw::still(recipe, scene, count, motion, rng)?;
-    let clip = ClipProgress::from(scene, &still, motion, rng)?;
+    let course = SequenceProgress::from(scene, &still, motion, rng)?;
     // Flown once in advance: no UAV may hit a building, and the first must stay visible.
     let duration_s = f64::from(frames) / recipe.sequences.rate_hz;
     let surface = &scene.environment.city.dsm;
-    let free = clip.pilots.iter().all(|pilot| {
+    let free = course.pilots.iter().all(|pilot| {
         (0..=8).all(|k| {
             let r = pilot.plan.sample(duration_s * f64::from(k) / 8.0).r_enu_m;
             r.z > surface.surface_m(r.x, r.y) + 1.0
         })
     });
-    let seen = clip.pilots.first().is_some_and(|pilot| {
+    let seen = course.pilots.first().is_some_and(|pilot| {
         (0..=4).all(|k| {
             let r = pilot.plan.sample(duration_s * f64::from(k) / 4.0).r_enu_m;
             surface.line_of_sight(scene.camera.r_enu_m, r) == LineOfSight::Clear
         })
     });
-    (free && seen).then_some(clip)
+    (free && seen).then_some(course)
 }
 
-impl ClipProgress {
+impl SequenceProgress {
     fn from(scene: &Scene, still: &Still, motion: Motion, rng: &mut Stream) -> Option<Self> {
         let pinhole = &scene.camera.pinhole;
         let density = scene.environment.air_density_kgpm3;

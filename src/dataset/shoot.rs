@@ -25,9 +25,9 @@ const RENDERS: u32 = 12;
 /// Boxes whose longer side is below this cannot be told from noise [px].
 const MIN_SIDE_PX: f64 = 2.0;
 /// Draws of a sequence before the scene is given up.
-const CLIP_DRAWS: u64 = 2_000;
+const SEQUENCE_DRAWS: u64 = 2_000;
 /// What shows less of itself than this has no box: a distractor, or in sequences a UAV until it shows again.
-const MIN_CLIP_VISIBLE: f64 = 0.1;
+const MIN_SEQUENCE_VISIBLE: f64 = 0.1;
 
 /// A picture on its way to its file.
 type Developed = (PathBuf, Vec<u8>);
@@ -73,9 +73,9 @@ pub fn make(
             stills(recipe, &scene, stage, &mut keep)
         } else {
             let number = scene.index - recipe.scenes;
-            let name = clip_name(number);
+            let name = sequence_name(number);
             coco::sequence_folder(out, &name)?;
-            clip(recipe, &scene, &name, stage, &mut keep)
+            frames(recipe, &scene, &name, stage, &mut keep)
         };
         drop(give);
         match writer.join() {
@@ -100,15 +100,16 @@ pub fn make(
                 r_enu_m: scene.camera.r_enu_m.to_array(),
             },
         }),
-        sequence: (scene.index >= recipe.scenes).then(|| clip_name(scene.index - recipe.scenes)),
+        sequence: (scene.index >= recipe.scenes)
+            .then(|| sequence_name(scene.index - recipe.scenes)),
         images,
     };
     let path = record_path(out, scene.index);
     write(&path, &serde_json::to_vec(&record)?)
 }
 
-/// Name of a clip by its number.
-fn clip_name(number: u32) -> String {
+/// Name of a sequence by its number.
+fn sequence_name(number: u32) -> String {
     format!("c{number:04}")
 }
 
@@ -134,8 +135,8 @@ fn stills(
     Ok(images)
 }
 
-/// Renders a scene's clip.
-fn clip(
+/// Renders a scene's sequence.
+fn frames(
     recipe: &Recipe,
     scene: &Scene,
     name: &str,
@@ -144,16 +145,16 @@ fn clip(
 ) -> Result<Vec<Picture>, DatasetError> {
     let sequences = &recipe.sequences;
     let entity = u64::from(scene.index) << 32;
-    for attempt in 0..CLIP_DRAWS {
+    for attempt in 0..SEQUENCE_DRAWS {
         let mut rng = Stream::new(recipe.seed, entity | attempt, "dataset clip");
         let motion = Motion::ALL[shares::choose(&recipe.motions.shares(), &mut rng)];
-        let Some(mut clip) = sequence::draw(recipe, scene, motion, sequences.frames, &mut rng)
+        let Some(mut course) = sequence::draw(recipe, scene, motion, sequences.frames, &mut rng)
         else {
             continue;
         };
         let mut images = Vec::new();
         for number in 1..=sequences.frames {
-            let still = clip.still(scene, motion);
+            let still = course.still(scene, motion);
             let mut rendered = stage.render(
                 still.pose,
                 scene.camera.pinhole,
@@ -166,13 +167,13 @@ fn clip(
                 exposure::conditions(scene, &still.pose, Some(&stage.scratch.pixels), 0.0);
             let annotations: Vec<_> = (still.placed.iter())
                 .filter_map(|placed| annotation(recipe, scene, &rendered, stage, placed))
-                .filter(|seen| seen.shows(MIN_CLIP_VISIBLE))
+                .filter(|seen| seen.shows(MIN_SEQUENCE_VISIBLE))
                 .map(|seen| Annotation {
                     ignore: seen.ignore && !seen.class.is_uav(),
                     ..seen
                 })
                 .collect();
-            // A clip begins with a UAV that can be seen.
+            // A sequence begins with a UAV that can be seen.
             let mut uavs = (annotations.iter()).filter(|seen| seen.class.is_uav());
             let contrast = |seen: &Annotation| seen.contrast >= recipe.targets.min_contrast;
             let any = uavs.clone().next().is_some();
@@ -193,7 +194,7 @@ fn clip(
             if !goes_on {
                 break;
             }
-            clip.advance(scene, 1.0 / sequences.rate_hz, &mut rng);
+            course.advance(scene, 1.0 / sequences.rate_hz, &mut rng);
         }
         if !images.is_empty() {
             return Ok(images);
@@ -263,7 +264,7 @@ fn shoot(
         let uav = placed.prop < scene.uavs.len();
         match annotation(recipe, scene, &rendered, stage, placed) {
             // A distractor that is hardly seen is neither asked for nor a false alarm.
-            Some(seen) if !uav && !seen.shows(MIN_CLIP_VISIBLE) => {}
+            Some(seen) if !uav && !seen.shows(MIN_SEQUENCE_VISIBLE) => {}
             Some(seen) if !(uav && seen.ignore) => annotations.push(seen),
             _ if uav => return Ok(None),
             _ => {}
