@@ -364,14 +364,14 @@ class BoresightP2Roi(BoresightP2):
 
 
 class BoresightP2Close(BoresightP2Roi):
-    """`BoresightP2Roi` that looks a third time, closely, at the largest of what it found: what the second look sees some 15
-    samples wide, the third sees 30 wide, and corrects quality and class by it. An aeroplane of 60 px shows its windows, but
-    not to 15 samples.
+    """`BoresightP2Roi` that looks a third time, closely, at the most confident of what it found that is not small: what the
+    second look sees some 15 samples wide, the third sees 30 wide, and corrects quality and class by it. An aeroplane of
+    60 px shows its engines, but not to 15 samples.
     """
 
     close = 3  # peaks that get this look
     close_grid = 48  # samples a side
-    close_px = (14.0, 22.0)  # longer side from which on it counts at all, and in full
+    close_px = (14.0, 22.0)  # longer side from which on it counts at all, and in full: where 15 samples begin to lose pixels
 
     def __init__(self, name: str = "boresight-p2-close", num_classes: int = 8, **kw):
         super().__init__(name, num_classes, **kw)
@@ -384,7 +384,7 @@ class BoresightP2Close(BoresightP2Roi):
         nn.init.zeros_(self.closer["say"].bias)
 
     def second(self, images: Tensor, features: Tensor, boxes: Tensor, logits: Tensor) -> tuple[Tensor, ...]:
-        """As `BoresightP2Roi.second`, corrected by a closer look at the largest."""
+        """As `BoresightP2Roi.second`, corrected by a closer look at some."""
         quality, refined, kinds, middles = super().second(images, features, boxes, logits)
         longer = (boxes[..., 2:] - boxes[..., :2]).amax(-1)
         least, full = self.close_px
