@@ -198,10 +198,12 @@ class Sprite:
         return small, np.array([x0, y0, x1, y1], np.float32) / self.fine
 
 
-def rotation(rng: Rng, tilt_rad: float) -> np.ndarray:
-    """World-from-body rotation: random yaw, then a tilt of normal spread, then a view elevation; rows are view axes
-    right, down, depth."""
+def rotation(rng: Rng, tilt_rad: float, ahead: float = 0.0) -> np.ndarray:
+    """World-from-body rotation: random yaw, `ahead` of the time about straight towards the viewer or away, then a tilt of
+    normal spread, then a view elevation; rows are view axes right, down, depth."""
     yaw, roll, pitch = rng.uniform(0, 2 * math.pi), rng.normal(0, tilt_rad), rng.normal(0, tilt_rad)
+    if rng.random() < ahead:
+        yaw = rng.choice((-0.5, 0.5)) * math.pi + rng.normal(0, 0.35)
     # Mostly seen from below or level, at times from far below; sometimes from above or any side.
     kind = rng.random()
     elevation = rng.normal(0.25, 0.35) if kind < 0.65 else rng.uniform(0.2, 1.2) if kind < 0.85 else rng.uniform(-1.5, 1.5)
@@ -222,6 +224,8 @@ BOX = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], f
 RING = np.array([[math.cos(a), math.sin(a), 0] for a in np.linspace(0, 2 * math.pi, 16, endpoint=False)])
 
 
+# How often an aeroplane that flies level comes or goes: what is near enough to show its shape mostly lands or has taken off.
+AHEAD = 0.6
 BIRD, AEROPLANE, HELICOPTER = 3, 4, 5  # classes of `models.CLASSES` that are drawn here and are no UAVs
 Made = tuple[np.ndarray, np.ndarray | None, int]  # a sprite, its box, None if it has none, and its class
 
@@ -329,7 +333,7 @@ def aeroplane(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
     """An aeroplane or a glider: fuselage, wings, tail, with jets below the wings, turboprops before them or the disc of a
     propeller; its wheels may be down."""
     sprite = Sprite(size_px)
-    r = rotation(rng, 0.25)
+    r = rotation(rng, *((0.08, AHEAD) if rng.random() < 0.6 else (0.25, 0.0)))
     span, sweep, fat = rng.uniform(0.8, 1.1), rng.uniform(0, 0.5), rng.uniform(0.05, 0.12)
     chord = rng.uniform(0.1, 0.3)
     fuselage = np.concatenate([RING * (0.95, fat, 0), (RING * (0.95, fat, 0))[:, [0, 2, 1]]])
