@@ -26,7 +26,7 @@ use clips::Wanted;
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use take::{InFrame, Of, Take};
+use take::{InFrame, KEPT_S, Of, Take};
 
 /// What `tracks` is told.
 #[derive(Args, Debug)]
@@ -120,9 +120,6 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
     }
     Ok(said)
 }
-
-/// How long the truth of frames is kept [s]: the last second and what a batch may be late.
-const KEPT_S: f64 = 3.0; // [s]
 
 /// Name and class of each UAV and distractor of a run, by its index.
 fn objects(world: &mut World) -> BTreeMap<usize, (String, TrackClass)> {

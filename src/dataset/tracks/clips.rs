@@ -1,7 +1,6 @@
 //! Tracks of clips of real cameras: detector and tracker as on `eval clip`, truth by the clips' boxes.
 
-use super::KEPT_S;
-use super::take::{InFrame, Of, Take};
+use super::take::{InFrame, KEPT_S, Of, Take};
 use crate::components::capture::Tier;
 use crate::dataset::DatasetError;
 use crate::dataset::real::{Clips, Filmed};

@@ -82,6 +82,8 @@ struct Labelled {
     target: bool,
 }
 
+/// How long the truth of frames is kept [s]: the last second and what a batch may be late.
+pub(super) const KEPT_S: f64 = 3.0; // [s]
 /// A detection's middle counts as on an object up to this far out of its box: this share of the box's
 /// size, and so many pixels.
 const OUTSIDE_SHARE: f64 = 0.25;
