@@ -224,8 +224,9 @@ BOX = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], f
 RING = np.array([[math.cos(a), math.sin(a), 0] for a in np.linspace(0, 2 * math.pi, 16, endpoint=False)])
 
 
-# How often an aeroplane that flies level comes or goes: what is near enough to show its shape mostly lands or has taken off.
-AHEAD = 0.6
+# How many aeroplanes fly level, within so much tilt [rad], and how many of these come or go: what is near enough to show its shape
+# mostly lands or has taken off. The others tilt as in turns. Judged, not measured.
+LEVEL, LEVEL_TILT_RAD, AHEAD, TURNING_TILT_RAD = 0.6, 0.08, 0.6, 0.25
 BIRD, AEROPLANE, HELICOPTER = 3, 4, 5  # classes of `models.CLASSES` that are drawn here and are no UAVs
 Made = tuple[np.ndarray, np.ndarray | None, int]  # a sprite, its box, None if it has none, and its class
 
@@ -333,7 +334,7 @@ def aeroplane(rng: Rng, size_px: float, tone: np.ndarray) -> Made:
     """An aeroplane or a glider: fuselage, wings, tail, with jets below the wings, turboprops before them or the disc of a
     propeller; its wheels may be down."""
     sprite = Sprite(size_px)
-    r = rotation(rng, *((0.08, AHEAD) if rng.random() < 0.6 else (0.25, 0.0)))
+    r = rotation(rng, LEVEL_TILT_RAD, AHEAD) if rng.random() < LEVEL else rotation(rng, TURNING_TILT_RAD)
     span, sweep, fat = rng.uniform(0.8, 1.1), rng.uniform(0, 0.5), rng.uniform(0.05, 0.12)
     chord = rng.uniform(0.1, 0.3)
     fuselage = np.concatenate([RING * (0.95, fat, 0), (RING * (0.95, fat, 0))[:, [0, 2, 1]]])

@@ -15,6 +15,7 @@ import re
 import time
 import tomllib
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -77,7 +78,7 @@ class Tracks:
         return torch.from_numpy(self.chips[index]), torch.from_numpy(self.features[rows]), mask, torch.from_numpy(self.labels[rows])
 
 
-def load(folders: list[Path], also: list[Path] = []) -> tuple[Tracks, int]:
+def load(folders: list[Path], also: Sequence[Path] = ()) -> tuple[Tracks, int]:
     """Every folder below `folders`, then below `also`, that `boresight tracks` finished, and the number of the first
     sequence of `also`. The run is its number in that order; what several detectors made of one clip is one run, since it
     shows the same things."""

@@ -39,7 +39,7 @@ COLUMNS = (  # heading, keys in detector.json, digits
 BY_SOURCE = (("mAP@50", "map50"), ("recall at 0.1 false alarms", "recall_at_fppi_0_1"))
 
 
-def parted(row: str) -> tuple[str, float | None]:
+def model_and_share(row: str) -> tuple[str, float | None]:
     """Model and share of real crops of a row; the share is the set's own where the row says none."""
     model, at, share = row.partition("@")
     if model not in models.NAMES:
@@ -74,7 +74,7 @@ def checked(folder: Path, wanted: dict) -> dict:
 
 def make(row: str, seed: int, args: argparse.Namespace) -> dict:
     """Trains, exports and evaluates a row with one seed, as far as it is not done yet."""
-    model_name, share = parted(row)
+    model_name, share = model_and_share(row)
     folder = args.out / f"{row}-{seed}"
     result = folder / "eval" / "detector.json"
     settings = DFINE if row.startswith("d-fine") else PLAIN
@@ -143,7 +143,7 @@ def main() -> None:
     parser.add_argument("--boresight", default=shutil.which("boresight") or "boresight", help="the program that evaluates")
     args = parser.parse_args()
     for row in args.rows:
-        parted(row)
+        model_and_share(row)
     args.out.mkdir(parents=True, exist_ok=True)
     results = []
     for seed in args.seeds:

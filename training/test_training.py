@@ -510,10 +510,10 @@ def test_table_gives_mean_and_spread(tmp_path):
 
 
 def test_rows_may_differ_in_their_share_of_real_crops():
-    assert table1.parted("yolo-n") == ("yolo-n", None) and table1.parted("d-fine-nwd@0.5") == ("d-fine-nwd", 0.5)
+    assert table1.model_and_share("yolo-n") == ("yolo-n", None) and table1.model_and_share("d-fine-nwd@0.5") == ("d-fine-nwd", 0.5)
     for row in ("yolo", "yolo-n@", "yolo-n@1.5", "yolo-n@x", "@1"):
         with pytest.raises(SystemExit, match=f"--rows {row}"):
-            table1.parted(row)
+            table1.model_and_share(row)
     figures = {"map50": 0.5, "by_source": {"real": {"map50": 0.75, "recall_at_fppi_0_1": None}, "rendered": {"map50": 0.25}}}
     args = argparse.Namespace(rows=["yolo-n@0", "yolo-n@1"])
     text = table1.table([{"row": "yolo-n@1", "seed": 1, "minutes": 1.0, "figures": figures}], args)
