@@ -33,31 +33,52 @@ SCALES = ((0.6, 1.6), (0.25, 1.6))
 
 
 class Frames:
-    """A split of a COCO folder: pictures as raw bytes in one file beside it, made at first use.
+    """The same split of one or more COCO folders: pictures as raw bytes in a file beside each, made at first use.
 
     Decoding costs more than all augmentation, and 8,000 frames in RAM are 7 GB.
     """
 
-    def __init__(self, folder: Path):
-        source = folder / "annotations.json"
-        if not source.is_file():
-            raise FileNotFoundError(f"{source}: no such file; `boresight dataset` makes it, or give --data none")
-        text = source.read_bytes()
-        coco = json.loads(text)
-        self.names = [c["name"] for c in sorted(coco["categories"], key=lambda c: c["id"])]
-        index = {c["id"]: k for k, c in enumerate(sorted(coco["categories"], key=lambda c: c["id"]))}
-        images = sorted(coco["images"], key=lambda i: i["id"])
-        if not images:
-            raise ValueError(f"{source}: it lists no pictures")
+    def __init__(self, *folders: Path):
+        self.names: list[str] = []  # of the classes
+        self.shapes: list[tuple[int, int, int]] = []  # height, width, 3
+        self.pixels: list[tuple[Path, int]] = []  # file and offset of each picture
+        self.boxes: list[np.ndarray] = []  # [n,4] px of each picture
+        self.labels: list[np.ndarray] = []  # [n]
+        self.aims: list[np.ndarray] = []  # [n,2] px, no numbers where nobody knows
+        self.ignore: list[np.ndarray] = []  # [n,4] px
+        real: list[bool] = []
+        digests = []
+        for folder in folders:
+            source = folder / "annotations.json"
+            if not source.is_file():
+                raise FileNotFoundError(f"{source}: no such file; `boresight dataset` makes it, or give --data none")
+            text = source.read_bytes()
+            coco = json.loads(text)
+            categories = sorted(coco["categories"], key=lambda c: c["id"])
+            names = [c["name"] for c in categories]
+            if self.names and names != self.names:
+                raise ValueError(f"{source}: its categories are {', '.join(names)}; those of {folders[0]} are {', '.join(self.names)}")
+            images = sorted(coco["images"], key=lambda i: i["id"])
+            if not images:
+                raise ValueError(f"{source}: it lists no pictures")
+            self.names = names
+            digests.append(hashlib.sha256(text).hexdigest())
+            real += [image.get("source") == "real" for image in images]
+            self.annotate(images, coco["annotations"], {c["id"]: k for k, c in enumerate(categories)})
+            self.decode(folder, images, digests[-1])
+        self.real = np.array(real)
+        self.digest = digests[0] if len(digests) == 1 else hashlib.sha256(" ".join(digests).encode()).hexdigest()
+        self.targets = [(k, j) for k, b in enumerate(self.boxes) for j in range(len(b))]
+        self.empty = [k for k, b in enumerate(self.boxes) if not len(b) and not len(self.ignore[k])]
+
+    def annotate(self, images: list[dict], annotations: list[dict], index: dict[int, int]) -> None:
+        """Takes in a folder's annotations; `index` says the class of a category."""
         rows = {image["id"]: k for k, image in enumerate(images)}
-        self.files = [folder / "images" / i["file_name"] if (folder / "images" / i["file_name"]).exists() else folder / i["file_name"] for i in images]
-        self.shapes = [(i["height"], i["width"], 3) for i in images]
-        self.real = np.array([i.get("source") == "real" for i in images])
         boxes: list[list[list[float]]] = [[] for _ in images]
         labels: list[list[int]] = [[] for _ in images]
         ignore: list[list[list[float]]] = [[] for _ in images]
         aims: list[list[list[float]]] = [[] for _ in images]
-        for a in coco["annotations"]:
+        for a in annotations:
             x, y, w, h = a["bbox"]
             k = rows[a["image_id"]]
             if a.get("iscrowd") or a.get("ignore") or a.get("tight") is False:
@@ -66,44 +87,44 @@ class Frames:
                 boxes[k].append([x, y, x + w, y + h])
                 labels[k].append(index[a["category_id"]])
                 aims[k].append(a.get("aim", [math.nan, math.nan]))
-        self.boxes = [np.array(b, np.float32).reshape(-1, 4) for b in boxes]
-        self.ignore = [np.array(b, np.float32).reshape(-1, 4) for b in ignore]
-        self.aims = [np.array(b, np.float32).reshape(-1, 2) for b in aims]
-        self.labels = [np.array(b, np.int64) for b in labels]
-        self.targets = [(k, j) for k, b in enumerate(boxes) for j in range(len(b))]
-        sizes = [h * w * c for h, w, c in self.shapes]
-        self.starts = np.concatenate([[0], np.cumsum(sizes)])
-        self.digest = hashlib.sha256(text).hexdigest()
-        self.pixels = self.cache(folder / "pixels.cache")
-        self.empty = [k for k, b in enumerate(boxes) if not b and not ignore[k]]
+        self.boxes += [np.array(b, np.float32).reshape(-1, 4) for b in boxes]
+        self.ignore += [np.array(b, np.float32).reshape(-1, 4) for b in ignore]
+        self.aims += [np.array(b, np.float32).reshape(-1, 2) for b in aims]
+        self.labels += [np.array(b, np.int64) for b in labels]
 
-    def cache(self, path: Path) -> Path:
-        """The file of pixels, decoded anew where they belong to other annotations."""
-        stamp, size = path.with_suffix(".json"), int(self.starts[-1])
+    def decode(self, folder: Path, images: list[dict], digest: str) -> None:
+        """Takes in a folder's file of pixels, decoded anew where it belongs to other annotations."""
+        names = [image["file_name"] for image in images]
+        files = [folder / "images" / name if (folder / "images" / name).exists() else folder / name for name in names]
+        shapes = [(image["height"], image["width"], 3) for image in images]
+        *starts, size = np.cumsum([0] + [math.prod(shape) for shape in shapes]).tolist()
+        path = folder / "pixels.cache"
+        stamp = path.with_suffix(".json")
         whole = path.exists() and path.stat().st_size == size and stamp.exists()
-        if not (whole and json.loads(stamp.read_text()).get("annotations") == self.digest):
+        if not (whole and json.loads(stamp.read_text()).get("annotations") == digest):
             stamp.unlink(missing_ok=True)
             # A file of its own: another process may be decoding, too.
             part = path.with_suffix(f".{os.getpid()}.part")
             with part.open("wb") as out:
-                for k, (file, shape) in enumerate(zip(self.files, self.shapes)):
+                for k, (file, shape) in enumerate(zip(files, shapes)):
                     picture = cv2.imread(str(file), cv2.IMREAD_COLOR)
                     if picture is None or picture.shape != shape:
                         raise ValueError(f"{file}: not a picture of {shape[1]} x {shape[0]}, as annotations.json says")
                     out.write(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).tobytes())
                     if k % 1000 == 999:
-                        print(f"decoded {k + 1} of {len(self.files)} pictures", flush=True)
+                        print(f"decoded {k + 1} of {len(files)} pictures", flush=True)
             part.replace(path)
-            stamp.write_text(json.dumps({"annotations": self.digest}))
-        return path
+            stamp.write_text(json.dumps({"annotations": digest}))
+        self.shapes += shapes
+        self.pixels += [(path, start) for start in starts]
 
     def __len__(self) -> int:
-        return len(self.files)
+        return len(self.shapes)
 
     def picture(self, k: int) -> np.ndarray:
         """Picture k, uint8 [H,W,3] RGB: read in one piece, as a crop's rows one by one cost a disk far more."""
-        start, end = self.starts[k : k + 2].tolist()
-        return np.fromfile(self.pixels, np.uint8, end - start, offset=start).reshape(self.shapes[k])
+        path, start = self.pixels[k]
+        return np.fromfile(path, np.uint8, math.prod(self.shapes[k]), offset=start).reshape(self.shapes[k])
 
 
 def clip_boxes(boxes: np.ndarray, labels: np.ndarray, ignore: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

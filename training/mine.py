@@ -24,12 +24,12 @@ MOST = 8  # false alarms of one picture
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("checkpoint", type=Path)
-    parser.add_argument("--data", type=Path, required=True, help="folder with train/annotations.json")
+    parser.add_argument("--data", type=Path, nargs="+", required=True, help="folders with train/annotations.json, as train.py gets them")
     parser.add_argument("--out", type=Path, required=True, help="file to write")
     parser.add_argument("--score", type=float, default=0.25, help="least score of a false alarm that counts")
     parser.add_argument("--threads", type=int, default=2)
     args = parser.parse_args()
-    frames = Frames(args.data / "train")
+    frames = Frames(*(data / "train" for data in args.data))
     model, state = export.load(args.checkpoint)
     runtime = export.session(export.to_onnx(model, state["classes"], 0.5, "", {}), args.threads)
     rows = []

@@ -278,7 +278,8 @@ def test_a_real_thing_is_cut_out_before_clear_sky_and_put_before_another(tmp_pat
 
 
 def test_nothing_to_cut_out_is_no_fault(tmp_path):
-    coco = json.loads((filmed(tmp_path).files[0].parent.parent / "annotations.json").read_text())
+    filmed(tmp_path)
+    coco = json.loads((tmp_path / "annotations.json").read_text())
     coco["images"] = coco["images"][3:]  # two things in one frame
     coco["annotations"] = [a for a in coco["annotations"] if a["image_id"] == 3]
     (tmp_path / "annotations.json").write_text(json.dumps(coco))
@@ -381,10 +382,30 @@ def test_a_packed_set_holds_the_windows(folder, tmp_path):
         assert inside[2] - inside[0] > 100  # the blue target lies where its box does
     (tmp_path / "both/train").mkdir(parents=True)
     filmed(tmp_path / "both/train")
-    (tmp_path / "both/dataset.json").write_text(json.dumps({"real_crops": 0.25}))
+    (tmp_path / "both/dataset.json").write_text(json.dumps({"real_clips": 4, "real_crops": 0.25}))
     pack.pack(tmp_path / "both", tmp_path / "more", 160, 90, 40, 1, 1)
     pack.unpack([tmp_path / "more/part-0.zip"], tmp_path / "again")
-    assert Frames(tmp_path / "again/train").real.all() and train.real_share(tmp_path / "again") == 0.25
+    assert Frames(tmp_path / "again/train").real.all() and train.real_share([tmp_path, tmp_path / "again"]) == 0.25
+
+
+def test_sets_come_together(folder, tmp_path):
+    (tmp_path / "train").mkdir()
+    alone = filmed(tmp_path / "train")
+    rendered = Frames(folder / "train")
+    both = Frames(folder / "train", tmp_path / "train")
+    assert both.real.tolist() == [False] * 6 + [True] * len(alone) and both.digest not in (alone.digest, rendered.digest)
+    assert both.targets[len(rendered.targets) :] == [(6 + k, j) for k, j in alone.targets] and len(both.ignore) == len(both) == 6 + len(alone)
+    for k in range(len(alone)):
+        assert np.array_equal(both.picture(6 + k), alone.picture(k)) and np.array_equal(both.boxes[6 + k], alone.boxes[k])
+    (folder / "dataset.json").write_text(json.dumps({"real_clips": 0, "real_crops": 0.5}))
+    (tmp_path / "dataset.json").write_text(json.dumps({"real_clips": 4, "real_crops": 0.25}))
+    assert train.real_share([str(folder), str(tmp_path)]) == 0.25 and train.real_share([str(folder)]) == 0.5
+    (folder / "dataset.json").unlink()
+    other = json.loads((tmp_path / "train/annotations.json").read_text())
+    other["categories"][0]["name"] = "kite"
+    (tmp_path / "train/annotations.json").write_text(json.dumps(other))
+    with pytest.raises(ValueError, match="its categories are kite"):
+        Frames(folder / "train", tmp_path / "train")
 
 
 def test_preprocess_keeps_the_golden_file():

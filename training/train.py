@@ -34,7 +34,7 @@ LARGEST_CROP = 832  # [px] side that the bank of noise serves
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", default="none", help="folder with train/annotations.json, or none: procedural only")
+    parser.add_argument("--data", nargs="+", default=["none"], help="folders with train/annotations.json, or none: procedural only")
     parser.add_argument("--model", default="boresight-p2", choices=models.NAMES)
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--batch", type=int, default=16)
@@ -102,10 +102,11 @@ def load_weights(model: torch.nn.Module, path: Path) -> None:
     print(f"{path}: {len(fit)} of {len(own)} tensors taken over")
 
 
-def real_share(data: str) -> float:
-    """The share of crops from real pictures that a set's recipe says; half of them where it says nothing."""
-    about = Path(data) / "dataset.json"
-    return float(json.loads(about.read_text()).get("real_crops", 0.5)) if about.is_file() else 0.5
+def real_share(sets: list[str]) -> float:
+    """The share of crops from real pictures that the recipe of the first of these sets that holds clips says; half of them where none does."""
+    files = [Path(data) / "dataset.json" for data in sets]
+    about = [json.loads(file.read_text()) for file in files if file.is_file()]
+    return float(next((one["real_crops"] for one in about if one.get("real_clips") and "real_crops" in one), 0.5))
 
 
 def learning(model: torch.nn.Module, only: str | None) -> None:
@@ -147,9 +148,9 @@ def main() -> None:
     model = models.build(args.model, len(classes)).to(args.device, memory_format=torch.channels_last)
     if args.crop % 64 or not model.min_side_px <= args.crop <= LARGEST_CROP:
         raise SystemExit(f"--crop {args.crop}: give a multiple of 64 from {-(-model.min_side_px // 64) * 64} to {LARGEST_CROP}")
-    frames = None if args.data == "none" else Frames(Path(args.data) / "train")
+    frames = None if args.data == ["none"] else Frames(*(Path(data) / "train" for data in args.data))
     if frames and frames.names != classes:
-        raise SystemExit(f"{args.data}: its categories are {', '.join(frames.names)}; expected {', '.join(classes)}, as procedural UAVs have")
+        raise SystemExit(f"{args.data[0]}: its categories are {', '.join(frames.names)}; expected {', '.join(classes)}, as procedural UAVs have")
     if args.hard and not frames:
         raise SystemExit("--hard: false alarms are of a data set; give --data")
     hard = false_alarms(args.hard, frames) if args.hard else None
@@ -158,7 +159,7 @@ def main() -> None:
     if not 0 <= args.real <= 1:
         raise SystemExit(f"--real {args.real}: give a share from 0 to 1")
     if frames and asked in (0, 1) and not (frames.real == asked).any():
-        raise SystemExit(f"--real {args.real:g}: {args.data} has no {'real' if asked else 'rendered'} picture; give another share, or leave it out")
+        raise SystemExit(f"--real {args.real:g}: {', '.join(args.data)}: no {'real' if asked else 'rendered'} picture there; give another share, or leave it out")
     crops = Crops(frames, args.seed, args.procedural, size=args.crop, hard=hard, real=args.real)
     args.out.mkdir(parents=True, exist_ok=True)
     if args.init:
