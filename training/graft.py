@@ -6,6 +6,7 @@ import numpy as np
 
 from augment import Rng
 
+# Judged by eye, on what was cut out of training clips and put before other backgrounds; no figure was tuned by them.
 MARGIN = 0.3, 4.0  # of what is cut about a box: a share of its longer side, and the least of it [px]
 RING = 2  # rows and columns at the edge of the cut that show the sky alone [px]
 MOST_UNREST = 4.0  # of the sky about a plane, standard deviation [grey levels of 255]

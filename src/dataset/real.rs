@@ -23,15 +23,17 @@ use std::path::{Path, PathBuf};
 const BOXES: &str = "boxes.json";
 /// Rate that is taken for a clip of numbered pictures [Hz]: no picture depends on it, rates of tracks do.
 pub const RATE_HZ: f64 = 30.0; // [Hz]
-/// How much larger than a box the chip is that tells frames apart, and by how many pixels more.
+/// How much larger than a box the chip is that tells frames apart, and by how many pixels more: as much of the background as
+/// makes another frame of it (judged).
 const CHIP_SHARE: f64 = 1.5;
 const CHIP_MORE_PX: f64 = 4.0; // [px]
 /// Frames on either side that say how large a thing is, and by which factor and by how many pixels a tight box may differ
-/// from their median: what differs more has caught a twig or lost a wing.
+/// from their median: what differs more has caught a twig or lost a wing (a third of a second, in which nothing here turns
+/// about; the rest judged on contact sheets of training clips).
 const STEADY_FRAMES: usize = 10;
 const STEADY_FACTOR: f64 = 1.6;
 const STEADY_PX: f64 = 2.5; // [px]
-/// Overlap from which on two tight boxes of a frame are of one thing.
+/// Overlap from which on two tight boxes of a frame are of one thing: that of a hit.
 const SAME_THING: f64 = 0.5;
 
 /// A folder of real clips, and what of it goes into the set.

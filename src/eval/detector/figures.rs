@@ -32,20 +32,11 @@ pub struct Evaluation {
     pub data: PathBuf,
     /// Categories that count.
     pub categories: Vec<String>,
-    /// Number of pictures.
-    pub images: usize,
-    /// Boxes that count.
-    pub boxes: usize,
+    /// The figures of all pictures.
+    #[serde(flatten)]
+    pub all: Figures,
     /// Regions that are ignored.
     pub ignored: usize,
-    /// Average precision at an IoU of 0.5.
-    pub map50: Option<f64>,
-    /// Mean over IoU of 0.5 to 0.95.
-    pub map50_95: Option<f64>,
-    /// Average precision by the root of the box's area.
-    pub ap_by_size: BySize,
-    /// Largest recall with at most 0.1 false alarms a frame, IoU of 0.5.
-    pub recall_at_fppi_0_1: Option<f64>,
     /// The score from which on detections count there; null if none may.
     pub score_at_fppi_0_1: Option<f64>,
     /// Precision over recall.
@@ -54,23 +45,17 @@ pub struct Evaluation {
     pub recommended: [f64; 2],
     /// The score of `--threshold`, or the one that the model recommends.
     pub threshold: f64,
-    /// Recall of the detections from that score on, IoU of 0.5.
-    pub recall_at_threshold: Option<f64>,
-    /// False alarms a frame among them.
-    pub false_alarms_per_frame: f64,
     /// Recall and false alarms over the threshold, and what false alarms lie on.
     #[serde(flatten)]
     pub operating: Operating,
     /// Share of the boxes hit at an IoU of 0.5 whose category the detection's class names; null if
     /// model or categories have one class only.
     pub class_accuracy: Option<f64>,
-    /// Distance of the centres of detections and boxes that match at an IoU of 0.5.
-    pub miss_distance_px: Miss,
-    /// The same with the centre in the box as match, for loosely drawn boxes.
+    /// Miss distance and the like with the centre in the box as match, for loosely drawn boxes.
     pub centre_hit: CentreHit,
     /// Figures of each source that the pictures name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub by_source: BTreeMap<String, OfSource>,
+    pub by_source: BTreeMap<String, Figures>,
     /// What the model costs.
     #[serde(flatten)]
     pub cost: Cost,
@@ -130,9 +115,9 @@ impl Size {
     }
 }
 
-/// Figures of the pictures of one source.
+/// Figures of some pictures, such as those of one source.
 #[derive(Debug, Serialize)]
-pub struct OfSource {
+pub struct Figures {
     /// Number of pictures.
     pub images: usize,
     /// Boxes that count.
@@ -143,7 +128,7 @@ pub struct OfSource {
     pub map50_95: Option<f64>,
     /// Average precision by the root of the box's area.
     pub ap_by_size: BySize,
-    /// Largest recall with at most 0.1 false alarms a frame of this source, IoU of 0.5.
+    /// Largest recall with at most 0.1 false alarms a frame, IoU of 0.5.
     pub recall_at_fppi_0_1: Option<f64>,
     /// Recall of the detections from the evaluation's threshold on, IoU of 0.5.
     pub recall_at_threshold: Option<f64>,
@@ -153,10 +138,10 @@ pub struct OfSource {
     pub miss_distance_px: Miss,
 }
 
-impl OfSource {
-    /// The figures of detections in some pictures, from a score of `threshold` on where they have one.
-    pub(super) fn of(images: &[AnnotatedImage], threshold: f64) -> Self {
-        let half = Matching::of(images, Criterion::Iou(0.5), ALL);
+impl Figures {
+    /// The figures of detections in some pictures, matched at an IoU of 0.5 as `half`, from a score of `threshold` on where
+    /// they have one.
+    pub(super) fn of(images: &[AnnotatedImage], half: &Matching, threshold: f64) -> Self {
         let (recall_at_threshold, false_alarms_per_frame) = half.at_score(threshold);
         Self {
             images: images.len(),

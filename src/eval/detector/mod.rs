@@ -17,10 +17,8 @@ use crate::stop;
 use crate::warning;
 use clap::{Args, ValueEnum};
 use coco::{Coco, Half, Id, Picture};
-use figures::{
-    BySize, CentreHit, Cost, Evaluation, FPPI, Miss, OfSource, PrecisionRecall, Speed, Worst,
-};
-use metrics::{ALL, AnnotatedImage, Criterion, Matching, Truth, mean_average_precision};
+use figures::{CentreHit, Cost, Evaluation, FPPI, Figures, PrecisionRecall, Speed, Worst};
+use metrics::{ALL, AnnotatedImage, Criterion, Matching, Truth};
 use operating::Counted;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -126,7 +124,6 @@ fn measure(
     let strict = Matching::of(images, Criterion::Iou(0.75), ALL);
     let recall = half.recall_at(FPPI);
     let threshold = arguments.threshold.unwrap_or(model.score_threshold());
-    let (recall_at_threshold, false_alarms_per_frame) = half.at_score(threshold);
     let counted = Counted {
         coco,
         images,
@@ -142,22 +139,14 @@ fn measure(
         model: arguments.model.clone(),
         data: coco.file.clone(),
         categories: coco.categories.values().cloned().collect(),
-        images: images.len(),
-        boxes: half.boxes,
+        all: Figures::of(images, &half, threshold),
         ignored: coco.truth.iter().flatten().filter(|t| t.ignored).count(),
-        map50: half.average_precision(),
-        map50_95: mean_average_precision(images, ALL),
-        ap_by_size: BySize::of(images),
-        recall_at_fppi_0_1: recall.map(|(recall, _)| recall),
         score_at_fppi_0_1: recall.map(|(_, score)| score).filter(|s| s.is_finite()),
         precision_recall: PrecisionRecall::of(&half, &strict, &centre),
         recommended: [model.score_threshold(), model.score_threshold_video()],
         threshold,
-        recall_at_threshold,
-        false_alarms_per_frame,
         operating: counted.operating(),
         class_accuracy: class_accuracy(coco, model.classes(), images, &half),
-        miss_distance_px: Miss::of(half.miss_distances_px(images)),
         centre_hit: CentreHit::of(images, &centre, threshold),
         by_source: by_source(coco, images, threshold),
         cost,
@@ -167,7 +156,7 @@ fn measure(
 }
 
 /// The figures of each source that the pictures name.
-fn by_source(coco: &Coco, images: &[AnnotatedImage], threshold: f64) -> BTreeMap<String, OfSource> {
+fn by_source(coco: &Coco, images: &[AnnotatedImage], threshold: f64) -> BTreeMap<String, Figures> {
     let mut sources: BTreeMap<&String, Vec<AnnotatedImage>> = BTreeMap::new();
     for (picture, image) in coco.pictures.iter().zip(images) {
         if let Some(source) = &picture.source {
@@ -175,7 +164,10 @@ fn by_source(coco: &Coco, images: &[AnnotatedImage], threshold: f64) -> BTreeMap
         }
     }
     (sources.into_iter())
-        .map(|(source, images)| (source.clone(), OfSource::of(&images, threshold)))
+        .map(|(source, images)| {
+            let half = Matching::of(&images, Criterion::Iou(0.5), ALL);
+            (source.clone(), Figures::of(&images, &half, threshold))
+        })
         .collect()
 }
 
@@ -449,7 +441,7 @@ mod tests {
             threads: NonZeroUsize::new(1),
         };
         let evaluation = evaluate(&arguments).expect("an evaluation");
-        assert_eq!((evaluation.images, evaluation.boxes), (3, 2));
+        assert_eq!((evaluation.all.images, evaluation.all.boxes), (3, 2));
         assert_eq!(evaluation.ignored, 1);
         let sources: Vec<_> = (evaluation.by_source.iter())
             .map(|(name, of)| (name.as_str(), of.images, of.boxes, of.recall_at_threshold))
@@ -457,11 +449,11 @@ mod tests {
         let expected = ["real", "rendered"].map(|name| (name, 1, 1, Some(1.0)));
         assert_eq!(sources, expected, "the third picture names none");
         assert_eq!(evaluation.threshold, 0.5, "the model's own");
-        assert_eq!(evaluation.recall_at_threshold, Some(1.0));
-        assert_eq!(evaluation.false_alarms_per_frame, 0.0);
-        assert_eq!(evaluation.map50, Some(1.0));
+        assert_eq!(evaluation.all.recall_at_threshold, Some(1.0));
+        assert_eq!(evaluation.all.false_alarms_per_frame, 0.0);
+        assert_eq!(evaluation.all.map50, Some(1.0));
         assert_eq!(evaluation.class_accuracy, None, "one class");
-        let miss_px = evaluation.miss_distance_px.mean.expect("hits");
+        let miss_px = evaluation.all.miss_distance_px.mean.expect("hits");
         assert!(miss_px < 0.5, "{miss_px}");
         let text = std::fs::read_to_string(out.join("detector.json")).expect("a file");
         let json: Value = serde_json::from_str(&text).expect("JSON");
@@ -487,14 +479,14 @@ mod tests {
         // s0 and s2 have even numbers.
         arguments.half = Some(Half::Development);
         let evaluation = evaluate(&arguments).expect("an evaluation");
-        assert_eq!((evaluation.images, evaluation.boxes), (2, 1));
+        assert_eq!((evaluation.all.images, evaluation.all.boxes), (2, 1));
         assert!(evaluation.command.contains("--half development"));
         arguments.half = None;
         arguments.frames = NonZeroUsize::new(1);
         arguments.threshold = Some(1.0);
         let evaluation = evaluate(&arguments).expect("an evaluation");
-        assert_eq!((evaluation.images, evaluation.boxes), (1, 1));
-        assert_eq!(evaluation.recall_at_threshold, Some(0.0));
+        assert_eq!((evaluation.all.images, evaluation.all.boxes), (1, 1));
+        assert_eq!(evaluation.all.recall_at_threshold, Some(0.0));
         assert!(evaluation.command.contains("--threshold 1 --frames 1"));
         arguments.threshold = Some(1.5);
         let error = evaluate(&arguments).expect_err("refused").to_string();

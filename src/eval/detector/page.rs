@@ -52,25 +52,25 @@ impl Evaluation {
             )
         };
         vec![
-            ("pictures", self.images.to_string()),
+            ("pictures", self.all.images.to_string()),
             (
                 "boxes",
-                format!("{}, {} regions ignored", self.boxes, self.ignored),
+                format!("{}, {} regions ignored", self.all.boxes, self.ignored),
             ),
-            ("mAP@50", share(self.map50)),
-            ("mAP@50–95", share(self.map50_95)),
+            ("mAP@50", share(self.all.map50)),
+            ("mAP@50–95", share(self.all.map50_95)),
             (
                 "AP@50 / 50–95 below 8 px",
-                size(&self.ap_by_size.below_8_px),
+                size(&self.all.ap_by_size.below_8_px),
             ),
-            ("8 to 16 px", size(&self.ap_by_size.from_8_to_16_px)),
-            ("16 to 32 px", size(&self.ap_by_size.from_16_to_32_px)),
-            ("above 32 px", size(&self.ap_by_size.above_32_px)),
+            ("8 to 16 px", size(&self.all.ap_by_size.from_8_to_16_px)),
+            ("16 to 32 px", size(&self.all.ap_by_size.from_16_to_32_px)),
+            ("above 32 px", size(&self.all.ap_by_size.above_32_px)),
             (
                 "recall at 0.1 false alarms a frame",
                 format!(
                     "{} from a score of {} on",
-                    share(self.recall_at_fppi_0_1),
+                    share(self.all.recall_at_fppi_0_1),
                     number(self.score_at_fppi_0_1, 3)
                 ),
             ),
@@ -78,8 +78,8 @@ impl Evaluation {
                 "recall / false alarms a frame at the threshold",
                 format!(
                     "{} / {:.3} from a score of {} on",
-                    share(self.recall_at_threshold),
-                    self.false_alarms_per_frame,
+                    share(self.all.recall_at_threshold),
+                    self.all.false_alarms_per_frame,
                     self.threshold
                 ),
             ),
@@ -90,7 +90,7 @@ impl Evaluation {
             ("class right where hit", share(self.class_accuracy)),
             (
                 "miss distance: mean / rms / median",
-                self.miss_distance_px.to_string(),
+                self.all.miss_distance_px.to_string(),
             ),
         ]
     }

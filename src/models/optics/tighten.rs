@@ -11,7 +11,7 @@ use glam::DVec3;
 /// How a loose box is tightened.
 ///
 /// `level` and the two shares of contrast were chosen on 47 of 95 boxes drawn by hand on frames of the training clips of
-/// the Halmstad set, and looked at on the other 48 (docs/dataset.md).
+/// the Halmstad set, and looked at on the other 48 (docs/dataset.md). The rest is judged, on other frames of these clips.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TightenParams {
     /// How far around the loose box the surroundings are looked at, over its longer side; 6 px at least.
