@@ -243,8 +243,10 @@ class BoresightP2Roi(BoresightP2):
     """
 
     tells_class = False
-    looks = (6, 24)  # highest peaks that get a second look in the smallest and in a large picture
+    looks = (6, 24)  # highest peaks that get a second look in the smallest and in a large picture, at most
     look_area = 8192  # [px] of picture a look, between them: a look costs what some 3,500 px of maps cost
+    always = 8  # of them that get one whatever their heat: in validation pictures more find nothing
+    likely = 0.25  # heat from which on more get one, as in a swarm (empty ones reach 0.1 to 0.2 before city and woods)
     grid = 24  # samples a side of the picture, and a quarter as many of the features
     taught = 12  # highest peaks of a picture that the second stage learns from
 
@@ -352,8 +354,13 @@ class BoresightP2Roi(BoresightP2):
         features = self.features(images)
         # A tensor, so that a traced graph counts anew for each size of picture.
         area = torch.as_tensor(images.shape[2]) * torch.as_tensor(images.shape[3])
-        count = (torch.div(area, self.look_area, rounding_mode="floor")).clamp(*self.looks)
-        first, heat, rows = self.peaks(self.maps(features), count)
+        most = (torch.div(area, self.look_area, rounding_mode="floor")).clamp(*self.looks)
+        first, heat, rows = self.peaks(self.maps(features), most)
+        looked = (torch.arange(heat.shape[1], device=heat.device) < self.always) | (heat > self.likely)
+        count = looked.sum(1).amax()
+        # Each picture keeps its own number, whatever else is in the batch: what is below it scores 0.
+        heat, best = (heat * looked).topk(count)
+        first, rows = rows_at(first, best), rows_at(rows, best)
         quality, boxes, kinds, middles = self.second(images, features, first, rows[..., 0])
         labels, share = verdict(kinds.softmax(-1))
         scores, best = ((quality.sigmoid() * heat).sqrt() * share).topk(count)
@@ -369,7 +376,7 @@ class BoresightP2Close(BoresightP2Roi):
     60 px shows its engines, but not to 15 samples.
     """
 
-    close = 3  # peaks that get this look
+    close = 2  # peaks that get this look
     close_grid = 48  # samples a side
     close_px = (14.0, 22.0)  # longer side from which on it counts at all, and in full: where 15 samples begin to lose pixels
 

@@ -504,6 +504,18 @@ def test_settings_that_cannot_be_are_told(folder, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+def test_a_swarm_gets_more_looks_and_no_other_picture_does():
+    model = models.build("boresight-p2-roi", len(models.CLASSES)).eval()
+    heat = torch.stack([torch.linspace(0.9, 0.3, 24), torch.linspace(0.24, 0.1, 24)])
+    corner = 40.0 * torch.stack([torch.arange(24) % 6, torch.arange(24) // 6], -1).expand(2, -1, -1)
+    boxes = torch.cat([corner, corner + 10], -1)
+    for rows in ([0, 1], [0], [1]):
+        model.peaks = lambda raw, count: (boxes[rows], heat[rows], heat[rows].logit()[..., None])
+        with torch.no_grad():
+            _, scores, *_ = model.decode(torch.rand(len(rows), 3, 512, 512))
+        assert (scores > 0).sum(1).tolist() == [(24, model.always)[row] for row in rows]
+
+
 def test_a_row_counts_only_when_it_is_what_was_asked_for(tmp_path):
     wanted = {"model": "yolo-n", "steps": 6, "seed": 1}
     torch.save({"step": 3, "recipe": wanted}, tmp_path / "last.pt")

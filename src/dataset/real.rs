@@ -28,8 +28,7 @@ pub const RATE_HZ: f64 = 30.0; // [Hz]
 const CHIP_SHARE: f64 = 1.5;
 const CHIP_MORE_PX: f64 = 4.0; // [px]
 /// Frames on either side that say how large a thing is, and by which factor and by how many pixels a tight box may differ
-/// from their median: what differs more has caught a twig or lost a wing (a third of a second, in which nothing here turns
-/// about; the rest judged on contact sheets of training clips).
+/// from their median: what differs more has caught a twig or lost a wing (judged on contact sheets of training clips).
 const STEADY_FRAMES: usize = 10;
 const STEADY_FACTOR: f64 = 1.6;
 const STEADY_PX: f64 = 2.5; // [px]
