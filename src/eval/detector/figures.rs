@@ -37,8 +37,6 @@ pub struct Evaluation {
     pub all: Figures,
     /// Regions that are ignored.
     pub ignored: usize,
-    /// The score from which on detections count there; null if none may.
-    pub score_at_fppi_0_1: Option<f64>,
     /// Precision over recall.
     pub precision_recall: PrecisionRecall,
     /// Thresholds that the model recommends: of rendered pictures, and of real video.
@@ -130,6 +128,8 @@ pub struct Figures {
     pub ap_by_size: BySize,
     /// Largest recall with at most 0.1 false alarms a frame, IoU of 0.5.
     pub recall_at_fppi_0_1: Option<f64>,
+    /// The score from which on detections count there; null if none may.
+    pub score_at_fppi_0_1: Option<f64>,
     /// Recall of the detections from the evaluation's threshold on, IoU of 0.5.
     pub recall_at_threshold: Option<f64>,
     /// False alarms a frame among them.
@@ -142,6 +142,7 @@ impl Figures {
     /// The figures of detections in some pictures, matched at an IoU of 0.5 as `half`, from a score of `threshold` on where
     /// they have one.
     pub(super) fn of(images: &[AnnotatedImage], half: &Matching, threshold: f64) -> Self {
+        let recall = half.recall_at(FPPI);
         let (recall_at_threshold, false_alarms_per_frame) = half.at_score(threshold);
         Self {
             images: images.len(),
@@ -149,7 +150,8 @@ impl Figures {
             map50: half.average_precision(),
             map50_95: mean_average_precision(images, ALL),
             ap_by_size: BySize::of(images),
-            recall_at_fppi_0_1: half.recall_at(FPPI).map(|(recall, _)| recall),
+            recall_at_fppi_0_1: recall.map(|(recall, _)| recall),
+            score_at_fppi_0_1: recall.map(|(_, score)| score).filter(|s| s.is_finite()),
             recall_at_threshold,
             false_alarms_per_frame,
             miss_distance_px: Miss::of(half.miss_distances_px(images)),

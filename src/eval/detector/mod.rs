@@ -141,7 +141,6 @@ fn measure(
         categories: coco.categories.values().cloned().collect(),
         all: Figures::of(images, &half, threshold),
         ignored: coco.truth.iter().flatten().filter(|t| t.ignored).count(),
-        score_at_fppi_0_1: recall.map(|(_, score)| score).filter(|s| s.is_finite()),
         precision_recall: PrecisionRecall::of(&half, &strict, &centre),
         recommended: [model.score_threshold(), model.score_threshold_video()],
         threshold,

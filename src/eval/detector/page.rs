@@ -17,7 +17,7 @@ use std::path::Path;
 const CROP_PX: f64 = 96.0;
 
 /// Head of the table of sources.
-const SOURCES: [&str; 9] = [
+const SOURCES: [&str; 10] = [
     "source",
     "pictures",
     "boxes",
@@ -25,6 +25,7 @@ const SOURCES: [&str; 9] = [
     "mAP@50–95",
     "AP@50 below 8 px",
     "recall at 0.1 false alarms",
+    "from a score of",
     "recall at the threshold",
     "false alarms a frame there",
 ];
@@ -71,7 +72,7 @@ impl Evaluation {
                 format!(
                     "{} from a score of {} on",
                     share(self.all.recall_at_fppi_0_1),
-                    number(self.score_at_fppi_0_1, 3)
+                    number(self.all.score_at_fppi_0_1, 3)
                 ),
             ),
             (
@@ -175,6 +176,7 @@ impl Evaluation {
                     number(of.map50_95, 3),
                     number(of.ap_by_size.below_8_px.ap50, 3),
                     number(of.recall_at_fppi_0_1, 3),
+                    number(of.score_at_fppi_0_1, 3),
                     number(of.recall_at_threshold, 3),
                     format!("{:.3}", of.false_alarms_per_frame),
                 ]
@@ -288,7 +290,7 @@ fn body(evaluation: &Evaluation, [curve, chart]: [&Markup; 2], crops: &[Crop]) -
     let rows: Vec<Vec<String>> = (evaluation.rows().into_iter())
         .map(|(name, value)| vec![name.into(), value])
         .collect();
-    let least = evaluation.score_at_fppi_0_1.unwrap_or(f64::INFINITY);
+    let least = evaluation.all.score_at_fppi_0_1.unwrap_or(f64::INFINITY);
     let others: Vec<Vec<String>> = (evaluation.distractor_rows().into_iter())
         .map(|(name, value)| vec![name, value])
         .collect();
