@@ -237,9 +237,10 @@ class BoresightP2Roi(BoresightP2):
     al. 2015): the picture itself is sampled anew about each peak, at the peak's own scale, and a small network of its
     own tells from it and from the features at 1/4 the quality (expected IoU), a better box, the class and the body's
     middle. The score is the geometric mean of heat and quality, times the share that UAVs, or all else, have in the classes.
+    What is not small gets a third look: what the second sees some 15 samples wide, it sees 30 wide, and corrects quality and class.
 
-    A bird and a UAV of 12 px differ in details that no map at 1/4 can hold at its price; on 24 peaks they are cheap.
-    Tried before: 7 x 7 samples of the stem's features, 4 px apart on such a target.
+    A bird and a UAV of 12 px differ in details that no map at 1/4 can hold at its price; on a few peaks they are cheap. An
+    aeroplane of 60 px shows its engines, but not to 15 samples. Tried before: 7 x 7 samples of the stem's features, 4 px apart.
     """
 
     tells_class = False
@@ -249,6 +250,9 @@ class BoresightP2Roi(BoresightP2):
     likely = 0.25  # heat from which on more get one, as in a swarm (empty ones reach 0.1 to 0.2 before city and woods)
     grid = 24  # samples a side of the picture, and a quarter as many of the features
     taught = 12  # highest peaks of a picture that the second stage learns from
+    close = 2  # peaks that get the third look
+    close_grid = 48  # samples a side of it
+    close_px = (14.0, 22.0)  # longer side from which on it counts at all, and in full: where 15 samples begin to lose pixels
 
     def __init__(self, name: str = "boresight-p2-roi", num_classes: int = 8, widths: tuple[int, ...] = (16, 32, 48, 64), head: int = 32):
         super().__init__(name, num_classes, widths, head)
@@ -258,6 +262,13 @@ class BoresightP2Roi(BoresightP2):
         self.say = nn.Linear(96, 1 + 4 + num_classes + 2)
         nn.init.normal_(self.say.weight, std=0.01)
         nn.init.zeros_(self.say.bias)
+        self.closer = nn.ModuleDict({
+            "view": nn.Sequential(conv(6, 24, 5, 2), conv(24, 32, 3, 2), Residual(32), conv(32, 48, 3, 2), nn.MaxPool2d(2), nn.Flatten()),
+            "think": nn.Linear(48 * (self.close_grid // 16) ** 2 + 1, 64),
+            "say": nn.Linear(64, 1 + num_classes),
+        })  # fmt: skip
+        nn.init.zeros_(self.closer["say"].weight)
+        nn.init.zeros_(self.closer["say"].bias)
 
     @staticmethod
     def samples(maps: Tensor, corner: Tensor, window: Tensor, count: int, size: tuple[int, int]) -> Tensor:
@@ -296,7 +307,24 @@ class BoresightP2Roi(BoresightP2):
         said = said.reshape(boxes.shape[0], boxes.shape[1], -1)
         middle = middle + 0.1 * window * said[..., 1:3]
         half = sides / 2 * (0.2 * said[..., 3:5]).clamp(-2, 2).exp()
-        return said[..., 0], torch.cat([middle - half, middle + half], -1), said[..., 5:-2], middle + 0.1 * window * said[..., -2:]
+        more = self.third(images, boxes, logits)
+        quality, kinds = said[..., 0] + more[..., 0], said[..., 5:-2] + more[..., 1:]
+        return quality, torch.cat([middle - half, middle + half], -1), kinds, middle + 0.1 * window * said[..., -2:]
+
+    def third(self, images: Tensor, boxes: Tensor, logits: Tensor) -> Tensor:
+        """What a closer look at some of the first boxes [B,K,4] px adds to the logits of quality and classes [B,K,1+classes]."""
+        longer = (boxes[..., 2:] - boxes[..., :2]).amax(-1)
+        least, full = self.close_px
+        gate = ((longer - least) / (full - least)).clamp(0, 1)
+        _, which = (gate * logits.sigmoid()).topk(self.close)
+        chosen, gate = rows_at(boxes, which), gate.gather(1, which)
+        window = 1.6 * (chosen[..., 2:] - chosen[..., :2]).amax(-1, keepdim=True) + 6  # [px]
+        seen, _, contrast = self.picture(images, (chosen[..., :2] + chosen[..., 2:] - window) / 2, window, self.close_grid)
+        known = torch.cat([self.closer["view"](seen), contrast.flatten(1).log() + 3], 1)
+        said = self.closer["say"](F.relu(self.closer["think"](known))).float()
+        said = said.reshape(*which.shape, -1) * gate[..., None]
+        # Back to where they were chosen from; a peak is chosen once.
+        return F.one_hot(which, boxes.shape[1]).to(said.dtype).transpose(1, 2) @ said
 
     def loss(self, images: Tensor, targets: list[Target]) -> dict[str, Tensor]:
         """The maps' loss, and of the second stage: quality focal loss towards the IoU reached (GFL: Li et al. 2020),
@@ -368,45 +396,6 @@ class BoresightP2Roi(BoresightP2):
         scores, order = suppress(boxes, scores, 0.4).topk(count)
         best = rows_at(best, order)
         return rows_at(boxes, order), scores, rows_at(labels, best), rows_at(middles, best)
-
-
-class BoresightP2Close(BoresightP2Roi):
-    """`BoresightP2Roi` that looks a third time, closely, at the most confident of what it found that is not small: what the
-    second look sees some 15 samples wide, the third sees 30 wide, and corrects quality and class by it. An aeroplane of
-    60 px shows its engines, but not to 15 samples.
-    """
-
-    close = 2  # peaks that get this look
-    close_grid = 48  # samples a side
-    close_px = (14.0, 22.0)  # longer side from which on it counts at all, and in full: where 15 samples begin to lose pixels
-
-    def __init__(self, name: str = "boresight-p2-close", num_classes: int = 8, **kw):
-        super().__init__(name, num_classes, **kw)
-        self.closer = nn.ModuleDict({
-            "view": nn.Sequential(conv(6, 24, 5, 2), conv(24, 32, 3, 2), Residual(32), conv(32, 48, 3, 2), nn.MaxPool2d(2), nn.Flatten()),
-            "think": nn.Linear(48 * (self.close_grid // 16) ** 2 + 1, 64),
-            "say": nn.Linear(64, 1 + num_classes),
-        })  # fmt: skip
-        nn.init.zeros_(self.closer["say"].weight)
-        nn.init.zeros_(self.closer["say"].bias)
-
-    def second(self, images: Tensor, features: Tensor, boxes: Tensor, logits: Tensor) -> tuple[Tensor, ...]:
-        """As `BoresightP2Roi.second`, corrected by a closer look at some."""
-        quality, refined, kinds, middles = super().second(images, features, boxes, logits)
-        longer = (boxes[..., 2:] - boxes[..., :2]).amax(-1)
-        least, full = self.close_px
-        gate = ((longer - least) / (full - least)).clamp(0, 1)
-        _, which = (gate * logits.sigmoid()).topk(self.close)
-        chosen, gate = rows_at(boxes, which), gate.gather(1, which)
-        window = 1.6 * (chosen[..., 2:] - chosen[..., :2]).amax(-1, keepdim=True) + 6  # [px]
-        seen, _, contrast = self.picture(images, (chosen[..., :2] + chosen[..., 2:] - window) / 2, window, self.close_grid)
-        known = torch.cat([self.closer["view"](seen), contrast.flatten(1).log() + 3], 1)
-        said = self.closer["say"](F.relu(self.closer["think"](known))).float()
-        said = said.reshape(*which.shape, -1) * gate[..., None]
-        # Back to where they were chosen from; a peak is chosen once.
-        places = F.one_hot(which, boxes.shape[1]).to(said.dtype).transpose(1, 2)
-        more = places @ said
-        return quality + more[..., 0], refined, kinds + more[..., 1:], middles
 
 
 # --- the baseline --------------------------------------------------------------------------------------------------

@@ -3,8 +3,7 @@
 A model is an `nn.Module` with
 - `loss(images [B,3,H,W] 0..1, targets)`: dict of scalar losses, sum under "total"; a target is a dict of `boxes`
   [n,4] x0, y0, x1, y1 px, `labels` int64 [n] and, where a net can use it, `ignore` [k,4];
-- `decode(images [B,3,H,W])`: boxes [B,N,4] px, scores [B,N] falling, labels int64 [B,N], traceable, N by the size of
-  the picture alone; the score is that of being a UAV where the label is a UAV's, and of being none of them where it is not (`verdict.py`);
+- `decode(images [B,3,H,W])`: boxes [B,N,4] px, scores [B,N] falling, labels int64 [B,N], traceable; the score is that of being a UAV where the label is a UAV's, and of being none of them where it is not (`verdict.py`);
   for nets that tell it apart from the box's, the middle of each body [B,N,2] px;
 - `name`, `stride` and `min_side_px` of its input, `fixed_size` (None, or the only (H, W) its ONNX graph takes).
 """
@@ -12,7 +11,7 @@ A model is an `nn.Module` with
 from torch import nn
 
 CLASSES = ("fpv", "quadcopter", "hexacopter", "bird", "aeroplane", "helicopter", "balloon", "other")
-NAMES = ("yolo-n", "d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam", "boresight-p2", "boresight-p2-roi", "boresight-p2-close")
+NAMES = ("yolo-n", "d-fine", "d-fine-nwd", "d-fine-nwd-p2", "d-fine-nwd-p2-dsam", "boresight-p2", "boresight-p2-roi")
 
 
 def build(name: str, num_classes: int = len(CLASSES), **kw) -> nn.Module:
@@ -25,8 +24,5 @@ def build(name: str, num_classes: int = len(CLASSES), **kw) -> nn.Module:
         return build_dfine(name, num_classes, **kw)
     import convnets
 
-    nets = {
-        "boresight-p2": convnets.BoresightP2, "boresight-p2-roi": convnets.BoresightP2Roi,
-        "boresight-p2-close": convnets.BoresightP2Close, "yolo-n": convnets.YoloN,
-    }  # fmt: skip
+    nets = {"boresight-p2": convnets.BoresightP2, "boresight-p2-roi": convnets.BoresightP2Roi, "yolo-n": convnets.YoloN}
     return nets[name](name, num_classes, **kw)

@@ -79,11 +79,12 @@ def make(row: str, seed: int, args: argparse.Namespace) -> dict:
     result = folder / "eval" / "detector.json"
     settings = DFINE if row.startswith("d-fine") else PLAIN
     digest = hashlib.sha256((args.data / "train" / "annotations.json").read_bytes()).hexdigest()
-    wanted = {"model": model_name, "seed": seed, "steps": args.crops // settings["batch"], "crop": args.crop, "bf16": args.bf16, "data": digest}
+    steps = args.crops // settings["batch"]
+    wanted = {"model": model_name, "seed": seed, "steps": steps, "crop": args.crop, "bf16": args.bf16, "data": digest}
     wanted |= {k.replace("-", "_"): v for k, v in settings.items()} | ({} if share is None else {"real": share})
     if not result.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        options = [f"--{k}={v}" for k, v in settings.items()] + [f"--steps={args.crops // settings['batch']}"]
+        options = [f"--{k}={v}" for k, v in settings.items()] + [f"--steps={steps}", f"--keep-every={max(1, steps // 8)}"]  # for figure 7
         options += [f"--crop={args.crop}", f"--seed={seed}", f"--threads={args.threads}", f"--workers={args.workers}"]
         options += ["--bf16"] if args.bf16 else []
         options += [] if share is None else [f"--real={share}"]

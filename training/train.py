@@ -52,7 +52,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="folder of the run")
     parser.add_argument("--resume", action="store_true", help="go on from OUT/last.pt where there is one")
     parser.add_argument("--init", type=Path, help="checkpoint whose averaged weights to start from")
-    parser.add_argument("--only", metavar="PART", help="a part of the model that learns alone, such as closer; the rest stays as it is")
     parser.add_argument("--threads", type=int, default=max(1, (os.cpu_count() or 2)))
     parser.add_argument("--workers", type=int, default=1, help="processes that make pictures; 0: in the training process")
     parser.add_argument("--time-limit", type=float, default=math.inf, help="save and stop after so many minutes")
@@ -109,19 +108,6 @@ def real_share(sets: list[str]) -> float:
     return float(next((one["real_crops"] for one in about if one.get("real_clips") and "real_crops" in one), 0.5))
 
 
-def learning(model: torch.nn.Module, only: str | None) -> None:
-    """Makes a model learn, or one part of it alone while the rest stays as it is, statistics included."""
-    if only is None:
-        model.train()
-        return
-    if only not in dict(model.named_children()):
-        raise SystemExit(f"--only {only}: {model.name} has no such part; give {', '.join(dict(model.named_children()))}")
-    model.eval()
-    for name, part in model.named_children():
-        part.requires_grad_(name == only)
-        part.train(name == only)
-
-
 def groups(model: torch.nn.Module, decay: float) -> list[dict]:
     """Weights with decay; biases and normalisation without."""
     named = [p for p in model.parameters() if p.requires_grad]
@@ -164,12 +150,11 @@ def main() -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     if args.init:
         load_weights(model, args.init)
-    learning(model, args.only)
+    model.train()
     average = {k: v.detach().clone() for k, v in model.state_dict().items()}
     optimizer = torch.optim.AdamW(groups(model, args.decay), args.lr)
     # What decides the run's numbers; a resumed run must agree in these.
     recipe = {k: getattr(args, k) for k in ("model", "steps", "batch", "seed", "lr", "decay", "warm_up", "ema", "clip", "procedural", "real", "crop", "bf16")}
-    recipe |= {"only": args.only} if args.only else {}
     recipe["data"] = "none" if frames is None else frames.digest
     recipe["hard"] = "none" if hard is None else hashlib.sha256(hard.tobytes()).hexdigest()
     first, spent_s, last = 0, 0.0, args.out / "last.pt"
