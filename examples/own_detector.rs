@@ -26,7 +26,7 @@ impl Detector for Contrast {
     }
 
     fn reading(&self) -> Reading {
-        Reading::of_network(0.3, 0.15, Some(256))
+        Reading::of_network(0.3, 0.15, 0.3, Some(256))
     }
 
     fn ask(&mut self, questions: Vec<Question>) {

@@ -14,6 +14,7 @@ use crate::models::control::tuning::{
 use crate::models::maths::frequency::{Margin, Response, StepFigures, db, unwrapped_phase_rad};
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::tracking::estimation::LosFilterParams;
+use crate::models::tracking::evidence::NEUTRAL_SCORE;
 use crate::output::{self, OutputError, columns};
 use crate::plugins::control::{controller, laws};
 use crate::plugins::mount::{gimbal_params, mirror_params};
@@ -360,7 +361,7 @@ fn timing(scenario: &Scenario, clock: &SimClock, tier: Tier) -> Result<CameraTim
     let reading = if detector.is_truth() {
         Reading::of_truth(detector.truth.noise_px)
     } else {
-        Reading::of_network(0.0, 0.0, None)
+        Reading::of_network(0.0, 0.0, NEUTRAL_SCORE, None)
     };
     let sigma_px = tracker_params(
         scenario,

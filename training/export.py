@@ -63,7 +63,7 @@ def mean(tensors: list[torch.Tensor]) -> torch.Tensor:
 
 
 def to_onnx(
-    model: torch.nn.Module, classes: list[str], threshold: float, description: str, training: dict, video: float | None = None
+    model: torch.nn.Module, classes: list[str], threshold: float, description: str, training: dict, *, video: float | None = None, neutral: float | None = None
 ) -> bytes:  # fmt: skip
     """The model as ONNX, opset 17, batch normalisation folded, with the interface's metadata."""
     if hasattr(model, "fold"):
@@ -110,7 +110,8 @@ def to_onnx(
             "description": description,
             "training": json.dumps(training),
         }
-        | ({} if video is None else {"score_threshold_video": f"{video:g}"}),
+        | ({} if video is None else {"score_threshold_video": f"{video:g}"})
+        | ({} if neutral is None else {"score_neutral": f"{neutral:g}"}),
     )
     onnx.checker.check_model(graph, full_check=True)
     return graph.SerializeToString(deterministic=True)
@@ -170,6 +171,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--threshold", type=float, default=0.5, help="recommended score threshold")
     parser.add_argument("--threshold-video", type=float, help="the same for video of real cameras")
+    parser.add_argument("--neutral", type=float, help="score that speaks neither for a UAV nor against it, by the station's tracker")
     parser.add_argument("--description", default="")
     args = parser.parse_args()
     model, state = load(*args.checkpoints)
@@ -179,7 +181,7 @@ def main() -> None:
     training |= {"mean_of": len(args.checkpoints)} if len(args.checkpoints) > 1 else {}
     parameters = sum(p.numel() for p in model.parameters())
     description = args.description or f"{model.name}: detector of small UAVs, {parameters / 1e6:.2f} M parameters."
-    graph = to_onnx(model, state["classes"], args.threshold, description, training, args.threshold_video)
+    graph = to_onnx(model, state["classes"], args.threshold, description, training, video=args.threshold_video, neutral=args.neutral)
     agreed = compare(model, graph)
     args.out.parent.mkdir(parents=True, exist_ok=True)
     part = args.out.with_suffix(".part")

@@ -177,6 +177,7 @@ def main():
         "stride": model(stride="0"),
         "min_side": model(min_side_px="wide"),
         "threshold": model(score_threshold="1.5"),
+        "neutral": model(score_neutral="1"),
         "label": model(label=1),
         "score": model(score=1.5),
         "opset": model(opset=99),

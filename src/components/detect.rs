@@ -63,12 +63,18 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// That of a network for small UAVs, as the shipped one errs on boxes of 3 to 80 px (docs/validation.md).
-    pub fn of_network(start_score: f64, weak_score: f64, roi_px: Option<u32>) -> Self {
+    /// That of a network for small UAVs, whose score of `neutral` says nothing, as the shipped one errs on boxes of 3 to 80 px
+    /// (docs/validation.md).
+    pub fn of_network(
+        start_score: f64,
+        weak_score: f64,
+        neutral: f64,
+        roi_px: Option<u32>,
+    ) -> Self {
         Self {
             start_score,
             weak_score,
-            score: ScoreModel::BySize,
+            score: ScoreModel::Network(neutral),
             roi_px,
             largest_shown_px: LARGEST_SHOWN_PX,
             centre_sigma_px: 0.5,

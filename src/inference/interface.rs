@@ -1,6 +1,7 @@
 //! What a model says of itself, checked against the interface of training/README.md.
 
 use crate::models::optics::detection::Padding;
+use crate::models::tracking::evidence::NEUTRAL_SCORE;
 use ort::session::Session;
 use ort::value::{Outlet, TensorElementType, ValueType};
 
@@ -15,6 +16,8 @@ pub(super) struct Interface {
     pub(super) score_threshold: f64,
     /// The same on video of real cameras.
     pub(super) score_threshold_video: f64,
+    /// Score of a detection that speaks neither for a UAV nor against it.
+    pub(super) score_neutral: f64,
     /// How pictures are padded.
     pub(super) padding: Padding,
     /// Whether it takes several pictures at once.
@@ -59,12 +62,20 @@ impl Interface {
             None => score_threshold,
             found => entry(key, found, "a number from 0 to 1", share)?,
         };
+        let key = "score_neutral";
+        let score_neutral = match text(key) {
+            None => NEUTRAL_SCORE,
+            found => entry(key, found, "a number above 0 and below 1", |found| {
+                share(found).filter(|score| *score > 0.0 && *score < 1.0)
+            })?,
+        };
         let (batches, fixed_px) = input(session.inputs())?;
         check_outputs(session.outputs(), batches)?;
         Ok(Self {
             classes,
             score_threshold,
             score_threshold_video,
+            score_neutral,
             padding: Padding {
                 stride_px,
                 min_side_px,

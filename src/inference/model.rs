@@ -18,6 +18,7 @@ pub struct OnnxDetector {
     classes: Vec<String>,
     score_threshold: f64,
     score_threshold_video: f64,
+    score_neutral: f64,
     padding: Padding,
     /// Whether it takes several pictures at once.
     pub(super) batches: bool,
@@ -70,6 +71,7 @@ impl OnnxDetector {
             classes,
             score_threshold,
             score_threshold_video,
+            score_neutral,
             padding,
             batches,
         } = Interface::of(&session).map_err(wrong)?;
@@ -79,6 +81,7 @@ impl OnnxDetector {
             classes,
             score_threshold,
             score_threshold_video,
+            score_neutral,
             padding,
             batches,
             planes: Vec::new(),
@@ -117,6 +120,11 @@ impl OnnxDetector {
     /// The same on video of real cameras; that of rendered pictures where the model names none.
     pub fn score_threshold_video(&self) -> f64 {
         self.score_threshold_video
+    }
+
+    /// Score of a detection that speaks neither for a UAV nor against it.
+    pub fn score_neutral(&self) -> f64 {
+        self.score_neutral
     }
 
     /// Whether the class of this index is one of UAVs.

@@ -123,6 +123,7 @@ fn a_model_that_differs_from_the_interface_is_refused_with_its_fault() {
         (test_model("stride"), &["stride is 0"]),
         (test_model("min_side"), &["min_side_px is wide"]),
         (test_model("threshold"), &["score_threshold is 1.5"]),
+        (test_model("neutral"), &["score_neutral is 1", "above 0"]),
         (test_model("label"), &["label 1", "1 names"]),
         (test_model("opset"), &["opset 99 is newer", "opset 17"]),
         (test_model("ir_version"), &["IR version 99 is newer"]),

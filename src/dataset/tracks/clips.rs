@@ -101,6 +101,7 @@ fn follow(
                     fov_deg: FOV_DEG,
                     centre_sigma_px: CENTRE_SIGMA_PX,
                     start_score: threshold,
+                    neutral_score: model.score_neutral(),
                     recogniser: None,
                     uav_probability: 0.5,
                     keeps: true,

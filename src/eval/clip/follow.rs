@@ -18,7 +18,7 @@ use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
 use crate::models::optics::registration::Registration;
 use crate::models::optics::tier::PerTier;
-use crate::models::tracking::evidence::EvidenceParams;
+use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::models::tracking::recognition::{Sequence, WINDOW_S};
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
@@ -45,6 +45,8 @@ pub struct Following {
     pub centre_sigma_px: f64,
     /// Least score from which on a detection starts a track.
     pub start_score: f64,
+    /// Score of a detection that speaks neither for a UAV nor against it.
+    pub neutral_score: f64,
     /// The network that says what the tracks are, if any does.
     pub recogniser: Option<PathBuf>,
     /// Least probability with which its word counts as "a UAV".
@@ -138,6 +140,7 @@ impl Follower {
                 start_score: following.start_score,
                 reads: EvidenceParams {
                     min_quality: defaults.min_quality,
+                    score: ScoreModel::Network(following.neutral_score),
                     ..EvidenceParams::default()
                 },
                 precise_field_rad: 0.0,

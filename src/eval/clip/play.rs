@@ -169,7 +169,12 @@ pub(super) fn play(
                 model.detect(frame.picture.as_raw(), size_px, &mut Vec::new())?;
                 let overlay = folder.join("overlay.mp4");
                 at_work.insert((
-                    Follower::new(size_px, rate_hz, model.classes(), &following(arguments))?,
+                    Follower::new(
+                        size_px,
+                        rate_hz,
+                        model.classes(),
+                        &following(arguments, model.score_neutral()),
+                    )?,
                     Writer::create(&overlay, size_px, rate_hz)?,
                 ))
             }
@@ -252,11 +257,12 @@ pub fn weak_score(threshold: f64) -> f64 {
 }
 
 /// What the tracker is told.
-fn following(arguments: &Arguments) -> Following {
+fn following(arguments: &Arguments, neutral_score: f64) -> Following {
     Following {
         fov_deg: arguments.fov_deg,
         centre_sigma_px: arguments.centre_sigma_px,
         start_score: arguments.threshold.unwrap_or(0.0),
+        neutral_score,
         recogniser: arguments.recogniser.clone(),
         uav_probability: arguments.uav_probability,
         keeps: false,

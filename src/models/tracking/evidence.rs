@@ -40,8 +40,8 @@ const LEAST_WEIGHT: f64 = 0.02;
 pub enum ScoreModel {
     /// From this one on, at any size.
     Fixed(f64),
-    /// A trained network: the fewer pixels, the less its answer says.
-    BySize,
+    /// A trained network: from this one on; the fewer pixels, the less its answer says.
+    Network(f64),
 }
 
 /// How a detector's answers are read.
@@ -59,15 +59,15 @@ impl Default for EvidenceParams {
     fn default() -> Self {
         Self {
             min_quality: 0.6,
-            score: ScoreModel::BySize,
+            score: ScoreModel::Network(NEUTRAL_SCORE),
             other_classes: 0,
         }
     }
 }
 
-/// The logit of a trained network's score that is as likely of a UAV as of anything else it calls one, at any
-/// size: where the counts of the two cross on rendered pictures (docs/validation.md).
-const NEUTRAL: f64 = -0.9;
+/// The score that says nothing, of a network that names none (`score_neutral`): three quarters of the odds at which, on rendered
+/// pictures, a detection of the network that the tracker's numbers were chosen with was as likely of a UAV as of anything else.
+pub const NEUTRAL_SCORE: f64 = 0.289;
 /// How much more than its logit a score says: the counts part faster.
 const SCORE_SLOPE: f64 = 1.5;
 
@@ -92,7 +92,7 @@ impl EvidenceParams {
     fn of_score(&self, score: f64) -> f64 {
         match self.score {
             ScoreModel::Fixed(neutral) => logit(score) - logit(neutral),
-            ScoreModel::BySize => SCORE_SLOPE * (logit(score) - NEUTRAL),
+            ScoreModel::Network(neutral) => SCORE_SLOPE * (logit(score) - logit(neutral)),
         }
     }
 
@@ -124,7 +124,7 @@ impl EvidenceParams {
     fn bound(&self, size_px: f64) -> f64 {
         match self.score {
             ScoreModel::Fixed(_) => MOST,
-            ScoreModel::BySize => (2.0 + 0.25 * size_px).min(MOST),
+            ScoreModel::Network(_) => (2.0 + 0.25 * size_px).min(MOST),
         }
     }
 }
@@ -173,7 +173,7 @@ impl Evidence {
         self.best_px = size_px.max(self.best_px * (-since_s.max(0.0) / VIEW_MEMORY_S).exp());
         let view = match params.score {
             ScoreModel::Fixed(_) => 1.0,
-            ScoreModel::BySize => (size_px / self.best_px).powi(2).max(LEAST_WEIGHT),
+            ScoreModel::Network(_) => (size_px / self.best_px).powi(2).max(LEAST_WEIGHT),
         };
         let share = 1.0 - (-view * elapsed_s / MEMORY_S).exp();
         self.mean += share * (lambda - self.mean);

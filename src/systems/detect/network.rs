@@ -32,7 +32,7 @@ pub fn make(context: &DetectorContext) -> Result<NetworkDetector, PartError> {
     for size_px in &context.sensors_px {
         model.input_px(*size_px).map_err(|e| refuse(&e))?;
     }
-    let recommended = model.score_threshold();
+    let (recommended, neutral) = (model.score_threshold(), model.score_neutral());
     let inference = if context.options.one_thread {
         Inference::on_caller(model)
     } else {
@@ -40,7 +40,8 @@ pub fn make(context: &DetectorContext) -> Result<NetworkDetector, PartError> {
     };
     let start_score = settings.score_threshold.unwrap_or(recommended);
     let roi_px = Some(settings.roi_px).filter(|side| *side > 0);
-    let reading = Reading::of_network(start_score, settings.weak_share * start_score, roi_px);
+    let weak_score = settings.weak_share * start_score;
+    let reading = Reading::of_network(start_score, weak_score, neutral, roi_px);
     Ok(NetworkDetector::new(inference, reading))
 }
 

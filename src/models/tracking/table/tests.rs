@@ -15,7 +15,7 @@ fn sighting(az: f64, el: f64) -> Sighting {
 
 const READS: EvidenceParams = EvidenceParams {
     min_quality: 0.6,
-    score: ScoreModel::BySize,
+    score: ScoreModel::Network(0.289),
     other_classes: 0,
 };
 
