@@ -586,14 +586,28 @@ def blended(model: Recogniser, start: Recogniser, keep: float) -> Recogniser:
 
 
 def ensemble(
-    tracks: Tracks, seeds: range, steps: int, batch: int, lr: float, processes: int, start: list[Recogniser] | None = None, keep: float = 0.0
+    tracks: Tracks, seeds: range, steps: int, batch: int, lr: float, processes: int, start: list[Recogniser] | None = None
 ) -> tuple[Ensemble, list[dict]]:
-    """A model for each seed, several at once, and their logs; each begins as one of `start`, if given, and keeps a share of it."""
+    """A model for each seed, several at once, and their logs; each begins as one of `start`, if given."""
     works = [(tracks, steps, batch, lr, seed, start[k % len(start)] if start else None) for k, seed in enumerate(seeds)]
     with multiprocessing.get_context("fork").Pool(min(processes, len(works))) as pool:
         found = pool.map(member, works, chunksize=1)
-    models = [blended(model, work[-1], keep) if start else model for (model, _), work in zip(found, works)]
-    return Ensemble(models).eval(), [row for _, log in found for row in log]
+    return Ensemble([model for model, _ in found]).eval(), [row for _, log in found for row in log]
+
+
+def keeping(learned: Ensemble, start: list[Recogniser] | None, shares: list[float], calibrate: Tracks) -> tuple[Ensemble, float, dict[float, float]]:
+    """Of the ensembles that keep such shares of what they began as, the one that errs least in saying UAV or not on the runs that set
+    the temperature (Brier score, rendered and real runs alike); its temperature; and the scores of all shares."""
+    weights, found = track_weights(calibrate), {}
+    for share in shares:
+        begun = [start[k % len(start)] for k in range(len(learned.members))] if start else []
+        model = Ensemble([blended(own, first, share) for own, first in zip(learned.members, begun)]).eval() if start else learned
+        logits = logits_of(model, calibrate)
+        temperature = temperature_of(logits, calibrate.labels, weights)
+        of_sources = measures(torch.softmax(logits / temperature, 1).numpy(), calibrate)["by_source"].values()
+        found[share] = float(np.mean([part["brier_uav"] for part in of_sources])), model, temperature
+    best = min(found, key=lambda share: found[share][0])
+    return *found[best][1:], {share: score for share, (score, *_) in found.items()}
 
 
 def main() -> None:
@@ -610,25 +624,27 @@ def main() -> None:
     parser.add_argument("--members", type=int, default=4, help="models whose mean it is")
     parser.add_argument("--processes", type=int, default=max(1, os.cpu_count() or 1), help="models trained at once")
     parser.add_argument("--init", type=Path, help="a recogniser.onnx from whose weights the models begin")
-    parser.add_argument("--keep", type=float, default=0.0, help="share of those weights in the models at the end, 0 to 1")
+    parser.add_argument("--keep", type=float, nargs="+", default=[0.0], help="share of those weights in the models at the end, 0 to 1; of several the best")
     parser.add_argument("--beside", type=Path, help="a recogniser.onnx that is measured on the same sequences")
     args = parser.parse_args()
+    if not all(0 <= share <= 1 for share in args.keep) or (any(args.keep) and not args.init):
+        raise SystemExit(f"--keep {' '.join(f'{share:g}' for share in args.keep)}: give shares from 0 to 1, and --init with the file that they are of")
     learn, calibrate, test = split(*load(args.data, args.also), args.held_out, args.seed)
     for name, part in (("training", learn), ("calibration", calibrate), ("test", test)):
         by_class = {n: len(set(part.track[part.labels == i].tolist())) for i, n in enumerate(CLASSES)}
         print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")
     args.out.mkdir(parents=True, exist_ok=True)
     start = of_file(onnx.load(args.init)) if args.init else None
-    model, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes, start, args.keep)
-    temperature = temperature_of(logits_of(model, calibrate), calibrate.labels, track_weights(calibrate))
-    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "keep": args.keep, "runs": len(set(learn.run.tolist())),
+    learned, log = ensemble(learn, range(args.seed, args.seed + args.members), args.steps, args.batch, args.lr, args.processes, start)
+    model, temperature, scores = keeping(learned, start, args.keep, calibrate)
+    recipe = {"steps": args.steps, "batch": args.batch, "lr": args.lr, "seed": args.seed, "members": args.members, "keep": min(scores, key=scores.get), "runs": len(set(learn.run.tolist())),
               "sequences": len(learn)}  # fmt: skip
     graph = to_onnx(model, temperature, recipe)
     worst = compare(model, temperature, graph, test)
     p = torch.softmax(logits_of(model, test) / temperature, 1).numpy()
     report = {
         "parameters": sum(x.numel() for x in model.parameters()), "temperature": temperature,
-        "ms_8_tracks_one_thread": round(milliseconds(graph), 2), "training": recipe, "test": measures(p, test),
+        "ms_8_tracks_one_thread": round(milliseconds(graph), 2), "training": recipe, "brier_uav_by_share_kept": scores, "test": measures(p, test),
     }  # fmt: skip
     if args.beside:
         report["beside"] = measures(answers(args.beside.read_bytes(), test), test)

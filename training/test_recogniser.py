@@ -256,6 +256,13 @@ def test_scenarios_are_drawn_from_their_seeds():
         assert made["station"]["cameras"]["precise"]["hfov_deg"] >= 2
 
 
+@pytest.mark.parametrize("options", [("--keep", "0.5"), ("--keep", "0", "1.5", "--init", "x.onnx")])
+def test_shares_that_cannot_be_kept_are_told(options, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["recogniser.py", "--data", "none", "--out", "none", *options])
+    with pytest.raises(SystemExit, match="from 0 to 1, and --init"):
+        r.main()
+
+
 def test_a_file_gives_back_its_models():
     tracks = made(12, 2)
     both, _ = r.ensemble(tracks, range(3, 5), 4, 16, 3e-3, 1)
@@ -265,9 +272,14 @@ def test_a_file_gives_back_its_models():
     # It goes on learning from there, in the scale of its features.
     on, _ = r.ensemble(tracks, range(3, 5), 1, 16, 1e-6, 1, again.members)
     assert torch.allclose(r.logits_of(on, tracks), r.logits_of(both, tracks), atol=1e-2)
-    # What keeps all of its beginning has learned nothing.
-    kept, _ = r.ensemble(tracks, range(3, 5), 4, 16, 3e-3, 1, again.members, 1.0)
+    # What keeps all of its beginning has learned nothing; the share that errs least is kept.
+    learned, _ = r.ensemble(tracks, range(3, 5), 40, 16, 3e-3, 1, again.members)
+    kept, _, scores = r.keeping(learned, again.members, [1.0], tracks)
     assert torch.allclose(r.logits_of(kept, tracks), r.logits_of(again, tracks), atol=1e-6)
+    best, temperature, more = r.keeping(learned, again.members, [0.0, 0.5, 1.0], tracks)
+    assert list(more) == [0.0, 0.5, 1.0] and more[1.0] == scores[1.0] and min(more.values()) < scores[1.0]
+    p = torch.softmax(r.logits_of(best, tracks) / temperature, 1).numpy()
+    assert np.mean([part["brier_uav"] for part in r.measures(p, tracks)["by_source"].values()]) == pytest.approx(min(more.values()))
     half, own = r.blended(on.members[0], again.members[0], 0.5), on.members[0]
     assert torch.allclose(half.step.bias, 0.5 * (own.step.bias + again.members[0].step.bias), atol=1e-7)
     p = r.answers(graph, tracks)
