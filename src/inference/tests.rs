@@ -61,7 +61,7 @@ fn a_model_that_differs_from_the_interface_is_refused_with_its_fault() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("empty.onnx"), "").expect("written");
     std::fs::write(folder.path().join("text.onnx"), "no model").expect("written");
-    let cases: [(PathBuf, &[&str]); 29] = [
+    let cases: [(PathBuf, &[&str]); 30] = [
         (test_model("absent"), &["cannot be read", "--model"]),
         (folder.path().into(), &["directory", "--model"]),
         (
