@@ -29,7 +29,10 @@ def main() -> None:
     parser.add_argument("--score", type=float, default=0.25, help="least score of a false alarm that counts")
     parser.add_argument("--threads", type=int, default=2)
     args = parser.parse_args()
-    frames = Frames(*(data / "train" for data in args.data))
+    try:
+        frames = Frames(*(data / "train" for data in args.data))
+    except (OSError, ValueError) as fault:
+        raise SystemExit(str(fault)) from None
     model, state = export.load(args.checkpoint)
     runtime = export.session(export.to_onnx(model, state["classes"], 0.5, "", {}), args.threads)
     rows = []

@@ -485,6 +485,7 @@ def test_settings_that_cannot_be_are_told(folder, tmp_path):
     for options, said in (
         (("--crop", "200"), "multiple of 64"), (("--crop", "896"), "832"), (("--hard", "x.json"), "--data"), (("--real", "1.5"), "from 0 to 1"),
         (("--real", "nan"), "from 0 to 1"), (("--real", "1", "--data", str(folder)), "no real picture"),
+        (("--data", str(folder), str(tmp_path)), "no such file"),
     ):  # fmt: skip
         done = run(tmp_path / "run", *options)
         assert done.returncode != 0 and said in done.stderr and "Traceback" not in done.stderr, done.stderr

@@ -134,7 +134,10 @@ def main() -> None:
     model = models.build(args.model, len(classes)).to(args.device, memory_format=torch.channels_last)
     if args.crop % 64 or not model.min_side_px <= args.crop <= LARGEST_CROP:
         raise SystemExit(f"--crop {args.crop}: give a multiple of 64 from {-(-model.min_side_px // 64) * 64} to {LARGEST_CROP}")
-    frames = None if args.data == ["none"] else Frames(*(Path(data) / "train" for data in args.data))
+    try:
+        frames = None if args.data == ["none"] else Frames(*(Path(data) / "train" for data in args.data))
+    except (OSError, ValueError) as fault:
+        raise SystemExit(str(fault)) from None
     if frames and frames.names != classes:
         raise SystemExit(f"{args.data[0]}: its categories are {', '.join(frames.names)}; expected {', '.join(classes)}, as procedural UAVs have")
     if args.hard and not frames:
