@@ -78,10 +78,10 @@ class Tracks:
         return torch.from_numpy(self.chips[index]), torch.from_numpy(self.features[rows]), mask, torch.from_numpy(self.labels[rows])
 
 
-def load(folders: list[Path], also: Sequence[Path] = ()) -> tuple[Tracks, int]:
+def load(folders: list[Path], also: Sequence[Path] = (), all_clips: bool = False) -> tuple[Tracks, int]:
     """Every folder below `folders`, then below `also`, that `boresight tracks` finished, and the number of the first
     sequence of `also`. The run is its number in that order; what several detectors made of one clip is one run, since it
-    shows the same things."""
+    shows the same things. `all_clips`: those that the recipe keeps for validation are like the others."""
     found = [sorted({path.parent for folder in some for path in folder.rglob("sequences.json")}) for some in (folders, also)]
     for some, folders_found in zip((folders, also), found):
         if some and not folders_found:
@@ -114,7 +114,7 @@ def load(folders: list[Path], also: Sequence[Path] = ()) -> tuple[Tracks, int]:
         run += [number] * len(rows)
         size += [row["size_px"] for row in rows]
         light += [light_of(Path(sheet.get("scenario", "")))] * len(rows)
-        source += [RENDERED if "clip" not in sheet else REAL_KEPT if sheet["split"] == "val" else REAL] * len(rows)
+        source += [RENDERED if "clip" not in sheet else REAL_KEPT if sheet["split"] == "val" and not all_clips else REAL] * len(rows)
         first_also += len(rows) * (folder in found)
     chips.append(np.zeros((1, CHIP, CHIP, 3), np.uint8))
     whole = Tracks(np.concatenate(chips), np.concatenate(index), np.concatenate(features).astype(np.float32),
@@ -625,11 +625,13 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=max(1, os.cpu_count() or 1), help="models trained at once")
     parser.add_argument("--init", type=Path, help="a recogniser.onnx from whose weights the models begin")
     parser.add_argument("--keep", type=float, nargs="+", default=[0.0], help="share of those weights in the models at the end, 0 to 1; of several the best")
+    parser.add_argument("--all-clips", action="store_true",
+                        help="learn from the clips that the recipe keeps for validation, too: for the file to be shipped, after the same without it was measured on them")  # fmt: skip
     parser.add_argument("--beside", type=Path, help="a recogniser.onnx that is measured on the same sequences")
     args = parser.parse_args()
     if not all(0 <= share <= 1 for share in args.keep) or (any(args.keep) and not args.init):
         raise SystemExit(f"--keep {' '.join(f'{share:g}' for share in args.keep)}: give shares from 0 to 1, and --init with the file that they are of")
-    learn, calibrate, test = split(*load(args.data, args.also), args.held_out, args.seed)
+    learn, calibrate, test = split(*load(args.data, args.also, args.all_clips), args.held_out, args.seed)
     for name, part in (("training", learn), ("calibration", calibrate), ("test", test)):
         by_class = {n: len(set(part.track[part.labels == i].tolist())) for i, n in enumerate(CLASSES)}
         print(f"{name}: {len(set(part.run.tolist()))} runs, {len(part)} sequences; tracks {by_class}")

@@ -80,6 +80,7 @@ def test_folders_are_read_and_damage_is_told(tmp_path):
     assert end == len(tracks) and len(both) == 2 * end
     (copy / "sequences.json").write_text(json.dumps(sheet | {"clip": "V_BIRD_002", "split": "val"}))
     assert (r.load([folder], [copy])[0].source[end:] == r.REAL_KEPT).all()
+    assert (r.load([folder], [copy], all_clips=True)[0].source[end:] == r.REAL).all()
     with pytest.raises(SystemExit, match="no sequences.json below"):
         r.load([folder], [tmp_path / "nothing"])
     shutil.rmtree(copy)
