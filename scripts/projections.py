@@ -56,7 +56,7 @@ POINTS = {
 }
 
 
-# As in src/projection/mod.rs.
+# As in crates/geodata/src/projection/mod.rs.
 REPLACED = {
     "+datum=OSGB36": "+ellps=airy +towgs84=446.448,-125.157,542.06,0.15,0.247,0.842,-20.489",
     "+datum=potsdam": "+ellps=bessel +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7",

@@ -16,7 +16,7 @@ from recogniser_interface import CHIP, CLASSES, FEATURES, STEPS
 # On a busy machine a second thread is waited for longer than it helps.
 torch.set_num_threads(1)
 
-RUST = Path(__file__).resolve().parent.parent / "src/models/tracking/recognition.rs"
+RUST = Path(__file__).resolve().parent.parent / "crates/models/src/tracking/recognition.rs"
 
 
 def made(tracks: int = 40, per_track: int = 4, seed: int = 3) -> r.Tracks:

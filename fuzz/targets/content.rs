@@ -4,7 +4,7 @@
 #[path = "../common.rs"]
 mod common;
 
-use boresight::tiles::content::{UpAxis, decode};
+use boresight_geodata::tiles::content::{UpAxis, decode};
 
 libfuzzer_sys::fuzz_target!(init: common::init(), |data: &[u8]| {
     let nothing = |_: &str| Err("there is nothing else".to_owned());

@@ -4,7 +4,7 @@
 #[path = "../common.rs"]
 mod common;
 
-use boresight::sources::{geotiff, options::Options};
+use boresight_geodata::sources::{geotiff, options::Options};
 
 libfuzzer_sys::fuzz_target!(init: common::init(), |data: &[u8]| {
     let file = common::file("own.tif", data);

@@ -4,7 +4,7 @@
 #[path = "../common.rs"]
 mod common;
 
-use boresight::tiles::content::{UpAxis, decode};
+use boresight_geodata::tiles::content::{UpAxis, decode};
 
 libfuzzer_sys::fuzz_target!(init: common::init(), |data: &[u8]| {
     let at = data.iter().position(|byte| *byte == 0).unwrap_or(data.len());

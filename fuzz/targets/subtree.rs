@@ -4,8 +4,8 @@
 #[path = "../common.rs"]
 mod common;
 
-use boresight::models::tiles::tree::TileId;
-use boresight::tiles::tileset::Tileset;
+use boresight_models::tiles::tree::TileId;
+use boresight_geodata::tiles::tileset::Tileset;
 
 libfuzzer_sys::fuzz_target!(init: common::init(), |data: &[u8]| {
     let Some((first, data)) = data.split_first() else { return };

@@ -1,6 +1,7 @@
 //! UAVs and distractors: who they are, how they move, what has become of them.
 
 use crate::models::air::wind::DrydenGust;
+use crate::models::bodies::UavMesh;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::fall::Fall;
 use crate::models::flight::multirotor::{Airframe, MultirotorState};
@@ -8,7 +9,6 @@ use crate::models::flight::swarm::{Behaviour, Steering};
 use crate::models::flight::trajectory::CompiledTrajectory;
 use crate::models::laser::thermal::{Skin, SkinMaterial};
 use crate::models::maths::rng::Stream;
-use crate::models::shape::uav_mesh::UavMesh;
 use bevy::prelude::*;
 use glam::DVec3;
 use std::sync::Arc;

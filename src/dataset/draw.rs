@@ -4,6 +4,8 @@ use super::recipe::Recipe;
 use super::scene::Scene;
 use super::shares::{Background, Motion, choose, log_range, pick};
 use super::stage::Placed;
+use crate::models::bodies::Rotors;
+use crate::models::bodies::raster;
 use crate::models::flight::distractor::{DistractorKind, tumbling_attitude};
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, Setpoint};
 use crate::models::ground::dsm::LineOfSight;
@@ -12,8 +14,6 @@ use crate::models::maths::kinematics::{
 };
 use crate::models::maths::rng::Stream;
 use crate::models::optics::camera::{Pinhole, PixelRect};
-use crate::models::optics::raster;
-use crate::models::shape::uav_mesh::Rotors;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;

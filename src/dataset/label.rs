@@ -1,7 +1,7 @@
 //! Tight boxes of what a UAV shows of itself.
 
 use super::stage::{ANTIALIAS, Rendered};
-use crate::models::optics::raster::Masks;
+use crate::models::bodies::raster::Masks;
 use crate::systems::capture::{self, ImageScratch, MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX};
 
 /// A column or row counts if it shows at least this much of the UAV [px]: the tip of a blade does not.

@@ -8,13 +8,13 @@ use crate::components::flight::{
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, Tick, TickSet};
 use crate::models::air::shared_gusts::SharedNoise;
 use crate::models::air::wind::DrydenGust;
+use crate::models::bodies::{UavMesh, distractor_mesh, drawn_distractor_mesh, uav_mesh};
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, Setpoint};
 use crate::models::flight::swarm::{Behaviour, Mate, Member, Steering, low_course};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::dsm::Dsm;
 use crate::models::laser::thermal::Skin;
 use crate::models::maths::rng::Stream;
-use crate::models::shape::uav_mesh::{UavMesh, distractor_mesh, drawn_distractor_mesh, uav_mesh};
 use crate::plugins::run::fallible;
 use crate::scenario::{self, DistractorConfig, InputError, Loaded, SwarmTakeOff, catalogue};
 use crate::systems::flight as systems;

@@ -12,14 +12,14 @@ use crate::components::render::{
     DIGIT_OF_TAG, SensorProjection, SensorViews, Solids, UavBody, UavRotor,
 };
 use crate::components::run::{Failure, Seed, SimClock, Stopwatch};
+use crate::models::bodies::Rotors;
+use crate::models::bodies::raster::{self, Coverage};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::ground::skyline::Skyline;
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::background::{Background, open_share};
 use crate::models::optics::camera::Pinhole;
-use crate::models::optics::raster::{self, Coverage};
 use crate::models::optics::sensor::{self, Scratch};
-use crate::models::shape::uav_mesh::Rotors;
 use crate::systems::render::city_tiles::settle_city;
 use crate::systems::render::renderer::{RenderError, Renderer, aim_sensor_view, spawn_sensor_view};
 use crate::systems::render::scene::{bevy_attitude, place_in_site, sync_scene};

@@ -97,12 +97,12 @@ mod tests {
     use super::*;
     use crate::components::capture::Tier;
     use crate::components::flight::{Flight, UavShape};
+    use crate::models::bodies::uav_mesh;
     use crate::models::flight::multirotor::{self, Airframe};
     use crate::models::flight::trajectory::Trajectory;
     use crate::models::flight::uav::AimPart;
     use crate::models::maths::kinematics::Pose;
     use crate::models::optics::camera::Pinhole;
-    use crate::models::shape::uav_mesh::uav_mesh;
     use crate::scenario::catalogue;
     use crate::systems::capture::projected;
     use glam::{DMat3, DQuat, DVec2, DVec3};

@@ -12,9 +12,9 @@ use crate::components::render::{
 };
 use crate::components::run::Options;
 use crate::models::air::sky::{CHANNELS_M, Sky};
+use crate::models::bodies::UavMesh;
 use crate::models::ground::visible::keep_visible;
 use crate::models::shape::mesh::{MeshData, Surface};
-use crate::models::shape::uav_mesh::UavMesh;
 use crate::systems::render::renderer::{Renderer, settle};
 use crate::systems::render::texture::{ground_texture, sky_texture};
 use bevy::asset::RenderAssetUsages;

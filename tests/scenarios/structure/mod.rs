@@ -9,12 +9,17 @@ use std::path::Path;
 
 /// Rooms that are commands: they use the app, and nothing below them knows them.
 const COMMANDS: [&str; 6] = ["eval", "experiment", "dataset", "georef", "tune", "report"];
-/// Crates of the engine: mathematics does without.
-const ENGINE: [&str; 2] = ["bevy", "big_space"];
+/// Crates of the engine: what stands under `crates/` does without.
+const ENGINE: [&str; 4] = ["bevy", "bevy_egui", "big_space", "wgpu"];
+/// Rooms of the models, each of which may know those before it.
+const MODELS: [&str; 13] = [
+    "maths", "air", "mount", "shape", "laser", "optics", "ground", "tiles", "flight", "bodies",
+    "tracking", "control", "engage",
+];
 /// Domain names that one of the three rooms may have alone, and why.
 const ONE_ROOM_ONLY: [(&str, &str); 0] = [];
 
-/// The sources of the crate by their path from the repository's root.
+/// The sources of one crate by their path from the repository's root.
 struct Crate(BTreeMap<String, Source>);
 
 impl Crate {
@@ -31,11 +36,29 @@ impl Crate {
         Self(code.map(read).collect())
     }
 
-    /// The repository's own.
+    /// The program's own.
     fn shipped() -> Self {
+        let found = Self::in_folder(Path::new("src"));
+        assert!(found.0.len() > 50, "only {} files", found.0.len());
+        found
+    }
+
+    /// Those of the program and of every crate below `crates/`.
+    fn all() -> Vec<Self> {
+        let below = crates().into_iter().map(|name| Self::of_crate(&name));
+        std::iter::once(Self::shipped()).chain(below).collect()
+    }
+
+    /// That of a name below `crates/`.
+    fn of_crate(name: &str) -> Self {
+        Self::in_folder(&Path::new("crates").join(name).join("src"))
+    }
+
+    /// What lies in a folder, named from the repository's root.
+    fn in_folder(folder: &Path) -> Self {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let mut texts = Vec::new();
-        let mut waiting = vec![root.join("src")];
+        let mut waiting = vec![root.join(folder)];
         while let Some(folder) = waiting.pop() {
             for entry in std::fs::read_dir(folder).unwrap() {
                 let path = entry.unwrap().path();
@@ -52,9 +75,7 @@ impl Crate {
                 }
             }
         }
-        let found = Self::new(texts.iter().map(|(name, text)| (&name[..], &text[..])));
-        assert!(found.0.len() > 50, "only {} files", found.0.len());
-        found
+        Self::new(texts.iter().map(|(name, text)| (&name[..], &text[..])))
     }
 
     /// The file that a path from the crate's root leads to: the module it names or lies in, by way
@@ -186,9 +207,24 @@ impl Crate {
     }
 }
 
+/// The part of a path below its crate's `src`.
+fn below_src(path: &str) -> &str {
+    path.split_once("src/").map_or(path, |(_, below)| below)
+}
+
+/// The crates below `crates/`, by their folders' names.
+fn crates() -> Vec<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates");
+    let entries = std::fs::read_dir(folder).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
+    names.sort_unstable();
+    names
+}
+
 /// The module that a file is: `src/a/mod.rs` and `src/a.rs` are `a`, the roots are nothing.
 fn module_of(path: &str) -> Vec<String> {
-    let path = path.trim_start_matches("src/").trim_end_matches(".rs");
+    let path = below_src(path).trim_end_matches(".rs");
     let mut module: Vec<String> = path.split('/').map(String::from).collect();
     let last = module.last().map_or("", String::as_str);
     if last == "mod" || (module.len() == 1 && ["lib", "main"].contains(&last)) {
@@ -199,7 +235,7 @@ fn module_of(path: &str) -> Vec<String> {
 
 /// The room of a file: its folder below `src`, or itself.
 fn room_of(path: &str) -> &str {
-    let path = path.trim_start_matches("src/");
+    let path = below_src(path);
     let room = path.split('/').next().unwrap_or(path);
     room.trim_end_matches(".rs")
 }
@@ -314,27 +350,50 @@ fn and_commands(rooms: &[&'static str]) -> Vec<&'static str> {
     rooms.iter().copied().chain(COMMANDS).collect()
 }
 
-/// Whether the mathematics may not know it: another room, or the engine.
-fn foreign_to_models(sources: &Crate) -> impl Fn(&str) -> bool {
-    let rooms: BTreeSet<String> = sources
-        .0
-        .keys()
-        .map(|path| room_of(path).to_string())
-        .collect();
-    move |there| {
-        let engine = ENGINE.iter().any(|name| {
-            let rest = there.strip_prefix(name);
-            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
-        });
-        engine || rooms.contains(there)
-    }
+/// The crates of the engine that a manifest asks for.
+fn engines(manifest: &str) -> Vec<&str> {
+    let names = manifest
+        .lines()
+        .filter_map(|line| line.split(['.', ' ', '=']).next());
+    let crates = names.filter(|name| ENGINE.contains(&name.replace('-', "_").as_str()));
+    crates.collect()
+}
+
+/// Where rooms of the models know rooms above them.
+fn models_that_look_up(sources: &Crate) -> Vec<String> {
+    let above = |k: usize| of(&MODELS[k + 1..]);
+    let rooms = MODELS.iter().enumerate();
+    rooms
+        .flat_map(|(k, room)| sources.trespasses(room, above(k)))
+        .collect()
 }
 
 #[test]
-fn models_know_neither_the_engine_nor_another_room() {
-    let sources = Crate::shipped();
-    let found = sources.trespasses("models", foreign_to_models(&sources));
-    none(&found, "models import nothing of Bevy and of no other room");
+fn what_stands_under_crates_knows_no_engine() {
+    let mut found = Vec::new();
+    for name in crates() {
+        let place = format!("crates/{name}/Cargo.toml");
+        let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join(&place);
+        let manifest = std::fs::read_to_string(manifest).unwrap();
+        found.extend(
+            engines(&manifest)
+                .iter()
+                .map(|engine| format!("{place}: {engine}")),
+        );
+    }
+    none(&found, "crates do without the engine");
+}
+
+#[test]
+fn rooms_of_the_models_know_only_those_below_them() {
+    let sources = Crate::of_crate("models");
+    let rooms: BTreeSet<&str> = sources.0.keys().map(|path| room_of(path)).collect();
+    let listed: BTreeSet<&str> = MODELS.into_iter().chain(["lib"]).collect();
+    assert_eq!(rooms, listed);
+    none(
+        &models_that_look_up(&sources),
+        "models import rooms that stand before them",
+    );
 }
 
 #[test]
@@ -342,11 +401,7 @@ fn rooms_know_only_the_rooms_below_them() {
     let sources = Crate::shipped();
     let mut found = Vec::new();
     for (room, above) in [
-        (
-            "scenario",
-            &["components", "systems", "plugins", "app", "cli"][..],
-        ),
-        ("components", &["systems", "plugins", "app", "cli"]),
+        ("components", &["systems", "plugins", "app", "cli"][..]),
         ("systems", &["plugins", "app", "cli"]),
         ("plugins", &["app", "cli"]),
     ] {
@@ -354,7 +409,7 @@ fn rooms_know_only_the_rooms_below_them() {
     }
     none(
         &found,
-        "imports run from app to plugins to systems to components to scenario",
+        "imports run from app to plugins to systems to components",
     );
 }
 
@@ -373,9 +428,10 @@ fn nothing_but_the_program_knows_the_command_line() {
 
 #[test]
 fn no_files_name_each_other_in_a_circle() {
-    let found = circles(&Crate::shipped().graph());
+    let crates = Crate::all();
+    let found = crates.iter().flat_map(|sources| circles(&sources.graph()));
     none(
-        &found,
+        &found.collect::<Vec<_>>(),
         "files that need each other cannot be read one after the other",
     );
 }
@@ -397,8 +453,12 @@ fn a_domain_has_one_name_in_every_room() {
 
 #[test]
 fn nothing_panics_for_a_missing_value() {
-    let found = Crate::shipped().hidden_panics();
-    none(&found, "errors are typed; nothing unwraps outside tests");
+    let crates = Crate::all();
+    let found = crates.iter().flat_map(Crate::hidden_panics);
+    none(
+        &found.collect::<Vec<_>>(),
+        "errors are typed; nothing unwraps outside tests",
+    );
 }
 
 // ---- The rules on made-up sources --------------------------------------------------------------
@@ -406,36 +466,16 @@ fn nothing_panics_for_a_missing_value() {
 #[test]
 fn a_trespass_is_seen_however_it_is_written() {
     let sources = Crate::new([
-        (
-            "src/lib.rs",
-            "pub mod app; pub mod cli; pub mod models; pub mod systems;",
-        ),
+        ("src/lib.rs", "pub mod app; pub mod cli; pub mod systems;"),
         ("src/main.rs", "fn main() { boresight::cli::run() }"),
         ("src/cli.rs", "pub fn run() { crate::app::go() }"),
         ("src/app.rs", "pub fn go() {}"),
-        ("src/models/mod.rs", "pub mod a; pub mod b;"),
-        (
-            "src/models/a.rs",
-            "use super::b::B; use std::fmt; use glam::DVec3;",
-        ),
-        (
-            "src/models/b.rs",
-            "use bevy::prelude::*;\nuse bevy_egui::X;\nuse super::super::app::go;",
-        ),
         (
             "src/systems/mod.rs",
             "use crate::app as up;\nfn f() { up::go() }\n#[cfg(test)] mod tests { use crate::cli; }",
         ),
         ("src/systems/tests.rs", "use crate::cli::run;"),
     ]);
-    assert_eq!(
-        sources.trespasses("models", foreign_to_models(&sources)),
-        [
-            "src/models/b.rs:1: bevy::prelude",
-            "src/models/b.rs:2: bevy_egui::X",
-            "src/models/b.rs:3: crate::app::go",
-        ]
-    );
     assert_eq!(
         sources.trespasses("systems", of(&["app"])),
         [
@@ -448,6 +488,26 @@ fn a_trespass_is_seen_however_it_is_written() {
         sources.trespasses("main", of(&["cli"])),
         ["src/main.rs:1: crate::cli::run"]
     );
+}
+
+#[test]
+fn a_model_that_looks_up_and_an_engine_are_found() {
+    let sources = Crate::new([
+        ("crates/models/src/lib.rs", "pub mod maths; pub mod air;"),
+        ("crates/models/src/air.rs", "use super::maths::M;"),
+        (
+            "crates/models/src/maths/mod.rs",
+            "use glam::DVec3;\nuse super::super::air::A;",
+        ),
+    ]);
+    assert_eq!(
+        models_that_look_up(&sources),
+        ["crates/models/src/maths/mod.rs:2: crate::air::A"]
+    );
+    let manifest =
+        "[dependencies]\nglam.workspace = true\nbevy.workspace = true\nbig-space = \"1\"";
+    assert_eq!(engines(manifest), ["bevy", "big-space"]);
+    assert!(engines("description = \"without bevy\"").is_empty());
 }
 
 #[test]

@@ -1,0 +1,6 @@
+#![doc = include_str!("../README.md")]
+
+pub mod place;
+pub mod projection;
+pub mod sources;
+pub mod tiles;
