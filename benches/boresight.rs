@@ -29,7 +29,7 @@ use boresight::sources::{Layer, LayerKind};
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, track};
-use boresight::tiles::build::{BuildOptions, build};
+use boresight_geodata::build::{BuildOptions, build};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use image::ExtendedColorType;

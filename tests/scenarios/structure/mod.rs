@@ -12,10 +12,12 @@ const COMMANDS: [&str; 6] = ["eval", "experiment", "dataset", "georef", "tune", 
 /// Crates of the engine: what stands under `crates/` does without.
 const ENGINE: [&str; 4] = ["bevy", "bevy_egui", "big_space", "wgpu"];
 /// Rooms of the models, each of which may know those before it.
-const MODELS: [&str; 13] = [
+const MODELS: &[&str] = &[
     "maths", "air", "mount", "shape", "laser", "optics", "ground", "tiles", "flight", "bodies",
     "tracking", "control", "engage",
 ];
+/// Rooms of the geodata, likewise.
+const GEODATA: &[&str] = &["projection", "tiles", "sources", "build", "place"];
 /// Domain names that one of the three rooms may have alone, and why.
 const ONE_ROOM_ONLY: [(&str, &str); 0] = [];
 
@@ -359,11 +361,11 @@ fn engines(manifest: &str) -> Vec<&str> {
     crates.collect()
 }
 
-/// Where rooms of the models know rooms above them.
-fn models_that_look_up(sources: &Crate) -> Vec<String> {
-    let above = |k: usize| of(&MODELS[k + 1..]);
-    let rooms = MODELS.iter().enumerate();
-    rooms
+/// Where rooms, of which each may know those before it, know rooms above them.
+fn rooms_that_look_up(sources: &Crate, rooms: &[&str]) -> Vec<String> {
+    let above = |k: usize| of(&rooms[k + 1..]);
+    let numbered = rooms.iter().enumerate();
+    numbered
         .flat_map(|(k, room)| sources.trespasses(room, above(k)))
         .collect()
 }
@@ -385,15 +387,17 @@ fn what_stands_under_crates_knows_no_engine() {
 }
 
 #[test]
-fn rooms_of_the_models_know_only_those_below_them() {
-    let sources = Crate::of_crate("models");
-    let rooms: BTreeSet<&str> = sources.0.keys().map(|path| room_of(path)).collect();
-    let listed: BTreeSet<&str> = MODELS.into_iter().chain(["lib"]).collect();
-    assert_eq!(rooms, listed);
-    none(
-        &models_that_look_up(&sources),
-        "models import rooms that stand before them",
-    );
+fn rooms_of_a_crate_know_only_those_below_them() {
+    for (name, rooms) in [("models", MODELS), ("geodata", GEODATA)] {
+        let sources = Crate::of_crate(name);
+        let found: BTreeSet<&str> = sources.0.keys().map(|path| room_of(path)).collect();
+        let listed: BTreeSet<&str> = rooms.iter().copied().chain(["lib"]).collect();
+        assert_eq!(found, listed);
+        none(
+            &rooms_that_look_up(&sources, rooms),
+            "a room imports those that stand before it",
+        );
+    }
 }
 
 #[test]
@@ -491,7 +495,7 @@ fn a_trespass_is_seen_however_it_is_written() {
 }
 
 #[test]
-fn a_model_that_looks_up_and_an_engine_are_found() {
+fn a_room_that_looks_up_and_an_engine_are_found() {
     let sources = Crate::new([
         ("crates/models/src/lib.rs", "pub mod maths; pub mod air;"),
         ("crates/models/src/air.rs", "use super::maths::M;"),
@@ -501,7 +505,7 @@ fn a_model_that_looks_up_and_an_engine_are_found() {
         ),
     ]);
     assert_eq!(
-        models_that_look_up(&sources),
+        rooms_that_look_up(&sources, MODELS),
         ["crates/models/src/maths/mod.rs:2: crate::air::A"]
     );
     let manifest =

@@ -2,12 +2,12 @@
 
 use super::error::PlaceError;
 use super::location::located;
+use crate::build::ground::{terrain, triangles};
+use crate::build::sources::read;
+use crate::build::{BuildOptions, build};
 use crate::sources::error::SourceError;
 use crate::sources::geotiff;
 use crate::sources::options::Options;
-use crate::tiles::build::ground::{terrain, triangles};
-use crate::tiles::build::sources::read;
-use crate::tiles::build::{BuildOptions, build};
 use crate::tiles::heights::Heights;
 use boresight_common::warning::Warning;
 use boresight_models::ground::city::{CityParams, CitySource};

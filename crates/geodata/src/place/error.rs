@@ -1,7 +1,7 @@
 //! Why a real city cannot be had.
 
+use crate::build::BuildError;
 use crate::sources::error::SourceError;
-use crate::tiles::build::BuildError;
 use crate::tiles::error::TilesError;
 use crate::tiles::heights::HeightsError;
 use boresight_models::ground::survey::SurveyError;

@@ -1,5 +1,4 @@
-//! 3D Tiles 1.0 and 1.1: tilesets and their contents, read, checked and built.
-pub mod build;
+//! 3D Tiles 1.0 and 1.1: tilesets and their contents, read and checked.
 pub mod content;
 pub mod error;
 pub mod expansion;

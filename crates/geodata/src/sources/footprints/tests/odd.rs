@@ -268,7 +268,7 @@ fn rows_of_geojson_are_read_under_every_ending() {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join(format!("a.{ending}"));
             std::fs::write(&path, &text).unwrap();
-            let layers = crate::tiles::build::sources::read(&path, &Options::default());
+            let layers = crate::build::sources::read(&path, &Options::default());
             let layers = layers.unwrap_or_else(|error| panic!("{what}, {ending}: {error}"));
             assert_eq!(tops(&layers[0]), [12.0, 20.0], "{what}, {ending}");
         }
@@ -462,7 +462,7 @@ fn heights_of_corners_are_named() {
 
 #[test]
 fn json_is_known_by_its_type_wherever_that_stands() {
-    use crate::tiles::build::sources;
+    use crate::build::sources;
     for (name, count) in [("type-last.json", 40), ("one-feature.json", 1)] {
         let Some(path) = odd(name) else { return };
         let layers = sources::read(&path, &Options::default()).unwrap();

@@ -195,7 +195,7 @@ fn identifier(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tiles::build::mesh::Vertex;
+    use crate::build::mesh::Vertex;
 
     #[test]
     fn columns_take_the_narrowest_kind_that_holds_their_values() {
