@@ -12,12 +12,10 @@ use bevy::prelude::*;
 use bevy::render::RenderPlugin;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
 use bevy::window::PresentMode;
-use boresight::components::tiles::{
-    OpenTiles, SeesTiles, TileFailed, Tiles, TilesCount, TilesLight, TilesMode,
-};
 use boresight::models::tiles::selection::SelectOptions;
-use boresight::plugins::tiles::TilesPlugin;
-use boresight::systems::tiles::show::radius_m;
+use boresight_tiles::TilesPlugin;
+use boresight_tiles::show::radius_m;
+use boresight_tiles::{OpenTiles, SeesTiles, TileFailed, Tiles, TilesCount, TilesLight, TilesMode};
 use std::process::ExitCode;
 
 /// What the command line asks for.

@@ -1,6 +1,5 @@
 //! What the renderer sees: the lean material, the sensor projection, links from truth to scene.
 
-use crate::components::tiles::TileSurface;
 use crate::models::ground::skyline::Skyline;
 use crate::models::optics::camera::PixelRect;
 use crate::models::shape::mesh::Surface;
@@ -13,6 +12,7 @@ use bevy::render::render_resource::{
     AsBindGroup, Face, RenderPipelineDescriptor, ShaderType, SpecializedMeshPipelineError,
 };
 use bevy::shader::{ShaderDefVal, ShaderRef};
+use boresight_tiles::TileSurface;
 
 /// Surface kind of a vertex, and its building's variant or its blade's spacing; see [`crate::models::shape::mesh::Surface`].
 pub const ATTRIBUTE_SURFACE: MeshVertexAttribute =

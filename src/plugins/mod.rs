@@ -12,7 +12,6 @@ pub mod network;
 pub mod record;
 pub mod render;
 pub mod run;
-pub mod tiles;
 pub mod track;
 pub mod view;
 

@@ -9,7 +9,6 @@ use crate::components::render::{
 };
 use crate::components::run::{Failure, Options};
 use crate::models::ground::skyline::Skyline;
-use crate::plugins::tiles::TilesPlugin;
 use crate::systems::capture::{ImageScratch, spawn_magnifiers};
 use crate::systems::render::city_tiles::{settle_city, spawn_city_tiles, spawn_window_tiles};
 use crate::systems::render::renderer::{Renderer, attach_unwritten, settle, spawn_sensor_view};
@@ -23,6 +22,7 @@ use bevy::transform::TransformSystems;
 use big_space::grid::local_origin::LocalFloatingOrigin;
 use big_space::plugin::{BigSpaceCorePlugin, BigSpaceSystems};
 use big_space::prelude::{BigSpace, Grid};
+use boresight_tiles::TilesPlugin;
 
 /// Meshes are placed on the CPU: there are some hundred, and a compute shader in every view costs more than
 /// their matrices.

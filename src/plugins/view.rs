@@ -7,9 +7,7 @@ use crate::components::view::{
     TrackRows, WindowFrame,
 };
 use crate::plugins::render::renders;
-use crate::plugins::tiles::FollowTiles;
 use crate::systems::render::city_tiles::hide_behind_horizon;
-use crate::systems::tiles::{stream::stream, watch::watch};
 use crate::systems::view as systems;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
@@ -18,6 +16,8 @@ use bevy_egui::{
     EguiGlobalSettings, EguiInputSet, EguiPlugin, EguiPostUpdateSet, EguiPreUpdateSet,
     EguiPrimaryContextPass,
 };
+use boresight_tiles::FollowTiles;
+use boresight_tiles::{stream::stream, watch::watch};
 
 /// The window: it drives the ticks and draws between them, or shows a [`Playback`] if there is one.
 pub struct ViewPlugin;

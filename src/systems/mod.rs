@@ -12,6 +12,5 @@ pub mod network;
 pub mod record;
 pub mod render;
 pub mod run;
-pub mod tiles;
 pub mod track;
 pub mod view;

@@ -11,14 +11,14 @@ use boresight::components::capture::{ExposedFrame, Frames, Tier};
 use boresight::components::environment::{CityTiles, Environment};
 use boresight::components::render::{CityTilesets, SENSOR_LAYER, SceneHandles};
 use boresight::components::run::{SetUp, TickSet};
-use boresight::components::tiles::{
-    OpenTiles, TileLoaded, Tiles, TilesCount, TilesLight, TilesPlace, TilesViews,
-};
 use boresight::models::tiles::selection::View;
-use boresight::plugins::tiles::TilesPlugin;
 use boresight::scenario::{Loaded, Scenario};
 use boresight::systems::render::scene::grid;
 use boresight::tiles::tileset::Tileset;
+use boresight_tiles::TilesPlugin;
+use boresight_tiles::{
+    OpenTiles, TileLoaded, Tiles, TilesCount, TilesLight, TilesPlace, TilesViews,
+};
 use glam::{DAffine3, DVec2, DVec3};
 use serde_json::{Value, json};
 use std::path::Path;

@@ -7,19 +7,19 @@ use crate::components::render::{
     CityTilesets, LeanMaterial, LeanPaint, SENSOR_LAYER, SceneHandles, Shading, Solids,
     WINDOW_LAYER,
 };
-use crate::components::tiles::{
-    OpenTiles, TilePaint, TileSurface, Tiles, TilesMode, TilesOccluder, TilesPlace, TilesViews,
-};
 use crate::models::ground::dsm::Dsm;
 use crate::models::tiles::horizon::Horizon;
 use crate::models::tiles::selection::View;
 use crate::models::tiles::steady::steady_view;
 use crate::systems::render::scene::grid;
-use crate::systems::tiles::prepare::for_each_triangle;
-use crate::systems::tiles::settle::{open, settle};
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use big_space::prelude::CellCoord;
+use boresight_tiles::prepare::for_each_triangle;
+use boresight_tiles::settle::{open, settle};
+use boresight_tiles::{
+    OpenTiles, TilePaint, TileSurface, Tiles, TilesMode, TilesOccluder, TilesPlace, TilesViews,
+};
 use glam::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 

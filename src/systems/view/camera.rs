@@ -5,7 +5,6 @@ use crate::components::environment::Environment;
 use crate::components::flight::{Flight, Uav};
 use crate::components::mount::{CameraView, Mount};
 use crate::components::render::{SceneHandles, WINDOW_LAYER};
-use crate::components::tiles::SeesTiles;
 use crate::components::view::{FreeCamera, Session, Sight, WindowCamera, WindowFrame};
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::systems::render::scene::{bevy_attitude, place_in_site};
@@ -21,6 +20,7 @@ use bevy::render::view::{ColorGrading, Msaa, NoIndirectDrawing};
 use bevy_egui::PrimaryEguiContext;
 use bevy_egui::input::EguiWantsInput;
 use big_space::prelude::CellCoord;
+use boresight_tiles::SeesTiles;
 use glam::{DVec2, DVec3};
 
 /// Vertical field of view of the free camera [rad].

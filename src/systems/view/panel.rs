@@ -11,7 +11,6 @@ use crate::components::flight::{HeatedSkin, Uav, UavStatus};
 use crate::components::mount::Station;
 use crate::components::network::Tasking;
 use crate::components::run::{RunScenario, SimClock};
-use crate::components::tiles::{Tiles, TilesCount, TilesMode};
 use crate::components::track::{Command, Operator, Order, Tracker};
 use crate::components::view::{ChosenStation, TrackRows};
 use crate::models::air::weather::Weather;
@@ -19,6 +18,7 @@ use crate::models::tracking::picture::Follower;
 use bevy::prelude::*;
 use bevy_egui::EguiContexts;
 use bevy_egui::egui;
+use boresight_tiles::{Tiles, TilesCount, TilesMode};
 
 /// A station as its panel shows it.
 type Shown = (

@@ -7,13 +7,13 @@ use crate::components::beam::BeamState;
 use crate::components::capture::SensorCamera;
 use crate::components::environment::Environment;
 use crate::components::flight::{Uav, UavStatus};
-use crate::components::tiles::{Tiles, TilesCount};
 use crate::components::view::{Playback, Sight};
 use crate::recording::proto;
 use crate::recording::timeline::{StationTrack, Timeline};
 use bevy::prelude::*;
 use bevy_egui::EguiContexts;
 use bevy_egui::egui::{self, Color32};
+use boresight_tiles::{Tiles, TilesCount};
 
 /// Lines of the log, and UAVs, that are shown.
 const LOG_SHOWN: usize = 6;

@@ -1,6 +1,6 @@
 //! Materials for tiles.
 
-use crate::components::tiles::{StandardPaint, TilePaint, TileSurface};
+use crate::{StandardPaint, TilePaint, TileSurface};
 use bevy::prelude::*;
 use bevy::render::render_resource::Face;
 

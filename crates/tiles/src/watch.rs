@@ -1,10 +1,10 @@
 //! What looks at tilesets: cameras as views in a tileset's frame.
 
-use crate::components::tiles::{OpenTiles, SeesTiles, Tiles, TilesViews};
-use crate::models::tiles::selection::View;
+use crate::{OpenTiles, SeesTiles, Tiles, TilesViews};
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use big_space::prelude::{CellCoord, Grid};
+use boresight_models::tiles::selection::View;
 use glam::{DAffine3, DQuat};
 
 /// A camera that tiles may be loaded for.

@@ -1,13 +1,13 @@
 //! 3D Tiles for any Bevy app: [`TilesPlugin`].
 
-use crate::components::tiles::{StandardPaint, TileFailed, TileLoaded, TilePaint};
-use crate::systems::tiles::{settle, stream, watch};
+use crate::{StandardPaint, TileFailed, TileLoaded, TilePaint};
+use crate::{settle, stream, watch};
 use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
 use std::marker::PhantomData;
 
-/// Shows every [`crate::components::tiles::Tiles`] for the cameras with [`crate::components::tiles::SeesTiles`]: needs Bevy's own rendering
+/// Shows every [`crate::Tiles`] for the cameras with [`crate::SeesTiles`]: needs Bevy's own rendering
 /// plugins, and of Boresight nothing else. With big_space, add its plugins beside it.
 ///
 /// Materials are Bevy's, or those of a [`TilePaint`] that the app inserts as a resource; without the resource nothing

@@ -1,13 +1,13 @@
 //! From a tile's content to meshes and textures for the GPU: few and large, for each costs a draw.
 
-use crate::components::tiles::{PreparedTile, TilePart, TileSurface, TilesLight};
-use crate::models::shape::textured::{Look, PlacedMesh, PointCloud, Texture, TexturedMesh};
-use crate::systems::render::texture::{picture_bytes, picture_texture};
-use crate::tiles::content::Content;
+use crate::picture::{picture_bytes, picture_texture};
+use crate::{PreparedTile, TilePart, TileSurface, TilesLight};
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::primitives::Aabb;
 use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
+use boresight_geodata::tiles::content::Content;
+use boresight_models::shape::textured::{Look, PlacedMesh, PointCloud, Texture, TexturedMesh};
 use glam::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 

@@ -2,16 +2,14 @@
 
 use super::prepare::prepare;
 use super::show::{count, draw, failed, forget_beyond, keep, opened, tell, tell_failures};
-use crate::components::tiles::{
-    OpenTiles, PreparedTile, TileLoaded, TilePaint, Tiles, TilesMode, TilesViews,
-};
-use crate::models::tiles::selection::View;
-use crate::models::tiles::tree::TileId;
-use crate::parallel::in_parallel;
-use crate::tiles::error::TilesError;
-use crate::tiles::settled;
-use crate::tiles::tileset::Tileset;
+use crate::{OpenTiles, PreparedTile, TileLoaded, TilePaint, Tiles, TilesMode, TilesViews};
 use bevy::prelude::*;
+use boresight_common::parallel::in_parallel;
+use boresight_geodata::tiles::error::TilesError;
+use boresight_geodata::tiles::settled;
+use boresight_geodata::tiles::tileset::Tileset;
+use boresight_models::tiles::selection::View;
+use boresight_models::tiles::tree::TileId;
 use std::convert::Infallible;
 
 /// Tiles that are decoded before they are handed to the GPU: bounds the memory that both need at once.

@@ -2,17 +2,17 @@
 
 use super::prepare::prepare;
 use super::show::{count, draw, failed, forget, keep, opened, tell, tell_failures};
-use crate::components::tiles::{
+use crate::{
     Arrived, OpenTiles, OpeningTiles, StreamedTiles, TileLoaded, TilePaint, Tiles, TilesMode,
     TilesOccluder, TilesViews,
 };
-use crate::models::tiles::selection::Occluder;
-use crate::models::tiles::selector::{Selector, SelectorOptions};
-use crate::models::tiles::tree::TileId;
-use crate::tiles::settled;
-use crate::tiles::tileset::Tileset;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, block_on};
+use boresight_geodata::tiles::settled;
+use boresight_geodata::tiles::tileset::Tileset;
+use boresight_models::tiles::selection::Occluder;
+use boresight_models::tiles::selector::{Selector, SelectorOptions};
+use boresight_models::tiles::tree::TileId;
 use std::collections::BTreeMap;
 
 /// Bytes that are handed to the GPU in a frame, at least one tile's [byte]: more would show as a stutter.

@@ -1,15 +1,15 @@
 //! Tiles that are there: opened, spawned, drawn or hidden, forgotten.
 
-use crate::components::tiles::{
+use crate::{
     KeptTile, OpenTiles, PreparedTile, TileFailed, TilePaint, TileSurface, Tiles, TilesCount,
     TilesPlace,
 };
-use crate::models::maths::geodesy::{Geodetic, SiteFrame};
-use crate::models::tiles::tree::{TileId, Tree};
-use crate::tiles::error::TilesError;
-use crate::tiles::tileset::Tileset;
 use bevy::prelude::*;
 use big_space::prelude::Grid;
+use boresight_geodata::tiles::error::TilesError;
+use boresight_geodata::tiles::tileset::Tileset;
+use boresight_models::maths::geodesy::{Geodetic, SiteFrame};
+use boresight_models::tiles::tree::{TileId, Tree};
 use glam::DAffine3;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,16 +1,16 @@
 //! Tilesets in a scene: which, how they are loaded, and what of them is there.
 
-pub use crate::models::shape::textured::TilesLight;
-use crate::models::tiles::selection::{Occluder, SelectOptions, View};
-use crate::models::tiles::selector::Selector;
-use crate::models::tiles::tree::TileId;
-use crate::tiles::error::TilesError;
-use crate::tiles::expansion::Expansion;
-use crate::tiles::tileset::Tileset;
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::RenderLayers;
 use bevy::prelude::*;
 use bevy::tasks::Task;
+use boresight_geodata::tiles::error::TilesError;
+use boresight_geodata::tiles::expansion::Expansion;
+use boresight_geodata::tiles::tileset::Tileset;
+pub use boresight_models::shape::textured::TilesLight;
+use boresight_models::tiles::selection::{Occluder, SelectOptions, View};
+use boresight_models::tiles::selector::Selector;
+use boresight_models::tiles::tree::TileId;
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
