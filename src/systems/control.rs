@@ -269,7 +269,7 @@ impl Controller {
                 pointing.name = name.clone();
             }
             (Command::Law(_), Self::Paper(_)) => {
-                let cure = "the paper's loops give way to no law during a run - start with another                             controller.preset";
+                let cure = "the paper's loops give way to no law during a run - start with another controller.preset";
                 return Err(("law", cure.into()));
             }
             (Command::Gains(gains), Self::Pointing(pointing)) => {
