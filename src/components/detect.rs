@@ -64,7 +64,7 @@ pub struct Reading {
 
 impl Reading {
     /// That of a network for small UAVs, whose score of `neutral` says nothing, as the shipped one errs on boxes of 3 to 80 px
-    /// (docs/validation.md).
+    /// (docs/validation/threat-and-target-choice.md).
     pub fn of_network(
         start_score: f64,
         weak_score: f64,
@@ -104,8 +104,8 @@ impl Reading {
 const LARGEST_SHARE: f64 = 0.5;
 /// A region grows in steps of this many pixels, a common stride of networks.
 const REGION_STEP_PX: u32 = 64;
-/// What is larger than this is shown to a network shrunk: networks for small UAVs do not know larger ones (the
-/// shipped one scores 0.8 at 40 px, 0.3 at 125 px; docs/validation.md).
+/// What is larger than this is shown to a network shrunk: networks for small UAVs are the less sure, the larger a UAV is
+/// beyond some 40 px.
 const LARGEST_SHOWN_PX: f64 = 64.0;
 
 /// The detector of a run, which serves all stations.

@@ -11,6 +11,7 @@ mod beam;
 mod commands;
 mod common;
 mod determinism;
+mod documents;
 mod doors;
 mod experiments;
 mod flight;

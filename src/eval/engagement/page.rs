@@ -130,7 +130,7 @@ fn causes(draws: &[Outcome]) -> Markup {
         (note(
             "Every instant with the UAV in clear sight, from the moment the search first has it in its field, is \
              charged to one cause; a failure's is the one charged most, or the wrong object if anything \
-             else was fired at. docs/validation.md defines them.",
+             else was fired at. docs/validation/engagements.md defines them.",
         ))
     }
 }

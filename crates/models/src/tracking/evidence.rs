@@ -26,7 +26,7 @@ const NAMED_PX: [f64; 2] = [6.0, 12.0];
 /// called aeroplanes for ten seconds.
 const PLAIN_PX: f64 = 24.0;
 /// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
-/// times, in size or place (measured with the shipped network: docs/validation.md).
+/// times, in size or place (measured with the shipped network: docs/validation/threat-and-target-choice.md).
 const RIGID_RATIO: f64 = 1.5;
 /// Score from which on a box's flutter counts in full.
 const CLEAR_SCORE: f64 = 0.5;
