@@ -449,7 +449,7 @@ pub struct TableParams {
     pub gate_sigmas: f64,
     /// Standard deviation of the logarithm of a box's size about the track's.
     pub size_log_sigma: f64,
-    /// A young track goes after as many misses in a row as it has hits, in cameras that have seen it; this is the longest time
+    /// A young track goes after more misses in a row than it has hits, in cameras that have seen it; this is the longest time
     /// without a hit for any that is not hidden by the city [s].
     pub max_coast_s: f64,
     /// Longest time without a hit behind a building [s].
@@ -511,7 +511,7 @@ pub fn separation_rad(a: DVec2, b: DVec2) -> f64 {
 
 /// Hits that make a track worth judging: a false alarm seldom comes back.
 pub const JUDGED_HITS: u32 = 3;
-/// Hits from which on a track is established: a young one goes after as many misses as hits.
+/// Hits from which on a track is established: a young one goes after more misses in a row than hits.
 const ESTABLISHED_HITS: u32 = 30;
 /// An echo of the range finder says for so long how far its track is [s].
 const ECHO_S: f64 = 1.0;
