@@ -8,8 +8,6 @@ use protox::prost_reflect::prost_types::FileDescriptorProto;
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto/boresight.proto");
-    // Compiled in; without this line the compiler does not see a file that is new.
-    println!("cargo::rerun-if-changed=assets/uavs");
     let mut descriptors = protox::compile(["boresight.proto"], ["proto"])?;
     // The comments become the documentation of the Rust types; the recordings do without them.
     prost_build::Config::new().compile_fds(descriptors.clone())?;

@@ -31,11 +31,12 @@ fn folders() -> Vec<PathBuf> {
         .ok()
         .and_then(|path| Some(path.parent()?.to_owned()));
     let installed = (beside.as_ref()).map(|folder| folder.join("../share/boresight"));
-    let built = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).to_owned();
+    // This crate's folder is two below the checkout's.
+    let built = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2);
     (named.into_iter())
         .chain(beside)
         .chain(installed)
-        .chain([built])
+        .chain(built.map(Path::to_owned))
         .collect()
 }
 
