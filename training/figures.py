@@ -64,7 +64,8 @@ def misses(data: Path, models_found: dict[str, Path], out: Path) -> None:
         if a["category_id"] in uavs and a.get("tight") is not False and not a.get("iscrowd") and not a.get("ignore"):
             x, y, w, h = a["bbox"]
             truth.setdefault(a["image_id"], []).append([x, y, x + w, y + h])
-    places = {image["id"]: k for k, image in enumerate(coco["images"])}
+    # Pictures without UAVs have no place: a line across them would say something of them.
+    places = {image: k for k, image in enumerate(i["id"] for i in coco["images"] if i["id"] in truth)}
     series, total = {}, sum(map(len, truth.values()))
     for shift, (name, path) in enumerate(models_found.items()):
         found: dict[int, list] = {}
@@ -86,7 +87,7 @@ def misses(data: Path, models_found: dict[str, Path], out: Path) -> None:
         print(f"{name}: {len(points)} of {total} UAVs hit, mean miss {mean:.2f} px")
         series[f"{name}: {mean:.2f} px, {len(points)} of {total}"] = [(x, y + shift * OFFSET_PX) for x, y in points]
     title = f"Miss distance of each picture's UAVs [px], each model {OFFSET_PX:.0f} px higher"
-    lines(series, out, title, "pictures", OFFSET_PX * (len(series) + 0.5))
+    lines(series, out, title, "pictures with UAVs", OFFSET_PX * (len(series) + 0.5))
 
 
 def main() -> None:
