@@ -4,7 +4,6 @@
 use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use boresight::app::{self, Options};
-use boresight::cli;
 use boresight::components::capture::{Frames, Readout, SensorCamera, Tier};
 use boresight::components::detect::DetectionQueue;
 use boresight::components::mount::{Stations, first_station};
@@ -25,10 +24,11 @@ use boresight::models::tiles::selector::{Selector, SelectorOptions};
 use boresight::models::tiles::tree::{Refine, Tile, TileId, Tree};
 use boresight::models::tiles::volume::BoundingVolume;
 use boresight::scenario::Loaded;
+use boresight::simulation::Builder;
 use boresight::sources::{Layer, LayerKind};
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
-use boresight::systems::{control, track};
+use boresight::systems::{control, operator, track};
 use boresight_geodata::build::{BuildOptions, build};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
@@ -236,7 +236,7 @@ fn track_and_control(criterion: &mut Criterion) {
                 track::find_range,
                 track::aim,
                 track::foresee,
-                track::obey,
+                operator::obey,
                 track::decide,
                 control::command_mount,
                 control::choose_readouts,
@@ -631,7 +631,10 @@ fn shares(_: &mut Criterion) {
             out: Some(folder.clone()),
             ..Options::default()
         };
-        let finished = cli::run_headless(&loaded, &options, false).expect("a run");
+        let builder = Builder::loaded(loaded.clone()).options(options);
+        let mut run = builder.open().expect("a run");
+        run.step(u64::MAX).expect("its ticks");
+        let finished = run.finish().expect("its summary");
         let share = finished.summary.share;
         println!(
             "shares of 2 s of urban_intercept, recorded, detector {}: rendering {:.1} %, waiting for \

@@ -1,13 +1,8 @@
-//! A run from Rust that reads the cameras' frames and the truth behind them.
+//! A run whose cameras' frames are read, beside the truth behind them.
 //!
 //! `source scripts/env.sh; cargo run --release --example bare_run`
 
-use boresight::app::{Options, build, step};
-use boresight::components::capture::Frames;
-use boresight::components::run::SimClock;
-use boresight::scenario::Scenario;
-use std::error::Error;
-use std::path::Path;
+use boresight::simulation::{Simulation, SimulationError};
 
 /// What a frame showed.
 pub struct Shown {
@@ -21,41 +16,30 @@ pub struct Shown {
 }
 
 /// The frames of the first tenth of a second that show the UAV of `urban_intercept`.
-pub fn frames() -> Result<Vec<Shown>, Box<dyn Error>> {
-    let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &[])?;
-    let options = Options {
-        capture: true,
-        ..Options::default()
-    };
-    let mut app = build(&loaded, &options)?;
+pub fn frames() -> Result<Vec<Shown>, SimulationError> {
+    let mut run = Simulation::open("scenarios/urban_intercept.toml")?;
     let mut shown = Vec::new();
-    for _ in 0..loaded.scenario.tick_hz / 10 {
-        step(app.world_mut())?;
-        let world = app.world();
-        for frame in &world.resource::<Frames>().0 {
-            let (Some(rgb8), Some(uav)) = (&frame.rgb8, frame.truth.first()) else {
-                continue;
-            };
-            let [x, y] =
-                [0, 1].map(|axis| uav.aim_px[axis] - f64::from(frame.rect.offset_px[axis]));
-            let [w, h] = frame.rect.size_px.map(f64::from);
-            if !(0.0..w).contains(&x) || !(0.0..h).contains(&y) {
-                continue;
+    for _ in 0..run.view().tick_hz() / 10 {
+        run.step(1)?;
+        for frame in run.frames() {
+            let uav = frame.truth().first();
+            if let Some(uav) = uav
+                && let Some(rgb8) = frame.pixel(uav.aim_px)
+            {
+                shown.push(Shown {
+                    camera: frame.camera().to_owned(),
+                    t_s: run.t_s(),
+                    rgb8,
+                    at_px: uav.aim_px,
+                });
             }
-            let first = 3 * (y as usize * frame.rect.size_px[0] as usize + x as usize);
-            shown.push(Shown {
-                camera: frame.name.to_string(),
-                t_s: world.resource::<SimClock>().at_s(frame.tick),
-                rgb8: [rgb8[first], rgb8[first + 1], rgb8[first + 2]],
-                at_px: uav.aim_px,
-            });
         }
     }
     Ok(shown)
 }
 
 #[allow(dead_code)] // The tests call the function above.
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<(), SimulationError> {
     for Shown {
         camera,
         t_s,

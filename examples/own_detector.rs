@@ -2,16 +2,12 @@
 //!
 //! `source scripts/env.sh; cargo run --release --example own_detector`
 
-use boresight::app::{Options, build_with, step};
-use boresight::components::detect::{Detector, Detectors, Question, Reading};
-use boresight::components::mount::first_station;
+use boresight::components::detect::{Detector, Question, Reading};
 use boresight::components::run::PartError;
-use boresight::components::track::Tracker;
+use boresight::components::track::TrackingState;
 use boresight::models::optics::detection::Detection;
-use boresight::scenario::Scenario;
+use boresight::simulation::{Event, Simulation, SimulationError, What};
 use std::collections::VecDeque;
-use std::error::Error;
-use std::path::Path;
 
 /// Boxes of 5 px about the spot of each picture that stands out most.
 #[derive(Default)]
@@ -64,39 +60,31 @@ fn stands_out(question: &Question) -> Vec<Detection> {
     found.into_iter().collect()
 }
 
-/// The tracker after a second of `urban_intercept`, its UAV high before an even sky.
-pub fn run() -> Result<Tracker, Box<dyn Error>> {
-    let set = [
-        "detector.kind=contrast",
-        "engage.authorised=false",
-        "uavs.0.trajectory={ kind = 'straight', start_enu_m = [-350, 350, 250], velocity_enu_mps = [5, 5, 0] }",
-    ];
-    let set = set.map(String::from);
-    let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;
-    let options = Options {
-        capture: true,
-        ..Options::default()
-    };
-    let mut app = build_with(&loaded, &options, |app| {
-        let mut detectors = app.world_mut().resource_mut::<Detectors>();
-        detectors.add("contrast", |_context| Ok(Box::new(Contrast::default())));
-    })?;
-    for _ in 0..loaded.scenario.tick_hz {
-        step(app.world_mut())?;
-    }
-    let tracker: &Tracker = first_station(app.world()).ok_or("no station")?;
-    Ok(tracker.clone())
+/// What happened in a second of `urban_intercept`, its UAV high before an even sky, and the state at its end.
+pub fn run() -> Result<(Vec<Event>, TrackingState), SimulationError> {
+    let mut run = Simulation::builder("scenarios/urban_intercept.toml")
+        .set("detector.kind=contrast")
+        .set("engage.authorised=false")
+        .set(
+            "uavs.0.trajectory={ kind = 'straight', start_enu_m = [-350, 350, 250], \
+             velocity_enu_mps = [5, 5, 0] }",
+        )
+        .detector("contrast", |_context| Ok(Box::new(Contrast::default())))
+        .open()?;
+    run.run_until(1.0)?;
+    let state = run.view().stations().next().map(|first| first.state());
+    Ok((
+        run.events().to_vec(),
+        state.unwrap_or(TrackingState::Search),
+    ))
 }
 
 #[allow(dead_code)] // The tests call the function above.
-fn main() -> Result<(), Box<dyn Error>> {
-    for change in run()?.changes {
-        println!(
-            "tick {}: {}, {}",
-            change.tick,
-            change.to.name(),
-            change.reason
-        );
+fn main() -> Result<(), SimulationError> {
+    for event in run()?.0 {
+        if let What::State { to, reason, .. } = event.what {
+            println!("{:.3} s: {}, {reason}", event.t_s, to.name());
+        }
     }
     Ok(())
 }

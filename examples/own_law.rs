@@ -2,17 +2,11 @@
 //!
 //! `cargo run --release --example own_law`
 
-use boresight::app::{Options, build_with, step};
-use boresight::components::control::PointingLaws;
-use boresight::components::mount::first_station;
-use boresight::components::record::History;
 use boresight::models::control::law::{Aim, HandOver, PointingInput, PointingOutput};
 use boresight::models::control::pointing::PointingLaw;
 use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
-use boresight::scenario::Scenario;
+use boresight::simulation::{Simulation, SimulationError};
 use glam::DVec2;
-use std::error::Error;
-use std::path::Path;
 
 /// Rate of the line of sight plus a proportional part.
 #[derive(Clone, Debug)]
@@ -41,26 +35,25 @@ impl PointingLaw for GimbalAlone {
 }
 
 /// Root mean square of the pointing error in the second of two seconds [µrad].
-pub fn rms_urad(law: &str) -> Result<f64, Box<dyn Error>> {
-    let set = ["detector.kind=truth", &format!("controller.preset={law}")].map(String::from);
-    let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;
-    let mut app = build_with(&loaded, &Options::default(), |app| {
-        let mut laws = app.world_mut().resource_mut::<PointingLaws>();
-        laws.add("gimbal_alone", |_plant| {
+pub fn rms_urad(law: &str) -> Result<f64, SimulationError> {
+    let mut run = Simulation::builder("scenarios/urban_intercept.toml")
+        .set("detector.kind=truth")
+        .set(format!("controller.preset={law}"))
+        .law("gimbal_alone", |_plant| {
             Ok(Box::new(GimbalAlone { gain_per_s: 8.0 }))
-        });
-    })?;
-    for _ in 0..2 * loaded.scenario.tick_hz {
-        step(app.world_mut())?;
-    }
-    let history = first_station::<History>(app.world()).ok_or("no station")?;
-    let late = history.los_error_urad.iter().filter(|(t_s, _)| *t_s > 1.0);
-    let (sum, count) = late.fold((0.0, 0), |(sum, count), (_, e)| (sum + e * e, count + 1));
+        })
+        .open()?;
+    run.run_until(2.0)?;
+    let errors = run.view().stations().flat_map(|station| {
+        let history = &station.history().los_error_urad;
+        history.iter().filter(|(t_s, _)| *t_s > 1.0)
+    });
+    let (sum, count) = errors.fold((0.0, 0), |(sum, count), (_, e)| (sum + e * e, count + 1));
     Ok((sum / f64::from(count)).sqrt())
 }
 
 #[allow(dead_code)] // The tests call the function above.
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<(), SimulationError> {
     for law in ["tuned", "gimbal_alone"] {
         println!("{law}: {:.1} µrad rms", rms_urad(law)?);
     }

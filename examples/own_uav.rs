@@ -2,30 +2,26 @@
 //!
 //! `cargo run --release --example own_uav`
 
-use boresight::app::{Options, build, step};
-use boresight::components::flight::UavStatus;
-use boresight::components::run::SimClock;
-use boresight::scenario::{Scenario, catalogue};
+use boresight::scenario::catalogue;
+use boresight::simulation::{Simulation, SimulationError};
 use std::error::Error;
-use std::path::Path;
 
 /// The file; dropped into `assets/uavs` it would be the catalogue's `own_uav`.
 pub const OWN: &str = "examples/own_uav.toml";
 
 /// When `urban_intercept`'s station has neutralised a model that flies in place of its UAV [s]; none: never.
-pub fn neutralised_s(model: &str) -> Result<Option<f64>, Box<dyn Error>> {
-    let set = ["detector.kind=truth", &format!("uavs.0.model={model}")].map(String::from);
-    let loaded = Scenario::load(Path::new("scenarios/urban_intercept.toml"), &set)?;
-    let mut app = build(&loaded, &Options::default())?;
-    let world = app.world_mut();
-    let mut uavs = world.query::<&UavStatus>();
-    while world.resource::<SimClock>().t_s() < loaded.scenario.duration_s {
-        step(world)?;
-        if uavs.iter(world).any(|status| status.neutralised()) {
-            return Ok(Some(world.resource::<SimClock>().t_s()));
-        }
-    }
-    Ok(None)
+pub fn neutralised_s(model: &str) -> Result<Option<f64>, SimulationError> {
+    let mut run = Simulation::builder("scenarios/urban_intercept.toml")
+        .set("detector.kind=truth")
+        .set(format!("uavs.0.model={model}"))
+        .open()?;
+    let mut at_s = None;
+    run.watch(|run| {
+        let mut uavs = run.view().uavs();
+        at_s = (uavs.any(|uav| uav.status().neutralised())).then_some(run.t_s());
+        at_s.is_some()
+    })?;
+    Ok(at_s)
 }
 
 #[allow(dead_code)] // The tests call the function above.

@@ -2,10 +2,7 @@
 
 use crate::app::{self, Options, RunError};
 use crate::components::environment::Environment;
-use crate::components::mount::first_station;
-use crate::components::record::Fates;
-use crate::components::run::{RunScenario, SimClock};
-use crate::components::track::Tracker;
+use crate::components::run::RunScenario;
 use crate::dataset::{self, DatasetError};
 use crate::eval::{self, EvalError};
 use crate::experiment::diff::{Comparison, Tolerances};
@@ -17,16 +14,15 @@ use crate::output::{self, OutputError};
 use crate::progress::Progress;
 use crate::recording::film::{self, FilmError};
 use crate::recording::read::Recorded;
-use crate::report::ReportError;
 use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
 use crate::scenario::{self, Faults, Loaded, Scenario};
+use crate::simulation::{Builder, Simulation, SimulationError, UavView, View};
 use crate::stop;
 use crate::tiles_command::{self as tiles, Tiles};
 use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
 use crate::warning::{self, StrictError};
-use bevy::prelude::{App, World};
 use clap::{Args, Parser, Subcommand};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
@@ -47,9 +43,9 @@ pub enum CliError {
     /// A run.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// What a run leaves.
+    /// A run from its opening to what it leaves.
     #[error(transparent)]
-    Report(#[from] ReportError),
+    Simulation(#[from] SimulationError),
     /// An evaluation.
     #[error(transparent)]
     Eval(#[from] EvalError),
@@ -171,9 +167,6 @@ enum EvalCommand {
     /// Engagements drawn from a recipe, on rendered pixels: acquired, held, neutralised, and each failure
     /// with its cause and the frames that show it.
     Engagement(eval::engagement::Arguments),
-    /// A raid against one, two and more of its stations, by every rule of assignment; blind, with the truth
-    /// detector.
-    Defence(eval::defence::Arguments),
     /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
     Detector(eval::detector::Arguments),
     /// A detector and the tracker on real clips: MP4 files or folders of pictures.
@@ -366,10 +359,11 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 log: true,
                 ..Options::default()
             };
-            let app = app::build(&loaded, &options)?;
+            let pace = options.pace;
+            let run = Builder::loaded(loaded).options(options).open()?;
             // From here on there is something to end whole; before, a signal ends the program.
             stop::listen();
-            let finished = run_to_end(app, &loaded, &options, true)?;
+            let finished = run_to_end(run, pace)?;
             say!("{}", summary::table(&finished.summary).trim_end());
             say!("report  {}", args.out.join("report.html").display());
             if let Some(t_s) = finished.summary.stopped_s {
@@ -476,10 +470,6 @@ fn eval(command: EvalCommand) -> Result<ExitCode, CliError> {
             )
         }
         EvalCommand::Engagement(args) => (eval::engagement::evaluate(&args)?, None),
-        EvalCommand::Defence(args) => {
-            let json = args.out.join("defence.json");
-            (eval::defence::evaluate(&args)?.text(), Some(("json", json)))
-        }
         EvalCommand::Detector(args) => {
             let page = args.out.join("detector.html");
             (
@@ -568,7 +558,8 @@ fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
         log: true,
         ..Options::default()
     };
-    run_headless(&a.scenario(&[]).map_err(RunError::from)?, &options, true)?;
+    let again = a.scenario(&[]).map_err(RunError::from)?;
+    run_to_end(Builder::loaded(again).options(options).open()?, None)?;
     let b = open(&folder.path().join("run.mcap"))?;
     Ok(Comparison::of(&a, &b, &tolerances))
 }
@@ -640,76 +631,49 @@ fn view(args: ViewArgs) -> Result<ExitCode, CliError> {
     Ok(ended(0))
 }
 
-/// Runs a scenario to its end and writes what it leaves.
-pub fn run_headless(
-    loaded: &Loaded,
-    options: &Options,
-    progress: bool,
-) -> Result<Finished, CliError> {
-    let app = app::build(loaded, options)?;
-    run_to_end(app, loaded, options, progress)
-}
-
-/// Runs what is set up to its end, or until it is stopped from outside, and writes what it leaves.
-fn run_to_end(
-    mut app: App,
-    loaded: &Loaded,
-    options: &Options,
-    progress: bool,
-) -> Result<Finished, CliError> {
-    let duration_s = loaded.scenario.duration_s;
-    let progress = match progress {
-        // The bar's position counts milliseconds of simulated time.
-        true => Progress::new((1e3 * duration_s) as u64, "{prefix} [{bar:16}] {msg}{left}"),
-        false => Progress::hidden(),
-    };
+/// Lets a run go to its end, or until it is stopped from outside, and writes what it leaves.
+fn run_to_end(mut run: Simulation, pace: Option<f64>) -> Result<Finished, SimulationError> {
+    let scenario = &run.scenario().scenario;
+    let (name, duration_s) = (scenario.name.clone(), scenario.duration_s);
+    // The bar's position counts milliseconds of simulated time.
+    let progress = Progress::new((1e3 * duration_s) as u64, "{prefix} [{bar:16}] {msg}{left}");
     let bar = progress.bar();
-    bar.set_prefix(loaded.scenario.name.clone());
+    bar.set_prefix(name.clone());
     bar.set_message("begins");
     let started = Instant::now();
     let mut shown = started;
     loop {
-        let over = app::step(app.world_mut())?;
+        let over = run.step(1)?;
         if over || shown.elapsed() > Duration::from_millis(200) {
             shown = Instant::now();
-            let t_s = app.world().resource::<SimClock>().t_s();
-            let state = state(app.world(), started.elapsed());
+            let t_s = run.t_s();
+            let state = state(run.view(), started.elapsed());
             bar.set_position((1e3 * t_s) as u64);
             bar.set_message(format!("{t_s:.1} s {state}"));
             bar.tick();
-            let name = &loaded.scenario.name;
             progress.say(|| format!("{name}: {t_s:.1} of {duration_s} s {state}"));
         }
         if over {
             break;
         }
-        if let Some(pace) = options.pace {
-            let due_s = app.world().resource::<SimClock>().t_s() / pace;
-            let due = Duration::try_from_secs_f64(due_s).unwrap_or(Duration::MAX);
+        if let Some(pace) = pace {
+            let due = Duration::try_from_secs_f64(run.t_s() / pace).unwrap_or(Duration::MAX);
             std::thread::sleep(due.saturating_sub(started.elapsed()));
         }
     }
     bar.finish_and_clear();
-    let elapsed = started.elapsed();
-    Ok(summary::conclude(
-        app.world_mut(),
-        loaded,
-        options,
-        elapsed,
-    )?)
+    run.finish()
 }
 
 /// Factor of real time, the first station's state, and UAVs brought down, of a run that took so long.
-fn state(world: &World, elapsed: Duration) -> String {
-    let t_s = world.resource::<SimClock>().t_s();
-    let state = first_station::<Tracker>(world).map_or("", |tracker| tracker.state.name());
-    let down = world
-        .resource::<Fates>()
-        .uavs
-        .iter()
-        .filter(|fate| fate.neutralised_s.is_some())
-        .count();
-    let factor = t_s / elapsed.as_secs_f64().max(1e-9);
+fn state(view: View, elapsed: Duration) -> String {
+    let state = view
+        .stations()
+        .next()
+        .map_or("", |first| first.state().name());
+    let down = |uav: &UavView| uav.fate().is_some_and(|fate| fate.neutralised_s.is_some());
+    let down = view.uavs().filter(down).count();
+    let factor = view.t_s() / elapsed.as_secs_f64().max(1e-9);
     format!("at {factor:.2}x, {state}, {down} neutralised")
 }
 

@@ -13,6 +13,7 @@ pub mod lint;
 pub mod new;
 pub mod plugins;
 pub mod report;
+pub mod simulation;
 pub mod systems;
 pub mod tiles_command;
 pub mod tune;

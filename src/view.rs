@@ -2,8 +2,8 @@
 
 use crate::app::{self, Options, RunError};
 use crate::components::mount::{Station, Stations};
+use crate::components::operator::{Command, Designation, Operator};
 use crate::components::run::SimClock;
-use crate::components::track::{Command, Designation, Operator};
 use crate::components::view::{Pacing, Playback, ScreenshotRequest, Session, SessionEnd};
 use crate::output::{self, OutputError};
 use crate::place::located;
@@ -215,6 +215,7 @@ fn with_orders(
                 Command::Law(name) => config.law = Some(name.clone()),
                 Command::Gains(gains) => config.gains = Some(*gains),
                 Command::Weather(weather) => config.weather = Some(*weather),
+                Command::Drive(drive) => config.drive = Some(*drive),
             }
             config
         }));
@@ -234,7 +235,7 @@ fn with_orders(
 mod tests {
     use super::*;
     use crate::components::mount::first_station;
-    use crate::components::track::Order;
+    use crate::components::operator::Order;
     use crate::scenario::{GainsOrder, Scenario, WeatherOrder};
 
     #[test]

@@ -74,6 +74,8 @@ pub struct BeamState {
     pub spot_radius_m: f64,
     /// Distance of the beam's centre from its aim point [m].
     pub offset_m: f64,
+    /// Whether the firing beam's centre lay on that aim point, with nothing in between.
+    pub on_aim_point: bool,
     /// Atmospheric transmittance.
     pub transmittance: f64,
     /// Relative intensity of the channel.

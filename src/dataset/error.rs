@@ -14,6 +14,7 @@ use crate::models::optics::sensor::SensorError;
 use crate::output::OutputError;
 use crate::scenario::InputError;
 use crate::scenario::catalogue::UavError;
+use crate::simulation::SimulationError;
 use crate::systems::capture::CaptureError;
 use crate::warning::StrictError;
 use std::path::PathBuf;
@@ -21,6 +22,9 @@ use std::path::PathBuf;
 /// Why a set cannot be made; each prints as one line.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
+    /// A run whose tracks are wanted.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
     /// The recipe.
     #[error(transparent)]
     Recipe(#[from] InputError),

@@ -10,7 +10,6 @@ mod clips;
 mod take;
 
 use super::DatasetError;
-use crate::app::{self, Options};
 use crate::components::capture::UavInFrame;
 use crate::components::detect::DetectionQueue;
 use crate::components::flight::{Distractor, Uav};
@@ -19,6 +18,7 @@ use crate::components::run::SimClock;
 use crate::components::track::{Gallery, Tracker};
 use crate::models::tracking::recognition::TrackClass;
 use crate::scenario::Scenario;
+use crate::simulation::{Builder, Options};
 use crate::stop;
 use bevy::prelude::World;
 use clap::Args;
@@ -84,16 +84,16 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
             capture: true,
             ..Options::default()
         };
-        let mut app = app::build_with(&loaded, &options, |_| {})?;
-        let mut galleries = app.world_mut().query::<(&mut Gallery, &Tracker)>();
-        for (mut gallery, _) in galleries.iter_mut(app.world_mut()) {
+        let mut run = Builder::loaded(loaded).options(options).open()?;
+        let mut galleries = run.world_mut().query::<(&mut Gallery, &Tracker)>();
+        for (mut gallery, _) in galleries.iter_mut(run.world_mut()) {
             gallery.wanted = true;
         }
-        let mut take = Take::of(objects(app.world_mut()));
+        let mut take = Take::of(objects(run.world_mut()));
         loop {
-            let over = app::step(app.world_mut())?;
-            look(&mut take, app.world(), arguments.rate_hz);
-            for (mut gallery, tracker) in galleries.iter_mut(app.world_mut()) {
+            let over = run.step(1)?;
+            look(&mut take, run.world(), arguments.rate_hz);
+            for (mut gallery, tracker) in galleries.iter_mut(run.world_mut()) {
                 gallery.tidy(&tracker.table);
             }
             if over {

@@ -78,7 +78,8 @@ pub enum Kind {
 const WALL_CLOCK: [&str; 2] = ["real_time_factor", "share"];
 
 /// Lists whose elements are not known before the run, by the keys that lead to them; the sample has one element of each.
-const GROWING: [&str; 6] = [
+const GROWING: [&str; 7] = [
+    "kill_to_shot_s",
     "objects",
     "objects.stations",
     "objects.engaged_by",
@@ -191,6 +192,7 @@ fn sample(scenario: &Scenario) -> Value {
         time_to_neutralise_s: time,
         stopped_s: time,
         energy_per_neutralised_j: time,
+        kill_to_shot_s: vec![0.0],
         miss_distance_px: MissDistances {
             coarse: miss,
             precise: miss,

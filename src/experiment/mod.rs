@@ -5,14 +5,13 @@ pub mod figures;
 pub mod sweep;
 pub mod test;
 
-use crate::app::{self, Options, RunError};
 use crate::models::ground::city::{City, CityParams};
 use crate::output::OutputError;
 use crate::place::made_from;
 use crate::plugins::environment::city_of;
 use crate::recording::read::ReadError;
-use crate::report::summary::finish;
 use crate::scenario::{InputError, Loaded, Site};
+use crate::simulation::{Builder, Options, SimulationError};
 use crate::stop;
 use serde_json::Value;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -99,7 +98,7 @@ impl Runner {
         if stop::asked().is_some() {
             return Err(NoSummary::Stopped);
         }
-        let run = || -> Result<(Value, Duration), RunError> {
+        let run = || -> Result<(Value, Duration), SimulationError> {
             let options = Options {
                 seed: Some(seed),
                 one_thread: !pictures,
@@ -108,10 +107,9 @@ impl Runner {
                 ..Options::default()
             };
             let started = Instant::now();
-            let mut app = app::build(loaded, &options)?;
-            while !app::step(app.world_mut())? {}
-            let finished = finish(app.world_mut(), loaded, &options, started.elapsed());
-            let summary = serde_json::to_value(finished.summary).unwrap_or_default();
+            let mut run = Builder::loaded(loaded.clone()).options(options).open()?;
+            while !run.step(u64::MAX)? {}
+            let summary = serde_json::to_value(run.summary().summary).unwrap_or_default();
             Ok((summary, started.elapsed()))
         };
         match catch_unwind(AssertUnwindSafe(run)) {

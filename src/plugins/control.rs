@@ -6,8 +6,8 @@ use crate::components::control::{
 };
 use crate::components::flight::{Distractor, Flight, Uav};
 use crate::components::mount::{Gimbal, Mount, OpticalPath, Optics, PanTilt, Station};
+use crate::components::operator::Operator;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
-use crate::components::track::Operator;
 use crate::models::control::POINTING_LAWS;
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::PaperLaw;

@@ -9,6 +9,7 @@ pub mod environment;
 pub mod flight;
 pub mod mount;
 pub mod network;
+pub mod operator;
 pub mod record;
 pub mod render;
 pub mod run;
@@ -32,6 +33,7 @@ impl PluginGroup for SimulationPlugins {
             .add(capture::CapturePlugin)
             .add(detect::DetectPlugin)
             .add(track::TrackPlugin)
+            .add(operator::OperatorPlugin)
             .add(network::NetworkPlugin)
             .add(control::ControlPlugin)
             .add(engage::EngagePlugin)

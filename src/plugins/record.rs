@@ -18,7 +18,7 @@ use crate::recording::{
     CITY, LogLevel, Meta, OwnTopic, Recorder, RecordingError, SceneEntity, SceneShape,
 };
 use crate::scenario::{Images, Loaded};
-use crate::systems::record as systems;
+use crate::systems::{beam, record as systems};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
@@ -34,6 +34,13 @@ impl Plugin for RecordPlugin {
         app.init_resource::<StateHash>()
             .init_resource::<OwnTopics>()
             .add_systems(SetUp, fallible(set_up).in_set(TickSet::Record))
+            .add_systems(
+                Tick,
+                systems::count_dwell
+                    .in_set(TickSet::Beam)
+                    .after(beam::propagate)
+                    .before(beam::heat),
+            )
             .add_systems(
                 Tick,
                 (

@@ -4,14 +4,13 @@ use crate::components::detect::{DetectorInUse, Reading};
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
-    Command, Designation, Gallery, Operator, Order, RangeFinder, Recogniser, TrackStage, Tracker,
-    TrackerParams,
+    Gallery, RangeFinder, Recogniser, TrackStage, Tracker, TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
 use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::plugins::run::fallible;
-use crate::scenario::{self, AssociationRule, OrderConfig, ResolvedCamera, Scenario};
+use crate::scenario::{self, AssociationRule, ResolvedCamera, Scenario};
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems, patience_s};
 use bevy::prelude::*;
@@ -51,7 +50,6 @@ impl Plugin for TrackPlugin {
                 (systems::aim, systems::foresee)
                     .chain()
                     .in_set(TrackStage::Foresee),
-                systems::obey.in_set(TrackStage::Obey),
                 systems::decide.in_set(TrackStage::Decide),
             ),
         );
@@ -62,7 +60,6 @@ fn set_up(
     mut commands: Commands,
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
-    clock: Res<SimClock>,
     detector: Res<DetectorInUse>,
     stations: Query<(Entity, &Station, &Mount)>,
 ) {
@@ -75,7 +72,6 @@ fn set_up(
         commands.entity(entity).insert((
             params,
             Tracker::default(),
-            operator(scenario, &station.name, *clock),
             RangeFinder {
                 params: default(),
                 rng: seed.stream(station.index as u64, "range finder"),
@@ -172,47 +168,5 @@ pub fn tracker_params(
         fire_belief: engage.min_uav_probability,
         max_span_m: engage.max_span_m,
         patience_s: PerTier::of(slowest_s),
-    }
-}
-
-/// The orders of a scenario that a station obeys.
-fn operator(scenario: &Scenario, station: &str, clock: SimClock) -> Operator {
-    let index = |name: &String| scenario.flying().position(|known| known == name);
-    let meant = scenario
-        .operator
-        .iter()
-        .filter(|order| order.is_for(station));
-    let orders = meant.map(|order| Order {
-        tick: clock.ticks_of(order.t_s),
-        command: match order {
-            OrderConfig {
-                fire: Some(may), ..
-            } => Command::Fire(*may),
-            OrderConfig {
-                slew_deg: Some(az_el_deg),
-                ..
-            } => Command::Slew(*az_el_deg),
-            OrderConfig {
-                law: Some(name), ..
-            } => Command::Law(name.clone()),
-            OrderConfig {
-                gains: Some(gains), ..
-            } => Command::Gains(*gains),
-            OrderConfig {
-                weather: Some(weather),
-                ..
-            } => Command::Weather(*weather),
-            _ => Command::Target(
-                match (order.designate.as_ref().and_then(index), order.track) {
-                    (Some(index), _) => Designation::Uav(index),
-                    (None, Some(id)) => Designation::Track(id),
-                    (None, None) => Designation::Release,
-                },
-            ),
-        },
-    });
-    Operator {
-        orders: orders.collect(),
-        ..default()
     }
 }

@@ -73,6 +73,8 @@ pub struct Summary {
     pub energy_j: f64,
     /// The same for each UAV brought down by it \[J\]; `None` without any.
     pub energy_per_neutralised_j: Option<f64>,
+    /// From each kill of a station to its next first shot at another target, of all stations \[s\].
+    pub kill_to_shot_s: Vec<f64>,
     /// Sun and daylight, at the end.
     pub light: Light,
     /// Each UAV, in the order of the scenario.
@@ -307,6 +309,9 @@ fn summary(world: &World, fates: &[Ended], elapsed: Duration) -> Summary {
             .count(),
         energy_j,
         energy_per_neutralised_j: (down > 0).then(|| energy_j / down as f64),
+        kill_to_shot_s: (of_stations.iter())
+            .flat_map(|station| station.kill_to_shot_s.iter().copied())
+            .collect(),
         light,
         uavs: (fates.iter())
             .map(|fate| uav_summary(world, fate, &light))
@@ -843,6 +848,7 @@ mod tests {
             leakers: 0,
             energy_j: 9000.0,
             energy_per_neutralised_j: Some(9000.0),
+            kill_to_shot_s: vec![1.5],
             light: Light {
                 sun_elevation_deg: 30.0,
                 illuminance_lx: 5e4,
@@ -918,7 +924,7 @@ mod tests {
                 r#""stopped_s":null,"real_time_factor":101.0,"time_to_acquire_s":null,"time_to_neutralise_s":9.0,"#,
                 r#""miss_distance_px":{"coarse":null,"precise":{"mean":1.0,"rms":2.0,"p50":3.0,"#,
                 r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"keep_out_s":0.0,"wrong_object_s":0.0,"leakers":0,"energy_j":9000.0,"#,
-                r#""energy_per_neutralised_j":9000.0,"light":{"sun_elevation_deg":30.0,"illuminance_lx":50000.0},"uavs":[{"name":"one","status":"down","#,
+                r#""energy_per_neutralised_j":9000.0,"kill_to_shot_s":[1.5],"light":{"sun_elevation_deg":30.0,"illuminance_lx":50000.0},"uavs":[{"name":"one","status":"down","#,
                 r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0,"at_asset_s":null,"#,
                 r#""acquired_s":1.5,"hottest_k":573.0,"fails_at_k":573.0,"crash":{"t_s":9.5,"r_enu_m":[1.0,2.0,3.0],"into":"the ground"},"#,
                 r#""why":null,"stations":[{"name":"roof","clear_s":8.0,"hidden_s":1.0,"held_s":7.5,"refused":[["no range",0.5]]}],"#,

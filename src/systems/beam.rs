@@ -5,7 +5,6 @@ use crate::components::environment::Environment;
 use crate::components::flight::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::Optics;
 use crate::components::run::SimClock;
-use crate::components::track::Tracker;
 use crate::models::air::atmosphere::transmittance;
 use crate::models::air::turbulence::{AirPath, IntensityChannel, PathTurbulence};
 use crate::models::ground::dsm::LineOfSight;
@@ -14,7 +13,6 @@ use crate::models::laser::beam::{
     wander_correlation_time_s,
 };
 use crate::models::maths::kinematics::Pose;
-use crate::systems::track::followed;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -67,19 +65,13 @@ type Targets = (
 pub fn propagate(
     clock: Res<SimClock>,
     environment: Res<Environment>,
-    mut stations: Query<(
-        &Tracker,
-        &Optics,
-        &mut LaserSource,
-        &FireCommand,
-        &mut BeamState,
-    )>,
+    mut stations: Query<(&Optics, &mut LaserSource, &FireCommand, &mut BeamState)>,
     mut uavs: Query<Targets>,
 ) {
     for (.., mut skin, _) in &mut uavs {
         skin.irradiance_wpm2 = 0.0;
     }
-    for (tracker, optics, mut source, command, mut beam) in &mut stations {
+    for (optics, mut source, command, mut beam) in &mut stations {
         let dt_s = clock.dt_s();
         *beam = BeamState {
             firing: command.fire,
@@ -103,7 +95,6 @@ pub fn propagate(
                 light(
                     &clock,
                     &environment,
-                    tracker,
                     &optics.laser,
                     source.laser.power_w * dt_s,
                     (aimed, &arriving),
@@ -213,18 +204,12 @@ fn cross_air(
 fn light(
     clock: &SimClock,
     environment: &Environment,
-    tracker: &Tracker,
     laser: &Pose,
     energy_j: f64,
     (aimed, arriving): (&Aimed, &Arriving),
     beam: &mut BeamState,
     uavs: &mut Query<Targets>,
 ) {
-    let flying = uavs
-        .iter()
-        .filter(|(_, _, _, status, ..)| **status == UavStatus::Flying)
-        .map(|(uav, flight, ..)| (uav, flight));
-    let target = followed(tracker, clock.t_s(), laser.r_enu_m, flying).map(|(index, _)| index);
     let q_cam_enu = laser.q_enu_cam.inverse();
     let Arriving {
         power_w,
@@ -260,10 +245,7 @@ fn light(
             beam.power_in_bucket_w = bucket_w;
             if offset_m < BUCKET_RADIUS_M {
                 dose.dwell_s += clock.dt_s();
-                // A beam that rests on a UAV by mistake does not dwell on the target.
-                if target == Some(aimed.index) {
-                    beam.dwell_s += clock.dt_s();
-                }
+                beam.on_aim_point = true;
             }
         }
     }

@@ -14,8 +14,9 @@ use crate::components::mount::{
     CameraView, Gimbal, Mount, MountCommand, OpticalPath, PanTilt, Station,
 };
 use crate::components::network::Tasking;
+use crate::components::operator::{Command, Operator};
 use crate::components::run::{Failure, SimClock};
-use crate::components::track::{Command, Operator, Tracker, TrackingState};
+use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
 use crate::models::control::paper::{PaperLaw, coarse_axis_rates, precise_mirror};
 use crate::models::control::tuning::MountPlant;
@@ -25,7 +26,7 @@ use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::radar::{Plot, RadarTrack};
 use crate::models::tracking::search::Gaze;
 use crate::models::tracking::table::separation_rad;
-use crate::scenario::{Gains, GainsOrder, suggestion};
+use crate::scenario::{DriveOrder, Gains, GainsOrder, suggestion};
 use crate::systems::control::search::{every_in_pass, search};
 use crate::systems::track::CONFIRM_HITS;
 use bevy::ecs::query::QueryData;
@@ -212,6 +213,17 @@ pub fn command_mount(
                 }
             }
         }
+        driven(&operator.drive, &mut command);
+    }
+}
+
+/// What drives gimbal and mirror from outside takes the place of the law's commands, which goes on unheard.
+fn driven(drive: &DriveOrder, command: &mut MountCommand) {
+    if let Some(rates_degps) = drive.rates_degps {
+        command.gimbal.rate_radps = rates_degps.map(f64::to_radians);
+    }
+    if let Some(mirror_urad) = drive.mirror_urad {
+        command.mirror_rad = DVec2::from(mirror_urad) * 1e-6;
     }
 }
 

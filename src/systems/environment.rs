@@ -3,8 +3,8 @@
 use crate::components::environment::Environment;
 use crate::components::flight::{Air, Flight};
 use crate::components::mount::Mount;
+use crate::components::operator::{Command, Operator};
 use crate::components::run::{Failure, Seed, SimClock};
-use crate::components::track::{Command, Operator};
 use crate::models::air::shared_gusts::SharedNoise;
 use crate::models::air::sky::{GROUND_ALBEDO, Sky};
 use crate::models::air::weather::Weather;

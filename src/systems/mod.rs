@@ -9,6 +9,7 @@ pub mod environment;
 pub mod flight;
 pub mod mount;
 pub mod network;
+pub mod operator;
 pub mod record;
 pub mod render;
 pub mod run;

@@ -138,6 +138,28 @@ pub fn hash_state(
     hash.0 = hasher.digest();
 }
 
+/// Counts the time for which the beam rests on the aim point of what the tracker, after the last tick, has for its
+/// target: one that rests on a UAV by mistake does not dwell on it.
+pub fn count_dwell(
+    clock: Res<SimClock>,
+    uavs: Query<(&Uav, &Flight, &UavStatus)>,
+    mut stations: Query<(&Tracker, &Optics, &mut BeamState)>,
+) {
+    for (tracker, optics, mut beam) in &mut stations {
+        if !beam.on_aim_point {
+            continue;
+        }
+        let flying = uavs
+            .iter()
+            .filter(|(.., status)| **status == UavStatus::Flying)
+            .map(|(uav, flight, _)| (uav, flight));
+        let target = followed(tracker, clock.t_s(), optics.laser.r_enu_m, flying);
+        if target.map(|(index, _)| index) == beam.aimed {
+            beam.dwell_s += clock.dt_s();
+        }
+    }
+}
+
 /// Appends the bits of numbers.
 fn put_all(bytes: &mut Vec<u8>, values: &[f64]) {
     for value in values {

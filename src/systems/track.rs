@@ -3,7 +3,6 @@
 mod associate;
 mod decide;
 mod foresee;
-mod orders;
 mod range;
 pub mod recognise;
 mod situation;
@@ -13,7 +12,6 @@ pub(crate) use associate::take_in;
 pub use decide::decide;
 pub(crate) use decide::{GIVEN_UP, step};
 pub use foresee::{aim, foresee};
-pub use orders::obey;
 pub use range::find_range;
 pub use situation::patience_s;
 pub(crate) use situation::{CONFIRM_HITS, MOVING_RADPS, Situation};

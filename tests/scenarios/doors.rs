@@ -4,10 +4,14 @@ use crate::common::{ROOT, boresight, messages, read_with_python, refused, render
 use boresight::app::{self, Options};
 use boresight::components::capture::Tier;
 use boresight::components::control::PointingLaws;
+use boresight::components::flight::UavStatus;
+use boresight::components::operator::Answer;
 use boresight::models::control::law::{HandOver, PointingInput, PointingOutput};
 use boresight::models::control::pointing::PointingLaw;
 use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
-use boresight::scenario::Scenario;
+use boresight::models::optics::detection::Detection;
+use boresight::scenario::{DriveOrder, OrderConfig, Scenario};
+use boresight::simulation::{Simulation, What};
 use glam::DVec2;
 use serde_json::Value;
 use std::path::Path;
@@ -15,16 +19,32 @@ use tempfile::TempDir;
 
 #[path = "../../examples/bare_run.rs"]
 mod bare_run;
+#[path = "../../examples/beam_budget.rs"]
+mod beam_budget;
+#[path = "../../examples/detect_picture.rs"]
+mod detect_picture;
+#[path = "../../examples/events.rs"]
+mod events;
+#[path = "../../examples/operator.rs"]
+mod operator;
+#[path = "../../examples/outside_controller.rs"]
+mod outside_controller;
 #[path = "../../examples/own_detector.rs"]
 mod own_detector;
 #[path = "../../examples/own_law.rs"]
 mod own_law;
+#[path = "../../examples/own_scenario.rs"]
+mod own_scenario;
 #[path = "../../examples/own_stage.rs"]
 mod own_stage;
 #[path = "../../examples/own_topic.rs"]
 mod own_topic;
 #[path = "../../examples/own_uav.rs"]
 mod own_uav;
+#[path = "../../examples/repeat.rs"]
+mod repeat;
+#[path = "../../examples/seeds.rs"]
+mod seeds;
 
 #[test]
 fn a_topic_of_ones_own_is_recorded() {
@@ -43,8 +63,8 @@ fn a_topic_of_ones_own_is_recorded() {
 #[test]
 fn a_detector_of_ones_own_finds() {
     let _one = rendering();
-    let tracker = own_detector::run().unwrap();
-    assert!(tracker.state.holds(Tier::Coarse), "{:?}", tracker.changes);
+    let (events, state) = own_detector::run().unwrap();
+    assert!(state.holds(Tier::Coarse), "{events:?}");
 }
 
 #[test]
@@ -56,6 +76,131 @@ fn a_bare_run_reads_frames_and_truth() {
         assert!((0.0..=0.1).contains(&frame.t_s) && !frame.camera.is_empty());
         assert!(frame.rgb8.iter().any(|value| *value > 0), "black");
     }
+}
+
+#[test]
+fn the_events_of_a_run_tell_its_story() {
+    let events = events::events().unwrap();
+    let at = |wanted: &dyn Fn(&What) -> bool| {
+        let found = events.iter().find(|event| wanted(&event.what));
+        found.unwrap_or_else(|| panic!("{events:#?}")).t_s
+    };
+    let acquired_s = at(&|what| matches!(what, What::State { to, .. } if to.acquired()));
+    let fired_s = at(&|what| matches!(what, What::Fire { at: Some(0), .. }));
+    let falls_s = at(&|what| {
+        matches!(
+            what,
+            What::Uav {
+                status: UavStatus::Falling,
+                ..
+            }
+        )
+    });
+    let ceased_s = at(&|what| matches!(what, What::CeaseFire { .. }));
+    assert!(acquired_s < fired_s && fired_s < falls_s && fired_s < ceased_s);
+    assert!(events.is_sorted_by_key(|event| event.tick));
+}
+
+#[test]
+fn an_operator_holds_fire_and_gives_it() {
+    let (given_s, fired_s) = operator::authority_and_fire_s().unwrap().unwrap();
+    assert!(
+        (given_s..given_s + 0.1).contains(&fired_s),
+        "{given_s} {fired_s}"
+    );
+}
+
+#[test]
+fn an_order_that_nobody_can_obey_is_one_error() {
+    let builder = Simulation::builder("scenarios/urban_intercept.toml");
+    let mut run = builder.set("detector.kind=truth").open().unwrap();
+    let refusal =
+        |run: &mut Simulation, order: OrderConfig| run.give(&order).err().unwrap().to_string();
+    let nobody = OrderConfig {
+        designate: Some("intrude".into()),
+        ..OrderConfig::default()
+    };
+    let text = refusal(&mut run, nobody);
+    assert!(
+        text.starts_with("order: designate: no UAV 'intrude'"),
+        "{text}"
+    );
+    let lost = OrderConfig {
+        drive: Some(DriveOrder {
+            rates_degps: Some([0.0, f64::NAN]),
+            mirror_urad: None,
+        }),
+        ..OrderConfig::default()
+    };
+    let text = refusal(&mut run, lost);
+    assert!(
+        text.starts_with("order: drive.rates_degps[1]: found NaN"),
+        "{text}"
+    );
+    // A law's name is known once it is asked for.
+    run.give(&OrderConfig {
+        law: Some("tunde".into()),
+        ..OrderConfig::default()
+    })
+    .unwrap();
+    run.step(1).unwrap();
+    let [event] = run.events() else {
+        panic!("{:?}", run.events())
+    };
+    let refused = |why: &str| why.contains("did you mean 'tuned'");
+    assert!(
+        matches!(&event.what, What::Order { answer: Answer::Refused(why), .. } if refused(why)),
+        "{event:?}"
+    );
+}
+
+#[test]
+fn a_controller_outside_points_and_is_repeated_by_its_orders() {
+    let (rms_urad, hash) = outside_controller::run().unwrap();
+    // It leads by nothing and leaves the mirror alone; a UAV of 0.35 m at half a kilometre is 700 µrad wide.
+    assert!(rms_urad < 1_000.0, "{rms_urad}");
+    assert_eq!(outside_controller::run().unwrap(), (rms_urad, hash));
+}
+
+#[test]
+fn a_recording_is_made_again_tick_by_tick() {
+    let folder = TempDir::new().unwrap();
+    let [first, again] = repeat::twice(folder.path(), 7).unwrap();
+    assert_eq!(first, again);
+    let [other, _] = repeat::twice(folder.path(), 8).unwrap();
+    assert_ne!(first, other);
+}
+
+#[test]
+fn seeds_have_a_mean_and_an_interval() {
+    let mean = seeds::acquisition_s(3).unwrap();
+    assert!(mean.n == 3 && mean.mean.unwrap() > 0.0 && mean.half_95.is_some());
+}
+
+#[test]
+fn a_scenario_made_by_a_program_runs() {
+    let [near, far] = [400.0, 800.0].map(|range_m| own_scenario::neutralised_s(range_m).unwrap());
+    assert!(near.unwrap() < far.unwrap(), "{near:?} {far:?}");
+}
+
+#[test]
+fn air_widens_and_weakens_the_beam() {
+    let budget = beam_budget::budget(&[500.0, 2_000.0]);
+    for at in &budget {
+        assert!(at.radius_m[0] < at.radius_m[1] && at.peak_wpm2[1] < at.peak_wpm2[0]);
+    }
+    // Diffraction alone: the peak falls with the square of the range.
+    let ratio = budget[0].peak_wpm2[0] / budget[1].peak_wpm2[0];
+    assert!((ratio / 16.0 - 1.0).abs() < 1e-12, "{ratio}");
+    assert!(budget[0].peak_wpm2[1] > 16.0 * budget[1].peak_wpm2[1]);
+}
+
+#[test]
+fn the_detector_alone_finds_a_uav_in_a_picture() {
+    let _one = rendering();
+    let (found, truth) = detect_picture::found_and_truth().unwrap();
+    let on = |detection: &Detection| detection.lies_on(truth);
+    assert!(found.iter().any(on), "{found:?} {truth:?}");
 }
 
 #[test]

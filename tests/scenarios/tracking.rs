@@ -10,11 +10,10 @@ use boresight::components::control::SearchScan;
 use boresight::components::environment::Environment;
 use boresight::components::flight::{Air, Flight, Uav, UavStatus};
 use boresight::components::mount::{Mount, Optics};
+use boresight::components::operator::{Answer, Command, Designation, Operator, Order};
 use boresight::components::record::StateHash;
 use boresight::components::run::{SimClock, Tick};
-use boresight::components::track::{
-    Answer, Command, Designation, Operator, Order, StateChange, TrackStage, Tracker, TrackingState,
-};
+use boresight::components::track::{StateChange, TrackStage, Tracker, TrackingState};
 use boresight::models::engage::outcome::Outcome;
 use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::LineOfSight;

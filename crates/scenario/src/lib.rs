@@ -12,6 +12,7 @@ mod expect;
 pub mod load;
 mod mount;
 mod network;
+mod orders;
 mod places;
 mod recogniser;
 mod record;
@@ -40,6 +41,7 @@ pub use expect::{Bound, Expect, Never, Seeds, ShareConfig};
 pub use load::{Faults, InputError, Place, Places, suggestion};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
 pub use network::NetworkConfig;
+pub use orders::{DriveOrder, GainsOrder, OrderConfig, OrderError, WeatherOrder};
 pub use places::{Above, GivenPlace};
 pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
@@ -49,7 +51,7 @@ pub use skin::SkinKind;
 pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};
 pub use swarms::{SwarmConfig, SwarmLanding, SwarmOrigin, SwarmSplit, SwarmTakeOff};
 pub use targets::{DistractorConfig, UavConfig};
-pub use tracker::{AssociationRule, GainsOrder, OrderConfig, TrackerConfig, WeatherOrder};
+pub use tracker::{AssociationRule, TrackerConfig};
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -324,13 +326,7 @@ impl Checked for Scenario {
         });
         check.table("tracker", |check| self.tracker.check(check));
         let stations = self.stations();
-        tracker::check_orders(
-            &self.operator,
-            &stations,
-            &self.uavs,
-            &self.distractors,
-            check,
-        );
+        self.check_orders(&stations, check);
         check.table("controller", |check| self.controller.check(check));
         check.table("engage", |check| self.engage.check(check));
         check.table("record", |check| self.record.check(check, self.tick_hz));

@@ -14,7 +14,7 @@ use crate::eval::EvalError;
 use crate::eval::shared::{confirmed, seen};
 use crate::inference::OnnxRecogniser;
 use crate::models::maths::kinematics::az_el_to_los;
-use crate::models::optics::camera::Pinhole;
+use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::optics::detection::Detection;
 use crate::models::optics::registration::Registration;
 use crate::models::optics::tier::PerTier;
@@ -116,6 +116,11 @@ fn is_held(before: bool, log_odds: f64, recognised: bool) -> bool {
     }
 }
 
+/// The field of view does not fit the clip's pictures.
+#[derive(Debug, thiserror::Error)]
+#[error("--fov-deg: {0}; give another angle")]
+struct FieldOfView(CameraError);
+
 impl Follower {
     /// A tracker for pictures of a size at a rate, whose detections have these classes.
     pub fn new(
@@ -125,7 +130,7 @@ impl Follower {
         following: &Following,
     ) -> Result<Self, EvalError> {
         let pinhole = Pinhole::from_hfov(width, height, following.fov_deg.to_radians())
-            .map_err(EvalError::FieldOfView)?;
+            .map_err(|why| EvalError::own(FieldOfView(why)))?;
         let defaults = scenario::TrackerConfig::default();
         Ok(Self {
             clock: SimClock {

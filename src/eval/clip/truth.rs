@@ -1,5 +1,6 @@
 //! The boxes of clips: a list of clips with boxes by label, or COCO annotations of their pictures.
 
+use crate::eval::EvalError;
 use crate::eval::detector::coco::{Coco, CocoError, UAVS, is_other};
 use crate::eval::detector::metrics::Truth;
 use crate::media::clip_boxes::{self, LabelledFrame, ListFault};
@@ -45,6 +46,12 @@ pub enum BoxesError {
         /// What is wrong with it.
         fault: BoxesFault,
     },
+}
+
+impl From<BoxesError> for EvalError {
+    fn from(error: BoxesError) -> Self {
+        Self::own(error)
+    }
 }
 
 /// What is wrong with a file of boxes.

@@ -3,6 +3,7 @@
 mod content;
 
 use super::metrics::Truth;
+use crate::eval::EvalError;
 use crate::media::image::decode;
 use crate::warning::{Notes, Warning};
 use clap::ValueEnum;
@@ -61,6 +62,12 @@ pub enum CocoError {
         /// Folders in which it was looked for.
         looked: Vec<PathBuf>,
     },
+}
+
+impl From<CocoError> for EvalError {
+    fn from(error: CocoError) -> Self {
+        Self::own(error)
+    }
 }
 
 /// What mends a picture: one that was not found is looked for in some folders, another is there and damaged.

@@ -62,6 +62,13 @@ pub struct Arguments {
 /// Most pictures of missed boxes, and of false alarms.
 const PICTURES: usize = 12;
 
+/// No picture is of the half asked for.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "--half: no picture is of that half; clips belong to one by the last number in their names"
+)]
+struct EmptyHalf;
+
 /// Carries out the evaluation and writes what it leaves.
 pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     let mut coco = Coco::load(&arguments.data, &arguments.category)?;
@@ -70,7 +77,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
     if let Some(half) = arguments.half {
         coco.halve(half);
         if coco.pictures.is_empty() {
-            return Err(EvalError::EmptyHalf);
+            return Err(EvalError::own(EmptyHalf));
         }
     }
     coco.truncate(arguments.frames.map_or(usize::MAX, NonZeroUsize::get));

@@ -6,6 +6,7 @@
 use super::recipe::{
     Background, Flight, KindDraw, Light, Nearness, Recipe, SearchDraw, UavDraw, drawn, metar,
 };
+use crate::eval::EvalError;
 use crate::models::air::sun::{Sun, SunError};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::city::{City, CityError, CityParams};
@@ -68,6 +69,12 @@ pub enum DrawError {
         /// What is wrong.
         source: toml::ser::Error,
     },
+}
+
+impl From<DrawError> for EvalError {
+    fn from(error: DrawError) -> Self {
+        Self::own(error)
+    }
 }
 
 /// What is in an engagement.

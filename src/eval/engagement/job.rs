@@ -7,13 +7,13 @@ use super::draw::{Draw, Facts};
 use super::recipe::Recipe;
 use super::verdict::{Record, Verdict};
 use super::watch::Watch;
-use crate::app::{self, Options};
 use crate::eval::EvalError;
 use crate::media::image::encode_jpeg;
 use crate::output::OutputError;
 use crate::output::{put, put_json, quoted};
 use crate::report::run::ContactFrame;
 use crate::scenario::{Loaded, Scenario};
+use crate::simulation::{Builder, Options};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
@@ -152,14 +152,10 @@ fn digest(path: &Path) -> std::io::Result<u64> {
 
 /// A run watched until its UAV has come to its end, or its time is over.
 fn watched(loaded: &Loaded, options: &Options) -> Result<(Record, Vec<ContactFrame>), EvalError> {
-    let mut app = app::build(loaded, options)?;
-    let world = app.world_mut();
-    let mut watch = Watch::new(world);
-    loop {
-        let over = app::step(world)?;
-        if watch.tick(world) || over {
-            break;
-        }
-    }
-    Ok(watch.conclude(world, |record| Verdict::of(record).cause))
+    let mut run = Builder::loaded(loaded.clone())
+        .options(options.clone())
+        .open()?;
+    let mut watch = Watch::new(run.world_mut());
+    run.watch(|run| watch.tick(run.world()))?;
+    Ok(watch.conclude(run.world(), |record| Verdict::of(record).cause))
 }

@@ -60,7 +60,9 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     let draws: Vec<Outcome> = made
         // What a stop has left out is made by the next call.
         .filter(|(_, outcome)| !stopped || outcome.is_some())
-        .map(|(index, outcome)| outcome.ok_or(EvalError::NoDraw { index }))
+        .map(|(index, outcome)| {
+            outcome.ok_or_else(|| EvalError::own(MissingDraw::Record { index }))
+        })
         .collect::<Result<_, _>>()?;
     if draws.is_empty() {
         return Err(EvalError::Stopped);
@@ -176,11 +178,32 @@ fn spawned(arguments: &Arguments, index: u32) -> Result<(), EvalError> {
         .map_err(process)?;
     let said = String::from_utf8_lossy(&said);
     let last = said.lines().last().unwrap_or_default();
-    Err(EvalError::Draw {
+    Err(EvalError::own(MissingDraw::Failed {
         index,
         status,
         message: last.trim_start_matches("error: ").to_owned(),
-    })
+    }))
+}
+
+/// Why there is nothing of a draw.
+#[derive(Debug, thiserror::Error)]
+enum MissingDraw {
+    /// Its process failed.
+    #[error("draw {index} ({status}): {message}; `--draw {index}` makes it alone")]
+    Failed {
+        /// Its number.
+        index: u32,
+        /// How its process ended.
+        status: std::process::ExitStatus,
+        /// What that said last.
+        message: String,
+    },
+    /// Its record is gone.
+    #[error("draw {index} has no record of this evaluation; run the command again")]
+    Record {
+        /// Its number.
+        index: u32,
+    },
 }
 
 /// What became of a draw, in short.

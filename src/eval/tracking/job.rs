@@ -1,13 +1,6 @@
 //! One run of an evaluation: a scenario with changes and a seed, watched tick by tick against the truth.
 
-use crate::app::{self, Options, RunError};
-use crate::components::beam::BeamState;
-use crate::components::capture::{Frames, SensorCamera, Tier};
-use crate::components::environment::Environment;
-use crate::components::flight::{Flight, Uav};
-use crate::components::mount::{CameraView, Mount, Optics, first_station};
-use crate::components::record::{CameraHistory, KeptFrame};
-use crate::components::run::SimClock;
+use crate::components::record::KeptFrame;
 use crate::components::track::Tracker;
 use crate::eval::EvalError;
 use crate::eval::shared::{FRESH_S, confirmed, in_parallel};
@@ -15,11 +8,13 @@ use crate::eval::statistics::{Hold, Lock, Sums, lock};
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, error_angles, los_to_az_el};
-use crate::models::optics::tier::PerTier;
+use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::table::{Track, separation_rad};
 use crate::report::chart::Series;
 use crate::scenario::Scenario;
-use bevy::prelude::*;
+use crate::simulation::{
+    Builder, CameraView, Options, Simulation, SimulationError, StationView, UavView, View,
+};
 use glam::DVec2;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -160,7 +155,7 @@ impl Observed {
 }
 
 /// Makes a run to its end.
-pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError> {
+pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, SimulationError> {
     let loaded = Scenario::load(&job.scenario, &job.set)?;
     let options = Options {
         seed: Some(job.seed),
@@ -168,64 +163,49 @@ pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, RunError>
         city,
         ..Options::default()
     };
-    let mut app = app::build(&loaded, &options)?;
-    let world = app.world_mut();
-    let mut watch = Watch::new(world, &loaded.scenario);
-    loop {
-        let over = app::step(world)?;
-        watch.tick(world);
-        if over {
-            break;
-        }
-    }
-    Ok(watch.conclude(world))
+    let mut run = Builder::loaded(loaded).options(options).open()?;
+    let mut watch = Watch::new();
+    run.watch(|run| {
+        watch.tick(run);
+        false
+    })?;
+    Ok(watch.conclude(&run))
 }
 
-type Station = (
-    &'static Mount,
-    &'static Optics,
-    &'static BeamState,
-    &'static Tracker,
-);
+/// The first station's cameras, by their tiers.
+type OfTier<'a> = PerTier<Option<CameraView<'a>>>;
+
+fn of_tier(station: StationView<'_>) -> OfTier<'_> {
+    let mut cameras = PerTier::default();
+    for tier in Tier::ALL {
+        cameras[tier] = station.camera(tier);
+    }
+    cameras
+}
 
 struct Watch {
     seen: Observed,
-    uavs: QueryState<(&'static Uav, &'static Flight)>,
-    station: QueryState<Station>,
-    cameras: PerTier<Option<(Entity, SensorCamera)>>,
     hidden: bool,
-    /// Number of UAVs: what has a higher index is a bird or a balloon.
-    count: usize,
 }
 
 impl Watch {
-    fn new(world: &mut World, scenario: &Scenario) -> Self {
-        let mut cameras: PerTier<Option<(Entity, SensorCamera)>> = PerTier::default();
-        for (entity, camera) in world.query::<(Entity, &SensorCamera)>().iter(world) {
-            cameras[camera.tier].get_or_insert((entity, camera.clone()));
-        }
+    fn new() -> Self {
         Self {
             seen: Observed::default(),
-            uavs: world.query(),
-            station: world.query(),
-            cameras,
             hidden: false,
-            count: scenario.uavs.len(),
         }
     }
 
     /// Takes in what a tick left.
-    fn tick(&mut self, world: &World) {
-        let clock = world.resource::<SimClock>();
-        let t_s = clock.t_s();
-        let (Ok((mount, optics, beam, tracker)), Some((entity, coarse))) =
-            (self.station.single(world), &self.cameras.coarse)
-        else {
+    fn tick(&mut self, run: &Simulation) {
+        let view = run.view();
+        let Some(station) = view.stations().next() else {
             return;
         };
-        let Some(view) = world.get::<CameraView>(*entity) else {
+        let Some(coarse) = station.camera(Tier::Coarse) else {
             return;
         };
+        let (t_s, tracker) = (view.t_s(), station.tracker());
         let held = tracker.state.acquired();
         let precise = tracker.state.holds(Tier::Precise);
         let seen = &mut self.seen;
@@ -235,29 +215,19 @@ impl Watch {
         if precise && seen.precise_s.is_none() {
             seen.precise_s = Some(t_s);
         }
-        let mut flights: Vec<(usize, &Flight)> = self
-            .uavs
-            .iter(world)
-            .map(|(uav, flight)| (uav.index, flight))
-            .collect();
-        flights.sort_unstable_by_key(|(index, _)| *index);
         let now = Instant {
-            world,
-            clock,
+            run,
+            view,
             t_s,
             tracker,
             held,
             precise,
-            mount,
-            optics,
-            beam,
+            station,
             coarse,
-            view,
-            flights: &flights,
-            count: self.count,
+            flying: view.uavs().collect(),
         };
         now.pointing(seen);
-        if !clock.tick.is_multiple_of(coarse.period_ticks) {
+        if !coarse.exposes_at(view.tick()) {
             return;
         }
         self.hidden = now.occlusion(seen, self.hidden);
@@ -267,94 +237,90 @@ impl Watch {
         }
     }
 
-    fn conclude(mut self, world: &mut World) -> Observed {
-        let clock = *world.resource::<SimClock>();
-        self.seen.state =
-            first_station::<Tracker>(world).map_or("", |tracker| tracker.state.name());
-        let mut histories = world.query::<&mut CameraHistory>();
+    fn conclude(mut self, run: &Simulation) -> Observed {
+        let view = run.view();
+        let Some(station) = view.stations().next() else {
+            return self.seen;
+        };
+        let seen = &mut self.seen;
+        seen.state = station.state().name();
+        let cameras = of_tier(station);
         for tier in Tier::ALL {
-            if let Some((entity, _)) = &self.cameras[tier]
-                && let Ok(mut history) = histories.get_mut(world, *entity)
-            {
-                let history = std::mem::take(&mut *history);
-                self.seen.pictures.extend(history.latest);
+            if let Some(camera) = &cameras[tier] {
+                let history = camera.history();
+                seen.pictures.extend(history.latest.clone());
                 if tier != Tier::Search {
-                    self.seen.miss_px[tier as usize - 1] = history.miss_px;
+                    seen.miss_px[tier as usize - 1].clone_from(&history.miss_px);
                 }
             }
         }
-        if let (Some((_, coarse)), Some((_, precise))) =
-            (&self.cameras.coarse, &self.cameras.precise)
-        {
-            let pinhole = &coarse.pinhole;
-            let rate_hz = u64::from(clock.tick_hz) / coarse.period_ticks.max(1);
-            self.seen.coarse = ([pinhole.width_px, pinhole.height_px], rate_hz as u32);
-            self.seen.precise_ifov_rad = precise.pinhole.ifov_rad();
+        if let (Some(coarse), Some(precise)) = (&cameras.coarse, &cameras.precise) {
+            let pinhole = coarse.pinhole();
+            let rate_hz = (1.0 / coarse.period_s()).floor();
+            seen.coarse = ([pinhole.width_px, pinhole.height_px], rate_hz as u32);
+            seen.precise_ifov_rad = precise.pinhole().ifov_rad();
         }
-        self.seen.tick_hz = clock.tick_hz;
-        self.seen.lock = lock(&self.seen.holds);
+        seen.tick_hz = view.tick_hz();
+        seen.lock = lock(&seen.holds);
         self.seen
     }
 }
 
 /// A tick, and what is looked at in it.
 struct Instant<'a> {
-    world: &'a World,
-    clock: &'a SimClock,
+    run: &'a Simulation,
+    view: View<'a>,
     /// Its time [s].
     t_s: f64,
     tracker: &'a Tracker,
     /// Whether a target is held, and whether precisely.
     held: bool,
     precise: bool,
-    mount: &'a Mount,
-    optics: &'a Optics,
-    beam: &'a BeamState,
-    coarse: &'a SensorCamera,
-    view: &'a CameraView,
+    station: StationView<'a>,
+    coarse: CameraView<'a>,
     /// All that fly, by index.
-    flights: &'a [(usize, &'a Flight)],
-    /// Number of UAVs among them, which come first.
-    count: usize,
+    flying: Vec<UavView<'a>>,
 }
 
 impl Instant<'_> {
     /// How far laser and beam are from the first UAV's aim point, once settled.
     fn pointing(&self, seen: &mut Observed) {
-        let (Some((_, flight)), Some(precise_s)) = (self.flights.first(), seen.precise_s) else {
+        let (Some(uav), Some(precise_s)) = (self.flying.first(), seen.precise_s) else {
             return;
         };
         if self.t_s < precise_s + SETTLE_S {
             return;
         }
-        let los_enu = flight.aim_enu_m() - self.optics.laser.r_enu_m;
+        let laser = self.station.mount().laser;
+        let los_enu = uav.aim_enu_m() - laser.r_enu_m;
         seen.range_m = los_enu.length();
         seen.ticks[0] += 1;
         if self.precise {
             seen.ticks[1] += 1;
-            let error = error_angles(self.optics.laser.q_enu_cam, los_enu).length();
+            let error = error_angles(laser.q_enu_cam, los_enu).length();
             seen.los_rad.push(error);
-            if self.beam.aimed == Some(0) {
-                seen.beam_rad.push(self.beam.offset_m / seen.range_m);
+            let beam = self.station.beam();
+            if beam.aimed == Some(0) {
+                seen.beam_rad.push(beam.offset_m / seen.range_m);
             }
-            seen.ticks[2] += u64::from(self.mount.mirror.at_stop());
+            seen.ticks[2] += u64::from(self.station.mount().mirror_at_stop);
         }
     }
 
     /// Whether nothing stands between the station and a UAV.
-    fn is_clear(&self, flight: &Flight) -> bool {
-        let environment = self.world.resource::<Environment>();
-        let sight = environment.line_of_sight(self.mount.r_enu_m, flight.aim_enu_m());
+    fn is_clear(&self, uav: &UavView) -> bool {
+        let from_enu_m = self.station.mount().r_enu_m;
+        let sight = (self.view.air()).line_of_sight(from_enu_m, uav.aim_enu_m());
         sight == LineOfSight::Clear
     }
 
     /// Whether the first UAV is hidden; `before` says whether it was.
     fn occlusion(&self, seen: &mut Observed, before: bool) -> bool {
-        let Some((_, flight)) = self.flights.first() else {
+        let Some(uav) = self.flying.first() else {
             return before;
         };
-        let step_s = self.clock.at_s(self.coarse.period_ticks);
-        let hidden = !self.is_clear(flight);
+        let step_s = self.coarse.period_s();
+        let hidden = !self.is_clear(uav);
         match seen.hidden_s.last_mut() {
             Some(last) if hidden && before => last[1] = self.t_s + step_s,
             _ if hidden => seen.hidden_s.push([self.t_s, self.t_s + step_s]),
@@ -366,15 +332,16 @@ impl Instant<'_> {
     /// The UAV on the claimed line of sight: the nearest of all that fly, if it is a UAV.
     fn on(&self, target: &Track) -> Option<usize> {
         let los = target.filter.predicted(self.t_s).az_el_rad();
-        (self.flights.iter())
-            .map(|(index, flight)| {
-                let at = los_to_az_el(flight.aim_enu_m() - self.mount.r_enu_m);
-                (separation_rad(los, at), *index)
+        let r_station_enu_m = self.station.mount().r_enu_m;
+        (self.flying.iter())
+            .map(|uav| {
+                let at = los_to_az_el(uav.aim_enu_m() - r_station_enu_m);
+                (separation_rad(los, at), uav)
             })
             .filter(|(separation, _)| *separation < ON_RAD)
-            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
-            .map(|(_, index)| index)
-            .filter(|index| *index < self.count)
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.index().cmp(&b.1.index())))
+            .filter(|(_, uav)| uav.distractor().is_none())
+            .map(|(_, uav)| uav.index())
     }
 
     /// What is held.
@@ -395,22 +362,22 @@ impl Instant<'_> {
 
     /// Truth and tracks in the coarse camera.
     fn snapshot(&self) -> Snapshot {
-        let pinhole = &self.coarse.pinhole;
-        let pose = self.view.pose;
-        let frames = self.world.resource::<Frames>();
-        let exposed = frames.0.iter().find(|frame| frame.tier == Tier::Coarse);
-        let uavs = self.flights.iter().filter(|(index, _)| *index < self.count);
-        let uavs = uavs.filter_map(|(index, flight)| {
-            let to_uav_m = flight.aim_enu_m() - pose.r_enu_m;
+        let pinhole = self.coarse.pinhole();
+        let pose = self.coarse.pose();
+        let exposed = self.run.frames().find(|frame| frame.tier() == Tier::Coarse);
+        let uavs = (self.flying.iter()).filter(|uav| uav.distractor().is_none());
+        let uavs = uavs.filter_map(|uav| {
+            let to_uav_m = uav.aim_enu_m() - pose.r_enu_m;
             let px = pinhole.project(pose.q_enu_cam.inverse() * to_uav_m)?;
             let side_px = exposed.and_then(|frame| {
-                let [x0, y0, x1, y1] = frame.truth.iter().find(|s| s.uav == *index)?.box_px;
+                let mut truth = frame.truth().iter();
+                let [x0, y0, x1, y1] = truth.find(|s| s.uav == uav.index())?.box_px;
                 Some((x1 - x0).max(y1 - y0))
             });
             Some(Seen {
-                uav: *index,
+                uav: uav.index(),
                 square: [px.x, px.y, side_px.unwrap_or(0.0)],
-                clear: self.is_clear(flight),
+                clear: self.is_clear(uav),
                 inside: pinhole.contains(px),
             })
         });
@@ -431,9 +398,9 @@ impl Instant<'_> {
 
     /// Identity of a track, and where the station believes it in the coarse camera.
     fn place(&self, track: &Track) -> Option<(u32, Square)> {
-        let pinhole = &self.coarse.pinhole;
+        let pinhole = self.coarse.pinhole();
         let los_enu = az_el_to_los(track.filter.predicted(self.t_s).az_el_rad());
-        let px = pinhole.project(self.view.believed.q_enu_cam.inverse() * los_enu)?;
+        let px = pinhole.project(self.coarse.believed().q_enu_cam.inverse() * los_enu)?;
         Some((track.id, [px.x, px.y, track.size_rad / pinhole.ifov_rad()]))
     }
 }

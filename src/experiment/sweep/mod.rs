@@ -16,7 +16,7 @@ use crate::progress::Progress;
 use crate::stop;
 use clap::Args;
 use plan::{Plan, PlannedRun};
-use run::{Done, STATE_HASH};
+use run::{Done, Down, STATE_HASH};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -265,24 +265,24 @@ fn make(
 /// Makes one run; none where it was stopped.
 fn one(plan: &Plan, index: u64, runner: &Runner) -> Option<Done> {
     let run = plan.run(index);
-    let over = |scenario_hash, result| Done {
+    let over = |scenario_hash, down, result| Done {
         run: index,
         key: plan.key(&run),
         scenario_hash,
+        down,
         result,
     };
     let loaded = match plan.scenario(&run) {
         Ok(loaded) => loaded,
-        Err(error) => return Some(over(String::new(), Err(error.to_string()))),
+        Err(error) => return Some(over(String::new(), Down::default(), Err(error.to_string()))),
     };
     let text = serde_json::to_string(&loaded.scenario).unwrap_or_default();
     let hash = format!("{:016x}", xxh3_64(text.as_bytes()));
-    let result = match runner.run(&loaded, run.seed, plan.experiment.pictures) {
-        Ok((summary, _)) => Ok(kept(plan, &summary)),
-        Err(NoSummary::Failed(why)) => Err(why),
-        Err(NoSummary::Stopped) => return None,
-    };
-    Some(over(hash, result))
+    match runner.run(&loaded, run.seed, plan.experiment.pictures) {
+        Ok((summary, _)) => Some(over(hash, Down::of(&summary), Ok(kept(plan, &summary)))),
+        Err(NoSummary::Failed(why)) => Some(over(hash, Down::default(), Err(why))),
+        Err(NoSummary::Stopped) => None,
+    }
 }
 
 /// The figures of a summary that the table has.
@@ -443,6 +443,7 @@ mod tests {
             run,
             key: run.to_string(),
             scenario_hash: "ü".into(),
+            down: Down::default(),
             result: result.map(|()| BTreeMap::new()).map_err(str::to_owned),
         }
     }

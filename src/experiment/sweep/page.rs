@@ -220,6 +220,7 @@ fn body(plan: &Plan, rows: &[Row]) -> Markup {
                 (effects(plan, figure, &by_factor))
             }
         }
+        (left(plan, rows, &by_factor))
         @if let Some(figure) = figures.iter().find(|figure| figure.constant().is_none()) {
             (extremes(plan, figure))
         }
@@ -249,6 +250,53 @@ fn effects(plan: &Plan, figure: &Figure, by_factor: &[Grouped]) -> Markup {
         }
         @if let [first, second, ..] = by_factor {
             (heat_map(plan, figure, first, second))
+        }
+    }
+}
+
+/// UAVs that are not brought down yet, mean over the runs, over time; a line for each value of a factor that has few.
+/// Nothing where at most one flies.
+fn left(plan: &Plan, rows: &[Row], by_factor: &[Grouped]) -> Markup {
+    let several = rows.iter().any(|(_, done)| done.down.uavs > 1);
+    let downs = rows.iter().flat_map(|(_, done)| &done.down.at_s);
+    let end_s = downs.copied().fold(0.0, f64::max).ceil();
+    let few: Vec<usize> = (0..by_factor.len())
+        .filter(|factor| (2..=MOST_LINES).contains(&by_factor[*factor].groups.len()))
+        .collect();
+    if !several || end_s == 0.0 || few.is_empty() {
+        return html! {};
+    }
+    let chart = |factor: usize| {
+        let (name, Grouped { groups, of_run }) = (&plan.factors[factor].name, &by_factor[factor]);
+        let line = |number: usize| -> Series {
+            let whole =
+                |(run, (_, done)): &(usize, &Row)| of_run[*run] == number && done.result.is_ok();
+            let runs: Vec<&Done> = (rows.iter().enumerate().filter(whole))
+                .map(|(_, (_, done))| done)
+                .collect();
+            let at = |t_s: f64| {
+                let left: usize = runs.iter().map(|done| done.down.left(t_s)).sum();
+                (t_s, left as f64 / runs.len() as f64)
+            };
+            (0..=end_s as u32).map(f64::from).map(at).collect()
+        };
+        let lines: Vec<(String, Series)> = (groups.iter().enumerate())
+            .map(|(number, group)| (format!("{name} {}", group.label), line(number)))
+            .collect();
+        let named: Vec<(&str, &Series)> = lines.iter().map(|(n, s)| (n.as_str(), s)).collect();
+        let chart = Chart {
+            title: "Not brought down, mean",
+            unit: "UAVs",
+            scale: Scale::Linear,
+            series: &named,
+            limit: None,
+        };
+        chart.figure(&Across::from_zero("time [s]", end_s))
+    };
+    html! {
+        h2 { "UAVs left" }
+        div .charts {
+            @for factor in few { (chart(factor)) }
         }
     }
 }
@@ -443,6 +491,7 @@ fn extremes(plan: &Plan, figure: &Figure) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::super::plan::Setting;
+    use super::super::run::Down;
     use super::*;
 
     fn rows(settings: impl IntoIterator<Item = (String, Option<f64>)>) -> Vec<Row> {
@@ -460,6 +509,7 @@ mod tests {
                 run: index as u64,
                 key: String::new(),
                 scenario_hash: String::new(),
+                down: Down::default(),
                 result: Ok(BTreeMap::new()),
             };
             (run, done)

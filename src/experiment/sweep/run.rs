@@ -18,6 +18,36 @@ pub struct Done {
     pub key: String,
     /// Hash of its scenario, all changes made.
     pub scenario_hash: String,
+    /// How many UAVs flew, and when those of them that were brought down were \[s\].
+    #[serde(default)]
+    pub down: Down,
     /// What was kept of its summary; `Err`: why there is none.
     pub result: Result<BTreeMap<String, Value>, String>,
+}
+
+/// UAVs brought down in a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Down {
+    /// UAVs that flew.
+    pub uavs: usize,
+    /// Times at which some of them were brought down \[s\].
+    pub at_s: Vec<f64>,
+}
+
+impl Down {
+    /// Those of a summary.
+    pub fn of(summary: &Value) -> Self {
+        let uavs = summary["uavs"].as_array().map_or(&[][..], Vec::as_slice);
+        Self {
+            uavs: uavs.len(),
+            at_s: (uavs.iter())
+                .filter_map(|uav| uav["neutralised_s"].as_f64())
+                .collect(),
+        }
+    }
+
+    /// UAVs that are not brought down by `t_s` \[s\].
+    pub fn left(&self, t_s: f64) -> usize {
+        self.uavs - self.at_s.iter().filter(|at_s| **at_s <= t_s).count()
+    }
 }

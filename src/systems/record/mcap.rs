@@ -7,14 +7,15 @@ use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::engage::Interlocks;
 use crate::components::flight::{Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::{CameraView, Mount, MountCommand, Optics, Station};
+use crate::components::operator::{Command, Designation, Operator, Order};
 use crate::components::record::{Logged, OwnTopics, Recording, StateHash};
 use crate::components::run::{Failure, SimClock};
-use crate::components::track::{Command, Designation, Operator, Order, Tracker};
+use crate::components::track::Tracker;
 use crate::recording::{
     BoxAnnotation, FrameTransform, LogLevel, Picture, Recorder, RecordingError, SceneEntity,
     SceneShape, proto,
 };
-use crate::scenario::Gains;
+use crate::scenario::{DriveOrder, Gains};
 use crate::systems::track::followed;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -171,11 +172,16 @@ impl Recorded<'_, '_> {
     ) -> Result<(), RecordingError> {
         let tick = self.clock.tick;
         let part = |name: &str| station.station.named(name);
-        let orders = station.operator.orders[logged.orders..].iter();
-        for order in orders.take_while(|order| order.tick <= tick) {
+        let given = &station.operator.orders;
+        while let Some(order) = given.get(logged.orders).filter(|o| o.tick <= tick) {
+            let before = logged.orders.checked_sub(1).map(|at| &given[at].command);
+            logged.orders += 1;
+            // A controller outside drives in every tick: its first order stands for those that follow.
+            if before.is_some_and(|before| before.drives() && order.command.drives()) {
+                continue;
+            }
             let text = self.order_text(order);
             recorder.log(tick, LogLevel::Info, &part("operator"), &text)?;
-            logged.orders += 1;
         }
         if let Some(glance) = station.scan.glance.filter(|glance| glance.since == tick) {
             let text = format!("glances at track {}", glance.track);
@@ -220,6 +226,14 @@ impl Recorded<'_, '_> {
                     ],
                 )
             }
+            Command::Drive(drive) => words(
+                "drives gimbal and mirror",
+                [
+                    (drive.rates_degps).map(|[az, el]| format!("rates {az}°/s, {el}°/s")),
+                    (drive.mirror_urad).map(|[x, y]| format!("mirror {x} µrad, {y} µrad")),
+                    (*drive == DriveOrder::default()).then(|| "no longer".to_owned()),
+                ],
+            ),
             Command::Weather(weather) => words(
                 "changes the weather",
                 [

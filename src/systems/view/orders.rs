@@ -1,8 +1,8 @@
 //! The operator's orders in the window: pending, obeyed or refused.
 
 use super::style::{AMBER, GREEN, GREY, RED};
-use crate::components::track::{Answer, Command, Designation, Operator};
-use crate::scenario::{GainsOrder, WeatherOrder};
+use crate::components::operator::{Answer, Command, Designation, Operator, Order};
+use crate::scenario::{DriveOrder, GainsOrder, WeatherOrder};
 use bevy_egui::egui::{self, Color32};
 
 /// Orders that are shown, the latest first.
@@ -45,7 +45,7 @@ fn lines(
     name_of: impl Fn(usize) -> Option<String>,
 ) -> Vec<Line> {
     let orders = operator.orders.iter().enumerate().rev().take(SHOWN);
-    let line = |(number, order): (usize, &crate::components::track::Order)| {
+    let line = |(number, order): (usize, &Order)| {
         let (state, colour) = state(operator.answers.get(number));
         let what = words(&order.command, &name_of);
         Line {
@@ -86,6 +86,8 @@ fn words(command: &Command, name_of: &impl Fn(usize) -> Option<String>) -> Strin
             ..
         }) => format!("gimbal gain {per_s:.2} /s"),
         Command::Gains(_) => "gains".into(),
+        Command::Drive(drive) if *drive == DriveOrder::default() => "law drives".into(),
+        Command::Drive(_) => "driven from outside".into(),
         Command::Weather(weather) => {
             let WeatherOrder {
                 wind_speed_mps,
@@ -105,7 +107,6 @@ fn words(command: &Command, name_of: &impl Fn(usize) -> Option<String>) -> Strin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::components::track::Order;
 
     #[test]
     fn every_order_tells_what_has_come_of_it() {

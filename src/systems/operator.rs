@@ -2,11 +2,12 @@
 
 use crate::components::flight::{Flight, Uav};
 use crate::components::mount::Mount;
+use crate::components::operator::{Answer, Command, Designation, Operator};
 use crate::components::run::SimClock;
-use crate::components::track::{Answer, Command, Designation, Operator, Tracker};
+use crate::components::track::Tracker;
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
-use crate::systems::track::situation::CONFIRM_HITS;
+use crate::systems::track::CONFIRM_HITS;
 use bevy::prelude::*;
 use glam::DVec2;
 
@@ -76,6 +77,7 @@ fn take_due(clock: &SimClock, operator: &mut Operator, tracker: &mut Tracker) ->
                     tracker.give_up(clock.tick, None, reason);
                 }
             }
+            Command::Drive(drive) => operator.drive = drive,
             other => operator.due.push(other),
         }
         operator.answers.push(answer);
