@@ -139,6 +139,15 @@ pub struct RunEnd {
     pub stopped: Option<u64>,
 }
 
+/// Who takes part in a run, looked up once after the set-up: nobody joins or leaves later.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Cast {
+    /// The stations, in the order of the scenario.
+    pub stations: Vec<Entity>,
+    /// UAVs and distractors, by their index.
+    pub flying: Vec<Entity>,
+}
+
 /// What a domain, or a user's own plugin, reports when it cannot go on: any typed error.
 pub type PartError = Box<dyn std::error::Error + Send + Sync>;
 

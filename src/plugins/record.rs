@@ -38,7 +38,7 @@ impl Plugin for RecordPlugin {
                 Tick,
                 systems::count_dwell
                     .in_set(TickSet::Beam)
-                    .after(beam::propagate)
+                    .after(beam::count_distractors)
                     .before(beam::heat),
             )
             .add_systems(

@@ -1,13 +1,15 @@
 //! What a simulation is opened from and with.
 
-use super::cast::Cast;
+use super::error::SimulationError;
+use super::run::Simulation;
 use super::view::View;
-use super::{Simulation, SimulationError};
 use crate::app;
 use crate::components::control::PointingLaws;
 use crate::components::detect::{Detector, DetectorContext, Detectors};
+use crate::components::flight::Uav;
+use crate::components::mount::Stations;
 use crate::components::record::OwnTopics;
-use crate::components::run::{Failure, Options, PartError, SimClock, Tick, TickSet};
+use crate::components::run::{Cast, Failure, Options, PartError, SimClock, Tick, TickSet};
 use crate::components::track::{TrackStage, Tracker};
 use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::MountPlant;
@@ -15,7 +17,7 @@ use crate::recording::read::Recorded;
 use crate::scenario::{Loaded, Scenario};
 use bevy::app::App;
 use bevy::ecs::schedule::ScheduleCleanupPolicy;
-use bevy::prelude::{IntoScheduleConfigs, World};
+use bevy::prelude::{Entity, IntoScheduleConfigs, World};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -23,6 +25,18 @@ use std::path::{Path, PathBuf};
 
 /// A part of the caller's own, to be added to a run before its set-up.
 type Part = Box<dyn FnOnce(&mut App) -> Result<(), String>>;
+
+impl Simulation {
+    /// Opens a scenario (`.toml`), or a recording (`.mcap`) whose run is made again.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, SimulationError> {
+        Self::builder(path).open()
+    }
+
+    /// To open a scenario or a recording with changes, options, and parts of one's own.
+    pub fn builder(path: impl AsRef<Path>) -> Builder {
+        Builder::file(path)
+    }
+}
 
 /// A simulation to be opened: its scenario, changes to that, how it is run, and parts of the caller's own.
 pub struct Builder {
@@ -213,7 +227,7 @@ impl Builder {
             refused = parts.into_iter().try_for_each(|part| part(app));
         })?;
         refused.map_err(SimulationError::Part)?;
-        let cast = Cast::of(app.world_mut());
+        let cast = cast(app.world_mut());
         app.insert_resource(cast);
         Ok(Simulation::of(app, loaded, options))
     }
@@ -236,5 +250,17 @@ impl Stage<'_> {
         for mut tracker in trackers.iter_mut(self.world) {
             work(&mut tracker);
         }
+    }
+}
+
+/// Who takes part in a run that is set up.
+fn cast(world: &mut World) -> Cast {
+    let mut flying: Vec<_> = (world.query::<(Entity, &Uav)>().iter(world))
+        .map(|(entity, uav)| (uav.index, entity))
+        .collect();
+    flying.sort_unstable_by_key(|(index, _)| *index);
+    Cast {
+        stations: world.resource::<Stations>().0.clone(),
+        flying: flying.into_iter().map(|(_, entity)| entity).collect(),
     }
 }

@@ -1,6 +1,5 @@
 //! What can be read of a run between two ticks. Nothing here can change it.
 
-use super::cast::Cast;
 use crate::components::beam::{BeamState, Dose, FireCommand};
 use crate::components::capture::{
     AutoExposure, Conditions, ExposedFrame, PixelRect, SensorCamera, StationCameras, UavInFrame,
@@ -13,7 +12,7 @@ use crate::components::flight::{Air, Distractor, Flight, HeatedSkin, Uav, UavSta
 use crate::components::mount::{CameraView as Look, Mount, MountCommand, Optics, Station};
 use crate::components::operator::{Answer, Operator, Order};
 use crate::components::record::{CameraHistory, Fate, Fates, History, StateHash};
-use crate::components::run::{RunEnd, SimClock};
+use crate::components::run::{Cast, RunEnd, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::ground::dsm::LineOfSight;

@@ -1,0 +1,36 @@
+//! What keeps a simulation from being opened, going on or being finished.
+
+use crate::app::RunError;
+use crate::recording::read::ReadError;
+use crate::report::ReportError;
+use crate::scenario::{InputError, OrderError};
+use std::path::PathBuf;
+
+/// Why a simulation cannot be opened, go on or be finished. Each prints as one line that names the mend.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulationError {
+    /// The scenario cannot be read or is not valid.
+    #[error(transparent)]
+    Scenario(#[from] InputError),
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Recording(#[from] ReadError),
+    /// The run cannot be built, or failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// Summary or report cannot be written.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// An order that nobody can obey.
+    #[error(transparent)]
+    Order(#[from] OrderError),
+    /// Changes to a scenario that has been loaded.
+    #[error("{}: is loaded already: give the changes to the one who loads it", .0.display())]
+    Changed(PathBuf),
+    /// A part of the caller's own cannot be added.
+    #[error("{0}")]
+    Part(String),
+    /// A step after the run had failed.
+    #[error("the run has failed before and cannot go on; open it anew")]
+    Failed,
+}

@@ -1,0 +1,186 @@
+//! A run between two ticks: stepped, looked at, given orders, finished.
+
+use super::error::SimulationError;
+use super::events::{Event, Watch};
+use super::view::{FrameView, View};
+use crate::app;
+use crate::components::capture::{ExposedFrame, Frames};
+use crate::components::mount::Station;
+use crate::components::operator::{Command, Operator, Order};
+use crate::components::run::{Options, SimClock};
+use crate::plugins::operator::command;
+use crate::report::summary::{Finished, conclude, finish};
+use crate::scenario::{Loaded, OrderConfig};
+use bevy::app::App;
+use bevy::prelude::World;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A run between two ticks.
+pub struct Simulation {
+    app: App,
+    loaded: Loaded,
+    options: Options,
+    started: Instant,
+    state: State,
+    /// The newest frame of each camera that exposed in the last step, by its number.
+    frames: BTreeMap<usize, Arc<ExposedFrame>>,
+    watch: Watch,
+}
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Goes,
+    Over,
+    Failed,
+}
+
+impl Simulation {
+    pub(super) fn of(app: App, loaded: Loaded, options: Options) -> Self {
+        let watch = Watch::of(View { world: app.world() });
+        Self {
+            app,
+            loaded,
+            options,
+            started: Instant::now(),
+            state: State::Goes,
+            frames: BTreeMap::new(),
+            watch,
+        }
+    }
+
+    /// Lets so many ticks pass, fewer if the run ends before; true once it is over.
+    pub fn step(&mut self, ticks: u64) -> Result<bool, SimulationError> {
+        if self.state == State::Failed {
+            return Err(SimulationError::Failed);
+        }
+        self.frames.clear();
+        self.watch.clear();
+        for _ in 0..ticks {
+            if self.state != State::Goes {
+                break;
+            }
+            match app::step(self.app.world_mut()) {
+                Ok(false) => {}
+                Ok(true) => self.state = State::Over,
+                Err(error) => {
+                    self.state = State::Failed;
+                    return Err(error.into());
+                }
+            }
+            let world = self.app.world();
+            for frame in &world.resource::<Frames>().0 {
+                self.frames.insert(frame.index, frame.clone());
+            }
+            self.watch.look(View { world });
+        }
+        Ok(self.over())
+    }
+
+    /// Lets time pass until `t_s` [s], or the run's end; true once it is over.
+    pub fn run_until(&mut self, t_s: f64) -> Result<bool, SimulationError> {
+        let clock = self.app.world().resource::<SimClock>();
+        let ticks = clock.ticks_of(t_s).saturating_sub(clock.tick);
+        self.step(ticks)
+    }
+
+    /// Lets time pass tick by tick until the run's end, or until `look`, which sees the run after each, says that it
+    /// has seen enough.
+    pub fn watch(&mut self, mut look: impl FnMut(&Self) -> bool) -> Result<(), SimulationError> {
+        loop {
+            let over = self.step(1)?;
+            if look(self) || over {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Whether the run has come to its end.
+    pub fn over(&self) -> bool {
+        self.state == State::Over
+    }
+
+    /// Everything as the last tick left it.
+    pub fn view(&self) -> View<'_> {
+        View {
+            world: self.app.world(),
+        }
+    }
+
+    /// Simulated time [s].
+    pub fn t_s(&self) -> f64 {
+        self.view().t_s()
+    }
+
+    /// The scenario.
+    pub fn scenario(&self) -> &Loaded {
+        &self.loaded
+    }
+
+    /// Seed of every random stream.
+    pub fn seed(&self) -> u64 {
+        self.options.seed.unwrap_or(self.loaded.scenario.seed)
+    }
+
+    /// The newest frame of each camera that exposed in the last step, in the order of the cameras. A step no longer
+    /// than a camera's period misses none.
+    pub fn frames(&self) -> impl Iterator<Item = FrameView<'_>> {
+        self.frames.values().map(|frame| FrameView { frame })
+    }
+
+    /// What happened in the last step, in order of time.
+    pub fn events(&self) -> &[Event] {
+        self.watch.events()
+    }
+
+    /// Gives an order to the station that it names, or to every one. It counts from its `t_s` on, or from the next
+    /// tick if that is past. What cannot be obeyed whatever comes is refused here; what becomes of others is an
+    /// [`Event`] once they are due.
+    pub fn give(&mut self, order: &OrderConfig) -> Result<(), SimulationError> {
+        self.loaded.scenario.check_order(order)?;
+        let command = command(order, &self.loaded.scenario);
+        let world = self.app.world_mut();
+        let clock = *world.resource::<SimClock>();
+        let tick = clock.ticks_of(order.t_s).max(clock.tick + 1);
+        // There is one air for all: its orders are the first station's.
+        let one_air = matches!(command, Command::Weather(_));
+        for (station, mut operator) in world.query::<(&Station, &mut Operator)>().iter_mut(world) {
+            let meant = match one_air {
+                true => station.index == 0,
+                false => order.is_for(&station.name),
+            };
+            if meant {
+                operator.give(Order {
+                    tick,
+                    command: command.clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Sums the run up as far as it went, and writes nothing.
+    pub fn summary(&mut self) -> Finished {
+        let elapsed = self.started.elapsed();
+        finish(self.app.world_mut(), &self.loaded, &self.options, elapsed)
+    }
+
+    /// Ends the run where it is: closes the recording, and writes summary and report beside it if it has a folder.
+    pub fn finish(mut self) -> Result<Finished, SimulationError> {
+        let elapsed = self.started.elapsed();
+        let world = self.app.world_mut();
+        Ok(conclude(world, &self.loaded, &self.options, elapsed)?)
+    }
+
+    /// The engine's world, for the parts of this program that look deeper than a view.
+    pub(crate) fn world(&self) -> &World {
+        self.app.world()
+    }
+
+    /// The same, to be prepared before the first tick.
+    pub(crate) fn world_mut(&mut self) -> &mut World {
+        self.app.world_mut()
+    }
+}
