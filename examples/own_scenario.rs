@@ -11,6 +11,7 @@ fn scenario(range_m: f64) -> Result<Loaded, InputError> {
         r#"
 name = "range"
 duration_s = 20.0
+time_utc = "2026-06-21T04:00:00Z"
 site = {{ latitude_deg = 31.2, longitude_deg = 121.5, altitude_m = 4.0 }}
 detector = {{ kind = "truth" }}
 

@@ -11,6 +11,7 @@ pub mod experiment;
 pub mod georef;
 pub mod lint;
 pub mod new;
+pub mod parameters;
 pub mod plugins;
 pub mod report;
 pub mod simulation;

@@ -102,11 +102,6 @@ impl Mount {
         }
     }
 
-    /// Azimuth and elevation rates from the axes' gyros [rad/s].
-    pub fn measured_rates_radps(&self) -> DVec2 {
-        self.gimbal.state.gyro_rates_radps()
-    }
-
     /// Where the laser really points, and what the station knows of it.
     pub fn optics(&self) -> Optics {
         let pointing = Pointing {

@@ -7,8 +7,8 @@ pub mod test;
 
 use crate::models::ground::city::{City, CityParams};
 use crate::output::OutputError;
+use crate::parameters::environment::city_of;
 use crate::place::made_from;
-use crate::plugins::environment::city_of;
 use crate::recording::read::ReadError;
 use crate::scenario::{InputError, Loaded, Site};
 use crate::simulation::{Builder, Options, SimulationError};

@@ -1,10 +1,10 @@
 //! The operator's orders.
 
 use crate::components::mount::Station;
-use crate::components::operator::{Command, Designation, Operator, Order};
+use crate::components::operator::{Operator, Order};
 use crate::components::run::{RunScenario, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::TrackStage;
-use crate::scenario::{OrderConfig, Scenario};
+use crate::parameters::operator::command;
 use crate::systems::operator as systems;
 use crate::systems::run::nothing_failed;
 use bevy::prelude::*;
@@ -36,39 +36,5 @@ fn set_up(
             orders: orders.collect(),
             ..default()
         });
-    }
-}
-
-/// What an order that a scenario checked commands.
-pub fn command(order: &OrderConfig, scenario: &Scenario) -> Command {
-    let index = |name: &String| scenario.flying().position(|known| known == name);
-    match order {
-        OrderConfig {
-            fire: Some(may), ..
-        } => Command::Fire(*may),
-        OrderConfig {
-            slew_deg: Some(az_el_deg),
-            ..
-        } => Command::Slew(*az_el_deg),
-        OrderConfig {
-            law: Some(name), ..
-        } => Command::Law(name.clone()),
-        OrderConfig {
-            gains: Some(gains), ..
-        } => Command::Gains(*gains),
-        OrderConfig {
-            weather: Some(weather),
-            ..
-        } => Command::Weather(*weather),
-        OrderConfig {
-            drive: Some(drive), ..
-        } => Command::Drive(*drive),
-        _ => Command::Target(
-            match (order.designate.as_ref().and_then(index), order.track) {
-                (Some(index), _) => Designation::Uav(index),
-                (None, Some(id)) => Designation::Track(id),
-                (None, None) => Designation::Release,
-            },
-        ),
     }
 }

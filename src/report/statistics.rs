@@ -1,5 +1,6 @@
 //! Statistics of the miss distance.
 
+use crate::models::maths::quantile::quantile;
 use serde::Serialize;
 
 /// Statistics of the miss distance \[px\]; quantiles interpolate linearly between the sorted samples
@@ -25,19 +26,13 @@ impl MissStats {
     pub fn of(samples_px: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = samples_px.into_iter().filter(|x| x.is_finite()).collect();
         sorted.sort_unstable_by(f64::total_cmp);
-        let (&last, n) = (sorted.last()?, sorted.len());
-        let quantile = |p: f64| {
-            let at = p * (n - 1) as f64;
-            let low = at as usize;
-            let next = sorted.get(low + 1).copied().unwrap_or(last);
-            sorted[low] + (next - sorted[low]) * at.fract()
-        };
+        let n = sorted.len();
         Some(Self {
             mean: sorted.iter().sum::<f64>() / n as f64,
             rms: (sorted.iter().map(|x| x * x).sum::<f64>() / n as f64).sqrt(),
-            p50: quantile(0.5),
-            p95: quantile(0.95),
-            p99: quantile(0.99),
+            p50: quantile(&sorted, 0.5)?,
+            p95: quantile(&sorted, 0.95)?,
+            p99: quantile(&sorted, 0.99)?,
             n,
         })
     }

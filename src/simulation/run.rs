@@ -8,7 +8,7 @@ use crate::components::capture::{ExposedFrame, Frames};
 use crate::components::mount::Station;
 use crate::components::operator::{Command, Operator, Order};
 use crate::components::run::{Options, SimClock};
-use crate::plugins::operator::command;
+use crate::parameters::operator::command;
 use crate::report::summary::{Finished, conclude, finish};
 use crate::scenario::{Loaded, OrderConfig};
 use bevy::app::App;

@@ -611,6 +611,12 @@ impl<'a> UavView<'a> {
         self.uav.size_m
     }
 
+    /// Half of the larger side of its outline, seen from above [m].
+    pub fn radius_m(&self) -> f64 {
+        let [length_m, width_m, _] = self.uav.size_m;
+        0.5 * length_m.max(width_m)
+    }
+
     /// Where it is, east, north, up of the site [m].
     pub fn r_enu_m(&self) -> DVec3 {
         self.flight.state.r_enu_m

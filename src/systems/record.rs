@@ -15,6 +15,7 @@ use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::models::engage::interlock::FAR_M;
 use crate::models::maths::kinematics::{error_angles, los_to_az_el};
+use crate::models::tracking::held::reach_rad;
 use crate::systems::track::followed;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -192,9 +193,6 @@ fn put_mount(bytes: &mut Vec<u8>, mount: &Mount) {
 const KEEP_EVERY_S: f64 = 2.0;
 const KEEP_MOST: usize = 48;
 
-/// What is followed further than this from every UAV is none [rad]: three widths of a UAV at 1 km.
-const ON_UAV_RAD: f64 = 1e-3;
-
 /// A station as its series are kept.
 #[derive(QueryData)]
 #[query_data(mutable)]
@@ -272,17 +270,18 @@ pub fn keep_series(
         let target =
             nearest.and_then(|(index, _)| uavs.iter().find(|(uav, ..)| uav.index == index));
         if sampled {
-            let off_rad = target
-                .and(nearest)
-                .map_or(f64::INFINITY, |(_, off_rad)| off_rad);
-            if tracker.state.acquired() && off_rad > ON_UAV_RAD {
-                history.wrong_object_s += clock.at_s(recording.state_period_ticks);
-            }
-            if let Some((uav, flight, ..)) = target.filter(|_| tracker.state.acquired()) {
-                let range_m = flight.state.r_enu_m.distance(mount.r_enu_m);
-                let reach_rad = 0.5 * uav.size_m[0].max(uav.size_m[1]) / range_m.max(1.0);
-                if off_rad <= ON_UAV_RAD.max(reach_rad) {
-                    let held_s = clock.at_s(recording.state_period_ticks);
+            let held_s = clock.at_s(recording.state_period_ticks);
+            let on = target
+                .zip(nearest)
+                .filter(|((uav, flight, ..), (_, off_rad))| {
+                    let [length_m, width_m, _] = uav.size_m;
+                    let range_m = flight.state.r_enu_m.distance(mount.r_enu_m);
+                    *off_rad <= reach_rad(0.5 * length_m.max(width_m), range_m)
+                });
+            match on {
+                _ if !tracker.state.acquired() => {}
+                None => history.wrong_object_s += held_s,
+                Some(((uav, ..), _)) => {
                     let dealing = history.dealings.entry(uav.index).or_default();
                     dealing.held_s += held_s;
                     for reason in &interlocks.reasons {

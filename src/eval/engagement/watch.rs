@@ -15,6 +15,7 @@ use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, boresight_chain, los_to_az_el};
 use crate::models::optics::clutter::signal_to_clutter;
 use crate::models::optics::tier::PerTier;
+use crate::models::tracking::held::reach_rad;
 use crate::report::run::{ContactBox, ContactFrame};
 use crate::systems::capture::projected;
 use bevy::prelude::*;
@@ -23,8 +24,6 @@ use std::collections::BTreeMap;
 
 /// Looks at the truth a second [Hz].
 const LOOK_HZ: u32 = 60;
-/// What flies further from a line of sight than this, and than its own radius, is not on it [rad].
-const ON_RAD: f64 = 1e-3;
 /// The pictures of a cause show the instant at which it has lasted this long without a break [s].
 const MOMENT_S: f64 = 0.25;
 /// Pictures older than this show nothing of a moment [s].
@@ -474,7 +473,7 @@ impl<'w> Now<'w> {
     /// What lies on a line of sight from the station: of all that flies on it, the nearest to it.
     fn on(&self, direction_enu: DVec3) -> What {
         let things = self.flying.iter().map(|thing| {
-            let reach_rad = ON_RAD.max(thing.shape.radius_m / thing.to_m.length());
+            let reach_rad = reach_rad(thing.shape.radius_m, thing.to_m.length());
             (thing, thing.to_m.angle_between(direction_enu), reach_rad)
         });
         let on = things.filter(|(_, apart_rad, reach_rad)| apart_rad < reach_rad);

@@ -9,6 +9,7 @@ use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, error_angles, los_to_az_el};
 use crate::models::optics::tier::{PerTier, Tier};
+use crate::models::tracking::held::reach_rad;
 use crate::models::tracking::table::{Track, separation_rad};
 use crate::report::chart::Series;
 use crate::scenario::Scenario;
@@ -59,8 +60,6 @@ impl Job {
 
 /// Time after the first precise lock from which the pointing counts as settled [s].
 pub const SETTLE_S: f64 = 1.0;
-/// A UAV further from the claimed line of sight than this is not what is held [rad].
-const ON_RAD: f64 = 1e-3;
 /// Centre and side of a square box [px].
 pub type Square = [f64; 3];
 
@@ -335,13 +334,14 @@ impl Instant<'_> {
         let r_station_enu_m = self.station.mount().r_enu_m;
         (self.flying.iter())
             .map(|uav| {
-                let at = los_to_az_el(uav.aim_enu_m() - r_station_enu_m);
-                (separation_rad(los, at), uav)
+                let to_m = uav.aim_enu_m() - r_station_enu_m;
+                let reach_rad = reach_rad(uav.radius_m(), to_m.length());
+                (separation_rad(los, los_to_az_el(to_m)), reach_rad, uav)
             })
-            .filter(|(separation, _)| *separation < ON_RAD)
-            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.index().cmp(&b.1.index())))
-            .filter(|(_, uav)| uav.distractor().is_none())
-            .map(|(_, uav)| uav.index())
+            .filter(|(apart_rad, reach_rad, _)| apart_rad < reach_rad)
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.2.index().cmp(&b.2.index())))
+            .filter(|(.., uav)| uav.distractor().is_none())
+            .map(|(.., uav)| uav.index())
     }
 
     /// What is held.

@@ -605,7 +605,8 @@ impl LosFilter {
 
     /// Probabilities of straight flight, manoeuvre and hard manoeuvre at the newest exposure, of azimuth
     /// and of elevation.
-    pub fn mode_probabilities(&self) -> [[f64; MODES]; 2] {
+    #[cfg(test)]
+    pub(crate) fn mode_probabilities(&self) -> [[f64; MODES]; 2] {
         self.newest().axes.map(|axis| axis.probability)
     }
 

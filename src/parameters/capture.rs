@@ -1,0 +1,175 @@
+//! Cameras from their scenario: geometry, sensor, exposure, boresight.
+
+use crate::components::environment::Environment;
+use crate::components::mount::{Boresight, OpticalPath};
+use crate::components::run::Seed;
+use crate::models::air::turbulence::{AirPath, PathTurbulence};
+use crate::models::optics::calibration::{self, CalibrationError};
+use crate::models::optics::camera::Pinhole;
+use crate::models::optics::exposure::{ExposureControl, white_balance};
+use crate::models::optics::mosaic::Mosaic;
+use crate::models::optics::motion::Shutter;
+use crate::models::optics::sensor::{SensorParams, Transfer};
+use crate::scenario::{self, CameraPath, Exposure, InputError, Loaded, WhiteBalance};
+use glam::{DVec2, DVec3};
+
+/// Distance for which the cameras' turbulence blur is taken [m].
+pub const BLUR_RANGE_M: f64 = 1_000.0;
+
+/// Standard deviation of a beacon's centroid in a calibration [px].
+pub const CENTROID_SIGMA_PX: f64 = 0.2;
+
+/// Centroids a camera in a calibration.
+pub const CENTROIDS: usize = 200;
+
+/// What turns a scenario's camera.
+pub fn optical_path(path: CameraPath) -> OpticalPath {
+    match path {
+        CameraPath::Gimbal => OpticalPath::OnGimbal,
+        CameraPath::Mirror => OpticalPath::BehindMirror,
+        CameraPath::Fixed {
+            azimuth_deg,
+            elevation_deg,
+        } => {
+            let az_el_rad = DVec2::from([azimuth_deg, elevation_deg].map(f64::to_radians));
+            OpticalPath::Apart {
+                az_el_rad,
+                measured_az_el_rad: az_el_rad,
+            }
+        }
+        // Until its pan-tilt is there.
+        CameraPath::PanTilt(_) => OpticalPath::Apart {
+            az_el_rad: DVec2::ZERO,
+            measured_az_el_rad: DVec2::ZERO,
+        },
+    }
+}
+
+/// The geometry of a scenario's camera.
+pub fn pinhole(
+    loaded: &Loaded,
+    place: &str,
+    camera: &scenario::CameraConfig,
+) -> Result<Pinhole, InputError> {
+    let hfov_rad = camera.hfov_deg.to_radians();
+    Pinhole::from_hfov(camera.width_px, camera.height_px, hfov_rad)
+        .map_err(|error| loaded.refuse(place, error))
+}
+
+/// How a camera is turned against the laser, and what the calibration finds of it; `key`: of its streams.
+pub fn boresight(
+    station: &scenario::Station,
+    path: OpticalPath,
+    pinhole: &Pinhole,
+    seed: Seed,
+    key: u64,
+) -> Result<Boresight, CalibrationError> {
+    // What stands behind the mirror looks through the laser's own optics.
+    let share = if path == OpticalPath::BehindMirror {
+        1.0 / 3.0
+    } else {
+        1.0
+    };
+    let sigma_rad = share * (1e-6 * station.mount.boresight_sigma_urad);
+    let mut rng = seed.stream(key, "boresight");
+    let mut draw = || sigma_rad * rng.normal();
+    let true_rad = DVec3::new(draw(), draw(), draw());
+    if !station.calibrate {
+        return Ok(Boresight {
+            true_rad,
+            known_rad: DVec3::ZERO,
+            sigma_rad,
+        });
+    }
+    let mut rng = seed.stream(key, "calibration");
+    let centroids = calibration::measure(pinhole, true_rad, CENTROIDS, CENTROID_SIGMA_PX, &mut rng);
+    let found = calibration::estimate(pinhole, &centroids, CENTROID_SIGMA_PX)?;
+    Ok(Boresight {
+        true_rad,
+        known_rad: found.rotation_rad,
+        sigma_rad: found.standard_error_rad.truncate().max_element(),
+    })
+}
+
+/// Lens and sensor of a scenario's camera in the light and air of the run.
+pub fn sensor_params(
+    camera: &scenario::CameraConfig,
+    environment: &Environment,
+    r_station_enu_m: DVec3,
+    pinhole: &Pinhole,
+    pattern_key: u64,
+) -> SensorParams {
+    const WAVELENGTH_M: f64 = 550e-9;
+    let pixel_pitch_m = camera.pixel_pitch_um * 1e-6;
+    let ground_m = environment
+        .city
+        .dsm
+        .terrain_m(r_station_enu_m.x, r_station_enu_m.y);
+    let height_m = (r_station_enu_m.z - ground_m).max(1.0);
+    let path = AirPath {
+        length_m: BLUR_RANGE_M,
+        h0_m: height_m,
+        h1_m: height_m,
+    };
+    let fried_m = PathTurbulence::new(&environment.cn2, &path, WAVELENGTH_M).fried_spherical_m;
+    // Standard deviations of the Gaussians that fit the cores of the Airy pattern (0.42 lambda N)
+    // and of the long-exposure seeing disc (FWHM 0.98 lambda / r0, over 2.355).
+    let diffraction_px = 0.42 * WAVELENGTH_M * camera.f_number / pixel_pitch_m;
+    let seeing_px = 0.98 * WAVELENGTH_M / fried_m / 2.355 * camera.focal_length_m() / pixel_pitch_m;
+    let blur = camera.optics_blur_px.hypot(diffraction_px).hypot(seeing_px);
+    SensorParams {
+        f_number: camera.f_number,
+        pixel_pitch_m,
+        transmission: 0.8,
+        quantum_efficiency: 0.6,
+        full_well_e: camera.full_well_e,
+        read_noise_e: camera.read_noise_e,
+        dark_current_eps: camera.dark_current_eps,
+        dsnu_e: camera.dsnu_e,
+        prnu: 0.01 * camera.prnu_percent,
+        pattern_key,
+        size_px: [camera.width_px, camera.height_px],
+        focal_px: pinhole.focal_px,
+        vignetting: 0.01 * camera.vignetting_percent,
+        mosaic: match camera.mosaic {
+            scenario::Mosaic::None => Mosaic::None,
+            scenario::Mosaic::Rggb => Mosaic::Rggb,
+            scenario::Mosaic::Mono => Mosaic::Mono,
+        },
+        shutter: match camera.shutter {
+            scenario::Shutter::Global => Shutter::Global,
+            scenario::Shutter::Rolling => Shutter::Rolling(1e-6 * camera.line_time_us),
+        },
+        motion_blur: camera.motion_blur,
+        glare: camera.glare,
+        blur_sigma_px: blur.min(16.0),
+        white_balance: match camera.white_balance {
+            _ if camera.mosaic == scenario::Mosaic::Mono => [1.0; 3],
+            WhiteBalance::Auto => white_balance(environment.backdrop.sky.illuminant_klx()),
+            WhiteBalance::Daylight => [1.0; 3],
+        },
+        transfer: Transfer::Srgb,
+    }
+}
+
+/// The exposure control of a scenario's camera.
+pub fn exposure_control(camera: &scenario::CameraConfig) -> ExposureControl {
+    /// Shortest exposure of the preset's camera [s].
+    const SHORTEST_S: f64 = 4e-6;
+    let (time_s, max_gain) = match camera.exposure_s {
+        Exposure::Seconds(time_s) => ([time_s; 2], 1.0),
+        Exposure::Auto(_) => {
+            let longest_s = (0.5 / f64::from(camera.rate_hz)).max(SHORTEST_S);
+            (
+                [SHORTEST_S, longest_s],
+                10f64.powf(camera.max_gain_db / 20.0),
+            )
+        }
+    };
+    ExposureControl {
+        level: camera.exposure_level,
+        time_s,
+        max_gain,
+        settling_s: camera.exposure_settling_s,
+    }
+}

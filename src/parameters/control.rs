@@ -1,0 +1,122 @@
+//! Radar, search scan and control law from their scenario.
+
+use crate::components::capture::{SensorCamera, Tier};
+use crate::components::control::{
+    Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
+};
+use crate::components::mount::Station;
+use crate::components::operator::Operator;
+use crate::components::run::SimClock;
+use crate::models::control::POINTING_LAWS;
+use crate::models::control::law::HandOver;
+use crate::models::control::paper::PaperLaw;
+use crate::models::control::tuning::MountPlant;
+use crate::models::maths::rng::Stream;
+use crate::models::tracking::radar::RadarErrors;
+use crate::models::tracking::search::Sector;
+use crate::scenario::{self, InputError, Loaded, ResolvedStation, Scenario, SearchSector};
+use crate::systems::control::with_gains;
+use std::collections::{BTreeMap, VecDeque};
+
+/// The pointing laws that every run knows.
+pub fn laws() -> PointingLaws {
+    let mut laws = PointingLaws::default();
+    for (name, make) in POINTING_LAWS {
+        laws.add(name, make);
+    }
+    laws
+}
+
+/// Obeys a station's orders of laws and gains on a copy of its controller, so that a bad one is found at once.
+pub fn try_orders(
+    loaded: &Loaded,
+    laws: &PointingLaws,
+    (station, operator): (&Station, &Operator),
+    controller: &Controller,
+    plant: &MountPlant,
+) -> Result<(), InputError> {
+    let mut tried = controller.clone();
+    let given = loaded.scenario.operator.iter().enumerate();
+    let own = given.filter(|(_, order)| order.is_for(&station.name));
+    for ((index, _), order) in own.zip(&operator.orders) {
+        tried
+            .obey(&order.command, laws, plant)
+            .map_err(|(key, what)| loaded.refuse(&format!("operator[{index}].{key}"), what))?;
+    }
+    Ok(())
+}
+
+/// The controller of a scenario for the mount of the station that stands at `station` in the file.
+pub fn controller(
+    loaded: &Loaded,
+    laws: &PointingLaws,
+    station: &str,
+    plant: &MountPlant,
+) -> Result<Controller, InputError> {
+    let settings = &loaded.scenario.controller;
+    if settings.is_paper() {
+        return Ok(Controller::Paper(Box::new(PaperController::new(
+            with_gains(PaperLaw::COARSE, settings.coarse),
+            with_gains(PaperLaw::PRECISE, settings.precise),
+        ))));
+    }
+    let name = &settings.preset;
+    let law = laws.make(name, plant).ok_or_else(|| {
+        let known: Vec<&str> = laws.names().chain([scenario::PAPER]).collect();
+        let hint = scenario::suggestion(name, &known);
+        loaded.refuse("controller.preset", format!("no law '{name}'{hint}"))
+    })?;
+    // The gains follow from the mount: where none is stable, the mount is what to change.
+    let law = law.map_err(|error| loaded.refuse(&format!("{station}.mount"), error))?;
+    Ok(Controller::Pointing(Box::new(PointingController {
+        name: name.clone(),
+        law,
+        hand_over: HandOver::new(plant.mirror.stroke_rad, plant.dt_s),
+    })))
+}
+
+/// The radar of a scenario, before its first plot.
+pub fn radar(scenario: &Scenario, search: &SearchSector, rng: Stream, clock: SimClock) -> Radar {
+    let cue = search.cue.as_ref();
+    let name = cue.and_then(|cue| cue.target.as_ref());
+    Radar {
+        errors: cue.map(|cue| RadarErrors {
+            sigma_rad: cue.sigma_deg.to_radians(),
+            range_sigma_m: cue.range_sigma_m,
+        }),
+        period_ticks: cue.map_or(1, |cue| clock.ticks_of(1.0 / cue.rate_hz).max(1)),
+        latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
+        target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+        all: cue.is_some_and(|cue| cue.all),
+        dismissed: Vec::new(),
+        rng,
+        waiting: VecDeque::new(),
+        tracks: BTreeMap::new(),
+    }
+}
+
+/// Where cameras, which one gimbal turns, look for a target: the sector, or the part of it that the radar
+/// points at.
+pub fn search_scan(
+    site: &ResolvedStation,
+    cameras: Vec<&SensorCamera>,
+    clock: &SimClock,
+    radar: &Radar,
+) -> SearchScan {
+    let sector = site.search;
+    let first_of = |tier: Tier| {
+        let camera = cameras.iter().find(|camera| camera.tier == tier)?;
+        let pinhole = &camera.pinhole;
+        let field_rad = [pinhole.hfov_rad(), pinhole.vfov_rad()];
+        Some((tier, field_rad, clock.at_s(camera.period_ticks)))
+    };
+    let searching: Vec<_> = Tier::ALL.into_iter().filter_map(first_of).collect();
+    let area = Sector {
+        centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
+        centre_elevation_rad: sector.elevation_deg.to_radians(),
+        width_rad: sector.width_deg.to_radians(),
+        height_rad: sector.height_deg.to_radians(),
+    };
+    let cue = radar.cue(0.0);
+    SearchScan::new(sector.pattern, area, &searching, cue)
+}
