@@ -4,8 +4,6 @@ use crate::components::capture::{SensorCamera, Tier};
 use crate::components::control::{
     Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
-use crate::components::mount::Station;
-use crate::components::operator::Operator;
 use crate::components::run::SimClock;
 use crate::models::control::POINTING_LAWS;
 use crate::models::control::law::HandOver;
@@ -14,8 +12,7 @@ use crate::models::control::tuning::MountPlant;
 use crate::models::maths::rng::Stream;
 use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::search::Sector;
-use crate::scenario::{self, InputError, Loaded, ResolvedStation, Scenario, SearchSector};
-use crate::systems::control::with_gains;
+use crate::scenario::{self, Gains, InputError, Loaded, ResolvedStation, Scenario, SearchSector};
 use std::collections::{BTreeMap, VecDeque};
 
 /// The pointing laws that every run knows.
@@ -27,23 +24,17 @@ pub fn laws() -> PointingLaws {
     laws
 }
 
-/// Obeys a station's orders of laws and gains on a copy of its controller, so that a bad one is found at once.
-pub fn try_orders(
-    loaded: &Loaded,
-    laws: &PointingLaws,
-    (station, operator): (&Station, &Operator),
-    controller: &Controller,
-    plant: &MountPlant,
-) -> Result<(), InputError> {
-    let mut tried = controller.clone();
-    let given = loaded.scenario.operator.iter().enumerate();
-    let own = given.filter(|(_, order)| order.is_for(&station.name));
-    for ((index, _), order) in own.zip(&operator.orders) {
-        tried
-            .obey(&order.command, laws, plant)
-            .map_err(|(key, what)| loaded.refuse(&format!("operator[{index}].{key}"), what))?;
+/// A law of the paper with other gains, if there are any.
+pub fn with_gains(law: PaperLaw, gains: Option<Gains>) -> PaperLaw {
+    match gains {
+        Some(Gains { kp, ki_per_s, kd_s }) => PaperLaw {
+            kp,
+            ki_per_s,
+            kd_s,
+            ..law
+        },
+        None => law,
     }
-    Ok(())
 }
 
 /// The controller of a scenario for the mount of the station that stands at `station` in the file.

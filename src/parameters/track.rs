@@ -1,11 +1,11 @@
 //! The tracker from its scenario.
 
 use crate::components::detect::Reading;
-use crate::components::track::TrackerParams;
+use crate::models::decision::situation::{MOVING_RADPS, patience_s};
+use crate::models::decision::tracker::TrackerParams;
 use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::scenario::{self, AssociationRule, ResolvedCamera, Scenario};
-use crate::systems::track::{self as systems, patience_s};
 use glam::DVec3;
 
 /// How the tracker of a scenario works, for a station with these cameras at `r_station_enu_m` [m].
@@ -53,7 +53,7 @@ pub fn tracker_params(
         precise_field_rad,
         switch_ratio,
         r_asset_enu_m: asset_enu_m.map_or(r_station_enu_m, DVec3::from_array),
-        moving_radps: systems::MOVING_RADPS,
+        moving_radps: MOVING_RADPS,
         open_sky: true,
         aim: (!reading.boxes_part).then_some(engage.aim),
         lock_radius_px: engage.lock_radius_px,

@@ -1,16 +1,17 @@
 //! Radar, search scan and control law; commands for mount and cameras.
 
 use crate::components::capture::{SensorCamera, StationCameras};
-use crate::components::control::{PointingLaws, Radar};
+use crate::components::control::{Controller, PointingLaws, Radar};
 use crate::components::flight::{Distractor, Flight, Uav};
 use crate::components::mount::{Gimbal, Mount, OpticalPath, Optics, PanTilt, Station};
 use crate::components::operator::Operator;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::control::tuning::MountPlant;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalState};
-use crate::parameters::control::{controller, laws, radar, search_scan, try_orders};
+use crate::parameters::control::{controller, laws, radar, search_scan};
 use crate::parameters::mount::gimbal_params;
 use crate::plugins::run::fallible;
-use crate::scenario::CameraPath;
+use crate::scenario::{CameraPath, InputError, Loaded};
 use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
 
@@ -89,6 +90,25 @@ fn set_up(
         let controller = controller(&loaded, &laws, &site.place, &plant)?;
         try_orders(&loaded, &laws, (station, operator), &controller, &plant)?;
         commands.entity(entity).insert((controller, scan, radar));
+    }
+    Ok(())
+}
+
+/// Obeys a station's orders of laws and gains on a copy of its controller, so that a bad one is found at once.
+fn try_orders(
+    loaded: &Loaded,
+    laws: &PointingLaws,
+    (station, operator): (&Station, &Operator),
+    controller: &Controller,
+    plant: &MountPlant,
+) -> Result<(), InputError> {
+    let mut tried = controller.clone();
+    let given = loaded.scenario.operator.iter().enumerate();
+    let own = given.filter(|(_, order)| order.is_for(&station.name));
+    for ((index, _), order) in own.zip(&operator.orders) {
+        tried
+            .obey(&order.command, laws, plant)
+            .map_err(|(key, what)| loaded.refuse(&format!("operator[{index}].{key}"), what))?;
     }
     Ok(())
 }

@@ -3,7 +3,9 @@
 use crate::components::detect::DetectorInUse;
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
-use crate::components::track::{Gallery, RangeFinder, Recogniser, TrackStage, Tracker};
+use crate::components::track::{
+    Gallery, RangeFinder, Recogniser, TrackStage, Tracker, TrackerParams,
+};
 use crate::inference::OnnxRecogniser;
 use crate::parameters::track::tracker_params;
 use crate::plugins::run::fallible;
@@ -65,7 +67,7 @@ fn set_up(
         let mut params = tracker_params(scenario, cameras, mount.r_enu_m, &detector.reading);
         params.reads.other_classes = detector.other_classes();
         commands.entity(entity).insert((
-            params,
+            TrackerParams(params),
             Tracker::default(),
             RangeFinder {
                 params: default(),

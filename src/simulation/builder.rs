@@ -10,9 +10,10 @@ use crate::components::flight::Uav;
 use crate::components::mount::Stations;
 use crate::components::record::OwnTopics;
 use crate::components::run::{Cast, Failure, Options, PartError, SimClock, Tick, TickSet};
-use crate::components::track::{TrackStage, Tracker};
+use crate::components::track::{self, TrackStage};
 use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::MountPlant;
+use crate::models::decision::tracker::Tracker;
 use crate::recording::read::Recorded;
 use crate::scenario::{Loaded, Scenario};
 use bevy::app::App;
@@ -246,7 +247,7 @@ impl Stage<'_> {
 
     /// Goes through the trackers of the stations, in the order of the scenario.
     pub fn each_tracker(&mut self, mut work: impl FnMut(&mut Tracker)) {
-        let mut trackers = self.world.query::<&mut Tracker>();
+        let mut trackers = self.world.query::<&mut track::Tracker>();
         for mut tracker in trackers.iter_mut(self.world) {
             work(&mut tracker);
         }

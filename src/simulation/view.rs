@@ -13,7 +13,8 @@ use crate::components::mount::{CameraView as Look, Mount, MountCommand, Optics, 
 use crate::components::operator::{Answer, Operator, Order};
 use crate::components::record::{CameraHistory, Fate, Fates, History, StateHash};
 use crate::components::run::{Cast, RunEnd, SimClock};
-use crate::components::track::{Tracker, TrackingState};
+use crate::components::track;
+use crate::models::decision::tracker::{Tracker, TrackingState};
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::Pose;
@@ -76,7 +77,7 @@ impl<'a> View<'a> {
                     &Mount,
                     &Optics,
                     &MountCommand,
-                    &Tracker,
+                    &track::Tracker,
                     &Operator,
                     &BeamState,
                     &FireCommand,

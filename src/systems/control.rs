@@ -18,17 +18,18 @@ use crate::components::operator::{Command, Operator};
 use crate::components::run::{Failure, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::control::law::PointingInput;
-use crate::models::control::paper::{PaperLaw, coarse_axis_rates, precise_mirror};
+use crate::models::control::paper::{coarse_axis_rates, precise_mirror};
 use crate::models::control::tuning::MountPlant;
+use crate::models::decision::situation::CONFIRM_HITS;
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::mount::gimbal::GimbalCommand;
 use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::radar::{Plot, RadarTrack};
 use crate::models::tracking::search::Gaze;
 use crate::models::tracking::table::separation_rad;
-use crate::scenario::{DriveOrder, Gains, GainsOrder, suggestion};
+use crate::parameters::control::with_gains;
+use crate::scenario::{DriveOrder, GainsOrder, suggestion};
 use crate::systems::control::search::{every_in_pass, search};
-use crate::systems::track::CONFIRM_HITS;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
@@ -244,19 +245,6 @@ pub fn change_laws(
         for (command, why) in refused {
             operator.refuse(&command, why);
         }
-    }
-}
-
-/// A law of the paper with other gains, if there are any.
-pub fn with_gains(law: PaperLaw, gains: Option<Gains>) -> PaperLaw {
-    match gains {
-        Some(Gains { kp, ki_per_s, kd_s }) => PaperLaw {
-            kp,
-            ki_per_s,
-            kd_s,
-            ..law
-        },
-        None => law,
     }
 }
 

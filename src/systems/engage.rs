@@ -9,6 +9,7 @@ use crate::components::network::Tasking;
 use crate::components::operator::{Command, Operator};
 use crate::components::run::SimClock;
 use crate::components::track::{BoresightError, Tracker, TrackingState};
+use crate::models::decision::tracker;
 use crate::models::engage::interlock::{FAR_M, beam_half_angle_rad, bundle, faces_sun, in_beam};
 use crate::models::ground::dsm::HitKind;
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
@@ -51,12 +52,12 @@ impl Obstruction {
 
 impl Rules {
     /// Whether the target, if there is one, is likely enough a UAV.
-    fn takes_for_uav(&self, tracker: &Tracker) -> bool {
+    fn takes_for_uav(&self, tracker: &tracker::Tracker) -> bool {
         (tracker.fire_belief()).is_none_or(|belief| belief >= self.min_uav_probability)
     }
 
     /// Whether the target is too large for a UAV, by the range finder: an aircraft with people in it is.
-    fn is_outsize(&self, tracker: &Tracker, t_s: f64) -> bool {
+    fn is_outsize(&self, tracker: &tracker::Tracker, t_s: f64) -> bool {
         let span_m = (tracker.target_track()).and_then(|track| track.measured_span_m(t_s));
         span_m.is_some_and(|span_m| span_m > self.max_span_m)
     }
@@ -535,10 +536,10 @@ mod tests {
                 range_m,
                 sigma_m: 0.5,
             });
-            let tracker = Tracker {
+            let tracker = tracker::Tracker {
                 target: Some(table.tracks[0].id),
                 table,
-                ..Tracker::default()
+                ..tracker::Tracker::default()
             };
             rules([true; 3]).is_outsize(&tracker, since_s)
         };
@@ -551,13 +552,13 @@ mod tests {
     fn what_is_recognised_as_no_uav_is_not_fired_at() {
         // Nobody has looked at its last second yet: the tracker's own evidence counts.
         let takes = |table: TrackTable, radar_log_odds: f64| {
-            let tracker = Tracker {
+            let tracker = tracker::Tracker {
                 target: Some(table.tracks[0].id),
                 // As it was all along.
                 mean_log_odds: table.tracks[0].log_odds(),
                 table,
                 radar_log_odds,
-                ..Tracker::default()
+                ..tracker::Tracker::default()
             };
             rules([true; 3]).takes_for_uav(&tracker)
         };

@@ -5,9 +5,9 @@ use crate::components::mount::Mount;
 use crate::components::operator::{Answer, Command, Designation, Operator};
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
+use crate::models::decision::situation::CONFIRM_HITS;
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::table::{Track, TrackTable, separation_rad};
-use crate::systems::track::CONFIRM_HITS;
 use bevy::prelude::*;
 use glam::DVec2;
 

@@ -5,16 +5,12 @@ mod decide;
 mod foresee;
 mod range;
 pub mod recognise;
-mod situation;
 
 pub use associate::associate;
 pub(crate) use associate::take_in;
 pub use decide::decide;
-pub(crate) use decide::{GIVEN_UP, step};
 pub use foresee::{aim, foresee};
 pub use range::find_range;
-pub use situation::patience_s;
-pub(crate) use situation::{CONFIRM_HITS, MOVING_RADPS, Situation};
 
 use crate::components::flight::{Flight, Uav};
 use crate::components::track::Tracker;

@@ -450,7 +450,7 @@ fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
     let target = |set: &[&str]| {
         let app = hovering(set, 8);
         let tracker = of::<Tracker>(app.world()).clone();
-        (tracker.state, tracker.changes)
+        (tracker.state, tracker.changes.clone())
     };
     let (state, changes) = target(&[south]);
     assert_eq!(state, TrackingState::Search, "{changes:?}");

@@ -3,6 +3,7 @@
 pub mod air;
 pub mod bodies;
 pub mod control;
+pub mod decision;
 pub mod engage;
 pub mod flight;
 pub mod ground;

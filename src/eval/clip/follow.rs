@@ -9,10 +9,13 @@ use crate::components::capture::{ExposedFrame, Tier};
 use crate::components::detect::DetectionBatch;
 use crate::components::mount::{OpticalPath, Pointing};
 use crate::components::run::SimClock;
-use crate::components::track::{Gallery, Tracker, TrackerParams};
+use crate::components::track::Gallery;
 use crate::eval::EvalError;
 use crate::eval::shared::{confirmed, seen};
 use crate::inference::OnnxRecogniser;
+use crate::models::decision::machine::{GIVEN_UP, step};
+use crate::models::decision::situation::{Situation, patience_s};
+use crate::models::decision::tracker::{Tracker, TrackerParams};
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::optics::detection::Detection;
@@ -23,7 +26,7 @@ use crate::models::tracking::recognition::{Sequence, WINDOW_S};
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
 use crate::systems::track::recognise::Hung;
-use crate::systems::track::{GIVEN_UP, Situation, patience_s, step, take_in};
+use crate::systems::track::take_in;
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -231,7 +234,7 @@ impl Follower {
         self.recognise(t_s)?;
         let now = Situation {
             tick,
-            clock: &self.clock,
+            tick_hz: self.clock.tick_hz,
             params: &self.params,
             dsm: None,
             r_station_enu_m: DVec3::ZERO,

@@ -1,10 +1,10 @@
 //! One run of an evaluation: a scenario with changes and a seed, watched tick by tick against the truth.
 
 use crate::components::record::KeptFrame;
-use crate::components::track::Tracker;
 use crate::eval::EvalError;
 use crate::eval::shared::{FRESH_S, confirmed, in_parallel};
 use crate::eval::statistics::{Hold, Lock, Sums, lock};
+use crate::models::decision::tracker::Tracker;
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, error_angles, los_to_az_el};

@@ -3,7 +3,8 @@
 use crate::components::capture::{ExposedFrame, PixelRect, Tier};
 use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
 use crate::components::run::SimClock;
-use crate::components::track::{BoresightError, Gallery, Tracker, TrackerParams, TrackingState};
+use crate::components::track::{self, BoresightError, Gallery, TrackingState};
+use crate::models::decision::tracker::{Tracker, TrackerParams};
 use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el};
 use crate::models::optics::camera::Pinhole;
 use crate::models::tracking::table::{CameraLook, Sighting};
@@ -25,7 +26,12 @@ const STEADY_PX: f64 = 4.0;
 pub fn associate(
     clock: Res<SimClock>,
     detector: Res<DetectorInUse>,
-    mut stations: Query<(&TrackerParams, &DetectionQueue, &mut Gallery, &mut Tracker)>,
+    mut stations: Query<(
+        &track::TrackerParams,
+        &DetectionQueue,
+        &mut Gallery,
+        &mut track::Tracker,
+    )>,
 ) {
     for (params, queue, mut gallery, mut tracker) in &mut stations {
         for batch in &queue.arrived {

@@ -4,10 +4,10 @@ use crate::components::environment::Environment;
 use crate::components::mount::Mount;
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackerParams};
+use crate::models::decision::situation::WEIGHING_HZ;
 use crate::models::flight::uav::{AimPart, aim_offset_enu_m};
 use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::models::tracking::table::Occlusion;
-use crate::systems::track::situation::WEIGHING_HZ;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 
@@ -156,7 +156,8 @@ mod tests {
                 in_view: &|_| true,
                 start_tracks: true,
             });
-            tracker.acquire(0, tracker.table.tracks[0].id, "test");
+            let id = tracker.table.tracks[0].id;
+            tracker.acquire(0, id, "test");
             tracker.range_m = Some(500.0);
             let at_m = 500.0 * walk_rad(&tracker, fired_s);
             (

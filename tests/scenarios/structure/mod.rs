@@ -16,7 +16,7 @@ const WITH_ENGINE: [&str; 1] = ["tiles"];
 /// Rooms of the models, each of which may know those before it.
 const MODELS: &[&str] = &[
     "maths", "air", "mount", "shape", "laser", "optics", "ground", "tiles", "flight", "bodies",
-    "tracking", "control", "engage",
+    "tracking", "control", "engage", "decision",
 ];
 /// Rooms of the geodata, likewise.
 const GEODATA: &[&str] = &["projection", "tiles", "sources", "build", "place"];
@@ -410,15 +410,34 @@ fn rooms_know_only_the_rooms_below_them() {
     let sources = Crate::shipped();
     let mut found = Vec::new();
     for (room, above) in [
-        ("components", &["systems", "plugins", "app", "cli"][..]),
-        ("systems", &["plugins", "app", "cli"]),
-        ("plugins", &["app", "cli"]),
+        (
+            "components",
+            &[
+                "parameters",
+                "systems",
+                "plugins",
+                "app",
+                "simulation",
+                "cli",
+            ][..],
+        ),
+        (
+            "parameters",
+            &["bevy", "systems", "plugins", "app", "simulation", "cli"],
+        ),
+        ("systems", &["plugins", "app", "simulation", "cli"]),
+        ("plugins", &["app", "simulation", "cli"]),
+        ("app", &["simulation", "cli"]),
+        ("tune", &["plugins", "app", "simulation"]),
     ] {
-        found.extend(sources.trespasses(room, of(&and_commands(above))));
+        let others: Vec<&str> = (and_commands(above).into_iter())
+            .filter(|other| *other != room)
+            .collect();
+        found.extend(sources.trespasses(room, of(&others)));
     }
     none(
         &found,
-        "imports run from app to plugins to systems to components",
+        "imports run from simulation to app to plugins to systems to parameters to components",
     );
 }
 

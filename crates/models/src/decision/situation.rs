@@ -1,25 +1,24 @@
 //! What the state machine looks at, and what it makes of the tracks.
 
-use crate::components::capture::Tier;
-use crate::components::network::{Task, Tasking};
-use crate::components::run::SimClock;
-use crate::components::track::{Tracker, TrackerParams};
-use crate::models::engage::allocation::LOCKED_S;
-use crate::models::engage::interlock::FAR_M;
-use crate::models::engage::threat::time_to_asset_s;
-use crate::models::ground::dsm::Dsm;
-use crate::models::maths::kinematics::az_el_to_los;
-use crate::models::tracking::cartesian::TargetCue;
-use crate::models::tracking::evidence::{logit, probability};
-use crate::models::tracking::recognition::{CLASSES, Recognition, TrackClass};
-use crate::models::tracking::search::{Sector, SlewLimits};
-use crate::models::tracking::table::{JUDGED_HITS, Track, TrackTable, separation_rad};
+use super::tasking::{Task, Tasking};
+use super::tracker::{Tracker, TrackerParams};
+use crate::engage::allocation::LOCKED_S;
+use crate::engage::interlock::FAR_M;
+use crate::engage::threat::time_to_asset_s;
+use crate::ground::dsm::Dsm;
+use crate::maths::kinematics::az_el_to_los;
+use crate::optics::tier::Tier;
+use crate::tracking::cartesian::TargetCue;
+use crate::tracking::evidence::{logit, probability};
+use crate::tracking::recognition::{CLASSES, Recognition, TrackClass};
+use crate::tracking::search::{Sector, SlewLimits};
+use crate::tracking::table::{JUDGED_HITS, Track, TrackTable, separation_rad};
 use glam::{DVec2, DVec3};
 
 /// Hits that confirm a target to the next camera.
-pub(crate) const CONFIRM_HITS: u32 = 4;
+pub const CONFIRM_HITS: u32 = 4;
 /// How often tracks are judged, threats compared and occlusions foreseen [Hz].
-pub(super) const WEIGHING_HZ: u32 = 10;
+pub const WEIGHING_HZ: u32 = 10;
 /// Hits after which a search track may become the target.
 const CANDIDATE_HITS: u32 = 6;
 /// Log-odds from which on a track is chosen: four to one where its class can be named, less for a dot,
@@ -35,13 +34,13 @@ const DOT_SHARE: f64 = 0.5;
 const DOT_PX: [f64; 2] = [8.0, 16.0];
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
 /// still, a flickering facade does not move far.
-pub(crate) const MOVING_RADPS: f64 = 1.0e-3;
+pub const MOVING_RADPS: f64 = 1.0e-3;
 const MOVING_SIGMAS: f64 = 6.0;
 /// How long a track must move to be a candidate in front of scenery, and to have flown for good [s].
 const MOVED_S: f64 = 0.2;
 const FLOWN_S: f64 = 0.5;
 /// How long what stands still must do so to be learned as scenery [s].
-const SCENERY_S: f64 = 0.8;
+const LEARNED_S: f64 = 0.8;
 /// Faster across the sight line than any UAV of the catalogue flies [m/s], at the nearest it may be; and
 /// what that says, a look.
 const FASTEST_MPS: f64 = 70.0;
@@ -150,23 +149,27 @@ fn company(flyer: &Flyer, flyers: &[Flyer]) -> f64 {
 }
 
 /// What the state machine looks at.
-pub(crate) struct Situation<'a> {
-    pub(crate) tick: u64,
-    pub(crate) clock: &'a SimClock,
-    pub(crate) params: &'a TrackerParams,
+pub struct Situation<'a> {
+    /// The tick.
+    pub tick: u64,
+    /// Ticks a second [Hz].
+    pub tick_hz: u32,
+    /// How the tracker works.
+    pub params: &'a TrackerParams,
     /// The city's heights; `None` under an open sky.
-    pub(crate) dsm: Option<&'a Dsm>,
-    pub(crate) r_station_enu_m: DVec3,
+    pub dsm: Option<&'a Dsm>,
+    /// Where the station is [m].
+    pub r_station_enu_m: DVec3,
     /// Where the target of the defence is, or the radar's.
-    pub(crate) cue: Option<TargetCue>,
+    pub cue: Option<TargetCue>,
     /// The radar alone says where that is: the defence knows it from the station's own cameras, too.
-    pub(crate) by_radar: bool,
+    pub by_radar: bool,
     /// Where the mount points, azimuth and elevation [rad], and how fast it turns; `None` where nothing turns.
-    pub(crate) mount: Option<(DVec2, SlewLimits)>,
+    pub mount: Option<(DVec2, SlewLimits)>,
     /// What the defence wants of this station, if it is one of several.
-    pub(crate) tasking: Option<&'a Tasking>,
+    pub tasking: Option<&'a Tasking>,
     /// Where an operator has the station search by hand: it takes up nothing elsewhere.
-    pub(crate) within: Option<Sector>,
+    pub within: Option<Sector>,
 }
 
 /// Whether a track looks so much like a UAV, and is seen so well, that where it stands says nothing against it.
@@ -185,8 +188,13 @@ pub(super) fn is_unlikely(track: &Track) -> bool {
 }
 
 impl Situation<'_> {
+    /// Duration of so many ticks [s].
+    pub fn at_s(&self, ticks: u64) -> f64 {
+        ticks as f64 / f64::from(self.tick_hz)
+    }
+
     pub(super) fn t_s(&self) -> f64 {
-        self.clock.at_s(self.tick)
+        self.at_s(self.tick)
     }
 
     /// The object that the station is to follow.
@@ -202,7 +210,7 @@ impl Situation<'_> {
     /// Time without news of a hit of the target by a camera [s].
     fn silent_s(&self, tracker: &Tracker, tier: Tier) -> f64 {
         tracker.error[tier].map_or(f64::INFINITY, |error| {
-            self.clock.at_s(self.tick - error.available_tick)
+            self.at_s(self.tick - error.available_tick)
         })
     }
 
@@ -286,7 +294,7 @@ impl Situation<'_> {
             conduct.flown |= conduct.moving_s >= FLOWN_S;
             // A UAV may hover in the sky; before a wood or a wall what never flew is part of it.
             let scenery = !conduct.in_sky || doubted;
-            if !conduct.flown && conduct.still_s >= SCENERY_S && scenery {
+            if !conduct.flown && conduct.still_s >= LEARNED_S && scenery {
                 conduct.in_scenery = true;
                 background.learn(at, t_s);
             } else if conduct.in_sky && !doubted {
@@ -449,7 +457,7 @@ impl Situation<'_> {
     }
 
     /// Whether a track has been seen long enough, and moves, stands in clear sky or may hover.
-    pub(crate) fn may_be_target(&self, track: &Track) -> bool {
+    pub fn may_be_target(&self, track: &Track) -> bool {
         let conduct = &track.conduct;
         let here = |area: &Sector| area.contains(track.filter.predicted(self.t_s()).az_el_rad());
         self.within.as_ref().is_none_or(here)

@@ -1,0 +1,6 @@
+//! What a station makes of its tracks: which is the target, and how it is held.
+
+pub mod machine;
+pub mod situation;
+pub mod tasking;
+pub mod tracker;
