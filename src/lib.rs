@@ -1,6 +1,44 @@
 //! Boresight: a deterministic simulator of urban laser counter-UAV systems.
 //!
-//! It simulates; it drives no real mount and no real laser.
+//! UAVs fly through a city; cameras render them, a detector finds them, trackers and controllers point gimbal and
+//! mirror, and a laser heats the target through turbulent air. It simulates; it drives no real mount and no real laser.
+//!
+//! # Start here
+//!
+//! [`simulation::Simulation`] is the front door: open a scenario, step it, look at it, give it orders.
+//!
+//! ```
+//! use boresight::simulation::{Simulation, SimulationError};
+//!
+//! let mut run = Simulation::builder("scenarios/urban_intercept.toml")
+//!     .set("detector.kind=truth") // no pictures, no network
+//!     .open()?;
+//! run.run_until(1.0)?;
+//! for station in run.view().stations() {
+//!     if let Some(target) = station.target() {
+//!         println!("{}: track {}, a UAV by {:.2}", station.name(), target.id(), target.uav_probability());
+//!     }
+//! }
+//! # Ok::<(), SimulationError>(())
+//! ```
+//!
+//! # Where things are
+//!
+//! | what | where |
+//! |---|---|
+//! | a run | [`simulation`] |
+//! | scenario files, the catalogue of UAVs | [`scenario`] |
+//! | the mathematics, without an engine | [`models`] |
+//! | recordings and media | [`recording`], [`media`] |
+//! | detector and recogniser | [`inference`] |
+//! | raw geodata, georeferencing, 3D Tiles | [`sources`], [`projection`], [`tiles`], [`place`] |
+//! | what a run leaves: summary, report | [`report`] |
+//! | sweeps, tests, comparisons | [`experiment`] |
+//! | evaluations of engagement, tracking, detector, clips | [`eval`] |
+//! | annotated pictures | [`dataset`] |
+//! | the same run as a Bevy app: data, behaviour, wiring | [`components`], [`systems`], [`plugins`], [`app`] |
+//!
+//! The folder `examples` has a file for each thing that one may want to do first.
 
 pub mod app;
 pub mod cli;

@@ -23,8 +23,8 @@ use crate::models::optics::exposure::white_balance;
 use crate::models::optics::mosaic::Mosaic;
 use crate::models::optics::motion::Shutter;
 use crate::models::optics::sensor::{Sensor, SensorParams, Transfer};
-use crate::models::shape::clutter::{ClutterKind, clutter_mesh};
 use crate::models::shape::mesh::MeshData;
+use crate::models::shape::structures::{StructureKind, structure_mesh};
 use crate::scenario::{UNREPORTED_WEATHER, catalogue};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
@@ -345,24 +345,24 @@ fn clutter(
     const STRUCTURES: usize = 16;
     let kinds = match background {
         Background::Forest => &[
-            ClutterKind::Mast,
-            ClutterKind::Pylon,
-            ClutterKind::Masthead,
-            ClutterKind::BareTree,
-            ClutterKind::Treeline,
+            StructureKind::Mast,
+            StructureKind::Pylon,
+            StructureKind::Masthead,
+            StructureKind::BareTree,
+            StructureKind::Treeline,
         ][..],
-        _ => &ClutterKind::ALL,
+        _ => &StructureKind::ALL,
     };
     let (mut meshes, mut tops) = (Vec::new(), Vec::new());
     for _ in 0..STRUCTURES {
         let kind = kinds[pick(kinds.len(), rng)];
         let apart_m = log_range([35.0, 400.0], rng) * DVec2::from_angle(rng.range(0.0, TAU));
         let at = r_camera_enu_m.truncate() + apart_m;
-        let mut mesh = clutter_mesh(kind, rng);
+        let mut mesh = structure_mesh(kind, rng);
         let ground_m = city.dsm.terrain_m(at.x, at.y);
         let surface_m = city.dsm.surface_m(at.x, at.y);
         let foot_m = match kind {
-            ClutterKind::Antenna => surface_m,
+            StructureKind::Antenna => surface_m,
             // No house stands on a crane.
             _ if surface_m > ground_m + 1.0 => continue,
             _ => ground_m,

@@ -59,7 +59,7 @@ pub fn tracker_params(
         lock_radius_px: engage.lock_radius_px,
         lock_dwell_s: engage.lock_dwell_s,
         break_radius_px: engage.break_radius_px,
-        fire_belief: engage.min_uav_probability,
+        min_uav_probability: engage.min_uav_probability,
         max_span_m: engage.max_span_m,
         patience_s: PerTier::of(slowest_s),
     }

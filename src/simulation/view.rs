@@ -254,8 +254,8 @@ impl<'a> StationView<'a> {
     }
 
     /// Probability that the target is a UAV, as far as fire is concerned.
-    pub fn fire_belief(&self) -> Option<f64> {
-        self.tracker.fire_belief()
+    pub fn target_uav_probability(&self) -> Option<f64> {
+        self.tracker.target_uav_probability()
     }
 
     /// The operator's orders that have come due, each with what has come of it.

@@ -1,6 +1,6 @@
 //! Frames become detections, which wait out readout and inference.
 
-pub mod network;
+pub mod onnx;
 pub mod truth;
 
 use crate::components::capture::{ExposedFrame, Frames, Readout, SensorCamera};
@@ -18,9 +18,7 @@ pub type MakeDetector = fn(&DetectorContext) -> Result<Box<dyn Detector>, PartEr
 
 /// The detectors that every run knows, by the names that scenarios give them.
 pub const DETECTORS: [(&str, MakeDetector); 2] = [
-    (scenario::ONNX, |context| {
-        Ok(Box::new(network::make(context)?))
-    }),
+    (scenario::ONNX, |context| Ok(Box::new(onnx::make(context)?))),
     (scenario::TRUTH, |context| {
         Ok(Box::new(truth::make(context)))
     }),

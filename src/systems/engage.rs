@@ -53,7 +53,7 @@ impl Obstruction {
 impl Rules {
     /// Whether the target, if there is one, is likely enough a UAV.
     fn takes_for_uav(&self, tracker: &tracker::Tracker) -> bool {
-        (tracker.fire_belief()).is_none_or(|belief| belief >= self.min_uav_probability)
+        (tracker.target_uav_probability()).is_none_or(|belief| belief >= self.min_uav_probability)
     }
 
     /// Whether the target is too large for a UAV, by the range finder: an aircraft with people in it is.

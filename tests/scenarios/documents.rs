@@ -1,6 +1,6 @@
 //! The documents as a reader meets them: links that lead somewhere, short sentences, small cells.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 /// Most words of a sentence.
@@ -53,10 +53,10 @@ fn prose(text: &str) -> Vec<(usize, &str)> {
     found
 }
 
-/// A line without what stands in backticks, and its links' targets.
+/// A line without comments and without what stands in backticks, and its links' targets.
 fn plain(line: &str) -> (String, Vec<String>) {
     let mut text = String::new();
-    for (k, part) in line.split('`').enumerate() {
+    for (k, part) in without_comments(line).split('`').enumerate() {
         text.push_str(if k % 2 == 0 { part } else { "code" });
     }
     let (mut out, mut targets, mut rest) = (String::new(), Vec::new(), text.as_str());
@@ -68,6 +68,29 @@ fn plain(line: &str) -> (String, Vec<String>) {
     }
     out.push_str(rest);
     (out, targets)
+}
+
+/// A line as it is shown.
+fn without_comments(line: &str) -> String {
+    let (mut out, mut rest) = (String::new(), line);
+    while let Some((before, after)) = rest.split_once("<!--") {
+        out.push_str(before);
+        rest = after.split_once("-->").map_or("", |(_, after)| after);
+    }
+    out + rest
+}
+
+/// The figures that a document quotes: line, name, and what stands there.
+fn quoted(text: &str) -> Vec<(usize, &str, &str)> {
+    let mut found = Vec::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        for after in line.split("<!--figure ").skip(1) {
+            let (name, after) = after.split_once("-->").unwrap_or((after, ""));
+            let value = after.split_once("<!--/-->").map_or("", |(value, _)| value);
+            found.push((number, name, value));
+        }
+    }
+    found
 }
 
 /// The anchor that a heading has where the documents are shown.
@@ -201,6 +224,52 @@ fn sentences_and_cells_are_short() {
     );
 }
 
+/// `cargo xtask figures` writes the values of docs/figures.toml into the pages.
+#[test]
+fn pages_quote_the_figures_as_they_stand_in_their_file() {
+    let text = std::fs::read_to_string(root().join("docs/figures.toml")).unwrap();
+    let data: toml::Table = text.parse().unwrap();
+    let (mut values, mut found) = (BTreeMap::new(), Vec::new());
+    let tables = ["series", "pictures"].map(|kind| data[kind].as_table().unwrap());
+    for (name, series) in tables.into_iter().flatten() {
+        for key in ["command", "commit"] {
+            assert!(!series[key].as_str().unwrap().is_empty(), "{name}: {key}");
+        }
+        for path in series["paths"].as_array().unwrap() {
+            let path = path.as_str().unwrap();
+            if !root().join(path).exists() {
+                found.push(format!("{name}: no path '{path}'"));
+            }
+        }
+        let own = series.get("values").and_then(toml::Value::as_table);
+        for (name, value) in own.into_iter().flatten() {
+            let before = values.insert(name.as_str(), value.as_str().unwrap());
+            assert_eq!(before, None, "{name} stands twice");
+        }
+    }
+    for name in tables[1].keys() {
+        if !root().join("docs").join(name).exists() {
+            found.push(format!("no picture docs/{name}"));
+        }
+    }
+    let mut unquoted: BTreeSet<&str> = values.keys().copied().collect();
+    for page in documents() {
+        let text = std::fs::read_to_string(root().join(&page)).unwrap();
+        for (line, name, value) in quoted(&text) {
+            unquoted.remove(name);
+            if values.get(name) != Some(&value) {
+                let wanted = values.get(name).unwrap_or(&"no such figure");
+                found.push(format!(
+                    "{page}:{line}: {name}: '{value}', the file: '{wanted}'"
+                ));
+            }
+        }
+    }
+    assert!(values.len() > 50, "only {} figures", values.len());
+    found.extend(unquoted.iter().map(|name| format!("no page quotes {name}")));
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
 #[test]
 fn the_readme_is_one_screen() {
     let text = std::fs::read_to_string(root().join("README.md")).unwrap();
@@ -227,4 +296,7 @@ fn dead_links_and_long_sentences_are_found() {
         too_long("a.md", &format!("| {} | b |", "x".repeat(301))).len(),
         1
     );
+    let figures = "of <!--figure a-->2.5<!--/--> px and <!--figure b-->–<!--/-->";
+    assert_eq!(quoted(figures), [(1, "a", "2.5"), (1, "b", "–")]);
+    assert_eq!(without_comments(figures), "of 2.5 px and –");
 }

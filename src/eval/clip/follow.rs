@@ -161,7 +161,7 @@ impl Follower {
                 lock_radius_px: 0.0,
                 lock_dwell_s: f64::INFINITY,
                 break_radius_px: 0.0,
-                fire_belief: 0.0,
+                min_uav_probability: 0.0,
                 max_span_m: f64::INFINITY,
                 patience_s: PerTier::of(|_| patience_s(rate_hz)),
             },

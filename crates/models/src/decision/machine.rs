@@ -1,6 +1,6 @@
 //! The state machine of an engagement.
 
-use super::situation::{CONFIRM_HITS, Situation, dot_share, is_unlikely};
+use super::situation::{CONFIRM_HITS, Situation, is_unlikely, wants_closer_look};
 use super::tracker::{BoresightError, Tracker, TrackingState};
 use crate::optics::tier::Tier;
 use crate::tracking::cartesian::TargetCue;
@@ -22,7 +22,7 @@ const RIVAL_S: f64 = 1.0;
 /// Log-odds at which a target is given up (one to seven): as far below even odds as it was above them when
 /// it was chosen, and then some.
 pub const GIVEN_UP: f64 = -2.0;
-/// Log-odds below which not even a dot is shown to the precise camera.
+/// Log-odds below which not even the smallest is shown to the precise camera.
 const SURELY_NONE: f64 = -1.5;
 /// Time for which it must have been held before it is doubted [s]; by the precise camera, whose pictures must first take the
 /// place of dots in the second that is judged, and of what the radar points at.
@@ -39,7 +39,7 @@ const BEFORE_SCENERY_S: f64 = 2.0;
 const DISPROVED_S: f64 = 0.3;
 const DISPROVED_BARRED_S: f64 = 60.0;
 /// Time for which an engaged target that is seen well may be less than surely a UAV [s], at odds up to these; in
-/// proportion to them for a likelier one, and twice as long for a dot.
+/// proportion to them for a likelier one, and twice as long for the smallest.
 const DOUBTFUL_S: f64 = 4.0;
 const DOUBTFUL_ODDS: f64 = 4.0;
 /// Time for which a target at another range than the radar's may be less than surely a UAV [s].
@@ -200,7 +200,7 @@ fn is_doubtful(now: &Situation, tracker: &mut Tracker) -> bool {
     let left_alone = now.params.nearest_to_centre || tracker.designated;
     let doubtful = |track: &Track| {
         let judged = !track.hidden(now.t_s()) && track.recognition.is_some();
-        judged && track.uav_belief() < now.params.fire_belief && !now.cued(track)
+        judged && track.uav_belief() < now.params.min_uav_probability && !now.cued(track)
     };
     let engaged = tracker.state == TrackingState::Engage && !left_alone;
     let target = tracker.target_track().filter(|track| doubtful(track));
@@ -226,7 +226,7 @@ fn is_another(now: &Situation, tracker: &mut Tracker) -> bool {
     let judged = |track: &&Track| !track.hidden(now.t_s()) && track.recognition.is_some();
     let target = tracker.target_track().filter(judged);
     let elsewhere = target.and_then(|track| now.is_ranged_elsewhere(track));
-    let sure = |log_odds: f64| probability(log_odds) >= now.params.fire_belief;
+    let sure = |log_odds: f64| probability(log_odds) >= now.params.min_uav_probability;
     if left_alone || elsewhere == Some(false) || tracker.lately_log_odds().is_none_or(sure) {
         tracker.another_since = None;
         return false;
@@ -296,8 +296,8 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
             doubt(now, tracker);
         }
         TrackingState::Acquire => {
-            // What is a dot to the coarse camera, too, is shown to the precise one unless it is surely none.
-            let convincing = !judged || log_odds > SURELY_NONE * dot_share(track);
+            // What is as small to the coarse camera, too, is shown to the precise one unless it is surely none.
+            let convincing = !judged || log_odds > SURELY_NONE * wants_closer_look(track);
             if hits[Tier::Coarse] >= CONFIRM_HITS && convincing {
                 let reason = format!(
                     "coarse camera confirms with {CONFIRM_HITS} hits, seen in {:.0} % of the frames",

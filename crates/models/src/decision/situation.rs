@@ -21,17 +21,17 @@ pub const CONFIRM_HITS: u32 = 4;
 pub const WEIGHING_HZ: u32 = 10;
 /// Hits after which a search track may become the target.
 const CANDIDATE_HITS: u32 = 6;
-/// Log-odds from which on a track is chosen: four to one where its class can be named, less for a dot,
-/// which only a closer look can tell; and from which on one takes the place of a target that is held.
+/// Log-odds from which on a track is chosen: four to one where its class can be named, less for one that
+/// only a closer look can tell; and from which on one takes the place of a target that is held.
 const CHOSEN: f64 = 1.5;
-const CHOSEN_DOT: f64 = -0.15;
+const CHOSEN_SMALL: f64 = -0.15;
 const RIVAL: f64 = 4.0;
-/// The same of a dot in clear sky, where there is little else to look at.
-const CHOSEN_DOT_IN_SKY: f64 = -0.6;
-/// Share of the frames that must show a dot for that: a chain of false alarms is seen in fewer.
-const DOT_SHARE: f64 = 0.5;
+/// The same of such a one in clear sky, where there is little else to look at.
+const CHOSEN_SMALL_IN_SKY: f64 = -0.6;
+/// Share of the frames that must show it for that: a chain of false alarms is seen in fewer.
+const SHOWN_SHARE: f64 = 0.5;
 /// Sizes up to which only a closer look can tell what something is, and from which on none is needed [px].
-const DOT_PX: [f64; 2] = [8.0, 16.0];
+const CLOSER_LOOK_PX: [f64; 2] = [8.0, 16.0];
 /// Least rate on the sky that counts as flight [rad/s], and its least significance: scenery keeps
 /// still, a flickering facade does not move far.
 pub const MOVING_RADPS: f64 = 1.0e-3;
@@ -45,10 +45,10 @@ const LEARNED_S: f64 = 0.8;
 /// what that says, a look.
 const FASTEST_MPS: f64 = 70.0;
 const TOO_FAST: f64 = -2.0;
-/// Probability of a UAV by the recogniser, for what is seen well and for a dot, or deviations from a radar's cue, for
+/// Probability of a UAV by the recogniser, for what is seen well and for the smallest, or deviations from a radar's cue, for
 /// which one that stands before scenery is taken for a hovering UAV.
 const HOVER_PROBABILITY: f64 = 0.9;
-const HOVER_DOT: f64 = 0.5;
+const HOVER_SMALL: f64 = 0.5;
 const HOVER_SIGMAS: f64 = 2.0;
 /// Probability of a UAV by the recogniser, log-odds by the detector and length in the picture [px] from which on looks outweigh a
 /// distance: what hovers beside a crown echoes from as far as the crown does.
@@ -90,12 +90,13 @@ pub fn patience_s(rate_hz: f64) -> f64 {
     LEAST_S.max(FRAMES / rate_hz)
 }
 
-/// How much of a dot a track is that the recogniser has judged and most frames show, 0 to 1: only a closer
-/// look can tell what it is.
-pub(super) fn dot_share(track: &Track) -> f64 {
-    if track.recognition.is_some() && track.seen_share() > DOT_SHARE {
+/// How much a track that the recogniser has judged and most frames show is so small that only a closer look can tell
+/// what it is, 0 to 1.
+pub(super) fn wants_closer_look(track: &Track) -> f64 {
+    if track.recognition.is_some() && track.seen_share() > SHOWN_SHARE {
         let size_px = track.evidence.best_px();
-        1.0 - ((size_px - DOT_PX[0]) / (DOT_PX[1] - DOT_PX[0])).clamp(0.0, 1.0)
+        1.0 - ((size_px - CLOSER_LOOK_PX[0]) / (CLOSER_LOOK_PX[1] - CLOSER_LOOK_PX[0]))
+            .clamp(0.0, 1.0)
     } else {
         0.0
     }
@@ -260,7 +261,7 @@ impl Situation<'_> {
     pub(super) fn weigh(&self, table: &mut TrackTable, elapsed_s: f64) {
         let t_s = self.t_s();
         let TrackTable {
-            tracks, background, ..
+            tracks, scenery, ..
         } = table;
         let flyers: Vec<Flyer> = tracks
             .iter()
@@ -296,7 +297,7 @@ impl Situation<'_> {
             let scenery = !conduct.in_sky || doubted;
             if !conduct.flown && conduct.still_s >= LEARNED_S && scenery {
                 conduct.in_scenery = true;
-                background.learn(at, t_s);
+                scenery.learn(at, t_s);
             } else if conduct.in_sky && !doubted {
                 conduct.in_scenery = false;
             }
@@ -394,12 +395,12 @@ impl Situation<'_> {
 
     /// Log-odds from which on a track is chosen.
     fn chosen(&self, track: &Track) -> f64 {
-        let dot = if track.conduct.in_sky {
-            CHOSEN_DOT_IN_SKY
+        let small = if track.conduct.in_sky {
+            CHOSEN_SMALL_IN_SKY
         } else {
-            CHOSEN_DOT
+            CHOSEN_SMALL
         };
-        CHOSEN - (CHOSEN - dot) * dot_share(track)
+        CHOSEN - (CHOSEN - small) * wants_closer_look(track)
     }
 
     /// The most threatening track beside the target that looks like a UAV, each threat weighed with how
@@ -472,7 +473,8 @@ impl Situation<'_> {
     /// Whether a track may be a UAV though it stands before scenery: the recogniser is sure, or it
     /// looks like one where the radar has its target.
     fn may_hover(&self, track: &Track) -> bool {
-        let least = HOVER_PROBABILITY - (HOVER_PROBABILITY - HOVER_DOT) * dot_share(track);
+        let least =
+            HOVER_PROBABILITY - (HOVER_PROBABILITY - HOVER_SMALL) * wants_closer_look(track);
         let sure = |found: Recognition| found.p_uav() > least;
         let by_radar = || track.log_odds() + self.cue_log_odds(track) > CHOSEN;
         track.found().is_some_and(sure) || self.cued(track) && by_radar()

@@ -116,7 +116,7 @@ pub struct TrackerParams {
     /// A precise error beyond this ends Engage [px].
     pub break_radius_px: f64,
     /// Probability of a UAV from which on a target may be fired at.
-    pub fire_belief: f64,
+    pub min_uav_probability: f64,
     /// Size from which on a target is too large for a UAV [m].
     pub max_span_m: f64,
     /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
@@ -319,7 +319,7 @@ impl Tracker {
     }
 
     /// Probability that the target is a UAV, as far as fire is concerned: what the radar sees of it counts as well.
-    pub fn fire_belief(&self) -> Option<f64> {
+    pub fn target_uav_probability(&self) -> Option<f64> {
         let log_odds = self.lately_log_odds()? + self.radar_log_odds;
         Some(probability(log_odds))
     }

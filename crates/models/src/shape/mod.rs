@@ -1,6 +1,6 @@
-//! Meshes of what is rendered: primitives, glTF, textured ones, clutter.
+//! Meshes of what is rendered: primitives, glTF, textured ones, structures.
 
-pub mod clutter;
 pub mod gltf;
 pub mod mesh;
+pub mod structures;
 pub mod textured;

@@ -82,7 +82,7 @@ pub fn probability(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 
-/// How much the class says that is named at such a size, 0 to 1: nobody can name a dot.
+/// How much the class says that is named at such a size, 0 to 1: nobody can name the smallest.
 pub fn named_share(size_px: f64) -> f64 {
     ((size_px - NAMED_PX[0]) / (NAMED_PX[1] - NAMED_PX[0])).clamp(0.0, 1.0)
 }

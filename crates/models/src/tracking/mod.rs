@@ -1,7 +1,6 @@
 //! From sightings to tracks: filters, the track table, what a track is, known scenery, ranges, search
 //! patterns, the radar.
 
-pub mod background;
 pub mod cartesian;
 pub mod estimation;
 pub mod evidence;
@@ -12,5 +11,6 @@ pub mod picture;
 pub mod radar;
 pub mod ranging;
 pub mod recognition;
+pub mod scenery;
 pub mod search;
 pub mod table;

@@ -14,12 +14,12 @@ use crate::ground::dsm::{Dsm, LineOfSight};
 use crate::maths::assignment::{Pair, assign};
 use crate::maths::kinematics::{los_to_az_el, wrap_pi};
 use crate::optics::tier::{PerTier, Tier};
-use crate::tracking::background::Background;
 use crate::tracking::estimation::{Gating, LosFilter, LosFilterParams, LosState};
 use crate::tracking::evidence::{Evidence, EvidenceParams, logit, named_share, probability};
 use crate::tracking::flutter::{Flutter, Place};
 use crate::tracking::ranging::Ranging;
 use crate::tracking::recognition::{Recognition, TrackClass};
+use crate::tracking::scenery::Scenery;
 use glam::{DVec2, DVec3};
 use nalgebra::{Matrix2, Vector2};
 use std::ops::Range;
@@ -185,7 +185,7 @@ impl Conduct {
 
 impl Track {
     /// Log-odds that it is a UAV: the one place in which what speaks for it is put together. A recogniser,
-    /// which has seen all that the evidence counts and the pictures besides, has the word; of a dot it mostly
+    /// which has seen all that the evidence counts and the pictures besides, has the word; of the smallest it mostly
     /// says which birds and UAVs are about where it learned.
     pub fn log_odds(&self) -> f64 {
         match self.recognised() {
@@ -207,10 +207,10 @@ impl Track {
         })
     }
 
-    /// What it was found to be, as far as that counts: of a dot less.
+    /// What it was found to be, as far as that counts: less of what is too small to be named.
     pub fn recognised(&self) -> Option<Recognition> {
         let named = named_share(self.evidence.best_px());
-        let share = OF_A_DOT + (1.0 - OF_A_DOT) * named;
+        let share = OF_THE_UNNAMED + (1.0 - OF_THE_UNNAMED) * named;
         let found = self.found()?;
         let p_uav = found.p_uav();
         let counted = probability(share * logit(p_uav));
@@ -499,7 +499,7 @@ pub struct TrackTable {
     /// Identities of which the last frame may show either of two: they passed each other.
     pub passed: Vec<u32>,
     /// Where scenery has been seen.
-    pub background: Background,
+    pub scenery: Scenery,
     next_id: u32,
 }
 
@@ -519,14 +519,14 @@ const ECHO_S: f64 = 1.0;
 /// a part of one this often, as against what is so small.
 const LEAST_AIRCRAFT_M: f64 = 2.0;
 const PART_OF_AIRCRAFT: f64 = 0.05;
-/// What a recogniser's word on a dot counts.
-const OF_A_DOT: f64 = 0.3;
+/// What a recogniser's word counts on what is too small to be named.
+const OF_THE_UNNAMED: f64 = 0.3;
 /// Hits from which on a weak detection may go on with a track.
 const CONFIRMED_HITS: u32 = 6;
 /// Size at which a camera that has not yet confirmed a track is taken to see it, over that in its best view.
 const UNCONFIRMED_SHARE: f64 = 0.5;
-/// Largest box of a dot [px].
-const DOT_PX: f64 = 6.0;
+/// Largest box of which weak detections start a track [px].
+const WEAK_START_PX: f64 = 6.0;
 /// Extra cost of a pair with a weak detection: a strong one within 3σ is preferred.
 const WEAK_COST: f64 = 9.0;
 /// Share of the newest sighting in a track's smoothed size, and the least in its score and class.
@@ -653,9 +653,9 @@ impl TrackTable {
             let (place_ratio, size_ratio) = (flutter.place_ratio(), flutter.size_ratio().max(1.0));
             let confirmed = track.total_hits() >= CONFIRMED_HITS;
             for (column, sighting) in look.sightings.iter().enumerate() {
-                // A dot scores low in every frame: several in line are news, if one of them was strong.
-                let dot = sighting.size_rad < DOT_PX * look.ifov_rad;
-                if sighting.weak && !confirmed && !dot {
+                // What is so small scores low in every frame: several in line are news, if one of them was strong.
+                let small = sighting.size_rad < WEAK_START_PX * look.ifov_rad;
+                if sighting.weak && !confirmed && !small {
                     continue;
                 }
                 let noise_rad = place_ratio * sighting.sigma_rad;
@@ -883,7 +883,7 @@ impl TrackTable {
             evidence: Evidence::default(),
             flutter: PerTier::default(),
             conduct: Conduct {
-                in_scenery: self.background.holds(az_el_rad, look.t_s),
+                in_scenery: self.scenery.holds(az_el_rad, look.t_s),
                 ..Conduct::default()
             },
             unanswered: 0,

@@ -33,7 +33,7 @@ fn params() -> TrackerParams {
         lock_radius_px: 5.0,
         lock_dwell_s: 0.1,
         break_radius_px: 20.0,
-        fire_belief: 0.95,
+        min_uav_probability: 0.95,
         max_span_m: 4.0,
         patience_s: PerTier::of(|_| patience_s(60.0)),
     }
@@ -275,7 +275,11 @@ fn the_recogniser_must_be_sure_for_some_time_before_fire() {
             let now = situation(&params, frame * FRAME);
             step(&now, &mut tracker, false, frame.is_multiple_of(6));
         }
-        if sure_s.is_none() && tracker.fire_belief().is_some_and(|belief| belief >= 0.95) {
+        if sure_s.is_none()
+            && tracker
+                .target_uav_probability()
+                .is_some_and(|belief| belief >= 0.95)
+        {
             sure_s = Some(t_s - 2.0);
         }
     }
@@ -284,7 +288,7 @@ fn the_recogniser_must_be_sure_for_some_time_before_fire() {
     assert!((0.35..0.6).contains(&sure_s), "{sure_s}");
     // No longer sure, it is not fired at from then on.
     judge(&mut tracker, 0.6);
-    assert!(tracker.fire_belief().unwrap() < 0.65);
+    assert!(tracker.target_uav_probability().unwrap() < 0.65);
 }
 
 /// Something that stays where it is and becomes the target.

@@ -499,7 +499,7 @@ fn a_fluttering_box_does_not_break_its_track() {
 #[test]
 fn what_began_in_scenery_is_scenery_until_it_flies() {
     let mut table = TrackTable::default();
-    table.background.learn(DVec2::new(0.1, 0.1), 0.0);
+    table.scenery.learn(DVec2::new(0.1, 0.1), 0.0);
     table.update(&look(1.0, &[sighting(0.1, 0.1), sighting(0.2, 0.1)]));
     let scenery: Vec<bool> = (table.tracks.iter())
         .map(|track| track.conduct.is_scenery())

@@ -11,7 +11,7 @@ use crate::shape::mesh::{MeshData, Paint, Surface};
 
 /// Kind of static structure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ClutterKind {
+pub enum StructureKind {
     /// A tower crane with jib, trolley, line and hook, 25 to 70 m high.
     Crane,
     /// A lattice mast with dishes, panels and lamps, 25 to 60 m high.
@@ -33,7 +33,7 @@ pub enum ClutterKind {
     Treeline,
 }
 
-impl ClutterKind {
+impl StructureKind {
     /// Every kind.
     pub const ALL: [Self; 9] = [
         Self::Crane,
@@ -59,19 +59,19 @@ const BARK: [f32; 3] = [0.09, 0.068, 0.05];
 
 /// A structure of drawn size and colour about its foot [m], z up; its long side lies in a drawn
 /// direction.
-pub fn clutter_mesh(kind: ClutterKind, rng: &mut Stream) -> MeshData {
+pub fn structure_mesh(kind: StructureKind, rng: &mut Stream) -> MeshData {
     let mut mesh = MeshData::new(DVec3::ZERO);
     let turn = DVec2::from_angle(rng.range(0.0, TAU));
     match kind {
-        ClutterKind::Crane => crane(&mut mesh, turn, rng),
-        ClutterKind::Mast => mast(&mut mesh, rng),
-        ClutterKind::Antenna => antenna(&mut mesh, turn, rng),
-        ClutterKind::LampPost => lamp_post(&mut mesh, turn, rng),
-        ClutterKind::Flag => flag(&mut mesh, turn, rng),
-        ClutterKind::Pylon => pylon(&mut mesh, turn, rng),
-        ClutterKind::Masthead => masthead(&mut mesh, turn, rng),
-        ClutterKind::BareTree => bare_tree(&mut mesh, DVec3::ZERO, rng.range(7.0, 20.0), 4, rng),
-        ClutterKind::Treeline => treeline(&mut mesh, turn, rng),
+        StructureKind::Crane => crane(&mut mesh, turn, rng),
+        StructureKind::Mast => mast(&mut mesh, rng),
+        StructureKind::Antenna => antenna(&mut mesh, turn, rng),
+        StructureKind::LampPost => lamp_post(&mut mesh, turn, rng),
+        StructureKind::Flag => flag(&mut mesh, turn, rng),
+        StructureKind::Pylon => pylon(&mut mesh, turn, rng),
+        StructureKind::Masthead => masthead(&mut mesh, turn, rng),
+        StructureKind::BareTree => bare_tree(&mut mesh, DVec3::ZERO, rng.range(7.0, 20.0), 4, rng),
+        StructureKind::Treeline => treeline(&mut mesh, turn, rng),
     }
     mesh
 }
@@ -488,18 +488,18 @@ mod tests {
     #[test]
     fn structures_stand_on_their_foot_at_their_height() {
         for (kind, [least, most]) in [
-            (ClutterKind::Crane, [25.0, 80.0]),
-            (ClutterKind::Mast, [25.0, 67.0]),
-            (ClutterKind::Antenna, [2.0, 9.0]),
-            (ClutterKind::LampPost, [6.0, 12.6]),
-            (ClutterKind::Flag, [6.0, 14.1]),
-            (ClutterKind::Pylon, [20.0, 45.1]),
-            (ClutterKind::Masthead, [6.0, 20.0]),
-            (ClutterKind::BareTree, [4.5, 26.0]),
-            (ClutterKind::Treeline, [5.0, 27.0]),
+            (StructureKind::Crane, [25.0, 80.0]),
+            (StructureKind::Mast, [25.0, 67.0]),
+            (StructureKind::Antenna, [2.0, 9.0]),
+            (StructureKind::LampPost, [6.0, 12.6]),
+            (StructureKind::Flag, [6.0, 14.1]),
+            (StructureKind::Pylon, [20.0, 45.1]),
+            (StructureKind::Masthead, [6.0, 20.0]),
+            (StructureKind::BareTree, [4.5, 26.0]),
+            (StructureKind::Treeline, [5.0, 27.0]),
         ] {
             for i in 0..30 {
-                let draw = || clutter_mesh(kind, &mut Stream::new(9, i, "clutter"));
+                let draw = || structure_mesh(kind, &mut Stream::new(9, i, "clutter"));
                 let mesh = draw();
                 assert_eq!(mesh.positions, draw().positions);
                 let (low, high) = mesh.bounds_m().unwrap();
@@ -518,7 +518,7 @@ mod tests {
 
     #[test]
     fn a_crane_hangs_its_hook_from_its_jib() {
-        let mesh = clutter_mesh(ClutterKind::Crane, &mut Stream::new(1, 0, "clutter"));
+        let mesh = structure_mesh(StructureKind::Crane, &mut Stream::new(1, 0, "clutter"));
         let (low, high) = mesh.bounds_m().unwrap();
         let reach = (high - low).truncate().length();
         assert!((30.0..90.0).contains(&reach), "{reach}");

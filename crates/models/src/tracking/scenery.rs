@@ -15,12 +15,12 @@ const KEPT_S: f64 = 90.0;
 
 /// A map of scenery.
 #[derive(Clone, Debug, Default)]
-pub struct Background {
+pub struct Scenery {
     /// When each cell was last confirmed [s].
     cells: BTreeMap<[i32; 2], f64>,
 }
 
-impl Background {
+impl Scenery {
     fn cell(az_el_rad: DVec2) -> [i32; 2] {
         // Rows of equal height; columns as wide on the sky as the row is high.
         let row = (az_el_rad.y / CELL_RAD).floor();
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn what_stands_still_is_known_again_for_a_while() {
-        let mut map = Background::default();
+        let mut map = Scenery::default();
         let at = DVec2::new(0.7012, 0.0513);
         map.learn(at, 10.0);
         assert!(map.holds(at, 11.0) && map.holds(at + DVec2::splat(1e-3), 11.0));
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn the_map_stays_bounded() {
-        let mut map = Background::default();
+        let mut map = Scenery::default();
         for i in 0..3 * MOST_CELLS {
             map.learn(
                 DVec2::new(5e-3 * i as f64 % 3.0, 0.0003 * i as f64),
