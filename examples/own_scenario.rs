@@ -24,7 +24,9 @@ model = "phantom4"
 trajectory = {{ kind = "hover", position_enu_m = [0.0, {range_m:?}, 160.0] }}
 
 [search]
-cue = {{}}
+centre_azimuth_deg = 0.0
+width_deg = 60.0
+cue = {{ sigma_deg = 0.7 }}
 "#
     );
     Loaded::parse(text, "range.toml".into(), Vec::new())

@@ -64,3 +64,7 @@ pub use boresight_inference as inference;
 pub use boresight_models as models;
 pub use boresight_recording::{self as recording, media};
 pub use boresight_scenario as scenario;
+
+#[cfg(doctest)]
+#[doc = include_str!("../docs/rust.md")]
+struct Guide;

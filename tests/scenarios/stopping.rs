@@ -256,12 +256,12 @@ fn a_stopped_evaluation_keeps_what_it_has() {
     let begun = Instant::now();
     let mut command = boresight();
     let command = command
-        .args(["eval", "defence", "--seeds", "500", "--out"])
-        .arg(out("defence"));
+        .args(["eval", "tracking", "--only", "suite", "--out"])
+        .arg(out("tracking"));
     let (status, text) = broken_off(command, "INT", || begun.elapsed().as_secs() > 2);
     assert_eq!(status.code(), Some(130), "{text}");
     assert!(text.contains("the same command begins again"), "{text}");
-    assert!(!out("defence").join("defence.json").exists());
+    assert!(!out("tracking").join("tracking.json").exists());
     // Draws that are made are counted, and the next call goes on.
     let evaluate = |n: &str| {
         let mut command = boresight();

@@ -70,6 +70,7 @@ fn stage(to: &Path, first: &[PathBuf]) -> Result<BTreeSet<PathBuf>, Fault> {
                 let page = there.join("README.md");
                 let text = format!("# {}\n\n{list}", path.display());
                 fs::write(&page, text).map_err(|error| fault(&page, error))?;
+                known.insert(path.join("README.md"));
             } else {
                 waiting.push(path.join("README.md"));
             }
@@ -77,12 +78,22 @@ fn stage(to: &Path, first: &[PathBuf]) -> Result<BTreeSet<PathBuf>, Fault> {
         }
         let folder = there.parent().unwrap_or(to);
         fs::create_dir_all(folder).map_err(|error| fault(folder, error))?;
-        fs::copy(&from, &there).map_err(|error| fault(&from, error))?;
-        if path.extension().is_some_and(|end| end == "md") {
-            let text = fs::read_to_string(&from).map_err(|error| fault(&from, error))?;
-            let folder = path.parent().unwrap_or(Path::new(""));
-            waiting.extend(links(&text).iter().map(|link| plain(&folder.join(link))));
+        if path.extension().is_none_or(|end| end != "md") {
+            fs::copy(&from, &there).map_err(|error| fault(&from, error))?;
+            continue;
         }
+        let mut text = fs::read_to_string(&from).map_err(|error| fault(&from, error))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        for link in links(&text) {
+            let target = plain(&folder.join(&link));
+            if root().join(&target).is_dir() {
+                // A book has pages, no folders.
+                let page = format!("]({}/README.md)", link.trim_end_matches('/'));
+                text = text.replace(&format!("]({link})"), &page);
+            }
+            waiting.push(target);
+        }
+        fs::write(&there, text).map_err(|error| fault(&there, error))?;
     }
     Ok(known)
 }
@@ -110,14 +121,22 @@ fn summary(staged: &BTreeSet<PathBuf>) -> Result<String, Fault> {
         .filter(|path| !path.ends_with("SUMMARY.md"))
         .collect();
     if let Some(forgotten) = others.iter().find(|path| path.starts_with("docs")) {
-        return Err(format!("{CHAPTERS}: {} is no chapter; give it a line", forgotten.display()));
+        return Err(format!(
+            "{CHAPTERS}: {} is no chapter; give it a line",
+            forgotten.display()
+        ));
     }
     if !others.is_empty() {
         out += "\n# Beside the documents\n\n";
     }
     for path in others {
         let folder = path.parent().unwrap_or(Path::new("")).display().to_string();
-        let title = match path.file_stem().unwrap_or_default().to_string_lossy().as_ref() {
+        let title = match path
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .as_ref()
+        {
             "README" if !folder.is_empty() => folder,
             stem => stem.to_owned(),
         };
@@ -178,7 +197,9 @@ pub fn build() -> Result<(), Fault> {
         .collect();
     // A page that no chapter leads to is to be told, too.
     let pages = fs::read_dir(root().join("docs")).map_err(|error| fault(&root(), error))?;
-    let pages = pages.flatten().map(|entry| Path::new("docs").join(entry.file_name()));
+    let pages = pages
+        .flatten()
+        .map(|entry| Path::new("docs").join(entry.file_name()));
     first.extend(pages.filter(|path| path.extension().is_some_and(|end| end == "md")));
     let inner = source.join("src");
     let staged = stage(&inner, &first)?;
@@ -186,8 +207,9 @@ pub fn build() -> Result<(), Fault> {
     fs::write(&chapters, summary(&staged)?).map_err(|error| fault(&chapters, error))?;
     let settings = source.join("book.toml");
     let book = format!(
-        "[book]\ntitle = \"Boresight\"\nsrc = \"src\"\n[build]\nbuild-dir = \"{}\"\n\
-         [output.html]\nno-section-label = true\n",
+        "[book]\ntitle = \"Boresight\"\nsrc = \"src\"\n\
+         [build]\nbuild-dir = \"{}\"\nuse-default-preprocessors = false\n\
+         [output.html]\nno-section-label = true\n[output.html.print]\nenable = false\n",
         out.display()
     );
     fs::write(&settings, book).map_err(|error| fault(&settings, error))?;
@@ -195,7 +217,10 @@ pub fn build() -> Result<(), Fault> {
     built.map_err(|error| format!("the book: {error:#}"))?;
     let dead = dead(&out)?;
     if !dead.is_empty() {
-        return Err(format!("links of the book that lead nowhere:\n{}", dead.join("\n")));
+        return Err(format!(
+            "links of the book that lead nowhere:\n{}",
+            dead.join("\n")
+        ));
     }
     println!("{}", out.join("index.html").display());
     Ok(())
@@ -207,7 +232,8 @@ mod tests {
 
     #[test]
     fn links_stand_outside_of_code() {
-        let text = "[a](b.md#c) `[d](e.md)` ![f](g.jpg)\n```\n[h](i.md)\n```\n[j](https://k) [l](#m)";
+        let text =
+            "[a](b.md#c) `[d](e.md)` ![f](g.jpg)\n```\n[h](i.md)\n```\n[j](https://k) [l](#m)";
         assert_eq!(links(text), ["b.md", "g.jpg"]);
         assert_eq!(plain(Path::new("docs/../a/./b")), Path::new("a/b"));
     }

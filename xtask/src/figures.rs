@@ -132,7 +132,11 @@ pub fn stale() -> Result<(), Fault> {
             fresh += 1;
             continue;
         };
-        println!("{name}: of {}, {} changes since", series.commit, changes.len());
+        println!(
+            "{name}: of {}, {} changes since",
+            series.commit,
+            changes.len()
+        );
         println!("    newest: {newest}");
         println!("    renew:  {}", series.command);
     }
@@ -146,7 +150,10 @@ pub fn pictures() -> Result<(), Fault> {
     let there = |path: &str| Path::new(&root().join("docs").join(path)).exists();
     for (file, picture) in &data.pictures {
         let lost = if there(file) { "" } else { " (is not there)" };
-        println!("docs/{file}{lost}, of {}\n    {}", picture.commit, picture.command);
+        println!(
+            "docs/{file}{lost}, of {}\n    {}",
+            picture.commit, picture.command
+        );
     }
     Ok(())
 }
@@ -162,7 +169,15 @@ mod tests {
         let new = "of <!--figure a-->2.5<!--/--> px, | <!--figure b-->–<!--/--> |\n";
         assert_eq!(renewed(page, &values).unwrap(), new);
         assert_eq!(renewed(new, &values).unwrap(), new);
-        assert!(renewed("<!--figure c-->1<!--/-->", &values).unwrap_err().contains("'c'"));
-        assert!(renewed("<!--figure a-->1", &values).unwrap_err().contains("no end"));
+        assert!(
+            renewed("<!--figure c-->1<!--/-->", &values)
+                .unwrap_err()
+                .contains("'c'")
+        );
+        assert!(
+            renewed("<!--figure a-->1", &values)
+                .unwrap_err()
+                .contains("no end")
+        );
     }
 }

@@ -13,13 +13,41 @@ pub type Fault = String;
 type Task = (&'static str, &'static str, &'static str);
 
 const TASKS: [Task; 8] = [
-    ("test", "CRATE", "tests one crate without the engine: models, scenario, geodata, recording, inference, common"),
-    ("reference", "", "writes docs/scenarios.md and its schema anew, from the doc comments"),
-    ("book", "", "builds the documents as a book in out/book and checks its links"),
-    ("figures", "", "writes the values of docs/figures.toml into the pages that quote them"),
-    ("stale", "", "lists published figures that are older than the last change to what they depend on"),
-    ("pictures", "", "lists the documents' pictures and the commands that make them"),
-    ("peers", "", "measures Boresight beside its peers (benches/peers)"),
+    (
+        "test",
+        "CRATE",
+        "tests one crate without the engine: models, scenario, geodata, recording, inference, common",
+    ),
+    (
+        "reference",
+        "",
+        "writes docs/scenarios.md and its schema anew, from the doc comments",
+    ),
+    (
+        "book",
+        "",
+        "builds the documents as a book in out/book and checks its links",
+    ),
+    (
+        "figures",
+        "",
+        "writes the values of docs/figures.toml into the pages that quote them",
+    ),
+    (
+        "stale",
+        "",
+        "lists published figures that are older than the last change to what they depend on",
+    ),
+    (
+        "pictures",
+        "",
+        "lists the documents' pictures and the commands that make them",
+    ),
+    (
+        "peers",
+        "",
+        "measures Boresight beside its peers (benches/peers)",
+    ),
     ("bench", "[FILTER]", "runs the benches"),
 ];
 
@@ -64,7 +92,9 @@ fn task(name: &str, rest: &[String]) -> Result<(), Fault> {
         ("bench", [filter]) => cargo(&["bench", "--locked", "--", filter]),
         _ => {
             list();
-            Err(format!("no task '{name}' that takes this; the list above has them all"))
+            Err(format!(
+                "no task '{name}' that takes this; the list above has them all"
+            ))
         }
     }
 }

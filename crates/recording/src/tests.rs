@@ -6,7 +6,11 @@ use prost::Message as _;
 use prost_reflect::{DescriptorPool, Kind, MessageDescriptor};
 use serde_json::Value;
 
+use super::file::Mcap;
 use super::read::{ReadError, Recorded};
+use super::recorder::NS;
+use super::sink::Sink;
+use super::topics::channels;
 use super::*;
 
 const HZ: NonZeroU32 = NonZeroU32::new(960).unwrap(); // [Hz]
