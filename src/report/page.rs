@@ -3,12 +3,13 @@
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// The style of every page. Colours are after Okabe and Ito, which the colour-blind can tell apart; the dark page lightens the blue.
+/// The style of every page. Colours are after Okabe and Ito, which the colour-blind can tell apart; the dark page has those of
+/// [`boresight_common::palette`], as window and films have.
 pub(super) const STYLE: &str = "
 :root{color-scheme:light dark;--paper:#fff;--card:#f6f7f9;--ink:#16191d;--soft:#5a636e;--line:#d9dde3;
 --s0:#0072b2;--s1:#d55e00;--s2:#009e73;--good:#00795a;--bad:#b34700}
 @media(prefers-color-scheme:dark){:root{--paper:#12151a;--card:#1b2027;--ink:#e8ebef;--soft:#9aa5b1;
---line:#343c47;--s0:#56b4e9;--s1:#f0883e;--s2:#2fbf94;--good:#2fbf94;--bad:#f0883e}}
+--line:#343c47;--s0:#56b4e9;--s1:#f06e32;--s2:#2fbf94;--good:#2fbf94;--bad:#f06e32}}
 *{box-sizing:border-box}
 body{margin:0 auto;max-width:76rem;padding:1.5rem clamp(.8rem,3vw,2.5rem) 4rem;background:var(--paper);
 color:var(--ink);font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}

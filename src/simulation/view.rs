@@ -1,8 +1,9 @@
 //! What can be read of a run between two ticks. Nothing here can change it.
 
-use crate::components::beam::{BeamState, Dose, FireCommand};
+use crate::components::beam::{BeamPath, BeamState, Dose, FireCommand, LaserSource};
 use crate::components::capture::{
-    AutoExposure, Conditions, ExposedFrame, PixelRect, SensorCamera, StationCameras, UavInFrame,
+    AutoExposure, Conditions, ExposedFrame, PixelRect, Readout, SensorCamera, StationCameras,
+    UavInFrame,
 };
 use crate::components::control::{Controller, Radar};
 use crate::components::detect::DetectionQueue;
@@ -16,6 +17,7 @@ use crate::components::run::{Cast, RunEnd, SimClock};
 use crate::components::track;
 use crate::models::decision::tracker::{Tracker, TrackingState};
 use crate::models::flight::distractor::DistractorKind;
+use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
@@ -83,8 +85,9 @@ impl<'a> View<'a> {
                     &FireCommand,
                 )>()
                 .ok()?;
-            let (interlocks, queue, history, radar, controller, cameras) = parts
+            let (source, interlocks, queue, history, radar, controller, cameras) = parts
                 .get_components::<(
+                    &LaserSource,
                     &Interlocks,
                     &DetectionQueue,
                     &History,
@@ -104,6 +107,7 @@ impl<'a> View<'a> {
                 operator,
                 beam,
                 fire,
+                source,
                 interlocks,
                 queue,
                 history,
@@ -160,6 +164,7 @@ pub struct StationView<'a> {
     operator: &'a Operator,
     beam: &'a BeamState,
     fire: &'a FireCommand,
+    source: &'a LaserSource,
     interlocks: &'a Interlocks,
     queue: &'a DetectionQueue,
     history: &'a History,
@@ -206,6 +211,11 @@ impl<'a> StationView<'a> {
     /// What the beam did in the last tick.
     pub fn beam(&self) -> &'a BeamState {
         self.beam
+    }
+
+    /// The air between the laser and the UAV nearest to its axis, as it was last worked out.
+    pub fn beam_path(&self) -> Option<&'a BeamPath> {
+        self.source.path.as_ref()
     }
 
     /// Whether the laser is to emit in the next tick.
@@ -258,6 +268,11 @@ impl<'a> StationView<'a> {
         self.tracker.target_uav_probability()
     }
 
+    /// The operator's orders, those to come as well, and what of them is in force.
+    pub fn operator(&self) -> &'a Operator {
+        self.operator
+    }
+
     /// The operator's orders that have come due, each with what has come of it.
     pub fn orders(&self) -> impl Iterator<Item = (&'a Order, &'a Answer)> + use<'a> {
         self.operator.orders.iter().zip(&self.operator.answers)
@@ -291,6 +306,7 @@ impl<'a> StationView<'a> {
             frame: FrameView {
                 frame: &batch.frame,
             },
+            look: batch.look,
             detections: &batch.detections,
             best_scores: &batch.best_scores,
         })
@@ -301,13 +317,20 @@ impl<'a> StationView<'a> {
         let (world, clock) = (self.world, self.clock);
         self.cameras.entities().iter().filter_map(move |entity| {
             let parts = world.get_entity(*entity).ok()?;
-            let (camera, look, exposure, history) = parts
-                .get_components::<(&SensorCamera, &Look, &AutoExposure, &CameraHistory)>()
+            let (camera, look, readout, exposure, history) = parts
+                .get_components::<(
+                    &SensorCamera,
+                    &Look,
+                    &Readout,
+                    &AutoExposure,
+                    &CameraHistory,
+                )>()
                 .ok()?;
             Some(CameraView {
                 clock,
                 camera,
                 look,
+                readout: *readout,
                 exposure,
                 history,
             })
@@ -424,6 +447,7 @@ pub struct CameraView<'a> {
     clock: SimClock,
     camera: &'a SensorCamera,
     look: &'a Look,
+    readout: Readout,
     exposure: &'a AutoExposure,
     history: &'a CameraHistory,
 }
@@ -472,6 +496,11 @@ impl<'a> CameraView<'a> {
     /// The same as the station believes it.
     pub fn believed(&self) -> Pose {
         self.look.believed
+    }
+
+    /// What it reads at its next exposure: nothing, the whole sensor, or what is around the target.
+    pub fn readout(&self) -> Readout {
+        self.readout
     }
 
     /// Exposure time times gain [s]; none before the first exposure.
@@ -572,6 +601,8 @@ impl<'a> FrameView<'a> {
 pub struct Arrived<'a> {
     /// The frame that it is about.
     pub frame: FrameView<'a>,
+    /// The pixels in which the detector looked: offset and size on the sensor [px].
+    pub look: PixelRect,
     /// What was found, in pixels of the full sensor.
     pub detections: &'a [Detection],
     /// The best score given to anything near each object of the frame's truth, in its order, below the threshold too.
@@ -676,6 +707,11 @@ pub struct AirView<'a> {
 }
 
 impl<'a> AirView<'a> {
+    /// The city: heights of ground and roofs, buildings, trees.
+    pub fn city(&self) -> &'a City {
+        &self.environment.city
+    }
+
     /// Wind at 10 m, visibility, temperature and what falls.
     pub fn weather(&self) -> &'a crate::models::air::weather::Weather {
         &self.environment.weather

@@ -1,17 +1,10 @@
 //! The air on the beam's path.
 
-use crate::common::ROOT;
-use boresight::app::{self, Options};
-use boresight::components::beam::{BeamState, LaserSource};
-use boresight::components::engage::Interlocks;
-use boresight::components::run::SimClock;
-use boresight::scenario::Scenario;
-use std::path::Path;
+use crate::common::{scenario, station};
 
 /// The operator has the beam turned from one UAV to the other while both fly.
 #[test]
 fn the_air_on_the_beams_path_is_renewed_ten_times_a_second() {
-    let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
     let set = [
         "detector.kind=truth",
         "engage.authorised=false",
@@ -20,21 +13,17 @@ fn the_air_on_the_beams_path_is_renewed_ten_times_a_second() {
          velocity_enu_mps = [5.657, 5.657, 0] }",
         "operator=[{ t_s = 3.03, designate = 'far' }]",
     ];
-    let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
-    let mut app = app::build(&loaded, &Options::default()).unwrap();
-    let world = app.world_mut();
-    let mut stations = world.query::<(&LaserSource, &BeamState)>();
+    let mut run = scenario("crossing_pair", &set).open().unwrap();
     // Tick and UAV of every tick in which the air on the path was worked out.
     let mut renewed: Vec<(u64, usize)> = Vec::new();
     let mut before = None;
     for _ in 0..8 * 960 {
-        app::step(world).unwrap();
-        let tick = world.resource::<SimClock>().tick;
-        let (source, beam) = stations.single(world).unwrap();
-        let Some(aimed) = beam.aimed else {
+        run.step(1).unwrap();
+        let (tick, station) = (run.view().tick(), station(&run));
+        let Some(aimed) = station.beam().aimed else {
             continue;
         };
-        let path = source.path.unwrap();
+        let path = station.beam_path().unwrap();
         assert_eq!(path.index, aimed, "the air is that to another UAV");
         if before != Some(path.turbulence) {
             renewed.push((tick, aimed));
@@ -62,25 +51,19 @@ fn the_air_on_the_beams_path_is_renewed_ten_times_a_second() {
 /// Between roofs and hills the sky shows through gaps that a line of sight crosses within milliseconds.
 #[test]
 fn the_laser_waits_for_sky_that_stays() {
-    let path = Path::new(ROOT).join("scenarios/rooftops.toml");
-    let loaded = Scenario::load(&path, &["detector.kind=truth".into()]).unwrap();
-    let options = Options {
-        capture: false,
-        ..Options::default()
-    };
-    let mut app = app::build(&loaded, &options).unwrap();
-    let world = app.world_mut();
-    let mut stations = world.query::<(&BeamState, &Interlocks)>();
+    let builder = scenario("rooftops", &["detector.kind=truth"]);
+    let mut run = builder.open().unwrap();
     let (mut bursts, mut burst, mut gaps, mut cleared) = (Vec::new(), 0, 0, false);
     for _ in 0..12 * 960 {
-        app::step(world).unwrap();
-        let (beam, interlocks) = stations.single(world).unwrap();
+        run.step(1).unwrap();
+        let station = station(&run);
         // Sky behind the target now, and something solid a moment later.
-        let passing = interlocks.reasons == ["solid backstop ahead"];
+        let passing = station.interlocks() == ["solid backstop ahead"];
         gaps += usize::from(passing && !cleared);
         cleared = passing;
-        burst += usize::from(beam.firing);
-        if burst > 0 && !beam.firing {
+        let firing = station.beam().firing;
+        burst += usize::from(firing);
+        if burst > 0 && !firing {
             bursts.push(burst);
             burst = 0;
         }

@@ -3,6 +3,7 @@
 use bevy::prelude::{Component, World};
 use boresight::components::mount::first_station;
 use boresight::recording::proto;
+use boresight::simulation::{Builder, Simulation, StationView};
 use prost::Message as _;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -20,6 +21,21 @@ pub const BLIND: [&str; 3] = ["--set", "detector.kind=truth", "--no-capture"];
 pub fn rendering() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A shipped scenario with these values set, to be opened.
+pub fn scenario(name: &str, set: &[impl AsRef<str>]) -> Builder {
+    let path = Path::new(ROOT).join(format!("scenarios/{name}.toml"));
+    let values = set.iter().map(AsRef::as_ref);
+    values.fold(Simulation::builder(path), |builder, value| {
+        builder.set(value)
+    })
+}
+
+/// The first station of a run.
+pub fn station(run: &Simulation) -> StationView<'_> {
+    let mut stations = run.view().stations();
+    stations.next().expect("a run has a station")
 }
 
 /// What the first station has.

@@ -1,17 +1,16 @@
 //! One seed is one run, to the bit.
 
 use crate::common::{
-    BLIND, ROOT, Run, boresight, messages, of, on_display, read_with_python, rendering,
-    run_scenario, stderr, tick_hashes,
+    BLIND, ROOT, Run, boresight, messages, on_display, read_with_python, rendering, run_scenario,
+    scenario, station, stderr, tick_hashes,
 };
 use bevy::prelude::{Component, Without};
 use boresight::app::{self, Options};
-use boresight::components::capture::Frames;
-use boresight::components::detect::{DetectionBatch, DetectionQueue};
 use boresight::components::flight::{Distractor, Uav, UavStatus};
 use boresight::components::record::StateHash;
 use boresight::recording::proto;
 use boresight::scenario::Scenario;
+use boresight::simulation::Arrived;
 use prost::Message as _;
 use std::path::Path;
 use std::process::Stdio;
@@ -261,8 +260,7 @@ fn a_rendered_run_keeps_its_memory() {
 #[test]
 fn a_thread_for_the_network_changes_no_state() {
     let _one = rendering();
-    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
-    let overrides = [
+    let set = [
         "search.pattern=stare",
         "search.cue.sigma_deg=0.05",
         "station.cameras.coarse.readout=full",
@@ -270,29 +268,21 @@ fn a_thread_for_the_network_changes_no_state() {
         "detector.roi_px=160",
         "engage.authorised=false",
     ];
-    let loaded = Scenario::load(&path, &overrides.map(String::from)).unwrap();
     let run = |one_thread| {
         let options = Options {
             capture: true,
             one_thread,
             ..Options::default()
         };
-        let mut app = app::build(&loaded, &options).unwrap();
-        let world = app.world_mut();
+        let builder = scenario("urban_intercept", &set).options(options);
+        let mut run = builder.open().unwrap();
         let (mut hashes, mut regions) = (Vec::new(), 0);
-        for _ in 0..(2.5 * f64::from(loaded.scenario.tick_hz)) as u64 {
-            app::step(world).unwrap();
-            hashes.push(world.resource::<StateHash>().0);
-            let arrived = &of::<DetectionQueue>(world).arrived;
-            let region = |batch: &&DetectionBatch| batch.look.size_px == [160; 2];
-            regions += arrived.iter().filter(region).count();
-            assert!(
-                world
-                    .resource::<Frames>()
-                    .0
-                    .iter()
-                    .all(|f| f.rect.size_px == [640, 480])
-            );
+        for _ in 0..(2.5 * f64::from(run.view().tick_hz())) as u64 {
+            run.step(1).unwrap();
+            hashes.push(run.view().state_hash());
+            let region = |answer: &Arrived| answer.look.size_px == [160; 2];
+            regions += station(&run).arrived().filter(region).count();
+            assert!(run.frames().all(|f| f.rect().size_px == [640, 480]));
         }
         (hashes, regions)
     };

@@ -1,16 +1,14 @@
 //! What a user adds from outside: every example runs, and does what it says.
 
-use crate::common::{ROOT, boresight, messages, read_with_python, refused, rendering};
-use boresight::app::{self, Options};
+use crate::common::{ROOT, boresight, messages, read_with_python, refused, rendering, scenario};
 use boresight::components::capture::Tier;
-use boresight::components::control::PointingLaws;
 use boresight::components::flight::UavStatus;
 use boresight::components::operator::Answer;
 use boresight::models::control::law::{HandOver, PointingInput, PointingOutput};
 use boresight::models::control::pointing::PointingLaw;
 use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
 use boresight::models::optics::detection::Detection;
-use boresight::scenario::{DriveOrder, OrderConfig, Scenario};
+use boresight::scenario::{DriveOrder, OrderConfig};
 use boresight::simulation::{Simulation, What};
 use glam::DVec2;
 use serde_json::Value;
@@ -264,17 +262,10 @@ impl PointingLaw for Lost {
 
 #[test]
 fn a_law_that_is_unknown_or_returns_no_number_is_one_error() {
-    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     let start = |preset: &str| {
-        let set = [
-            "detector.kind=truth",
-            &format!("controller.preset={preset}"),
-        ];
-        let loaded = Scenario::load(&path, &set.map(String::from)).unwrap();
-        app::build_with(&loaded, &Options::default(), |app| {
-            let mut laws = app.world_mut().resource_mut::<PointingLaws>();
-            laws.add("lost", |_plant| Ok(Box::new(Lost)));
-        })
+        let preset = format!("controller.preset={preset}");
+        let builder = scenario("urban_intercept", &["detector.kind=truth", &preset]);
+        builder.law("lost", |_plant| Ok(Box::new(Lost))).open()
     };
     let unknown = start("tunde").err().unwrap().to_string();
     for wanted in [
@@ -286,9 +277,8 @@ fn a_law_that_is_unknown_or_returns_no_number_is_one_error() {
     ] {
         assert!(unknown.contains(wanted), "{unknown}");
     }
-    let mut app = start("lost").unwrap();
-    let fault = (0..960).find_map(|_| app::step(app.world_mut()).err());
-    let fault = fault.unwrap().to_string();
+    let mut run = start("lost").unwrap();
+    let fault = run.step(960).unwrap_err().to_string();
     for wanted in ["station 'station'", "law 'lost'", "NaN", "finite"] {
         assert!(fault.contains(wanted), "{fault}");
     }

@@ -1,6 +1,6 @@
 //! What flies, and what is taken for it.
 
-use crate::common::{BLIND, ROOT, boresight, messages, stderr};
+use crate::common::{BLIND, ROOT, boresight, messages, scenario, stderr};
 use boresight::app::{self, Options};
 use boresight::components::environment::Environment;
 use boresight::components::flight::{Flight, Uav, UavStatus};
@@ -9,13 +9,11 @@ use boresight::models::ground::city::{BuildingKind, City, CityParams, Roof};
 use boresight::models::maths::kinematics::GRAVITY_MPS2;
 use boresight::models::maths::polygon;
 use boresight::recording::proto;
-use boresight::report::summary;
 use boresight::scenario::{Scenario, catalogue};
 use glam::{DVec2, DVec3};
 use prost::Message as _;
 use serde_json::Value;
 use std::path::Path;
-use std::time::Duration;
 use tempfile::TempDir;
 
 /// Birds and balloons are in truth and recording, and neither end nor outlast a run.
@@ -287,18 +285,12 @@ fn a_crash_is_told_with_when_where_and_into_what() {
         "weather={ wind_speed_mps = 0 }".to_string(),
         format!("uavs=[{uavs}]"),
     ];
-    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
-    let loaded = Scenario::load(&path, &set).unwrap();
-    let options = Options::default();
-    let mut app = app::build(&loaded, &options).unwrap();
-    let world = app.world_mut();
-    while world.resource::<SimClock>().t_s() < 8.0 {
-        app::step(world).unwrap();
-    }
-    let finished = summary::finish(world, &loaded, &options, Duration::from_secs(1));
+    let mut run = scenario("urban_intercept", &set).open().unwrap();
+    run.run_until(8.0).unwrap();
+    let summary = run.summary().summary;
     let crash = |name: &str| {
-        let uavs = &finished.summary.uavs;
-        let uav = uavs.iter().find(|uav| uav.name == name).unwrap();
+        let uav = summary.uavs.iter().find(|uav| uav.name == name);
+        let uav = uav.unwrap();
         (uav.crash.clone().unwrap(), uav.why.clone().unwrap())
     };
     let (on_roof, why) = crash("roof");
@@ -324,8 +316,8 @@ fn a_crash_is_told_with_when_where_and_into_what() {
         crash("east").0.t_s
     );
     assert!(
-        finished.summary.reason.contains("roof flew into building"),
+        summary.reason.contains("roof flew into building"),
         "{}",
-        finished.summary.reason
+        summary.reason
     );
 }

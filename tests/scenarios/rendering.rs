@@ -1,6 +1,6 @@
 //! Rendered pictures against the truth.
 
-use crate::common::{ROOT, rendering};
+use crate::common::{ROOT, rendering, scenario};
 use bevy::light::cluster::GlobalClusterSettings;
 use boresight::app::{self, Options};
 use boresight::components::capture::Tier;
@@ -424,7 +424,6 @@ fn contrast(frame: &ExposedFrame, seen: &UavInFrame, silhouette_px2: f64) -> f64
 #[test]
 fn ordered_fog_is_seen_in_the_next_frame() {
     let _one = rendering();
-    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     // What a camera sets once by the light of the start would tell the runs apart.
     let own = [
         "detector.kind=truth",
@@ -432,20 +431,13 @@ fn ordered_fog_is_seen_in_the_next_frame() {
         "station.cameras.search.white_balance=daylight",
     ];
     let pictures = |set: &[&str]| -> Vec<Vec<u8>> {
-        let set: Vec<String> = own.iter().chain(set).map(ToString::to_string).collect();
-        let loaded = Scenario::load(&path, &set).unwrap();
-        let options = Options {
-            capture: true,
-            ..Options::default()
-        };
-        let mut app = app::build(&loaded, &options).unwrap();
-        let world = app.world_mut();
+        let builder = scenario("urban_intercept", &[&own, set].concat());
+        let mut run = builder.pictures(true).open().unwrap();
         let mut pictures = Vec::new();
-        for _ in 0..loaded.scenario.tick_hz / 10 {
-            app::step(world).unwrap();
-            let frames = world.resource::<Frames>().0.iter();
-            let search = frames.filter(|frame| frame.tier == Tier::Search);
-            pictures.extend(search.filter_map(|frame| Some(frame.rgb8.as_ref()?.to_vec())));
+        for _ in 0..run.view().tick_hz() / 10 {
+            run.step(1).unwrap();
+            let search = run.frames().filter(|frame| frame.tier() == Tier::Search);
+            pictures.extend(search.filter_map(|frame| Some(frame.rgb8()?.to_vec())));
         }
         pictures
     };

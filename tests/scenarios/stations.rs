@@ -1,10 +1,10 @@
 //! Several stations in one run.
 
-use crate::common::{BLIND, ROOT, Run, boresight, messages, refused, run_scenario, tick_hashes};
+use crate::common::{
+    BLIND, ROOT, Run, boresight, messages, refused, run_scenario, scenario, tick_hashes,
+};
 use bevy::prelude::*;
 use boresight::app::{self, Options};
-use boresight::components::beam::BeamState;
-use boresight::components::engage::Interlocks;
 use boresight::components::mount::Stations;
 use boresight::components::network::Tasking;
 use boresight::components::run::SimClock;
@@ -151,22 +151,16 @@ fn of_two_stations_one_engages_and_one_watches() {
 
 #[test]
 fn nobody_fires_across_another_station() {
-    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
     // Told by the network, the rear one would leave the UAV to the other.
     let alone = "network={ assignment = 'none' }";
-    let set = ["detector.kind=truth", HOVERS, BETWEEN, alone].map(String::from);
-    let loaded = Scenario::load(&path, &set).unwrap();
-    let mut app = app::build(&loaded, &Options::default()).unwrap();
-    let world = app.world_mut();
-    let [rear, front] = world.resource::<Stations>().0[..] else {
-        panic!("two stations")
-    };
+    let set = ["detector.kind=truth", HOVERS, BETWEEN, alone];
+    let mut run = scenario("urban_intercept", &set).open().unwrap();
     let mut refused_ticks = 0;
-    for _ in 0..4 * loaded.scenario.tick_hz {
-        app::step(world).unwrap();
-        let tracker: &Tracker = world.get(rear).unwrap();
-        let Interlocks { reasons, .. } = world.get(rear).unwrap();
-        if tracker.state == TrackingState::Engage && tracker.range_m.is_some() {
+    for _ in 0..4 * run.view().tick_hz() {
+        run.step(1).unwrap();
+        let rear = run.view().station("rear").unwrap();
+        if rear.state() == TrackingState::Engage && rear.tracker().range_m.is_some() {
+            let reasons = rear.interlocks();
             assert!(
                 reasons.contains(&"another station in the line of fire"),
                 "{reasons:?}"
@@ -175,9 +169,9 @@ fn nobody_fires_across_another_station() {
         }
     }
     assert!(refused_ticks > 960, "{refused_ticks}");
-    let energy_j = |station| world.get::<BeamState>(station).unwrap().energy_j;
-    assert_eq!(energy_j(rear), 0.0);
-    assert!(energy_j(front) > 0.0);
+    let energy_j = |name| run.view().station(name).unwrap().beam().energy_j;
+    assert_eq!(energy_j("rear"), 0.0);
+    assert!(energy_j("front") > 0.0);
 }
 
 #[test]

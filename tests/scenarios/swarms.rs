@@ -1,66 +1,54 @@
 //! Swarms: members, ways, collisions, evasion.
 
-use crate::common::{BLIND, boresight, refused, run_scenario};
-use boresight::app::{self, Options};
-use boresight::components::environment::Environment;
-use boresight::components::flight::{Air, Flight, Uav, UavStatus};
+use crate::common::{BLIND, boresight, refused, run_scenario, scenario};
+use boresight::components::flight::UavStatus;
 use boresight::models::ground::city::{City, CityParams};
 use boresight::models::ground::dsm::{Dsm, LineOfSight};
-use boresight::scenario::Scenario;
+use boresight::simulation::Simulation;
 use glam::{DVec2, DVec3};
-use std::path::Path;
 
-/// `urban_intercept` with these swarms in place of its UAV.
-fn swarm(text: &str, more: &[&str]) -> bevy::app::App {
+/// `urban_intercept` with these swarms in place of its UAV, and as long as any test lets it run.
+fn swarm(text: &str, more: &[&str]) -> Simulation {
     let set = [
         &[
             "detector.kind=truth",
+            "duration_s=200",
             "uavs=[]",
             "engage.authorised=false",
             text,
         ][..],
         more,
     ];
-    let set: Vec<String> = set.concat().into_iter().map(String::from).collect();
-    let path = Path::new("scenarios/urban_intercept.toml");
-    let loaded = Scenario::load(path, &set).unwrap();
-    app::build(&loaded, &Options::default()).unwrap()
+    let builder = scenario("urban_intercept", &set.concat());
+    builder.open().unwrap()
 }
 
-fn run_for(app: &mut bevy::app::App, seconds: f64) {
-    for _ in 0..(960.0 * seconds) as usize {
-        app::step(app.world_mut()).unwrap();
-    }
+fn run_for(run: &mut Simulation, seconds: f64) {
+    run.step((960.0 * seconds) as u64).unwrap();
 }
 
-fn members(app: &mut bevy::app::App) -> Vec<(DVec3, UavStatus)> {
-    let world = app.world_mut();
-    let mut uavs = world.query::<(&Uav, &Flight, &UavStatus)>();
-    let mut found: Vec<_> = (uavs.iter(world))
-        .map(|(uav, flight, status)| (uav.index, (flight.state.r_enu_m, *status)))
-        .collect();
-    // What falls has come to stand behind what flies.
-    found.sort_by_key(|(index, _)| *index);
-    found.into_iter().map(|(_, member)| member).collect()
+fn members(run: &Simulation) -> Vec<(DVec3, UavStatus)> {
+    let uavs = run.view().uavs();
+    uavs.map(|uav| (uav.r_enu_m(), uav.status())).collect()
 }
 
 #[test]
 fn a_flock_follows_the_roofs_and_keeps_apart() {
-    let mut app = swarm(
+    let mut run = swarm(
         "swarms=[{ name = 's', count = 40, models = ['fpv5', 'mavic2'], formation = 'grid', spacing_m = 12, \
          from = [{ azimuth_deg = 315, distance_m = 700, above_m = 40 }], to_enu_m = [0, 0, 60], \
          above_ground_m = 30, keep_formation = false }]",
         &[],
     );
-    let start = members(&mut app);
+    let start = members(&run);
     assert_eq!(start.len(), 40);
-    run_for(&mut app, 20.0);
-    let places = members(&mut app);
-    let environment = app.world().resource::<Environment>().clone();
+    run_for(&mut run, 20.0);
+    let places = members(&run);
+    let dsm = &run.view().air().city().dsm;
     let mut nearest_m = f64::INFINITY;
     for (index, (r_enu_m, status)) in places.iter().enumerate() {
         assert_eq!(*status, UavStatus::Flying, "member {index}");
-        let above_m = r_enu_m.z - environment.city.dsm.surface_m(r_enu_m.x, r_enu_m.y);
+        let above_m = r_enu_m.z - dsm.surface_m(r_enu_m.x, r_enu_m.y);
         assert!(above_m > 8.0, "member {index}: {above_m} m above the roofs");
         for (other, _) in &places[index + 1..] {
             nearest_m = nearest_m.min(r_enu_m.distance(*other));
@@ -77,27 +65,21 @@ fn a_flock_follows_the_roofs_and_keeps_apart() {
 #[test]
 fn what_meets_in_the_air_falls() {
     // Head on, from both sides of the same place.
-    let mut app = swarm(
+    let mut run = swarm(
         "uavs=[{ name = 'a', model = 'mavic2', trajectory = { kind = 'straight', start_enu_m = [-320, 300, 120], \
          velocity_enu_mps = [10, 0, 0] } }, { name = 'b', model = 'phantom4', trajectory = { kind = 'straight', \
          start_enu_m = [-280, 300, 120], velocity_enu_mps = [-10, 0, 0] } }, { name = 'c', model = 'phantom4', \
          trajectory = { kind = 'hover', position_enu_m = [-300, 320, 120] } }]",
         &[],
     );
-    run_for(&mut app, 3.0);
-    let statuses: Vec<UavStatus> = members(&mut app)
-        .iter()
-        .map(|(_, status)| *status)
-        .collect();
+    run_for(&mut run, 3.0);
+    let statuses: Vec<UavStatus> = members(&run).iter().map(|(_, status)| *status).collect();
     assert_eq!(
         statuses,
         [UavStatus::Struck, UavStatus::Struck, UavStatus::Flying]
     );
-    run_for(&mut app, 12.0);
-    let statuses: Vec<UavStatus> = members(&mut app)
-        .iter()
-        .map(|(_, status)| *status)
-        .collect();
+    run_for(&mut run, 12.0);
+    let statuses: Vec<UavStatus> = members(&run).iter().map(|(_, status)| *status).collect();
     assert_eq!(
         statuses,
         [UavStatus::Crashed, UavStatus::Crashed, UavStatus::Flying]
@@ -125,7 +107,7 @@ fn open_near(dsm: &Dsm, near_m: DVec2, radius_m: f64) -> DVec2 {
 
 #[test]
 fn neighbours_of_a_swarm_share_their_gusts() {
-    let mut app = swarm(
+    let mut run = swarm(
         "swarms=[{ name = 's', count = 4, models = ['mavic2'], formation = 'line', spacing_m = 8, \
          from = [{ azimuth_deg = 315, distance_m = 1500, above_m = 60 }, { azimuth_deg = 135, distance_m = 1500, above_m = 60 }], \
          to_enu_m = [0, 0, 60] }]",
@@ -134,17 +116,13 @@ fn neighbours_of_a_swarm_share_their_gusts() {
     // The first two come from the north-west, the others from the south-east.
     let (mut near, mut far, mut n) = (0.0, 0.0, 0.0);
     for tick in 0..960 * 40 {
-        app::step(app.world_mut()).unwrap();
+        run.step(1).unwrap();
         if tick % 96 != 0 {
             continue;
         }
-        let world = app.world_mut();
-        let mut winds = world.query::<(&Uav, &Air)>();
-        let mut winds: Vec<_> = (winds.iter(world))
-            .map(|(uav, air)| (uav.index, air.wind_enu_mps))
-            .collect();
-        winds.sort_by_key(|(index, _)| *index);
-        let apart = |a: usize, b: usize| (winds[a].1 - winds[b].1).length_squared();
+        let winds = run.view().uavs().map(|uav| uav.wind_enu_mps().unwrap());
+        let winds: Vec<DVec3> = winds.collect();
+        let apart = |a: usize, b: usize| (winds[a] - winds[b]).length_squared();
         near += apart(0, 1) + apart(2, 3);
         far += apart(0, 2) + apart(1, 3);
         n += 2.0;
@@ -159,14 +137,14 @@ fn neighbours_of_a_swarm_share_their_gusts() {
 
 #[test]
 fn groups_fly_apart_and_meet_again() {
-    let mut app = swarm(
+    let mut run = swarm(
         "swarms=[{ name = 's', count = 12, models = ['fpv5'], formation = 'line', spacing_m = 8, speed_mps = 15, \
          from = [{ azimuth_deg = 0, distance_m = 700, above_m = 60 }], to_enu_m = [0, 0, 80], keep_formation = false, \
          split = { bearings_deg = [-35, 35], at_m = 650, rejoin_m = 250 } }]",
         &[],
     );
-    let width_m = |app: &mut bevy::app::App| {
-        let members = members(app);
+    let width_m = |run: &Simulation| {
+        let members = members(run);
         assert!(
             members
                 .iter()
@@ -175,12 +153,12 @@ fn groups_fly_apart_and_meet_again() {
         let east = members.iter().map(|(r, _)| r.x);
         east.clone().fold(f64::NEG_INFINITY, f64::max) - east.fold(f64::INFINITY, f64::min)
     };
-    let start_m = width_m(&mut app);
+    let start_m = width_m(&run);
     // 50 m at 15 m/s, then 200 of 400 m at 12.3 m/s: 140 m to each side.
-    run_for(&mut app, 19.6);
-    let apart_m = width_m(&mut app);
-    run_for(&mut app, 19.0);
-    let again_m = width_m(&mut app);
+    run_for(&mut run, 19.6);
+    let apart_m = width_m(&run);
+    run_for(&mut run, 19.0);
+    let again_m = width_m(&run);
     println!("{start_m:.0} m wide, {apart_m:.0} m, {again_m:.0} m");
     assert!(apart_m > 250.0, "{apart_m} m");
     assert!(again_m < 1.3 * start_m, "{again_m} m of {start_m} m");
@@ -188,7 +166,7 @@ fn groups_fly_apart_and_meet_again() {
 
 #[test]
 fn a_low_approach_is_hidden_until_it_pops_up() {
-    let mut app = swarm(
+    let mut run = swarm(
         "swarms=[{ name = 's', count = 10, models = ['fpv5', 'mavic2'], formation = 'line', spacing_m = 12, \
          from = [{ azimuth_deg = 315, distance_m = 900, above_m = 30 }], to_enu_m = [0, 0, 60], keep_formation = false, \
          pop_up = { at_m = 350 } }]",
@@ -196,12 +174,12 @@ fn a_low_approach_is_hidden_until_it_pops_up() {
     );
     let (mut low, mut seen_low, mut high, mut seen_high) = (0, 0, 0, 0);
     for second in 0..60 {
-        run_for(&mut app, 1.0);
-        let environment = app.world().resource::<Environment>().clone();
-        for (index, (r_enu_m, status)) in members(&mut app).into_iter().enumerate() {
+        run_for(&mut run, 1.0);
+        let air = run.view().air();
+        for (index, (r_enu_m, status)) in members(&run).into_iter().enumerate() {
             assert_eq!(status, UavStatus::Flying, "member {index} after {second} s");
             let goal = DVec3::new(0.0, 0.0, 60.0);
-            let sight = environment.line_of_sight(goal, r_enu_m);
+            let sight = air.line_of_sight(goal, r_enu_m);
             let seen = usize::from(sight == LineOfSight::Clear);
             match r_enu_m.truncate().length() {
                 far if far > 360.0 => (low, seen_low) = (low + 1, seen_low + seen),
@@ -232,30 +210,30 @@ fn members_take_off_one_after_the_other_and_land() {
         to.x,
         to.y
     );
-    let mut app = swarm(&pads, &[]);
-    let count = |app: &mut bevy::app::App, wanted: UavStatus| {
-        members(app)
+    let mut run = swarm(&pads, &[]);
+    let count = |run: &Simulation, wanted: UavStatus| {
+        members(run)
             .iter()
             .filter(|(_, status)| *status == wanted)
             .count()
     };
-    let start = members(&mut app);
-    assert_eq!(count(&mut app, UavStatus::Landed), 6);
-    run_for(&mut app, 1.0);
-    assert_eq!(count(&mut app, UavStatus::Flying), 2);
-    let after = members(&mut app);
+    let start = members(&run);
+    assert_eq!(count(&run, UavStatus::Landed), 6);
+    run_for(&mut run, 1.0);
+    assert_eq!(count(&run, UavStatus::Flying), 2);
+    let after = members(&run);
     for (index, (now, before)) in after.iter().zip(&start).enumerate() {
         let risen_m = now.0.z - before.0.z;
         assert_eq!(index < 2, risen_m > 0.5, "member {index}: {risen_m} m");
         assert!(index < 2 || risen_m == 0.0, "member {index}: {risen_m} m");
     }
-    run_for(&mut app, 7.0);
-    assert_eq!(count(&mut app, UavStatus::Flying), 6);
+    run_for(&mut run, 7.0);
+    assert_eq!(count(&run, UavStatus::Flying), 6);
     let mut seconds = 8;
-    while count(&mut app, UavStatus::Landed) < 6 {
-        run_for(&mut app, 1.0);
+    while count(&run, UavStatus::Landed) < 6 {
+        run_for(&mut run, 1.0);
         seconds += 1;
-        let stuck = members(&mut app);
+        let stuck = members(&run);
         assert!(seconds < 150, "{stuck:?}");
         let whole = |(_, status): &(DVec3, UavStatus)| {
             matches!(status, UavStatus::Flying | UavStatus::Landed)
@@ -263,15 +241,15 @@ fn members_take_off_one_after_the_other_and_land() {
         assert!(stuck.iter().all(whole), "{stuck:?}");
     }
     println!("all have landed after {seconds} s");
-    let landed = members(&mut app);
+    let landed = members(&run);
     for (r_enu_m, _) in &landed {
         assert!((r_enu_m.truncate() - to).length() < 8.0, "{r_enu_m}");
         let legs_m = r_enu_m.z - city.dsm.surface_m(r_enu_m.x, r_enu_m.y);
         assert!((0.0..0.3).contains(&legs_m), "{legs_m} m");
     }
     // They rest.
-    run_for(&mut app, 2.0);
-    assert_eq!(members(&mut app), landed);
+    run_for(&mut run, 2.0);
+    assert_eq!(members(&run), landed);
 }
 
 #[test]
@@ -309,12 +287,16 @@ fn what_hits_a_wall_falls_down_it() {
             )
         })
         .collect();
-    let mut app = swarm(&format!("uavs=[{}]", uavs.join(", ")), &[]);
-    let mut before = members(&mut app);
+    // A fifth hovers: a run ends soon after the last has come down.
+    let goes_on = "{ name = 'high', model = 'mavic2', trajectory = { kind = 'hover', \
+                   position_enu_m = [0, 300, 200] } }";
+    let mut run = swarm(&format!("uavs=[{}, {goes_on}]", uavs.join(", ")), &[]);
+    let walled = |run: &Simulation| members(run)[..4].to_vec();
+    let mut before = walled(&run);
     let (mut hit, mut fallen_m) = ([None; 4], [0.0; 4]);
     for tick in 0..960 * 20 {
-        app::step(app.world_mut()).unwrap();
-        let now = members(&mut app);
+        run.step(1).unwrap();
+        let now = walled(&run);
         for (index, ((r_enu_m, status), (last_enu_m, _))) in now.iter().zip(&before).enumerate() {
             // Out of the wall at once, by no more than its own size and what the patch is off.
             let jump_m = r_enu_m.distance(*last_enu_m);

@@ -1,15 +1,12 @@
 //! Tracking against the truth.
 
-use crate::common::{BLIND, ROOT, messages, of, run_scenario};
+use crate::common::{BLIND, ROOT, messages, of, run_scenario, scenario, station};
 use bevy::ecs::schedule::ScheduleCleanupPolicy;
-use bevy::prelude::{App, IntoScheduleConfigs, Query, Res, World};
+use bevy::prelude::{IntoScheduleConfigs, Query, Res, World};
 use boresight::app::{self, Options};
-use boresight::components::beam::BeamState;
-use boresight::components::capture::{Readout, SensorCamera, Tier};
+use boresight::components::capture::{Readout, Tier};
 use boresight::components::control::SearchScan;
-use boresight::components::environment::Environment;
-use boresight::components::flight::{Air, Flight, Uav, UavStatus};
-use boresight::components::mount::{Mount, Optics};
+use boresight::components::flight::{Flight, UavStatus};
 use boresight::components::operator::{Answer, Command, Designation, Operator, Order};
 use boresight::components::record::StateHash;
 use boresight::components::run::{SimClock, Tick};
@@ -20,6 +17,7 @@ use boresight::models::ground::dsm::LineOfSight;
 use boresight::models::maths::kinematics::error_angles;
 use boresight::report::summary;
 use boresight::scenario::{GainsOrder, Scenario, WeatherOrder};
+use boresight::simulation::Simulation;
 use glam::DVec3;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -103,50 +101,39 @@ impl Watched {
 fn watched(name: &str, seed: u64, set: &[&str]) -> Watched {
     static CITY: LazyLock<Arc<City>> =
         LazyLock::new(|| Arc::new(City::generate(&CityParams::default()).unwrap()));
-    let path = Path::new(ROOT).join(format!("scenarios/{name}.toml"));
     let truth = ["detector.kind=truth", "engage.authorised=false"];
-    let set: Vec<String> = truth.iter().chain(set).map(ToString::to_string).collect();
-    let loaded = Scenario::load(&path, &set).unwrap();
+    let set = [&truth, set].concat();
     let options = Options {
         seed: Some(seed),
         city: Some(CITY.clone()),
         ..Options::default()
     };
     let started = Instant::now();
-    let mut app = app::build(&loaded, &options).unwrap();
-    let world = app.world_mut();
-    let mut station = world.query::<(&Mount, &Optics)>();
-    let mut flights = world.query::<(&Uav, &Flight)>();
+    let mut run = scenario(name, &set).options(options).open().unwrap();
     let mut moments = Vec::new();
-    loop {
-        let over = app::step(world).unwrap();
-        let clock = *world.resource::<SimClock>();
-        if clock.tick.is_multiple_of(u64::from(clock.tick_hz / 60)) {
-            let (mount, optics) = station.single(world).unwrap();
-            let mut flying: Vec<_> = flights.iter(world).collect();
-            flying.sort_unstable_by_key(|(uav, _)| uav.index);
-            let axis = optics.laser;
-            let off_rad = |(_, flight): &(&Uav, &Flight)| {
-                error_angles(axis.q_enu_cam, flight.aim_enu_m() - axis.r_enu_m).length()
-            };
-            let dsm = &world.resource::<Environment>().city.dsm;
-            let tracker = of::<Tracker>(world);
+    run.watch(|run| {
+        let view = run.view();
+        if view.tick().is_multiple_of(u64::from(view.tick_hz() / 60)) {
+            let (station, uavs) = (station(run), view.uavs());
+            let aims_enu_m: Vec<DVec3> = uavs.map(|uav| uav.aim_enu_m()).collect();
+            let mount = station.mount();
+            let axis = mount.laser;
+            let off_rad = |aim: &DVec3| error_angles(axis.q_enu_cam, *aim - axis.r_enu_m).length();
+            let dsm = &view.air().city().dsm;
             moments.push(Moment {
-                t_s: clock.t_s(),
-                state: tracker.state,
-                target: tracker.target,
-                off_rad: flying.iter().map(off_rad).collect(),
-                clear: dsm.line_of_sight(mount.r_enu_m, flying[0].1.aim_enu_m())
-                    == LineOfSight::Clear,
+                t_s: view.t_s(),
+                state: station.state(),
+                target: station.tracker().target,
+                off_rad: aims_enu_m.iter().map(off_rad).collect(),
+                clear: dsm.line_of_sight(mount.r_enu_m, aims_enu_m[0]) == LineOfSight::Clear,
             });
         }
-        if over {
-            break;
-        }
-    }
+        false
+    })
+    .unwrap();
     let watched = Watched {
         moments,
-        changes: of::<Tracker>(world).changes.clone(),
+        changes: station(&run).tracker().changes.clone(),
     };
     println!(
         "{name} {seed} {set:?}: {:.1} s",
@@ -284,16 +271,11 @@ fn a_session_in_the_window_is_repeated_by_its_orders() {
     let (untouched, none) = ordered(&set, &[], seconds);
     assert!(none.is_empty());
     // The tracks' identities as a run without orders shows them after three seconds.
-    let path = Path::new(ROOT).join("scenarios/crossing_pair.toml");
-    let loaded = Scenario::load(&path, &set).unwrap();
-    let mut app = app::build(&loaded, &Options::default()).unwrap();
-    for _ in 0..3 * loaded.scenario.tick_hz {
-        app::step(app.world_mut()).unwrap();
-    }
-    let tracker = of::<Tracker>(app.world());
-    let target = tracker.target.unwrap();
-    let other = tracker.table.tracks.iter().find(|track| track.id != target);
-    let other = other.expect("both UAVs have tracks").id;
+    let mut run = scenario("crossing_pair", &set).open().unwrap();
+    run.run_until(3.0).unwrap();
+    let target = station(&run).target().unwrap().id();
+    let other = station(&run).tracks().find(|track| track.id() != target);
+    let other = other.expect("both UAVs have tracks").id();
     let given = [
         (3.0, Command::Target(Designation::Track(target))),
         (3.5, Command::Target(Designation::Track(9_999))),
@@ -407,27 +389,25 @@ fn an_order_is_answered() {
 }
 
 /// `urban_intercept`, blind, with its UAV hovering in the sector and these settings, after so many seconds.
-fn hovering(set: &[&str], seconds: u32) -> App {
-    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
+fn hovering(set: &[&str], seconds: u32) -> Simulation {
     let own = [
         "detector.kind=truth",
         "uavs.0.trajectory={ kind = 'hover', position_enu_m = [-495, 495, 118] }",
     ];
-    let set: Vec<String> = own.iter().chain(set).map(ToString::to_string).collect();
-    let loaded = Scenario::load(&path, &set).unwrap();
-    let mut app = app::build(&loaded, &Options::default()).unwrap();
-    for _ in 0..seconds * loaded.scenario.tick_hz {
-        app::step(app.world_mut()).unwrap();
-    }
-    app
+    let builder = scenario("urban_intercept", &[&own, set].concat());
+    let mut run = builder.open().unwrap();
+    run.run_until(f64::from(seconds)).unwrap();
+    run
 }
 
 #[test]
 fn an_order_to_hold_fire_keeps_a_uav_alive() {
     let status = |set: &[&str]| {
-        let mut app = hovering(set, 12);
-        let world = app.world_mut();
-        *world.query::<&UavStatus>().single(world).unwrap()
+        let run = hovering(set, 12);
+        let [uav] = run.view().uavs().collect::<Vec<_>>()[..] else {
+            panic!("one UAV")
+        };
+        uav.status()
     };
     let (ordered, given) = (
         "operator=[{ t_s = 1.0, fire = false }]",
@@ -448,9 +428,9 @@ fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
     let south = "search={ centre_azimuth_deg = 135, elevation_deg = 5.8 }";
     let held = "engage.authorised=false";
     let target = |set: &[&str]| {
-        let app = hovering(set, 8);
-        let tracker = of::<Tracker>(app.world()).clone();
-        (tracker.state, tracker.changes.clone())
+        let run = hovering(set, 8);
+        let station = station(&run);
+        (station.state(), station.tracker().changes.clone())
     };
     let (state, changes) = target(&[south]);
     assert_eq!(state, TrackingState::Search, "{changes:?}");
@@ -459,36 +439,33 @@ fn a_slew_by_hand_finds_a_uav_outside_the_sector() {
     assert!(state.holds(Tier::Precise), "{changes:?}");
     // A designation that waits for its track is no hindrance, and is carried out once there is one.
     let both = slew.replace("[{", "[{ t_s = 0.2, designate = 'intruder' }, {");
-    let app = hovering(&[south, held, &both], 8);
-    let (tracker, operator) = (of::<Tracker>(app.world()), of::<Operator>(app.world()));
+    let run = hovering(&[south, held, &both], 8);
+    let (tracker, operator) = (station(&run).tracker(), station(&run).operator());
     assert!(tracker.designated, "{:?}", tracker.changes);
     assert_eq!((operator.waiting, operator.slew_rad), (None, None));
     // Slewed away from its target it looks elsewhere, and takes up nothing there, until it is released.
     let away = "operator=[{ t_s = 5.0, slew_deg = [135, 6] }, { t_s = 10.0 }]";
-    let app = hovering(&[held, away], 9);
-    assert_eq!(of::<Tracker>(app.world()).state, TrackingState::Search);
-    let az_rad = of::<Mount>(app.world()).measured_az_el_rad().x;
+    let run = hovering(&[held, away], 9);
+    assert_eq!(station(&run).state(), TrackingState::Search);
+    let az_rad = station(&run).mount().measured_az_el_rad.x;
     assert!((az_rad.to_degrees() - 135.0).abs() < 3.0, "{az_rad}");
-    let app = hovering(&[held, away], 15);
-    assert!(of::<Tracker>(app.world()).target.is_some());
+    let run = hovering(&[held, away], 15);
+    assert!(station(&run).tracker().target.is_some());
 }
 
 /// Frames that the precise camera reads in the fifth second of a hover at this time of day, held fire.
 fn precise_frames(time_utc: &str) -> usize {
     let time = format!("time_utc={time_utc}");
-    let mut app = hovering(&["engage.authorised=false", &time], 4);
-    assert!(of::<Tracker>(app.world()).state.holds(Tier::Precise));
-    let world = app.world_mut();
-    let mut cameras = world.query::<(&SensorCamera, &Readout)>();
-    let ticks_per_s = world.resource::<SimClock>().tick / 4;
+    let mut run = hovering(&["engage.authorised=false", &time], 4);
+    assert!(station(&run).state().holds(Tier::Precise));
+    let ticks_per_s = run.view().tick() / 4;
     let mut read = 0;
     for _ in 0..ticks_per_s {
-        app::step(world).unwrap();
-        let tick = world.resource::<SimClock>().tick;
-        read += (cameras.iter(world))
-            .filter(|(camera, _)| camera.tier == Tier::Precise)
-            .filter(|(camera, _)| tick.is_multiple_of(camera.period_ticks))
-            .filter(|(_, readout)| **readout != Readout::Off)
+        run.step(1).unwrap();
+        let tick = run.view().tick();
+        read += (station(&run).cameras())
+            .filter(|camera| camera.tier() == Tier::Precise && camera.exposes_at(tick))
+            .filter(|camera| camera.readout() != Readout::Off)
             .count();
     }
     read
@@ -507,14 +484,15 @@ fn an_ordered_wind_and_fog_are_there_from_the_next_tick_on() {
                  visibility_m = 300 } }]";
     let calm = "weather={ wind_speed_mps = 0 }";
     let drift = |set: &[&str]| {
-        let mut app = hovering(set, 3);
-        let world = app.world_mut();
-        let [transmittance, visibility_m] = [
-            of::<BeamState>(world).transmittance,
-            world.resource::<Environment>().weather.visibility_m,
-        ];
-        let air = world.query::<&Air>().single(world).unwrap();
-        (air.wind_enu_mps, transmittance, visibility_m)
+        let run = hovering(set, 3);
+        let [uav] = run.view().uavs().collect::<Vec<_>>()[..] else {
+            panic!("one UAV")
+        };
+        (
+            uav.wind_enu_mps().unwrap(),
+            station(&run).beam().transmittance,
+            run.view().air().weather().visibility_m,
+        )
     };
     let (still, clear, _) = drift(&[calm]);
     let (blown, fog, visibility_m) = drift(&[calm, order]);
@@ -528,20 +506,8 @@ fn an_ordered_wind_and_fog_are_there_from_the_next_tick_on() {
 /// What the station knows of the target's range after some seconds of `urban_intercept`, its UAV hovering
 /// 700 m away, and whether the range finder ever answered.
 fn ranged(set: &[&str], seconds: u32) -> (Option<f64>, bool) {
-    let path = Path::new(ROOT).join("scenarios/urban_intercept.toml");
-    let own = [
-        "detector.kind=truth",
-        "engage.authorised=false",
-        "uavs.0.trajectory={ kind = 'hover', position_enu_m = [-495, 495, 118] }",
-    ];
-    let set: Vec<String> = own.iter().chain(set).map(ToString::to_string).collect();
-    let loaded = Scenario::load(&path, &set).unwrap();
-    let mut app = app::build(&loaded, &Options::default()).unwrap();
-    let world = app.world_mut();
-    for _ in 0..seconds * loaded.scenario.tick_hz {
-        app::step(world).unwrap();
-    }
-    let tracker = of::<Tracker>(world);
+    let run = hovering(&[&["engage.authorised=false"], set].concat(), seconds);
+    let tracker = station(&run).tracker();
     assert!(tracker.state.holds(Tier::Precise), "{:?}", tracker.changes);
     (tracker.range_m, tracker.lased)
 }
@@ -631,8 +597,7 @@ fn a_gaze_that_was_left_is_begun_anew() {
         let scan = of::<SearchScan>(world);
         (tick, scan.index, scan.settled_since)
     };
-    let searches =
-        |world: &bevy::prelude::World| of::<Tracker>(world).state == TrackingState::Search;
+    let searches = |world: &World| of::<Tracker>(world).state == TrackingState::Search;
     while searches(world) {
         app::step(world).unwrap();
         at(world);

@@ -3,6 +3,7 @@
 pub mod data;
 pub mod jpeg;
 pub mod output;
+pub mod palette;
 pub mod parallel;
 pub mod progress;
 pub mod stop;

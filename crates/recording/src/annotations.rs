@@ -45,57 +45,57 @@ pub(crate) fn annotations(
     boxes: &[BoxAnnotation],
     reticle_px: [f64; 2],
 ) -> ImageAnnotations {
-        let mut message = ImageAnnotations {
-            timestamp,
-            ..Default::default()
-        };
-        let mut boxes: Vec<&BoxAnnotation> = boxes.iter().collect();
-        // What is drawn later covers what was drawn before.
-        boxes.sort_by(|a, b| b.weak.cmp(&a.weak).then(a.score.total_cmp(&b.score)));
-        for annotation in boxes {
-            let [x0, y0, x1, y1] = annotation.rect_px;
-            let outline = if annotation.weak { WEAK } else { STRONG };
-            message.points.push(fg::PointsAnnotation {
-                timestamp,
-                r#type: points_annotation::Type::LineLoop.into(),
-                points: [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(point2).into(),
-                outline_color: Some(colour(outline)),
-                thickness: 1.0, // [px]
-                metadata: annotation.metadata(),
-                ..Default::default()
-            });
-            // A text of what does not count would lie on those of what does.
-            if !annotation.weak {
-                message.texts.push(fg::TextAnnotation {
-                    timestamp,
-                    position: Some(point2([x0, y0 - 2.0])),
-                    text: annotation.label.to_owned(),
-                    font_size: 12.0, // [px]
-                    text_color: Some(colour(outline)),
-                    ..Default::default()
-                });
-            }
-        }
-        let [x, y] = reticle_px;
-        // A cross with an open centre, so that it never hides a target of a few pixels.
-        const ARMS_PX: [[f64; 2]; 8] = [
-            [-16.0, 0.0],
-            [-6.0, 0.0],
-            [6.0, 0.0],
-            [16.0, 0.0],
-            [0.0, -16.0],
-            [0.0, -6.0],
-            [0.0, 6.0],
-            [0.0, 16.0],
-        ];
+    let mut message = ImageAnnotations {
+        timestamp,
+        ..Default::default()
+    };
+    let mut boxes: Vec<&BoxAnnotation> = boxes.iter().collect();
+    // What is drawn later covers what was drawn before.
+    boxes.sort_by(|a, b| b.weak.cmp(&a.weak).then(a.score.total_cmp(&b.score)));
+    for annotation in boxes {
+        let [x0, y0, x1, y1] = annotation.rect_px;
+        let outline = if annotation.weak { WEAK } else { STRONG };
         message.points.push(fg::PointsAnnotation {
             timestamp,
-            r#type: points_annotation::Type::LineList.into(),
-            points: ARMS_PX.map(|[dx, dy]| point2([x + dx, y + dy])).into(),
-            outline_color: Some(colour([1.0, 1.0, 1.0, 0.8])),
+            r#type: points_annotation::Type::LineLoop.into(),
+            points: [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(point2).into(),
+            outline_color: Some(colour(outline)),
             thickness: 1.0, // [px]
+            metadata: annotation.metadata(),
             ..Default::default()
         });
+        // A text of what does not count would lie on those of what does.
+        if !annotation.weak {
+            message.texts.push(fg::TextAnnotation {
+                timestamp,
+                position: Some(point2([x0, y0 - 2.0])),
+                text: annotation.label.to_owned(),
+                font_size: 12.0, // [px]
+                text_color: Some(colour(outline)),
+                ..Default::default()
+            });
+        }
+    }
+    let [x, y] = reticle_px;
+    // A cross with an open centre, so that it never hides a target of a few pixels.
+    const ARMS_PX: [[f64; 2]; 8] = [
+        [-16.0, 0.0],
+        [-6.0, 0.0],
+        [6.0, 0.0],
+        [16.0, 0.0],
+        [0.0, -16.0],
+        [0.0, -6.0],
+        [0.0, 6.0],
+        [0.0, 16.0],
+    ];
+    message.points.push(fg::PointsAnnotation {
+        timestamp,
+        r#type: points_annotation::Type::LineList.into(),
+        points: ARMS_PX.map(|[dx, dy]| point2([x + dx, y + dy])).into(),
+        outline_color: Some(colour([1.0, 1.0, 1.0, 0.8])),
+        thickness: 1.0, // [px]
+        ..Default::default()
+    });
     message
 }
 

@@ -99,7 +99,12 @@ impl Mcap {
         })
     }
 
-    pub(crate) fn write(&mut self, channel: usize, log_time: u64, message: &[u8]) -> Result<(), McapError> {
+    pub(crate) fn write(
+        &mut self,
+        channel: usize,
+        log_time: u64,
+        message: &[u8],
+    ) -> Result<(), McapError> {
         let (channel_id, sequence) = &mut self.channels[channel];
         let header = MessageHeader {
             channel_id: *channel_id,

@@ -1,8 +1,6 @@
 //! What is drawn in three dimensions: frames, and the shapes of the scene.
 
-use foxglove::messages::{
-    self as fg, Color, Point3, Pose, Quaternion, Vector3, line_primitive,
-};
+use foxglove::messages::{self as fg, Color, Point3, Pose, Quaternion, Vector3, line_primitive};
 
 /// The pose of `child` in `parent`.
 #[derive(Clone, Copy, Debug)]

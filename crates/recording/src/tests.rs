@@ -1,7 +1,13 @@
-use std::{fs, mem};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::mem;
+use std::num::NonZeroU32;
+use std::path::Path;
+use std::sync::Arc;
 
 use foxglove::messages as fg;
-use mcap::{MessageStream, Summary, read::Options};
+use mcap::{MessageStream, Summary, WriteOptions, read::Options, write::NoSeek};
 use prost::Message as _;
 use prost_reflect::{DescriptorPool, Kind, MessageDescriptor};
 use serde_json::Value;

@@ -2,18 +2,24 @@
 
 use crate::components::flight::UavStatus;
 use bevy_egui::egui::{self, Align2, Color32, FontId, Pos2, vec2};
+use boresight_common::palette;
 
-pub const GREEN: Color32 = Color32::from_rgb(60, 220, 150);
-pub const AMBER: Color32 = Color32::from_rgb(255, 190, 70);
-pub const RED: Color32 = Color32::from_rgb(255, 70, 60);
+pub const GREEN: Color32 = of(palette::GOOD);
+pub const AMBER: Color32 = of(palette::FLYING);
+pub const RED: Color32 = of(palette::BAD);
 pub const GREY: Color32 = Color32::from_rgb(165, 170, 180);
 pub const DARK: Color32 = Color32::from_rgba_premultiplied(10, 12, 16, 235);
+
+/// A colour of films and pages, too.
+const fn of([red, green, blue]: palette::Colour) -> Color32 {
+    Color32::from_rgb(red, green, blue)
+}
 
 /// Colours of two recordings: marks, names and curves.
 pub fn source_colour(source: usize) -> Color32 {
     match source {
         0 => AMBER,
-        _ => Color32::from_rgb(110, 190, 255),
+        _ => of(palette::SECOND),
     }
 }
 
@@ -23,14 +29,14 @@ pub fn line_colour(source: usize, number: usize) -> Color32 {
     const LINES: [[[u8; 3]; 6]; 2] = [
         [
             [255, 190, 70],
-            [255, 105, 80],
+            [240, 110, 50],
             [205, 225, 90],
             [245, 140, 200],
             [205, 150, 110],
             [255, 240, 170],
         ],
         [
-            [110, 190, 255],
+            [86, 180, 233],
             [175, 140, 255],
             [80, 225, 205],
             [205, 215, 255],

@@ -294,8 +294,8 @@ impl Situation<'_> {
             }
             conduct.flown |= conduct.moving_s >= FLOWN_S;
             // A UAV may hover in the sky; before a wood or a wall what never flew is part of it.
-            let scenery = !conduct.in_sky || doubted;
-            if !conduct.flown && conduct.still_s >= LEARNED_S && scenery {
+            let part_of_it = !conduct.in_sky || doubted;
+            if !conduct.flown && conduct.still_s >= LEARNED_S && part_of_it {
                 conduct.in_scenery = true;
                 scenery.learn(at, t_s);
             } else if conduct.in_sky && !doubted {

@@ -51,9 +51,9 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tracking::cartesian::Bearing;
     use crate::maths::kinematics::los_to_az_el;
     use crate::maths::rng::Stream;
+    use crate::tracking::cartesian::Bearing;
     use glam::{DVec2, DVec3};
     use std::collections::BTreeSet;
 

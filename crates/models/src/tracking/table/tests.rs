@@ -1,6 +1,12 @@
+use super::belief::PART_OF_AIRCRAFT;
 use super::*;
+use crate::ground::dsm::Dsm;
+use crate::maths::kinematics::los_to_az_el;
 use crate::maths::rng::Stream;
-use crate::tracking::evidence::ScoreModel;
+use crate::optics::tier::Tier;
+use crate::tracking::evidence::{EvidenceParams, ScoreModel};
+use crate::tracking::recognition::Recognition;
+use glam::{DVec2, DVec3};
 
 fn sighting(az: f64, el: f64) -> Sighting {
     Sighting {

@@ -1,0 +1,212 @@
+//! A film's map from above, north up: buildings, stations with their beams, UAVs with the way they came.
+
+use super::canvas::{Canvas, Ink};
+use super::{CELL_PX, FilmError, SMALL_PX, labels_of};
+use crate::timeline::Timeline;
+use boresight_common::palette::{BAD, CARD, Colour, FLYING, GOOD, INK, LINE, SOFT};
+use glam::DVec3;
+
+/// Colour of roofs.
+const ROOF: Colour = [43, 50, 60];
+/// How long a UAV's way stays on the map [s], and how often it is taken [Hz].
+const TRAIL_S: f64 = 10.0;
+const TRAIL_HZ: f64 = 5.0;
+
+/// The map of a recording.
+pub struct Map {
+    /// Middle [m, east and north], and pixels to a metre.
+    middle_m: [f64; 2],
+    scale: f64,
+    /// What does not move.
+    ground: Canvas,
+}
+
+impl Map {
+    /// One that holds all that flies, and the stations.
+    pub fn of(timeline: &Timeline) -> Result<Self, FilmError> {
+        let series = timeline.uavs.iter().map(|(_, series)| series.entries());
+        let flown = series.flat_map(|entries| entries.iter().map(|(_, uav)| uav.r_enu_m));
+        let stations = timeline.stations.iter();
+        let stations = stations.filter_map(|station| timeline.r_enu_m(station));
+        let all: Vec<DVec3> = flown.chain(stations).collect();
+        let span = |axis: usize| {
+            let values = all.iter().map(|at| at[axis]);
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+                (l.min(v), h.max(v))
+            });
+            if low <= high { (low, high) } else { (0.0, 0.0) }
+        };
+        let (east, north) = (span(0), span(1));
+        let fits = |(low, high): (f64, f64), px: u32| 0.85 * f64::from(px) / (high - low).max(50.0);
+        let mut map = Self {
+            middle_m: [0.5 * (east.0 + east.1), 0.5 * (north.0 + north.1)],
+            scale: fits(east, CELL_PX[0]).min(fits(north, CELL_PX[1])),
+            ground: Canvas::new(CELL_PX, CARD)?,
+        };
+        map.build(timeline);
+        Ok(map)
+    }
+
+    /// Draws the buildings, circles of range about the stations, the scale and where north is.
+    fn build(&mut self, timeline: &Timeline) {
+        for corners_m in &timeline.buildings {
+            let corners = corners_m.map(|corner| self.px(corner.to_array()));
+            self.ground.fill(&corners, ROOF);
+            self.ground.outline(&corners, 1.0, LINE);
+        }
+        let metres = 10f64.powf((0.3 * f64::from(CELL_PX[0]) / self.scale).log10().floor());
+        for station in &timeline.stations {
+            if let Some(r_enu_m) = timeline.r_enu_m(station) {
+                let px = self.px([r_enu_m.x, r_enu_m.y]);
+                for ring in 1..=4 {
+                    let radius_px = f64::from(ring) * metres * self.scale;
+                    let at = |step: u32| {
+                        let (sine, cosine) = (f64::from(step) * 0.1).sin_cos();
+                        [px[0] + radius_px * cosine, px[1] + radius_px * sine]
+                    };
+                    let circle: Vec<[f64; 2]> = (0..63).map(at).collect();
+                    self.ground.outline(&circle, 1.0, Ink(SOFT, 0.25));
+                }
+            }
+        }
+        let [y, x] = [CELL_PX[1] - 14, 12].map(f64::from);
+        let scale = [[x, y], [x + metres * self.scale, y]];
+        self.ground.line(&scale, 2.0, INK);
+        let place = [x, y - 20.0];
+        self.ground
+            .words(place, SMALL_PX, &format!("{metres:.0} m"), SOFT);
+        let [x, top, foot] = [f64::from(CELL_PX[0]) - 20.0, 12.0, 44.0];
+        self.ground.line(&[[x, foot], [x, top]], 2.0, INK);
+        let head = [[x - 5.0, top + 9.0], [x, top], [x + 5.0, top + 9.0]];
+        self.ground.line(&head, 2.0, INK);
+        self.ground.words([x - 5.0, 48.0], SMALL_PX, "N", INK);
+    }
+
+    fn px(&self, [east_m, north_m]: [f64; 2]) -> [f64; 2] {
+        [
+            0.5 * f64::from(CELL_PX[0]) + self.scale * (east_m - self.middle_m[0]),
+            0.5 * f64::from(CELL_PX[1]) - self.scale * (north_m - self.middle_m[1]),
+        ]
+    }
+
+    /// The map at a tick.
+    pub fn draw(&self, timeline: &Timeline, tick: u64) -> Canvas {
+        let mut cell = self.ground.clone();
+        let mut named: Vec<(&str, [f64; 2], Colour)> = Vec::new();
+        for station in &timeline.stations {
+            let Some(r_enu_m) = timeline.r_enu_m(station) else {
+                continue;
+            };
+            let px = self.px([r_enu_m.x, r_enu_m.y]);
+            if let Some(mount) = station.mount.at(tick) {
+                let far = f64::from(CELL_PX[0]);
+                let end = [
+                    px[0] + far * mount.azimuth_rad.sin(),
+                    px[1] - far * mount.azimuth_rad.cos(),
+                ];
+                match station.fires(tick) {
+                    true => cell.line(&[px, end], 2.0, BAD),
+                    false => cell.line(&[px, end], 1.0, Ink(SOFT, 0.6)),
+                }
+            }
+            cell.dot(px, 5.0, INK);
+            named.push((&station.name, px, INK));
+        }
+        let t_s = timeline.t_s(tick);
+        let steps = (TRAIL_S * TRAIL_HZ) as u32;
+        let back = |step: u32| t_s - f64::from(step) / TRAIL_HZ;
+        let times: Vec<f64> = (0..=steps)
+            .map(back)
+            .take_while(|t_s| *t_s >= 0.0)
+            .collect();
+        for (name, series) in &timeline.uavs {
+            let Some(uav) = series.at(tick) else {
+                continue;
+            };
+            let colour = match &*uav.status {
+                "flying" => FLYING,
+                "falling" | "down" => GOOD,
+                _ => SOFT,
+            };
+            let way: Vec<[f64; 2]> = (times.iter())
+                .filter_map(|t_s| series.at(timeline.tick_at(*t_s)))
+                .map(|uav| self.px([uav.r_enu_m.x, uav.r_enu_m.y]))
+                .collect();
+            cell.line(&way, 1.5, Ink(colour, 0.45));
+            let px = self.px([uav.r_enu_m.x, uav.r_enu_m.y]);
+            cell.dot(px, 4.0, colour);
+            named.push((name, px, colour));
+        }
+        let around = |[x, y]: [f64; 2]| [x - 6.0, y - 6.0, x + 6.0, y + 6.0];
+        let boxes: Vec<[f64; 4]> = named.iter().map(|(_, px, _)| around(*px)).collect();
+        let names = named.iter().map(|(name, ..)| *name);
+        let places = labels_of(&cell, names, &boxes, 1.0);
+        for ((name, _, colour), place) in named.iter().zip(places) {
+            if let Some(place) = place {
+                cell.words(place, SMALL_PX, name, *colour);
+            }
+        }
+        cell
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::timeline::{Series, UavAt};
+    use glam::{DQuat, DVec2};
+    use image::{RgbImage, imageops};
+
+    fn count(picture: &RgbImage, colour: Colour) -> usize {
+        picture.pixels().filter(|pixel| pixel.0 == colour).count()
+    }
+
+    #[test]
+    fn a_map_has_buildings_names_and_north() {
+        let at = |x: f64, y: f64| UavAt {
+            r_enu_m: DVec3::new(x, y, 50.0),
+            q_enu_body: DQuat::IDENTITY,
+            skin_k: 280.0,
+            status: "flying".into(),
+        };
+        let flown = |x: f64, y: f64| Series::from_iter([(0, at(x, y))]);
+        let bare = Timeline {
+            tick_hz: 960,
+            last_tick: 1,
+            uavs: vec![
+                (String::new(), flown(-100.0, -75.0)),
+                (String::new(), flown(100.0, 75.0)),
+            ],
+            ..Timeline::default()
+        };
+        // 2.04 px to a metre: a building of 20 m by 10 m in the middle, askew, covers some 830 px with its walls.
+        let corners = [[-10.0, -5.0], [10.0, -5.0], [10.0, 5.0], [-10.0, 5.0]].map(DVec2::from);
+        let turned = corners.map(|corner| DVec2::from_angle(0.4).rotate(corner));
+        let full = Timeline {
+            buildings: vec![turned],
+            uavs: vec![
+                ("one".into(), flown(-100.0, -75.0)),
+                ("two".into(), flown(100.0, 75.0)),
+            ],
+            ..bare.clone()
+        };
+        let [bare, full] = [bare, full].map(|timeline| {
+            let map = Map::of(&timeline).unwrap();
+            map.draw(&timeline, 0).picture()
+        });
+        let covered = count(&bare, CARD) - count(&full, CARD);
+        assert!((700..1_300).contains(&covered), "{covered}");
+        assert!(count(&full, ROOF) > 600 && count(&bare, ROOF) == 0);
+        // Two discs of 4 px, their edges mixed with the ground; and letters beside them.
+        let discs = count(&bare, FLYING);
+        assert!((60..=100).contains(&discs), "{discs}");
+        let written = |picture: &RgbImage| {
+            let pixels = picture.pixels();
+            pixels.filter(|p| p.0[0] > 150 && p.0[2] < 90).count()
+        };
+        assert!(written(&full) > written(&bare) + 20, "{}", written(&full));
+        // The arrow stands in the upper right corner.
+        let corner = imageops::crop_imm(&bare, CELL_PX[0] - 40, 0, 40, 70).to_image();
+        assert!(count(&corner, INK) > 40, "{}", count(&corner, INK));
+    }
+}

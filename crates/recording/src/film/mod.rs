@@ -1,0 +1,296 @@
+//! `boresight video`: a film of a recording, its cameras side by side over a map and the states.
+
+mod canvas;
+mod map;
+
+use super::read::{ReadError, Recorded};
+use super::timeline::{CameraTrack, Mark, Timeline};
+use crate::media::image::{self as pictures, ImageError};
+use crate::media::labels;
+use crate::media::video::{VideoError, Writer};
+use boresight_common::palette::{BAD, GOOD, INK, PAPER, SOFT};
+use canvas::Canvas;
+use clap::{Args, ValueEnum};
+use image::imageops::{self, FilterType};
+use map::Map;
+use std::path::PathBuf;
+
+/// What `boresight video` is asked for.
+#[derive(Args, Clone, Debug)]
+pub struct Arguments {
+    /// The recording.
+    pub recording: PathBuf,
+    /// The film (MP4).
+    pub film: PathBuf,
+    /// What it shows.
+    #[arg(long, value_enum, default_value = "all")]
+    pub layout: Layout,
+    /// Pictures a second of the film.
+    #[arg(long, default_value_t = 30)]
+    pub rate_hz: u32,
+    /// Simulated seconds to a second of the film.
+    #[arg(long, default_value_t = 1.0)]
+    pub speed: f64,
+    /// Draw the boxes of detections below the threshold too, in grey.
+    #[arg(long)]
+    pub weak: bool,
+}
+
+/// What a film shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Layout {
+    /// Cameras and map.
+    All,
+    /// The cameras alone.
+    Cameras,
+    /// The map alone.
+    Map,
+}
+
+/// Why there is no film. Each prints as one line.
+#[derive(Debug, thiserror::Error)]
+pub enum FilmError {
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A picture of it.
+    #[error("{}: a picture cannot be read: {source}; make the run again", path.display())]
+    Picture {
+        /// The recording.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ImageError,
+    },
+    /// It has nothing to show.
+    #[error("{}: has no {what}", path.display())]
+    Nothing {
+        /// The recording.
+        path: PathBuf,
+        /// What is missing, and the mend.
+        what: &'static str,
+    },
+    /// The film cannot be written.
+    #[error(transparent)]
+    Video(#[from] VideoError),
+    /// No picture of that size.
+    #[error(
+        "a picture of {width} by {height} px cannot be drawn; this is a fault of the program: please report it"
+    )]
+    Canvas {
+        /// Its width [px].
+        width: u32,
+        /// Its height [px].
+        height: u32,
+    },
+    /// An argument.
+    #[error("{0}")]
+    Argument(String),
+}
+
+/// A cell of the film, and the strip below all [px].
+const CELL_PX: [u32; 2] = [480, 360];
+const STRIP_PX: u32 = 56;
+/// Letters of names and states, and of what stands at boxes and dots [px].
+const LARGE_PX: f32 = 19.0;
+const SMALL_PX: f32 = 13.0;
+
+/// Makes the film; the number of its pictures.
+pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
+    if arguments.rate_hz == 0 || arguments.rate_hz > 240 {
+        let what = format!(
+            "--rate-hz: found {}, must be from 1 to 240",
+            arguments.rate_hz
+        );
+        return Err(FilmError::Argument(what));
+    }
+    if !(1e-3..=1e3).contains(&arguments.speed) {
+        let what = format!(
+            "--speed: found {}, must be from 0.001 to 1000",
+            arguments.speed
+        );
+        return Err(FilmError::Argument(what));
+    }
+    let timeline = Timeline::of(&Recorded::open(&arguments.recording)?);
+    let nothing = |what| FilmError::Nothing {
+        path: arguments.recording.clone(),
+        what,
+    };
+    let shows = |layout| [Layout::All, layout].contains(&arguments.layout);
+    let pictured = |camera: &&CameraTrack| !camera.pictures.entries().is_empty();
+    let cameras: Vec<&CameraTrack> = match shows(Layout::Cameras) {
+        true => timeline.cameras.iter().filter(pictured).collect(),
+        false => Vec::new(),
+    };
+    if arguments.layout == Layout::Cameras && cameras.is_empty() {
+        return Err(nothing(
+            "pictures: take --layout map, or record a run that renders",
+        ));
+    }
+    if timeline.last_tick == 0 {
+        return Err(nothing("states: its run was stopped before the first"));
+    }
+    let cells = cameras.len() + usize::from(shows(Layout::Map));
+    let columns = cells.min(2);
+    let rows = cells.div_ceil(2);
+    let size_px = [
+        CELL_PX[0] * columns as u32,
+        CELL_PX[1] * rows as u32 + STRIP_PX,
+    ];
+    let map = Map::of(&timeline)?;
+    let mut writer = Writer::create(&arguments.film, size_px, arguments.rate_hz.into())?;
+    let end_s = timeline.t_s(timeline.last_tick);
+    let count = (end_s / arguments.speed * f64::from(arguments.rate_hz)) as usize + 1;
+    for number in 0..count {
+        let t_s = number as f64 / f64::from(arguments.rate_hz) * arguments.speed;
+        let tick = timeline.tick_at(t_s);
+        let mut picture = Canvas::new(size_px, PAPER)?;
+        let corner = |cell: usize| [cell % 2, cell / 2].map(|place| place as u32);
+        let corner = |cell: usize| [0, 1].map(|i| CELL_PX[i] * corner(cell)[i]);
+        for (cell, camera) in cameras.iter().enumerate() {
+            if let Some(drawn) = camera_cell(camera, tick, arguments)? {
+                picture.lay(corner(cell), &drawn.picture());
+            }
+        }
+        if shows(Layout::Map) {
+            let drawn = map.draw(&timeline, tick).picture();
+            picture.lay(corner(cameras.len()), &drawn);
+        }
+        strip(&mut picture, &timeline, t_s);
+        writer.push(&picture.picture())?;
+    }
+    writer.finish(arguments.rate_hz.into())?;
+    Ok(count)
+}
+
+/// A camera's last picture, with what is drawn on it, as large as a cell takes.
+fn camera_cell(
+    camera: &CameraTrack,
+    tick: u64,
+    arguments: &Arguments,
+) -> Result<Option<Canvas>, FilmError> {
+    let Some(jpeg) = camera.pictures.at(tick) else {
+        return Ok(None);
+    };
+    let picture = pictures::decode(jpeg).map_err(|source| FilmError::Picture {
+        path: arguments.recording.clone(),
+        source,
+    })?;
+    let [width, height] = [0, 1].map(|i| f64::from(CELL_PX[i]));
+    let scale = (width / f64::from(picture.width())).min(height / f64::from(picture.height()));
+    let [w, h] = [picture.width(), picture.height()].map(|side| (f64::from(side) * scale) as u32);
+    let large = imageops::resize(&picture, w.max(1), h.max(1), FilterType::Triangle);
+    let mut cell = Canvas::new(CELL_PX, PAPER)?;
+    let [left, top] = [(CELL_PX[0] - w) / 2, (CELL_PX[1] - h) / 2];
+    cell.lay([left, top], &large);
+    let at = |[x, y]: [f64; 2]| [x * scale + f64::from(left), y * scale + f64::from(top)];
+    if let Some(marks) = camera.marks_at(tick) {
+        let drawn: Vec<&Mark> = (marks.boxes.iter().rev())
+            .filter(|mark| arguments.weak || !mark.weak)
+            .collect();
+        mark(&mut cell, &drawn, at);
+        if let Some([x, y]) = marks.reticle_px.map(at) {
+            for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+                let arm = |px: f64| [x + px * dx, y + px * dy];
+                cell.line(&[arm(5.0), arm(14.0)], 1.5, INK);
+            }
+        }
+    }
+    cell.words([8.0, 5.0], LARGE_PX, &camera.name, INK);
+    Ok(Some(cell))
+}
+
+/// Draws boxes, the strongest first, with their labels; what is stronger lies on what is weaker.
+fn mark(cell: &mut Canvas, marks: &[&Mark], at: impl Fn([f64; 2]) -> [f64; 2]) {
+    let boxes: Vec<[f64; 4]> = (marks.iter())
+        .map(|mark| {
+            let [x0, y0, x1, y1] = mark.rect_px;
+            let ([x0, y0], [x1, y1]) = (at([x0, y0]), at([x1, y1]));
+            [x0, y0, x1, y1]
+        })
+        .collect();
+    let places = labels_of(cell, marks.iter().map(|mark| &*mark.label), &boxes, 2.0);
+    for ((mark, [x0, y0, x1, y1]), place) in marks.iter().zip(&boxes).zip(places).rev() {
+        let colour = if mark.weak { SOFT } else { GOOD };
+        let corners = [[*x0, *y0], [*x1, *y0], [*x1, *y1], [*x0, *y1]];
+        cell.outline(&corners, 1.5, colour);
+        if let Some(place) = place {
+            cell.words(place, SMALL_PX, &mark.label, colour);
+        }
+    }
+}
+
+/// Where small texts go at boxes of a cell, the most important first.
+fn labels_of<'a>(
+    cell: &Canvas,
+    texts: impl Iterator<Item = &'a str>,
+    boxes: &[[f64; 4]],
+    gap_px: f64,
+) -> Vec<Option<[f64; 2]>> {
+    let labels_px: Vec<[f64; 2]> = texts.map(|text| cell.words_px(SMALL_PX, text)).collect();
+    labels::place(boxes, &labels_px, CELL_PX.map(f64::from), gap_px)
+}
+
+/// The strip below: time, the state of every station, and how many UAVs fly.
+fn strip(picture: &mut Canvas, timeline: &Timeline, t_s: f64) {
+    let tick = timeline.tick_at(t_s);
+    let top = f64::from(picture.size_px()[1] - STRIP_PX) + 6.0;
+    picture.words([8.0, top], LARGE_PX, &format!("{t_s:.2} s"), INK);
+    let mut x = 100.0;
+    for station in &timeline.stations {
+        let fires = station.fires(tick);
+        let state = station.track.at(tick).map_or("", |track| &track.state);
+        let word = if fires { "fires" } else { state };
+        let shown = match timeline.stations.len() {
+            1 => word.to_owned(),
+            _ => format!("{} {word}", station.name),
+        };
+        picture.words([x, top], LARGE_PX, &shown, if fires { BAD } else { INK });
+        x += picture.words_px(LARGE_PX, &shown)[0] + 24.0;
+    }
+    let count = |wanted: &[&str]| {
+        let now = timeline
+            .uavs
+            .iter()
+            .filter_map(|(_, series)| series.at(tick));
+        now.filter(|uav| wanted.contains(&&*uav.status)).count()
+    };
+    let uavs = format!(
+        "{} flying, {} neutralised, {} crashed",
+        count(&["flying"]),
+        count(&["falling", "down"]),
+        count(&["struck", "crashed"])
+    );
+    picture.words([8.0, top + 24.0], 15.0, &uavs, SOFT);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use boresight_common::palette::Colour;
+
+    #[test]
+    fn weak_boxes_are_drawn_below_strong_ones_and_only_where_asked() {
+        let mark_of = |x: f64, weak: bool| Mark {
+            rect_px: [x, 100.0, x + 20.0, 120.0],
+            label: "uav 0.50".into(),
+            weak,
+        };
+        let (strong, weak) = (mark_of(100.0, false), mark_of(108.0, true));
+        let draw = |marks: &[&Mark]| {
+            let mut cell = Canvas::new(CELL_PX, PAPER).unwrap();
+            mark(&mut cell, marks, |at| at);
+            cell.picture()
+        };
+        // Edges are mixed with what lies below them.
+        let near = |pixel: &image::Rgb<u8>, colour: Colour| {
+            (0..3).all(|i| pixel.0[i].abs_diff(colour[i]) < 48)
+        };
+        let count = |picture: &image::RgbImage, colour: Colour| {
+            picture.pixels().filter(|pixel| near(pixel, colour)).count()
+        };
+        let (both, alone) = (draw(&[&strong, &weak]), draw(&[&strong]));
+        // Nothing of the strong one is covered.
+        assert!(count(&both, GOOD) >= count(&alone, GOOD));
+        assert!(count(&both, SOFT) > count(&alone, SOFT) + 60);
+    }
+}
