@@ -224,6 +224,56 @@ fn sentences_and_cells_are_short() {
     );
 }
 
+/// Files of code by the ends of their paths, as documents name them: from the root, or from a crate's `src`.
+fn sources_named(path: &str) -> Vec<PathBuf> {
+    let crates = std::fs::read_dir(root().join("crates")).unwrap();
+    let roots = crates.map(|entry| entry.unwrap().path().join("src"));
+    let found = roots.chain([root().to_owned()]).map(|from| from.join(path));
+    found.filter(|path| path.is_file()).collect()
+}
+
+/// A test is named by its file and its name, or by its name alone after another of the same file.
+#[test]
+fn the_tests_that_validation_names_are_there() {
+    let (mut count, mut found) = (0, Vec::new());
+    for page in documents()
+        .iter()
+        .filter(|page| page.starts_with("docs/validation"))
+    {
+        let text = std::fs::read_to_string(root().join(page)).unwrap();
+        let mut file = String::new();
+        for (number, line) in prose(&text) {
+            for named in line.split('`').skip(1).step_by(2) {
+                let Some((path, test)) = named.split_once("::") else {
+                    if named.ends_with(".rs") {
+                        file = named.to_owned();
+                    }
+                    continue;
+                };
+                if path.ends_with(".rs") {
+                    file = path.to_owned();
+                } else if !path.is_empty() || file.is_empty() {
+                    continue;
+                }
+                count += 1;
+                let has = |source: &PathBuf| {
+                    let text = std::fs::read_to_string(source).unwrap();
+                    text.contains(&format!("fn {test}("))
+                };
+                if !sources_named(&file).iter().any(has) {
+                    found.push(format!("{page}:{number}: {file}::{test}"));
+                }
+            }
+        }
+    }
+    assert!(count > 200, "only {count} tests are named");
+    assert!(
+        found.is_empty(),
+        "tests that are not there:\n{}",
+        found.join("\n")
+    );
+}
+
 /// `cargo xtask figures` writes the values of docs/figures.toml into the pages.
 #[test]
 fn pages_quote_the_figures_as_they_stand_in_their_file() {
