@@ -1,10 +1,10 @@
 //! What keeps an evaluation from being carried out.
 
 use crate::app::RunError;
+use crate::experiment::runner::Unmade;
 use crate::inference::{DetectorError, RecogniserError};
 use crate::media::image::ImageError;
 use crate::media::video::VideoError;
-use crate::models::ground::city::CityError;
 use crate::output::OutputError;
 use crate::scenario::InputError;
 use crate::simulation::SimulationError;
@@ -22,6 +22,9 @@ pub enum EvalError {
     /// A recipe, or the scenario of a draw.
     #[error(transparent)]
     Input(#[from] InputError),
+    /// A run that the program itself failed in.
+    #[error("a fault of the program: {0}")]
+    Fault(String),
     /// It was stopped from outside; what it has by then is told where it is caught.
     #[error("stopped before any part of it was whole; the same command begins again")]
     Stopped,
@@ -61,12 +64,19 @@ pub enum EvalError {
         /// The most that is taken.
         high: f64,
     },
-    /// The city of the runs.
-    #[error("the city of the evaluation: {0}; this is a fault of the program: please report it")]
-    City(#[from] CityError),
     /// What only one of the evaluations can meet: an error of its own.
     #[error(transparent)]
     Own(Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl From<Unmade> for EvalError {
+    fn from(unmade: Unmade) -> Self {
+        match unmade {
+            Unmade::Stopped => Self::Stopped,
+            Unmade::Failed(error) => Self::Simulation(error),
+            Unmade::Fault(said) => Self::Fault(said),
+        }
+    }
 }
 
 impl EvalError {

@@ -2,22 +2,14 @@
 
 pub mod diff;
 pub mod figures;
+pub mod runner;
 pub mod sweep;
 pub mod test;
 
-use crate::models::ground::city::{City, CityParams};
 use crate::output::OutputError;
-use crate::parameters::environment::city_of;
-use crate::place::made_from;
 use crate::recording::read::ReadError;
-use crate::scenario::{InputError, Loaded, Site};
-use crate::simulation::{Builder, Options, SimulationError};
-use crate::stop;
-use serde_json::Value;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use crate::scenario::InputError;
+use std::path::PathBuf;
 
 /// Why an experiment cannot be carried out.
 #[derive(Debug, thiserror::Error)]
@@ -56,91 +48,4 @@ pub enum ExperimentError {
         /// What the writer says.
         message: String,
     },
-}
-
-/// Cities that are kept for further runs.
-const MOST_CITIES: usize = 8;
-
-/// What tells cities apart: their parameters, and for a real one its site.
-type CityKey = (CityParams, Option<Site>);
-
-/// Why a run has no summary.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum NoSummary {
-    /// It was stopped from outside before its end, or not begun.
-    Stopped,
-    /// It failed; why.
-    Failed(String),
-}
-
-/// Makes runs for several threads.
-#[derive(Default)]
-pub(crate) struct Runner {
-    /// Held while something renders: the software rasteriser takes all cores for itself.
-    rendering: Mutex<()>,
-    cities: Mutex<Vec<(CityKey, Arc<City>)>>,
-}
-
-impl Runner {
-    /// Makes a run to its end and gives its summary, and the time it took; without pictures the detector must need
-    /// none. A fault of the program in one run does not take the others with it.
-    pub(crate) fn run(
-        &self,
-        loaded: &Loaded,
-        seed: u64,
-        pictures: bool,
-    ) -> Result<(Value, Duration), NoSummary> {
-        let _one = pictures.then(|| {
-            self.rendering
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-        });
-        if stop::asked().is_some() {
-            return Err(NoSummary::Stopped);
-        }
-        let run = || -> Result<(Value, Duration), SimulationError> {
-            let options = Options {
-                seed: Some(seed),
-                one_thread: !pictures,
-                capture: pictures,
-                city: (!pictures).then(|| self.city(loaded)).flatten(),
-                ..Options::default()
-            };
-            let started = Instant::now();
-            let mut run = Builder::loaded(loaded.clone()).options(options).open()?;
-            while !run.step(u64::MAX)? {}
-            let summary = serde_json::to_value(run.summary().summary).unwrap_or_default();
-            Ok((summary, started.elapsed()))
-        };
-        match catch_unwind(AssertUnwindSafe(run)) {
-            // A summary of half a run is none.
-            Ok(Ok((summary, _))) if !summary["stopped_s"].is_null() => Err(NoSummary::Stopped),
-            Ok(result) => result.map_err(|error| NoSummary::Failed(error.to_string())),
-            Err(panic) => {
-                let said = (panic.downcast_ref::<String>().map(String::as_str))
-                    .or_else(|| panic.downcast_ref::<&str>().copied());
-                let said = said.unwrap_or("no message");
-                Err(NoSummary::Failed(format!("a fault of the program: {said}")))
-            }
-        }
-    }
-
-    /// The city of a scenario; `None` where the run itself will say what is wrong with it.
-    fn city(&self, loaded: &Loaded) -> Option<Arc<City>> {
-        let scenario = &loaded.scenario;
-        let folder = loaded.path.parent().unwrap_or(Path::new(""));
-        let site = scenario.city.is_real().then(|| scenario.site.clone());
-        let key = (made_from(&scenario.city, folder), site);
-        let mut known = self.cities.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, city)) = known.iter().find(|(of, _)| *of == key) {
-            return Some(city.clone());
-        }
-        let city = city_of(loaded).ok()?;
-        // A sweep over cities needs each one for a while only.
-        if known.len() >= MOST_CITIES {
-            known.remove(0);
-        }
-        known.push((key, city.clone()));
-        Some(city)
-    }
 }

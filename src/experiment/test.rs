@@ -1,7 +1,8 @@
 //! `boresight test`: holds scenarios to their `[expect]`, as test runners do.
 
+use super::ExperimentError;
 use super::figures::{Kind, figure, kind};
-use super::{ExperimentError, NoSummary, Runner};
+use super::runner::{Runner, Unmade};
 use crate::data;
 use crate::models::maths::statistics::least_share;
 use crate::output::{self, OutputError, put, put_json, writable};
@@ -363,17 +364,17 @@ impl Case {
         let Some(plan) = &self.plan else {
             return;
         };
-        let summary = runner.run(&plan.loaded, seed, !plan.expected.blind);
+        let summary = runner.summary(&plan.loaded, seed, !plan.expected.blind);
         let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         match summary {
             Ok((summary, elapsed)) => {
                 found.elapsed += elapsed;
                 found.summaries.insert(seed, summary);
             }
-            Err(NoSummary::Failed(error)) => {
+            Err(Unmade::Stopped) => return,
+            Err(error) => {
                 found.failed.insert(seed, format!("seed {seed}: {error}"));
             }
-            Err(NoSummary::Stopped) => return,
         }
         found.runs += 1;
         if found.runs == plan.seeds.len() {

@@ -8,12 +8,12 @@ use super::recipe::Recipe;
 use super::verdict::{Record, Verdict};
 use super::watch::Watch;
 use crate::eval::EvalError;
+use crate::experiment::runner::Runner;
 use crate::media::image::encode_jpeg;
 use crate::output::OutputError;
 use crate::output::{put, put_json, quoted};
 use crate::report::run::ContactFrame;
 use crate::scenario::{Loaded, Scenario};
-use crate::simulation::{Builder, Options};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
@@ -104,11 +104,7 @@ impl Bench<'_> {
     pub fn make(&self, index: u32) -> Result<Outcome, EvalError> {
         let (facts, loaded) = self.draw(index)?;
         let key = self.key(&loaded)?;
-        let options = Options {
-            capture: !loaded.scenario.detector.is_truth(),
-            ..Options::default()
-        };
-        let (record, pictures) = watched(&loaded, &options)?;
+        let (record, pictures) = watched(&loaded)?;
         let outcome = Outcome {
             key,
             facts,
@@ -151,11 +147,13 @@ fn digest(path: &Path) -> std::io::Result<u64> {
 }
 
 /// A run watched until its UAV has come to its end, or its time is over.
-fn watched(loaded: &Loaded, options: &Options) -> Result<(Record, Vec<ContactFrame>), EvalError> {
-    let mut run = Builder::loaded(loaded.clone())
-        .options(options.clone())
-        .open()?;
-    let mut watch = Watch::new(run.world_mut());
-    run.watch(|run| watch.tick(run.world()))?;
-    Ok(watch.conclude(run.world(), |record| Verdict::of(record).cause))
+fn watched(loaded: &Loaded) -> Result<(Record, Vec<ContactFrame>), EvalError> {
+    let pictures = !loaded.scenario.detector.is_truth();
+    let seed = loaded.scenario.seed;
+    let seen = Runner::default().make(loaded, seed, pictures, |mut run| {
+        let mut watch = Watch::new(run.world_mut());
+        run.watch(|run| watch.tick(run.world()))?;
+        Ok(watch.conclude(run.world(), |record| Verdict::of(record).cause))
+    })?;
+    Ok(seen)
 }

@@ -5,7 +5,7 @@ use super::mot;
 use super::results::{LosFigures, LosRow, LosSums, Manoeuvre, Search, Source, Suite, Table2};
 use crate::app::{self, RunError};
 use crate::eval::EvalError;
-use crate::models::ground::city::{City, CityParams};
+use crate::experiment::runner::Runner;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::maths::rng::Stream;
 use crate::models::maths::statistics::Rate;
@@ -13,7 +13,6 @@ use crate::report::chart::Series;
 use crate::report::statistics::MissStats;
 use glam::{DVec2, DVec3};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Detector of the tables: truth with 1 px noise, 5 % misses and 30 ms latency (2 ms of it readout).
 pub(super) const FIELD: &[&str] = &[
@@ -89,23 +88,23 @@ impl Table2Case {
     }
 }
 
-/// Where the runs are made: one city for all of them.
+/// Where the runs are made.
 pub(super) struct Bench {
     pub(super) quick: bool,
-    pub(super) city: Arc<City>,
+    pub(super) runner: Runner,
     out: PathBuf,
     /// What could not be run, and why.
     pub(super) not_run: Vec<String>,
 }
 
 impl Bench {
-    pub(super) fn new(quick: bool, out: &Path) -> Result<Self, EvalError> {
-        Ok(Self {
+    pub(super) fn new(quick: bool, out: &Path) -> Self {
+        Self {
             quick,
-            city: Arc::new(City::generate(&CityParams::default())?),
+            runner: Runner::default(),
             out: out.into(),
             not_run: Vec::new(),
-        })
+        }
     }
 
     pub(super) fn seeds(&self, full: u64, quick: u64) -> std::ops::RangeInclusive<u64> {
@@ -130,7 +129,7 @@ impl Bench {
         // Those without pictures side by side, then the others one after another.
         for (label, cases) in [("table2, truth", blind), ("table2, onnx", pictured)] {
             let jobs: Vec<Job> = cases.iter().map(|case| case.job.clone()).collect();
-            let seen = all(label, &jobs, &self.city, |_, seen| Ok(seen))?;
+            let seen = all(label, &jobs, &self.runner, |_, seen| Ok(seen))?;
             let cases = cases.iter().zip(seen);
             rows.extend(cases.map(|(case, seen)| case.row(seen, frames)));
         }
@@ -181,7 +180,9 @@ impl Bench {
                 .map(|seed| Job::blind("eval/table2_urban.toml", &[FINE, law], seed))
                 .collect();
             let label = format!("precision, {controller}");
-            let runs = all(&label, &jobs, &self.city, |_, seen| Ok(LosSums::of(&seen)))?;
+            let runs = all(&label, &jobs, &self.runner, |_, seen| {
+                Ok(LosSums::of(&seen))
+            })?;
             rows.push(LosRow {
                 controller,
                 source: Source::of(&jobs),
@@ -207,7 +208,7 @@ impl Bench {
                 .map(|seed| Job::blind(scenario, &[FIELD, law], seed))
                 .collect();
             let label = format!("{scenario}, {controller}");
-            let runs = all(&label, &jobs, &self.city, |_, seen| {
+            let runs = all(&label, &jobs, &self.runner, |_, seen| {
                 let kept = if hides {
                     reacquired(&seen)
                 } else {
@@ -258,7 +259,7 @@ impl Bench {
                     .collect();
                 let folder = self.out.join("mot");
                 let label = format!("{scenario}, {rule}");
-                let runs = all(&label, &jobs, &self.city, |job, seen| {
+                let runs = all(&label, &jobs, &self.runner, |job, seen| {
                     let name = format!("{scenario}-{:02}", job.seed);
                     let (size_px, rate_hz) = seen.coarse;
                     let paper = rule == "paper";
@@ -316,7 +317,7 @@ impl Bench {
             let runs = all(
                 &format!("search, {pattern}"),
                 &jobs,
-                &self.city,
+                &self.runner,
                 |_, seen| {
                     Ok((
                         seen.lock.locked_s,
@@ -413,6 +414,7 @@ fn reacquired(seen: &Observed) -> Kept {
 mod tests {
     use super::*;
     use crate::eval::statistics::Lock;
+    use crate::models::ground::city::City;
     use crate::models::ground::dsm::LineOfSight;
     use crate::scenario::Scenario;
     use std::path::Path;

@@ -110,7 +110,9 @@ impl Bench {
             })
             .collect();
         let label = format!("budget, {controller}, {detector}");
-        let runs = all(&label, &jobs, &self.city, |_, seen| Ok(LosSums::of(&seen)))?;
+        let runs = all(&label, &jobs, &self.runner, |_, seen| {
+            Ok(LosSums::of(&seen))
+        })?;
         let each = seeds.count();
         let pooled: Vec<LosFigures> = runs.chunks(each).map(LosFigures::pooled).collect();
         let rms_urad = |group: usize| pooled.get(group).and_then(|figures| figures.rms_urad);

@@ -4,8 +4,8 @@ use crate::components::record::KeptFrame;
 use crate::eval::EvalError;
 use crate::eval::shared::{FRESH_S, confirmed, in_parallel};
 use crate::eval::statistics::{Hold, Lock, Sums, lock};
+use crate::experiment::runner::Runner;
 use crate::models::decision::tracker::Tracker;
-use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, error_angles, los_to_az_el};
 use crate::models::optics::tier::{PerTier, Tier};
@@ -13,13 +13,10 @@ use crate::models::tracking::held::reach_rad;
 use crate::models::tracking::table::{Track, separation_rad};
 use crate::report::chart::Series;
 use crate::scenario::Scenario;
-use crate::simulation::{
-    Builder, CameraView, Options, Simulation, SimulationError, StationView, UavView, View,
-};
+use crate::simulation::{CameraView, Simulation, StationView, UavView, View};
 use glam::DVec2;
 use serde::Serialize;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// A run to be made.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -154,21 +151,17 @@ impl Observed {
 }
 
 /// Makes a run to its end.
-pub fn observe(job: &Job, city: Option<Arc<City>>) -> Result<Observed, SimulationError> {
+pub fn observe(job: &Job, runner: &Runner) -> Result<Observed, EvalError> {
     let loaded = Scenario::load(&job.scenario, &job.set)?;
-    let options = Options {
-        seed: Some(job.seed),
-        capture: job.capture,
-        city,
-        ..Options::default()
-    };
-    let mut run = Builder::loaded(loaded).options(options).open()?;
-    let mut watch = Watch::new();
-    run.watch(|run| {
-        watch.tick(run);
-        false
+    let seen = runner.make(&loaded, job.seed, job.capture, |mut run| {
+        let mut watch = Watch::new();
+        run.watch(|run| {
+            watch.tick(run);
+            false
+        })?;
+        Ok(watch.conclude(&run))
     })?;
-    Ok(watch.conclude(&run))
+    Ok(seen)
 }
 
 /// The first station's cameras, by their tiers.
@@ -410,7 +403,7 @@ impl Instant<'_> {
 pub fn all<T: Send>(
     label: &str,
     jobs: &[Job],
-    city: &Arc<City>,
+    runner: &Runner,
     reduce: impl Fn(&Job, Observed) -> Result<T, EvalError> + Sync,
 ) -> Result<Vec<T>, EvalError> {
     let rendered = jobs.iter().any(|job| job.capture);
@@ -421,6 +414,6 @@ pub fn all<T: Send>(
         std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
     };
     in_parallel(label, jobs, threads, |job| {
-        reduce(job, observe(job, Some(city.clone()))?)
+        reduce(job, observe(job, runner)?)
     })
 }

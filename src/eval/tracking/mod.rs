@@ -57,7 +57,7 @@ pub enum Section {
 
 /// Carries out the evaluation and writes what it leaves.
 pub fn evaluate(arguments: &Arguments) -> Result<Evaluation, EvalError> {
-    let mut bench = Bench::new(arguments.quick, &arguments.out)?;
+    let mut bench = Bench::new(arguments.quick, &arguments.out);
     let mut evaluation = Evaluation {
         version: crate::VERSION,
         command: command(arguments),

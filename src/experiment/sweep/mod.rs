@@ -8,8 +8,9 @@ pub mod plan;
 pub mod run;
 mod table;
 
+use super::ExperimentError;
 use super::figures::figure;
-use super::{ExperimentError, NoSummary, Runner};
+use super::runner::{Runner, Unmade};
 use crate::output::{self, OutputError};
 use crate::parallel::{in_parallel, threads};
 use crate::progress::Progress;
@@ -278,10 +279,10 @@ fn one(plan: &Plan, index: u64, runner: &Runner) -> Option<Done> {
     };
     let text = serde_json::to_string(&loaded.scenario).unwrap_or_default();
     let hash = format!("{:016x}", xxh3_64(text.as_bytes()));
-    match runner.run(&loaded, run.seed, plan.experiment.pictures) {
+    match runner.summary(&loaded, run.seed, plan.experiment.pictures) {
         Ok((summary, _)) => Some(over(hash, Down::of(&summary), Ok(kept(plan, &summary)))),
-        Err(NoSummary::Failed(why)) => Some(over(hash, Down::default(), Err(why))),
-        Err(NoSummary::Stopped) => None,
+        Err(Unmade::Stopped) => None,
+        Err(why) => Some(over(hash, Down::default(), Err(why.to_string()))),
     }
 }
 
