@@ -51,3 +51,25 @@ impl Down {
         self.uavs - self.at_s.iter().filter(|at_s| **at_s <= t_s).count()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn uavs_are_left_until_they_are_brought_down() {
+        let summary = json!({ "uavs": [
+            { "name": "a", "neutralised_s": 3.0 },
+            { "name": "b", "neutralised_s": null },
+            { "name": "c", "neutralised_s": 7.5 },
+        ]});
+        let down = Down::of(&summary);
+        assert_eq!(
+            [0.0, 2.9, 3.0, 7.5, 99.0].map(|t_s| down.left(t_s)),
+            [3, 3, 2, 1, 1]
+        );
+        // A run that failed has none.
+        assert_eq!(Down::of(&json!(null)), Down::default());
+    }
+}

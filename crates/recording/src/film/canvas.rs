@@ -1,6 +1,6 @@
 //! A picture that is drawn on: smooth lines and areas by tiny-skia, words in the window's font by ab_glyph.
 
-use super::FilmError;
+use super::error::FilmError;
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 use boresight_common::palette::{Colour, PAPER};
 use image::RgbImage;

@@ -1,7 +1,8 @@
 //! A film's map from above, north up: buildings, stations with their beams, UAVs with the way they came.
 
 use super::canvas::{Canvas, Ink};
-use super::{CELL_PX, FilmError, SMALL_PX, labels_of};
+use super::cell::{CELL_PX, SMALL_PX, labels_of};
+use super::error::FilmError;
 use crate::timeline::Timeline;
 use boresight_common::palette::{BAD, CARD, Colour, FLYING, GOOD, INK, LINE, SOFT};
 use glam::DVec3;

@@ -1,15 +1,19 @@
 //! `boresight video`: a film of a recording, its cameras side by side over a map and the states.
 
 mod canvas;
+mod cell;
+mod error;
 mod map;
 
-use super::read::{ReadError, Recorded};
+pub use error::FilmError;
+
+use super::read::Recorded;
 use super::timeline::{CameraTrack, Mark, Timeline};
-use crate::media::image::{self as pictures, ImageError};
-use crate::media::labels;
-use crate::media::video::{VideoError, Writer};
+use crate::media::image as pictures;
+use crate::media::video::Writer;
 use boresight_common::palette::{BAD, GOOD, INK, PAPER, SOFT};
 use canvas::Canvas;
+use cell::{CELL_PX, SMALL_PX, labels_of};
 use clap::{Args, ValueEnum};
 use image::imageops::{self, FilterType};
 use map::Map;
@@ -47,52 +51,10 @@ pub enum Layout {
     Map,
 }
 
-/// Why there is no film. Each prints as one line.
-#[derive(Debug, thiserror::Error)]
-pub enum FilmError {
-    /// The recording cannot be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// A picture of it.
-    #[error("{}: a picture cannot be read: {source}; make the run again", path.display())]
-    Picture {
-        /// The recording.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: ImageError,
-    },
-    /// It has nothing to show.
-    #[error("{}: has no {what}", path.display())]
-    Nothing {
-        /// The recording.
-        path: PathBuf,
-        /// What is missing, and the mend.
-        what: &'static str,
-    },
-    /// The film cannot be written.
-    #[error(transparent)]
-    Video(#[from] VideoError),
-    /// No picture of that size.
-    #[error(
-        "a picture of {width} by {height} px cannot be drawn; this is a fault of the program: please report it"
-    )]
-    Canvas {
-        /// Its width [px].
-        width: u32,
-        /// Its height [px].
-        height: u32,
-    },
-    /// An argument.
-    #[error("{0}")]
-    Argument(String),
-}
-
-/// A cell of the film, and the strip below all [px].
-const CELL_PX: [u32; 2] = [480, 360];
+/// The strip below all cells [px].
 const STRIP_PX: u32 = 56;
-/// Letters of names and states, and of what stands at boxes and dots [px].
+/// Letters of names and states [px].
 const LARGE_PX: f32 = 19.0;
-const SMALL_PX: f32 = 13.0;
 
 /// Makes the film; the number of its pictures.
 pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
@@ -217,17 +179,6 @@ fn mark(cell: &mut Canvas, marks: &[&Mark], at: impl Fn([f64; 2]) -> [f64; 2]) {
             cell.words(place, SMALL_PX, &mark.label, colour);
         }
     }
-}
-
-/// Where small texts go at boxes of a cell, the most important first.
-fn labels_of<'a>(
-    cell: &Canvas,
-    texts: impl Iterator<Item = &'a str>,
-    boxes: &[[f64; 4]],
-    gap_px: f64,
-) -> Vec<Option<[f64; 2]>> {
-    let labels_px: Vec<[f64; 2]> = texts.map(|text| cell.words_px(SMALL_PX, text)).collect();
-    labels::place(boxes, &labels_px, CELL_PX.map(f64::from), gap_px)
 }
 
 /// The strip below: time, the state of every station, and how many UAVs fly.
