@@ -2,6 +2,7 @@
 
 use crate::components::capture::{ExposedFrame, PixelRect, Readout, UavInFrame};
 use crate::components::run::{Options, PartError, Registry, Seed};
+use crate::models::decision::look::Shown;
 use crate::models::flight::class::is_uav;
 use crate::models::optics::detection::Detection;
 use crate::models::tracking::evidence::ScoreModel;
@@ -262,6 +263,30 @@ pub struct DetectionBatch {
 }
 
 impl DetectionBatch {
+    /// What the tracker sees of it; it was exposed at `t_s` [s].
+    pub fn shown(&self, t_s: f64) -> Shown<'_> {
+        let frame = &*self.frame;
+        Shown {
+            camera: frame.index,
+            tier: frame.tier,
+            tick: frame.tick,
+            t_s,
+            available_tick: self.available_tick,
+            exposure_s: frame.conditions.exposure.time_s,
+            pinhole: frame.pinhole,
+            believed: frame.believed,
+            reticle_px: frame.reticle_px(),
+            boresight_sigma_rad: frame.boresight.sigma_rad,
+            look: self.look,
+            shrunk: self.shrunk,
+            detections: &self.detections,
+            picture: frame
+                .rgb8
+                .as_ref()
+                .map(|rgb8| (rgb8.as_slice(), frame.rect)),
+        }
+    }
+
     /// Frames go to the detector, and are answered, in this order.
     fn asked(&self) -> (u64, usize) {
         (self.frame.tick, self.frame.index)

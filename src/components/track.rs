@@ -1,12 +1,11 @@
 //! The tracker: tracks, state, target.
 
 use crate::inference::OnnxRecogniser;
-use crate::models::decision::tracker;
+use crate::models::decision::{gallery, tracker};
 use crate::models::laser::range_finder::RangeFinderParams;
 use crate::models::maths::rng::Stream;
-use crate::models::tracking::recognition::{History, Recognition};
+use crate::models::tracking::recognition::Recognition;
 use bevy::prelude::*;
-use std::collections::BTreeMap;
 
 /// What [`crate::components::run::TickSet::Track`] walks in every tick. A stage's systems can be removed
 /// (`App::remove_systems_in_set`) and others put in their place.
@@ -47,14 +46,9 @@ pub struct RangeFinder {
     pub rng: Stream,
 }
 
-/// What each track looked like in its last second.
-#[derive(Component, Clone, Debug, Default)]
-pub struct Gallery {
-    /// Whether anybody looks at it; otherwise it stays empty.
-    pub wanted: bool,
-    /// The histories by the tracks' identities.
-    pub histories: BTreeMap<u32, History>,
-}
+/// What each track of a station looked like in its last second.
+#[derive(Component, Clone, Debug, Default, Deref, DerefMut)]
+pub struct Gallery(pub gallery::Gallery);
 
 /// The network that says what tracks are; without one nothing is recognised.
 #[derive(Component, Default)]

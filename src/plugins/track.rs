@@ -7,6 +7,7 @@ use crate::components::track::{
     Gallery, RangeFinder, Recogniser, TrackStage, Tracker, TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
+use crate::models::decision::gallery;
 use crate::parameters::track::tracker_params;
 use crate::plugins::run::fallible;
 use crate::systems::run::nothing_failed;
@@ -95,10 +96,10 @@ fn set_up_recogniser(
             .map(|file| OnnxRecogniser::load(file, key))
             .transpose()
             .map_err(|error| loaded.refuse(key, error))?;
-        let gallery = Gallery {
+        let gallery = Gallery(gallery::Gallery {
             wanted: model.is_some(),
             ..default()
-        };
+        });
         let recogniser = Recogniser {
             model,
             rate_hz: config.rate_hz,

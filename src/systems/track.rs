@@ -7,7 +7,6 @@ mod range;
 pub mod recognise;
 
 pub use associate::associate;
-pub(crate) use associate::take_in;
 pub use decide::decide;
 pub use foresee::{aim, foresee};
 pub use range::find_range;

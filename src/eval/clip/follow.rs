@@ -5,14 +5,13 @@
 //! nominal pinhole turns pixels into angles, for the filter's motion is one of angles. Latency is none.
 
 use super::figures::State;
-use crate::components::capture::{ExposedFrame, Tier};
-use crate::components::detect::DetectionBatch;
 use crate::components::mount::{OpticalPath, Pointing};
 use crate::components::run::SimClock;
-use crate::components::track::Gallery;
 use crate::eval::EvalError;
 use crate::eval::shared::{confirmed, seen};
 use crate::inference::OnnxRecogniser;
+use crate::models::decision::gallery::Gallery;
+use crate::models::decision::look::{Shown, take_in};
 use crate::models::decision::machine::{GIVEN_UP, step};
 use crate::models::decision::situation::{Situation, patience_s};
 use crate::models::decision::tracker::{Tracker, TrackerParams};
@@ -20,16 +19,13 @@ use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::optics::detection::Detection;
 use crate::models::optics::registration::Registration;
-use crate::models::optics::tier::PerTier;
+use crate::models::optics::tier::{PerTier, Tier};
 use crate::models::tracking::evidence::{EvidenceParams, ScoreModel};
 use crate::models::tracking::recognition::{Sequence, WINDOW_S};
 use crate::models::tracking::table::{JoinedTrack, Track};
 use crate::scenario;
-use crate::systems::track::recognise::Hung;
-use crate::systems::track::take_in;
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Ticks of the tracker's clock a second: whole numbers of them for all usual rates.
 const TICK_HZ: u32 = 90_000;
@@ -201,36 +197,23 @@ impl Follower {
         self.params.open_sky = t_s - self.scenery_s > WINDOW_S;
         self.apart_px = detections.iter().map(|found| found.box_px).collect();
         let pose = (self.pointing).pose(DVec3::ZERO, OpticalPath::OnGimbal, DVec3::ZERO);
-        let frame = ExposedFrame {
-            tick,
-            pose,
-            believed: pose,
-            rgb8: (self.gallery.wanted).then(|| Arc::new(rgb8.to_vec())),
-            ..ExposedFrame::bare(Tier::Coarse, self.pinhole)
-        };
         let q_enu_cam = pose.q_enu_cam;
-        let batch = DetectionBatch {
-            available_tick: tick,
-            look: frame.rect,
-            frame: Arc::new(frame),
-            detections: detections.to_vec(),
-            shrunk: 1,
-            best_scores: Vec::new(),
-            moving: Vec::new(),
-            answered: true,
-        };
-        let (tracker, params) = (&mut self.tracker, &self.params);
-        let assigned = take_in(tracker, params, &batch, t_s);
-        let hung = Hung {
-            batch: &batch,
+        let whole = Shown::whole(Tier::Coarse, self.pinhole, pose);
+        let shown = Shown {
+            tick,
             t_s,
-            assigned: &assigned,
+            available_tick: tick,
+            exposure_s: 1e-3, // [s]: by day
+            detections,
+            picture: (self.gallery.wanted).then_some((rgb8, whole.look)),
+            ..whole
         };
+        let assigned = take_in(&mut self.tracker, &self.params, &shown);
         let class = |label: u32| {
             let name = self.classes.get(label as usize);
             Some(name.map_or("uav", String::as_str))
         };
-        self.gallery.hang(&hung, &tracker.table, class);
+        (self.gallery).hang(&shown, &assigned, &self.tracker.table, class);
         self.recognise(t_s)?;
         let now = Situation {
             tick,
@@ -332,8 +315,9 @@ impl Follower {
         self.gallery.tidy(table);
         let sky_known = t_s - self.lost_s > WINDOW_S;
         let (first, at) = (self.tracker.target, (t_s, sky_known));
-        let found = (self.gallery).recognise(model, table, first, RECOGNISED, at)?;
-        for (id, found) in found {
+        let (ids, seconds) = (self.gallery).looked_at(table, first, RECOGNISED, at);
+        let found = model.recognise(&seconds, t_s)?;
+        for (id, found) in ids.into_iter().zip(found) {
             if let Some(track) = table.get_mut(id) {
                 track.recognition = Some(match track.recognition {
                     Some(before) => found.after(&before),

@@ -1,236 +1,24 @@
-//! Detections become sightings, and sightings tracks.
+//! Detections become tracks.
 
-use crate::components::capture::{ExposedFrame, PixelRect, Tier};
-use crate::components::detect::{DetectionBatch, DetectionQueue, DetectorInUse};
+use crate::components::detect::{DetectionQueue, DetectorInUse};
 use crate::components::run::SimClock;
-use crate::components::track::{self, BoresightError, Gallery, TrackingState};
-use crate::models::decision::tracker::{Tracker, TrackerParams};
-use crate::models::maths::kinematics::{Pose, az_el_to_los, los_to_az_el};
-use crate::models::optics::camera::Pinhole;
-use crate::models::tracking::table::{CameraLook, Sighting};
-use crate::systems::track::recognise::Hung;
+use crate::components::track::{Gallery, Tracker, TrackerParams};
+use crate::models::decision::look::take_in;
 use bevy::prelude::*;
-use glam::DVec2;
-
-/// Standard deviation of the pointing knowledge [rad]: the drift of the base gyro within the
-/// memory of the filter.
-const POINTING_SIGMA_RAD: f64 = 5e-6;
-/// A camera that turns faster [rad/s] follows nothing that flies: it slews, and what it sees is smeared.
-const SLEW_RADPS: f64 = 0.1;
-/// Standard deviation of a smeared detection's centre over the smear: that of a point of it, taken anywhere (1/√12).
-const SMEAR_SHARE: f64 = 0.29;
-/// Smear beyond which a picture shows no small target for sure [px].
-const STEADY_PX: f64 = 4.0;
 
 /// Updates the track table with the batches that arrived in this tick.
 pub fn associate(
     clock: Res<SimClock>,
     detector: Res<DetectorInUse>,
-    mut stations: Query<(
-        &track::TrackerParams,
-        &DetectionQueue,
-        &mut Gallery,
-        &mut track::Tracker,
-    )>,
+    mut stations: Query<(&TrackerParams, &DetectionQueue, &mut Gallery, &mut Tracker)>,
 ) {
     for (params, queue, mut gallery, mut tracker) in &mut stations {
         for batch in &queue.arrived {
-            let t_s = clock.at_s(batch.frame.tick);
-            let assigned = take_in(&mut tracker, params, batch, t_s);
-            let hung = Hung {
-                batch,
-                t_s,
-                assigned: &assigned,
-            };
-            gallery.hang(&hung, &tracker.table, |label| detector.named(label));
-        }
-    }
-}
-
-/// Updates the track table with one batch, exposed at `t_s`; returns for each detection the track it went to
-/// (of the paper's rule, which knows no others, nothing).
-pub(crate) fn take_in(
-    tracker: &mut Tracker,
-    params: &TrackerParams,
-    batch: &DetectionBatch,
-    t_s: f64,
-) -> Vec<Option<u32>> {
-    let frame = &batch.frame;
-    let pinhole = &frame.pinhole;
-    let smear_rad = smear_rad(tracker, frame, t_s);
-    let sightings = sightings(batch, params, smear_rad);
-    let tier = frame.tier;
-    // What is smeared may fairly be missed, and starts nothing.
-    let steady = smear_rad < STEADY_PX * pinhole.ifov_rad();
-    let in_view = |az_el: DVec2| steady && sees(pinhole, &frame.believed, batch.look, az_el);
-    let look = CameraLook {
-        tier,
-        t_s,
-        ifov_rad: pinhole.ifov_rad(),
-        reads: &params.reads,
-        sightings: &sightings,
-        in_view: &in_view,
-        // But in the search the precise camera sees what it was turned to: a track already.
-        start_tracks: steady
-            && (frame.tier != Tier::Precise || tracker.state == TrackingState::Search),
-    };
-    let blind = params.nearest_to_centre
-        && frame.tier != Tier::Search
-        && !matches!(
-            tracker.state,
-            TrackingState::Search | TrackingState::Acquire
-        );
-    let mut assigned = Vec::new();
-    let chosen = if blind {
-        let nearest = nearest_to_centre(batch);
-        if let Some(target) = tracker.target {
-            let sighting = nearest.map(|index| &sightings[index]);
-            tracker.table.force(target, &look, sighting);
-        }
-        nearest
-    } else {
-        assigned = tracker.table.update(&look);
-        tracker.follow_joined();
-        tracker
-            .target
-            .and_then(|target| assigned.iter().position(|id| *id == Some(target)))
-    };
-    if let Some(index) = chosen {
-        tracker.hits_in_state[tier] += 1;
-        let linear = params.linear_angles;
-        let aim_rad = tracker.aim_rad;
-        tracker.error[tier] = Some(boresight_error(batch, index, linear, aim_rad));
-    }
-    assigned
-}
-
-/// How far the picture moved while a frame was exposed in a slew [rad], by the turn that the station believes the camera to
-/// have made since its last frame.
-fn smear_rad(tracker: &mut Tracker, frame: &ExposedFrame, t_s: f64) -> f64 {
-    let turned = frame.believed.q_enu_cam;
-    let before = tracker.turned.insert(frame.index, (t_s, turned));
-    let rate_radps = match before {
-        Some((before_s, before)) if t_s > before_s => {
-            before.angle_between(turned) / (t_s - before_s)
-        }
-        _ => 0.0,
-    };
-    if rate_radps > SLEW_RADPS {
-        rate_radps * frame.conditions.exposure.time_s
-    } else {
-        0.0
-    }
-}
-
-/// The directions of a batch's detections; the picture moved by `smear_rad` [rad] meanwhile.
-fn sightings(batch: &DetectionBatch, params: &TrackerParams, smear_rad: f64) -> Vec<Sighting> {
-    let frame = &batch.frame;
-    let pinhole = &frame.pinhole;
-    let ifov_rad = pinhole.ifov_rad();
-    let pointing_rad = POINTING_SIGMA_RAD.hypot(frame.boresight.sigma_rad);
-    batch
-        .detections
-        .iter()
-        .map(|detection| {
-            let ray_cam = pinhole.ray(detection.aim_px.into());
-            let [x0, y0, x1, y1] = detection.box_px;
-            let size_px = (x1 - x0).max(y1 - y0);
-            // A picture that was shrunk shows no finer than its pixels, and a larger box has more to err in.
-            let centre_px = params.centre_sigma_px * f64::from(batch.shrunk);
-            let sigma_px = centre_px.hypot(params.centre_sigma_rel * size_px);
-            Sighting {
-                az_el_rad: los_to_az_el(frame.believed.q_enu_cam * ray_cam),
-                sigma_rad: (sigma_px * ifov_rad)
-                    .hypot(pointing_rad)
-                    .hypot(SMEAR_SHARE * smear_rad),
-                size_rad: size_px * ifov_rad,
-                score: detection.score,
-                label: detection.label,
-                weak: detection.score < params.start_score,
-            }
-        })
-        .collect()
-}
-
-/// Whether a camera at `pose` sees a direction in the pixels it read out.
-fn sees(pinhole: &Pinhole, pose: &Pose, rect: PixelRect, az_el_rad: DVec2) -> bool {
-    let ray_cam = pose.q_enu_cam.inverse() * az_el_to_los(az_el_rad);
-    // A target whose centre is at the very edge is cut and may fairly be missed.
-    const EDGE_PX: f64 = 4.0;
-    pinhole.project(ray_cam).is_some_and(|px| {
-        [px.x, px.y]
-            .iter()
-            .zip(rect.offset_px)
-            .zip(rect.size_px)
-            .all(|((x, low), size)| {
-                *x >= f64::from(low) + EDGE_PX && *x < f64::from(low + size) - EDGE_PX
-            })
-    })
-}
-
-fn nearest_to_centre(batch: &DetectionBatch) -> Option<usize> {
-    let centre = batch.frame.pinhole.centre_px();
-    let distance = |i: &usize| centre.distance(batch.detections[*i].aim_px.into());
-    (0..batch.detections.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
-}
-
-fn boresight_error(
-    batch: &DetectionBatch,
-    index: usize,
-    linear: bool,
-    aim_rad: DVec2,
-) -> BoresightError {
-    let pinhole = &batch.frame.pinhole;
-    let detection = &batch.detections[index];
-    // Right and up on the sky is right and, in an image whose rows run down, up against them.
-    let aim_px = DVec2::new(aim_rad.x, -aim_rad.y) / pinhole.ifov_rad();
-    let px = DVec2::from(detection.aim_px) + aim_px;
-    let [x0, y0, x1, y1] = detection.box_px;
-    // What is to be brought to the target is the laser's axis, not the image's centre.
-    let reticle_px = batch.frame.reticle_px();
-    let angles = |px| {
-        if linear {
-            pinhole.angles_linear(px)
-        } else {
-            pinhole.angles(px)
-        }
-    };
-    BoresightError {
-        exposure_tick: batch.frame.tick,
-        available_tick: batch.available_tick,
-        angle_rad: angles(px) - angles(reticle_px),
-        offset_px: px - reticle_px,
-        half_side_px: 0.5 * (x1 - x0).min(y1 - y0),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::DQuat;
-
-    #[test]
-    fn a_slew_smears_and_following_does_not() {
-        let pinhole = Pinhole::from_hfov(640, 480, 0.1).unwrap();
-        for (rate_radps, smear_rad) in [(0.02, 0.0), (0.3, 0.3 * 4e-3), (-0.3, 0.3 * 4e-3)] {
-            let mut tracker = Tracker::default();
-            let mut frame = ExposedFrame::bare(Tier::Search, pinhole);
-            frame.conditions.exposure.time_s = 4e-3;
-            let north = frame.believed.q_enu_cam;
-            let mut found = Vec::new();
-            for k in 0..3_u32 {
-                let t_s = f64::from(k) / 30.0;
-                frame.believed.q_enu_cam = DQuat::from_rotation_z(rate_radps * t_s) * north;
-                found.push(super::smear_rad(&mut tracker, &frame, t_s));
-            }
-            // The first frame has none before it.
-            assert_eq!(found[0], 0.0);
-            assert!(
-                found[1..]
-                    .iter()
-                    .all(|found| (found - smear_rad).abs() < 1e-9),
-                "{found:?}"
-            );
+            let shown = batch.shown(clock.at_s(batch.frame.tick));
+            let assigned = take_in(&mut tracker, params, &shown);
+            gallery.hang(&shown, &assigned, &tracker.table, |label| {
+                detector.named(label)
+            });
         }
     }
 }

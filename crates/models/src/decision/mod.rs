@@ -1,5 +1,7 @@
 //! What a station makes of its tracks: which is the target, and how it is held.
 
+pub mod gallery;
+pub mod look;
 pub mod machine;
 pub mod situation;
 pub mod tasking;
