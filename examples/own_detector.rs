@@ -2,10 +2,8 @@
 //!
 //! `source scripts/env.sh; cargo run --release --example own_detector`
 
-use boresight::components::detect::{Detector, Question, Reading};
-use boresight::components::run::PartError;
 use boresight::components::track::TrackingState;
-use boresight::models::optics::detection::Detection;
+use boresight::simulation::parts::{Detection, Detector, PartError, Question, Reading};
 use boresight::simulation::{Event, Simulation, SimulationError, What};
 use std::collections::VecDeque;
 

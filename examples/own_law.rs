@@ -2,9 +2,9 @@
 //!
 //! `cargo run --release --example own_law`
 
-use boresight::models::control::law::{Aim, HandOver, PointingInput, PointingOutput};
-use boresight::models::control::pointing::PointingLaw;
-use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
+use boresight::simulation::parts::{
+    Aim, GimbalCommand, GimbalParams, HandOver, PointingInput, PointingLaw, PointingOutput,
+};
 use boresight::simulation::{Simulation, SimulationError};
 use glam::DVec2;
 

@@ -2,8 +2,7 @@
 //!
 //! `cargo run --release --example own_stage`
 
-use boresight::components::track::TrackStage;
-use boresight::models::tracking::recognition::Recognition;
+use boresight::simulation::parts::{Recognition, TrackStage};
 use boresight::simulation::{Simulation, SimulationError};
 
 /// Energy that the laser emits in five seconds of `urban_intercept`, where what is at least so large is taken for a

@@ -57,8 +57,14 @@ pub fn controller(
         let hint = scenario::suggestion(name, &known);
         loaded.refuse("controller.preset", format!("no law '{name}'{hint}"))
     })?;
-    // The gains follow from the mount: where none is stable, the mount is what to change.
-    let law = law.map_err(|error| loaded.refuse(&format!("{station}.mount"), error))?;
+    let law = law.map_err(|error| {
+        // The shipped laws' gains follow from the mount: where none is stable, the mount is what to change.
+        let shipped = POINTING_LAWS.iter().any(|(shipped, _)| shipped == name);
+        match shipped {
+            true => loaded.refuse(&format!("{station}.mount"), error),
+            false => loaded.refuse("controller.preset", error),
+        }
+    })?;
     Ok(Controller::Pointing(Box::new(PointingController {
         name: name.clone(),
         law,

@@ -15,10 +15,10 @@ use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::MountPlant;
 use crate::models::decision::tracker::Tracker;
 use crate::recording::read::Recorded;
-use crate::scenario::{Loaded, Scenario};
+use crate::scenario::{Loaded, PAPER, Scenario};
 use bevy::app::App;
 use bevy::ecs::schedule::ScheduleCleanupPolicy;
-use bevy::prelude::{Entity, IntoScheduleConfigs, World};
+use bevy::prelude::{Entity, IntoScheduleConfigs, SystemSet, World};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::net::SocketAddr;
@@ -46,7 +46,13 @@ pub struct Builder {
     pictures: Option<bool>,
     options: Options,
     parts: Vec<Part>,
+    stages: Vec<TrackStage>,
+    topics: usize,
 }
+
+/// Topics of a caller's own are asked in the order in which they were added.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct TopicInTurn(usize);
 
 /// Where a scenario comes from.
 enum Source {
@@ -64,6 +70,8 @@ impl Builder {
             pictures: None,
             options: Options::default(),
             parts: Vec::new(),
+            stages: Vec::new(),
+            topics: 0,
         }
     }
 
@@ -144,6 +152,11 @@ impl Builder {
     ) -> Self {
         let name = name.to_owned();
         self.part(move |app| {
+            if name == PAPER {
+                return Err(format!(
+                    "law '{PAPER}': is the name of the paper's two loops; give it another"
+                ));
+            }
             app.world_mut()
                 .resource_mut::<PointingLaws>()
                 .add(&name, make);
@@ -151,13 +164,18 @@ impl Builder {
         })
     }
 
-    /// What the tracker does in a stage, in place of what it does there by itself.
+    /// What the tracker does in a stage, in place of what it does there by itself; once a stage.
     pub fn stage(
-        self,
+        mut self,
         stage: TrackStage,
         mut work: impl FnMut(&mut Stage) + Send + Sync + 'static,
     ) -> Self {
+        let before = self.stages.contains(&stage);
+        self.stages.push(stage);
         self.part(move |app| {
+            if before {
+                return Err(format!("{stage:?}: is replaced twice; do both in one"));
+            }
             let all = ScheduleCleanupPolicy::RemoveSystemsOnly;
             app.remove_systems_in_set(Tick, stage, all)
                 .map_err(|error| format!("{stage:?}: cannot be replaced: {error}"))?;
@@ -168,15 +186,24 @@ impl Builder {
     }
 
     /// A topic of JSON messages in the recording, such as `/mine/tracks`: so many times a second `say` looks at the
-    /// run and may have something to say. A rate above the tick's is every tick.
+    /// run and may have something to say. A rate above the tick's is every tick. Names that begin with `/boresight/` are
+    /// the program's own.
     pub fn topic<M: Serialize + JsonSchema + 'static>(
-        self,
+        mut self,
         topic: &str,
         rate_hz: u32,
         mut say: impl FnMut(View) -> Option<M> + Send + Sync + 'static,
     ) -> Self {
         let topic = topic.to_owned();
+        let turn = self.topics;
+        self.topics += 1;
         self.part(move |app| {
+            let own = topic.starts_with('/') && !topic.starts_with("/boresight/");
+            if !own || topic.contains(char::is_whitespace) {
+                return Err(format!(
+                    "topic '{topic}': is no name for a topic of one's own; give one such as /mine/tracks"
+                ));
+            }
             let topic = app.world_mut().resource_mut::<OwnTopics>().add::<M>(&topic);
             let publish = move |world: &mut World| {
                 if !world.resource::<SimClock>().due(rate_hz.max(1)) {
@@ -191,7 +218,11 @@ impl Builder {
                 }
             };
             let place = publish.after(TickSet::Engage).before(TickSet::Record);
-            app.add_systems(Tick, place);
+            let place = place.in_set(TopicInTurn(turn));
+            match turn.checked_sub(1) {
+                Some(before) => app.add_systems(Tick, place.after(TopicInTurn(before))),
+                None => app.add_systems(Tick, place),
+            };
             Ok(())
         })
     }
@@ -209,6 +240,7 @@ impl Builder {
             pictures,
             mut options,
             parts,
+            ..
         } = self;
         let loaded = match source {
             Source::Loaded(loaded) if set.is_empty() => *loaded,
@@ -224,10 +256,11 @@ impl Builder {
         };
         options.capture = pictures.unwrap_or(!loaded.scenario.detector.is_truth());
         let mut refused = Ok(());
-        let mut app = app::build_with(&loaded, &options, |app| {
+        let built = app::build_with(&loaded, &options, |app| {
             refused = parts.into_iter().try_for_each(|part| part(app));
-        })?;
+        });
         refused.map_err(SimulationError::Part)?;
+        let mut app = built?;
         let cast = cast(app.world_mut());
         app.insert_resource(cast);
         Ok(Simulation::of(app, loaded, options))

@@ -4,10 +4,13 @@ use crate::app::RunError;
 use crate::recording::read::ReadError;
 use crate::report::ReportError;
 use crate::scenario::{InputError, OrderError};
+use std::fmt;
 use std::path::PathBuf;
 
 /// Why a simulation cannot be opened, go on or be finished. Each prints as one line that names the mend.
-#[derive(Debug, thiserror::Error)]
+///
+/// Its `Debug` is that line, too, so that a program whose `main` returns it ends with it.
+#[derive(thiserror::Error)]
 pub enum SimulationError {
     /// The scenario cannot be read or is not valid.
     #[error(transparent)]
@@ -30,7 +33,16 @@ pub enum SimulationError {
     /// A part of the caller's own cannot be added.
     #[error("{0}")]
     Part(String),
+    /// An order after the end.
+    #[error("the run is over: an order changes nothing any more")]
+    Over,
     /// A step after the run had failed.
     #[error("the run has failed before and cannot go on; open it anew")]
     Failed,
+}
+
+impl fmt::Debug for SimulationError {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{self}")
+    }
 }

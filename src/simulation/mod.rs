@@ -28,11 +28,14 @@
 //! A run has one seed and no other source of chance: the same scenario, seed, parts and orders give the same
 //! [`View::state_hash`] after every tick, however the ticks are stepped.
 //!
+//! What a part of one's own is made of stands in [`parts`].
+//!
 //! Those who want the engine itself find it below, in [`crate::app`].
 
 mod builder;
 mod error;
 mod events;
+mod orders;
 mod run;
 mod view;
 
@@ -40,7 +43,22 @@ pub use crate::components::run::Options;
 pub use builder::{Builder, Stage};
 pub use error::SimulationError;
 pub use events::{Event, What};
+pub(crate) use orders::with_orders;
 pub use run::Simulation;
 pub use view::{
     AirView, Arrived, CameraView, FrameView, MountView, StationView, TrackView, UavView, View,
 };
+
+/// What detectors, laws and stages of one's own are made of.
+pub mod parts {
+    pub use crate::components::detect::{Detector, DetectorContext, Question, Reading};
+    pub use crate::components::run::PartError;
+    pub use crate::components::track::TrackStage;
+    pub use crate::models::control::law::{Aim, HandOver, PointingInput, PointingOutput};
+    pub use crate::models::control::pointing::PointingLaw;
+    pub use crate::models::control::tuning::MountPlant;
+    pub use crate::models::decision::tracker::Tracker;
+    pub use crate::models::mount::gimbal::{GimbalCommand, GimbalParams};
+    pub use crate::models::optics::detection::Detection;
+    pub use crate::models::tracking::recognition::Recognition;
+}

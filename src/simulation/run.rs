@@ -2,6 +2,7 @@
 
 use super::error::SimulationError;
 use super::events::{Event, Watch};
+use super::orders::with_orders;
 use super::view::{FrameView, View};
 use crate::app;
 use crate::components::capture::{ExposedFrame, Frames};
@@ -17,7 +18,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A run between two ticks.
+/// A run between two ticks. It belongs to the thread that opened it.
 pub struct Simulation {
     app: App,
     loaded: Loaded,
@@ -136,9 +137,15 @@ impl Simulation {
     }
 
     /// Gives an order to the station that it names, or to every one. It counts from its `t_s` on, or from the next
-    /// tick if that is past. What cannot be obeyed whatever comes is refused here; what becomes of others is an
-    /// [`Event`] once they are due.
+    /// tick if that is past. An order that could not stand in a scenario is refused here. What becomes of others is an
+    /// [`Event`] once they are due: so a law that nobody knows. A recording holds the scenario, and not these orders:
+    /// [`Self::scenario_with_orders`] does.
     pub fn give(&mut self, order: &OrderConfig) -> Result<(), SimulationError> {
+        match self.state {
+            State::Goes => {}
+            State::Over => return Err(SimulationError::Over),
+            State::Failed => return Err(SimulationError::Failed),
+        }
         self.loaded.scenario.check_order(order)?;
         let command = command(order, &self.loaded.scenario);
         let world = self.app.world_mut();
@@ -159,6 +166,11 @@ impl Simulation {
             }
         }
         Ok(())
+    }
+
+    /// The scenario as TOML, with seed and orders of this run: run again, with the same parts, it is the same run.
+    pub fn scenario_with_orders(&self) -> Result<String, toml::ser::Error> {
+        with_orders(self.app.world(), &self.loaded, &self.options)
     }
 
     /// Sums the run up as far as it went, and writes nothing.

@@ -4,12 +4,12 @@ use crate::common::{ROOT, boresight, messages, read_with_python, refused, render
 use boresight::components::capture::Tier;
 use boresight::components::flight::UavStatus;
 use boresight::components::operator::Answer;
-use boresight::models::control::law::{HandOver, PointingInput, PointingOutput};
-use boresight::models::control::pointing::PointingLaw;
-use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
-use boresight::models::optics::detection::Detection;
 use boresight::scenario::{DriveOrder, OrderConfig};
-use boresight::simulation::{Simulation, What};
+use boresight::simulation::parts::{
+    Detection, GimbalCommand, GimbalParams, HandOver, MountPlant, PartError, PointingInput,
+    PointingLaw, PointingOutput, TrackStage,
+};
+use boresight::simulation::{Builder, Simulation, What};
 use glam::DVec2;
 use serde_json::Value;
 use std::path::Path;
@@ -150,6 +150,77 @@ fn an_order_that_nobody_can_obey_is_one_error() {
         matches!(&event.what, What::Order { answer: Answer::Refused(why), .. } if refused(why)),
         "{event:?}"
     );
+}
+
+#[test]
+fn parts_that_cannot_be_added_are_one_error() {
+    let builder = || scenario("urban_intercept", &["detector.kind=truth"]);
+    let refused = |builder: Builder| format!("{:?}", builder.open().err().unwrap());
+    let lost = |_: &MountPlant| -> Result<Box<dyn PointingLaw>, PartError> { Ok(Box::new(Lost)) };
+    let text = refused(builder().law("paper", lost));
+    assert!(text.starts_with("law 'paper'"), "{text}");
+    let text = refused(builder().topic("mine tracks", 1, |_| Some(1_u32)));
+    assert!(
+        text.contains("'mine tracks'") && text.contains("/mine/tracks"),
+        "{text}"
+    );
+    let text = refused(builder().topic("/boresight/tick", 1, |_| Some(1_u32)));
+    assert!(text.contains("'/boresight/tick'"), "{text}");
+    let twice = builder().stage(TrackStage::Recognise, |_| {});
+    let text = refused(twice.stage(TrackStage::Recognise, |_| {}));
+    assert!(text.contains("replaced twice"), "{text}");
+    // A law that cannot be made is no fault of the mount.
+    let none =
+        |_: &MountPlant| -> Result<Box<dyn PointingLaw>, PartError> { Err("no gains".into()) };
+    let text = refused(builder().set("controller.preset=mine").law("mine", none));
+    assert!(text.contains("controller.preset: no gains"), "{text}");
+}
+
+#[test]
+fn several_topics_are_recorded_in_turn() {
+    let folder = TempDir::new().unwrap();
+    let set = ["detector.kind=truth", "duration_s=0.5"];
+    let mut run = scenario("urban_intercept", &set)
+        .record(folder.path())
+        .topic("/mine/first", 10, |view| Some(view.tick()))
+        .topic("/mine/second", 20, |view| Some(view.tick()))
+        .open()
+        .unwrap();
+    assert!(run.step(u64::MAX).unwrap());
+    // After the end an order changes nothing any more.
+    let error = run.give(&OrderConfig::default()).err().unwrap();
+    assert!(error.to_string().contains("over"), "{error}");
+    run.finish().unwrap();
+    let mcap = folder.path().join("run.mcap");
+    let count = |topic: &str| messages(&mcap, topic).len();
+    assert_eq!((count("/mine/first"), count("/mine/second")), (5, 10));
+}
+
+#[test]
+fn a_run_with_orders_is_repeated_by_its_scenario() {
+    let folder = TempDir::new().unwrap();
+    let set = ["detector.kind=truth", "duration_s=1"];
+    let mut run = scenario("urban_intercept", &set).seed(11).open().unwrap();
+    run.run_until(0.25).unwrap();
+    let drive = DriveOrder {
+        rates_degps: Some([1.0 / 3.0, -0.1]),
+        mirror_urad: None,
+    };
+    run.give(&OrderConfig {
+        drive: Some(drive),
+        ..OrderConfig::default()
+    })
+    .unwrap();
+    run.step(u64::MAX).unwrap();
+    let path = folder.path().join("again.toml");
+    std::fs::write(&path, run.scenario_with_orders().unwrap()).unwrap();
+    let mut again = Simulation::open(&path).unwrap();
+    again.step(u64::MAX).unwrap();
+    assert_eq!(again.view().state_hash(), run.view().state_hash());
+    // Without the order it is another run.
+    let mut without = scenario("urban_intercept", &set).seed(11).open().unwrap();
+    without.step(u64::MAX).unwrap();
+    assert_ne!(without.view().state_hash(), run.view().state_hash());
 }
 
 #[test]

@@ -188,7 +188,11 @@ impl OrderConfig {
         scenario: &Scenario,
         check: &mut Check,
     ) {
-        check.within("t_s", self.t_s, earliest_s..=MAX_DURATION_S);
+        check.within("t_s", self.t_s, 0.0..=MAX_DURATION_S);
+        check.that(self.t_s >= earliest_s, "t_s", || {
+            let found = self.t_s;
+            format!("found {found}, before the order above it at {earliest_s}: put orders in the order of time")
+        });
         if let Some(name) = &self.station {
             let names: Vec<&str> = stations.iter().map(|s| s.name.as_str()).collect();
             check.that(names.contains(&name.as_str()), "station", || {

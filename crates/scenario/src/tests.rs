@@ -348,7 +348,7 @@ fn an_order_holds_one_thing_at_most() {
             &format!("{GOOD}[[operator]]\nt_s = 2\n[[operator]]\nt_s = 1"),
             &[]
         ),
-        "s.toml:20: operator[1].t_s: found 1, must be from 2 to 86400"
+        "s.toml:20: operator[1].t_s: found 1, before the order above it at 2: put orders in the order of time"
     );
 }
 
