@@ -5,6 +5,7 @@ use super::error::DatasetError;
 use super::statistics::{SIZES, Statistics, columns, long_px, named};
 use crate::media::image::jpeg_of;
 use crate::report::page::{Head, data_url, note, page as whole_page, table, tiles};
+use boresight_common::palette;
 use image::imageops;
 use maud::{Markup, html};
 use std::collections::BTreeMap;
@@ -384,8 +385,8 @@ fn outline(seen: &Annotation) -> Markup {
     const MARGIN_PX: f64 = 4.0;
     let [x, y, w, h] = seen.bbox;
     let colour = match seen.class.is_uav() {
-        true => "#f0883e",
-        false => "#58a6ff",
+        true => palette::hex(palette::BAD),
+        false => palette::hex(palette::SECOND),
     };
     html! {
         rect x=(px(x - MARGIN_PX)) y=(px(y - MARGIN_PX))

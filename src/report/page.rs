@@ -25,7 +25,7 @@ border:2px solid var(--bad);color:var(--bad)}
 .tiles div{background:var(--card);border-radius:8px;padding:.6rem .8rem}
 .tiles dt{color:var(--soft);font-size:.82rem}
 .tiles dd{margin:0;font-size:1.15rem;font-weight:600;font-variant-numeric:tabular-nums;overflow-wrap:break-word}
-.charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,26rem),1fr));gap:1.2rem}
+.charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1.2rem}
 figure{margin:0;min-width:0}
 .charts figure{background:var(--card);border-radius:8px;padding:.8rem .8rem .4rem}
 figcaption{display:flex;flex-wrap:wrap;gap:.1rem 1rem;align-items:baseline}

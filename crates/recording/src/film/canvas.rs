@@ -1,4 +1,4 @@
-//! A picture that is drawn on: smooth lines and areas by tiny-skia, words in the window's font by ab_glyph.
+//! A picture that is drawn on: smooth lines and areas by tiny-skia, words in one of the window's fonts by ab_glyph.
 
 use super::error::FilmError;
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
@@ -6,8 +6,8 @@ use boresight_common::palette::{Colour, PAPER};
 use image::RgbImage;
 use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
 
-/// Share of the ground's colour in the halo around words: they stay readable on any picture.
-const HALO: f32 = 0.55;
+/// How much the plate behind words covers of the picture: they stay readable on any.
+const PLATE: f32 = 0.6;
 
 /// A picture that is drawn on.
 #[derive(Clone)]
@@ -35,7 +35,7 @@ fn paint(Ink([r, g, b], share): Ink) -> Paint<'static> {
 /// A line through points, closed or not; none through fewer than two.
 fn path(points: &[[f64; 2]], closed: bool) -> Option<Path> {
     let mut builder = PathBuilder::new();
-    let [(first, rest)] = [points.split_first()?];
+    let (first, rest) = points.split_first()?;
     builder.move_to(first[0] as f32, first[1] as f32);
     for [x, y] in rest {
         builder.line_to(*x as f32, *y as f32);
@@ -52,7 +52,7 @@ impl Canvas {
         let no_canvas = || FilmError::Canvas { width, height };
         let mut pixels = Pixmap::new(width, height).ok_or_else(no_canvas)?;
         pixels.fill(tiny_skia::Color::from_rgba8(r, g, b, 255));
-        let font = FontRef::try_from_slice(epaint_default_fonts::UBUNTU_LIGHT);
+        let font = FontRef::try_from_slice(epaint_default_fonts::HACK_REGULAR);
         Ok(Self {
             pixels,
             font: font.map_err(|_| no_canvas())?,
@@ -112,17 +112,13 @@ impl Canvas {
 
     /// Writes a line of words in letters of a size [px], its upper left corner at a place.
     pub fn words(&mut self, [x, y]: [f64; 2], height_px: f32, words: &str, colour: Colour) {
-        let [x, y] = [x as f32, y as f32];
-        for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)] {
-            self.letters([x + dx, y + dy], height_px, words, Ink(PAPER, HALO));
-        }
-        self.letters([x, y], height_px, words, colour.into());
-    }
-
-    fn letters(&mut self, [x, y]: [f32; 2], height_px: f32, words: &str, Ink(colour, share): Ink) {
+        let [width, height] = self.words_px(height_px, words);
+        let (right, below) = (x + width, y + height);
+        let plate = [[x, y], [right, y], [right, below], [x, below]];
+        self.fill(&plate, Ink(PAPER, PLATE));
         let scale = PxScale::from(height_px);
         let font = self.font.clone();
-        let (scaled, mut x) = (font.as_scaled(scale), x);
+        let (scaled, [mut x, y]) = (font.as_scaled(scale), [x as f32, y as f32]);
         for letter in words.chars() {
             let id = scaled.glyph_id(letter);
             let glyph = id.with_scale_and_position(scale, point(x, y + scaled.ascent()));
@@ -136,7 +132,7 @@ impl Canvas {
                     corner.x as i64 + i64::from(dx),
                     corner.y as i64 + i64::from(dy),
                 ];
-                self.blend(at, colour, share * covered.min(1.0));
+                self.blend(at, colour, covered.min(1.0));
             });
         }
     }

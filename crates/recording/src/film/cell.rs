@@ -6,7 +6,7 @@ use crate::media::labels;
 /// Width and height of a cell [px].
 pub const CELL_PX: [u32; 2] = [480, 360];
 /// Letters of what stands at boxes and dots [px].
-pub const SMALL_PX: f32 = 13.0;
+pub const SMALL_PX: f32 = 12.0;
 
 /// Where small texts go at boxes of a cell, the most important first.
 pub fn labels_of<'a>(

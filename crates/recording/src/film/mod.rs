@@ -54,7 +54,7 @@ pub enum Layout {
 /// The strip below all cells [px].
 const STRIP_PX: u32 = 56;
 /// Letters of names and states [px].
-const LARGE_PX: f32 = 19.0;
+const LARGE_PX: f32 = 17.0;
 
 /// Makes the film; the number of its pictures.
 pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
@@ -186,7 +186,7 @@ fn strip(picture: &mut Canvas, timeline: &Timeline, t_s: f64) {
     let tick = timeline.tick_at(t_s);
     let top = f64::from(picture.size_px()[1] - STRIP_PX) + 6.0;
     picture.words([8.0, top], LARGE_PX, &format!("{t_s:.2} s"), INK);
-    let mut x = 100.0;
+    let mut x = 120.0;
     for station in &timeline.stations {
         let fires = station.fires(tick);
         let state = station.track.at(tick).map_or("", |track| &track.state);
@@ -211,7 +211,7 @@ fn strip(picture: &mut Canvas, timeline: &Timeline, t_s: f64) {
         count(&["falling", "down"]),
         count(&["struck", "crashed"])
     );
-    picture.words([8.0, top + 24.0], 15.0, &uavs, SOFT);
+    picture.words([8.0, top + 24.0], 14.0, &uavs, SOFT);
 }
 
 #[cfg(test)]
