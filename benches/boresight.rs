@@ -8,7 +8,7 @@ use boresight::components::capture::{Frames, Readout, SensorCamera, Tier};
 use boresight::components::detect::DetectionQueue;
 use boresight::components::mount::{Stations, first_station};
 use boresight::components::render::SensorViews;
-use boresight::components::run::SimClock;
+use boresight::components::run::{Kept, SimClock};
 use boresight::components::track::{Tracker, TrackingState};
 use boresight::inference::OnnxDetector;
 use boresight::media::image::encode_jpeg;
@@ -331,7 +331,7 @@ fn frames(criterion: &mut Criterion) {
             bencher.iter(|| capture(world));
         });
 
-        let mut renderer = world.remove_non_send::<Renderer>().expect("a renderer");
+        let mut renderer = Kept::<Renderer>::take(world).expect("a renderer");
         let mut pixels = Vec::new();
         let activate = |world: &mut World| {
             world.get_mut::<Camera>(view).expect("a view").is_active = true;
@@ -354,7 +354,7 @@ fn frames(criterion: &mut Criterion) {
             });
         });
         world.get_mut::<Camera>(view).expect("a view").is_active = false;
-        world.insert_non_send(renderer);
+        Kept::put(world, renderer);
     }
     group.finish();
 }
@@ -475,7 +475,7 @@ fn frames_of_places(criterion: &mut Criterion) {
                 std::fs::write(&file, jpeg.expect("a JPEG")).expect("a file");
                 println!("{}", file.display());
             }
-            let mut renderer = world.remove_non_send::<Renderer>().expect("a renderer");
+            let mut renderer = Kept::<Renderer>::take(world).expect("a renderer");
             let mut pixels = Vec::new();
             world.get_mut::<Camera>(view).expect("a view").is_active = true;
             group.bench_function(format!("{name}, {camera}"), |bencher| {
@@ -487,7 +487,7 @@ fn frames_of_places(criterion: &mut Criterion) {
                 });
             });
             world.get_mut::<Camera>(view).expect("a view").is_active = false;
-            world.insert_non_send(renderer);
+            Kept::put(world, renderer);
         }
     }
     group.finish();

@@ -1,7 +1,7 @@
 //! From a scenario to an app that steps: Bevy, the plugins, the set-up.
 
 use crate::components::detect::DetectorInUse;
-use crate::components::run::{PartError, RunScenario};
+use crate::components::run::{Kept, PartError, RunScenario};
 use crate::plugins::SimulationPlugins;
 use crate::plugins::render::ScenePlugin;
 use crate::scenario::{InputError, Loaded};
@@ -150,7 +150,7 @@ pub fn prepare_with(
     world.insert_resource(RunScenario(Arc::new(loaded.clone())));
     world.insert_resource(options.clone());
     match renderer {
-        Some(renderer) => world.insert_non_send(renderer),
+        Some(renderer) => Kept::put(world, renderer),
         None if options.capture => return Err(RunError::NoAdapter),
         None => {}
     }

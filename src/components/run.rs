@@ -4,6 +4,7 @@ use crate::models::ground::city::City;
 use crate::models::maths::rng::Stream;
 use crate::scenario::Loaded;
 use bevy::ecs::schedule::ScheduleLabel;
+use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -202,6 +203,25 @@ impl Failure {
     /// Whether there is an error.
     pub fn is_set(&self) -> bool {
         self.0.is_some()
+    }
+}
+
+/// What a run keeps that one at a time works with, and that cannot be read by two: taken out for the work, and put back.
+///
+/// As a resource it lets a run move to another thread, which what the engine calls "non-send" would not.
+#[derive(Resource)]
+pub struct Kept<T: Send + 'static>(SyncCell<T>);
+
+impl<T: Send + 'static> Kept<T> {
+    /// Puts it into the world, in place of one that is there.
+    pub fn put(world: &mut World, kept: T) {
+        world.insert_resource(Self(SyncCell::new(kept)));
+    }
+
+    /// Takes it out of the world.
+    pub fn take(world: &mut World) -> Option<T> {
+        let Self(cell) = world.remove_resource()?;
+        Some(SyncCell::to_inner(cell))
     }
 }
 

@@ -7,7 +7,7 @@ use crate::components::mount::Mount;
 use crate::components::render::{
     LEAN_SHADER, LeanMaterial, LeanPaint, SceneHandles, SensorViews, Solids,
 };
-use crate::components::run::{Failure, Options};
+use crate::components::run::{Failure, Kept, Options};
 use crate::models::ground::skyline::Skyline;
 use crate::systems::capture::{ImageScratch, spawn_magnifiers};
 use crate::systems::render::city_tiles::{settle_city, spawn_city_tiles, spawn_window_tiles};
@@ -87,7 +87,7 @@ impl Plugin for ScenePlugin {
 }
 
 /// Whether this run renders at all, and nothing has failed so far.
-pub fn renders(renderer: Option<NonSend<Renderer>>, failure: Res<Failure>) -> bool {
+pub fn renders(renderer: Option<Res<Kept<Renderer>>>, failure: Res<Failure>) -> bool {
     renderer.is_some() && !failure.is_set()
 }
 
@@ -126,11 +126,11 @@ pub fn show(world: &mut World) {
         spawn_city_tiles(world, city);
         settle_city(world);
     }
-    if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
+    if let Some(mut renderer) = Kept::<Renderer>::take(world) {
         settle(world, &mut renderer);
-        world.insert_non_send(renderer);
+        Kept::put(world, renderer);
     }
-    world.insert_non_send(ImageScratch::default());
+    Kept::put(world, ImageScratch::default());
     if world.resource::<Options>().window {
         let r_station_enu_m = eyes_enu_m.first().copied().unwrap_or_default();
         scene::spawn_for_window(world, &environment, &hidden, r_station_enu_m);

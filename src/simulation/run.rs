@@ -12,15 +12,15 @@ use crate::components::run::{Options, SimClock};
 use crate::parameters::operator::command;
 use crate::report::summary::{Finished, conclude, finish};
 use crate::scenario::{Loaded, OrderConfig};
-use bevy::app::App;
+use bevy::app::{App, SubApp};
 use bevy::prelude::World;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A run between two ticks. It belongs to the thread that opened it.
+/// A run between two ticks. It may move from thread to thread.
 pub struct Simulation {
-    app: App,
+    main: SubApp,
     loaded: Loaded,
     options: Options,
     started: Instant,
@@ -39,10 +39,14 @@ enum State {
 }
 
 impl Simulation {
-    pub(super) fn of(app: App, loaded: Loaded, options: Options) -> Self {
-        let watch = Watch::of(View { world: app.world() });
+    pub(super) fn of(mut app: App, loaded: Loaded, options: Options) -> Self {
+        // What else an app holds, sub-apps and a runner, has no part in a run.
+        let main = std::mem::take(app.main_mut());
+        let watch = Watch::of(View {
+            world: main.world(),
+        });
         Self {
-            app,
+            main,
             loaded,
             options,
             started: Instant::now(),
@@ -63,7 +67,7 @@ impl Simulation {
             if self.state != State::Goes {
                 break;
             }
-            match app::step(self.app.world_mut()) {
+            match app::step(self.main.world_mut()) {
                 Ok(false) => {}
                 Ok(true) => self.state = State::Over,
                 Err(error) => {
@@ -71,7 +75,7 @@ impl Simulation {
                     return Err(error.into());
                 }
             }
-            let world = self.app.world();
+            let world = self.main.world();
             for frame in &world.resource::<Frames>().0 {
                 self.frames.insert(frame.index, frame.clone());
             }
@@ -82,7 +86,7 @@ impl Simulation {
 
     /// Lets time pass until `t_s` [s], or the run's end; true once it is over.
     pub fn run_until(&mut self, t_s: f64) -> Result<bool, SimulationError> {
-        let clock = self.app.world().resource::<SimClock>();
+        let clock = self.main.world().resource::<SimClock>();
         let ticks = clock.ticks_of(t_s).saturating_sub(clock.tick);
         self.step(ticks)
     }
@@ -106,7 +110,7 @@ impl Simulation {
     /// Everything as the last tick left it.
     pub fn view(&self) -> View<'_> {
         View {
-            world: self.app.world(),
+            world: self.main.world(),
         }
     }
 
@@ -128,7 +132,7 @@ impl Simulation {
     /// The newest frame of each camera that exposed in the last step, in the order of the cameras. A step no longer
     /// than a camera's period misses none.
     pub fn frames(&self) -> impl Iterator<Item = FrameView<'_>> {
-        self.frames.values().map(|frame| FrameView { frame })
+        self.frames.values().map(FrameView::of)
     }
 
     /// What happened in the last step, in order of time.
@@ -148,7 +152,7 @@ impl Simulation {
         }
         self.loaded.scenario.check_order(order)?;
         let command = command(order, &self.loaded.scenario);
-        let world = self.app.world_mut();
+        let world = self.main.world_mut();
         let clock = *world.resource::<SimClock>();
         let tick = clock.ticks_of(order.t_s).max(clock.tick + 1);
         // There is one air for all: its orders are the first station's.
@@ -170,29 +174,29 @@ impl Simulation {
 
     /// The scenario as TOML, with seed and orders of this run: run again, with the same parts, it is the same run.
     pub fn scenario_with_orders(&self) -> Result<String, toml::ser::Error> {
-        with_orders(self.app.world(), &self.loaded, &self.options)
+        with_orders(self.main.world(), &self.loaded, &self.options)
     }
 
     /// Sums the run up as far as it went, and writes nothing.
     pub fn summary(&mut self) -> Finished {
         let elapsed = self.started.elapsed();
-        finish(self.app.world_mut(), &self.loaded, &self.options, elapsed)
+        finish(self.main.world_mut(), &self.loaded, &self.options, elapsed)
     }
 
     /// Ends the run where it is: closes the recording, and writes summary and report beside it if it has a folder.
     pub fn finish(mut self) -> Result<Finished, SimulationError> {
         let elapsed = self.started.elapsed();
-        let world = self.app.world_mut();
+        let world = self.main.world_mut();
         Ok(conclude(world, &self.loaded, &self.options, elapsed)?)
     }
 
     /// The engine's world, for the parts of this program that look deeper than a view.
     pub(crate) fn world(&self) -> &World {
-        self.app.world()
+        self.main.world()
     }
 
     /// The same, to be prepared before the first tick.
     pub(crate) fn world_mut(&mut self) -> &mut World {
-        self.app.world_mut()
+        self.main.world_mut()
     }
 }

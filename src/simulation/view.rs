@@ -6,7 +6,7 @@ use crate::components::capture::{
     UavInFrame,
 };
 use crate::components::control::{Controller, Radar};
-use crate::components::detect::DetectionQueue;
+use crate::components::detect::{DetectionQueue, Question};
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
 use crate::components::flight::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
@@ -26,6 +26,7 @@ use crate::models::optics::tier::Tier;
 use crate::models::tracking::table::Track;
 use bevy::prelude::World;
 use glam::{DQuat, DVec2, DVec3};
+use std::sync::Arc;
 
 /// A run as its last tick left it.
 #[derive(Clone, Copy)]
@@ -303,9 +304,7 @@ impl<'a> StationView<'a> {
     /// The answers of the detector that arrived in the last tick.
     pub fn arrived(&self) -> impl Iterator<Item = Arrived<'a>> + use<'a> {
         self.queue.arrived.iter().map(|batch| Arrived {
-            frame: FrameView {
-                frame: &batch.frame,
-            },
+            frame: FrameView::of(&batch.frame),
             look: batch.look,
             detections: &batch.detections,
             best_scores: &batch.best_scores,
@@ -517,10 +516,35 @@ impl<'a> CameraView<'a> {
 /// One exposure of one camera, with the truth of its very tick.
 #[derive(Clone, Copy)]
 pub struct FrameView<'a> {
-    pub(super) frame: &'a ExposedFrame,
+    frame: &'a Arc<ExposedFrame>,
+}
+
+/// A frame that is kept while the run goes on; its pixels are shared, not copied.
+#[derive(Clone, Debug)]
+pub struct Frame(Arc<ExposedFrame>);
+
+impl Frame {
+    /// What can be read of it.
+    pub fn view(&self) -> FrameView<'_> {
+        FrameView::of(&self.0)
+    }
 }
 
 impl<'a> FrameView<'a> {
+    pub(super) fn of(frame: &'a Arc<ExposedFrame>) -> Self {
+        Self { frame }
+    }
+
+    /// The frame itself, to be kept while the run goes on.
+    pub fn keep(&self) -> Frame {
+        Frame(self.frame.clone())
+    }
+
+    /// The frame of a question to a detector.
+    pub fn asked(question: &'a Question) -> Self {
+        Self::of(&question.frame)
+    }
+
     /// Name of the camera.
     pub fn camera(&self) -> &'a str {
         &self.frame.name

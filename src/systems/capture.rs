@@ -23,7 +23,7 @@ pub(crate) use shot::{Shot, draw};
 
 use crate::components::capture::{Frames, SensorCamera};
 use crate::components::render::SensorViews;
-use crate::components::run::{Failure, Seed, Stopwatch};
+use crate::components::run::{Failure, Kept, Seed, Stopwatch};
 use crate::systems::render::city_tiles::settle_city;
 use crate::systems::render::renderer::Renderer;
 use bevy::prelude::*;
@@ -32,15 +32,15 @@ use std::time::Instant;
 
 /// Renders the exposed frames, if this run renders at all.
 pub fn render_frames(world: &mut World) {
-    if world.resource::<Frames>().0.is_empty() || !world.contains_non_send::<Renderer>() {
+    if world.resource::<Frames>().0.is_empty() || !world.contains_resource::<Kept<Renderer>>() {
         return;
     }
     let started = Instant::now();
-    if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
-        let mut scratch = world.remove_non_send::<ImageScratch>().unwrap_or_default();
+    if let Some(mut renderer) = Kept::<Renderer>::take(world) {
+        let mut scratch = Kept::<ImageScratch>::take(world).unwrap_or_default();
         let result = render_with(world, &mut renderer, &mut scratch);
-        world.insert_non_send(scratch);
-        world.insert_non_send(renderer);
+        Kept::put(world, scratch);
+        Kept::put(world, renderer);
         if let Err(error) = result {
             world.resource_mut::<Failure>().set(error);
         }

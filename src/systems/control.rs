@@ -189,7 +189,7 @@ pub fn command_mount(
                     failure.set(LawFault {
                         station: station.name.clone(),
                         law: pointing.name.clone(),
-                        command: fault,
+                        fault,
                         t_s: clock.t_s(),
                     });
                 }
@@ -339,12 +339,12 @@ pub fn command_pan_tilts(
 /// Why a law's command is not obeyed.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "station '{station}': the law '{law}' commands {command} at {t_s:.3} s; a law must return finite numbers"
+    "station '{station}': the law '{law}' failed at {t_s:.3} s: {fault}"
 )]
 pub struct LawFault {
     station: String,
     law: String,
-    command: String,
+    fault: String,
     t_s: f64,
 }
 
@@ -375,10 +375,11 @@ fn point(
     };
     let rates_radps = DVec2::from(output.gimbal.rate_radps);
     if !rates_radps.is_finite() || !output.mirror_rad.is_finite() {
-        return Some(format!(
-            "rates {rates_radps} rad/s, mirror {} rad",
-            output.mirror_rad
-        ));
+        let words = law.fault();
+        return Some(words.unwrap_or_else(|| {
+            let mirror_rad = output.mirror_rad;
+            format!("it commands rates {rates_radps} rad/s, mirror {mirror_rad} rad; a law must return finite numbers")
+        }));
     }
     command.gimbal = output.gimbal;
     command.mirror_rad = output.mirror_rad;

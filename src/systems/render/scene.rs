@@ -10,7 +10,7 @@ use crate::components::render::{
     ATTRIBUTE_SURFACE, DIGIT_OF_TAG, LeanMaterial, LeanPaint, LightUniform, SceneHandles, Shading,
     SiteGrid, StationOrigin, UavBody, UavRotor, WINDOW_LAYER, speed_tag,
 };
-use crate::components::run::Options;
+use crate::components::run::{Kept, Options};
 use crate::models::air::sky::{CHANNELS_M, Sky};
 use crate::models::bodies::UavMesh;
 use crate::models::ground::visible::keep_visible;
@@ -308,9 +308,9 @@ pub fn relight(world: &mut World) {
         (paint.0.light, paint.0.sky_table) = (light, mirrored);
     }
     // The next frames must not show the light of before.
-    if let Some(mut renderer) = world.remove_non_send::<Renderer>() {
+    if let Some(mut renderer) = Kept::<Renderer>::take(world) {
         settle(world, &mut renderer);
-        world.insert_non_send(renderer);
+        Kept::put(world, renderer);
     }
 }
 

@@ -19,7 +19,7 @@ pub mod timeline;
 pub mod tracks;
 
 use crate::components::capture::Frames;
-use crate::components::run::{PartError, SimClock};
+use crate::components::run::{Kept, PartError, SimClock};
 use crate::components::view::{
     Pacing, Playback, ScreenshotRequest, Session, StepSize, Taken, WindowCamera, WindowFrame,
 };
@@ -148,7 +148,7 @@ fn build(world: &mut World, session: &mut Session, drawn: u32) -> Result<(), Par
 
 /// Draws the window; no sensor camera is active meanwhile.
 fn draw(world: &mut World) {
-    let Some(mut renderer) = world.remove_non_send::<Renderer>() else {
+    let Some(mut renderer) = Kept::<Renderer>::take(world) else {
         return;
     };
     let activate = |world: &mut World, active: bool| {
@@ -163,7 +163,7 @@ fn draw(world: &mut World) {
     }
     renderer.render(world);
     activate(world, false);
-    world.insert_non_send(renderer);
+    Kept::put(world, renderer);
 }
 
 /// Runs the ticks that are due after `wall_s` more seconds of wall-clock time [s], as long as

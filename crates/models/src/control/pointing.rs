@@ -19,6 +19,11 @@ pub trait PointingLaw: CloneLaw + Debug + Send + Sync {
         input: &PointingInput,
     ) -> PointingOutput;
 
+    /// Why its last command was not finite, in words, where it knows; the run ends with them.
+    fn fault(&mut self) -> Option<String> {
+        None
+    }
+
     /// Forgets what a pause in the tracking has made stale.
     fn rest(&mut self) {}
 
