@@ -34,8 +34,8 @@ impl PointingLaw for GimbalAlone {
     }
 }
 
-/// Root mean square of the pointing error in the second of two seconds [µrad].
-pub fn rms_urad(law: &str) -> Result<f64, SimulationError> {
+/// Root mean square of the pointing error in the second of two seconds [µrad], and the state's hash at their end.
+pub fn run(law: &str) -> Result<(f64, u64), SimulationError> {
     let mut run = Simulation::builder("scenarios/urban_intercept.toml")
         .set("detector.kind=truth")
         .set(format!("controller.preset={law}"))
@@ -49,13 +49,15 @@ pub fn rms_urad(law: &str) -> Result<f64, SimulationError> {
         history.iter().filter(|(t_s, _)| *t_s > 1.0)
     });
     let (sum, count) = errors.fold((0.0, 0), |(sum, count), (_, e)| (sum + e * e, count + 1));
-    Ok((sum / f64::from(count)).sqrt())
+    let rms_urad = (sum / f64::from(count)).sqrt();
+    Ok((rms_urad, run.view().state_hash()))
 }
 
 #[allow(dead_code)] // The tests call the function above.
 fn main() -> Result<(), SimulationError> {
     for law in ["tuned", "gimbal_alone"] {
-        println!("{law}: {:.1} µrad rms", rms_urad(law)?);
+        let (rms_urad, hash) = run(law)?;
+        println!("{law}: {rms_urad:.1} µrad rms, state {hash:016x}");
     }
     Ok(())
 }

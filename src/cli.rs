@@ -17,6 +17,7 @@ use crate::recording::read::Recorded;
 use crate::report::summary::{self, Finished};
 use crate::scenario::catalogue::{self, UavError};
 use crate::scenario::{self, Faults, Loaded, Scenario};
+use crate::serve::{self, ServeError};
 use crate::simulation::{Builder, Simulation, SimulationError, UavView, View};
 use crate::stop;
 use crate::tiles_command::{self as tiles, Tiles};
@@ -24,9 +25,9 @@ use crate::tune::{self, TuneError};
 use crate::view::{self, ViewError};
 use crate::warning::{self, StrictError};
 use clap::{Args, Parser, Subcommand};
+use std::ffi::OsString;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// `println!` that does not mind a closed pipe: `boresight run … | head` is no error.
@@ -70,6 +71,9 @@ pub enum CliError {
     /// A new scenario.
     #[error(transparent)]
     New(#[from] NewError),
+    /// A run for clients.
+    #[error(transparent)]
+    Serve(#[from] ServeError),
     /// A window.
     #[error(transparent)]
     View(#[from] ViewError),
@@ -115,6 +119,8 @@ enum Command {
     Run(RunArgs),
     /// Open the same simulation in a window, or play recordings back.
     View(ViewArgs),
+    /// Serve a run to clients in other programs: they step it, look at it and give it orders, over a socket.
+    Serve(ServeArgs),
     /// Check a scenario without running it: all errors at once, warnings of what makes no sense, and who is seen when, from
     /// where and how large.
     Check(CheckArgs),
@@ -246,6 +252,30 @@ struct RunArgs {
 }
 
 #[derive(Args, Debug)]
+struct ServeArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Seed instead of the scenario's.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Worker threads (default: all cores); changes no result.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Folder for run.mcap, summary.json, report.html, and scenario.toml, which repeats the run without its clients;
+    /// nothing is written without it.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Render no camera pictures; needs `--set detector.kind=truth`, or `outside`.
+    #[arg(long)]
+    no_capture: bool,
+    /// Go by the clock, so many simulated seconds a second, such as 1 (default: wait for clients to step).
+    #[arg(long, value_parser = pace)]
+    pace: Option<f64>,
+    #[command(flatten)]
+    serve: serve::Arguments,
+}
+
+#[derive(Args, Debug)]
 struct LiveArgs {
     /// Serve the recording's topics to Foxglove over its WebSocket while the run goes on, on this address and port;
     /// port 0 is a free one. Only this machine reaches the default.
@@ -314,8 +344,25 @@ struct TuneArgs {
     out: PathBuf,
 }
 
-/// Carries out a command line.
-pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
+/// The whole program: reads the command line, the program's name first, carries it out, says what failed, and returns the
+/// exit code. Bad input of every kind ends with 2, so that scripts can tell it from a crash and from a stop.
+pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are errors to the parser. Nobody is left to be told of a closed pipe.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(2);
+        }
+    };
+    run(cli).unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        ended(2)
+    })
+}
+
+/// Carries out a command line, and returns the exit code.
+fn run(cli: Cli) -> Result<u8, CliError> {
     if cli.strict {
         warning::be_strict();
     }
@@ -344,7 +391,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
         Command::Diff(args) => {
             let comparison = diff(&args)?;
             say!("{}", comparison.text());
-            return Ok(ExitCode::from(u8::from(!comparison.equal())));
+            return Ok(u8::from(!comparison.equal()));
         }
         Command::Run(args) => {
             let (loaded, seed) = args.scenario.load()?;
@@ -374,6 +421,28 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                      beginning"
                 );
                 say!("{}", stop::said(&there).unwrap_or(there));
+            }
+            warning::tell(&finished.warnings)?;
+            return Ok(ended(0));
+        }
+        Command::Serve(args) => {
+            let (loaded, seed) = args.scenario.load()?;
+            args.out
+                .iter()
+                .try_for_each(|out| args.scenario.keeps(out))?;
+            let options = Options {
+                seed: args.seed.or(seed),
+                threads: args.threads,
+                capture: !args.no_capture && !loaded.scenario.detector.is_truth(),
+                out: args.out.clone(),
+                pace: args.pace,
+                log: true,
+                ..Options::default()
+            };
+            let finished = serve::serve(&args.serve, loaded, options)?;
+            say!("{}", summary::table(&finished.summary).trim_end());
+            if let Some(out) = &args.out {
+                say!("report  {}", out.join("report.html").display());
             }
             warning::tell(&finished.warnings)?;
             return Ok(ended(0));
@@ -417,14 +486,14 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
                 say!("wrote {}", out.display());
             }
             if !found.sound() {
-                return Ok(ExitCode::from(1));
+                return Ok(1);
             }
             Ok(())
         }
         Command::Tiles(command) => {
             let (text, code) = tiles::run(&command)?;
             say!("{}", text.trim_end());
-            return Ok(ExitCode::from(code));
+            return Ok(code);
         }
         Command::Models => {
             say!("{}", models()?.trim_end());
@@ -447,16 +516,16 @@ pub fn run(cli: Cli) -> Result<ExitCode, CliError> {
             Ok(())
         }
     };
-    done.map(|()| ExitCode::SUCCESS)
+    done.map(|()| 0)
 }
 
 /// How a command ends that can be stopped: by what stopped it, else with `code`.
-fn ended(code: u8) -> ExitCode {
-    ExitCode::from(stop::asked().map_or(code, stop::Stop::exit_code))
+fn ended(code: u8) -> u8 {
+    stop::asked().map_or(code, stop::Stop::exit_code)
 }
 
 /// Carries out an evaluation.
-fn eval(command: EvalCommand) -> Result<ExitCode, CliError> {
+fn eval(command: EvalCommand) -> Result<u8, CliError> {
     // A draw of its own process leaves nothing until it is whole: a signal ends it at once.
     if !matches!(&command, EvalCommand::Engagement(args) if args.draw.is_some()) {
         stop::listen();
@@ -490,7 +559,7 @@ fn eval(command: EvalCommand) -> Result<ExitCode, CliError> {
 }
 
 /// Checks a scenario: its text, its set-up, and what of it makes no sense.
-fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
+fn check(args: &CheckArgs) -> Result<u8, CliError> {
     use std::io::Write as _;
     let loaded = match args.scenario.load_all()? {
         Ok(loaded) => loaded,
@@ -499,7 +568,7 @@ fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
                 // A closed pipe is no error.
                 let _ = writeln!(std::io::stderr(), "error: {error}");
             }
-            return Ok(ExitCode::from(2));
+            return Ok(2);
         }
     };
     let set_up = app::checked(&loaded)?;
@@ -535,7 +604,7 @@ fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
             output::counted(count, "warning")
         ),
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(0)
 }
 
 /// Compares two recordings, or one and a new run of its scenario.
@@ -565,7 +634,7 @@ fn diff(args: &experiment::diff::Arguments) -> Result<Comparison, CliError> {
 }
 
 /// Runs a scenario in a window, or plays recordings back in one.
-fn view(args: ViewArgs) -> Result<ExitCode, CliError> {
+fn view(args: ViewArgs) -> Result<u8, CliError> {
     let screenshot = match args.screenshot.as_deref() {
         Some([file, seconds]) => {
             let at_s = (seconds.parse()).map_err(|_| CliError::Seconds(seconds.clone()))?;

@@ -36,6 +36,7 @@
 //! | sweeps, tests, comparisons | [`experiment`] |
 //! | evaluations of engagement, tracking, detector, clips | [`eval`] |
 //! | annotated pictures | [`dataset`] |
+//! | a run for clients in other programs | [`serve`] |
 //! | the same run as a Bevy app: data, behaviour, wiring | [`components`], [`systems`], [`plugins`], [`app`] |
 //!
 //! The folder `examples` has a file for each thing that one may want to do first.
@@ -52,6 +53,7 @@ pub mod new;
 pub mod parameters;
 pub mod plugins;
 pub mod report;
+pub mod serve;
 pub mod simulation;
 pub mod systems;
 pub mod tiles_command;

@@ -74,6 +74,23 @@ pub enum Kind {
     Text,
 }
 
+/// Least and most that a figure can be: counts, times, energies and distances are not negative. A figure that can be is
+/// named here.
+pub fn range(key: &str) -> [f64; 2] {
+    let mut parts = key.split('.');
+    match parts.next_back().unwrap_or(key) {
+        // From 0 to 1.
+        "best_score" | "wanted_score" => [0.0, 1.0],
+        // Of a picture of 8 bits.
+        "grey_level" => [0.0, 255.0],
+        "sun_elevation_deg" => [-90.0, 90.0],
+        "count" => [0.0, f64::INFINITY],
+        // Coordinates, which have their places.
+        _ if parts.next_back() == Some("r_enu_m") => [f64::NEG_INFINITY, f64::INFINITY],
+        _ => [0.0, f64::INFINITY],
+    }
+}
+
 /// Figures of wall-clock time: no two runs share them.
 const WALL_CLOCK: [&str; 2] = ["real_time_factor", "share"];
 
@@ -300,6 +317,25 @@ mod tests {
         }
         assert!(figure(&summary(), "uavs.d.dwell_s").is_err());
         assert!(figure(&summary(), "outcome.x").is_err());
+    }
+
+    #[test]
+    fn figures_know_what_they_can_be() {
+        for (key, wanted) in [
+            ("leakers", [0.0, f64::INFINITY]),
+            ("stations.yard.kill_to_shot_s.mean", [0.0, f64::INFINITY]),
+            ("uavs.0.stations.0.refused.3.1", [0.0, f64::INFINITY]),
+            ("uavs.0.cameras.0.best_score", [0.0, 1.0]),
+            ("light.sun_elevation_deg", [-90.0, 90.0]),
+            ("uavs.0.crash.r_enu_m.2", [f64::NEG_INFINITY, f64::INFINITY]),
+            (
+                "uavs.0.crash.r_enu_m.least",
+                [f64::NEG_INFINITY, f64::INFINITY],
+            ),
+            ("uavs.0.crash.r_enu_m.count", [0.0, f64::INFINITY]),
+        ] {
+            assert_eq!(range(key), wanted, "{key}");
+        }
     }
 
     #[test]

@@ -3,6 +3,8 @@
 //! They are written here: the plotting crates round to whole pixels and fix their colours, which neither
 //! follows a dark page nor scales to a phone.
 
+pub use super::axis::Scale;
+use super::axis::{ValueAxis, linear_ticks};
 use super::page::STYLE;
 use maud::{Markup, PreEscaped, html};
 use std::fmt::Write as _;
@@ -16,17 +18,6 @@ const DENSE: usize = 4 * MEANS;
 
 /// Samples (simulated time \[s\], value); a value that is not a number is a gap in the line.
 pub type Series = Vec<(f64, f64)>;
-
-/// How a chart's values are mapped to its height.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
-    /// Linear over the range of the samples.
-    Linear,
-    /// Linear from zero, with the unit's prefix chosen by size.
-    Prefixed,
-    /// Logarithmic; values of zero or less are gaps.
-    Log,
-}
 
 /// Series drawn over one another.
 #[derive(Clone, Copy, Debug)]
@@ -61,10 +52,12 @@ impl<'a> Across<'a> {
         Self { label, axis }
     }
 
-    /// From `low` to `high`; logarithmic where they lie more than a factor of 20 apart.
-    pub fn values(label: &'a str, low: f64, high: f64) -> Self {
+    /// From `low` to `high`; logarithmic where they lie more than a factor of 20 apart, and of `whole` numbers with ticks
+    /// at such alone.
+    pub fn values(label: &'a str, low: f64, high: f64, whole: bool) -> Self {
         let axis = match low > 0.0 && high / low > 20.0 {
             true => ValueAxis::log(low, high),
+            false if whole => ValueAxis::whole(low, high),
             false => ValueAxis::linear(low, high),
         };
         Self { label, axis }
@@ -193,7 +186,7 @@ impl Chart<'_> {
     fn prefix(&self) -> (f64, &'static str) {
         match self.scale {
             Scale::Prefixed => prefix(self.extent().1),
-            Scale::Linear | Scale::Log => (1.0, ""),
+            Scale::Linear | Scale::Whole | Scale::Log => (1.0, ""),
         }
     }
 
@@ -288,106 +281,6 @@ fn prefix(high: f64) -> (f64, &'static str) {
     .unwrap_or((1.0, ""))
 }
 
-/// An axis of a chart.
-struct ValueAxis {
-    log: bool,
-    low: f64,
-    high: f64,
-    ticks: Vec<(f64, String)>,
-}
-
-impl ValueAxis {
-    fn new(scale: Scale, low: f64, high: f64) -> Self {
-        match scale {
-            Scale::Log => Self::log(low, high),
-            Scale::Prefixed => Self::linear(low.min(0.0), high),
-            Scale::Linear => Self::linear(low, high),
-        }
-    }
-
-    fn linear(low: f64, high: f64) -> Self {
-        // A constant still needs an axis with a height.
-        let pad = if high > low {
-            0.05 * (high - low)
-        } else {
-            0.5 * high.abs().max(1.0)
-        };
-        let low = if low == 0.0 { 0.0 } else { low - pad };
-        let high = high + pad;
-        Self {
-            log: false,
-            low,
-            high,
-            ticks: linear_ticks(low, high, 6),
-        }
-    }
-
-    fn log(low: f64, high: f64) -> Self {
-        let (low, high) = (low / 1.2, high * 1.2);
-        let decades = high.log10() - low.log10();
-        let steps: &[f64] = match decades {
-            d if d > 3.0 => &[1.0],
-            d if d > 1.5 => &[1.0, 3.0],
-            _ => &[1.0, 2.0, 5.0],
-        };
-        // Beyond six decades every second one is enough.
-        let stride = (decades / 6.0).ceil().max(1.0) as usize;
-        let ticks = (low.log10().floor() as i32..=high.log10().ceil() as i32)
-            .step_by(stride)
-            .flat_map(|exponent| steps.iter().map(move |step| step * 10f64.powi(exponent)))
-            .filter(|tick| (low..=high).contains(tick))
-            .map(|tick| {
-                let label = if (1e-3..1e5).contains(&tick) {
-                    short(tick)
-                } else {
-                    format!("{tick:.0e}")
-                };
-                (tick, label)
-            })
-            .collect();
-        Self {
-            log: true,
-            low,
-            high,
-            ticks,
-        }
-    }
-
-    /// Height of a value, 0 at the bottom and 1 at the top.
-    fn place(&self, y: f64) -> f64 {
-        if self.log {
-            (y / self.low).log10() / (self.high / self.low).log10()
-        } else {
-            (y - self.low) / (self.high - self.low)
-        }
-    }
-}
-
-/// A tick label of a round number, without the noise of binary fractions.
-fn short(x: f64) -> String {
-    let text = format!("{x:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
-}
-
-/// At most `count` or so round values within the range, with their labels.
-pub(super) fn linear_ticks(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
-    let raw = (high - low) / count as f64;
-    if !(raw.is_finite() && raw > 0.0) {
-        return vec![(low, short(low))];
-    }
-    let decade = 10f64.powf(raw.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0]
-        .map(|m| m * decade)
-        .into_iter()
-        .find(|step| *step >= raw * 0.999)
-        .unwrap_or(10.0 * decade);
-    let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
-    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
-    (first..=last)
-        .map(|i| (i as f64 * step, format!("{:.decimals$}", i as f64 * step)))
-        .collect()
-}
-
 /// At most [`MAX_POINTS`] samples that keep the smallest and largest value, and gaps, of every stretch.
 fn decimate(series: &[(f64, f64)]) -> Vec<(f64, f64)> {
     if series.len() <= MAX_POINTS {
@@ -478,20 +371,36 @@ mod tests {
     }
 
     #[test]
-    fn ticks_are_round_and_within_the_range() {
-        let labels = |ticks: Vec<(f64, String)>| ticks.into_iter().map(|t| t.1).collect::<Vec<_>>();
-        assert_eq!(
-            labels(linear_ticks(0.0, 1.0, 5)),
-            ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]
-        );
-        assert_eq!(labels(linear_ticks(285.0, 940.0, 6)), ["400", "600", "800"]);
-        assert_eq!(labels(linear_ticks(0.0, 0.0, 6)), ["0"]);
-        assert_eq!(
-            labels(ValueAxis::log(0.3, 20.0).ticks),
-            ["0.3", "1", "3", "10"]
-        );
+    fn the_largest_value_chooses_the_prefix() {
         assert_eq!(prefix(2.5e6), (1e6, "M"));
         assert_eq!(prefix(0.0), (1.0, ""));
+    }
+
+    #[test]
+    fn a_chart_of_whole_numbers_has_whole_ticks_on_both_axes() {
+        // Means of counts over counts: 1.0, 1.5, 2.0 would be ticks of both.
+        let series: Series = vec![(1.0, 0.4), (2.0, 1.3), (3.0, 1.9)];
+        let ticks = |scale: Scale, whole: bool| -> Vec<String> {
+            let chart = Chart {
+                title: "leakers",
+                unit: "",
+                scale,
+                series: &[("", &series)],
+                limit: None,
+            };
+            let across = Across::values("stations", 1.0, 3.0, whole);
+            let figure = chart.figure(&across).into_string();
+            let texts = figure
+                .split("</text>")
+                .filter_map(|part| part.rsplit('>').next());
+            texts
+                .map(str::to_owned)
+                .filter(|text| text.parse::<f64>().is_ok())
+                .collect()
+        };
+        assert_eq!(ticks(Scale::Whole, true), ["0", "1", "2", "1", "2", "3"]);
+        let broken = ticks(Scale::Linear, false);
+        assert!(broken.iter().any(|tick| tick.contains('.')), "{broken:?}");
     }
 
     #[test]

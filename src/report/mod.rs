@@ -1,6 +1,7 @@
 //! What a run leaves for people and scripts: a self-contained HTML report and the summary's numbers;
 //! and what the pages of all commands share.
 
+mod axis;
 pub mod chart;
 pub mod page;
 pub mod run;

@@ -1,6 +1,6 @@
 //! States over time, as a bar and a table.
 
-use super::chart::linear_ticks;
+use super::axis::linear_ticks;
 use super::page::note;
 use maud::{Markup, html};
 

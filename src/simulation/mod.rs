@@ -46,7 +46,8 @@ pub use events::{Event, What};
 pub(crate) use orders::with_orders;
 pub use run::Simulation;
 pub use view::{
-    AirView, Arrived, CameraView, Frame, FrameView, MountView, StationView, TrackView, UavView, View,
+    AirView, Arrived, CameraView, Frame, FrameView, MountView, StationView, TrackView, UavView,
+    View,
 };
 
 /// What detectors, laws and stages of one's own are made of.

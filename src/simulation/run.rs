@@ -58,13 +58,22 @@ impl Simulation {
 
     /// Lets so many ticks pass, fewer if the run ends before; true once it is over.
     pub fn step(&mut self, ticks: u64) -> Result<bool, SimulationError> {
+        self.step_while(ticks, || true)
+    }
+
+    /// As [`Self::step`], as long as `go_on` says so before each tick.
+    pub fn step_while(
+        &mut self,
+        ticks: u64,
+        mut go_on: impl FnMut() -> bool,
+    ) -> Result<bool, SimulationError> {
         if self.state == State::Failed {
             return Err(SimulationError::Failed);
         }
         self.frames.clear();
         self.watch.clear();
         for _ in 0..ticks {
-            if self.state != State::Goes {
+            if self.state != State::Goes || !go_on() {
                 break;
             }
             match app::step(self.main.world_mut()) {
@@ -86,9 +95,13 @@ impl Simulation {
 
     /// Lets time pass until `t_s` [s], or the run's end; true once it is over.
     pub fn run_until(&mut self, t_s: f64) -> Result<bool, SimulationError> {
+        self.step(self.ticks_until(t_s))
+    }
+
+    /// Ticks from now to `t_s` [s]; none if that is past.
+    pub fn ticks_until(&self, t_s: f64) -> u64 {
         let clock = self.main.world().resource::<SimClock>();
-        let ticks = clock.ticks_of(t_s).saturating_sub(clock.tick);
-        self.step(ticks)
+        clock.ticks_of(t_s).saturating_sub(clock.tick)
     }
 
     /// Lets time pass tick by tick until the run's end, or until `look`, which sees the run after each, says that it

@@ -338,9 +338,7 @@ pub fn command_pan_tilts(
 
 /// Why a law's command is not obeyed.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "station '{station}': the law '{law}' failed at {t_s:.3} s: {fault}"
-)]
+#[error("station '{station}': the law '{law}' failed at {t_s:.3} s: {fault}")]
 pub struct LawFault {
     station: String,
     law: String,
@@ -374,12 +372,15 @@ fn point(
         hand_over.slew(params, &command.gimbal, gimbal_az_el_rad, gaze)
     };
     let rates_radps = DVec2::from(output.gimbal.rate_radps);
+    let fault = law.fault();
+    if fault.is_some() {
+        return fault;
+    }
     if !rates_radps.is_finite() || !output.mirror_rad.is_finite() {
-        let words = law.fault();
-        return Some(words.unwrap_or_else(|| {
-            let mirror_rad = output.mirror_rad;
-            format!("it commands rates {rates_radps} rad/s, mirror {mirror_rad} rad; a law must return finite numbers")
-        }));
+        let mirror_rad = output.mirror_rad;
+        return Some(format!(
+            "it commands rates {rates_radps} rad/s, mirror {mirror_rad} rad; a law must return finite numbers"
+        ));
     }
     command.gimbal = output.gimbal;
     command.mirror_rad = output.mirror_rad;

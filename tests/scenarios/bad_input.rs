@@ -128,6 +128,39 @@ fn a_bad_scenario_is_one_error_that_names_the_place() {
     }
 }
 
+/// An experiment where a scenario is wanted, and the other way round: what it is, and the command that takes it.
+#[test]
+fn a_file_of_another_kind_is_named_with_its_command() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let path = folder.join("my sweep.toml");
+    let text = "name = 'x'\nscenario = 'none.toml'\n\n[[factors]]\nkey = 'station.laser.power_w'\nvalues = [1.0]\n";
+    std::fs::write(&path, text).unwrap();
+    let command = format!("`boresight sweep '{}' --out FOLDER`", path.display());
+    let wanted = [
+        "my sweep.toml:4: factors: this file is an experiment, not a scenario: ",
+        &command,
+    ];
+    refused(&mut blind(folder, &path), &wanted);
+    for command in ["check", "view", "tune"] {
+        refused(boresight().arg(command).arg(&path), &wanted);
+    }
+    // A change of a key does not make it a scenario.
+    let set = ["--set", "site.altitude_m=4"];
+    refused(blind(folder, &path).args(set), &wanted);
+    let demo = "scenarios/urban_intercept.toml";
+    let out = folder.join("swept");
+    refused(
+        boresight().args(["sweep", demo, "--out"]).arg(&out),
+        &[
+            "urban_intercept.toml:",
+            ": this file is a scenario, not an experiment: ",
+            "`boresight run ",
+        ],
+    );
+    assert!(!out.exists());
+}
+
 #[test]
 fn a_bad_uav_is_one_error_that_names_its_place() {
     let folder = TempDir::new().unwrap();

@@ -3,6 +3,7 @@
 use crate::common::{BLIND, ROOT, boresight, on_display, refused, rendering, stderr};
 use boresight::models::flight::class::ObjectClass;
 use boresight::models::maths::rng::Stream;
+use boresight::recording::media::video::Clip;
 use glam::DVec2;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -438,6 +439,18 @@ fn a_film_shows_what_was_recorded() {
     assert!(said.contains("(11 pictures)"), "{said}");
     let bytes = std::fs::read(folder.path().join("film.mp4")).unwrap();
     assert_eq!(&bytes[4..8], b"ftyp");
+    let (code, _, error) = film(&["--layout", "map", "--rate-hz", "2", "--size", "800x600"]);
+    assert_eq!(code, Some(0), "{error}");
+    let mut clip = Clip::open(&folder.path().join("film.mp4"), 30.0).unwrap();
+    assert_eq!(clip.next_frame().unwrap().unwrap().size_px(), [800, 600]);
+    for (size, wanted) in [("large", "such as 1280x720"), ("801x600", "take 800x600")] {
+        let (code, _, error) = film(&["--size", size]);
+        assert_eq!(code, Some(2), "{size}");
+        assert!(
+            error.contains("--size") && error.contains(wanted),
+            "{error}"
+        );
+    }
     for (args, names) in [
         (["--layout", "cameras"], "has no pictures"),
         (["--speed", "0"], "--speed"),

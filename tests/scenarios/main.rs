@@ -19,6 +19,7 @@ mod live;
 mod real_city;
 mod real_pictures;
 mod rendering;
+mod serve;
 mod shipped;
 mod stations;
 mod stopping;

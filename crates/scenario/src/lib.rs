@@ -10,6 +10,7 @@ mod docs;
 mod engage;
 mod expect;
 pub mod load;
+pub mod mistaken;
 mod mount;
 mod network;
 mod orders;
@@ -71,6 +72,7 @@ use boresight_models::flight::trajectory::Trajectory;
 use boresight_models::ground::city::CityParams;
 use check::{Check, MAX_DURATION_S, TICK_HZ};
 use load::{Checked, Parsed};
+use mistaken::Mistaken;
 use places::Written;
 
 /// One run of the simulator: where, when, in what weather, with what equipment, against what.
@@ -247,6 +249,10 @@ fn parse(
 }
 
 impl Checked for Scenario {
+    fn mistaken(document: &DeTable) -> Option<Mistaken> {
+        Mistaken::experiment(document)
+    }
+
     fn inherit(document: &mut DeTable) {
         let Some(DeValue::Table(common)) = document.get("station").map(|s| s.get_ref().clone())
         else {

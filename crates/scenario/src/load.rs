@@ -14,6 +14,7 @@ use toml::Spanned;
 use toml::de::{DeFloat, DeTable, DeValue};
 
 use super::check::{Check, Problem};
+use super::mistaken::Mistaken;
 use super::stand_in::{Tried, Wrong};
 use super::text::{join, lies_in, one_line, related};
 use boresight_common::warning::Warning;
@@ -31,6 +32,11 @@ pub trait Checked: DeserializeOwned {
 
     /// Puts into the document what some of its tables take over from others.
     fn inherit(_document: &mut DeTable) {}
+
+    /// What another kind of file a document is, judged by its own keys.
+    fn mistaken(_document: &DeTable) -> Option<Mistaken> {
+        None
+    }
 }
 
 /// A checked value, and where its keys stand.
@@ -65,6 +71,14 @@ pub enum InputError {
         place: Place,
         /// What is wrong with it.
         message: String,
+    },
+    /// The file is one of another kind.
+    #[error("{place}: {}", mistaken.message(&place.file))]
+    Kind {
+        /// Where a key stands that shows it.
+        place: Place,
+        /// What it is, and which command takes it.
+        mistaken: Mistaken,
     },
     /// A value is unknown, absent, of the wrong type, out of range, or refused by the set-up.
     #[error("{place}: {path}: {message}")]
@@ -146,6 +160,11 @@ pub fn parse_all<T: Checked>(
             message: one_line(error.message()),
         })
     })?;
+    if let Some(mistaken) = T::mistaken(root.get_ref()) {
+        let key = root.get_ref().get_key_value(mistaken.key);
+        let place = places.place(key.map_or(0, |(key, _)| key.span().start));
+        return Err(InputError::Kind { place, mistaken }.into());
+    }
     let mut root = Spanned::new(0..0, DeValue::Table(root.into_inner()));
     for (index, document) in documents.iter().enumerate() {
         let (start, _) = places.overrides[index];

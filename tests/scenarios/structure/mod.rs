@@ -8,7 +8,15 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
 /// Rooms that are commands: they use the app, and nothing below them knows them.
-const COMMANDS: [&str; 6] = ["eval", "experiment", "dataset", "georef", "tune", "report"];
+const COMMANDS: [&str; 7] = [
+    "eval",
+    "experiment",
+    "dataset",
+    "georef",
+    "tune",
+    "report",
+    "serve",
+];
 /// Crates of the engine: what stands under `crates/` does without, but for those in [`WITH_ENGINE`].
 const ENGINE: [&str; 4] = ["bevy", "bevy_egui", "big_space", "wgpu"];
 /// Crates that are part of an engine's app.

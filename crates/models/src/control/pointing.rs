@@ -19,7 +19,7 @@ pub trait PointingLaw: CloneLaw + Debug + Send + Sync {
         input: &PointingInput,
     ) -> PointingOutput;
 
-    /// Why its last command was not finite, in words, where it knows; the run ends with them.
+    /// Why it cannot go on, in words, once; the run ends with them. Asked after every tick.
     fn fault(&mut self) -> Option<String> {
         None
     }

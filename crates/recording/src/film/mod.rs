@@ -5,6 +5,7 @@ mod cell;
 mod error;
 mod map;
 
+pub use cell::Size;
 pub use error::FilmError;
 
 use super::read::Recorded;
@@ -13,7 +14,7 @@ use crate::media::image as pictures;
 use crate::media::video::Writer;
 use boresight_common::palette::{BAD, GOOD, INK, PAPER, SOFT};
 use canvas::Canvas;
-use cell::{CELL_PX, SMALL_PX, labels_of};
+use cell::{Cell, Grid};
 use clap::{Args, ValueEnum};
 use image::imageops::{self, FilterType};
 use map::Map;
@@ -35,6 +36,10 @@ pub struct Arguments {
     /// Simulated seconds to a second of the film.
     #[arg(long, default_value_t = 1.0)]
     pub speed: f64,
+    /// Width and height of the film [px], even, from 320x240 to 4096x2160; letters and lines grow with it. By default each
+    /// camera and the map has 480x360.
+    #[arg(long, value_name = "WIDTHxHEIGHT")]
+    pub size: Option<Size>,
     /// Draw the boxes of detections below the threshold too, in grey.
     #[arg(long)]
     pub weak: bool,
@@ -51,8 +56,6 @@ pub enum Layout {
     Map,
 }
 
-/// The strip below all cells [px].
-const STRIP_PX: u32 = 56;
 /// Letters of names and states [px].
 const LARGE_PX: f32 = 17.0;
 
@@ -92,13 +95,9 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
         return Err(nothing("states: its run was stopped before the first"));
     }
     let cells = cameras.len() + usize::from(shows(Layout::Map));
-    let columns = cells.min(2);
-    let rows = cells.div_ceil(2);
-    let size_px = [
-        CELL_PX[0] * columns as u32,
-        CELL_PX[1] * rows as u32 + STRIP_PX,
-    ];
-    let map = Map::of(&timeline)?;
+    let grid = Grid::of(cells, arguments.size);
+    let size_px = grid.size_px;
+    let map = Map::of(&timeline, grid.cell)?;
     let mut writer = Writer::create(&arguments.film, size_px, arguments.rate_hz.into())?;
     let end_s = timeline.t_s(timeline.last_tick);
     let count = (end_s / arguments.speed * f64::from(arguments.rate_hz)) as usize + 1;
@@ -106,18 +105,16 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
         let t_s = number as f64 / f64::from(arguments.rate_hz) * arguments.speed;
         let tick = timeline.tick_at(t_s);
         let mut picture = Canvas::new(size_px, PAPER)?;
-        let corner = |cell: usize| [cell % 2, cell / 2].map(|place| place as u32);
-        let corner = |cell: usize| [0, 1].map(|i| CELL_PX[i] * corner(cell)[i]);
         for (cell, camera) in cameras.iter().enumerate() {
-            if let Some(drawn) = camera_cell(camera, tick, arguments)? {
-                picture.lay(corner(cell), &drawn.picture());
+            if let Some(drawn) = camera_cell(camera, tick, grid.cell, arguments)? {
+                picture.lay(grid.corner(cell), &drawn.picture());
             }
         }
         if shows(Layout::Map) {
             let drawn = map.draw(&timeline, tick).picture();
-            picture.lay(corner(cameras.len()), &drawn);
+            picture.lay(grid.corner(cameras.len()), &drawn);
         }
-        strip(&mut picture, &timeline, t_s);
+        strip(&mut picture, &grid, &timeline, t_s);
         writer.push(&picture.picture())?;
     }
     writer.finish(arguments.rate_hz.into())?;
@@ -128,6 +125,7 @@ pub fn film(arguments: &Arguments) -> Result<usize, FilmError> {
 fn camera_cell(
     camera: &CameraTrack,
     tick: u64,
+    cell: Cell,
     arguments: &Arguments,
 ) -> Result<Option<Canvas>, FilmError> {
     let Some(jpeg) = camera.pictures.at(tick) else {
@@ -137,32 +135,34 @@ fn camera_cell(
         path: arguments.recording.clone(),
         source,
     })?;
-    let [width, height] = [0, 1].map(|i| f64::from(CELL_PX[i]));
+    let Cell { size_px, .. } = cell;
+    let [width, height] = size_px.map(f64::from);
     let scale = (width / f64::from(picture.width())).min(height / f64::from(picture.height()));
     let [w, h] = [picture.width(), picture.height()].map(|side| (f64::from(side) * scale) as u32);
     let large = imageops::resize(&picture, w.max(1), h.max(1), FilterType::Triangle);
-    let mut cell = Canvas::new(CELL_PX, PAPER)?;
-    let [left, top] = [(CELL_PX[0] - w) / 2, (CELL_PX[1] - h) / 2];
-    cell.lay([left, top], &large);
+    let mut drawn = Canvas::new(size_px, PAPER)?;
+    let [left, top] = [(size_px[0] - w) / 2, (size_px[1] - h) / 2];
+    drawn.lay([left, top], &large);
     let at = |[x, y]: [f64; 2]| [x * scale + f64::from(left), y * scale + f64::from(top)];
     if let Some(marks) = camera.marks_at(tick) {
-        let drawn: Vec<&Mark> = (marks.boxes.iter().rev())
+        let shown: Vec<&Mark> = (marks.boxes.iter().rev())
             .filter(|mark| arguments.weak || !mark.weak)
             .collect();
-        mark(&mut cell, &drawn, at);
+        mark(&mut drawn, cell, &shown, at);
         if let Some([x, y]) = marks.reticle_px.map(at) {
             for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
-                let arm = |px: f64| [x + px * dx, y + px * dy];
-                cell.line(&[arm(5.0), arm(14.0)], 1.5, INK);
+                let arm = |px: f64| [x + cell.px(px) * dx, y + cell.px(px) * dy];
+                drawn.line(&[arm(5.0), arm(14.0)], cell.pen(1.5), INK);
             }
         }
     }
-    cell.words([8.0, 5.0], LARGE_PX, &camera.name, INK);
-    Ok(Some(cell))
+    let corner = [8.0, 5.0].map(|px| cell.px(px));
+    drawn.words(corner, cell.pen(LARGE_PX), &camera.name, INK);
+    Ok(Some(drawn))
 }
 
 /// Draws boxes, the strongest first, with their labels; what is stronger lies on what is weaker.
-fn mark(cell: &mut Canvas, marks: &[&Mark], at: impl Fn([f64; 2]) -> [f64; 2]) {
+fn mark(canvas: &mut Canvas, cell: Cell, marks: &[&Mark], at: impl Fn([f64; 2]) -> [f64; 2]) {
     let boxes: Vec<[f64; 4]> = (marks.iter())
         .map(|mark| {
             let [x0, y0, x1, y1] = mark.rect_px;
@@ -170,23 +170,25 @@ fn mark(cell: &mut Canvas, marks: &[&Mark], at: impl Fn([f64; 2]) -> [f64; 2]) {
             [x0, y0, x1, y1]
         })
         .collect();
-    let places = labels_of(cell, marks.iter().map(|mark| &*mark.label), &boxes, 2.0);
+    let texts = marks.iter().map(|mark| &*mark.label);
+    let places = cell.labels_of(canvas, texts, &boxes, cell.px(2.0), &[]);
     for ((mark, [x0, y0, x1, y1]), place) in marks.iter().zip(&boxes).zip(places).rev() {
         let colour = if mark.weak { SOFT } else { GOOD };
         let corners = [[*x0, *y0], [*x1, *y0], [*x1, *y1], [*x0, *y1]];
-        cell.outline(&corners, 1.5, colour);
+        canvas.outline(&corners, cell.pen(1.5), colour);
         if let Some(place) = place {
-            cell.words(place, SMALL_PX, &mark.label, colour);
+            canvas.words(place, cell.small_px(), &mark.label, colour);
         }
     }
 }
 
 /// The strip below: time, the state of every station, and how many UAVs fly.
-fn strip(picture: &mut Canvas, timeline: &Timeline, t_s: f64) {
-    let tick = timeline.tick_at(t_s);
-    let top = f64::from(picture.size_px()[1] - STRIP_PX) + 6.0;
-    picture.words([8.0, top], LARGE_PX, &format!("{t_s:.2} s"), INK);
-    let mut x = 120.0;
+fn strip(picture: &mut Canvas, grid: &Grid, timeline: &Timeline, t_s: f64) {
+    let (tick, cell) = (timeline.tick_at(t_s), grid.cell);
+    let (top, large) = (grid.strip_top() + cell.px(6.0), cell.pen(LARGE_PX));
+    let left = cell.px(8.0);
+    picture.words([left, top], large, &format!("{t_s:.2} s"), INK);
+    let mut x = cell.px(120.0);
     for station in &timeline.stations {
         let fires = station.fires(tick);
         let state = station.track.at(tick).map_or("", |track| &track.state);
@@ -195,8 +197,8 @@ fn strip(picture: &mut Canvas, timeline: &Timeline, t_s: f64) {
             1 => word.to_owned(),
             _ => format!("{} {word}", station.name),
         };
-        picture.words([x, top], LARGE_PX, &shown, if fires { BAD } else { INK });
-        x += picture.words_px(LARGE_PX, &shown)[0] + 24.0;
+        picture.words([x, top], large, &shown, if fires { BAD } else { INK });
+        x += picture.words_px(large, &shown)[0] + cell.px(24.0);
     }
     let count = |wanted: &[&str]| {
         let now = timeline
@@ -211,7 +213,8 @@ fn strip(picture: &mut Canvas, timeline: &Timeline, t_s: f64) {
         count(&["falling", "down"]),
         count(&["struck", "crashed"])
     );
-    picture.words([8.0, top + 24.0], 14.0, &uavs, SOFT);
+    let below = top + cell.px(24.0);
+    picture.words([left, below], cell.pen(14.0), &uavs, SOFT);
 }
 
 #[cfg(test)]
@@ -228,9 +231,10 @@ mod tests {
         };
         let (strong, weak) = (mark_of(100.0, false), mark_of(108.0, true));
         let draw = |marks: &[&Mark]| {
-            let mut cell = Canvas::new(CELL_PX, PAPER).unwrap();
-            mark(&mut cell, marks, |at| at);
-            cell.picture()
+            let Grid { cell, .. } = Grid::of(1, None);
+            let mut canvas = Canvas::new(cell.size_px, PAPER).unwrap();
+            mark(&mut canvas, cell, marks, |at| at);
+            canvas.picture()
         };
         // Edges are mixed with what lies below them.
         let near = |pixel: &image::Rgb<u8>, colour: Colour| {

@@ -12,29 +12,52 @@ pub fn place(
     size_px: [f64; 2],
     gap_px: f64,
 ) -> Vec<Option<[f64; 2]>> {
+    place_clear(boxes, labels_px, size_px, gap_px, &[])
+}
+
+/// As [`place`], with labels that also leave the rectangles `clear` alone, such as other boxes and what stands in a corner.
+/// The first of these belong to the boxes, in their order: a label may touch its own.
+pub fn place_clear(
+    boxes: &[Rect],
+    labels_px: &[[f64; 2]],
+    size_px: [f64; 2],
+    gap_px: f64,
+    clear: &[Rect],
+) -> Vec<Option<[f64; 2]>> {
     let mut taken: Vec<Rect> = Vec::new();
-    (boxes.iter().zip(labels_px))
-        .map(|([x0, y0, x1, y1], [width, height])| {
+    (boxes.iter().zip(labels_px).enumerate())
+        .map(|(number, ([x0, y0, x1, y1], [width, height]))| {
             if *width <= 0.0 {
                 return None;
             }
             let (left, right) = (*x0, x1 - width);
             let (above, below) = (y0 - gap_px - height, y1 + gap_px);
             let middle = 0.5 * (y0 + y1 - height);
+            let (after, before) = (x1 + gap_px, x0 - gap_px - width);
             let places = [
                 [left, above],
                 [left, below],
                 [right, above],
                 [right, below],
-                [x1 + gap_px, middle],
-                [x0 - gap_px - width, middle],
+                [after, middle],
+                [before, middle],
+                // At its corners, where it is crowded.
+                [after, above],
+                [after, below],
+                [before, above],
+                [before, below],
             ];
             let free = |corner: &[f64; 2]| {
                 let [x, y] = *corner;
                 let label = [x, y, x + width, y + height];
                 let inside =
                     x >= 0.0 && y >= 0.0 && label[2] <= size_px[0] && label[3] <= size_px[1];
-                inside && !taken.iter().any(|other| meet(&label, other))
+                let others = clear.iter().enumerate().filter(|(of, _)| *of != number);
+                inside
+                    && !taken.iter().any(|other| meet(&label, other))
+                    && !others
+                        .map(|(_, other)| other)
+                        .any(|other| meet(&label, other))
             };
             let [x, y] = places.into_iter().find(free)?;
             taken.push([x, y, x + width, y + height]);
@@ -66,6 +89,26 @@ mod tests {
         assert_eq!(found, [Some([278.0, 12.0])]);
         // Larger than the picture: none.
         assert_eq!(place(&corner, &[[400.0, 12.0]], SIZE_PX, 2.0), [None]);
+    }
+
+    #[test]
+    fn labels_leave_clear_what_is_to_be_seen() {
+        let boxes = [[100.0, 100.0, 108.0, 108.0]];
+        let labels_px = [[40.0, 12.0]];
+        let of = |clear: &[Rect]| place_clear(&boxes, &labels_px, SIZE_PX, 2.0, clear);
+        // Its own box is no hindrance, another above it is: it goes below.
+        assert_eq!(of(&boxes), [Some([100.0, 86.0])]);
+        let above = [boxes[0], [120.0, 90.0, 128.0, 98.0]];
+        assert_eq!(of(&above), [Some([100.0, 110.0])]);
+        // Others above and below on both sides: beside it.
+        let around = [
+            boxes[0],
+            [90.0, 86.0, 118.0, 98.0],
+            [90.0, 110.0, 118.0, 122.0],
+        ];
+        assert_eq!(of(&around), [Some([110.0, 98.0])]);
+        // No room at all: it is left out.
+        assert_eq!(of(&[boxes[0], [0.0, 0.0, 320.0, 240.0]]), [None]);
     }
 
     proptest! {

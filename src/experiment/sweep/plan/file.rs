@@ -3,9 +3,11 @@
 use crate::scenario::Seeds;
 use crate::scenario::check::Check;
 use crate::scenario::load::Checked;
+use crate::scenario::mistaken::Mistaken;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
+use toml::de::DeTable;
 
 /// Most runs of an experiment.
 pub(super) const MOST_RUNS: u64 = 1_000_000;
@@ -93,6 +95,10 @@ pub struct Level {
 }
 
 impl Checked for Experiment {
+    fn mistaken(document: &DeTable) -> Option<Mistaken> {
+        Mistaken::scenario(document)
+    }
+
     fn check(&self, check: &mut Check) {
         check.that(!self.name.trim().is_empty(), "name", || {
             "must not be empty".into()

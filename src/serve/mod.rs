@@ -1,0 +1,249 @@
+//! `boresight serve`: one run, and many clients that step it, look at it and give it orders.
+//!
+//! The run stays on the thread that opened it. Each client has a thread that reads what it wants ([`door`]) and a
+//! bounded queue ([`inbox`]); what it is told goes out at once, or waits in another ([`outbox`]). So a client that is slow, gone
+//! or hostile costs the run nothing but its own place.
+
+mod convert;
+mod door;
+mod error;
+mod inbox;
+mod order;
+mod outbox;
+mod outside;
+mod pace;
+mod session;
+
+pub use error::ServeError;
+
+use crate::report::summary::Finished;
+use crate::scenario::Loaded;
+use crate::simulation::Options;
+use crate::stop;
+use boresight_lockstep::proto::{Reply, Request};
+use boresight_lockstep::{Endpoint, Listener};
+use clap::Args;
+use inbox::{Client, Inbox, Taken};
+use outside::Link;
+use session::{Handled, Opening, Session};
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Requests that are carried out between two ticks of a run that is behind the clock.
+const BETWEEN_LATE_TICKS: usize = 8;
+/// Time that clients have for their last replies when the run has ended.
+const LAST_REPLIES: Duration = Duration::from_secs(1);
+/// A token has so many characters at least.
+const TOKEN_CHARACTERS: usize = 16;
+
+/// Where and for whom a run is served.
+#[derive(Args, Debug, Clone)]
+pub struct Arguments {
+    /// Listen on this address and port; port 0 is a free one. Beyond this machine a token is wanted.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7878")]
+    listen: String,
+    /// Listen on a Unix socket at this path instead; only your user reaches it.
+    #[arg(long, value_name = "PATH", conflicts_with = "listen")]
+    unix: Option<PathBuf>,
+    /// File that holds the token which clients must give.
+    #[arg(long, value_name = "FILE")]
+    token: Option<PathBuf>,
+    /// Seconds that a client which is the detector may take for a frame.
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
+    detector_timeout: Duration,
+    /// Seconds for which a client may take none of the replies that wait for it before it is dropped.
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
+    patience: Duration,
+}
+
+fn seconds(text: &str) -> Result<Duration, &'static str> {
+    let usable = |s: &f64| *s > 0.0 && *s <= 86_400.0;
+    let seconds = text.parse().ok().filter(usable);
+    seconds
+        .map(Duration::from_secs_f64)
+        .ok_or("must be a number of seconds above 0, a day at most")
+}
+
+impl Arguments {
+    fn endpoint(&self) -> Result<Endpoint, ServeError> {
+        match &self.unix {
+            Some(path) => Ok(Endpoint::unix(path)),
+            None => Ok(Endpoint::tcp(&self.listen)?),
+        }
+    }
+
+    /// What clients must know to be let in.
+    fn token(&self) -> Result<Option<String>, ServeError> {
+        let read = |path: &PathBuf| {
+            let text = std::fs::read_to_string(path).map_err(|source| ServeError::TokenFile {
+                path: path.clone(),
+                source,
+            })?;
+            let token = text.trim().to_owned();
+            match token.chars().count() < TOKEN_CHARACTERS {
+                true => Err(ServeError::ShortToken(path.clone())),
+                false => Ok(token),
+            }
+        };
+        self.token.as_ref().map(read).transpose()
+    }
+}
+
+/// Serves a run until it is finished: by a client, by a signal, or because it is over and all clients have left.
+pub fn serve(args: &Arguments, loaded: Loaded, options: Options) -> Result<Finished, ServeError> {
+    let endpoint = args.endpoint()?;
+    let token = args.token()?;
+    if token.is_none() && !endpoint.is_local() {
+        return Err(ServeError::Open(endpoint.to_string()));
+    }
+    // Whoever is in the way is found before the run is built.
+    let listener = Arc::new(endpoint.listen()?);
+    let link = Arc::new(Link::default());
+    let session = Session::open(Opening {
+        loaded,
+        options,
+        link: link.clone(),
+        detector_timeout: args.detector_timeout,
+    })?;
+    // From here on there is something to end whole; before, a signal ends the program.
+    stop::listen();
+    let inbox = Arc::new(Inbox::default());
+    let door = door::Door {
+        inbox: inbox.clone(),
+        link,
+        welcome: session.welcome(),
+        token,
+        patience: args.patience,
+    };
+    let endpoint = listener.endpoint().unwrap_or(endpoint);
+    door::open(listener.clone(), door)?;
+    say(&format!("serve  {endpoint}"));
+    let ended = run(session, &inbox);
+    if let Err(error) = &ended {
+        for client in inbox.clients() {
+            client.outbox.refuse(0, error.to_string());
+        }
+    }
+    leave(&inbox, &listener);
+    ended
+}
+
+/// Says a line on standard error.
+fn say(line: &str) {
+    // A closed pipe is no error.
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// Sends what still waits, and lets nobody wait for more.
+fn leave(inbox: &Inbox, listener: &Listener) {
+    let until = Instant::now() + LAST_REPLIES;
+    inbox.close();
+    for client in inbox.clients() {
+        client.outbox.close();
+        client.outbox.drain(until);
+    }
+    // Its thread holds it until the program ends.
+    if let Listener::Unix(_, path) = listener {
+        // Somebody else may have removed it.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// What comes of a request for the run.
+enum Next {
+    /// It goes on.
+    Goes(Session),
+    /// It is finished.
+    Ended(Finished),
+}
+
+/// Carries out what clients want, and lets a run that goes by the clock go on.
+fn run(mut session: Session, inbox: &Inbox) -> Result<Finished, ServeError> {
+    loop {
+        if stop::asked().is_some() || (session.over() && inbox.is_abandoned()) {
+            return finish(session, inbox, None);
+        }
+        // The clock begins with the first client.
+        let due = if inbox.had_any() { session.due() } else { None };
+        let mut next = match inbox.take(due) {
+            Taken::Request(client, request) => Some((client, request)),
+            Taken::Nothing => None,
+            Taken::Due => {
+                session.tick()?;
+                inbox.try_take()
+            }
+        };
+        let mut carried_out = 0;
+        while let Some((client, request)) = next.take() {
+            session = match carry_out(session, inbox, &client, request)? {
+                Next::Goes(session) => session,
+                Next::Ended(finished) => return Ok(finished),
+            };
+            carried_out += 1;
+            if due.is_some() && carried_out < BETWEEN_LATE_TICKS {
+                next = inbox.try_take();
+            }
+        }
+    }
+}
+
+/// Carries a request out and replies to it.
+fn carry_out(
+    mut session: Session,
+    inbox: &Inbox,
+    client: &Client,
+    request: Request,
+) -> Result<Next, ServeError> {
+    let id = request.id;
+    let Some(wants) = request.what else {
+        return Ok(Next::Goes(session));
+    };
+    let said = match session.handle(client, wants)? {
+        Handled::Say(said) => said,
+        Handled::Refuse(why) => {
+            client.outbox.refuse(id, why);
+            return Ok(Next::Goes(session));
+        }
+        Handled::Seek(seek) => {
+            let (again, said) = session.seek(seek)?;
+            session = again;
+            said
+        }
+        Handled::Finish => return finish(session, inbox, Some((client, id))).map(Next::Ended),
+    };
+    client.outbox.send(&Reply {
+        id,
+        what: Some(said),
+    });
+    Ok(Next::Goes(session))
+}
+
+/// Finishes the run, and says so to the client that wants it, and to the others.
+fn finish(
+    session: Session,
+    inbox: &Inbox,
+    wanted: Option<(&Client, u64)>,
+) -> Result<Finished, ServeError> {
+    if let Some(pace) = session.pace() {
+        say(&pace.told());
+    }
+    let (said, finished) = session.finish()?;
+    if let Some((client, id)) = wanted {
+        client.outbox.send(&Reply {
+            id,
+            what: Some(said),
+        });
+    }
+    let why = match (stop::asked(), wanted) {
+        (Some(stop), _) => format!("the run is finished: stopped by {}", stop.name()),
+        (None, Some((client, _))) => format!("the run is finished: {client} wants no more of it"),
+        (None, None) => "the run is finished".to_owned(),
+    };
+    let others = inbox.clients().into_iter();
+    for other in others.filter(|other| wanted.is_none_or(|(client, _)| client.id != other.id)) {
+        other.outbox.refuse(0, why.as_str());
+    }
+    Ok(finished)
+}
