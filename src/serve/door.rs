@@ -119,31 +119,32 @@ fn enter(
 /// Reads what a client wants until it leaves.
 fn listen(mut client: Client, connection: Connection, door: &Door) {
     let mut reader = Reader::new(connection, HELLO_BYTES);
-    let (outbox, patience) = (client.outbox.clone(), door.patience);
-    let named = client.to_string();
-    let sends = move || {
-        if let Err(why) = outbox.work(patience) {
-            say(format_args!("{named}: {why}; it is dropped"));
+    let greeted = greet(&mut client, &mut reader, door);
+    let ended = greeted.and_then(|()| {
+        let sender = client.clone();
+        let patience = door.patience;
+        let sends = move || {
+            if let Err(why) = sender.outbox.work(patience) {
+                say(format_args!("{sender}: {why}; it is dropped"));
+            }
+        };
+        let spawned = thread::Builder::new().spawn(sends);
+        let ended = match spawned {
+            Ok(_) => read_all(&client, &mut reader, door),
+            Err(error) => Err(format!("the server has no thread left: {error}")),
+        };
+        door.link.leave(client.id);
+        door.inbox.leave(client.id);
+        ended
+    });
+    match ended {
+        Ok(()) => {}
+        Err(why) => {
+            client.outbox.refuse(0, why.as_str());
+            client.outbox.close();
+            say(format_args!("{client}: {why}; it is dropped"));
+            farewell(reader.stream());
         }
-    };
-    if let Err(error) = thread::Builder::new().spawn(sends) {
-        say(format_args!("{client}: could not come in: {error}"));
-        return;
-    }
-    let ended = match greet(&mut client, &mut reader, door) {
-        Ok(()) => {
-            let ended = read_all(&client, &mut reader, door);
-            door.link.leave(client.id);
-            door.inbox.leave(client.id);
-            ended
-        }
-        Err(why) => Err(why),
-    };
-    if let Err(why) = ended {
-        client.outbox.refuse(0, why.as_str());
-        client.outbox.close();
-        say(format_args!("{client}: {why}; it is dropped"));
-        farewell(reader.stream());
     }
 }
 

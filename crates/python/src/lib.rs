@@ -2,6 +2,7 @@
 
 mod error;
 mod frame;
+mod held;
 mod numbers;
 mod parts;
 mod recording;

@@ -2,98 +2,23 @@
 
 use crate::error::{self, OrderError, ScenarioError};
 use crate::frame::Frame;
+use crate::held::Held;
 use crate::parts::{PyDetector, PyLaw, Raised};
 use crate::views::{Air, Event, Station, Uav};
 use boresight::scenario::OrderConfig;
-use boresight::simulation::{self as sim, SimulationError};
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use boresight::simulation as sim;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Mutex;
-
-/// Between two looks whether Ctrl-C was pressed, so many ticks pass.
-const TICKS_BETWEEN_SIGNALS: u64 = 64;
+use std::sync::Arc;
 
 /// A run: opened, stepped, looked at, given orders, finished.
 ///
 /// The base of `boresight.Simulation`, which says how it is opened.
 #[pyclass(frozen, subclass, module = "boresight")]
 pub struct Simulation {
-    run: Mutex<Option<sim::Simulation>>,
-    raised: Raised,
-}
-
-impl Simulation {
-    /// Works with the run, the interpreter let go.
-    fn with<T: Send>(
-        &self,
-        py: Python,
-        work: impl FnOnce(&mut sim::Simulation) -> Result<T, SimulationError> + Send,
-    ) -> PyResult<T> {
-        let done = py.detach(|| match self.run.try_lock() {
-            Ok(mut run) => match run.as_mut() {
-                Some(run) => work(run).map_err(error::of),
-                None => Err(PyRuntimeError::new_err(
-                    "the simulation is finished; open it anew",
-                )),
-            },
-            // Two threads at once, or a law or detector that asks its own run, would wait for ever.
-            Err(_) => Err(PyRuntimeError::new_err(
-                "the simulation is in the middle of a step; look at it afterwards, and from one thread at a time",
-            )),
-        });
-        done.map_err(|error| {
-            if let Some(cause) = self.raised.take() {
-                error.set_cause(py, Some(cause));
-            }
-            error
-        })
-    }
-
-    fn view<T: Send>(&self, py: Python, look: impl FnOnce(sim::View) -> T + Send) -> PyResult<T> {
-        self.with(py, |run| Ok(look(run.view())))
-    }
-
-    /// Looks at the station of a name.
-    pub fn station_view<T: Send>(
-        &self,
-        py: Python,
-        name: &str,
-        look: impl FnOnce(sim::StationView) -> T + Send,
-    ) -> PyResult<T> {
-        let seen = self.view(py, |view| view.station(name).map(look))?;
-        seen.ok_or_else(|| PyValueError::new_err(format!("no station '{name}' in the run")))
-    }
-
-    /// Ticks a second \[Hz\].
-    pub fn tick_hz(&self, py: Python) -> PyResult<u32> {
-        self.view(py, |view| view.tick_hz())
-    }
-
-    /// Steps until `ticks` have passed or Ctrl-C is pressed.
-    fn steps(
-        &self,
-        py: Python,
-        ticks: impl FnOnce(&sim::Simulation) -> u64 + Send,
-    ) -> PyResult<bool> {
-        let mut passed = 0;
-        let mut interrupted = None;
-        let over = self.with(py, |run| {
-            let ticks = ticks(run);
-            run.step_while(ticks, || {
-                passed += 1;
-                if passed % TICKS_BETWEEN_SIGNALS == 0 {
-                    interrupted = Python::attach(|py| py.check_signals()).err();
-                }
-                interrupted.is_none()
-            })
-        })?;
-        match interrupted {
-            Some(signal) => Err(signal),
-            None => Ok(over),
-        }
-    }
+    held: Arc<Held>,
 }
 
 #[pymethods]
@@ -156,8 +81,7 @@ impl Simulation {
         });
         match opened {
             Ok(run) => Ok(Self {
-                run: Mutex::new(Some(run)),
-                raised: kept,
+                held: Arc::new(Held::new(run, kept)),
             }),
             Err(error) => {
                 if let Some(cause) = kept.take() {
@@ -171,7 +95,7 @@ impl Simulation {
     /// Lets so many ticks pass, fewer if the run ends before; True once it is over. Ctrl-C stops between two ticks.
     #[pyo3(signature = (ticks = 1))]
     fn step(&self, py: Python, ticks: u64) -> PyResult<bool> {
-        self.steps(py, |_| ticks)
+        self.held.steps(py, |_| ticks)
     }
 
     /// Lets time pass until `t_s` [s], or the run's end; True once it is over.
@@ -181,80 +105,81 @@ impl Simulation {
                 "run_until: NaN is no time; give seconds",
             ));
         }
-        self.steps(py, |run| run.ticks_until(t_s))
+        self.held.steps(py, |run| run.ticks_until(t_s))
     }
 
     /// Whether the run has come to its end.
     #[getter]
     fn over(&self, py: Python) -> PyResult<bool> {
-        self.with(py, |run| Ok(run.over()))
+        self.held.with(py, |run| Ok(run.over()))
     }
 
     /// Simulated time [s].
     #[getter]
     fn t_s(&self, py: Python) -> PyResult<f64> {
-        self.view(py, |view| view.t_s())
+        self.held.view(py, |view| view.t_s())
     }
 
     /// Ticks since the start.
     #[getter]
     fn tick(&self, py: Python) -> PyResult<u64> {
-        self.view(py, |view| view.tick())
+        self.held.view(py, |view| view.tick())
     }
 
     /// Ticks a second [Hz].
     #[getter(tick_hz)]
     fn get_tick_hz(&self, py: Python) -> PyResult<u32> {
-        self.tick_hz(py)
+        self.held.tick_hz(py)
     }
 
     /// The tick after which the run ends at the latest.
     #[getter]
     fn last_tick(&self, py: Python) -> PyResult<u64> {
-        self.view(py, |view| view.last_tick())
+        self.held.view(py, |view| view.last_tick())
     }
 
     /// Hash of the whole state; each tick's covers the one before.
     #[getter]
     fn state_hash(&self, py: Python) -> PyResult<u64> {
-        self.view(py, |view| view.state_hash())
+        self.held.view(py, |view| view.state_hash())
     }
 
     /// Seed of every random stream.
     #[getter]
     fn seed(&self, py: Python) -> PyResult<u64> {
-        self.with(py, |run| Ok(run.seed()))
+        self.held.with(py, |run| Ok(run.seed()))
     }
 
     /// The stations, in the order of the scenario.
     #[getter]
     fn stations(slf: &Bound<'_, Self>) -> PyResult<Vec<Station>> {
-        let names = slf.get().view(slf.py(), |view| {
+        let names = slf.get().held.view(slf.py(), |view| {
             view.stations()
                 .map(|station| station.name().to_owned())
                 .collect::<Vec<_>>()
         })?;
         Ok((names.into_iter())
-            .map(|name| Station::of(slf.clone().unbind(), name))
+            .map(|name| Station::of(slf.get().held.clone(), name))
             .collect())
     }
 
     /// The UAVs in the order of the scenario, and after them the distractors: the truth.
     #[getter]
     fn uavs(&self, py: Python) -> PyResult<Vec<Uav>> {
-        self.view(py, |view| view.uavs().map(Uav::of).collect())
+        self.held
+            .view(py, |view| view.uavs().map(Uav::of).collect())
     }
 
     /// Weather and light.
     #[getter]
     fn air(&self, py: Python) -> PyResult<Air> {
-        self.view(py, Air::of)
+        self.held.view(py, Air::of)
     }
 
     /// The newest frame of each camera that exposed in the last step. A step no longer than a camera's period misses none.
     #[getter]
     fn frames(&self, py: Python) -> PyResult<Vec<Frame>> {
-        self.with(py, |run| {
+        self.held.with(py, |run| {
             let tick_hz = run.view().tick_hz();
             let frames = run.frames();
             Ok(frames
@@ -266,7 +191,7 @@ impl Simulation {
     /// What happened in the last step, in order of time.
     #[getter]
     fn events(&self, py: Python) -> PyResult<Vec<Event>> {
-        self.with(py, |run| {
+        self.held.with(py, |run| {
             Ok(run.events().iter().cloned().map(Event::of).collect())
         })
     }
@@ -275,32 +200,26 @@ impl Simulation {
     fn _give(&self, py: Python, order: &str) -> PyResult<()> {
         let order: OrderConfig = serde_json::from_str(order)
             .map_err(|error| OrderError::new_err(format!("order: {error}")))?;
-        self.with(py, |run| run.give(&order))
+        self.held.with(py, |run| run.give(&order))
     }
 
     /// The scenario as TOML, with seed and orders of this run: run again, with the same parts, it is the same run.
     fn scenario_with_orders(&self, py: Python) -> PyResult<String> {
-        let text = self.with(py, |run| Ok(run.scenario_with_orders()))?;
+        let text = self.held.with(py, |run| Ok(run.scenario_with_orders()))?;
         text.map_err(|error| ScenarioError::new_err(error.to_string()))
     }
 
     /// The run summed up as far as it went, as JSON.
     fn _summary(&self, py: Python) -> PyResult<String> {
-        let text = self.with(py, |run| Ok(serde_json::to_string(&run.summary().summary)))?;
+        let text = self
+            .held
+            .with(py, |run| Ok(serde_json::to_string(&run.summary().summary)))?;
         text.map_err(error::failed)
     }
 
     /// Ends the run where it is, and returns its summary as JSON; None where it was finished before.
     fn _finish(&self, py: Python) -> PyResult<Option<String>> {
-        let finished = py.detach(|| {
-            let mut run = self.run.try_lock().map_err(|_| {
-                PyRuntimeError::new_err(
-                    "the simulation is in the middle of a step; finish it afterwards",
-                )
-            })?;
-            let finished = run.take().map(sim::Simulation::finish);
-            finished.transpose().map_err(error::of)
-        })?;
+        let finished = self.held.finish(py)?;
         let text = finished.map(|finished| serde_json::to_string(&finished.summary));
         text.transpose().map_err(error::failed)
     }

@@ -1,25 +1,26 @@
 //! What can be read of a run between two ticks.
 
 use crate::frame::Frame;
+use crate::held::Held;
 use crate::numbers::{Matrix, Vector, pose, rotation, three, two};
-use crate::simulation::Simulation;
 use boresight::models::maths::kinematics::Pose;
 use boresight::simulation::{self as sim, What};
 use glam::{DQuat, DVec2, DVec3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::Arc;
 
 /// A station of a run. It shows the present: read it again after a step.
 #[pyclass(frozen, module = "boresight")]
 pub struct Station {
-    run: Py<Simulation>,
+    held: Arc<Held>,
     name: String,
 }
 
 impl Station {
     /// The station of a name, of a run.
-    pub fn of(run: Py<Simulation>, name: String) -> Self {
-        Self { run, name }
+    pub fn of(held: Arc<Held>, name: String) -> Self {
+        Self { held, name }
     }
 
     fn look<T: Send>(
@@ -27,7 +28,7 @@ impl Station {
         py: Python,
         look: impl FnOnce(sim::StationView) -> T + Send,
     ) -> PyResult<T> {
-        self.run.get().station_view(py, &self.name, look)
+        self.held.station_view(py, &self.name, look)
     }
 }
 
@@ -141,7 +142,7 @@ impl Station {
     #[getter]
     #[allow(clippy::type_complexity)] // A class for it would say no more.
     fn arrived(&self, py: Python) -> PyResult<Vec<(Frame, Vec<(f64, f64, f64, f64, f64, u32)>)>> {
-        let tick_hz = self.run.get().tick_hz(py)?;
+        let tick_hz = self.held.tick_hz(py)?;
         self.look(py, |station| {
             let of = |arrived: sim::Arrived| {
                 let found = arrived.detections.iter().map(|found| {
