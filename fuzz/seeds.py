@@ -12,6 +12,7 @@ ENDINGS = {
     "subtree": ("subtree",),
     "cityjson": ("city.json", "city.jsonl"),
     "geotiff": ("tif", "tiff"),
+    "lockstep": ("messages",),
 }
 LARGEST = 60_000  # [byte]
 

@@ -175,7 +175,7 @@ impl Inbox {
             let waited = now - begun;
             if waited < SPIN {
                 drop(seats);
-                std::hint::spin_loop();
+                std::thread::yield_now();
                 seats = self.lock();
                 continue;
             }

@@ -152,6 +152,7 @@ fn leave(inbox: &Inbox, listener: &Listener) {
 }
 
 /// What comes of a request for the run.
+#[allow(clippy::large_enum_variant)] // There is one at a time, and it is moved at once.
 enum Next {
     /// It goes on.
     Goes(Session),

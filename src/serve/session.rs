@@ -64,6 +64,7 @@ pub(super) struct Session {
 }
 
 /// What comes of a request.
+#[allow(clippy::large_enum_variant)] // There is one at a time, and it is moved at once.
 pub(super) enum Handled {
     /// This is said to the client.
     Say(Says),

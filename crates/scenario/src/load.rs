@@ -78,7 +78,7 @@ pub enum InputError {
         /// Where a key stands that shows it.
         place: Place,
         /// What it is, and which command takes it.
-        mistaken: Mistaken,
+        mistaken: Box<Mistaken>,
     },
     /// A value is unknown, absent, of the wrong type, out of range, or refused by the set-up.
     #[error("{place}: {path}: {message}")]
@@ -163,6 +163,7 @@ pub fn parse_all<T: Checked>(
     if let Some(mistaken) = T::mistaken(root.get_ref()) {
         let key = root.get_ref().get_key_value(mistaken.key);
         let place = places.place(key.map_or(0, |(key, _)| key.span().start));
+        let mistaken = Box::new(mistaken);
         return Err(InputError::Kind { place, mistaken }.into());
     }
     let mut root = Spanned::new(0..0, DeValue::Table(root.into_inner()));
