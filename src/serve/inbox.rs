@@ -43,7 +43,7 @@ impl fmt::Display for Client {
 /// What [`Inbox::take`] finds.
 pub(super) enum Taken {
     /// A request.
-    Request(Client, Request),
+    Request(Box<(Client, Request)>),
     /// The time that was given has come.
     Due,
     /// Nothing yet.
@@ -170,7 +170,7 @@ impl Inbox {
             }
             let (found, held_up) = self.next(&mut seats);
             if let Some((client, request)) = found {
-                return Taken::Request(client, request);
+                return Taken::Request(Box::new((client, request)));
             }
             let waited = now - begun;
             if waited < SPIN {

@@ -27,6 +27,7 @@ use inbox::{Client, Inbox, Taken};
 use outside::Link;
 use session::{Handled, Opening, Session};
 use std::io::{self, Write};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -151,15 +152,6 @@ fn leave(inbox: &Inbox, listener: &Listener) {
     }
 }
 
-/// What comes of a request for the run.
-#[allow(clippy::large_enum_variant)] // There is one at a time, and it is moved at once.
-enum Next {
-    /// It goes on.
-    Goes(Session),
-    /// It is finished.
-    Ended(Finished),
-}
-
 /// Carries out what clients want, and lets a run that goes by the clock go on.
 fn run(mut session: Session, inbox: &Inbox) -> Result<Finished, ServeError> {
     loop {
@@ -169,7 +161,7 @@ fn run(mut session: Session, inbox: &Inbox) -> Result<Finished, ServeError> {
         // The clock begins with the first client.
         let due = if inbox.had_any() { session.due() } else { None };
         let mut next = match inbox.take(due) {
-            Taken::Request(client, request) => Some((client, request)),
+            Taken::Request(taken) => Some(*taken),
             Taken::Nothing => None,
             Taken::Due => {
                 session.tick()?;
@@ -179,8 +171,8 @@ fn run(mut session: Session, inbox: &Inbox) -> Result<Finished, ServeError> {
         let mut carried_out = 0;
         while let Some((client, request)) = next.take() {
             session = match carry_out(session, inbox, &client, request)? {
-                Next::Goes(session) => session,
-                Next::Ended(finished) => return Ok(finished),
+                ControlFlow::Continue(session) => session,
+                ControlFlow::Break(finished) => return Ok(finished),
             };
             carried_out += 1;
             if due.is_some() && carried_out < BETWEEN_LATE_TICKS {
@@ -190,35 +182,37 @@ fn run(mut session: Session, inbox: &Inbox) -> Result<Finished, ServeError> {
     }
 }
 
-/// Carries a request out and replies to it.
+/// Carries a request out and replies to it; breaks once the run is finished.
 fn carry_out(
     mut session: Session,
     inbox: &Inbox,
     client: &Client,
     request: Request,
-) -> Result<Next, ServeError> {
+) -> Result<ControlFlow<Finished, Session>, ServeError> {
     let id = request.id;
     let Some(wants) = request.what else {
-        return Ok(Next::Goes(session));
+        return Ok(ControlFlow::Continue(session));
     };
     let said = match session.handle(client, wants)? {
-        Handled::Say(said) => said,
+        Handled::Say(said) => *said,
         Handled::Refuse(why) => {
             client.outbox.refuse(id, why);
-            return Ok(Next::Goes(session));
+            return Ok(ControlFlow::Continue(session));
         }
         Handled::Seek(seek) => {
             let (again, said) = session.seek(seek)?;
             session = again;
             said
         }
-        Handled::Finish => return finish(session, inbox, Some((client, id))).map(Next::Ended),
+        Handled::Finish => {
+            return finish(session, inbox, Some((client, id))).map(ControlFlow::Break);
+        }
     };
     client.outbox.send(&Reply {
         id,
         what: Some(said),
     });
-    Ok(Next::Goes(session))
+    Ok(ControlFlow::Continue(session))
 }
 
 /// Finishes the run, and says so to the client that wants it, and to the others.

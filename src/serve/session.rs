@@ -67,7 +67,7 @@ pub(super) struct Session {
 #[allow(clippy::large_enum_variant)] // There is one at a time, and it is moved at once.
 pub(super) enum Handled {
     /// This is said to the client.
-    Say(Says),
+    Say(Box<Says>),
     /// It is refused, in one line.
     Refuse(String),
     /// The run is to go to a tick.
@@ -219,7 +219,7 @@ impl Session {
             Wants::Detected(_) => Err("detected: answers a question alone".into()),
         };
         match said {
-            Ok(said) => Ok(Handled::Say(said)),
+            Ok(said) => Ok(Handled::Say(Box::new(said))),
             Err(Fault::Refused(why)) => Ok(Handled::Refuse(why)),
             Err(Fault::Fatal(error)) => Err(error),
         }
