@@ -44,11 +44,10 @@ impl Held {
                 "the simulation is in the middle of a step; look at it afterwards, and from one thread at a time",
             )),
         });
-        done.map_err(|error| {
+        done.inspect_err(|error| {
             if let Some(cause) = self.raised.take() {
                 error.set_cause(py, Some(cause));
             }
-            error
         })
     }
 
