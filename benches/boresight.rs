@@ -24,7 +24,7 @@ use boresight::models::tiles::selector::{Selector, SelectorOptions};
 use boresight::models::tiles::tree::{Refine, Tile, TileId, Tree};
 use boresight::models::tiles::volume::BoundingVolume;
 use boresight::scenario::Loaded;
-use boresight::simulation::Builder;
+use boresight::simulation::{Builder, Simulation};
 use boresight::sources::{Layer, LayerKind};
 use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
@@ -186,6 +186,45 @@ fn ticks(criterion: &mut Criterion) {
             });
         },
     );
+    group.finish();
+}
+
+/// The front door over the engine: a second of `urban_intercept` from its first half second on. `benches/doors.py` measures
+/// the same from Python.
+fn front_door(criterion: &mut Criterion) {
+    const TICKS: u64 = 960;
+    let opened = || {
+        let mut run = Simulation::builder("scenarios/urban_intercept.toml")
+            .set("detector.kind=truth")
+            .set("engage.authorised=false")
+            .open()
+            .expect("the scenario opens");
+        run.step(TICKS / 2).expect("half a second");
+        run
+    };
+    let mut group = criterion.benchmark_group("front door");
+    group
+        .throughput(Throughput::Elements(TICKS))
+        .sample_size(10);
+    for ticks in [1, 20, TICKS] {
+        group.bench_function(format!("step({ticks})"), |bencher| {
+            let step = |run: &mut Simulation| {
+                for _ in 0..TICKS / ticks {
+                    run.step(ticks).expect("ticks");
+                }
+            };
+            bencher.iter_batched_ref(opened, step, BatchSize::PerIteration);
+        });
+    }
+    group.throughput(Throughput::Elements(1));
+    let mut run = opened();
+    group.bench_function("snapshot", |bencher| {
+        bencher.iter(|| run.snapshot().expect("a snapshot"));
+    });
+    let snapshot = run.snapshot().expect("a snapshot");
+    group.bench_function("restore", |bencher| {
+        bencher.iter(|| run.restore(&snapshot).expect("its own"));
+    });
     group.finish();
 }
 
@@ -744,6 +783,7 @@ criterion_group!(
     selection,
     simplification,
     ticks,
+    front_door,
     sight_lines,
     track_and_control,
     frames,

@@ -13,6 +13,7 @@ ENDINGS = {
     "cityjson": ("city.json", "city.jsonl"),
     "geotiff": ("tif", "tiff"),
     "lockstep": ("messages",),
+    "airsim": ("messages",),
 }
 LARGEST = 60_000  # [byte]
 

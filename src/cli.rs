@@ -7,6 +7,7 @@ use crate::dataset::{self, DatasetError};
 use crate::eval::{self, EvalError};
 use crate::experiment::diff::{Comparison, Tolerances};
 use crate::experiment::{self, ExperimentError};
+use crate::fmu::{self, FmuError};
 use crate::georef::{self, GeorefError};
 use crate::lint;
 use crate::new::{self, NewError};
@@ -74,6 +75,9 @@ pub enum CliError {
     /// A run for clients.
     #[error(transparent)]
     Serve(#[from] ServeError),
+    /// A unit for co-simulation.
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
     /// A window.
     #[error(transparent)]
     View(#[from] ViewError),
@@ -121,6 +125,8 @@ enum Command {
     View(ViewArgs),
     /// Serve a run to clients in other programs: they step it, look at it and give it orders, over a socket.
     Serve(ServeArgs),
+    /// Write a station of a scenario as a co-simulation unit (FMI 3.0), for Simulink, Modelica tools and others.
+    Fmu(FmuArgs),
     /// Check a scenario without running it: all errors at once, warnings of what makes no sense, and who is seen when, from
     /// where and how large.
     Check(CheckArgs),
@@ -273,6 +279,14 @@ struct ServeArgs {
     pace: Option<f64>,
     #[command(flatten)]
     serve: serve::Arguments,
+}
+
+#[derive(Args, Debug)]
+struct FmuArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    #[command(flatten)]
+    fmu: fmu::Arguments,
 }
 
 #[derive(Args, Debug)]
@@ -434,6 +448,7 @@ fn run(cli: Cli) -> Result<u8, CliError> {
                 seed: args.seed.or(seed),
                 threads: args.threads,
                 capture: !args.no_capture && !loaded.scenario.detector.is_truth(),
+                on_demand: !args.no_capture && loaded.scenario.detector.is_truth(),
                 out: args.out.clone(),
                 pace: args.pace,
                 log: true,
@@ -446,6 +461,12 @@ fn run(cli: Cli) -> Result<u8, CliError> {
             }
             warning::tell(&finished.warnings)?;
             return Ok(ended(0));
+        }
+        Command::Fmu(args) => {
+            let (loaded, _) = args.scenario.load()?;
+            fmu::export(&args.fmu, &loaded)?;
+            say!("unit  {}", args.fmu.out.display());
+            Ok(())
         }
         Command::View(args) => return view(args),
         Command::Check(args) => return check(&args),

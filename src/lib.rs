@@ -37,6 +37,7 @@
 //! | evaluations of engagement, tracking, detector, clips | [`eval`] |
 //! | annotated pictures | [`dataset`] |
 //! | a run for clients in other programs | [`serve`] |
+//! | a station as a co-simulation unit | [`fmu`] |
 //! | the same run as a Bevy app: data, behaviour, wiring | [`components`], [`systems`], [`plugins`], [`app`] |
 //!
 //! The folder `examples` has a file for each thing that one may want to do first.
@@ -47,6 +48,7 @@ pub mod components;
 pub mod dataset;
 pub mod eval;
 pub mod experiment;
+pub mod fmu;
 pub mod georef;
 pub mod lint;
 pub mod new;

@@ -7,7 +7,7 @@ It simulates; it drives no real mount, camera or laser.
 ...     run.run_until(0.5)
 ...     run.stations[0].state
 False
-'precise_track'
+'precise'
 """
 
 from . import _data
@@ -17,24 +17,23 @@ _data.tell()
 from ._boresight import (  # noqa: E402 - the module reads what was told above.
     Air,
     Beam,
-    BoresightError,
     Camera,
     Event,
     Frame,
     Mount,
-    OrderError,
     Picture,
     Plant,
     PointingInput,
-    RecordingError,
-    ScenarioError,
     Seen,
+    Snapshot,
     Station,
     Track,
     Uav,
     __version__,
 )
+from .errors import BoresightError, OrderError, RecordingError, ScenarioError  # noqa: E402
 from .recording import Recording  # noqa: E402
+from .scenario import Scenario  # noqa: E402
 from .simulation import Detector, PointingLaw, Simulation  # noqa: E402
 from .sweeps import Swept, sweep  # noqa: E402
 
@@ -54,9 +53,11 @@ __all__ = [
     "PointingLaw",
     "Recording",
     "RecordingError",
+    "Scenario",
     "ScenarioError",
     "Seen",
     "Simulation",
+    "Snapshot",
     "Station",
     "Swept",
     "Track",

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import tempfile
 from pathlib import Path
 
 
 def tell() -> None:
-    """Names the folder of the data, and the library, unless the environment names others."""
+    """Names the folder of the data, the library and a folder for the driver, unless the environment names others."""
     folder = Path(__file__).parent / "data"
     if folder.is_dir():
         os.environ.setdefault("BORESIGHT_DATA", str(folder))
@@ -16,6 +17,13 @@ def tell() -> None:
         found = library()
         if found is not None:
             os.environ["ORT_DYLIB_PATH"] = str(found)
+    # Mesa complains on standard error where a session has none, as in a container.
+    os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
+
+
+def scenarios() -> Path:
+    """The folder of the shipped scenarios."""
+    return Path(os.environ.get("BORESIGHT_DATA", Path(__file__).parent / "data")) / "scenarios"
 
 
 def library() -> Path | None:

@@ -17,7 +17,7 @@ import functools
 import socket
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any, TypeVar, dataclass_transform
 
 VERSION = 1
 MOST_REPLY_BYTES = 256 << 20
@@ -60,7 +60,8 @@ def _encoded(message: Any) -> bytes:
     def lengthy(number: int, data: bytes) -> None:
         out.extend(_varint(number << 3 | 2) + _varint(len(data)) + data)
 
-    for number, (name, kind) in _fields(type(message)).items():
+    # Classes can be keys, whatever mypy says.
+    for number, (name, kind) in _fields(type(message)).items():  # type: ignore[arg-type]
         value = getattr(message, name)
         if value is None or value == []:
             continue
@@ -90,7 +91,7 @@ def _encoded(message: Any) -> bytes:
 
 
 def _decoded(message: type[M], data: bytes) -> M:
-    fields, out, at, end = _fields(message), message(), 0, len(data)
+    fields, out, at, end = _fields(message), message(), 0, len(data)  # type: ignore[arg-type]
 
     def varint() -> int:
         nonlocal at
@@ -139,7 +140,9 @@ def _decoded(message: type[M], data: bytes) -> M:
     return out
 
 
-_message = dataclasses.dataclass(slots=True)
+@dataclass_transform()
+def _message(message: type[M]) -> type[M]:
+    return dataclasses.dataclass(slots=True)(message)
 
 
 # ---- What the server says ------------------------------------------------------------------------------------------
@@ -370,6 +373,12 @@ class Finished:
 
 
 @_message
+class Snapshot:
+    number: int = _field(1, "u", 0)
+    tick: int = _field(2, "u", 0)
+
+
+@_message
 class Question:
     question: int = _field(1, "u", 0)
     frame: Frame | None = _field(2, Frame)
@@ -428,6 +437,29 @@ class Drive:
 
 
 @_message
+class Goal:
+    """Where a UAV flies: one of path, velocity, landing and rotors; without any it stops and stays."""
+
+    uav: str = _field(1, "s", "")
+    path_enu_m: list[float] = _field(2, "D", list)
+    speed_mps: float | None = _field(3, "d")
+    velocity_enu_mps: list[float] = _field(4, "D", list)
+    land: bool = _field(5, "b", False)
+    rotors: list[float] = _field(6, "D", list)
+    heading_deg: float | None = _field(7, "d")
+
+
+@_message
+class CameraSetting:
+    """How a camera exposes: a time, or `automatic=True`."""
+
+    camera: str = _field(1, "s", "")
+    exposure_s: float | None = _field(2, "d")
+    automatic: bool | None = _field(3, "b")
+    exposure_level: float | None = _field(4, "d")
+
+
+@_message
 class Order:
     """One of the orders, from `t_s` on, to one station or to all. `release=Nothing()` leaves the choice to the tracker."""
 
@@ -442,6 +474,8 @@ class Order:
     gains: Gains | None = _field(9, Gains)
     weather: Weather | None = _field(10, Weather)
     drive: Drive | None = _field(11, Drive)
+    goal: Goal | None = _field(12, Goal)
+    camera: CameraSetting | None = _field(13, CameraSetting)
 
 
 @_message
@@ -514,6 +548,8 @@ class _Request:
     finish: Nothing | None = _field(14, Nothing)
     be_detector: _BeDetector | None = _field(15, _BeDetector)
     detected: _Detected | None = _field(16, _Detected)
+    take_snapshot: Nothing | None = _field(17, Nothing)
+    restore: _Step | None = _field(18, _Step)
 
 
 @_message
@@ -540,9 +576,17 @@ class _Reply:
     events: Events | None = _field(10, Events)
     finished: Finished | None = _field(11, Finished)
     question: Question | None = _field(12, Question)
+    snapshot: Snapshot | None = _field(13, Snapshot)
 
 
 # ---- The client ----------------------------------------------------------------------------------------------------
+
+
+def _there(message: M | None) -> M:
+    """What a reply holds if it is the one that was asked for."""
+    if message is None:
+        raise ServerError("the server's reply lacks what was asked for; is it of another version?")
+    return message
 
 
 class Run:
@@ -566,7 +610,7 @@ class Run:
         self._last_id = 0
         self._look: Callable[[Question], Sequence[Box]] | None = None
         #: What the server said at the beginning: ticks a second, names, cameras.
-        self.welcome: Welcome = self._ask(hello=_Hello(token=token, name=name)).welcome
+        self.welcome: Welcome = _there(self._ask(hello=_Hello(token=token, name=name)).welcome)
 
     def __enter__(self) -> Run:
         return self
@@ -584,23 +628,31 @@ class Run:
 
     def state(self) -> State:
         """The run as its last tick left it."""
-        return self._ask(state=Nothing()).state
+        return _there(self._ask(state=Nothing()).state)
 
     def frames(self, *, pixels: bool = False, cameras: Sequence[str] = (), after_tick: int = 0) -> list[Frame]:
         """The newest frame of each camera, with its truth, and its pixels where the run renders."""
-        return self._ask(frames=_GetFrames(list(cameras), pixels, after_tick)).frames.frames
+        return _there(self._ask(frames=_GetFrames(list(cameras), pixels, after_tick)).frames).frames
 
     def step(self, ticks: int = 1, *, state: bool = False) -> Stepped:
         """Lets ticks pass."""
-        return self._ask(step=_Step(ticks, state)).stepped
+        return _there(self._ask(step=_Step(ticks, state)).stepped)
 
     def run_until(self, t_s: float, *, state: bool = False) -> Stepped:
         """Lets time pass until a simulated time."""
-        return self._ask(run_until=_RunUntil(t_s, state)).stepped
+        return _there(self._ask(run_until=_RunUntil(t_s, state)).stepped)
 
     def seek(self, tick: int, *, state: bool = False) -> Stepped:
         """Goes to a tick, back or on; orders given at or after it are forgotten."""
-        return self._ask(seek=_Step(tick, state)).stepped
+        return _there(self._ask(seek=_Step(tick, state)).stepped)
+
+    def snapshot(self) -> Snapshot:
+        """Keeps the run's state, to go back to; the newest 64 are kept."""
+        return _there(self._ask(take_snapshot=Nothing()).snapshot)
+
+    def restore(self, snapshot: Snapshot, *, state: bool = False) -> Stepped:
+        """Goes back to a snapshot; orders and events after it are forgotten. A recorded run refuses."""
+        return _there(self._ask(restore=_Step(snapshot.number, state)).stepped)
 
     def pause(self) -> None:
         """Holds the run."""
@@ -616,11 +668,11 @@ class Run:
 
     def scenario(self) -> str:
         """The scenario, as TOML, that repeats the run without clients."""
-        return self._ask(scenario=Nothing()).scenario.text
+        return _there(self._ask(scenario=Nothing()).scenario).text
 
     def events(self, first: int = 0) -> Events:
         """What has happened, from an event's number on."""
-        return self._ask(events=_GetEvents(first)).events
+        return _there(self._ask(events=_GetEvents(first)).events)
 
     def detect(
         self, look: Callable[[Question], Sequence[Box]], *, pixels: bool = True, truth: bool = False
@@ -631,7 +683,7 @@ class Run:
 
     def finish(self) -> Finished:
         """Ends run and server."""
-        return self._ask(finish=Nothing()).finished
+        return _there(self._ask(finish=Nothing()).finished)
 
     def _send(self, **what: Any) -> int:
         self._last_id += 1

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _boresight
+from . import scenario as scenarios
 from ._boresight import Picture, Plant, PointingInput
+from .errors import OrderError
 
 
 class PointingLaw(Protocol):
@@ -41,10 +43,11 @@ class Detector(Protocol):
 
 
 class Simulation(_boresight.Simulation):
-    """A run of a scenario file, or of a recording, whose run is made again.
+    """A run of a scenario, or of a recording, whose run is made again.
 
     Args:
-        scenario: a scenario (`.toml`) or a recording (`.mcap`); shipped scenarios are found from anywhere.
+        scenario: a scenario file (`.toml`) or a recording (`.mcap`), shipped scenarios being found from anywhere; or a
+            `Scenario`, or a dictionary of its tables.
         seed: another seed than the scenario's.
         pictures: whether cameras render. By default they do unless the scenario's detector is the truth.
         record: a folder for recording, summary and report; without one nothing is written.
@@ -66,7 +69,7 @@ class Simulation(_boresight.Simulation):
 
     def __new__(
         cls,
-        scenario: str | os.PathLike[str],
+        scenario: str | os.PathLike[str] | scenarios.Scenario | Mapping[str, Any],
         *,
         seed: int | None = None,
         pictures: bool | None = None,
@@ -79,20 +82,24 @@ class Simulation(_boresight.Simulation):
     ) -> Self:
         changes = dict(set or {})
         changes.update((key.replace("__", "."), value) for key, value in overrides.items())
-        return super().__new__(
+        if isinstance(scenario, Mapping):
+            scenario = scenarios.Scenario.from_dict(scenario)
+        text = None
+        if isinstance(scenario, scenarios.Scenario):
+            text, scenario = scenario.text, scenario.folder
+        run = super().__new__(
             cls,
-            os.fspath(scenario),
+            scenario,
+            text,
             seed,
-            [f"{path}={toml(value)}" for path, value in changes.items()],
+            [f"{path}={scenarios.value(value)}" for path, value in changes.items()],
             pictures,
-            None if record is None else os.fspath(record),
+            record,
             threads,
             dict(laws or {}),
             dict(detectors or {}),
         )
-
-    def __init__(self, *_: Any, **__: Any) -> None:
-        """All is done before."""
+        return cast(Self, run)
 
     def station(self, name: str | None = None) -> _boresight.Station:
         """The station of a name; without one the first."""
@@ -107,7 +114,7 @@ class Simulation(_boresight.Simulation):
         """Gives an order to the station that it names as `station`, or to every one.
 
         It holds what an `[[operator]]` table of a scenario holds: one of `designate`, `track`, `fire`, `slew_deg`, `law`,
-        `gains`, `weather`, `drive`; without any the choice of the target goes back to the tracker. It counts from its
+        `gains`, `weather`, `drive`, `camera`, `fly`; without any the choice of the target goes back to the tracker. It counts from its
         `t_s` [s] on, or from the next tick.
 
         Raises:
@@ -116,8 +123,9 @@ class Simulation(_boresight.Simulation):
         try:
             text = json.dumps({"t_s": 0.0, **order}, default=_plain, allow_nan=False)
         except ValueError as error:
-            raise _boresight.OrderError(f"order: {error}; give finite numbers") from None
-        self._give(text)
+            raise OrderError(f"order: {error}; give finite numbers") from None
+        # As TOML, whose numbers are read bit for bit.
+        self._give(scenarios.document(json.loads(text, object_hook=_given)))
 
     def drive(
         self,
@@ -132,7 +140,7 @@ class Simulation(_boresight.Simulation):
             mirror_rad: deflection of the line of sight right and up [rad]; None: as the law commands.
             station: name of the station; every one without it.
         """
-        held = {}
+        held: dict[str, Any] = {}
         if rates_radps is not None:
             held["rates_degps"] = np.degrees(np.asarray(rates_radps, dtype=float)).tolist()
         if mirror_rad is not None:
@@ -144,7 +152,7 @@ class Simulation(_boresight.Simulation):
 
     def summary(self) -> dict[str, Any]:
         """The run summed up as far as it went, as `summary.json` has it; nothing is written."""
-        return json.loads(self._summary())
+        return cast(dict[str, Any], json.loads(self._summary()))
 
     def finish(self) -> dict[str, Any] | None:
         """Ends the run where it is: closes the recording and writes summary and report beside it, if it has a folder.
@@ -161,28 +169,9 @@ class Simulation(_boresight.Simulation):
         self.finish()
 
 
-def toml(value: Any) -> str:
-    """A value as TOML has it in one line.
-
-    >>> toml({"kind": "straight", "start_enu_m": [0, 1.5, 2]})
-    '{ "kind" = "straight", "start_enu_m" = [0, 1.5, 2] }'
-    """
-    if isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, os.PathLike):
-        return toml(os.fspath(value))
-    if isinstance(value, Mapping):
-        fields = (f"{json.dumps(str(key))} = {toml(held)}" for key, held in value.items())
-        return "{ " + ", ".join(fields) + " }"
-    if isinstance(value, Sequence):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    raise TypeError(f"{value!r} has no place in a scenario; give numbers, text, lists or dictionaries")
+def _given(table: dict[str, Any]) -> dict[str, Any]:
+    """What of a table is given."""
+    return {key: value for key, value in table.items() if value is not None}
 
 
 def _plain(value: Any) -> Any:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._boresight import BoresightError
+from .errors import BoresightError
 
 if TYPE_CHECKING:
     import pandas

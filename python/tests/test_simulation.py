@@ -63,7 +63,8 @@ def test_orders_are_obeyed_and_repeat(tmp_path):
     run.drive(rates_radps=np.array([0.05, 0.0]), mirror_rad=[0.0, 0.0])
     run.run_until(1.0)
     assert run.station().beam.energy_j == 0.0
-    assert [event.data["answer"] for event in run.events if event.kind == "order"] == ["Obeyed"]
+    orders = [event.data for event in run.events if event.kind == "order"]
+    assert [(order["order"], order["answer"]) for order in orders] == [("drive", "obeyed")]
     again = tmp_path / "again.toml"
     again.write_text(run.scenario_with_orders())
     repeated = boresight.Simulation(again)

@@ -1,6 +1,7 @@
 //! Sensor cameras and the frames they deliver.
 
 use crate::components::mount::{Boresight, OpticalPath, Pointing};
+use crate::models::ground::city::{Met, Standing};
 use crate::models::maths::kinematics::Pose;
 pub use crate::models::optics::camera::PixelRect;
 pub use crate::models::optics::tier::Tier;
@@ -11,6 +12,7 @@ pub use crate::models::optics::sensor::Conditions;
 use crate::models::optics::sensor::Sensor;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The station that a camera belongs to.
@@ -30,7 +32,7 @@ impl StationCameras {
     }
 }
 
-/// A sensor camera: data that never change during a run.
+/// A sensor camera: data that never change during a run, but for the control of its exposure, which an order may.
 #[derive(Component, Clone, Debug)]
 pub struct SensorCamera {
     /// Its number among all cameras of the run, in the order of the scenario.
@@ -182,5 +184,70 @@ impl ExposedFrame {
 }
 
 /// The frames exposed in this tick, in the order of the cameras.
-#[derive(Resource, Default, Debug)]
+#[derive(Resource, Clone, Default, Debug)]
 pub struct Frames(pub Vec<Arc<ExposedFrame>>);
+
+/// What a camera sees in a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Seen {
+    /// Nothing solid.
+    Sky,
+    /// The UAV or distractor of this index; distractors come after all UAVs.
+    Flying(usize),
+    /// Something of the city.
+    City(Met),
+}
+
+/// How far a camera sees in each pixel of its sensor, row by row from the top, and what, at the middle of the pixel.
+#[derive(Clone, Debug)]
+pub struct Depth {
+    /// The tick that it shows.
+    pub tick: u64,
+    /// Geometry of the sensor.
+    pub pinhole: Pinhole,
+    /// Where the camera is, and how it is turned.
+    pub pose: Pose,
+    /// Distance ahead, along the camera's axis [m]; infinite in the sky.
+    pub planar_m: Vec<f32>,
+    /// Normal of the surface, towards the camera, east, north, up, worked out from the distances beside; nothing in the sky and
+    /// where all around lies on other surfaces.
+    pub normals_enu: Vec<[f32; 3]>,
+    /// What is seen.
+    pub seen: Vec<Seen>,
+}
+
+impl Depth {
+    /// Right and down [1] of a pixel's middle at a distance of 1 ahead.
+    pub fn ray(pinhole: &Pinhole, x: usize, y: usize) -> DVec2 {
+        let middle_px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+        (middle_px - pinhole.centre_px()) / pinhole.focal_px
+    }
+
+    /// Distance from the camera [m] of what each pixel shows; infinite in the sky.
+    pub fn ranges_m(&self) -> Vec<f32> {
+        let width = self.pinhole.width_px as usize;
+        let range_m = |(index, planar_m): (usize, &f32)| {
+            let ray = Self::ray(&self.pinhole, index % width, index / width);
+            (f64::from(*planar_m) * ray.extend(1.0).length()) as f32
+        };
+        self.planar_m.iter().enumerate().map(range_m).collect()
+    }
+
+    /// Where what a pixel shows is [m]; none in the sky and outside the picture.
+    pub fn place_enu_m(&self, x: usize, y: usize) -> Option<DVec3> {
+        let width = self.pinhole.width_px as usize;
+        let planar_m = self.planar_m.get(y * width + x).filter(|_| x < width)?;
+        let ahead_m = Some(f64::from(*planar_m)).filter(|z_m| z_m.is_finite())?;
+        let r_cam_m = Self::ray(&self.pinhole, x, y).extend(1.0) * ahead_m;
+        Some(self.pose.r_enu_m + self.pose.q_enu_cam * r_cam_m)
+    }
+}
+
+/// What depths are made with; each is made when it is first wanted.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct DepthViews {
+    /// The views that show them, by the number of their camera.
+    pub views: BTreeMap<usize, Entity>,
+    /// Where what is seen stands.
+    pub standing: Option<Arc<Standing>>,
+}

@@ -298,7 +298,7 @@ impl DetectionBatch {
 pub struct Moving(pub Option<MovingDots>);
 
 /// Batches of a station that wait out their latency.
-#[derive(Component, Default, Debug)]
+#[derive(Component, Clone, Default, Debug)]
 pub struct DetectionQueue {
     /// Ordered by (available tick, exposure tick, camera).
     pub waiting: VecDeque<DetectionBatch>,

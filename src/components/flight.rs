@@ -4,6 +4,7 @@ use crate::models::air::wind::DrydenGust;
 use crate::models::bodies::UavMesh;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::fall::Fall;
+use crate::models::flight::guided::Guided;
 use crate::models::flight::multirotor::{Airframe, MultirotorState};
 use crate::models::flight::swarm::{Behaviour, Steering};
 use crate::models::flight::trajectory::CompiledTrajectory;
@@ -59,6 +60,8 @@ pub enum Plan {
     Path(CompiledTrajectory),
     /// Where it steers as a member of a swarm.
     Swarm(Box<Steering>),
+    /// Where an order says.
+    Guided(Box<Guided>),
 }
 
 /// The swarms of a run, in the order of the scenario.
@@ -184,10 +187,11 @@ impl UavShape {
 
 /// What a UAV is once it falls, until it is down. Every UAV has one from the start: what comes to
 /// it changes neither its archetype nor the order in which systems meet it.
-#[derive(Component, Default)]
+#[derive(Component, Clone, Default)]
 pub struct Wreck(pub Option<Box<WreckFall>>);
 
 /// A fall over one patch of city.
+#[derive(Clone)]
 pub struct WreckFall {
     /// The box that falls.
     pub fall: Fall,

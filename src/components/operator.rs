@@ -1,6 +1,7 @@
 //! The operator: who may choose the target, hold fire, turn the station by hand, change laws and weather.
 
-use crate::scenario::{DriveOrder, GainsOrder, WeatherOrder};
+use crate::components::mount::Station;
+use crate::scenario::{CameraOrder, DriveOrder, FlyOrder, GainsOrder, OrderConfig, WeatherOrder};
 use bevy::prelude::*;
 use glam::DVec2;
 
@@ -32,12 +33,48 @@ pub enum Command {
     Weather(WeatherOrder),
     /// Gimbal and mirror driven from outside, in place of the law's commands.
     Drive(DriveOrder),
+    /// How a camera exposes.
+    Camera(CameraOrder),
+    /// Where a UAV flies, in place of its plan.
+    Fly(FlyOrder),
 }
 
 impl Command {
+    /// Whether it is of no station, such as the weather: one is enough to carry it out.
+    pub fn of_no_station(&self) -> bool {
+        matches!(self, Self::Weather(_) | Self::Fly(_))
+    }
+
+    /// What it is, in a word.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Target(Designation::Uav(_)) => "designate",
+            Self::Target(Designation::Track(_)) => "track",
+            Self::Target(Designation::Release) => "release",
+            Self::Fire(_) => "fire",
+            Self::Slew(_) => "slew",
+            Self::Law(_) => "law",
+            Self::Gains(_) => "gains",
+            Self::Weather(_) => "weather",
+            Self::Drive(_) => "drive",
+            Self::Camera(_) => "camera",
+            Self::Fly(_) => "fly",
+        }
+    }
+
     /// Whether it drives gimbal or mirror from outside.
     pub fn drives(&self) -> bool {
         matches!(self, Self::Drive(drive) if *drive != DriveOrder::default())
+    }
+}
+
+impl Station {
+    /// Whether this station carries out such an order: of one that is of no station the first takes care.
+    pub fn obeys(&self, order: &OrderConfig, command: &Command) -> bool {
+        match command.of_no_station() {
+            true => self.index == 0,
+            false => order.is_for(&self.name),
+        }
     }
 }
 
@@ -61,6 +98,17 @@ pub enum Answer {
     Refused(String),
 }
 
+impl Answer {
+    /// What it is, in a word, and why an order is refused; empty for others.
+    pub fn words(&self) -> (&'static str, &str) {
+        match self {
+            Self::Waits => ("waits", ""),
+            Self::Obeyed => ("obeyed", ""),
+            Self::Refused(why) => ("refused", why),
+        }
+    }
+}
+
 /// The operator's orders, in order of time, and what has come of them.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Operator {
@@ -72,8 +120,8 @@ pub struct Operator {
     pub next: usize,
     /// A target that is wanted and has no track yet.
     pub waiting: Option<Designation>,
-    /// What came due in this tick and is no target, for the parts of the station that it concerns; the air
-    /// changes in the next tick.
+    /// What came due in this tick and is no target, for the parts of the station that it concerns; air and
+    /// cameras change in the next tick.
     pub due: Vec<Command>,
     /// Azimuth (x) and elevation (y) to which the station was slewed by hand [rad].
     pub slew_rad: Option<DVec2>,

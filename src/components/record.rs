@@ -212,7 +212,7 @@ pub struct Dealing {
 }
 
 /// What a camera leaves for summary, report and window.
-#[derive(Component, Default)]
+#[derive(Component, Clone, Default)]
 pub struct CameraHistory {
     /// What it showed of each UAV, by scenario index.
     pub sights: BTreeMap<usize, Sight>,
@@ -225,7 +225,7 @@ pub struct CameraHistory {
 }
 
 /// Time series and pictures of a station for summary and report.
-#[derive(Component, Default)]
+#[derive(Component, Clone, Default)]
 pub struct History {
     /// Irradiance on the aim point: (time [s], [W/m^2]).
     pub irradiance_wpm2: Vec<(f64, f64)>,

@@ -286,6 +286,10 @@ pub struct SensorProjection {
 /// Nearest rendered distance [m]: nothing stands closer to the optics, and a reversed infinite
 /// depth buffer keeps its resolution beyond.
 const NEAR_M: f32 = 0.5;
+/// Distance ahead [m] of what a depth buffer holds; infinite where it holds nothing.
+pub fn distance_m(depth: f32) -> f32 {
+    NEAR_M / depth.max(0.0)
+}
 /// Frustum culling's far limit [m]; the sky dome lies inside it.
 const FAR_M: f32 = 100_000.0;
 

@@ -58,6 +58,9 @@ pub struct Options {
     pub one_thread: bool,
     /// Whether cameras render.
     pub capture: bool,
+    /// Whether they do so only for pictures that are asked for between two ticks: exposures are without. It changes no
+    /// result where the detector looks at no picture.
+    pub on_demand: bool,
     /// Folder for recording, summary and report; none writes nothing.
     pub out: Option<PathBuf>,
     /// Address on which the recording's topics are served to Foxglove while the run goes on; it changes no result.

@@ -60,6 +60,8 @@ pub struct Recogniser {
     pub max_tracks: usize,
     /// From a question to its answer.
     pub latency_ticks: u64,
-    /// Answers on their way: the tick in which they arrive, and the track of each.
-    pub waiting: Vec<(u64, u32, Recognition)>,
 }
+
+/// The recogniser's answers on their way: the tick in which they arrive, and the track of each.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Recognitions(pub Vec<(u64, u32, Recognition)>);

@@ -10,7 +10,7 @@ use crate::models::optics::exposure::{ExposureControl, white_balance};
 use crate::models::optics::mosaic::Mosaic;
 use crate::models::optics::motion::Shutter;
 use crate::models::optics::sensor::{SensorParams, Transfer};
-use crate::scenario::{self, CameraPath, Exposure, InputError, Loaded, WhiteBalance};
+use crate::scenario::{self, CameraOrder, CameraPath, Exposure, InputError, Loaded, WhiteBalance};
 use glam::{DVec2, DVec3};
 
 /// Distance for which the cameras' turbulence blur is taken [m].
@@ -154,22 +154,31 @@ pub fn sensor_params(
 
 /// The exposure control of a scenario's camera.
 pub fn exposure_control(camera: &scenario::CameraConfig) -> ExposureControl {
-    /// Shortest exposure of the preset's camera [s].
-    const SHORTEST_S: f64 = 4e-6;
-    let (time_s, max_gain) = match camera.exposure_s {
-        Exposure::Seconds(time_s) => ([time_s; 2], 1.0),
-        Exposure::Auto(_) => {
-            let longest_s = (0.5 / f64::from(camera.rate_hz)).max(SHORTEST_S);
-            (
-                [SHORTEST_S, longest_s],
-                10f64.powf(camera.max_gain_db / 20.0),
-            )
-        }
-    };
     ExposureControl {
         level: camera.exposure_level,
-        time_s,
-        max_gain,
+        time_s: [0.0; 2],
+        max_gain: 10f64.powf(camera.max_gain_db / 20.0),
         settling_s: camera.exposure_settling_s,
+    }
+    .timed(fixed_s(camera.exposure_s), 1.0 / f64::from(camera.rate_hz))
+}
+
+/// The exposure control after an order to a camera whose frames are `frame_s` [s] apart.
+pub fn ordered(control: ExposureControl, order: &CameraOrder, frame_s: f64) -> ExposureControl {
+    let control = ExposureControl {
+        level: order.exposure_level.unwrap_or(control.level),
+        ..control
+    };
+    match order.exposure_s {
+        Some(exposure) => control.timed(fixed_s(exposure), frame_s),
+        None => control,
+    }
+}
+
+/// The time of a fixed exposure [s].
+fn fixed_s(exposure: Exposure) -> Option<f64> {
+    match exposure {
+        Exposure::Seconds(time_s) => Some(time_s),
+        Exposure::Auto(_) => None,
     }
 }

@@ -41,6 +41,7 @@ impl Plugin for CapturePlugin {
                             .and_then(resource_changed::<Environment>)
                             .and_then(not(resource_added::<Environment>)),
                     ),
+                    systems::set_cameras,
                     systems::expose,
                     systems::render_frames,
                 )

@@ -6,6 +6,7 @@ use crate::components::flight::{
     Air, Distractor, Flight, Guidance, HeatedSkin, Plan, Swarms, Uav, UavShape, UavStatus, Wreck,
 };
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, Tick, TickSet};
+use crate::components::track::TrackStage;
 use crate::models::air::shared_gusts::SharedNoise;
 use crate::models::air::wind::DrydenGust;
 use crate::models::bodies::{UavMesh, distractor_mesh, drawn_distractor_mesh, uav_mesh};
@@ -18,6 +19,7 @@ use crate::models::maths::rng::Stream;
 use crate::plugins::run::fallible;
 use crate::scenario::{self, DistractorConfig, InputError, Loaded, SwarmTakeOff, catalogue};
 use crate::systems::flight as systems;
+use crate::systems::operator::obey;
 use bevy::prelude::*;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
@@ -47,7 +49,9 @@ impl Plugin for FlightPlugin {
             )
                 .chain()
                 .in_set(TickSet::Flight),
-        );
+        )
+        // What an operator orders in this tick is flown from the next on.
+        .add_systems(Tick, systems::guide.in_set(TrackStage::Obey).after(obey));
     }
 }
 

@@ -27,10 +27,14 @@ fn set_up(
 ) {
     let scenario = &loaded.scenario;
     for (entity, station) in &stations {
-        let meant = (scenario.operator.iter()).filter(|order| order.is_for(&station.name));
-        let orders = meant.map(|order| Order {
+        let meant = scenario
+            .operator
+            .iter()
+            .map(|order| (order, command(order, scenario)));
+        let meant = meant.filter(|(order, command)| station.obeys(order, command));
+        let orders = meant.map(|(order, command)| Order {
             tick: clock.ticks_of(order.t_s),
-            command: command(order, scenario),
+            command,
         });
         commands.entity(entity).insert(Operator {
             orders: orders.collect(),

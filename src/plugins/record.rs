@@ -144,7 +144,7 @@ fn recorder(
             scenario_toml: &loaded.source,
             overrides: &overrides,
             seed: seed.0,
-            pictures: options.capture,
+            pictures: options.capture && !options.on_demand,
             version: crate::VERSION,
             epoch_unix_ns: u64::try_from(epoch).unwrap_or(0),
             tick_hz,

@@ -4,7 +4,7 @@ use crate::components::detect::DetectorInUse;
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
-    Gallery, RangeFinder, Recogniser, TrackStage, Tracker, TrackerParams,
+    Gallery, RangeFinder, Recogniser, Recognitions, TrackStage, Tracker, TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
 use crate::models::decision::gallery;
@@ -105,9 +105,11 @@ fn set_up_recogniser(
             rate_hz: config.rate_hz,
             max_tracks: config.max_tracks as usize,
             latency_ticks: clock.ticks_of(RECOGNISER_LATENCY_S),
-            waiting: Vec::new(),
         };
-        commands.entity(station).insert((gallery, recogniser));
+        let waiting = Recognitions::default();
+        commands
+            .entity(station)
+            .insert((gallery, recogniser, waiting));
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! What clients see of a run: views as messages.
 
 use crate::components::capture::UavInFrame;
-use crate::components::operator::{Answer, Command, Designation};
+use crate::components::operator::{Answer, Command};
 use crate::simulation::{
     AirView, Event, FrameView, Simulation, StationView, TrackView, UavView, View, What,
 };
@@ -31,7 +31,7 @@ pub(super) fn welcome(
                 name: camera.name().to_owned(),
                 station: station.name().to_owned(),
                 index: camera.index() as u32,
-                tier: camera.tier().name().to_owned(),
+                tier: camera.tier().word().to_owned(),
                 width_px: pinhole.width_px,
                 height_px: pinhole.height_px,
                 focal_px: pinhole.focal_px,
@@ -179,7 +179,7 @@ pub(super) fn frame(frame: FrameView, pixels: bool, truth: bool) -> proto::Frame
     proto::Frame {
         camera: frame.camera().to_owned(),
         index: frame.camera_index() as u32,
-        tier: frame.tier().name().to_owned(),
+        tier: frame.tier().word().to_owned(),
         tick: frame.tick(),
         number: frame.number(),
         x_px: rect.offset_px[0],
@@ -247,24 +247,9 @@ pub(super) fn event(event: &Event) -> proto::Event {
 }
 
 fn order_answer(command: &Command, answer: &Answer) -> proto::OrderAnswer {
-    let order = match command {
-        Command::Target(Designation::Uav(_)) => "designate",
-        Command::Target(Designation::Track(_)) => "track",
-        Command::Target(Designation::Release) => "release",
-        Command::Fire(_) => "fire",
-        Command::Slew(_) => "slew",
-        Command::Law(_) => "law",
-        Command::Gains(_) => "gains",
-        Command::Weather(_) => "weather",
-        Command::Drive(_) => "drive",
-    };
-    let (answer, reason) = match answer {
-        Answer::Waits => ("waits", ""),
-        Answer::Obeyed => ("obeyed", ""),
-        Answer::Refused(why) => ("refused", why.as_str()),
-    };
+    let (answer, reason) = answer.words();
     proto::OrderAnswer {
-        order: order.to_owned(),
+        order: command.name().to_owned(),
         answer: answer.to_owned(),
         reason: reason.to_owned(),
     }

@@ -1,26 +1,18 @@
-//! Where clients come in: each has a thread that reads its requests, and one that sends what it does not take at once.
+//! How clients of the lockstep protocol are let in.
 
-use super::error::ServeError;
+use super::entrance::{House, say};
 use super::inbox::{Client, Inbox};
-use super::outbox::Outbox;
 use super::outside::Link;
-use boresight_lockstep::proto::{Hello, Reply, Request, Welcome, reply, request::What};
-use boresight_lockstep::{Connection, FramingError, Listener, MAX_REQUEST_BYTES, Reader, VERSION};
-use std::io::{self, Read, Write};
-use std::net::Shutdown;
+use boresight_lockstep::proto::{self, Hello, Reply, Request, Welcome, reply, request::What};
+use boresight_lockstep::{Connection, FramingError, MAX_REQUEST_BYTES, Reader, VERSION, encode};
+use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Clients at a time.
-const MOST_CLIENTS: usize = 16;
 /// Longest first message \[byte\]: more than version, token and name need.
 const HELLO_BYTES: usize = 4 << 10;
 /// Time that a client has to say who it is.
 const HELLO: Duration = Duration::from_secs(10);
-/// Time for which a client that is turned away is still listened to, so that it can read why.
-const FAREWELL: Duration = Duration::from_secs(1);
 
 /// What every client is let in by.
 pub(super) struct Door {
@@ -36,130 +28,45 @@ pub(super) struct Door {
     pub patience: Duration,
 }
 
-/// Says on standard error what became of a client.
-fn say(line: impl std::fmt::Display) {
-    // A closed pipe is no error.
-    let _ = writeln!(io::stderr(), "{line}");
-}
+impl House for Door {
+    type Request = Request;
+    type Reader = Reader<Connection>;
 
-/// Lets clients in, on a thread that ends with the program.
-pub(super) fn open(listener: Arc<Listener>, door: Door) -> Result<(), ServeError> {
-    let door = Arc::new(door);
-    let inside = Arc::new(AtomicUsize::new(0));
-    let accept = move || {
-        for id in 1.. {
-            match listener.accept() {
-                Ok((connection, from)) => enter(id, connection, from, &door, &inside),
-                Err(error) => {
-                    // Too many open files, or a client that has gone again: others may come later.
-                    say(format_args!("serve: a client could not come in: {error}"));
-                    thread::sleep(Duration::from_millis(100));
-                }
-            }
-        }
-    };
-    let spawned = thread::Builder::new().name("serve".into()).spawn(accept);
-    spawned.map(|_| ()).map_err(ServeError::Thread)
-}
-
-/// One that is counted among those inside for as long as it lives.
-struct Inside(Arc<AtomicUsize>);
-
-impl Drop for Inside {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::Relaxed);
+    fn inbox(&self) -> &Inbox<Request> {
+        &self.inbox
     }
-}
 
-/// Gives a new client its threads.
-fn enter(
-    id: u64,
-    connection: Connection,
-    from: String,
-    door: &Arc<Door>,
-    inside: &Arc<AtomicUsize>,
-) {
-    let full = inside.fetch_add(1, Ordering::Relaxed) >= MOST_CLIENTS;
-    let inside = Inside(inside.clone());
-    let begun = || -> io::Result<()> {
-        let reads = connection.try_clone()?;
-        let outbox = Outbox::new(connection)?;
-        if full {
-            outbox.refuse(
-                0,
-                format!(
-                    "{MOST_CLIENTS} clients are connected, and more are not let in; come back later"
-                ),
-            );
-            return Ok(());
-        }
-        let client = Client {
+    fn patience(&self) -> Duration {
+        self.patience
+    }
+
+    fn refusal(id: u64, why: &str) -> Vec<u8> {
+        let message = why.to_owned();
+        encode(&Reply {
             id,
-            name: String::new(),
-            from: from.clone(),
-            outbox,
-        };
-        let door = door.clone();
-        let serve = move || {
-            let _inside = inside;
-            listen(client, reads, &door);
-        };
-        thread::Builder::new()
-            .name(format!("client {id}"))
-            .spawn(serve)?;
-        Ok(())
-    };
-    if let Err(error) = begun() {
-        say(format_args!(
-            "client {id} ({from}): could not come in: {error}"
-        ));
+            what: Some(reply::What::Error(proto::Error { message })),
+        })
     }
-}
 
-/// Reads what a client wants until it leaves.
-fn listen(mut client: Client, connection: Connection, door: &Door) {
-    let mut reader = Reader::new(connection, HELLO_BYTES);
-    let greeted = greet(&mut client, &mut reader, door);
-    let ended = greeted.and_then(|()| {
-        let sender = client.clone();
-        let patience = door.patience;
-        let sends = move || {
-            if let Err(why) = sender.outbox.work(patience) {
-                say(format_args!("{sender}: {why}; it is dropped"));
-            }
-        };
-        let spawned = thread::Builder::new().spawn(sends);
-        let ended = match spawned {
-            Ok(_) => read_all(&client, &mut reader, door),
-            Err(error) => Err(format!("the server has no thread left: {error}")),
-        };
-        door.link.leave(client.id);
-        door.inbox.leave(client.id);
-        ended
-    });
-    match ended {
-        Ok(()) => {}
-        Err(why) => {
-            client.outbox.refuse(0, why.as_str());
-            client.outbox.close();
-            say(format_args!("{client}: {why}; it is dropped"));
-            farewell(reader.stream());
-        }
+    fn reader(connection: Connection) -> Self::Reader {
+        Reader::new(connection, HELLO_BYTES)
     }
-}
 
-/// Reads on for a while, so that a client which still sends can read why it is dropped.
-fn farewell(mut connection: &Connection) {
-    let until = Instant::now() + FAREWELL;
-    let _ = connection.set_read_timeout(Some(FAREWELL / 10));
-    let mut bytes = [0; 4096];
-    let read = |bytes: &mut [u8]| match &mut connection {
-        Connection::Tcp(stream) => (&mut &*stream).read(bytes),
-        Connection::Unix(stream) => (&mut &*stream).read(bytes),
-    };
-    let mut read = read;
-    while Instant::now() < until && !matches!(read(&mut bytes), Ok(0)) {}
-    let _ = connection.shutdown(Shutdown::Both);
+    fn connection(reader: &Self::Reader) -> &Connection {
+        reader.stream()
+    }
+
+    fn greet(&self, client: &mut Client, reader: &mut Self::Reader) -> Result<(), String> {
+        greet(client, reader, self)
+    }
+
+    fn read_all(&self, client: &Client, reader: &mut Self::Reader) -> Result<(), String> {
+        read_all(client, reader, self)
+    }
+
+    fn leave(&self, client: u64) {
+        self.link.leave(client);
+    }
 }
 
 /// Lets a client in, or says why not.

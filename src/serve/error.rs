@@ -1,5 +1,6 @@
 //! Why a run is not served.
 
+use super::mavlink::{MavlinkError, PilotError};
 use crate::output::OutputError;
 use crate::simulation::SimulationError;
 use boresight_lockstep::EndpointError;
@@ -17,6 +18,11 @@ pub enum ServeError {
         "{0}: is reached from other machines, so a token is wanted: --token FILE, or listen on 127.0.0.1 or --unix"
     )]
     Open(String),
+    /// The same of clients that know no token.
+    #[error(
+        "--airsim {0}: is reached from other machines, and AirSim's clients give no token: listen on 127.0.0.1"
+    )]
+    OpenAirsim(String),
     /// The file of the token.
     #[error("--token {path}: cannot be read: {source}; name a file that holds the token")]
     TokenFile {
@@ -33,6 +39,12 @@ pub enum ServeError {
     /// The system gives no thread.
     #[error("the server cannot start: {0}; are there too many threads?")]
     Thread(io::Error),
+    /// MAVLink.
+    #[error(transparent)]
+    Mavlink(#[from] MavlinkError),
+    /// An autopilot that flies a UAV.
+    #[error(transparent)]
+    Pilot(#[from] PilotError),
     /// The run itself.
     #[error(transparent)]
     Run(#[from] SimulationError),
@@ -41,6 +53,11 @@ pub enum ServeError {
         "the scenario with its orders cannot be written as TOML: {0}; this is a fault of the program: please report it"
     )]
     Orders(#[from] toml::ser::Error),
+    /// The answers of a detector outside.
+    #[error(
+        "the detector's answers cannot be written: {0}; this is a fault of the program: please report it"
+    )]
+    Answers(String),
     /// A file that it leaves.
     #[error(transparent)]
     Output(#[from] OutputError),

@@ -7,6 +7,8 @@ use std::fmt;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Requests that are carried out between two ticks of a run that is behind the clock.
+pub(super) const BETWEEN_LATE_TICKS: usize = 8;
 /// Requests of one client that wait at most; those that follow wait in its connection.
 const MOST_REQUESTS: usize = 32;
 /// Their bytes at most, but for the first.
@@ -41,9 +43,9 @@ impl fmt::Display for Client {
 }
 
 /// What [`Inbox::take`] finds.
-pub(super) enum Taken {
+pub(super) enum Taken<R> {
     /// A request.
-    Request(Box<(Client, Request)>),
+    Request(Box<(Client, R)>),
     /// The time that was given has come.
     Due,
     /// Nothing yet.
@@ -51,31 +53,45 @@ pub(super) enum Taken {
 }
 
 /// The requests of all clients.
-#[derive(Default)]
-pub(super) struct Inbox {
-    seats: Mutex<Seats>,
+pub(super) struct Inbox<R = Request> {
+    seats: Mutex<Seats<R>>,
     came: Condvar,
     room: Condvar,
 }
 
-#[derive(Default)]
-struct Seats {
-    seats: BTreeMap<u64, Seat>,
+struct Seats<R> {
+    seats: BTreeMap<u64, Seat<R>>,
     /// The client that has the next turn, or the next one after it.
     turn: u64,
     had_any: bool,
     closed: bool,
 }
 
-struct Seat {
+struct Seat<R> {
     client: Client,
-    waiting: VecDeque<(Request, usize)>,
+    waiting: VecDeque<(R, usize)>,
     bytes: usize,
     left: bool,
 }
 
-impl Inbox {
-    fn lock(&self) -> MutexGuard<'_, Seats> {
+impl<R> Default for Inbox<R> {
+    fn default() -> Self {
+        let seats = Seats {
+            seats: BTreeMap::new(),
+            turn: 0,
+            had_any: false,
+            closed: false,
+        };
+        Self {
+            seats: Mutex::new(seats),
+            came: Condvar::new(),
+            room: Condvar::new(),
+        }
+    }
+}
+
+impl<R> Inbox<R> {
+    fn lock(&self) -> MutexGuard<'_, Seats<R>> {
         self.seats.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -94,7 +110,7 @@ impl Inbox {
     }
 
     /// Puts in a request of so many bytes; waits for room. False once no more requests are taken.
-    pub(super) fn put(&self, id: u64, request: Request, bytes: usize) -> bool {
+    pub(super) fn put(&self, id: u64, request: R, bytes: usize) -> bool {
         let mut seats = self.lock();
         loop {
             let closed = seats.closed;
@@ -155,12 +171,12 @@ impl Inbox {
     }
 
     /// The next request that is there.
-    pub(super) fn try_take(&self) -> Option<(Client, Request)> {
+    pub(super) fn try_take(&self) -> Option<(Client, R)> {
         self.next(&mut self.lock()).0
     }
 
     /// The next request; waits for it a little, and no longer than until `due`.
-    pub(super) fn take(&self, due: Option<Instant>) -> Taken {
+    pub(super) fn take(&self, due: Option<Instant>) -> Taken<R> {
         let begun = Instant::now();
         let mut seats = self.lock();
         loop {
@@ -190,7 +206,7 @@ impl Inbox {
     }
 
     /// The next request in turn, and whether there are some of clients that must first take their replies.
-    fn next(&self, seats: &mut Seats) -> (Option<(Client, Request)>, bool) {
+    fn next(&self, seats: &mut Seats<R>) -> (Option<(Client, R)>, bool) {
         let mut held_up = false;
         let after = seats.seats.range(seats.turn..);
         let before = seats.seats.range(..seats.turn);

@@ -4,10 +4,14 @@
 //! bounded queue ([`inbox`]); what it is told goes out at once, or waits in another ([`outbox`]). So a client that is slow, gone
 //! or hostile costs the run nothing but its own place.
 
+mod airsim;
 mod convert;
 mod door;
+mod entrance;
 mod error;
 mod inbox;
+mod marks;
+mod mavlink;
 mod order;
 mod outbox;
 mod outside;
@@ -15,27 +19,25 @@ mod pace;
 mod session;
 
 pub use error::ServeError;
+pub use mavlink::{MavlinkError, PilotError};
 
 use crate::report::summary::Finished;
 use crate::scenario::Loaded;
 use crate::simulation::Options;
 use crate::stop;
+use boresight_lockstep::Endpoint;
 use boresight_lockstep::proto::{Reply, Request};
-use boresight_lockstep::{Endpoint, Listener};
 use clap::Args;
-use inbox::{Client, Inbox, Taken};
+use entrance::{leave, say};
+use inbox::{BETWEEN_LATE_TICKS, Client, Inbox, Taken};
 use outside::Link;
+use pace::seconds;
 use session::{Handled, Opening, Session};
-use std::io::{self, Write};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Requests that are carried out between two ticks of a run that is behind the clock.
-const BETWEEN_LATE_TICKS: usize = 8;
-/// Time that clients have for their last replies when the run has ended.
-const LAST_REPLIES: Duration = Duration::from_secs(1);
 /// A token has so many characters at least.
 const TOKEN_CHARACTERS: usize = 16;
 
@@ -57,14 +59,13 @@ pub struct Arguments {
     /// Seconds for which a client may take none of the replies that wait for it before it is dropped.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
     patience: Duration,
-}
-
-fn seconds(text: &str) -> Result<Duration, &'static str> {
-    let usable = |s: &f64| *s > 0.0 && *s <= 86_400.0;
-    let seconds = text.parse().ok().filter(usable);
-    seconds
-        .map(Duration::from_secs_f64)
-        .ok_or("must be a number of seconds above 0, a day at most")
+    /// Speak AirSim's language instead, on this address and port of this machine; the run goes by the clock, as fast as
+    /// --pace says.
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = airsim::ADDRESS,
+          conflicts_with_all = ["listen", "unix", "token"])]
+    airsim: Option<String>,
+    #[command(flatten)]
+    mavlink: mavlink::Arguments,
 }
 
 impl Arguments {
@@ -94,6 +95,16 @@ impl Arguments {
 
 /// Serves a run until it is finished: by a client, by a signal, or because it is over and all clients have left.
 pub fn serve(args: &Arguments, loaded: Loaded, options: Options) -> Result<Finished, ServeError> {
+    if let Some(address) = &args.airsim {
+        let opening = Opening {
+            loaded,
+            options,
+            link: Arc::new(Link::default()),
+            detector_timeout: args.detector_timeout,
+            mavlink: args.mavlink.clone(),
+        };
+        return airsim::serve(address, args.patience, opening);
+    }
     let endpoint = args.endpoint()?;
     let token = args.token()?;
     if token.is_none() && !endpoint.is_local() {
@@ -107,6 +118,7 @@ pub fn serve(args: &Arguments, loaded: Loaded, options: Options) -> Result<Finis
         options,
         link: link.clone(),
         detector_timeout: args.detector_timeout,
+        mavlink: args.mavlink.clone(),
     })?;
     // From here on there is something to end whole; before, a signal ends the program.
     stop::listen();
@@ -119,8 +131,9 @@ pub fn serve(args: &Arguments, loaded: Loaded, options: Options) -> Result<Finis
         patience: args.patience,
     };
     let endpoint = listener.endpoint().unwrap_or(endpoint);
-    door::open(listener.clone(), door)?;
-    say(&format!("serve  {endpoint}"));
+    entrance::open(listener.clone(), door)?;
+    say(format!("serve  {endpoint}"));
+    session.said().iter().for_each(say);
     let ended = run(session, &inbox);
     if let Err(error) = &ended {
         for client in inbox.clients() {
@@ -131,40 +144,28 @@ pub fn serve(args: &Arguments, loaded: Loaded, options: Options) -> Result<Finis
     ended
 }
 
-/// Says a line on standard error.
-fn say(line: &str) {
-    // A closed pipe is no error.
-    let _ = writeln!(io::stderr(), "{line}");
-}
-
-/// Sends what still waits, and lets nobody wait for more.
-fn leave(inbox: &Inbox, listener: &Listener) {
-    let until = Instant::now() + LAST_REPLIES;
-    inbox.close();
-    for client in inbox.clients() {
-        client.outbox.close();
-        client.outbox.drain(until);
-    }
-    // Its thread holds it until the program ends.
-    if let Listener::Unix(_, path) = listener {
-        // Somebody else may have removed it.
-        let _ = std::fs::remove_file(path);
-    }
-}
-
 /// Carries out what clients want, and lets a run that goes by the clock go on.
 fn run(mut session: Session, inbox: &Inbox) -> Result<Finished, ServeError> {
     loop {
-        if stop::asked().is_some() || (session.over() && inbox.is_abandoned()) {
+        session.hear()?.iter().for_each(say);
+        let left = inbox.is_abandoned() || (session.goes_alone() && inbox.clients().is_empty());
+        if stop::asked().is_some() || (session.over() && left) {
             return finish(session, inbox, None);
         }
-        // The clock begins with the first client.
-        let due = if inbox.had_any() { session.due() } else { None };
+        // The clock begins with the first who comes.
+        let begun = inbox.had_any() || session.had_any();
+        let due = if begun { session.due() } else { None };
         let mut next = match inbox.take(due) {
             Taken::Request(taken) => Some(*taken),
             Taken::Nothing => None,
             Taken::Due => {
-                session.tick()?;
+                if let Err(error) = session.tick() {
+                    // Without its autopilot the run is no more, but what there is of it is kept.
+                    if let ServeError::Pilot(_) = error {
+                        finish(session, inbox, None)?;
+                    }
+                    return Err(error);
+                }
                 inbox.try_take()
             }
         };
@@ -217,13 +218,14 @@ fn carry_out(
 
 /// Finishes the run, and says so to the client that wants it, and to the others.
 fn finish(
-    session: Session,
+    mut session: Session,
     inbox: &Inbox,
     wanted: Option<(&Client, u64)>,
 ) -> Result<Finished, ServeError> {
     if let Some(pace) = session.pace() {
-        say(&pace.told());
+        say(pace.told());
     }
+    session.told().iter().for_each(say);
     let (said, finished) = session.finish()?;
     if let Some((client, id)) = wanted {
         client.outbox.send(&Reply {

@@ -1,7 +1,10 @@
 //! Orders as clients give them, and as a scenario has them.
 
-use crate::scenario::{DriveOrder, Gains, GainsOrder, OrderConfig, WeatherOrder};
-use boresight_lockstep::proto::{self, order::What};
+use crate::scenario::{
+    AutoWord, CameraOrder, DriveOrder, Exposure, FlyOrder, Gains, GainsOrder, OrderConfig,
+    WeatherOrder,
+};
+use boresight_lockstep::proto::{self, camera_setting::Exposure as Timing, order::What};
 
 /// The order that a message holds, or why none.
 pub(super) fn config(order: proto::Order) -> Result<OrderConfig, String> {
@@ -11,8 +14,8 @@ pub(super) fn config(order: proto::Order) -> Result<OrderConfig, String> {
         ..OrderConfig::default()
     };
     let what = order.what.ok_or(
-        "order: holds nothing that this server knows: give designate, track, release, fire, slew, law, gains, weather \
-         or drive",
+        "order: holds nothing that this server knows: give designate, track, release, fire, slew, law, gains, weather, \
+         drive, goal or camera",
     )?;
     match what {
         What::Designate(name) => config.designate = Some(name),
@@ -41,18 +44,49 @@ pub(super) fn config(order: proto::Order) -> Result<OrderConfig, String> {
                 mirror_urad: drive.mirror.map(|of| [of.right_urad, of.up_urad]),
             });
         }
-        What::Goal(_) => {
-            return Err(
-                "order: goal: is not offered yet: a UAV flies the plan of the scenario".into(),
-            );
-        }
-        What::Camera(_) => {
-            return Err(
-                "order: camera: is not offered yet: a camera is set by the scenario".into(),
-            );
+        What::Goal(goal) => config.fly = Some(fly(goal)?),
+        What::Camera(setting) => {
+            config.camera = Some(CameraOrder {
+                name: setting.camera,
+                exposure_s: match setting.exposure {
+                    Some(Timing::ExposureS(time_s)) => Some(Exposure::Seconds(time_s)),
+                    Some(Timing::Automatic(true)) => Some(Exposure::Auto(AutoWord::Auto)),
+                    Some(Timing::Automatic(false)) | None => None,
+                },
+                exposure_level: setting.exposure_level,
+            });
         }
     }
     Ok(config)
+}
+
+fn fly(goal: proto::Goal) -> Result<FlyOrder, String> {
+    let (path_enu_m, rest) = goal.path_enu_m.as_chunks::<3>();
+    if !rest.is_empty() {
+        let count = goal.path_enu_m.len();
+        return Err(format!(
+            "order: goal.path_enu_m: found {count} numbers, expected three for each place: east, north, up"
+        ));
+    }
+    let velocity_enu_mps = match goal.velocity_enu_mps[..] {
+        [] => None,
+        [east, north, up] => Some([east, north, up]),
+        _ => {
+            let count = goal.velocity_enu_mps.len();
+            return Err(format!(
+                "order: goal.velocity_enu_mps: found {count} numbers, expected three: east, north, up"
+            ));
+        }
+    };
+    Ok(FlyOrder {
+        uav: goal.uav,
+        path_enu_m: path_enu_m.to_vec(),
+        speed_mps: goal.speed_mps,
+        velocity_enu_mps,
+        land: goal.land,
+        rotors: (!goal.rotors.is_empty()).then_some(goal.rotors),
+        heading_deg: goal.heading_deg,
+    })
 }
 
 fn pid(gains: proto::Pid) -> Gains {
@@ -97,19 +131,34 @@ mod tests {
             mirror_urad: None,
         };
         assert_eq!(drive.drive, Some(wanted));
-        for (what, named) in [
-            (None, "holds nothing"),
-            (
-                Some(What::Goal(proto::Goal::default())),
-                "goal: is not offered",
-            ),
-            (
-                Some(What::Camera(proto::CameraSetting::default())),
-                "camera: is not offered",
-            ),
-        ] {
-            let error = config(order(what)).unwrap_err();
-            assert!(error.contains(named), "{error}");
-        }
+        let goal = proto::Goal {
+            uav: "red".into(),
+            path_enu_m: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+            ..proto::Goal::default()
+        };
+        let flown = config(order(Some(What::Goal(goal.clone()))))
+            .unwrap()
+            .fly
+            .unwrap();
+        assert_eq!(flown.path_enu_m, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        let setting = proto::CameraSetting {
+            camera: "CTV".into(),
+            exposure: Some(Timing::Automatic(true)),
+            exposure_level: None,
+        };
+        let camera = config(order(Some(What::Camera(setting))))
+            .unwrap()
+            .camera
+            .unwrap();
+        assert_eq!(camera.exposure_s, Some(Exposure::Auto(AutoWord::Auto)));
+
+        let error = config(order(None)).unwrap_err();
+        assert!(error.contains("holds nothing"), "{error}");
+        let two = proto::Goal {
+            path_enu_m: vec![1.0, 2.0],
+            ..goal
+        };
+        let error = config(order(Some(What::Goal(two)))).unwrap_err();
+        assert!(error.contains("found 2 numbers, expected three"), "{error}");
     }
 }

@@ -18,6 +18,8 @@ pub(super) struct Outbox(Arc<Shared>);
 
 struct Shared {
     connection: Connection,
+    /// An error in the client's language.
+    refusal: fn(u64, &str) -> Vec<u8>,
     waiting: Mutex<Waiting>,
     changed: Condvar,
 }
@@ -37,10 +39,14 @@ struct Waiting {
 
 impl Outbox {
     /// For a connection, whose write timeout it sets.
-    pub(super) fn new(connection: Connection) -> io::Result<Self> {
+    pub(super) fn new(
+        connection: Connection,
+        refusal: fn(u64, &str) -> Vec<u8>,
+    ) -> io::Result<Self> {
         connection.set_write_timeout(Some(TRY))?;
         Ok(Self(Arc::new(Shared {
             connection,
+            refusal,
             waiting: Mutex::default(),
             changed: Condvar::new(),
         })))
@@ -53,9 +59,13 @@ impl Outbox {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sends a reply, or queues what the client does not take at once. To one that has left nothing is sent.
+    /// Sends a reply, as [`Self::post`] does.
     pub(super) fn send(&self, reply: &proto::Reply) {
-        let mut bytes = encode(reply);
+        self.post(encode(reply));
+    }
+
+    /// Sends a message, or queues what the client does not take at once. To one that has left nothing is sent.
+    pub(super) fn post(&self, mut bytes: Vec<u8>) {
         let mut waiting = self.lock();
         if waiting.closing || waiting.closed {
             return;
@@ -78,11 +88,7 @@ impl Outbox {
 
     /// Sends an error; an `id` of 0 belongs to no request.
     pub(super) fn refuse(&self, id: u64, message: impl Into<String>) {
-        let message = message.into();
-        self.send(&proto::Reply {
-            id,
-            what: Some(proto::reply::What::Error(proto::Error { message })),
-        });
+        self.post((self.0.refusal)(id, &message.into()));
     }
 
     /// Whether little enough waits for the client to be served, or it has left.

@@ -7,6 +7,7 @@ use crate::simulation::FrameView;
 use crate::simulation::parts::{
     Detection, Detector, DetectorContext, PartError, Question, Reading,
 };
+use crate::systems::detect::recorded::{Answer, classes, reading};
 use boresight_lockstep::proto;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -14,10 +15,6 @@ use std::time::{Duration, Instant};
 
 /// The name by which a scenario calls it (`detector.kind`).
 pub(super) const OUTSIDE: &str = "outside";
-/// The score from which on a box starts a track where the scenario says nothing, and that which speaks neither for a UAV
-/// nor against it.
-const START_SCORE: f64 = 0.3;
-const NEUTRAL_SCORE: f64 = 0.3;
 /// Detections in a frame at most.
 const MOST_BOXES: usize = 10_000;
 
@@ -33,6 +30,8 @@ struct State {
     client: Option<(Client, proto::BeDetector)>,
     /// Questions without an answer that was taken, in their order.
     open: VecDeque<Open>,
+    /// The answers that were taken, to be kept.
+    taken: Vec<Answer>,
     /// Number of the next question.
     next: u64,
     /// Why no answers come any more.
@@ -41,6 +40,8 @@ struct State {
 
 struct Open {
     question: u64,
+    tick: u64,
+    camera: Arc<str>,
     found: Option<Vec<Detection>>,
 }
 
@@ -85,7 +86,13 @@ impl Link {
     pub(super) fn reset(&self) {
         let mut state = self.lock();
         state.open.clear();
+        state.taken.clear();
         state.failed = None;
+    }
+
+    /// The answers that the run has taken, and forgets here.
+    pub(super) fn answers(&self) -> Vec<Answer> {
+        std::mem::take(&mut self.lock().taken)
     }
 
     /// What a client has found; an error says what is wrong with it. Answers to what is open no more count for nothing.
@@ -119,6 +126,8 @@ impl Link {
         state.next += 1;
         state.open.push_back(Open {
             question,
+            tick: asked.frame.tick,
+            camera: asked.frame.name.clone(),
             found: None,
         });
         let Some((client, wants)) = state.client.clone() else {
@@ -151,8 +160,22 @@ impl Link {
         let mut state = self.lock();
         loop {
             if state.open.front().is_some_and(|open| open.found.is_some()) {
-                let found = state.open.pop_front().and_then(|open| open.found);
-                return Ok(found.unwrap_or_default());
+                let Some(Open {
+                    tick,
+                    camera,
+                    found,
+                    ..
+                }) = state.open.pop_front()
+                else {
+                    return Ok(Vec::new());
+                };
+                let found = found.unwrap_or_default();
+                state.taken.push(Answer {
+                    tick,
+                    camera: camera.to_string(),
+                    found: found.clone(),
+                });
+                return Ok(found);
             }
             if let Some(why) = &state.failed {
                 return Err(why.clone());
@@ -231,22 +254,12 @@ pub(super) fn make(
     context: &DetectorContext,
 ) -> Box<dyn Detector> {
     link.reset();
-    let config = &context.loaded.scenario.detector;
-    let start_score = config.score_threshold.unwrap_or(START_SCORE);
-    let roi_px = (config.roi_px > 0).then_some(config.roi_px);
     Box::new(Outside {
         link,
-        classes: ObjectClass::ALL
-            .map(|class| class.name().to_owned())
-            .to_vec(),
+        classes: classes(),
         // What a client looks at is its own affair.
         pictures: context.options.capture,
-        reading: Reading::of_network(
-            start_score,
-            config.weak_share * start_score,
-            NEUTRAL_SCORE,
-            roi_px,
-        ),
+        reading: reading(&context.loaded.scenario.detector),
         longest,
     })
 }

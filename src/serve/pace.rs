@@ -2,6 +2,15 @@
 
 use std::time::{Duration, Instant};
 
+/// A time of the clock as a command line gives it [s].
+pub(super) fn seconds(text: &str) -> Result<Duration, &'static str> {
+    let usable = |s: &f64| *s > 0.0 && *s <= 86_400.0;
+    let seconds = text.parse().ok().filter(usable);
+    seconds
+        .map(Duration::from_secs_f64)
+        .ok_or("must be a number of seconds above 0, a day at most")
+}
+
 /// The clock of a run: tick `n` is to end when the time of tick `n` has come.
 pub(super) struct Pace {
     /// Wall-clock time of a tick.
@@ -19,6 +28,17 @@ impl Pace {
         let tick_s = 1.0 / (f64::from(tick_hz) * factor);
         Self {
             tick: Duration::try_from_secs_f64(tick_s).unwrap_or(Duration::MAX),
+            base: None,
+            ticks: 0,
+            late: 0,
+            most_late: Duration::ZERO,
+        }
+    }
+
+    /// As fast as it goes: the next tick is always due, and none is late.
+    pub(super) fn free() -> Self {
+        Self {
+            tick: Duration::ZERO,
             base: None,
             ticks: 0,
             late: 0,
@@ -50,6 +70,9 @@ impl Pace {
     /// Tick `tick` has ended.
     pub(super) fn note(&mut self, tick: u64) {
         self.ticks += 1;
+        if self.tick.is_zero() {
+            return;
+        }
         let late = Instant::now().saturating_duration_since(self.end(tick));
         if late > Duration::ZERO {
             self.late += 1;
@@ -64,6 +87,9 @@ impl Pace {
 
     /// The same in words.
     pub(super) fn told(&self) -> String {
+        if self.tick.is_zero() {
+            return format!("{} ticks as fast as they went", self.ticks);
+        }
         let most_ms = 1e3 * self.most_late.as_secs_f64();
         format!(
             "{} of {} ticks by the clock ended late, at most by {most_ms:.1} ms",
@@ -91,6 +117,12 @@ mod tests {
         assert!(pace.due(11) > begun + Duration::from_millis(29));
         pace.note(12);
         assert_eq!(pace.late().0, 1);
+        // Without a clock nothing is late.
+        let mut free = Pace::free();
+        free.due(0);
+        std::thread::sleep(Duration::from_millis(2));
+        free.note(1);
+        assert!(free.late() == (0, 0.0) && free.due(1) <= Instant::now());
         // The slowest pace overflows nothing.
         let mut slow = Pace::new(1e-300, 1);
         slow.due(0);

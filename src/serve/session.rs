@@ -3,19 +3,27 @@
 use super::convert;
 use super::error::ServeError;
 use super::inbox::Client;
+use super::marks::{Mark, Marks};
+use super::mavlink::{self, Doors};
 use super::order;
 use super::outside::{self, Link, OUTSIDE};
 use super::pace::Pace;
 use crate::output;
 use crate::report::summary::Finished;
-use crate::scenario::{Loaded, OrderConfig};
+use crate::scenario::{Loaded, OrderConfig, RECORDED};
 use crate::simulation::{Builder, Frame, Options, Simulation, SimulationError};
+use crate::stop;
+use crate::systems::detect::recorded;
 use boresight_lockstep::MAX_REPLY_BYTES;
 use boresight_lockstep::proto::{self, reply::What as Says, request::What as Wants};
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use toml_edit::DocumentMut;
 
+/// The file of what a detector outside has found, beside the recording.
+const ANSWERS_FILE: &str = "answers.csv";
 /// Events that are kept, and those that are told at once.
 const MOST_EVENTS: usize = 10_000;
 const MOST_TOLD: usize = 1_000;
@@ -29,6 +37,8 @@ pub(super) struct Opening {
     pub link: Arc<Link>,
     /// How long a detector outside may take for a frame.
     pub detector_timeout: Duration,
+    /// With whom MAVLink is spoken.
+    pub mavlink: mavlink::Arguments,
 }
 
 impl Opening {
@@ -46,6 +56,24 @@ impl Opening {
     pub(super) fn outside(&self) -> bool {
         self.loaded.scenario.detector.kind == OUTSIDE
     }
+
+    /// Writes what the client found beside the recording, and returns the scenario that takes its answers from there.
+    fn keep_answers(&self, folder: &Path, scenario: &str) -> Result<String, ServeError> {
+        let table = recorded::table(&self.link.answers())
+            .map_err(|error| ServeError::Answers(error.to_string()))?;
+        output::put(&folder.join(ANSWERS_FILE), table)?;
+        let mut document: DocumentMut = scenario
+            .parse()
+            .map_err(|error: toml_edit::TomlError| ServeError::Answers(error.to_string()))?;
+        let detector = document["detector"].or_insert(toml_edit::table());
+        detector["kind"] = toml_edit::value(RECORDED);
+        detector["answers"] = toml_edit::value(ANSWERS_FILE);
+        if !self.options.capture {
+            // Without pictures nothing was seen to move.
+            detector["moving"] = toml_edit::value(false);
+        }
+        Ok(document.to_string())
+    }
 }
 
 /// A run between two requests.
@@ -59,8 +87,10 @@ pub(super) struct Session {
     /// The last events, and the number of the first of them.
     events: VecDeque<proto::Event>,
     first_event: u64,
+    marks: Marks,
     paused: bool,
     pace: Option<Pace>,
+    doors: Doors,
 }
 
 /// What comes of a request.
@@ -94,6 +124,12 @@ impl From<&str> for Fault {
     }
 }
 
+impl From<ServeError> for Fault {
+    fn from(error: ServeError) -> Self {
+        Self::Fatal(error)
+    }
+}
+
 impl From<SimulationError> for Fault {
     fn from(error: SimulationError) -> Self {
         Self::Fatal(error.into())
@@ -106,16 +142,72 @@ impl From<toml::ser::Error> for Fault {
     }
 }
 
+/// What those need who serve the run in another language.
+impl Session {
+    /// The run.
+    pub(super) fn run(&self) -> &Simulation {
+        &self.run
+    }
+
+    /// The same, to be looked at in ways that take its renderer.
+    pub(super) fn run_mut(&mut self) -> &mut Simulation {
+        &mut self.run
+    }
+
+    /// The newest frame of a camera, by its number.
+    pub(super) fn newest(&self, camera: usize) -> Option<&Frame> {
+        self.frames.get(&camera)
+    }
+
+    /// Whether the run leaves a recording.
+    pub(super) fn records(&self) -> bool {
+        self.opening.options.out.is_some()
+    }
+
+    /// Whether it is held.
+    pub(super) fn paused(&self) -> bool {
+        self.paused
+    }
+
+    /// Holds it, or lets it go on.
+    pub(super) fn set_paused(&mut self, paused: bool) {
+        self.paused = paused;
+    }
+
+    /// Lets one tick pass, whatever the clock says.
+    pub(super) fn pass(&mut self) -> Result<(), ServeError> {
+        self.step(1)
+    }
+
+    /// Gives an order, and keeps it; what is inside says why it is not taken.
+    pub(super) fn obey(&mut self, order: OrderConfig) -> Result<Result<(), String>, ServeError> {
+        match self.give(order) {
+            Ok(()) => Ok(Ok(())),
+            Err(Fault::Refused(why)) => Ok(Err(why)),
+            Err(Fault::Fatal(error)) => Err(error),
+        }
+    }
+
+    /// The run from its beginning, without the orders that were given.
+    pub(super) fn begin_anew(self) -> Result<Self, ServeError> {
+        let (again, _) = self.seek(proto::Seek {
+            tick: 0,
+            with_state: false,
+        })?;
+        Ok(again)
+    }
+}
+
 impl Session {
     /// Opens the run, which goes by the clock if it has a pace.
     pub(super) fn open(mut opening: Opening) -> Result<Self, ServeError> {
         let run = opening.open()?;
         // A process starts its log once.
         opening.options.log = false;
-        let pace = opening
-            .options
-            .pace
-            .map(|factor| Pace::new(factor, run.view().tick_hz()));
+        let doors = opening.mavlink.open(run.view(), &opening.loaded.scenario)?;
+        let pace = (opening.options.pace).map(|factor| Pace::new(factor, run.view().tick_hz()));
+        // Where an autopilot answers each tick, none waits for clients.
+        let pace = pace.or_else(|| doors.flown().map(|_| Pace::free()));
         Ok(Self {
             opening,
             run,
@@ -123,8 +215,10 @@ impl Session {
             frames: BTreeMap::new(),
             events: VecDeque::new(),
             first_event: 0,
+            marks: Marks::default(),
             paused: false,
             pace,
+            doors,
         })
     }
 
@@ -146,7 +240,7 @@ impl Session {
 
     /// When the next tick begins of a run that goes by the clock; none while it stands still.
     pub(super) fn due(&mut self) -> Option<Instant> {
-        let stands = self.paused || self.run.over() || self.lacks_detector();
+        let stands = !self.doors.ready() || self.paused || self.run.over() || self.lacks_detector();
         let tick = self.run.view().tick();
         let pace = self.pace.as_mut()?;
         if stands {
@@ -170,10 +264,18 @@ impl Session {
         Ok(())
     }
 
-    fn step(&mut self, ticks: u64) -> Result<(), SimulationError> {
+    fn step(&mut self, ticks: u64) -> Result<(), ServeError> {
         for _ in 0..ticks {
+            if self.run.over() {
+                break;
+            }
+            let stopped = || stop::asked().is_some();
+            for order in self.doors.before(self.run.view(), stopped)? {
+                self.run.give(&order)?;
+            }
             let over = self.run.step(1)?;
             self.keep();
+            self.doors.after(self.run.view());
             if over {
                 break;
             }
@@ -194,6 +296,55 @@ impl Session {
         }
     }
 
+    /// Where MAVLink is spoken, a line each.
+    pub(super) fn said(&self) -> Vec<String> {
+        self.doors.said()
+    }
+
+    /// What went wrong on the way to ground stations, in words.
+    pub(super) fn told(&mut self) -> Option<String> {
+        let told = self.doors.ground()?.told()?;
+        Some(format!("mavlink: messages {told}"))
+    }
+
+    /// Whether the run ends by itself when it is over.
+    pub(super) fn goes_alone(&self) -> bool {
+        self.doors.any()
+    }
+
+    /// Whether ground station or autopilot have been there.
+    pub(super) fn had_any(&self) -> bool {
+        self.doors.had_any()
+    }
+
+    /// Does what ground stations want; lines that tell of what is not offered.
+    pub(super) fn hear(&mut self) -> Result<Vec<String>, ServeError> {
+        let mut said = Vec::new();
+        let view = self.run.view();
+        let Some(ground) = self.doors.ground() else {
+            return Ok(said);
+        };
+        for mut asked in ground.hear(view, &mut said) {
+            let orders = std::mem::replace(&mut asked.orders, Ok(Vec::new()));
+            let given = orders
+                .map_err(Fault::Refused)
+                .and_then(|orders| (orders.into_iter()).try_for_each(|order| self.give(order)));
+            if let Err(Fault::Refused(why)) = &given {
+                said.push(format!("mavlink: {why}"));
+            }
+            let given = match given {
+                Ok(()) => Ok(()),
+                Err(Fault::Refused(why)) => Err(why),
+                Err(Fault::Fatal(error)) => return Err(error),
+            };
+            let view = self.run.view();
+            if let Some(ground) = self.doors.ground() {
+                ground.answer(view, &asked, given);
+            }
+        }
+        Ok(said)
+    }
+
     /// Carries out a request. An error ends the run.
     pub(super) fn handle(&mut self, client: &Client, wants: Wants) -> Result<Handled, ServeError> {
         let said = match wants {
@@ -210,6 +361,8 @@ impl Session {
                 Ok(()) => return Ok(Handled::Seek(seek)),
                 Err(fault) => Err(fault),
             },
+            Wants::TakeSnapshot(_) => self.take_snapshot(),
+            Wants::Restore(restore) => self.restore(restore),
             Wants::Scenario(_) => (self.run.scenario_with_orders())
                 .map(|toml| Says::Scenario(proto::Scenario { toml }))
                 .map_err(Fault::from),
@@ -274,7 +427,9 @@ impl Session {
     /// Says why nobody may step now.
     fn may_step(&self) -> Result<(), Fault> {
         if self.pace.is_some() && !self.paused {
-            return Err("the run goes by the clock (--pace): pause it to step it".into());
+            return Err(
+                "the run goes by the clock (--pace), or by its autopilot (--hil): pause it to step it".into(),
+            );
         }
         if self.pace.is_none() && self.paused {
             return Err("the run is paused: resume it first".into());
@@ -330,7 +485,12 @@ impl Session {
     }
 
     fn order(&mut self, order: proto::Order) -> Result<Says, Fault> {
-        let order = order::config(order)?;
+        self.give(order::config(order)?)?;
+        Ok(self.done())
+    }
+
+    /// Gives an order, and keeps it.
+    fn give(&mut self, order: OrderConfig) -> Result<(), Fault> {
         if self.given.len() >= MOST_ORDERS {
             return Err(format!(
                 "order: {MOST_ORDERS} were given in this run, and more are not taken"
@@ -345,7 +505,7 @@ impl Session {
             Err(error) => return Err(error.into()),
         }
         self.given.push((self.run.view().tick(), order));
-        Ok(self.done())
+        Ok(())
     }
 
     /// Says why the run cannot go to a tick.
@@ -356,7 +516,19 @@ impl Session {
                 format!("seek: tick {tick}: the run ends with tick {last} at the latest").into(),
             );
         }
+        self.may_go_back("seek")?;
         self.may_tick()
+    }
+
+    /// Says why time cannot go back.
+    fn may_go_back(&self, what: &str) -> Result<(), Fault> {
+        match self.doors.flown() {
+            Some(uav) => Err(format!(
+                "{what}: an autopilot flies '{uav}' (--hil), and its time does not go back"
+            )
+            .into()),
+            None => Ok(()),
+        }
     }
 
     /// Opens the run anew and repeats it with its orders, but those given at or after a tick, up to that tick; and what
@@ -368,6 +540,8 @@ impl Session {
             given,
             paused,
             pace,
+            marks,
+            doors,
             ..
         } = self;
         // It closes its recording before another takes that one's place.
@@ -379,8 +553,11 @@ impl Session {
             frames: BTreeMap::new(),
             events: VecDeque::new(),
             first_event: 0,
+            marks: marks.forget(),
             paused,
             pace,
+            // What is repeated is not told again.
+            doors: Doors::default(),
         };
         for (tick, order) in given.into_iter().filter(|(tick, _)| *tick < seek.tick) {
             again.step(tick.saturating_sub(again.run.view().tick()))?;
@@ -391,8 +568,43 @@ impl Session {
         if let Some(pace) = &mut again.pace {
             pace.stand();
         }
+        again.doors = doors;
         let said = again.stepped(seek.with_state);
         Ok((again, said))
+    }
+
+    fn take_snapshot(&mut self) -> Result<Says, Fault> {
+        let run = self.run.snapshot()?;
+        let tick = run.tick();
+        let number = self.marks.keep(Mark {
+            run,
+            frames: self.frames.clone(),
+            orders: self.given.len(),
+            event: self.first_event + self.events.len() as u64,
+        });
+        Ok(Says::Snapshot(proto::Snapshot { number, tick }))
+    }
+
+    fn restore(&mut self, wanted: proto::Restore) -> Result<Says, Fault> {
+        self.may_step()?;
+        self.may_go_back("restore")?;
+        let mark = self.marks.get(wanted.number)?;
+        match self.run.restore(&mark.run) {
+            Ok(()) => {}
+            Err(error @ SimulationError::Recorded) => {
+                return Err(format!("restore: {error}; seek begins it anew").into());
+            }
+            Err(error) => return Err(error.into()),
+        }
+        self.given.truncate(mark.orders);
+        self.frames = mark.frames;
+        let kept = mark.event.saturating_sub(self.first_event);
+        self.events
+            .truncate(usize::try_from(kept).unwrap_or(usize::MAX));
+        if let Some(pace) = &mut self.pace {
+            pace.stand();
+        }
+        Ok(self.stepped(wanted.with_state))
     }
 
     fn events_from(&self, from: u64) -> proto::Events {
@@ -436,6 +648,10 @@ impl Session {
             .transpose()?;
         let finished = self.run.finish()?;
         if let (Some(folder), Some(scenario)) = (folder, scenario) {
+            let scenario = match self.opening.outside() {
+                true => self.opening.keep_answers(folder, &scenario)?,
+                false => scenario,
+            };
             output::put(&folder.join("scenario.toml"), scenario)?;
         }
         let said = Says::Finished(proto::Finished {

@@ -58,6 +58,8 @@ struct TopicInTurn(usize);
 enum Source {
     /// A scenario file, or a recording whose scenario and seed are run again.
     File(PathBuf),
+    /// The text of a scenario, and the folder that its paths lead on from.
+    Text(String, PathBuf),
     /// One that has been loaded.
     Loaded(Box<Loaded>),
 }
@@ -78,6 +80,25 @@ impl Builder {
     /// From a scenario file, or from a recording (`.mcap`), whose scenario runs again with its seed.
     pub fn file(path: impl AsRef<Path>) -> Self {
         Self::new(Source::File(path.as_ref().to_owned()))
+    }
+
+    /// From the text of a scenario that is no file. Paths in it lead on from `folder`; an error names the line of the text.
+    ///
+    /// ```
+    /// use boresight::simulation::Builder;
+    ///
+    /// let text = std::fs::read_to_string("scenarios/urban_intercept.toml")?;
+    /// let open = |text: String| Builder::from_text(text, "scenarios").set("detector.kind=truth").open();
+    /// let mut run = open(text.clone())?;
+    /// run.run_until(0.1)?;
+    /// assert!(run.view().tick() > 0);
+    ///
+    /// let wrong = open(text.replace("power_w = 800.0", "power_w = -1")).err();
+    /// assert!(wrong.is_some_and(|why| why.to_string().starts_with("scenario text, line ")));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn from_text(text: impl Into<String>, folder: impl AsRef<Path>) -> Self {
+        Self::new(Source::Text(text.into(), folder.as_ref().to_owned()))
     }
 
     /// From a scenario that is there.
@@ -253,6 +274,7 @@ impl Builder {
                 recorded.scenario(&set)?
             }
             Source::File(path) => Scenario::load(&path, &set)?,
+            Source::Text(text, folder) => Loaded::text(text, &folder, set)?,
         };
         options.capture = pictures.unwrap_or(!loaded.scenario.detector.is_truth());
         let mut refused = Ok(());

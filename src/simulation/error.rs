@@ -4,6 +4,7 @@ use crate::app::RunError;
 use crate::recording::read::ReadError;
 use crate::report::ReportError;
 use crate::scenario::{InputError, OrderError};
+use crate::systems::capture::CaptureError;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -24,6 +25,9 @@ pub enum SimulationError {
     /// Summary or report cannot be written.
     #[error(transparent)]
     Report(#[from] ReportError),
+    /// A picture cannot be taken.
+    #[error(transparent)]
+    Picture(#[from] CaptureError),
     /// An order that nobody can obey.
     #[error(transparent)]
     Order(#[from] OrderError),
@@ -36,6 +40,12 @@ pub enum SimulationError {
     /// An order after the end.
     #[error("the run is over: an order changes nothing any more")]
     Over,
+    /// A snapshot of another run.
+    #[error("the snapshot is of another run: a run goes back to its own alone")]
+    OtherRun,
+    /// A recording would hold what never was.
+    #[error("a run that is recorded does not go back: open it without a recording")]
+    Recorded,
     /// A step after the run had failed.
     #[error("the run has failed before and cannot go on; open it anew")]
     Failed,

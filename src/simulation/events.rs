@@ -68,7 +68,7 @@ pub enum What {
 }
 
 /// What was seen of the run before, and what has happened since it was last asked.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Watch {
     stations: Vec<Known>,
     uavs: Vec<(UavStatus, bool)>,
@@ -76,7 +76,7 @@ pub(super) struct Watch {
 }
 
 /// What is known of a station.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Known {
     changes: usize,
     /// Orders that have come due, and those among them that wait.

@@ -28,6 +28,9 @@
 //! A run has one seed and no other source of chance: the same scenario, seed, parts and orders give the same
 //! [`View::state_hash`] after every tick, however the ticks are stepped.
 //!
+//! [`Simulation::snapshot`] keeps a run's state, and [`Simulation::restore`] goes back to it: so a learner or a debugger
+//! branches a run.
+//!
 //! What a part of one's own is made of stands in [`parts`].
 //!
 //! Those who want the engine itself find it below, in [`crate::app`].
@@ -37,14 +40,17 @@ mod error;
 mod events;
 mod orders;
 mod run;
+mod snapshot;
 mod view;
 
+pub use crate::components::capture::{Depth, Seen};
 pub use crate::components::run::Options;
 pub use builder::{Builder, Stage};
 pub use error::SimulationError;
 pub use events::{Event, What};
 pub(crate) use orders::with_orders;
 pub use run::Simulation;
+pub use snapshot::Snapshot;
 pub use view::{
     AirView, Arrived, CameraView, Frame, FrameView, MountView, StationView, TrackView, UavView,
     View,

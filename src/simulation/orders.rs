@@ -45,6 +45,8 @@ pub(crate) fn with_orders(
                 Command::Gains(gains) => config.gains = Some(*gains),
                 Command::Weather(weather) => config.weather = Some(*weather),
                 Command::Drive(drive) => config.drive = Some(*drive),
+                Command::Camera(camera) => config.camera = Some(camera.clone()),
+                Command::Fly(fly) => config.fly = Some(fly.clone()),
             }
             config
         }));

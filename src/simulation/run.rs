@@ -3,23 +3,28 @@
 use super::error::SimulationError;
 use super::events::{Event, Watch};
 use super::orders::with_orders;
-use super::view::{FrameView, View};
-use crate::app;
-use crate::components::capture::{ExposedFrame, Frames};
+use super::snapshot::{self, RunId, Snapshot, State};
+use super::view::{Frame, FrameView, View};
+use crate::app::{self, RunError};
+use crate::components::capture::{Depth, ExposedFrame, Frames, SensorCamera};
 use crate::components::mount::Station;
-use crate::components::operator::{Command, Operator, Order};
+use crate::components::operator::{Operator, Order};
+use crate::components::record::Recording;
 use crate::components::run::{Options, SimClock};
 use crate::parameters::operator::command;
 use crate::report::summary::{Finished, conclude, finish};
 use crate::scenario::{Loaded, OrderConfig};
+use crate::systems::capture::{self as systems, CaptureError};
+use crate::systems::detect::answer_all;
 use bevy::app::{App, SubApp};
-use bevy::prelude::World;
+use bevy::prelude::{Entity, World};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// A run between two ticks. It may move from thread to thread.
 pub struct Simulation {
+    id: RunId,
     main: SubApp,
     loaded: Loaded,
     options: Options,
@@ -30,14 +35,6 @@ pub struct Simulation {
     watch: Watch,
 }
 
-/// How far a run is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    Goes,
-    Over,
-    Failed,
-}
-
 impl Simulation {
     pub(super) fn of(mut app: App, loaded: Loaded, options: Options) -> Self {
         // What else an app holds, sub-apps and a runner, has no part in a run.
@@ -46,6 +43,7 @@ impl Simulation {
             world: main.world(),
         });
         Self {
+            id: RunId::new(),
             main,
             loaded,
             options,
@@ -148,6 +146,33 @@ impl Simulation {
         self.frames.values().map(FrameView::of)
     }
 
+    /// What a camera, by its number, would expose now if it were due: a picture of its whole sensor between two ticks. It
+    /// changes nothing of the run, and counts for no exposure. None without pictures, and where there is no such camera.
+    pub fn picture(&mut self, camera: usize) -> Result<Option<Frame>, SimulationError> {
+        self.of_camera(camera, systems::photograph)
+            .map(|frame| frame.map(Frame::of))
+    }
+
+    /// How far a camera, by its number, sees in each pixel now, what it sees there, and how that is turned; see [`Depth`].
+    /// It changes nothing of the run. None without pictures, and where there is no such camera.
+    pub fn depth(&mut self, camera: usize) -> Result<Option<Depth>, SimulationError> {
+        self.of_camera(camera, systems::measure_depth)
+    }
+
+    fn of_camera<T>(
+        &mut self,
+        camera: usize,
+        take: impl FnOnce(&mut World, Entity) -> Result<Option<T>, CaptureError>,
+    ) -> Result<Option<T>, SimulationError> {
+        let world = self.main.world_mut();
+        let mut cameras = world.query::<(Entity, &SensorCamera)>();
+        let found = cameras.iter(world).find(|(_, of)| of.index == camera);
+        match found.map(|(entity, _)| entity) {
+            Some(entity) => Ok(take(world, entity)?),
+            None => Ok(None),
+        }
+    }
+
     /// What happened in the last step, in order of time.
     pub fn events(&self) -> &[Event] {
         self.watch.events()
@@ -168,14 +193,8 @@ impl Simulation {
         let world = self.main.world_mut();
         let clock = *world.resource::<SimClock>();
         let tick = clock.ticks_of(order.t_s).max(clock.tick + 1);
-        // There is one air for all: its orders are the first station's.
-        let one_air = matches!(command, Command::Weather(_));
         for (station, mut operator) in world.query::<(&Station, &mut Operator)>().iter_mut(world) {
-            let meant = match one_air {
-                true => station.index == 0,
-                false => order.is_for(&station.name),
-            };
-            if meant {
+            if station.obeys(order, &command) {
                 operator.give(Order {
                     tick,
                     command: command.clone(),
@@ -183,6 +202,50 @@ impl Simulation {
             }
         }
         Ok(())
+    }
+
+    /// The run's state, to go back to. It costs a copy of what changes in a run, some 0.1 ms for one station and one
+    /// UAV; what a rendered frame in flight is still looked at for is waited for.
+    ///
+    /// It holds all that this program keeps: clocks, random streams, UAVs, wrecks, mount, tracks, laws, orders, history.
+    /// A law of one's own is copied with its memory. The memory of a detector, a tracker's stage or an observer of one's
+    /// own is not: such a run goes on bit for bit only if these have none.
+    pub fn snapshot(&mut self) -> Result<Snapshot, SimulationError> {
+        if self.state == State::Failed {
+            return Err(SimulationError::Failed);
+        }
+        self.settle()?;
+        let world = self.main.world_mut();
+        Ok(Snapshot::of(
+            self.id,
+            world,
+            self.state,
+            &self.frames,
+            &self.watch,
+        ))
+    }
+
+    /// Goes back to a snapshot of this run, or on to one; from there it goes on bit for bit as it did before. Orders that
+    /// were given after it are forgotten. A run that is recorded refuses: open it without a recording.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SimulationError> {
+        let recording = self.main.world().get_resource::<Recording>();
+        let recorded = recording.is_some_and(|recording| recording.recorder.is_some());
+        snapshot::refused(snapshot, self.id, self.state, recorded)?;
+        // Answers on their way are of frames that have not been exposed now.
+        self.settle()?;
+        snapshot.put_back(self.main.world_mut());
+        self.state = snapshot.state;
+        self.frames = snapshot.frames.clone();
+        self.watch = snapshot.watch.clone();
+        Ok(())
+    }
+
+    /// Waits for all answers of the detector.
+    fn settle(&mut self) -> Result<(), SimulationError> {
+        answer_all(self.main.world_mut()).map_err(|error| {
+            self.state = State::Failed;
+            SimulationError::Run(RunError::Part(error))
+        })
     }
 
     /// The scenario as TOML, with seed and orders of this run: run again, with the same parts, it is the same run.

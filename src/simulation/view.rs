@@ -9,7 +9,9 @@ use crate::components::control::{Controller, Radar};
 use crate::components::detect::{DetectionQueue, Question};
 use crate::components::engage::Interlocks;
 use crate::components::environment::Environment;
-use crate::components::flight::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
+use crate::components::flight::{
+    Air, Distractor, Flight, Guidance, HeatedSkin, Uav, UavShape, UavStatus,
+};
 use crate::components::mount::{CameraView as Look, Mount, MountCommand, Optics, Station};
 use crate::components::operator::{Answer, Operator, Order};
 use crate::components::record::{CameraHistory, Fate, Fates, History, StateHash};
@@ -19,6 +21,7 @@ use crate::models::decision::tracker::{Tracker, TrackingState};
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
+use crate::models::maths::geodesy::SiteFrame;
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::detection::Detection;
@@ -133,11 +136,13 @@ impl<'a> View<'a> {
             let (uav, flight) = parts.get_components::<(&Uav, &Flight)>().ok()?;
             Some(UavView {
                 uav,
+                shape: parts.get::<UavShape>(),
                 flight,
                 status: parts.get::<UavStatus>().copied(),
                 distractor: parts.get::<Distractor>().map(|distractor| distractor.kind),
                 skin: parts.get::<HeatedSkin>(),
                 dose: parts.get::<Dose>().copied().unwrap_or_default(),
+                rotors: (parts.get::<Guidance>()).map_or(0, |own| own.airframe.rotor_count),
                 wind_enu_mps: parts.get::<Air>().map(|air| air.wind_enu_mps),
                 fate: (world.resource::<Fates>().uavs).get(uav.index),
             })
@@ -524,6 +529,10 @@ pub struct FrameView<'a> {
 pub struct Frame(Arc<ExposedFrame>);
 
 impl Frame {
+    pub(super) fn of(frame: Arc<ExposedFrame>) -> Self {
+        Self(frame)
+    }
+
     /// What can be read of it.
     pub fn view(&self) -> FrameView<'_> {
         FrameView::of(&self.0)
@@ -637,11 +646,13 @@ pub struct Arrived<'a> {
 #[derive(Clone, Copy)]
 pub struct UavView<'a> {
     uav: &'a Uav,
+    shape: Option<&'a UavShape>,
     flight: &'a Flight,
     status: Option<UavStatus>,
     distractor: Option<DistractorKind>,
     skin: Option<&'a HeatedSkin>,
     dose: Dose,
+    rotors: usize,
     wind_enu_mps: Option<DVec3>,
     fate: Option<&'a Fate>,
 }
@@ -688,9 +699,24 @@ impl<'a> UavView<'a> {
         self.flight.state.q_enu_body
     }
 
+    /// How it turns: rates about its body's axes, forward, left and up [rad/s].
+    pub fn rates_body_radps(&self) -> DVec3 {
+        self.flight.state.omega_body_radps
+    }
+
+    /// Rotors of its airframe; none of a distractor.
+    pub fn rotors(&self) -> usize {
+        self.rotors
+    }
+
     /// Where the part aimed at is [m].
     pub fn aim_enu_m(&self) -> DVec3 {
         self.flight.aim_enu_m()
+    }
+
+    /// Points of its body, forward, left and up [m], whose box holds the airframe with its rotors.
+    pub fn outline_body_m(&self) -> &'a [DVec3] {
+        self.shape.map_or(&[], |shape| &shape.outline_body_m)
     }
 
     /// What has become of it; a distractor flies.
@@ -734,6 +760,16 @@ impl<'a> AirView<'a> {
     /// The city: heights of ground and roofs, buildings, trees.
     pub fn city(&self) -> &'a City {
         &self.environment.city
+    }
+
+    /// The local frame on the Earth.
+    pub fn site(&self) -> &'a SiteFrame {
+        &self.environment.site
+    }
+
+    /// Density of the air at the site [kg/m³].
+    pub fn density_kgpm3(&self) -> f64 {
+        self.environment.air_density_kgpm3
     }
 
     /// Wind at 10 m, visibility, temperature and what falls.

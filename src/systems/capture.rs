@@ -6,8 +6,10 @@ mod expose;
 mod image;
 pub mod metering;
 mod patches;
+mod photo;
 mod projected;
 mod read;
+mod set;
 mod shot;
 mod sky;
 
@@ -17,13 +19,15 @@ pub use expose::{Exposing, expose};
 pub(crate) use image::form_image;
 pub use image::{CaptureError, ImageScratch};
 pub use patches::{MAGNIFIED_SAMPLES, MAGNIFY, PATCH_PX, PATCHES, magnified, spawn_magnifiers};
+pub use photo::{measure_depth, photograph};
 pub use projected::projected;
 pub(crate) use read::read;
+pub use set::set_cameras;
 pub(crate) use shot::{Shot, draw};
 
-use crate::components::capture::{Frames, SensorCamera};
+use crate::components::capture::{ExposedFrame, Frames, SensorCamera};
 use crate::components::render::SensorViews;
-use crate::components::run::{Failure, Kept, Seed, Stopwatch};
+use crate::components::run::{Failure, Kept, Options, Seed, Stopwatch};
 use crate::systems::render::city_tiles::settle_city;
 use crate::systems::render::renderer::Renderer;
 use bevy::prelude::*;
@@ -32,7 +36,8 @@ use std::time::Instant;
 
 /// Renders the exposed frames, if this run renders at all.
 pub fn render_frames(world: &mut World) {
-    if world.resource::<Frames>().0.is_empty() || !world.contains_resource::<Kept<Renderer>>() {
+    let idle = world.resource::<Frames>().0.is_empty() || world.resource::<Options>().on_demand;
+    if idle || !world.contains_resource::<Kept<Renderer>>() {
         return;
     }
     let started = Instant::now();
@@ -53,8 +58,20 @@ fn render_with(
     renderer: &mut Renderer,
     scratch: &mut ImageScratch,
 ) -> Result<(), CaptureError> {
-    settle_city(world);
     let mut frames = std::mem::take(&mut world.resource_mut::<Frames>().0);
+    let rendered = render_each(world, renderer, scratch, &mut frames);
+    world.resource_mut::<Frames>().0 = frames;
+    rendered
+}
+
+/// Renders frames that were exposed in this tick, and fills in what their pictures tell.
+fn render_each(
+    world: &mut World,
+    renderer: &mut Renderer,
+    scratch: &mut ImageScratch,
+    frames: &mut [Arc<ExposedFrame>],
+) -> Result<(), CaptureError> {
+    settle_city(world);
     let mut cameras = world.query::<(&SensorCamera, &SensorViews)>();
     let shots: Vec<_> = frames
         .iter()
@@ -64,7 +81,7 @@ fn render_with(
             Some(Shot::new(frame, camera.clone(), views, solids))
         })
         .collect();
-    let digits = draw(world, renderer, &frames, &shots);
+    let digits = draw(world, renderer, frames, &shots);
     let seed = *world.resource::<Seed>();
     for (frame, shot) in frames.iter_mut().zip(&shots) {
         // Nobody else holds a frame before the tick goes on: nothing is copied.
@@ -74,6 +91,5 @@ fn render_with(
         let rgb8 = form_image(frame, &shot.camera.sensor, key, scratch)?;
         frame.rgb8 = Some(Arc::new(rgb8));
     }
-    world.resource_mut::<Frames>().0 = frames;
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Frames become detections, which wait out readout and inference.
 
 pub mod onnx;
+pub mod recorded;
 pub mod truth;
 
 use crate::components::capture::{ExposedFrame, Frames, Readout, SensorCamera};
@@ -17,10 +18,13 @@ use std::time::Instant;
 pub type MakeDetector = fn(&DetectorContext) -> Result<Box<dyn Detector>, PartError>;
 
 /// The detectors that every run knows, by the names that scenarios give them.
-pub const DETECTORS: [(&str, MakeDetector); 2] = [
+pub const DETECTORS: [(&str, MakeDetector); 3] = [
     (scenario::ONNX, |context| Ok(Box::new(onnx::make(context)?))),
     (scenario::TRUTH, |context| {
         Ok(Box::new(truth::make(context)))
+    }),
+    (scenario::RECORDED, |context| {
+        Ok(Box::new(recorded::make(context)?))
     }),
 ];
 
@@ -109,6 +113,20 @@ pub fn answer(
     for mut queue in &mut queues {
         queue.release(clock.tick);
     }
+}
+
+/// Answers all that has been asked, whether it is due or not.
+pub fn answer_all(world: &mut World) -> Result<(), PartError> {
+    world.resource_scope(|world, mut detector: Mut<DetectorInUse>| {
+        let moving = detector.moving();
+        while let Some(station) = detector.asked.pop_front() {
+            let found = detector.detector.answer()?;
+            if let Some(mut queue) = world.get_mut::<DetectionQueue>(station) {
+                queue.answer(found, detector.reading.weak_score, &moving);
+            }
+        }
+        Ok(())
+    })
 }
 
 /// What moves in a frame against the scenery, where the whole sensor was read and somebody looks for that.

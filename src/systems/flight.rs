@@ -7,11 +7,15 @@ use crate::components::environment::Environment;
 use crate::components::flight::{
     Air, Distractor, Flight, Guidance, HeatedSkin, Plan, Swarms, Uav, UavStatus, Wreck, WreckFall,
 };
+use crate::components::operator::{Command, Operator};
 use crate::components::run::SimClock;
 use crate::models::flight::fall::{self, Fall, Falling};
-use crate::models::flight::multirotor::{self, MultirotorState};
+use crate::models::flight::guided::{Goal, Guided};
+use crate::models::flight::multirotor::{self, MultirotorState, Setpoint};
 use crate::models::flight::swarm::Mate;
 use crate::models::maths::kinematics::exp_so3;
+use crate::parameters::operator::goal;
+use crate::scenario::FlyOrder;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use rstar::RTree;
@@ -23,6 +27,53 @@ const COLLIDE_HZ: u32 = 120;
 
 /// A place in the air that knows whose it is.
 type Placed = GeomWithData<[f64; 3], usize>;
+
+/// UAVs that operators send somewhere in this tick leave their plans; one that cannot fly refuses.
+pub fn guide(
+    mut operators: Query<&mut Operator>,
+    mut uavs: Query<(&Uav, &Flight, &mut Guidance, &UavStatus)>,
+) {
+    for mut operator in &mut operators {
+        let mut refused = Vec::new();
+        for command in &operator.due {
+            let Command::Fly(order) = command else {
+                continue;
+            };
+            let named = uavs.iter_mut().find(|(uav, ..)| uav.name == order.uav);
+            let obeyed = match named {
+                None => Err("there is no such UAV".to_owned()),
+                Some((_, flight, mut guidance, status)) => {
+                    take_over(order, &flight.state, &mut guidance, *status)
+                }
+            };
+            refused.extend(obeyed.err().map(|why| (command.clone(), why)));
+        }
+        for (command, why) in refused {
+            operator.refuse(&command, why);
+        }
+    }
+}
+
+/// Gives a UAV the goal of an order in place of its plan, or says why it cannot have it.
+fn take_over(
+    order: &FlyOrder,
+    state: &MultirotorState,
+    guidance: &mut Guidance,
+    status: UavStatus,
+) -> Result<(), String> {
+    let goal = goal(order, guidance.airframe.rotor_count)?;
+    let mut guided = Guided::new(goal, state, order.heading_deg.map(f64::to_radians));
+    match status {
+        UavStatus::Flying => {}
+        UavStatus::Landed if guided.rises() => guided.leaves_ground = true,
+        UavStatus::Landed => {
+            return Err("it stands on the ground: give it a path, or a velocity that rises".into());
+        }
+        other => return Err(format!("it is {}", other.name())),
+    }
+    guidance.plan = Plan::Guided(Box::new(guided));
+    Ok(())
+}
 
 /// Members of swarms choose their accelerations, and their points move on.
 pub fn steer(
@@ -139,34 +190,55 @@ pub fn fly(
         let Guidance { plan, airframe, .. } = &mut *guidance;
         let (state, wind_enu_mps) = (&mut flight.state, air.wind_enu_mps);
         if *status == UavStatus::Landed
-            && let Plan::Swarm(steering) = plan
-            && steering.takes_off(t_s)
+            && let Some(reference) = takes_off(plan, t_s)
         {
             // Spinning up is not modelled.
-            *state = MultirotorState::trimmed(airframe, &steering.reference, wind_enu_mps, density);
+            *state = MultirotorState::trimmed(airframe, &reference, wind_enu_mps, density);
             *status = UavStatus::Flying;
         }
         if *status != UavStatus::Flying {
             continue;
         }
-        let setpoint = match plan {
-            Plan::Path(path) => path.sample(t_s),
-            Plan::Swarm(steering) => steering.reference,
-        };
         let before = state.r_enu_m;
-        multirotor::step(airframe, state, &setpoint, wind_enu_mps, density, dt_s);
+        let setpoint = match plan {
+            Plan::Path(path) => Ok(path.sample(t_s)),
+            Plan::Swarm(steering) => Ok(steering.reference),
+            Plan::Guided(guided) => {
+                guided.advance(dsm.surface_m(before.x, before.y), dt_s);
+                match &guided.goal {
+                    Goal::Rotors(throttle) => Err(*throttle),
+                    _ => Ok(guided.reference),
+                }
+            }
+        };
+        match setpoint {
+            Ok(setpoint) => {
+                multirotor::step(airframe, state, &setpoint, wind_enu_mps, density, dt_s);
+            }
+            Err(throttle) => {
+                multirotor::step_rotors(airframe, state, &throttle, wind_enu_mps, density, dt_s);
+            }
+        }
         let r = state.r_enu_m;
         let surface_m = dsm.surface_m(r.x, r.y);
         let [length_m, width_m, height_m] = uav.size_m;
-        if let Plan::Swarm(steering) = plan
-            && steering.over_pad()
-        {
+        let (may_touch, lands) = match plan {
+            Plan::Path(_) => (false, false),
+            Plan::Swarm(steering) => (steering.over_pad(), steering.lands()),
+            Plan::Guided(guided) => (guided.lands() || guided.leaves_ground, guided.lands()),
+        };
+        if may_touch {
             // On its legs; beside a wall it is struck all the same.
             let under_m = surface_m + 0.5 * height_m - r.z;
+            if under_m < -CLEAR_OF_GROUND_M
+                && let Plan::Guided(guided) = plan
+            {
+                guided.leaves_ground = false;
+            }
             if (0.0..1.0).contains(&under_m) {
                 state.r_enu_m.z += under_m;
                 state.v_enu_mps.z = state.v_enu_mps.z.max(0.0);
-                if steering.lands() {
+                if lands {
                     *status = UavStatus::Landed;
                     stand(state);
                 }
@@ -179,6 +251,18 @@ pub fn fly(
             let radius_m = 0.5 * length_m.max(width_m) + CLOSE_STEP_M;
             state.r_enu_m = dsm.nearest_clear([before, r], radius_m, 0.5 * height_m);
         }
+    }
+}
+
+/// Height over the ground [m] above which a UAV that has risen is struck by what it touches.
+const CLEAR_OF_GROUND_M: f64 = 1.0;
+
+/// The state from which a UAV that stands takes off at `t_s` [s], if its plan says so.
+fn takes_off(plan: &mut Plan, t_s: f64) -> Option<Setpoint> {
+    match plan {
+        Plan::Path(_) => None,
+        Plan::Swarm(steering) => steering.takes_off(t_s).then_some(steering.reference),
+        Plan::Guided(guided) => guided.leaves_ground.then_some(guided.reference),
     }
 }
 

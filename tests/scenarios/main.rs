@@ -8,6 +8,7 @@
 mod anywhere;
 mod bad_input;
 mod beam;
+mod branches;
 mod commands;
 mod common;
 mod determinism;

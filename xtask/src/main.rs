@@ -12,7 +12,7 @@ pub type Fault = String;
 /// A task: its name, what it takes, what it is for.
 type Task = (&'static str, &'static str, &'static str);
 
-const TASKS: [Task; 8] = [
+const TASKS: [Task; 9] = [
     (
         "test",
         "CRATE",
@@ -22,6 +22,11 @@ const TASKS: [Task; 8] = [
         "reference",
         "",
         "writes docs/scenarios.md and its schema anew, from the doc comments",
+    ),
+    (
+        "stubs",
+        "",
+        "writes python/boresight/_boresight.pyi anew, from the types and doc comments of crates/python",
     ),
     (
         "book",
@@ -59,15 +64,35 @@ pub fn root() -> PathBuf {
 
 /// Runs a program in the repository's root.
 fn run(program: &str, arguments: &[&str]) -> Result<(), Fault> {
+    run_in(&root(), program, arguments)
+}
+
+/// Runs a program in a folder.
+fn run_in(folder: &Path, program: &str, arguments: &[&str]) -> Result<(), Fault> {
     let said = format!("{program} {}", arguments.join(" "));
     eprintln!("{said}");
     let mut command = Command::new(program);
-    let status = command.args(arguments).current_dir(root()).status();
+    let status = command.args(arguments).current_dir(folder).status();
     match status {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => Err(format!("{said}: {status}")),
         Err(error) => Err(format!("{said}: {error}; is it installed?")),
     }
+}
+
+/// Writes the stubs of the Python module anew.
+fn stubs() -> Result<(), Fault> {
+    // maturin reads them from the library's symbols, which the release profile leaves out.
+    let words = "generate-stubs --profile release --out ../out/stubs -- -C strip=none";
+    let words: Vec<_> = words.split(' ').collect();
+    let package = root().join("python");
+    run_in(&package, "maturin", &words)
+        .map_err(|why| format!("{why}; `pip install maturin` has it"))?;
+    let [from, to] = ["../out/stubs/boresight", "boresight"].map(|folder| package.join(folder));
+    let name = "_boresight.pyi";
+    std::fs::copy(from.join(name), to.join(name))
+        .map(drop)
+        .map_err(|error| format!("{name}: {error}"))
 }
 
 fn list() {
@@ -83,6 +108,7 @@ fn task(name: &str, rest: &[String]) -> Result<(), Fault> {
     match (name, rest) {
         ("test", [one]) => cargo(&["test", "--release", "-p", &format!("boresight-{one}")]),
         ("reference", []) => cargo(&["run", "--release", "--locked", "--", "schema"]),
+        ("stubs", []) => stubs(),
         ("book", []) => book::build(),
         ("figures", []) => figures::write(),
         ("stale", []) => figures::stale(),

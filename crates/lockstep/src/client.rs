@@ -4,8 +4,9 @@ use crate::endpoint::{Connection, Endpoint, EndpointError};
 use crate::framing::{FramingError, Reader, encode};
 use crate::proto::{
     BeDetector, Box as Found, Detected, Done, Events, Finish, Finished, Frames, GetEvents,
-    GetFrames, GetScenario, GetState, Hello, Order, Pause, Ping, Question, Reply, Request, Resume,
-    RunUntil, Seek, State, Step, Stepped, Welcome, reply, request::What,
+    GetFrames, GetScenario, GetState, Hello, Order, Pause, Ping, Question, Reply, Request, Restore,
+    Resume, RunUntil, Seek, Snapshot, State, Step, Stepped, TakeSnapshot, Welcome, reply,
+    request::What,
 };
 use crate::{MAX_REPLY_BYTES, VERSION};
 use std::io::Write;
@@ -186,6 +187,20 @@ impl Client {
             with_state: false,
         };
         expect!(self.ask(What::Seek(seek))?, Stepped)
+    }
+
+    /// Keeps the run's state, to go back to.
+    pub fn take_snapshot(&mut self) -> Result<Snapshot, ClientError> {
+        expect!(self.ask(What::TakeSnapshot(TakeSnapshot {}))?, Snapshot)
+    }
+
+    /// Goes back to the snapshot of a number.
+    pub fn restore(&mut self, number: u64) -> Result<Stepped, ClientError> {
+        let restore = Restore {
+            number,
+            with_state: false,
+        };
+        expect!(self.ask(What::Restore(restore))?, Stepped)
     }
 
     /// Holds the run.

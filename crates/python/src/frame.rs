@@ -1,9 +1,8 @@
 //! One exposure of a camera, with its truth.
 
-use crate::numbers::{Matrix, pose};
+use crate::numbers::{Matrix, Pixels, pixels, pose};
 use boresight::components::capture::UavInFrame;
 use boresight::simulation as sim;
-use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 
 /// One exposure of a camera, with the truth of its very tick. It stays as it is while the run goes on.
@@ -31,7 +30,7 @@ impl Frame {
     /// "search", "coarse" or "precise".
     #[getter]
     fn tier(&self) -> &'static str {
-        self.frame.view().tier().name()
+        self.frame.view().tier().word()
     }
 
     /// Tick of the exposure.
@@ -64,17 +63,15 @@ impl Frame {
         self.frame.view().rect().size_px.into()
     }
 
-    /// The pixels that were read out, uint8 of shape [height, width, 3], red, green, blue; a fresh array each time.
-    /// None in a run without pictures.
+    /// The pixels that were read out, red, green, blue; a fresh array each time. None in a run without pictures.
+    ///
+    /// Shape [height, width, 3].
     #[getter]
-    fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+    fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Option<Pixels<'py>>> {
         let view = self.frame.view();
-        let [width, height] = view.rect().size_px;
-        let Some(rgb8) = view.rgb8() else {
-            return Ok(None);
-        };
-        let shape = [height as usize, width as usize, 3];
-        PyArray1::from_slice(py, rgb8).reshape(shape).map(Some)
+        let size_px = view.rect().size_px;
+        let rgb8 = view.rgb8();
+        rgb8.map(|rgb8| pixels(py, rgb8, size_px)).transpose()
     }
 
     /// Focal length over pixel pitch [px]; the optical axis meets the sensor in its middle.
@@ -90,13 +87,17 @@ impl Frame {
         (pinhole.width_px, pinhole.height_px)
     }
 
-    /// True pose, [4, 4]: takes points of the camera (right, down, forward) to east, north, up of the site [m].
+    /// True pose: takes points of the camera (right, down, forward) to east, north, up of the site [m].
+    ///
+    /// Shape [4, 4].
     #[getter]
     fn pose<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         pose(py, &self.frame.view().pose())
     }
 
     /// The same as the station believed it.
+    ///
+    /// Shape [4, 4].
     #[getter]
     fn believed_pose<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         pose(py, &self.frame.view().believed())

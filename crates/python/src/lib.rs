@@ -19,26 +19,23 @@ fn command(py: Python, arguments: Vec<OsString>) -> u8 {
     py.detach(|| cli::program(arguments))
 }
 
-/// The module `boresight._boresight`.
+/// What the package `boresight` is made of; use it through that.
 #[pymodule]
-fn _boresight(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("__version__", boresight::VERSION)?;
-    error::register(module)?;
-    module.add_class::<simulation::Simulation>()?;
-    module.add_class::<frame::Frame>()?;
-    module.add_class::<frame::Seen>()?;
-    module.add_class::<views::Station>()?;
-    module.add_class::<views::Mount>()?;
-    module.add_class::<views::Beam>()?;
-    module.add_class::<views::Track>()?;
-    module.add_class::<views::Camera>()?;
-    module.add_class::<views::Uav>()?;
-    module.add_class::<views::Air>()?;
-    module.add_class::<views::Event>()?;
-    module.add_class::<parts::Picture>()?;
-    module.add_class::<parts::Plant>()?;
-    module.add_class::<parts::PointingInput>()?;
-    module.add_class::<recording::Recording>()?;
-    module.add_function(wrap_pyfunction!(command, module)?)?;
-    Ok(())
+mod _boresight {
+    #[pymodule_export]
+    use super::command;
+    #[pymodule_export]
+    use crate::frame::{Frame, Seen};
+    #[pymodule_export]
+    use crate::parts::{Picture, Plant, PointingInput};
+    #[pymodule_export]
+    use crate::recording::Recording;
+    #[pymodule_export]
+    use crate::simulation::{Simulation, Snapshot};
+    #[pymodule_export]
+    use crate::views::{Air, Beam, Camera, Event, Mount, Station, Track, Uav};
+
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)] // Python's name.
+    const __version__: &str = boresight::VERSION;
 }

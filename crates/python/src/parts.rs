@@ -1,7 +1,7 @@
 //! Detectors and pointing laws that are Python objects.
 
 use crate::frame::Frame;
-use crate::numbers::{Vector, three, two};
+use crate::numbers::{Pair, Pixels, Vector, pixels, three, two};
 use boresight::models::control::law::{Aim, HandOver, PointingInput as Input, PointingOutput};
 use boresight::models::control::tuning::MountPlant;
 use boresight::models::mount::gimbal::{GimbalCommand, GimbalParams};
@@ -10,7 +10,7 @@ use boresight::simulation::parts::{
     Detection, Detector, PartError, PointingLaw, Question, Reading,
 };
 use glam::DVec2;
-use numpy::{AllowTypeChange, PyArray1, PyArray3, PyArrayLike2, PyArrayMethods};
+use numpy::{AllowTypeChange, PyArrayLike2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use std::collections::VecDeque;
@@ -45,9 +45,11 @@ pub struct Picture {
 
 #[pymethods]
 impl Picture {
-    /// The pixels in which to look, uint8 of shape [height, width, 3]; boxes are answered in these pixels.
+    /// The pixels in which to look, red, green, blue; boxes are answered in these pixels.
+    ///
+    /// Shape [height, width, 3].
     #[getter]
-    fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Pixels<'py>> {
         let frame = FrameView::asked(&self.question);
         let (rect, look) = (frame.rect(), self.question.look);
         let rgb8 = frame.rgb8().unwrap_or_default();
@@ -60,7 +62,7 @@ impl Picture {
             .flatten()
             .copied()
             .collect();
-        PyArray1::from_vec(py, rows).reshape([height, width, 3])
+        pixels(py, &rows, look.size_px)
     }
 
     /// Column and row of the whole sensor at which they begin [px].
@@ -247,12 +249,16 @@ impl PointingInput {
 #[pymethods]
 impl PointingInput {
     /// Predicted azimuth and elevation of the line of sight [rad].
+    ///
+    /// Shape [2].
     #[getter]
     fn los_az_el_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, DVec2::new(self.input.los.az_rad, self.input.los.el_rad))
     }
 
     /// Rates of that [rad/s].
+    ///
+    /// Shape [2].
     #[getter]
     fn los_rates_radps<'py>(&self, py: Python<'py>) -> Vector<'py> {
         let los = &self.input.los;
@@ -260,54 +266,72 @@ impl PointingInput {
     }
 
     /// Angles of azimuth and elevation still to turn [rad].
+    ///
+    /// Shape [2].
     #[getter]
     fn error_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, self.aim.error_rad)
     }
 
     /// Rates of the line of sight relative to the moving base [rad/s].
+    ///
+    /// Shape [2].
     #[getter]
     fn rates_radps<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, self.aim.rates_radps)
     }
 
     /// Deflection by the mirror that would put the boresight on the target [rad].
+    ///
+    /// Shape [2].
     #[getter]
     fn deflection_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, self.aim.deflection_rad)
     }
 
     /// Azimuth and elevation by the encoders [rad].
+    ///
+    /// Shape [2].
     #[getter]
     fn gimbal_az_el_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, self.input.gimbal_az_el_rad)
     }
 
     /// Rates by the gyros [rad/s].
+    ///
+    /// Shape [2].
     #[getter]
     fn gimbal_rates_radps<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, self.input.gimbal_rates_radps)
     }
 
     /// Deflection by the mirror's sensor [rad].
+    ///
+    /// Shape [2].
     #[getter]
     fn mirror_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, self.input.mirror_rad)
     }
 
     /// Rate of that [rad/s].
+    ///
+    /// Shape [2].
     #[getter]
     fn mirror_rates_radps<'py>(&self, py: Python<'py>) -> Vector<'py> {
         two(py, self.input.mirror_rates_radps)
     }
 
     /// Tilt of the base by its gyro, a rotation vector about east, north, up [rad].
+    ///
+    /// Shape [3].
     #[getter]
     fn base_tilt_rad<'py>(&self, py: Python<'py>) -> Vector<'py> {
         three(py, self.input.base_tilt_rad)
     }
 
     /// Angular velocity of the base by its gyro [rad/s].
+    ///
+    /// Shape [3].
     #[getter]
     fn base_rate_radps<'py>(&self, py: Python<'py>) -> Vector<'py> {
         three(py, self.input.base_rate_radps)
@@ -315,23 +339,26 @@ impl PointingInput {
 
     /// Rates for the gimbal [rad/s] that turn it to the target by these gains [1/s], and no faster than its motors can
     /// follow from the rate in force.
-    fn gimbal_rates<'py>(&self, py: Python<'py>, gains_per_s: [f64; 2]) -> Vector<'py> {
+    ///
+    /// Shape [2].
+    fn gimbal_rates<'py>(&self, py: Python<'py>, gains_per_s: Pair) -> Vector<'py> {
         let present_radps = self.input.gimbal_rates_radps;
         let mut hand_over = self.hand_over();
         two(
             py,
-            hand_over.gimbal_rates(&self.gimbal, gains_per_s, &self.aim, present_radps),
+            hand_over.gimbal_rates(&self.gimbal, gains_per_s.0, &self.aim, present_radps),
         )
     }
 
     /// Deflection to be set [rad] on the mirror's way to the one wanted [rad], at a bounded rate.
-    fn mirror<'py>(&self, py: Python<'py>, wanted_rad: [f64; 2]) -> Vector<'py> {
-        two(py, self.hand_over().mirror(wanted_rad.into()))
+    ///
+    /// Shape [2].
+    fn mirror<'py>(&self, py: Python<'py>, wanted_rad: Pair) -> Vector<'py> {
+        two(py, self.hand_over().mirror(wanted_rad.0.into()))
     }
 }
 
 /// A pointing law that is a Python object.
-#[derive(Clone)]
 pub struct PyLaw {
     object: Arc<Py<PyAny>>,
     lead_s: f64,
@@ -339,6 +366,29 @@ pub struct PyLaw {
     resting: bool,
     fault: Option<String>,
     raised: Raised,
+}
+
+impl Clone for PyLaw {
+    /// A copy with a memory of its own. One that cannot be copied ends the run that goes on with it.
+    fn clone(&self) -> Self {
+        let copied = Python::attach(|py| {
+            let copy = PyModule::import(py, "copy").and_then(|copy| copy.getattr("deepcopy"));
+            let object = copy.and_then(|copy| copy.call1((self.object.bind(py),)));
+            object
+                .map(Bound::unbind)
+                .map_err(|error| self.raised.keep(py, error))
+        });
+        let (object, fault) = match copied {
+            Ok(object) => (Arc::new(object), self.fault.clone()),
+            Err(line) => (self.object.clone(), Some(line)),
+        };
+        Self {
+            object,
+            fault,
+            raised: self.raised.clone(),
+            ..*self
+        }
+    }
 }
 
 impl std::fmt::Debug for PyLaw {

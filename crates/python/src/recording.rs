@@ -1,6 +1,7 @@
 //! Recordings: what they say of their run, and their messages.
 
 use crate::error::RecordingError;
+use crate::numbers::Fields;
 use boresight::recording::read::{Decoder, Recorded};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// The recording of a run.
 ///
 /// The base of `boresight.Recording`, which makes tables of its messages.
-#[pyclass(frozen, subclass, module = "boresight")]
+#[pyclass(frozen, subclass, module = "boresight._boresight")]
 pub struct Recording {
     recorded: Recorded,
 }
@@ -83,9 +84,9 @@ impl Recording {
     }
 
     /// The messages of a topic: a list of (time [s], fields by name). Bytes are base64 text.
-    fn messages<'py>(&self, py: Python<'py>, topic: &str) -> PyResult<Bound<'py, PyList>> {
+    fn messages<'py>(&self, py: Python<'py>, topic: &str) -> PyResult<Vec<(f64, Fields<'py>)>> {
         let mut decoder = Decoder::default();
-        let list = PyList::empty(py);
+        let mut list = Vec::new();
         let mut known = false;
         for message in self.recorded.messages() {
             if message.channel.topic != topic {
@@ -96,7 +97,7 @@ impl Recording {
             let fields = decoder.decode(&message).ok_or_else(|| {
                 RecordingError::new_err(format!("{topic}: a message at {t_s} s cannot be decoded"))
             })?;
-            list.append((t_s, object(py, &fields)?))?;
+            list.push((t_s, Fields(object(py, &fields)?.cast_into()?)));
         }
         if known {
             return Ok(list);

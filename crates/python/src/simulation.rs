@@ -16,19 +16,35 @@ use std::sync::Arc;
 /// A run: opened, stepped, looked at, given orders, finished.
 ///
 /// The base of `boresight.Simulation`, which says how it is opened.
-#[pyclass(frozen, subclass, module = "boresight")]
+#[pyclass(frozen, subclass, module = "boresight._boresight")]
 pub struct Simulation {
     held: Arc<Held>,
+}
+
+/// A run's state between two ticks; it belongs to the run that it was taken of.
+#[pyclass(frozen, module = "boresight")]
+pub struct Snapshot {
+    kept: sim::Snapshot,
+}
+
+#[pymethods]
+impl Snapshot {
+    /// Ticks from the start of the run.
+    #[getter]
+    fn tick(&self) -> u64 {
+        self.kept.tick()
+    }
 }
 
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (path, seed, set, pictures, record, threads, laws, detectors))]
+    #[pyo3(signature = (path, text, seed, set, pictures, record, threads, laws, detectors))]
     #[allow(clippy::too_many_arguments)] // Called by the class in Python alone.
     fn new(
         py: Python,
         path: PathBuf,
+        text: Option<String>,
         seed: Option<u64>,
         set: Vec<String>,
         pictures: Option<bool>,
@@ -40,7 +56,10 @@ impl Simulation {
         let raised = Raised::default();
         let kept = raised.clone();
         let opened = py.detach(|| {
-            let mut builder = sim::Builder::file(path);
+            let mut builder = match text {
+                Some(text) => sim::Builder::from_text(text, path),
+                None => sim::Builder::file(path),
+            };
             if let Some(seed) = seed {
                 builder = builder.seed(seed);
             }
@@ -196,11 +215,24 @@ impl Simulation {
         })
     }
 
-    /// Gives an order, as JSON.
+    /// Gives an order, as TOML.
     fn _give(&self, py: Python, order: &str) -> PyResult<()> {
-        let order: OrderConfig = serde_json::from_str(order)
-            .map_err(|error| OrderError::new_err(format!("order: {error}")))?;
+        let order: OrderConfig = toml::from_str(order)
+            .map_err(|error| OrderError::new_err(format!("order: {}", error.message())))?;
         self.held.with(py, |run| run.give(&order))
+    }
+
+    /// The run's state, to go back to by `restore`: clocks, random streams, UAVs, mount, tracks, laws (by `copy.deepcopy`),
+    /// orders. A detector's own memory is not held. It may be taken of a run that is recorded, too.
+    fn snapshot(&self, py: Python) -> PyResult<Snapshot> {
+        let kept = self.held.with(py, sim::Simulation::snapshot)?;
+        Ok(Snapshot { kept })
+    }
+
+    /// Goes back to a snapshot of this run, or on to one: from there it goes on bit for bit as it did before. A run that is
+    /// recorded refuses.
+    fn restore(&self, py: Python, snapshot: &Snapshot) -> PyResult<()> {
+        self.held.with(py, |run| run.restore(&snapshot.kept))
     }
 
     /// The scenario as TOML, with seed and orders of this run: run again, with the same parts, it is the same run.

@@ -14,8 +14,11 @@ use super::check::{Check, FRACTION};
 #[schemars(rename = "Detector")]
 pub struct DetectorConfig {
     /// "onnx": a neural network on the rendered images; "truth": the true positions with errors added, which needs
-    /// no images; or a detector that a plugin adds.
+    /// no images; "recorded": answers that were kept; or a detector of one's own.
     pub kind: String,
+    /// The file of the kept answers, relative to the scenario: what a run leaves whose detector was another program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answers: Option<String>,
     /// The ONNX file, relative to the working directory or, where it is not there, to the program's data.
     pub onnx_model: PathBuf,
     /// What runs the network; the loaded ONNX Runtime must have it.
@@ -38,6 +41,7 @@ impl Default for DetectorConfig {
     fn default() -> Self {
         Self {
             kind: ONNX.into(),
+            answers: None,
             onnx_model: PathBuf::from("assets/models/boresight-p2-roi.onnx"),
             provider: Provider::Cpu,
             score_threshold: None,
@@ -53,6 +57,9 @@ impl Default for DetectorConfig {
 pub const ONNX: &str = "onnx";
 /// The kind that is the true positions with noise, misses and false alarms; it needs no images.
 pub const TRUTH: &str = "truth";
+
+/// The kind that gives the answers that another program gave before.
+pub const RECORDED: &str = "recorded";
 
 /// Execution provider of ONNX Runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -129,6 +136,11 @@ impl DetectorConfig {
             format!("found {roi_px}, must be 0 or from 16 to 8192")
         });
         check.table("truth", |check| self.truth.check(check));
+        let recorded = self.kind == RECORDED;
+        check.that(recorded == self.answers.is_some(), "answers", || match recorded {
+            true => format!("is missing: a detector of the kind \"{RECORDED}\" needs the file of its answers"),
+            false => format!("belongs to kind = \"{RECORDED}\": leave it out, or say so"),
+        });
     }
 }
 

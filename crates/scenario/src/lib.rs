@@ -35,14 +35,16 @@ pub use cameras::{
     Mosaic, ReadoutMode, ResolvedCamera, Shutter, WhiteBalance,
 };
 pub use control::{ControllerConfig, Gains, PAPER};
-pub use detector::{DetectorConfig, ONNX, Provider, TRUTH, TruthErrorsConfig};
+pub use detector::{DetectorConfig, ONNX, Provider, RECORDED, TRUTH, TruthErrorsConfig};
 pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
 pub use expect::{Bound, Expect, Never, Seeds, ShareConfig};
-pub use load::{Faults, InputError, Place, Places, suggestion};
+pub use load::{Faults, InputError, Place, Places, TEXT, suggestion};
 pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
 pub use network::NetworkConfig;
-pub use orders::{DriveOrder, GainsOrder, OrderConfig, OrderError, WeatherOrder};
+pub use orders::{
+    CameraOrder, DriveOrder, FlyOrder, GainsOrder, OrderConfig, OrderError, WeatherOrder,
+};
 pub use places::{Above, GivenPlace};
 pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
@@ -171,7 +173,9 @@ impl Scenario {
             Trajectory::Recorded { file, .. } => Some(file),
             _ => None,
         });
-        self.city.paths_mut().into_iter().chain(recorded).collect()
+        let answers = self.detector.answers.iter_mut();
+        let city = self.city.paths_mut().into_iter();
+        city.chain(recorded).chain(answers).collect()
     }
 
     /// Reads, parses and checks a scenario file, which may be one that the program brings along; `overrides` are `key=value` texts as for
@@ -347,11 +351,11 @@ impl Checked for Scenario {
 pub struct Loaded {
     /// The checked scenario, overrides applied.
     pub scenario: Scenario,
-    /// The file's text, as read.
+    /// The scenario's text, as read.
     pub source: String,
     /// The overrides, as given.
     pub overrides: Vec<String>,
-    /// The file's path, as given.
+    /// The file's path, as given; of a text that is no file the path that it would have in its folder.
     pub path: PathBuf,
     /// Where the values stand in the text and the overrides.
     places: Places,
@@ -377,7 +381,22 @@ impl Loaded {
         overrides: Vec<String>,
     ) -> Result<Self, Faults> {
         let file = path.display().to_string();
-        let (Parsed { value, places }, written) = parse(&source, &file, &overrides)?;
+        Self::named(source, path, &file, overrides)
+    }
+
+    /// Parses and checks a scenario that is no file, with overrides as for [`Scenario::parse`]. Paths in it lead on from
+    /// `folder`. Errors call it [`TEXT`].
+    pub fn text(source: String, folder: &Path, overrides: Vec<String>) -> Result<Self, InputError> {
+        Self::named(source, folder.join(TEXT), TEXT, overrides).map_err(Faults::first)
+    }
+
+    fn named(
+        source: String,
+        path: PathBuf,
+        file: &str,
+        overrides: Vec<String>,
+    ) -> Result<Self, Faults> {
+        let (Parsed { value, places }, written) = parse(&source, file, &overrides)?;
         Ok(Self {
             scenario: value,
             source,
@@ -409,8 +428,8 @@ impl Loaded {
         if self.written.is_empty() {
             return Ok(None);
         }
-        let file = self.path.display().to_string();
-        let at = Places::new(&self.source, &file, &self.overrides);
+        let file = self.places.file();
+        let at = Places::new(&self.source, file, &self.overrides);
         let found = |written| -> Result<(&Written, DVec3), InputError> {
             let written: &Written = written;
             let spot = place(&written.place).map_err(|why| written.refuse(&at, &why))?;
@@ -418,7 +437,7 @@ impl Loaded {
         };
         let spots: Vec<_> = self.written.iter().map(found).collect::<Result<_, _>>()?;
         let (text, overrides) = places::put(&self.source, &self.overrides, &spots);
-        let Parsed { value, places } = load::parse(&text, &file, &overrides)?;
+        let Parsed { value, places } = load::parse(&text, file, &overrides)?;
         Ok(Some(Self {
             scenario: value,
             places,

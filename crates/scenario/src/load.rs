@@ -22,6 +22,9 @@ use boresight_common::warning::Warning;
 /// How often a file is read again after errors: as many errors, or trials, are told at most.
 const MOST_TURNS: usize = 100;
 
+/// What a scenario that is no file is called in its errors.
+pub const TEXT: &str = "scenario text";
+
 /// A kind of input file.
 pub trait Checked: DeserializeOwned {
     /// Adds what follows from its values; before the check.
@@ -106,8 +109,11 @@ pub struct Place {
 impl fmt::Display for Place {
     fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
         formatter.write_str(&self.file)?;
-        if let Some(line) = self.line {
-            write!(formatter, ":{line}")?;
+        // Editors follow the one to a file's line; a text has none to follow.
+        match self.line {
+            Some(line) if self.file == TEXT => write!(formatter, ", line {line}")?,
+            Some(line) => write!(formatter, ":{line}")?,
+            None => {}
         }
         if let Some(set) = &self.set {
             write!(formatter, ": --set {set}")?;
@@ -351,6 +357,11 @@ impl Places {
             line_ends: text.match_indices('\n').map(|(at, _)| at).collect(),
             nodes: Vec::new(),
         }
+    }
+
+    /// What the document is called in errors.
+    pub(super) fn file(&self) -> &str {
+        &self.file
     }
 
     fn place(&self, offset: usize) -> Place {

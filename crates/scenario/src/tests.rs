@@ -653,6 +653,29 @@ fn a_place_by_latitude_and_longitude_becomes_numbers() {
 }
 
 #[test]
+fn a_text_is_named_as_one_and_has_a_folder() {
+    let folder = Path::new("some/where");
+    let load = |text: &str, sets: &[&str]| {
+        let sets = sets.iter().map(|set| (*set).to_owned()).collect();
+        Loaded::text(text.to_owned(), folder, sets)
+    };
+    let text = with_place("{ east_m = 1, north_m = 2, above = \"roof\" }");
+    let loaded = load(&text, &["seed=3"]).unwrap();
+    assert_eq!(loaded.scenario.seed, 3);
+    assert_eq!(loaded.path.parent(), Some(folder));
+    let said = |error: InputError| error.to_string();
+    let line = "scenario text, line 13: uavs[0].trajectory.position_enu_m: lies in the sea";
+    let nowhere = loaded.placed(|_| Err("lies in the sea".into()));
+    assert_eq!(nowhere.map(drop).map_err(said), Err(line.to_owned()));
+    let refused = said(loaded.refuse("site.altitude_m", "too high"));
+    assert_eq!(refused, "scenario text, line 7: site.altitude_m: too high");
+    let wrong = |text: &str, sets: &[&str]| said(load(text, sets).map(drop).unwrap_err());
+    assert!(wrong("name = ", &[]).starts_with("scenario text, line 1: not TOML: "));
+    let set = "scenario text: --set seed=x: seed: ";
+    assert!(wrong(&text, &["seed=x"]).starts_with(set));
+}
+
+#[test]
 fn a_place_that_is_none_is_named() {
     let error = |place: &str| {
         let loaded = Loaded::parse(with_place(place), "p.toml".into(), Vec::new());

@@ -12,6 +12,7 @@ use crate::components::mount::{Boresight, CameraView};
 use crate::components::run::SimClock;
 use crate::models::ground::dsm::LineOfSight;
 use bevy::ecs::query::QueryData;
+use bevy::ecs::system::SystemState;
 use bevy::prelude::*;
 use std::sync::Arc;
 
@@ -29,12 +30,36 @@ pub struct Exposing {
     auto: &'static mut AutoExposure,
 }
 
+/// What flies, as cameras see it.
+type Flying<'w, 's> = Query<
+    'w,
+    's,
+    (
+        &'static Uav,
+        &'static Flight,
+        &'static UavShape,
+        Has<Distractor>,
+    ),
+>;
+
+/// A camera whose shutter opens.
+struct Shutter<'a> {
+    entity: Entity,
+    station: Entity,
+    camera: &'a SensorCamera,
+    view: &'a CameraView,
+    boresight: &'a Boresight,
+    /// Exposures before.
+    number: u64,
+    rect: PixelRect,
+}
+
 /// Opens the shutter of every camera that is due: pose, rectangle and geometric truth.
 pub fn expose(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     mut cameras: Query<Exposing>,
-    uavs: Query<(&Uav, &Flight, &UavShape, Has<Distractor>)>,
+    uavs: Flying,
     mut frames: ResMut<Frames>,
 ) {
     frames.0.clear();
@@ -55,6 +80,52 @@ pub fn expose(
         if !clock.tick.is_multiple_of(camera.period_ticks) {
             continue;
         }
+        let shutter = Shutter {
+            entity,
+            station: of.0,
+            camera,
+            view,
+            boresight,
+            number: exposures.0,
+            rect,
+        };
+        let frame = shutter.open(&clock, &environment, &mut auto, &uavs);
+        frames.0.push(Arc::new(frame));
+        exposures.0 += 1;
+    }
+    // A plugin's own components may change the order in which queries meet the cameras.
+    frames.0.sort_by_key(|frame| frame.index);
+}
+
+/// What a camera would expose now if it were due and read all of its sensor. Nothing of the run changes.
+pub(super) fn would_expose(world: &mut World, camera: Entity) -> Option<ExposedFrame> {
+    let mut parts =
+        SystemState::<(Res<SimClock>, Res<Environment>, Query<Exposing>, Flying)>::new(world);
+    let (clock, environment, cameras, uavs) = parts.get_mut(world).ok()?;
+    let cameras = cameras.as_readonly();
+    let exposing = cameras.get(camera).ok()?;
+    let shutter = Shutter {
+        entity: camera,
+        station: exposing.of.0,
+        camera: exposing.camera,
+        view: exposing.view,
+        boresight: exposing.boresight,
+        number: exposing.exposures.0,
+        rect: whole(exposing.camera),
+    };
+    let mut auto = *exposing.auto;
+    Some(shutter.open(&clock, &environment, &mut auto, &uavs))
+}
+
+impl Shutter<'_> {
+    fn open(
+        self,
+        clock: &SimClock,
+        environment: &Environment,
+        auto: &mut AutoExposure,
+        uavs: &Flying,
+    ) -> ExposedFrame {
+        let Self { camera, view, .. } = self;
         let pose = view.pose;
         let mut truth: Vec<_> = uavs
             .iter()
@@ -80,34 +151,38 @@ pub fn expose(
                 Some((flight.aim_enu_m(), flight.state.v_enu_mps))
             },
         );
-        let conditions =
-            conditions::conditions(&mut auto, camera, &environment, &pose, now, motion);
-        frames.0.push(Arc::new(ExposedFrame {
-            camera: entity,
-            station: of.0,
+        let conditions = conditions::conditions(auto, camera, environment, &pose, now, motion);
+        ExposedFrame {
+            camera: self.entity,
+            station: self.station,
             index: camera.index,
             name: camera.name.clone(),
             tier: camera.tier,
             pinhole: camera.pinhole,
             tick: clock.tick,
-            number: exposures.0,
+            number: self.number,
             pose: view.pose,
             believed: view.believed,
-            boresight: *boresight,
-            rect,
+            boresight: *self.boresight,
+            rect: self.rect,
             conditions,
             truth,
             rgb8: None,
-        }));
-        exposures.0 += 1;
+        }
     }
-    // A plugin's own components may change the order in which queries meet the cameras.
-    frames.0.sort_by_key(|frame| frame.index);
+}
+
+/// All of a camera's sensor.
+fn whole(camera: &SensorCamera) -> PixelRect {
+    PixelRect {
+        offset_px: [0, 0],
+        size_px: [camera.pinhole.width_px, camera.pinhole.height_px],
+    }
 }
 
 /// The pixels that a camera reads out; none while it idles.
 fn read_out(camera: &SensorCamera, readout: &Readout) -> Option<PixelRect> {
-    let sensor_px = [camera.pinhole.width_px, camera.pinhole.height_px];
+    let whole = whole(camera);
     match (readout, camera.window_px) {
         (Readout::Off, _) => None,
         // What is too large for the window is read in full.
@@ -118,11 +193,8 @@ fn read_out(camera: &SensorCamera, readout: &Readout) -> Option<PixelRect> {
             },
             Some(side),
         ) if region_px(*target_px, side) == side => {
-            Some(PixelRect::window(sensor_px, *centre_px, side))
+            Some(PixelRect::window(whole.size_px, *centre_px, side))
         }
-        _ => Some(PixelRect {
-            offset_px: [0, 0],
-            size_px: sensor_px,
-        }),
+        _ => Some(whole),
     }
 }

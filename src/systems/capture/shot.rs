@@ -45,6 +45,17 @@ impl Shot {
     }
 }
 
+impl Shot {
+    /// One that a view of its own shows wholly, with nothing enlarged.
+    pub(super) fn bare(camera: SensorCamera, view: Entity, rect: PixelRect) -> Self {
+        Self {
+            camera,
+            view: Some((view, rect)),
+            patches: Vec::new(),
+        }
+    }
+}
+
 /// The part of a frame outside of which there is only sky: what lies below the skyline, and the boxes of
 /// all that flies.
 fn solid_part(frame: &ExposedFrame, pinhole: &Pinhole, skyline: &Skyline) -> Option<PixelRect> {

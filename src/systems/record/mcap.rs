@@ -15,7 +15,7 @@ use crate::recording::{
     BoxAnnotation, FrameTransform, LogLevel, Picture, Recorder, RecordingError, SceneEntity,
     SceneShape, proto,
 };
-use crate::scenario::{DriveOrder, Gains};
+use crate::scenario::{DriveOrder, Exposure, Gains};
 use crate::systems::track::followed;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -49,7 +49,7 @@ fn transform<'a>(child: &'a str, r_enu_m: DVec3, q: DQuat) -> FrameTransform<'a>
 }
 
 /// What is done, and to what of it.
-fn words(what: &str, parts: [Option<String>; 3]) -> String {
+fn words<const N: usize>(what: &str, parts: [Option<String>; N]) -> String {
     let parts: Vec<String> = parts.into_iter().flatten().collect();
     format!("{what}: {}", parts.join(", "))
 }
@@ -232,6 +232,27 @@ impl Recorded<'_, '_> {
                     (drive.rates_degps).map(|[az, el]| format!("rates {az}°/s, {el}°/s")),
                     (drive.mirror_urad).map(|[x, y]| format!("mirror {x} µrad, {y} µrad")),
                     (*drive == DriveOrder::default()).then(|| "no longer".to_owned()),
+                ],
+            ),
+            Command::Camera(camera) => words(
+                &format!("sets camera {}", camera.name),
+                [
+                    camera.exposure_s.map(|exposure| match exposure {
+                        Exposure::Seconds(time_s) => format!("exposure {time_s} s"),
+                        Exposure::Auto(_) => "automatic exposure".to_owned(),
+                    }),
+                    (camera.exposure_level).map(|level| format!("exposure level {level}")),
+                ],
+            ),
+            Command::Fly(fly) => words(
+                &format!("flies {}", fly.uav),
+                [
+                    (!fly.path_enu_m.is_empty()).then(|| format!("path {:?} m", fly.path_enu_m)),
+                    (fly.speed_mps).map(|mps| format!("{mps} m/s")),
+                    (fly.velocity_enu_mps).map(|v| format!("velocity {v:?} m/s")),
+                    fly.land.then(|| "to the ground".to_owned()),
+                    (fly.rotors.as_ref()).map(|rotors| format!("rotors {rotors:?}")),
+                    (fly.heading_deg).map(|deg| format!("heading {deg}°")),
                 ],
             ),
             Command::Weather(weather) => words(

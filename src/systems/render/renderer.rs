@@ -20,20 +20,22 @@ use bevy::render::camera::{ExtractedCamera, MipBias};
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, Extent3d, MapMode, Origin3d,
-    PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect,
-    TextureFormat, TextureUsages,
+    PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture,
+    TextureAspect, TextureFormat, TextureUsages,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::texture::{GpuImage, OutputColorAttachment};
-use bevy::render::view::{Msaa, NoIndirectDrawing, ViewTarget, ViewTargetAttachments};
+use bevy::render::view::{
+    Msaa, NoIndirectDrawing, ViewDepthTexture, ViewTarget, ViewTargetAttachments,
+};
 use std::collections::BTreeMap;
 
 /// The render sub-app, out of Bevy's own update loop.
 pub struct Renderer {
     app: SubApp,
-    /// One staging buffer a rectangle size.
-    staging: BTreeMap<[u32; 2], Buffer>,
+    /// One staging buffer a rectangle size and pixel [byte].
+    staging: BTreeMap<([u32; 2], u32), Buffer>,
 }
 
 /// Why a frame could not be read back.
@@ -53,6 +55,8 @@ pub enum RenderError {
 
 /// Bytes of a half-float RGBA pixel.
 const PIXEL_BYTES: u32 = 8;
+/// Bytes of a pixel of a depth buffer.
+const DEPTH_BYTES: u32 = 4;
 
 impl Renderer {
     /// Takes rendering over from `app`; `None` if the app was built without a renderer.
@@ -83,6 +87,7 @@ impl Renderer {
         size_px: [u32; 2],
         out: &mut Vec<u8>,
     ) -> Result<(), RenderError> {
+        out.clear();
         let world = self.app.world_mut();
         let mut views = world.query::<(&MainEntity, &ViewTarget)>();
         let texture = views
@@ -90,11 +95,48 @@ impl Renderer {
             .find(|(main, _)| main.id() == camera)
             .map(|(_, target)| target.main_texture().clone())
             .ok_or(RenderError::NoPicture("the camera was not rendered"))?;
+        let aspect = TextureAspect::All;
+        self.copy(&texture, (size_px, PIXEL_BYTES, aspect), |row| {
+            out.extend_from_slice(row);
+        })
+    }
+
+    /// What the depth buffer of the camera entity `camera` holds, row by row; of one that was made with
+    /// [`keep_depth`], and has a sample a pixel.
+    pub fn read_depth(
+        &mut self,
+        camera: Entity,
+        size_px: [u32; 2],
+    ) -> Result<Vec<f32>, RenderError> {
+        let world = self.app.world_mut();
+        let mut views = world.query::<(&MainEntity, &ViewDepthTexture)>();
+        let texture = views
+            .iter(world)
+            .find(|(main, _)| main.id() == camera)
+            .map(|(_, depth)| depth.texture.clone())
+            .ok_or(RenderError::NoPicture("the camera has no depths"))?;
+        let mut depths = Vec::new();
+        let aspect = TextureAspect::DepthOnly;
+        self.copy(&texture, (size_px, DEPTH_BYTES, aspect), |row| {
+            let values = row.as_chunks().0.iter();
+            depths.extend(values.map(|bytes| f32::from_le_bytes(*bytes)));
+        })?;
+        Ok(depths)
+    }
+
+    /// Copies a texture of so many pixels, of so many bytes each, to this side, and gives out its rows.
+    fn copy(
+        &mut self,
+        texture: &Texture,
+        ([width, height], pixel_bytes, aspect): ([u32; 2], u32, TextureAspect),
+        mut each_row: impl FnMut(&[u8]),
+    ) -> Result<(), RenderError> {
+        let world = self.app.world();
         let device = world.resource::<RenderDevice>();
         let queue = world.resource::<RenderQueue>();
-        let [width, height] = size_px;
-        let row = RenderDevice::align_copy_bytes_per_row((width * PIXEL_BYTES) as usize) as u32;
-        let staging = self.staging.entry(size_px).or_insert_with(|| {
+        let row = RenderDevice::align_copy_bytes_per_row((width * pixel_bytes) as usize) as u32;
+        let kind = ([width, height], pixel_bytes);
+        let staging = self.staging.entry(kind).or_insert_with(|| {
             device.create_buffer(&BufferDescriptor {
                 label: Some("sensor readback"),
                 size: u64::from(row * height),
@@ -105,10 +147,10 @@ impl Renderer {
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
         encoder.copy_texture_to_buffer(
             TexelCopyTextureInfo {
-                texture: &texture,
+                texture,
                 mip_level: 0,
                 origin: Origin3d::ZERO,
-                aspect: TextureAspect::All,
+                aspect,
             },
             TexelCopyBufferInfo {
                 buffer: staging,
@@ -140,13 +182,20 @@ impl Renderer {
             Err(error) => return Err(RenderError::Device(error.to_string())),
         }
         let bytes = slice.get_mapped_range();
-        out.clear();
         for line in bytes.chunks_exact(row as usize) {
-            out.extend_from_slice(&line[..(width * PIXEL_BYTES) as usize]);
+            each_row(&line[..(width * pixel_bytes) as usize]);
         }
         drop(bytes);
         staging.unmap();
         Ok(())
+    }
+}
+
+/// Makes the depth buffer of a view readable; before its first picture.
+pub fn keep_depth(world: &mut World, view: Entity) {
+    if let Some(mut camera) = world.get_mut::<Camera3d>(view) {
+        let usages = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
+        camera.depth_texture_usages = usages.into();
     }
 }
 

@@ -131,7 +131,7 @@ pub fn draw_controls(
         for command in given {
             // There is one air for all: its orders are the first station's.
             let index = match command {
-                Command::Weather(_) => 0,
+                _ if command.of_no_station() => 0,
                 _ => chosen.0,
             };
             let operator = (stations.iter_mut()).find(|(station, ..)| station.index == index);

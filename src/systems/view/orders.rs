@@ -88,6 +88,8 @@ fn words(command: &Command, name_of: &impl Fn(usize) -> Option<String>) -> Strin
         Command::Gains(_) => "gains".into(),
         Command::Drive(drive) if *drive == DriveOrder::default() => "law drives".into(),
         Command::Drive(_) => "driven from outside".into(),
+        Command::Camera(camera) => format!("exposure of {}", camera.name),
+        Command::Fly(fly) => format!("{} is flown from outside", fly.uav),
         Command::Weather(weather) => {
             let WeatherOrder {
                 wind_speed_mps,

@@ -1,6 +1,7 @@
 //! The architecture (ARCHITECTURE.md) as the sources keep it: which room may know which, no circle
 //! of files, data among the components, the same domains in each room, no hidden panic.
 
+mod kept;
 mod source;
 
 use source::{Source, Token};
@@ -8,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
 /// Rooms that are commands: they use the app, and nothing below them knows them.
-const COMMANDS: [&str; 7] = [
+const COMMANDS: [&str; 8] = [
     "eval",
     "experiment",
     "dataset",
@@ -16,6 +17,7 @@ const COMMANDS: [&str; 7] = [
     "tune",
     "report",
     "serve",
+    "fmu",
 ];
 /// Crates of the engine: what stands under `crates/` does without, but for those in [`WITH_ENGINE`].
 const ENGINE: [&str; 4] = ["bevy", "bevy_egui", "big_space", "wgpu"];

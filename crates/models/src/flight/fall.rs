@@ -39,6 +39,41 @@ pub struct Fall {
     body: RigidBodyHandle,
 }
 
+impl Clone for Fall {
+    /// A copy that goes on bit for bit: what of Rapier's world is workspace alone begins anew.
+    fn clone(&self) -> Self {
+        let PhysicsWorld {
+            gravity,
+            integration_parameters,
+            physics_pipeline: _,
+            islands,
+            broad_phase,
+            narrow_phase,
+            bodies,
+            colliders,
+            impulse_joints,
+            multibody_joints,
+            ccd_solver: _,
+        } = &self.world;
+        let world = PhysicsWorld {
+            gravity: *gravity,
+            integration_parameters: *integration_parameters,
+            islands: islands.clone(),
+            broad_phase: broad_phase.clone(),
+            narrow_phase: narrow_phase.clone(),
+            bodies: bodies.clone(),
+            colliders: colliders.clone(),
+            impulse_joints: impulse_joints.clone(),
+            multibody_joints: multibody_joints.clone(),
+            ..PhysicsWorld::new()
+        };
+        Self {
+            world,
+            body: self.body,
+        }
+    }
+}
+
 impl Fall {
     /// Lets a box go above a patch of city, to be stepped by `step_s` [s].
     pub fn new(falling: &Falling, city: Option<ColliderBuilder>, step_s: f64) -> Self {

@@ -4,6 +4,7 @@ pub mod bird;
 pub mod class;
 pub mod distractor;
 pub mod fall;
+pub mod guided;
 pub mod multirotor;
 pub mod shape;
 pub mod swarm;

@@ -276,6 +276,12 @@ impl Airframe {
 }
 
 impl MultirotorState {
+    /// Compass heading of body forward, clockwise from north [rad].
+    pub fn yaw_rad(&self) -> f64 {
+        let forward_enu = self.q_enu_body * DVec3::X;
+        forward_enu.x.atan2(forward_enu.y)
+    }
+
     /// The state that flies `setpoint` in a steady wind [m/s, enu] without transient: attitude and
     /// rotors hold its acceleration against weight and drag, within the airframe's limits.
     pub fn trimmed(
@@ -335,6 +341,27 @@ fn attitude(thrust_enu: DVec3, heading: DVec2) -> DMat3 {
     let up = thrust_enu.normalize_or(DVec3::Z);
     let left = up.cross(heading.extend(0.0)).normalize_or(DVec3::Y);
     DMat3::from_cols(left.cross(up), left, up)
+}
+
+/// Advances a multirotor whose rotors an autopilot outside drives by `dt_s` [s]; `throttle` is the share of its fastest
+/// speed that each rotor is to turn at, 0 to 1, in the order of [`Airframe::rotor_arm_body_m`].
+pub fn step_rotors(
+    airframe: &Airframe,
+    state: &mut MultirotorState,
+    throttle: &[f64; MAX_ROTORS],
+    wind_enu_mps: DVec3,
+    air_density_kgpm3: f64,
+    dt_s: f64,
+) {
+    let wanted_radps = throttle.map(|share| share.clamp(0.0, 1.0) * airframe.rotor_speed_max_radps);
+    advance(
+        airframe,
+        state,
+        &wanted_radps,
+        wind_enu_mps,
+        air_density_kgpm3,
+        dt_s,
+    );
 }
 
 /// Advances a multirotor under its autopilot by `dt_s` [s] in wind `wind_enu_mps` [m/s, enu] and

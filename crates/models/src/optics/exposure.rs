@@ -46,7 +46,7 @@ pub struct ExposureControl {
     pub level: f64,
     /// Shortest and longest exposure time [s].
     pub time_s: [f64; 2],
-    /// Largest gain.
+    /// Largest gain of an automatic exposure; a fixed one has none.
     pub max_gain: f64,
     /// Time constant of the approach [s].
     pub settling_s: f64,
@@ -82,8 +82,19 @@ impl ExposureControl {
     pub fn wanted_s(&self, metered_kcd_m2: f64, saturation_kcd_s_m2: f64) -> f64 {
         // In the dark the quotient is infinite; the limits hold for it too.
         (self.level * saturation_kcd_s_m2 / metered_kcd_m2)
-            .min(self.time_s[1] * self.max_gain)
+            .min(self.time_s[1] * if self.is_fixed() { 1.0 } else { self.max_gain })
             .max(self.time_s[0])
+    }
+
+    /// The same with another time: a fixed one [s], or automatic, up to half the time between frames.
+    pub fn timed(self, fixed_s: Option<f64>, frame_s: f64) -> Self {
+        /// Shortest automatic exposure: that of the preset's camera [s].
+        const SHORTEST_S: f64 = 4e-6;
+        let automatic = [SHORTEST_S, (0.5 * frame_s).max(SHORTEST_S)];
+        Self {
+            time_s: fixed_s.map_or(automatic, |time_s| [time_s; 2]),
+            ..self
+        }
     }
 
     /// The product of time and gain [s] a time `dt_s` after it was `now_s`.

@@ -3,6 +3,7 @@
 use super::{BuildingKind, City};
 use crate::maths::polygon;
 use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
 
 /// What stands at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,9 +21,25 @@ pub enum Met {
 impl City {
     /// What stands within `reach_m` [m] beside or below a place [m, ENU]; the nearest building, if any.
     pub fn met(&self, r_enu_m: DVec3, reach_m: f64) -> Met {
+        self.met_among(
+            r_enu_m,
+            reach_m,
+            0..self.buildings.len(),
+            0..self.trees.len(),
+        )
+    }
+
+    /// The same where only buildings and trees of these numbers may be near, which are in order.
+    fn met_among(
+        &self,
+        r_enu_m: DVec3,
+        reach_m: f64,
+        buildings: impl Iterator<Item = usize>,
+        mut trees: impl Iterator<Item = usize>,
+    ) -> Met {
         let at_m = r_enu_m.truncate();
-        let buildings = self.buildings.iter().enumerate();
-        let near = buildings.filter_map(|(index, building)| {
+        let near = buildings.filter_map(|index| {
+            let building = &self.buildings[index];
             let apart_m = apart_m(building.footprint_enu_m(), at_m);
             let top_m = building.base_m + building.height_m() + reach_m;
             (apart_m <= reach_m && r_enu_m.z <= top_m).then_some((index, apart_m))
@@ -36,7 +53,8 @@ impl City {
             }
             _ => {}
         }
-        let in_crown = self.trees.iter().any(|tree| {
+        let in_crown = trees.any(|index| {
+            let tree = &self.trees[index];
             let foot_m = tree.base_enu_m;
             let apart_m = foot_m.truncate().distance(at_m);
             apart_m <= tree.crown_radius_m + reach_m
@@ -51,6 +69,63 @@ impl City {
             Some((index, _)) => Met::Building(index),
             None => Met::Solid(stands_m.max(0.0)),
         }
+    }
+}
+
+/// Where in a city buildings and trees stand, for those who ask [`City::met`] for many places.
+#[derive(Clone, Debug, Default)]
+pub struct Standing {
+    /// Numbers of buildings and of trees that reach into a square, in their order.
+    squares: BTreeMap<[i32; 2], [Vec<usize>; 2]>,
+}
+
+impl Standing {
+    /// Side of a square [m].
+    const SQUARE_M: f64 = 25.0;
+    /// Farthest that is asked beside a place [m].
+    const REACH_M: f64 = 2.0;
+
+    /// Of a city.
+    pub fn of(city: &City) -> Self {
+        let mut standing = Self::default();
+        for (index, building) in city.buildings.iter().enumerate() {
+            let outline = building.footprint_enu_m();
+            let low = outline.iter().copied().reduce(DVec2::min);
+            let high = outline.iter().copied().reduce(DVec2::max);
+            if let (Some(low), Some(high)) = (low, high) {
+                standing.add(0, index, [low, high]);
+            }
+        }
+        for (index, tree) in city.trees.iter().enumerate() {
+            let middle = tree.base_enu_m.truncate();
+            let around = DVec2::splat(tree.crown_radius_m);
+            standing.add(1, index, [middle - around, middle + around]);
+        }
+        standing
+    }
+
+    fn square(at_m: DVec2) -> [i32; 2] {
+        (at_m / Self::SQUARE_M).floor().as_ivec2().to_array()
+    }
+
+    fn add(&mut self, kind: usize, index: usize, [low, high]: [DVec2; 2]) {
+        let [first, last] = [low - Self::REACH_M, high + Self::REACH_M].map(Self::square);
+        for x in first[0]..=last[0] {
+            for y in first[1]..=last[1] {
+                self.squares.entry([x, y]).or_default()[kind].push(index);
+            }
+        }
+    }
+
+    /// As [`City::met`] of the city that it is of, for a reach of 2 m at most.
+    pub fn met(&self, city: &City, r_enu_m: DVec3, reach_m: f64) -> Met {
+        let reach_m = reach_m.min(Self::REACH_M);
+        let here = self.squares.get(&Self::square(r_enu_m.truncate()));
+        let of = |kind: usize| {
+            here.into_iter()
+                .flat_map(move |of| of[kind].iter().copied())
+        };
+        city.met_among(r_enu_m, reach_m, of(0), of(1))
     }
 }
 
@@ -95,6 +170,32 @@ mod tests {
         for (at, wanted) in [([5.0, 5.0], 0.0), ([5.0, -2.0], 2.0), ([13.0, 14.0], 5.0)] {
             assert!((apart_m(&square, at.into()) - wanted).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn an_index_of_what_stands_finds_the_same() {
+        let city = City::generate(&CityParams {
+            extent_m: 600.0,
+            seed: 5,
+            ..CityParams::default()
+        })
+        .unwrap();
+        let standing = Standing::of(&city);
+        let mut kinds = [0; 3];
+        for i in 0..120 {
+            for j in 0..120 {
+                let at = DVec2::new(f64::from(i) - 60.0, f64::from(j) - 60.0) * 4.7;
+                let r = at.extend(city.dsm.surface_m(at.x, at.y) - f64::from((i + j) % 3));
+                let met = city.met(r, 1.0);
+                assert_eq!(standing.met(&city, r, 1.0), met, "{r}");
+                kinds[match met {
+                    Met::Building(_) => 0,
+                    Met::Tree => 1,
+                    Met::Ground | Met::Solid(_) => 2,
+                }] += 1;
+            }
+        }
+        assert!(kinds.into_iter().all(|count| count > 20), "{kinds:?}");
     }
 
     #[test]

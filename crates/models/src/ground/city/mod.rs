@@ -28,7 +28,7 @@ use crate::ground::roughness::Roughness;
 use crate::maths::polygon::{rectangle, span};
 use crate::shape::mesh::MeshData;
 pub use ground_map::GroundMap;
-pub use met::Met;
+pub use met::{Met, Standing};
 pub use params::{CityError, CityParams, CitySource, SourceParams};
 pub use parts::{Building, BuildingKind, Finish, Part, Roof, Tree, TreeKind};
 use plan::Draft;
