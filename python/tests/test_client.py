@@ -62,7 +62,7 @@ def test_the_client_has_the_fields_of_the_schema():
         known = {of.metadata["number"]: of for of in dataclasses.fields(mirror)}
         for number, of in known.items():
             field, kind, many = fields[number]
-            if name != "Seek":
+            if name not in {"Seek", "Restore"}:
                 assert of.name.rstrip("_") == field, (name, number)
             wanted = of.metadata["kind"]
             if isinstance(wanted, str):

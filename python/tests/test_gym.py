@@ -287,7 +287,7 @@ def test_left_alone_it_is_the_plain_run():
     assert terminated and total == info["neutralised"] and info["neutralised"] + info["at_asset"] == 3
     changes = env.drawn(episode.draws(12))
     plain = boresight.Simulation(episode.SCENARIOS / "assign.toml", seed=12, set=changes)
-    plain.step(steps * plain.tick_hz)
+    plain.step(env.run.tick)
     assert plain.state_hash == env.run.state_hash
     env.close()
 
