@@ -45,5 +45,5 @@ SAYS = {
     "2_own_detector": ("<Track ",),
     "3_own_law": ("tuned", "with_integral"),
     "4_dataset_and_training": ("of a run that it has not seen", "the UAV is falling"),
-    "5_swarm_statistics": ("half the power lets",),
+    "5_swarm_statistics": ("twice the power stops",),
 }
