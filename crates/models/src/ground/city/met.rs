@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn an_index_of_what_stands_finds_the_same() {
         let city = City::generate(&CityParams {
-            extent_m: 600.0,
+            extent_m: 800.0,
             seed: 5,
             ..CityParams::default()
         })
@@ -184,7 +184,7 @@ mod tests {
         let mut kinds = [0; 3];
         for i in 0..120 {
             for j in 0..120 {
-                let at = DVec2::new(f64::from(i) - 60.0, f64::from(j) - 60.0) * 4.7;
+                let at = DVec2::new(f64::from(i) - 60.0, f64::from(j) - 60.0) * 6.2;
                 let r = at.extend(city.dsm.surface_m(at.x, at.y) - f64::from((i + j) % 3));
                 let met = city.met(r, 1.0);
                 assert_eq!(standing.met(&city, r, 1.0), met, "{r}");
