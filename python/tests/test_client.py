@@ -134,6 +134,8 @@ def test_the_guide_runs():
 def test_ctrl_c_stops_between_two_ticks():
     code = (
         "import boresight, os, signal, threading\n"
+        # Where a shell has started the tests in its background, the signal is ignored.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"run = boresight.Simulation('{URBAN}', detector__kind='truth', duration_s=3000.0, engage__authorised=False)\n"
         "threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
         "try:\n    run.step(10**9)\n"
