@@ -65,8 +65,7 @@ fn set_up(
             let hint = suggestion(name, &known);
             Err(format!("no propagation '{name}'{hint}").into())
         });
-        let propagation =
-            made.map_err(|error| loaded.refuse("turbulence.propagation", error))?;
+        let propagation = made.map_err(|error| loaded.refuse("turbulence.propagation", error))?;
         let source = LaserSource {
             laser: Laser {
                 power_w: laser.power_w,

@@ -8,9 +8,7 @@ use crate::components::run::{Failure, PartError, SimClock};
 use crate::models::air::atmosphere::transmittance;
 use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::laser::beam::{
-    BUCKET_RADIUS_M, BloomingAir, power_in_bucket_w,
-};
+use crate::models::laser::beam::{BUCKET_RADIUS_M, BloomingAir, power_in_bucket_w};
 use crate::models::laser::propagation::{Across, BeamAir, Sent};
 use crate::models::maths::kinematics::Pose;
 use bevy::prelude::*;
@@ -96,7 +94,15 @@ pub fn propagate(
         let aimed = aimed(&optics.laser, &uavs);
         if let Some(aimed) = &aimed {
             let laser = &optics.laser;
-            let crossed = cross_air(&clock, &environment, laser, &mut source, command, aimed, &mut beam);
+            let crossed = cross_air(
+                &clock,
+                &environment,
+                laser,
+                &mut source,
+                command,
+                aimed,
+                &mut beam,
+            );
             let arriving = match crossed {
                 Ok(arriving) => arriving,
                 Err(error) => return failure.set(error),
@@ -153,7 +159,8 @@ fn cross_air(
     beam: &mut BeamState,
 ) -> Result<Arriving, PartError> {
     let range_m = aimed.r_cam_m.length();
-    let is_kept = matches!(&source.path, Some(path) if path.index == aimed.index) && !clock.due(PATH_HZ);
+    let is_kept =
+        matches!(&source.path, Some(path) if path.index == aimed.index) && !clock.due(PATH_HZ);
     if !is_kept {
         source.path = Some(path_to(source, environment, laser, aimed));
     }

@@ -9,9 +9,9 @@ use super::check::{Check, FRACTION};
 use boresight_common::warning::Notes;
 use boresight_models::air::atmosphere::Cn2Profile;
 use boresight_models::air::metar::{Given, MetarError, Report};
-use boresight_models::laser::propagation::{PaperPropagation, WaveSettings};
 use boresight_models::air::weather::Weather;
 use boresight_models::air::wind::over_rough_ground;
+use boresight_models::laser::propagation::{PaperPropagation, WaveSettings};
 
 /// The weather: a METAR, explicit values, or both (an explicit value wins over the report's).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

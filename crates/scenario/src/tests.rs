@@ -354,7 +354,8 @@ fn an_order_holds_one_thing_at_most() {
 
 #[test]
 fn the_papers_propagation_has_figures() {
-    let turbulence = with(&["turbulence.propagation=paper", "turbulence.paper_drift=0.5"]).turbulence;
+    let turbulence =
+        with(&["turbulence.propagation=paper", "turbulence.paper_drift=0.5"]).turbulence;
     assert_eq!(turbulence.paper_drift, 0.5);
     assert_eq!(turbulence.paper_volatility, 0.1);
     assert!(

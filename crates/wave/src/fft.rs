@@ -48,35 +48,79 @@ impl Transform {
         transfer: &[Complex64],
         before: impl Fn(usize, &mut [Complex64]) + Sync,
     ) {
-        let Self { n, threads, forward, inverse, across } = self;
+        let Self {
+            n,
+            threads,
+            forward,
+            inverse,
+            across,
+        } = self;
         let (n, threads) = (*n, *threads);
-        rows(field, n, threads, |y, row, scratch| {
-            before(y, row);
-            forward.process_with_scratch(row, scratch);
-        }, forward.get_inplace_scratch_len());
+        rows(
+            field,
+            n,
+            threads,
+            |y, row, scratch| {
+                before(y, row);
+                forward.process_with_scratch(row, scratch);
+            },
+            forward.get_inplace_scratch_len(),
+        );
         transpose(field, across, n, threads);
         let scale = 1.0 / (n * n) as f64;
-        let scratch = forward.get_inplace_scratch_len().max(inverse.get_inplace_scratch_len());
-        rows(across, n, threads, |x, row, scratch| {
-            forward.process_with_scratch(row, scratch);
-            let own = transfer[x] * scale;
-            for (value, other) in row.iter_mut().zip(transfer) {
-                *value *= own * other;
-            }
-            inverse.process_with_scratch(row, scratch);
-        }, scratch);
+        let scratch = forward
+            .get_inplace_scratch_len()
+            .max(inverse.get_inplace_scratch_len());
+        rows(
+            across,
+            n,
+            threads,
+            |x, row, scratch| {
+                forward.process_with_scratch(row, scratch);
+                let own = transfer[x] * scale;
+                for (value, other) in row.iter_mut().zip(transfer) {
+                    *value *= own * other;
+                }
+                inverse.process_with_scratch(row, scratch);
+            },
+            scratch,
+        );
         transpose(across, field, n, threads);
-        rows(field, n, threads, |_, row, scratch| inverse.process_with_scratch(row, scratch), scratch);
+        rows(
+            field,
+            n,
+            threads,
+            |_, row, scratch| inverse.process_with_scratch(row, scratch),
+            scratch,
+        );
     }
 
     /// The inverse transform, unscaled, of a spectrum whose rows are frequencies across; it is given back in rows of places.
     pub fn inverse(&mut self, spectrum: &mut [Complex64]) {
-        let Self { n, threads, inverse, across, .. } = self;
+        let Self {
+            n,
+            threads,
+            inverse,
+            across,
+            ..
+        } = self;
         let (n, threads) = (*n, *threads);
         let scratch = inverse.get_inplace_scratch_len();
-        rows(spectrum, n, threads, |_, row, scratch| inverse.process_with_scratch(row, scratch), scratch);
+        rows(
+            spectrum,
+            n,
+            threads,
+            |_, row, scratch| inverse.process_with_scratch(row, scratch),
+            scratch,
+        );
         transpose(spectrum, across, n, threads);
-        rows(across, n, threads, |_, row, scratch| inverse.process_with_scratch(row, scratch), scratch);
+        rows(
+            across,
+            n,
+            threads,
+            |_, row, scratch| inverse.process_with_scratch(row, scratch),
+            scratch,
+        );
         transpose(across, spectrum, n, threads);
     }
 }
@@ -152,9 +196,19 @@ pub fn cis(x: f64) -> Complex64 {
     let a = rest * std::f64::consts::FRAC_PI_2;
     let a2 = a * a;
     let sin = a
-        * (1.0 + a2 * (-1.0 / 6.0 + a2 * (1.0 / 120.0 + a2 * (-1.0 / 5040.0 + a2 * (1.0 / 362_880.0 + a2 * (-1.0 / 39_916_800.0 + a2 * (1.0 / 6_227_020_800.0)))))));
+        * (1.0
+            + a2 * (-1.0 / 6.0
+                + a2 * (1.0 / 120.0
+                    + a2 * (-1.0 / 5040.0
+                        + a2 * (1.0 / 362_880.0
+                            + a2 * (-1.0 / 39_916_800.0 + a2 * (1.0 / 6_227_020_800.0)))))));
     let cos = 1.0
-        + a2 * (-0.5 + a2 * (1.0 / 24.0 + a2 * (-1.0 / 720.0 + a2 * (1.0 / 40_320.0 + a2 * (-1.0 / 3_628_800.0 + a2 * (1.0 / 479_001_600.0 + a2 * (-1.0 / 87_178_291_200.0)))))));
+        + a2 * (-0.5
+            + a2 * (1.0 / 24.0
+                + a2 * (-1.0 / 720.0
+                    + a2 * (1.0 / 40_320.0
+                        + a2 * (-1.0 / 3_628_800.0
+                            + a2 * (1.0 / 479_001_600.0 + a2 * (-1.0 / 87_178_291_200.0)))))));
     let (s2, c2) = (2.0 * sin * cos, cos * cos - sin * sin);
     Complex64::new(c2 * c2 - s2 * s2, 2.0 * s2 * c2)
 }

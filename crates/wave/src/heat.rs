@@ -33,12 +33,22 @@ pub struct Absorbing {
 impl HeatedAir {
     /// Air that nothing has warmed.
     pub fn new(grid: Grid) -> Self {
-        Self { grid, rise_k: vec![0.0; grid.len()], scratch: vec![0.0; grid.len()] }
+        Self {
+            grid,
+            rise_k: vec![0.0; grid.len()],
+            scratch: vec![0.0; grid.len()],
+        }
     }
 
     /// Carries the air by a shift \[m\] along rows and columns, in a time \[s\] in which light of an irradiance \[W/m²\] falls on it.
     /// What comes in over the border is cool.
-    pub fn step(&mut self, dt_s: f64, shift_m: [f64; 2], air: &Absorbing, irradiance_wpm2: impl Fn(usize) -> f64) {
+    pub fn step(
+        &mut self,
+        dt_s: f64,
+        shift_m: [f64; 2],
+        air: &Absorbing,
+        irradiance_wpm2: impl Fn(usize) -> f64,
+    ) {
         let density = air.pressure_pa / (R_DRY * air.temperature_k);
         let half = 0.5 * dt_s * air.absorption_pm / (density * CP_AIR);
         // Half of the light before the way, half after it: the trapezium rule along the air's own path.
@@ -50,14 +60,20 @@ impl HeatedAir {
         warm(&mut self.rise_k);
         let n = self.grid.n;
         let [across, up] = shift_m.map(|shift| Moved::by(shift / self.grid.spacing_m));
-        for (from, to) in self.rise_k.chunks_exact(n).zip(self.scratch.chunks_exact_mut(n)) {
+        for (from, to) in self
+            .rise_k
+            .chunks_exact(n)
+            .zip(self.scratch.chunks_exact_mut(n))
+        {
             for (x, value) in to.iter_mut().enumerate() {
                 *value = across.of(x, |i| from.get(i).copied());
             }
         }
         for y in 0..n {
             for x in 0..n {
-                self.rise_k[y * n + x] = up.of(y, |j| self.scratch.get(j * n + x).copied().filter(|_| j < n));
+                self.rise_k[y * n + x] = up.of(y, |j| {
+                    self.scratch.get(j * n + x).copied().filter(|_| j < n)
+                });
             }
         }
         warm(&mut self.rise_k);
@@ -118,8 +134,16 @@ mod tests {
     #[test]
     fn in_a_steady_wind_the_rise_is_the_light_that_the_air_has_crossed() {
         // ρ cp v dT/dx = α I: behind a Gaussian of peak I0 and radius W the rise is α I0 W sqrt(π/2) / (ρ cp v).
-        let grid = Grid { n: 128, spacing_m: 2e-3 };
-        let air = Absorbing { absorption_pm: 1e-5, temperature_k: 293.15, pressure_pa: 101_325.0, refractivity: 2.7e-4 };
+        let grid = Grid {
+            n: 128,
+            spacing_m: 2e-3,
+        };
+        let air = Absorbing {
+            absorption_pm: 1e-5,
+            temperature_k: 293.15,
+            pressure_pa: 101_325.0,
+            refractivity: 2.7e-4,
+        };
         let (peak, w, speed, dt) = (1e6, 0.03, 3.0, 1e-3);
         let light = |at: usize| {
             let (x, y) = (grid.place_m(at % grid.n), grid.place_m(at / grid.n));
@@ -130,7 +154,8 @@ mod tests {
             heated.step(dt, [speed * dt, 0.0], &air, light);
         }
         let density = air.pressure_pa / (R_DRY * air.temperature_k);
-        let whole = air.absorption_pm * peak * w * (std::f64::consts::PI / 2.0).sqrt() / (density * CP_AIR * speed);
+        let whole = air.absorption_pm * peak * w * (std::f64::consts::PI / 2.0).sqrt()
+            / (density * CP_AIR * speed);
         let middle = grid.n / 2 * grid.n + grid.n / 2;
         let behind = heated.rise_k()[grid.n / 2 * grid.n + grid.n - 2];
         assert!((heated.rise_k()[middle] / (0.5 * whole) - 1.0).abs() < 0.01);

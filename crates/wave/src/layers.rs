@@ -27,7 +27,12 @@ pub fn even_layers(length_m: f64, count: usize, of: impl Fn(f64) -> (f64, [f64; 
         // Cn² is the mean of three places: near the ground it falls fast.
         let at = |share: f64| of((i as f64 + share) * thickness_m);
         let cn2 = (at(1.0 / 6.0).0 + at(0.5).0 + at(5.0 / 6.0).0) / 3.0;
-        Layer { middle_m: (i as f64 + 0.5) * thickness_m, thickness_m, cn2, across_mps: at(0.5).1 }
+        Layer {
+            middle_m: (i as f64 + 0.5) * thickness_m,
+            thickness_m,
+            cn2,
+            across_mps: at(0.5).1,
+        }
     };
     (0..count).map(layer).collect()
 }

@@ -41,7 +41,11 @@ impl Grid {
 
     /// Frequency of column or row `i` of a transform \[cycles/m\]: zero first, negative ones behind.
     pub fn frequency_pm(&self, i: usize) -> f64 {
-        let signed = if i < self.n.div_ceil(2) { i as f64 } else { i as f64 - self.n as f64 };
+        let signed = if i < self.n.div_ceil(2) {
+            i as f64
+        } else {
+            i as f64 - self.n as f64
+        };
         signed / self.width_m()
     }
 

@@ -60,7 +60,12 @@ struct LongWave {
 
 impl Screens {
     /// Screens of layers, drawn from normal numbers.
-    pub fn new(grid: Grid, spectrum: &VonKarman, layers: &[Layer], normal: &mut impl FnMut() -> f64) -> Self {
+    pub fn new(
+        grid: Grid,
+        spectrum: &VonKarman,
+        layers: &[Layer],
+        normal: &mut impl FnMut() -> f64,
+    ) -> Self {
         // One layer's roots serve all: strength is a factor.
         let unit = roots(grid, spectrum);
         let layers = layers.iter().map(|layer| {
@@ -69,22 +74,45 @@ impl Screens {
             let long = lattice(grid).map(|(side_pm, right, up)| {
                 let middle = [right, up].map(|n| f64::from(n) * side_pm);
                 let power = spectrum.of_cell(layer.strength(), middle, side_pm, apart_m(grid));
-                LongWave { side_pm, right, up, amplitude_m: draw(normal) * power.sqrt() }
+                LongWave {
+                    side_pm,
+                    right,
+                    up,
+                    amplitude_m: draw(normal) * power.sqrt(),
+                }
             });
             let long = long.collect();
             let waves = fresh(&rms, normal);
-            Screen { waves, next: Vec::new(), gone: 0.0, rms, long, shift_m: [0.0; 2] }
+            Screen {
+                waves,
+                next: Vec::new(),
+                gone: 0.0,
+                rms,
+                long,
+                shift_m: [0.0; 2],
+            }
         });
-        Self { grid, layers: layers.collect(), pair: vec![Complex64::ZERO; grid.len()] }
+        Self {
+            grid,
+            layers: layers.collect(),
+            pair: vec![Complex64::ZERO; grid.len()],
+        }
     }
 
     /// Changes the layers' strengths, not their pattern.
     pub fn retune(&mut self, from: &[Layer], to: &[Layer]) {
         for ((screen, from), to) in self.layers.iter_mut().zip(from).zip(to) {
             let factor = (to.strength() / from.strength()).sqrt();
-            screen.waves.iter_mut().chain(&mut screen.next).for_each(|wave| *wave *= factor);
+            screen
+                .waves
+                .iter_mut()
+                .chain(&mut screen.next)
+                .for_each(|wave| *wave *= factor);
             screen.rms.iter_mut().for_each(|rms| *rms *= factor);
-            screen.long.iter_mut().for_each(|wave| wave.amplitude_m *= factor);
+            screen
+                .long
+                .iter_mut()
+                .for_each(|wave| wave.amplitude_m *= factor);
         }
     }
 
@@ -119,7 +147,11 @@ impl Screens {
             for i in columns {
                 let at = j * n + i;
                 let a = here_carried.wave(here, i, j, at);
-                let b = next_carried.as_ref().map_or(Complex64::ZERO, |(next, carried)| carried.wave(next, i, j, at));
+                let b = next_carried
+                    .as_ref()
+                    .map_or(Complex64::ZERO, |(next, carried)| {
+                        carried.wave(next, i, j, at)
+                    });
                 // i b, and the mirrored wave of both.
                 let ib = Complex64::new(-b.im, b.re);
                 self.pair[at] = a + ib;
@@ -127,9 +159,21 @@ impl Screens {
             }
         }
         transform.inverse(&mut self.pair);
-        add_long(grid, &here.long, here.shift_m, &mut self.pair, |value, path| value.re += path);
+        add_long(
+            grid,
+            &here.long,
+            here.shift_m,
+            &mut self.pair,
+            |value, path| value.re += path,
+        );
         if let Some(next) = next {
-            add_long(grid, &next.long, next.shift_m, &mut self.pair, |value, path| value.im += path);
+            add_long(
+                grid,
+                &next.long,
+                next.shift_m,
+                &mut self.pair,
+                |value, path| value.im += path,
+            );
         }
         &mut self.pair
     }
@@ -137,7 +181,9 @@ impl Screens {
     /// Screens of the grid's own waves alone.
     #[cfg(test)]
     pub(crate) fn without_long(&mut self) {
-        self.layers.iter_mut().for_each(|screen| screen.long.clear());
+        self.layers
+            .iter_mut()
+            .for_each(|screen| screen.long.clear());
     }
 
     /// The optical path through one layer \[m\].
@@ -160,10 +206,16 @@ struct Carried {
 impl Screen {
     fn carried(&self, grid: Grid) -> Carried {
         let turns = |axis: usize| -> Vec<Complex64> {
-            (0..grid.n).map(|i| cis(-TAU * grid.frequency_pm(i) * self.shift_m[axis])).collect()
+            (0..grid.n)
+                .map(|i| cis(-TAU * grid.frequency_pm(i) * self.shift_m[axis]))
+                .collect()
         };
         let mixed = cis(self.gone * FRAC_PI_2);
-        Carried { columns: turns(0), rows: turns(1), shares: [mixed.re, mixed.im] }
+        Carried {
+            columns: turns(0),
+            rows: turns(1),
+            shares: [mixed.re, mixed.im],
+        }
     }
 }
 
@@ -171,7 +223,8 @@ impl Carried {
     #[inline(always)]
     fn wave(&self, of: &Screen, column: usize, row: usize, at: usize) -> Complex64 {
         let comes = of.next.get(at).copied().unwrap_or_default();
-        (of.waves[at] * self.shares[0] + comes * self.shares[1]) * (self.columns[column] * self.rows[row])
+        (of.waves[at] * self.shares[0] + comes * self.shares[1])
+            * (self.columns[column] * self.rows[row])
     }
 }
 
@@ -182,7 +235,8 @@ fn lattice(grid: Grid) -> impl Iterator<Item = (f64, i32, i32)> {
     LATTICES.into_iter().flat_map(move |half| {
         side_pm /= 3.0;
         let side_pm = side_pm;
-        let all = (0..=half).flat_map(move |up| (-half..=half).map(move |right| (side_pm, right, up)));
+        let all =
+            (0..=half).flat_map(move |up| (-half..=half).map(move |right| (side_pm, right, up)));
         // The middle is the next lattice's.
         all.filter(|(_, right, up)| *up > 0 || *right > 0)
     })
@@ -250,7 +304,13 @@ fn roots(grid: Grid, spectrum: &VonKarman) -> Vec<f64> {
 
 /// Waves of given roots of their mean squares.
 fn fresh(rms: &[f64], normal: &mut impl FnMut() -> f64) -> Vec<Complex64> {
-    let wave = |rms: &f64| if *rms > 0.0 { draw(normal) * *rms } else { Complex64::ZERO };
+    let wave = |rms: &f64| {
+        if *rms > 0.0 {
+            draw(normal) * *rms
+        } else {
+            Complex64::ZERO
+        }
+    };
     rms.iter().map(wave).collect()
 }
 

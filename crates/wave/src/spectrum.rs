@@ -20,7 +20,11 @@ impl VonKarman {
         let outer2 = (TAU / self.outer_m).powi(2);
         let inner = self.inner_m / 5.92;
         // The path's spectrum is 2π times the index's over the layer; (2π)² of it go to cycles.
-        TAU.powi(3) * 0.033 * strength * (kappa2 + outer2).powf(-11.0 / 6.0) * (-kappa2 * inner * inner).exp()
+        TAU.powi(3)
+            * 0.033
+            * strength
+            * (kappa2 + outer2).powf(-11.0 / 6.0)
+            * (-kappa2 * inner * inner).exp()
     }
 
     /// Mean square of the wave in the middle (x, y) \[cycles/m\] of a square cell of a side, so that it makes the difference at
@@ -55,7 +59,11 @@ impl VonKarman {
             })
             .sum();
         // Beyond, J0 is nothing on the average; the density falls as f^(-11/3).
-        let tail = if self.inner_m > 0.0 { 0.0 } else { high * high * self.density(strength, high) * 0.6 };
+        let tail = if self.inner_m > 0.0 {
+            0.0
+        } else {
+            high * high * self.density(strength, high) * 0.6
+        };
         2.0 * TAU * (sum * step + tail)
     }
 }
@@ -63,7 +71,9 @@ impl VonKarman {
 /// Bessel's function of order 0: its integral by the trapezium rule, exact for a periodic integrand.
 pub(crate) fn j0(x: f64) -> f64 {
     let n = 24 + (1.2 * x.abs()) as usize;
-    let sum: f64 = (0..n).map(|i| (x * (PI * (i as f64 + 0.5) / n as f64).sin()).cos()).sum();
+    let sum: f64 = (0..n)
+        .map(|i| (x * (PI * (i as f64 + 0.5) / n as f64).sin()).cos())
+        .sum();
     sum / n as f64
 }
 
@@ -74,7 +84,10 @@ mod tests {
     #[test]
     fn kolmogorovs_structure_function_is_the_five_thirds_law() {
         // D = 2.914 k² Cn² L r^(5/3) for a plane wave (Andrews & Phillips, ch. 6), here of the path: without k².
-        let spectrum = VonKarman { outer_m: f64::INFINITY, inner_m: 0.0 };
+        let spectrum = VonKarman {
+            outer_m: f64::INFINITY,
+            inner_m: 0.0,
+        };
         for r in [0.01, 0.1, 1.0f64] {
             let ratio = spectrum.structure_m2(1e-11, r) / (2.914e-11 * r.powf(5.0 / 3.0));
             assert!((ratio - 1.0).abs() < 0.005, "{r}: {ratio}");
@@ -84,7 +97,10 @@ mod tests {
     #[test]
     fn von_karmans_structure_function_has_published_values() {
         // r0 = 0.1 m, L0 = 100 m: 8.394 rad² at 0.125 m, 75.15 rad² at 0.5 m.
-        let spectrum = VonKarman { outer_m: 100.0, inner_m: 0.0 };
+        let spectrum = VonKarman {
+            outer_m: 100.0,
+            inner_m: 0.0,
+        };
         // 0.423 k² ∫Cn² = r0^(-5/3); with k = 1 the path is the phase.
         let strength = 0.1f64.powf(-5.0 / 3.0) / 0.423;
         for (r, expected) in [(0.125, 8.394), (0.5, 75.15)] {

@@ -29,7 +29,11 @@ impl Spot {
         }
         let above = |before: f64, after: f64| {
             let bend = 2.0 * map[at] - before - after;
-            if bend > 0.0 { (after - before).powi(2) / (8.0 * bend) } else { 0.0 }
+            if bend > 0.0 {
+                (after - before).powi(2) / (8.0 * bend)
+            } else {
+                0.0
+            }
         };
         map[at] + above(map[at - 1], map[at + 1]) + above(map[at - n], map[at + n])
     }
@@ -43,7 +47,11 @@ impl Spot {
             x += value * self.grid.place_m(at % n);
             y += value * self.grid.place_m(at / n);
         }
-        if sum > 0.0 { [x / sum, y / sum] } else { [0.0; 2] }
+        if sum > 0.0 {
+            [x / sum, y / sum]
+        } else {
+            [0.0; 2]
+        }
     }
 
     /// Irradiance at a place \[W/m²\], between samples by a line; none beyond them.
@@ -56,7 +64,8 @@ impl Spot {
         let (i, j) = (x as usize, y as usize);
         let (u, v) = (x - i as f64, y - j as f64);
         let value = |i: usize, j: usize| self.irradiance_wpm2[j * n + i];
-        (1.0 - v) * ((1.0 - u) * value(i, j) + u * value(i + 1, j)) + v * ((1.0 - u) * value(i, j + 1) + u * value(i + 1, j + 1))
+        (1.0 - v) * ((1.0 - u) * value(i, j) + u * value(i + 1, j))
+            + v * ((1.0 - u) * value(i, j + 1) + u * value(i + 1, j + 1))
     }
 
     /// Power within each of some radii \[m\] about a place \[W\]. A sample at the rim counts by the part of its square inside.
@@ -66,7 +75,10 @@ impl Spot {
         let mut powers = vec![0.0; radii_m.len()];
         for at in 0..self.irradiance_wpm2.len() {
             let value = self.square_wpm2(at);
-            let (x, y) = (self.grid.place_m(at % n) - centre_m[0], self.grid.place_m(at / n) - centre_m[1]);
+            let (x, y) = (
+                self.grid.place_m(at % n) - centre_m[0],
+                self.grid.place_m(at / n) - centre_m[1],
+            );
             let far = x.hypot(y);
             for (power, radius) in powers.iter_mut().zip(radii_m) {
                 let inside = if far + d < *radius {
@@ -76,7 +88,8 @@ impl Spot {
                 } else {
                     let part = |i: usize| ((i as f64 + 0.5) / PARTS as f64 - 0.5) * d;
                     let parts = (0..PARTS).flat_map(|i| (0..PARTS).map(move |j| (i, j)));
-                    let within = parts.filter(|(i, j)| (x + part(*i)).hypot(y + part(*j)) < *radius);
+                    let within =
+                        parts.filter(|(i, j)| (x + part(*i)).hypot(y + part(*j)) < *radius);
                     within.count() as f64 / (PARTS * PARTS) as f64
                 };
                 *power += value * d * d * inside;
@@ -116,7 +129,13 @@ pub struct Exposures {
 impl Exposures {
     /// None so far.
     pub fn new(grid: Grid) -> Self {
-        Self { grid, count: 0, long: vec![0.0; grid.len()], short: vec![0.0; grid.len()], wander2_m2: 0.0 }
+        Self {
+            grid,
+            count: 0,
+            long: vec![0.0; grid.len()],
+            short: vec![0.0; grid.len()],
+            wander2_m2: 0.0,
+        }
     }
 
     /// Adds a moment.
@@ -127,7 +146,10 @@ impl Exposures {
         self.wander2_m2 += cx * cx + cy * cy;
         for at in 0..self.long.len() {
             self.long[at] += spot.irradiance_wpm2[at];
-            self.short[at] += spot.at_wpm2(self.grid.place_m(at % n) + cx, self.grid.place_m(at / n) + cy);
+            self.short[at] += spot.at_wpm2(
+                self.grid.place_m(at % n) + cx,
+                self.grid.place_m(at / n) + cy,
+            );
         }
     }
 
@@ -148,6 +170,9 @@ impl Exposures {
 
     fn mean(&self, of: &[f64]) -> Spot {
         let count = self.count.max(1) as f64;
-        Spot { grid: self.grid, irradiance_wpm2: of.iter().map(|sum| sum / count).collect() }
+        Spot {
+            grid: self.grid,
+            irradiance_wpm2: of.iter().map(|sum| sum / count).collect(),
+        }
     }
 }

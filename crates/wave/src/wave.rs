@@ -89,7 +89,10 @@ impl Sampling {
         let k = TAU / aperture.wavelength_m;
         // Fried's parameter for a point at the target, and Rytov's variance of each layer by the weight of a plane wave.
         let left = |layer: &Layer| (1.0 - layer.middle_m / length_m).max(0.0);
-        let seen: f64 = layers.iter().map(|layer| layer.strength() * left(layer).powf(5.0 / 3.0)).sum();
+        let seen: f64 = layers
+            .iter()
+            .map(|layer| layer.strength() * left(layer).powf(5.0 / 3.0))
+            .sum();
         let fried_m = (0.423 * k * k * seen).powf(-0.6);
         let rytov = |layer: &Layer| {
             2.25 * k.powf(7.0 / 6.0) * layer.strength() * (left(layer) * length_m).powf(5.0 / 6.0)
@@ -97,16 +100,48 @@ impl Sampling {
         let worst = layers.iter().map(rytov).fold(0.0, f64::max);
         let spot_m = aperture.radius_at_m(length_m);
         let spread_m = spot_m.hypot(2.0 * lambda * length_m / (PI * fried_m));
-        let apart_m = layers.iter().map(|layer| layer.thickness_m).fold(0.0, f64::max);
-        let curved = if aperture.focus_m.is_finite() { aperture.end_m() / aperture.focus_m } else { 0.0 };
+        let apart_m = layers
+            .iter()
+            .map(|layer| layer.thickness_m)
+            .fold(0.0, f64::max);
+        let curved = if aperture.focus_m.is_finite() {
+            aperture.end_m() / aperture.focus_m
+        } else {
+            0.0
+        };
         Self {
             limits: vec![
-                ("aperture against the clear square [m]", 2.0 * aperture.end_m(), CLEAR * width, WIDER),
-                ("spread spot against the clear square [m]", 4.0 * spread_m, CLEAR * width, WIDER),
+                (
+                    "aperture against the clear square [m]",
+                    2.0 * aperture.end_m(),
+                    CLEAR * width,
+                    WIDER,
+                ),
+                (
+                    "spread spot against the clear square [m]",
+                    4.0 * spread_m,
+                    CLEAR * width,
+                    WIDER,
+                ),
                 ("spacing against the spot [m]", d, spot_m / 2.5, FINER),
-                ("spacing against the focus's and the air's bend [m]", d, lambda / (2.0 * (curved + 2.0 * lambda / fried_m)), FINER),
-                ("spacing against Fried's parameter [m]", d, fried_m / 2.0, FINER),
-                ("way between layers against the square [m]", apart_m, width * d / lambda, LAYERS),
+                (
+                    "spacing against the focus's and the air's bend [m]",
+                    d,
+                    lambda / (2.0 * (curved + 2.0 * lambda / fried_m)),
+                    FINER,
+                ),
+                (
+                    "spacing against Fried's parameter [m]",
+                    d,
+                    fried_m / 2.0,
+                    FINER,
+                ),
+                (
+                    "way between layers against the square [m]",
+                    apart_m,
+                    width * d / lambda,
+                    LAYERS,
+                ),
                 ("Rytov's variance of a layer [1]", worst, 0.3, LAYERS),
             ],
         }
@@ -130,7 +165,11 @@ impl Sampling {
                 }
             }
         }
-        Err(found.unwrap_or(WaveError::Number { what: "samples", is: 0.0, wanted: "some" }))
+        Err(found.unwrap_or(WaveError::Number {
+            what: "samples",
+            is: 0.0,
+            wanted: "some",
+        }))
     }
 
     /// Whether each quantity is within its limit.
@@ -140,7 +179,12 @@ impl Sampling {
     pub fn check(&self) -> Result<(), WaveError> {
         for &(what, is, limit, mend) in &self.limits {
             if is.is_nan() || is > limit {
-                return Err(WaveError::Sampled { what, is, limit, mend });
+                return Err(WaveError::Sampled {
+                    what,
+                    is,
+                    limit,
+                    mend,
+                });
             }
         }
         Ok(())
@@ -216,7 +260,11 @@ impl Wave {
 
     /// Carries the air on by a time \[s\].
     pub fn carry(&mut self, dt_s: f64, normal: &mut impl FnMut() -> f64) {
-        let shifts: Vec<_> = self.layers.iter().map(|layer| layer.across_mps.map(|v| v * dt_s)).collect();
+        let shifts: Vec<_> = self
+            .layers
+            .iter()
+            .map(|layer| layer.across_mps.map(|v| v * dt_s))
+            .collect();
         self.screens.carry(&shifts, normal);
     }
 
@@ -227,7 +275,13 @@ impl Wave {
     }
 
     /// The same of a beam that warms the air for a time \[s\]; it meets what it has warmed before.
-    pub fn heat(&mut self, aperture: &Aperture, extinction_pm: f64, air: &Absorbing, dt_s: f64) -> Spot {
+    pub fn heat(
+        &mut self,
+        aperture: &Aperture,
+        extinction_pm: f64,
+        air: &Absorbing,
+        dt_s: f64,
+    ) -> Spot {
         if self.heated.is_empty() {
             self.heated = vec![HeatedAir::new(self.grid); self.layers.len()];
         }
@@ -251,17 +305,24 @@ impl Wave {
     fn start(&mut self, aperture: &Aperture) {
         let (grid, k) = (self.grid, TAU / aperture.spreading_m());
         let peak = (2.0 * aperture.power_w / (PI * aperture.radius_m.powi(2))).sqrt();
-        rows(&mut self.field, grid.n, self.threads, |j, row, _| {
-            let y = grid.place_m(j);
-            for (i, value) in row.iter_mut().enumerate() {
-                let x = grid.place_m(i);
-                let r2 = x * x + y * y;
-                // The rim is a sample wide, so that the clear area is right on the average.
-                let open = ((aperture.clear_radius_m - r2.sqrt()) / grid.spacing_m + 0.5).clamp(0.0, 1.0);
-                let amplitude = peak * (-r2 / aperture.radius_m.powi(2)).exp() * open.sqrt();
-                *value = cis(-0.5 * k * r2 / aperture.focus_m) * amplitude;
-            }
-        }, 0);
+        rows(
+            &mut self.field,
+            grid.n,
+            self.threads,
+            |j, row, _| {
+                let y = grid.place_m(j);
+                for (i, value) in row.iter_mut().enumerate() {
+                    let x = grid.place_m(i);
+                    let r2 = x * x + y * y;
+                    // The rim is a sample wide, so that the clear area is right on the average.
+                    let open = ((aperture.clear_radius_m - r2.sqrt()) / grid.spacing_m + 0.5)
+                        .clamp(0.0, 1.0);
+                    let amplitude = peak * (-r2 / aperture.radius_m.powi(2)).exp() * open.sqrt();
+                    *value = cis(-0.5 * k * r2 / aperture.focus_m) * amplitude;
+                }
+            },
+            0,
+        );
         self.sent_w = self.power_w();
     }
 
@@ -270,7 +331,12 @@ impl Wave {
     }
 
     /// Takes the field through all layers.
-    fn cross(&mut self, aperture: &Aperture, extinction_pm: f64, warming: Option<(&Absorbing, f64)>) -> Spot {
+    fn cross(
+        &mut self,
+        aperture: &Aperture,
+        extinction_pm: f64,
+        warming: Option<(&Absorbing, f64)>,
+    ) -> Spot {
         let lambda = aperture.spreading_m();
         let k = TAU / lambda;
         let (grid, n, threads) = (self.grid, self.grid.n, self.threads);
@@ -278,22 +344,40 @@ impl Wave {
         for first in (0..self.layers.len()).step_by(2) {
             let paths = self.screens.paths(first, &mut self.of_screens);
             for second in [false, true] {
-                let Some(layer) = self.layers.get(first + usize::from(second)) else { break };
-                travel(grid, &mut self.transform, &mut self.field, &self.border, lambda, layer.middle_m - at_m, extinction_pm);
+                let Some(layer) = self.layers.get(first + usize::from(second)) else {
+                    break;
+                };
+                travel(
+                    grid,
+                    &mut self.transform,
+                    &mut self.field,
+                    &self.border,
+                    lambda,
+                    layer.middle_m - at_m,
+                    extinction_pm,
+                );
                 at_m = layer.middle_m;
                 let warm = self.heated.get(first + usize::from(second));
-                let per_k = warming.map_or(0.0, |(air, _)| HeatedAir::path_per_k(air) * layer.thickness_m);
+                let per_k = warming.map_or(0.0, |(air, _)| {
+                    HeatedAir::path_per_k(air) * layer.thickness_m
+                });
                 let paths = &*paths;
-                rows(&mut self.field, n, threads, |y, row, _| {
-                    let paths = &paths[y * n..][..n];
-                    for (x, (value, path)) in row.iter_mut().zip(paths).enumerate() {
-                        let mut path = if second { path.im } else { path.re };
-                        if let Some(warm) = warm {
-                            path += per_k * warm.rise_k()[y * n + x];
+                rows(
+                    &mut self.field,
+                    n,
+                    threads,
+                    |y, row, _| {
+                        let paths = &paths[y * n..][..n];
+                        for (x, (value, path)) in row.iter_mut().zip(paths).enumerate() {
+                            let mut path = if second { path.im } else { path.re };
+                            if let Some(warm) = warm {
+                                path += per_k * warm.rise_k()[y * n + x];
+                            }
+                            *value *= cis(k * path);
                         }
-                        *value *= cis(k * path);
-                    }
-                }, 0);
+                    },
+                    0,
+                );
                 if let Some((air, dt_s)) = warming {
                     let field = &self.field;
                     let shift_m = layer.across_mps.map(|v| v * dt_s);
@@ -302,8 +386,19 @@ impl Wave {
                 }
             }
         }
-        travel(grid, &mut self.transform, &mut self.field, &self.border, lambda, self.length_m - at_m, extinction_pm);
-        Spot { grid, irradiance_wpm2: self.field.iter().map(|value| value.norm_sqr()).collect() }
+        travel(
+            grid,
+            &mut self.transform,
+            &mut self.field,
+            &self.border,
+            lambda,
+            self.length_m - at_m,
+            extinction_pm,
+        );
+        Spot {
+            grid,
+            irradiance_wpm2: self.field.iter().map(|value| value.norm_sqr()).collect(),
+        }
     }
 }
 
@@ -331,5 +426,9 @@ fn travel(
 /// What the border lets through of the field at a column or row: all within, falling smoothly to nothing.
 fn clear(grid: Grid, i: usize) -> f64 {
     let out = (grid.place_m(i).abs() / (0.5 * grid.width_m()) - CLEAR) / (1.0 - CLEAR);
-    if out <= 0.0 { 1.0 } else { (0.5 * PI * out.min(1.0)).cos().powi(2).sqrt() }
+    if out <= 0.0 {
+        1.0
+    } else {
+        (0.5 * PI * out.min(1.0)).cos().powi(2).sqrt()
+    }
 }

@@ -115,7 +115,8 @@ impl PathTurbulence {
             for (node, weight) in GAUSS_8 {
                 for v in [middle - half * node, middle + half * node] {
                     let root = (unit * v * v * v).sqrt();
-                    let structure = spread * root.powf(5.0 / 3.0) * (1.0 - held * root.cbrt()).max(0.0);
+                    let structure =
+                        spread * root.powf(5.0 / 3.0) * (1.0 - held * root.cbrt()).max(0.0);
                     left += half * weight * 3.0 * unit * v * v * (-root * root - structure).exp();
                 }
             }
@@ -146,7 +147,8 @@ impl PathTurbulence {
     /// function, 6.88/2 · 25/9 · Γ(5/6) W0^(-1/3) r0^(-5/3) / k².
     pub fn centroid_rms_rad(&self, w0_m: f64) -> f64 {
         const GAMMA_5_6: f64 = 1.128_787_029_9;
-        let square = 3.44 * 25.0 / 9.0 * GAMMA_5_6 / w0_m.cbrt() * self.fried_spherical_m.powf(-5.0 / 3.0);
+        let square =
+            3.44 * 25.0 / 9.0 * GAMMA_5_6 / w0_m.cbrt() * self.fried_spherical_m.powf(-5.0 / 3.0);
         square.sqrt() / self.wavenumber_radpm
     }
 

@@ -135,7 +135,8 @@ fn the_long_term_radius_is_the_extended_huygens_fresnel_integrals() {
 #[test]
 fn an_outer_scale_holds_spread_and_wander_back() {
     let w = LAMBDA * 1000.0 / (PI * 0.05);
-    let radii = [f64::INFINITY, 100.0, 10.0, 1.0].map(|outer_m| of(1e-14, outer_m).long_term_radius_m(w));
+    let radii =
+        [f64::INFINITY, 100.0, 10.0, 1.0].map(|outer_m| of(1e-14, outer_m).long_term_radius_m(w));
     assert!(radii.is_sorted_by(|a, b| a > b), "{radii:?}");
     assert!(radii[3] > w);
 }
@@ -146,7 +147,11 @@ fn spot_and_wander_average_to_the_long_term_spot() {
     for cn2 in [1e-16, 1e-14, 1e-13] {
         let t = of(cn2, 20.0);
         let (short, axis) = (t.short_term_radius_m(w), 1000.0 * t.wander_axis_rms_rad(w));
-        close((short * short + 4.0 * axis * axis).sqrt(), t.long_term_radius_m(w), 1e-12);
+        close(
+            (short * short + 4.0 * axis * axis).sqrt(),
+            t.long_term_radius_m(w),
+            1e-12,
+        );
         assert!(short >= w);
     }
 }
@@ -156,7 +161,11 @@ fn the_wander_is_the_centroids() {
     // Up to D/r0 of one the spot is one piece: what the radii leave for the wander is the centroid's, within a tenth.
     let w = LAMBDA * 1000.0 / (PI * 0.05);
     let t = of(1e-14, f64::INFINITY);
-    close(2f64.sqrt() * t.wander_axis_rms_rad(w), t.centroid_rms_rad(0.05), 0.1);
+    close(
+        2f64.sqrt() * t.wander_axis_rms_rad(w),
+        t.centroid_rms_rad(0.05),
+        0.1,
+    );
     close(1000.0 * t.centroid_rms_rad(0.05), 6.81e-3, 5e-3);
 }
 
@@ -165,5 +174,9 @@ fn a_plane_wave_scintillates_as_rytov_says_and_saturates() {
     close(plane_scintillation_index(1e-4), 1e-4, 2e-3);
     // Saturation: 1 + 0.86 σ_R^(-4/5) (A&P ch. 9, zero inner scale).
     let rytov = 1e4f64;
-    close(plane_scintillation_index(rytov), 1.0 + 0.86 * rytov.powf(-0.4), 0.01);
+    close(
+        plane_scintillation_index(rytov),
+        1.0 + 0.86 * rytov.powf(-0.4),
+        0.01,
+    );
 }

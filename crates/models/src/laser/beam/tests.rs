@@ -39,7 +39,12 @@ fn spot_radii_have_the_published_values() {
         h0_m: 10.0,
         h1_m: 10.0,
     };
-    let air = PathTurbulence::new(&Cn2Profile::Constant(1e-14), &path, laser.wavelength_m, f64::INFINITY);
+    let air = PathTurbulence::new(
+        &Cn2Profile::Constant(1e-14),
+        &path,
+        laser.wavelength_m,
+        f64::INFINITY,
+    );
     let w = laser.spot_radius_m(1000.0, 1000.0);
     let long = laser.long_term_radius_m(1000.0, 1000.0, &air);
     let short = laser.short_term_radius_m(1000.0, 1000.0, &air);

@@ -109,10 +109,16 @@ impl Across {
     /// Power within a radius [m] about a place [W].
     pub fn power_in_bucket_w(&self, place_m: DVec2, radius_m: f64) -> f64 {
         match &self.shape {
-            Shape::Gaussian { radius_m: own } => {
-                power_in_bucket_w(self.power_w, *own, (place_m - self.centre_m).length(), radius_m)
-            }
-            Shape::Map(spot) => spot.power_in_buckets_w(place_m.to_array(), &[radius_m]).iter().sum(),
+            Shape::Gaussian { radius_m: own } => power_in_bucket_w(
+                self.power_w,
+                *own,
+                (place_m - self.centre_m).length(),
+                radius_m,
+            ),
+            Shape::Map(spot) => spot
+                .power_in_buckets_w(place_m.to_array(), &[radius_m])
+                .iter()
+                .sum(),
         }
     }
 }
@@ -160,13 +166,18 @@ impl PropagationContext {
 }
 
 /// What makes a propagation.
-pub type MakePropagation = fn(&PropagationContext) -> Result<Box<dyn Propagation>, Box<dyn Error + Send + Sync>>;
+pub type MakePropagation =
+    fn(&PropagationContext) -> Result<Box<dyn Propagation>, Box<dyn Error + Send + Sync>>;
 
 /// Those that every run knows, by the names that scenarios give them.
 pub const PROPAGATIONS: [(&str, MakePropagation); 3] = [
     ("scaling", |context| Ok(Box::new(Scaling::new(context)))),
-    ("paper", |context| Ok(Box::new(PaperPropagation::new(context)))),
-    ("wave", |context| Ok(Box::new(WavePropagation::new(context)?))),
+    ("paper", |context| {
+        Ok(Box::new(PaperPropagation::new(context)))
+    }),
+    ("wave", |context| {
+        Ok(Box::new(WavePropagation::new(context)?))
+    }),
 ];
 
 /// What theory expects of a beam on the average, without jitter: the same for every propagation.
@@ -185,13 +196,16 @@ impl Sent<'_> {
     pub fn expected(&self) -> Expected {
         let w_m = self.laser.spot_radius_m(self.range_m, self.focus_m);
         // Blooming spreads the power that it takes from the peak.
-        let number = self.laser.distortion_number(self.range_m, self.focus_m, &self.air.warmed);
+        let number = self
+            .laser
+            .distortion_number(self.range_m, self.focus_m, &self.air.warmed);
         let bloomed = blooming_factor(number).sqrt();
         let turbulence = &self.air.turbulence;
         Expected {
             long_m: turbulence.long_term_radius_m(w_m) / bloomed,
             short_m: turbulence.short_term_radius_m(w_m) / bloomed,
-            power_w: self.laser.power_w * transmittance(self.air.warmed.extinction_per_m, self.range_m),
+            power_w: self.laser.power_w
+                * transmittance(self.air.warmed.extinction_per_m, self.range_m),
         }
     }
 }

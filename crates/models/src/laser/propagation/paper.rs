@@ -32,7 +32,12 @@ impl PaperPropagation {
     /// One at I = I0; the paper prints neither drift nor volatility.
     pub fn new(context: &PropagationContext) -> Self {
         let [gamma_per_s, sigma_per_sqrt_s] = context.paper;
-        Self { gamma_per_s, sigma_per_sqrt_s, intensity: 1.0, rng: context.stream("scintillation") }
+        Self {
+            gamma_per_s,
+            sigma_per_sqrt_s,
+            intensity: 1.0,
+            rng: context.stream("scintillation"),
+        }
     }
 
     /// Advances by `dt_s` [s] and returns the relative intensity [-].
@@ -51,7 +56,9 @@ impl Propagation for PaperPropagation {
         Ok(Across {
             power_w: expected.power_w * relative,
             centre_m: DVec2::ZERO,
-            shape: Shape::Gaussian { radius_m: expected.short_m },
+            shape: Shape::Gaussian {
+                radius_m: expected.short_m,
+            },
             relative,
         })
     }
@@ -72,7 +79,12 @@ mod tests {
         let n = 200_000;
         let (mut mean, mut log_mean, mut log_square) = (0.0, 0.0, 0.0);
         for _ in 0..n {
-            let mut own = PaperPropagation { gamma_per_s: gamma, sigma_per_sqrt_s: sigma, intensity: 1.0, rng };
+            let mut own = PaperPropagation {
+                gamma_per_s: gamma,
+                sigma_per_sqrt_s: sigma,
+                intensity: 1.0,
+                rng,
+            };
             // Unequal steps: the update is exact for any.
             own.step(0.3 * t);
             let i = own.step(0.7 * t);

@@ -22,10 +22,19 @@ pub struct Scaling {
 impl Scaling {
     /// One in its stationary state.
     pub fn new(context: &PropagationContext) -> Self {
-        let (mut wander_rng, mut breath_rng) = (context.stream("beam wander"), context.stream("scintillation"));
+        let (mut wander_rng, mut breath_rng) = (
+            context.stream("beam wander"),
+            context.stream("scintillation"),
+        );
         let wander = DVec2::new(wander_rng.normal(), wander_rng.normal());
         let breath = breath_rng.normal();
-        Self { wander_rng, breath_rng, wander, breath, expected: None }
+        Self {
+            wander_rng,
+            breath_rng,
+            wander,
+            breath,
+            expected: None,
+        }
     }
 }
 
@@ -36,7 +45,8 @@ impl Propagation for Scaling {
         // The exact update of an Ornstein–Uhlenbeck process.
         let keep = (-sent.dt_s / time_s).exp();
         let kick = (1.0 - keep * keep).max(0.0).sqrt();
-        self.wander = keep * self.wander + kick * DVec2::new(self.wander_rng.normal(), self.wander_rng.normal());
+        self.wander = keep * self.wander
+            + kick * DVec2::new(self.wander_rng.normal(), self.wander_rng.normal());
         self.breath = keep * self.breath + kick * self.breath_rng.normal();
         let expected = match self.expected {
             Some(expected) if !sent.is_new => expected,
@@ -44,11 +54,16 @@ impl Propagation for Scaling {
         };
         let variance = sent.air.turbulence.peak_log_variance(w0_m);
         let relative = (variance.sqrt() * self.breath - 0.5 * variance).exp();
-        let wander_m = 0.5 * (expected.long_m.powi(2) - expected.short_m.powi(2)).max(0.0).sqrt();
+        let wander_m = 0.5
+            * (expected.long_m.powi(2) - expected.short_m.powi(2))
+                .max(0.0)
+                .sqrt();
         Ok(Across {
             power_w: expected.power_w,
             centre_m: wander_m * self.wander,
-            shape: Shape::Gaussian { radius_m: expected.short_m / relative.sqrt() },
+            shape: Shape::Gaussian {
+                radius_m: expected.short_m / relative.sqrt(),
+            },
             relative,
         })
     }

@@ -20,7 +20,10 @@ pub struct WaveSettings {
 
 impl Default for WaveSettings {
     fn default() -> Self {
-        Self { rate_hz: 120, clear_ratio: 1.6 }
+        Self {
+            rate_hz: 120,
+            clear_ratio: 1.6,
+        }
     }
 }
 
@@ -89,7 +92,11 @@ impl Propagation for WavePropagation {
         let mut normal = || rng.normal();
         // What the samples of one path hold, those of another may not.
         let grid = match &self.path {
-            Some(path) if Sampling::of(path.wave.grid(), &aperture, layers, sent.range_m).check().is_ok() => {
+            Some(path)
+                if Sampling::of(path.wave.grid(), &aperture, layers, sent.range_m)
+                    .check()
+                    .is_ok() =>
+            {
                 path.wave.grid()
             }
             _ => {
@@ -108,9 +115,23 @@ impl Propagation for WavePropagation {
                 path
             }
             none => {
-                let wave = Wave::new(grid, &self.spectrum, layers.clone(), sent.range_m, 1, &mut normal);
-                let spot = Arc::new(Spot { grid, irradiance_wpm2: vec![0.0; grid.len()] });
-                none.insert(Path { wave, spot, still_wpm2: 1.0 })
+                let wave = Wave::new(
+                    grid,
+                    &self.spectrum,
+                    layers.clone(),
+                    sent.range_m,
+                    1,
+                    &mut normal,
+                );
+                let spot = Arc::new(Spot {
+                    grid,
+                    irradiance_wpm2: vec![0.0; grid.len()],
+                });
+                none.insert(Path {
+                    wave,
+                    spot,
+                    still_wpm2: 1.0,
+                })
             }
         };
         if is_due {
@@ -119,7 +140,11 @@ impl Propagation for WavePropagation {
             let warmed = &sent.air.warmed;
             let air = Absorbing {
                 // A beam that does not fire warms nothing, and meets what it has warmed.
-                absorption_pm: if sent.fires { warmed.absorption_per_m } else { 0.0 },
+                absorption_pm: if sent.fires {
+                    warmed.absorption_per_m
+                } else {
+                    0.0
+                },
                 temperature_k: warmed.temperature_k,
                 pressure_pa: PRESSURE_PA,
                 refractivity: refractivity(sent.laser.wavelength_m, warmed.temperature_k),
