@@ -35,7 +35,7 @@ pub fn budget(ranges_m: &[f64]) -> Vec<AtRange> {
             h0_m: 20.0, // [m]
             h1_m: 20.0, // [m]
         };
-        let turbulence = PathTurbulence::new(&cn2, &path, laser.wavelength_m);
+        let turbulence = PathTurbulence::new(&cn2, &path, laser.wavelength_m, 20.0); // [m]
         let vacuum_m = laser.spot_radius_m(range_m, range_m);
         let air_m = laser.long_term_radius_m(range_m, range_m, &turbulence);
         let left_w = laser.power_w * transmittance(per_m, range_m);

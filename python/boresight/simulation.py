@@ -140,15 +140,11 @@ class Simulation(_boresight.Simulation):
             mirror_rad: deflection of the line of sight right and up [rad]; None: as the law commands.
             station: name of the station; every one without it.
         """
-        held: dict[str, Any] = {}
-        if rates_radps is not None:
-            held["rates_degps"] = np.degrees(np.asarray(rates_radps, dtype=float)).tolist()
-        if mirror_rad is not None:
-            held["mirror_urad"] = (1e6 * np.asarray(mirror_rad, dtype=float)).tolist()
-        order: dict[str, Any] = {"drive": held}
-        if station is not None:
-            order["station"] = station
-        self.give(**order)
+        self._drive(
+            None if rates_radps is None else np.degrees(np.asarray(rates_radps, dtype=float)).tolist(),
+            None if mirror_rad is None else (1e6 * np.asarray(mirror_rad, dtype=float)).tolist(),
+            station,
+        )
 
     def summary(self) -> dict[str, Any]:
         """The run summed up as far as it went, as `summary.json` has it; nothing is written."""

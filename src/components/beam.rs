@@ -1,20 +1,16 @@
 //! The laser and what its beam does.
 
-use crate::models::air::turbulence::{PaperIntensity, PathTurbulence, Scintillation, Wander};
+use crate::components::run::Registry;
 use crate::models::laser::beam::Laser;
+use crate::models::laser::propagation::{BeamAir, Propagation, PropagationContext};
 use crate::models::maths::rng::Stream;
 use bevy::prelude::*;
 
-/// How the intensity on the target fluctuates.
-#[derive(Clone, Debug)]
-pub enum Channel {
-    /// Stationary gamma-gamma scintillation.
-    Physical(Box<Scintillation>),
-    /// Eq. 7 as printed.
-    Paper(PaperIntensity),
-}
+/// The propagations that a scenario may name, each made for a station.
+#[derive(Resource, Default, Deref, DerefMut)]
+pub struct Propagations(pub Registry<PropagationContext, dyn Propagation>);
 
-/// The laser: constants and the state of the air on its path.
+/// The laser: constants, and how its beam crosses the air.
 #[derive(Component, Clone, Debug)]
 pub struct LaserSource {
     /// Power, wavelength, aperture, beam quality.
@@ -23,14 +19,10 @@ pub struct LaserSource {
     pub focus_m: Option<f64>,
     /// Residual jitter of the beam director about each axis, white per tick [rad rms].
     pub jitter_rad: f64,
-    /// How the intensity fluctuates, with its state.
-    pub channel: Channel,
-    /// Wander of the beam's centre, with its state.
-    pub wander: Wander,
-    /// Stream of the channel.
-    pub scintillation_rng: Stream,
-    /// Stream of the wander.
-    pub wander_rng: Stream,
+    /// How the beam crosses the air, with its memory.
+    pub propagation: Box<dyn Propagation>,
+    /// Outer scale of the turbulence [m].
+    pub outer_m: f64,
     /// Stream of the jitter.
     pub jitter_rng: Stream,
     /// The air on the way to the aimed UAV.
@@ -38,14 +30,12 @@ pub struct LaserSource {
 }
 
 /// The air on a beam's path, good for a fraction of a second.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct BeamPath {
     /// Index of the UAV at its end.
     pub index: usize,
-    /// Turbulence integrals.
-    pub turbulence: PathTurbulence,
-    /// Peak irradiance that steady thermal blooming leaves, 0 to 1.
-    pub blooming: f64,
+    /// The air.
+    pub air: BeamAir,
 }
 
 /// What the engagement asks of the laser; obeyed from the next tick on.
@@ -70,15 +60,17 @@ pub struct BeamState {
     pub power_in_bucket_w: f64,
     /// Mean irradiance over that bucket [W/m^2].
     pub irradiance_wpm2: f64,
-    /// Short-term 1/e^2 radius at its range [m].
+    /// 1/e^2 radius at its range of the Gaussian that has the spot's power and peak [m].
     pub spot_radius_m: f64,
+    /// Greatest irradiance at its range [W/m^2].
+    pub peak_wpm2: f64,
     /// Distance of the beam's centre from its aim point [m].
     pub offset_m: f64,
     /// Whether the firing beam's centre lay on that aim point, with nothing in between.
     pub on_aim_point: bool,
     /// Atmospheric transmittance.
     pub transmittance: f64,
-    /// Relative intensity of the channel.
+    /// Peak over that without fluctuation.
     pub scintillation: f64,
     /// Energy emitted since the start [J].
     pub energy_j: f64,

@@ -111,7 +111,8 @@ pub fn sensor_params(
         h0_m: height_m,
         h1_m: height_m,
     };
-    let fried_m = PathTurbulence::new(&environment.cn2, &path, WAVELENGTH_M).fried_spherical_m;
+    let fried_m =
+        PathTurbulence::new(&environment.cn2, &path, WAVELENGTH_M, f64::INFINITY).fried_spherical_m;
     // Standard deviations of the Gaussians that fit the cores of the Airy pattern (0.42 lambda N)
     // and of the long-exposure seeing disc (FWHM 0.98 lambda / r0, over 2.355).
     let diffraction_px = 0.42 * WAVELENGTH_M * camera.f_number / pixel_pitch_m;

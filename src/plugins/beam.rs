@@ -1,13 +1,13 @@
 //! The laser: propagation of the beam and heating of the target.
 
-use crate::components::beam::{BeamState, Channel, FireCommand, LaserSource};
+use crate::components::beam::{BeamState, FireCommand, LaserSource, Propagations};
 use crate::components::mount::Station;
-use crate::components::run::{RunScenario, Seed, SetUp, Tick, TickSet};
-use crate::models::air::turbulence::{GammaGamma, PaperIntensity, Scintillation, Wander};
+use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::laser::beam::Laser;
-use crate::scenario::{Focus, IntensityModel};
+use crate::models::laser::propagation::{PROPAGATIONS, PropagationContext, WaveSettings};
+use crate::scenario::{Focus, suggestion};
 use crate::systems::beam as systems;
-use crate::systems::run::nothing_failed;
+use crate::systems::run::fallible;
 use bevy::prelude::*;
 
 /// Adds the domain to both schedules, in [`TickSet::Beam`].
@@ -15,7 +15,12 @@ pub struct BeamPlugin;
 
 impl Plugin for BeamPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(SetUp, set_up.in_set(TickSet::Beam).run_if(nothing_failed))
+        let mut known = Propagations::default();
+        for (name, make) in PROPAGATIONS {
+            known.add(name, make);
+        }
+        app.insert_resource(known)
+            .add_systems(SetUp, fallible(set_up).in_set(TickSet::Beam))
             .add_systems(
                 Tick,
                 (
@@ -34,33 +39,37 @@ fn set_up(
     mut commands: Commands,
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
+    clock: Res<SimClock>,
+    propagations: Res<Propagations>,
     stations: Query<(Entity, &Station)>,
-) {
+) -> Result<(), PartError> {
     let known = loaded.scenario.stations();
+    let turbulence = &loaded.scenario.turbulence;
     for (entity, station) in &stations {
         let laser = &known[station.index].config.laser;
         let key = station.index as u64;
-        let turbulence = &loaded.scenario.turbulence;
-        let wavelength_m = laser.wavelength_nm * 1e-9;
-        let mut scintillation_rng = seed.stream(key, "scintillation");
-        let mut wander_rng = seed.stream(key, "beam wander");
-        // Both are retuned to the path when the first target is aimed at.
-        let calm = GammaGamma::new(1e-3, 0.0);
-        let channel = match turbulence.intensity {
-            IntensityModel::Physical => Channel::Physical(Box::new(Scintillation::new(
-                calm,
-                1e-3,
-                &mut scintillation_rng,
-            ))),
-            IntensityModel::Paper => Channel::Paper(PaperIntensity::new(
-                turbulence.paper_drift,
-                turbulence.paper_volatility,
-            )),
+        let context = PropagationContext {
+            seed: seed.0,
+            station: key,
+            tick_hz: clock.tick_hz,
+            scales_m: [turbulence.outer_scale_m, turbulence.inner_scale_m],
+            paper: [turbulence.paper_drift, turbulence.paper_volatility],
+            wave: WaveSettings {
+                rate_hz: turbulence.wave.rate_hz,
+                clear_ratio: turbulence.wave.clear_ratio,
+            },
         };
+        let name = &turbulence.propagation;
+        let made = propagations.make(name, &context).unwrap_or_else(|| {
+            let known: Vec<&str> = propagations.names().collect();
+            let hint = suggestion(name, &known);
+            Err(format!("no propagation '{name}'{hint}").into())
+        });
+        let propagation = made.map_err(|error| loaded.refuse("turbulence.propagation", error))?;
         let source = LaserSource {
             laser: Laser {
                 power_w: laser.power_w,
-                wavelength_m,
+                wavelength_m: laser.wavelength_nm * 1e-9,
                 aperture_radius_m: laser.aperture_radius_m,
                 m2: laser.m2,
             },
@@ -69,10 +78,8 @@ fn set_up(
                 Focus::Target(_) => None,
             },
             jitter_rad: laser.jitter_urad * 1e-6,
-            channel,
-            wander: Wander::new(0.0, 1e-2, &mut wander_rng),
-            scintillation_rng,
-            wander_rng,
+            propagation,
+            outer_m: turbulence.outer_scale_m,
             jitter_rng: seed.stream(key, "beam jitter"),
             path: None,
         };
@@ -80,4 +87,5 @@ fn set_up(
             .entity(entity)
             .insert((source, FireCommand::default(), BeamState::default()));
     }
+    Ok(())
 }

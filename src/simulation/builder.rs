@@ -4,6 +4,7 @@ use super::error::SimulationError;
 use super::run::Simulation;
 use super::view::View;
 use crate::app;
+use crate::components::beam::Propagations;
 use crate::components::control::PointingLaws;
 use crate::components::detect::{Detector, DetectorContext, Detectors};
 use crate::components::flight::Uav;
@@ -14,6 +15,7 @@ use crate::components::track::{self, TrackStage};
 use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::MountPlant;
 use crate::models::decision::tracker::Tracker;
+use crate::models::laser::propagation::{Propagation, PropagationContext};
 use crate::recording::read::Recorded;
 use crate::scenario::{Loaded, PAPER, Scenario};
 use bevy::app::App;
@@ -181,6 +183,23 @@ impl Builder {
             app.world_mut()
                 .resource_mut::<PointingLaws>()
                 .add(&name, make);
+            Ok(())
+        })
+    }
+
+    /// A way for the laser's beam to cross the air, that the scenario names as `turbulence.propagation`.
+    pub fn propagation(
+        self,
+        name: &str,
+        make: impl Fn(&PropagationContext) -> Result<Box<dyn Propagation>, PartError>
+        + Send
+        + Sync
+        + 'static,
+    ) -> Self {
+        let name = name.to_owned();
+        self.part(move |app| {
+            let mut propagations = app.world_mut().resource_mut::<Propagations>();
+            propagations.add(&name, make);
             Ok(())
         })
     }

@@ -65,6 +65,9 @@ pub mod parts {
     pub use crate::models::control::pointing::PointingLaw;
     pub use crate::models::control::tuning::MountPlant;
     pub use crate::models::decision::tracker::Tracker;
+    pub use crate::models::laser::propagation::{
+        Across, Propagation, PropagationContext, Sent, Shape,
+    };
     pub use crate::models::mount::gimbal::{GimbalCommand, GimbalParams};
     pub use crate::models::optics::detection::Detection;
     pub use crate::models::tracking::recognition::Recognition;

@@ -1,19 +1,18 @@
 //! The laser beam crosses the air and heats what it meets.
 
-use crate::components::beam::{BeamPath, BeamState, Channel, Dose, FireCommand, LaserSource};
+use crate::components::beam::{BeamPath, BeamState, Dose, FireCommand, LaserSource};
 use crate::components::environment::Environment;
 use crate::components::flight::{Air, Distractor, Flight, HeatedSkin, Uav, UavStatus};
 use crate::components::mount::Optics;
-use crate::components::run::SimClock;
+use crate::components::run::{Failure, PartError, SimClock};
 use crate::models::air::atmosphere::transmittance;
-use crate::models::air::turbulence::{AirPath, IntensityChannel, PathTurbulence};
+use crate::models::air::turbulence::{AirPath, PathTurbulence};
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::laser::beam::{
-    BUCKET_RADIUS_M, BloomingAir, blooming_factor, mean_air_over_beam_mps, power_in_bucket_w,
-    wander_correlation_time_s,
-};
+use crate::models::laser::beam::{BUCKET_RADIUS_M, BloomingAir, power_in_bucket_w};
+use crate::models::laser::propagation::{Across, BeamAir, Sent};
 use crate::models::maths::kinematics::Pose;
 use bevy::prelude::*;
+use boresight_wave::even_layers;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -24,6 +23,8 @@ const AIM_CONE_RAD: f64 = 5e-3;
 const PATH_HZ: u32 = 10;
 /// Share of the aerosol's extinction that heats the air: urban aerosol of single-scattering albedo 0.9.
 const ABSORBED_SHARE: f64 = 0.1;
+/// Layers of a path: each of them scintillates weakly over a kilometre of an ordinary day.
+const LAYERS: usize = 10;
 /// Least transverse air speed on the path [m/s]: natural convection stirs still air.
 const LEAST_CROSSWIND_MPS: f64 = 0.3;
 
@@ -35,18 +36,27 @@ struct Aimed {
     angle_rad: f64,
     /// Its aim point in the laser's axes [m].
     r_cam_m: DVec3,
-    /// Mean air over the beam on the way to it [m/s].
-    v_air_enu_mps: DVec3,
+    /// Wind there [m/s].
+    wind_enu_mps: DVec3,
+    /// Its own velocity [m/s].
+    v_enu_mps: DVec3,
+}
+
+impl Aimed {
+    /// Velocity of the air over the beam at a share of the way [m/s], right and down of it: there the beam moves sideways with
+    /// that share of its target's velocity.
+    fn v_air_mps(&self, laser: &Pose, share: f64) -> DVec2 {
+        let v_enu_mps = self.wind_enu_mps - share * self.v_enu_mps;
+        (laser.q_enu_cam.inverse() * v_enu_mps).truncate()
+    }
 }
 
 /// What arrives at the aimed UAV's range.
 struct Arriving {
-    /// Power of the whole beam [W].
-    power_w: f64,
-    /// Short-term 1/e² radius [m].
-    spot_radius_m: f64,
-    /// Where the beam's centre lies [m], right and down of its axis at `range_m`.
-    centre_m: DVec2,
+    /// What lies across the beam.
+    across: Across,
+    /// Where the beam's axis passes there by jitter [m], right and down of the optics'.
+    jitter_m: DVec2,
     /// Range [m].
     range_m: f64,
 }
@@ -67,6 +77,7 @@ pub fn propagate(
     environment: Res<Environment>,
     mut stations: Query<(&Optics, &mut LaserSource, &FireCommand, &mut BeamState)>,
     mut uavs: Query<Targets>,
+    mut failure: ResMut<Failure>,
 ) {
     for (.., mut skin, _) in &mut uavs {
         skin.irradiance_wpm2 = 0.0;
@@ -82,15 +93,20 @@ pub fn propagate(
         };
         let aimed = aimed(&optics.laser, &uavs);
         if let Some(aimed) = &aimed {
-            let arriving = cross_air(
+            let laser = &optics.laser;
+            let crossed = cross_air(
                 &clock,
                 &environment,
-                &optics.laser,
+                laser,
                 &mut source,
                 command,
                 aimed,
                 &mut beam,
             );
+            let arriving = match crossed {
+                Ok(arriving) => arriving,
+                Err(error) => return failure.set(error),
+            };
             if command.fire {
                 light(
                     &clock,
@@ -124,7 +140,8 @@ fn aimed(laser: &Pose, uavs: &Query<Targets>) -> Option<Aimed> {
                 index: uav.index,
                 angle_rad,
                 r_cam_m,
-                v_air_enu_mps: mean_air_over_beam_mps(air.wind_enu_mps, flight.state.v_enu_mps),
+                wind_enu_mps: air.wind_enu_mps,
+                v_enu_mps: flight.state.v_enu_mps,
             });
         }
     }
@@ -140,64 +157,47 @@ fn cross_air(
     command: &FireCommand,
     aimed: &Aimed,
     beam: &mut BeamState,
-) -> Arriving {
-    let dt_s = clock.dt_s();
+) -> Result<Arriving, PartError> {
     let range_m = aimed.r_cam_m.length();
-    let los_enu = (laser.q_enu_cam * aimed.r_cam_m) / range_m;
-    let crosswind_mps = (aimed.v_air_enu_mps)
-        .reject_from_normalized(los_enu)
-        .length();
-    let path = match source.path {
-        Some(path) if path.index == aimed.index && !clock.due(PATH_HZ) => path,
-        _ => renew_path(
-            source,
-            environment,
-            laser.r_enu_m,
-            (aimed.index, los_enu * range_m),
-            crosswind_mps.max(LEAST_CROSSWIND_MPS),
-        ),
-    };
+    let is_kept =
+        matches!(&source.path, Some(path) if path.index == aimed.index) && !clock.due(PATH_HZ);
+    if !is_kept {
+        source.path = Some(path_to(source, environment, laser, aimed));
+    }
     let LaserSource {
-        channel,
-        wander,
-        scintillation_rng,
-        wander_rng,
+        laser: constants,
+        propagation,
+        path: Some(path),
+        focus_m,
         jitter_rng,
         jitter_rad,
         ..
-    } = source;
-    let relative = match channel {
-        Channel::Physical(scintillation) => scintillation.step(dt_s, scintillation_rng),
-        Channel::Paper(intensity) => intensity.step(dt_s, scintillation_rng),
+    } = source
+    else {
+        return Err("the beam has no path".into());
     };
-    let wander_rad = wander.step(dt_s, wander_rng);
-    let jitter = *jitter_rad * DVec2::new(jitter_rng.normal(), jitter_rng.normal());
-    let focus_m = source.focus_m.unwrap_or(if command.focus_range_m > 0.0 {
-        command.focus_range_m
-    } else {
-        f64::INFINITY
-    });
-    let extinction_per_m = environment
-        .weather
-        .extinction_per_m(source.laser.wavelength_m);
-    let transmitted = transmittance(extinction_per_m, range_m);
-    // Blooming spreads the power it takes from the peak: a Gaussian widened to match.
-    let spot_radius_m = source
-        .laser
-        .short_term_radius_m(range_m, focus_m, &path.turbulence)
-        / path.blooming.sqrt();
-    let centre_m = range_m * (wander_rad + jitter);
-    beam.aimed = Some(aimed.index);
-    beam.transmittance = transmitted;
-    beam.scintillation = relative;
-    beam.spot_radius_m = spot_radius_m;
-    beam.offset_m = (aimed.r_cam_m.truncate() - centre_m).length();
-    Arriving {
-        power_w: source.laser.power_w * transmitted * relative,
-        spot_radius_m,
-        centre_m,
+    let followed_m = (command.focus_range_m > 0.0).then_some(command.focus_range_m);
+    let sent = Sent {
+        laser: constants,
+        fires: command.fire,
         range_m,
-    }
+        focus_m: focus_m.or(followed_m).unwrap_or(f64::INFINITY),
+        air: &path.air,
+        is_new: !is_kept,
+        dt_s: clock.dt_s(),
+    };
+    let across = propagation.cross(&sent)?;
+    let jitter_m = range_m * *jitter_rad * DVec2::new(jitter_rng.normal(), jitter_rng.normal());
+    beam.aimed = Some(aimed.index);
+    beam.transmittance = transmittance(path.air.warmed.extinction_per_m, range_m);
+    beam.scintillation = across.relative;
+    beam.spot_radius_m = across.radius_m();
+    beam.offset_m = (aimed.r_cam_m.truncate() - across.centre_m - jitter_m).length();
+    Ok(Arriving {
+        across,
+        jitter_m,
+        range_m,
+    })
 }
 
 /// Lights the skins near the beam's axis; the aimed UAV is charged with the energy emitted.
@@ -212,19 +212,20 @@ fn light(
 ) {
     let q_cam_enu = laser.q_enu_cam.inverse();
     let Arriving {
-        power_w,
-        spot_radius_m,
-        centre_m,
+        across,
+        jitter_m,
         range_m,
-    } = *arriving;
+    } = arriving;
+    let spot_radius_m = across.radius_m();
     for (uav, flight, _, status, mut skin, mut dose) in uavs {
         let is_aimed = uav.index == aimed.index;
         if is_aimed {
             dose.energy_j += energy_j;
         }
         let r_cam_m = q_cam_enu * (flight.aim_enu_m() - laser.r_enu_m);
-        // The spot hardly changes over a few metres of depth: one radius serves all in the cone.
-        let offset_m = (r_cam_m.truncate() - centre_m * (r_cam_m.z / range_m)).length();
+        // The spot hardly changes over a few metres of depth: one serves all in the cone.
+        let place_m = r_cam_m.truncate() * (range_m / r_cam_m.z) - jitter_m;
+        let offset_m = (place_m - across.centre_m).length();
         let lit = r_cam_m.z > 0.0 && offset_m < 4.0 * spot_radius_m + BUCKET_RADIUS_M;
         if !lit || matches!(status, UavStatus::Down | UavStatus::Crashed) {
             continue;
@@ -235,12 +236,13 @@ fn light(
         }
         // Wander and jitter sweep the spot over the component within its thermal time: the lumped
         // skin takes the mean over the bucket.
-        let bucket_w = power_in_bucket_w(power_w, spot_radius_m, offset_m, BUCKET_RADIUS_M);
+        let bucket_w = across.power_in_bucket_w(place_m, BUCKET_RADIUS_M);
         // Several lasers add up.
         let irradiance_wpm2 = bucket_w / (PI * BUCKET_RADIUS_M * BUCKET_RADIUS_M);
         skin.irradiance_wpm2 += irradiance_wpm2;
         if is_aimed {
-            beam.power_at_target_w = power_w;
+            beam.power_at_target_w = across.power_w;
+            beam.peak_wpm2 = across.peak_wpm2();
             beam.irradiance_wpm2 = irradiance_wpm2;
             beam.power_in_bucket_w = bucket_w;
             if offset_m < BUCKET_RADIUS_M {
@@ -286,7 +288,7 @@ fn turbulence_to(
     r_station_enu_m: DVec3,
     to_enu_m: DVec3,
 ) -> PathTurbulence {
-    let height_m = |r: DVec3| (r.z - environment.city.dsm.terrain_m(r.x, r.y)).max(1.0);
+    let height_m = |r: DVec3| above_ground_m(environment, r);
     PathTurbulence::new(
         &environment.cn2,
         &AirPath {
@@ -295,6 +297,7 @@ fn turbulence_to(
             h1_m: height_m(r_station_enu_m + to_enu_m),
         },
         source.laser.wavelength_m,
+        source.outer_m,
     )
 }
 
@@ -320,46 +323,46 @@ pub(crate) fn expected_irradiance_wpm2(
     power_in_bucket_w(power_w, swept_m, 0.0, BUCKET_RADIUS_M) / (PI * BUCKET_RADIUS_M.powi(2))
 }
 
-/// Works out the air on the path to UAV `index` at `to_enu_m` [m] from the station.
-fn renew_path(
-    source: &mut LaserSource,
+/// Works out the air on the path to the aimed UAV.
+fn path_to(
+    source: &LaserSource,
     environment: &Environment,
-    r_station_enu_m: DVec3,
-    (index, to_enu_m): (usize, DVec3),
-    crosswind_mps: f64,
+    laser: &Pose,
+    aimed: &Aimed,
 ) -> BeamPath {
-    let range_m = to_enu_m.length();
-    let turbulence = turbulence_to(source, environment, r_station_enu_m, to_enu_m);
+    let range_m = aimed.r_cam_m.length();
+    let to_enu_m = laser.q_enu_cam * aimed.r_cam_m;
+    let across_mps = aimed.v_air_mps(laser, 0.5);
     // What drops and flakes absorb heats them, not the air.
-    let aerosol_per_m = (environment.weather).aerosol_extinction_per_m(source.laser.wavelength_m);
-    let air = BloomingAir {
-        absorption_per_m: ABSORBED_SHARE * aerosol_per_m,
-        extinction_per_m: environment
-            .weather
-            .extinction_per_m(source.laser.wavelength_m),
-        temperature_k: environment.weather.temperature_k,
-        crosswind_mps,
+    let wavelength_m = source.laser.wavelength_m;
+    let weather = &environment.weather;
+    let warmed = BloomingAir {
+        absorption_per_m: ABSORBED_SHARE * weather.aerosol_extinction_per_m(wavelength_m),
+        extinction_per_m: weather.extinction_per_m(wavelength_m),
+        temperature_k: weather.temperature_k,
+        crosswind_mps: across_mps.length().max(LEAST_CROSSWIND_MPS),
         slew_radps: 0.0,
     };
-    let focus_m = source.focus_m.unwrap_or(range_m);
-    let number = source.laser.distortion_number(range_m, focus_m, &air);
-    let path = BeamPath {
-        index,
-        turbulence,
-        blooming: blooming_factor(number),
-    };
-    source.path = Some(path);
-    let w0_m = source.laser.aperture_radius_m;
-    source.wander.axis_rms_rad = turbulence.wander_axis_rms_rad(w0_m);
-    source.wander.correlation_time_s = wander_correlation_time_s(w0_m, crosswind_mps);
-    if let Channel::Physical(scintillation) = &mut source.channel {
-        // What counts is the power in the bucket, which averages over its diameter.
-        scintillation.retune(
-            turbulence.gamma_gamma(2.0 * BUCKET_RADIUS_M),
-            turbulence.correlation_time_s(crosswind_mps),
-        );
+    let layers = even_layers(range_m, LAYERS, |along_m| {
+        let r_enu_m = laser.r_enu_m + to_enu_m * (along_m / range_m);
+        let height_m = above_ground_m(environment, r_enu_m);
+        let across_mps = aimed.v_air_mps(laser, along_m / range_m);
+        (environment.cn2.cn2(height_m), across_mps.to_array())
+    });
+    BeamPath {
+        index: aimed.index,
+        air: BeamAir {
+            turbulence: turbulence_to(source, environment, laser.r_enu_m, to_enu_m),
+            layers,
+            warmed,
+        },
     }
-    path
+}
+
+/// Height of a place above the ground [m], one metre at least.
+fn above_ground_m(environment: &Environment, r_enu_m: DVec3) -> f64 {
+    let ground_m = environment.city.dsm.terrain_m(r_enu_m.x, r_enu_m.y);
+    (r_enu_m.z - ground_m).max(1.0)
 }
 
 /// Heats and cools the skins; one that reaches its failure temperature brings its UAV down.

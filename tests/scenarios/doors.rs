@@ -31,6 +31,8 @@ mod outside_controller;
 mod own_detector;
 #[path = "../../examples/own_law.rs"]
 mod own_law;
+#[path = "../../examples/own_propagation.rs"]
+mod own_propagation;
 #[path = "../../examples/own_scenario.rs"]
 mod own_scenario;
 #[path = "../../examples/own_stage.rs"]
@@ -301,6 +303,23 @@ fn a_law_of_ones_own_points() {
     assert!(tuned < 30.0 && alone < 300.0, "{tuned} {alone}");
     // What the mirror is for.
     assert!(alone > 1.5 * tuned, "{tuned} {alone}");
+}
+
+#[test]
+fn a_beam_crosses_the_air_in_a_way_of_ones_own() {
+    let [vacuum, scaling, wave] =
+        ["vacuum", "scaling", "wave"].map(|name| own_propagation::run(name).unwrap());
+    // Air spreads the spot; half a second at some hundred metres is no long exposure.
+    assert!(
+        vacuum > 1.02 * scaling && vacuum > 1.02 * wave,
+        "{vacuum} {scaling} {wave}"
+    );
+    assert!((0.7..1.4).contains(&(scaling / wave)), "{scaling} {wave}");
+    let wrong = own_propagation::run("wafe").unwrap_err().to_string();
+    assert!(
+        wrong.contains("no propagation 'wafe'") && wrong.contains("wave"),
+        "{wrong}"
+    );
 }
 
 #[test]

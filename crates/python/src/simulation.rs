@@ -5,7 +5,7 @@ use crate::frame::Frame;
 use crate::held::Held;
 use crate::parts::{PyDetector, PyLaw, Raised};
 use crate::views::{Air, Event, Station, Uav};
-use boresight::scenario::OrderConfig;
+use boresight::scenario::{DriveOrder, OrderConfig};
 use boresight::simulation as sim;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -219,6 +219,25 @@ impl Simulation {
     fn _give(&self, py: Python, order: &str) -> PyResult<()> {
         let order: OrderConfig = toml::from_str(order)
             .map_err(|error| OrderError::new_err(format!("order: {}", error.message())))?;
+        self.held.with(py, |run| run.give(&order))
+    }
+
+    /// Drives gimbal \[°/s\] and mirror \[µrad\] from outside.
+    fn _drive(
+        &self,
+        py: Python,
+        rates_degps: Option<[f64; 2]>,
+        mirror_urad: Option<[f64; 2]>,
+        station: Option<String>,
+    ) -> PyResult<()> {
+        let order = OrderConfig {
+            station,
+            drive: Some(DriveOrder {
+                rates_degps,
+                mirror_urad,
+            }),
+            ..OrderConfig::default()
+        };
         self.held.with(py, |run| run.give(&order))
     }
 

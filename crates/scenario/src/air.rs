@@ -9,9 +9,9 @@ use super::check::{Check, FRACTION};
 use boresight_common::warning::Notes;
 use boresight_models::air::atmosphere::Cn2Profile;
 use boresight_models::air::metar::{Given, MetarError, Report};
-use boresight_models::air::turbulence::PaperIntensity;
 use boresight_models::air::weather::Weather;
 use boresight_models::air::wind::over_rough_ground;
+use boresight_models::laser::propagation::{PaperPropagation, WaveSettings};
 
 /// The weather: a METAR, explicit values, or both (an explicit value wins over the report's).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -171,14 +171,43 @@ pub struct Turbulence {
     pub cn2_ground: f64,
     /// How the structure constant falls with height.
     pub profile: TurbulenceProfile,
-    /// How the laser's intensity fluctuates.
-    pub intensity: IntensityModel,
-    /// Drift γ of the "paper" intensity in 1/s: its mean falls as e^(-γ t). The paper prints no
-    /// value.
+    /// Outer scale L0 in m: larger eddies carry no more. Near the ground some 0.4 of the height; inf for none.
+    pub outer_scale_m: f64,
+    /// Inner scale l0 in m, of the propagation "wave": smaller eddies are dissolved. Near the ground some millimetres.
+    pub inner_scale_m: f64,
+    /// How the laser's beam crosses the air: "scaling" moves a Gaussian by theory, "wave" sends the wave itself through screens
+    /// that the wind carries, "paper" is the paper's equation 7, a geometric Brownian motion that never becomes stationary;
+    /// or one of your own.
+    pub propagation: String,
+    /// Drift γ of "paper" in 1/s: its mean intensity falls as e^(-γ t). The paper prints no value.
     pub paper_drift: f64,
-    /// Volatility σ of the "paper" intensity in 1/√s: its logarithm has the variance σ² t. The
-    /// paper prints no value.
+    /// Volatility σ of "paper" in 1/√s: its logarithm has the variance σ² t. The paper prints no value.
     pub paper_volatility: f64,
+    /// How finely "wave" is followed.
+    pub wave: WaveConfig,
+}
+
+/// How finely the propagation "wave" is followed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct WaveConfig {
+    /// Times a second that the wave is sent through the air, in Hz: a divisor of the tick rate.
+    pub rate_hz: u32,
+    /// Radius of the clear aperture over the beam's 1/e² radius.
+    pub clear_ratio: f64,
+}
+
+impl Default for WaveConfig {
+    fn default() -> Self {
+        let WaveSettings {
+            rate_hz,
+            clear_ratio,
+        } = WaveSettings::default();
+        Self {
+            rate_hz,
+            clear_ratio,
+        }
+    }
 }
 
 impl Default for Turbulence {
@@ -186,9 +215,12 @@ impl Default for Turbulence {
         Self {
             cn2_ground: 1e-14,
             profile: TurbulenceProfile::Urban,
-            intensity: IntensityModel::Physical,
+            outer_scale_m: 20.0,  // [m]
+            inner_scale_m: 0.005, // [m]
+            propagation: "scaling".into(),
             paper_drift: 0.0,
             paper_volatility: 0.1,
+            wave: WaveConfig::default(),
         }
     }
 }
@@ -223,16 +255,6 @@ impl Turbulence {
             },
         }
     }
-}
-
-/// Intensity fluctuation of the laser channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum IntensityModel {
-    /// Stationary gamma–gamma scintillation with a correlation time.
-    Physical,
-    /// The paper's equation 7, a geometric Brownian motion; it never becomes stationary.
-    Paper,
 }
 
 /// What the mean wind and the visibility may be.
@@ -275,15 +297,18 @@ impl WeatherConfig {
 impl Turbulence {
     pub(super) fn check(&self, check: &mut Check) {
         check.within("cn2_ground", self.cn2_ground, 0.0..=1e-10);
+        check.within("outer_scale_m", self.outer_scale_m, 0.1..=f64::INFINITY);
+        check.within("inner_scale_m", self.inner_scale_m, 0.0..=0.1);
+        check.within("wave.clear_ratio", self.wave.clear_ratio, 0.5..=10.0);
         check.within(
             "paper_drift",
             self.paper_drift,
-            PaperIntensity::DRIFT_RANGE_PER_S,
+            PaperPropagation::DRIFT_RANGE_PER_S,
         );
         check.within(
             "paper_volatility",
             self.paper_volatility,
-            PaperIntensity::VOLATILITY_RANGE_PER_SQRT_S,
+            PaperPropagation::VOLATILITY_RANGE_PER_SQRT_S,
         );
     }
 }

@@ -29,7 +29,7 @@ mod tests;
 mod text;
 mod tracker;
 
-pub use air::{IntensityModel, Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};
+pub use air::{Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};
 pub use cameras::{
     AutoWord, CameraChanges, CameraConfig, CameraPath, CameraPreset, Cameras, Exposure, MoreCamera,
     Mosaic, ReadoutMode, ResolvedCamera, Shutter, WhiteBalance,

@@ -353,8 +353,9 @@ fn an_order_holds_one_thing_at_most() {
 }
 
 #[test]
-fn the_papers_intensity_has_figures() {
-    let turbulence = with(&["turbulence.intensity=paper", "turbulence.paper_drift=0.5"]).turbulence;
+fn the_papers_propagation_has_figures() {
+    let turbulence =
+        with(&["turbulence.propagation=paper", "turbulence.paper_drift=0.5"]).turbulence;
     assert_eq!(turbulence.paper_drift, 0.5);
     assert_eq!(turbulence.paper_volatility, 0.1);
     assert!(

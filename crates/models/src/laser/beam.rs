@@ -5,7 +5,6 @@
 use std::f64::consts::{PI, SQRT_2};
 
 use crate::air::turbulence::PathTurbulence;
-use glam::DVec3;
 
 /// A laser behind its beam director.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,8 +41,7 @@ impl Laser {
         turbulence.long_term_radius_m(self.spot_radius_m(range_m, focus_range_m))
     }
 
-    /// Short-term radius [m] at the end of the path of `turbulence`: the long-term one without the
-    /// wander, which [`crate::air::turbulence::Wander`] moves explicitly.
+    /// Short-term radius [m] at the end of the path of `turbulence`: that of the spot at a moment, which wanders.
     pub fn short_term_radius_m(
         &self,
         range_m: f64,
@@ -51,7 +49,7 @@ impl Laser {
         turbulence: &PathTurbulence,
     ) -> f64 {
         let w_m = self.spot_radius_m(range_m, focus_range_m);
-        turbulence.short_term_radius_m(w_m, self.aperture_radius_m)
+        turbulence.short_term_radius_m(w_m)
     }
 
     /// Thermal distortion number N [-] of the beam on its way to `range_m` [m], focused at
@@ -91,6 +89,15 @@ impl Laser {
 /// Specific heat of air at constant pressure [J/(kg K)] (Incropera et al., Fundamentals of Heat and
 /// Mass Transfer, 7th ed., table A.4, 300 K).
 const CP_AIR: f64 = 1007.0;
+
+/// Pressure of the air [Pa]: sea level, within 5 % in the lowest 400 m.
+pub const PRESSURE_PA: f64 = 101_325.0;
+
+/// Refractivity n - 1 of air of a temperature [1] at sea level.
+pub fn refractivity(wavelength_m: f64, temperature_k: f64) -> f64 {
+    const R_DRY: f64 = 287.053; // [J/(kg K)], ICAO standard atmosphere
+    gladstone_dale_m3pkg(wavelength_m) * PRESSURE_PA / (R_DRY * temperature_k)
+}
 
 /// Gladstone–Dale constant (n - 1)/ρ of air [m³/kg]: Edlén's dispersion for standard air (Metrologia
 /// 2, 71, 1966) over its density at 15 °C and 101 325 Pa, 1.2250 kg/m³.
@@ -173,12 +180,6 @@ pub fn power_in_bucket_w(power_w: f64, w_m: f64, offset_m: f64, bucket_radius_m:
 /// transverse wind `v_perp_mps` [m/s] (frozen flow); infinite in still air.
 pub fn wander_correlation_time_s(aperture_radius_m: f64, v_perp_mps: f64) -> f64 {
     2.0 * aperture_radius_m / v_perp_mps.abs()
-}
-
-/// Velocity of the air relative to the beam [m/s], mean over the path: at a share t of the way the
-/// beam moves sideways with t times its target's velocity.
-pub fn mean_air_over_beam_mps(wind_enu_mps: DVec3, v_target_enu_mps: DVec3) -> DVec3 {
-    wind_enu_mps - 0.5 * v_target_enu_mps
 }
 
 #[cfg(test)]

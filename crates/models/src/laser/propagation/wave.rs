@@ -1,0 +1,168 @@
+//! `wave`: the wave itself, through screens that the wind carries.
+
+use super::{Across, Propagation, PropagationContext, Sent, Shape};
+use crate::air::atmosphere::transmittance;
+use crate::laser::beam::{PRESSURE_PA, peak_irradiance_wpm2, refractivity};
+use crate::maths::rng::Stream;
+use boresight_wave::{Absorbing, Aperture, Sampling, Spot, VonKarman, Wave};
+use glam::DVec2;
+use std::error::Error;
+use std::sync::Arc;
+
+/// How finely a wave is followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaveSettings {
+    /// Times a second that the beam is sent through the air [Hz], a divisor of the tick rate. Between them the spot stays.
+    pub rate_hz: u32,
+    /// Clear aperture over the beam's 1/e² radius [-]: 1.6 lets 99.4 % through.
+    pub clear_ratio: f64,
+}
+
+impl Default for WaveSettings {
+    fn default() -> Self {
+        Self {
+            rate_hz: 120,
+            clear_ratio: 1.6,
+        }
+    }
+}
+
+/// A path's screens and the spot that its beam made last.
+#[derive(Clone, Debug)]
+pub struct WavePropagation {
+    settings: WaveSettings,
+    spectrum: VonKarman,
+    /// Ticks between two spots.
+    every: u32,
+    ticks: u32,
+    rng: Stream,
+    path: Option<Path>,
+}
+
+#[derive(Clone, Debug)]
+struct Path {
+    wave: Wave,
+    spot: Arc<Spot>,
+    /// Peak without turbulence and blooming [W/m²].
+    still_wpm2: f64,
+}
+
+impl WavePropagation {
+    /// One without a path.
+    ///
+    /// # Errors
+    /// Its rate is no divisor of the tick rate.
+    pub fn new(context: &PropagationContext) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        let settings = context.wave;
+        if settings.rate_hz == 0 || !context.tick_hz.is_multiple_of(settings.rate_hz) {
+            let told = format!(
+                "turbulence.wave.rate_hz of {} does not divide the tick rate of {} Hz; give 60, 120 or 240",
+                settings.rate_hz, context.tick_hz
+            );
+            return Err(told.into());
+        }
+        let [outer_m, inner_m] = context.scales_m;
+        Ok(Self {
+            settings,
+            spectrum: VonKarman { outer_m, inner_m },
+            every: context.tick_hz / settings.rate_hz,
+            ticks: 0,
+            rng: context.stream("screens"),
+            path: None,
+        })
+    }
+
+    fn aperture(&self, sent: &Sent) -> Aperture {
+        Aperture {
+            power_w: sent.laser.power_w,
+            radius_m: sent.laser.aperture_radius_m,
+            clear_radius_m: self.settings.clear_ratio * sent.laser.aperture_radius_m,
+            wavelength_m: sent.laser.wavelength_m,
+            m2: sent.laser.m2,
+            focus_m: sent.focus_m,
+        }
+    }
+}
+
+impl Propagation for WavePropagation {
+    fn cross(&mut self, sent: &Sent) -> Result<Across, Box<dyn Error + Send + Sync>> {
+        let aperture = self.aperture(sent);
+        let layers = &sent.air.layers;
+        let rng = &mut self.rng;
+        let mut normal = || rng.normal();
+        // What the samples of one path hold, those of another may not.
+        let grid = match &self.path {
+            Some(path)
+                if Sampling::of(path.wave.grid(), &aperture, layers, sent.range_m)
+                    .check()
+                    .is_ok() =>
+            {
+                path.wave.grid()
+            }
+            _ => {
+                self.path = None;
+                Sampling::grid(&aperture, layers, sent.range_m)?
+            }
+        };
+        let is_due = self.ticks.is_multiple_of(self.every) || self.path.is_none();
+        self.ticks = if is_due { 1 } else { self.ticks + 1 };
+        let extinction_pm = sent.air.warmed.extinction_per_m;
+        let path = match &mut self.path {
+            Some(path) => {
+                if sent.is_new {
+                    path.wave.retune(layers.clone(), sent.range_m);
+                }
+                path
+            }
+            none => {
+                let wave = Wave::new(
+                    grid,
+                    &self.spectrum,
+                    layers.clone(),
+                    sent.range_m,
+                    1,
+                    &mut normal,
+                );
+                let spot = Arc::new(Spot {
+                    grid,
+                    irradiance_wpm2: vec![0.0; grid.len()],
+                });
+                none.insert(Path {
+                    wave,
+                    spot,
+                    still_wpm2: 1.0,
+                })
+            }
+        };
+        if is_due {
+            let dt_s = f64::from(self.every) * sent.dt_s;
+            path.wave.carry(dt_s, &mut normal);
+            let warmed = &sent.air.warmed;
+            let air = Absorbing {
+                // A beam that does not fire warms nothing, and meets what it has warmed.
+                absorption_pm: if sent.fires {
+                    warmed.absorption_per_m
+                } else {
+                    0.0
+                },
+                temperature_k: warmed.temperature_k,
+                pressure_pa: PRESSURE_PA,
+                refractivity: refractivity(sent.laser.wavelength_m, warmed.temperature_k),
+            };
+            path.spot = Arc::new(path.wave.heat(&aperture, extinction_pm, &air, dt_s));
+            let w_m = sent.laser.spot_radius_m(sent.range_m, sent.focus_m);
+            let arrives_w = sent.laser.power_w * transmittance(extinction_pm, sent.range_m);
+            path.still_wpm2 = peak_irradiance_wpm2(arrives_w, w_m);
+        }
+        Ok(Across {
+            power_w: path.spot.power_w(),
+            centre_m: DVec2::from(path.spot.centroid_m()),
+            relative: path.spot.peak_wpm2() / path.still_wpm2,
+            shape: Shape::Map(path.spot.clone()),
+        })
+    }
+
+    fn boxed(&self) -> Box<dyn Propagation> {
+        Box::new(self.clone())
+    }
+}
