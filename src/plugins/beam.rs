@@ -5,9 +5,10 @@ use crate::components::mount::Station;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::laser::beam::Laser;
 use crate::models::laser::propagation::{PROPAGATIONS, PropagationContext, WaveSettings};
+use crate::plugins::run::fallible;
 use crate::scenario::{Focus, suggestion};
 use crate::systems::beam as systems;
-use crate::systems::run::fallible;
+
 use bevy::prelude::*;
 
 /// Adds the domain to both schedules, in [`TickSet::Beam`].

@@ -25,10 +25,10 @@ fn the_air_on_the_beams_path_is_renewed_ten_times_a_second() {
         };
         let path = station.beam_path().unwrap();
         assert_eq!(path.index, aimed, "the air is that to another UAV");
-        if before != Some(path.turbulence) {
+        if before != Some(path.air.turbulence) {
             renewed.push((tick, aimed));
         }
-        before = Some(path.turbulence);
+        before = Some(path.air.turbulence);
     }
     let targets: Vec<usize> = renewed.iter().map(|(_, aimed)| *aimed).collect();
     let turned = targets.windows(2).filter(|pair| pair[0] != pair[1]).count();

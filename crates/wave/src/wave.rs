@@ -296,6 +296,13 @@ impl Wave {
         self.screens.without_long();
     }
 
+    /// A time \[s\] in which no beam is sent: the wind carries the air that was warmed.
+    pub fn rest(&mut self, air: &Absorbing, dt_s: f64) {
+        for (warm, layer) in self.heated.iter_mut().zip(&self.layers) {
+            warm.step(dt_s, layer.across_mps.map(|v| v * dt_s), air, |_| 0.0);
+        }
+    }
+
     /// Power that left the aperture last time \[W\].
     pub fn sent_w(&self) -> f64 {
         self.sent_w

@@ -209,3 +209,6 @@ impl Sent<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

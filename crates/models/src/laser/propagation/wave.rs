@@ -34,6 +34,7 @@ pub struct WavePropagation {
     spectrum: VonKarman,
     /// Ticks between two spots.
     every: u32,
+    /// Ticks since the last spot.
     ticks: u32,
     rng: Stream,
     path: Option<Path>,
@@ -42,7 +43,8 @@ pub struct WavePropagation {
 #[derive(Clone, Debug)]
 struct Path {
     wave: Wave,
-    spot: Arc<Spot>,
+    /// What arrived last; none where the laser did not emit, which costs no propagation.
+    spot: Option<Arc<Spot>>,
     /// Peak without turbulence and blooming [W/m²].
     still_wpm2: f64,
 }
@@ -104,7 +106,10 @@ impl Propagation for WavePropagation {
                 Sampling::grid(&aperture, layers, sent.range_m)?
             }
         };
-        let is_due = self.ticks.is_multiple_of(self.every) || self.path.is_none();
+        let fired = (self.path.as_ref()).is_some_and(|path| path.spot.is_some());
+        let is_due =
+            self.ticks.is_multiple_of(self.every) || self.path.is_none() || fired != sent.fires;
+        let dt_s = f64::from(self.ticks) * sent.dt_s;
         self.ticks = if is_due { 1 } else { self.ticks + 1 };
         let extinction_pm = sent.air.warmed.extinction_per_m;
         let path = match &mut self.path {
@@ -123,42 +128,53 @@ impl Propagation for WavePropagation {
                     1,
                     &mut normal,
                 );
-                let spot = Arc::new(Spot {
-                    grid,
-                    irradiance_wpm2: vec![0.0; grid.len()],
-                });
                 none.insert(Path {
                     wave,
-                    spot,
+                    spot: None,
                     still_wpm2: 1.0,
                 })
             }
         };
+        let expected = sent.expected();
         if is_due {
-            let dt_s = f64::from(self.every) * sent.dt_s;
             path.wave.carry(dt_s, &mut normal);
             let warmed = &sent.air.warmed;
             let air = Absorbing {
-                // A beam that does not fire warms nothing, and meets what it has warmed.
-                absorption_pm: if sent.fires {
-                    warmed.absorption_per_m
-                } else {
-                    0.0
-                },
+                absorption_pm: warmed.absorption_per_m,
                 temperature_k: warmed.temperature_k,
                 pressure_pa: PRESSURE_PA,
                 refractivity: refractivity(sent.laser.wavelength_m, warmed.temperature_k),
             };
-            path.spot = Arc::new(path.wave.heat(&aperture, extinction_pm, &air, dt_s));
+            path.spot = match sent.fires {
+                true => Some(Arc::new(path.wave.heat(
+                    &aperture,
+                    extinction_pm,
+                    &air,
+                    dt_s,
+                ))),
+                false => {
+                    path.wave.rest(&air, dt_s);
+                    None
+                }
+            };
             let w_m = sent.laser.spot_radius_m(sent.range_m, sent.focus_m);
-            let arrives_w = sent.laser.power_w * transmittance(extinction_pm, sent.range_m);
-            path.still_wpm2 = peak_irradiance_wpm2(arrives_w, w_m);
+            path.still_wpm2 = peak_irradiance_wpm2(expected.power_w, w_m);
         }
-        Ok(Across {
-            power_w: path.spot.power_w(),
-            centre_m: DVec2::from(path.spot.centroid_m()),
-            relative: path.spot.peak_wpm2() / path.still_wpm2,
-            shape: Shape::Map(path.spot.clone()),
+        Ok(match &path.spot {
+            Some(spot) => Across {
+                power_w: spot.power_w(),
+                centre_m: DVec2::from(spot.centroid_m()),
+                relative: spot.peak_wpm2() / path.still_wpm2,
+                shape: Shape::Map(spot.clone()),
+            },
+            None => Across {
+                power_w: expected.power_w,
+                centre_m: DVec2::ZERO,
+                relative: 1.0,
+                shape: Shape::Gaussian {
+                    radius_m: expected.short_m,
+                },
+            },
         })
     }
 
