@@ -17,6 +17,7 @@ use boresight::models::ground::dsm::{LineOfSight, Solids};
 use boresight::models::ground::lattice::Lattice;
 use boresight::models::ground::triangles::TriangleTree;
 use boresight::models::maths::geodesy::{Geodetic, SiteFrame};
+use boresight::models::maths::rng::Stream;
 use boresight::models::shape::mesh::MeshData;
 use boresight::models::shape::textured::TexturedMesh;
 use boresight::models::tiles::selection::{SelectOptions, View, ideal_cut};
@@ -30,6 +31,7 @@ use boresight::systems::capture;
 use boresight::systems::render::renderer::Renderer;
 use boresight::systems::{control, operator, track};
 use boresight_geodata::build::{BuildOptions, build};
+use boresight_wave::{Aperture, Grid, VonKarman, Wave, even_layers};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use image::ExtendedColorType;
@@ -778,8 +780,61 @@ fn selection(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Ten fresh screens of 512 samples a side with a beam's way through them; `benches/peers/screens.py` measures others' screens.
+fn wave(criterion: &mut Criterion) {
+    let beam = Aperture {
+        power_w: 1000.0,
+        radius_m: 0.05,
+        clear_radius_m: 0.08,
+        wavelength_m: 1.064e-6,
+        m2: 1.0,
+        focus_m: 1000.0,
+    };
+    let grid = Grid {
+        n: 512,
+        spacing_m: 1e-3,
+    };
+    let spectrum = VonKarman {
+        outer_m: 20.0,
+        inner_m: 5e-3,
+    };
+    let layers = even_layers(1000.0, 10, |_| (1e-14, [4.0, 0.0]));
+    let mut rng = Stream::new(1, 0, "bench");
+    let mut normal = || rng.normal();
+    let mut group = criterion.benchmark_group("wave");
+    group.sample_size(10);
+    for threads in [1, 2] {
+        group.bench_function(
+            format!("ten fresh screens and a beam, {threads} threads"),
+            |b| {
+                b.iter(|| {
+                    let layers = layers.clone();
+                    let mut wave = Wave::new(grid, &spectrum, layers, 1000.0, threads, &mut normal);
+                    wave.send(&beam, 1e-4)
+                });
+            },
+        );
+        let mut wave = Wave::new(
+            grid,
+            &spectrum,
+            layers.clone(),
+            1000.0,
+            threads,
+            &mut normal,
+        );
+        group.bench_function(format!("carried on, and a beam, {threads} threads"), |b| {
+            b.iter(|| {
+                wave.carry(1e-3, &mut normal);
+                wave.send(&beam, 1e-4)
+            });
+        });
+    }
+    group.finish();
+}
+
 criterion_group!(
     benches,
+    wave,
     selection,
     simplification,
     ticks,

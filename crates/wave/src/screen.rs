@@ -28,21 +28,23 @@ pub type Shift = [f64; 2];
 pub struct Screens {
     grid: Grid,
     layers: Vec<Screen>,
+    /// Root of the mean square of each wave of the upper half of the frequencies, of a layer of strength one.
+    rms: Vec<f64>,
     /// Two screens as one transform: the real and the imaginary part.
     pair: Vec<Complex64>,
 }
 
 #[derive(Clone, Debug)]
 struct Screen {
-    /// Amplitude of each wave \[m\] of the upper half of the frequencies, rows of equal frequency upwards; the rest follows
-    /// from a screen being real.
+    /// Root of the layer's strength; all amplitudes here are those of strength one.
+    root: f64,
+    /// Amplitude of each wave of the upper half of the frequencies, rows of equal frequency; the rest follows from a screen
+    /// being real.
     waves: Vec<Complex64>,
     /// Those that come in their place; empty before the first way.
     next: Vec<Complex64>,
     /// Way since they began to \[grid's widths\], below 1.
     gone: f64,
-    /// Root of the mean square of each \[m\].
-    rms: Vec<f64>,
     /// Subharmonics.
     long: Vec<LongWave>,
     shift_m: Shift,
@@ -51,11 +53,11 @@ struct Screen {
 /// A wave longer than the square, and its mirrored one.
 #[derive(Clone, Copy, Debug)]
 struct LongWave {
-    /// Frequency of its lattice \[cycles/m\], and how many times that it has right and up.
+    /// Frequency of its lattice \[cycles/m\], and how many times that it has along rows and along columns.
     side_pm: f64,
     right: i32,
     up: i32,
-    amplitude_m: Complex64,
+    amplitude: Complex64,
 }
 
 impl Screens {
@@ -66,53 +68,41 @@ impl Screens {
         layers: &[Layer],
         normal: &mut impl FnMut() -> f64,
     ) -> Self {
-        // One layer's roots serve all: strength is a factor.
-        let unit = roots(grid, spectrum);
-        let layers = layers.iter().map(|layer| {
-            let root = layer.strength().sqrt();
-            let rms: Vec<f64> = unit.iter().map(|unit| unit * root).collect();
-            let long = lattice(grid).map(|(side_pm, right, up)| {
+        let rms = roots(grid, spectrum);
+        let long: Vec<_> = lattice(grid)
+            .map(|(side_pm, right, up)| {
                 let middle = [right, up].map(|n| f64::from(n) * side_pm);
-                let power = spectrum.of_cell(layer.strength(), middle, side_pm, apart_m(grid));
-                LongWave {
-                    side_pm,
-                    right,
-                    up,
-                    amplitude_m: draw(normal) * power.sqrt(),
-                }
-            });
-            let long = long.collect();
-            let waves = fresh(&rms, normal);
-            Screen {
-                waves,
-                next: Vec::new(),
-                gone: 0.0,
-                rms,
-                long,
-                shift_m: [0.0; 2],
-            }
+                let power = spectrum.of_cell(1.0, middle, side_pm, apart_m(grid));
+                (side_pm, right, up, power.sqrt())
+            })
+            .collect();
+        let layers = layers.iter().map(|layer| Screen {
+            root: layer.strength().sqrt(),
+            waves: fresh(&rms, normal),
+            next: Vec::new(),
+            gone: 0.0,
+            long: (long.iter())
+                .map(|(side_pm, right, up, rms)| LongWave {
+                    side_pm: *side_pm,
+                    right: *right,
+                    up: *up,
+                    amplitude: draw(normal) * *rms,
+                })
+                .collect(),
+            shift_m: [0.0; 2],
         });
         Self {
             grid,
             layers: layers.collect(),
+            rms,
             pair: vec![Complex64::ZERO; grid.len()],
         }
     }
 
-    /// Changes the layers' strengths, not their pattern.
-    pub fn retune(&mut self, from: &[Layer], to: &[Layer]) {
-        for ((screen, from), to) in self.layers.iter_mut().zip(from).zip(to) {
-            let factor = (to.strength() / from.strength()).sqrt();
-            screen
-                .waves
-                .iter_mut()
-                .chain(&mut screen.next)
-                .for_each(|wave| *wave *= factor);
-            screen.rms.iter_mut().for_each(|rms| *rms *= factor);
-            screen
-                .long
-                .iter_mut()
-                .for_each(|wave| wave.amplitude_m *= factor);
+    /// Changes the layers' strengths, not their patterns.
+    pub fn retune(&mut self, layers: &[Layer]) {
+        for (screen, layer) in self.layers.iter_mut().zip(layers) {
+            screen.root = layer.strength().sqrt();
         }
     }
 
@@ -123,12 +113,12 @@ impl Screens {
             screen.shift_m[1] += y;
             screen.gone += x.hypot(*y) / self.grid.width_m();
             if screen.next.is_empty() && screen.gone > 0.0 {
-                screen.next = fresh(&screen.rms, normal);
+                screen.next = fresh(&self.rms, normal);
             }
             if screen.gone >= 1.0 {
                 // More than a width in one step is as good as one.
                 screen.gone = screen.gone.fract();
-                screen.waves = std::mem::replace(&mut screen.next, fresh(&screen.rms, normal));
+                screen.waves = std::mem::replace(&mut screen.next, fresh(&self.rms, normal));
             }
         }
     }
@@ -159,21 +149,9 @@ impl Screens {
             }
         }
         transform.inverse(&mut self.pair);
-        add_long(
-            grid,
-            &here.long,
-            here.shift_m,
-            &mut self.pair,
-            |value, path| value.re += path,
-        );
+        add_long(grid, here, &mut self.pair, |value, path| value.re += path);
         if let Some(next) = next {
-            add_long(
-                grid,
-                &next.long,
-                next.shift_m,
-                &mut self.pair,
-                |value, path| value.im += path,
-            );
+            add_long(grid, next, &mut self.pair, |value, path| value.im += path);
         }
         &mut self.pair
     }
@@ -199,7 +177,7 @@ struct Carried {
     /// Turn of the phase of each column of frequencies, and of each row.
     columns: Vec<Complex64>,
     rows: Vec<Complex64>,
-    /// Shares of the waves that go and of those that come: their squares sum to one, as do the mean squares.
+    /// Shares of the waves that go and of those that come, over strength one.
     shares: [f64; 2],
 }
 
@@ -214,7 +192,7 @@ impl Screen {
         Carried {
             columns: turns(0),
             rows: turns(1),
-            shares: [mixed.re, mixed.im],
+            shares: [mixed.re * self.root, mixed.im * self.root],
         }
     }
 }
@@ -245,8 +223,12 @@ fn lattice(grid: Grid) -> impl Iterator<Item = (f64, i32, i32)> {
 /// Adds the subharmonics to a screen.
 fn add_long(
     grid: Grid,
-    long: &[LongWave],
-    shift_m: Shift,
+    Screen {
+        long,
+        shift_m,
+        root,
+        ..
+    }: &Screen,
     to: &mut [Complex64],
     add: impl Fn(&mut Complex64, f64),
 ) {
@@ -258,7 +240,8 @@ fn add_long(
         for wave in waves {
             let turn = TAU * wave.side_pm * f64::from(wave.right);
             for (x, column) in columns.iter_mut().enumerate() {
-                *column += cis(turn * (grid.place_m(x) - shift_m[0])) * wave.amplitude_m * 2.0;
+                *column +=
+                    cis(turn * (grid.place_m(x) - shift_m[0])) * wave.amplitude * (2.0 * root);
             }
         }
         together.push((waves[0].side_pm * f64::from(waves[0].up), columns));

@@ -253,7 +253,7 @@ impl Wave {
 
     /// Other layers for the same screens: as many, of other strength, place or wind.
     pub fn retune(&mut self, layers: Vec<Layer>, length_m: f64) {
-        self.screens.retune(&self.layers, &layers);
+        self.screens.retune(&layers);
         self.layers = layers;
         self.length_m = length_m;
     }
