@@ -1,7 +1,6 @@
 //! `wave`: the wave itself, through screens that the wind carries.
 
 use super::{Across, Propagation, PropagationContext, Sent, Shape};
-use crate::air::atmosphere::transmittance;
 use crate::laser::beam::{PRESSURE_PA, peak_irradiance_wpm2, refractivity};
 use crate::maths::rng::Stream;
 use boresight_wave::{Absorbing, Aperture, Sampling, Spot, VonKarman, Wave};
