@@ -18,6 +18,7 @@ const LEFT_OUT: [(&str, &[&str]); 5] = [
             "OpticalPath",
             "Options",
             "PointingLaws",
+            "Propagations",
             "Recogniser",
             "RunScenario",
             "Seed",

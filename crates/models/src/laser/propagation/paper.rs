@@ -1,6 +1,6 @@
 //! `paper`: the paper's equation 7.
 
-use super::{Across, Propagation, PropagationContext, Sent, Shape};
+use super::crossing::{Across, Propagation, PropagationContext, Sent, Shape};
 use crate::maths::rng::Stream;
 use glam::DVec2;
 use std::error::Error;

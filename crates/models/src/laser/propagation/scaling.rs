@@ -1,6 +1,6 @@
 //! `scaling`: a Gaussian whose radius and wander are those of theory.
 
-use super::{Across, Expected, Propagation, PropagationContext, Sent, Shape};
+use super::crossing::{Across, Expected, Propagation, PropagationContext, Sent, Shape};
 use crate::laser::beam::wander_correlation_time_s;
 use crate::maths::rng::Stream;
 use glam::DVec2;
@@ -16,7 +16,8 @@ pub struct Scaling {
     /// Wander about each axis, and logarithm of the peak, of unit variance.
     wander: DVec2,
     breath: f64,
-    expected: Option<Expected>,
+    /// What theory expects, and whether of a beam that is on.
+    expected: Option<(bool, Expected)>,
 }
 
 impl Scaling {
@@ -48,9 +49,9 @@ impl Propagation for Scaling {
         self.wander = keep * self.wander
             + kick * DVec2::new(self.wander_rng.normal(), self.wander_rng.normal());
         self.breath = keep * self.breath + kick * self.breath_rng.normal();
-        let expected = match self.expected {
-            Some(expected) if !sent.is_new => expected,
-            _ => *self.expected.insert(sent.expected()),
+        let (_, expected) = match self.expected {
+            Some(known) if known.0 == sent.fires && !sent.is_new => known,
+            _ => *self.expected.insert((sent.fires, sent.expected())),
         };
         let variance = sent.air.turbulence.peak_log_variance(w0_m);
         let relative = (variance.sqrt() * self.breath - 0.5 * variance).exp();

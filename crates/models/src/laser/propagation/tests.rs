@@ -3,7 +3,10 @@
 use super::*;
 use crate::air::atmosphere::Cn2Profile;
 use crate::air::turbulence::AirPath;
+use crate::air::turbulence::PathTurbulence;
+use crate::laser::beam::{BloomingAir, Laser, peak_irradiance_wpm2};
 use boresight_wave::even_layers;
+use glam::DVec2;
 
 const OUTER_M: f64 = 20.0; // [m]
 

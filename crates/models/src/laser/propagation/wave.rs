@@ -1,30 +1,12 @@
 //! `wave`: the wave itself, through screens that the wind carries.
 
-use super::{Across, Propagation, PropagationContext, Sent, Shape};
+use super::crossing::{Across, Propagation, PropagationContext, Sent, Shape, WaveSettings};
 use crate::laser::beam::{PRESSURE_PA, peak_irradiance_wpm2, refractivity};
 use crate::maths::rng::Stream;
 use boresight_wave::{Absorbing, Aperture, Sampling, Spot, VonKarman, Wave};
 use glam::DVec2;
 use std::error::Error;
 use std::sync::Arc;
-
-/// How finely a wave is followed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WaveSettings {
-    /// Times a second that the beam is sent through the air [Hz], a divisor of the tick rate. Between them the spot stays.
-    pub rate_hz: u32,
-    /// Clear aperture over the beam's 1/e² radius [-]: 1.6 lets 99.4 % through.
-    pub clear_ratio: f64,
-}
-
-impl Default for WaveSettings {
-    fn default() -> Self {
-        Self {
-            rate_hz: 120,
-            clear_ratio: 1.6,
-        }
-    }
-}
 
 /// A path's screens and the spot that its beam made last.
 #[derive(Clone, Debug)]
