@@ -2,7 +2,7 @@
 What the package `boresight` is made of; use it through that.
 """
 
-from _typeshed import SupportsGetItem
+from _typeshed import SupportsGetItem, SupportsLenAndGetItem
 from collections.abc import Sequence
 from numpy import float64, uint8
 from numpy.typing import NDArray
@@ -635,13 +635,17 @@ class Simulation:
     The base of `boresight.Simulation`, which says how it is opened.
     """
     def __new__(cls, /, path: str | PathLike[str], text: str | None, seed: SupportsIndex | None, set: SupportsGetItem[int, str], pictures: bool | None, record: str | PathLike[str] | None, threads: SupportsIndex | None, laws: dict[str, Any], detectors: dict[str, Any]) -> Simulation: ...
+    def _drive(self, /, rates_degps: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, mirror_urad: SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, station: str | None) -> None:
+        """
+        Drives gimbal \\[°/s\\] and mirror \\[µrad\\] from outside.
+        """
     def _finish(self, /) -> str | None:
         """
         Ends the run where it is, and returns its summary as JSON; None where it was finished before.
         """
     def _give(self, /, order: str) -> None:
         """
-        Gives an order, as JSON.
+        Gives an order, as TOML.
         """
     def _summary(self, /) -> str:
         """
