@@ -134,36 +134,20 @@ pub fn rows<T: Send>(
     scratch: usize,
 ) {
     let of_each = n.div_ceil(threads);
-    let part = |first: usize, rows: &mut [T]| {
+    bands(square, n, of_each, |first, rows| {
         let mut scratch = vec![Complex64::default(); scratch];
         for (at, row) in rows.chunks_exact_mut(n).enumerate() {
             work(first + at, row, &mut scratch);
-        }
-    };
-    if threads == 1 {
-        return part(0, square);
-    }
-    std::thread::scope(|scope| {
-        let mut parts = square.chunks_mut(of_each * n).enumerate();
-        let own = parts.next();
-        for (at, rows) in parts {
-            let part = &part;
-            scope.spawn(move || part(at * of_each, rows));
-        }
-        if let Some((_, rows)) = own {
-            part(0, rows);
         }
     });
 }
 
 /// The transpose of a square.
 fn transpose(from: &[Complex64], to: &mut [Complex64], n: usize, threads: usize) {
-    // A band of blocks is a row of work.
-    let bands = n.div_ceil(BLOCK);
-    let of_each = bands.div_ceil(threads) * BLOCK;
-    let part = |first: usize, rows: &mut [Complex64]| {
-        for (band, rows) in rows.chunks_mut(BLOCK * n).enumerate() {
-            let y0 = first + band * BLOCK;
+    let of_each = n.div_ceil(BLOCK).div_ceil(threads) * BLOCK;
+    bands(to, n, of_each, |first, rows| {
+        for (block, rows) in rows.chunks_mut(BLOCK * n).enumerate() {
+            let y0 = first + block * BLOCK;
             for x0 in (0..n).step_by(BLOCK) {
                 for (dy, row) in rows.chunks_exact_mut(n).enumerate() {
                     for x in x0..(x0 + BLOCK).min(n) {
@@ -172,14 +156,25 @@ fn transpose(from: &[Complex64], to: &mut [Complex64], n: usize, threads: usize)
                 }
             }
         }
-    };
-    if threads == 1 {
-        return part(0, to);
-    }
+    });
+}
+
+/// Works on bands of so many rows, each by its first row's number, a thread each; the first by this one.
+fn bands<T: Send>(
+    square: &mut [T],
+    n: usize,
+    of_each: usize,
+    work: impl Fn(usize, &mut [T]) + Sync,
+) {
     std::thread::scope(|scope| {
-        for (at, rows) in to.chunks_mut(of_each * n).enumerate() {
-            let part = &part;
-            scope.spawn(move || part(at * of_each, rows));
+        let mut bands = square.chunks_mut(of_each * n).enumerate();
+        let own = bands.next();
+        for (at, rows) in bands {
+            let work = &work;
+            scope.spawn(move || work(at * of_each, rows));
+        }
+        if let Some((_, rows)) = own {
+            work(0, rows);
         }
     });
 }
