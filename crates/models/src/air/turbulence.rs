@@ -127,44 +127,19 @@ impl PathTurbulence {
     /// Short-term 1/e² intensity radius [m] about the centroid, where the spot's peak is concerned:
     /// W² + (0.366 λ L / r0)².
     ///
-    /// The form is Breaux's for tilt-corrected apertures (BRL report 1865, 1978), with the factor that split-step propagation
-    /// gives for beams of D/r0 up to 3 (`boresight validate`); never more than the long-term radius.
+    /// The form is Breaux's for tilt-corrected apertures (1978; recalled), with the factor that split steps give for D/r0 up
+    /// to 3 (example `spots` of `boresight-wave`); never more than the long-term radius.
     pub fn short_term_radius_m(&self, w_m: f64) -> f64 {
         let lambda_m = TAU / self.wavenumber_radpm;
         let spread_m = 0.366 * lambda_m * self.length_m / self.fried_spherical_m;
         w_m.hypot(spread_m).min(self.long_term_radius_m(w_m))
     }
 
-    /// Wander to simulate about each axis [rad, rms]: a Gaussian spot of the short-term radius that wanders so averages to the
-    /// long-term radius, W_LT² = W_ST² + 4 σ² L².
-    pub fn wander_axis_rms_rad(&self, w_m: f64) -> f64 {
-        let (long, short) = (self.long_term_radius_m(w_m), self.short_term_radius_m(w_m));
-        (long * long - short * short).max(0.0).sqrt() / (2.0 * self.length_m)
-    }
-
-    /// Root of the mean square of the centroid's distance from the axis [rad], of a beam of 1/e² radius `w0_m` [m] at the
-    /// transmitter that is focused on the target: the phase's slope, weighted by the irradiance, over Kolmogorov's structure
-    /// function, 6.88/2 · 25/9 · Γ(5/6) W0^(-1/3) r0^(-5/3) / k².
-    pub fn centroid_rms_rad(&self, w0_m: f64) -> f64 {
-        const GAMMA_5_6: f64 = 1.128_787_029_9;
-        let square =
-            3.44 * 25.0 / 9.0 * GAMMA_5_6 / w0_m.cbrt() * self.fried_spherical_m.powf(-5.0 / 3.0);
-        square.sqrt() / self.wavenumber_radpm
-    }
-
     /// Variance of the logarithm of the short-term spot's peak [-] of a beam of 1/e² radius `w0_m` [m] at the transmitter:
-    /// 0.0175 (2 W0/r0)², by split-step propagation for D/r0 from 0.3 to 3, and at most one.
+    /// 0.0175 (2 W0/r0)², by the same example for D/r0 from 0.3 to 3, and at most one.
     pub fn peak_log_variance(&self, w0_m: f64) -> f64 {
         (0.0175 * (2.0 * w0_m / self.fried_spherical_m).powi(2)).min(1.0)
     }
-}
-
-/// Scintillation index of a plane wave of Rytov variance `rytov` [-], zero inner scale (A&P ch. 9).
-pub fn plane_scintillation_index(rytov: f64) -> f64 {
-    let s125 = rytov.powf(1.2); // sigma_R^(12/5)
-    let large = 0.49 * rytov / (1.0 + 1.11 * s125).powf(7.0 / 6.0);
-    let small = 0.51 * rytov / (1.0 + 0.69 * s125).powf(5.0 / 6.0);
-    (large + small).exp_m1()
 }
 
 #[cfg(test)]

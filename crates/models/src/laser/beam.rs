@@ -41,17 +41,6 @@ impl Laser {
         turbulence.long_term_radius_m(self.spot_radius_m(range_m, focus_range_m))
     }
 
-    /// Short-term radius [m] at the end of the path of `turbulence`: that of the spot at a moment, which wanders.
-    pub fn short_term_radius_m(
-        &self,
-        range_m: f64,
-        focus_range_m: f64,
-        turbulence: &PathTurbulence,
-    ) -> f64 {
-        let w_m = self.spot_radius_m(range_m, focus_range_m);
-        turbulence.short_term_radius_m(w_m)
-    }
-
     /// Thermal distortion number N [-] of the beam on its way to `range_m` [m], focused at
     /// `focus_range_m` [m].
     ///

@@ -1,8 +1,6 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::air::atmosphere::Cn2Profile;
-use crate::air::turbulence::AirPath;
 use crate::maths::rng::Stream;
 
 fn close(value: f64, expected: f64, relative: f64) {
@@ -34,22 +32,6 @@ fn laser() -> Laser {
 fn spot_radii_have_the_published_values() {
     let laser = laser();
     close(laser.spot_radius_m(1000.0, 1000.0), 6.774e-3, 1e-4);
-    let path = AirPath {
-        length_m: 1000.0,
-        h0_m: 10.0,
-        h1_m: 10.0,
-    };
-    let air = PathTurbulence::new(
-        &Cn2Profile::Constant(1e-14),
-        &path,
-        laser.wavelength_m,
-        f64::INFINITY,
-    );
-    let w = laser.spot_radius_m(1000.0, 1000.0);
-    let long = laser.long_term_radius_m(1000.0, 1000.0, &air);
-    let short = laser.short_term_radius_m(1000.0, 1000.0, &air);
-    let wander = air.wander_axis_rms_rad(w);
-    close(jitter_averaged_radius_m(short, wander, 1000.0), long, 1e-12);
 }
 
 #[test]
