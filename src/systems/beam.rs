@@ -111,7 +111,7 @@ pub fn propagate(
                 light(
                     &clock,
                     &environment,
-                    &optics.laser,
+                    laser,
                     source.laser.power_w * dt_s,
                     (aimed, &arriving),
                     &mut beam,

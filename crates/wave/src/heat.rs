@@ -35,8 +35,8 @@ impl HeatedAir {
     pub fn new(grid: Grid) -> Self {
         Self {
             grid,
-            rise_k: vec![0.0; grid.len()],
-            scratch: vec![0.0; grid.len()],
+            rise_k: vec![0.0; grid.samples()],
+            scratch: vec![0.0; grid.samples()],
         }
     }
 

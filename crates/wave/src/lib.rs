@@ -50,12 +50,7 @@ impl Grid {
     }
 
     /// Samples of the square.
-    pub fn len(&self) -> usize {
+    pub fn samples(&self) -> usize {
         self.n * self.n
-    }
-
-    /// Whether there is no sample.
-    pub fn is_empty(&self) -> bool {
-        self.n == 0
     }
 }

@@ -95,7 +95,7 @@ impl Screens {
             grid,
             layers: layers.collect(),
             rms,
-            pair: vec![Complex64::ZERO; grid.len()],
+            pair: vec![Complex64::ZERO; grid.samples()],
         }
     }
 

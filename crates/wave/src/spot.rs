@@ -132,8 +132,8 @@ impl Exposures {
         Self {
             grid,
             count: 0,
-            long: vec![0.0; grid.len()],
-            short: vec![0.0; grid.len()],
+            long: vec![0.0; grid.samples()],
+            short: vec![0.0; grid.samples()],
             wander2_m2: 0.0,
         }
     }

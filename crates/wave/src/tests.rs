@@ -494,7 +494,7 @@ fn screens_have_zernikes_variances() {
         cn2: 1e-14,
         across_mps: [0.0; 2],
     };
-    let inside: Vec<_> = (0..grid.len())
+    let inside: Vec<_> = (0..grid.samples())
         .map(|at| {
             (
                 at,

@@ -59,16 +59,6 @@ pub enum WaveError {
         /// What helps.
         mend: &'static str,
     },
-    /// A number makes no sense.
-    #[error("{what} is {is}; give {wanted}")]
-    Number {
-        /// Which number.
-        what: &'static str,
-        /// Its value.
-        is: f64,
-        /// What it must be.
-        wanted: &'static str,
-    },
 }
 
 /// How well a grid samples a beam and its path: each quantity with what it may be at most.
@@ -150,26 +140,30 @@ impl Sampling {
     /// The smallest grid of a power of two, 64 to 2048 samples, that samples a beam well.
     ///
     /// # Errors
-    /// None does.
+    /// None does: what the largest one lacks.
     pub fn grid(aperture: &Aperture, layers: &[Layer], length_m: f64) -> Result<Grid, WaveError> {
         let spot_m = aperture.radius_at_m(length_m);
-        let mut found = None;
-        for n in [64, 128, 256, 512, 1024, 2048] {
-            // From the finest spacing whose square holds the aperture, to that which still resolves the spot.
-            for finer in [4.0, 3.0, 2.5] {
-                let spacing_m = (spot_m / finer).min(12.0 * aperture.radius_m / n as f64);
-                let grid = Grid { n, spacing_m };
-                match Self::of(grid, aperture, layers, length_m).check() {
-                    Ok(()) => return Ok(grid),
-                    Err(error) => found = Some(error),
-                }
+        // From the finest spacing whose square holds the aperture, to that which still resolves the spot.
+        let of = |n: usize, finer: f64| Grid {
+            n,
+            spacing_m: (spot_m / finer).min(12.0 * aperture.radius_m / n as f64),
+        };
+        let check = |grid: Grid| {
+            let sampled = Self::of(grid, aperture, layers, length_m);
+            sampled.check().map(|()| grid)
+        };
+        let sides = [64, 128, 256, 512, 1024, 2048];
+        let grids = sides
+            .iter()
+            .flat_map(|n| [4.0, 3.0, 2.5].map(|finer| of(*n, finer)));
+        let mut refused = check(of(64, 4.0));
+        for grid in grids {
+            refused = check(grid);
+            if refused.is_ok() {
+                break;
             }
         }
-        Err(found.unwrap_or(WaveError::Number {
-            what: "samples",
-            is: 0.0,
-            wanted: "some",
-        }))
+        refused
     }
 
     /// Whether each quantity is within its limit.
@@ -236,7 +230,7 @@ impl Wave {
             transform: Transform::new(grid.n, threads),
             of_screens: Transform::new(grid.n, threads),
             border: (0..grid.n).map(|i| clear(grid, i)).collect(),
-            field: vec![Complex64::ZERO; grid.len()],
+            field: vec![Complex64::ZERO; grid.samples()],
             sent_w: 0.0,
         }
     }

@@ -183,6 +183,13 @@ pub struct Expected {
     pub power_w: f64,
 }
 
+impl Expected {
+    /// Wander about each axis [m, rms] by which a spot of the short-term radius averages to the long-term one.
+    pub fn wander_axis_m(&self) -> f64 {
+        0.5 * (self.long_m.powi(2) - self.short_m.powi(2)).max(0.0).sqrt()
+    }
+}
+
 impl Sent<'_> {
     /// What theory expects of it.
     pub fn expected(&self) -> Expected {

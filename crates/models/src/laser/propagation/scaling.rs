@@ -55,10 +55,7 @@ impl Propagation for Scaling {
         };
         let variance = sent.air.turbulence.peak_log_variance(w0_m);
         let relative = (variance.sqrt() * self.breath - 0.5 * variance).exp();
-        let wander_m = 0.5
-            * (expected.long_m.powi(2) - expected.short_m.powi(2))
-                .max(0.0)
-                .sqrt();
+        let wander_m = expected.wander_axis_m();
         Ok(Across {
             power_w: expected.power_w,
             centre_m: wander_m * self.wander,

@@ -24,10 +24,8 @@ pub struct WavePropagation {
 #[derive(Clone, Debug)]
 struct Path {
     wave: Wave,
-    /// What arrived last; none where the laser did not emit, which costs no propagation.
+    /// What arrived last; none where the laser did not emit.
     spot: Option<Arc<Spot>>,
-    /// Peak without turbulence and blooming [W/m²].
-    still_wpm2: f64,
 }
 
 impl WavePropagation {
@@ -65,101 +63,105 @@ impl WavePropagation {
             focus_m: sent.focus_m,
         }
     }
+
+    /// Takes out the path's screens: those of before where they hold this beam too, or else new ones.
+    fn take_path(
+        &mut self,
+        sent: &Sent,
+        aperture: &Aperture,
+    ) -> Result<Path, Box<dyn Error + Send + Sync>> {
+        let layers = &sent.air.layers;
+        let holds = |path: &Path| {
+            Sampling::of(path.wave.grid(), aperture, layers, sent.range_m)
+                .check()
+                .is_ok()
+        };
+        let mut path = match self.path.take().filter(holds) {
+            Some(path) => path,
+            None => {
+                let grid = Sampling::grid(aperture, layers, sent.range_m).map_err(|error| {
+                    format!(
+                        "turbulence.propagation: no grid of 'wave' holds the beam to {:.0} m ({error}); \
+                         take 'scaling', or a path that is longer or less turbulent",
+                        sent.range_m
+                    )
+                })?;
+                let rng = &mut self.rng;
+                let mut normal = || rng.normal();
+                let (layers, length_m) = (layers.clone(), sent.range_m);
+                Path {
+                    wave: Wave::new(grid, &self.spectrum, layers, length_m, 1, &mut normal),
+                    spot: None,
+                }
+            }
+        };
+        if path.wave.layers() != layers {
+            path.wave.retune(layers.clone(), sent.range_m);
+        }
+        Ok(path)
+    }
 }
 
 impl Propagation for WavePropagation {
     fn cross(&mut self, sent: &Sent) -> Result<Across, Box<dyn Error + Send + Sync>> {
-        let aperture = self.aperture(sent);
-        let layers = &sent.air.layers;
-        let rng = &mut self.rng;
-        let mut normal = || rng.normal();
-        // What the samples of one path hold, those of another may not.
-        let grid = match &self.path {
-            Some(path)
-                if Sampling::of(path.wave.grid(), &aperture, layers, sent.range_m)
-                    .check()
-                    .is_ok() =>
-            {
-                path.wave.grid()
-            }
-            _ => {
-                self.path = None;
-                Sampling::grid(&aperture, layers, sent.range_m)?
-            }
-        };
-        let fired = (self.path.as_ref()).is_some_and(|path| path.spot.is_some());
-        let is_due =
-            self.ticks.is_multiple_of(self.every) || self.path.is_none() || fired != sent.fires;
+        let air = absorbing(sent);
+        let fired = self.path.as_ref().is_some_and(|path| path.spot.is_some());
+        let is_due = self.ticks.is_multiple_of(self.every) || fired != sent.fires;
         let dt_s = f64::from(self.ticks) * sent.dt_s;
         self.ticks = if is_due { 1 } else { self.ticks + 1 };
-        let extinction_pm = sent.air.warmed.extinction_per_m;
-        let path = match &mut self.path {
-            Some(path) => {
-                if sent.is_new {
-                    path.wave.retune(layers.clone(), sent.range_m);
-                }
-                path
+        if !sent.fires {
+            // A beam that is off costs no propagation: its spot is theory's, and the air goes on.
+            if let Some(path) = self.path.as_mut().filter(|_| is_due) {
+                let rng = &mut self.rng;
+                path.wave.carry(dt_s, &mut || rng.normal());
+                path.wave.rest(&air, dt_s);
+                path.spot = None;
             }
-            none => {
-                let wave = Wave::new(
-                    grid,
-                    &self.spectrum,
-                    layers.clone(),
-                    sent.range_m,
-                    1,
-                    &mut normal,
-                );
-                none.insert(Path {
-                    wave,
-                    spot: None,
-                    still_wpm2: 1.0,
-                })
-            }
-        };
-        let expected = sent.expected();
-        if is_due {
-            path.wave.carry(dt_s, &mut normal);
-            let warmed = &sent.air.warmed;
-            let air = Absorbing {
-                absorption_pm: warmed.absorption_per_m,
-                temperature_k: warmed.temperature_k,
-                pressure_pa: PRESSURE_PA,
-                refractivity: refractivity(sent.laser.wavelength_m, warmed.temperature_k),
-            };
-            path.spot = match sent.fires {
-                true => Some(Arc::new(path.wave.heat(
-                    &aperture,
-                    extinction_pm,
-                    &air,
-                    dt_s,
-                ))),
-                false => {
-                    path.wave.rest(&air, dt_s);
-                    None
-                }
-            };
-            let w_m = sent.laser.spot_radius_m(sent.range_m, sent.focus_m);
-            path.still_wpm2 = peak_irradiance_wpm2(expected.power_w, w_m);
-        }
-        Ok(match &path.spot {
-            Some(spot) => Across {
-                power_w: spot.power_w(),
-                centre_m: DVec2::from(spot.centroid_m()),
-                relative: spot.peak_wpm2() / path.still_wpm2,
-                shape: Shape::Map(spot.clone()),
-            },
-            None => Across {
+            let expected = sent.expected();
+            return Ok(Across {
                 power_w: expected.power_w,
                 centre_m: DVec2::ZERO,
                 relative: 1.0,
                 shape: Shape::Gaussian {
                     radius_m: expected.short_m,
                 },
-            },
+            });
+        }
+        let aperture = self.aperture(sent);
+        let mut path = self.take_path(sent, &aperture)?;
+        let spot = match path.spot.take().filter(|_| !is_due) {
+            Some(spot) => spot,
+            None => {
+                let rng = &mut self.rng;
+                path.wave.carry(dt_s, &mut || rng.normal());
+                let extinction_pm = sent.air.warmed.extinction_per_m;
+                Arc::new(path.wave.heat(&aperture, extinction_pm, &air, dt_s))
+            }
+        };
+        path.spot = Some(spot.clone());
+        self.path = Some(path);
+        let w_m = sent.laser.spot_radius_m(sent.range_m, sent.focus_m);
+        let arrives_w = sent.expected().power_w;
+        Ok(Across {
+            power_w: spot.power_w(),
+            centre_m: DVec2::from(spot.centroid_m()),
+            relative: spot.peak_wpm2() / peak_irradiance_wpm2(arrives_w, w_m),
+            shape: Shape::Map(spot),
         })
     }
 
     fn boxed(&self) -> Box<dyn Propagation> {
         Box::new(self.clone())
+    }
+}
+
+/// The air of a path as it takes up heat.
+fn absorbing(sent: &Sent) -> Absorbing {
+    let warmed = &sent.air.warmed;
+    Absorbing {
+        absorption_pm: warmed.absorption_per_m,
+        temperature_k: warmed.temperature_k,
+        pressure_pa: PRESSURE_PA,
+        refractivity: refractivity(sent.laser.wavelength_m, warmed.temperature_k),
     }
 }
