@@ -18,6 +18,11 @@ use boresight::models::ground::lattice::Lattice;
 use boresight::models::ground::triangles::TriangleTree;
 use boresight::models::maths::geodesy::{Geodetic, SiteFrame};
 use boresight::models::maths::rng::Stream;
+use boresight::models::optics::camera::PixelRect;
+use boresight::models::optics::seeing::{
+    FrameSeeing, FrozenAir, Lens, Look, Picture, Pupil, SEEING_STREAM, SeeingOptics, SeenThrough,
+    Sight, WarpScratch,
+};
 use boresight::models::shape::mesh::MeshData;
 use boresight::models::shape::textured::TexturedMesh;
 use boresight::models::tiles::selection::{SelectOptions, View, ideal_cut};
@@ -38,6 +43,7 @@ use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 const DEMO: &str = concat!(
@@ -832,8 +838,62 @@ fn wave(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// What the air makes of a window of the precise camera, and of one place in it, on one core.
+fn seeing(criterion: &mut Criterion) {
+    let mut rng = Stream::new(1, 0, SEEING_STREAM);
+    let air = Arc::new(FrozenAir::new(&mut rng, 20.0));
+    let winds_enu_mps = air.winds(|_| DVec3::new(3.0, 1.0, 0.0));
+    let frame = FrameSeeing {
+        optics: Arc::new(SeeingOptics {
+            air,
+            pupil: Pupil::disc(0.045),
+            diameter_m: 0.045,
+            lens: Lens {
+                focal_px: 36_667.0,
+                centre_px: DVec2::new(320.0, 240.0),
+                pitch_px: 4.0,
+                line_s: 0.0,
+            },
+        }),
+        look: Look {
+            axes_enu: [DVec3::X, -DVec3::Z, DVec3::Y],
+            t_s: 1.0,
+            exposure_s: 2e-3,
+            winds_enu_mps,
+            seen_enu_mps: DVec3::ZERO,
+        },
+        flying: vec![SeenThrough {
+            index: 0,
+            box_px: [310.0, 235.0, 330.0, 245.0],
+            place_px: DVec2::new(320.0, 240.0),
+            sight: Sight::new(1_000.0, |_| 1e-14),
+            v_enu_mps: DVec3::X,
+        }],
+    };
+    let behind = Sight::new(2_000.0, |_| 1e-14);
+    let rect = PixelRect {
+        offset_px: [192, 112],
+        size_px: [256; 2],
+    };
+    let mut pixels = vec![0x38; 8 * 256 * 256];
+    let (mut picture, mut scratch) = (Picture::default(), WarpScratch::default());
+    let mut group = criterion.benchmark_group("seeing");
+    group.bench_function("a window of 256x256", |bencher| {
+        bencher.iter(|| {
+            let parts = frame.parts(rect, &behind);
+            picture.read(&pixels, rect);
+            picture.write(&parts, 0..256, &mut scratch, &mut pixels);
+        });
+    });
+    group.bench_function("a UAV's place", |bencher| {
+        bencher.iter(|| frame.shift_px(0));
+    });
+    group.finish();
+}
+
 criterion_group!(
     benches,
+    seeing,
     wave,
     selection,
     simplification,

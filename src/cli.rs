@@ -7,6 +7,7 @@ use crate::dataset::{self, DatasetError};
 use crate::eval::{self, EvalError};
 use crate::experiment::diff::{Comparison, Tolerances};
 use crate::experiment::{self, ExperimentError};
+use crate::fit_detector;
 use crate::fmu::{self, FmuError};
 use crate::georef::{self, GeorefError};
 use crate::lint;
@@ -23,6 +24,7 @@ use crate::simulation::{Builder, Simulation, SimulationError, UavView, View};
 use crate::stop;
 use crate::tiles_command::{self as tiles, Tiles};
 use crate::tune::{self, TuneError};
+use crate::validate::{self, ValidateError};
 use crate::view::{self, ViewError};
 use crate::warning::{self, StrictError};
 use clap::{Args, Parser, Subcommand};
@@ -66,6 +68,9 @@ pub enum CliError {
     /// The tuning of a mount.
     #[error(transparent)]
     Tune(#[from] TuneError),
+    /// A measured detector.
+    #[error(transparent)]
+    Fit(#[from] fit_detector::FitError),
     /// A file that a command leaves.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -90,6 +95,9 @@ pub enum CliError {
     /// A file of the catalogue.
     #[error(transparent)]
     Uav(#[from] UavError),
+    /// The checks of the models.
+    #[error(transparent)]
+    Validate(#[from] ValidateError),
     /// The time of a picture of the window.
     #[error("--screenshot: '{0}' is not a number of seconds; give FILE SECONDS")]
     Seconds(String),
@@ -152,6 +160,9 @@ enum Command {
     /// Measure the tracking over many runs and write numbers, pictures and a page.
     #[command(subcommand)]
     Eval(EvalCommand),
+    /// Make a measured detector, which needs no pictures, of what a network and a recogniser said in engagements on rendered
+    /// pixels.
+    FitDetector(fit_detector::Arguments),
     /// Render annotated pictures for training and testing detectors, from a recipe.
     Dataset(dataset::Arguments),
     /// Run scenarios and write the last seconds of their tracks, for training a recogniser.
@@ -159,6 +170,9 @@ enum Command {
     /// Real cities as 3D Tiles.
     #[command(subcommand)]
     Tiles(Tiles),
+    /// Hold every model to closed forms and published values; leaves report.html, checks.json and plots. Ends with 0 where
+    /// every check is green, with 1 where one is red.
+    Validate(validate::Arguments),
     /// List the UAV models.
     Models,
     /// Say what this machine offers: graphics adapter, ONNX Runtime, threads.
@@ -447,8 +461,8 @@ fn run(cli: Cli) -> Result<u8, CliError> {
             let options = Options {
                 seed: args.seed.or(seed),
                 threads: args.threads,
-                capture: !args.no_capture && !loaded.scenario.detector.is_truth(),
-                on_demand: !args.no_capture && loaded.scenario.detector.is_truth(),
+                capture: !args.no_capture && !loaded.scenario.detector.is_blind(),
+                on_demand: !args.no_capture && loaded.scenario.detector.is_blind(),
                 out: args.out.clone(),
                 pace: args.pace,
                 log: true,
@@ -489,6 +503,10 @@ fn run(cli: Cli) -> Result<u8, CliError> {
             Ok(())
         }
         Command::Eval(command) => return eval(command),
+        Command::FitDetector(args) => {
+            say!("{}", fit_detector::carry_out(&args)?);
+            Ok(())
+        }
         Command::Dataset(args) => {
             stop::listen();
             say!("{}", dataset::dataset(&args)?.trim_end());
@@ -515,6 +533,16 @@ fn run(cli: Cli) -> Result<u8, CliError> {
             let (text, code) = tiles::run(&command)?;
             say!("{}", text.trim_end());
             return Ok(code);
+        }
+        Command::Validate(args) => {
+            let found = validate::validate(&args)?;
+            if args.json {
+                say!("{}", found.json().map_err(ValidateError::from)?);
+            } else {
+                say!("{}", found.text().trim_end());
+                say!("page  {}", args.out.join("report.html").display());
+            }
+            return Ok(found.exit_code());
         }
         Command::Models => {
             say!("{}", models()?.trim_end());

@@ -36,6 +36,7 @@
 //! | sweeps, tests, comparisons | [`experiment`] |
 //! | evaluations of engagement, tracking, detector, clips | [`eval`] |
 //! | annotated pictures | [`dataset`] |
+//! | every model against its references | [`validate`] |
 //! | a run for clients in other programs | [`serve`] |
 //! | a station as a co-simulation unit | [`fmu`] |
 //! | the same run as a Bevy app: data, behaviour, wiring | [`components`], [`systems`], [`plugins`], [`app`] |
@@ -48,6 +49,7 @@ pub mod components;
 pub mod dataset;
 pub mod eval;
 pub mod experiment;
+pub mod fit_detector;
 pub mod fmu;
 pub mod georef;
 pub mod lint;
@@ -60,6 +62,7 @@ pub mod simulation;
 pub mod systems;
 pub mod tiles_command;
 pub mod tune;
+pub mod validate;
 pub mod view;
 
 pub use boresight_common::{VERSION, data, output, parallel, progress, stop, warning};

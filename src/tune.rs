@@ -128,6 +128,7 @@ impl Tuning {
         let plant = MountPlant {
             gimbal: gimbal_params(&station.mount, clock.dt_s()),
             mirror: mirror_params(&station.mount),
+            gyro: station.mount.gyro.params(),
             dt_s: clock.dt_s(),
         };
         let refuse_mount = |error: String| loaded.refuse("station.mount", error);

@@ -109,6 +109,11 @@ class Beam:
         Whether the firing beam's centre lay on that aim point, with nothing in between.
         """
     @property
+    def peak_wpm2(self, /) -> float:
+        """
+        Greatest irradiance in the spot [W/m²].
+        """
+    @property
     def power_at_target_w(self, /) -> float:
         """
         Power that arrives at that UAV's range [W].
@@ -917,6 +922,16 @@ class Uav:
         Energy that lasers emitted while it was the aimed one [J].
         """
     @property
+    def face_k(self, /) -> float | None:
+        """
+        The hottest place that beams have fallen on [K]; None of a distractor.
+        """
+    @property
+    def hole_m2(self, /) -> float:
+        """
+        Area that is burnt through [m²].
+        """
+    @property
     def index(self, /) -> int:
         """
         Its number in the scenario; distractors come after all UAVs.
@@ -924,7 +939,12 @@ class Uav:
     @property
     def irradiance_wpm2(self, /) -> float:
         """
-        Mean irradiance on that skin in the last tick [W/m²].
+        Mean irradiance within 5 cm of the aim point in the last tick [W/m²].
+        """
+    @property
+    def lost(self, /) -> list[str]:
+        """
+        Parts that lasers have destroyed, in the order of their loss: "body", "battery", "motor", "arm", "camera".
         """
     @property
     def name(self, /) -> str:
@@ -934,7 +954,7 @@ class Uav:
     @property
     def neutralised_s(self, /) -> float | None:
         """
-        When its skin failed [s]; None before.
+        When it was brought down [s]; None before.
         """
     @property
     def r_enu_m(self, /) -> NDArray[float64]:
@@ -958,7 +978,7 @@ class Uav:
     @property
     def skin_k(self, /) -> float | None:
         """
-        Temperature of the skin under the aim point [K]; None of a distractor.
+        The hottest of what would fail under beams, a wall that bears or what lies behind one [K]; None of a distractor.
         """
     @property
     def status(self, /) -> str:

@@ -185,6 +185,7 @@ class Beam:
     scintillation: float = _field(12, "d", 0.0)
     energy_j: float = _field(13, "d", 0.0)
     dwell_s: float = _field(14, "d", 0.0)
+    peak_wpm2: float = _field(15, "d", 0.0)
 
 
 @_message
@@ -229,6 +230,9 @@ class Uav:
     acquired_s: float | None = _field(10, "d")
     neutralised_s: float | None = _field(11, "d")
     at_asset_s: float | None = _field(12, "d")
+    face_k: float | None = _field(13, "d")
+    hole_m2: float = _field(14, "d", 0.0)
+    lost: list[str] = _field(15, "S", list)
 
 
 @_message

@@ -278,7 +278,7 @@ def test_a_choice_of_a_uav_is_obeyed():
 
 
 def test_left_alone_it_is_the_plain_run():
-    env = made("Assign", uavs=3, episode_s=40.0)
+    env = made("Assign", uavs=3, episode_s=90.0)
     env.reset(seed=12)
     total, over, steps = 0.0, False, 0
     while not over:

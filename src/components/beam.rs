@@ -4,7 +4,10 @@ use crate::components::run::Registry;
 use crate::models::laser::beam::Laser;
 use crate::models::laser::propagation::{BeamAir, Propagation, PropagationContext};
 use crate::models::maths::rng::Stream;
+use crate::models::optics::seeing::{FrozenAir, Look, Pupil, Ripples};
 use bevy::prelude::*;
+use glam::DVec2;
+use std::sync::Arc;
 
 /// The propagations that a scenario may name, each made for a station.
 #[derive(Resource, Default, Deref, DerefMut)]
@@ -23,10 +26,21 @@ pub struct LaserSource {
     pub propagation: Box<dyn Propagation>,
     /// Outer scale of the turbulence [m].
     pub outer_m: f64,
+    /// The air that the station's cameras look through, as the beam meets it; none where they look through none.
+    pub seeing: Option<BeamSeeing>,
     /// Stream of the jitter.
     pub jitter_rng: Stream,
     /// The air on the way to the aimed UAV.
     pub path: Option<BeamPath>,
+}
+
+/// The pauses of a laser for the exposures of cameras that it would blind.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct LaserPauses {
+    /// Power without pauses [W].
+    pub full_w: f64,
+    /// Share of the time that it pauses for, from the next tick on.
+    pub share: f64,
 }
 
 /// The air on a beam's path, good for a fraction of a second.
@@ -36,6 +50,19 @@ pub struct BeamPath {
     pub index: usize,
     /// The air.
     pub air: BeamAir,
+}
+
+/// The turbulence that a station's cameras look through, as its beam meets it.
+#[derive(Clone, Debug)]
+pub struct BeamSeeing {
+    /// The air.
+    pub air: Arc<FrozenAir>,
+    /// The beam at its aperture.
+    pub pupil: Pupil,
+    /// Its tilts about the axes that the optics had at a time [s], good as long as the path.
+    pub ripples: Option<(Ripples, Look)>,
+    /// Where the beam is turned, of unit variance about each axis, right and down.
+    pub turned: DVec2,
 }
 
 /// What the engagement asks of the laser; obeyed from the next tick on.

@@ -8,8 +8,11 @@ pub use crate::models::optics::tier::Tier;
 
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::ExposureControl;
+use crate::models::optics::seeing::{FrameSeeing, SeeingOptics};
 pub use crate::models::optics::sensor::Conditions;
 use crate::models::optics::sensor::Sensor;
+use crate::models::optics::stray::lamp::LampBeam;
+use crate::models::optics::stray::response::BlockingFilter;
 use bevy::prelude::*;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
@@ -49,6 +52,8 @@ pub struct SensorCamera {
     pub latency_ticks: u64,
     /// Noise and blur.
     pub sensor: Sensor,
+    /// Turbulence before its lens; none where a scenario has none, or its blur is the sensor's.
+    pub seeing: Option<Arc<SeeingOptics>>,
     /// How its exposure is set.
     pub control: ExposureControl,
     /// Side of the windowed readout [px]; `None` reads the full frame always.
@@ -56,6 +61,49 @@ pub struct SensorCamera {
     /// Samples per pixel of the renderer: 1 or 4.
     pub antialias: u32,
 }
+
+/// What a camera does about the light of lasers and lamps.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct StrayOptics {
+    /// The filter before the lens.
+    pub filter: BlockingFilter,
+    /// What keeps the station's own laser out of the exposures.
+    pub gate: LaserGate,
+    /// Distance of the lens from the laser's axis, to its right [m].
+    pub offset_m: f64,
+    /// Diameter of the lens [m].
+    pub lens_m: f64,
+}
+
+/// What keeps a station's own laser out of a camera's exposures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LaserGate {
+    /// Nothing.
+    None,
+    /// The laser pauses while the camera exposes.
+    Pause,
+    /// The camera takes no frames while the laser fires.
+    Blank,
+}
+
+/// A searchlight or dazzler.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lamp {
+    /// Its beam.
+    pub beam: LampBeam,
+    /// Index of the UAV or distractor that carries it; `None`: it stands.
+    pub on: Option<usize>,
+    /// Where one that stands is [m].
+    pub r_enu_m: DVec3,
+    /// Index of the station that it is pointed at.
+    pub at: usize,
+    /// First and last instant that it shines [s].
+    pub lit_s: [f64; 2],
+}
+
+/// The searchlights and dazzlers of the run, in the order of the scenario.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Lamps(pub Vec<Lamp>);
 
 /// What a camera is asked to read out at its next exposures.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
@@ -147,6 +195,8 @@ pub struct ExposedFrame {
     pub conditions: Conditions,
     /// The UAVs and distractors in front of the camera.
     pub truth: Vec<UavInFrame>,
+    /// What the air does to the picture, of which truth knows nothing; none without turbulence before the lens.
+    pub seeing: Option<Arc<FrameSeeing>>,
     /// 8-bit RGB pixels of `rect`, row by row; `None` in a run that renders nothing.
     pub rgb8: Option<Arc<Vec<u8>>>,
 }
@@ -173,6 +223,7 @@ impl ExposedFrame {
             },
             conditions: Conditions::default(),
             truth: Vec::new(),
+            seeing: None,
             rgb8: None,
         }
     }

@@ -1,14 +1,19 @@
 //! The detector, and detections on their way to the tracker.
 
 use crate::components::capture::{ExposedFrame, PixelRect, Readout, UavInFrame};
+use crate::components::environment::Environment;
 use crate::components::run::{Options, PartError, Registry, Seed};
 use crate::models::decision::look::Shown;
+use crate::models::engage::interlock::FAR_M;
 use crate::models::flight::class::is_uav;
+use crate::models::ground::city::City;
 use crate::models::optics::detection::Detection;
 use crate::models::tracking::evidence::ScoreModel;
 use crate::models::tracking::moving::{Dot, MovingAs, MovingDots};
+use crate::models::tracking::recognition::TrackClass;
 use crate::scenario::Loaded;
 use bevy::prelude::*;
+use glam::DVec3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -174,10 +179,9 @@ impl DetectorInUse {
     /// How what moves counts among its detections: with the label behind those of its classes, and a score that starts a
     /// track and is about as likely of a UAV as of anything else that flies.
     pub fn moving(&self) -> MovingAs {
-        const NEUTRAL: f64 = 0.3;
         MovingAs {
             label: self.detector.classes().len() as u32,
-            score: self.reading.start_score.max(NEUTRAL),
+            score: self.reading.start_score.max(MovingAs::NEUTRAL),
         }
     }
 
@@ -217,6 +221,53 @@ pub struct DetectorContext {
     pub seed: Seed,
     /// Sizes of the cameras' sensors [px].
     pub sensors_px: Vec<[u32; 2]>,
+    /// What surrounds the things of the run, and what they are.
+    pub surroundings: Arc<Surroundings>,
+}
+
+/// Wavelength at which what the air takes of the contrast is taken [m].
+const SEEN_AT_M: f64 = 550e-9; // [m]
+
+/// What surrounds the things of a run, and what they are: what a detector without pictures goes by.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    /// What stands behind them.
+    pub city: Arc<City>,
+    /// What the air takes of their contrast [1/m].
+    pub extinction_per_m: f64,
+    /// What they are, in the order of the scenario.
+    pub kinds: Vec<TrackClass>,
+    /// Ticks of a second.
+    pub tick_hz: f64,
+}
+
+impl Surroundings {
+    /// Those of a run whose things of such indices are of such kinds.
+    pub fn new(
+        environment: &Environment,
+        things: impl IntoIterator<Item = (usize, TrackClass)>,
+        tick_hz: f64,
+    ) -> Self {
+        let mut things: Vec<(usize, TrackClass)> = things.into_iter().collect();
+        things.sort_unstable_by_key(|(index, _)| *index);
+        Self {
+            city: environment.city.clone(),
+            extinction_per_m: environment.weather.extinction_per_m(SEEN_AT_M),
+            kinds: things.into_iter().map(|(_, kind)| kind).collect(),
+            tick_hz,
+        }
+    }
+
+    /// What the thing of an index is.
+    pub fn kind(&self, index: usize) -> TrackClass {
+        self.kinds.get(index).copied().unwrap_or(TrackClass::Other)
+    }
+
+    /// Whether the sky is what a ray from a place [m, enu] meets.
+    pub fn is_sky(&self, from_enu_m: DVec3, ray_enu: DVec3) -> bool {
+        let hit = self.city.dsm.first_hit_kind(from_enu_m, ray_enu, FAR_M);
+        hit.is_none()
+    }
 }
 
 /// The detectors that a scenario may name.

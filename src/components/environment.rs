@@ -7,6 +7,7 @@ use crate::models::air::wind::MeanWind;
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::geodesy::SiteFrame;
+use crate::models::optics::seeing::{FrozenAir, LayerWinds, Sight};
 use crate::models::shape::textured::TilesLight;
 use crate::tiles::tileset::Tileset;
 use crate::warning::Warning;
@@ -74,6 +75,28 @@ impl Environment {
     /// Whether a point [m, enu] lies in closed cloud or above its base.
     pub fn in_cloud(&self, r_enu_m: DVec3) -> bool {
         self.weather.ceiling_m().is_some_and(|z_m| r_enu_m.z > z_m)
+    }
+
+    /// Height of a place [m, enu] above the ground [m], one metre at least.
+    pub fn above_ground_m(&self, r_enu_m: DVec3) -> f64 {
+        let ground_m = self.city.dsm.terrain_m(r_enu_m.x, r_enu_m.y);
+        (r_enu_m.z - ground_m).max(1.0)
+    }
+
+    /// The turbulence between a station [m, enu] and what lies `range_m` [m] away in a direction.
+    pub fn sight(&self, r_station_enu_m: DVec3, ahead_enu: DVec3, range_m: f64) -> Sight {
+        Sight::new(range_m, |along_m| {
+            let r_enu_m = r_station_enu_m + along_m * ahead_enu;
+            self.cn2.cn2(self.above_ground_m(r_enu_m))
+        })
+    }
+
+    /// The winds that carry the layers of the air about a station [m, enu].
+    pub fn winds(&self, r_station_enu_m: DVec3, air: &FrozenAir) -> LayerWinds {
+        /// Rise of the way over which they are taken [-]: that of a look at a UAV 100 m up and 1 km away.
+        const RISE: f64 = 0.1;
+        let height_m = self.above_ground_m(r_station_enu_m);
+        air.winds(|along_m| self.mean_wind.mean_wind_enu_mps(height_m + RISE * along_m))
     }
 
     /// Whether two points [m, enu] see each other: neither city nor closed cloud in between.

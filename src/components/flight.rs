@@ -8,11 +8,12 @@ use crate::models::flight::guided::Guided;
 use crate::models::flight::multirotor::{Airframe, MultirotorState};
 use crate::models::flight::swarm::{Behaviour, Steering};
 use crate::models::flight::trajectory::CompiledTrajectory;
-use crate::models::laser::thermal::{Skin, SkinMaterial};
+use crate::models::laser::target::{Effect, Hull, Parts, Patch};
 use crate::models::maths::rng::Stream;
+use crate::models::tracking::recognition::TrackClass;
 use bevy::prelude::*;
 use glam::DVec3;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Identity of a UAV or distractor.
 #[derive(Component, Clone, Debug)]
@@ -35,6 +36,13 @@ pub struct Distractor {
     pub plan: CompiledTrajectory,
     /// Phase of the wingbeat at time 0 [rad].
     pub phase_rad: f64,
+}
+
+impl Distractor {
+    /// What a thing is: a UAV, unless it is one of these.
+    pub fn class_of(distractor: Option<&Self>) -> TrackClass {
+        distractor.map_or(TrackClass::Uav, |other| other.kind.class().into())
+    }
 }
 
 /// Motion, the truth in f64.
@@ -90,15 +98,50 @@ pub struct Air {
     pub wind_enu_mps: DVec3,
 }
 
-/// The component under the aim point, as a lumped skin.
+/// What lasers have done to a UAV.
 #[derive(Component, Clone, Debug)]
 pub struct HeatedSkin {
-    /// Thermal state.
-    pub skin: Skin,
-    /// What it is made of.
-    pub material: SkinMaterial,
-    /// Mean irradiance on it in this tick [W/m^2].
+    /// Where it has what, and of what that is made.
+    pub parts: Arc<Parts>,
+    /// Temperature at which the part aimed at fails [K].
+    pub limit_k: f64,
+    /// Length of a wall along the flow [m], for its cooling.
+    pub length_m: f64,
+    /// Where beams have fallen, while it is warm or marked.
+    pub patches: Vec<Patch>,
+    /// The hottest of what would fail, the wall that bears or what lies behind it [K].
+    pub temperature_k: f64,
+    /// The hottest place of all [K].
+    pub face_k: f64,
+    /// Area that is burnt through [m^2].
+    pub hole_m2: f64,
+    /// Parts lost, in the order of their loss: what that does, and the part's name.
+    pub lost: Vec<(Effect, &'static str)>,
+    /// Mean irradiance over the bucket about the aim point in this tick [W/m^2].
     pub irradiance_wpm2: f64,
+}
+
+impl HeatedSkin {
+    /// Untouched, at the temperature of the air [K].
+    pub fn new(parts: Parts, limit_k: f64, length_m: f64, air_k: f64) -> Self {
+        Self {
+            parts: Arc::new(parts),
+            limit_k,
+            length_m,
+            patches: Vec::new(),
+            temperature_k: air_k,
+            face_k: air_k,
+            hole_m2: 0.0,
+            lost: Vec::new(),
+            irradiance_wpm2: 0.0,
+        }
+    }
+
+    /// Names of the parts lost, in the order of their loss.
+    pub fn lost_parts(&self) -> Vec<String> {
+        let parts = self.lost.iter().map(|(_, part)| (*part).to_owned());
+        parts.collect()
+    }
 }
 
 /// What has become of a UAV.
@@ -167,6 +210,8 @@ pub struct UavShape {
     pub outline_body_m: Vec<DVec3>,
     /// Distance of the farthest of them from the origin [m].
     pub radius_m: f64,
+    /// The airframe for rays, once a beam has come near.
+    hull: OnceLock<Option<Hull>>,
 }
 
 impl UavShape {
@@ -181,7 +226,14 @@ impl UavShape {
             mesh,
             outline_body_m,
             radius_m,
+            hull: OnceLock::new(),
         }
+    }
+
+    /// The airframe without rotors, for rays; `None` of one without triangles.
+    pub fn hull(&self) -> Option<&Hull> {
+        let hull = self.hull.get_or_init(|| Hull::new(&self.mesh.body));
+        hull.as_ref()
     }
 }
 

@@ -6,6 +6,7 @@ use crate::models::maths::kinematics::{Pose, boresight_chain, exp_so3};
 use crate::models::maths::rng::Stream;
 use crate::models::mount::base_motion::BaseMotion;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalParams, GimbalState, WindLoad};
+use crate::models::mount::gyro::{Gyro, TiltGyro};
 use crate::models::mount::mirror::{Mirror, MirrorParams};
 use crate::models::optics::camera::Pinhole;
 use bevy::prelude::*;
@@ -48,19 +49,19 @@ pub struct Gimbal {
     pub params: GimbalParams,
     /// Angles and rates; the true ones: what the station knows is measured.
     pub state: GimbalState,
-    /// Stream of the noise of its gyros.
-    pub gyro_rng: Stream,
+    /// Gyros on its rotors.
+    pub gyros: Gyro<2>,
     /// Base rate about the axes in the last tick [rad/s], for the reaction torque.
     pub base_rate_radps: [f64; 2],
 }
 
 impl Gimbal {
     /// A gimbal at rest, as near to an azimuth and elevation of 0 as its stops allow.
-    pub fn new(params: GimbalParams, gyro_rng: Stream) -> Self {
+    pub fn new(params: GimbalParams, gyros: Gyro<2>) -> Self {
         Self {
             state: GimbalState::at_rest(params.within_stops(DVec2::ZERO)),
             params,
-            gyro_rng,
+            gyros,
             base_rate_radps: [0.0; 2],
         }
     }
@@ -77,12 +78,14 @@ pub struct Mount {
     pub mirror_params: MirrorParams,
     /// Deflection and rate of the mirror.
     pub mirror: Mirror,
+    /// Stream of the noise of the mirror's sensor.
+    pub mirror_rng: Stream,
     /// Tilt of the base.
     pub base: BaseMotion,
     /// Stream of the base motion.
     pub rng: Stream,
-    /// Fibre-optic gyro on the base.
-    pub gyro: Gyro,
+    /// Gyro on the base.
+    pub gyro: TiltGyro,
     /// Wind on the gimbal, where it is modelled.
     pub wind: Option<StationWind>,
 }
@@ -98,6 +101,7 @@ impl Mount {
         MountPlant {
             gimbal: self.gimbal.params,
             mirror: self.mirror_params,
+            gyro: *self.gimbal.gyros.params(),
             dt_s,
         }
     }
@@ -106,7 +110,7 @@ impl Mount {
     pub fn optics(&self) -> Optics {
         let pointing = Pointing {
             az_el_rad: self.measured_az_el_rad(),
-            mirror_rad: self.mirror.deflection_rad(),
+            mirror_rad: self.mirror.measured_rad(),
             base_tilt_rad: self.gyro.tilt_enu_rad,
         };
         Optics {
@@ -166,19 +170,6 @@ pub struct StationWind {
     pub rng: Stream,
     /// Torque on azimuth and elevation in the last tick [N m].
     pub torque_nm: [f64; 2],
-}
-
-/// A gyro that integrates the base's tilt from a levelled start.
-#[derive(Clone, Debug)]
-pub struct Gyro {
-    /// Angle random walk [rad/sqrt(s)].
-    pub angle_random_walk: f64,
-    /// Stream of its noise.
-    pub rng: Stream,
-    /// Measured rate [rad/s].
-    pub rate_enu_radps: DVec3,
-    /// Integrated tilt [rad].
-    pub tilt_enu_rad: DVec3,
 }
 
 /// What the mount was told; it obeys from the next tick on.

@@ -231,7 +231,7 @@ pub struct History {
     pub irradiance_wpm2: Vec<(f64, f64)>,
     /// Power in the bucket: (time [s], [W]).
     pub power_in_bucket_w: Vec<(f64, f64)>,
-    /// Skin temperature of the target: (time [s], [K]).
+    /// The hottest of what would fail of the target: (time [s], [K]).
     pub skin_k: Vec<(f64, f64)>,
     /// True angle between the laser's axis and the target: (time [s], [urad]).
     pub los_error_urad: Vec<(f64, f64)>,

@@ -4,6 +4,7 @@ use crate::inference::OnnxRecogniser;
 use crate::models::decision::{gallery, tracker};
 use crate::models::laser::range_finder::RangeFinderParams;
 use crate::models::maths::rng::Stream;
+use crate::models::tracking::measured::Measured;
 use crate::models::tracking::recognition::Recognition;
 use bevy::prelude::*;
 
@@ -50,11 +51,27 @@ pub struct RangeFinder {
 #[derive(Component, Clone, Debug, Default, Deref, DerefMut)]
 pub struct Gallery(pub gallery::Gallery);
 
-/// The network that says what tracks are; without one nothing is recognised.
+/// What says what tracks are.
+pub enum Judge {
+    /// A network, which looks at pictures.
+    Network(OnnxRecogniser),
+    /// What such a network was measured to say.
+    Measured(Box<MeasuredRecogniser>),
+}
+
+/// What a recogniser was measured to say: it knows the truth, and draws errors.
+pub struct MeasuredRecogniser {
+    /// The numbers.
+    pub model: Measured,
+    /// Seed of the run.
+    pub seed: u64,
+}
+
+/// What says what tracks are; without it nothing is recognised.
 #[derive(Component, Default)]
 pub struct Recogniser {
-    /// The network.
-    pub model: Option<OnnxRecogniser>,
+    /// The network, or its likeness.
+    pub judge: Option<Judge>,
     /// Times a second that it is asked, and tracks that it looks at each time.
     pub rate_hz: u32,
     pub max_tracks: usize,

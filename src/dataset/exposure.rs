@@ -56,6 +56,7 @@ pub fn conditions(
         exposure: control.setting(control.wanted_s(metered_kcd_m2, saturation) * error.exp2()),
         motion: ImageMotion::default(),
         sun: sun_glare(&scene.environment, &camera.pinhole, pose),
+        stray: None,
     }
 }
 

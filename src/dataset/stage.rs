@@ -190,6 +190,7 @@ impl Stage {
             period_ticks: 1,
             latency_ticks: 0,
             sensor: sensor.clone(),
+            seeing: None,
             control: CONTROL,
             window_px: None,
             antialias: ANTIALIAS,

@@ -7,16 +7,14 @@ use glam::DVec3;
 use super::{Body, Flown, Scene, Seeing, times_s};
 use crate::models::air::atmosphere::transmittance;
 use crate::models::engage::outcome::Outcome;
-use crate::models::laser::beam::{BUCKET_RADIUS_M, Laser, power_in_bucket_w};
+use crate::models::laser::beam::{Laser, power_in_bucket_w};
 use crate::models::laser::range_finder::{LitSurface, REFLECTANCE, RangeFinderParams};
-use crate::models::laser::thermal::Skin;
+use crate::models::laser::target::{CHAR_ABSORPTIVITY, FAILS_RADIUS_M};
 use crate::scenario::{Bound, Focus, SkinKind, TRUTH};
 use crate::warning::Warning;
 
 /// A speed this much above a kind's greatest is no slip of rounding or of a corner.
 const SPEED_MARGIN: f64 = 1.1;
-/// Steps in which the heating of a skin is worked out over the rest of a run.
-const HEAT_STEPS: u32 = 400;
 /// A flight is followed so many times as long as the run, to tell what a longer one would show, but no longer than
 /// [`LATEST_S`].
 const LONGER: f64 = 20.0;
@@ -404,7 +402,7 @@ impl Lint<'_> {
                 false => format!("{}.laser.power_w", seeing.station.place),
             };
             let what = format!(
-                "{power_w} W bring nothing down: held on '{name}' at {range_m:.0} m from its first sight to the end, they warm its skin by {:.0} % of what destroys it",
+                "{power_w} W bring nothing down: held on '{name}' at {range_m:.0} m from its first sight to the end, they bring {:.0} % of the energy that destroys it",
                 100.0 * share
             );
             found.push((path, what));
@@ -453,8 +451,8 @@ impl Lint<'_> {
         Some((first, range_m.fold(f64::INFINITY, f64::min).max(1.0)))
     }
 
-    /// How far a station's laser could warm a UAV's skin, as a share of what it stands: held on it at its nearest from the
-    /// first sight on, without turbulence and jitter. None where it is never seen.
+    /// How much of the energy that destroys a UAV a station's laser could bring: held on it at its nearest from the first
+    /// sight on, without turbulence, jitter and losses. None where it is never seen.
     fn heated(&self, seeing: &Seeing<'_>, flown: &Flown) -> Option<(f64, f64, String)> {
         let scenario = &self.scene.loaded.scenario;
         let Body::Uav(model, _) = &flown.body else {
@@ -475,29 +473,16 @@ impl Lint<'_> {
         let extinction_per_m = self.scene.weather.extinction_per_m(laser.wavelength_m);
         let power_w = laser.power_w * transmittance(extinction_per_m, range_m);
         let spot_m = laser.spot_radius_m(range_m, focus_m);
-        let in_bucket_w = power_in_bucket_w(power_w, spot_m, 0.0, BUCKET_RADIUS_M);
-        let irradiance_wpm2 = in_bucket_w / (PI * BUCKET_RADIUS_M.powi(2));
-        let material = (scenario.uavs.iter().find(|uav| uav.name == flown.name))
+        let within_w = power_in_bucket_w(power_w, spot_m, 0.0, FAILS_RADIUS_M);
+        let irradiance_wpm2 = within_w / (PI * FAILS_RADIUS_M.powi(2));
+        let skin = (scenario.uavs.iter().find(|uav| uav.name == flown.name))
             .and_then(|uav| uav.skin)
-            .map_or_else(|| model.part_skin(scenario.engage.aim), SkinKind::material);
+            .map_or_else(|| model.part_skin(scenario.engage.aim), SkinKind::skin);
         let air_k = self.scene.weather.temperature_k;
-        let mut skin = Skin {
-            temperature_k: air_k,
-            length_m: model.size_m[2],
-        };
-        let wind_enu_mps = self.scene.wind_enu_mps();
-        let dt_s = ((scenario.duration_s - first) / f64::from(HEAT_STEPS)).max(1e-3);
-        for k in 0..HEAT_STEPS {
-            let v_enu_mps = flown.plan.sample(first + dt_s * f64::from(k)).v_enu_mps;
-            let air_mps = (v_enu_mps - wind_enu_mps).length();
-            skin.step(dt_s, irradiance_wpm2, air_k, air_mps, &material);
-        }
-        let stands_k = (material.failure_temperature_k - air_k).max(1.0);
-        Some((
-            (skin.temperature_k - air_k) / stands_k,
-            range_m,
-            flown.name.clone(),
-        ))
+        let lasts_s = (scenario.duration_s - first).max(0.0);
+        let energy_jpm2 = CHAR_ABSORPTIVITY * irradiance_wpm2 * lasts_s;
+        let share = energy_jpm2 / skin.energy_jpm2(air_k).max(1.0);
+        Some((share, range_m, flown.name.clone()))
     }
 
     /// Orders that never come due.

@@ -1,5 +1,6 @@
 //! Cameras from their scenario: geometry, sensor, exposure, boresight.
 
+use crate::components::capture::{Lamp, LaserGate, StrayOptics};
 use crate::components::environment::Environment;
 use crate::components::mount::{Boresight, OpticalPath};
 use crate::components::run::Seed;
@@ -9,11 +10,15 @@ use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::{ExposureControl, white_balance};
 use crate::models::optics::mosaic::Mosaic;
 use crate::models::optics::motion::Shutter;
+use crate::models::optics::seeing::{FrozenAir, Lens, Pupil, SeeingOptics};
 use crate::models::optics::sensor::{SensorParams, Transfer};
+use crate::models::optics::stray::lamp::{LampBeam, LampLight};
+use crate::models::optics::stray::response::BlockingFilter;
 use crate::scenario::{self, CameraOrder, CameraPath, Exposure, InputError, Loaded, WhiteBalance};
 use glam::{DVec2, DVec3};
+use std::sync::Arc;
 
-/// Distance for which the cameras' turbulence blur is taken [m].
+/// Distance for which the cameras' turbulence blur is taken where the picture is not disturbed frame by frame [m].
 pub const BLUR_RANGE_M: f64 = 1_000.0;
 
 /// Standard deviation of a beacon's centroid in a calibration [px].
@@ -91,13 +96,41 @@ pub fn boresight(
     })
 }
 
-/// Lens and sensor of a scenario's camera in the light and air of the run.
+/// Pitch of the map by which turbulence shifts a picture [px]; what is finer blurs.
+const SEEING_PITCH_PX: f64 = 4.0;
+
+/// What a scenario's camera sees of the air of its station.
+pub fn seeing_optics(
+    camera: &scenario::CameraConfig,
+    pinhole: &Pinhole,
+    air: &Arc<FrozenAir>,
+) -> SeeingOptics {
+    let diameter_m = camera.focal_length_m() / camera.f_number;
+    SeeingOptics {
+        air: air.clone(),
+        pupil: Pupil::disc(diameter_m),
+        diameter_m,
+        lens: Lens {
+            focal_px: pinhole.focal_px,
+            centre_px: pinhole.centre_px(),
+            pitch_px: SEEING_PITCH_PX,
+            line_s: match camera.shutter {
+                scenario::Shutter::Global => 0.0,
+                scenario::Shutter::Rolling => 1e-6 * camera.line_time_us,
+            },
+        },
+    }
+}
+
+/// Lens and sensor of a scenario's camera in the light and air of the run. The sensor has the blur of a long exposure over a
+/// kilometre of level air, unless the picture is `disturbed` frame by frame.
 pub fn sensor_params(
     camera: &scenario::CameraConfig,
     environment: &Environment,
     r_station_enu_m: DVec3,
     pinhole: &Pinhole,
     pattern_key: u64,
+    disturbed: bool,
 ) -> SensorParams {
     const WAVELENGTH_M: f64 = 550e-9;
     let pixel_pitch_m = camera.pixel_pitch_um * 1e-6;
@@ -117,7 +150,12 @@ pub fn sensor_params(
     // and of the long-exposure seeing disc (FWHM 0.98 lambda / r0, over 2.355).
     let diffraction_px = 0.42 * WAVELENGTH_M * camera.f_number / pixel_pitch_m;
     let seeing_px = 0.98 * WAVELENGTH_M / fried_m / 2.355 * camera.focal_length_m() / pixel_pitch_m;
-    let blur = camera.optics_blur_px.hypot(diffraction_px).hypot(seeing_px);
+    let lens_px = camera.optics_blur_px.hypot(diffraction_px);
+    let blur = if disturbed {
+        lens_px
+    } else {
+        lens_px.hypot(seeing_px)
+    };
     SensorParams {
         f_number: camera.f_number,
         pixel_pitch_m,
@@ -151,6 +189,48 @@ pub fn sensor_params(
         },
         transfer: Transfer::Srgb,
     }
+}
+
+/// What a scenario's camera does about the light of lasers and lamps.
+pub fn stray_optics(camera: &scenario::CameraConfig) -> StrayOptics {
+    StrayOptics {
+        filter: BlockingFilter {
+            band_m: camera.blocked_nm.map(|nm| nm * 1e-9),
+            density: camera.blocking_od,
+        },
+        gate: match camera.laser_gate {
+            scenario::LaserGate::None => LaserGate::None,
+            scenario::LaserGate::Pause => LaserGate::Pause,
+            scenario::LaserGate::Blank => LaserGate::Blank,
+        },
+        offset_m: camera.laser_offset_m,
+        lens_m: camera.focal_length_m() / camera.f_number,
+    }
+}
+
+/// The lamps of a scenario.
+pub fn lamps(scenario: &scenario::Scenario) -> Vec<Lamp> {
+    let stations = scenario.stations();
+    let flying: Vec<&str> = scenario.flying().collect();
+    let named: Vec<&str> = stations.iter().map(|station| &station.name[..]).collect();
+    let number = |names: &[&str], name: &Option<String>| {
+        let name = name.as_deref()?;
+        names.iter().position(|known| *known == name)
+    };
+    let lamp = |light: &scenario::LightConfig| Lamp {
+        beam: LampBeam {
+            light: match light.power_w {
+                Some(power_w) => LampLight::Line(power_w, light.wavelength_nm * 1e-9),
+                None => LampLight::White(light.candela.unwrap_or(0.0)),
+            },
+            width_rad: light.beam_deg.to_radians(),
+        },
+        on: number(&flying, &light.on),
+        r_enu_m: DVec3::from(light.position_enu_m.unwrap_or_default()),
+        at: number(&named, &light.at).unwrap_or(0),
+        lit_s: [light.from_s, light.to_s.unwrap_or(f64::INFINITY)],
+    };
+    scenario.lights.iter().map(lamp).collect()
 }
 
 /// The exposure control of a scenario's camera.

@@ -1,15 +1,20 @@
 //! The laser: propagation of the beam and heating of the target.
 
-use crate::components::beam::{BeamState, FireCommand, LaserSource, Propagations};
+use crate::components::beam::{
+    BeamSeeing, BeamState, FireCommand, LaserPauses, LaserSource, Propagations,
+};
 use crate::components::mount::Station;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::laser::beam::Laser;
 use crate::models::laser::propagation::{PROPAGATIONS, PropagationContext, WaveSettings};
+use crate::models::optics::seeing::{FrozenAir, Pupil, SEEING_STREAM};
 use crate::plugins::run::fallible;
 use crate::scenario::{Focus, suggestion};
 use crate::systems::beam as systems;
 
 use bevy::prelude::*;
+use glam::DVec2;
+use std::sync::Arc;
 
 /// Adds the domain to both schedules, in [`TickSet::Beam`].
 pub struct BeamPlugin;
@@ -81,12 +86,30 @@ fn set_up(
             jitter_rad: laser.jitter_urad * 1e-6,
             propagation,
             outer_m: turbulence.outer_scale_m,
+            // The same as the cameras': what moves the image turns the beam.
+            seeing: turbulence.imaging.then(|| {
+                let mut rng = seed.stream(key, SEEING_STREAM);
+                let outer_m = turbulence.outer_scale_m;
+                BeamSeeing {
+                    air: Arc::new(FrozenAir::new(&mut rng, outer_m)),
+                    pupil: Pupil::gaussian(laser.aperture_radius_m),
+                    ripples: None,
+                    turned: DVec2::ZERO,
+                }
+            }),
             jitter_rng: seed.stream(key, "beam jitter"),
             path: None,
         };
-        commands
-            .entity(entity)
-            .insert((source, FireCommand::default(), BeamState::default()));
+        let pauses = LaserPauses {
+            full_w: laser.power_w,
+            share: 0.0,
+        };
+        commands.entity(entity).insert((
+            source,
+            pauses,
+            FireCommand::default(),
+            BeamState::default(),
+        ));
     }
     Ok(())
 }

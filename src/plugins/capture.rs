@@ -1,15 +1,17 @@
 //! Cameras: lenses, sensors, boresights; exposures and their pictures.
 
 use crate::components::capture::{
-    AutoExposure, CameraOf, Exposures, Frames, Readout, SensorCamera,
+    AutoExposure, CameraOf, Exposures, Frames, Lamps, Readout, SensorCamera,
 };
 use crate::components::environment::Environment;
 use crate::components::mount::{Mount, Optics, Station};
 use crate::components::render::SceneHandles;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::models::optics::seeing::{FrozenAir, SEEING_STREAM};
 use crate::models::optics::sensor::Sensor;
 use crate::parameters::capture::{
-    boresight, exposure_control, optical_path, pinhole, sensor_params,
+    boresight, exposure_control, lamps, optical_path, pinhole, seeing_optics, sensor_params,
+    stray_optics,
 };
 use crate::plugins::render;
 use crate::plugins::run::fallible;
@@ -17,6 +19,7 @@ use crate::scenario::{self, ResolvedCamera};
 use crate::systems::capture::{self as systems, metering};
 use crate::systems::render::scene;
 use bevy::prelude::*;
+use std::sync::Arc;
 
 /// Adds the domain to both schedules, in [`TickSet::Capture`].
 pub struct CapturePlugin;
@@ -43,6 +46,7 @@ impl Plugin for CapturePlugin {
                     ),
                     systems::set_cameras,
                     systems::expose,
+                    systems::pause_lasers,
                     systems::render_frames,
                 )
                     .chain()
@@ -60,10 +64,16 @@ fn spawn_cameras(
     environment: Res<Environment>,
     stations: Query<(Entity, &Station, &Mount, &Optics)>,
 ) -> Result<(), PartError> {
+    commands.insert_resource(Lamps(lamps(&loaded.scenario)));
     let scenario_stations = loaded.scenario.stations();
     let mut index = 0;
     for (entity, station, mount, optics) in &stations {
         let site = &scenario_stations[station.index];
+        // All cameras of a station look through the same air.
+        let turbulence = &loaded.scenario.turbulence;
+        let mut rng = seed.stream(station.index as u64, SEEING_STREAM);
+        let air = (turbulence.imaging)
+            .then(|| Arc::new(FrozenAir::new(&mut rng, turbulence.outer_scale_m)));
         for camera in site.config.cameras.all() {
             let place = format!("{}.cameras.{}", site.place, camera.place);
             let ResolvedCamera { name, tier, .. } = camera;
@@ -71,7 +81,8 @@ fn spawn_cameras(
             let camera = &camera.config;
             let pinhole = pinhole(&loaded, &place, camera)?;
             let key = seed.stream(index as u64, "fixed pattern").bits();
-            let params = sensor_params(camera, &environment, mount.r_enu_m, &pinhole, key);
+            let r_enu_m = mount.r_enu_m;
+            let params = sensor_params(camera, &environment, r_enu_m, &pinhole, key, air.is_some());
             let control = exposure_control(camera);
             // In the light on level ground; the control changes it by a tick or two.
             let bright_kcd_m2 = metering::bright_ground_kcd_m2(&environment);
@@ -94,6 +105,8 @@ fn spawn_cameras(
                     period_ticks: u64::from(clock.tick_hz / camera.rate_hz),
                     latency_ticks: clock.ticks_of(latency_s),
                     sensor,
+                    seeing: (air.as_ref())
+                        .map(|air| Arc::new(seeing_optics(camera, &pinhole, air))),
                     control,
                     window_px: windowed.then_some(camera.window_px),
                     antialias: camera.antialias,
@@ -101,7 +114,7 @@ fn spawn_cameras(
                 Readout::Off,
                 Exposures::default(),
                 AutoExposure::default(),
-                (path, boresight, view),
+                (path, boresight, view, stray_optics(camera)),
             ));
             index += 1;
         }

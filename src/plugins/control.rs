@@ -8,6 +8,7 @@ use crate::components::operator::Operator;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::models::control::tuning::MountPlant;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalState};
+use crate::models::mount::gyro::Gyro;
 use crate::parameters::control::{controller, laws, radar, search_scan};
 use crate::parameters::mount::gimbal_params;
 use crate::plugins::run::fallible;
@@ -137,7 +138,9 @@ fn spawn_pan_tilts(
             params
                 .validate()
                 .map_err(|error| loaded.refuse(&place, error))?;
-            let mut gimbal = Gimbal::new(params, seed.stream(camera.index as u64, "pan-tilt"));
+            let rng = seed.stream(camera.index as u64, "pan-tilt");
+            let gyros = Gyro::new(site.config.mount.gyro.params(), rng);
+            let mut gimbal = Gimbal::new(params, gyros);
             let scan = search_scan(site, vec![camera], &clock, radar);
             let first_gaze = params.within_stops(scan.gaze(0.0).az_el_rad);
             gimbal.state = GimbalState::at_rest(first_gaze);

@@ -2,15 +2,20 @@
 
 use crate::components::capture::{SensorCamera, Tier};
 use crate::components::detect::{
-    DetectionQueue, DetectorContext, DetectorInUse, Detectors, Moving,
+    DetectionQueue, DetectorContext, DetectorInUse, Detectors, Moving, Surroundings,
 };
+use crate::components::environment::Environment;
+use crate::components::flight::{Distractor, Uav};
 use crate::components::mount::Station;
-use crate::components::run::{Options, PartError, RunScenario, Seed, SetUp, Tick, TickSet};
+use crate::components::run::{
+    Options, PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet,
+};
 use crate::models::tracking::moving::MovingDots;
 use crate::plugins::run::fallible;
 use crate::scenario;
 use crate::systems::detect as systems;
 use bevy::prelude::*;
+use std::sync::Arc;
 
 /// Adds the domain to both schedules, in [`TickSet::Detect`].
 pub struct DetectPlugin;
@@ -45,6 +50,8 @@ fn set_up(
     detectors: Res<Detectors>,
     stations: Query<Entity, With<Station>>,
     cameras: Query<(Entity, &SensorCamera)>,
+    (clock, environment): (Res<SimClock>, Res<Environment>),
+    things: Query<(&Uav, Option<&Distractor>)>,
 ) -> Result<(), PartError> {
     for station in &stations {
         commands.entity(station).insert(DetectionQueue::default());
@@ -57,6 +64,11 @@ fn set_up(
         options: options.clone(),
         seed: *seed,
         sensors_px,
+        surroundings: Arc::new(Surroundings::new(
+            &environment,
+            (things.iter()).map(|(uav, other)| (uav.index, Distractor::class_of(other))),
+            1.0 / clock.dt_s(),
+        )),
     };
     let kind = &loaded.scenario.detector.kind;
     let detector = detectors.make(kind, &context).ok_or_else(|| {

@@ -14,7 +14,6 @@ use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, S
 use crate::models::flight::swarm::{Behaviour, Mate, Member, Steering, low_course};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::dsm::Dsm;
-use crate::models::laser::thermal::Skin;
 use crate::models::maths::rng::Stream;
 use crate::plugins::run::fallible;
 use crate::scenario::{self, DistractorConfig, InputError, Loaded, SwarmTakeOff, catalogue};
@@ -99,6 +98,7 @@ fn spawn_uavs(
             systems::stand(&mut state);
         }
         let mesh = Arc::new(uav_mesh(&catalogued));
+        let own_skin = uav.skin.map(scenario::SkinKind::skin);
         commands.spawn((
             Uav {
                 index,
@@ -121,16 +121,16 @@ fn spawn_uavs(
                 mass_kg: catalogued.mass_kg,
             },
             air,
-            HeatedSkin {
-                skin: Skin {
-                    temperature_k: environment.weather.temperature_k,
-                    // The shell's chord in the stream is about the airframe's height.
-                    length_m: catalogued.size_m[2],
+            HeatedSkin::new(
+                match own_skin {
+                    Some(skin) => mesh.parts(&catalogued).all_of(skin),
+                    None => mesh.parts(&catalogued),
                 },
-                material: (uav.skin.map(scenario::SkinKind::material))
-                    .unwrap_or_else(|| catalogued.part_skin(part)),
-                irradiance_wpm2: 0.0,
-            },
+                own_skin.unwrap_or(catalogued.part_skin(part)).limit_k,
+                // A wall's chord in the stream is about the airframe's height.
+                catalogued.size_m[2],
+                environment.weather.temperature_k,
+            ),
             match waits {
                 true => UavStatus::Landed,
                 false => UavStatus::Flying,

@@ -4,12 +4,14 @@ use crate::components::detect::DetectorInUse;
 use crate::components::mount::{Mount, Station};
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
 use crate::components::track::{
-    Gallery, RangeFinder, Recogniser, Recognitions, TrackStage, Tracker, TrackerParams,
+    Gallery, Judge, MeasuredRecogniser, RangeFinder, Recogniser, Recognitions, TrackStage, Tracker,
+    TrackerParams,
 };
 use crate::inference::OnnxRecogniser;
 use crate::models::decision::gallery;
 use crate::parameters::track::tracker_params;
 use crate::plugins::run::fallible;
+use crate::systems::detect::measured;
 use crate::systems::run::nothing_failed;
 use crate::systems::track::{self as systems};
 use bevy::prelude::*;
@@ -87,21 +89,33 @@ fn set_up_recogniser(
     mut commands: Commands,
     loaded: Res<RunScenario>,
     clock: Res<SimClock>,
+    seed: Res<Seed>,
     stations: Query<Entity, With<Station>>,
 ) -> Result<(), PartError> {
     let config = &loaded.scenario.recogniser;
     let key = "recogniser.onnx_model";
     for station in &stations {
-        let model = (config.model(&loaded.scenario.detector))
-            .map(|file| OnnxRecogniser::load(file, key))
-            .transpose()
-            .map_err(|error| loaded.refuse(key, error))?;
+        let detector = &loaded.scenario.detector;
+        let judge = if config.is_measured(detector) {
+            let refuse = |error: measured::ModelError| loaded.refuse("detector.measured", error);
+            let model = measured::load(&detector.measured).map_err(refuse)?;
+            let seed = seed.0;
+            Some(Judge::Measured(Box::new(MeasuredRecogniser {
+                model,
+                seed,
+            })))
+        } else {
+            (config.model(detector))
+                .map(|file| OnnxRecogniser::load(file, key).map(Judge::Network))
+                .transpose()
+                .map_err(|error| loaded.refuse(key, error))?
+        };
         let gallery = Gallery(gallery::Gallery {
-            wanted: model.is_some(),
+            wanted: matches!(judge, Some(Judge::Network(_))),
             ..default()
         });
         let recogniser = Recogniser {
-            model,
+            judge,
             rate_hz: config.rate_hz,
             max_tracks: config.max_tracks as usize,
             latency_ticks: clock.ticks_of(RECOGNISER_LATENCY_S),

@@ -209,15 +209,20 @@ fn charts(data: &StationReport, end_s: f64) -> Markup {
     let los = [("", &data.los_error_urad)];
     let irradiance = [("", &data.irradiance_wpm2)];
     let power = [("", &data.power_in_bucket_w)];
-    let skin = [("skin", &data.skin_temperature_k)];
+    let skin = [("target", &data.skin_temperature_k)];
     let charts = [
         chart("Miss distance", "px", Scale::Log, &miss[..]),
         chart("Line-of-sight error", "µrad", Scale::Log, &los),
-        chart("Irradiance on target", "W/m²", Scale::Prefixed, &irradiance),
+        chart(
+            "Mean irradiance within 5 cm",
+            "W/m²",
+            Scale::Prefixed,
+            &irradiance,
+        ),
         chart("Power in the bucket", "W", Scale::Prefixed, &power),
         Chart {
             limit: data.failure_temperature_k.map(|k| ("failure", k)),
-            ..chart("Skin temperature", "K", Scale::Linear, &skin)
+            ..chart("Hottest of what would fail", "K", Scale::Linear, &skin)
         },
     ];
     let across = Across::from_zero("simulated time [s]", end_s);

@@ -239,6 +239,8 @@ struct Ended {
     status: UavStatus,
     dose: Dose,
     failure_temperature_k: f64,
+    hole_m2: f64,
+    lost: Vec<String>,
 }
 
 /// What became of each UAV, in the order of the scenario.
@@ -251,7 +253,9 @@ fn fates(world: &mut World) -> Vec<Ended> {
             name: uav.name.clone(),
             status: *status,
             dose: *dose,
-            failure_temperature_k: skin.material.failure_temperature_k,
+            failure_temperature_k: skin.limit_k,
+            hole_m2: skin.hole_m2,
+            lost: skin.lost_parts(),
         })
         .collect();
     fates.sort_by_key(|fate| fate.index);
@@ -361,6 +365,8 @@ fn uav_summary(world: &World, ended: &Ended, light: &Light) -> UavSummary {
         acquired_s: fate.acquired_s,
         hottest_k: fate.hottest_k,
         fails_at_k: ended.failure_temperature_k,
+        hole_m2: ended.hole_m2,
+        lost: ended.lost.clone(),
         crash,
         why: None,
         stations: (stations.iter())
@@ -863,6 +869,8 @@ mod tests {
                 acquired_s: Some(1.5),
                 hottest_k: 573.0,
                 fails_at_k: 573.0,
+                hole_m2: 2e-4,
+                lost: vec!["body".to_owned()],
                 crash: Some(CrashSummary {
                     t_s: 9.5,
                     r_enu_m: [1.0, 2.0, 3.0],
@@ -926,7 +934,7 @@ mod tests {
                 r#""p95":4.0,"p99":5.0,"n":6}},"dwell_s":3.0,"distractor_s":0.0,"keep_out_s":0.0,"wrong_object_s":0.0,"leakers":0,"energy_j":9000.0,"#,
                 r#""energy_per_neutralised_j":9000.0,"kill_to_shot_s":[1.5],"light":{"sun_elevation_deg":30.0,"illuminance_lx":50000.0},"uavs":[{"name":"one","status":"down","#,
                 r#""energy_j":8500.0,"dwell_s":3.0,"neutralised_s":9.0,"at_asset_s":null,"#,
-                r#""acquired_s":1.5,"hottest_k":573.0,"fails_at_k":573.0,"crash":{"t_s":9.5,"r_enu_m":[1.0,2.0,3.0],"into":"the ground"},"#,
+                r#""acquired_s":1.5,"hottest_k":573.0,"fails_at_k":573.0,"hole_m2":0.0002,"lost":["body"],"crash":{"t_s":9.5,"r_enu_m":[1.0,2.0,3.0],"into":"the ground"},"#,
                 r#""why":null,"stations":[{"name":"roof","clear_s":8.0,"hidden_s":1.0,"held_s":7.5,"refused":[["no range",0.5]]}],"#,
                 r#""cameras":[{"name":"stv","tier":"search","in_view_s":4.0,"hidden_s":0.5,"pictures":80,"found":60,"largest_px":5.0,"#,
                 r#""typical_px":4.0,"contrast":6.0,"grey_level":140.0,"best_score":0.75,"wanted_score":0.25}]}],"#,

@@ -21,10 +21,14 @@ pub struct UavSummary {
     pub at_asset_s: Option<f64>,
     /// When the coarse or precise camera of a station first held it \[s\].
     pub acquired_s: Option<f64>,
-    /// The hottest that its skin has been \[K\].
+    /// The hottest of what would fail, a wall that bears or what lies behind one \[K\].
     pub hottest_k: f64,
-    /// The temperature at which its skin fails \[K\].
+    /// The temperature at which the part aimed at fails \[K\].
     pub fails_at_k: f64,
+    /// Area that is burnt through \[m²\].
+    pub hole_m2: f64,
+    /// Parts destroyed, in the order of their loss.
+    pub lost: Vec<String>,
     /// How it crashed; `None` if it did not.
     pub crash: Option<CrashSummary>,
     /// Why it was not acquired, or not brought down; `None` of one that the laser brought down.
@@ -125,13 +129,16 @@ impl UavSummary {
         let refused = self.refused();
         if self.energy_j > 0.0 {
             let dwell = format!(
-                "{held}, given {:.1} kJ, {:.2} s of it on the aim point: its skin came to {:.0} of {:.0} K",
+                "{held}, given {:.1} kJ, {:.2} s of it on the aim point: the part came to {:.0} of {:.0} K",
                 1e-3 * self.energy_j,
                 self.dwell_s,
                 self.hottest_k,
                 self.fails_at_k
             );
-            return dwell;
+            return match self.lost.is_empty() {
+                true => dwell,
+                false => format!("{dwell}; it lost {}, and flew on", self.lost.join(", ")),
+            };
         }
         match refused.is_empty() {
             true => format!("{held}, not fired at"),
@@ -439,7 +446,7 @@ mod tests {
         uav.hottest_k = 412.0;
         assert_eq!(
             uav.reason(&NIGHT).unwrap(),
-            "held for 4.5 s from 1.2 s on, given 3.0 kJ, 0.40 s of it on the aim point: its skin came to 412 of 573 K"
+            "held for 4.5 s from 1.2 s on, given 3.0 kJ, 0.40 s of it on the aim point: the part came to 412 of 573 K"
         );
         uav.neutralised_s = Some(9.0);
         assert_eq!(uav.reason(&NIGHT), None);

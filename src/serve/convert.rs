@@ -114,6 +114,7 @@ fn of_station(station: &StationView) -> proto::Station {
             scintillation: beam.scintillation,
             energy_j: beam.energy_j,
             dwell_s: beam.dwell_s,
+            peak_wpm2: beam.peak_wpm2,
         }),
         tracks: station.tracks().map(|of| track(&of)).collect(),
         target: station.target().map(|target| target.id()),
@@ -156,6 +157,9 @@ fn of_uav(uav: &UavView) -> proto::Uav {
         acquired_s: fate.and_then(|fate| fate.acquired_s),
         neutralised_s: fate.and_then(|fate| fate.neutralised_s),
         at_asset_s: fate.and_then(|fate| fate.at_asset_s),
+        face_k: uav.face_k(),
+        hole_m2: uav.hole_m2(),
+        lost: uav.lost(),
     }
 }
 

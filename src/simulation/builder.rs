@@ -295,7 +295,7 @@ impl Builder {
             Source::File(path) => Scenario::load(&path, &set)?,
             Source::Text(text, folder) => Loaded::text(text, &folder, set)?,
         };
-        options.capture = pictures.unwrap_or(!loaded.scenario.detector.is_truth());
+        options.capture = pictures.unwrap_or(!loaded.scenario.detector.is_blind());
         let mut refused = Ok(());
         let built = app::build_with(&loaded, &options, |app| {
             refused = parts.into_iter().try_for_each(|part| part(app));

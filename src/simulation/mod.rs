@@ -52,8 +52,8 @@ pub(crate) use orders::with_orders;
 pub use run::Simulation;
 pub use snapshot::Snapshot;
 pub use view::{
-    AirView, Arrived, CameraView, Frame, FrameView, MountView, StationView, TrackView, UavView,
-    View,
+    AirView, Arrived, BurnView, CameraView, Frame, FrameView, Mark, MountView, StationView,
+    TrackView, UavView, View,
 };
 
 /// What detectors, laws and stages of one's own are made of.

@@ -5,7 +5,7 @@
 
 use super::error::SimulationError;
 use super::events::Watch;
-use crate::components::beam::{BeamState, Dose, FireCommand, LaserSource};
+use crate::components::beam::{BeamState, Dose, FireCommand, LaserPauses, LaserSource};
 use crate::components::capture::{
     AutoExposure, ExposedFrame, Exposures, Frames, Readout, SensorCamera,
 };
@@ -164,6 +164,7 @@ const KINDS: &[Keep] = &[
     Components::<Interlocks>::boxed,
     Components::<Burst>::boxed,
     Components::<FireCommand>::boxed,
+    Components::<LaserPauses>::boxed,
     // What is kept for the record.
     One::<Fates>::boxed,
     Components::<Logged>::boxed,

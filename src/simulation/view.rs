@@ -21,6 +21,7 @@ use crate::models::decision::tracker::{Tracker, TrackingState};
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::ground::city::City;
 use crate::models::ground::dsm::LineOfSight;
+use crate::models::laser::target::Patch;
 use crate::models::maths::geodesy::SiteFrame;
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
@@ -724,12 +725,33 @@ impl<'a> UavView<'a> {
         self.status.unwrap_or(UavStatus::Flying)
     }
 
-    /// Temperature of the skin under the aim point [K]; none of a distractor.
+    /// The hottest of what would fail under beams, a wall that bears or what lies behind one [K]; none of a distractor.
     pub fn skin_k(&self) -> Option<f64> {
-        self.skin.map(|skin| skin.skin.temperature_k)
+        self.skin.map(|skin| skin.temperature_k)
     }
 
-    /// Mean irradiance on that skin in the last tick [W/m²].
+    /// The hottest place that beams have fallen on [K]; none of a distractor.
+    pub fn face_k(&self) -> Option<f64> {
+        self.skin.map(|skin| skin.face_k)
+    }
+
+    /// Area that is burnt through [m²].
+    pub fn hole_m2(&self) -> f64 {
+        self.skin.map_or(0.0, |skin| skin.hole_m2)
+    }
+
+    /// Parts that lasers have destroyed, in the order of their loss: body, battery, motor, arm, camera.
+    pub fn lost(&self) -> Vec<String> {
+        self.skin.map_or_else(Vec::new, HeatedSkin::lost_parts)
+    }
+
+    /// Where beams have fallen on it, while that is warm or marked, in the order in which they did.
+    pub fn burns(&self) -> impl Iterator<Item = BurnView<'a>> {
+        let patches = self.skin.map_or(&[][..], |skin| &skin.patches);
+        patches.iter().map(BurnView)
+    }
+
+    /// Mean irradiance within 5 cm of the aim point in the last tick [W/m²].
     pub fn irradiance_wpm2(&self) -> f64 {
         self.skin.map_or(0.0, |skin| skin.irradiance_wpm2)
     }
@@ -748,6 +770,69 @@ impl<'a> UavView<'a> {
     pub fn fate(&self) -> Option<&'a Fate> {
         self.fate
     }
+}
+
+/// A place that beams have fallen on: a square grid on a plane that faced the beam when it first came, rows downwards.
+#[derive(Clone, Copy)]
+pub struct BurnView<'a>(&'a Patch);
+
+impl<'a> BurnView<'a> {
+    /// The part: body, battery, motor, arm or camera.
+    pub fn part(&self) -> &'static str {
+        self.0.struck.part
+    }
+
+    /// Its middle, forward, left and up on the body [m].
+    pub fn middle_body_m(&self) -> DVec3 {
+        self.0.middle_body_m
+    }
+
+    /// Columns along each side.
+    pub fn side(&self) -> usize {
+        self.0.grid.side
+    }
+
+    /// Distance between columns [m].
+    pub fn cell_m(&self) -> f64 {
+        self.0.grid.cell_m
+    }
+
+    /// Temperature of the face at a row and column [K]; `None` beside the part and where nothing is left.
+    pub fn face_k(&self, row: usize, column: usize) -> Option<f64> {
+        let grid = &self.0.grid;
+        let is_inside = row < grid.side && column < grid.side;
+        is_inside.then(|| grid.face_k(row * grid.side + column))?
+    }
+
+    /// What a place at a row and column looks like.
+    pub fn mark(&self, row: usize, column: usize) -> Mark {
+        let grid = &self.0.grid;
+        let at = row * grid.side + column;
+        match () {
+            () if row >= grid.side || column >= grid.side || !grid.is_there(at) => Mark::Beside,
+            () if grid.is_open(at) => Mark::Open,
+            () if grid.is_black(at) => Mark::Black,
+            () => Mark::Sound,
+        }
+    }
+
+    /// Area that is burnt through [m²].
+    pub fn hole_m2(&self) -> f64 {
+        self.0.grid.hole_m2()
+    }
+}
+
+/// What a place on a wall looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// The part does not reach so far.
+    Beside,
+    /// As it was.
+    Sound,
+    /// Turned black.
+    Black,
+    /// Its first layer is burnt through.
+    Open,
 }
 
 /// City, weather and light.

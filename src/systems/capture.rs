@@ -9,9 +9,11 @@ mod patches;
 mod photo;
 mod projected;
 mod read;
+pub(crate) mod seeing;
 mod set;
 mod shot;
 mod sky;
+mod stray;
 
 pub use digits::DIGITS;
 pub(crate) use digits::{alpha_at, digit_of};
@@ -24,6 +26,7 @@ pub use projected::projected;
 pub(crate) use read::read;
 pub use set::set_cameras;
 pub(crate) use shot::{Shot, draw};
+pub use stray::pause_lasers;
 
 use crate::components::capture::{ExposedFrame, Frames, SensorCamera};
 use crate::components::render::SensorViews;
@@ -87,6 +90,7 @@ fn render_each(
         // Nobody else holds a frame before the tick goes on: nothing is copied.
         let frame = Arc::make_mut(frame);
         read(world, renderer, frame, shot, &digits, scratch)?;
+        seeing::disturb(world, frame, scratch);
         let key = seed.stream(frame.tick, &frame.name).bits();
         let rgb8 = form_image(frame, &shot.camera.sensor, key, scratch)?;
         frame.rgb8 = Some(Arc::new(rgb8));

@@ -1,5 +1,7 @@
 //! Frames become detections, which wait out readout and inference.
 
+pub mod appearance;
+pub mod measured;
 pub mod onnx;
 pub mod recorded;
 pub mod truth;
@@ -18,10 +20,13 @@ use std::time::Instant;
 pub type MakeDetector = fn(&DetectorContext) -> Result<Box<dyn Detector>, PartError>;
 
 /// The detectors that every run knows, by the names that scenarios give them.
-pub const DETECTORS: [(&str, MakeDetector); 3] = [
+pub const DETECTORS: [(&str, MakeDetector); 4] = [
     (scenario::ONNX, |context| Ok(Box::new(onnx::make(context)?))),
     (scenario::TRUTH, |context| {
         Ok(Box::new(truth::make(context)))
+    }),
+    (scenario::MEASURED, |context| {
+        Ok(Box::new(measured::make(context)?))
     }),
     (scenario::RECORDED, |context| {
         Ok(Box::new(recorded::make(context)?))

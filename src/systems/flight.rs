@@ -219,6 +219,12 @@ pub fn fly(
                 multirotor::step_rotors(airframe, state, &throttle, wind_enu_mps, density, dt_s);
             }
         }
+        // Upside down without a rotor it does not come back.
+        let is_upright = (state.q_enu_body * DVec3::Z).z > 0.0;
+        if !is_upright && airframe.rotor_works.contains(&false) {
+            *status = UavStatus::Falling;
+            continue;
+        }
         let r = state.r_enu_m;
         let surface_m = dsm.surface_m(r.x, r.y);
         let [length_m, width_m, height_m] = uav.size_m;

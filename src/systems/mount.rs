@@ -8,7 +8,7 @@ use crate::components::run::SimClock;
 use crate::models::mount::base_motion::BaseMotion;
 use crate::models::mount::gimbal::{self, GimbalCommand};
 use bevy::prelude::*;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Steps base, gimbal and mirror of every station, and the gimbals of single cameras on its base.
 pub fn turn(
@@ -53,7 +53,7 @@ impl Gimbal {
     /// Obeys a command for a tick, under torques [N m] on its axes.
     fn step(&mut self, command: &GimbalCommand, torque_nm: [f64; 2], dt_s: f64) {
         gimbal::step(&mut self.state, &self.params, command, torque_nm, dt_s);
-        (self.state).add_gyro_noise(&self.params, &mut self.gyro_rng, dt_s);
+        (self.state).read_gyros(&mut self.gyros, dt_s);
     }
 }
 
@@ -84,11 +84,8 @@ fn turn_mount(mount: &mut Mount, command: &MountCommand, dt_s: f64) -> DVec3 {
     } = mount;
     let before_rad = base.tilt_rad();
     base.step(rng);
-    let noise = gyro.rng.normal3() * (gyro.angle_random_walk / dt_s.sqrt());
-    gyro.rate_enu_radps = base.rate_radps() + noise;
-    // A gyro integrates inside: what it gives is the turn itself, not a sample of the rate.
-    gyro.tilt_enu_rad += base.tilt_rad() - before_rad + noise * dt_s;
     let turned_rad = base.tilt_rad() - before_rad;
+    gyro.read(turned_rad, base.rate_radps(), dt_s);
     let mut torque_nm = gimbal.follow(base, turned_rad, dt_s);
     if let Some(wind) = wind {
         // The air passes a station that stands still.
@@ -102,5 +99,7 @@ fn turn_mount(mount: &mut Mount, command: &MountCommand, dt_s: f64) -> DVec3 {
     }
     gimbal.step(&command.gimbal, torque_nm, dt_s);
     mount.mirror.step(command.mirror_rad);
+    let [right, up] = [0, 1].map(|_| mount.mirror_rng.normal());
+    (mount.mirror).read(mount.mirror_params.noise_rad * DVec2::new(right, up));
     turned_rad
 }

@@ -81,7 +81,8 @@ pub fn hash_state(
         put(&state.q_enu_body.to_array());
         put(&state.omega_body_radps.to_array());
         put(&state.rotor_speed_radps);
-        put(&[skin.skin.temperature_k, *status as u8 as f64]);
+        put(&[skin.temperature_k, skin.face_k, skin.hole_m2]);
+        put(&[*status as u8 as f64]);
     }
     for pan_tilt in &pan_tilts {
         put(&pan_tilt.gimbal.state.az_el_rad().to_array());
@@ -175,6 +176,7 @@ fn put_mount(bytes: &mut Vec<u8>, mount: &Mount) {
     put(&mount.gimbal.state.rates_radps().to_array());
     put(&mount.mirror.deflection_rad().to_array());
     put(&mount.mirror.rate_radps().to_array());
+    put(&mount.mirror.measured_rad().to_array());
     put(&mount.base.tilt_rad().to_array());
     put(&mount.gyro.tilt_enu_rad.to_array());
     for axis in [&mount.gimbal.state.azimuth, &mount.gimbal.state.elevation] {
@@ -182,6 +184,7 @@ fn put_mount(bytes: &mut Vec<u8>, mount: &Mount) {
             axis.twist_rad,
             axis.twist_rate_radps,
             axis.integral_nm,
+            axis.bristle_rad,
             axis.encoder_rad,
             axis.gyro_radps,
         ]);
@@ -225,7 +228,7 @@ pub fn keep_series(
             fates.uavs.resize(uav.index + 1, default());
         }
         let fate = &mut fates.uavs[uav.index];
-        fate.hottest_k = fate.hottest_k.max(skin.skin.temperature_k);
+        fate.hottest_k = fate.hottest_k.max(skin.temperature_k);
         let near = flight.state.r_enu_m.distance(r_asset_enu_m) < asset_radius_m;
         if status.neutralised() {
             fate.neutralised_s.get_or_insert(t_s);
@@ -295,7 +298,7 @@ pub fn keep_series(
                 .power_in_bucket_w
                 .push((t_s, beam.power_in_bucket_w));
             if let Some((_, flight, skin, _)) = target {
-                history.skin_k.push((t_s, skin.skin.temperature_k));
+                history.skin_k.push((t_s, skin.temperature_k));
                 if tracker.state.holds(Tier::Precise) {
                     let los_enu = flight.aim_enu_m() - optics.laser.r_enu_m;
                     let error_rad = error_angles(optics.laser.q_enu_cam, los_enu).length();

@@ -289,6 +289,43 @@ fn a_bad_recorded_flight_is_one_error_that_names_the_row() {
 }
 
 #[test]
+fn a_bad_measured_detector_is_one_error_that_names_the_file() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let draws = folder.join("draws");
+    std::fs::create_dir(&draws).unwrap();
+    std::fs::write(draws.join("00000.looks.jsonl"), "{\"row\":\"frame\"}\n").unwrap();
+    for (file, wanted) in [("absent.json", "No such file"), ("Cargo.toml", "expected")] {
+        let mut command = blind(folder, "scenarios/urban_intercept.toml");
+        let set = [
+            "detector.kind=measured".into(),
+            format!("detector.measured={file}"),
+        ];
+        command.args(set.iter().flat_map(|value| ["--set", value]));
+        refused(
+            &mut command,
+            &["detector.measured", file, wanted, "fit-detector"],
+        );
+    }
+    let mut fit = boresight();
+    let out = folder.join("measured.json");
+    fit.arg("fit-detector").arg(folder).arg("--out").arg(&out);
+    refused(&mut fit, &["00000.looks.jsonl:1", "missing field"]);
+    let wren = r#"{"row":"false","t_s":0,"tier":"search","az_el_rad":[0,0],"ifov_rad":1e-4,"score":0.2,"name":"wren","box_px":[4,4],"in_sky":true}"#;
+    std::fs::write(draws.join("00000.looks.jsonl"), wren).unwrap();
+    refused(&mut fit, &["00000.looks.jsonl:1", "'wren'", "--model"]);
+    std::fs::write(draws.join("00000.looks.jsonl"), "").unwrap();
+    refused(&mut fit, &["no look at a UAV", "--looks"]);
+    let mut fit = boresight();
+    fit.arg("fit-detector")
+        .arg(folder.join("absent"))
+        .arg("--out")
+        .arg(&out);
+    refused(&mut fit, &["absent", "No such file", "--looks"]);
+    assert!(!out.exists());
+}
+
+#[test]
 fn a_bad_detector_model_is_one_error_that_names_the_file() {
     let _one = rendering();
     let folder = TempDir::new().unwrap();

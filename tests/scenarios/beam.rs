@@ -1,6 +1,7 @@
 //! The air on the beam's path.
 
 use crate::common::{scenario, station};
+use boresight::components::flight::UavStatus;
 
 /// The operator has the beam turned from one UAV to the other while both fly.
 #[test]
@@ -46,6 +47,23 @@ fn the_air_on_the_beams_path_is_renewed_ten_times_a_second() {
     for pair in renewed.windows(2).filter(|pair| pair[0].1 == pair[1].1) {
         assert!(pair[1].0 - pair[0].0 <= 96, "{pair:?}");
     }
+}
+
+/// A UAV that comes head-on has its camera before the hull.
+#[test]
+fn behind_a_camera_that_is_gone_the_hull_burns() {
+    let set = [
+        "detector.kind=truth",
+        "uavs.0.model=mavic2",
+        "uavs.0.trajectory={ kind = 'straight', start_enu_m = [-466, 381, 80], \
+         velocity_enu_mps = [3.9, -3.2, 0] }",
+        "duration_s=12",
+    ];
+    let mut run = scenario("urban_intercept", &set).open().unwrap();
+    while !run.step(96).unwrap() {}
+    let uav = run.view().uavs().next().unwrap();
+    assert_eq!(uav.lost(), ["camera", "body"]);
+    assert_ne!(uav.status(), UavStatus::Flying);
 }
 
 /// Between roofs and hills the sky shows through gaps that a line of sight crosses within milliseconds.

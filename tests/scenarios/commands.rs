@@ -88,6 +88,42 @@ fn the_evaluation_of_the_pointing_runs_to_its_end() {
 }
 
 #[test]
+fn models_are_held_to_their_references() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("validation");
+    let args = ["validate", "--only", "geodesy", "--only", "beam", "--out"];
+    let output = boresight().args(args).arg(&out).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let table = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        table.contains("9 of 9 checks green") && table.contains("6.774"),
+        "{table}"
+    );
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let json: Value = serde_json::from_str(&read("checks.json")).unwrap();
+    let checks = json["checks"].as_array().unwrap();
+    assert_eq!(checks.len(), 9);
+    for check in checks {
+        let of = |key: &str| check[key].as_f64().unwrap();
+        assert!(
+            (of("ours") - of("value")).abs() <= of("tolerance"),
+            "{check}"
+        );
+        assert!(
+            check["reference"]
+                .as_str()
+                .is_some_and(|text| !text.is_empty())
+        );
+    }
+    let page = read("report.html");
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("EPSG Guidance Note 7-2"));
+    refused(
+        boresight().args(["validate", "--only", "moon"]),
+        &["--only", "'moon'", "geodesy"],
+    );
+}
+
+#[test]
 fn the_tuning_runs_to_its_end() {
     let folder = TempDir::new().unwrap();
     let args = ["tune", "scenarios/urban_intercept.toml"];
@@ -198,7 +234,13 @@ fn an_engagement_is_judged_on_rendered_pixels() {
     let _one = rendering();
     let folder = TempDir::new().unwrap();
     let args = ["eval", "engagement", "--recipe", ENGAGEMENT, "--n", "1"];
-    let args = [&args[..], &["--set", "duration_s=1.2"]].concat();
+    let weak = [
+        "--set",
+        "duration_s=1.2",
+        "--set",
+        "station.laser.power_w=50",
+    ];
+    let args = [&args[..], &weak].concat();
     let (json, page) = measured(folder.path(), &args, "results");
     assert_eq!(json["detector"], "rendered pixels");
     let looks = json.pointer("/draws/0/record/looks/0").unwrap();
@@ -207,7 +249,7 @@ fn an_engagement_is_judged_on_rendered_pixels() {
         0 < count("found") && count("found") <= count("frames"),
         "{looks}"
     );
-    // Too short to neutralise anything: a failure, with the pictures that show it.
+    // Too short and too weak to neutralise anything: a failure, with the pictures that show it.
     let cause = json.pointer("/draws/0/verdict/cause").unwrap();
     assert!(cause.is_string(), "{json:#}");
     let pictures = json

@@ -8,6 +8,7 @@ use prost::Message as _;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tempfile::TempDir;
@@ -61,7 +62,11 @@ pub fn boresight() -> Command {
 pub fn on_display() -> Command {
     let boresight = boresight();
     let mut command = Command::new("xvfb-run");
-    command.arg("-a").arg(boresight.get_program());
+    // Each test looks for a free display from a number of its own: two that look at once would find the same.
+    static DISPLAY: AtomicU32 = AtomicU32::new(99);
+    let from = DISPLAY.fetch_add(20, Ordering::Relaxed);
+    command.args(["-n", &from.to_string(), "-a"]);
+    command.arg(boresight.get_program());
     for (key, value) in boresight.get_envs() {
         match value {
             Some(value) => command.env(key, value),

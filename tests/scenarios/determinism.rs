@@ -164,6 +164,23 @@ fn rendering_changes_no_state() {
     );
 }
 
+/// A measured detector goes by the truth alone: pictures change nothing.
+#[test]
+fn a_measured_run_is_one_run_with_pictures_or_without() {
+    let _one = rendering();
+    let kind = "detector.kind=measured";
+    let measured = ["--set", kind, "--set", FLOCK, "--set", "duration_s=1.5"];
+    let with = |extra: &[&str]| run_scenario("urban_intercept", &[&measured[..], extra].concat());
+    let (blind, shown) = (
+        with(&["--no-capture", "--threads", "8"]),
+        with(&["--threads", "1"]),
+    );
+    assert_eq!(tick_hashes(&blind), tick_hashes(&shown));
+    assert!(messages(&blind.file("run.mcap"), "/boresight/detections").len() > 10);
+    let other = with(&["--no-capture", "--seed", "2"]);
+    assert_ne!(other.hash(), blind.hash());
+}
+
 /// What a window shows besides reaches no sensor: on pixels its session is the run without a window, in every picture and
 /// every state, before and after an order of weather changes the light.
 #[test]

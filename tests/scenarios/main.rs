@@ -24,6 +24,7 @@ mod serve;
 mod shipped;
 mod stations;
 mod stopping;
+mod stray;
 mod structure;
 mod swarms;
 mod tiles;

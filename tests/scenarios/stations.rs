@@ -113,10 +113,15 @@ fn a_target_is_handed_over_before_a_building_hides_it() {
 }
 
 #[test]
-fn a_bad_link_costs_no_identity() {
+fn over_a_bad_link_a_target_is_handed_over_all_the_same() {
     let slow = "network={ latency_s = 0.4, loss = 0.4 }";
     let run = run_scenario("two_stations", &[&BLIND[..], &["--set", slow]].concat());
-    assert!(only_object(&run) <= 0.2);
+    assert_eq!(run.summary["outcome"], "neutralised");
+    // Most of the burning is the tower's, which sees the UAV to the end.
+    assert!(run.number("/stations/1/energy_j") > 1000.0);
+    // Each station may have a name of its own for it, and the reports a third.
+    let names = run.summary["objects"].as_array().unwrap();
+    assert!((1..=3).contains(&names.len()), "{names:?}");
     // News of seconds ago still tell whose turn it is.
     let late = "network={ latency_s = 2.0, rate_hz = 2 }";
     let run = run_scenario("two_stations", &[&BLIND[..], &["--set", late]].concat());

@@ -16,7 +16,7 @@ const TASKS: [Task; 9] = [
     (
         "test",
         "CRATE",
-        "tests one crate without the engine: models, scenario, geodata, recording, inference, common",
+        "tests one crate without the engine: models, scenario, geodata, recording, inference, common, validate",
     ),
     (
         "reference",

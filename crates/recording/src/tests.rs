@@ -81,6 +81,8 @@ fn drive(recorder: &mut Recorder, ticks: u64) -> Result<(), RecordingError> {
                 }),
                 skin_temperature_k: 290.0 + t_s,
                 status: "flying".to_owned(),
+                face_temperature_k: 290.0 + t_s,
+                ..Default::default()
             },
         )?;
         recorder.own(

@@ -183,6 +183,10 @@ pub struct Turbulence {
     pub paper_drift: f64,
     /// Volatility σ of "paper" in 1/√s: its logarithm has the variance σ² t. The paper prints no value.
     pub paper_volatility: f64,
+    /// Whether cameras see through the turbulence: what they see is shifted, warped and blurred frame by frame, by the air up to
+    /// it. A truth detector's places are shifted alike, and the beam of "scaling" wanders as the image does. Without, a picture
+    /// has one blur, a long exposure's over a level kilometre.
+    pub imaging: bool,
     /// How finely "wave" is followed.
     pub wave: WaveConfig,
 }
@@ -220,6 +224,7 @@ impl Default for Turbulence {
             propagation: "scaling".into(),
             paper_drift: 0.0,
             paper_volatility: 0.1,
+            imaging: true,
             wave: WaveConfig::default(),
         }
     }

@@ -212,8 +212,16 @@ camera! {
     motion_blur: bool,
     /// Light that the lens loses in the corners, beyond the natural cos⁴.
     vignetting_percent: f64,
-    /// Veiling glare of the sun: luminance in kcd/m² of a klx of sun 1° away; 0 for none.
+    /// Veiling glare of the sun, and of lasers and lamps: luminance in kcd/m² of a klx of light 1° away; 0 for none.
     glare: f64,
+    /// Wavelengths [from, to] that a filter before the lens blocks.
+    blocked_nm: [f64; 2],
+    /// Optical density of that filter in its band: 10 to the power of minus this passes; 0 for no filter.
+    blocking_od: f64,
+    /// What keeps the station's own laser out of the camera's exposures.
+    laser_gate: LaserGate,
+    /// Distance of the lens from the laser's axis, to its right; 0 looks through the laser's own aperture.
+    laser_offset_m: f64,
     /// Standard deviation of the lens blur.
     optics_blur_px: f64,
     /// From the end of the exposure to the image being in memory.
@@ -276,6 +284,18 @@ pub enum Shutter {
     Global,
     /// One after the other, `line_time_us` apart; the middle row at the instant of the exposure.
     Rolling,
+}
+
+/// What keeps a station's own laser out of a camera's exposures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LaserGate {
+    /// Nothing.
+    None,
+    /// The laser pauses while the camera exposes, and loses that share of its power.
+    Pause,
+    /// The camera takes no frames while the laser fires.
+    Blank,
 }
 
 /// What a camera reads out.
@@ -364,6 +384,11 @@ impl CameraPreset {
             motion_blur: true,
             vignetting_percent: 15.0,
             glare: 1.0,
+            // As in front of cameras that look along a laser of 800 nm to 1.1 µm; the sensor's colour filters let it through.
+            blocked_nm: [750.0, 1100.0],
+            blocking_od: 6.0,
+            laser_gate: LaserGate::None,
+            laser_offset_m: 0.0,
             optics_blur_px: 0.6,
             readout_latency_s: 0.002,
             inference_latency_s: 0.003,
@@ -377,12 +402,14 @@ impl CameraPreset {
                     hfov_deg: 6.0,
                     rate_hz: 30,
                     f_number: 2.8,
+                    laser_offset_m: 0.3,
                     ..base.clone()
                 },
                 CameraConfig {
                     hfov_deg: 3.0,
                     rate_hz: 60,
                     f_number: 4.0,
+                    laser_offset_m: 0.3,
                     readout: ReadoutMode::Window,
                     ..base.clone()
                 },
@@ -398,6 +425,7 @@ impl CameraPreset {
                     hfov_deg: 120.0,
                     rate_hz: 60,
                     f_number: 2.8,
+                    laser_offset_m: 0.3,
                     pixel_pitch_um: 21.65,
                     ..base.clone()
                 };
@@ -475,6 +503,12 @@ impl CameraConfig {
         check.within("line_time_us", self.line_time_us, 0.0..=1_000.0);
         check.within("vignetting_percent", self.vignetting_percent, 0.0..=100.0);
         check.within("glare", self.glare, 0.0..=100.0);
+        let [from_nm, to_nm] = self.blocked_nm;
+        check.that(0.0 <= from_nm && from_nm <= to_nm, "blocked_nm", || {
+            format!("found [{from_nm}, {to_nm}], must rise from 0 or more")
+        });
+        check.within("blocking_od", self.blocking_od, 0.0..=12.0);
+        check.within("laser_offset_m", self.laser_offset_m, 0.0..=10.0);
         check.within("read_noise_e", self.read_noise_e, AT_LEAST_ZERO);
         check.within("optics_blur_px", self.optics_blur_px, 0.0..=20.0);
         check.within("readout_latency_s", self.readout_latency_s, FRACTION);

@@ -184,6 +184,8 @@ struct PartsFile {
     rotor_hub: FoundPart,
     /// The camera.
     camera: PlacedPart,
+    /// What the arms are made of; absent: as the body.
+    arms: Option<SkinKind>,
 }
 
 /// A part whose place is given.
@@ -308,11 +310,11 @@ impl UavFile {
         let colour = |rgb: [f64; 3]| rgb.map(|share| share as f32);
         let placed = |part: PlacedPart| Part {
             at_body_m: DVec3::from(part.at_body_m),
-            skin: part.skin.material(),
+            skin: part.skin.skin(),
         };
         let found = |part: FoundPart| Part {
             at_body_m: part.at_body_m.map(DVec3::from),
-            skin: part.skin.material(),
+            skin: part.skin.skin(),
         };
         let Self {
             rotors,
@@ -340,6 +342,7 @@ impl UavFile {
             inertia_kgm2: self.inertia_kgm2,
             drag_area_m2: self.drag_area_m2,
             rotor_lag_s: rotors.lag_s,
+            arms: parts.arms.unwrap_or(parts.body.skin).skin(),
             body: found(parts.body),
             battery: placed(parts.battery),
             rotor_hub: found(parts.rotor_hub),

@@ -13,14 +13,18 @@ use super::check::{Check, FRACTION};
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "Detector")]
 pub struct DetectorConfig {
-    /// "onnx": a neural network on the rendered images; "truth": the true positions with errors added, which needs
-    /// no images; "recorded": answers that were kept; or a detector of one's own.
+    /// "onnx": a neural network on the rendered images; "measured": what that network was measured to find, which needs no
+    /// images; "truth": the true positions with errors added, which needs none either; "recorded": answers that were
+    /// kept; or a detector of one's own.
     pub kind: String,
     /// The file of the kept answers, relative to the scenario: what a run leaves whose detector was another program.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answers: Option<String>,
     /// The ONNX file, relative to the working directory or, where it is not there, to the program's data.
     pub onnx_model: PathBuf,
+    /// The file of a measured detector and recogniser, relative to the working directory or, where it is not there, to the
+    /// program's data; `boresight fit-detector` makes one.
+    pub measured: PathBuf,
     /// What runs the network; the loaded ONNX Runtime must have it.
     pub provider: Provider,
     /// Detections with a lower score start no track, 0 to 1; absent: the score that the model recommends.
@@ -43,6 +47,7 @@ impl Default for DetectorConfig {
             kind: ONNX.into(),
             answers: None,
             onnx_model: PathBuf::from("assets/models/boresight-p2-roi.onnx"),
+            measured: PathBuf::from("assets/models/measured.json"),
             provider: Provider::Cpu,
             score_threshold: None,
             weak_share: 0.5,
@@ -57,6 +62,9 @@ impl Default for DetectorConfig {
 pub const ONNX: &str = "onnx";
 /// The kind that is the true positions with noise, misses and false alarms; it needs no images.
 pub const TRUTH: &str = "truth";
+
+/// The kind that is a statistical model of a network and a recogniser as they were measured; it needs no images.
+pub const MEASURED: &str = "measured";
 
 /// The kind that gives the answers that another program gave before.
 pub const RECORDED: &str = "recorded";
@@ -125,6 +133,16 @@ impl DetectorConfig {
     /// Whether it is the truth with errors added.
     pub fn is_truth(&self) -> bool {
         self.kind == TRUTH
+    }
+
+    /// Whether it is a network's measured likeness.
+    pub fn is_measured(&self) -> bool {
+        self.kind == MEASURED
+    }
+
+    /// Whether it works without pictures, as far as its kind is known.
+    pub fn is_blind(&self) -> bool {
+        self.is_truth() || self.is_measured()
     }
 
     pub(super) fn check(&self, check: &mut Check) {

@@ -9,6 +9,7 @@ mod detector;
 mod docs;
 mod engage;
 mod expect;
+mod lights;
 pub mod load;
 pub mod mistaken;
 mod mount;
@@ -31,16 +32,20 @@ mod tracker;
 
 pub use air::{Turbulence, TurbulenceProfile, UNREPORTED_WEATHER, WeatherConfig};
 pub use cameras::{
-    AutoWord, CameraChanges, CameraConfig, CameraPath, CameraPreset, Cameras, Exposure, MoreCamera,
-    Mosaic, ReadoutMode, ResolvedCamera, Shutter, WhiteBalance,
+    AutoWord, CameraChanges, CameraConfig, CameraPath, CameraPreset, Cameras, Exposure, LaserGate,
+    MoreCamera, Mosaic, ReadoutMode, ResolvedCamera, Shutter, WhiteBalance,
 };
 pub use control::{ControllerConfig, Gains, PAPER};
-pub use detector::{DetectorConfig, ONNX, Provider, RECORDED, TRUTH, TruthErrorsConfig};
+pub use detector::{DetectorConfig, MEASURED, ONNX, Provider, RECORDED, TRUTH, TruthErrorsConfig};
 pub use docs::{docs_markdown, json_schema};
 pub use engage::{Backstop, Engage, KeepOut};
 pub use expect::{Bound, Expect, Never, Seeds, ShareConfig};
+pub use lights::LightConfig;
 pub use load::{Faults, InputError, Place, Places, TEXT, suggestion};
-pub use mount::{BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, MountConfig};
+pub use mount::{
+    BaseMotionConfig, BasePreset, BaseSpectrum, BaseValues, GyroConfig, GyroPreset, GyroValues,
+    MountConfig,
+};
 pub use network::NetworkConfig;
 pub use orders::{
     CameraOrder, DriveOrder, FlyOrder, GainsOrder, OrderConfig, OrderError, WeatherOrder,
@@ -129,6 +134,9 @@ pub struct Scenario {
     /// Birds, balloons, aircraft and leaves, which a detector may take for UAVs.
     #[serde(default, serialize_with = "targets::named_distractors")]
     pub distractors: Vec<DistractorConfig>,
+    /// Searchlights and dazzlers that shine on a station.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lights: Vec<LightConfig>,
     /// What finds UAVs in the images.
     #[serde(default)]
     pub detector: DetectorConfig,
@@ -336,6 +344,9 @@ impl Checked for Scenario {
         });
         check.table("tracker", |check| self.tracker.check(check));
         let stations = self.stations();
+        let flying: Vec<&str> = self.flying().collect();
+        let named: Vec<&str> = stations.iter().map(|station| &station.name[..]).collect();
+        lights::check(&self.lights, &flying, &named, check);
         self.check_orders(&stations, check);
         check.table("controller", |check| self.controller.check(check));
         check.table("engage", |check| self.engage.check(check));

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::check::{Check, ELEVATION, TURN};
 use boresight_models::maths::rng::Stream;
 use boresight_models::mount::base_motion::{BaseMotion, BaseMotionParams, Spectrum, TiltMode};
+use boresight_models::mount::gyro::{DEG_PER_HOUR, DEG_PER_ROOT_HOUR, GyroParams};
 
 /// The azimuth–elevation gimbal and the fast steering mirror.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -26,9 +27,18 @@ pub struct MountConfig {
     pub mirror_bandwidth_hz: f64,
     /// How the roof under the mount moves: a preset, its strength and frequency, or a spectrum.
     pub base_motion: BaseMotionConfig,
-    /// Whether the axes have dry friction, backlash, encoder steps and gyro noise; the structural
-    /// mode stays.
+    /// Noise of the steering mirror's sensor, which its loop follows: standard deviation of a reading
+    /// a tick on each axis, as an angle of the line of sight.
+    pub mirror_noise_urad: f64,
+    /// The rate gyros on the base and on both axes: a preset or values.
+    pub gyro: GyroConfig,
+    /// Whether the bearings have dry friction.
     pub friction: bool,
+    /// How far an axis at rest gives way, like a spring, before its bearings break away; 0 holds it
+    /// rigidly until then.
+    pub presliding_urad: f64,
+    /// Amplitude of the motors' cogging, of their largest torque.
+    pub cogging_share: f64,
     /// First structural mode of either axis, of the load on the locked rotor; 0 is a rigid axis.
     /// The tuned law's gain makes a mode below some 12 Hz oscillate.
     pub structural_mode_hz: f64,
@@ -53,12 +63,92 @@ impl Default for MountConfig {
             mirror_range_mrad: 5.0,
             mirror_bandwidth_hz: 500.0,
             base_motion: BaseMotionConfig::Preset(BasePreset::Roof),
+            mirror_noise_urad: 0.13,
+            gyro: GyroConfig::Preset(GyroPreset::Fibre),
             friction: true,
+            presliding_urad: 200.0,
+            cogging_share: 0.005,
             structural_mode_hz: 40.0,
             backlash_urad: 0.0,
             encoder_bits: 24,
             wind_load: true,
             boresight_sigma_urad: 150.0,
+        }
+    }
+}
+
+/// The rate gyros of a mount.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(
+    untagged,
+    expecting = "expected \"ideal\", \"fibre\", \"mems\" or { walk_deg_per_rt_h = ..., bias_deg_per_h = ..., ... }"
+)]
+#[schemars(rename = "Gyro")]
+pub enum GyroConfig {
+    /// A named class.
+    Preset(GyroPreset),
+    /// Values of a data sheet.
+    Values(GyroValues),
+}
+
+/// Named classes of gyros.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GyroPreset {
+    /// Without noise, filter and delay.
+    Ideal,
+    /// A small closed-loop fibre gyro: 0.01°/√h, 0.05°/h, 0.01°/h/√h, 1 kHz, 0.1 ms.
+    Fibre,
+    /// A tactical MEMS gyro: 0.15°/√h, 0.5°/h, 0.1°/h/√h, 260 Hz, 1.5 ms.
+    Mems,
+}
+
+/// A gyro by the terms of its data sheet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GyroValues {
+    /// Angle random walk [°/√h].
+    pub walk_deg_per_rt_h: f64,
+    /// Bias instability [°/h].
+    pub bias_deg_per_h: f64,
+    /// Rate random walk [°/h/√h].
+    pub drift_deg_per_h_rt_h: f64,
+    /// Bandwidth, 3 dB down; absent: no filter.
+    pub bandwidth_hz: Option<f64>,
+    /// Pure delay.
+    pub delay_s: f64,
+}
+
+impl GyroConfig {
+    /// The gyro's constants.
+    pub fn params(&self) -> GyroParams {
+        match self {
+            Self::Preset(GyroPreset::Ideal) => GyroParams::default(),
+            Self::Preset(GyroPreset::Fibre) => GyroParams::FIBRE,
+            Self::Preset(GyroPreset::Mems) => GyroParams::MEMS,
+            Self::Values(values) => GyroParams {
+                angle_walk: values.walk_deg_per_rt_h * DEG_PER_ROOT_HOUR,
+                bias_radps: values.bias_deg_per_h * DEG_PER_HOUR,
+                rate_walk: values.drift_deg_per_h_rt_h * DEG_PER_HOUR / 60.0, // a root hour is 60 √s
+                bandwidth_hz: values.bandwidth_hz,
+                delay_s: values.delay_s,
+            },
+        }
+    }
+
+    fn check(&self, check: &mut Check) {
+        if let Self::Values(values) = self {
+            check.within("walk_deg_per_rt_h", values.walk_deg_per_rt_h, 0.0..=10.0);
+            check.within("bias_deg_per_h", values.bias_deg_per_h, 0.0..=1e4);
+            check.within(
+                "drift_deg_per_h_rt_h",
+                values.drift_deg_per_h_rt_h,
+                0.0..=1e4,
+            );
+            if let Some(hz) = values.bandwidth_hz {
+                check.within("bandwidth_hz", hz, 1.0..=1e5);
+            }
+            check.within("delay_s", values.delay_s, 0.0..=0.1);
         }
     }
 }
@@ -159,6 +249,10 @@ impl MountConfig {
         });
         let bandwidth_hz = self.mirror_bandwidth_hz;
         check.within("mirror_bandwidth_hz", bandwidth_hz, 10.0..=5_000.0);
+        check.within("mirror_noise_urad", self.mirror_noise_urad, 0.0..=100.0);
+        check.table("gyro", |check| self.gyro.check(check));
+        check.within("presliding_urad", self.presliding_urad, 0.0..=1e5);
+        check.within("cogging_share", self.cogging_share, 0.0..=0.2);
         let mode_hz = self.structural_mode_hz;
         if mode_hz != 0.0 {
             check.within("structural_mode_hz", mode_hz, 5.0..=200.0);

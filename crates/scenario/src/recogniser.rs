@@ -45,6 +45,12 @@ impl RecogniserConfig {
         named.filter(|file| !file.as_os_str().is_empty() && detector.is_onnx())
     }
 
+    /// Whether what was measured of a recogniser works beside a detector: beside its like, unless nothing is to be recognised.
+    pub fn is_measured(&self, detector: &DetectorConfig) -> bool {
+        let file = self.onnx_model.as_ref();
+        detector.is_measured() && file.is_none_or(|file| !file.as_os_str().is_empty())
+    }
+
     pub(super) fn check(&self, check: &mut Check, tick_hz: u32) {
         check.rate("rate_hz", self.rate_hz, tick_hz);
         check.within("max_tracks", self.max_tracks.into(), 1.0..=1024.0);

@@ -220,6 +220,14 @@ fn contradictions_are_found_where_they_stand() {
         add("[station.mount]\nbase_motion = 'boat'")
             .starts_with("s.toml:18: station.mount.base_motion: expected \"quiet\"")
     );
+    assert!(
+        add("[station.mount]\ngyro = 'laser'")
+            .starts_with("s.toml:18: station.mount.gyro: expected \"ideal\", \"fibre\"")
+    );
+    assert!(
+        add("[station.mount]\ngyro = { delay_s = 1.0 }")
+            .starts_with("s.toml:18: station.mount.gyro.delay_s: found 1, must")
+    );
     let psd = "[station.mount]\nbase_motion = { psd = [[1.0, 1e-9], [500.0, 1e-12]] }";
     assert!(add(psd).starts_with("s.toml:18: station.mount.base_motion.psd: found 500, must"));
     assert!(
@@ -412,7 +420,7 @@ fn overrides_replace_and_add() {
         error(GOOD, &["seed=3", "detctor.kind=truth"]),
         "s.toml: --set detctor.kind=truth: detctor: unknown key - did you mean 'detector'? \
              expected one of name, description, seed, duration_s, tick_hz, site, time_utc, weather, \
-             turbulence, city, station, stations, network, search, uavs, swarms, distractors, detector, recogniser, tracker, operator, \
+             turbulence, city, station, stations, network, search, uavs, swarms, distractors, lights, detector, recogniser, tracker, operator, \
              controller, engage, record, expect"
     );
     assert_eq!(

@@ -157,7 +157,6 @@ impl Screens {
     }
 
     /// Screens of the grid's own waves alone.
-    #[cfg(test)]
     pub(crate) fn without_long(&mut self) {
         self.layers
             .iter_mut()

@@ -284,8 +284,7 @@ impl Wave {
     }
 
     /// A square that goes on behind its border as before it, for waves that fill it.
-    #[cfg(test)]
-    pub(crate) fn periodic(&mut self) {
+    pub fn periodic(&mut self) {
         self.border.fill(1.0);
         self.screens.without_long();
     }

@@ -25,6 +25,10 @@ pub struct Arguments {
     /// nothing of what the loop does on pixels.
     #[arg(long)]
     pub truth: bool,
+    /// Also keep what detector and recogniser say of each thing in each frame, as `draws/NUMBER.looks.jsonl`:
+    /// `boresight fit-detector` makes a measured detector of it.
+    #[arg(long)]
+    pub looks: bool,
     /// Change a value of every scenario, such as `detector.onnx_model=mine.onnx`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
@@ -43,6 +47,7 @@ impl Arguments {
         options.extend(["--recipe".into(), self.recipe.display().to_string()]);
         options.extend(["--out".into(), self.out.display().to_string()]);
         options.extend(self.truth.then(|| "--truth".into()));
+        options.extend(self.looks.then(|| "--looks".into()));
         for set in &self.set {
             options.extend(["--set".into(), set.clone()]);
         }

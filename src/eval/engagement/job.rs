@@ -10,6 +10,7 @@ use super::watch::Watch;
 use crate::eval::EvalError;
 use crate::experiment::runner::Runner;
 use crate::media::image::encode_jpeg;
+use crate::models::tracking::measured::Row;
 use crate::output::OutputError;
 use crate::output::{put, put_json, quoted};
 use crate::report::run::ContactFrame;
@@ -35,6 +36,9 @@ pub struct Outcome {
     pub pictures: Vec<ContactFrame>,
 }
 
+/// What follows a draw's number in the name of the file of its looks.
+pub const LOOKS: &str = ".looks.jsonl";
+
 /// The evaluation that a draw belongs to.
 pub struct Bench<'a> {
     pub(super) arguments: &'a Arguments,
@@ -49,6 +53,11 @@ fn file(out: &Path, index: u32, rest: &str) -> PathBuf {
 /// Where a picture of draw `index` lies.
 pub fn picture(out: &Path, index: u32, camera: &str) -> PathBuf {
     file(out, index, &format!("-{camera}.jpg"))
+}
+
+/// Where what detector and recogniser said in draw `index` lies.
+fn looks(out: &Path, index: u32) -> PathBuf {
+    file(out, index, LOOKS)
 }
 
 impl Bench<'_> {
@@ -97,14 +106,15 @@ impl Bench<'_> {
     pub fn made(&self, index: u32, key: &str) -> Option<Outcome> {
         let text = std::fs::read_to_string(file(&self.arguments.out, index, ".json")).ok()?;
         let outcome: Outcome = serde_json::from_str(&text).ok()?;
-        (outcome.key == key).then_some(outcome)
+        let wants_looks = self.arguments.looks && !looks(&self.arguments.out, index).exists();
+        (outcome.key == key && !wants_looks).then_some(outcome)
     }
 
     /// Runs draw `index` to its end and writes what it leaves.
     pub fn make(&self, index: u32) -> Result<Outcome, EvalError> {
         let (facts, loaded) = self.draw(index)?;
         let key = self.key(&loaded)?;
-        let (record, pictures) = watched(&loaded)?;
+        let (record, pictures, rows) = watched(&loaded, self.arguments.looks)?;
         let outcome = Outcome {
             key,
             facts,
@@ -118,6 +128,16 @@ impl Bench<'_> {
             let jpeg = encode_jpeg(&frame.rgb8, frame.width, frame.height, 80)?;
             put(&picture(out, index, &frame.camera), jpeg)?;
         }
+        if self.arguments.looks {
+            let path = looks(out, index);
+            let json = |row| serde_json::to_string(row);
+            let lines: Result<Vec<String>, _> = rows.iter().map(json).collect();
+            let lines = lines.map_err(|source| OutputError::Json {
+                path: path.clone(),
+                source,
+            })?;
+            put(&path, lines.join("\n"))?;
+        }
         let path = file(out, index, ".json");
         let partial = path.with_extension("partial");
         put_json(&partial, &outcome)?;
@@ -129,11 +149,11 @@ impl Bench<'_> {
     fn command(&self, loaded: &Loaded) -> String {
         let set = self.changes();
         let set = set.iter().map(|set| format!(" --set {}", quoted(set)));
-        let truth = loaded.scenario.detector.is_truth();
+        let blind = loaded.scenario.detector.is_blind();
         format!(
             "boresight run {}{}{}",
             quoted(loaded.path.display()),
-            if truth { " --no-capture" } else { "" },
+            if blind { " --no-capture" } else { "" },
             set.collect::<String>()
         )
     }
@@ -147,13 +167,18 @@ fn digest(path: &Path) -> std::io::Result<u64> {
 }
 
 /// A run watched until its UAV has come to its end, or its time is over.
-fn watched(loaded: &Loaded) -> Result<(Record, Vec<ContactFrame>), EvalError> {
-    let pictures = !loaded.scenario.detector.is_truth();
+fn watched(
+    loaded: &Loaded,
+    looks: bool,
+) -> Result<(Record, Vec<ContactFrame>, Vec<Row>), EvalError> {
+    let pictures = !loaded.scenario.detector.is_blind();
     let seed = loaded.scenario.seed;
     let seen = Runner::default().make(loaded, seed, pictures, |mut run| {
-        let mut watch = Watch::new(run.world_mut());
+        let mut watch = Watch::new(run.world_mut(), looks);
         run.watch(|run| watch.tick(run.world()))?;
-        Ok(watch.conclude(run.world(), |record| Verdict::of(record).cause))
+        let rows = watch.rows();
+        let (record, pictures) = watch.conclude(run.world(), |record| Verdict::of(record).cause);
+        Ok((record, pictures, rows))
     })?;
     Ok(seen)
 }

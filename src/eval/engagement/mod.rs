@@ -8,6 +8,7 @@
 mod arguments;
 pub mod draw;
 mod job;
+mod looks;
 mod page;
 pub mod recipe;
 pub mod results;
@@ -21,6 +22,7 @@ use crate::output::{put_json, writable};
 use crate::parallel::threads;
 use crate::stop;
 pub use arguments::Arguments;
+pub use job::LOOKS;
 use job::{Bench, Outcome};
 use recipe::Recipe;
 use results::Results;
@@ -46,7 +48,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     writable(&json)?;
     // What keeps all of them from running is told before the work.
     let (_, loaded) = bench.draw(0)?;
-    let rendered = !loaded.scenario.detector.is_truth();
+    let rendered = !loaded.scenario.detector.is_blind();
     if rendered {
         app::adapter()?;
     }
@@ -72,10 +74,10 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
         draws.len(),
         arguments.n
     ));
-    let detector = if rendered {
-        "rendered pixels"
-    } else {
-        "truth detector"
+    let detector = match &loaded.scenario.detector {
+        detector if detector.is_truth() => "truth detector",
+        detector if detector.is_measured() => "measured detector",
+        _ => "rendered pixels",
     };
     let results = Results {
         stopped: said.filter(|_| stopped),

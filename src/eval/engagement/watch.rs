@@ -1,5 +1,6 @@
 //! An engagement watched tick by tick: truth beside what the station believes. Nothing is fed back.
 
+use super::looks::Looks;
 use super::verdict::{Cause, GivenUp, Glance, LATELY_S, LEAST_PX, Record, What, charge};
 use crate::components::beam::BeamState;
 use crate::components::capture::{ExposedFrame, SensorCamera, Tier, UavInFrame};
@@ -15,7 +16,9 @@ use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, boresight_chain, los_to_az_el};
 use crate::models::optics::clutter::signal_to_clutter;
 use crate::models::optics::tier::PerTier;
-use crate::models::tracking::held::reach_rad;
+use crate::models::tracking::held::on_sight;
+use crate::models::tracking::measured::Row;
+use crate::models::tracking::table::Track;
 use crate::report::run::{ContactBox, ContactFrame};
 use crate::systems::capture::projected;
 use bevy::prelude::*;
@@ -51,6 +54,7 @@ pub struct Watch {
     station: QueryState<Station>,
     flying: QueryState<Flying>,
     seen: Seen,
+    looks: Option<Looks>,
 }
 
 /// What the watch has seen so far.
@@ -105,13 +109,15 @@ struct Thing<'a> {
 }
 
 impl Watch {
-    /// A watch over a run that is about to start.
-    pub fn new(world: &mut World) -> Self {
+    /// A watch over a run that is about to start, which also keeps what detector and recogniser say if that is wanted.
+    pub fn new(world: &mut World, looks: bool) -> Self {
+        let looks = looks.then(|| Looks::new(world));
         let mut cameras: PerTier<Option<(Entity, SensorCamera)>> = PerTier::default();
         for (entity, camera) in world.query::<(Entity, &SensorCamera)>().iter(world) {
             cameras[camera.tier].get_or_insert((entity, camera.clone()));
         }
         Self {
+            looks,
             station: world.query(),
             flying: world.query(),
             seen: Seen {
@@ -135,7 +141,22 @@ impl Watch {
     /// Takes in what a tick left; true once the UAV has come to its end.
     pub fn tick(&mut self, world: &World) -> bool {
         let now = Now::of(&mut self.station, &mut self.flying, world);
-        now.is_some_and(|now| self.seen.take_in(&now))
+        now.is_some_and(|now| {
+            if let Some(looks) = &mut self.looks {
+                let on = |track: &Track| {
+                    let los = track.filter.predicted(now.t_s).az_el_rad();
+                    now.thing_on(az_el_to_los(los)).map(|thing| thing.index)
+                };
+                looks.tick(world, now.station, on);
+            }
+            self.seen.take_in(&now)
+        })
+    }
+
+    /// What detector and recogniser said.
+    pub fn rows(&mut self) -> Vec<Row> {
+        let looks = self.looks.take();
+        looks.map_or_else(Vec::new, |looks| looks.rows)
     }
 
     /// The record of the run, and the pictures of the cause that `which` finds in it: of its first moment, or
@@ -194,7 +215,7 @@ impl Seen {
         for batch in queue.iter().flat_map(|queue| &queue.arrived) {
             let tier = batch.frame.tier;
             let uav = batch.frame.truth.iter().find(|seen| !seen.distractor);
-            if let Some(uav) = uav.filter(|uav| uav.clear && within(batch, uav.aim_px)) {
+            if let Some(uav) = uav.filter(|uav| uav.clear && batch.look.holds(uav.aim_px)) {
                 let t_s = now.clock.at_s(batch.frame.tick);
                 let mut detections = batch.detections.iter();
                 let found = detections.any(|detection| detection.lies_on(uav.box_px));
@@ -421,14 +442,6 @@ const GREEN: [u8; 3] = [0, 158, 115];
 const BLUE: [u8; 3] = [86, 180, 233];
 const ORANGE: [u8; 3] = [230, 159, 0];
 
-/// Whether a point of the sensor lies in the part that the detector looked at.
-fn within(batch: &DetectionBatch, at_px: [f64; 2]) -> bool {
-    (0..2).all(|axis| {
-        let low = f64::from(batch.look.offset_px[axis]);
-        (low..low + f64::from(batch.look.size_px[axis])).contains(&at_px[axis])
-    })
-}
-
 /// How far the UAV stands out in a picture.
 fn clutter_ratio(frame: &ExposedFrame, uav: &UavInFrame) -> Option<f64> {
     let [dx, dy] = frame.rect.offset_px.map(f64::from);
@@ -470,15 +483,16 @@ impl<'w> Now<'w> {
         })
     }
 
-    /// What lies on a line of sight from the station: of all that flies on it, the nearest to it.
+    /// What lies on a line of sight from the station.
     fn on(&self, direction_enu: DVec3) -> What {
-        let things = self.flying.iter().map(|thing| {
-            let reach_rad = reach_rad(thing.shape.radius_m, thing.to_m.length());
-            (thing, thing.to_m.angle_between(direction_enu), reach_rad)
-        });
-        let on = things.filter(|(_, apart_rad, reach_rad)| apart_rad < reach_rad);
-        let nearest = on.min_by(|a, b| a.1.total_cmp(&b.1));
-        nearest.map_or(What::Scenery, |(thing, ..)| thing.what.clone())
+        let nearest = self.thing_on(direction_enu);
+        nearest.map_or(What::Scenery, |thing| thing.what.clone())
+    }
+
+    /// Of all that flies on a line of sight from the station, the nearest to it.
+    fn thing_on(&self, direction_enu: DVec3) -> Option<&Thing<'w>> {
+        let things = (self.flying.iter()).map(|thing| (thing, thing.to_m, thing.shape.radius_m));
+        on_sight(things, direction_enu)
     }
 
     /// What the tracker's target is.

@@ -7,10 +7,10 @@ use crate::eval::statistics::{Hold, Lock, Sums, lock};
 use crate::experiment::runner::Runner;
 use crate::models::decision::tracker::Tracker;
 use crate::models::ground::dsm::LineOfSight;
-use crate::models::maths::kinematics::{az_el_to_los, error_angles, los_to_az_el};
+use crate::models::maths::kinematics::{az_el_to_los, error_angles};
 use crate::models::optics::tier::{PerTier, Tier};
-use crate::models::tracking::held::reach_rad;
-use crate::models::tracking::table::{Track, separation_rad};
+use crate::models::tracking::held::on_sight;
+use crate::models::tracking::table::Track;
 use crate::report::chart::Series;
 use crate::scenario::Scenario;
 use crate::simulation::{CameraView, Simulation, StationView, UavView, View};
@@ -323,18 +323,13 @@ impl Instant<'_> {
 
     /// The UAV on the claimed line of sight: the nearest of all that fly, if it is a UAV.
     fn on(&self, target: &Track) -> Option<usize> {
-        let los = target.filter.predicted(self.t_s).az_el_rad();
+        let sight = az_el_to_los(target.filter.predicted(self.t_s).az_el_rad());
         let r_station_enu_m = self.station.mount().r_enu_m;
-        (self.flying.iter())
-            .map(|uav| {
-                let to_m = uav.aim_enu_m() - r_station_enu_m;
-                let reach_rad = reach_rad(uav.radius_m(), to_m.length());
-                (separation_rad(los, los_to_az_el(to_m)), reach_rad, uav)
-            })
-            .filter(|(apart_rad, reach_rad, _)| apart_rad < reach_rad)
-            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.2.index().cmp(&b.2.index())))
-            .filter(|(.., uav)| uav.distractor().is_none())
-            .map(|(.., uav)| uav.index())
+        let things = (self.flying.iter())
+            .map(|uav| (uav, uav.aim_enu_m() - r_station_enu_m, uav.radius_m()));
+        on_sight(things, sight)
+            .filter(|uav| uav.distractor().is_none())
+            .map(|uav| uav.index())
     }
 
     /// What is held.

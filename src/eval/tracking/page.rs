@@ -388,8 +388,8 @@ fn budgets(budgets: &[Budget]) -> Markup {
         @for budget in budgets { (one_budget(budget)) }
         (note(
             "Root mean squares over seeds, settled. “Goes with it” is the root of the variance that vanishes \
-             when the cause is switched off; a minus sign: the error grows. Causes act together, so that their \
-             variances need not add up.",
+             when the cause is switched off; a minus sign: the error grows. “It alone” is what a source adds where \
+             no other is; latency, structure and mirror add nothing themselves. The sum is of squares.",
         ))
     }
 }
@@ -409,7 +409,7 @@ fn one_budget(budget: &Budget) -> Markup {
                 cause.name.into(),
                 number(cause.without_urad, 2),
                 number(cause.removed_urad, 2),
-                number(cause.only_urad, 2),
+                number(cause.alone_urad, 2),
             ]
         })
         .collect();
@@ -417,13 +417,13 @@ fn one_budget(budget: &Budget) -> Markup {
         vec![
             name.to_string(),
             String::new(),
-            number(urad, 2),
             String::new(),
+            number(urad, 2),
         ]
     };
     rows.extend([
-        lone("not accounted for", budget.residual_urad),
-        lone("left with all of these off", budget.none_urad),
+        lone("left without any source", budget.none_urad),
+        lone("sum", budget.sum_urad),
         lone(
             "atmosphere and director jitter, on the beam only",
             budget.beam_urad,

@@ -261,16 +261,15 @@ pub struct Budget {
     pub source: Source,
     /// Error with all causes.
     pub all: LosFigures,
-    /// Error with all switchable causes off [µrad rms].
+    /// Error with all sources off: the target's own motion, frames, the filter [µrad rms].
     pub none_urad: Option<f64>,
     /// What each cause contributes.
     pub causes: Vec<Cause>,
     /// Beam wander by the air and jitter of the beam director, which the tracking does not see: root of the
     /// beam's variance on the target less that of the line of sight [µrad rms].
     pub beam_urad: Option<f64>,
-    /// Root of the variance that switching off causes one by one does not account for, negative
-    /// if it accounts for more than there is [µrad rms].
-    pub residual_urad: Option<f64>,
+    /// That and the sources, each alone, added in squares [µrad rms].
+    pub sum_urad: Option<f64>,
 }
 
 /// One cause of line-of-sight error.
@@ -284,6 +283,7 @@ pub struct Cause {
     pub without_urad: Option<f64>,
     /// Root of the variance that goes with it, negative if the error grows [µrad rms].
     pub removed_urad: Option<f64>,
-    /// Error with no other cause [µrad rms].
-    pub only_urad: Option<f64>,
+    /// Root of what it adds to the variance where no other source is, negative if the error falls; absent of
+    /// what only passes error on [µrad rms].
+    pub alone_urad: Option<f64>,
 }

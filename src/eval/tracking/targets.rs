@@ -1,6 +1,6 @@
 //! The targets of the evaluation, and its figures as text.
 
-use super::results::{Cause, Evaluation, LosRow, Target};
+use super::results::{Budget, Cause, Evaluation, LosRow, Target};
 use crate::models::maths::statistics::Rate;
 
 /// Targets that the project set itself.
@@ -9,6 +9,7 @@ const LOS_RMS_URAD: f64 = 2.0; // [µrad]
 const LOS_PEAK_URAD: f64 = 30.0; // [µrad]
 const SATURATED_SHARE: f64 = 0.01;
 const FAILED_RATIO: f64 = 0.1;
+const OPEN_SHARE: f64 = 0.1;
 
 impl Target {
     fn at_most(
@@ -40,6 +41,7 @@ impl Evaluation {
     pub(super) fn targets(&self) -> Vec<Target> {
         let mut targets = self.miss_targets();
         targets.extend(self.los_targets());
+        targets.extend(self.budget_targets());
         targets.extend(self.lock_target());
         for target in &mut targets {
             if let (Some(false), Some((detector, controller))) = (target.met, target.budget) {
@@ -97,6 +99,23 @@ impl Evaluation {
                 ]
             })
             .collect()
+    }
+
+    fn budget_targets(&self) -> Vec<Target> {
+        let open = |budget: &Budget| {
+            let share = budget.sum_urad? / budget.all.rms_urad?;
+            Some((share - 1.0).abs())
+        };
+        let budgets = self.budget.iter().map(|budget| {
+            let (controller, detector) = (budget.controller, budget.detector);
+            Target::at_most(
+                format!("budget, {controller}, {detector}: sum of the sources off the whole"),
+                OPEN_SHARE,
+                "of the whole",
+                open(budget),
+            )
+        });
+        budgets.collect()
     }
 
     fn lock_target(&self) -> Option<Target> {

@@ -7,7 +7,9 @@ use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::glare::SunGlare;
 use crate::models::optics::motion::ImageMotion;
+use crate::models::optics::stray::light::StrayLight;
 use glam::{DQuat, DVec2, DVec3};
+use std::sync::Arc;
 
 /// Motion on the image [px/s] of a point [m, in the camera's frame] with a velocity against it.
 fn image_velocity_pxps(pinhole: &Pinhole, r_cam_m: DVec3, v_cam_mps: DVec3) -> DVec2 {
@@ -73,12 +75,13 @@ pub(super) fn conditions(
     environment: &Environment,
     pose: &Pose,
     now: (u64, f64),
-    motion: ImageMotion,
+    (motion, stray): (ImageMotion, Option<Arc<StrayLight>>),
 ) -> Conditions {
     Conditions {
-        exposure: metering::control(auto, camera, environment, pose, now),
+        exposure: metering::control(auto, camera, environment, pose, now, stray.as_deref()),
         motion,
         sun: sun_glare(environment, &camera.pinhole, pose),
+        stray,
     }
 }
 

@@ -2,8 +2,11 @@
 
 use super::conditions;
 use super::projected::projected;
+use super::seeing;
+use super::stray::{Lit, Sources};
 use crate::components::capture::{
     AutoExposure, CameraOf, ExposedFrame, Exposures, Frames, PixelRect, Readout, SensorCamera,
+    StrayOptics,
 };
 use crate::components::detect::region_px;
 use crate::components::environment::Environment;
@@ -28,6 +31,7 @@ pub struct Exposing {
     boresight: &'static Boresight,
     exposures: &'static mut Exposures,
     auto: &'static mut AutoExposure,
+    stray: &'static StrayOptics,
 }
 
 /// What flies, as cameras see it.
@@ -49,6 +53,7 @@ struct Shutter<'a> {
     camera: &'a SensorCamera,
     view: &'a CameraView,
     boresight: &'a Boresight,
+    stray: &'a StrayOptics,
     /// Exposures before.
     number: u64,
     rect: PixelRect,
@@ -60,9 +65,11 @@ pub fn expose(
     environment: Res<Environment>,
     mut cameras: Query<Exposing>,
     uavs: Flying,
+    sources: Sources,
     mut frames: ResMut<Frames>,
 ) {
     frames.0.clear();
+    let mut lit = None;
     for camera in &mut cameras {
         let ExposingItem {
             entity,
@@ -73,11 +80,16 @@ pub fn expose(
             boresight,
             mut exposures,
             mut auto,
+            stray,
         } = camera;
         let Some(rect) = read_out(camera, readout) else {
             continue;
         };
         if !clock.tick.is_multiple_of(camera.period_ticks) {
+            continue;
+        }
+        let lit = lit.get_or_insert_with(|| sources.lit(&clock, &environment));
+        if lit.blanks(of.0, stray) {
             continue;
         }
         let shutter = Shutter {
@@ -86,10 +98,11 @@ pub fn expose(
             camera,
             view,
             boresight,
+            stray,
             number: exposures.0,
             rect,
         };
-        let frame = shutter.open(&clock, &environment, &mut auto, &uavs);
+        let frame = shutter.open(&clock, &environment, &mut auto, &uavs, lit);
         frames.0.push(Arc::new(frame));
         exposures.0 += 1;
     }
@@ -99,9 +112,14 @@ pub fn expose(
 
 /// What a camera would expose now if it were due and read all of its sensor. Nothing of the run changes.
 pub(super) fn would_expose(world: &mut World, camera: Entity) -> Option<ExposedFrame> {
-    let mut parts =
-        SystemState::<(Res<SimClock>, Res<Environment>, Query<Exposing>, Flying)>::new(world);
-    let (clock, environment, cameras, uavs) = parts.get_mut(world).ok()?;
+    let mut parts = SystemState::<(
+        Res<SimClock>,
+        Res<Environment>,
+        Query<Exposing>,
+        Flying,
+        Sources,
+    )>::new(world);
+    let (clock, environment, cameras, uavs, sources) = parts.get_mut(world).ok()?;
     let cameras = cameras.as_readonly();
     let exposing = cameras.get(camera).ok()?;
     let shutter = Shutter {
@@ -110,11 +128,13 @@ pub(super) fn would_expose(world: &mut World, camera: Entity) -> Option<ExposedF
         camera: exposing.camera,
         view: exposing.view,
         boresight: exposing.boresight,
+        stray: exposing.stray,
         number: exposing.exposures.0,
         rect: whole(exposing.camera),
     };
     let mut auto = *exposing.auto;
-    Some(shutter.open(&clock, &environment, &mut auto, &uavs))
+    let lit = sources.lit(&clock, &environment);
+    Some(shutter.open(&clock, &environment, &mut auto, &uavs, &lit))
 }
 
 impl Shutter<'_> {
@@ -124,6 +144,7 @@ impl Shutter<'_> {
         environment: &Environment,
         auto: &mut AutoExposure,
         uavs: &Flying,
+        lit: &Lit,
     ) -> ExposedFrame {
         let Self { camera, view, .. } = self;
         let pose = view.pose;
@@ -140,18 +161,23 @@ impl Shutter<'_> {
             .collect();
         truth.sort_by_key(|seen| seen.uav);
         let now = (clock.tick, clock.dt_s());
+        let flying = |index| {
+            let (_, flight, ..) = uavs.iter().find(|(uav, ..)| uav.index == index)?;
+            Some((flight.aim_enu_m(), flight.state.v_enu_mps))
+        };
         let motion = conditions::image_motion(
             &camera.pinhole,
             &pose,
             view.q_before_enu_cam,
             now.1,
             &truth,
-            |index| {
-                let (_, flight, ..) = uavs.iter().find(|(uav, ..)| uav.index == index)?;
-                Some((flight.aim_enu_m(), flight.state.v_enu_mps))
-            },
+            flying,
         );
-        let conditions = conditions::conditions(auto, camera, environment, &pose, now, motion);
+        let stray = lit.seen(self.station, (camera, self.stray), environment, &pose);
+        let light = (motion, stray);
+        let conditions = conditions::conditions(auto, camera, environment, &pose, now, light);
+        let times_s = [clock.t_s(), conditions.exposure.time_s];
+        let seeing = seeing::of_frame(environment, camera, &pose, times_s, &truth, flying);
         ExposedFrame {
             camera: self.entity,
             station: self.station,
@@ -167,6 +193,7 @@ impl Shutter<'_> {
             rect: self.rect,
             conditions,
             truth,
+            seeing,
             rgb8: None,
         }
     }

@@ -2,6 +2,7 @@
 
 use super::patches::PATCHES;
 use crate::components::capture::ExposedFrame;
+use crate::models::optics::seeing::{Picture, WarpScratch};
 use crate::models::optics::sensor::{self, Scratch};
 use crate::systems::render::renderer::RenderError;
 use bevy::tasks::ComputeTaskPool;
@@ -17,6 +18,13 @@ pub enum CaptureError {
     Sensor(#[from] sensor::SensorError),
 }
 
+/// What frames are warped in.
+#[derive(Debug, Default)]
+pub(super) struct SeeingScratch {
+    pub(super) picture: Picture,
+    pub(super) strips: [WarpScratch; STRIPS],
+}
+
 /// What image formation keeps between frames.
 #[derive(Default)]
 pub struct ImageScratch {
@@ -26,6 +34,8 @@ pub struct ImageScratch {
     pub(super) part: Vec<u8>,
     /// Its enlarged patches.
     pub(crate) enlarged: [Vec<u8>; PATCHES],
+    /// What the air before the lens is worked out in.
+    pub(super) air: SeeingScratch,
     /// Scratch of each strip of rows.
     strips: [Scratch; STRIPS],
 }

@@ -7,6 +7,7 @@ use crate::models::air::sky::CHANNELS_M;
 use crate::models::maths::kinematics::Pose;
 use crate::models::optics::camera::Pinhole;
 use crate::models::optics::exposure::{Exposure, metered};
+use crate::models::optics::stray::light::StrayLight;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -25,6 +26,16 @@ pub fn bright_ground_kcd_m2(environment: &Environment) -> f64 {
 
 /// The luminance that a camera's whole field is metered at [kcd/m^2].
 pub fn metered_kcd_m2(environment: &Environment, pinhole: &Pinhole, pose: &Pose) -> f64 {
+    metered_with_kcd_m2(environment, pinhole, pose, None)
+}
+
+/// The same with the light of lasers and lamps upon it.
+fn metered_with_kcd_m2(
+    environment: &Environment,
+    pinhole: &Pinhole,
+    pose: &Pose,
+    stray: Option<&StrayLight>,
+) -> f64 {
     let backdrop = &environment.backdrop;
     let size_px = 2.0 * pinhole.centre_px();
     let cell_rad = size_px.x / f64::from(COLUMNS) / pinhole.focal_px;
@@ -33,14 +44,17 @@ pub fn metered_kcd_m2(environment: &Environment, pinhole: &Pinhole, pose: &Pose)
     metered((0..COLUMNS * ROWS).map(|i| {
         let cell = DVec2::new(f64::from(i % COLUMNS), f64::from(i / COLUMNS)) + 0.5;
         let px = size_px * cell / DVec2::new(f64::from(COLUMNS), f64::from(ROWS));
-        let dir_enu: DVec3 = pose.q_enu_cam * pinhole.ray(px);
+        let dir_cam = pinhole.ray(px);
+        let dir_enu: DVec3 = pose.q_enu_cam * dir_cam;
         let dsm = &environment.city.dsm;
-        luminance(match dsm.first_hit(pose.r_enu_m, dir_enu, FAR_M) {
+        let veil_kcd_m2 = stray.map_or(0.0, |stray| luminance(stray.veil_kcd_m2(dir_cam)));
+        let scene_kcd_m2 = luminance(match dsm.first_hit(pose.r_enu_m, dir_enu, FAR_M) {
             Some(range_m) => backdrop
                 .sky
                 .through_air(ground, dir_enu, extinction, range_m),
             None => backdrop.radiance(dir_enu, cell_rad),
-        })
+        });
+        scene_kcd_m2 + veil_kcd_m2
     }))
 }
 
@@ -51,6 +65,7 @@ pub(super) fn control(
     environment: &Environment,
     pose: &Pose,
     (tick, dt_s): (u64, f64),
+    stray: Option<&StrayLight>,
 ) -> Exposure {
     let control = auto.now.map_or(camera.control, |(_, then)| {
         camera.control.read_after((tick - then) as f64 * dt_s)
@@ -58,7 +73,7 @@ pub(super) fn control(
     let product_s = if control.is_fixed() {
         control.time_s[0]
     } else {
-        let metered_kcd_m2 = metered_kcd_m2(environment, &camera.pinhole, pose);
+        let metered_kcd_m2 = metered_with_kcd_m2(environment, &camera.pinhole, pose, stray);
         let wanted_s =
             control.wanted_s(metered_kcd_m2, camera.sensor.params().saturation_kcd_s_m2());
         match auto.now {

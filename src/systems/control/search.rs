@@ -461,6 +461,7 @@ mod tests {
     use crate::models::maths::kinematics::wrap_pi;
     use crate::models::maths::rng::Stream;
     use crate::models::mount::gimbal::{GimbalParams, GimbalState};
+    use crate::models::mount::gyro::{Gyro, GyroParams};
     use crate::models::tracking::evidence::EvidenceParams;
     use crate::models::tracking::recognition::Recognition;
     use crate::models::tracking::table::{CameraLook, Sighting, TrackTable};
@@ -615,7 +616,8 @@ mod tests {
     ) -> Vec<(DVec2, f64)> {
         let mut scan = SearchScan::new(SearchPattern::Raster, SECTOR, cameras, None);
         let mut tracker = Tracker::default();
-        let mut gimbal = Gimbal::new(GimbalParams::default(), Stream::new(0, 0, "gyro"));
+        let gyros = Gyro::new(GyroParams::FIBRE, Stream::new(0, 0, "gyro"));
+        let mut gimbal = Gimbal::new(GimbalParams::default(), gyros);
         let mut looked: Vec<(DVec2, f64)> = Vec::new();
         let tick_hz = 960;
         for tick in 0..(until_s * f64::from(tick_hz)) as u64 {

@@ -5,6 +5,7 @@ use crate::components::detect::{Detector, DetectorContext, Question, Reading};
 use crate::components::run::{PartError, Seed};
 use crate::models::maths::rng::Stream;
 use crate::models::optics::detection::{Candidate, Detection, TruthErrors, detect_truth};
+use glam::DVec2;
 use std::collections::VecDeque;
 
 /// The truth with the errors of a scenario.
@@ -68,7 +69,9 @@ fn found(errors: &TruthErrors, seed: u64, frame: &ExposedFrame) -> Vec<Detection
     let candidates = frame.truth.iter().filter(|seen| seen.clear).map(|seen| {
         let [x0, y0, x1, y1] = seen.box_px;
         let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
-        let [x, y] = seen.aim_px;
+        // Where the air before the lens shows it.
+        let shift_px = (frame.seeing.as_ref()).map_or(DVec2::ZERO, |air| air.shift_px(seen.uav));
+        let [x, y] = (DVec2::from(seen.aim_px) + shift_px).to_array();
         Candidate {
             index: seen.uav,
             box_px: [x - half_x, y - half_y, x + half_x, y + half_y],
@@ -105,7 +108,7 @@ mod tests {
     use crate::models::optics::camera::Pinhole;
     use crate::scenario::catalogue;
     use crate::systems::capture::projected;
-    use glam::{DMat3, DQuat, DVec2, DVec3};
+    use glam::{DMat3, DQuat, DVec3};
     use std::sync::Arc;
 
     /// Without errors the box of the truth detector is centred on the part, however the UAV tilts.

@@ -279,10 +279,13 @@ impl Recorded<'_, '_> {
                     r_enu_m: Some(xyz(state.r_enu_m)),
                     v_enu_mps: Some(xyz(state.v_enu_mps)),
                     q_enu_body: Some(proto::Quat { x, y, z, w }),
-                    skin_temperature_k: skin.map_or(f64::NAN, |skin| skin.skin.temperature_k),
+                    skin_temperature_k: skin.map_or(f64::NAN, |skin| skin.temperature_k),
                     status: distractor
                         .map_or(status.name(), |distractor| distractor.kind.name())
                         .into(),
+                    face_temperature_k: skin.map_or(f64::NAN, |skin| skin.face_k),
+                    hole_m2: skin.map_or(0.0, |skin| skin.hole_m2),
+                    lost: skin.map_or_else(Vec::new, HeatedSkin::lost_parts),
                 },
             )?;
         }
@@ -597,6 +600,7 @@ fn beam_state(station: &OneStation) -> proto::BeamState {
             .iter()
             .map(ToString::to_string)
             .collect(),
+        peak_wpm2: beam.peak_wpm2,
     }
 }
 

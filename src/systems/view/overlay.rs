@@ -188,7 +188,7 @@ pub fn draw_overlay(
         painter.circle_stroke(at, 12.0, Stroke::new(1.8, colour));
         let range_m = first.map_or(0.0, |first| flight.state.r_enu_m.distance(first));
         let mut text = format!("{}  {range_m:.0} m  {word}", uav.name);
-        let skin_k = skin.map_or(0.0, |skin| skin.skin.temperature_k);
+        let skin_k = skin.map_or(0.0, |skin| skin.temperature_k);
         if skin_k > HOT_K {
             text += &format!("  {:.0} °C", skin_k - 273.15);
         }

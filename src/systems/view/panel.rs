@@ -115,7 +115,7 @@ fn flying(ui: &mut egui::Ui, uavs: &Query<(&Uav, &UavStatus, &HeatedSkin)>) {
     for (uav, status, skin) in uavs {
         let text = format!("{}: {}", uav.name, status.name());
         ui.colored_label(status_colour(*status), text);
-        let skin_c = skin.skin.temperature_k - 273.15;
+        let skin_c = skin.temperature_k - 273.15;
         row(ui, "skin", format!("{skin_c:.0} °C"));
     }
 }

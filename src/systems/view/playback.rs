@@ -263,7 +263,7 @@ fn show(world: &mut World, playback: &Playback) {
         flight.state.q_enu_body = at.q_enu_body;
         *status = UavStatus::named(&at.status).unwrap_or(UavStatus::Flying);
         if let Some(mut skin) = skin {
-            skin.skin.temperature_k = at.skin_k;
+            skin.temperature_k = at.skin_k;
         }
     }
     let mut cameras = world.query::<(&SensorCamera, &mut CameraView)>();

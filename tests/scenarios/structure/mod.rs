@@ -9,12 +9,13 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
 /// Rooms that are commands: they use the app, and nothing below them knows them.
-const COMMANDS: [&str; 8] = [
+const COMMANDS: [&str; 9] = [
     "eval",
     "experiment",
     "dataset",
     "georef",
     "tune",
+    "validate",
     "report",
     "serve",
     "fmu",

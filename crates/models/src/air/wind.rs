@@ -125,15 +125,20 @@ pub fn over_rough_ground(
 /// Length scales [m] and standard deviations [m/s] of the low-altitude Dryden model; the lateral
 /// component shares the longitudinal ones.
 #[derive(Clone, Copy, Debug)]
-struct DrydenScales {
-    l_u_m: f64,
-    l_w_m: f64,
-    sigma_u_mps: f64,
-    sigma_w_mps: f64,
+pub struct DrydenScales {
+    /// Length scale along and across the mean wind [m].
+    pub l_u_m: f64,
+    /// Length scale upright [m].
+    pub l_w_m: f64,
+    /// Standard deviation along and across the mean wind [m/s].
+    pub sigma_u_mps: f64,
+    /// Standard deviation upright [m/s].
+    pub sigma_w_mps: f64,
 }
 
-/// MIL-F-8785C, 3.7.3.4; the height is held within the 10 to 1000 ft the formulas cover.
-fn dryden_scales(height_agl_m: f64, w20_mps: f64) -> DrydenScales {
+/// Those of a height above ground [m] and the wind speed 20 ft above open ground [m/s]: MIL-F-8785C, 3.7.3.4; the height
+/// is held within the 10 to 1000 ft the formulas cover.
+pub fn dryden_scales(height_agl_m: f64, w20_mps: f64) -> DrydenScales {
     let h_ft = (height_agl_m / FOOT_M).clamp(10.0, 1000.0);
     let base = 0.177 + 0.000823 * h_ft;
     let sigma_w_mps = 0.1 * w20_mps;

@@ -27,6 +27,7 @@ use glam::{DAffine3, DQuat, DVec2, DVec3};
 use crate::flight::multirotor::MultirotorState;
 use crate::flight::shape::{Coat, Frame, Shape};
 use crate::flight::uav::{AimPart, UavModel};
+use crate::laser::target::Parts;
 use crate::shape::mesh::MeshData;
 pub use distractors::{distractor_mesh, drawn_distractor_mesh};
 use fittings::fit_out;
@@ -166,6 +167,21 @@ impl UavMesh {
                 .or_else(|| self.rotors.first().map(|r| r.hub_body_m))
                 .unwrap_or_default(),
             AimPart::Camera => uav.camera.at_body_m,
+        }
+    }
+
+    /// What of a UAV lies where, for a beam that strikes it.
+    pub fn parts(&self, uav: &UavModel) -> Parts {
+        Parts {
+            battery: (uav.battery.at_body_m, uav.battery.skin),
+            camera: (uav.camera.at_body_m, uav.camera.skin),
+            hubs: (
+                self.rotors.iter().map(|rotor| rotor.hub_body_m).collect(),
+                uav.rotor_hub.skin,
+            ),
+            body: uav.body.skin,
+            arms: uav.arms,
+            diagonal_m: uav.diagonal_m,
         }
     }
 

@@ -38,7 +38,7 @@ impl PointingInput {
             los,
             gimbal_az_el_rad: gimbal.encoder_az_el_rad(),
             gimbal_rates_radps: gimbal.gyro_rates_radps(),
-            mirror_rad: mirror.deflection_rad(),
+            mirror_rad: mirror.measured_rad(),
             mirror_rates_radps: mirror.rate_radps(),
             base_tilt_rad: DVec3::ZERO,
             base_rate_radps: DVec3::ZERO,

@@ -496,7 +496,8 @@ mod tests {
 
     #[test]
     fn observer_finds_a_constant_torque() {
-        let gimbal = GimbalParams::default();
+        let mut gimbal = GimbalParams::default();
+        gimbal.azimuth.cogging = None;
         let mut state = crate::mount::gimbal::GimbalState::default();
         let mut observer = Observer::default();
         for _ in 0..960 {

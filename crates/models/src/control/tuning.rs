@@ -18,8 +18,10 @@ use crate::maths::frequency::{
     Margin, Margins, Response, StepFigures, Sweep, bandwidth_hz, log_spaced, margins, open_loop,
     step_figures,
 };
+use crate::maths::rng::Stream;
 use crate::maths::second_order::SecondOrderError;
 use crate::mount::gimbal::{self, AxisParams, GimbalCommand, GimbalParams, GimbalState};
+use crate::mount::gyro::{Gyro, GyroParams};
 use crate::mount::mirror::{Mirror, MirrorParams};
 use crate::tracking::estimation::{LosFilter, LosFilterError, LosFilterParams};
 
@@ -67,7 +69,7 @@ pub enum TuningError {
     Filter(#[from] LosFilterError),
     /// No gain of the position loop keeps the margins.
     #[error(
-        "no gimbal gain keeps {GAIN_MARGIN_DB} dB and {PHASE_MARGIN_DEG} deg of margin; make the mount stiffer or its loops faster (bandwidths, rates, latency)"
+        "no gimbal gain keeps {GAIN_MARGIN_DB} dB and {PHASE_MARGIN_DEG} deg of margin; make the mount stiffer or its loops faster (bandwidths, rates, latency, the gyros' delay)"
     )]
     NoGain,
 }
@@ -79,6 +81,8 @@ pub struct MountPlant {
     pub gimbal: GimbalParams,
     /// Fast steering mirror.
     pub mirror: MirrorParams,
+    /// Gyros on base and rotors.
+    pub gyro: GyroParams,
     /// Tick [s].
     pub dt_s: f64,
 }
@@ -179,10 +183,18 @@ fn start(plant: &MountPlant) -> GimbalState {
     ))
 }
 
+impl MountPlant {
+    /// The gyros on the rotors without their noise: loops are measured with their bandwidth and delay.
+    fn gyros(&self) -> Gyro<2> {
+        Gyro::new(self.gyro.quiet(), Stream::new(0, 0, "axis gyros"))
+    }
+}
+
 /// Rate loop of an axis closed: rate command → measured rate, both beyond the steady rate [rad/s].
 fn rate_loop(plant: &MountPlant, axis: MountAxis) -> impl FnMut(f64) -> f64 + use<> {
     let MountPlant { gimbal, dt_s, .. } = *plant;
     let (mut state, steady) = (start(plant), steady_rate(axis.of(&gimbal)));
+    let mut gyros = plant.gyros();
     move |u| {
         let rate_radps = (axis.unit() * (steady + u)).to_array();
         gimbal::step(
@@ -192,8 +204,21 @@ fn rate_loop(plant: &MountPlant, axis: MountAxis) -> impl FnMut(f64) -> f64 + us
             [0.0; 2],
             dt_s,
         );
+        state.read_gyros(&mut gyros, dt_s);
         state.gyro_rates_radps().dot(axis.unit()) - steady
     }
+}
+
+/// Whether the rate loop comes to rest after a step: sweeps of one that does not would measure its own swing.
+fn rate_loop_settles(plant: &MountPlant, axis: MountAxis) -> bool {
+    let amplitude = rate_amplitude(axis.of(&plant.gimbal));
+    let mut run = rate_loop(plant, axis);
+    // A second is many times what a loop of some hertz needs; of its end, a quarter counts.
+    let ticks = (1.0 / plant.dt_s) as usize;
+    let rates = (0..ticks).map(|_| run(amplitude) / amplitude);
+    rates
+        .skip(3 * ticks / 4)
+        .all(|rate| (rate - 1.0).abs() < 0.1)
 }
 
 /// Position loop of an axis closed by a gain [1/s]: angle command → measured angle [rad], both beyond the
@@ -206,7 +231,7 @@ fn position_loop(
     let MountPlant { gimbal, dt_s, .. } = *plant;
     let (mut state, steady) = (start(plant), steady_rate(axis.of(&gimbal)));
     let origin = state.encoder_az_el_rad();
-    let (mut turned, mut y) = (0.0, 0.0);
+    let (mut turned, mut y, mut gyros) = (0.0, 0.0, plant.gyros());
     move |u| {
         let rate_radps = (axis.unit() * (steady + gain_per_s * (u - y))).to_array();
         gimbal::step(
@@ -216,6 +241,7 @@ fn position_loop(
             [0.0; 2],
             dt_s,
         );
+        state.read_gyros(&mut gyros, dt_s);
         turned += steady * dt_s;
         y = axis.of(&gimbal).error_rad(
             state.encoder_az_el_rad().dot(axis.unit()),
@@ -239,7 +265,9 @@ fn pointing_loop(
         gimbal,
         mirror,
         dt_s,
+        ..
     } = *plant;
+    let mut gyros = plant.gyros();
     // Level, where azimuth and cross-elevation are one.
     let origin = DVec2::ZERO;
     let mut state = GimbalState::at_rest(origin);
@@ -276,6 +304,7 @@ fn pointing_loop(
                 &PointingInput::sensed(track.predicted(t_s + law.lead_s()), &state, mirror),
             );
             gimbal::step(&mut state, &gimbal, &output.gimbal, [0.0; 2], dt_s);
+            state.read_gyros(&mut gyros, dt_s);
             mirror.step(output.mirror_rad);
         }
         tick += 1;
@@ -295,6 +324,7 @@ fn paper_loop(
     let MountPlant { gimbal, dt_s, .. } = *plant;
     let mut state = GimbalState::at_rest(DVec2::ZERO);
     let (mut pid, mut command) = (PaperPid::default(), GimbalCommand::default());
+    let mut gyros = plant.gyros();
     let mut frames: VecDeque<(u64, DVec2)> = VecDeque::new();
     let frame_s = camera.period_ticks as f64 * dt_s;
     let mut tick = 0_u64;
@@ -312,6 +342,7 @@ fn paper_loop(
             command.rate_radps = rates.to_array();
         }
         gimbal::step(&mut state, &gimbal, &command, [0.0; 2], dt_s);
+        state.read_gyros(&mut gyros, dt_s);
         tick += 1;
         state.az_el_rad().dot(axis.unit())
     }
@@ -550,6 +581,12 @@ fn mirror_lead(plant: &MountPlant) -> Result<(usize, MirrorRemainder), TuningErr
 
 /// The tuned law's gains from sweeps of the simulated mount.
 pub fn derive(plant: &MountPlant) -> Result<Derived, TuningError> {
+    if ![MountAxis::Azimuth, MountAxis::Elevation]
+        .iter()
+        .all(|axis| rate_loop_settles(plant, *axis))
+    {
+        return Err(TuningError::NoGain);
+    }
     let azimuth = highest_gain(plant, MountAxis::Azimuth)?;
     let elevation = highest_gain(plant, MountAxis::Elevation)?;
     let (gimbal_gain_per_s, limit) = if azimuth.0 < elevation.0 {
@@ -580,12 +617,14 @@ mod tests {
         MountPlant {
             gimbal: GimbalParams::default(),
             mirror: MirrorParams::default(),
+            gyro: GyroParams::FIBRE,
             dt_s: DT,
         }
     }
 
     fn rigid() -> MountPlant {
         let mut plant = plant();
+        plant.gyro = GyroParams::default();
         for axis in [&mut plant.gimbal.azimuth, &mut plant.gimbal.elevation] {
             *axis = axis.ideal();
             axis.structure = None;
@@ -687,7 +726,9 @@ mod tests {
 
     #[test]
     fn pointing_loop_settles_and_its_margins_follow_the_latency() {
-        let plant = plant();
+        let mut plant = plant();
+        // Its sine is a few steps of the encoder.
+        plant.gimbal.azimuth.encoder_bits = None;
         let law = derive(&plant).unwrap().law;
         let measured = |latency_ticks| {
             let camera = CameraTiming {

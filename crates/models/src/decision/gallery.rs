@@ -97,7 +97,7 @@ impl Gallery {
 }
 
 /// The tracks that are worth a look at `t_s`: `first`, then those looked at longest ago.
-fn in_turn(table: &TrackTable, first: Option<u32>, t_s: f64) -> Vec<&Track> {
+pub fn in_turn(table: &TrackTable, first: Option<u32>, t_s: f64) -> Vec<&Track> {
     let seen =
         |track: &&Track| track.total_hits() >= LOOKED_AT_HITS && t_s - track.seen_s() < LOOKED_AT_S;
     let mut tracks: Vec<&Track> = table.tracks.iter().filter(seen).collect();

@@ -65,6 +65,8 @@ pub struct Airframe {
     pub rotor_arm_body_m: [DVec2; MAX_ROTORS],
     /// Sense of each rotor: +1 counter-clockwise seen from above, -1 clockwise.
     pub rotor_spin: [f64; MAX_ROTORS],
+    /// Rotors that turn when driven; the autopilot does not know of one that no longer does.
+    pub rotor_works: [bool; MAX_ROTORS],
     /// Rotor speed that hovers in sea-level air [rad/s].
     pub hover_rotor_speed_radps: f64,
     mass_kg: f64,
@@ -112,6 +114,7 @@ impl Airframe {
             rotor_count: n,
             rotor_arm_body_m,
             rotor_spin,
+            rotor_works: [true; MAX_ROTORS],
             hover_rotor_speed_radps,
             mass_kg: model.mass_kg,
             inertia_kgm2: DVec3::from_array(model.inertia_kgm2),
@@ -406,7 +409,12 @@ fn advance(
     let approach = -(-dt_s / airframe.rotor_lag_s).exp_m1();
     for (i, wanted_radps) in wanted_radps.iter().enumerate().take(airframe.rotor_count) {
         let speed_radps = &mut state.rotor_speed_radps[i];
-        *speed_radps += approach * (wanted_radps - *speed_radps);
+        let driven_radps = if airframe.rotor_works[i] {
+            *wanted_radps
+        } else {
+            0.0
+        };
+        *speed_radps += approach * (driven_radps - *speed_radps);
         let phase_rad = state.rotor_phase_rad[i] + airframe.rotor_spin[i] * *speed_radps * dt_s;
         state.rotor_phase_rad[i] = phase_rad - TAU * (phase_rad / TAU).floor();
     }

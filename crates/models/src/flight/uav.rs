@@ -3,7 +3,7 @@
 
 use crate::flight::class::ObjectClass;
 use crate::flight::shape::{Coat, Shape};
-use crate::laser::thermal::SkinMaterial;
+use crate::laser::target::Skin;
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,6 +49,8 @@ pub struct UavModel {
     pub rotor_hub: Part<Option<DVec3>>,
     /// The camera.
     pub camera: Part,
+    /// What its arms are made of.
+    pub arms: Skin,
     /// What it looks like.
     pub shape: Shape,
     /// The maker's paint.
@@ -61,7 +63,7 @@ pub struct Part<P = DVec3> {
     /// Its middle [m, body].
     pub at_body_m: P,
     /// What the laser heats there.
-    pub skin: SkinMaterial,
+    pub skin: Skin,
 }
 
 /// The part of a UAV that the laser is aimed at.
@@ -83,7 +85,7 @@ pub enum AimPart {
 
 impl UavModel {
     /// What the laser heats when it is aimed at `part`.
-    pub fn part_skin(&self, part: AimPart) -> SkinMaterial {
+    pub fn part_skin(&self, part: AimPart) -> Skin {
         match part {
             AimPart::Body => self.body.skin,
             AimPart::Battery => self.battery.skin,
@@ -123,7 +125,7 @@ impl UavModel {
     /// A UAV for tests, with the Phantom 4's numbers.
     pub(crate) fn sample() -> Self {
         use crate::flight::shape::Frame;
-        use crate::laser::thermal::{ABS_SHELL, MOTOR_BELL, POLYCARBONATE_SHELL, SHELLED_POUCH};
+        use crate::laser::target::{ABS_SHELL, MOTOR_BELL, POLYCARBONATE_SHELL, SHELLED_POUCH};
         let grey = [0.5; 3];
         Self {
             id: "sample".into(),
@@ -157,6 +159,7 @@ impl UavModel {
                 at_body_m: DVec3::new(0.055, 0.0, -0.078),
                 skin: POLYCARBONATE_SHELL,
             },
+            arms: ABS_SHELL,
             shape: Shape::Frame(Frame::Phantom),
             coat: Coat {
                 shell: grey,

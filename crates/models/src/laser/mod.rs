@@ -1,6 +1,6 @@
-//! The laser beam, and the heat it leaves in a UAV's skin.
+//! The laser beam, and what it does to a UAV.
 
 pub mod beam;
 pub mod propagation;
 pub mod range_finder;
-pub mod thermal;
+pub mod target;

@@ -175,6 +175,24 @@ impl Mean {
     }
 }
 
+/// Overlapping Allan deviation of samples over `m` of them, in their unit (IEEE Std 952-1997, annex C); `None`
+/// of fewer than `2m + 1` samples, or of none at a time.
+pub fn allan_deviation(samples: &[f64], m: usize) -> Option<f64> {
+    if m == 0 || samples.len() <= 2 * m {
+        return None;
+    }
+    let mut sums = vec![0.0];
+    let mut sum = 0.0;
+    for sample in samples {
+        sum += sample;
+        sums.push(sum);
+    }
+    let steps = sums.windows(2 * m + 1);
+    let count = steps.len() as f64;
+    let squares = steps.map(|w| (w[2 * m] - 2.0 * w[m] + w[0]).powi(2));
+    Some((squares.sum::<f64>() / (2.0 * count)).sqrt() / m as f64)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -245,5 +263,17 @@ mod tests {
             (Mean::of(&[]).text(), Mean::of(&[2.0]).text()),
             ("–".into(), "2.0".into())
         );
+    }
+
+    #[test]
+    fn allan_deviation_of_a_ramp_is_its_rise_over_root_two() {
+        // Means of neighbouring spans of m lie m steps apart.
+        let ramp: Vec<f64> = (0..100).map(|k| 0.5 * f64::from(k)).collect();
+        for m in [1, 7, 40] {
+            let expected = 0.5 * m as f64 / 2f64.sqrt();
+            assert!((allan_deviation(&ramp, m).unwrap() - expected).abs() < 1e-9);
+        }
+        assert_eq!(allan_deviation(&ramp, 50), None);
+        assert_eq!(allan_deviation(&ramp, 0), None);
     }
 }

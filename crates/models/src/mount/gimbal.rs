@@ -9,7 +9,7 @@
 //!
 //! In the coordinates centre of inertia and twist, the mechanics are stepped exactly for a torque
 //! held over a substep; dry friction is the torque that the end of the substep demands (implicit,
-//! with a true state of rest), viscous friction its mean over the substep. The rate loop is of type
+//! with a true state of rest), viscous friction its mean over the substep, cogging that of its start. The rate loop is of type
 //! 2, so a steady acceleration leaves no rate error and needs no feed-forward (measured: none
 //! helps). The sampled loop is stable while 2 · damping · bandwidth · 2π · dt / rotor's share of the
 //! inertia stays below 1 (15 Hz at 960 Hz gives 0.7).
@@ -20,8 +20,9 @@ use glam::{DVec2, DVec3};
 use thiserror::Error;
 
 use crate::maths::kinematics::{az_el_to_los, base_rate_on_axes, wrap_pi};
-use crate::maths::rng::Stream;
 use crate::maths::second_order::second_order_transition;
+use crate::mount::drive::{Cogging, Friction};
+use crate::mount::gyro::Gyro;
 
 /// A gimbal parameter out of its range.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -31,27 +32,6 @@ pub struct GimbalError {
     pub name: &'static str,
     /// Its value.
     pub value: f64,
-}
-
-/// Dry friction of an axis's bearings and seals, at the rotor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Friction {
-    /// Torque in motion [N m].
-    pub coulomb_nm: f64,
-    /// Torque at rest, which must be overcome to move [N m].
-    pub breakaway_nm: f64,
-    /// Rate over which the torque falls from the one to the other [rad/s].
-    pub stribeck_radps: f64,
-}
-
-impl Friction {
-    /// Most torque [N m] that dry friction opposes to a rotor at `rate_radps`: Stribeck's curve
-    /// with a Gaussian, F_C + (F_S − F_C) exp(−(ω/ω_S)²) (Armstrong-Hélouvry, Dupont and Canudas de
-    /// Wit 1994).
-    pub fn level_nm(&self, rate_radps: f64) -> f64 {
-        let x = rate_radps / self.stribeck_radps;
-        self.coulomb_nm + (self.breakaway_nm - self.coulomb_nm) * (-x * x).exp()
-    }
 }
 
 /// First structural mode of an axis: rotor and load on a torsional spring.
@@ -78,12 +58,12 @@ pub struct AxisParams {
     pub viscous_nms: f64,
     /// Dry friction; `None` has none.
     pub friction: Option<Friction>,
+    /// Cogging of the motor; `None` has none.
+    pub cogging: Option<Cogging>,
     /// Structural mode; `None` is a rigid axis.
     pub structure: Option<Structure>,
     /// Bits of the encoder per turn; `None` reads the angle itself.
     pub encoder_bits: Option<u32>,
-    /// Angle random walk of the axis's rate gyro [rad/√s].
-    pub gyro_walk: f64,
     /// Largest rate [rad/s]: the command is limited to it and the motor gives no torque beyond it.
     pub rate_limit_radps: f64,
     /// Natural frequency of the closed rate loop [Hz].
@@ -108,10 +88,10 @@ impl Default for GimbalParams {
     /// 0.4 m, so 8 and 5 kg m²; direct-drive torque motors of 60 and 40 N m give 7.5 and
     /// 8 rad/s², three times what a 20 m/s target passing at 50 m asks in rate change; 60°/s covers
     /// that target (0.4 rad/s) and slews across the sector in 3 s. Preloaded bearings and lip seals
-    /// break away at 1 % of the torque limit and run at two thirds of that; no gears, so no
-    /// backlash. The optics swing at 40 Hz on the locked rotor (80 Hz with the rotor free), with
-    /// the 2 % damping of bolted metal. The encoder has 24 bits (0.37 µrad), the gyro is a small
-    /// fibre gyro of 0.01°/√h.
+    /// break away at 1 % of the torque limit, after 0.2 mrad, and run at two thirds of that (their bristles'
+    /// damping is half of the critical one of the axis upon them); the
+    /// motors cog by 0.12 and 0.08 N m; no gears, so no backlash. The optics swing at 40 Hz on the locked rotor (80 Hz with the rotor free), with
+    /// the 2 % damping of bolted metal. The encoder has 24 bits (0.37 µrad).
     fn default() -> Self {
         let degree = PI / 180.0;
         let azimuth = AxisParams {
@@ -122,6 +102,12 @@ impl Default for GimbalParams {
                 coulomb_nm: 0.4,      // [N m]
                 breakaway_nm: 0.6,    // [N m]
                 stribeck_radps: 2e-3, // [rad/s]
+                presliding_rad: 2e-4, // [rad]
+                bristle_nms: 150.0,   // [N m s/rad]
+            }),
+            cogging: Some(Cogging {
+                torque_nm: 0.12, // [N m]
+                per_turn: 180.0,
             }),
             structure: Some(Structure {
                 locked_rotor_hz: 40.0, // [Hz]
@@ -130,7 +116,6 @@ impl Default for GimbalParams {
                 backlash_rad: 0.0, // [rad]
             }),
             encoder_bits: Some(24),
-            gyro_walk: 0.01 * degree / 60.0, // [rad/√s]
             rate_limit_radps: 60.0 * degree,
             bandwidth_hz: 15.0, // [Hz]
             damping: 0.9,
@@ -146,6 +131,12 @@ impl Default for GimbalParams {
                     coulomb_nm: 0.27,     // [N m]
                     breakaway_nm: 0.4,    // [N m]
                     stribeck_radps: 2e-3, // [rad/s]
+                    presliding_rad: 2e-4, // [rad]
+                    bristle_nms: 100.0,   // [N m s/rad]
+                }),
+                cogging: Some(Cogging {
+                    torque_nm: 0.08, // [N m]
+                    per_turn: 180.0,
                 }),
                 travel_rad: Some([-20.0 * degree, 85.0 * degree]),
                 ..azimuth
@@ -155,7 +146,7 @@ impl Default for GimbalParams {
 }
 
 impl AxisParams {
-    /// This axis without dry friction, backlash, encoder steps and gyro noise.
+    /// This axis without dry friction, cogging, backlash and encoder steps.
     pub fn ideal(self) -> Self {
         Self {
             friction: None,
@@ -163,8 +154,8 @@ impl AxisParams {
                 backlash_rad: 0.0,
                 ..structure
             }),
+            cogging: None,
             encoder_bits: None,
-            gyro_walk: 0.0,
             ..self
         }
     }
@@ -177,15 +168,18 @@ impl AxisParams {
             ("bandwidth_hz", self.bandwidth_hz),
             ("damping", self.damping),
         ];
-        let mut at_least_zero = vec![
-            ("viscous_nms", self.viscous_nms),
-            ("gyro_walk", self.gyro_walk),
-        ];
+        let mut at_least_zero = vec![("viscous_nms", self.viscous_nms)];
         if let Some(friction) = self.friction {
             positive.push(("stribeck_radps", friction.stribeck_radps));
             at_least_zero.push(("coulomb_nm", friction.coulomb_nm));
             let rise_nm = friction.breakaway_nm - friction.coulomb_nm;
             at_least_zero.push(("breakaway_nm - coulomb_nm", rise_nm));
+            at_least_zero.push(("presliding_rad", friction.presliding_rad));
+            at_least_zero.push(("bristle_nms", friction.bristle_nms));
+        }
+        if let Some(cogging) = self.cogging {
+            at_least_zero.push(("cogging.torque_nm", cogging.torque_nm));
+            positive.push(("cogging.per_turn", cogging.per_turn));
         }
         if let Some(structure) = self.structure {
             positive.push(("locked_rotor_hz", structure.locked_rotor_hz));
@@ -328,10 +322,19 @@ pub struct AxisState {
     pub integral_nm: f64,
     /// Motor torque of the last step [N m].
     pub torque_nm: f64,
+    /// Deflection of the bearing's bristles [rad]; see [`Friction`].
+    pub bristle_rad: f64,
     /// Reading of the encoder [rad].
     pub encoder_rad: f64,
-    /// Reading of the gyro [rad/s].
+    /// Reading of the gyro [rad/s]: the rotor's own rate until [`GimbalState::read_gyros`].
     pub gyro_radps: f64,
+}
+
+impl AxisState {
+    /// Rate of the rotor relative to the base [rad/s].
+    fn rotor_radps(&self) -> f64 {
+        self.rate_radps + self.twist_rate_radps
+    }
 }
 
 /// State of a two-axis gimbal.
@@ -402,10 +405,11 @@ impl GimbalState {
         [0, 1].map(|i| -inertia[i] * (rate[i] - before[i]) / dt_s)
     }
 
-    /// Adds the gyros' noise over a tick of `dt_s` [s] to what they read.
-    pub fn add_gyro_noise(&mut self, params: &GimbalParams, rng: &mut Stream, dt_s: f64) {
-        self.azimuth.gyro_radps += params.azimuth.gyro_walk / dt_s.sqrt() * rng.normal();
-        self.elevation.gyro_radps += params.elevation.gyro_walk / dt_s.sqrt() * rng.normal();
+    /// Reads the gyros on the rotors after a step of `dt_s` [s].
+    pub fn read_gyros(&mut self, gyros: &mut Gyro<2>, dt_s: f64) {
+        let rates_radps = [&self.azimuth, &self.elevation].map(AxisState::rotor_radps);
+        let [azimuth, elevation] = gyros.read(rates_radps, dt_s);
+        (self.azimuth.gyro_radps, self.elevation.gyro_radps) = (azimuth, elevation);
     }
 }
 
@@ -549,7 +553,7 @@ fn advance(state: &mut AxisState, params: &AxisParams, disturbance_nm: f64, dt_s
         }
         None => state.angle_rad,
     };
-    state.gyro_radps = state.rate_radps + state.twist_rate_radps;
+    state.gyro_radps = state.rotor_radps();
 }
 
 /// One axis discretised over a substep. Centre of inertia q and twist φ (rotor less load) move
@@ -676,7 +680,10 @@ impl Plant {
             self.side(twist[0])
         };
         // The rotor's rate at the end is affine in the torque on the rotor: without friction ...
-        let drive = state.torque_nm;
+        let cogging_nm = params.cogging.map_or(0.0, |cogging| {
+            cogging.at_nm(state.angle_rad + state.twist_rad)
+        });
+        let drive = state.torque_nm + cogging_nm;
         let before = state.rate_radps + twist[1];
         let free_twist_rate = if self.share == 1.0 {
             0.0
@@ -696,10 +703,12 @@ impl Plant {
         };
         let drag = 0.5 * gain * params.viscous_nms;
         let slipping = free - drag * before;
-        let most = params
-            .friction
-            .map_or(0.0, |friction| friction.level_nm(before));
-        let dry = (slipping / gain).min(most).max(-most);
+        let (dry, bristle_rad) = params.friction.map_or((0.0, 0.0), |friction| {
+            // What viscous drag leaves of the rate and of the gain.
+            let [free, gain] = [slipping, gain].map(|x| x / (1.0 + drag));
+            friction.torque_nm(state.bristle_rad, before, free, gain, h)
+        });
+        state.bristle_rad = bristle_rad;
         let after = (slipping - gain * dry) / (1.0 + drag);
         let torque = drive - dry - 0.5 * params.viscous_nms * (before + after);
 

@@ -113,6 +113,14 @@ pub struct PixelRect {
 }
 
 impl PixelRect {
+    /// Whether a place on the sensor [px] lies in it.
+    pub fn holds(&self, at_px: [f64; 2]) -> bool {
+        (0..2).all(|axis| {
+            let low = f64::from(self.offset_px[axis]);
+            (low..low + f64::from(self.size_px[axis])).contains(&at_px[axis])
+        })
+    }
+
     /// The largest part of `self`'s sensor around `centre_px` that a window of `size_px` shows.
     pub fn window(sensor_px: [u32; 2], centre_px: [f64; 2], size_px: u32) -> Self {
         let axis = |i: usize| {

@@ -13,6 +13,8 @@ pub mod motion;
 pub mod noise;
 pub mod pattern;
 pub mod registration;
+pub mod seeing;
 pub mod sensor;
+pub mod stray;
 pub mod tier;
 pub mod tighten;

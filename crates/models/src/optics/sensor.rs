@@ -1,9 +1,9 @@
 //! Image formation: from a rendered frame of scene luminance to the 8-bit frame of a camera.
 //!
 //! Chain: motion of the image while its rows are exposed -> blur by the optics and the air
-//! (Gaussian) -> glare of the sun -> image-plane illuminance E = pi L tau / (4 N^2), less towards the
-//! corners -> photoelectrons of the pixel's colour filter, times its sensitivity -> dark current and
-//! offset -> shot and read noise -> full-well clip -> 12-bit conversion above a black level ->
+//! (Gaussian) -> glare of the sun, lasers and lamps -> image-plane illuminance
+//! E = pi L tau / (4 N^2), less towards the corners -> photoelectrons of the pixel's colour filter,
+//! times its sensitivity -> dark current and offset -> shot and read noise -> full-well clip -> 12-bit conversion above a black level ->
 //! colours interpolated from the mosaic -> white balance -> 8-bit code.
 //!
 //! Assumptions: object at infinity; the colour filters are the channels of linear sRGB, and their
@@ -27,6 +27,7 @@ use super::mosaic::{self, Mosaic, Neighbours};
 use super::motion::{ImageMotion, Shutter, Smear};
 use super::noise;
 use super::pattern::FixedPattern;
+use super::stray::light::StrayLight;
 
 /// Photons per second and square metre in one lux of 555 nm light: (1/683 W/lm) / (h c / lambda).
 pub const PHOTONS_PER_LUX_S_M2: f64 = 555e-9 / (683.0 * 6.626_070_15e-34 * 299_792_458.0);
@@ -181,6 +182,8 @@ pub struct Conditions {
     pub motion: ImageMotion,
     /// The sun, where it shines on the lens.
     pub sun: Option<SunGlare>,
+    /// Lasers and lamps, where any is on.
+    pub stray: Option<Arc<StrayLight>>,
 }
 
 /// Rows of one frame's even and odd columns for each of its channels.
@@ -242,7 +245,7 @@ fn channel_codes(params: &SensorParams) -> [[u8; CODES]; 3] {
 }
 
 /// The half kernel of a Gaussian blur: the weight of the middle, then of each neighbour outwards.
-fn half_kernel(sigma_px: f64) -> Vec<f64> {
+pub(super) fn half_kernel(sigma_px: f64) -> Vec<f64> {
     if sigma_px < MIN_BLUR_SIGMA_PX {
         return vec![1.0];
     }
@@ -523,6 +526,13 @@ impl Sensor {
                     sun.half_row(self.params.glare, x, row, glare);
                     for (mean, glare) in mean.iter_mut().zip(&*glare) {
                         *mean += klx[channel] * glare;
+                    }
+                }
+                if let Some(stray) = &frame.conditions.stray {
+                    glare.resize(count, 0.0);
+                    stray.half_row(channel, x, row, glare);
+                    for (mean, light) in mean.iter_mut().zip(&*glare) {
+                        *mean += light;
                     }
                 }
                 noise.resize(count, 0.0);

@@ -6,6 +6,7 @@ pub mod estimation;
 pub mod evidence;
 pub mod flutter;
 pub mod held;
+pub mod measured;
 pub mod moving;
 pub mod picture;
 pub mod radar;

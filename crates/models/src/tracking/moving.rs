@@ -127,6 +127,11 @@ pub struct MovingAs {
     pub score: f64,
 }
 
+impl MovingAs {
+    /// Least score: about as likely of a UAV as of anything else that flies.
+    pub const NEUTRAL: f64 = 0.3;
+}
+
 /// The frames of one camera since it last turned.
 #[derive(Clone, Debug, Default)]
 pub struct MovingDots {

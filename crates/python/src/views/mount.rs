@@ -86,6 +86,8 @@ pub struct Beam {
     energy_j: f64,
     /// Time for which the firing beam's centre lay on the target's aim point [s].
     dwell_s: f64,
+    /// Greatest irradiance in the spot [W/m²].
+    peak_wpm2: f64,
 }
 
 impl Beam {
@@ -104,6 +106,7 @@ impl Beam {
             scintillation: beam.scintillation,
             energy_j: beam.energy_j,
             dwell_s: beam.dwell_s,
+            peak_wpm2: beam.peak_wpm2,
         }
     }
 }

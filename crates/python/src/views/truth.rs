@@ -25,10 +25,19 @@ pub struct Uav {
     /// Length, width and height [m].
     size_m: (f64, f64, f64),
     #[pyo3(get)]
-    /// Temperature of the skin under the aim point [K]; None of a distractor.
+    /// The hottest of what would fail under beams, a wall that bears or what lies behind one [K]; None of a distractor.
     skin_k: Option<f64>,
     #[pyo3(get)]
-    /// Mean irradiance on that skin in the last tick [W/m²].
+    /// The hottest place that beams have fallen on [K]; None of a distractor.
+    face_k: Option<f64>,
+    #[pyo3(get)]
+    /// Area that is burnt through [m²].
+    hole_m2: f64,
+    #[pyo3(get)]
+    /// Parts that lasers have destroyed, in the order of their loss: "body", "battery", "motor", "arm", "camera".
+    lost: Vec<String>,
+    #[pyo3(get)]
+    /// Mean irradiance within 5 cm of the aim point in the last tick [W/m²].
     irradiance_wpm2: f64,
     #[pyo3(get)]
     /// Energy that lasers emitted while it was the aimed one [J].
@@ -40,7 +49,7 @@ pub struct Uav {
     /// When a camera of a station first held it [s]; None before.
     acquired_s: Option<f64>,
     #[pyo3(get)]
-    /// When its skin failed [s]; None before.
+    /// When it was brought down [s]; None before.
     neutralised_s: Option<f64>,
     #[pyo3(get)]
     /// When it came within the asset's radius unharmed [s]; None before.
@@ -67,6 +76,9 @@ impl Uav {
             status: uav.status().name().to_owned(),
             size_m: uav.size_m().into(),
             skin_k: uav.skin_k(),
+            face_k: uav.face_k(),
+            hole_m2: uav.hole_m2(),
+            lost: uav.lost(),
             irradiance_wpm2: uav.irradiance_wpm2(),
             energy_j: uav.dose().energy_j,
             dwell_s: uav.dose().dwell_s,

@@ -4,7 +4,7 @@ mod mesh;
 use super::*;
 use boresight_models::bodies::uav_mesh;
 use boresight_models::flight::uav::AimPart;
-use boresight_models::laser::thermal;
+use boresight_models::laser::target;
 use boresight_models::maths::kinematics::GRAVITY_MPS2;
 use proptest::prelude::*;
 
@@ -42,13 +42,13 @@ fn a_file_becomes_a_model_in_si_units() {
     assert_eq!(uav.max_tilt_rad, 42.0_f64.to_radians());
     assert_eq!(uav.max_rate_radps, 250.0_f64.to_radians());
     assert_eq!(uav.battery.at_body_m, DVec3::new(-0.07, 0.0, 0.004));
-    assert_eq!(uav.part_skin(AimPart::Battery), thermal::SHELLED_POUCH);
-    assert_eq!(uav.part_skin(AimPart::RotorHub), thermal::MOTOR_BELL);
+    assert_eq!(uav.part_skin(AimPart::Battery), target::SHELLED_POUCH);
+    assert_eq!(uav.part_skin(AimPart::RotorHub), target::MOTOR_BELL);
     assert!(matches!(uav.shape, Shape::Frame(Frame::Phantom)));
     // A racer's battery is strapped on bare; its body is of carbon.
     let racer = load("fpv5").unwrap();
-    assert_eq!(racer.part_skin(AimPart::Battery), thermal::LIPO_POUCH);
-    assert_eq!(racer.part_skin(AimPart::Body), thermal::CARBON_EPOXY);
+    assert_eq!(racer.part_skin(AimPart::Battery), target::LIPO_POUCH);
+    assert_eq!(racer.part_skin(AimPart::Body), target::CARBON_EPOXY);
 }
 
 #[test]

@@ -12,6 +12,7 @@ pub(super) fn named_files(scenario: &Scenario) -> BTreeSet<PathBuf> {
     let mut files: BTreeSet<PathBuf> = (scenario.recogniser.model(detector).map(Path::to_path_buf))
         .into_iter()
         .chain(detector.is_onnx().then(|| detector.onnx_model.clone()))
+        .chain(detector.is_measured().then(|| detector.measured.clone()))
         .collect();
     let flights = (scenario.uavs.iter().map(|uav| &uav.trajectory))
         .chain(scenario.distractors.iter().map(|other| &other.trajectory));

@@ -41,6 +41,9 @@ pub struct Sent<'a> {
     pub is_new: bool,
     /// Length of the tick [s].
     pub dt_s: f64,
+    /// Where the turbulence that the station's cameras look through turns the beam, of unit variance about each axis, right and
+    /// down; none: the propagation draws its own.
+    pub turned: Option<DVec2>,
 }
 
 /// What lies across a beam at its target's range.

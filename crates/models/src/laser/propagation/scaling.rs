@@ -8,7 +8,8 @@ use std::error::Error;
 
 /// A short-term spot that wanders and breathes. Turbulence takes no power from it: where the peak falls, the spot grows.
 ///
-/// Wander and breathing change as the air passes the aperture's diameter (frozen flow).
+/// Wander and breathing change as the air passes the aperture's diameter (frozen flow). Where cameras look through the same
+/// turbulence, the wander is its: what moves the image turns the beam.
 #[derive(Clone, Debug)]
 pub struct Scaling {
     wander_rng: Stream,
@@ -58,7 +59,7 @@ impl Propagation for Scaling {
         let wander_m = expected.wander_axis_m();
         Ok(Across {
             power_w: expected.power_w,
-            centre_m: wander_m * self.wander,
+            centre_m: wander_m * sent.turned.unwrap_or(self.wander),
             shape: Shape::Gaussian {
                 radius_m: expected.short_m / relative.sqrt(),
             },

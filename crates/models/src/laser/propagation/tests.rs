@@ -62,6 +62,7 @@ fn sent<'a>(laser: &'a Laser, air: &'a BeamAir, range_m: f64, is_new: bool) -> S
         air,
         is_new,
         dt_s: 1.0 / 960.0,
+        turned: None,
     }
 }
 

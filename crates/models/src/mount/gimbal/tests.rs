@@ -1,4 +1,6 @@
 use super::*;
+use crate::maths::rng::Stream;
+use crate::mount::gyro::GyroParams;
 
 const DT: f64 = 1.0 / 960.0;
 
@@ -217,7 +219,8 @@ fn sliding_friction_is_stribecks_curve() {
     for omega in [1e-3, 2e-3, 3e-3, 5e-3, 0.1] {
         for sign in [1.0, -1.0] {
             let mut state = GimbalState::default();
-            for _ in 0..1920 {
+            // At 1 mrad/s the bristles take 0.2 s to bend.
+            for _ in 0..960 * 8 {
                 step(&mut state, &params, &rate(sign * omega, 0.0), [0.0; 2], DT);
             }
             let expected = friction.level_nm(omega) + 2.0 * omega;
@@ -230,14 +233,27 @@ fn sliding_friction_is_stribecks_curve() {
     }
 }
 
+/// The default azimuth axis without cogging, held rigidly until its bearings break away.
+fn sticking() -> AxisParams {
+    let axis = GimbalParams::default().azimuth;
+    AxisParams {
+        friction: axis.friction.map(|friction| Friction {
+            presliding_rad: 0.0,
+            ..friction
+        }),
+        cogging: None,
+        ..axis
+    }
+}
+
 #[test]
 fn nothing_moves_below_the_breakaway_torque() {
     for axis in [
         AxisParams {
             structure: None,
-            ..GimbalParams::default().azimuth
+            ..sticking()
         },
-        GimbalParams::default().azimuth,
+        sticking(),
     ] {
         let mut state = AxisState::default();
         for k in 0..9600 {
@@ -268,6 +284,64 @@ fn nothing_moves_below_the_breakaway_torque() {
 }
 
 #[test]
+fn before_breakaway_the_axis_is_a_stiffening_spring() {
+    // dz/dθ = 1 − σz/g at vanishing rate: T = F_S (1 − e^(−σθ/F_S)), stiffness σ at first.
+    let axis = AxisParams {
+        structure: None,
+        cogging: None,
+        ..GimbalParams::default().azimuth
+    };
+    let friction = axis.friction.unwrap();
+    let mut state = AxisState::default();
+    for k in 1..=960 * 200 {
+        let torque_nm = 0.9 * friction.breakaway_nm * (f64::from(k) / (960.0 * 200.0));
+        push(&mut state, &axis, torque_nm);
+        if k % 9600 == 0 {
+            let turned_rad =
+                -friction.presliding_rad * (1.0 - torque_nm / friction.breakaway_nm).ln();
+            let error = state.angle_rad / turned_rad - 1.0;
+            assert!(error.abs() < 0.03, "{torque_nm}: {error}");
+        }
+    }
+    // Let go, it springs back by less than it came: the loop has an area.
+    let far_rad = state.angle_rad;
+    for k in 0..960 * 200 {
+        push(
+            &mut state,
+            &axis,
+            0.9 * friction.breakaway_nm * (1.0 - f64::from(k) / (960.0 * 200.0)),
+        );
+    }
+    let left = state.angle_rad / far_rad;
+    assert!(left > 0.3 && left < 0.8, "{left}");
+}
+
+#[test]
+fn cogging_comes_again_with_every_pole() {
+    let mut axis = rigid().azimuth;
+    axis.viscous_nms = 0.0;
+    axis.cogging = GimbalParams::default().azimuth.cogging;
+    let cogging = axis.cogging.unwrap();
+    // Running over the poles the rate ripples by T/(J n ω²) ω, to first order in the ripple.
+    let rate_radps = 0.2;
+    let mut state = AxisState {
+        rate_radps,
+        ..AxisState::default()
+    };
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for _ in 0..9600 {
+        push(&mut state, &axis, 0.0);
+        low = low.min(state.rate_radps);
+        high = high.max(state.rate_radps);
+    }
+    let ripple = 2.0 * cogging.torque_nm / (axis.inertia_kg_m2 * cogging.per_turn * rate_radps);
+    assert!(
+        ((high - low) / ripple - 1.0).abs() < 0.02,
+        "{low} {high} {ripple}"
+    );
+}
+
+#[test]
 fn structural_mode_rings_down_at_its_frequency_and_damping() {
     // Rotor free: f = f_locked/√share, ζ = ζ_locked/√share. Rotor locked by friction: as given.
     let mut axis = ideal().azimuth;
@@ -276,6 +350,8 @@ fn structural_mode_rings_down_at_its_frequency_and_damping() {
         coulomb_nm: 1e6,
         breakaway_nm: 1e6,
         stribeck_radps: 1.0,
+        presliding_rad: 0.0,
+        bristle_nms: 0.0,
     };
     for (friction, frequency_hz, damping) in [(None, 80.0, 0.04), (Some(lock), 40.0, 0.02)] {
         axis.friction = friction;
@@ -307,16 +383,21 @@ fn structural_mode_rings_down_at_its_frequency_and_damping() {
     }
 }
 
-/// Kinetic energy and that of the spring [J].
+/// Kinetic energy and that of spring and bristles [J].
 fn energy_j(state: &AxisState, axis: &AxisParams) -> f64 {
     let structure = axis.structure.unwrap();
     let (j, share) = (axis.inertia_kg_m2, structure.rotor_share);
     let rotor = state.rate_radps + state.twist_rate_radps;
     let stretch = (state.twist_rad.abs() - 0.5 * structure.backlash_rad).max(0.0);
     let omega = TAU * structure.locked_rotor_hz;
-    0.5 * j
-        * (share * rotor.powi(2)
-            + (1.0 - share) * (state.rate_radps.powi(2) + (omega * stretch).powi(2)))
+    let bristles = axis.friction.map_or(0.0, |friction| {
+        0.5 * friction.breakaway_nm / friction.presliding_rad * state.bristle_rad.powi(2)
+    });
+    bristles
+        + 0.5
+            * j
+            * (share * rotor.powi(2)
+                + (1.0 - share) * (state.rate_radps.powi(2) + (omega * stretch).powi(2)))
 }
 
 #[test]
@@ -327,6 +408,7 @@ fn no_energy_is_created() {
             axis = axis.ideal();
             axis.viscous_nms = 0.0;
         }
+        axis.cogging = None; // the motor's poles hold energy, too
         axis.structure.as_mut().unwrap().backlash_rad = backlash_rad;
         axis.structure.as_mut().unwrap().damping = 1e-6;
         let mut state = AxisState {
@@ -406,30 +488,14 @@ fn encoder_error_is_uniform_over_a_step() {
     assert!((sum / n).abs() < 0.01 * lsb);
 }
 
-#[test]
-fn gyro_noise_walks_at_the_given_rate() {
-    let params = GimbalParams::default();
-    let mut rng = Stream::new(5, 0, "gyro");
-    let n = 20_000;
-    let mut square = 0.0;
-    for _ in 0..n {
-        let mut state = GimbalState::default();
-        state.add_gyro_noise(&params, &mut rng, DT);
-        square += (state.azimuth.gyro_radps * DT).powi(2);
-    }
-    // Variance of the angle per time; five standard errors.
-    let walk = square / f64::from(n) / DT;
-    let bound = 5.0 * (2.0 / f64::from(n)).sqrt();
-    assert!((walk / params.azimuth.gyro_walk.powi(2) - 1.0).abs() < bound);
-}
-
 /// Peak to peak of the load over the last `seconds` of a minute [rad], and its reversals, with
 /// `control` choosing the torque.
 fn hunting(
     params: &GimbalParams,
+    gyro: GyroParams,
     mut control: impl FnMut(&mut GimbalState) -> f64,
 ) -> (f64, usize) {
-    let mut rng = Stream::new(9, 0, "gyro");
+    let mut gyros = Gyro::new(gyro, Stream::new(9, 0, "gyro"));
     let mut state = GimbalState::at_rest(DVec2::new(-1e-3, 0.3));
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     let (mut direction, mut reversals) = (0.0, 0);
@@ -437,7 +503,7 @@ fn hunting(
         state.azimuth.torque_nm = control(&mut state);
         advance(&mut state.azimuth, &params.azimuth, 0.0, DT);
         advance(&mut state.elevation, &params.elevation, 0.0, DT);
-        state.add_gyro_noise(params, &mut rng, DT);
+        state.read_gyros(&mut gyros, DT);
         if k >= 960 * 30 {
             low = state.azimuth.angle_rad.min(low);
             high = state.azimuth.angle_rad.max(high);
@@ -467,11 +533,16 @@ fn friction_limit_cycle_hunts_under_a_plain_pid_and_not_under_a_cascade() {
         before = angle;
         (integral - j * omega * omega * angle - 1.6 * j * omega * rate).clamp(-60.0, 60.0)
     };
-    let (hunt_rad, reversals) = hunting(&params, pid);
+    // Bearings that give way before they slide let such a loop come to rest; rigid ones do not.
+    let rigid = GimbalParams {
+        azimuth: sticking(),
+        ..params
+    };
+    let (hunt_rad, reversals) = hunting(&rigid, GyroParams::FIBRE, pid);
     assert!(hunt_rad > 1e-3 && reversals > 20, "{hunt_rad} {reversals}");
     // Rate loop under a position loop, as the tuned law closes it on a still target.
-    let cascade = |params: GimbalParams| {
-        hunting(&params, |state| {
+    let cascade = |params: &GimbalParams, gyro: GyroParams| {
+        hunting(params, gyro, |state| {
             let error = params.error_rad(DVec2::new(0.0, 0.3), state.encoder_az_el_rad());
             let [az, el] = (POSITION_GAIN_PER_S * error).to_array();
             state.elevation.torque_nm =
@@ -479,14 +550,20 @@ fn friction_limit_cycle_hunts_under_a_plain_pid_and_not_under_a_cascade() {
             servo_torque(&mut state.azimuth, &params.azimuth, az, DT)
         })
     };
-    // With the gyro's noise the axis trembles by a few encoder steps ...
-    let (tremble_rad, _) = cascade(params);
+    // With the gyro's noise the axis trembles by a few encoder steps, more where the bearings give way ...
+    let (tremble_rad, _) = cascade(&rigid, GyroParams::FIBRE);
     assert!(tremble_rad < 4e-6, "{tremble_rad}");
-    // ... and without it nothing moves: no cycle feeds itself.
-    let mut quiet = params;
-    (quiet.azimuth.gyro_walk, quiet.elevation.gyro_walk) = (0.0, 0.0);
-    let (rest_rad, reversals) = cascade(quiet);
-    assert!(rest_rad < 1e-12 && reversals == 0, "{rest_rad} {reversals}");
+    let (tremble_rad, _) = cascade(&params, GyroParams::FIBRE);
+    assert!(tremble_rad < 8e-6, "{tremble_rad}");
+    // ... and without it nothing moves, or creeps by less than such a step: no cycle feeds itself.
+    let encoder_rad = TAU / 2f64.powi(24);
+    for (params, most_rad) in [(&rigid, 1e-12), (&params, encoder_rad)] {
+        let (rest_rad, reversals) = cascade(params, GyroParams::FIBRE.quiet());
+        assert!(
+            rest_rad < most_rad && reversals == 0,
+            "{rest_rad} {reversals}"
+        );
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 use super::*;
 use crate::air::daylight::daylight;
 use crate::optics::exposure::{ExposureControl, white_balance};
+use crate::optics::stray::light::PointLight;
 use glam::{DVec2, DVec3};
 
 const W: usize = 640;
@@ -745,6 +746,7 @@ fn a_rolling_shutter_leans_what_stands_upright() {
             boxes: Vec::new(),
         },
         sun: None,
+        stray: None,
     };
     let frame = RenderedFrame {
         conditions: &conditions,
@@ -815,4 +817,75 @@ fn glare_of_the_sun_falls_off_and_reaches_all_colours() {
             "{y}: {found} for {expected}"
         );
     }
+}
+
+/// A picture of a grey scene with a point of light of `klx` in its middle.
+fn with_point(params: &SensorParams, klx: f64) -> Vec<u8> {
+    let rendered = render(64, 48, |_, _| 1.0);
+    let conditions = Conditions {
+        stray: Some(Arc::new(StrayLight {
+            focal_px: 36_000.0,
+            centre_px: [32.0, 24.0],
+            blur_px: 0.8,
+            glare: 1.0,
+            least_kcd_m2: 0.0,
+            beams: Vec::new(),
+            points: vec![PointLight {
+                dir_cam: DVec3::new(0.5 / 36_000.0, 0.5 / 36_000.0, 1.0).normalize(),
+                klx: [klx; 3],
+                radius_rad: 1e-5,
+            }],
+        })),
+        ..Conditions::default()
+    };
+    let frame = RenderedFrame {
+        conditions: &conditions,
+        ..frame(&rendered, 64, 48)
+    };
+    let mut out = vec![0; 3 * 64 * 48];
+    Sensor::new(params)
+        .unwrap()
+        .expose(&frame, 0..48, 42, &mut Scratch::default(), &mut out)
+        .unwrap();
+    out
+}
+
+#[test]
+fn a_point_of_light_saturates_its_pixels_and_veils_the_rest() {
+    let params = SensorParams {
+        size_px: [64, 48],
+        ..params()
+    };
+    let rendered = render(64, 48, |_, _| 1.0);
+    let without = expose(&params, &rendered, 64, 48);
+    assert_eq!(
+        with_point(&params, 0.0),
+        without,
+        "no light changes no code"
+    );
+    let white = params.saturation_kcd_s_m2() / 1e-3;
+    let pixel_sr = 36_000f64.powi(-2);
+    // Of three pixels' full wells the middle one takes 0.22: it is dimmer than white. Of three thousand it is white.
+    for (wells, saturated) in [(3.0, 0), (3e3, 9)] {
+        let out = with_point(&params, wells * white * pixel_sr);
+        let full = out.iter().step_by(3).filter(|code| **code == 255).count();
+        assert!(
+            full >= saturated && (saturated > 0 || full == 0),
+            "{wells}: {full}"
+        );
+        assert_eq!(out[3 * (64 * 24 + 32)] == 255, saturated > 0);
+    }
+    // The veil of 2 deg² core and klx: a corner gets g E/(theta² + core²) more.
+    let klx = 0.01 * white;
+    let out = with_point(&params, klx);
+    let mean = |out: &[u8]| {
+        let corner = (0..8).flat_map(|y| (0..12).map(move |x| out[3 * (64 * y + x)]));
+        moments(corner.map(f64::from).collect::<Vec<_>>().into_iter()).0
+    };
+    let theta_deg = (26.5f64.hypot(20.5) / 36_000.0).to_degrees();
+    let expected = 255.0 * (klx / white) / (theta_deg * theta_deg + 0.02 * 0.02);
+    let found = mean(&out) - mean(&without);
+    assert!(out.len() == without.len() && expected > 100.0);
+    let clipped = (mean(&without) + expected).min(255.0) - mean(&without);
+    assert!((found / clipped - 1.0).abs() < 0.1, "{found} {clipped}");
 }
