@@ -76,6 +76,12 @@ fn between(size_px: f64) -> (usize, f64) {
     (low, share)
 }
 
+/// The knot next to a size.
+fn nearest(size_px: f64) -> usize {
+    let (low, share) = between(size_px);
+    low + usize::from(share > 0.5)
+}
+
 /// The value at a size of a figure that is given at the knots.
 fn at_size(figures: &[f64; KNOTS_PX.len()], size_px: f64) -> f64 {
     let (low, share) = between(size_px);

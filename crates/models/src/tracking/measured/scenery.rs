@@ -1,6 +1,5 @@
 //! What a detector takes for something where nothing flies: places that come back frame after frame.
 
-use super::table::pick;
 use crate::maths::rng::Stream;
 use crate::optics::tier::Tier;
 use serde::{Deserialize, Serialize};
@@ -134,4 +133,14 @@ fn drawn(quantiles: &[f64; QUANTILES], share: f64) -> f64 {
     let at = share * (QUANTILES - 1) as f64;
     let low = (at as usize).min(QUANTILES - 2);
     quantiles[low] + (at - low as f64) * (quantiles[low + 1] - quantiles[low])
+}
+
+/// The index at a share, 0 to 1, of the sum of some shares.
+pub(super) fn pick(shares: impl Iterator<Item = f64> + Clone, share: f64) -> u32 {
+    let mut left = share * shares.clone().sum::<f64>();
+    let at = shares.into_iter().position(|share| {
+        left -= share;
+        left < 0.0
+    });
+    at.unwrap_or(0) as u32
 }

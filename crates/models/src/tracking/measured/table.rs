@@ -1,6 +1,7 @@
 //! The numbers of a measured detector, and what it says with them.
 
 use super::noise::{Draws, Of};
+use super::scenery::pick;
 use super::{Appearance, KNOTS_PX, Noise, Scenery, TERMS, at_size};
 use crate::optics::detection::Detection;
 use crate::optics::tier::Tier;
@@ -302,16 +303,6 @@ impl Names {
         probabilities[TrackClass::Uav as usize] = p_uav;
         probabilities
     }
-}
-
-/// The index at a share, 0 to 1, of the sum of some shares.
-pub(super) fn pick(shares: impl Iterator<Item = f64> + Clone, share: f64) -> u32 {
-    let mut left = share * shares.clone().sum::<f64>();
-    let at = shares.into_iter().position(|share| {
-        left -= share;
-        left < 0.0
-    });
-    at.unwrap_or(0) as u32
 }
 
 fn weighed(seen: &Appearance, gains: &[f64; TERMS]) -> f64 {

@@ -1,8 +1,8 @@
 //! Where boxes lie, and how large they are.
 
-use super::super::{Boxes, FoundRow, KNOTS_PX, LookRow, Noise, at_size};
+use super::super::{Boxes, FoundRow, KNOTS_PX, LookRow, Noise, at_size, nearest};
 use super::going_on::parts;
-use super::{median, nearest, rms_of_most};
+use super::middle::{median, rms_of_most};
 use crate::optics::tier::Tier;
 use std::collections::BTreeMap;
 

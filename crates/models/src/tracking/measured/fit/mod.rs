@@ -1,37 +1,31 @@
 //! A measured detector from what was said in runs.
 
 mod boxes;
+mod data;
 mod going_on;
+mod middle;
 mod names;
 mod places;
 mod regression;
 
+pub use data::Run;
+
 use super::scenery::Scenery;
-use super::{
-    FalseRow, FrameRow, KNOTS_PX, Kind, LookRow, Measured, NamedRow, Noise, Row, Scores, TERMS,
-    between,
-};
-use crate::maths::quantile::quantile;
+use super::{KNOTS_PX, Kind, LookRow, Measured, NamedRow, Noise, Scores, TERMS, nearest};
 use crate::optics::tier::Tier;
 use crate::tracking::evidence::logit;
-use crate::tracking::recognition::TrackClass;
 use boxes::boxes;
+use data::{Data, SCENERY};
 use going_on::{naming, parts};
 use nalgebra::SVector;
 use names::names;
 use places::places;
 use regression::{Side, regressed};
-use std::collections::BTreeMap;
 
 /// A look counts among those of noise where the thing is found with this chance: what is not found has no score.
 const SURE: f64 = 0.9;
-/// Of each thing so long counts, from when a camera first had it in view [s]: what goes wrong lasts, and would count many times.
-const COUNTED_S: f64 = 8.0; // [s]
 /// So many looks with the names at any size, and so many that no motion gave away, are taken as known beside the data at each.
 const LOOKS_KNOWN: f64 = 20.0;
-
-/// The rows of a run.
-pub type Run = Vec<Row>;
 
 /// A model, and what it is made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,59 +75,6 @@ pub fn fit(runs: &[Run], classes: Vec<String>, neutral: f64, of: String) -> Opti
     Some(Fitted { model, counts })
 }
 
-/// Where the answers on scenery stand among those by kind.
-const SCENERY: usize = 3;
-
-/// The rows by what they are of.
-#[derive(Default)]
-struct Data<'a> {
-    looks: [Vec<(usize, &'a LookRow)>; 3],
-    false_boxes: Vec<(usize, &'a FalseRow)>,
-    frames: Vec<(usize, &'a FrameRow)>,
-    named: [Vec<(usize, &'a NamedRow)>; 4],
-}
-
-impl<'a> Data<'a> {
-    /// Those of some runs, of each thing the first that count.
-    fn of(runs: &'a [Run]) -> Self {
-        let mut data = Self::default();
-        let mut first_s = BTreeMap::new();
-        for (run, rows) in runs.iter().enumerate() {
-            let mut counts = |thing: usize, tier: Option<Tier>, t_s: f64| {
-                t_s - *first_s.entry((run, thing, tier)).or_insert(t_s) < COUNTED_S
-            };
-            for row in rows {
-                match row {
-                    Row::Look(look) => {
-                        if counts(look.thing, Some(look.appearance.tier), look.t_s) {
-                            data.looks[group(&look.kind)].push((run, look));
-                        }
-                    }
-                    Row::False(found) => data.false_boxes.push((run, found)),
-                    Row::Frame(frame) => data.frames.push((run, frame)),
-                    Row::Named(named) => match named.thing {
-                        Some(thing) if counts(thing, None, named.t_s) => {
-                            data.named[group(&named.kind)].push((run, named));
-                        }
-                        Some(_) => {}
-                        None => data.named[SCENERY].push((run, named)),
-                    },
-                }
-            }
-        }
-        data
-    }
-}
-
-/// Which kinds are fitted together.
-fn group(kind: &str) -> usize {
-    match TrackClass::of_detector(kind) {
-        TrackClass::Uav => 0,
-        TrackClass::Bird => 1,
-        _ => 2,
-    }
-}
-
 fn kind(
     looks: &[(usize, &LookRow)],
     named: &[(usize, &NamedRow)],
@@ -180,12 +121,6 @@ fn kind(
     }
 }
 
-/// The knot next to a size.
-fn nearest(size_px: f64) -> usize {
-    let (low, share) = between(size_px);
-    low + usize::from(share > 0.5)
-}
-
 /// What is found by a probit regression, and how surely by a linear one of a normal variable that is cut off at the floor.
 fn scores(looks: &[(usize, &LookRow)], floor: f64, like: Option<&Scores>) -> Scores {
     let cut = logit(floor);
@@ -229,20 +164,6 @@ fn scores(looks: &[(usize, &LookRow)], floor: f64, like: Option<&Scores>) -> Sco
     });
     fitted.noise = parts(residuals.collect());
     fitted
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut ascending = values.to_vec();
-    ascending.sort_by(f64::total_cmp);
-    quantile(&ascending, 0.5).unwrap_or(0.0)
-}
-
-/// Standard deviation about nothing, by the middle two thirds: a box on a neighbour is no error of this size.
-fn rms_of_most(values: &[f64]) -> f64 {
-    let magnitudes: Vec<f64> = values.iter().map(|value| value.abs()).collect();
-    let mut ascending = magnitudes;
-    ascending.sort_by(f64::total_cmp);
-    quantile(&ascending, 0.683).unwrap_or(0.0)
 }
 
 /// How well a model foretells the UAVs that are found in runs that it was not fitted to: at each knot of size that size [px],

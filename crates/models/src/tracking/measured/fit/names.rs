@@ -1,8 +1,7 @@
 //! What the recogniser makes of things.
 
-use super::super::{KNOTS_PX, NamedRow, Names, at_size};
+use super::super::{KNOTS_PX, NamedRow, Names, at_size, nearest};
 use super::going_on::parts;
-use super::nearest;
 use crate::tracking::evidence::logit;
 use crate::tracking::recognition::{CLASSES, TrackClass};
 

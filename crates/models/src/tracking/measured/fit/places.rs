@@ -2,7 +2,7 @@
 
 use super::super::FalseRow;
 use super::super::scenery::Places;
-use super::Data;
+use super::data::Data;
 use crate::maths::quantile::quantile;
 use crate::optics::tier::Tier;
 use std::collections::BTreeMap;
