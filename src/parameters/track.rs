@@ -23,6 +23,7 @@ pub fn tracker_params(
         switch_ratio,
         asset_enu_m,
         asset_radius_m: _,
+        tuning,
     } = scenario.tracker;
     let engage = &scenario.engage;
     let paper = scenario.controller.is_paper();
@@ -62,5 +63,6 @@ pub fn tracker_params(
         min_uav_probability: engage.min_uav_probability,
         max_span_m: engage.max_span_m,
         patience_s: PerTier::of(slowest_s),
+        tuning,
     }
 }

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::check::{Check, FRACTION};
+use boresight_models::decision::tuning::TrackerTuning;
 
 /// How detections become tracks and which of them becomes the target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,6 +29,8 @@ pub struct TrackerConfig {
     pub asset_enu_m: Option<[f64; 3]>,
     /// A UAV that comes this close to the asset unharmed has got through.
     pub asset_radius_m: f64,
+    /// What its decisions are tuned by.
+    pub tuning: TrackerTuning,
 }
 
 impl Default for TrackerConfig {
@@ -40,6 +43,7 @@ impl Default for TrackerConfig {
             switch_ratio: 1.5,
             asset_enu_m: None,
             asset_radius_m: 50.0,
+            tuning: TrackerTuning::default(),
         }
     }
 }
@@ -61,5 +65,24 @@ impl TrackerConfig {
         check.maybe_within("min_score", self.min_score, FRACTION);
         check.positive("asset_radius_m", self.asset_radius_m);
         check.within("switch_ratio", self.switch_ratio, 1.0..=f64::MAX);
+        check.table("tuning", |check| tuning(check, &self.tuning));
+    }
+}
+
+/// Times, lengths, angles and rates are not below 0; log-odds, ratios and counts are numbers that an exponential can take.
+fn tuning(check: &mut Check, tuning: &TrackerTuning) {
+    const UNITS: [&str; 6] = ["_s", "_m", "_px", "_rad", "_radps", "_mps"];
+    check.ascending("closer_look_px", tuning.closer_look_px, 0.0..=1e6);
+    let Ok(serde_json::Value::Object(values)) = serde_json::to_value(tuning) else {
+        return;
+    };
+    for (key, value) in &values {
+        if !value.is_array() {
+            // JSON has no infinity.
+            let value = value.as_f64().unwrap_or(f64::INFINITY);
+            let measures = UNITS.iter().any(|unit| key.ends_with(unit));
+            let range = if measures { 0.0..=1e6 } else { -100.0..=100.0 };
+            check.within(key, value, range);
+        }
     }
 }

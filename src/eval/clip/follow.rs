@@ -12,9 +12,10 @@ use crate::eval::shared::{confirmed, seen};
 use crate::inference::OnnxRecogniser;
 use crate::models::decision::gallery::Gallery;
 use crate::models::decision::look::{Shown, take_in};
-use crate::models::decision::machine::{GIVEN_UP, step};
+use crate::models::decision::machine::step;
 use crate::models::decision::situation::{Situation, patience_s};
 use crate::models::decision::tracker::{Tracker, TrackerParams};
+use crate::models::decision::tuning::TrackerTuning;
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::camera::{CameraError, Pinhole};
 use crate::models::optics::detection::Detection;
@@ -105,11 +106,16 @@ pub struct Followed {
     pub as_uav: bool,
 }
 
+/// Log-odds below which what is held as a UAV no longer is.
+const LET_GO: f64 = -2.0;
+/// What standing before scenery says, as log-odds: where a camera that moves takes much for a UAV, nine to one must outweigh it.
+const BEFORE_SCENERY: f64 = -2.2;
+
 /// Whether what may be a target is held as a UAV: from when the recogniser says so on, until the evidence is such that a run gives
 /// its target up.
 fn is_held(before: bool, log_odds: f64, recognised: bool) -> bool {
     if before {
-        log_odds >= GIVEN_UP
+        log_odds >= LET_GO
     } else {
         log_odds > 0.0 && recognised
     }
@@ -160,6 +166,10 @@ impl Follower {
                 min_uav_probability: 0.0,
                 max_span_m: f64::INFINITY,
                 patience_s: PerTier::of(|_| patience_s(rate_hz)),
+                tuning: TrackerTuning {
+                    before_scenery: BEFORE_SCENERY,
+                    ..TrackerTuning::default()
+                },
             },
             tracker: Tracker::default(),
             pinhole,
@@ -240,7 +250,7 @@ impl Follower {
                     && now.may_be_target(track)
                     && is_held(
                         before,
-                        track.log_odds(),
+                        now.belief(track).log_odds(),
                         p_uav >= Some(self.uav_probability),
                     );
                 if !as_uav && !confirmed(track, t_s) {
@@ -360,6 +370,6 @@ mod tests {
     fn a_uav_is_held_until_a_run_would_give_it_up() {
         assert!(is_held(false, 0.1, true));
         assert!(!is_held(false, 0.1, false) && !is_held(false, -0.1, true));
-        assert!(is_held(true, GIVEN_UP, false) && !is_held(true, GIVEN_UP - 0.1, true));
+        assert!(is_held(true, LET_GO, false) && !is_held(true, LET_GO - 0.1, true));
     }
 }

@@ -1,5 +1,6 @@
 //! What a tracker knows and where its engagement stands.
 
+use super::tuning::TrackerTuning;
 use crate::flight::uav::AimPart;
 use crate::maths::kinematics::wrap_pi;
 use crate::optics::tier::{PerTier, Tier};
@@ -121,6 +122,8 @@ pub struct TrackerParams {
     pub max_span_m: f64,
     /// Time without a hit after which a camera, by tier, has lost the target [s]: [`patience_s`].
     pub patience_s: PerTier<f64>,
+    /// What decisions are tuned by.
+    pub tuning: TrackerTuning,
 }
 
 /// The tracker: table, state machine, what it knows of its target.
@@ -161,20 +164,12 @@ pub struct Tracker {
     pub sink_at_fire_mps: Option<f64>,
     /// Since when the target, fired at, has been falling.
     pub falling_since: Option<u64>,
-    /// Since when it has been mere scenery.
-    pub scenery_since: Option<u64>,
     /// The last precise error's exposure, and the mean of the last ones, right and down [px].
     pub settling: Option<(u64, DVec2)>,
     /// Each camera's last exposure, by its number: when [s], and how the station believed it to be turned.
     pub turned: BTreeMap<usize, (f64, DQuat)>,
-    /// Since when it has been seen well, and not well enough recognised to be fired at.
-    pub doubtful_since: Option<u64>,
-    /// Since when it has been ranged where the radar has no target, and not well enough recognised to be fired at.
-    pub another_since: Option<u64>,
-    /// Since when the range finder has said that the target is no UAV.
-    pub disproved_since: Option<u64>,
-    /// Since when the target has been as unlikely as what is given up.
-    pub unlikely_since: Option<u64>,
+    /// How far the target has used up what it is worth holding without being sure of it: at 1 it is given up.
+    pub doubt: f64,
     /// The target's log-odds by the recogniser since it was chosen, evened out over half a second from even odds on.
     pub mean_log_odds: f64,
     /// What the radar adds to the log-odds of the target for fire, or takes from them.
@@ -203,13 +198,9 @@ impl Default for Tracker {
             fired_ticks: 0,
             sink_at_fire_mps: None,
             falling_since: None,
-            scenery_since: None,
             settling: None,
             turned: BTreeMap::new(),
-            doubtful_since: None,
-            another_since: None,
-            disproved_since: None,
-            unlikely_since: None,
+            doubt: 0.0,
             mean_log_odds: 0.0,
             radar_log_odds: 0.0,
             changes: vec![StateChange {
@@ -274,11 +265,7 @@ impl Tracker {
         self.fired_ticks = 0;
         self.sink_at_fire_mps = None;
         self.falling_since = None;
-        self.scenery_since = None;
-        self.doubtful_since = None;
-        self.another_since = None;
-        self.disproved_since = None;
-        self.unlikely_since = None;
+        self.doubt = 0.0;
         self.mean_log_odds = 0.0;
         self.radar_log_odds = 0.0;
     }
