@@ -193,6 +193,8 @@ enum EvalCommand {
     /// Engagements drawn from a recipe, on rendered pixels: acquired, held, neutralised, and each failure
     /// with its cause and the frames that show it.
     Engagement(eval::engagement::Arguments),
+    /// What each term and rule of the tracker brings: the same engagements with all of them and without each.
+    Ablation(eval::ablation::Arguments),
     /// A detector on annotated pictures (COCO): average precision, recall, miss distance, size and speed.
     Detector(eval::detector::Arguments),
     /// A detector and the tracker on real clips: MP4 files or folders of pictures.
@@ -588,6 +590,7 @@ fn eval(command: EvalCommand) -> Result<u8, CliError> {
             )
         }
         EvalCommand::Engagement(args) => (eval::engagement::evaluate(&args)?, None),
+        EvalCommand::Ablation(args) => (eval::ablation::evaluate(&args)?, None),
         EvalCommand::Detector(args) => {
             let page = args.out.join("detector.html");
             (

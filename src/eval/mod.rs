@@ -1,6 +1,7 @@
-//! The evaluations: engagements drawn from a recipe, tracking over many runs, a detector on annotated
-//! pictures, detector and tracker on clips of real cameras.
+//! The evaluations: engagements drawn from a recipe, what each rule of the tracker brings in them, tracking over many runs,
+//! a detector on annotated pictures, detector and tracker on clips of real cameras.
 
+pub mod ablation;
 pub mod clip;
 pub mod detector;
 pub mod engagement;

@@ -5,7 +5,7 @@ use boresight::models::flight::class::ObjectClass;
 use boresight::models::maths::rng::Stream;
 use boresight::recording::media::video::Clip;
 use glam::DVec2;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::Instant;
@@ -262,6 +262,49 @@ fn an_engagement_is_judged_on_rendered_pixels() {
         page.matches("data:image/jpeg;base64,").count(),
         pictures.len()
     );
+}
+
+#[test]
+fn an_ablation_pairs_engagements_with_all_rules_and_without_each() {
+    let folder = TempDir::new().unwrap();
+    let rules = folder.path().join("rules.toml");
+    let file = |blind: &str| {
+        format!(
+            "[[without]]\nname = \"nothing\"\ndoes = \"-\"\nset = [\"tracker.tuning.rival_s=1\"]\n\
+             [[without]]\nname = \"{blind}\"\ndoes = \"-\"\nset = [\"tracker.tuning.candidate_hits=100\", \
+             \"tracker.tuning.chosen=100\", \"tracker.tuning.chosen_small=100\", \
+             \"tracker.tuning.chosen_small_in_sky=100\"]\n"
+        )
+    };
+    std::fs::write(&rules, file("choice")).unwrap();
+    let rules = rules.to_str().unwrap();
+    let args = ["eval", "ablation", "--recipe", ENGAGEMENT, "--rules", rules];
+    let args = [&args[..], &["--n", "2"]].concat();
+    let (json, page) = measured(folder.path(), &args, "ablation");
+    assert_eq!(
+        (&json["detector"], &json["draws"]),
+        (&"measured detector".into(), &2.into())
+    );
+    let effect = |index: usize, pointer: &str| {
+        let rule = &json["rules"][index];
+        rule.pointer(pointer).unwrap_or_else(|| panic!("{rule:#}"))
+    };
+    // What has its default is as it was; what is never chosen is never acquired.
+    assert_eq!(effect(0, "/changed"), 0);
+    assert_eq!(effect(0, "/acquired/difference"), 0.0);
+    assert_eq!(effect(1, "/changed"), 2);
+    assert_eq!(effect(1, "/acquired/only"), &json!([2, 0]));
+    assert_eq!(effect(1, "/acquired/difference"), -1.0);
+    assert!(page.contains("choice"));
+    let refuses = |text: String, only: &str, wanted: &[&str]| {
+        std::fs::write(rules, text).unwrap();
+        let mut command = boresight();
+        command.args(&args).args(["--only", only, "--out"]);
+        refused(command.arg(folder.path().join("bad")), wanted);
+    };
+    refuses(file("choice"), "chance", &["--only", "chance", "choice"]);
+    refuses(file("nothing"), "nothing", &["rules.toml:6", "twice"]);
+    refuses(file("No thing"), "nothing", &["rules.toml:6", "lower-case"]);
 }
 
 #[test]

@@ -22,8 +22,8 @@ use crate::output::{put_json, writable};
 use crate::parallel::threads;
 use crate::stop;
 pub use arguments::Arguments;
-pub use job::LOOKS;
-use job::{Bench, Outcome};
+use job::Bench;
+pub use job::{LOOKS, Outcome};
 use recipe::Recipe;
 use results::Results;
 use std::io::{Read as _, Seek as _, SeekFrom};
@@ -32,20 +32,52 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Engagements that were made.
+pub struct Drawn {
+    /// What became of each.
+    pub draws: Vec<Outcome>,
+    /// What found the UAVs.
+    pub detector: &'static str,
+    /// What was left out, where they were stopped.
+    pub stopped: Option<String>,
+}
+
 /// Carries out the evaluation; what to tell the user.
 pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
+    if let Some(index) = arguments.draw {
+        let recipe = Recipe::load(&arguments.recipe)?;
+        let bench = Bench {
+            arguments,
+            recipe: &recipe,
+        };
+        let outcome = bench.make(index)?;
+        return Ok(format!("draw {index}: {}", in_short(&outcome)));
+    }
+    let json = arguments.out.join("results.json");
+    writable(&json)?;
+    let Drawn {
+        draws,
+        detector,
+        stopped,
+    } = drawn(arguments)?;
+    let results = Results {
+        stopped,
+        ..Results::of(arguments.command(), detector, draws)
+    };
+    put_json(&json, &results)?;
+    page::write(&arguments.out, &results)?;
+    let page = arguments.out.join("results.html");
+    Ok(format!("{}page  {}", results.text(), page.display()))
+}
+
+/// Makes the engagements, those that are there already excepted.
+pub fn drawn(arguments: &Arguments) -> Result<Drawn, EvalError> {
     within("--n", arguments.n.into(), 1.0, 100_000.0)?;
     let recipe = Recipe::load(&arguments.recipe)?;
     let bench = Bench {
         arguments,
         recipe: &recipe,
     };
-    if let Some(index) = arguments.draw {
-        let outcome = bench.make(index)?;
-        return Ok(format!("draw {index}: {}", in_short(&outcome)));
-    }
-    let json = arguments.out.join("results.json");
-    writable(&json)?;
     // What keeps all of them from running is told before the work.
     let (_, loaded) = bench.draw(0)?;
     let rendered = !loaded.scenario.detector.is_blind();
@@ -79,14 +111,11 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
         detector if detector.is_measured() => "measured detector",
         _ => "rendered pixels",
     };
-    let results = Results {
+    Ok(Drawn {
+        draws,
+        detector,
         stopped: said.filter(|_| stopped),
-        ..Results::of(arguments.command(), detector, draws)
-    };
-    put_json(&json, &results)?;
-    page::write(&arguments.out, &results)?;
-    let page = arguments.out.join("results.html");
-    Ok(format!("{}page  {}", results.text(), page.display()))
+    })
 }
 
 /// Makes the draws that are not there, side by side.

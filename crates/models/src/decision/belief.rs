@@ -65,7 +65,9 @@ impl Term {
             Self::Looks => "it is not surely a UAV",
             Self::Place => "it stands before scenery",
             Self::Radar => "the radar has its target elsewhere",
-            Self::Echo => "it is too large, or a part of what stands behind it, by the range finder",
+            Self::Echo => {
+                "it is too large, or a part of what stands behind it, by the range finder"
+            }
         }
     }
 }
@@ -101,7 +103,10 @@ impl Situation<'_> {
     /// What speaks for a track that is no target yet.
     pub fn belief(&self, track: &Track) -> Belief {
         let radar = self.cue_log_odds(track) + self.flying_log_odds(track);
-        Belief([track.log_odds(), self.place_log_odds(track), radar, 0.0])
+        let conduct = &track.conduct;
+        let moves = conduct.in_sky || conduct.flown || conduct.moving_s >= self.tuning().moved_s;
+        let place = self.place_log_odds(track, conduct.is_scenery() || !moves);
+        Belief([track.log_odds(), place, radar, 0.0])
     }
 
     /// What speaks for the target. Another's cue says nothing against it: a radar has many targets.
@@ -117,7 +122,8 @@ impl Situation<'_> {
         } else {
             0.0
         };
-        Belief([track.log_odds(), self.place_log_odds(track), radar, echo])
+        let place = self.place_log_odds(track, track.conduct.is_scenery());
+        Belief([track.log_odds(), place, radar, echo])
     }
 
     /// How much a track that the recogniser has judged and most frames show is so small that only a closer look can tell
@@ -132,16 +138,17 @@ impl Situation<'_> {
         }
     }
 
-    /// What it says that a track stands where it has not moved, before scenery: unless the radar has its target there, it is a
-    /// part of that as far as its looks do not tell.
-    fn place_log_odds(&self, track: &Track) -> f64 {
-        let (conduct, tuning) = (&track.conduct, self.tuning());
-        let moves = conduct.in_sky || conduct.flown || conduct.moving_s >= tuning.moved_s;
-        if moves && !conduct.is_scenery() || self.cued(track) {
+    /// What it says whether a track stands before scenery: unless the radar has its target there, it is a part of that as far as
+    /// its looks do not tell.
+    fn place_log_odds(&self, track: &Track, stands: bool) -> f64 {
+        let tuning = self.tuning();
+        if !stands {
             0.0
         } else if self.elsewhere(track) {
-            // A radar that sees all that flies has it elsewhere.
+            // What its radar follows flies elsewhere.
             tuning.before_scenery_unjudged
+        } else if self.cued(track) {
+            0.0
         } else if track.recognition.is_some() {
             tuning.before_scenery * (1.0 - self.wants_closer_look(track))
         } else {

@@ -96,8 +96,8 @@ fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
     }
     let fired = now.at_s(tracker.fired_ticks) >= now.tuning().fired_s;
     // One that dived at the station before it was hit still attacks, and one that rose has only levelled off.
-    let sinks =
-        (tracker.sink_at_fire_mps).is_some_and(|before| sink_mps - before.max(0.0) > now.tuning().falling_mps);
+    let sinks = (tracker.sink_at_fire_mps)
+        .is_some_and(|before| sink_mps - before.max(0.0) > now.tuning().falling_mps);
     if !(fired && sinks && tracker.lased) {
         tracker.falling_since = None;
         return false;
@@ -111,12 +111,16 @@ fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
 /// What is held keeps the station from everything else. That is worth while for as long as what it may bring outweighs what its
 /// being none has cost: for its odds times the time that a UAV is worth. What is sure enough for fire costs nothing.
 fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64>)> {
+    let elapsed_s = now
+        .at_s(now.tick - tracker.doubt_tick)
+        .min(LONGEST_WEIGHED_S);
+    tracker.doubt_tick = now.tick;
     let (tuning, track) = (now.tuning(), tracker.target_track()?);
     // The paper's rule has no track to judge by; what tumbles looks like no UAV, and is soon seen to fall.
     let left_alone =
         now.params.nearest_to_centre || tracker.designated || tracker.falling_since.is_some();
     if left_alone {
-        tracker.doubt = 0.0;
+        tracker.forget_doubt();
         return None;
     }
     let unseen = track.hidden(now.t_s()) || !now.fresh(track);
@@ -127,14 +131,19 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
     let sure = f64::max(now.params.min_uav_probability, EVEN);
     let for_fire = tracker.target_uav_probability().unwrap_or(0.0);
     if probability(belief.log_odds()).min(for_fire) >= sure {
-        tracker.doubt = 0.0;
+        tracker.forget_doubt();
         return None;
     }
     let closer = 1.0 + tuning.worth_closer * now.wants_closer_look(track);
     let worth_s = tuning.worth_s * closer * belief.log_odds().exp();
-    let doubt = tracker.doubt + now.at_s(1) / worth_s.max(tuning.least_doubt_s);
-    if doubt < 1.0 {
-        tracker.doubt = doubt;
+    let worth_s = worth_s.max(tuning.least_doubt_s);
+    let (doubt, unsure_s) = (
+        tracker.doubt + elapsed_s / worth_s,
+        tracker.unsure_s + elapsed_s,
+    );
+    // A moment at poor odds does not use up what it is worth, nor do poor odds of long ago what it is worth now.
+    if doubt < 1.0 || unsure_s < worth_s {
+        (tracker.doubt, tracker.unsure_s) = (doubt, unsure_s);
         return None;
     }
     let against = belief.against();
@@ -192,7 +201,8 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
         TrackingState::Search => {}
         TrackingState::Acquire => {
             // What is as small to the coarse camera, too, is shown to the precise one unless it is surely none.
-            let convincing = !judged || log_odds > tuning.surely_none * now.wants_closer_look(track);
+            let convincing =
+                !judged || log_odds > tuning.surely_none * now.wants_closer_look(track);
             if hits[Tier::Coarse] >= CONFIRM_HITS && convincing {
                 let reason = format!(
                     "coarse camera confirms with {CONFIRM_HITS} hits, seen in {:.0} % of the frames",
@@ -315,7 +325,10 @@ fn lock(now: &Situation, tracker: &mut Tracker, error: &BoresightError) {
         None => error.offset_px,
         Some((exposed, mean_px)) => {
             let since_s = now.at_s(error.exposure_tick.saturating_sub(exposed));
-            mean_px.lerp(error.offset_px, 1.0 - (-since_s / now.tuning().flutter_s).exp())
+            mean_px.lerp(
+                error.offset_px,
+                1.0 - (-since_s / now.tuning().flutter_s).exp(),
+            )
         }
     };
     tracker.settling = Some((error.exposure_tick, mean_px));
@@ -324,7 +337,9 @@ fn lock(now: &Situation, tracker: &mut Tracker, error: &BoresightError) {
     let side_px = 2.0 * error.half_side_px;
     let engaged = tracker.state == TrackingState::Engage;
     let radius_px = if engaged {
-        params.break_radius_px.max(now.tuning().break_share * side_px)
+        params
+            .break_radius_px
+            .max(now.tuning().break_share * side_px)
     } else {
         params.lock_radius_px.max(now.tuning().lock_share * side_px)
     };

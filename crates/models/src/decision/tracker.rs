@@ -168,8 +168,12 @@ pub struct Tracker {
     pub settling: Option<(u64, DVec2)>,
     /// Each camera's last exposure, by its number: when [s], and how the station believed it to be turned.
     pub turned: BTreeMap<usize, (f64, DQuat)>,
-    /// How far the target has used up what it is worth holding without being sure of it: at 1 it is given up.
+    /// How far the target has used up what it was worth holding without being sure of it: given up at 1.
     pub doubt: f64,
+    /// For how long it has been held so [s]: given up once that is more than it is worth now.
+    pub unsure_s: f64,
+    /// When both were last weighed.
+    pub doubt_tick: u64,
     /// The target's log-odds by the recogniser since it was chosen, evened out over half a second from even odds on.
     pub mean_log_odds: f64,
     /// What the radar adds to the log-odds of the target for fire, or takes from them.
@@ -201,6 +205,8 @@ impl Default for Tracker {
             settling: None,
             turned: BTreeMap::new(),
             doubt: 0.0,
+            unsure_s: 0.0,
+            doubt_tick: 0,
             mean_log_odds: 0.0,
             radar_log_odds: 0.0,
             changes: vec![StateChange {
@@ -239,6 +245,7 @@ impl Tracker {
     pub fn acquire(&mut self, tick: u64, id: u32, reason: impl Into<String>) {
         self.target = Some(id);
         self.forget();
+        self.doubt_tick = tick;
         self.change(tick, TrackingState::Acquire, reason);
     }
 
@@ -265,9 +272,14 @@ impl Tracker {
         self.fired_ticks = 0;
         self.sink_at_fire_mps = None;
         self.falling_since = None;
-        self.doubt = 0.0;
+        self.forget_doubt();
         self.mean_log_odds = 0.0;
         self.radar_log_odds = 0.0;
+    }
+
+    /// The target is beyond doubt.
+    pub fn forget_doubt(&mut self) {
+        (self.doubt, self.unsure_s) = (0.0, 0.0);
     }
 
     /// Takes over the identities that the table has joined to older ones.

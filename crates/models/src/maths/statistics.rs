@@ -48,6 +48,66 @@ impl Rate {
     }
 }
 
+/// How a share of the same trials differs between two ways of making them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Paired {
+    /// Trials that count for both.
+    pub trials: usize,
+    /// Successes of the first way alone, and of the second alone.
+    pub only: [usize; 2],
+    /// Share of the second less that of the first; absent without trials.
+    pub difference: Option<f64>,
+    /// Its 95 % interval.
+    pub interval_95: [f64; 2],
+    /// Chance of as uneven a split of the trials in which they differ, if neither way is better (two-sided exact test of
+    /// McNemar, Psychometrika 12 (1947) 153).
+    pub p: f64,
+}
+
+impl Paired {
+    /// Of pairs of outcomes of the first and the second way. The interval is that of A. Agresti and Y. Min, Stat. Med. 24 (2005)
+    /// 729: Wald's after half a trial is added to each of the four cells.
+    pub fn of(pairs: impl IntoIterator<Item = [bool; 2]>) -> Self {
+        let (mut trials, mut only) = (0, [0; 2]);
+        for pair in pairs {
+            trials += 1;
+            match pair {
+                [true, false] => only[0] += 1,
+                [false, true] => only[1] += 1,
+                _ => {}
+            }
+        }
+        let [first, second] = only.map(|count| count as f64);
+        let more = trials as f64 + 2.0;
+        let middle = (second - first) / more;
+        let spread = (first + second + 1.0 - (second - first).powi(2) / more).sqrt() / more;
+        let half = Z95 * spread;
+        Self {
+            trials,
+            only,
+            difference: (trials > 0).then(|| (second - first) / trials as f64),
+            interval_95: [middle - half, middle + half].map(|x| x.clamp(-1.0, 1.0)),
+            p: even_split(only[0].min(only[1]), only[0] + only[1]),
+        }
+    }
+
+    /// Whether the second way does better or worse than the first beyond chance, at 5 %.
+    pub fn tells(&self) -> bool {
+        self.p < 0.05
+    }
+}
+
+/// Chance that of so many fair coins one side shows up at most `least` times, whichever it is.
+fn even_split(least: usize, coins: usize) -> f64 {
+    let mut term = 0.5_f64.powi(coins as i32);
+    let mut sum = 0.0;
+    for count in 0..=least {
+        sum += term;
+        term *= (coins - count) as f64 / (count as f64 + 1.0);
+    }
+    f64::min(2.0 * sum, 1.0)
+}
+
 /// The 95 % score interval of a rate in so many trials (Wilson, J. Am. Stat. Assoc. 22 (1927) 209).
 pub fn wilson_95(rate: f64, trials: f64) -> [f64; 2] {
     let (p, n) = (rate, trials);
@@ -196,6 +256,30 @@ pub fn allan_deviation(samples: &[f64], m: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pairs_that_agree_tell_nothing() {
+        let pairs = |both: usize, first: usize, second: usize| {
+            let of = |pair: [bool; 2], count: usize| std::iter::repeat_n(pair, count);
+            Paired::of(
+                of([true, true], both)
+                    .chain(of([true, false], first))
+                    .chain(of([false, true], second)),
+            )
+        };
+        let same = pairs(98, 0, 0);
+        assert_eq!((same.difference, same.p), (Some(0.0), 1.0));
+        // 1.96 / 100.
+        assert!((same.interval_95[1] - 0.0196).abs() < 1e-4, "{same:?}");
+        // 2 · (1 + 10 + 45) / 1024 of ten coins.
+        let worse = pairs(40, 8, 2);
+        assert!((worse.p - 0.109_375).abs() < 1e-12, "{worse:?}");
+        assert_eq!(worse.difference, Some(-0.12));
+        assert!(!worse.tells() && pairs(40, 10, 1).tells());
+        // Nothing is known of nothing.
+        assert_eq!(Paired::of([]).difference, None);
+        assert!(Paired::of([]).interval_95[0] < -0.9);
+    }
 
     #[test]
     fn wilson_intervals_match_newcombe() {

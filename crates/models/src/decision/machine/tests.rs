@@ -3,6 +3,7 @@
 use super::*;
 use crate::decision::situation::{MOVING_RADPS, patience_s};
 use crate::decision::tracker::TrackerParams;
+use crate::decision::tuning::TrackerTuning;
 use crate::ground::dsm::Dsm;
 use crate::ground::height_grid::HeightGrid;
 use crate::maths::kinematics::{az_el_to_los, los_to_az_el};
@@ -36,7 +37,12 @@ fn params() -> TrackerParams {
         min_uav_probability: 0.95,
         max_span_m: 4.0,
         patience_s: PerTier::of(|_| patience_s(60.0)),
+        tuning: TrackerTuning::default(),
     }
+}
+
+fn tuning() -> TrackerTuning {
+    TrackerTuning::default()
 }
 
 fn situation(params: &TrackerParams, tick: u32) -> Situation<'_> {
@@ -179,7 +185,10 @@ fn a_lost_target_gives_way_to_a_greater_threat() {
         tracker.changes
     );
     let waited_s = changed_s.unwrap() - 1.0;
-    assert!((RIVAL_S..RIVAL_S + 0.1).contains(&waited_s), "{waited_s}");
+    assert!(
+        (tuning().rival_s..tuning().rival_s + 0.1).contains(&waited_s),
+        "{waited_s}"
+    );
 }
 
 #[test]
@@ -218,18 +227,24 @@ fn what_is_seen_well_and_not_recognised_is_left() {
         left.map(|(after_s, _)| after_s)
     };
     let held_s = |p_uav: f64, cued: bool| held_by_s(3e-5, p_uav, cued);
-    let left_s = held_s(0.75, false).unwrap();
-    assert!((DOUBTFUL_S..DOUBTFUL_S + 0.1).contains(&left_s), "{left_s}");
-    // At odds of six to one half as long again.
-    let later_s = 1.5 * DOUBTFUL_S;
-    let left_s = held_s(6.0 / 7.0, false).unwrap();
-    assert!((later_s..later_s + 0.1).contains(&left_s), "{left_s}");
+    let about = |left_s: Option<f64>, expected_s: f64| {
+        let left_s = left_s.unwrap();
+        let within = expected_s..expected_s + 0.1;
+        assert!(within.contains(&left_s), "{left_s} {expected_s}");
+    };
+    let worth_s = tuning().worth_s;
+    // At odds of three and six to one, of one to four, and hardly any.
+    about(held_s(0.75, false), 3.0 * worth_s);
+    about(held_s(6.0 / 7.0, false), 6.0 * worth_s);
+    about(held_s(1.0 / 3.0, false), 0.5 * worth_s);
+    about(held_s(0.02, false), tuning().least_doubt_s);
     assert_eq!(held_s(0.99, false), None);
-    assert_eq!(held_s(0.75, true), None);
+    // The radar's word multiplies the odds.
+    about(held_s(0.75, true), 3.0 * tuning().cue_for.exp() * worth_s);
     // A dot, 4 px long, for twice as long.
-    let left_s = held_by_s(1.5e-4, 0.75, false).unwrap();
-    let dots_s = 2.0 * DOUBTFUL_S..2.0 * DOUBTFUL_S + 0.1;
-    assert!(dots_s.contains(&left_s), "{left_s}");
+    let share: f64 = 0.3; // of a recogniser's word on what has no name
+    let odds = 3.0_f64.powf(share);
+    about(held_by_s(1.5e-4, 0.75, false), 2.0 * odds * worth_s);
 }
 
 #[test]
@@ -248,9 +263,12 @@ fn what_is_larger_than_a_uav_is_left() {
     // 3.9 and 4.2 m.
     assert_eq!(left(6500.0), None);
     let (after_s, barred_s) = left(7000.0).unwrap();
-    let expected_s = DISPROVED_S..DISPROVED_S + 0.1;
+    let expected_s = tuning().least_doubt_s..tuning().least_doubt_s + 0.1;
     assert!(expected_s.contains(&after_s), "{after_s}");
-    assert!((barred_s - DISPROVED_BARRED_S).abs() < 1e-9, "{barred_s}");
+    assert!(
+        (barred_s - tuning().disproved_barred_s).abs() < 1e-9,
+        "{barred_s}"
+    );
 }
 
 #[test]
@@ -411,9 +429,12 @@ fn what_is_no_further_off_than_the_wall_behind_it_is_left() {
     // 20 px long.
     let left = |north_m, flown, age_s| left_seen_by(3e-5, north_m, flown, age_s);
     let (after_s, barred_s) = left(597.0, false, 0.0).unwrap();
-    let expected_s = DISPROVED_S..DISPROVED_S + 0.1;
+    let expected_s = tuning().least_doubt_s..tuning().least_doubt_s + 0.1;
     assert!(expected_s.contains(&after_s), "{after_s}");
-    assert!((barred_s - DISPROVED_BARRED_S).abs() < 1e-9, "{barred_s}");
+    assert!(
+        (barred_s - tuning().disproved_barred_s).abs() < 1e-9,
+        "{barred_s}"
+    );
     // Well before it, or known to fly, or by an old echo.
     assert_eq!(left(580.0, false, 0.0), None);
     assert_eq!(left(597.0, true, 0.0), None);
@@ -454,7 +475,7 @@ fn what_was_hardly_seen_is_not_waited_for_behind_a_building_as_long_as_what_is_k
         left.map(|frame| f64::from(frame - last) / 60.0).unwrap()
     };
     for followed_s in [1.0, 5.0] {
-        let expected_s = LOST_TIMEOUT_S + followed_s;
+        let expected_s = tuning().lost_timeout_s + followed_s;
         assert!(
             (waited_s(followed_s) - expected_s).abs() < 0.05,
             "{expected_s}"
@@ -474,7 +495,7 @@ fn what_the_precise_camera_does_not_see_is_left() {
     };
     let (after_s, barred_s) = left(CONFIRM_HITS - 1).unwrap();
     assert!((1.0..1.1).contains(&after_s), "{after_s}");
-    assert!((barred_s - REJECTED_S).abs() < 1e-9, "{barred_s}");
+    assert!((barred_s - tuning().rejected_s).abs() < 1e-9, "{barred_s}");
     assert_eq!(left(CONFIRM_HITS), None);
 }
 
@@ -491,9 +512,9 @@ fn what_is_lost_and_seen_again_by_turns_is_doubted_all_the_same() {
         })
     };
     let (after_s, _) = left(0.01).unwrap();
-    let expected_s = DOUBT_CLOSE_S..DOUBT_CLOSE_S + 0.1;
+    let expected_s = tuning().least_doubt_s..tuning().least_doubt_s + 0.1;
     assert!(expected_s.contains(&after_s), "{after_s}");
-    assert_eq!(left(0.5), None);
+    assert_eq!(left(0.8), None);
 }
 
 #[test]
@@ -584,9 +605,10 @@ fn a_doubted_target_gives_way_to_a_uav() {
         None
     };
     assert_eq!(weighed(20.0, 0.95, 0.95), None);
-    let at_once = RIVAL_S..RIVAL_S + 0.1;
+    let at_once = tuning().rival_s..tuning().rival_s + 0.1;
+    // What a close look speaks against is given up after its odds.
     let changed_s = weighed(20.0, 0.3, 0.95).unwrap();
-    assert!(at_once.contains(&changed_s), "{changed_s}");
+    assert!((0.4..0.55).contains(&changed_s), "{changed_s}");
     // What would not be chosen is no rival, and a dot that would be is one only of what a close look speaks against.
     assert_eq!(weighed(20.0, 0.3, 0.6), None);
     let changed_s = weighed(6.0, 0.3, 0.6).unwrap();
@@ -693,7 +715,7 @@ fn scenery_may_hover_where_the_recogniser_or_the_radar_says_so() {
         see_by(1.5e-4, &mut tracker, f64::from(frame) / 60.0, &[r_enu_m]);
     }
     tracker.table.tracks[0].conduct.in_scenery = true;
-    for (p_uav, may) in [(0.45, false), (0.55, true)] {
+    for (p_uav, may) in [(0.3, false), (0.55, true)] {
         judge(&mut tracker, p_uav);
         assert_eq!(chosen(&tracker, None), may, "{p_uav}");
     }
@@ -740,7 +762,7 @@ fn what_flies_as_the_radars_target_does_is_looked_at_closely() {
 }
 
 #[test]
-fn what_the_radar_points_at_is_doubted_later_and_what_it_vouches_for_is_not() {
+fn what_the_radar_points_at_and_vouches_for_is_doubted_later() {
     let doubted_s = |cue: Option<TargetCue>, radar_log_odds: f64| {
         let held = Held {
             state: TrackingState::Acquire,
@@ -748,19 +770,24 @@ fn what_the_radar_points_at_is_doubted_later_and_what_it_vouches_for_is_not() {
             ..Held::default()
         };
         let left = held.left_after_s(|_, tracker| {
-            judge(tracker, 0.02);
+            judge(tracker, 0.25);
             // The precise camera has not seen it yet.
             tracker.hits_in_state = PerTier::default();
             tracker.radar_log_odds = radar_log_odds;
         });
         left.map(|(after_s, _)| after_s)
     };
-    let within = |least_s: f64| least_s..least_s + 0.1;
     let cue = Some(hovers_at(Held::default().r_enu_m));
-    let [alone_s, cued_s] = [None, cue].map(|cue| doubted_s(cue, 0.0).unwrap());
-    assert!(within(DOUBT_AFTER_S).contains(&alone_s), "{alone_s}");
-    assert!(within(DOUBT_CLOSE_S).contains(&cued_s), "{cued_s}");
-    assert_eq!(doubted_s(cue, 1.0), None);
+    let alone_s = tuning().worth_s / 3.0;
+    for (cue, radar_log_odds, expected_s) in [
+        (None, 0.0, alone_s),
+        (cue, 0.0, 1.0_f64.exp() * alone_s),
+        (cue, 1.0, 2.0_f64.exp() * alone_s),
+    ] {
+        let left_s = doubted_s(cue, radar_log_odds).unwrap();
+        let within = expected_s..expected_s + 0.1;
+        assert!(within.contains(&left_s), "{left_s} {expected_s}");
+    }
 }
 
 #[test]
@@ -778,13 +805,17 @@ fn a_target_that_stands_before_scenery_must_go_on_to_look_like_a_uav() {
         });
         left.map(|(after_s, _)| after_s)
     };
-    let within = BEFORE_SCENERY_S..BEFORE_SCENERY_S + 0.1;
-    let waited_s = given_up_s(0.6, true, None).unwrap();
-    assert!(within.contains(&waited_s), "{waited_s}");
-    // Sure of it, pointed at by the radar, or in the sky.
-    assert_eq!(given_up_s(0.95, true, None), None);
+    let after = |left_s: Option<f64>, odds: f64| {
+        let (left_s, expected_s) = (left_s.unwrap(), odds * tuning().worth_s);
+        let within = expected_s.max(tuning().least_doubt_s)..expected_s.max(0.3) + 0.1;
+        assert!(within.contains(&left_s), "{left_s} {expected_s}");
+    };
+    let stands = tuning().before_scenery.exp();
+    after(given_up_s(0.6, true, None), 1.5 * stands);
+    // Sure of it, in the sky, or pointed at by the radar.
+    assert_eq!(given_up_s(0.98, true, None), None);
+    after(given_up_s(0.6, false, None), 1.5);
     assert_eq!(given_up_s(0.6, true, Some(cue)), None);
-    assert_eq!(given_up_s(0.6, false, None), None);
     // The radar follows its target elsewhere: in another direction, at another range.
     let beside = TargetCue {
         az_el_rad: cue.az_el_rad + DVec2::new(0.05, 0.0),
@@ -795,8 +826,7 @@ fn a_target_that_stands_before_scenery_must_go_on_to_look_like_a_uav() {
         ..cue
     };
     for other in [beside, before] {
-        let waited_s = given_up_s(0.97, true, Some(other)).unwrap();
-        assert!(within.contains(&waited_s), "{waited_s}");
+        after(given_up_s(0.97, true, Some(other)), 0.0);
         assert_eq!(given_up_s(0.97, false, Some(other)), None);
     }
 }
@@ -830,14 +860,22 @@ fn what_is_not_where_the_radar_has_its_target_must_surely_be_a_uav() {
     };
     let nearer = cue(-150.0);
     let waited_s = given_up_s(0.7, nearer, true, true).unwrap();
-    let within = ANOTHER_S..ANOTHER_S + 0.6;
-    assert!(within.contains(&waited_s), "{waited_s}");
-    // Surely a UAV, where the radar has its target, without a radar, known by the defence, without an echo.
+    assert!((0.3..1.5).contains(&waited_s), "{waited_s}");
+    // Surely a UAV, where the radar has its target.
     assert_eq!(given_up_s(0.999, nearer, true, true), None);
     assert_eq!(given_up_s(0.7, cue(20.0), true, true), None);
-    assert_eq!(given_up_s(0.7, None, true, true), None);
-    assert_eq!(given_up_s(0.7, nearer, false, true), None);
-    assert_eq!(given_up_s(0.7, nearer, true, false), None);
+    // Without a radar, known by the defence, without an echo: at odds of 7 to 3.
+    for (cue, by_radar, echoes) in [
+        (None, true, true),
+        (nearer, false, true),
+        (nearer, true, false),
+    ] {
+        let waited_s = given_up_s(0.7, cue, by_radar, echoes).unwrap();
+        assert!(
+            (2.3..2.5).contains(&waited_s),
+            "{waited_s} {by_radar} {echoes}"
+        );
+    }
 }
 
 #[test]

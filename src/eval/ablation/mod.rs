@@ -1,0 +1,258 @@
+//! `boresight eval ablation`: what each term and rule of the tracker brings.
+//!
+//! The same engagements are made with all of them and without each. What changes is counted pair by pair, so that a few draws tell
+//! much: a draw in which a rule does nothing ends the same to the bit.
+
+mod page;
+mod rules;
+
+use super::engagement::{self, Drawn, Outcome};
+use super::{EvalError, shared::progress};
+use crate::models::maths::statistics::{Mean, Paired};
+use crate::output::{put_json, quoted, writable};
+use clap::Args;
+use rules::{Rules, Without};
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// What `boresight eval ablation` is asked for.
+#[derive(Args, Clone, Debug)]
+pub struct Arguments {
+    /// Number of engagements with all rules, and without each.
+    #[arg(long, default_value_t = 100)]
+    pub n: u32,
+    /// Seed of the draws.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Recipe file of the engagements (TOML).
+    #[arg(long, default_value = "recipes/engagement.toml")]
+    pub recipe: PathBuf,
+    /// What is left out, one after the other (TOML).
+    #[arg(long, default_value = "recipes/ablation.toml")]
+    pub rules: PathBuf,
+    /// Leave out only what has this name; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    pub only: Vec<String>,
+    /// Folder for ablation.json, ablation.html and the engagements; what was stopped goes on in it.
+    #[arg(long, default_value = "out/ablation")]
+    pub out: PathBuf,
+    /// The network on rendered pixels in place of the measured detector: some forty times slower.
+    #[arg(long)]
+    pub pixels: bool,
+    /// Change a value of every scenario; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Draws made side by side, each in a process of its own (default: one a core).
+    #[arg(long)]
+    pub jobs: Option<NonZeroUsize>,
+}
+
+/// No rule has a name that was asked for.
+#[derive(Debug, thiserror::Error)]
+#[error("--only: there is no `{name}` in {}; it has {}", file.display(), .names.join(", "))]
+struct NoSuchRule {
+    name: String,
+    file: PathBuf,
+    names: Vec<String>,
+}
+
+/// What was found, as `ablation.json` has it.
+#[derive(Serialize)]
+pub struct Ablation {
+    /// Version of the program.
+    pub version: &'static str,
+    /// The command that repeats it.
+    pub command: String,
+    /// What found the UAVs.
+    pub detector: &'static str,
+    /// Engagements made with all rules.
+    pub draws: usize,
+    /// What was left out, where it was stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<String>,
+    /// Each rule.
+    pub rules: Vec<Effect>,
+}
+
+/// What leaving something out changes.
+#[derive(Serialize)]
+pub struct Effect {
+    /// What is left out.
+    #[serde(flatten)]
+    pub without: Without,
+    /// Draws that end in any other way than with it.
+    pub changed: usize,
+    /// Share acquired, of those visible either way.
+    pub acquired: Paired,
+    /// Share neutralised in time, of those whose interlocks were open either way.
+    pub neutralised: Paired,
+    /// Share that fired at something else, of all.
+    pub fired_else: Paired,
+    /// Share given up though seen, of those acquired either way.
+    pub given_up: Paired,
+    /// How much later the UAV is acquired, where it is either way [s].
+    pub later_s: Mean,
+}
+
+impl Effect {
+    /// Of the same engagements with all rules and without one.
+    fn of(without: Without, with: &[Outcome], left_out: &[Outcome]) -> Self {
+        let pairs = || with.iter().zip(left_out);
+        let share = |counts: fn(&Outcome) -> bool, succeeds: fn(&Outcome) -> bool| {
+            let both = pairs().filter(move |(a, b)| counts(a) && counts(b));
+            Paired::of(both.map(move |(a, b)| [succeeds(a), succeeds(b)]))
+        };
+        let later_s: Vec<f64> = pairs()
+            .filter_map(|(a, b)| Some(b.record.acquired_s? - a.record.acquired_s?))
+            .collect();
+        Self {
+            without,
+            changed: pairs().filter(|(a, b)| a.record != b.record).count(),
+            acquired: share(|o| o.verdict.visible, |o| o.verdict.acquired),
+            neutralised: share(|o| o.verdict.open, |o| o.verdict.neutralised),
+            fired_else: share(|_| true, |o| o.verdict.fired_else),
+            given_up: share(|o| o.verdict.acquired, |o| o.verdict.given_up),
+            later_s: Mean::of(&later_s),
+        }
+    }
+}
+
+/// Carries it out; what to tell the user.
+pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
+    let mut rules = Rules::load(&arguments.rules)?.without;
+    let names = || rules.iter().map(|rule| rule.name.clone()).collect();
+    if let Some(name) = (arguments.only.iter()).find(|name| rules.iter().all(|r| r.name != **name))
+    {
+        return Err(EvalError::own(NoSuchRule {
+            name: name.clone(),
+            file: arguments.rules.clone(),
+            names: names(),
+        }));
+    }
+    rules.retain(|rule| arguments.only.is_empty() || arguments.only.contains(&rule.name));
+    let json = arguments.out.join("ablation.json");
+    writable(&json)?;
+    let Drawn {
+        draws,
+        detector,
+        mut stopped,
+    } = engagement::drawn(&arguments.engagements("all", &[]))?;
+    let mut effects = Vec::new();
+    for rule in rules {
+        if stopped.is_some() {
+            break;
+        }
+        progress(&format!("without {}", rule.name));
+        match engagement::drawn(&arguments.engagements(&rule.name, &rule.set)) {
+            Ok(left_out) if left_out.stopped.is_none() => {
+                effects.push(Effect::of(rule, &draws, &left_out.draws));
+            }
+            Ok(_) | Err(EvalError::Stopped) => {
+                let rest = format!("without {} and what follows is left out", rule.name);
+                stopped = crate::stop::said(&rest);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    let ablation = Ablation {
+        version: crate::VERSION,
+        command: arguments.command(),
+        detector,
+        draws: draws.len(),
+        stopped,
+        rules: effects,
+    };
+    put_json(&json, &ablation)?;
+    let page = arguments.out.join("ablation.html");
+    page::write(&page, &ablation)?;
+    Ok(format!("{}page  {}", ablation.text(), page.display()))
+}
+
+impl Arguments {
+    /// The engagements with some changes, in a folder of their own.
+    fn engagements(&self, folder: &str, set: &[String]) -> engagement::Arguments {
+        let measured = (!self.pixels).then(|| "detector.kind=measured".into());
+        engagement::Arguments {
+            n: self.n,
+            seed: self.seed,
+            recipe: self.recipe.clone(),
+            out: self.out.join(folder),
+            truth: false,
+            looks: false,
+            set: (measured.into_iter().chain(self.set.clone()))
+                .chain(set.iter().cloned())
+                .collect(),
+            jobs: self.jobs,
+            draw: None,
+        }
+    }
+
+    /// The command that repeats it.
+    fn command(&self) -> String {
+        let path = |path: &Path| quoted(path.display());
+        let mut command = format!(
+            "boresight eval ablation --n {} --seed {} --recipe {} --rules {} --out {}",
+            self.n,
+            self.seed,
+            path(&self.recipe),
+            path(&self.rules),
+            path(&self.out)
+        );
+        if self.pixels {
+            command += " --pixels";
+        }
+        for (option, values) in [("--only", &self.only), ("--set", &self.set)] {
+            for value in values {
+                // Writing to a string cannot fail.
+                let _ = write!(command, " {option} {}", quoted(value));
+            }
+        }
+        command
+    }
+}
+
+/// A change of a share as a cell has it, such as `+3 (−1 to +7) %, 4 of 120`; marked where it is beyond chance.
+fn cell(paired: &Paired) -> String {
+    let Some(difference) = paired.difference else {
+        return "no draw".into();
+    };
+    let [low, high] = paired.interval_95.map(|x| 100.0 * x);
+    format!(
+        "{:+.1} ({low:+.1} to {high:+.1}) %, {} of {} differ{}",
+        100.0 * difference,
+        paired.only[0] + paired.only[1],
+        paired.trials,
+        if paired.tells() { " *" } else { "" }
+    )
+}
+
+impl Ablation {
+    /// The effects for a terminal.
+    fn text(&self) -> String {
+        let mut text = format!(
+            "{}: {} draws with all rules, and without each; * beyond chance at 5 %\n",
+            self.detector, self.draws
+        );
+        for effect in &self.rules {
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "without {}: {} draws end otherwise\n  acquired {}\n  neutralised {}\n  fired at something else {}\n  \
+                 given up {}\n  acquired later by {} s",
+                effect.without.name,
+                effect.changed,
+                cell(&effect.acquired),
+                cell(&effect.neutralised),
+                cell(&effect.fired_else),
+                cell(&effect.given_up),
+                effect.later_s.text()
+            );
+        }
+        if let Some(stopped) = &self.stopped {
+            let _ = writeln!(text, "{stopped}");
+        }
+        text
+    }
+}
