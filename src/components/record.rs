@@ -1,6 +1,7 @@
 //! What a run leaves behind.
 
 use crate::components::capture::ExposedFrame;
+use crate::models::decision::belief::Belief;
 use crate::models::maths::spread::Spread;
 use crate::models::optics::detection::Detection;
 use crate::recording::{OwnTopic, Recorder};
@@ -235,6 +236,8 @@ pub struct History {
     pub skin_k: Vec<(f64, f64)>,
     /// True angle between the laser's axis and the target: (time [s], [urad]).
     pub los_error_urad: Vec<(f64, f64)>,
+    /// What speaks for the target's being a UAV: (time [s], log-odds by term, not a number without a target).
+    pub belief: Vec<(f64, Belief)>,
     /// Pictures for the contact sheet.
     pub frames: Vec<KeptFrame>,
     /// When a camera first held a target [s].

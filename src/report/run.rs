@@ -67,6 +67,8 @@ pub struct StationReport {
     pub failure_temperature_k: Option<f64>,
     /// Angle between the line of sight and the target \[urad\].
     pub los_error_urad: Series,
+    /// What speaks for the target's being a UAV, as log-odds, by its name.
+    pub belief: Vec<(&'static str, Series)>,
     /// States of the acquisition, tracking and pointing machine, in order.
     pub states: Vec<StateSpan>,
 }
@@ -209,10 +211,14 @@ fn charts(data: &StationReport, end_s: f64) -> Markup {
     let los = [("", &data.los_error_urad)];
     let irradiance = [("", &data.irradiance_wpm2)];
     let power = [("", &data.power_in_bucket_w)];
+    let belief: Vec<_> = (data.belief.iter())
+        .map(|(name, series)| (*name, series))
+        .collect();
     let skin = [("target", &data.skin_temperature_k)];
     let charts = [
         chart("Miss distance", "px", Scale::Log, &miss[..]),
         chart("Line-of-sight error", "µrad", Scale::Log, &los),
+        chart("What speaks for a UAV", "log-odds", Scale::Linear, &belief),
         chart(
             "Mean irradiance within 5 cm",
             "W/m²",

@@ -22,6 +22,7 @@ use crate::components::run::Stopwatch;
 use crate::components::run::{RunEnd, SimClock};
 use crate::components::track::{Tracker, TrackingState};
 use crate::models::air::atmosphere::{extinction_per_m, transmittance};
+use crate::models::decision::belief::{Belief, Term};
 use crate::models::engage::outcome::Outcome;
 use crate::models::tracking::picture::Follower;
 use crate::output;
@@ -651,8 +652,24 @@ fn station_report(
         skin_temperature_k: history.skin_k.clone(),
         failure_temperature_k: None,
         los_error_urad: history.los_error_urad.clone(),
+        belief: belief(history),
         states: state_spans(world.get(station)?, loaded, end_s),
     })
+}
+
+/// What speaks for the target: each term that says anything, and all together.
+fn belief(history: &History) -> Vec<(&'static str, Vec<(f64, f64)>)> {
+    let series = |value: &dyn Fn(&Belief) -> f64| {
+        let points = history.belief.iter();
+        points.map(|(t_s, belief)| (*t_s, value(belief))).collect()
+    };
+    let says = |term: &Term| {
+        let says = |belief: &Belief| belief.0[*term as usize].abs() > 0.0;
+        history.belief.iter().any(|(_, belief)| says(belief))
+    };
+    let terms = Term::ALL.into_iter().filter(says);
+    let each = terms.map(|term| (term.name(), series(&|belief| belief.0[term as usize])));
+    each.chain([("all", series(&Belief::log_odds))]).collect()
 }
 
 /// The states of the tracker until `end_s`.

@@ -13,6 +13,7 @@ use crate::components::network::{SharedPicture, Tasking};
 use crate::components::record::{CameraHistory, Fates, History, KeptFrame, Recording, StateHash};
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
+use crate::models::decision::belief::Belief;
 use crate::models::engage::interlock::FAR_M;
 use crate::models::maths::kinematics::{error_angles, los_to_az_el};
 use crate::models::tracking::held::reach_rad;
@@ -293,6 +294,8 @@ pub fn keep_series(
                     fates.uavs[uav.index].acquired_s.get_or_insert(t_s);
                 }
             }
+            let belief = tracker.belief.unwrap_or(Belief::UNKNOWN);
+            history.belief.push((t_s, belief));
             history.irradiance_wpm2.push((t_s, beam.irradiance_wpm2));
             history
                 .power_in_bucket_w

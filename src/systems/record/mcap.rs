@@ -404,6 +404,10 @@ impl Recorded<'_, '_> {
         state.quality = target.filter.quality();
         state.class = self.detector.class(target.label()).into();
         state.uav_probability = target.uav_belief();
+        state.belief = tracker
+            .belief
+            .map_or(Vec::new(), |belief| belief.0.to_vec());
+        state.doubt = tracker.doubt;
         state
     }
 

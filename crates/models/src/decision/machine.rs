@@ -116,6 +116,9 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
         .min(LONGEST_WEIGHED_S);
     tracker.doubt_tick = now.tick;
     let (tuning, track) = (now.tuning(), tracker.target_track()?);
+    let belief = now.belief_in_target(track, tracker.radar_log_odds);
+    tracker.belief = Some(belief);
+    let track = tracker.target_track()?;
     // The paper's rule has no track to judge by; what tumbles looks like no UAV, and is soon seen to fall.
     let left_alone =
         now.params.nearest_to_centre || tracker.designated || tracker.falling_since.is_some();
@@ -127,7 +130,6 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
     if unseen {
         return None;
     }
-    let belief = now.belief_in_target(tracker, track);
     let sure = f64::max(now.params.min_uav_probability, EVEN);
     let for_fire = tracker.target_uav_probability().unwrap_or(0.0);
     if probability(belief.log_odds()).min(for_fire) >= sure {

@@ -8,5 +8,6 @@ pub mod look;
 pub mod machine;
 pub mod situation;
 pub mod tasking;
+mod terms;
 pub mod tracker;
 pub mod tuning;

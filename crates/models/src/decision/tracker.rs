@@ -1,5 +1,6 @@
 //! What a tracker knows and where its engagement stands.
 
+use super::belief::Belief;
 use super::tuning::TrackerTuning;
 use crate::flight::uav::AimPart;
 use crate::maths::kinematics::wrap_pi;
@@ -168,6 +169,8 @@ pub struct Tracker {
     pub settling: Option<(u64, DVec2)>,
     /// Each camera's last exposure, by its number: when [s], and how the station believed it to be turned.
     pub turned: BTreeMap<usize, (f64, DQuat)>,
+    /// What speaks for the target's being a UAV, once it has been weighed.
+    pub belief: Option<Belief>,
     /// How far the target has used up what it was worth holding without being sure of it: given up at 1.
     pub doubt: f64,
     /// For how long it has been held so [s]: given up once that is more than it is worth now.
@@ -204,6 +207,7 @@ impl Default for Tracker {
             falling_since: None,
             settling: None,
             turned: BTreeMap::new(),
+            belief: None,
             doubt: 0.0,
             unsure_s: 0.0,
             doubt_tick: 0,
@@ -272,6 +276,7 @@ impl Tracker {
         self.fired_ticks = 0;
         self.sink_at_fire_mps = None;
         self.falling_since = None;
+        self.belief = None;
         self.forget_doubt();
         self.mean_log_odds = 0.0;
         self.radar_log_odds = 0.0;

@@ -12,9 +12,9 @@ pub struct TrackerTuning {
     pub candidate_hits: u32,
     /// Log-odds from which on a track is chosen that is large enough to be named: four to one. Chosen.
     pub chosen: f64,
-    /// The same of one that only a closer look can tell. Calibrated.
+    /// `chosen` of a track that only a closer look can tell. Calibrated.
     pub chosen_small: f64,
-    /// The same of such a one in clear sky, where there is little else to look at. Calibrated.
+    /// `chosen_small` in clear sky, where there is little else to look at. Calibrated.
     pub chosen_small_in_sky: f64,
     /// Sizes up to which only a closer look can tell what something is, and from which on none is needed [px]. Chosen.
     pub closer_look_px: [f64; 2],
@@ -27,9 +27,9 @@ pub struct TrackerTuning {
 
     /// Least significance of a rate on the sky that counts as flight, in deviations: noise reaches it in no run. Derived.
     pub moving_sigmas: f64,
-    /// How long a track must move to be no scenery for the moment, and to have flown for good [s]. Chosen.
+    /// How long a track must move to be no scenery for the moment [s]. Chosen.
     pub moved_s: f64,
-    /// See `moved_s` [s]. Chosen.
+    /// How long a track must move to have flown for good: scenery does not [s]. Chosen.
     pub flown_s: f64,
     /// How long what stands still must do so to be learned as scenery [s]. Chosen.
     pub learned_s: f64,
@@ -38,7 +38,7 @@ pub struct TrackerTuning {
     /// What it says against a track that it stands before scenery, as log-odds below 0, once a recogniser has judged it and no
     /// closer look is wanted. Calibrated.
     pub before_scenery: f64,
-    /// The same of what no recogniser has judged: a detector takes the same facade for the same in every frame. Chosen.
+    /// `before_scenery` of what no recogniser has judged: a detector takes the same facade for the same in every frame. Chosen.
     pub before_scenery_unjudged: f64,
     /// Faster across the sight line than any UAV of the catalogue flies [m/s]. Derived.
     pub fastest_mps: f64,
@@ -47,20 +47,21 @@ pub struct TrackerTuning {
 
     /// What a radar's cue adds at most to the log-odds of a track at its place. Chosen.
     pub cue_for: f64,
-    /// What it takes from one elsewhere, as log-odds below 0. Chosen.
+    /// What a radar's cue says of a track elsewhere, as log-odds below 0. Chosen.
     pub cue_against: f64,
-    /// What it adds to one that has flown and flies as its target does: enough for a close look, no word on fire. Calibrated.
+    /// What a radar adds to the log-odds of a track that has flown and flies as its target does: enough for a close look, no word
+    /// on fire. Calibrated.
     pub cue_for_flying: f64,
 
-    /// Within this angle two tracks may fly along with each other [rad]. Chosen.
+    /// Widest angle between two tracks that fly along with each other [rad]. Chosen.
     pub company_rad: f64,
-    /// So many of its sizes away nothing is a part of it. Chosen.
+    /// Least distance of a track's company from it, in its sizes: nothing so far is a part of it. Chosen.
     pub company_sizes: f64,
     /// Slowest flight that can be in company [rad/s]. Chosen.
     pub company_radps: f64,
-    /// Share by which the rates of two in company may differ. Chosen.
+    /// Share by which the rates of two that fly along may differ. Chosen.
     pub company_rates: f64,
-    /// Time over which company is told [s]. Chosen.
+    /// Time over which what a track's company says evens out [s]. Chosen.
     pub company_s: f64,
     /// How much oftener two that fly along are of a kind because of that than two of any kinds by chance; 0: company says nothing.
     /// Chosen.
@@ -72,23 +73,23 @@ pub struct TrackerTuning {
     /// What never flew and is nearer to the city's surface behind it than this, or as little beyond it, is part of it [m]: the
     /// raster's cells and crowns err by so much. Chosen.
     pub surface_m: f64,
-    /// Probability by the recogniser from which on looks outweigh that. Chosen.
+    /// Probability by the recogniser from which on a plain picture outweighs `surface_m`. Chosen.
     pub plain_probability: f64,
-    /// Log-odds by the detector from which on they do. Chosen.
+    /// Log-odds by the detector from which on a plain picture outweighs `surface_m`. Chosen.
     pub plain_log_odds: f64,
-    /// Size from which on they do [px]. Chosen.
+    /// Size from which on a plain picture outweighs `surface_m` [px]. Chosen.
     pub plain_px: f64,
 
     /// For how long the search is given up for a UAV, at even odds [s]: a target that is not sure enough for fire is held for
     /// its odds times this. Chosen.
     pub worth_s: f64,
-    /// What that is multiplied by while only a closer look could tell, less 1. Chosen.
+    /// By which share of `worth_s` what only a closer look can tell is worth more. Chosen.
     pub worth_closer: f64,
     /// A target is doubted for so long at least before it is given up [s]. Chosen.
     pub least_doubt_s: f64,
     /// For how long a track is left alone that was given up and would be chosen again [s]. Chosen.
     pub rejected_s: f64,
-    /// The same of what the range finder has disproved [s]. Chosen.
+    /// For how long a track is left alone that the range finder has disproved [s]. Chosen.
     pub disproved_barred_s: f64,
     /// Log-odds below which not even the smallest is shown to the precise camera. Chosen.
     pub surely_none: f64,
@@ -100,24 +101,24 @@ pub struct TrackerTuning {
     pub closer_patiences: f64,
     /// Hits of the coarse camera that bring a lost target back. Chosen.
     pub again_hits: u32,
-    /// Hits of the search camera that do. Chosen.
+    /// Hits of the search camera that bring a lost target back. Chosen.
     pub refind_hits: u32,
 
     /// Time over which what is recognised in a target evens out before it counts for fire [s]. Calibrated.
     pub sure_s: f64,
-    /// Time over which what the radar says for it does [s]. Chosen.
+    /// Time over which what the radar says of a target evens out before it counts for fire [s]. Chosen.
     pub vouched_s: f64,
-    /// A target must have been fired at for so long to fall of it [s]. Chosen.
+    /// For how long a target must have been fired at to fall of it [s]. Chosen.
     pub fired_s: f64,
-    /// It sinks faster by this than before [m/s]. Chosen.
+    /// By how much faster than before a target sinks that falls [m/s]. Chosen.
     pub falling_mps: f64,
-    /// For so long [s]. Chosen.
+    /// For how long a target must sink so fast to have fallen [s]. Chosen.
     pub falling_s: f64,
     /// Time over which the flutter of a target's box evens out [s]. Chosen.
     pub flutter_s: f64,
     /// Lock radius as a share of the smaller side of a large target's box: a beam on a larger body may wander more. Chosen.
     pub lock_share: f64,
-    /// The same of the radius beyond which the lock breaks. Chosen.
+    /// Radius beyond which the lock breaks, as such a share. Chosen.
     pub break_share: f64,
     /// Share of the precise camera's field that a target may fill: beyond, its edges come and go. Chosen.
     pub fits_share: f64,
