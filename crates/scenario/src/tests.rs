@@ -246,6 +246,19 @@ fn contradictions_are_found_where_they_stand() {
     assert!(error(GOOD, &["recogniser.rate_hz=7"]).contains("recogniser.rate_hz: 7 Hz does not"));
     assert!(error(GOOD, &["recogniser.max_tracks=0"]).contains("recogniser.max_tracks"));
     assert!(error(GOOD, &["engage.min_uav_probability=2"]).contains("engage.min_uav_probability"));
+    for tuning in [
+        "sure_s=0",
+        "worth_s=inf",
+        "cue_for=-1",
+        "cue_against=1",
+        "chosen=nan",
+        "surface_m=-1",
+        "closer_look_px=[8.0, 8.0]",
+    ] {
+        let (key, _) = tuning.split_once('=').unwrap();
+        let error = error(GOOD, &[&format!("tracker.tuning.{tuning}")]);
+        assert!(error.contains(&format!("tracker.tuning.{key}")), "{error}");
+    }
 }
 
 #[test]

@@ -69,9 +69,17 @@ impl TrackerConfig {
     }
 }
 
-/// Times, lengths, angles and rates are not below 0; log-odds, ratios and counts are numbers that an exponential can take.
+/// Times are above 0, since most of them divide; lengths, angles and rates are not below it. What speaks against something is
+/// not above 0, and the rest are numbers that an exponential can take.
 fn tuning(check: &mut Check, tuning: &TrackerTuning) {
-    const UNITS: [&str; 6] = ["_s", "_m", "_px", "_rad", "_radps", "_mps"];
+    const LENGTHS: [&str; 5] = ["_m", "_px", "_rad", "_radps", "_mps"];
+    const AGAINST: [&str; 5] = [
+        "before_scenery",
+        "before_scenery_unjudged",
+        "cue_against",
+        "disproved",
+        "too_fast",
+    ];
     check.ascending("closer_look_px", tuning.closer_look_px, 0.0..=1e6);
     let Ok(serde_json::Value::Object(values)) = serde_json::to_value(tuning) else {
         return;
@@ -80,8 +88,13 @@ fn tuning(check: &mut Check, tuning: &TrackerTuning) {
         if !value.is_array() {
             // JSON has no infinity.
             let value = value.as_f64().unwrap_or(f64::INFINITY);
-            let measures = UNITS.iter().any(|unit| key.ends_with(unit));
-            let range = if measures { 0.0..=1e6 } else { -100.0..=100.0 };
+            let range = match key.as_str() {
+                key if key.ends_with("_s") => 1e-6..=1e6,
+                key if LENGTHS.iter().any(|unit| key.ends_with(unit)) => 0.0..=1e6,
+                key if AGAINST.contains(&key) => -100.0..=0.0,
+                key if key.starts_with("chosen") || key == "surely_none" => -100.0..=100.0,
+                _ => 0.0..=100.0,
+            };
             check.within(key, value, range);
         }
     }

@@ -46,7 +46,7 @@ impl Checked for Rules {
                     format!("`{}` is named twice; give another name", without.name)
                 });
                 check.that(!without.set.is_empty(), "set", || {
-                    "nothing is changed; name a value such as \"tracker.tuning.rival_s=0\"".into()
+                    "nothing is changed; name a value such as \"tracker.tuning.cue_for=0\"".into()
                 });
             });
         }
