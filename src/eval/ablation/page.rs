@@ -1,6 +1,6 @@
 //! The page of an ablation.
 
-use super::{Ablation, cell};
+use super::results::{Ablation, cell};
 use crate::eval::EvalError;
 use crate::output::put;
 use crate::report::page::{Head, note, page, table};

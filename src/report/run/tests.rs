@@ -25,6 +25,8 @@ fn demonstration() -> ReportData {
         failure_temperature_k: Some(933.0),
         ..StationReport::default()
     };
+    let sure = (0..20).map(|t_s| (f64::from(t_s), 0.2 * f64::from(t_s)));
+    station.belief = vec![("looks", sure.collect())];
     data.summary = [
         ("Simulated time", "20.0 s"),
         ("Real-time factor", "118"),
@@ -166,9 +168,10 @@ fn report_is_one_small_safe_file() {
         page.matches("href=\"data:image/jpeg;base64,").count(),
         data.frames.len()
     );
-    // All six series are dense, so have their extremes and their means.
+    assert!(page.contains("What speaks for a UAV"));
+    // All six series but the belief are dense, so have their extremes and their means.
     assert_eq!(page.matches("<path class=\"s faint\"").count(), 6);
-    assert_eq!(page.matches("<path class=\"s\"").count(), 6);
+    assert_eq!(page.matches("<path class=\"s\"").count(), 7);
     assert!(!page.contains(">NaN") && !page.contains("NaN "));
 }
 
@@ -182,7 +185,7 @@ fn empty_data_gives_a_page_that_says_so() {
     };
     write_report(&path, &data).unwrap();
     let page = std::fs::read_to_string(&path).unwrap();
-    assert_eq!(page.matches("no samples").count(), 7);
+    assert_eq!(page.matches("no samples").count(), 8);
     assert!(page.contains("no states") && page.contains("no images"));
     assert!(page.contains(">Miss distance<"));
 
