@@ -73,6 +73,9 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     rules.retain(|rule| arguments.only.is_empty() || arguments.only.contains(&rule.name));
     let json = arguments.out.join("ablation.json");
     writable(&json)?;
+    for rule in &rules {
+        engagement::check(&arguments.engagements(&rule.name, &rule.set))?;
+    }
     let Drawn {
         draws,
         detector,

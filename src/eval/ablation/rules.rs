@@ -61,3 +61,22 @@ impl Rules {
         Ok(parsed.value)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn what_the_shipped_recipe_sets_can_be_set() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let rules = Rules::load(&root.join("recipes/ablation.toml")).unwrap();
+        assert!(rules.without.len() > 20);
+        for rule in &rules.without {
+            let path = root.join("scenarios/urban_intercept.toml");
+            let before = Scenario::load(&path, &[]).unwrap().scenario;
+            let after = Scenario::load(&path, &rule.set).unwrap().scenario;
+            assert_ne!(before.tracker, after.tracker, "{}", rule.name);
+        }
+    }
+}

@@ -20,6 +20,7 @@ use super::shared::{progress, within};
 use crate::app;
 use crate::output::{put_json, writable};
 use crate::parallel::threads;
+use crate::scenario::Loaded;
 use crate::stop;
 pub use arguments::Arguments;
 use job::Bench;
@@ -78,13 +79,7 @@ pub fn drawn(arguments: &Arguments) -> Result<Drawn, EvalError> {
         arguments,
         recipe: &recipe,
     };
-    // What keeps all of them from running is told before the work.
-    let (_, loaded) = bench.draw(0)?;
-    let rendered = !loaded.scenario.detector.is_blind();
-    if rendered {
-        app::adapter()?;
-    }
-    app::check(&loaded)?;
+    let loaded = checked(&bench)?;
     let key = bench.key(&loaded)?;
     let stopped = match make_all(&bench, &key) {
         Err(EvalError::Stopped) => true,
@@ -116,6 +111,26 @@ pub fn drawn(arguments: &Arguments) -> Result<Drawn, EvalError> {
         detector,
         stopped: said.filter(|_| stopped),
     })
+}
+
+/// Says what keeps all engagements from running, before the work.
+pub fn check(arguments: &Arguments) -> Result<(), EvalError> {
+    let recipe = Recipe::load(&arguments.recipe)?;
+    let bench = Bench {
+        arguments,
+        recipe: &recipe,
+    };
+    checked(&bench).map(|_| ())
+}
+
+/// The scenario of the first draw, once it is known that it can be run.
+fn checked(bench: &Bench) -> Result<Loaded, EvalError> {
+    let (_, loaded) = bench.draw(0)?;
+    if !loaded.scenario.detector.is_blind() {
+        app::adapter()?;
+    }
+    app::check(&loaded)?;
+    Ok(loaded)
 }
 
 /// Makes the draws that are not there, side by side.
