@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What the tracker's decisions are tuned by. Log-odds are natural logarithms. The last word of each says where its default is
-/// from: derived from something stated, calibrated on rendered engagements, or chosen.
+/// from: derived from something stated, or chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackerTuning {
@@ -12,9 +12,9 @@ pub struct TrackerTuning {
     pub candidate_hits: u32,
     /// Log-odds from which on a track is chosen that is large enough to be named: four to one. Chosen.
     pub chosen: f64,
-    /// `chosen` of a track that only a closer look can tell. Calibrated.
+    /// `chosen` of a track that only a closer look can tell. Chosen.
     pub chosen_small: f64,
-    /// `chosen_small` in clear sky, where there is little else to look at. Calibrated.
+    /// `chosen_small` in clear sky, where there is little else to look at. Chosen.
     pub chosen_small_in_sky: f64,
     /// Sizes up to which only a closer look can tell what something is, and from which on none is needed [px]. Chosen.
     pub closer_look_px: [f64; 2],
@@ -25,7 +25,7 @@ pub struct TrackerTuning {
     /// How long another track must have been the greater threat before it becomes the target [s]. Chosen.
     pub rival_s: f64,
 
-    /// Least significance of a rate on the sky that counts as flight, in deviations: noise reaches it in no run. Derived.
+    /// Least significance of a rate on the sky that counts as flight, in deviations. Chosen.
     pub moving_sigmas: f64,
     /// How long a track must move to be no scenery for the moment [s]. Chosen.
     pub moved_s: f64,
@@ -36,7 +36,7 @@ pub struct TrackerTuning {
     /// Clear sky that must lie below what stands in the sky [rad]. Chosen.
     pub sky_margin_rad: f64,
     /// What it says against a track that it stands before scenery, as log-odds below 0, once a recogniser has judged it and no
-    /// closer look is wanted. Calibrated.
+    /// closer look is wanted. Chosen.
     pub before_scenery: f64,
     /// `before_scenery` of what no recogniser has judged: a detector takes the same facade for the same in every frame. Chosen.
     pub before_scenery_unjudged: f64,
@@ -50,7 +50,7 @@ pub struct TrackerTuning {
     /// What a radar's cue says of a track elsewhere, as log-odds below 0. Chosen.
     pub cue_against: f64,
     /// What a radar adds to the log-odds of a track that has flown and flies as its target does: enough for a close look, no word
-    /// on fire. Calibrated.
+    /// on fire. Chosen.
     pub cue_for_flying: f64,
 
     /// Widest angle between two tracks that fly along with each other [rad]. Chosen.
@@ -68,7 +68,7 @@ pub struct TrackerTuning {
     pub company_of_a_kind: f64,
 
     /// What the range finder says, as log-odds below 0, of a track that is too large for a UAV, or as far as what stands behind it.
-    /// Derived: one in 3,000, as often as its echoes err by more than their three deviations.
+    /// Chosen: no looks outweigh it.
     pub disproved: f64,
     /// What never flew and is nearer to the city's surface behind it than this, or as little beyond it, is part of it [m]: the
     /// raster's cells and crowns err by so much. Chosen.
@@ -104,7 +104,7 @@ pub struct TrackerTuning {
     /// Hits of the search camera that bring a lost target back. Chosen.
     pub refind_hits: u32,
 
-    /// Time over which what is recognised in a target evens out before it counts for fire [s]. Calibrated.
+    /// Time over which what is recognised in a target evens out before it counts for fire [s]. Chosen.
     pub sure_s: f64,
     /// Time over which what the radar says of a target evens out before it counts for fire [s]. Chosen.
     pub vouched_s: f64,
