@@ -376,7 +376,8 @@ def test_a_run_with_a_client_repeats_without_it(airsim, tmp_path):
         client.simGetImage("0", airsim.ImageType.Scene)
         ended = client.getMultirotorState()
     again = boresight.Simulation(out / "scenario.toml", pictures=False)
-    again.run_until(ended.timestamp / 1e9)
+    # Rounded up to a nanosecond, the tick's time would be the next one's.
+    again.run_until((ended.timestamp - 2) / 1e9)
     place = next(uav for uav in again.uavs if uav.name == "alpha").r_enu_m
     own = ended.kinematics_estimated.position
     assert np.allclose([place[1] - 40, place[0], 52 - place[2]], [own.x_val, own.y_val, own.z_val], atol=1e-9)

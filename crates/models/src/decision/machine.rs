@@ -130,9 +130,11 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
     if unseen {
         return None;
     }
-    let sure = f64::max(now.params.min_uav_probability, EVEN);
+    let believed = probability(belief.log_odds());
     let for_fire = tracker.target_uav_probability().unwrap_or(0.0);
-    if probability(belief.log_odds()).min(for_fire) >= sure {
+    let is_sure = believed.min(for_fire) >= f64::max(now.params.min_uav_probability, EVEN);
+    // From where the radar points a search comes back to the same: to hold that costs nothing either.
+    if is_sure || now.cued(track) && believed >= EVEN {
         tracker.forget_doubt();
         return None;
     }
@@ -152,7 +154,7 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
     let reason = format!(
         "{}: belief {:.0} %, seen in {:.0} % of the frames, with a mean score of {:.2}",
         against.against(),
-        100.0 * probability(belief.log_odds()),
+        100.0 * believed,
         100.0 * track.filter.quality(),
         track.score
     );
