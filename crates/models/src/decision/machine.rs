@@ -131,10 +131,13 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
         return None;
     }
     let believed = probability(belief.log_odds());
-    let for_fire = tracker.target_uav_probability().unwrap_or(0.0);
-    let is_sure = believed.min(for_fire) >= f64::max(now.params.min_uav_probability, EVEN);
     // From where the radar points a search comes back to the same: to hold that costs nothing either.
-    if is_sure || now.cued(track) && believed >= EVEN {
+    let sure = if now.cued(track) {
+        EVEN
+    } else {
+        f64::max(now.params.min_uav_probability, EVEN)
+    };
+    if believed >= sure {
         tracker.forget_doubt();
         return None;
     }
