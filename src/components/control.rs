@@ -7,11 +7,15 @@ use crate::models::control::pointing::PointingLaw;
 use crate::models::control::tuning::MountPlant;
 use crate::models::maths::rng::Stream;
 use crate::models::optics::tier::Tier;
-use crate::models::tracking::radar::{Plot, RadarErrors, RadarTrack};
+use crate::models::tracking::radar::choice::CueChoice;
+use crate::models::tracking::radar::sensing::RadarParams;
+use crate::models::tracking::radar::tracks::RadarTracks;
+use crate::models::tracking::radar::traffic::Traffic;
+use crate::models::tracking::radar::{Plot, RadarErrors};
 use crate::models::tracking::search::{SearchPattern, Sector};
 use bevy::prelude::*;
 use glam::DVec2;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 
 /// The control law of a run.
 #[derive(Component, Clone, Debug)]
@@ -142,26 +146,48 @@ pub struct Glanced {
     pub t_s: f64,
 }
 
-/// The external radar that cues the search, at the station. Its plots are truth plus a set error;
-/// nothing else of the truth comes through it.
+/// What a radar's plots come from.
+#[derive(Clone, Debug)]
+pub enum RadarKind {
+    /// A scanning radar, and what drives through its field.
+    Scanning(Box<RadarParams>, Traffic),
+    /// The truth plus an error.
+    Truth {
+        /// Errors of its plots.
+        errors: RadarErrors,
+        /// Scenario index of the UAV that it tracks; otherwise the first that is in the air, or all.
+        target: Option<usize>,
+        /// Whether it tracks all that is in the air.
+        all: bool,
+    },
+}
+
+/// What a radar measured in one look.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Look {
+    /// Plots of nobody knows what.
+    Plots(Vec<Plot>),
+    /// Plots with the scenario indices of their UAVs.
+    Known(Vec<(usize, Plot)>),
+}
+
+/// The radar at the station that cues the search.
 #[derive(Component, Clone, Debug)]
 pub struct Radar {
-    /// Errors of its plots; `None` without a radar.
-    pub errors: Option<RadarErrors>,
-    /// Ticks between plots.
+    /// What it is; `None` without a radar.
+    pub kind: Option<RadarKind>,
+    /// Ticks between looks.
     pub period_ticks: u64,
     /// Ticks from a measurement to its plot at the station.
     pub latency_ticks: u64,
-    /// Scenario index of the UAV that it tracks; otherwise the first that is in the air, or all.
-    pub target: Option<usize>,
-    /// Whether it tracks all that is in the air.
-    pub all: bool,
-    /// What it no longer tracks, as it has been dealt with.
+    /// Numbers of tracks that it no longer speaks of, as they have been dealt with.
     pub dismissed: Vec<usize>,
     /// Stream of its errors.
     pub rng: Stream,
-    /// Plots of one look on their way, with the tick they arrive in and the UAVs they belong to.
-    pub waiting: VecDeque<(u64, Vec<(usize, Plot)>)>,
-    /// Its tracks, by the UAVs they belong to.
-    pub tracks: BTreeMap<usize, RadarTrack>,
+    /// Looks on their way, with the tick they arrive in.
+    pub waiting: VecDeque<(u64, Look)>,
+    /// Its tracks; of the truth they have the scenario indices of their UAVs.
+    pub tracks: RadarTracks,
+    /// Which of them the search is pointed at.
+    pub choice: CueChoice,
 }

@@ -2,18 +2,23 @@
 
 use crate::components::capture::{SensorCamera, Tier};
 use crate::components::control::{
-    Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
+    Controller, PaperController, PointingController, PointingLaws, Radar, RadarKind, SearchScan,
 };
-use crate::components::run::SimClock;
+use crate::components::run::{Seed, SimClock};
 use crate::models::control::POINTING_LAWS;
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::tuning::MountPlant;
-use crate::models::maths::rng::Stream;
 use crate::models::tracking::radar::RadarErrors;
+use crate::models::tracking::radar::choice::CueChoice;
+use crate::models::tracking::radar::sensing::RadarParams;
+use crate::models::tracking::radar::tracks::RadarTracks;
+use crate::models::tracking::radar::traffic::Traffic;
 use crate::models::tracking::search::Sector;
-use crate::scenario::{self, Gains, InputError, Loaded, ResolvedStation, Scenario, SearchSector};
-use std::collections::{BTreeMap, VecDeque};
+use crate::scenario::{
+    self, Cue, CueKind, Gains, InputError, Loaded, ResolvedStation, Scenario, SearchSector,
+};
+use std::collections::VecDeque;
 
 /// The pointing laws that every run knows.
 pub fn laws() -> PointingLaws {
@@ -72,24 +77,72 @@ pub fn controller(
     })))
 }
 
-/// The radar of a scenario, before its first plot.
-pub fn radar(scenario: &Scenario, search: &SearchSector, rng: Stream, clock: SimClock) -> Radar {
-    let cue = search.cue.as_ref();
-    let name = cue.and_then(|cue| cue.target.as_ref());
+/// The radar of a station, before its first look.
+pub fn radar(
+    scenario: &Scenario,
+    search: &SearchSector,
+    station: usize,
+    seed: Seed,
+    clock: SimClock,
+) -> Radar {
+    let (cue, entity) = (search.cue.as_ref(), station as u64);
     Radar {
-        errors: cue.map(|cue| RadarErrors {
-            sigma_rad: cue.sigma_deg.to_radians(),
-            range_sigma_m: cue.range_sigma_m,
-        }),
+        kind: cue.map(|cue| radar_kind(scenario, search, cue, seed, entity)),
         period_ticks: cue.map_or(1, |cue| clock.ticks_of(1.0 / cue.rate_hz).max(1)),
         latency_ticks: cue.map_or(0, |cue| clock.ticks_of(cue.latency_s)),
-        target: name.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
-        all: cue.is_some_and(|cue| cue.all),
         dismissed: Vec::new(),
-        rng,
+        rng: seed.stream(entity, "radar"),
         waiting: VecDeque::new(),
-        tracks: BTreeMap::new(),
+        tracks: RadarTracks::default(),
+        choice: CueChoice::default(),
     }
+}
+
+/// What the plots of a cue come from.
+fn radar_kind(
+    scenario: &Scenario,
+    search: &SearchSector,
+    cue: &Cue,
+    seed: Seed,
+    entity: u64,
+) -> RadarKind {
+    let errors = RadarErrors {
+        sigma_rad: cue.sigma_deg.to_radians(),
+        range_sigma_m: cue.range_sigma_m,
+    };
+    if cue.kind == CueKind::Truth {
+        let named = cue.target.as_ref();
+        return RadarKind::Truth {
+            errors,
+            target: named.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
+            all: cue.all,
+        };
+    }
+    let radar = &cue.radar;
+    let field = Sector {
+        centre_azimuth_rad: search.centre_azimuth_deg.to_radians(),
+        centre_elevation_rad: search.elevation_deg.to_radians(),
+        width_rad: radar.width_deg.to_radians(),
+        height_rad: radar.height_deg.to_radians(),
+    };
+    let turned = seed.stream(entity, "radar alignment").normal3();
+    let params = RadarParams {
+        errors,
+        half_range_m: radar.half_range_m,
+        farthest_m: radar.farthest_m,
+        beam_rad: radar.beam_deg.to_radians(),
+        cell_m: radar.cell_m,
+        cell_mps: radar.cell_mps,
+        false_alarm: radar.false_alarm,
+        least_mps: radar.least_mps,
+        most_mps: radar.most_mps,
+        most_rcs_m2: radar.most_rcs_m2,
+        field,
+        turned_rad: radar.alignment_deg.to_radians() * turned.truncate(),
+    };
+    let rng = seed.stream(entity, "radar traffic");
+    let traffic = Traffic::new(radar.vehicles, &field, radar.farthest_m, rng);
+    RadarKind::Scanning(Box::new(params), traffic)
 }
 
 /// Where cameras, which one gimbal turns, look for a target: the sector, or the part of it that the radar

@@ -2,10 +2,11 @@
 
 use crate::components::capture::{SensorCamera, StationCameras};
 use crate::components::control::{Controller, PointingLaws, Radar};
-use crate::components::flight::{Distractor, Flight, Uav};
+use crate::components::environment::Environment;
 use crate::components::mount::{Gimbal, Mount, OpticalPath, Optics, PanTilt, Station};
 use crate::components::operator::Operator;
 use crate::components::run::{PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet};
+use crate::components::track::TrackerParams;
 use crate::models::control::tuning::MountPlant;
 use crate::models::mount::gimbal::{GimbalCommand, GimbalState};
 use crate::models::mount::gyro::Gyro;
@@ -13,6 +14,7 @@ use crate::parameters::control::{controller, laws, radar, search_scan};
 use crate::parameters::mount::gimbal_params;
 use crate::plugins::run::fallible;
 use crate::scenario::{CameraPath, InputError, Loaded};
+use crate::systems::control::radar::{Flying, track_by_radar};
 use crate::systems::{control as systems, mount};
 use bevy::prelude::*;
 
@@ -31,7 +33,7 @@ impl Plugin for ControlPlugin {
             .add_systems(
                 Tick,
                 (
-                    systems::track_by_radar,
+                    track_by_radar,
                     systems::change_laws,
                     systems::command_mount,
                     systems::command_pan_tilts,
@@ -49,32 +51,28 @@ fn set_up(
     loaded: Res<RunScenario>,
     seed: Res<Seed>,
     clock: Res<SimClock>,
-    uavs: Query<(&Uav, &Flight), Without<Distractor>>,
+    environment: Res<Environment>,
+    flying: Query<Flying>,
     laws: Res<PointingLaws>,
     cameras: Query<(&SensorCamera, &OpticalPath)>,
     mut stations: Query<(
         Entity,
         &Station,
         &Operator,
+        &TrackerParams,
         &StationCameras,
         &mut Mount,
         &mut Optics,
     )>,
 ) -> Result<(), PartError> {
     let known = loaded.scenario.stations();
-    for (entity, station, operator, own, mut mount, mut optics) in &mut stations {
+    for (entity, station, operator, params, own, mut mount, mut optics) in &mut stations {
         let site = &known[station.index];
-        let mut radar = radar(
-            &loaded.scenario,
-            site.search,
-            seed.stream(station.index as u64, "radar"),
-            *clock,
-        );
-        let airborne = uavs
-            .iter()
-            .map(|(uav, flight)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
-        let first = radar.look(0.0, airborne);
-        radar.take(&first);
+        let mut radar = radar(&loaded.scenario, site.search, station.index, *seed, *clock);
+        if let Some(first) = radar.look(0.0, mount.r_enu_m, &environment, &flying) {
+            radar.take(&first);
+            radar.choose(0.0, mount.r_enu_m, params.r_asset_enu_m);
+        }
         let cameras: Vec<_> = cameras.iter_many(own.entities()).collect();
         let turned = |(_, path): &(&SensorCamera, &OpticalPath)| path.is_on_gimbal();
         let turned: Vec<_> = cameras.into_iter().filter(turned).collect();

@@ -298,13 +298,11 @@ impl<'a> StationView<'a> {
         ))
     }
 
-    /// Where the radar has its targets now: scenario index, azimuth (x) and elevation (y) [rad] and range [m].
+    /// Where the radar has its targets now: number (in the scenario, where the radar plots the truth), azimuth (x) and elevation (y) [rad] and range [m].
     pub fn radar(&self) -> impl Iterator<Item = (usize, DVec2, f64)> + use<'a> {
         let t_s = self.clock.t_s();
-        (self.radar.tracks.iter()).map(move |(index, track)| {
-            let cue = track.cue(t_s);
-            (*index, cue.az_el_rad, cue.range_m)
-        })
+        let cues = self.radar.cues(t_s);
+        cues.map(|(number, cue)| (number, cue.az_el_rad, cue.range_m))
     }
 
     /// The answers of the detector that arrived in the last tick.

@@ -1,5 +1,6 @@
 //! Tracks become commands: mount rates, mirror deflection, readout windows.
 
+pub mod radar;
 mod search;
 
 use crate::components::capture::{
@@ -9,7 +10,6 @@ use crate::components::control::{
     Controller, PaperController, PointingController, PointingLaws, Radar, SearchScan,
 };
 use crate::components::detect::DetectorInUse;
-use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
 use crate::components::mount::{
     CameraView, Gimbal, Mount, MountCommand, OpticalPath, PanTilt, Station,
 };
@@ -23,116 +23,13 @@ use crate::models::control::tuning::MountPlant;
 use crate::models::decision::situation::CONFIRM_HITS;
 use crate::models::maths::kinematics::{Pose, az_el_to_los};
 use crate::models::mount::gimbal::GimbalCommand;
-use crate::models::tracking::cartesian::TargetCue;
-use crate::models::tracking::radar::{Plot, RadarTrack};
 use crate::models::tracking::search::Gaze;
-use crate::models::tracking::table::separation_rad;
 use crate::parameters::control::with_gains;
 use crate::scenario::{DriveOrder, GainsOrder, suggestion};
 use crate::systems::control::search::{every_in_pass, search};
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
-use glam::{DVec2, DVec3};
-
-impl Radar {
-    /// The plots at `t_s` [s] of its targets among what is in the air: scenario index and position
-    /// relative to the radar [m], `enu`, in the order of the scenario. The errors of one are drawn whether
-    /// there is a target or not.
-    pub fn look(
-        &mut self,
-        t_s: f64,
-        airborne: impl Iterator<Item = (usize, DVec3)>,
-    ) -> Vec<(usize, Plot)> {
-        let Some(errors) = self.errors else {
-            return Vec::new();
-        };
-        let mut seen: Vec<(usize, DVec3)> = airborne
-            .filter(|(index, _)| self.target.is_none_or(|target| target == *index))
-            .filter(|(index, _)| !self.dismissed.contains(index))
-            .collect();
-        seen.sort_by_key(|(index, _)| *index);
-        if !self.all {
-            seen.truncate(1);
-        }
-        if seen.is_empty() {
-            errors.plot(DVec3::Y, t_s, &mut self.rng);
-        }
-        let plot = |(index, r_enu_m)| (index, errors.plot(r_enu_m, t_s, &mut self.rng));
-        seen.into_iter().map(plot).collect()
-    }
-
-    /// Takes the plots of a look into the tracks; the radar drops those without a plot.
-    pub fn take(&mut self, seen: &[(usize, Plot)]) {
-        let Some(errors) = self.errors else {
-            return;
-        };
-        (self.tracks).retain(|index, _| seen.iter().any(|(seen, _)| seen == index));
-        for (index, plot) in seen {
-            match self.tracks.get_mut(index) {
-                Some(track) => track.update(plot),
-                None => {
-                    self.tracks.insert(*index, RadarTrack::start(errors, plot));
-                }
-            }
-        }
-    }
-
-    /// Drops the track of what has been dealt with, for good: the next plots are of what else is in the air.
-    pub fn dismiss(&mut self, index: usize) {
-        self.dismissed.push(index);
-        self.tracks.remove(&index);
-        for (_, seen) in &mut self.waiting {
-            seen.retain(|(waiting, _)| *waiting != index);
-        }
-    }
-
-    /// The target whose direction at `t_s` [s] is nearest to this azimuth and elevation [rad].
-    pub fn nearest(&self, az_el_rad: DVec2, t_s: f64) -> Option<(usize, TargetCue)> {
-        let cues = (self.tracks.iter()).map(|(index, track)| (*index, track.cue(t_s)));
-        cues.min_by(|a, b| {
-            let off_rad = |cue: &TargetCue| separation_rad(cue.az_el_rad, az_el_rad);
-            off_rad(&a.1).total_cmp(&off_rad(&b.1))
-        })
-    }
-
-    /// Direction and range of the first target by the radar at `t_s` [s].
-    pub fn cue(&self, t_s: f64) -> Option<TargetCue> {
-        self.tracks.values().next().map(|track| track.cue(t_s))
-    }
-
-    /// Its slant range of the target at `t_s` [s], in metres.
-    pub fn range_m(&self, t_s: f64) -> Option<f64> {
-        self.cue(t_s).map(|cue| cue.range_m)
-    }
-}
-
-/// The radar measures, and plots that have arrived update its track.
-pub fn track_by_radar(
-    clock: Res<SimClock>,
-    uavs: Query<(&Uav, &Flight, &UavStatus), Without<Distractor>>,
-    mut stations: Query<(&Mount, &mut Radar)>,
-) {
-    for (mount, mut radar) in &mut stations {
-        if radar.errors.is_none() {
-            continue;
-        }
-        if clock.tick.is_multiple_of(radar.period_ticks) {
-            // What lies on the city is out of the radar's sight.
-            let airborne = uavs
-                .iter()
-                .filter(|(_, _, status)| !status.grounded())
-                .map(|(uav, flight, _)| (uav.index, flight.state.r_enu_m - mount.r_enu_m));
-            let seen = radar.look(clock.t_s(), airborne);
-            let available = clock.tick + radar.latency_ticks;
-            radar.waiting.push_back((available, seen));
-        }
-        while let Some((_, seen)) =
-            (radar.waiting).pop_front_if(|(available, _)| *available <= clock.tick)
-        {
-            radar.take(&seen);
-        }
-    }
-}
+use glam::DVec2;
 
 /// A station as its mount is commanded.
 #[derive(QueryData)]

@@ -111,7 +111,7 @@ fn report_of(
     // Numbers are never used again.
     sent_s.retain(|sent, _| match sent.sensor {
         Sensor::Cameras => tracker.table.get(sent.number).is_some(),
-        Sensor::Radar => station.radar.tracks.contains_key(&(sent.number as usize)),
+        Sensor::Radar => station.radar.tracks.get(sent.number as usize).is_some(),
     });
     // The newest measurement of a kind, if it has not been sent yet.
     let mut news = |follower: Follower, kind: usize, t_s: f64, measured: Measured| {
@@ -149,10 +149,10 @@ fn report_of(
         });
         add(follower, [bearing, range], track.log_odds(), track.fallen());
     }
-    for (number, track) in &station.radar.tracks {
-        let follower = follower(Sensor::Radar, *number as u32);
-        let (errors, plot) = track.newest();
-        let (r_plot_enu_m, covariance) = errors.converted(&plot, r_enu_m);
+    for (number, track) in station.radar.tracks.iter() {
+        let follower = follower(Sensor::Radar, number as u32);
+        let plot = track.newest();
+        let (r_plot_enu_m, covariance) = plot.converted(r_enu_m);
         let plot = news(
             follower,
             0,

@@ -53,7 +53,7 @@ pub use orders::{
 pub use places::{Above, GivenPlace};
 pub use recogniser::RecogniserConfig;
 pub use record::{Images, Record};
-pub use search::{Cue, SearchSector};
+pub use search::{Cue, CueKind, RadarConfig, SearchSector};
 pub use site::Site;
 pub use skin::SkinKind;
 pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};

@@ -42,27 +42,98 @@ fn default_sector_height() -> f64 {
     12.0
 }
 
-/// The cue of an external radar at the station: a track of one UAV made of noisy plots. The search
-/// covers two deviations of the track to either side of where it says the UAV is now.
+/// A radar at the station that cues the search, which covers two deviations of the radar's track to either side of where that
+/// says the target is now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cue {
-    /// Standard deviation of a plot's direction, each axis.
+    /// What its plots come from.
+    #[serde(default)]
+    pub kind: CueKind,
+    /// Standard deviation of a plot's direction, each axis; of a strong echo's where the kind is "radar".
     pub sigma_deg: f64,
-    /// Standard deviation of a plot's slant range.
+    /// Standard deviation of a plot's slant range; of a strong echo's where the kind is "radar".
     #[serde(default = "default_cue_range_sigma")]
     pub range_sigma_m: f64,
-    /// Plots a second; the first is there at the start.
+    /// Looks a second; the first is at the start.
     #[serde(default = "default_cue_rate")]
     pub rate_hz: f64,
     /// From a measurement to its plot at the station.
     #[serde(default = "default_cue_latency")]
     pub latency_s: f64,
-    /// Name of the UAV that is tracked; absent: the first that is still in the air.
+    /// Name of the UAV that is tracked; absent: the first that is still in the air. Only where the kind is "truth".
     pub target: Option<String>,
-    /// Whether all UAVs in the air are tracked; a network of stations assigns them.
+    /// Whether all UAVs in the air are tracked; a network of stations assigns them. Only where the kind is "truth": a radar
+    /// tracks what it detects.
     #[serde(default)]
     pub all: bool,
+    /// The radar itself, where the kind is "radar".
+    #[serde(default)]
+    pub radar: RadarConfig,
+}
+
+/// What a radar's plots come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CueKind {
+    /// A small scanning radar: it misses, sees birds and vehicles, makes false plots, does not see through buildings, and finds
+    /// out by itself which plots are one thing's.
+    #[default]
+    Radar,
+    /// The truth plus an error: UAVs alone, each in every look.
+    Truth,
+}
+
+/// A small scanning radar.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RadarConfig {
+    /// Range in which it detects a UAV of 0.01 m² in half of its looks. Makers of small radars state 1 to 2.5 km for such a one.
+    pub half_range_m: f64,
+    /// Farthest range.
+    pub farthest_m: f64,
+    /// Width of its field in azimuth, about the sector's middle.
+    pub width_deg: f64,
+    /// Height of its field in elevation, about the sector's middle.
+    pub height_deg: f64,
+    /// Width of its beam, both axes.
+    pub beam_deg: f64,
+    /// Its cell in range.
+    pub cell_m: f64,
+    /// Its cell in speed along the line of sight.
+    pub cell_mps: f64,
+    /// Chance that noise alone makes a detection in one cell.
+    pub false_alarm: f64,
+    /// What is slower along the line of sight, and has no rotor or wing, is taken for ground.
+    pub least_mps: f64,
+    /// Fastest speed along the line of sight.
+    pub most_mps: f64,
+    /// A plot with a greater apparent radar cross-section is dropped.
+    pub most_rcs_m2: f64,
+    /// Standard deviation of the constant angle between its axes and the mount's, each axis.
+    pub alignment_deg: f64,
+    /// Vehicles on the ground in its field, which it sees and no camera shows.
+    pub vehicles: u32,
+}
+
+impl Default for RadarConfig {
+    fn default() -> Self {
+        Self {
+            half_range_m: 1500.0,
+            farthest_m: 3000.0,
+            width_deg: 120.0,
+            height_deg: 40.0,
+            beam_deg: 5.0,
+            cell_m: 5.0,
+            cell_mps: 1.0,
+            false_alarm: 1e-7,
+            least_mps: 1.0,
+            most_mps: 30.0,
+            most_rcs_m2: 1.0,
+            alignment_deg: 0.1,
+            vehicles: 6,
+        }
+    }
 }
 
 fn default_cue_range_sigma() -> f64 {
@@ -70,7 +141,7 @@ fn default_cue_range_sigma() -> f64 {
 }
 
 fn default_cue_rate() -> f64 {
-    1.0 // [Hz]
+    2.0 // [Hz]
 }
 
 fn default_cue_latency() -> f64 {
@@ -100,11 +171,57 @@ impl Cue {
         check.that(!self.all || self.target.is_none(), "all", || {
             "all UAVs are tracked, and 'target' names one: leave one of the two out".to_owned()
         });
+        let told = |what: &str| format!("{what}: leave it out, or give kind = \"truth\"");
+        let scans = self.kind == CueKind::Radar;
+        check.that(!scans || !self.all, "all", || {
+            told("a radar tracks whatever it detects")
+        });
+        check.that(!scans || self.target.is_none(), "target", || {
+            told("a radar cannot tell one UAV from another")
+        });
+        let unread = !scans && self.radar != RadarConfig::default();
+        check.that(!unread, "radar", || {
+            "is not read where kind = \"truth\": leave one of the two out".to_owned()
+        });
+        check.table("radar", |check| self.radar.check(check));
         if let Some(target) = &self.target {
             check_named_uav(check, "target", target, uavs);
         }
     }
 }
+
+impl RadarConfig {
+    fn check(&self, check: &mut Check) {
+        check.within("half_range_m", self.half_range_m, 10.0..=100_000.0);
+        check.within("farthest_m", self.farthest_m, 10.0..=100_000.0);
+        check.within("width_deg", self.width_deg, 1.0..=360.0);
+        check.within("height_deg", self.height_deg, 1.0..=180.0);
+        check.within("beam_deg", self.beam_deg, 0.01..=90.0);
+        check.within("cell_m", self.cell_m, 0.01..=1_000.0);
+        check.within("cell_mps", self.cell_mps, 0.01..=100.0);
+        // At a thousandth and above a look is full of false plots.
+        check.within("false_alarm", self.false_alarm, 1e-15..=1e-3);
+        check.within("least_mps", self.least_mps, 0.0..=100.0);
+        check.within("most_mps", self.most_mps, 0.1..=1_000.0);
+        check.within("most_rcs_m2", self.most_rcs_m2, 1e-4..=1e6);
+        check.within("alignment_deg", self.alignment_deg, 0.0..=10.0);
+        check.within("vehicles", self.vehicles.into(), 0.0..=1_000.0);
+        let false_plots = self.false_plots();
+        check.that(false_plots <= MOST_FALSE_PLOTS, "false_alarm", || {
+            format!("makes {false_plots:.0} false plots in every look, at most {MOST_FALSE_PLOTS:.0} can be tracked: lower it")
+        });
+    }
+
+    /// False plots that noise makes in a look, as a mean.
+    fn false_plots(&self) -> f64 {
+        let directions = self.width_deg * self.height_deg / self.beam_deg.powi(2);
+        let speeds = 2.0 * self.most_mps / self.cell_mps;
+        self.false_alarm * directions * speeds * self.farthest_m / self.cell_m
+    }
+}
+
+/// More false plots than this in a look make more tracks than can be told apart.
+const MOST_FALSE_PLOTS: f64 = 200.0;
 
 /// `name` must be that of a UAV.
 pub(super) fn check_named_uav(check: &mut Check, key: &str, name: &str, uavs: &[UavConfig]) {

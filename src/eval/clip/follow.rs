@@ -231,7 +231,7 @@ impl Follower {
             params: &self.params,
             dsm: None,
             r_station_enu_m: DVec3::ZERO,
-            cue: None,
+            cues: &[],
             by_radar: true,
             mount: None,
             tasking: None,

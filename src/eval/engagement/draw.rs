@@ -14,7 +14,8 @@ use crate::models::ground::dsm::{Dsm, LineOfSight};
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::maths::rng::Stream;
 use crate::scenario::{
-    Backstop, Cue, DistractorConfig, SearchSector, Site, UavConfig, WeatherConfig, catalogue,
+    Backstop, Cue, DistractorConfig, RadarConfig, SearchSector, Site, UavConfig, WeatherConfig,
+    catalogue,
 };
 use chrono::{DateTime, Duration, TimeZone as _, Utc};
 use glam::{DVec2, DVec3};
@@ -348,6 +349,8 @@ fn search(draw: &SearchDraw, start_enu_m: DVec3, rng: &mut Stream) -> SearchSect
     let height_deg = rng.range(draw.height_deg[0], draw.height_deg[1]);
     let centre_deg = (at.x.to_degrees() - across * width_deg).rem_euclid(360.0);
     let cue = Cue {
+        kind: draw.cue_kind,
+        radar: RadarConfig::default(),
         sigma_deg: rounded(10.0 * rng.range(draw.cue_sigma_deg[0], draw.cue_sigma_deg[1])) / 10.0,
         range_sigma_m: 15.0, // [m]
         rate_hz: 1.0,        // [Hz]

@@ -5,7 +5,7 @@ use crate::models::flight::distractor::DistractorKind;
 use crate::models::maths::rng::Stream;
 use crate::scenario::check::{Check, FRACTION};
 use crate::scenario::load::{self, Checked};
-use crate::scenario::{Backstop, InputError, Site, catalogue};
+use crate::scenario::{Backstop, CueKind, InputError, Site, catalogue};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -132,6 +132,9 @@ pub struct WeatherDraw {
 pub struct SearchDraw {
     /// Share of the engagements that a radar cues.
     pub cued: f64,
+    /// What the radar's plots come from.
+    #[serde(default)]
+    pub cue_kind: CueKind,
     /// Best and worst standard deviation of the radar's direction [deg].
     pub cue_sigma_deg: [f64; 2],
     /// Narrowest and widest sector of an uncued search [deg].

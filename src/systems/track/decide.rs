@@ -10,6 +10,7 @@ use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackerParams, TrackingState};
 use crate::models::decision::machine::{points_at, step, take_radar_range};
 use crate::models::decision::situation::{Situation, WEIGHING_HZ};
+use crate::models::tracking::cartesian::TargetCue;
 use crate::models::tracking::search::SlewLimits;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
@@ -48,20 +49,18 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
         let free = within.is_none();
         let tasked = tasking.cue(mount.r_enu_m, t_s);
         let by_radar = tasked.is_none();
-        // Of several the radar speaks of the one that a target may be.
-        let target_at = (tracker.target_track()).map(|t| t.filter.predicted(t_s).az_el_rad());
-        let plotted = || match target_at {
-            Some(at) => radar.nearest(at, t_s).map(|(_, cue)| cue),
-            None => radar.cue(t_s),
+        let cues: Vec<TargetCue> = match (free, tasked) {
+            (false, _) => Vec::new(),
+            (true, Some(tasked)) => vec![tasked],
+            (true, None) => radar.cues(t_s).map(|(_, cue)| cue).collect(),
         };
-        let cue = || tasked.or_else(plotted);
         let now = Situation {
             tick: clock.tick,
             tick_hz: clock.tick_hz,
             params,
             dsm: Some(&environment.city.dsm),
             r_station_enu_m: mount.r_enu_m,
-            cue: free.then(cue).flatten(),
+            cues: &cues,
             by_radar,
             mount: Some((
                 mount.measured_az_el_rad(),
@@ -73,7 +72,12 @@ pub fn decide(clock: Res<SimClock>, environment: Res<Environment>, mut stations:
         let before = tracker.target;
         let searched = tracker.state == TrackingState::Search;
         step(&now, tracker, beam.firing, clock.due(WEIGHING_HZ));
-        if searched && let (Some(id), Some(cue)) = (tracker.target, &now.cue) {
+        if searched
+            && let (Some(id), Some(cue)) = (
+                tracker.target,
+                tracker.target_track().and_then(|track| now.cue_of(track)),
+            )
+        {
             take_radar_range(cue, &mut tracker.table, id, t_s);
         }
         // The radar is told that what it tracks has been dealt with.

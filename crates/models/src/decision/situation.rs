@@ -38,8 +38,8 @@ pub struct Situation<'a> {
     pub dsm: Option<&'a Dsm>,
     /// Where the station is [m].
     pub r_station_enu_m: DVec3,
-    /// Where the target of the defence is, or the radar's.
-    pub cue: Option<TargetCue>,
+    /// Where the target of the defence is, or the radar's are.
+    pub cues: &'a [TargetCue],
     /// The radar alone says where that is: the defence knows it from the station's own cameras, too.
     pub by_radar: bool,
     /// Where the mount points, azimuth and elevation [rad], and how fast it turns; `None` where nothing turns.

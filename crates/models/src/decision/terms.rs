@@ -90,8 +90,8 @@ impl Situation<'_> {
     /// What the radar's cue says for a track, as log-odds.
     fn cue_log_odds(&self, track: &Track) -> f64 {
         let tuning = self.tuning();
-        self.cue.map_or(0.0, |cue| {
-            let distance2 = self.cue_distance2(&cue, track);
+        self.cue_of(track).map_or(0.0, |cue| {
+            let distance2 = self.cue_distance2(cue, track);
             (0.5 * (CUE_NEUTRAL - distance2)).clamp(tuning.cue_against, tuning.cue_for)
         })
     }
@@ -102,7 +102,7 @@ impl Situation<'_> {
         let flies = |cue: &TargetCue| {
             cue.rate_radps.length() > FLYING_SIGMAS * cue.rate_sigma_radps.max_element()
         };
-        let both_fly = track.conduct.flown && self.cue.as_ref().is_some_and(flies);
+        let both_fly = track.conduct.flown && self.cue_of(track).is_some_and(flies);
         if self.by_radar && both_fly && self.cued(track) {
             self.tuning().cue_for_flying
         } else {
@@ -121,7 +121,13 @@ impl Situation<'_> {
         }
     }
 
-    /// Squared distance of a track from the radar's target, in deviations: of direction, range and, as far as
+    /// The radar's target that a track is nearest to.
+    pub fn cue_of(&self, track: &Track) -> Option<&TargetCue> {
+        let distance2 = |cue: &TargetCue| self.cue_distance2(cue, track);
+        (self.cues.iter()).min_by(|a, b| distance2(a).total_cmp(&distance2(b)))
+    }
+
+    /// Squared distance of a track from a radar's target, in deviations: of direction, range and, as far as
     /// they differ more than noise, rates.
     fn cue_distance2(&self, cue: &TargetCue, track: &Track) -> f64 {
         let los = track.filter.predicted(self.t_s());
@@ -162,9 +168,9 @@ impl Situation<'_> {
     /// Whether the radar has its target where a track is, and sees it fly alike.
     pub(super) fn cued(&self, track: &Track) -> bool {
         let at = track.filter.predicted(self.t_s()).az_el_rad();
-        self.cue.is_some_and(|cue| {
+        self.cues.iter().any(|cue| {
             separation_rad(at, cue.az_el_rad) < CUED_SIGMAS * cue.sigma_rad.max_element()
-                && self.rates_distance2(&cue, track) < RATES_MOST
+                && self.rates_distance2(cue, track) < RATES_MOST
         })
     }
 
@@ -211,16 +217,16 @@ impl Situation<'_> {
             })
     }
 
-    /// Whether the radar's target is surely another: in another direction, at another range, or in flight.
+    /// Whether the radar's targets are surely others: in another direction, at another range, or in flight.
     fn elsewhere(&self, track: &Track) -> bool {
-        self.cue
-            .is_some_and(|cue| self.cue_distance2(&cue, track) > CUE_ELSEWHERE)
+        self.cue_of(track)
+            .is_some_and(|cue| self.cue_distance2(cue, track) > CUE_ELSEWHERE)
     }
 
     /// Whether the range finder has a track at another range than the radar's target; `None` without an echo or a radar.
     fn is_ranged_elsewhere(&self, track: &Track) -> Option<bool> {
-        let cue = self.cue.filter(|_| self.by_radar)?;
+        let cue = self.cue_of(track).filter(|_| self.by_radar)?;
         track.echo(self.t_s())?;
-        Some(self.range_deviations(&cue, track).powi(2) > CUE_ELSEWHERE)
+        Some(self.range_deviations(cue, track).powi(2) > CUE_ELSEWHERE)
     }
 }

@@ -211,7 +211,7 @@ mod tests {
                 for i in 0..3 {
                     if k % 20 == 0 {
                         let plot = errors.plot(far(i, t_s) - from_m, t_s, &mut rng);
-                        let (r_enu_m, covariance) = errors.converted(&plot, from_m);
+                        let (r_enu_m, covariance) = plot.converted(from_m);
                         let follower = Follower {
                             station,
                             sensor: Sensor::Radar,

@@ -1,9 +1,18 @@
-//! An external radar that cues the search: noisy plots of one target and the track made of them.
+//! A radar that cues the search: noisy plots, and the tracks made of them.
 //!
-//! A plot is azimuth, elevation and slant range with independent Gaussian errors. The track
+//! A plot is azimuth, elevation and slant range with independent Gaussian errors. A track
 //! ([`CartesianTrack`]) is fed with plots converted to Cartesian coordinates with the linearised covariance
 //! (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, sec.
 //! 10.4.1). The conversion shortens a range by r σ²/2 (0.1 % at 2.5°), which is left in.
+//!
+//! [`sensing`] says which plots there are, [`rcs`] how much a thing sends back, [`tracks`] which plots are one
+//! thing's, [`choice`] which track the search is pointed at, [`traffic`] what drives on the ground.
+
+pub mod choice;
+pub mod rcs;
+pub mod sensing;
+pub mod tracks;
+pub mod traffic;
 
 use glam::{DVec2, DVec3};
 use nalgebra::Matrix3;
@@ -34,6 +43,23 @@ pub struct Plot {
     pub az_el_rad: DVec2,
     /// Slant range [m].
     pub range_m: f64,
+    /// Its standard deviations, as the radar states them.
+    pub errors: RadarErrors,
+}
+
+impl Plot {
+    /// Its position relative to `r_radar_enu_m` [m], and its covariance [m²].
+    pub fn converted(&self, r_radar_enu_m: DVec3) -> (DVec3, Matrix3<f64>) {
+        let bearing = Bearing {
+            r_from_enu_m: r_radar_enu_m,
+            az_el_rad: self.az_el_rad,
+            sigma_rad: self.errors.sigma_rad.max(LEAST_SIGMA_RAD),
+        };
+        bearing.at_range(
+            self.range_m,
+            self.errors.range_sigma_m.max(LEAST_RANGE_SIGMA_M),
+        )
+    }
 }
 
 impl RadarErrors {
@@ -47,35 +73,24 @@ impl RadarErrors {
             t_s,
             az_el_rad: at + self.sigma_rad * DVec2::new(noise.x * stretch, noise.y),
             range_m: (r_enu_m.length() + self.range_sigma_m * noise.z).max(LEAST_RANGE_M),
+            errors: *self,
         }
-    }
-
-    /// A plot of a radar at `r_radar_enu_m` [m] as a position [m], and its covariance [m²].
-    pub fn converted(&self, plot: &Plot, r_radar_enu_m: DVec3) -> (DVec3, Matrix3<f64>) {
-        let bearing = Bearing {
-            r_from_enu_m: r_radar_enu_m,
-            az_el_rad: plot.az_el_rad,
-            sigma_rad: self.sigma_rad.max(LEAST_SIGMA_RAD),
-        };
-        bearing.at_range(plot.range_m, self.range_sigma_m.max(LEAST_RANGE_SIGMA_M))
     }
 }
 
 /// A radar's track of one target, relative to the radar, in `enu`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadarTrack {
-    errors: RadarErrors,
     track: CartesianTrack,
     newest: Plot,
 }
 
 impl RadarTrack {
     /// Starts a track on a target's first plot.
-    pub fn start(errors: RadarErrors, plot: &Plot) -> Self {
-        let (r_m, covariance) = errors.converted(plot, DVec3::ZERO);
+    pub fn start(plot: &Plot) -> Self {
+        let (r_m, covariance) = plot.converted(DVec3::ZERO);
         let track = CartesianTrack::start(plot.t_s, r_m, &covariance);
         Self {
-            errors,
             track,
             newest: *plot,
         }
@@ -83,14 +98,25 @@ impl RadarTrack {
 
     /// Takes in the target's next plot.
     pub fn update(&mut self, plot: &Plot) {
-        let (r_m, covariance) = self.errors.converted(plot, DVec3::ZERO);
+        let (r_m, covariance) = plot.converted(DVec3::ZERO);
         self.track.take_position(plot.t_s, r_m, &covariance);
         self.newest = *plot;
     }
 
-    /// The radar's errors and its newest plot of the target.
-    pub fn newest(&self) -> (RadarErrors, Plot) {
-        (self.errors, self.newest)
+    /// The newest plot of the target.
+    pub fn newest(&self) -> &Plot {
+        &self.newest
+    }
+
+    /// Squared distance of a plot from where the target should be, in deviations of both: three degrees of freedom.
+    pub fn distance2(&self, plot: &Plot) -> f64 {
+        let (r_m, covariance) = plot.converted(DVec3::ZERO);
+        self.track.position_distance2(plot.t_s, r_m, &covariance)
+    }
+
+    /// Position relative to the radar [m] and velocity [m/s] at `t_s` [s], `enu`.
+    pub fn motion_enu(&self, t_s: f64) -> (DVec3, DVec3) {
+        self.track.advanced(t_s).motion_enu()
     }
 
     /// Where the target is at `t_s` [s] (an earlier time than the last plot's gives that one).
@@ -139,7 +165,7 @@ mod tests {
         let mut rng = Stream::new(seed, 0, "test");
         let mut r = DVec3::new(-700.0, 650.0, 90.0);
         let mut v = DVec3::from(FIRST_VELOCITY_SIGMA_MPS) * rng.normal3();
-        let mut track = RadarTrack::start(ERRORS, &ERRORS.plot(r, 0.0, &mut rng));
+        let mut track = RadarTrack::start(&ERRORS.plot(r, 0.0, &mut rng));
         let dt = 0.02; // [s]
         for i in 1..=375 {
             let t = f64::from(i) * dt;
@@ -185,7 +211,7 @@ mod tests {
         };
         let mut rng = Stream::new(1, 0, "test");
         let (r0, v) = (DVec3::new(-776.0, 635.0, 80.0), DVec3::new(5.7, 5.7, 0.0));
-        let mut track = RadarTrack::start(exact, &exact.plot(r0, 0.0, &mut rng));
+        let mut track = RadarTrack::start(&exact.plot(r0, 0.0, &mut rng));
         for t in 1..=5 {
             let t = f64::from(t);
             track.update(&exact.plot(r0 + v * t, t, &mut rng));

@@ -97,7 +97,8 @@ impl Station {
         self.look(py, |station| station.cameras().map(Camera::of).collect())
     }
 
-    /// Where the radar has its targets now: a list of (number in the scenario, azimuth [rad], elevation [rad], range [m]).
+    /// Where the radar has its targets now: a list of (number, azimuth [rad], elevation [rad], range [m]); the number
+    /// is the UAV's in the scenario where the radar plots the truth, otherwise that of the radar's track.
     #[getter]
     fn radar(&self, py: Python) -> PyResult<Vec<(usize, f64, f64, f64)>> {
         self.look(py, |station| {

@@ -10,7 +10,7 @@ use boresight_models::tracking::cartesian::{
     ACCELERATION_PSD, Bearing, CartesianTrack, FIRST_VELOCITY_SIGMA_MPS, crossing,
 };
 use boresight_models::tracking::estimation::{LosFilter, LosFilterParams, MotionMode};
-use boresight_models::tracking::radar::{RadarErrors, RadarTrack};
+use boresight_models::tracking::radar::{Plot, RadarErrors, RadarTrack};
 use boresight_models::tracking::ranging::Ranging;
 use glam::{DVec2, DVec3};
 use nalgebra::Vector3;
@@ -156,14 +156,18 @@ fn radar_nees(factor: f64) -> f64 {
         let mut rng = Stream::new(seed, 0, "radar");
         let mut r_m = DVec3::new(-700.0, 650.0, 90.0);
         let mut v_mps = DVec3::from(FIRST_VELOCITY_SIGMA_MPS) * rng.normal3();
-        let mut track = RadarTrack::start(stated, &true_errors.plot(r_m, 0.0, &mut rng));
+        let plot = |r_m: DVec3, t_s: f64, rng: &mut Stream| Plot {
+            errors: stated,
+            ..true_errors.plot(r_m, t_s, rng)
+        };
+        let mut track = RadarTrack::start(&plot(r_m, 0.0, &mut rng));
         let dt_s = 0.02; // [s]
         for i in 1..=375 {
             let t_s = f64::from(i) * dt_s;
             r_m += v_mps * dt_s;
             v_mps += rng.normal3() * (ACCELERATION_PSD * dt_s).sqrt();
             if i % 50 == 0 {
-                track.update(&true_errors.plot(r_m, t_s, &mut rng));
+                track.update(&plot(r_m, t_s, &mut rng));
             }
         }
         let (cue, at) = (track.cue(375.0 * dt_s), los_to_az_el(r_m));

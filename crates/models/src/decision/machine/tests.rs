@@ -52,7 +52,7 @@ fn situation(params: &TrackerParams, tick: u32) -> Situation<'_> {
         params,
         dsm: None,
         r_station_enu_m: DVec3::ZERO,
-        cue: None,
+        cues: &[],
         by_radar: true,
         mount: None,
         tasking: None,
@@ -361,7 +361,7 @@ impl Held<'_> {
                 tracker.error = PerTier::of(|_| Some(seen_at(tick, DVec2::ZERO)));
                 let now = Situation {
                     dsm: self.dsm,
-                    cue: self.cue,
+                    cues: self.cue.as_slice(),
                     by_radar: self.by_radar,
                     ..situation(&params, frame * FRAME)
                 };
@@ -645,7 +645,7 @@ fn the_radar_vouches_for_what_the_range_finder_meets_and_flies_alike() {
     };
     let vouches = |tracker: &Tracker, cue, by_radar| {
         let now = Situation {
-            cue: Some(cue),
+            cues: &[cue],
             by_radar,
             ..situation(&params, 60 * FRAME)
         };
@@ -695,9 +695,9 @@ fn scenery_may_hover_where_the_recogniser_or_the_radar_says_so() {
         rate_radps: DVec2::new(rate_radps, 0.0),
         rate_sigma_radps: DVec2::splat(5e-3),
     };
-    let chosen = |tracker: &Tracker, cue| {
+    let chosen = |tracker: &Tracker, cue: Option<TargetCue>| {
         let now = Situation {
-            cue,
+            cues: cue.as_slice(),
             ..situation(&params, 12 * FRAME)
         };
         now.candidate(tracker).is_some()
@@ -745,7 +745,7 @@ fn what_flies_as_the_radars_target_does_is_looked_at_closely() {
     };
     let chosen = |tracker: &Tracker, rate_radps: f64, by_radar: bool| {
         let now = Situation {
-            cue: Some(cue(rate_radps)),
+            cues: &[cue(rate_radps)],
             by_radar,
             ..situation(&params, 60 * FRAME)
         };

@@ -1,0 +1,193 @@
+//! The radar looks, and what it saw becomes its tracks.
+
+use crate::components::control::{Look, Radar, RadarKind};
+use crate::components::environment::Environment;
+use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
+use crate::components::mount::Mount;
+use crate::components::run::SimClock;
+use crate::components::track::{Tracker, TrackerParams, TrackingState};
+use crate::models::engage::threat::time_to_asset_s;
+use crate::models::ground::dsm::LineOfSight;
+use crate::models::tracking::cartesian::TargetCue;
+use crate::models::tracking::radar::rcs;
+use crate::models::tracking::radar::sensing::Echo;
+use crate::models::tracking::table::separation_rad;
+use bevy::ecs::query::QueryData;
+use bevy::prelude::*;
+use glam::{DVec2, DVec3};
+
+/// What flies, as a radar meets it.
+#[derive(QueryData)]
+pub struct Flying {
+    uav: &'static Uav,
+    flight: &'static Flight,
+    status: Option<&'static UavStatus>,
+    distractor: Option<&'static Distractor>,
+}
+
+impl FlyingItem<'_, '_> {
+    /// What it sends back, relative to a radar at `r_radar_enu_m` [m].
+    fn echo(&self, r_radar_enu_m: DVec3) -> Echo {
+        let state = &self.flight.state;
+        let (rcs_m2, modulated) = match self.distractor {
+            Some(other) => (
+                rcs::of_distractor_m2(other.kind),
+                rcs::is_modulated(other.kind),
+            ),
+            // What has no rotors turning falls too fast to be taken for ground.
+            None => (
+                rcs::of_uav_m2(self.uav.size_m.into_iter().fold(0.0, f64::max)),
+                true,
+            ),
+        };
+        Echo {
+            r_enu_m: state.r_enu_m - r_radar_enu_m,
+            v_enu_mps: state.v_enu_mps,
+            rcs_m2,
+            modulated,
+        }
+    }
+}
+
+impl Radar {
+    /// Looks at `t_s` [s] from `r_enu_m` [m] at what flies, in the scenario's order.
+    pub fn look(
+        &mut self,
+        t_s: f64,
+        r_enu_m: DVec3,
+        environment: &Environment,
+        flying: &Query<Flying>,
+    ) -> Option<Look> {
+        let mut airborne: Vec<FlyingItem> = (flying.iter())
+            .filter(|one| !one.status.is_some_and(|status| status.grounded()))
+            .collect();
+        airborne.sort_by_key(|one| one.uav.index);
+        match self.kind.as_mut()? {
+            RadarKind::Scanning(params, traffic) => {
+                let dsm = &environment.city.dsm;
+                let ground_m = |e_m, n_m| dsm.terrain_m(e_m, n_m);
+                let reach = (&params.field, params.farthest_m);
+                let mut echoes = traffic.echoes(t_s, reach, r_enu_m, ground_m);
+                echoes.extend(airborne.iter().map(|one| one.echo(r_enu_m)));
+                echoes.retain(|echo| {
+                    echo.r_enu_m.length() < params.farthest_m
+                        && dsm.line_of_sight(r_enu_m, r_enu_m + echo.r_enu_m) == LineOfSight::Clear
+                });
+                Some(Look::Plots(params.look(t_s, &echoes, &mut self.rng)))
+            }
+            RadarKind::Truth {
+                errors,
+                target,
+                all,
+            } => {
+                let mut seen: Vec<(usize, DVec3)> = (airborne.iter())
+                    .filter(|one| one.distractor.is_none())
+                    .map(|one| (one.uav.index, one.flight.state.r_enu_m - r_enu_m))
+                    .filter(|(index, _)| target.is_none_or(|target| target == *index))
+                    .filter(|(index, _)| !self.dismissed.contains(index))
+                    .collect();
+                if !*all {
+                    seen.truncate(1);
+                }
+                // The errors of one are drawn whether there is a target or not.
+                if seen.is_empty() {
+                    errors.plot(DVec3::Y, t_s, &mut self.rng);
+                }
+                let plot = |(index, r_enu_m)| (index, errors.plot(r_enu_m, t_s, &mut self.rng));
+                Some(Look::Known(seen.into_iter().map(plot).collect()))
+            }
+        }
+    }
+
+    /// Takes what a look saw into the tracks.
+    pub fn take(&mut self, look: &Look) {
+        match look {
+            Look::Plots(plots) => self.tracks.take(plots),
+            Look::Known(plots) => {
+                let open = plots
+                    .iter()
+                    .filter(|(index, _)| !self.dismissed.contains(index));
+                self.tracks.take_known(&open.copied().collect::<Vec<_>>());
+            }
+        }
+    }
+
+    /// Chooses what the search is pointed at, at `t_s` [s]: of the truth the first, otherwise what is soonest at the asset
+    /// [m, enu].
+    pub fn choose(&mut self, t_s: f64, r_enu_m: DVec3, r_asset_enu_m: DVec3) {
+        let threat_s = |(number, threat_s): (usize, f64)| match self.kind {
+            Some(RadarKind::Truth { .. }) => (number, 1.0),
+            _ => (number, threat_s),
+        };
+        let tracks: Vec<(usize, f64)> = (self.tracks.iter())
+            .filter(|(number, _)| !self.dismissed.contains(number))
+            .map(|(number, track)| {
+                let (r_m, v_enu_mps) = track.motion_enu(t_s);
+                (
+                    number,
+                    time_to_asset_s(r_enu_m + r_m, v_enu_mps, r_asset_enu_m),
+                )
+            })
+            .map(threat_s)
+            .collect();
+        self.choice.choose(&tracks);
+    }
+
+    /// Speaks no more of the track of what has been dealt with.
+    pub fn dismiss(&mut self, number: usize) {
+        self.dismissed.push(number);
+    }
+
+    /// Where its targets are at `t_s` [s], with their numbers.
+    pub fn cues(&self, t_s: f64) -> impl Iterator<Item = (usize, TargetCue)> {
+        let open = self.tracks.iter();
+        let open = open.filter(|(number, _)| !self.dismissed.contains(number));
+        open.map(move |(number, track)| (number, track.cue(t_s)))
+    }
+
+    /// The target whose direction at `t_s` [s] is nearest to this azimuth and elevation [rad].
+    pub fn nearest(&self, az_el_rad: DVec2, t_s: f64) -> Option<(usize, TargetCue)> {
+        self.cues(t_s).min_by(|a, b| {
+            let off_rad = |cue: &TargetCue| separation_rad(cue.az_el_rad, az_el_rad);
+            off_rad(&a.1).total_cmp(&off_rad(&b.1))
+        })
+    }
+
+    /// Direction and range of the target that the search is pointed at, at `t_s` [s].
+    pub fn cue(&self, t_s: f64) -> Option<TargetCue> {
+        let track = self.tracks.get(self.choice.chosen?)?;
+        Some(track.cue(t_s))
+    }
+}
+
+/// The radars look, what has arrived updates their tracks, and each chooses what to point at.
+pub fn track_by_radar(
+    clock: Res<SimClock>,
+    environment: Res<Environment>,
+    flying: Query<Flying>,
+    mut stations: Query<(&Mount, &TrackerParams, &Tracker, &mut Radar)>,
+) {
+    for (mount, params, tracker, mut radar) in &mut stations {
+        if radar.kind.is_none() {
+            continue;
+        }
+        let t_s = clock.t_s();
+        if clock.tick.is_multiple_of(radar.period_ticks)
+            && let Some(look) = radar.look(t_s, mount.r_enu_m, &environment, &flying)
+        {
+            let available = clock.tick + radar.latency_ticks;
+            radar.waiting.push_back((available, look));
+        }
+        while let Some((_, look)) =
+            (radar.waiting).pop_front_if(|(available, _)| *available <= clock.tick)
+        {
+            radar.take(&look);
+        }
+        if tracker.state == TrackingState::Search
+            && !matches!(radar.kind, Some(RadarKind::Truth { .. }))
+        {
+            radar.choice.searched(clock.dt_s());
+        }
+        radar.choose(t_s, mount.r_enu_m, params.r_asset_enu_m);
+    }
+}
