@@ -6,6 +6,7 @@ use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::fall::Fall;
 use crate::models::flight::guided::Guided;
 use crate::models::flight::multirotor::{Airframe, MultirotorState};
+use crate::models::flight::navigation::Navigation;
 use crate::models::flight::swarm::{Behaviour, Steering};
 use crate::models::flight::trajectory::CompiledTrajectory;
 use crate::models::laser::target::{Effect, Hull, Parts, Patch};
@@ -85,6 +86,8 @@ pub struct Guidance {
     pub airframe: Airframe,
     /// Take-off mass [kg].
     pub mass_kg: f64,
+    /// How well it knows its place.
+    pub navigation: Navigation,
 }
 
 /// The air the UAV meets.

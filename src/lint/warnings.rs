@@ -434,7 +434,7 @@ impl Lint<'_> {
         let finder = RangeFinderParams::default();
         let surface = LitSurface {
             range_m,
-            area_m2: width_m * height_m,
+            share: finder.share(width_m * height_m, range_m, 0.0),
             reflectance: REFLECTANCE,
         };
         let extinction_per_m = self.scene.weather.extinction_per_m(finder.wavelength_m);

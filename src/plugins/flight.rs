@@ -11,6 +11,7 @@ use crate::models::air::shared_gusts::SharedNoise;
 use crate::models::air::wind::DrydenGust;
 use crate::models::bodies::{UavMesh, distractor_mesh, drawn_distractor_mesh, uav_mesh};
 use crate::models::flight::multirotor::{Airframe, MAX_ROTORS, MultirotorState, Setpoint};
+use crate::models::flight::navigation::Navigation;
 use crate::models::flight::swarm::{Behaviour, Mate, Member, Steering, low_course};
 use crate::models::flight::trajectory::{CompiledTrajectory, Trajectory};
 use crate::models::ground::dsm::Dsm;
@@ -91,6 +92,12 @@ fn spawn_uavs(
         let density = environment.air_density_kgpm3;
         let mut state = plan.initial_state(&airframe, air.wind_enu_mps, density);
         state.r_enu_m = start.r_enu_m;
+        let rng = seed.stream(index as u64, "gnss");
+        let navigation = Navigation::new(uav.gnss_sigma_m, rng);
+        if member.is_none() {
+            // It has been there for a while.
+            state.r_enu_m -= navigation.error_enu_m();
+        }
         let waits = member
             .as_ref()
             .is_some_and(|member| member.take_off.is_some());
@@ -119,6 +126,7 @@ fn spawn_uavs(
                 },
                 airframe,
                 mass_kg: catalogued.mass_kg,
+                navigation,
             },
             air,
             HeatedSkin::new(

@@ -187,7 +187,12 @@ pub fn fly(
     let density = environment.air_density_kgpm3;
     let dsm = &environment.city.dsm;
     for (uav, mut flight, mut guidance, air, mut status) in &mut uavs {
-        let Guidance { plan, airframe, .. } = &mut *guidance;
+        let Guidance {
+            plan,
+            airframe,
+            navigation,
+            ..
+        } = &mut *guidance;
         let (state, wind_enu_mps) = (&mut flight.state, air.wind_enu_mps);
         if *status == UavStatus::Landed
             && let Some(reference) = takes_off(plan, t_s)
@@ -211,8 +216,10 @@ pub fn fly(
                 }
             }
         };
+        navigation.advance(dt_s);
         match setpoint {
-            Ok(setpoint) => {
+            Ok(mut setpoint) => {
+                setpoint.r_enu_m -= navigation.error_enu_m();
                 multirotor::step(airframe, state, &setpoint, wind_enu_mps, density, dt_s);
             }
             Err(throttle) => {

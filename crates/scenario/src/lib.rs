@@ -58,7 +58,7 @@ pub use site::Site;
 pub use skin::SkinKind;
 pub use station::{Focus, LaserConfig, ResolvedStation, Station, TargetWord};
 pub use swarms::{SwarmConfig, SwarmLanding, SwarmOrigin, SwarmSplit, SwarmTakeOff};
-pub use targets::{DistractorConfig, UavConfig};
+pub use targets::{DistractorConfig, UavConfig, gnss_sigma_m};
 pub use tracker::{AssociationRule, TrackerConfig};
 
 use std::fmt;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check, TURN};
-use super::targets::{DistractorConfig, UavConfig};
+use super::targets::{DistractorConfig, UavConfig, gnss_sigma_m};
 use boresight_models::flight::distractor::DistractorKind;
 use boresight_models::flight::swarm::{
     Behaviour, Detour, Evasion, Formation, Landing, Member, PAD_SPACING_M, PopUp, RISE_MPS, TakeOff,
@@ -321,6 +321,7 @@ impl SwarmConfig {
                         skin: None,
                         spread_m: [JITTER * self.spacing_m; 2],
                         spread_s: 0.0,
+                        gnss_sigma_m: gnss_sigma_m(),
                         member: None,
                     };
                     let mut member = Member {

@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
+use std::ops::RangeInclusive;
 
 use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check};
@@ -31,9 +32,18 @@ pub struct UavConfig {
     /// The flight starts up to this much earlier, drawn from the seed.
     #[serde(default)]
     pub spread_s: f64,
+    /// Standard deviation of what its satellite navigation is off, east and north, up [m]: its autopilot flies to where it believes
+    /// its path to be. Makers of small UAVs state ±1.5 m and ±0.5 m, taken for two deviations.
+    #[serde(default = "gnss_sigma_m")]
+    pub gnss_sigma_m: [f64; 2],
     /// Its place in the swarm that it belongs to.
     #[serde(skip)]
     pub member: Option<Member>,
+}
+
+/// What satellite navigation is off where nothing else is said [m].
+pub fn gnss_sigma_m() -> [f64; 2] {
+    [0.75, 0.25]
 }
 
 /// A bird, balloon, aircraft or leaf: every camera sees it, and it counts for no success.
@@ -90,6 +100,8 @@ pub(super) fn check(uavs: &[UavConfig], distractors: &[DistractorConfig], check:
                 uav.spread_s,
                 check,
             );
+            check.within("gnss_sigma_m[0]", uav.gnss_sigma_m[0], GNSS_M);
+            check.within("gnss_sigma_m[1]", uav.gnss_sigma_m[1], GNSS_M);
         });
         names.push(&uav.name);
     }
@@ -102,6 +114,9 @@ pub(super) fn check(uavs: &[UavConfig], distractors: &[DistractorConfig], check:
         names.push(&other.name);
     }
 }
+
+/// More than this is no navigation [m].
+const GNSS_M: RangeInclusive<f64> = 0.0..=100.0;
 
 /// The greatest speed of a UAV [m/s], where its path is checked against it.
 fn uav_speed_mps(model: &str, trajectory: &Trajectory) -> Option<f64> {

@@ -15,7 +15,7 @@ use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::maths::rng::Stream;
 use crate::scenario::{
     Backstop, Cue, DistractorConfig, RadarConfig, SearchSector, Site, UavConfig, WeatherConfig,
-    catalogue,
+    catalogue, gnss_sigma_m,
 };
 use chrono::{DateTime, Duration, TimeZone as _, Utc};
 use glam::{DVec2, DVec3};
@@ -273,6 +273,7 @@ fn intruder(model: &str, trajectory: Trajectory) -> UavConfig {
         skin: None,
         spread_m: [0.0; 2],
         spread_s: 0.0,
+        gnss_sigma_m: gnss_sigma_m(),
         member: None,
     }
 }
@@ -353,7 +354,7 @@ fn search(draw: &SearchDraw, start_enu_m: DVec3, rng: &mut Stream) -> SearchSect
         radar: RadarConfig::default(),
         sigma_deg: rounded(10.0 * rng.range(draw.cue_sigma_deg[0], draw.cue_sigma_deg[1])) / 10.0,
         range_sigma_m: 15.0, // [m]
-        rate_hz: 1.0,        // [Hz]
+        rate_hz: 2.0,        // [Hz]
         latency_s: 0.3,      // [s]
         target: None,
         all: false,

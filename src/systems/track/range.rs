@@ -12,7 +12,8 @@ use crate::models::laser::range_finder::{LitSurface, REFLECTANCE, RangeFinderPar
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::tracking::table::Lased;
 use bevy::prelude::*;
-use glam::DVec3;
+use glam::DVec2;
+use std::f64::consts::LN_2;
 
 /// Pulses of the range finder a second.
 const RANGE_HZ: u32 = 10;
@@ -62,13 +63,12 @@ fn pulse(
     };
     let pulses = held && believed_rad.is_some_and(|off_rad| off_rad < params.half_field_rad);
     let echo_m = if pulses {
-        let mut surfaces = lit_surfaces(params, environment, optics, uavs);
+        let surfaces = lit_surfaces(params, environment, optics, uavs);
         let extinction_per_m = environment.weather.extinction_per_m(params.wavelength_m);
-        let first_m = params.first_echo_m(surfaces.iter().copied(), extinction_per_m);
-        track.met_first(first_m, t_s);
+        let echoes_m = params.echoes_m(&surfaces, extinction_per_m, rng);
+        track.met_first(echoes_m.first().copied(), t_s);
         let gate = track.range_gate(t_s);
-        surfaces.retain(|surface| gate.contains(&surface.range_m));
-        params.first_echo_m(surfaces, extinction_per_m)
+        echoes_m.into_iter().find(|echo_m| gate.contains(echo_m))
     } else {
         None
     };
@@ -91,8 +91,8 @@ fn pulse(
         .map(|(range_m, _)| range_m);
 }
 
-/// What a pulse along the laser's axis may meet: anything that flies or falls in its field, and the
-/// city on its axis.
+/// What a pulse along the laser's axis may meet: anything that flies or falls in its field, and behind it the city, by one ray
+/// for each quarter of the pulse's power.
 fn lit_surfaces(
     params: &RangeFinderParams,
     environment: &Environment,
@@ -100,28 +100,34 @@ fn lit_surfaces(
     uavs: &Query<(&Uav, &Flight)>,
 ) -> Vec<LitSurface> {
     let pose = optics.laser;
-    let axis_enu = pose.q_enu_cam * DVec3::Z;
     let flying = uavs.iter().filter_map(|(uav, flight)| {
         let r_enu_m = flight.aim_enu_m();
         let r_cam_m = pose.q_enu_cam.inverse() * (r_enu_m - pose.r_enu_m);
+        let off_rad = r_cam_m.truncate().length() / r_cam_m.z;
         let lit = r_cam_m.z > 0.0
-            && r_cam_m.truncate().length() < params.half_field_rad * r_cam_m.z
+            && off_rad < params.half_field_rad
             && environment.line_of_sight(pose.r_enu_m, r_enu_m) == LineOfSight::Clear;
         let [_, width_m, height_m] = uav.size_m;
+        let range_m = r_enu_m.distance(pose.r_enu_m);
         lit.then(|| LitSurface {
-            range_m: r_enu_m.distance(pose.r_enu_m),
-            area_m2: width_m * height_m,
+            range_m,
+            share: params.share(width_m * height_m, range_m, off_rad),
             reflectance: REFLECTANCE,
         })
     });
-    let city = environment
-        .city
-        .dsm
-        .first_hit(pose.r_enu_m, axis_enu, FAR_M)
-        .map(|range_m| LitSurface {
+    let mut surfaces: Vec<LitSurface> = flying.collect();
+    let passes = 1.0 - surfaces.iter().map(|lit| lit.share).sum::<f64>().min(1.0);
+    // Half of a Gaussian beam's power falls within this radius: there the ray of a quarter stands.
+    let off_rad = (0.5 * LN_2).sqrt() * params.half_field_rad;
+    let quarters = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y];
+    surfaces.extend(quarters.into_iter().filter_map(|towards| {
+        let ray_enu = pose.q_enu_cam * (off_rad * towards).extend(1.0).normalize();
+        let range_m = (environment.city.dsm).first_hit(pose.r_enu_m, ray_enu, FAR_M)?;
+        Some(LitSurface {
             range_m,
-            area_m2: f64::INFINITY,
+            share: passes / 4.0,
             reflectance: REFLECTANCE,
-        });
-    flying.chain(city).collect()
+        })
+    }));
+    surfaces
 }

@@ -6,6 +6,7 @@ pub mod distractor;
 pub mod fall;
 pub mod guided;
 pub mod multirotor;
+pub mod navigation;
 pub mod shape;
 pub mod swarm;
 pub mod trajectory;
