@@ -35,6 +35,8 @@ pub struct RangeFinderParams {
     pub pulse_m: f64,
     /// Range up to which it is blind [m].
     pub blind_m: f64,
+    /// Range up to which its gain grows with the square, so that the air right before it does not answer [m].
+    pub full_gain_m: f64,
     /// Extinction of aerosol over its backscatter [sr].
     pub lidar_ratio_sr: f64,
 }
@@ -55,6 +57,7 @@ impl Default for RangeFinderParams {
             threshold: 5.0,                   // deviations
             pulse_m: 1.5,                     // [m]
             blind_m: 50.0,                    // [m]
+            full_gain_m: 500.0,               // [m]
             lidar_ratio_sr: 18.0,             // [sr]
         }
     }
@@ -97,12 +100,14 @@ impl RangeFinderParams {
             1.0,
             self.rated_extinction_per_m,
         );
-        received(
+        let gain = (surface.range_m / self.full_gain_m).powi(2).min(1.0);
+        let echo = received(
             surface.range_m,
             surface.reflectance,
             surface.share,
             extinction_per_m,
-        ) / least
+        );
+        gain * echo / least
     }
 
     /// Chance that a pulse's echo of such a margin is found.
@@ -208,9 +213,9 @@ mod tests {
         // In clear air, where it is much smaller than the spot: twice as far is a sixteenth, but for 2 % of how it fills that.
         let ratio = finder.margin(&uav(2_000.0, 0.0), 0.0) / finder.margin(&uav(4_000.0, 0.0), 0.0);
         assert!((ratio / 16.0 - 1.0).abs() < 0.02, "{ratio}");
-        // So near that it fills the spot, the second power is left.
-        let ratio = finder.margin(&uav(60.0, 0.0), 0.0) / finder.margin(&uav(120.0, 0.0), 0.0);
-        assert!((ratio / 4.0 - 1.0).abs() < 1e-3, "{ratio}");
+        // What fills the spot fades with the second power.
+        let wall = |range_m: f64| finder.margin(&extended(range_m), 0.0);
+        assert!((wall(1_000.0) / wall(2_000.0) / 4.0 - 1.0).abs() < 1e-12);
         // At the edge of the field the Gaussian is at 1/e².
         let edge = uav(1_000.0, finder.half_field_rad);
         let ratio = edge.share / uav(1_000.0, 0.0).share;
