@@ -301,7 +301,7 @@ fn stations_that_cannot_stand_are_refused() {
             ["network.assignment", "least_cost"],
         ),
         (
-            "search.cue={ sigma_deg = 1, all = true, target = 'intruder' }",
+            "search.cue={ sigma_deg = 1, kind = 'truth', all = true, target = 'intruder' }",
             ["search.cue.all", "leave one of the two out"],
         ),
         (

@@ -302,15 +302,38 @@ fn a_cue_names_a_uav() {
         .unwrap();
     assert_eq!(
         (cue.rate_hz, cue.range_sigma_m, cue.latency_s),
-        (1.0, 15.0, 0.3)
+        (2.0, 15.0, 0.3)
     );
-    let named = with(&["search.cue={ sigma_deg = 0.7, target = 'one' }"]);
+    let named = with(&["search.cue={ sigma_deg = 0.7, kind = 'truth', target = 'one' }"]);
     assert_eq!(named.search.cue.unwrap().target.as_deref(), Some("one"));
     assert_eq!(
-        error(GOOD, &["search.cue={ sigma_deg = 0.7, target = 'ona' }"]),
-        "s.toml: --set search.cue={ sigma_deg = 0.7, target = 'ona' }: search.cue.target: no \
+        error(
+            GOOD,
+            &["search.cue={ sigma_deg = 0.7, kind = 'truth', target = 'ona' }"]
+        ),
+        "s.toml: --set search.cue={ sigma_deg = 0.7, kind = 'truth', target = 'ona' }: search.cue.target: no \
              UAV 'ona' - did you mean 'one'? expected one of one"
     );
+    for (cue, words) in [
+        ("target = 'one'", "search.cue.target: a radar cannot tell"),
+        ("all = true", "search.cue.all: a radar tracks whatever"),
+        (
+            "kind = 'truth', radar = { cell_m = 3 }",
+            "search.cue.radar: is not read",
+        ),
+        (
+            "radar = { half_range_m = 0 }",
+            "search.cue.radar.half_range_m",
+        ),
+        (
+            "radar = { false_alarm = 0.001 }",
+            "false plots in every look",
+        ),
+    ] {
+        let set = format!("search.cue={{ sigma_deg = 0.7, {cue} }}");
+        let told = error(GOOD, &[&set]);
+        assert!(told.contains(words), "{cue}: {told}");
+    }
 }
 
 #[test]

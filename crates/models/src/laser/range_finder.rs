@@ -43,7 +43,7 @@ pub struct RangeFinderParams {
 
 impl Default for RangeFinderParams {
     /// An eye-safe instrument of the middle class (assumption): 10 km on an extended target of 30 %
-    /// in 23 km of visibility, where aerosol takes some 0.044 per km at 1.55 µm; a pulse of 10 ns; one false echo in some 350
+    /// in 23 km of visibility, where aerosol takes some 0.044 per km at 1.55 µm; a pulse of 10 ns; one false echo in some 500
     /// pulses over all ranges. Fog has a lidar ratio of 18 sr (O'Connor et al., J. Atmos. Oceanic Technol. 21, 2004, 777, for
     /// droplets), haze up to 50 sr.
     fn default() -> Self {
