@@ -296,7 +296,8 @@ impl Place {
         let mut rng = stream("real");
         if rng.uniform() < recipe.real.share && !recipe.real.scenarios.is_empty() {
             let paths: Vec<&PathBuf> = recipe.real.scenarios.iter().collect();
-            return Self::real(rng.pick(&paths)).map_err(|source| DrawError::Real { index, source });
+            return Self::real(rng.pick(&paths))
+                .map_err(|source| DrawError::Real { index, source });
         }
         let city = Self::generated(recipe, background, &mut stream("place"));
         city.map_err(|source| DrawError::City { index, source })
@@ -342,7 +343,8 @@ impl Place {
     fn real(path: &Path) -> Result<Self, InputError> {
         let loaded = Scenario::load(&crate::data::found(path), &[])?;
         if !loaded.scenario.city.is_real() {
-            let why = "is generated: name scenarios with a real city in the recipe's real.scenarios";
+            let why =
+                "is generated: name scenarios with a real city in the recipe's real.scenarios";
             return Err(loaded.refuse("city", why));
         }
         let mut params = loaded.scenario.city.clone();
@@ -356,7 +358,12 @@ impl Place {
             }
         }
         let (loaded, city) = placed_in_city(loaded)?;
-        let Scenario { site, station, name, .. } = loaded.scenario;
+        let Scenario {
+            site,
+            station,
+            name,
+            ..
+        } = loaded.scenario;
         let given = station.position_enu_m.map(DVec3::from);
         Ok(Self {
             station_enu_m: given.unwrap_or_else(|| city.station_enu_m()),

@@ -127,7 +127,10 @@ impl Shares {
             held: Rate::count(acquired().filter_map(|o| o.verdict.held())),
             held_time: (after_s > 0.0).then(|| held_s / after_s),
             given_up: Rate::count(acquired().map(|o| o.verdict.given_up)),
-            by_rules: rules.iter().map(|rules| Fire::of(rules, outcomes)).collect(),
+            by_rules: rules
+                .iter()
+                .map(|rules| Fire::of(rules, outcomes))
+                .collect(),
         }
     }
 }

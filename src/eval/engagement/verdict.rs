@@ -278,8 +278,8 @@ impl Verdict {
     fn failed(&self, record: &Record) -> bool {
         // What the rules forbade to fire at is no failure for being there at the end.
         let won = self.neutralised || !self.open;
-        let scored = self.visible
-            && !(self.acquired && self.held() != Some(false) && won && !self.given_up);
+        let scored =
+            self.visible && !(self.acquired && self.held() != Some(false) && won && !self.given_up);
         self.fired_else || scored || (!self.visible && record.shown_s >= VISIBLE_S)
     }
 
