@@ -48,7 +48,7 @@ impl Arguments {
     pub(super) fn options(&self) -> Vec<String> {
         let mut options = vec!["--seed".into(), self.seed.to_string()];
         options.extend(["--recipe".into(), self.recipe.display().to_string()]);
-        for rules in &self.rules {
+        if let Some(rules) = &self.rules {
             options.extend(["--rules".into(), rules.clone()]);
         }
         options.extend(["--out".into(), self.out.display().to_string()]);

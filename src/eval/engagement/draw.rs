@@ -295,7 +295,7 @@ impl Place {
     ) -> Result<Self, DrawError> {
         let mut rng = stream("real");
         if rng.uniform() < recipe.real.share && !recipe.real.scenarios.is_empty() {
-            let paths: Vec<&PathBuf> = recipe.real.scenarios.iter().collect();
+            let paths: Vec<&Path> = recipe.real.scenarios.iter().map(PathBuf::as_path).collect();
             return Self::real(rng.pick(&paths))
                 .map_err(|source| DrawError::Real { index, source });
         }
@@ -753,6 +753,7 @@ impl Stage<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::models::ground::city::JUDGED_SEEDS;
 
     const SHIPPED: &str = include_str!("../../../recipes/engagement.toml");
 
@@ -775,6 +776,11 @@ mod tests {
             }
 
             let scenario = Scenario::parse(&draw.scenario, "draw.toml", &[]).unwrap();
+            assert!(JUDGED_SEEDS.contains(&scenario.city.seed));
+            let model = catalogue::load(&facts.model).unwrap();
+            assert_eq!(facts.held_out, model.held_out);
+            let rules = recipe.rules.iter().find(|r| r.name == facts.rules).unwrap();
+            assert_eq!(scenario.engage.allow_backstop, rules.allow_backstop);
             let city = City::generate(&scenario.city).unwrap();
             let station_enu_m = match scenario.station.position_enu_m {
                 Some(position) => position.into(),
@@ -838,6 +844,16 @@ mod tests {
                 .replace("far = 0.2", "far = 0.0")
                 .replace("near = 0.5", "near = 0.0"),
         );
+        let by = ["default", "loose"].map(|rules| {
+            let recipe = recipe(SHIPPED).under(rules).unwrap();
+            let draw = Draw::new(&recipe, 1, 3).unwrap();
+            assert_eq!(draw.facts.rules, rules);
+            Scenario::parse(&draw.scenario, "d.toml", &[]).unwrap()
+        });
+        assert_ne!(by[0].engage, by[1].engage);
+        let engage = by[1].engage.clone();
+        let [strict, loose] = by;
+        assert_eq!(Scenario { engage, ..strict }, loose);
         let [cued, alone] = [cued, alone].map(|recipe| Draw::new(&recipe, 1, 3).unwrap());
         assert!(cued.facts.cued && alone.facts.nearness == Nearness::None);
         let scenarios =

@@ -464,7 +464,19 @@ mod tests {
     #[test]
     fn the_shipped_recipe_is_read_and_a_bad_one_refused_with_its_line() {
         let recipe = Recipe::parse(SHIPPED, "r.toml").unwrap();
-        assert_eq!(recipe.uav.models.len(), 6);
+        assert_eq!(recipe.uav.models.len(), 8);
+        assert_eq!(recipe.uav.which(true), ["hframe", "quadplane"]);
+        // One of its rules is what a scenario has that says nothing.
+        let [default, loose] = &recipe.rules[..] else {
+            panic!("{:?}", recipe.rules);
+        };
+        let engage = Engage::default();
+        assert_eq!(default.name, "default");
+        assert_eq!(default.allow_backstop, engage.allow_backstop);
+        assert_eq!(default.min_clear_range_m, engage.min_clear_range_m);
+        assert_eq!(default.text(), "default: sky");
+        assert!(loose.allow_backstop.len() == 3 && loose.min_clear_range_m == 20.0);
+        assert!(loose.text().ends_with("building 20 m behind the target"));
         let refused = |from: &str, to: &str| {
             assert!(SHIPPED.contains(from), "{from}");
             let text = SHIPPED.replacen(from, to, 1);
@@ -480,10 +492,43 @@ mod tests {
             ("cued = 0.7", "cued = 7", "from 0 to 1"),
             ("20005KT", "20005XX", "20005XX"),
             ("kind = \"bird\"", "kind = \"brid\"", "bird"),
+            ("\"judging\"", "\"juding\"", "judging"),
+            ("places = 100000", "places = 1000000", "from 1 to 999999"),
+            ("held_out = 0.5", "held_out = 1.5", "from 0 to 1"),
         ] {
             let error = refused(from, to);
             assert!(error.contains(words), "{error}");
         }
+    }
+
+    #[test]
+    fn a_recipe_under_one_of_its_rules_is_otherwise_the_same() {
+        let recipe = || Recipe::parse(SHIPPED, "r.toml").unwrap();
+        let under = recipe().under("loose").unwrap();
+        assert_eq!((under.rules.len(), &under.rules[0].name[..]), (1, "loose"));
+        let again = Recipe {
+            rules: recipe().rules,
+            ..under
+        };
+        assert_eq!(again, recipe());
+        let twice = SHIPPED.replace("name = \"loose\"", "name = \"default\"");
+        let error = Recipe::parse(&twice, "r.toml").unwrap_err().to_string();
+        assert!(
+            error.contains("rules[1].name: is empty, or taken"),
+            "{error}"
+        );
+        let error = recipe().under("lose").unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "--rules: the recipe has no `lose`; it has default, loose"
+        );
+    }
+
+    #[test]
+    fn a_share_of_held_out_uavs_needs_both_kinds() {
+        let known = SHIPPED.replace(", \"hframe\", \"quadplane\"", "");
+        let error = Recipe::parse(&known, "r.toml").unwrap_err().to_string();
+        assert!(error.contains("uav.held_out: models has none"), "{error}");
     }
 
     #[test]

@@ -312,3 +312,88 @@ fn headline(all: &[&Outcome], detector: &str, rules: &[Rules]) -> Vec<Line> {
     };
     lines.into_iter().map(line).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eval::engagement::recipe::Recipe;
+    use crate::eval::engagement::verdict::{Record, Verdict};
+
+    const SHIPPED: &str = include_str!("../../../recipes/engagement.toml");
+
+    /// An engagement that was won, or that never was allowed.
+    fn outcome(index: u32, rules: &str, held_out: bool, won: bool) -> Outcome {
+        let facts = serde_json::json!({
+            "index": index, "model": "m", "held_out": held_out, "real": null, "rules": rules, "flight": "hover",
+            "range_m": 500.0, "background": "city", "light": "day", "metar": "", "cloud_texture": false,
+            "cued": true, "nearness": "none", "distractor": null,
+        });
+        let record = Record {
+            visible_s: 20.0,
+            shown_s: 20.0,
+            visible_from_s: Some(0.0),
+            acquired_s: Some(1.0),
+            neutralised_s: won.then_some(5.0),
+            open_s: if won { 5.0 } else { 0.0 },
+            ..Record::default()
+        };
+        Outcome {
+            key: String::new(),
+            facts: serde_json::from_value(facts).unwrap(),
+            verdict: Verdict::of(&record),
+            record,
+            command: String::new(),
+            pictures: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn fire_is_counted_by_its_rules_and_each_is_named() {
+        let rules = Recipe::parse(SHIPPED, "r.toml").unwrap().rules;
+        let draws = vec![
+            outcome(0, "default", true, false),
+            outcome(1, "default", false, true),
+            outcome(2, "loose", true, true),
+        ];
+        let results = Results::of(String::new(), "truth detector", rules, draws);
+        assert_eq!(results.causes.len(), 0);
+        let line = |words: &str| {
+            let named = |line: &&Line| line.name.contains(words);
+            let found = results.headline.iter().find(named);
+            let rate = found.unwrap_or_else(|| panic!("{words}")).rate;
+            (rate.successes, rate.trials)
+        };
+        assert_eq!(
+            line("interlocks open, of the visible, by the rules 'default'"),
+            (1, 2)
+        );
+        assert_eq!(
+            line("those cued with open interlocks, by the rules 'default'"),
+            (1, 1)
+        );
+        assert_eq!(
+            line("those cued with open interlocks, by the rules 'loose'"),
+            (1, 1)
+        );
+        assert_eq!(
+            line("something else, of all, by the rules 'default'"),
+            (0, 2)
+        );
+        let by = |by: &str| results.groups.iter().find(|group| group.by == by).unwrap();
+        let [held_out, known] = &by("airframe").rows[..] else {
+            panic!("held out and learned from");
+        };
+        assert_eq!((&held_out.name[..], held_out.draws), ("held out", 2));
+        let fire = &held_out.shares.by_rules;
+        assert_eq!(
+            fire.iter().map(|f| &f.rules[..]).collect::<Vec<_>>(),
+            ["default", "loose"]
+        );
+        assert_eq!(
+            (fire[0].neutralised.trials, fire[1].neutralised.trials),
+            (0, 1)
+        );
+        assert_eq!((known.draws, known.shares.by_rules[1].draws), (1, 0));
+        assert_eq!(by("city").rows[0].name, "generated");
+    }
+}
