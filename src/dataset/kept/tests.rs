@@ -66,7 +66,7 @@ fn networks_learn_from_other_cities_and_airframes_than_they_are_judged_by() {
             assert!(!recipe.targets.models.iter().any(|model| held_out(model)));
         }
     }
-    // `engagement`; `tracks`; `hybrid`, `tiny` and `uav`.
+    // `engagement`, of which `ablation` takes the draws; `tracks`; `hybrid`, `tiny` and `uav`.
     assert_eq!((judging, learning, sets), (1, 1, 3));
     // A data set draws its cities from all other seeds.
     for seed in [JUDGED_SEEDS.start, JUDGED_SEEDS.end - 1] {
