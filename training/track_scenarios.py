@@ -45,8 +45,8 @@ WIDE_DEG = 36.0, 10.0
 FAR, ABOVE_HILLS_DEG = ("aeroplane", "helicopter"), 3.0
 # Half the rates of the preset: twice the seconds for the time.
 CAMERAS = {"search": (15, 6.0), "coarse": (30, 3.0), "precise": (60, 1.0)}  # and the fields of view [deg]
-# Cities in which engagements take place that the loop is judged by: not learned from.
-JUDGED_CITIES = range(1, 9)
+# Cities that the loop was judged in before others were kept for it: not learned from. `boresight tracks` refuses the others.
+ONCE_JUDGED_CITIES = range(1, 9)
 FREE, HELD_UAV = 0.45, 0.25  # shares of what is drawn; in the rest a distractor is held
 FINE_IFOV_RAD = math.radians(CAMERAS["precise"][1]) / 640
 # UTC: the light, and how often; a UAV that is not found is mostly one in low light.
@@ -219,7 +219,7 @@ def scenario(seed: int, duration_s: float, kinds: tuple[str, ...] = tuple(HELD),
         f'name = "tracks_{seed}"\ndescription = "{held} held, {TIMES[time][0]}"\nseed = {seed}\nduration_s = {duration_s}\n'
         f"time_utc = 2025-09-20T{time}:00Z\n",
         "[site]\nlatitude_deg = 47.3769\nlongitude_deg = 8.5417\naltitude_m = 455.0\n",
-        f"[city]\nseed = {rng.randrange(JUDGED_CITIES.stop, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else "building_density = 0.4\n" if el < 1 else ""),
+        f"[city]\nseed = {rng.randrange(ONCE_JUDGED_CITIES.stop, 50)}\n" + ("forest_share = 0.5\nbuilding_density = 0.1\n" if forest else "building_density = 0.4\n" if el < 1 else ""),
         f"[station]\nposition_enu_m = [0.0, 0.0, {STATION_UP_M}]\n",
         cameras(wider),
         f'[weather]\nmetar = "LSZH 200850Z {metar} NOSIG"\nvisibility_m = {visibility_m}.0\ncloud_texture = {str(texture).lower()}\n',
@@ -278,9 +278,9 @@ def beside_intruder(rng: random.Random, intruder: dict) -> list[str]:
 
 
 def of_drawn(text: str, duration_s: float) -> str | None:
-    """A drawn engagement as a scenario for tracks; none of one in a city that is judged by."""
+    """A drawn engagement as a scenario for tracks; none of one in a city that was judged in."""
     drawn = tomllib.loads(text)
-    if drawn["city"]["seed"] in JUDGED_CITIES:
+    if drawn["city"]["seed"] in ONCE_JUDGED_CITIES:
         return None
     rng = random.Random(drawn["seed"])
     text = text.replace(f"duration_s = {drawn['duration_s']}\n", f"duration_s = {duration_s}\n", 1)

@@ -11,6 +11,7 @@ mod coco;
 mod draw;
 mod error;
 mod exposure;
+mod kept;
 mod label;
 mod merge;
 mod page;

@@ -239,7 +239,7 @@ impl Targets {
 
     fn check(&self, check: &mut Check) {
         for (index, model) in self.models.iter().enumerate() {
-            catalogue::check(check, &format!("models[{index}]"), model);
+            catalogue::check_learned(check, &format!("models[{index}]"), model);
         }
         check.within("none", self.none, FRACTION);
         check.within("several", self.several, 0.0..=1.0 - self.none);

@@ -14,7 +14,7 @@ use crate::models::bodies::{UavStyle, drawn_distractor_mesh, styled_uav_mesh};
 use crate::models::flight::class::ObjectClass;
 use crate::models::flight::distractor::DistractorKind;
 use crate::models::flight::uav::UavModel;
-use crate::models::ground::city::{City, CityParams};
+use crate::models::ground::city::{City, CityParams, learned_seed};
 use crate::models::maths::geodesy::{Geodetic, SiteFrame};
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::maths::rng::Stream;
@@ -147,7 +147,7 @@ fn city_params(ranges: &CityRanges, background: Background, rng: &mut Stream) ->
     let [least, most] = ranges.extent_m;
     let standard = CityParams {
         extent_m: rng.range(least, most),
-        seed: rng.bits(),
+        seed: learned_seed(rng.bits()),
         relief_m: rng.range(0.0, 25.0),
         river: rng.uniform() < 0.4,
         max_height_m: rng.range(40.0, 140.0),

@@ -10,6 +10,7 @@ mod clips;
 mod take;
 
 use super::DatasetError;
+use super::kept::refuse_kept;
 use crate::components::capture::UavInFrame;
 use crate::components::detect::DetectionQueue;
 use crate::components::flight::{Distractor, Uav};
@@ -65,6 +66,7 @@ pub fn tracks(arguments: &Arguments) -> Result<String, DatasetError> {
     let mut said = String::new();
     for path in &arguments.scenarios {
         let loaded = Scenario::load(path, &arguments.set)?;
+        refuse_kept(&loaded)?;
         let seed = arguments.seed.unwrap_or(loaded.scenario.seed);
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let folder = arguments.out.join(format!("{stem}-{seed}"));

@@ -234,13 +234,15 @@ fn an_engagement_is_judged_on_rendered_pixels() {
     let _one = rendering();
     let folder = TempDir::new().unwrap();
     let args = ["eval", "engagement", "--recipe", ENGAGEMENT, "--n", "1"];
-    let weak = [
-        "--set",
+    let blind = [
         "duration_s=1.2",
-        "--set",
-        "station.laser.power_w=50",
+        "tracker.tuning.candidate_hits=100",
+        "tracker.tuning.chosen=100",
+        "tracker.tuning.chosen_small=100",
+        "tracker.tuning.chosen_small_in_sky=100",
     ];
-    let args = [&args[..], &weak].concat();
+    let blind: Vec<&str> = blind.iter().flat_map(|set| ["--set", *set]).collect();
+    let args = [&args[..], &blind].concat();
     let (json, page) = measured(folder.path(), &args, "results");
     assert_eq!(json["detector"], "rendered pixels");
     let looks = json.pointer("/draws/0/record/looks/0").unwrap();
@@ -249,7 +251,7 @@ fn an_engagement_is_judged_on_rendered_pixels() {
         0 < count("found") && count("found") <= count("frames"),
         "{looks}"
     );
-    // Too short and too weak to neutralise anything: a failure, with the pictures that show it.
+    // What is found is never chosen: a failure, with the pictures that show it.
     let cause = json.pointer("/draws/0/verdict/cause").unwrap();
     assert!(cause.is_string(), "{json:#}");
     let pictures = json
@@ -328,6 +330,7 @@ fn a_bad_recipe_of_engagements_is_one_error_with_its_line() {
     refuses("day = 1.0", "noon = 1.0", &["noon", "day"]);
     refuses("[400.0, 500.0]", "[500.0, 400.0]", &["uav.range_m"]);
     refuses("24005KT", "windy", &["weather.reports[0]", "windy"]);
+    refuses("\"phantom4\"", "\"hframe\"", &["uav.models[0]", "held out"]);
 }
 
 /// A dark blob that crosses noisy sky, as numbered pictures with a COCO file beside them: a box

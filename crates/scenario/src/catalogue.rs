@@ -83,6 +83,20 @@ pub fn load(model: &str) -> Result<UavModel, UavError> {
     Ok(parse(&text, model, &place, embedded)?)
 }
 
+/// A model to learn from must be one, as by [`check`], and must not be held out; a file that cannot be read tells so when it is loaded.
+pub fn check_learned(check: &mut Check, key: &str, model: &str) {
+    self::check(check, key, model);
+    let held_out = load(model).is_ok_and(|uav| uav.held_out);
+    check.that(!held_out, key, || held_out_words(model));
+}
+
+/// Why a held-out model cannot be learned from, and what to do.
+pub fn held_out_words(model: &str) -> String {
+    format!(
+        "'{model}' is held out, so that networks are judged by a UAV that they never saw: leave it out, or name another model"
+    )
+}
+
 fn is_path(model: &str) -> bool {
     Path::new(model)
         .extension()
@@ -114,6 +128,9 @@ fn parse(
 pub(super) struct UavFile {
     /// Maker and model.
     name: String,
+    /// Whether it is kept for judging: recipes of data sets and tracks that networks learn from refuse it.
+    #[serde(default)]
+    held_out: bool,
     /// What it is for detectors and evaluations.
     class: UavClass,
     /// Take-off mass.
@@ -325,6 +342,7 @@ impl UavFile {
         UavModel {
             id: id.to_owned(),
             name: self.name,
+            held_out: self.held_out,
             class: match self.class {
                 UavClass::Fpv => ObjectClass::Fpv,
                 UavClass::Quadcopter => ObjectClass::Quadcopter,

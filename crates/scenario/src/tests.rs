@@ -75,8 +75,8 @@ fn errors_name_line_path_and_cure() {
     assert_eq!(
         change("phantom4", "phantom"),
         "s.toml:15: uavs[0].model: unknown model 'phantom' - did you mean 'phantom4'? expected \
-             one of fpv5, matrice200, matrice600, mavic2, mavic_air, phantom4, or a path that ends in \
-             .toml"
+             one of fpv5, hframe, matrice200, matrice600, mavic2, mavic_air, phantom4, quadplane, or a \
+             path that ends in .toml"
     );
     assert_eq!(
         change("latitude_deg", "lattitude_deg"),

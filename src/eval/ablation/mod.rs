@@ -80,6 +80,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
         draws,
         detector,
         mut stopped,
+        ..
     } = engagement::drawn(&arguments.engagements("all", &[]))?;
     let mut effects = Vec::new();
     for rule in rules {
@@ -120,6 +121,7 @@ impl Arguments {
             n: self.n,
             seed: self.seed,
             recipe: self.recipe.clone(),
+            rules: None,
             out: self.out.join(folder),
             truth: false,
             looks: false,

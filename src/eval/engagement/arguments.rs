@@ -17,6 +17,9 @@ pub struct Arguments {
     /// Recipe file (TOML).
     #[arg(long, default_value = "recipes/engagement.toml")]
     pub recipe: PathBuf,
+    /// Draw all engagements by the recipe's rules of fire of this name.
+    #[arg(long, value_name = "NAME")]
+    pub rules: Option<String>,
     /// Folder for results.json, results.html and the draws; an evaluation that was stopped goes
     /// on in it.
     #[arg(long, default_value = "out/engagement")]
@@ -45,6 +48,9 @@ impl Arguments {
     pub(super) fn options(&self) -> Vec<String> {
         let mut options = vec!["--seed".into(), self.seed.to_string()];
         options.extend(["--recipe".into(), self.recipe.display().to_string()]);
+        if let Some(rules) = &self.rules {
+            options.extend(["--rules".into(), rules.clone()]);
+        }
         options.extend(["--out".into(), self.out.display().to_string()]);
         options.extend(self.truth.then(|| "--truth".into()));
         options.extend(self.looks.then(|| "--looks".into()));

@@ -13,14 +13,17 @@ use crate::models::ground::city::{City, CityError, CityParams};
 use crate::models::ground::dsm::{Dsm, LineOfSight};
 use crate::models::maths::kinematics::{az_el_to_los, los_to_az_el};
 use crate::models::maths::rng::Stream;
+use crate::parameters::environment::{folder, placed_in_city};
 use crate::scenario::{
-    Backstop, Cue, DistractorConfig, RadarConfig, SearchSector, Site, UavConfig, WeatherConfig,
-    catalogue, gnss_sigma_m,
+    Backstop, Cue, DistractorConfig, InputError, RadarConfig, Scenario, SearchSector, Site,
+    UavConfig, WeatherConfig, catalogue, gnss_sigma_m,
 };
 use chrono::{DateTime, Duration, TimeZone as _, Utc};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Why an engagement cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -54,6 +57,14 @@ pub enum DrawError {
         /// What is wrong.
         source: CityError,
     },
+    /// Its real city.
+    #[error("draw {index}: {source}")]
+    Real {
+        /// Number of the draw.
+        index: u32,
+        /// What is wrong.
+        source: InputError,
+    },
     /// Its sun.
     #[error("draw {index}: {source}")]
     Sun {
@@ -61,6 +72,12 @@ pub enum DrawError {
         index: u32,
         /// What is wrong.
         source: SunError,
+    },
+    /// No rules of fire.
+    #[error("draw {index}: the recipe has no rules with a share above 0; give one")]
+    NoRules {
+        /// Number of the draw.
+        index: u32,
     },
     /// Its scenario.
     #[error("draw {index}: {source}")]
@@ -85,6 +102,12 @@ pub struct Facts {
     pub index: u32,
     /// The UAV, as a scenario names it.
     pub model: String,
+    /// Whether it is held out.
+    pub held_out: bool,
+    /// The real city, by its scenario's name; none: a generated one.
+    pub real: Option<String>,
+    /// Name of the rules of fire.
+    pub rules: String,
     /// How it flies.
     pub flight: Flight,
     /// Range at the start [m].
@@ -154,14 +177,23 @@ impl Draw {
             &mut stream("background"),
             Background::Sky,
         );
-        let (city, station_enu_m) = place(recipe, index, background, &mut stream("place"))?;
+        let place = Place::drawn(recipe, index, background, &stream)?;
+        // There are no woods to choose in a real city: what is solid there is buildings or ground.
+        let background = match (&place.real, background) {
+            (Some(_), Background::Woods) => Background::City,
+            _ => background,
+        };
+        let station_enu_m = place.station_enu_m;
         let mut rng = stream("flight");
         let flight = named(&recipe.uav.flights, &mut rng, Flight::Crossing);
-        let models: Vec<&str> = recipe.uav.models.iter().map(String::as_str).collect();
+        let models = match recipe.uav.held_out {
+            Some(share) => recipe.uav.which(stream("airframe").uniform() < share),
+            None => recipe.uav.models.iter().map(String::as_str).collect(),
+        };
         let model = rng.pick(&models);
         let uav = catalogue::load(model).map_err(|source| DrawError::Uav { index, source })?;
         let stage = Stage {
-            dsm: &city.dsm,
+            dsm: &place.city.dsm,
             station_enu_m,
             duration_s: recipe.duration_s,
         };
@@ -177,14 +209,20 @@ impl Draw {
         let (nearness, kind, distractors) = stage.distractors(recipe, &plan, &mut rng);
         let mut rng = stream("light");
         let light = named(&recipe.light, &mut rng, Light::Day);
-        let time_utc = time(&recipe.site, light, &mut rng)
+        let time_utc = time(&place.site, light, &mut rng)
             .map_err(|source| DrawError::Sun { index, source })?;
         let weather = weather(recipe, time_utc, &mut stream("weather"));
         let start_enu_m = plan.sample(0.0).r_enu_m - station_enu_m;
         let search = search(&recipe.search, start_enu_m, &mut stream("search"));
+        let mut rng = stream("rules");
+        let rules = drawn(recipe.rules.iter().map(|r| (r, r.share)), &mut rng);
+        let rules = rules.ok_or(DrawError::NoRules { index })?;
         let facts = Facts {
             index,
             model: model.to_owned(),
+            held_out: uav.held_out,
+            real: place.real.clone(),
+            rules: rules.name.clone(),
             flight,
             range_m: start_enu_m.length().round(),
             background,
@@ -205,16 +243,16 @@ impl Draw {
             seed: stream("run").bits() >> 16,
             duration_s: recipe.duration_s,
             time_utc: time_utc.format("%Y-%m-%dT%H:%M:%SZ").to_string(),
-            site: recipe.site.clone(),
+            site: place.site,
             weather,
-            station: (background == Background::Woods).then(|| DraftStation {
+            station: place.written.then(|| DraftStation {
                 position_enu_m: station_enu_m.to_array(),
             }),
-            city: city.params,
+            city: place.params,
             search,
             engage: DraftEngage {
-                allow_backstop: recipe.engage.allow_backstop.clone(),
-                min_clear_range_m: recipe.engage.min_clear_range_m,
+                allow_backstop: rules.allow_backstop.clone(),
+                min_clear_range_m: rules.min_clear_range_m,
             },
             uavs: vec![intruder(model, trajectory)],
             distractors,
@@ -234,34 +272,108 @@ fn named<T: Copy>(
     drawn(shares.iter().map(|(thing, share)| (*thing, *share)), rng).unwrap_or(otherwise)
 }
 
-/// The surroundings, and where the station stands in them [m].
-fn place(
-    recipe: &Recipe,
-    index: u32,
-    background: Background,
-    rng: &mut Stream,
-) -> Result<(City, DVec3), DrawError> {
-    let params = CityParams {
-        seed: 1 + rng.bits() % u64::from(recipe.places),
-        ..CityParams::default()
-    };
-    let woods = background == Background::Woods;
-    let params = if woods {
-        CityParams {
-            forest_share: 0.5,
-            building_density: 0.1,
-            ..params
+/// Where an engagement takes place.
+struct Place {
+    city: Arc<City>,
+    /// Its parameters, as a scenario has them wherever its file lies.
+    params: CityParams,
+    site: Site,
+    /// Where the station stands [m, ENU].
+    station_enu_m: DVec3,
+    /// Whether the scenario says so: it is not where the city would put it.
+    written: bool,
+    /// The real city's name.
+    real: Option<String>,
+}
+
+impl Place {
+    fn drawn(
+        recipe: &Recipe,
+        index: u32,
+        background: Background,
+        stream: &impl Fn(&str) -> Stream,
+    ) -> Result<Self, DrawError> {
+        let mut rng = stream("real");
+        if rng.uniform() < recipe.real.share && !recipe.real.scenarios.is_empty() {
+            let paths: Vec<&Path> = recipe.real.scenarios.iter().map(PathBuf::as_path).collect();
+            return Self::real(rng.pick(&paths))
+                .map_err(|source| DrawError::Real { index, source });
         }
-    } else {
-        params
-    };
-    let city = City::generate(&params).map_err(|source| DrawError::City { index, source })?;
-    let station_enu_m = if woods {
-        DVec3::Z * rounded(city.dsm.terrain_m(0.0, 0.0) + recipe.mast_m)
-    } else {
-        city.station_enu_m()
-    };
-    Ok((city, station_enu_m))
+        let city = Self::generated(recipe, background, &mut stream("place"));
+        city.map_err(|source| DrawError::City { index, source })
+    }
+
+    /// One of the cities that are for the recipe's purpose.
+    fn generated(
+        recipe: &Recipe,
+        background: Background,
+        rng: &mut Stream,
+    ) -> Result<Self, CityError> {
+        let params = CityParams {
+            seed: recipe.purpose.first_seed() + rng.bits() % u64::from(recipe.places),
+            ..CityParams::default()
+        };
+        let woods = background == Background::Woods;
+        let params = if woods {
+            CityParams {
+                forest_share: 0.5,
+                building_density: 0.1,
+                ..params
+            }
+        } else {
+            params
+        };
+        let city = City::generate(&params)?;
+        let station_enu_m = if woods {
+            DVec3::Z * rounded(city.dsm.terrain_m(0.0, 0.0) + recipe.mast_m)
+        } else {
+            city.station_enu_m()
+        };
+        Ok(Self {
+            city: Arc::new(city),
+            params,
+            site: recipe.site.clone(),
+            station_enu_m,
+            written: woods,
+            real: None,
+        })
+    }
+
+    /// That of a scenario, whose station keeps its place.
+    fn real(path: &Path) -> Result<Self, InputError> {
+        let loaded = Scenario::load(&crate::data::found(path), &[])?;
+        if !loaded.scenario.city.is_real() {
+            let why =
+                "is generated: name scenarios with a real city in the recipe's real.scenarios";
+            return Err(loaded.refuse("city", why));
+        }
+        let mut params = loaded.scenario.city.clone();
+        for path in params.paths_mut() {
+            let beside = folder(&loaded).join(&*path);
+            // An address is no path; where the working directory is unknown, paths stay as they are.
+            if !path.contains("://")
+                && let Ok(whole) = std::path::absolute(beside)
+            {
+                *path = whole.to_string_lossy().into_owned();
+            }
+        }
+        let (loaded, city) = placed_in_city(loaded)?;
+        let Scenario {
+            site,
+            station,
+            name,
+            ..
+        } = loaded.scenario;
+        let given = station.position_enu_m.map(DVec3::from);
+        Ok(Self {
+            station_enu_m: given.unwrap_or_else(|| city.station_enu_m()),
+            city,
+            params,
+            site,
+            written: given.is_some(),
+            real: Some(name),
+        })
+    }
 }
 
 /// The UAV as a scenario has it.
@@ -644,7 +756,7 @@ impl Stage<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::Scenario;
+    use crate::models::ground::city::JUDGED_SEEDS;
 
     const SHIPPED: &str = include_str!("../../../recipes/engagement.toml");
 
@@ -667,6 +779,11 @@ mod tests {
             }
 
             let scenario = Scenario::parse(&draw.scenario, "draw.toml", &[]).unwrap();
+            assert!(JUDGED_SEEDS.contains(&scenario.city.seed));
+            let model = catalogue::load(&facts.model).unwrap();
+            assert_eq!(facts.held_out, model.held_out);
+            let rules = recipe.rules.iter().find(|r| r.name == facts.rules).unwrap();
+            assert_eq!(scenario.engage.allow_backstop, rules.allow_backstop);
             let city = City::generate(&scenario.city).unwrap();
             let station_enu_m = match scenario.station.position_enu_m {
                 Some(position) => position.into(),
@@ -730,6 +847,16 @@ mod tests {
                 .replace("far = 0.2", "far = 0.0")
                 .replace("near = 0.5", "near = 0.0"),
         );
+        let by = ["default", "loose"].map(|rules| {
+            let recipe = recipe(SHIPPED).under(rules).unwrap();
+            let draw = Draw::new(&recipe, 1, 3).unwrap();
+            assert_eq!(draw.facts.rules, rules);
+            Scenario::parse(&draw.scenario, "d.toml", &[]).unwrap()
+        });
+        assert_ne!(by[0].engage, by[1].engage);
+        let engage = by[1].engage.clone();
+        let [strict, loose] = by;
+        assert_eq!(Scenario { engage, ..strict }, loose);
         let [cued, alone] = [cued, alone].map(|recipe| Draw::new(&recipe, 1, 3).unwrap());
         assert!(cued.facts.cued && alone.facts.nearness == Nearness::None);
         let scenarios =

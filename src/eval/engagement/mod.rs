@@ -25,7 +25,7 @@ use crate::stop;
 pub use arguments::Arguments;
 use job::Bench;
 pub use job::{LOOKS, Outcome};
-use recipe::Recipe;
+use recipe::{Recipe, Rules};
 use results::Results;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::process::{Command, Stdio};
@@ -39,14 +39,25 @@ pub struct Drawn {
     pub draws: Vec<Outcome>,
     /// What found the UAVs.
     pub detector: &'static str,
+    /// The rules of fire among which each has one.
+    pub rules: Vec<Rules>,
     /// What was left out, where they were stopped.
     pub stopped: Option<String>,
+}
+
+/// The recipe, with the rules of fire that are asked for.
+fn recipe(arguments: &Arguments) -> Result<Recipe, EvalError> {
+    let recipe = Recipe::load(&arguments.recipe)?;
+    match &arguments.rules {
+        Some(name) => recipe.under(name).map_err(EvalError::own),
+        None => Ok(recipe),
+    }
 }
 
 /// Carries out the evaluation; what to tell the user.
 pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     if let Some(index) = arguments.draw {
-        let recipe = Recipe::load(&arguments.recipe)?;
+        let recipe = recipe(arguments)?;
         let bench = Bench {
             arguments,
             recipe: &recipe,
@@ -59,11 +70,12 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
     let Drawn {
         draws,
         detector,
+        rules,
         stopped,
     } = drawn(arguments)?;
     let results = Results {
         stopped,
-        ..Results::of(arguments.command(), detector, draws)
+        ..Results::of(arguments.command(), detector, rules, draws)
     };
     put_json(&json, &results)?;
     page::write(&arguments.out, &results)?;
@@ -74,7 +86,7 @@ pub fn evaluate(arguments: &Arguments) -> Result<String, EvalError> {
 /// Makes the engagements, those that are there already excepted.
 pub fn drawn(arguments: &Arguments) -> Result<Drawn, EvalError> {
     within("--n", arguments.n.into(), 1.0, 100_000.0)?;
-    let recipe = Recipe::load(&arguments.recipe)?;
+    let recipe = recipe(arguments)?;
     let bench = Bench {
         arguments,
         recipe: &recipe,
@@ -109,13 +121,14 @@ pub fn drawn(arguments: &Arguments) -> Result<Drawn, EvalError> {
     Ok(Drawn {
         draws,
         detector,
+        rules: recipe.rules.clone(),
         stopped: said.filter(|_| stopped),
     })
 }
 
 /// Says what keeps all engagements from running, before the work.
 pub fn check(arguments: &Arguments) -> Result<(), EvalError> {
-    let recipe = Recipe::load(&arguments.recipe)?;
+    let recipe = recipe(arguments)?;
     let bench = Bench {
         arguments,
         recipe: &recipe,
@@ -258,6 +271,7 @@ fn in_short(outcome: &Outcome) -> String {
     let end = match (verdict.cause, outcome.record.neutralised_s) {
         (Some(cause), _) => format!("failed, {}", cause.name()),
         (None, Some(t_s)) => format!("neutralised after {t_s:.1} s"),
+        (None, None) if verdict.visible => "held, fire was not allowed".into(),
         (None, None) => "never visible".into(),
     };
     format!("{}: {end}", outcome.description())

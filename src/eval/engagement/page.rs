@@ -1,7 +1,7 @@
 //! The page of the evaluation.
 
 use super::job::{Outcome, picture};
-use super::recipe::Nearness;
+use super::recipe::{Nearness, Rules};
 use super::results::{Group, Results, Row};
 use super::verdict::{Cause, HELD_SHARE, IN_TIME_S, LEAST_PX, OPEN_S, VISIBLE_S, nearness_name};
 use crate::eval::EvalError;
@@ -45,14 +45,24 @@ fn body(out: &Path, results: &Results) -> Markup {
     html! {
         h2 { "Shares" }
         (table(&["", "share", "count (95 % interval)"], &headline))
+        (rules(&results.rules))
         (definitions())
         div .charts { (times(results)) }
         h2 { "Causes of failure" }
         (causes(&results.draws))
-        @for group in &results.groups { (by(group)) }
+        @for group in &results.groups { (by(group, &results.rules)) }
         h2 { "Failures" }
         (failures(out, &results.draws))
     }
+}
+
+/// What each set of rules allows behind the target.
+fn rules(rules: &[Rules]) -> Markup {
+    let texts: Vec<String> = rules.iter().map(Rules::text).collect();
+    note(&format!(
+        "Rules of fire by what may lie behind the target, of which each engagement has one. {}.",
+        texts.join("; ")
+    ))
 }
 
 fn definitions() -> Markup {
@@ -67,10 +77,11 @@ fn definitions() -> Markup {
     ))
 }
 
-/// Share of the visible ones neutralised over the time since they were first visible.
+/// Share of those with open interlocks neutralised over the time since they were first visible.
 fn times(results: &Results) -> Markup {
     let series_of = |nearness: Nearness| -> Series {
-        let visible = results.draws.iter().filter(|o| o.verdict.visible);
+        let open = |o: &&Outcome| o.verdict.visible && o.verdict.open;
+        let visible = results.draws.iter().filter(open);
         let of: Vec<&Outcome> = visible.filter(|o| o.facts.nearness == nearness).collect();
         let mut times_s: Vec<f64> = (of.iter())
             .filter_map(|o| Some(o.record.neutralised_s? - o.record.visible_from_s?))
@@ -97,7 +108,7 @@ fn times(results: &Results) -> Markup {
     });
     let named: Vec<(&str, &Series)> = names.into_iter().zip(&series).collect();
     let chart = Chart {
-        title: "Neutralised, of the visible",
+        title: "Neutralised, of the visible with open interlocks",
         unit: "%",
         scale: Scale::Linear,
         series: &named,
@@ -135,40 +146,50 @@ fn causes(draws: &[Outcome]) -> Markup {
     }
 }
 
-fn by(group: &Group) -> Markup {
-    const HEAD: [&str; 9] = [
+fn by(group: &Group, rules: &[Rules]) -> Markup {
+    const HEAD: [&str; 7] = [
         "",
         "draws",
         "visible",
         "acquired",
         "held",
         "time held",
-        "neutralised",
-        "fired at something else",
         "given up though seen",
     ];
+    let of_rules = |rules: &Rules| {
+        let name = &rules.name;
+        [
+            format!("neutralised, rules {name}"),
+            format!("fired at something else, rules {name}"),
+        ]
+    };
+    let head: Vec<String> = (HEAD.iter().map(ToString::to_string))
+        .chain(rules.iter().flat_map(of_rules))
+        .collect();
     let cells = |row: &Row| {
         let shares = &row.shares;
         let rate = |rate: &Rate| match rate.rate {
             Some(_) => rate.text(),
             None => "–".into(),
         };
-        vec![
+        let fire = shares.by_rules.iter();
+        let fire = fire.flat_map(|fire| [rate(&fire.neutralised), rate(&fire.fired_else)]);
+        let all = [
             row.name.clone(),
             row.draws.to_string(),
             shares.visible.successes.to_string(),
             rate(&shares.acquired),
             rate(&shares.held),
             percent(shares.held_time),
-            rate(&shares.neutralised),
-            rate(&shares.fired_else),
             rate(&shares.given_up),
-        ]
+        ];
+        all.into_iter().chain(fire).collect()
     };
     let rows: Vec<Vec<String>> = group.rows.iter().map(cells).collect();
+    let head: Vec<&str> = head.iter().map(String::as_str).collect();
     html! {
         h2 { "By " (group.by) }
-        (table(&HEAD, &rows))
+        (table(&head, &rows))
     }
 }
 

@@ -2,13 +2,14 @@
 
 use crate::models::air::weather::Weather;
 use crate::models::flight::distractor::DistractorKind;
+use crate::models::ground::city::JUDGED_SEEDS;
 use crate::models::maths::rng::Stream;
 use crate::scenario::check::{Check, FRACTION};
 use crate::scenario::load::{self, Checked};
-use crate::scenario::{Backstop, CueKind, InputError, Site, catalogue};
+use crate::scenario::{Backstop, CueKind, Engage, InputError, Site, catalogue};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How often each of several things is drawn; the shares need not add up to 1, and what is not named is
 /// never drawn.
@@ -21,12 +22,17 @@ pub struct Recipe {
     /// What it is for, for people.
     #[serde(default)]
     pub description: String,
+    /// What the engagements are for.
+    pub purpose: Purpose,
     /// Longest engagement [s]; one ends earlier when its UAV is neutralised.
     pub duration_s: f64,
     /// The origin of the local frame.
     pub site: Site,
-    /// Number of cities, and of woods, that engagements take place in.
+    /// Number of cities, and of woods, that engagements take place in: from the first on of those that are for the purpose.
     pub places: u32,
+    /// Real cities among them.
+    #[serde(default)]
+    pub real: RealDraw,
     /// Height of the station's mast above the ground of woods [m].
     pub mast_m: f64,
     /// The UAV.
@@ -41,8 +47,41 @@ pub struct Recipe {
     pub search: SearchDraw,
     /// What else flies.
     pub distractors: DistractorDraw,
-    /// What may lie behind the target when the laser fires.
-    pub engage: EngageDraw,
+    /// Rules of fire, of which each engagement has one.
+    pub rules: Vec<Rules>,
+}
+
+/// What engagements are for. Networks learn from other cities and airframes than those by which they are judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Purpose {
+    /// To judge by: generated cities are those kept for it ([`JUDGED_SEEDS`]).
+    Judging,
+    /// To learn from: cities are others, and no UAV is held out.
+    Learning,
+}
+
+impl Purpose {
+    /// Seed of the first city that is for it.
+    pub fn first_seed(self) -> u64 {
+        match self {
+            Self::Judging => JUDGED_SEEDS.start,
+            Self::Learning => 1,
+        }
+    }
+}
+
+/// Most places that a recipe may have: as many cities lie before those that are kept for judging.
+const MOST_PLACES: u64 = JUDGED_SEEDS.start - 1;
+
+/// Real cities.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RealDraw {
+    /// Share of the engagements that take place in one.
+    pub share: f64,
+    /// Scenarios, all equally likely, whose site, city and place of the station are taken.
+    pub scenarios: Vec<PathBuf>,
 }
 
 /// The UAV and its flight.
@@ -51,6 +90,8 @@ pub struct Recipe {
 pub struct UavDraw {
     /// Models as a scenario names them, all equally likely.
     pub models: Vec<String>,
+    /// Share of the engagements with one of those models that are held out; absent: as many as there are.
+    pub held_out: Option<f64>,
     /// Nearest and farthest range at the start, even over its logarithm [m].
     pub range_m: [f64; 2],
     /// Slowest and fastest flight; no model flies faster than 0.7 of its greatest speed [m/s].
@@ -190,14 +231,53 @@ pub struct KindDraw {
     pub speed_mps: [f64; 2],
 }
 
-/// What may lie behind the target.
+/// Rules of fire: what may lie behind the target. What they leave out is as in a scenario that says nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct EngageDraw {
+pub struct Rules {
+    /// Name in the figures.
+    pub name: String,
+    /// Share of the engagements that have them.
+    pub share: f64,
     /// As in a scenario.
+    #[serde(default = "default_backstop")]
     pub allow_backstop: Vec<Backstop>,
     /// As in a scenario [m].
+    #[serde(default = "default_clear_m")]
     pub min_clear_range_m: f64,
+}
+
+fn default_backstop() -> Vec<Backstop> {
+    Engage::default().allow_backstop
+}
+
+fn default_clear_m() -> f64 {
+    Engage::default().min_clear_range_m
+}
+
+impl Rules {
+    /// In a line, for people.
+    pub fn text(&self) -> String {
+        let words = |backstop: &Backstop| match backstop {
+            Backstop::Sky => "sky",
+            Backstop::Ground => "ground",
+            Backstop::Building => "building",
+        };
+        let behind: Vec<&str> = self.allow_backstop.iter().map(words).collect();
+        let far = match self.allow_backstop.iter().all(|b| *b == Backstop::Sky) {
+            true => String::new(),
+            false => format!(" {} m behind the target", self.min_clear_range_m),
+        };
+        format!("{}: {}{far}", self.name, behind.join(", "))
+    }
+}
+
+/// No rules of a recipe have a name that was asked for.
+#[derive(Debug, thiserror::Error)]
+#[error("--rules: the recipe has no `{name}`; it has {}", .names.join(", "))]
+pub struct NoSuchRules {
+    name: String,
+    names: Vec<String>,
 }
 
 impl Recipe {
@@ -205,6 +285,21 @@ impl Recipe {
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let path = crate::data::found(path);
         Self::parse(&load::read(&path)?, &path.display().to_string())
+    }
+
+    /// The recipe with the rules of this name alone, which leaves everything else as it is drawn.
+    pub fn under(mut self, name: &str) -> Result<Self, NoSuchRules> {
+        let Some(rules) = self.rules.iter().find(|rules| rules.name == name) else {
+            return Err(NoSuchRules {
+                name: name.to_owned(),
+                names: self.rules.into_iter().map(|rules| rules.name).collect(),
+            });
+        };
+        self.rules = vec![Rules {
+            share: 1.0,
+            ..rules.clone()
+        }];
+        Ok(self)
     }
 
     /// Reads and checks a recipe; `file` is named in errors.
@@ -241,9 +336,10 @@ impl Checked for Recipe {
             check.within("longitude_deg", self.site.longitude_deg, -180.0..=180.0);
             check.within("altitude_m", self.site.altitude_m, -500.0..=9000.0);
         });
-        check.within("places", self.places.into(), 1.0..=10_000.0);
+        check.within("places", self.places.into(), 1.0..=MOST_PLACES as f64);
+        check.table("real", |check| self.real.check(check, self.purpose));
         check.within("mast_m", self.mast_m, 5.0..=200.0);
-        check.table("uav", |check| self.uav.check(check));
+        check.table("uav", |check| self.uav.check(check, self.purpose));
         check_shares(check, "backgrounds", self.backgrounds.values());
         check_shares(check, "light", self.light.values());
         check.table("weather", |check| {
@@ -264,16 +360,56 @@ impl Checked for Recipe {
             check.not_descending("height_deg", self.search.height_deg, 1.0..=90.0);
         });
         check.table("distractors", |check| self.distractors.check(check));
-        let clear_m = self.engage.min_clear_range_m;
-        check.within("engage.min_clear_range_m", clear_m, 0.0..=10_000.0);
+        check_shares(check, "rules", self.rules.iter().map(|rules| &rules.share));
+        for (index, rules) in self.rules.iter().enumerate() {
+            let again = self.rules[..index].iter().any(|r| r.name == rules.name);
+            check.table(&format!("rules[{index}]"), |check| {
+                check.that(!rules.name.trim().is_empty() && !again, "name", || {
+                    "is empty, or taken by earlier rules: give each a name of its own".to_owned()
+                });
+                let clear_m = rules.min_clear_range_m;
+                check.within("min_clear_range_m", clear_m, 0.0..=10_000.0);
+            });
+        }
+    }
+}
+
+impl RealDraw {
+    fn check(&self, check: &mut Check, purpose: Purpose) {
+        check.within("share", self.share, FRACTION);
+        let some = self.share > 0.0;
+        check.that(!some || !self.scenarios.is_empty(), "scenarios", || {
+            "is empty: name scenarios with real cities, or set share = 0".to_owned()
+        });
+        check.that(!some || purpose == Purpose::Judging, "share", || {
+            "real cities are kept for judging: set share = 0, or purpose = \"judging\"".to_owned()
+        });
     }
 }
 
 impl UavDraw {
-    fn check(&self, check: &mut Check) {
+    /// Those of the models that are held out, or that are not.
+    pub fn which(&self, held_out: bool) -> Vec<&str> {
+        let models = self.models.iter().map(String::as_str);
+        let is = |model: &&str| catalogue::load(model).is_ok_and(|uav| uav.held_out) == held_out;
+        models.filter(is).collect()
+    }
+
+    fn check(&self, check: &mut Check, purpose: Purpose) {
         not_empty(check, "models", self.models.len());
         for (index, model) in self.models.iter().enumerate() {
-            catalogue::check(check, &format!("models[{index}]"), model);
+            let key = format!("models[{index}]");
+            match purpose {
+                Purpose::Judging => catalogue::check(check, &key, model),
+                Purpose::Learning => catalogue::check_learned(check, &key, model),
+            }
+        }
+        if let Some(share) = self.held_out {
+            check.within("held_out", share, FRACTION);
+            let [held_out, known] = [true, false].map(|which| !self.which(which).is_empty());
+            check.that((held_out || share <= 0.0) && (known || share >= 1.0), "held_out", || {
+                "models has none of one kind: name a held-out model and one that is not, or leave this out".to_owned()
+            });
         }
         check.not_descending("range_m", self.range_m, DISTANCE_M);
         check.not_descending("speed_mps", self.speed_mps, 0.5..=60.0);
@@ -331,7 +467,19 @@ mod tests {
     #[test]
     fn the_shipped_recipe_is_read_and_a_bad_one_refused_with_its_line() {
         let recipe = Recipe::parse(SHIPPED, "r.toml").unwrap();
-        assert_eq!(recipe.uav.models.len(), 6);
+        assert_eq!(recipe.uav.models.len(), 8);
+        assert_eq!(recipe.uav.which(true), ["hframe", "quadplane"]);
+        // One of its rules is what a scenario has that says nothing.
+        let [default, loose] = &recipe.rules[..] else {
+            panic!("{:?}", recipe.rules);
+        };
+        let engage = Engage::default();
+        assert_eq!(default.name, "default");
+        assert_eq!(default.allow_backstop, engage.allow_backstop);
+        assert_eq!(default.min_clear_range_m, engage.min_clear_range_m);
+        assert_eq!(default.text(), "default: sky");
+        assert!(loose.allow_backstop.len() == 3 && loose.min_clear_range_m == 20.0);
+        assert!(loose.text().ends_with("building 20 m behind the target"));
         let refused = |from: &str, to: &str| {
             assert!(SHIPPED.contains(from), "{from}");
             let text = SHIPPED.replacen(from, to, 1);
@@ -347,10 +495,43 @@ mod tests {
             ("cued = 0.7", "cued = 7", "from 0 to 1"),
             ("20005KT", "20005XX", "20005XX"),
             ("kind = \"bird\"", "kind = \"brid\"", "bird"),
+            ("\"judging\"", "\"juding\"", "judging"),
+            ("places = 100000", "places = 1000000", "from 1 to 999999"),
+            ("held_out = 0.5", "held_out = 1.5", "from 0 to 1"),
         ] {
             let error = refused(from, to);
             assert!(error.contains(words), "{error}");
         }
+    }
+
+    #[test]
+    fn a_recipe_under_one_of_its_rules_is_otherwise_the_same() {
+        let recipe = || Recipe::parse(SHIPPED, "r.toml").unwrap();
+        let under = recipe().under("loose").unwrap();
+        assert_eq!((under.rules.len(), &under.rules[0].name[..]), (1, "loose"));
+        let again = Recipe {
+            rules: recipe().rules,
+            ..under
+        };
+        assert_eq!(again, recipe());
+        let twice = SHIPPED.replace("name = \"loose\"", "name = \"default\"");
+        let error = Recipe::parse(&twice, "r.toml").unwrap_err().to_string();
+        assert!(
+            error.contains("rules[1].name: is empty, or taken"),
+            "{error}"
+        );
+        let error = recipe().under("lose").unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "--rules: the recipe has no `lose`; it has default, loose"
+        );
+    }
+
+    #[test]
+    fn a_share_of_held_out_uavs_needs_both_kinds() {
+        let known = SHIPPED.replace(", \"hframe\", \"quadplane\"", "");
+        let error = Recipe::parse(&known, "r.toml").unwrap_err().to_string();
+        assert!(error.contains("uav.held_out: models has none"), "{error}");
     }
 
     #[test]

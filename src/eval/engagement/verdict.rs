@@ -276,8 +276,10 @@ impl Verdict {
     /// Whether any of the shares that are reported counts it as a failure, or the search never looked at
     /// what it could have seen.
     fn failed(&self, record: &Record) -> bool {
-        let scored = self.visible
-            && !(self.acquired && self.held() != Some(false) && self.neutralised && !self.given_up);
+        // What the rules forbade to fire at is no failure for being there at the end.
+        let won = self.neutralised || !self.open;
+        let scored =
+            self.visible && !(self.acquired && self.held() != Some(false) && won && !self.given_up);
         self.fired_else || scored || (!self.visible && record.shown_s >= VISIBLE_S)
     }
 
@@ -488,6 +490,14 @@ mod tests {
                 r.charges_s.insert(Cause::TrackBroken, 0.9);
             }),
             Some(Cause::TrackBroken)
+        );
+        // Held, where the rules never allowed fire.
+        assert_eq!(
+            cause(|r| {
+                (r.neutralised_s, r.open_s) = (None, 3.9);
+                r.charges_s.insert(Cause::Interlock, 10.0);
+            }),
+            None
         );
         let given_up = |r: &mut Record| {
             r.given_up.push(GivenUp {

@@ -15,6 +15,8 @@ pub struct UavModel {
     pub id: String,
     /// Maker and model.
     pub name: String,
+    /// Whether it is kept for judging: nothing that learns is shown it.
+    pub held_out: bool,
     /// Class, by size and number of rotors.
     pub class: ObjectClass,
     /// Take-off mass [kg].
@@ -130,6 +132,7 @@ impl UavModel {
         Self {
             id: "sample".into(),
             name: "sample".into(),
+            held_out: false,
             class: ObjectClass::Quadcopter,
             mass_kg: 1.380,
             diagonal_m: 0.350,

@@ -29,7 +29,7 @@ use crate::maths::polygon::{rectangle, span};
 use crate::shape::mesh::MeshData;
 pub use ground_map::GroundMap;
 pub use met::{Met, Standing};
-pub use params::{CityError, CityParams, CitySource, SourceParams};
+pub use params::{CityError, CityParams, CitySource, JUDGED_SEEDS, SourceParams, learned_seed};
 pub use parts::{Building, BuildingKind, Finish, Part, Roof, Tree, TreeKind};
 use plan::Draft;
 use river::River;

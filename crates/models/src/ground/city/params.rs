@@ -1,11 +1,23 @@
 //! What a city is generated from, and the values it takes.
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use crate::shape::textured::{TilesLight, UpAxis};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+/// Seeds of the cities that are kept for judging: nothing that learns is shown one of them.
+pub const JUDGED_SEEDS: Range<u64> = 1_000_000..2_000_000;
+
+/// The seed of a city to learn from: the drawn one, or where that is kept for judging, another that is not.
+pub fn learned_seed(drawn: u64) -> u64 {
+    if JUDGED_SEEDS.contains(&drawn) {
+        drawn + (JUDGED_SEEDS.end - JUDGED_SEEDS.start)
+    } else {
+        drawn
+    }
+}
 
 /// What a city looks like, or which real one it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -300,6 +312,17 @@ impl CityParams {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_city_to_learn_from_is_none_to_judge_by() {
+        let Range { start, end } = JUDGED_SEEDS;
+        for kept in [start, start + 1, end - 1] {
+            assert!(!JUDGED_SEEDS.contains(&learned_seed(kept)), "{kept}");
+        }
+        for free in [0, 1, start - 1, end, u64::MAX] {
+            assert_eq!(learned_seed(free), free);
+        }
+    }
 
     #[test]
     fn parameters_outside_their_ranges_are_named() {

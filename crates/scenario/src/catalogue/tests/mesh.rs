@@ -8,10 +8,11 @@ use crate::catalogue;
 use boresight_models::bodies::{
     Gear, Payload, RotorMount, UavMesh, UavStyle, styled_uav_mesh, uav_mesh,
 };
+use boresight_models::flight::shape::Shape;
 use boresight_models::flight::uav::{AimPart, UavModel, aim_offset_enu_m};
 use boresight_models::maths::rng::Stream;
 
-/// The UAVs that the program comes with, whatever has been added to the catalogue.
+/// The UAVs of makers and the racer, whatever has been added to the catalogue.
 const SHIPPED: [&str; 6] = [
     "phantom4",
     "mavic2",
@@ -20,6 +21,9 @@ const SHIPPED: [&str; 6] = [
     "matrice600",
     "fpv5",
 ];
+
+/// Those that networks are judged by.
+const HELD_OUT: [&str; 2] = ["hframe", "quadplane"];
 
 fn shipped() -> impl Iterator<Item = UavModel> {
     SHIPPED.into_iter().map(uav)
@@ -59,6 +63,29 @@ fn sizes_match_the_published_ones() {
                 "{kind:?}: {got} m against {want} m"
             );
         }
+    }
+}
+
+/// They are shown to no network, so that none of the shipped ones' parts are theirs.
+#[test]
+fn held_out_uavs_are_marked_have_their_sizes_and_a_shape_of_their_own() {
+    for name in catalogue::names() {
+        assert_eq!(uav(name).held_out, HELD_OUT.contains(&name), "{name}");
+    }
+    for uav in HELD_OUT.map(uav) {
+        let (kind, mesh) = (&uav.id, uav_mesh(&uav));
+        assert!(matches!(uav.shape, Shape::Own { .. }), "{kind}");
+        let [bare, _] = sizes_m(&mesh, 0.0);
+        let published = DVec3::from(uav.size_m);
+        assert!(bare.abs_diff_eq(published, 0.001), "{kind}: {bare} m");
+        for hub in mesh.rotors.iter().map(|r| r.hub_body_m.truncate()) {
+            assert!(
+                (hub.length() - uav.diagonal_m / 2.0).abs() < 1e-3,
+                "{kind} {hub}"
+            );
+        }
+        assert!(mesh.body.signed_volume_m3() > 0.0);
+        assert!((400..=1500).contains(&mesh.body.triangle_count()), "{kind}");
     }
 }
 
