@@ -45,7 +45,7 @@ impl Plugin for ControlPlugin {
     }
 }
 
-/// The engagement begins with the radar's first plot and the mount at the scan's first gaze.
+/// The engagement begins with what the radar knows and the mount at the scan's first gaze.
 fn set_up(
     mut commands: Commands,
     loaded: Res<RunScenario>,
@@ -69,10 +69,9 @@ fn set_up(
     for (entity, station, operator, params, own, mut mount, mut optics) in &mut stations {
         let site = &known[station.index];
         let mut radar = radar(&loaded.scenario, site.search, station.index, *seed, *clock);
-        if let Some(first) = radar.look(0.0, mount.r_enu_m, &environment, &flying) {
-            radar.take(&first);
-            radar.choose(0.0, mount.r_enu_m, params.r_asset_enu_m);
-        }
+        let period_s = clock.at_s(radar.period_ticks);
+        radar.warm_up(period_s, mount.r_enu_m, &environment, &flying);
+        radar.choose(0.0, mount.r_enu_m, params.r_asset_enu_m);
         let cameras: Vec<_> = cameras.iter_many(own.entities()).collect();
         let turned = |(_, path): &(&SensorCamera, &OpticalPath)| path.is_on_gimbal();
         let turned: Vec<_> = cameras.into_iter().filter(turned).collect();

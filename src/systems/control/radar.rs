@@ -26,9 +26,11 @@ pub struct Flying {
 }
 
 impl FlyingItem<'_, '_> {
-    /// What it sends back, relative to a radar at `r_radar_enu_m` [m].
-    fn echo(&self, r_radar_enu_m: DVec3) -> Echo {
+    /// What it sends back, relative to a radar at `r_radar_enu_m` [m]. Before the start, at a `t_s` [s] below 0, it came as it
+    /// flies then.
+    fn echo(&self, r_radar_enu_m: DVec3, t_s: f64) -> Echo {
         let state = &self.flight.state;
+        let r_enu_m = state.r_enu_m + t_s.min(0.0) * state.v_enu_mps;
         let (rcs_m2, modulated) = match self.distractor {
             Some(other) => (
                 rcs::of_distractor_m2(other.kind),
@@ -41,7 +43,7 @@ impl FlyingItem<'_, '_> {
             ),
         };
         Echo {
-            r_enu_m: state.r_enu_m - r_radar_enu_m,
+            r_enu_m: r_enu_m - r_radar_enu_m,
             v_enu_mps: state.v_enu_mps,
             rcs_m2,
             modulated,
@@ -68,7 +70,7 @@ impl Radar {
                 let ground_m = |e_m, n_m| dsm.terrain_m(e_m, n_m);
                 let reach = (&params.field, params.farthest_m);
                 let mut echoes = traffic.echoes(t_s, reach, r_enu_m, ground_m);
-                echoes.extend(airborne.iter().map(|one| one.echo(r_enu_m)));
+                echoes.extend(airborne.iter().map(|one| one.echo(r_enu_m, t_s)));
                 echoes.retain(|echo| {
                     echo.r_enu_m.length() < params.farthest_m
                         && dsm.line_of_sight(r_enu_m, r_enu_m + echo.r_enu_m) == LineOfSight::Clear
@@ -95,6 +97,28 @@ impl Radar {
                 }
                 let plot = |(index, r_enu_m)| (index, errors.plot(r_enu_m, t_s, &mut self.rng));
                 Some(Look::Known(seen.into_iter().map(plot).collect()))
+            }
+        }
+    }
+
+    /// What it knows at the start: a radar that scans has been on for a while.
+    pub fn warm_up(
+        &mut self,
+        period_s: f64,
+        r_enu_m: DVec3,
+        environment: &Environment,
+        flying: &Query<Flying>,
+    ) {
+        /// Enough to confirm a track of which two looks were missed. Chosen.
+        const LOOKS: u32 = 6;
+        let before = match self.kind {
+            Some(RadarKind::Scanning(..)) => LOOKS - 1,
+            _ => 0,
+        };
+        for look in (0..=before).rev() {
+            let t_s = -period_s * f64::from(look);
+            if let Some(seen) = self.look(t_s, r_enu_m, environment, flying) {
+                self.take(&seen);
             }
         }
     }
