@@ -56,7 +56,8 @@ fn a_uav_flies_where_it_is_told_lands_rises_and_the_run_repeats() {
     run.give(&fly(path)).unwrap();
     run.run_until(12.0).unwrap();
     let off_m = uav(&run).r_enu_m().distance(there);
-    assert!(off_m < 1.0, "{off_m} m off");
+    // What its navigation is off is drawn once, 0.75 m each axis.
+    assert!(off_m < 2.5, "{off_m} m off");
     let nose = uav(&run).q_enu_body() * DVec3::X;
     assert!(nose.x > 0.98, "{nose}");
 

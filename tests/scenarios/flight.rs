@@ -149,7 +149,7 @@ fn a_uav_that_was_shot_falls_to_what_lies_below_it() {
     });
     let hover = |name: &str, kind: &str, r: DVec3| {
         format!(
-            "{{ name = '{name}', model = '{kind}', trajectory = {{ kind = 'hover', \
+            "{{ name = '{name}', model = '{kind}', gnss_sigma_m = [0, 0], trajectory = {{ kind = 'hover', \
              position_enu_m = [{}, {}, {}] }} }}",
             r.x, r.y, r.z
         )
@@ -265,7 +265,7 @@ fn a_crash_is_told_with_when_where_and_into_what() {
     let high = DVec3::new(0.0, 300.0, 200.0);
     let flying = |(name, r, v): (&str, DVec3, [f64; 3])| {
         format!(
-            "{{ name = '{name}', model = 'phantom4', trajectory = {{ kind = 'straight', \
+            "{{ name = '{name}', model = 'phantom4', gnss_sigma_m = [0, 0], trajectory = {{ kind = 'straight', \
              start_enu_m = {:?}, velocity_enu_mps = {v:?} }} }}",
             r.to_array()
         )

@@ -30,7 +30,7 @@ fn hovering_at(r_enu_m: DVec3, set: &[&str]) -> Loaded {
         // Still tracked: a target that falls changes shape.
         "engage.authorised=false".to_string(),
         "search.pattern=stare".to_string(),
-        "search.cue.sigma_deg=0.001".to_string(),
+        "search.cue={ kind = 'truth', sigma_deg = 0.001 }".to_string(),
         format!("uavs.0.trajectory={{ kind = \"hover\", position_enu_m = [{e}, {n}, {u}] }}"),
     ];
     let overrides: Vec<String> = (own.into_iter())

@@ -66,8 +66,8 @@ fn a_flock_follows_the_roofs_and_keeps_apart() {
 fn what_meets_in_the_air_falls() {
     // Head on, from both sides of the same place.
     let mut run = swarm(
-        "uavs=[{ name = 'a', model = 'mavic2', trajectory = { kind = 'straight', start_enu_m = [-320, 300, 120], \
-         velocity_enu_mps = [10, 0, 0] } }, { name = 'b', model = 'phantom4', trajectory = { kind = 'straight', \
+        "uavs=[{ name = 'a', model = 'mavic2', gnss_sigma_m = [0, 0], trajectory = { kind = 'straight', start_enu_m = [-320, 300, 120], \
+         velocity_enu_mps = [10, 0, 0] } }, { name = 'b', model = 'phantom4', gnss_sigma_m = [0, 0], trajectory = { kind = 'straight', \
          start_enu_m = [-280, 300, 120], velocity_enu_mps = [-10, 0, 0] } }, { name = 'c', model = 'phantom4', \
          trajectory = { kind = 'hover', position_enu_m = [-300, 320, 120] } }]",
         &[],

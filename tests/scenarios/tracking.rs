@@ -506,7 +506,9 @@ fn an_ordered_wind_and_fog_are_there_from_the_next_tick_on() {
 /// What the station knows of the target's range after some seconds of `urban_intercept`, its UAV hovering
 /// 700 m away, and whether the range finder ever answered.
 fn ranged(set: &[&str], seconds: u32) -> (Option<f64>, bool) {
-    let run = hovering(&[&["engage.authorised=false"], set].concat(), seconds);
+    // In the beam's line, as what stands half way is.
+    let own = ["engage.authorised=false", "uavs.0.gnss_sigma_m=[0, 0]"];
+    let run = hovering(&[&own, set].concat(), seconds);
     let tracker = station(&run).tracker();
     assert!(tracker.state.holds(Tier::Precise), "{:?}", tracker.changes);
     (tracker.range_m, tracker.lased)

@@ -129,7 +129,7 @@ impl Default for RadarConfig {
             false_alarm: 1e-7,
             least_mps: 1.0,
             most_mps: 30.0,
-            most_rcs_m2: 1.0,
+            most_rcs_m2: 0.3,
             alignment_deg: 0.1,
             vehicles: 6,
         }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::catalogue;
 use super::check::{AT_LEAST_ZERO, Check, TURN};
-use super::targets::{DistractorConfig, UavConfig, gnss_sigma_m};
+use super::targets::{DistractorConfig, GNSS_M, UavConfig};
 use boresight_models::flight::distractor::DistractorKind;
 use boresight_models::flight::swarm::{
     Behaviour, Detour, Evasion, Formation, Landing, Member, PAD_SPACING_M, PopUp, RISE_MPS, TakeOff,
@@ -46,6 +46,10 @@ pub struct SwarmConfig {
     /// Their speed.
     #[serde(default = "default_speed_mps")]
     pub speed_mps: f64,
+    /// Standard deviation of what each member's navigation is off, east and north, up [m]. Chosen: members of a swarm correct
+    /// theirs by a common reference.
+    #[serde(default = "default_gnss_sigma_m")]
+    pub gnss_sigma_m: [f64; 2],
     /// Whether they keep their formation; otherwise they flock: to their mates' centre and course.
     #[serde(default = "default_keep")]
     pub keep_formation: bool,
@@ -128,6 +132,10 @@ fn default_every_s() -> f64 {
 
 fn default_climb_m() -> f64 {
     20.0 // [m]
+}
+
+fn default_gnss_sigma_m() -> [f64; 2] {
+    [0.1, 0.1]
 }
 
 fn default_spacing_m() -> f64 {
@@ -321,7 +329,7 @@ impl SwarmConfig {
                         skin: None,
                         spread_m: [JITTER * self.spacing_m; 2],
                         spread_s: 0.0,
-                        gnss_sigma_m: gnss_sigma_m(),
+                        gnss_sigma_m: self.gnss_sigma_m,
                         member: None,
                     };
                     let mut member = Member {
@@ -405,6 +413,8 @@ impl SwarmConfig {
             catalogue::check(check, &format!("models[{index}]"), model);
         }
         check.within("spacing_m", self.spacing_m, 0.5..=1_000.0);
+        check.within("gnss_sigma_m[0]", self.gnss_sigma_m[0], GNSS_M);
+        check.within("gnss_sigma_m[1]", self.gnss_sigma_m[1], GNSS_M);
         check.that(
             !self.from.is_empty() || self.take_off.is_some(),
             "from",

@@ -116,7 +116,7 @@ pub(super) fn check(uavs: &[UavConfig], distractors: &[DistractorConfig], check:
 }
 
 /// More than this is no navigation [m].
-const GNSS_M: RangeInclusive<f64> = 0.0..=100.0;
+pub(super) const GNSS_M: RangeInclusive<f64> = 0.0..=100.0;
 
 /// The greatest speed of a UAV [m/s], where its path is checked against it.
 fn uav_speed_mps(model: &str, trajectory: &Trajectory) -> Option<f64> {

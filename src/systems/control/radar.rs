@@ -109,8 +109,8 @@ impl Radar {
         environment: &Environment,
         flying: &Query<Flying>,
     ) {
-        /// Enough to confirm a track of which two looks were missed. Chosen.
-        const LOOKS: u32 = 6;
+        /// Enough to confirm what is missed now and then. Chosen.
+        const LOOKS: u32 = 12;
         let before = match self.kind {
             Some(RadarKind::Scanning(..)) => LOOKS - 1,
             _ => 0,

@@ -7,8 +7,8 @@
 //!
 //! The receiver's noise is Gaussian, and an echo is what passes a threshold of so many of its deviations: one of that strength is
 //! found half of the time, and noise alone passes it in one of the range bins now and then (the same, ch. 6). Aerosol sends back
-//! as a diffuse surface of reflectance π β ΔR would, β being its backscatter and ΔR the length of the pulse; near the instrument
-//! that is stronger than any target, so that it is blind there.
+//! as a diffuse surface of reflectance π β ΔR would, β being its backscatter and ΔR the length of the pulse. The threshold stands
+//! above that, as instruments' adaptive thresholds do: air is no echo, and hides what is weaker.
 
 use crate::maths::rng::Stream;
 use libm::erfc;
@@ -35,8 +35,6 @@ pub struct RangeFinderParams {
     pub pulse_m: f64,
     /// Range up to which it is blind [m].
     pub blind_m: f64,
-    /// Range up to which its gain grows with the square, so that the air right before it does not answer [m].
-    pub full_gain_m: f64,
     /// Extinction of aerosol over its backscatter [sr].
     pub lidar_ratio_sr: f64,
 }
@@ -57,7 +55,6 @@ impl Default for RangeFinderParams {
             threshold: 5.0,                   // deviations
             pulse_m: 1.5,                     // [m]
             blind_m: 50.0,                    // [m]
-            full_gain_m: 500.0,               // [m]
             lidar_ratio_sr: 18.0,             // [sr]
         }
     }
@@ -89,8 +86,14 @@ impl RangeFinderParams {
         beside * (1.0 - (-peak_per_m2 * area_m2).exp())
     }
 
-    /// Power of a surface's echo over the threshold, in air of `extinction_per_m` [1/m].
+    /// Power of a surface's echo over the threshold that stands above the air's, in air of `extinction_per_m` [1/m].
     pub fn margin(&self, surface: &LitSurface, extinction_per_m: f64) -> f64 {
+        let air = self.aerosol(surface.range_m, extinction_per_m);
+        self.strength(surface, extinction_per_m) / (1.0 + self.strength(&air, extinction_per_m))
+    }
+
+    /// Power of a surface's echo over the threshold in air that sends nothing back, but takes `extinction_per_m` [1/m].
+    pub fn strength(&self, surface: &LitSurface, extinction_per_m: f64) -> f64 {
         let received = |range_m: f64, reflectance: f64, share: f64, extinction_per_m: f64| {
             reflectance * share * (-2.0 * extinction_per_m * range_m).exp() / (range_m * range_m)
         };
@@ -100,14 +103,12 @@ impl RangeFinderParams {
             1.0,
             self.rated_extinction_per_m,
         );
-        let gain = (surface.range_m / self.full_gain_m).powi(2).min(1.0);
-        let echo = received(
+        received(
             surface.range_m,
             surface.reflectance,
             surface.share,
             extinction_per_m,
-        );
-        gain * echo / least
+        ) / least
     }
 
     /// Chance that a pulse's echo of such a margin is found.
@@ -129,15 +130,14 @@ impl RangeFinderParams {
         }
     }
 
-    /// The ranges [m] of one pulse's echoes, nearest first, without the error of a range: surfaces that are found, the aerosol where
-    /// that is strong enough, false ones up to the rated range.
+    /// The ranges [m] of one pulse's echoes, nearest first, without the error of a range: surfaces that are found, and
+    /// false ones up to the rated range.
     pub fn echoes_m(
         &self,
         surfaces: &[LitSurface],
         extinction_per_m: f64,
         rng: &mut Stream,
     ) -> Vec<f64> {
-        let nearest = self.aerosol(self.blind_m, extinction_per_m);
         let mut found = |surface: &LitSurface| {
             let chance = self.detection_chance(self.margin(surface, extinction_per_m));
             rng.uniform() < chance && surface.range_m > self.blind_m
@@ -146,11 +146,6 @@ impl RangeFinderParams {
             .filter(|surface| found(surface))
             .map(|surface| surface.range_m)
             .collect();
-        // What comes back of the air is strongest where the receiver first opens.
-        let by_air = self.margin(&nearest, extinction_per_m);
-        if rng.uniform() < self.detection_chance(by_air) {
-            echoes_m.push(self.blind_m);
-        }
         for _ in 0..rng.poisson(self.false_echoes(self.rated_range_m)) {
             echoes_m.push(rng.range(self.blind_m, self.rated_range_m));
         }
@@ -187,7 +182,7 @@ mod tests {
     fn the_rated_target_answers_every_other_pulse() {
         let finder = FINDER();
         let rated = extended(finder.rated_range_m);
-        let margin = finder.margin(&rated, finder.rated_extinction_per_m);
+        let margin = finder.strength(&rated, finder.rated_extinction_per_m);
         assert!((margin - 1.0).abs() < 1e-12, "{margin}");
         let found = answered(&[rated], finder.rated_extinction_per_m, 10_000.0);
         // Five standard errors of a half.
@@ -223,13 +218,19 @@ mod tests {
     }
 
     #[test]
-    fn fog_swallows_the_echo_and_sends_its_own() {
+    fn fog_swallows_the_echo_and_hides_what_is_weaker_than_its_own() {
         // 200 m of visibility: 19.6 per km; there and back over 600 m keep 6e-11.
         assert!(answered(&[extended(600.0)], 19.6e-3, 600.0) < 0.01);
         assert!(answered(&[extended(100.0)], 19.6e-3, 100.0) > 0.99);
-        assert!(answered(&[], 19.6e-3, 50.0) > 0.99);
-        // Air of 23 km of visibility does not answer.
-        assert!(answered(&[], 0.044e-3, 50.0) < 0.01);
+        // At 60 m that air sends back what 0.5 % of reflectance would.
+        let faint = |reflectance: f64| LitSurface {
+            reflectance,
+            ..extended(60.0)
+        };
+        assert!(answered(&[faint(3e-3)], 19.6e-3, 60.0) < 0.02);
+        assert!(answered(&[faint(15e-3)], 19.6e-3, 60.0) > 0.98);
+        // Noise alone is no echo there.
+        assert!(answered(&[], 19.6e-3, 60.0) < 0.01);
     }
 
     #[test]

@@ -238,7 +238,7 @@ fn range_finder() -> Vec<Check> {
             share: finder.share(area_m2, range_m, 0.0),
             reflectance: 0.3,
         };
-        finder.margin(&surface, extinction_pm)
+        finder.strength(&surface, extinction_pm)
     }
     vec![
         Check {
