@@ -17,6 +17,7 @@ import hashlib
 import json
 import math
 import multiprocessing
+import multiprocessing.pool
 import os
 import pathlib
 import statistics
@@ -59,6 +60,8 @@ MOST_SEEDS = 20
 # What is tried, one after the other; the first is the beginning. Where a board says what other scenes say, too, all count alike.
 FRONT_END = (("labels", ("all", "uav")), ("floor", (1.0, 0.5)), ("hits", (6, 3)), ("silent_s", (3.0, 1.0)))
 ACCELS = (0.5, 0.1, 2.0)
+# Tried where the least or the greatest of these is the best.
+BEYOND = {0.1: 0.03, 2.0: 5.0}
 WINDOWS = (3, 2, 5)
 WINDOW_SCENES = ("crossing", "overtaking")
 # A box within this of something that flies is of it.
@@ -104,9 +107,14 @@ def recording(folder):
 
 def counted(out, scene, settings):
     """Errors of the detector by camera over the tuning seeds, of the boxes that these settings let through."""
+    return _counted(out, scene, settings.labels, settings.floor)
+
+
+@functools.cache
+def _counted(out, scene, labels, floor):
     import rivals_stonesoup as soup
 
-    sums = {}
+    settings, sums = soup.Settings(labels=labels, floor=floor), {}
     for seed in tuning_seeds(scene):
         run = recording(folder_of(out, scene, seed))
         for scan in run.scans:
@@ -133,58 +141,6 @@ def counted(out, scene, settings):
     } | {name: soup.Rates(1.0, 0.01, 1e-3) for name in run.cameras if name not in sums}
 
 
-def pursue(reading, run):
-    """The paper's rule on a recording: its target at each tick, and the axis's rms distance from the designated UAV [mrad].
-
-    It begins with both axes on the first box that lies on the designated UAV after the first hold.
-    """
-    import numpy as np
-
-    import rivals_paper as paper
-    from rivals_recording import FRESH_S
-    from rivals_scores import CUTOFF_MRAD
-
-    tier = {camera.tier: (name, camera) for name, camera in run.cameras.items()}
-    fields = {
-        name: paper.Field(0.5 * camera.width_px / camera.focal_px, 0.5 * camera.height_px / camera.focal_px)
-        for name, camera in tier.values()
-    }
-    (coarse, camera), (precise, _) = tier["coarse"], tier["precise"]
-    pursuit, followed, next_scan, targets, misses = None, {}, 0, [], []
-    for index, tick in enumerate(run.ticks):
-        place = dict(run.truth[tick]).get(run.uavs[0])
-        while next_scan < len(run.scans) and run.scans[next_scan].known <= tick:
-            scan = run.scans[next_scan]
-            next_scan += 1
-            rays = [box.ray for box in scan.found if box.score >= scan.threshold]
-            if index < run.first or scan.camera not in (coarse, precise):
-                continue
-            if pursuit is None:
-                seen = dict(run.in_camera.get((scan.exposure, scan.camera), [])).get(run.uavs[0])
-                if seen is None:
-                    continue
-                on = run.cameras[scan.camera].ray(run.rotation[scan.exposure][scan.camera], seen)
-                near = [ray for ray in rays if 1e3 * np.linalg.norm(ray - on) < CUTOFF_MRAD]
-                if not near:
-                    continue
-                start = min(near, key=lambda ray: np.linalg.norm(ray - on))
-                pursuit = paper.Pursuit(reading, fields[coarse], fields[precise], start)
-            frame_s = run.cameras[scan.camera].period_ticks / run.tick_hz
-            ray = pursuit.look(scan.camera == precise, rays, frame_s)
-            if ray is not None:
-                followed[scan.camera] = scan.exposure, ray
-        rotation, target = run.rotation[tick][coarse], None
-        for name in (precise, coarse):
-            exposed, ray = followed.get(name, (None, None))
-            if target is None and ray is not None and tick - exposed < FRESH_S * run.tick_hz:
-                px = camera.project(rotation, ray)
-                target = px and (1, *px)
-        targets.append(target)
-        if pursuit is not None and place is not None:
-            misses.append(1e6 * np.sum((pursuit.axis_enu() - camera.ray(rotation, place)) ** 2))
-    return targets, math.sqrt(statistics.fmean(misses)) if misses else None
-
-
 def replayed(out, scene, seed, kind, settings, rates):
     """Shown tracks and target at each tick of one tracker on one run, and further figures of it."""
     import rivals_scores as scores
@@ -194,7 +150,9 @@ def replayed(out, scene, seed, kind, settings, rates):
         shown, targets = run.own_tracks(0.5 if kind == "boresight" else 0.0)
         return run, shown, targets, {}
     if kind.startswith("paper"):
-        targets, axis_mrad = pursue(kind.removeprefix("paper_"), run)
+        import rivals_paper
+
+        targets, axis_mrad = rivals_paper.pursue(kind.removeprefix("paper_"), run)
         return run, [[target] if target else [] for target in targets], targets, {"axis_rms_mrad": axis_mrad}
     import rivals_stonesoup as soup
 
@@ -291,9 +249,13 @@ def tune(out, scenes, pool):
         by_accel = {
             accel: cost(kind, dict.fromkeys(scenes, dataclasses.replace(start, accel=accel)), first) for accel in ACCELS
         }
-        settings[kind] = {
-            scene: dataclasses.replace(start, accel=min(ACCELS, key=lambda accel: by_accel[accel][scene])) for scene in scenes
-        }
+        best = {scene: min(ACCELS, key=lambda accel: by_accel[accel][scene]) for scene in scenes}
+        at_the_end = {scene: BEYOND[accel] for scene, accel in best.items() if accel in BEYOND}
+        further = {scene: dataclasses.replace(start, accel=accel) for scene, accel in at_the_end.items()}
+        for scene, reached in (cost(kind, further, first) if further else {}).items():
+            if reached < by_accel[best[scene]][scene]:
+                best[scene] = at_the_end[scene]
+        settings[kind] = {scene: dataclasses.replace(start, accel=best[scene]) for scene in scenes}
     chosen = {
         kind: {
             scene: {
@@ -323,7 +285,7 @@ def pooled_rows(out, scenes, seeds_of, tuned, pool, commands):
                     rates = {name: soup.Rates(**rate) for name, rate in mine["rates"].items()}
                 jobs.append((out, scene, seed, kind, settings, rates, True))
     figures, done = [], 0
-    for one in pool.imap(figures_of, jobs, chunksize=1):
+    for one in pool.imap(figures_of, jobs, chunksize=len(TRACKERS)):
         figures.append(one)
         done += 1
         print(f"rivals: {done} of {len(jobs)} replays", file=sys.stderr, flush=True)
@@ -395,13 +357,20 @@ def measure(args):
     def seeds_of(scene):
         return range(1, min(args.seeds, MOST_PIXEL_SEEDS if SCENES[scene].pixels else args.seeds) + 1)
 
-    for scene in scenes:
+    def made(job):
+        scene, seed = job
         of = SCENES[scene]
-        for seed in (*tuning_seeds(scene), *seeds_of(scene)):
-            command = rivals_recording.make(
-                args.boresight, f"scenarios/eval/{of.file}.toml", seed, of.settings(), of.pixels,
-                folder_of(args.out, scene, seed),
-            )
+        return rivals_recording.make(
+            args.boresight, f"scenarios/eval/{of.file}.toml", seed, of.settings(), of.pixels, folder_of(args.out, scene, seed)
+        )
+
+    # Rendered runs first: they take longest.
+    runs = [
+        (scene, seed) for scene in sorted(scenes, key=lambda scene: not SCENES[scene].pixels)
+        for seed in (*tuning_seeds(scene), *seeds_of(scene))
+    ]
+    with multiprocessing.pool.ThreadPool(args.jobs) as threads:
+        for (scene, _), command in zip(runs, threads.map(made, runs, chunksize=1)):
             commands.setdefault(scene, []).append(command)
     with multiprocessing.get_context("fork").Pool(args.jobs) as pool:
         kept = args.out / "tuning.json"

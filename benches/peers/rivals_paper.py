@@ -10,6 +10,7 @@ into `enu`, and multiply as rotations do.
 
 import dataclasses
 import math
+import statistics
 
 import numpy as np
 
@@ -155,3 +156,52 @@ class Pursuit:
     def axis_enu(self):
         """Where the precise camera looks, a unit vector."""
         return turned(self.q_precise, (0.0, 0.0, 1.0))
+
+
+def pursue(reading, run):
+    """The paper's rule on a recording: its target at each tick, and the axis's rms distance from the designated UAV [mrad].
+
+    It begins with both axes on the first box that lies on the designated UAV after the first hold.
+    """
+    # Reading recordings wants more than the laws, which a test looks at alone.
+    from rivals_recording import CUTOFF_MRAD, FRESH_S
+
+    tier = {camera.tier: (name, camera) for name, camera in run.cameras.items()}
+    fields = {
+        name: Field(0.5 * camera.width_px / camera.focal_px, 0.5 * camera.height_px / camera.focal_px)
+        for name, camera in tier.values()
+    }
+    (coarse, camera), (precise, _) = tier["coarse"], tier["precise"]
+    pursuit, followed, next_scan, targets, misses = None, {}, 0, [], []
+    for index, tick in enumerate(run.ticks):
+        place = dict(run.truth[tick]).get(run.uavs[0])
+        while next_scan < len(run.scans) and run.scans[next_scan].known <= tick:
+            scan = run.scans[next_scan]
+            next_scan += 1
+            rays = [box.ray for box in scan.found if box.score >= scan.threshold]
+            if index < run.first or scan.camera not in (coarse, precise):
+                continue
+            if pursuit is None:
+                seen = dict(run.in_camera.get((scan.exposure, scan.camera), [])).get(run.uavs[0])
+                if seen is None:
+                    continue
+                on = run.cameras[scan.camera].ray(run.rotation[scan.exposure][scan.camera], seen)
+                near = [ray for ray in rays if 1e3 * np.linalg.norm(ray - on) < CUTOFF_MRAD]
+                if not near:
+                    continue
+                start = min(near, key=lambda ray: np.linalg.norm(ray - on))
+                pursuit = Pursuit(reading, fields[coarse], fields[precise], start)
+            frame_s = run.cameras[scan.camera].period_ticks / run.tick_hz
+            ray = pursuit.look(scan.camera == precise, rays, frame_s)
+            if ray is not None:
+                followed[scan.camera] = scan.exposure, ray
+        rotation, target = run.rotation[tick][coarse], None
+        for name in (precise, coarse):
+            exposed, ray = followed.get(name, (None, None))
+            if target is None and ray is not None and tick - exposed < FRESH_S * run.tick_hz:
+                px = camera.project(rotation, ray)
+                target = px and (1, *px)
+        targets.append(target)
+        if pursuit is not None and place is not None:
+            misses.append(1e6 * np.sum((pursuit.axis_enu() - camera.ray(rotation, place)) ** 2))
+    return targets, math.sqrt(statistics.fmean(misses)) if misses else None

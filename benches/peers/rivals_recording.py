@@ -5,6 +5,7 @@ pixels. Poses are true ones.
 """
 
 import dataclasses
+import functools
 import importlib.util
 import json
 import math
@@ -26,6 +27,8 @@ HOLDING = ("coarse", "precise", "engage")
 # What a track must have to count, as `boresight eval tracking` has it.
 CONFIRMED_HITS = 6
 FRESH_S = 0.25  # [s]
+# The distance up to which `eval tracking` says that a line of sight is on an object.
+CUTOFF_MRAD = 1.0
 # Seen means at least this share of it in the picture and not behind something.
 CLEAR_SHARE = 0.5
 DISTRACTORS = ("bird", "balloon", "aircraft", "leaf")
@@ -35,6 +38,7 @@ class BadInput(Exception):
     """What the user must mend."""
 
 
+@functools.cache
 def client_module():
     """Boresight's client, a file that needs nothing but Python: the package beside it would want the compiled part."""
     path = ROOT / "python" / "boresight" / "client.py"
@@ -57,6 +61,7 @@ def make(program, scenario, seed, settings, capture, folder):
     if (folder / "tracks.json").exists():
         return command
     print(f"rivals: {command}", file=sys.stderr, flush=True)
+    client = client_module()
     client = client_module()
     shutil.rmtree(folder, ignore_errors=True)
     with tempfile.TemporaryDirectory() as short:

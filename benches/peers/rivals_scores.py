@@ -14,9 +14,9 @@ from scipy.stats import t as student
 from stonesoup.metricgenerator.ospametric import GOSPAMetric
 from stonesoup.types.state import State
 
-# The distance up to which `eval tracking` says that a line of sight is on an object; GOSPA's cut-off too.
-CUTOFF_MRAD = 1.0
-ORDER = 2
+from rivals_recording import CUTOFF_MRAD
+
+ORDER = 2  # of GOSPA, whose cut-off is CUTOFF_MRAD
 EPOCH = datetime.datetime(2000, 1, 1)
 LEAST_SIDE_PX = 8.0  # of a box that TrackEval scores
 
