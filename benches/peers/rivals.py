@@ -57,13 +57,13 @@ SCENES = {
 MOST_PIXEL_SEEDS = 2
 TUNING_SEEDS = (101, 102)
 MOST_SEEDS = 20
-# What is tried, one after the other; the first is the beginning. Where a board says what other scenes say, too, all count alike.
+# What is tried, one after the other; the first is the beginning.
 FRONT_END = (("labels", ("all", "uav")), ("floor", (1.0, 0.5)), ("hits", (6, 3)), ("silent_s", (3.0, 1.0)))
-ACCELS = (0.5, 0.1, 2.0)
-# Tried where the least or the greatest of these is the best.
-BEYOND = {0.1: 0.03, 2.0: 5.0}
-WINDOWS = (3, 2, 5)
-WINDOW_SCENES = ("crossing", "overtaking")
+# Accelerations that the nearest neighbour tries, and the shares of its choice that the others try.
+ACCELS = (0.5, 0.1, 2.0, 5.0)
+ABOUT = (1.0, 0.25, 4.0)
+WINDOWS = (3, 5)
+WINDOW_SCENES = ("crossing",)
 # A box within this of something that flies is of it.
 MATCH_PX = 8.0
 TRACKERS = {
@@ -204,7 +204,7 @@ def tune(out, scenes, pool):
     """Settings and rates of each Stone Soup tracker by scene: those of least mean GOSPA over the tuning seeds.
 
     What makes and ends tracks is one choice for all scenes and trackers, made with the nearest neighbour. The acceleration is
-    chosen by tracker and scene, on the first tuning seed; the window of `mht` for all scenes.
+    chosen by tracker and scene, by JPDA and `mht` on the first tuning seed alone; the window of `mht` for all scenes.
     """
     import rivals_stonesoup as soup
 
@@ -235,27 +235,31 @@ def tune(out, scenes, pool):
             reached = mean(cost("gnn", dict.fromkeys(scenes, other), tuning_seeds))
             if reached < least:
                 common, least = other, reached
-    first = lambda scene: tuning_seeds(scene)[:1]
+
+    def first(scene):
+        return tuning_seeds(scene)[:1]
+
     settings = {}
     for kind in soup.KINDS:
         start = common
         if kind == "mht":
             some = [scene for scene in scenes if scene in WINDOW_SCENES] or scenes[:1]
             by_window = {
-                window: mean(cost(kind, dict.fromkeys(some, dataclasses.replace(common, window=window)), first))
+                window: mean(cost(kind, {
+                    scene: dataclasses.replace(settings["gnn"][scene], window=window) for scene in some
+                }, first))
                 for window in WINDOWS
             }
             start = dataclasses.replace(common, window=min(by_window, key=by_window.get))
-        by_accel = {
-            accel: cost(kind, dict.fromkeys(scenes, dataclasses.replace(start, accel=accel)), first) for accel in ACCELS
-        }
-        best = {scene: min(ACCELS, key=lambda accel: by_accel[accel][scene]) for scene in scenes}
-        at_the_end = {scene: BEYOND[accel] for scene, accel in best.items() if accel in BEYOND}
-        further = {scene: dataclasses.replace(start, accel=accel) for scene, accel in at_the_end.items()}
-        for scene, reached in (cost(kind, further, first) if further else {}).items():
-            if reached < by_accel[best[scene]][scene]:
-                best[scene] = at_the_end[scene]
-        settings[kind] = {scene: dataclasses.replace(start, accel=best[scene]) for scene in scenes}
+        least_of, settings[kind] = dict.fromkeys(scenes, math.inf), {}
+        for step in ACCELS if kind == "gnn" else ABOUT:
+            tries = {
+                scene: dataclasses.replace(start, accel=step if kind == "gnn" else step * settings["gnn"][scene].accel)
+                for scene in scenes
+            }
+            for scene, reached in cost(kind, tries, tuning_seeds if kind == "gnn" else first).items():
+                if reached < least_of[scene]:
+                    least_of[scene], settings[kind][scene] = reached, tries[scene]
     chosen = {
         kind: {
             scene: {

@@ -204,13 +204,12 @@ class Replay:
                 # Multi-frame assignment sets them against a false alarm's likelihood ratio of 1.
                 normalise=kind != "mht",
             )
-            self.associators[name] = {
-                "gnn": lambda: nearest,
-                "jpda": lambda: JPDAwithEHM2(Near(likely, self.predictor)),
-                "mht": lambda: MFADataAssociator(
-                    MFAHypothesiser(Near(likely, self.predictor)), slide_window=settings.window
-                ),
-            }[kind]()
+            self.associators[name] = nearest
+            if kind == "jpda":
+                self.associators[name] = JPDAwithEHM2(Near(likely, self.predictor))
+            elif kind == "mht":
+                many = MFAHypothesiser(Near(likely, self.predictor))
+                self.associators[name] = MFADataAssociator(many, slide_window=settings.window)
         self.tracks, self.numbers, self.last_hit = [], {}, {}
         self.scans, self.spent_s = 0, 0.0
 
