@@ -59,11 +59,11 @@ TUNING_SEEDS = (101, 102)
 MOST_SEEDS = 20
 # What is tried, one after the other; the first is the beginning.
 FRONT_END = (("labels", ("all", "uav")), ("floor", (1.0, 0.5)), ("hits", (6, 3)), ("silent_s", (3.0, 1.0)))
-# Accelerations that the nearest neighbour tries, and the shares of its choice that the others try.
 ACCELS = (0.5, 0.1, 2.0, 5.0)
-ABOUT = (1.0, 0.25, 4.0)
+# What JPDA and MHT, which take minutes, try of their own in few scenes: times the nearest neighbour's acceleration, and windows.
+TIMES = (1.0, 0.25, 4.0)
 WINDOWS = (3, 5)
-WINDOW_SCENES = ("crossing",)
+FEW = ("crossing", "occlusion")
 # A box within this of something that flies is of it.
 MATCH_PX = 8.0
 TRACKERS = {
@@ -203,8 +203,8 @@ def tuning_seeds(scene):
 def tune(out, scenes, pool):
     """Settings and rates of each Stone Soup tracker by scene: those of least mean GOSPA over the tuning seeds.
 
-    What makes and ends tracks is one choice for all scenes and trackers, made with the nearest neighbour. The acceleration is
-    chosen by tracker and scene, by JPDA and `mht` on the first tuning seed alone; the window of `mht` for all scenes.
+    What makes and ends tracks and the acceleration are chosen by scene with the nearest neighbour, whose filter all three share.
+    JPDA and `mht` choose a factor of that acceleration and a window for all scenes, in a few of them and on the first tuning seed.
     """
     import rivals_stonesoup as soup
 
@@ -224,42 +224,35 @@ def tune(out, scenes, pool):
         print(f"rivals: tuning {kind}: {statistics.fmean(means.values()):.4f} mrad", file=sys.stderr, flush=True)
         return means
 
-    def mean(costs):
-        return statistics.fmean(costs.values())
-
-    common = soup.Settings(accel=ACCELS[0], window=WINDOWS[0], **{name: values[0] for name, values in FRONT_END})
-    least = mean(cost("gnn", dict.fromkeys(scenes, common), tuning_seeds))
+    begin = soup.Settings(accel=ACCELS[0], window=WINDOWS[0], **{name: values[0] for name, values in FRONT_END})
+    common = dict.fromkeys(scenes, begin)
+    least = cost("gnn", common, tuning_seeds)
     for name, (_, *others) in FRONT_END:
         for value in others:
-            other = dataclasses.replace(common, **{name: value})
-            reached = mean(cost("gnn", dict.fromkeys(scenes, other), tuning_seeds))
-            if reached < least:
-                common, least = other, reached
+            tries = {scene: dataclasses.replace(one, **{name: value}) for scene, one in common.items()}
+            for scene, reached in cost("gnn", tries, tuning_seeds).items():
+                if reached < least[scene]:
+                    common[scene], least[scene] = tries[scene], reached
 
-    def first(scene):
-        return tuning_seeds(scene)[:1]
-
-    settings = {}
-    for kind in soup.KINDS:
-        start = common
-        if kind == "mht":
-            some = [scene for scene in scenes if scene in WINDOW_SCENES] or scenes[:1]
-            by_window = {
-                window: mean(cost(kind, {
-                    scene: dataclasses.replace(settings["gnn"][scene], window=window) for scene in some
-                }, first))
-                for window in WINDOWS
-            }
-            start = dataclasses.replace(common, window=min(by_window, key=by_window.get))
-        least_of, settings[kind] = dict.fromkeys(scenes, math.inf), {}
-        for step in ACCELS if kind == "gnn" else ABOUT:
+    for accel in ACCELS[1:]:
+        tries = {scene: dataclasses.replace(one, accel=accel) for scene, one in common.items()}
+        for scene, reached in cost("gnn", tries, tuning_seeds).items():
+            if reached < least[scene]:
+                common[scene], least[scene] = tries[scene], reached
+    settings = {"gnn": common}
+    few = [scene for scene in scenes if scene in FEW] or scenes[:1]
+    for kind in ("jpda", "mht"):
+        by_way = {}
+        for times, window in [(times, WINDOWS[0]) for times in TIMES] + [(1.0, window) for window in WINDOWS[1:] if kind == "mht"]:
             tries = {
-                scene: dataclasses.replace(start, accel=step if kind == "gnn" else step * settings["gnn"][scene].accel)
-                for scene in scenes
+                scene: dataclasses.replace(common[scene], accel=times * common[scene].accel, window=window) for scene in few
             }
-            for scene, reached in cost(kind, tries, tuning_seeds if kind == "gnn" else first).items():
-                if reached < least_of[scene]:
-                    least_of[scene], settings[kind][scene] = reached, tries[scene]
+            costs = cost(kind, tries, lambda scene: tuning_seeds(scene)[:1])
+            by_way[times, window] = statistics.fmean(costs.values())
+        times, window = min(by_way, key=by_way.get)
+        settings[kind] = {
+            scene: dataclasses.replace(one, accel=times * one.accel, window=window) for scene, one in common.items()
+        }
     chosen = {
         kind: {
             scene: {
@@ -279,8 +272,8 @@ def pooled_rows(out, scenes, seeds_of, tuned, pool, commands):
     import rivals_stonesoup as soup
 
     jobs = []
-    for scene in scenes:
-        for seed in seeds_of(scene):
+    for seed in sorted({seed for scene in scenes for seed in seeds_of(scene)}):
+        for scene in [scene for scene in scenes if seed in seeds_of(scene)]:
             for kind in TRACKERS:
                 settings = rates = None
                 if kind in soup.KINDS:
