@@ -82,6 +82,7 @@ FIGURES = (
     ("uav_tracked_share", "UAVs tracked [%]", 100, 1),
     ("gospa_mrad", "GOSPA [mrad]", 1, 3),
     ("false_tracks_per_min", "false tracks/min", 1, 1),
+    ("false_per_frame", "false/frame", 1, 2),
     ("identity_switches", "switches", 1, 1),
     ("fragmentations", "fragments", 1, 1),
     ("IDF1", "IDF1", 1, 3),
@@ -288,7 +289,7 @@ def pooled_rows(out, scenes, seeds_of, tuned, pool, commands):
         print(f"rivals: {done} of {len(jobs)} replays", file=sys.stderr, flush=True)
     rows = []
     keys = [key for key, *_ in FIGURES] + [
-        "target_wrong_share", "of_them_on_distractors_per_min", "missed_per_frame", "false_per_frame", "AssA", "axis_rms_mrad",
+        "target_wrong_share", "of_them_on_distractors_per_min", "missed_per_frame", "AssA", "axis_rms_mrad",
     ]
     for scene in scenes:
         for kind in TRACKERS:

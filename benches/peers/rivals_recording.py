@@ -214,6 +214,8 @@ class Recording:
                     self._take(channel.topic, tick, proto, raw)
         except (OSError, McapError, KeyError, ValueError) as error:
             raise BadInput(f"{folder}: not a run that this program recorded: {error!r}; remove it") from error
+        # The server names distractors after the UAVs.
+        self.uavs = [name for name in self.uavs if self.is_uav(name)]
         for proto in raw:
             camera, rotation = self.cameras[proto.camera], self.rotation[proto.exposure_tick][proto.camera]
             found = []
