@@ -211,46 +211,47 @@ def tune(out, scenes, pool):
 
     tried = []
 
-    def cost(kind, by_scene, seeds_of):
-        """Mean GOSPA by scene [mrad] of settings by scene."""
+    def costs(tries):
+        """Mean GOSPA by scene [mrad] of each try: a tracker, its settings by scene, and the seeds of a scene."""
         jobs = [
             (out, scene, seed, kind, settings, counted(out, scene, settings), False)
-            for scene, settings in by_scene.items() for seed in seeds_of(scene)
+            for kind, by_scene, seeds_of in tries for scene, settings in by_scene.items() for seed in seeds_of(scene)
         ]
-        figures = pool.map(figures_of, jobs, chunksize=1)
-        means = {
-            scene: statistics.fmean(f["gospa_mrad"] for f, job in zip(figures, jobs) if job[1] == scene) for scene in by_scene
-        }
-        tried.append({"tracker": kind, "settings": {s: dataclasses.asdict(v) for s, v in by_scene.items()}, "gospa_mrad": means})
-        print(f"rivals: tuning {kind}: {statistics.fmean(means.values()):.4f} mrad", file=sys.stderr, flush=True)
-        return means
+        figures, found = iter(pool.map(figures_of, jobs, chunksize=1)), []
+        for kind, by_scene, seeds_of in tries:
+            means = {scene: statistics.fmean(next(figures)["gospa_mrad"] for _ in seeds_of(scene)) for scene in by_scene}
+            found.append(means)
+            named = {scene: dataclasses.asdict(settings) for scene, settings in by_scene.items()}
+            tried.append({"tracker": kind, "settings": named, "gospa_mrad": means})
+            print(f"rivals: tuning {kind}: {statistics.fmean(means.values()):.4f} mrad", file=sys.stderr, flush=True)
+        return found
+
+    def try_all(several):
+        """Takes from each of several settings by scene what the nearest neighbour does better with."""
+        for by_scene, means in zip(several, costs([("gnn", by_scene, tuning_seeds) for by_scene in several])):
+            for scene, reached in means.items():
+                if reached < least[scene]:
+                    common[scene], least[scene] = by_scene[scene], reached
 
     begin = soup.Settings(accel=ACCELS[0], window=WINDOWS[0], **{name: values[0] for name, values in FRONT_END})
     common = dict.fromkeys(scenes, begin)
-    least = cost("gnn", common, tuning_seeds)
+    least = dict.fromkeys(scenes, math.inf)
+    try_all([common])
     for name, (_, *others) in FRONT_END:
-        for value in others:
-            tries = {scene: dataclasses.replace(one, **{name: value}) for scene, one in common.items()}
-            for scene, reached in cost("gnn", tries, tuning_seeds).items():
-                if reached < least[scene]:
-                    common[scene], least[scene] = tries[scene], reached
-
-    for accel in ACCELS[1:]:
-        tries = {scene: dataclasses.replace(one, accel=accel) for scene, one in common.items()}
-        for scene, reached in cost("gnn", tries, tuning_seeds).items():
-            if reached < least[scene]:
-                common[scene], least[scene] = tries[scene], reached
+        try_all([{s: dataclasses.replace(one, **{name: value}) for s, one in common.items()} for value in others])
+    try_all([{s: dataclasses.replace(one, accel=accel) for s, one in common.items()} for accel in ACCELS[1:]])
     settings = {"gnn": common}
     few = [scene for scene in scenes if scene in FEW] or scenes[:1]
+    ways = [(kind, times, WINDOWS[0]) for kind in ("jpda", "mht") for times in TIMES]
+    ways += [("mht", 1.0, window) for window in WINDOWS[1:]]
+    tries = [
+        (kind, {s: dataclasses.replace(common[s], accel=times * common[s].accel, window=window) for s in few},
+         lambda scene: tuning_seeds(scene)[:1])
+        for kind, times, window in ways
+    ]
+    by_way = {way: statistics.fmean(means.values()) for way, means in zip(ways, costs(tries))}
     for kind in ("jpda", "mht"):
-        by_way = {}
-        for times, window in [(times, WINDOWS[0]) for times in TIMES] + [(1.0, window) for window in WINDOWS[1:] if kind == "mht"]:
-            tries = {
-                scene: dataclasses.replace(common[scene], accel=times * common[scene].accel, window=window) for scene in few
-            }
-            costs = cost(kind, tries, lambda scene: tuning_seeds(scene)[:1])
-            by_way[times, window] = statistics.fmean(costs.values())
-        times, window = min(by_way, key=by_way.get)
+        _, times, window = min((way for way in ways if way[0] == kind), key=by_way.get)
         settings[kind] = {
             scene: dataclasses.replace(one, accel=times * one.accel, window=window) for scene, one in common.items()
         }
