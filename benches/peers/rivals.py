@@ -63,7 +63,7 @@ ACCELS = (0.5, 0.1, 2.0, 5.0)
 # What JPDA and MHT, which take minutes, try of their own in few scenes: times the nearest neighbour's acceleration, and windows.
 TIMES = (1.0, 0.25, 4.0)
 WINDOWS = (3, 5)
-FEW = ("crossing", "occlusion")
+FEW = ("crossing",)
 # A box within this of something that flies is of it.
 MATCH_PX = 8.0
 TRACKERS = {

@@ -49,8 +49,8 @@ ACCEL_TAU_S = 3.0  # [s]
 RATE_MRADPS = 20.0  # [mrad/s]
 GATE_NIS = 25.0
 GATE_PROBABILITY = 1 - math.exp(-GATE_NIS / 2)  # χ² of two degrees of freedom
-# Of a track's hypotheses so many of the likeliest are kept; more change nothing and take long.
-MOST_COMPONENTS = 12
+# Of a track's hypotheses so many of the likeliest are kept: their number decides how long a scan takes.
+MOST_COMPONENTS = 5
 UAV_LABELS = ("uav", "drone", "quadcopter", "hexacopter", "octocopter", "multirotor", "fixed_wing")
 
 EPOCH = datetime.datetime(2000, 1, 1)
