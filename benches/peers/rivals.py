@@ -60,8 +60,7 @@ MOST_SEEDS = 20
 # What is tried, one after the other; the first is the beginning.
 FRONT_END = (("labels", ("all", "uav")), ("floor", (1.0, 0.5)), ("hits", (6, 3)), ("silent_s", (3.0, 1.0)))
 ACCELS = (0.5, 0.1, 2.0, 5.0)
-# What JPDA and MHT, which take minutes, try of their own in few scenes: times the nearest neighbour's acceleration, and windows.
-TIMES = (1.0, 0.25, 4.0)
+# Windows of MHT, which takes minutes: tried in few scenes.
 WINDOWS = (3, 5)
 FEW = ("crossing",)
 # A box within this of something that flies is of it.
@@ -204,8 +203,8 @@ def tuning_seeds(scene):
 def tune(out, scenes, pool):
     """Settings and rates of each Stone Soup tracker by scene: those of least mean GOSPA over the tuning seeds.
 
-    What makes and ends tracks and the acceleration are chosen by scene with the nearest neighbour, whose filter all three share.
-    JPDA and `mht` choose a factor of that acceleration and a window for all scenes, in a few of them and on the first tuning seed.
+    What makes and ends tracks and the acceleration are chosen by scene with the nearest neighbour, whose filter all three share;
+    `mht` chooses its window for all scenes, in a few of them and on the first tuning seed.
     """
     import rivals_stonesoup as soup
 
@@ -240,21 +239,13 @@ def tune(out, scenes, pool):
     for name, (_, *others) in FRONT_END:
         try_all([{s: dataclasses.replace(one, **{name: value}) for s, one in common.items()} for value in others])
     try_all([{s: dataclasses.replace(one, accel=accel) for s, one in common.items()} for accel in ACCELS[1:]])
-    settings = {"gnn": common}
     few = [scene for scene in scenes if scene in FEW] or scenes[:1]
-    ways = [(kind, times, WINDOWS[0]) for kind in ("jpda", "mht") for times in TIMES]
-    ways += [("mht", 1.0, window) for window in WINDOWS[1:]]
-    tries = [
-        (kind, {s: dataclasses.replace(common[s], accel=times * common[s].accel, window=window) for s in few},
-         lambda scene: tuning_seeds(scene)[:1])
-        for kind, times, window in ways
-    ]
-    by_way = {way: statistics.fmean(means.values()) for way, means in zip(ways, costs(tries))}
-    for kind in ("jpda", "mht"):
-        _, times, window = min((way for way in ways if way[0] == kind), key=by_way.get)
-        settings[kind] = {
-            scene: dataclasses.replace(one, accel=times * one.accel, window=window) for scene, one in common.items()
-        }
+    by_window = costs([
+        ("mht", {s: dataclasses.replace(common[s], window=window) for s in few}, lambda scene: tuning_seeds(scene)[:1])
+        for window in WINDOWS
+    ])
+    window = WINDOWS[min(range(len(WINDOWS)), key=lambda i: statistics.fmean(by_window[i].values()))]
+    settings = dict.fromkeys(soup.KINDS, {s: dataclasses.replace(one, window=window) for s, one in common.items()})
     chosen = {
         kind: {
             scene: {
