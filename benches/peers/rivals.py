@@ -74,6 +74,7 @@ TRACKERS = {
     "paper_seconds": "paper, eq. 10 as printed",
     "paper_frames": "paper, eq. 10 by frames",
 }
+SLOW = ("jpda", "mht")
 FIGURES = (
     # key, heading, factor, digits
     ("target_on_share", "target on UAV [%]", 100, 1),
@@ -259,23 +260,26 @@ def tune(out, scenes, pool):
     return {"code": code(), "scenes": scenes, "seeds": {s: tuning_seeds(s) for s in scenes}, "chosen": chosen, "tried": tried}
 
 
-def pooled_rows(out, scenes, seeds_of, tuned, pool, commands):
-    """A row for each scene and tracker: figures pooled over the seeds, and each seed's own."""
+def pooled_rows(out, scenes, seeds_by, tuned, pool, commands):
+    """A row for each scene and tracker: figures pooled over the seeds, and each seed's own. `seeds_by` has a scene's by tracker."""
     import rivals_scores as scores
     import rivals_stonesoup as soup
 
+    def job(scene, seed, kind):
+        settings = rates = None
+        if kind in soup.KINDS:
+            mine = tuned["chosen"][kind][scene]
+            settings = soup.Settings(**mine["settings"])
+            rates = {name: soup.Rates(**rate) for name, rate in mine["rates"].items()}
+        return out, scene, seed, kind, settings, rates, True
+
+    # Those that take long come last, so that a run that is stopped has the others.
     jobs = []
-    for seed in sorted({seed for scene in scenes for seed in seeds_of(scene)}):
-        for scene in [scene for scene in scenes if seed in seeds_of(scene)]:
-            for kind in TRACKERS:
-                settings = rates = None
-                if kind in soup.KINDS:
-                    mine = tuned["chosen"][kind][scene]
-                    settings = soup.Settings(**mine["settings"])
-                    rates = {name: soup.Rates(**rate) for name, rate in mine["rates"].items()}
-                jobs.append((out, scene, seed, kind, settings, rates, True))
+    for kinds in ([kind for kind in TRACKERS if kind not in SLOW], SLOW):
+        for seed in range(1, MOST_SEEDS + 1):
+            jobs += [job(scene, seed, kind) for scene in scenes for kind in kinds if seed in seeds_by(scene, kind)]
     figures, done = [], 0
-    for one in pool.imap(figures_of, jobs, chunksize=len(TRACKERS)):
+    for one in pool.imap(figures_of, jobs, chunksize=len(SLOW)):
         figures.append(one)
         done += 1
         print(f"rivals: {done} of {len(jobs)} replays", file=sys.stderr, flush=True)
@@ -287,7 +291,7 @@ def pooled_rows(out, scenes, seeds_of, tuned, pool, commands):
         for kind in TRACKERS:
             mine = [f for f, job in zip(figures, jobs) if (job[1], job[3]) == (scene, kind)]
             rows.append({
-                "scene": scene, "tracker": TRACKERS[kind], "seeds": list(seeds_of(scene)),
+                "scene": scene, "tracker": TRACKERS[kind], "seeds": list(seeds_by(scene, kind)),
                 **{key: scores.pooled([f.get(key) for f in mine]) for key in keys},
                 "by_seed": mine, "commands": commands[scene],
             })
@@ -295,7 +299,7 @@ def pooled_rows(out, scenes, seeds_of, tuned, pool, commands):
         for kind in TRACKERS:
             # Every scene counts alike: a seed's figure is the mean over scenes, so the interval is over seeds.
             of_scene = [scene for scene in scenes if not SCENES[scene].pixels]
-            every = sorted(set.intersection(*(set(seeds_of(scene)) for scene in of_scene)))
+            every = sorted(set.intersection(*(set(seeds_by(scene, kind)) for scene in of_scene)))
             means = []
             for seed in every:
                 mine = [f for f, job in zip(figures, jobs) if job[1] in of_scene and job[2] == seed and job[3] == kind]
@@ -318,10 +322,10 @@ def cell(value, factor, digits):
 
 def table(rows):
     """Rows in Markdown."""
-    head = ["scene", "tracker", *(heading for _, heading, *_ in FIGURES)]
+    head = ["scene", "tracker", "seeds", *(heading for _, heading, *_ in FIGURES)]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for row in rows:
-        cells = [row["scene"].replace("_", ", "), row["tracker"]]
+        cells = [row["scene"].replace("_", ", "), row["tracker"], str(len(row["seeds"]))]
         cells += [cell(row[key], factor, digits) for key, _, factor, digits in FIGURES]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -347,6 +351,9 @@ def measure(args):
     def seeds_of(scene):
         return range(1, min(args.seeds, MOST_PIXEL_SEEDS if SCENES[scene].pixels else args.seeds) + 1)
 
+    def seeds_by(scene, kind):
+        return range(1, min(len(seeds_of(scene)), args.slow_seeds or MOST_SEEDS) + 1) if kind in SLOW else seeds_of(scene)
+
     def made(job):
         scene, seed = job
         of = SCENES[scene]
@@ -368,7 +375,7 @@ def measure(args):
         if tuned.get("scenes") != scenes or tuned.get("code") != code():
             tuned = tune(args.out, scenes, pool)
             kept.write_text(json.dumps(tuned, indent=1) + "\n")
-        rows = pooled_rows(args.out, scenes, seeds_of, tuned, pool, commands)
+        rows = pooled_rows(args.out, scenes, seeds_by, tuned, pool, commands)
     binary = pathlib.Path(args.boresight)
     document = {
         "packages": (own_venv.HERE / "requirements-stonesoup.txt").read_text().split(),
@@ -398,6 +405,7 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, required=True, help="folder for the runs and results")
     parser.add_argument("--boresight", default=str(target / "release" / "boresight"), help="program (default %(default)s)")
     parser.add_argument("--seeds", type=number(MOST_SEEDS), default=5, help="seeds a scene from 1 on (default 5)")
+    parser.add_argument("--slow-seeds", type=number(MOST_SEEDS), help="of JPDA and MHT, which take minutes a run (default: as many)")
     parser.add_argument("--jobs", type=number(256), default=os.cpu_count(), help="replays at a time (default: all cores)")
     parser.add_argument("--only", action="append", choices=SCENES, help="only this scene; may be repeated")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
