@@ -158,7 +158,8 @@ def replayed(out, scene, seed, kind, settings, rates):
     import rivals_stonesoup as soup
 
     rows, ms = soup.replay(kind, settings, rates, run)
-    return run, scores.shown_of(rows), scores.chosen(run, rows), {"ms_per_scan": ms}
+    shown = scores.shown_of(rows)
+    return run, shown, scores.chosen(run, shown), {"ms_per_scan": ms}
 
 
 def figures_of(job):
@@ -265,7 +266,7 @@ def pooled_rows(out, scenes, seeds_by, tuned, pool, commands):
     import rivals_scores as scores
     import rivals_stonesoup as soup
 
-    def job(scene, seed, kind):
+    def job_of(scene, seed, kind):
         settings = rates = None
         if kind in soup.KINDS:
             mine = tuned["chosen"][kind][scene]
@@ -277,7 +278,7 @@ def pooled_rows(out, scenes, seeds_by, tuned, pool, commands):
     jobs = []
     for kinds in ([kind for kind in TRACKERS if kind not in SLOW], SLOW):
         for seed in range(1, MOST_SEEDS + 1):
-            jobs += [job(scene, seed, kind) for scene in scenes for kind in kinds if seed in seeds_by(scene, kind)]
+            jobs += [job_of(scene, seed, kind) for scene in scenes for kind in kinds if seed in seeds_by(scene, kind)]
     figures, done = [], 0
     for one in pool.imap(figures_of, jobs, chunksize=len(SLOW)):
         figures.append(one)

@@ -267,7 +267,7 @@ class Recording:
         camera, counts, shown, targets = self.cameras[self.coarse], {}, [], []
         for tick in self.ticks:
             held, tracks = self.own[tick]
-            row = []
+            row, seen = [], []
             for identity, azimuth, elevation, probability, hits in tracks:
                 before, since = counts.get(identity, (0, tick))
                 if hits != before:
@@ -275,11 +275,11 @@ class Recording:
                     since = tick
                 fresh = tick - since < FRESH_S * self.tick_hz
                 px = camera.project(self.rotation[tick][self.coarse], ray_of(azimuth, elevation))
-                if hits >= CONFIRMED_HITS and fresh and probability >= shown_probability and px is not None:
-                    row.append((identity, *px))
+                if hits >= CONFIRMED_HITS and fresh and px is not None:
+                    seen.append((identity, *px))
+                    if probability >= shown_probability:
+                        row.append((identity, *px))
             shown.append(row)
             # The target counts whatever it is taken for: the operator pointed at it.
-            target = next((t for t in tracks if t[0] == held), None)
-            px = target and camera.project(self.rotation[tick][self.coarse], ray_of(target[1], target[2]))
-            targets.append(px and (held, *px))
+            targets.append(next(((identity, *px) for identity, *px in seen if identity == held), None))
         return shown, targets

@@ -18,32 +18,31 @@ from rivals_recording import CUTOFF_MRAD
 
 ORDER = 2  # of GOSPA, whose cut-off is CUTOFF_MRAD
 EPOCH = datetime.datetime(2000, 1, 1)
+# After the first hold a tracker may sort out for so long which UAV is meant.
+SETTLED_S = 1.0
 LEAST_SIDE_PX = 8.0  # of a box that TrackEval scores
 
 
-def chosen(recording, rows):
-    """The target of a tracker that chooses none by itself, at each tick.
+def chosen(recording, shown):
+    """The target of a tracker that chooses none by itself, at each tick: one of the tracks shown there, or None.
 
     The operator points at the scenario's first UAV: the first track shown on it from the first hold on. That identity is the target
-    until its track ends, coasting included. Then it is the shown track nearest to where the lost one last was.
+    until it is shown for the last time. Then it is the shown track nearest to where the lost one last was.
     """
     camera, target, last, targets = recording.cameras[recording.coarse], None, None, []
-    for index, (tick, row) in enumerate(zip(recording.ticks, rows)):
-        at = {identity: (x, y) for identity, x, y, _ in row}
-        if index < recording.first:
-            targets.append(None)
-            continue
-        if target not in at:
+    end = {identity: index for index, row in enumerate(shown) for identity, *_ in row}
+    for index, (tick, row) in enumerate(zip(recording.ticks, shown)):
+        at = {identity: (x, y) for identity, x, y in row}
+        if index >= recording.first and (target is None or end[target] < index):
             near, reach_px = last, math.inf
             if last is None:
                 near = dict(recording.truth[tick]).get(recording.uavs[0])
                 reach_px = CUTOFF_MRAD / camera.ifov_mrad
-            shown = [(math.dist(near, (x, y)), identity) for identity, x, y, fresh in row if fresh] if near else []
-            distance, identity = min(shown, default=(math.inf, None))
+            away = [(math.dist(near, place), identity) for identity, place in at.items()] if near else []
+            distance, identity = min(away, default=(math.inf, None))
             target = identity if distance <= reach_px else None
-        if target in at:
-            last = at[target]
         targets.append((target, *at[target]) if target in at else None)
+        last = at.get(target, last)
     return targets
 
 
@@ -62,26 +61,29 @@ def assigned(camera, tracks, objects):
 
 
 def target_figures(recording, targets):
-    """Shares of the time in which the designated UAV is in clear sight: target on it, on something else; spells on it lost."""
-    camera, first_uav = recording.cameras[recording.coarse], recording.uavs[0]
-    on = wrong = frames = lost = 0
-    was_on = False
-    for tick, target in list(zip(recording.ticks, targets))[recording.first:]:
-        objects = recording.truth[tick]
-        if first_uav not in dict(objects):
+    """Shares of the frames that show the lock in clear sight: target on it, on something else; how often it was lost.
+
+    Frames count from a second after the first hold on. The lock is the first UAV that the target is on from then on, whichever it
+    is: UAVs that begin within a milliradian of each other leave it open which of them the operator has pointed at.
+    """
+    camera = recording.cameras[recording.coarse]
+    begin = recording.ticks[recording.first] + SETTLED_S * recording.tick_hz
+    frames = []
+    for tick, target in zip(recording.ticks, targets):
+        if tick < begin:
             continue
-        frames += 1
+        objects = recording.truth[tick]
         away = [(camera.ifov_mrad * math.dist(target[1:], px), name) for name, px in objects] if target else []
         distance, name = min(away, default=(math.inf, None))
-        is_on = distance < CUTOFF_MRAD and name == first_uav
-        on += is_on
-        wrong += target is not None and not is_on
-        lost += was_on and not is_on
-        was_on = is_on
+        frames.append((target is not None, name if distance < CUTOFF_MRAD else None, dict(objects)))
+    lock = next((name for _, name, _ in frames if name is not None and recording.is_uav(name)), None)
+    if lock is None:
+        return {"target_on_share": 0.0, "target_wrong_share": None, "target_lost": None}
+    seen = [(has, name == lock) for has, name, objects in frames if lock in objects]
     return {
-        "target_on_share": on / frames if frames else None,
-        "target_wrong_share": wrong / frames if frames else None,
-        "target_lost": lost,
+        "target_on_share": statistics.fmean(on for _, on in seen),
+        "target_wrong_share": statistics.fmean(has and not on for has, on in seen),
+        "target_lost": sum(before and not on for (_, before), (_, on) in zip(seen, seen[1:])),
     }
 
 
