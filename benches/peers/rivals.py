@@ -162,15 +162,21 @@ def replayed(out, scene, seed, kind, settings, rates):
     return run, shown, scores.chosen(run, shown), {"ms_per_scan": ms}
 
 
+def kept_at(job):
+    """The file that keeps a replay's figures; another for other settings and another program."""
+    out, scene, seed, kind, settings, rates, full = job
+    told = [scene, seed, kind, full, settings and dataclasses.asdict(settings)]
+    told += [{name: dataclasses.asdict(rate) for name, rate in (rates or {}).items()}, code()]
+    key = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+    return out / "replays" / f"{scene}-{seed:03}-{kind}-{key}.json"
+
+
 def figures_of(job):
     """Figures of one tracker on one run; from DIR/replays where they are there."""
     out, scene, seed, kind, settings, rates, full = job
     import rivals_scores as scores
 
-    told = [scene, seed, kind, full, settings and dataclasses.asdict(settings)]
-    told += [{name: dataclasses.asdict(rate) for name, rate in (rates or {}).items()}, code()]
-    key = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
-    kept = out / "replays" / f"{scene}-{seed:03}-{kind}-{key}.json"
+    kept = kept_at(job)
     if kept.exists():
         return json.loads(kept.read_text())
     run, shown, targets, more = replayed(out, scene, seed, kind, settings, rates)
@@ -261,8 +267,9 @@ def tune(out, scenes, pool):
     return {"code": code(), "scenes": scenes, "seeds": {s: tuning_seeds(s) for s in scenes}, "chosen": chosen, "tried": tried}
 
 
-def pooled_rows(out, scenes, seeds_by, tuned, pool, commands):
-    """A row for each scene and tracker: figures pooled over the seeds, and each seed's own. `seeds_by` has a scene's by tracker."""
+def pooled_rows(out, scenes, seeds_by, tuned, pool, commands, ready):
+    """A row for each scene and tracker: figures pooled over the seeds, and each seed's own. `seeds_by` has a scene's by
+    tracker; with `ready` only replays count that are there."""
     import rivals_scores as scores
     import rivals_stonesoup as soup
 
@@ -279,6 +286,11 @@ def pooled_rows(out, scenes, seeds_by, tuned, pool, commands):
     for kinds in ([kind for kind in TRACKERS if kind not in SLOW], SLOW):
         for seed in range(1, MOST_SEEDS + 1):
             jobs += [job_of(scene, seed, kind) for scene in scenes for kind in kinds if seed in seeds_by(scene, kind)]
+    if ready:
+        jobs = [job for job in jobs if kept_at(job).exists()]
+    done_of = {}
+    for _, scene, seed, kind, *_ in jobs:
+        done_of.setdefault((scene, kind), []).append(seed)
     figures, done = [], 0
     for one in pool.imap(figures_of, jobs, chunksize=len(SLOW)):
         figures.append(one)
@@ -292,7 +304,7 @@ def pooled_rows(out, scenes, seeds_by, tuned, pool, commands):
         for kind in TRACKERS:
             mine = [f for f, job in zip(figures, jobs) if (job[1], job[3]) == (scene, kind)]
             rows.append({
-                "scene": scene, "tracker": TRACKERS[kind], "seeds": list(seeds_by(scene, kind)),
+                "scene": scene, "tracker": TRACKERS[kind], "seeds": done_of.get((scene, kind), []),
                 **{key: scores.pooled([f.get(key) for f in mine]) for key in keys},
                 "by_seed": mine, "commands": commands[scene],
             })
@@ -300,7 +312,7 @@ def pooled_rows(out, scenes, seeds_by, tuned, pool, commands):
         for kind in TRACKERS:
             # Every scene counts alike: a seed's figure is the mean over scenes, so the interval is over seeds.
             of_scene = [scene for scene in scenes if not SCENES[scene].pixels]
-            every = sorted(set.intersection(*(set(seeds_by(scene, kind)) for scene in of_scene)))
+            every = sorted(set.intersection(*(set(done_of.get((scene, kind), [])) for scene in of_scene)))
             means = []
             for seed in every:
                 mine = [f for f, job in zip(figures, jobs) if job[1] in of_scene and job[2] == seed and job[3] == kind]
@@ -376,7 +388,7 @@ def measure(args):
         if tuned.get("scenes") != scenes or tuned.get("code") != code():
             tuned = tune(args.out, scenes, pool)
             kept.write_text(json.dumps(tuned, indent=1) + "\n")
-        rows = pooled_rows(args.out, scenes, seeds_by, tuned, pool, commands)
+        rows = pooled_rows(args.out, scenes, seeds_by, tuned, pool, commands, args.ready)
     binary = pathlib.Path(args.boresight)
     document = {
         "packages": (own_venv.HERE / "requirements-stonesoup.txt").read_text().split(),
@@ -407,6 +419,7 @@ def main():
     parser.add_argument("--boresight", default=str(target / "release" / "boresight"), help="program (default %(default)s)")
     parser.add_argument("--seeds", type=number(MOST_SEEDS), default=5, help="seeds a scene from 1 on (default 5)")
     parser.add_argument("--slow-seeds", type=number(MOST_SEEDS), help="of JPDA and MHT, which take minutes a run (default: as many)")
+    parser.add_argument("--ready", action="store_true", help="only tables, of the replays that are there")
     parser.add_argument("--jobs", type=number(256), default=os.cpu_count(), help="replays at a time (default: all cores)")
     parser.add_argument("--only", action="append", choices=SCENES, help="only this scene; may be repeated")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)

@@ -167,12 +167,12 @@ def write_mot(folder, rule, name, recording, shown):
 
 
 def pooled(values):
-    """Mean over seeds and half of its 95 % interval by Student's t; None where a seed has no value."""
+    """Mean over seeds and half of its 95 % interval by Student's t: None of less than three, of which it says nothing."""
     values = [value for value in values if value is not None]
     if not values:
         return {"mean": None, "half": None, "n": 0}
     mean, count = statistics.fmean(values), len(values)
     half = None
-    if count > 1:
+    if count > 2:
         half = float(student.ppf(0.975, count - 1)) * statistics.stdev(values) / math.sqrt(count)
     return {"mean": round(mean, 9), "half": None if half is None else round(half, 9), "n": count}
