@@ -89,7 +89,6 @@ FIGURES = (
     ("HOTA", "HOTA", 1, 3),
     ("first_track_s", "first track [s]", 1, 2),
     ("localisation_rms_urad", "rms [µrad]", 1, 0),
-    ("ms_per_scan", "ms/scan", 1, 2),
 )
 
 
@@ -298,7 +297,7 @@ def pooled_rows(out, scenes, seeds_by, tuned, pool, commands, ready):
         print(f"rivals: {done} of {len(jobs)} replays", file=sys.stderr, flush=True)
     rows = []
     keys = [key for key, *_ in FIGURES] + [
-        "target_wrong_share", "of_them_on_distractors_per_min", "missed_per_frame", "AssA", "axis_rms_mrad",
+        "target_wrong_share", "of_them_on_distractors_per_min", "missed_per_frame", "AssA", "axis_rms_mrad", "ms_per_scan",
     ]
     for scene in scenes:
         for kind in TRACKERS:
@@ -338,6 +337,8 @@ def table(rows):
     head = ["scene", "tracker", "seeds", *(heading for _, heading, *_ in FIGURES)]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for row in rows:
+        if not row["seeds"]:
+            continue
         cells = [row["scene"].replace("_", ", "), row["tracker"], str(len(row["seeds"]))]
         cells += [cell(row[key], factor, digits) for key, _, factor, digits in FIGURES]
         lines.append("| " + " | ".join(cells) + " |")

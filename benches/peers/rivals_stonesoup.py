@@ -240,7 +240,7 @@ class Replay:
 
     def look(self, scan, rotation):
         """Takes one exposure in; `rotation` turns the camera's frame into enu."""
-        began = time.perf_counter()
+        began = time.process_time()
         at, camera, name = self.time(scan.exposure), self.cameras[scan.camera], scan.camera
         detections, starts = [], set()
         for box in wanted(scan, self.settings):
@@ -282,7 +282,7 @@ class Replay:
             self.last_hit[track] = scan.exposure
             self.tracks.append(track)
         self.scans += 1
-        self.spent_s += time.perf_counter() - began
+        self.spent_s += time.process_time() - began
 
     def associated(self, associator, tracks, detections, at):
         """Each track with what Stone Soup says of it.
