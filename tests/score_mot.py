@@ -77,6 +77,7 @@ def score(folder: Path, rule: str, sequences: list[str]) -> dict[str, dict]:
             "identity_switches": int(clear["IDSW"]),
             "misses": int(clear["CLR_FN"]),
             "false_positives": int(clear["CLR_FP"]),
+            "fragmentations": int(clear["Frag"]),
         }
     return scores
 
