@@ -23,13 +23,23 @@ pub fn run(cn2: f64) -> Result<Vec<RgbImage>, SimulationError> {
             continue;
         }
         for uav in run.view().uavs() {
-            pictures.extend(uav.burns().last().map(|burn| picture(&burn)));
+            // The beam may stray to parts beside the one that it burns.
+            let hottest = (uav.burns()).max_by(|a, b| peak_k(a).total_cmp(&peak_k(b)));
+            pictures.extend(hottest.map(|burn| picture(&burn)));
             if uav.status() != UavStatus::Flying {
                 return Ok(pictures);
             }
         }
     }
     Ok(pictures)
+}
+
+/// Greatest temperature of a place's face [K].
+fn peak_k(burn: &BurnView) -> f64 {
+    let rows = 0..burn.side();
+    let places = rows.flat_map(|row| (0..burn.side()).map(move |column| (row, column)));
+    let faces = places.filter_map(|(row, column)| burn.face_k(row, column));
+    faces.fold(0.0, f64::max)
 }
 
 /// Cold is dark blue, then red and yellow up to 1200 K; what is burnt through to nothing is black, what lies beside grey.
