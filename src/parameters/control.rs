@@ -122,8 +122,8 @@ fn radar_kind(
     let field = Sector {
         centre_azimuth_rad: search.centre_azimuth_deg.to_radians(),
         centre_elevation_rad: search.elevation_deg.to_radians(),
-        width_rad: radar.width_deg.to_radians(),
-        height_rad: radar.height_deg.to_radians(),
+        width_rad: radar.width_deg.max(search.width_deg).to_radians(),
+        height_rad: radar.height_deg.max(search.height_deg).to_radians(),
     };
     let turned = seed.stream(entity, "radar alignment").normal3();
     let params = RadarParams {

@@ -92,9 +92,9 @@ pub struct RadarConfig {
     pub half_range_m: f64,
     /// Farthest range.
     pub farthest_m: f64,
-    /// Width of its field in azimuth, about the sector's middle.
+    /// Width of its field in azimuth, about the sector's middle; at least the sector's.
     pub width_deg: f64,
-    /// Height of its field in elevation, about the sector's middle.
+    /// Height of its field in elevation, about the sector's middle; at least the sector's.
     pub height_deg: f64,
     /// Width of its beam, both axes.
     pub beam_deg: f64,

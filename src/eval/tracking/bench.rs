@@ -300,7 +300,10 @@ impl Bench {
             ("spiral", &["search.pattern=spiral"]),
             (
                 "cue",
-                &["search.pattern=raster", "search.cue={ sigma_deg = 0.7 }"],
+                &[
+                    "search.pattern=raster",
+                    "search.cue={ kind = 'truth', sigma_deg = 0.7, rate_hz = 1.0 }",
+                ],
             ),
         ];
         let limit_s = 60.0; // [s]
