@@ -150,7 +150,7 @@ pub struct Glanced {
 #[derive(Clone, Debug)]
 pub enum RadarKind {
     /// A scanning radar, and what drives through its field.
-    Scanning(Box<RadarParams>, Traffic),
+    Scanning(Box<(RadarParams, Traffic)>),
     /// The truth plus an error.
     Truth {
         /// Errors of its plots.

@@ -142,7 +142,7 @@ fn radar_kind(
     };
     let rng = seed.stream(entity, "radar traffic");
     let traffic = Traffic::new(radar.vehicles, &field, radar.farthest_m, rng);
-    RadarKind::Scanning(Box::new(params), traffic)
+    RadarKind::Scanning(Box::new((params, traffic)))
 }
 
 /// Where cameras, which one gimbal turns, look for a target: the sector, or the part of it that the radar

@@ -65,7 +65,8 @@ impl Radar {
             .collect();
         airborne.sort_by_key(|one| one.uav.index);
         match self.kind.as_mut()? {
-            RadarKind::Scanning(params, traffic) => {
+            RadarKind::Scanning(scanning) => {
+                let (params, traffic) = &mut **scanning;
                 let dsm = &environment.city.dsm;
                 let ground_m = |e_m, n_m| dsm.terrain_m(e_m, n_m);
                 let reach = (&params.field, params.farthest_m);
