@@ -9,9 +9,7 @@ use crate::models::control::POINTING_LAWS;
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::tuning::MountPlant;
-use crate::models::tracking::radar::RadarErrors;
 use crate::models::tracking::radar::choice::CueChoice;
-use crate::models::tracking::radar::sensing::RadarParams;
 use crate::models::tracking::radar::tracks::RadarTracks;
 use crate::models::tracking::radar::traffic::Traffic;
 use crate::models::tracking::search::Sector;
@@ -106,42 +104,22 @@ fn radar_kind(
     seed: Seed,
     entity: u64,
 ) -> RadarKind {
-    let errors = RadarErrors {
-        sigma_rad: cue.sigma_deg.to_radians(),
-        range_sigma_m: cue.range_sigma_m,
-    };
     if cue.kind == CueKind::Truth {
         let named = cue.target.as_ref();
         return RadarKind::Truth {
-            errors,
+            errors: cue.errors(),
             target: named.and_then(|name| scenario.uavs.iter().position(|uav| uav.name == *name)),
             all: cue.all,
         };
     }
-    let radar = &cue.radar;
-    let field = Sector {
-        centre_azimuth_rad: search.centre_azimuth_deg.to_radians(),
-        centre_elevation_rad: search.elevation_deg.to_radians(),
-        width_rad: radar.width_deg.max(search.width_deg).to_radians(),
-        height_rad: radar.height_deg.max(search.height_deg).to_radians(),
-    };
-    let turned = seed.stream(entity, "radar alignment").normal3();
-    let params = RadarParams {
-        errors,
-        half_range_m: radar.half_range_m,
-        farthest_m: radar.farthest_m,
-        beam_rad: radar.beam_deg.to_radians(),
-        cell_m: radar.cell_m,
-        cell_mps: radar.cell_mps,
-        false_alarm: radar.false_alarm,
-        least_mps: radar.least_mps,
-        most_mps: radar.most_mps,
-        most_rcs_m2: radar.most_rcs_m2,
-        field,
-        turned_rad: radar.alignment_deg.to_radians() * turned.truncate(),
-    };
-    let rng = seed.stream(entity, "radar traffic");
-    let traffic = Traffic::new(radar.vehicles, &field, radar.farthest_m, rng);
+    let turned = seed.stream(entity, "radar alignment").normal3().truncate();
+    let params = cue.scanning(search, cue.radar.alignment_deg.to_radians() * turned);
+    let traffic = Traffic::new(
+        cue.radar.vehicles,
+        &params.field,
+        params.farthest_m,
+        seed.stream(entity, "radar traffic"),
+    );
     RadarKind::Scanning(Box::new((params, traffic)))
 }
 

@@ -149,7 +149,7 @@ fn report_of(
         });
         add(follower, [bearing, range], track.log_odds(), track.fallen());
     }
-    for (number, track) in station.radar.tracks.iter() {
+    for (number, track) in station.radar.open() {
         let follower = follower(Sensor::Radar, number as u32);
         let plot = track.newest();
         let (r_plot_enu_m, covariance) = plot.converted(r_enu_m);

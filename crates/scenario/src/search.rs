@@ -6,7 +6,10 @@ use serde::{Deserialize, Serialize};
 use super::check::{Check, ELEVATION, TURN};
 use super::load::suggestion;
 use super::targets::UavConfig;
-use boresight_models::tracking::search::SearchPattern;
+use boresight_models::tracking::radar::RadarErrors;
+use boresight_models::tracking::radar::sensing::RadarParams;
+use boresight_models::tracking::search::{SearchPattern, Sector};
+use glam::DVec2;
 
 /// The sector the station searches.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -157,13 +160,46 @@ impl SearchSector {
         check.positive("height_deg", self.height_deg);
         check.within("height_deg", self.height_deg, 0.0..=180.0);
         if let Some(cue) = &self.cue {
-            check.table("cue", |check| cue.check(check, uavs));
+            check.table("cue", |check| cue.check(check, self, uavs));
         }
     }
 }
 
 impl Cue {
-    fn check(&self, check: &mut Check, uavs: &[UavConfig]) {
+    /// Errors of a plot; of a strong echo's where the kind is "radar".
+    pub fn errors(&self) -> RadarErrors {
+        RadarErrors {
+            sigma_rad: self.sigma_deg.to_radians(),
+            range_sigma_m: self.range_sigma_m,
+        }
+    }
+
+    /// The scanning radar that looks about a sector's middle, its axes turned so far against the mount's, azimuth and elevation
+    /// [rad].
+    pub fn scanning(&self, sector: &SearchSector, turned_rad: DVec2) -> RadarParams {
+        let radar = &self.radar;
+        RadarParams {
+            errors: self.errors(),
+            half_range_m: radar.half_range_m,
+            farthest_m: radar.farthest_m,
+            beam_rad: radar.beam_deg.to_radians(),
+            cell_m: radar.cell_m,
+            cell_mps: radar.cell_mps,
+            false_alarm: radar.false_alarm,
+            least_mps: radar.least_mps,
+            most_mps: radar.most_mps,
+            most_rcs_m2: radar.most_rcs_m2,
+            field: Sector {
+                centre_azimuth_rad: sector.centre_azimuth_deg.to_radians(),
+                centre_elevation_rad: sector.elevation_deg.to_radians(),
+                width_rad: radar.width_deg.max(sector.width_deg).to_radians(),
+                height_rad: radar.height_deg.max(sector.height_deg).to_radians(),
+            },
+            turned_rad,
+        }
+    }
+
+    fn check(&self, check: &mut Check, sector: &SearchSector, uavs: &[UavConfig]) {
         check.within("sigma_deg", self.sigma_deg, 0.0..=90.0);
         check.within("range_sigma_m", self.range_sigma_m, 0.0..=10_000.0);
         check.positive("rate_hz", self.rate_hz);
@@ -183,7 +219,15 @@ impl Cue {
         check.that(!unread, "radar", || {
             "is not read where kind = \"truth\": leave one of the two out".to_owned()
         });
-        check.table("radar", |check| self.radar.check(check));
+        check.table("radar", |check| {
+            self.radar.check(check);
+            let false_plots = self.scanning(sector, DVec2::ZERO).false_plots();
+            check.that(false_plots <= MOST_FALSE_PLOTS, "false_alarm", || {
+                format!(
+                    "makes {false_plots:.0} false plots in every look, at most {MOST_FALSE_PLOTS:.0} can be tracked: lower it"
+                )
+            });
+        });
         if let Some(target) = &self.target {
             check_named_uav(check, "target", target, uavs);
         }
@@ -206,17 +250,6 @@ impl RadarConfig {
         check.within("most_rcs_m2", self.most_rcs_m2, 1e-4..=1e6);
         check.within("alignment_deg", self.alignment_deg, 0.0..=10.0);
         check.within("vehicles", self.vehicles.into(), 0.0..=1_000.0);
-        let false_plots = self.false_plots();
-        check.that(false_plots <= MOST_FALSE_PLOTS, "false_alarm", || {
-            format!("makes {false_plots:.0} false plots in every look, at most {MOST_FALSE_PLOTS:.0} can be tracked: lower it")
-        });
-    }
-
-    /// False plots that noise makes in a look, as a mean.
-    fn false_plots(&self) -> f64 {
-        let directions = self.width_deg * self.height_deg / self.beam_deg.powi(2);
-        let speeds = 2.0 * self.most_mps / self.cell_mps;
-        self.false_alarm * directions * speeds * self.farthest_m / self.cell_m
     }
 }
 

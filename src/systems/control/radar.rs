@@ -4,11 +4,13 @@ use crate::components::control::{Look, Radar, RadarKind};
 use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavStatus};
 use crate::components::mount::Mount;
+use crate::components::operator::Operator;
 use crate::components::run::SimClock;
 use crate::components::track::{Tracker, TrackerParams, TrackingState};
 use crate::models::engage::threat::time_to_asset_s;
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::tracking::cartesian::TargetCue;
+use crate::models::tracking::radar::RadarTrack;
 use crate::models::tracking::radar::rcs;
 use crate::models::tracking::radar::sensing::Echo;
 use crate::models::tracking::table::separation_rad;
@@ -53,7 +55,7 @@ impl FlyingItem<'_, '_> {
 
 impl Radar {
     /// Looks at `t_s` [s] from `r_enu_m` [m] at what flies, in the scenario's order.
-    pub fn look(
+    fn look(
         &mut self,
         t_s: f64,
         r_enu_m: DVec3,
@@ -125,37 +127,35 @@ impl Radar {
     }
 
     /// Takes what a look saw into the tracks.
-    pub fn take(&mut self, look: &Look) {
+    fn take(&mut self, look: &Look) {
         match look {
             Look::Plots(plots) => self.tracks.take(plots),
-            Look::Known(plots) => {
-                let open = plots
-                    .iter()
-                    .filter(|(index, _)| !self.dismissed.contains(index));
-                self.tracks.take_known(&open.copied().collect::<Vec<_>>());
-            }
+            Look::Known(plots) => self.tracks.take_known(plots),
         }
+    }
+
+    /// The tracks of what has not been dealt with, with their numbers.
+    pub fn open(&self) -> impl Iterator<Item = (usize, &RadarTrack)> {
+        let open = |(number, _): &(usize, &RadarTrack)| !self.dismissed.contains(number);
+        self.tracks.iter().filter(open)
     }
 
     /// Chooses what the search is pointed at, at `t_s` [s]: of the truth the first, otherwise what is soonest at the asset
     /// [m, enu].
     pub fn choose(&mut self, t_s: f64, r_enu_m: DVec3, r_asset_enu_m: DVec3) {
-        let threat_s = |(number, threat_s): (usize, f64)| match self.kind {
-            Some(RadarKind::Truth { .. }) => (number, 1.0),
-            _ => (number, threat_s),
+        let threat_s = |track: &RadarTrack| {
+            let (r_m, v_enu_mps) = track.motion_enu(t_s);
+            time_to_asset_s(r_enu_m + r_m, v_enu_mps, r_asset_enu_m)
         };
-        let tracks: Vec<(usize, f64)> = (self.tracks.iter())
-            .filter(|(number, _)| !self.dismissed.contains(number))
-            .map(|(number, track)| {
-                let (r_m, v_enu_mps) = track.motion_enu(t_s);
-                (
-                    number,
-                    time_to_asset_s(r_enu_m + r_m, v_enu_mps, r_asset_enu_m),
-                )
-            })
-            .map(threat_s)
+        let tracks: Vec<(usize, f64)> = (self.open())
+            .map(|(number, track)| (number, threat_s(track)))
             .collect();
-        self.choice.choose(&tracks);
+        match self.kind {
+            Some(RadarKind::Truth { .. }) => {
+                self.choice.chosen = tracks.first().map(|(number, _)| *number);
+            }
+            _ => self.choice.choose(&tracks),
+        }
     }
 
     /// Speaks no more of the track of what has been dealt with.
@@ -165,9 +165,7 @@ impl Radar {
 
     /// Where its targets are at `t_s` [s], with their numbers.
     pub fn cues(&self, t_s: f64) -> impl Iterator<Item = (usize, TargetCue)> {
-        let open = self.tracks.iter();
-        let open = open.filter(|(number, _)| !self.dismissed.contains(number));
-        open.map(move |(number, track)| (number, track.cue(t_s)))
+        (self.open()).map(move |(number, track)| (number, track.cue(t_s)))
     }
 
     /// The target whose direction at `t_s` [s] is nearest to this azimuth and elevation [rad].
@@ -190,9 +188,9 @@ pub fn track_by_radar(
     clock: Res<SimClock>,
     environment: Res<Environment>,
     flying: Query<Flying>,
-    mut stations: Query<(&Mount, &TrackerParams, &Tracker, &mut Radar)>,
+    mut stations: Query<(&Mount, &TrackerParams, &Tracker, &Operator, &mut Radar)>,
 ) {
-    for (mount, params, tracker, mut radar) in &mut stations {
+    for (mount, params, tracker, operator, mut radar) in &mut stations {
         if radar.kind.is_none() {
             continue;
         }
@@ -208,9 +206,7 @@ pub fn track_by_radar(
         {
             radar.take(&look);
         }
-        if tracker.state == TrackingState::Search
-            && !matches!(radar.kind, Some(RadarKind::Truth { .. }))
-        {
+        if tracker.state == TrackingState::Search && operator.slew_rad.is_none() {
             radar.choice.searched(clock.dt_s());
         }
         radar.choose(t_s, mount.r_enu_m, params.r_asset_enu_m);
