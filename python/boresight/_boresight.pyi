@@ -795,7 +795,8 @@ class Station:
     @property
     def radar(self, /) -> list[tuple[int, float, float, float]]:
         """
-        Where the radar has its targets now: a list of (number in the scenario, azimuth [rad], elevation [rad], range [m]).
+        Where the radar has its targets now: a list of (number, azimuth [rad], elevation [rad], range [m]); the number
+        is the UAV's in the scenario where the radar plots the truth, otherwise that of the radar's track.
         """
     @property
     def state(self, /) -> str:
