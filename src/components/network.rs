@@ -4,7 +4,7 @@ use crate::components::record::TopicOf;
 use crate::models::decision::tasking;
 use crate::models::engage::allocation::{AllocationRule, Offer};
 use crate::models::maths::rng::Stream;
-use crate::models::tracking::picture::{Fix, Follower, Picture};
+use crate::models::tracking::picture::{Fix, Follower, OwnFrame, Picture};
 use bevy::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -109,6 +109,10 @@ pub struct Link {
     /// Its last offers.
     pub offers: BTreeMap<Follower, Offer>,
 }
+
+/// The frame and the clock in which a station speaks to others.
+#[derive(Component, Clone, Copy, Debug, Deref)]
+pub struct Surveyed(pub OwnFrame);
 
 /// All that a station knows of the objects about.
 #[derive(Component, Clone, Debug, Default, Deref, DerefMut)]

@@ -6,8 +6,8 @@ use crate::components::engage::Rules;
 use crate::components::environment::Environment;
 use crate::components::mount::{Mount, Station};
 use crate::components::network::{
-    Holding, Holdings, Link, Network, NetworkState, ObjectState, Report, SharedPicture, Task,
-    Tasking, TrackReport,
+    Holding, Holdings, Link, Network, NetworkState, ObjectState, Report, SharedPicture, Surveyed,
+    Task, Tasking, TrackReport,
 };
 use crate::components::record::{OwnTopics, Recording};
 use crate::components::run::{PartError, SimClock};
@@ -50,6 +50,7 @@ pub struct Reporting {
     tracker: &'static Tracker,
     radar: &'static Radar,
     picture: &'static SharedPicture,
+    surveyed: &'static Surveyed,
     link: &'static mut Link,
 }
 
@@ -95,7 +96,7 @@ fn report_of(
     station: ReportingItem,
 ) -> Report {
     let (index, r_enu_m) = (station.station.index, station.mount.r_enu_m);
-    let (picture, tracker): (&Picture, _) = (station.picture, station.tracker);
+    let (picture, tracker, frame) = (station.picture, station.tracker, station.surveyed);
     let Link { sent_s, offers, .. } = station.link.into_inner();
     let worth = |track: &&Track| {
         track.fallen()
@@ -118,10 +119,12 @@ fn report_of(
         let last_s = &mut sent_s.entry(follower).or_insert([f64::NEG_INFINITY; 2])[kind];
         let new = t_s > *last_s;
         *last_s = t_s;
-        new.then_some(Fix {
-            follower,
-            t_s,
-            measured,
+        new.then(|| {
+            frame.said(Fix {
+                follower,
+                t_s,
+                measured,
+            })
         })
     };
     let mut tracks = Vec::new();
@@ -184,7 +187,7 @@ fn report_of(
             .map(|object| {
                 let held = tracker.target.is_some() && object.number_at(index) == tracker.target;
                 let fired_s = held.then(|| clock.at_s(tracker.fired_ticks));
-                let offer = bidder.offer(&object.track, clock.t_s(), fired_s);
+                let offer = bidder.offer(&frame.own(&object.track), clock.t_s(), fired_s);
                 (object.identity, offer)
             })
             .collect();
@@ -262,10 +265,10 @@ impl Bidder<'_> {
 pub fn receive(
     clock: Res<SimClock>,
     network: Option<Res<Network>>,
-    mut stations: Query<(&mut Link, &mut SharedPicture)>,
+    mut stations: Query<(&Surveyed, &mut Link, &mut SharedPicture)>,
 ) {
     let Some(network) = network else { return };
-    for (mut link, mut picture) in &mut stations {
+    for (surveyed, mut link, mut picture) in &mut stations {
         let mut news = false;
         while let Some((_, report)) = link.inbox.pop_front_if(|(tick, _)| *tick <= clock.tick) {
             for track in &report.tracks {
@@ -278,7 +281,7 @@ pub fn receive(
         if !news {
             continue;
         }
-        let until_s = clock.t_s() - network.hold_s;
+        let until_s = surveyed.clock_s(clock.t_s()) - network.hold_s;
         let mut due: Vec<Fix> = link
             .waiting
             .extract_if(.., |fix| fix.t_s <= until_s)
@@ -300,6 +303,7 @@ pub struct Tasked {
     params: &'static TrackerParams,
     link: &'static Link,
     picture: &'static SharedPicture,
+    surveyed: &'static Surveyed,
     tasking: &'static mut Tasking,
 }
 
@@ -329,16 +333,18 @@ fn assign_at(clock: &SimClock, network: &Network, stations_enu_m: &[DVec3], stat
         params,
         link,
         picture,
+        surveyed,
         mut tasking,
     } = station;
     let own = station.index;
+    let now_s = surveyed.clock_s(clock.t_s());
     let open: Vec<&SharedObject> = (picture.objects.iter())
         .filter(|object| !object.dealt_with)
         .collect();
     let index_of = |identity: &Follower| open.iter().position(|o| o.identity == *identity);
     let expected_s: Vec<f64> = (open.iter())
         .map(|object| {
-            let (r_enu_m, v_enu_mps) = object.track.advanced(clock.t_s()).motion_enu();
+            let (r_enu_m, v_enu_mps) = object.track.advanced(now_s).motion_enu();
             let threat_s = time_to_asset_s(r_enu_m, v_enu_mps, params.r_asset_enu_m);
             threat_s * (1.0 + (-object.log_odds()).exp())
         })
@@ -360,7 +366,7 @@ fn assign_at(clock: &SimClock, network: &Network, stations_enu_m: &[DVec3], stat
         .map(|identity| identity.as_ref().and_then(index_of))
         .collect();
     let (rule, hysteresis) = (network.rule, network.hysteresis);
-    let places = open.iter().map(|o| o.track.advanced(clock.t_s()));
+    let places = open.iter().map(|o| o.track.advanced(now_s));
     let targets_enu_m: Vec<DVec3> = places.map(|track| track.motion_enu().0).collect();
     let share_out = |bids: &[Bid]| allocate(rule, count, &expected_s, bids, &before, hysteresis);
     let assigned = match rule {
@@ -376,7 +382,7 @@ fn assign_at(clock: &SimClock, network: &Network, stations_enu_m: &[DVec3], stat
         identity: open[target].identity,
         engages: assigned[own].is_some(),
         track: open[target].number_at(own),
-        object: open[target].track,
+        object: surveyed.own(&open[target].track),
     });
     let task = tasking.task.map(|task| task.identity);
     tasking.spared = (picture.objects.iter())

@@ -294,7 +294,7 @@ pub fn keep_series(
                     fates.uavs[uav.index].acquired_s.get_or_insert(t_s);
                 }
             }
-            let belief = tracker.belief.unwrap_or(Belief::UNKNOWN);
+            let belief = tracker.target_belief().unwrap_or(Belief::UNKNOWN);
             history.belief.push((t_s, belief));
             history.irradiance_wpm2.push((t_s, beam.irradiance_wpm2));
             history

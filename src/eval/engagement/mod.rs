@@ -6,6 +6,7 @@
 //! that are not.
 
 mod arguments;
+pub mod belief;
 pub mod draw;
 mod job;
 mod looks;

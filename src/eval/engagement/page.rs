@@ -1,5 +1,6 @@
 //! The page of the evaluation.
 
+use super::belief::Calibration;
 use super::job::{Outcome, picture};
 use super::recipe::{Nearness, Rules};
 use super::results::{Group, Results, Row};
@@ -50,6 +51,8 @@ fn body(out: &Path, results: &Results) -> Markup {
         div .charts { (times(results)) }
         h2 { "Causes of failure" }
         (causes(&results.draws))
+        h2 { "Beliefs" }
+        (beliefs(&results.beliefs))
         @for group in &results.groups { (by(group, &results.rules)) }
         h2 { "Failures" }
         (failures(out, &results.draws))
@@ -118,6 +121,42 @@ fn times(results: &Results) -> Markup {
         "time since the first sight [s]",
         IN_TIME_S,
     ))
+}
+
+/// How right the tracker's beliefs were.
+fn beliefs(calibration: &Calibration) -> Markup {
+    let bins: Vec<Vec<String>> = (calibration.bins.iter())
+        .map(|bin| {
+            let [from, to] = bin.probability.map(|p| 100.0 * p);
+            vec![
+                format!("{from:.0}–{to:.0} %"),
+                percent(Some(bin.mean)),
+                percent(bin.uavs.rate),
+                format!("{} of {}", bin.uavs.successes, bin.uavs.trials),
+            ]
+        })
+        .collect();
+    let terms: Vec<Vec<String>> = (calibration.terms.iter())
+        .map(|term| {
+            let weight = term.weight.map_or("not known".into(), |[value, half]| {
+                format!("{value:.2} ± {half:.2}")
+            });
+            let said = format!("{} of {}", term.says.successes, term.says.trials);
+            vec![term.name.to_owned(), said, weight]
+        })
+        .collect();
+    html! {
+        (note(
+            "Once a second each track that may be a target is asked what it is held to be. Beliefs are right where the share of \
+             UAVs is the mean probability."
+        ))
+        (table(&["probability of a UAV", "mean", "UAVs", "count"], &bins))
+        (note(
+            "What a term says is to be multiplied by its weight beside the others (logistic regression, 95 % interval by \
+             engagements; 1: it says what it should; 0: it tells nothing). The prior is to be added."
+        ))
+        (table(&["term", "UAVs, of those in which it says something", "weight"], &terms))
+    }
 }
 
 fn causes(draws: &[Outcome]) -> Markup {

@@ -1,5 +1,6 @@
 //! What the engagements add up to.
 
+use super::belief::Calibration;
 use super::job::Outcome;
 use super::recipe::Rules;
 use super::verdict::{
@@ -31,6 +32,8 @@ pub struct Results {
     pub groups: Vec<Group>,
     /// Failures by cause.
     pub causes: BTreeMap<&'static str, usize>,
+    /// How right the tracker's beliefs were.
+    pub beliefs: Calibration,
     /// Every engagement.
     pub draws: Vec<Outcome>,
 }
@@ -246,6 +249,7 @@ impl Results {
             groups: groups.collect(),
             rules,
             causes: causes.into_iter().filter(|(_, count)| *count > 0).collect(),
+            beliefs: Calibration::of(&draws),
             draws,
         }
     }
@@ -314,7 +318,7 @@ fn headline(all: &[&Outcome], detector: &str, rules: &[Rules]) -> Vec<Line> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::eval::engagement::recipe::Recipe;
     use crate::eval::engagement::verdict::{Record, Verdict};
@@ -322,7 +326,7 @@ mod tests {
     const SHIPPED: &str = include_str!("../../../recipes/engagement.toml");
 
     /// An engagement that was won, or that never was allowed.
-    fn outcome(index: u32, rules: &str, held_out: bool, won: bool) -> Outcome {
+    pub fn outcome(index: u32, rules: &str, held_out: bool, won: bool) -> Outcome {
         let facts = serde_json::json!({
             "index": index, "model": "m", "held_out": held_out, "real": null, "rules": rules, "flight": "hover",
             "range_m": 500.0, "background": "city", "light": "day", "metar": "", "cloud_texture": false,

@@ -1,5 +1,6 @@
 //! What became of an engagement, from what was seen of it: plain functions of its record.
 
+use super::belief::Believed;
 use super::recipe::Nearness;
 use crate::components::track::TrackingState;
 use serde::{Deserialize, Serialize};
@@ -224,6 +225,8 @@ pub struct Record {
     pub looks: [Looks; 3],
     /// The tracker's states: when, which, why. Long lists are cut in the middle.
     pub states: Vec<(f64, String, String)>,
+    /// What was believed of the tracks from time to time.
+    pub beliefs: Vec<Believed>,
 }
 
 /// What became of an engagement.

@@ -1,5 +1,6 @@
 //! An engagement watched tick by tick: truth beside what the station believes. Nothing is fed back.
 
+use super::belief::Believed;
 use super::looks::Looks;
 use super::verdict::{Cause, GivenUp, Glance, LATELY_S, LEAST_PX, Record, What, charge};
 use crate::components::beam::BeamState;
@@ -10,7 +11,7 @@ use crate::components::environment::Environment;
 use crate::components::flight::{Distractor, Flight, Uav, UavShape, UavStatus};
 use crate::components::mount::{CameraView, Mount, Optics};
 use crate::components::run::SimClock;
-use crate::components::track::{Tracker, TrackingState};
+use crate::components::track::{Tracker, TrackerParams, TrackingState};
 use crate::models::engage::interlock::{FAR_M, faces_sun};
 use crate::models::ground::dsm::LineOfSight;
 use crate::models::maths::kinematics::{az_el_to_los, boresight_chain, los_to_az_el};
@@ -27,6 +28,8 @@ use std::collections::BTreeMap;
 
 /// Looks at the truth a second [Hz].
 const LOOK_HZ: u32 = 60;
+/// How often what is believed of each track is noted [Hz].
+const BELIEF_HZ: u32 = 1;
 /// The pictures of a cause show the instant at which it has lasted this long without a break [s].
 const MOMENT_S: f64 = 0.25;
 /// Pictures older than this show nothing of a moment [s].
@@ -40,6 +43,7 @@ type Station = (
     &'static Optics,
     &'static BeamState,
     &'static Tracker,
+    &'static TrackerParams,
 );
 type Flying = (
     &'static Uav,
@@ -90,6 +94,7 @@ struct Now<'a> {
     clock: SimClock,
     t_s: f64,
     tracker: &'a Tracker,
+    candidate_hits: u32,
     r_station_enu_m: DVec3,
     optics: &'a Optics,
     firing: bool,
@@ -195,6 +200,9 @@ impl Seen {
         }
         if now.clock.due(LOOK_HZ) {
             self.look(now);
+        }
+        if now.clock.due(BELIEF_HZ) {
+            self.record.beliefs.extend(now.beliefs());
         }
         match now.flying.first().and_then(|uav| uav.status) {
             Some(UavStatus::Falling | UavStatus::Down) => {
@@ -458,7 +466,7 @@ impl<'w> Now<'w> {
         world: &'w World,
     ) -> Option<Self> {
         let clock = *world.resource::<SimClock>();
-        let (station, mount, optics, beam, tracker) = station.single(world).ok()?;
+        let (station, mount, optics, beam, tracker, params) = station.single(world).ok()?;
         let mut flying: Vec<Thing> = (flying.iter(world))
             .map(|(uav, flight, shape, distractor, status)| Thing {
                 index: uav.index,
@@ -476,6 +484,7 @@ impl<'w> Now<'w> {
             clock,
             t_s: clock.t_s(),
             tracker,
+            candidate_hits: params.tuning.candidate_hits,
             r_station_enu_m: mount.r_enu_m,
             optics,
             firing: beam.firing,
@@ -493,6 +502,19 @@ impl<'w> Now<'w> {
     fn thing_on(&self, direction_enu: DVec3) -> Option<&Thing<'w>> {
         let things = (self.flying.iter()).map(|thing| (thing, thing.to_m, thing.shape.radius_m));
         on_sight(things, direction_enu)
+    }
+
+    /// What is believed of every track that may be a target and has been seen lately, and what it is.
+    fn beliefs(&self) -> impl Iterator<Item = Believed> {
+        let tracks = self.tracker.table.tracks.iter();
+        let judged = tracks.filter(|track| {
+            track.total_hits() >= self.candidate_hits && self.t_s - track.seen_s() < LATELY_S
+        });
+        judged.filter_map(|track| {
+            let belief = self.tracker.beliefs.get(&track.id)?;
+            let los = track.filter.predicted(self.t_s).az_el_rad();
+            Some(Believed::new(self.on(az_el_to_los(los)), belief))
+        })
     }
 
     /// What the tracker's target is.

@@ -405,7 +405,7 @@ impl Recorded<'_, '_> {
         state.class = self.detector.class(target.label()).into();
         state.uav_probability = target.uav_belief();
         state.belief = tracker
-            .belief
+            .target_belief()
             .map_or(Vec::new(), |belief| belief.0.to_vec());
         state.doubt = tracker.doubt;
         state

@@ -229,6 +229,9 @@ fn tracking(ui: &mut egui::Ui, clock: &SimClock, tracker: &Tracker) {
     tracking_state(ui, tracker.state.name());
     let since_s = clock.at_s(clock.tick - tracker.since_tick);
     row(ui, "for", format!("{since_s:.2} s"));
+    let belief = tracker.target_belief();
+    let belief = belief.map_or("no target".into(), |belief| belief.in_words());
+    row(ui, "a UAV", belief);
     row(
         ui,
         "range finder",

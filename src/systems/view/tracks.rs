@@ -8,6 +8,7 @@ use crate::components::operator::Designation;
 use crate::components::run::SimClock;
 use crate::components::track::Tracker;
 use crate::components::view::{Pacing, TrackRow, TrackRows, WindowFrame};
+use crate::models::decision::belief::Belief;
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::table::separation_rad;
 use bevy::prelude::*;
@@ -102,7 +103,12 @@ pub fn list(
         }
         let button = egui::RadioButton::new(target, text);
         let button = ui.add_enabled(row.ended_s.is_none(), button);
-        if button.on_hover_text("a click pins the track").clicked() {
+        let belief = tracker.beliefs.get(id).map(Belief::in_words);
+        let belief = belief.map_or(String::new(), |belief| format!("a UAV at {belief}; "));
+        if button
+            .on_hover_text(format!("{belief}a click pins the track"))
+            .clicked()
+        {
             chosen = Some(Designation::Track(*id));
         }
     }

@@ -4,6 +4,8 @@
 //! ([`Track::log_odds`](crate::tracking::table::Track::log_odds)), where it stands, where a radar has a target, and how far
 //! off it is by the range finder.
 
+use crate::tracking::evidence::probability;
+
 /// What the terms are by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Term {
@@ -62,6 +64,22 @@ impl Belief {
         self.log_odds() - self.0[term as usize]
     }
 
+    /// In words: the probability, and each term that says something.
+    pub fn in_words(&self) -> String {
+        const LEAST: f64 = 0.05;
+        let terms = Term::ALL.into_iter().zip(self.0);
+        let says: Vec<String> = terms
+            .filter(|(_, says)| says.abs() >= LEAST)
+            .map(|(term, says)| format!("{} {says:+.1}", term.name()))
+            .collect();
+        let sure = 100.0 * probability(self.log_odds());
+        if says.is_empty() {
+            format!("{sure:.0} %")
+        } else {
+            format!("{sure:.0} %: {}", says.join(", "))
+        }
+    }
+
     /// The term that speaks against it most, unless it is the looks' want of certainty alone.
     pub fn against(&self) -> Term {
         let mut least = Term::Looks;
@@ -71,5 +89,24 @@ impl Belief {
             }
         }
         least
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_name_what_says_something() {
+        let belief = Belief([2.2, -0.7, 0.0, 0.01]);
+        assert_eq!(belief.in_words(), "82 %: looks +2.2, place -0.7");
+        assert_eq!(Belief::default().in_words(), "50 %");
+    }
+
+    #[test]
+    fn the_term_against_is_the_least_below_zero() {
+        assert_eq!(Belief([1.0, -3.0, -1.0, 0.0]).against(), Term::Place);
+        assert_eq!(Belief([0.2, 0.0, 1.0, 0.0]).against(), Term::Looks);
+        assert_eq!(Belief([-4.0, -3.0, 0.0, 0.0]).against(), Term::Looks);
     }
 }

@@ -1,13 +1,14 @@
 //! The state machine of an engagement.
 
-use super::belief::Term;
+use super::belief::{Belief, Term};
 use super::choice::is_unlikely;
 use super::situation::{CONFIRM_HITS, Situation};
 use super::tracker::{BoresightError, Tracker, TrackingState};
 use crate::optics::tier::Tier;
 use crate::tracking::cartesian::TargetCue;
 use crate::tracking::evidence::probability;
-use crate::tracking::table::{Track, TrackTable, separation_rad};
+use crate::tracking::table::{JUDGED_HITS, Track, TrackTable, separation_rad};
+use std::collections::BTreeMap;
 
 /// Even odds: what is less likely is sure enough for nothing.
 const EVEN: f64 = 0.5;
@@ -34,6 +35,7 @@ pub fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs: bool) 
         towards(&mut tracker.mean_log_odds, log_odds, now.tuning().sure_s);
         towards(&mut tracker.radar_log_odds, says, now.tuning().vouched_s);
         tracker.queue = now.queue(tracker);
+        tracker.beliefs = beliefs(now, tracker);
     }
     if tracker.state == TrackingState::Search {
         if let Some(track) = now.candidate(tracker) {
@@ -84,6 +86,16 @@ pub fn step(now: &Situation, tracker: &mut Tracker, firing: bool, weighs: bool) 
     }
 }
 
+/// What speaks for each track that has been seen often enough to be judged.
+fn beliefs(now: &Situation, tracker: &Tracker) -> BTreeMap<u32, Belief> {
+    let judged = (tracker.table.tracks.iter()).filter(|track| track.total_hits() >= JUDGED_HITS);
+    let belief = |track: &Track| match tracker.target {
+        Some(id) if id == track.id => now.belief_in_target(track, tracker.radar_log_odds),
+        _ => now.belief(track),
+    };
+    judged.map(|track| (track.id, belief(track))).collect()
+}
+
 /// Whether the target has been falling since it was fired at.
 fn falls(now: &Situation, tracker: &mut Tracker, firing: bool) -> bool {
     let Some(sink_mps) = tracker.target_track().map(|track| now.sink_mps(track)) else {
@@ -117,7 +129,8 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
     tracker.doubt_tick = now.tick;
     let (tuning, track) = (now.tuning(), tracker.target_track()?);
     let belief = now.belief_in_target(track, tracker.radar_log_odds);
-    tracker.belief = Some(belief);
+    let id = track.id;
+    tracker.beliefs.insert(id, belief);
     let track = tracker.target_track()?;
     // The paper's rule has no track to judge by; what tumbles looks like no UAV, and is soon seen to fall.
     let left_alone =

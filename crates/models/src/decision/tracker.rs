@@ -169,8 +169,8 @@ pub struct Tracker {
     pub settling: Option<(u64, DVec2)>,
     /// Each camera's last exposure, by its number: when [s], and how the station believed it to be turned.
     pub turned: BTreeMap<usize, (f64, DQuat)>,
-    /// What speaks for the target's being a UAV, once it has been weighed.
-    pub belief: Option<Belief>,
+    /// What speaks for each track's being a UAV, by its identity, once it has been weighed.
+    pub beliefs: BTreeMap<u32, Belief>,
     /// How far the target has used up what it was worth holding without being sure of it: given up at 1.
     pub doubt: f64,
     /// For how long it has been held so [s]: given up once that is more than it is worth now.
@@ -207,7 +207,7 @@ impl Default for Tracker {
             falling_since: None,
             settling: None,
             turned: BTreeMap::new(),
-            belief: None,
+            beliefs: BTreeMap::new(),
             doubt: 0.0,
             unsure_s: 0.0,
             doubt_tick: 0,
@@ -276,7 +276,6 @@ impl Tracker {
         self.fired_ticks = 0;
         self.sink_at_fire_mps = None;
         self.falling_since = None;
-        self.belief = None;
         self.forget_doubt();
         self.mean_log_odds = 0.0;
         self.radar_log_odds = 0.0;
@@ -326,6 +325,11 @@ impl Tracker {
     pub fn target_uav_probability(&self) -> Option<f64> {
         let log_odds = self.lately_log_odds()? + self.radar_log_odds;
         Some(probability(log_odds))
+    }
+
+    /// What speaks for the target's being a UAV, once it has been weighed.
+    pub fn target_belief(&self) -> Option<Belief> {
+        self.target.and_then(|id| self.beliefs.get(&id)).copied()
     }
 
     /// The target's track.

@@ -1,6 +1,6 @@
 //! Mathematics that belongs to no domain: rotations, random streams and fields, polygons, geodesy,
 //! assignment, first- and second-order systems, frequency responses, quantiles, spreads,
-//! rates and means with intervals.
+//! rates and means with intervals, logistic regression.
 
 pub mod assignment;
 pub mod curve;
@@ -8,6 +8,7 @@ pub mod first_order;
 pub mod frequency;
 pub mod geodesy;
 pub mod kinematics;
+pub mod logistic;
 pub mod noise;
 pub mod polygon;
 pub mod quantile;

@@ -188,6 +188,22 @@ impl CartesianTrack {
         }
     }
 
+    /// The same in a frame whose axes are turned and then shifted by so much [m], by a clock that is so far ahead [s].
+    pub fn in_frame(&self, turned: &Matrix3<f64>, shift_m: Vector3<f64>, ahead_s: f64) -> Self {
+        let mut both = Matrix6::zeros();
+        both.fixed_view_mut::<3, 3>(0, 0).copy_from(turned);
+        both.fixed_view_mut::<3, 3>(3, 3).copy_from(turned);
+        let mut x = both * self.x;
+        let r_m = x.fixed_rows::<3>(0) + shift_m;
+        x.fixed_rows_mut::<3>(0).copy_from(&r_m);
+        Self {
+            t_s: self.t_s + ahead_s,
+            x,
+            p: both * self.p * both.transpose(),
+            ..*self
+        }
+    }
+
     /// Time of its last measurement [s].
     pub fn t_s(&self) -> f64 {
         self.t_s

@@ -7,6 +7,8 @@
 //! Analysis*, 1947). A picture of few pixels tells little: the evidence of a dot is bounded, and what a camera
 //! saw in many pixels is not talked down by another that sees few.
 
+pub use crate::maths::logistic::probability;
+
 /// Memory [s].
 const MEMORY_S: f64 = 1.0;
 /// Looks closer together than this err alike [s].
@@ -75,11 +77,6 @@ const SCORE_SLOPE: f64 = 1.5;
 pub fn logit(p: f64) -> f64 {
     let p = p.clamp(1e-3, 1.0 - 1e-3);
     (p / (1.0 - p)).ln()
-}
-
-/// What [`logit`] is of.
-pub fn probability(log_odds: f64) -> f64 {
-    1.0 / (1.0 + (-log_odds).exp())
 }
 
 /// How much the class says that is named at such a size, 0 to 1: nobody can name the smallest.

@@ -12,11 +12,13 @@
 
 mod association;
 mod fix;
+mod frame;
 mod fusion;
 mod known;
 mod object;
 
 pub use fix::{Fix, Follower, Measured, Sensor};
+pub use frame::{OwnFrame, SurveyErrors};
 pub use known::Picture;
 pub use object::{Followed, SharedObject};
 
