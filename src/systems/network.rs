@@ -19,7 +19,7 @@ use crate::models::engage::threat::time_to_asset_s;
 use crate::models::laser::target::{ABS_SHELL, CHAR_ABSORPTIVITY};
 use crate::models::maths::kinematics::los_to_az_el;
 use crate::models::tracking::cartesian::{Bearing, CartesianTrack};
-use crate::models::tracking::picture::{Fix, Follower, Measured, Picture, Sensor, SharedObject};
+use crate::models::tracking::picture::{Fix, Follower, Measured, Sensor, SharedObject};
 use crate::models::tracking::search::SlewLimits;
 use crate::models::tracking::table::Track;
 use crate::systems::beam::expected_irradiance_wpm2;

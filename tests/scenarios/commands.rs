@@ -239,7 +239,6 @@ fn an_engagement_is_judged_on_rendered_pixels() {
         "tracker.tuning.candidate_hits=100",
         "tracker.tuning.chosen=100",
         "tracker.tuning.chosen_small=100",
-        "tracker.tuning.chosen_small_in_sky=100",
     ];
     let blind: Vec<&str> = blind.iter().flat_map(|set| ["--set", *set]).collect();
     let args = [&args[..], &blind].concat();
@@ -274,8 +273,7 @@ fn an_ablation_pairs_engagements_with_all_rules_and_without_each() {
         format!(
             "[[without]]\nname = \"nothing\"\ndoes = \"-\"\nset = [\"tracker.tuning.rival_s=1\"]\n\
              [[without]]\nname = \"{blind}\"\ndoes = \"-\"\nset = [\"tracker.tuning.candidate_hits=100\", \
-             \"tracker.tuning.chosen=100\", \"tracker.tuning.chosen_small=100\", \
-             \"tracker.tuning.chosen_small_in_sky=100\"]\n"
+             \"tracker.tuning.chosen=100\", \"tracker.tuning.chosen_small=100\"]\n"
         )
     };
     std::fs::write(&rules, file("choice")).unwrap();

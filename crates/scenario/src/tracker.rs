@@ -73,12 +73,11 @@ impl TrackerConfig {
 /// not above 0, and the rest are numbers that an exponential can take.
 fn tuning(check: &mut Check, tuning: &TrackerTuning) {
     const LENGTHS: [&str; 5] = ["_m", "_px", "_rad", "_radps", "_mps"];
-    const AGAINST: [&str; 5] = [
+    const AGAINST: [&str; 4] = [
         "before_scenery",
         "before_scenery_unjudged",
         "cue_against",
         "disproved",
-        "too_fast",
     ];
     check.ascending("closer_look_px", tuning.closer_look_px, 0.0..=1e6);
     let Ok(serde_json::Value::Object(values)) = serde_json::to_value(tuning) else {

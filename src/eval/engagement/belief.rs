@@ -6,7 +6,6 @@ use super::verdict::What;
 use crate::models::decision::belief::{Belief, Term};
 use crate::models::maths::logistic::{Case, probability, weights};
 use crate::models::maths::statistics::Rate;
-use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 /// Bounds of the probabilities that are counted together.
@@ -41,11 +40,11 @@ impl Believed {
     }
 
     fn case(&self) -> Case<NUMBERS> {
-        let of = |i: usize, _| match i {
+        let of = |i: usize| match i {
             0 => 1.0,
             term => self.terms[term - 1].clamp(-MOST, MOST),
         };
-        (SVector::from_fn(of), self.is_uav())
+        (std::array::from_fn(of), self.is_uav())
     }
 }
 

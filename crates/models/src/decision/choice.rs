@@ -19,12 +19,7 @@ impl Situation<'_> {
     /// Log-odds from which on a track is chosen.
     pub(super) fn chosen(&self, track: &Track) -> f64 {
         let tuning = self.tuning();
-        let small = if track.conduct.in_sky {
-            tuning.chosen_small_in_sky
-        } else {
-            tuning.chosen_small
-        };
-        tuning.chosen - (tuning.chosen - small) * self.wants_closer_look(track)
+        tuning.chosen - (tuning.chosen - tuning.chosen_small) * self.wants_closer_look(track)
     }
 
     /// The most threatening track beside the target that looks like a UAV, each threat weighed with how

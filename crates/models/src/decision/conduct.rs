@@ -68,10 +68,6 @@ impl Situation<'_> {
             let at = track.filter.predicted(t_s).az_el_rad();
             let (rate_radps, sigmas) = track.motion(t_s);
             let significant = sigmas > tuning.moving_sigmas;
-            let nearest_m = track.range.nearest_m(t_s).unwrap_or(0.0);
-            if significant && rate_radps * nearest_m > tuning.fastest_mps {
-                track.evidence.on_conduct(tuning.too_fast, elapsed_s);
-            }
             let doubted = track.log_odds() < 0.0;
             let conduct = &mut track.conduct;
             conduct.in_sky = self.in_sky(at);

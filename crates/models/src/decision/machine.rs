@@ -154,9 +154,7 @@ fn doubted(now: &Situation, tracker: &mut Tracker) -> Option<(String, Option<f64
         tracker.forget_doubt();
         return None;
     }
-    let closer = 1.0 + tuning.worth_closer * now.wants_closer_look(track);
-    let worth_s = tuning.worth_s * closer * belief.log_odds().exp();
-    let worth_s = worth_s.max(tuning.least_doubt_s);
+    let worth_s = (tuning.worth_s * belief.log_odds().exp()).max(tuning.least_doubt_s);
     let (doubt, unsure_s) = (
         tracker.doubt + elapsed_s / worth_s,
         tracker.unsure_s + elapsed_s,
@@ -250,19 +248,6 @@ fn hold(now: &Situation, tracker: &mut Tracker) {
                 tracker.change(tick, TrackingState::Precise, reason);
             } else if now.lost_by(tracker, Tier::Coarse) {
                 lose(now, tracker, Tier::Coarse);
-            } else if judged
-                && fits
-                && !hidden
-                && !tracker.designated
-                && !now.cued(track)
-                && track.hits[Tier::Precise] < CONFIRM_HITS
-                && in_state_s > tuning.closer_patiences * params.patience_s[Tier::Precise]
-            {
-                let reason = format!(
-                    "precise camera saw the candidate {} times in {in_state_s:.1} s",
-                    track.hits[Tier::Precise]
-                );
-                tracker.give_up(tick, Some(now.t_s() + tuning.rejected_s), reason);
             }
         }
         TrackingState::Precise | TrackingState::Engage => {

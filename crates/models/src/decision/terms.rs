@@ -57,11 +57,11 @@ impl Situation<'_> {
         Belief([track.log_odds(), place, radar, echo])
     }
 
-    /// How much a track that the recogniser has judged and most frames show is so small that only a closer look can tell
+    /// How much a track that the recogniser has judged is so small that only a closer look can tell
     /// what it is, 0 to 1.
     pub(super) fn wants_closer_look(&self, track: &Track) -> f64 {
         let [small_px, plain_px] = self.tuning().closer_look_px;
-        if track.recognition.is_some() && track.seen_share() > self.tuning().shown_share {
+        if track.recognition.is_some() {
             let size_px = track.evidence.best_px();
             1.0 - ((size_px - small_px) / (plain_px - small_px)).clamp(0.0, 1.0)
         } else {

@@ -14,12 +14,8 @@ pub struct TrackerTuning {
     pub chosen: f64,
     /// `chosen` of a track that only a closer look can tell. Chosen.
     pub chosen_small: f64,
-    /// `chosen_small` in clear sky, where there is little else to look at. Chosen.
-    pub chosen_small_in_sky: f64,
     /// Sizes up to which only a closer look can tell what something is, and from which on none is needed [px]. Chosen.
     pub closer_look_px: [f64; 2],
-    /// Share of its frames that must show what gets a closer look: a chain of false alarms is seen in fewer. Chosen.
-    pub shown_share: f64,
     /// Log-odds from which on a track takes the place of a target that is itself likely. Chosen.
     pub rival: f64,
     /// How long another track must have been the greater threat before it becomes the target [s]. Chosen.
@@ -40,10 +36,6 @@ pub struct TrackerTuning {
     pub before_scenery: f64,
     /// `before_scenery` of what no recogniser has judged: a detector takes the same facade for the same in every frame. Chosen.
     pub before_scenery_unjudged: f64,
-    /// Faster across the sight line than any UAV of the catalogue flies [m/s]. Derived.
-    pub fastest_mps: f64,
-    /// What a look says at which something is faster than that, as log-odds. Chosen.
-    pub too_fast: f64,
 
     /// What a radar's cue adds at most to the log-odds of a track at its place. Chosen.
     pub cue_for: f64,
@@ -83,8 +75,6 @@ pub struct TrackerTuning {
     /// For how long the search is given up for a UAV, at even odds [s]: a target that is not sure enough for fire is held for
     /// its odds times this. Chosen.
     pub worth_s: f64,
-    /// By which share of `worth_s` what only a closer look can tell is worth more. Chosen.
-    pub worth_closer: f64,
     /// A target is doubted for so long at least before it is given up [s]. Chosen.
     pub least_doubt_s: f64,
     /// For how long a track is left alone that was given up and would be chosen again [s]. Chosen.
@@ -97,8 +87,6 @@ pub struct TrackerTuning {
     pub acquire_timeout_s: f64,
     /// Time that a lost target has to come back, beside that for which the city hides it [s]. Chosen.
     pub lost_timeout_s: f64,
-    /// How long the precise camera has to confirm what the coarse one holds in its field, in times of its patience. Chosen.
-    pub closer_patiences: f64,
     /// Hits of the coarse camera that bring a lost target back. Chosen.
     pub again_hits: u32,
     /// Hits of the search camera that bring a lost target back. Chosen.
@@ -130,9 +118,7 @@ impl Default for TrackerTuning {
             candidate_hits: 6,
             chosen: 1.5,
             chosen_small: -0.15,
-            chosen_small_in_sky: -0.6,
             closer_look_px: [8.0, 16.0], // [px]
-            shown_share: 0.5,
             rival: 4.0,
             rival_s: 1.0, // [s]
             moving_sigmas: 6.0,
@@ -142,8 +128,6 @@ impl Default for TrackerTuning {
             sky_margin_rad: 4e-3, // [rad]
             before_scenery: -0.7,
             before_scenery_unjudged: -8.0,
-            fastest_mps: 70.0, // [m/s]
-            too_fast: -2.0,
             cue_for: 1.0,
             cue_against: -3.0,
             cue_for_flying: 2.0,
@@ -159,14 +143,12 @@ impl Default for TrackerTuning {
             plain_log_odds: 4.0,
             plain_px: 24.0, // [px]
             worth_s: 1.0,   // [s]
-            worth_closer: 1.0,
             least_doubt_s: 0.3,       // [s]
             rejected_s: 10.0,         // [s]
             disproved_barred_s: 60.0, // [s]
             surely_none: -1.5,
             acquire_timeout_s: 3.0, // [s]
             lost_timeout_s: 3.0,    // [s]
-            closer_patiences: 4.0,
             again_hits: 2,
             refind_hits: 3,
             sure_s: 0.5,      // [s]

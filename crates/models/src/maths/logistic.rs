@@ -16,7 +16,7 @@ const LONGEST: f64 = 4.0;
 const Z95: f64 = 1.959_964;
 
 /// A case: its numbers, and whether it came true.
-pub type Case<const N: usize> = (SVector<f64, N>, bool);
+pub type Case<const N: usize> = ([f64; N], bool);
 
 /// A weight and half of its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +35,8 @@ pub fn weights<const N: usize>(groups: &[Vec<Case<N>>]) -> Option<[Weight; N]> {
         let mut information = SMatrix::<f64, N, N>::zeros();
         let mut gradient = SVector::<f64, N>::zeros();
         for (x, came_true) in groups.iter().flatten() {
-            let p = probability(beta.dot(x));
+            let x = SVector::from(*x);
+            let p = probability(beta.dot(&x));
             information += x * x.transpose() * (p * (1.0 - p));
             gradient += x * (f64::from(u8::from(*came_true)) - p);
         }
@@ -57,7 +58,8 @@ pub fn weights<const N: usize>(groups: &[Vec<Case<N>>]) -> Option<[Weight; N]> {
     for group in groups {
         let mut score = SVector::<f64, N>::zeros();
         for (x, came_true) in group {
-            score += x * (f64::from(u8::from(*came_true)) - probability(beta.dot(x)));
+            let x = SVector::from(*x);
+            score += x * (f64::from(u8::from(*came_true)) - probability(beta.dot(&x)));
         }
         between += score * score.transpose();
     }
@@ -90,7 +92,7 @@ mod tests {
             let mut case = || {
                 let x = rng.normal();
                 let p = probability(0.5 - 1.5 * x);
-                (SVector::from([1.0, x, common]), rng.uniform() < p)
+                ([1.0, x, common], rng.uniform() < p)
             };
             (0..10).map(|_| case()).collect()
         };
@@ -126,12 +128,9 @@ mod tests {
 
     #[test]
     fn what_is_all_of_one_kind_tells_no_weights() {
-        let all_true = vec![vec![(SVector::from([1.0, 0.5]), true); 20]];
+        let all_true = vec![vec![([1.0, 0.5], true); 20]];
         assert_eq!(weights(&all_true), None);
-        let half = [vec![
-            (SVector::from([1.0, 0.0]), true),
-            (SVector::from([1.0, 0.0]), false),
-        ]];
+        let half = [vec![([1.0, 0.0], true), ([1.0, 0.0], false)]];
         assert_eq!(weights(&half).unwrap()[1].value, 0.0);
     }
 }

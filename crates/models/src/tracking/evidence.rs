@@ -184,12 +184,6 @@ impl Evidence {
         self.mean = self.mean.clamp(-bound, bound);
     }
 
-    /// Takes in something that is known of it besides its looks, for `elapsed_s` [s].
-    pub fn on_conduct(&mut self, lambda: f64, elapsed_s: f64) {
-        let share = 1.0 - (-elapsed_s / MEMORY_S).exp();
-        self.mean = (self.mean + share * lambda).clamp(-MOST / LOOKS, MOST / LOOKS);
-    }
-
     /// Takes over what a track says that continues this one: the better view counts.
     pub fn join(&mut self, young: &Self) {
         if young.best_px >= self.best_px {
