@@ -1,10 +1,11 @@
 //! `boresight fit-detector`: a measured detector of what a network said in engagements on rendered pixels.
 
+use crate::dataset::kept::refuse_kept;
 use crate::eval::engagement::LOOKS;
 use crate::inference::{DetectorError, OnnxDetector};
-use crate::models::tracking::measured::{Fitted, Measured, Row, Run, fit, foretold};
+use crate::models::sensing::measured::{Fitted, Measured, Row, Run, fit, foretold};
 use crate::output::{self, OutputError, columns};
-use crate::scenario::DetectorConfig;
+use crate::scenario::{DetectorConfig, InputError, Scenario};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -58,6 +59,12 @@ pub enum FitError {
         line: usize,
         /// What tells.
         what: String,
+    },
+    /// An engagement shows what is kept for judging.
+    #[error("{source}; make the engagements again with `boresight eval engagement --looks`")]
+    Kept {
+        /// What, and in which scenario.
+        source: InputError,
     },
     /// Nobody looked at a UAV.
     #[error("{}: no look at a UAV; make more engagements with `boresight eval engagement --looks`", .0.display())]
@@ -149,6 +156,12 @@ impl Reader<'_> {
 
     /// The looks of an engagement.
     fn run(&mut self, path: &Path) -> Result<Run, FitError> {
+        // A folder without the scenarios tells nothing of what they show.
+        let scenario = PathBuf::from(path.to_string_lossy().replace(LOOKS, ".toml"));
+        if scenario.exists() {
+            let loaded = Scenario::load(&scenario, &[]).and_then(|loaded| refuse_kept(&loaded));
+            loaded.map_err(|source| FitError::Kept { source })?;
+        }
         let text = std::fs::read_to_string(path).map_err(|source| unread(path, source))?;
         let row = |(index, line): (usize, &str)| {
             let line_number = index + 1;

@@ -4,7 +4,7 @@ use crate::inference::OnnxRecogniser;
 use crate::models::decision::{gallery, tracker};
 use crate::models::laser::range_finder::RangeFinderParams;
 use crate::models::maths::rng::Stream;
-use crate::models::tracking::measured::Measured;
+use crate::models::sensing::measured::Measured;
 use crate::models::tracking::recognition::Recognition;
 use bevy::prelude::*;
 

@@ -11,7 +11,7 @@ mod coco;
 mod draw;
 mod error;
 mod exposure;
-mod kept;
+pub(crate) mod kept;
 mod label;
 mod merge;
 mod page;

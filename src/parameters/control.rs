@@ -9,9 +9,9 @@ use crate::models::control::POINTING_LAWS;
 use crate::models::control::law::HandOver;
 use crate::models::control::paper::PaperLaw;
 use crate::models::control::tuning::MountPlant;
-use crate::models::tracking::radar::choice::CueChoice;
-use crate::models::tracking::radar::tracks::RadarTracks;
-use crate::models::tracking::radar::traffic::Traffic;
+use crate::models::sensing::radar::choice::CueChoice;
+use crate::models::sensing::radar::tracks::RadarTracks;
+use crate::models::sensing::radar::traffic::Traffic;
 use crate::models::tracking::search::Sector;
 use crate::scenario::{
     self, Cue, CueKind, Gains, InputError, Loaded, ResolvedStation, Scenario, SearchSector,

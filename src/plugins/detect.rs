@@ -10,7 +10,7 @@ use crate::components::mount::Station;
 use crate::components::run::{
     Options, PartError, RunScenario, Seed, SetUp, SimClock, Tick, TickSet,
 };
-use crate::models::tracking::moving::MovingDots;
+use crate::models::sensing::moving::MovingDots;
 use crate::plugins::run::fallible;
 use crate::scenario;
 use crate::systems::detect as systems;

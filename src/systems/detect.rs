@@ -11,7 +11,7 @@ use crate::components::detect::{
     DetectionBatch, DetectionQueue, Detector, DetectorContext, DetectorInUse, Moving, Question,
 };
 use crate::components::run::{Failure, PartError, SimClock, Stopwatch};
-use crate::models::tracking::moving::{Dot, Picture};
+use crate::models::sensing::moving::{Dot, Picture};
 use crate::scenario;
 use bevy::prelude::*;
 use std::time::Instant;

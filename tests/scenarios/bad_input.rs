@@ -316,6 +316,13 @@ fn a_bad_measured_detector_is_one_error_that_names_the_file() {
     refused(&mut fit, &["00000.looks.jsonl:1", "'wren'", "--model"]);
     std::fs::write(draws.join("00000.looks.jsonl"), "").unwrap();
     refused(&mut fit, &["no look at a UAV", "--looks"]);
+    let judged = std::fs::read_to_string("scenarios/urban_intercept.toml").unwrap();
+    let judged = format!("{judged}\n[city]\nseed = 1000003\n");
+    std::fs::write(draws.join("00000.toml"), judged).unwrap();
+    refused(
+        &mut fit,
+        &["00000.toml", "city.seed", "kept for judging", "--looks"],
+    );
     let mut fit = boresight();
     fit.arg("fit-detector")
         .arg(folder.join("absent"))

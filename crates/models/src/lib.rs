@@ -11,6 +11,7 @@ pub mod laser;
 pub mod maths;
 pub mod mount;
 pub mod optics;
+pub mod sensing;
 pub mod shape;
 pub mod tiles;
 pub mod tracking;

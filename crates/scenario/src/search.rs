@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::check::{Check, ELEVATION, TURN};
 use super::load::suggestion;
 use super::targets::UavConfig;
-use boresight_models::tracking::radar::RadarErrors;
-use boresight_models::tracking::radar::sensing::RadarParams;
+use boresight_models::sensing::radar::RadarErrors;
+use boresight_models::sensing::radar::sensing::RadarParams;
 use boresight_models::tracking::search::{SearchPattern, Sector};
 use glam::DVec2;
 

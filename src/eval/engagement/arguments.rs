@@ -29,7 +29,8 @@ pub struct Arguments {
     #[arg(long)]
     pub truth: bool,
     /// Also keep what detector and recogniser say of each thing in each frame, as `draws/NUMBER.looks.jsonl`:
-    /// `boresight fit-detector` makes a measured detector of it.
+    /// `boresight fit-detector` makes a measured detector of it. Cities and UAVs are then of those that may be learned from, not
+    /// those kept for judging.
     #[arg(long)]
     pub looks: bool,
     /// Change a value of every scenario, such as `detector.onnx_model=mine.onnx`; may be repeated.

@@ -10,7 +10,7 @@ use super::watch::Watch;
 use crate::eval::EvalError;
 use crate::experiment::runner::Runner;
 use crate::media::image::encode_jpeg;
-use crate::models::tracking::measured::Row;
+use crate::models::sensing::measured::Row;
 use crate::output::OutputError;
 use crate::output::{put, put_json, quoted};
 use crate::report::run::ContactFrame;

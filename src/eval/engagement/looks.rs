@@ -7,7 +7,7 @@ use crate::components::flight::{Distractor, Uav};
 use crate::components::run::SimClock;
 use crate::components::track::{Recognitions, Tracker};
 use crate::models::optics::detection::Detection;
-use crate::models::tracking::measured::{FalseRow, FoundRow, FrameRow, LookRow, NamedRow, Row};
+use crate::models::sensing::measured::{FalseRow, FoundRow, FrameRow, LookRow, NamedRow, Row};
 use crate::models::tracking::recognition::TrackClass;
 use crate::models::tracking::table::Track;
 use crate::systems::detect::appearance::{appearance, az_el_rad, shown_box_px};

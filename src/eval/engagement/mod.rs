@@ -46,9 +46,14 @@ pub struct Drawn {
     pub stopped: Option<String>,
 }
 
-/// The recipe, with the rules of fire that are asked for.
+/// The recipe, with the rules of fire that are asked for; what is kept of looks is learned from.
 fn recipe(arguments: &Arguments) -> Result<Recipe, EvalError> {
     let recipe = Recipe::load(&arguments.recipe)?;
+    let recipe = if arguments.looks {
+        recipe.to_learn_from().map_err(EvalError::own)?
+    } else {
+        recipe
+    };
     match &arguments.rules {
         Some(name) => recipe.under(name).map_err(EvalError::own),
         None => Ok(recipe),

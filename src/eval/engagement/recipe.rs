@@ -272,6 +272,11 @@ impl Rules {
     }
 }
 
+/// All of a recipe's UAVs are held out.
+#[derive(Debug, thiserror::Error)]
+#[error("uav.models: all are kept for judging; name one that may be learned from")]
+pub struct NothingToLearn;
+
 /// No rules of a recipe have a name that was asked for.
 #[derive(Debug, thiserror::Error)]
 #[error("--rules: the recipe has no `{name}`; it has {}", .names.join(", "))]
@@ -299,6 +304,20 @@ impl Recipe {
             share: 1.0,
             ..rules.clone()
         }];
+        Ok(self)
+    }
+
+    /// The recipe with cities and UAVs that may be learned from.
+    pub fn to_learn_from(mut self) -> Result<Self, NothingToLearn> {
+        let known = self.uav.which(false).into_iter().map(str::to_owned);
+        let models: Vec<String> = known.collect();
+        if models.is_empty() {
+            return Err(NothingToLearn);
+        }
+        self.purpose = Purpose::Learning;
+        self.real = RealDraw::default();
+        self.uav.models = models;
+        self.uav.held_out = None;
         Ok(self)
     }
 
@@ -525,6 +544,23 @@ mod tests {
             error,
             "--rules: the recipe has no `lose`; it has default, loose"
         );
+    }
+
+    #[test]
+    fn what_is_learned_from_shows_nothing_that_is_kept_for_judging() {
+        let recipe = Recipe::parse(SHIPPED, "r.toml").unwrap();
+        assert!(recipe.uav.models.iter().any(|model| model == "hframe"));
+        let known = recipe.to_learn_from().unwrap();
+        assert!(!JUDGED_SEEDS.contains(&known.purpose.first_seed()));
+        assert!(!known.uav.models.is_empty() && known.uav.which(true).is_empty());
+        assert_eq!((known.uav.held_out, known.real.share), (None, 0.0));
+        let held_out = SHIPPED.replace(
+            "\"phantom4\", \"mavic2\", \"mavic_air\", \"matrice200\", \"matrice600\", \"fpv5\", ",
+            "",
+        );
+        let held_out = held_out.replace("held_out = 0.5", "held_out = 1.0");
+        let none = Recipe::parse(&held_out, "r.toml").unwrap().to_learn_from();
+        assert!(none.is_err());
     }
 
     #[test]

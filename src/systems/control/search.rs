@@ -20,7 +20,7 @@ const SETTLED_RADPS: f64 = 15e-3;
 const GAZE_S: f64 = 0.5;
 const GAZE_FRAMES: f64 = 15.0;
 /// Share of a gaze after which it is left where no track lives in it but known scenery: nine frames, and those in which the
-/// mount comes to rest, so that what moves shows (`models::tracking::moving`).
+/// mount comes to rest, so that what moves shows (`models::sensing::moving`).
 const EMPTY_SHARE: f64 = 0.6;
 /// How long a gaze lasts at most while something in it looks like a target [s].
 const LONGEST_GAZE_S: f64 = 2.0;

@@ -3,7 +3,7 @@
 use crate::components::capture::{ExposedFrame, PixelRect, UavInFrame};
 use crate::components::detect::Surroundings;
 use crate::models::maths::kinematics::{los_to_az_el, wrap_pi};
-use crate::models::tracking::measured::{Appearance, Patch};
+use crate::models::sensing::measured::{Appearance, Patch};
 use glam::DVec2;
 
 /// How a thing in a frame appears in a picture that is shrunk so many times.

@@ -6,7 +6,7 @@ use crate::components::detect::{Detector, DetectorContext, Question, Reading, Su
 use crate::components::run::{PartError, Seed};
 use crate::models::maths::kinematics::az_el_to_los;
 use crate::models::optics::detection::Detection;
-use crate::models::tracking::measured::{Draws, Measured};
+use crate::models::sensing::measured::{Draws, Measured};
 use glam::DVec2;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};

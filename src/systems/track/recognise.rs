@@ -9,8 +9,8 @@ use crate::components::track::{
 use crate::inference::RecogniserError;
 use crate::models::decision::gallery::in_turn;
 use crate::models::maths::kinematics::az_el_to_los;
+use crate::models::sensing::measured::Draws;
 use crate::models::tracking::held::on_sight;
-use crate::models::tracking::measured::Draws;
 use crate::models::tracking::recognition::{Recognition, TrackClass};
 use crate::models::tracking::table::Track;
 use bevy::prelude::*;

@@ -27,7 +27,7 @@ const WITH_ENGINE: [&str; 1] = ["tiles"];
 /// Rooms of the models, each of which may know those before it.
 const MODELS: &[&str] = &[
     "maths", "air", "mount", "shape", "laser", "optics", "ground", "tiles", "flight", "bodies",
-    "tracking", "control", "engage", "decision",
+    "tracking", "sensing", "control", "engage", "decision",
 ];
 /// Rooms of the geodata, likewise.
 const GEODATA: &[&str] = &["projection", "tiles", "sources", "build", "place"];

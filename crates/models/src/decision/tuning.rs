@@ -141,8 +141,8 @@ impl Default for TrackerTuning {
             surface_m: 8.0, // [m]
             plain_probability: 0.95,
             plain_log_odds: 4.0,
-            plain_px: 24.0, // [px]
-            worth_s: 1.0,   // [s]
+            plain_px: 24.0,           // [px]
+            worth_s: 1.0,             // [s]
             least_doubt_s: 0.3,       // [s]
             rejected_s: 10.0,         // [s]
             disproved_barred_s: 60.0, // [s]

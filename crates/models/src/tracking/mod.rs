@@ -1,15 +1,12 @@
 //! From sightings to tracks: filters, the track table, what a track is, known scenery, ranges, search
-//! patterns, the radar.
+//! patterns.
 
 pub mod cartesian;
 pub mod estimation;
 pub mod evidence;
 pub mod flutter;
 pub mod held;
-pub mod measured;
-pub mod moving;
 pub mod picture;
-pub mod radar;
 pub mod ranging;
 pub mod recognition;
 pub mod scenery;

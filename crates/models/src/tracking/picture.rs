@@ -57,6 +57,7 @@ mod tests {
     use crate::maths::rng::Stream;
     use crate::tracking::cartesian::Bearing;
     use glam::{DVec2, DVec3};
+    use nalgebra::Matrix3;
     use std::collections::BTreeSet;
 
     const STATIONS: [DVec3; 2] = [DVec3::ZERO, DVec3::new(300.0, 0.0, 10.0)];
@@ -202,18 +203,16 @@ mod tests {
     fn objects_that_two_radars_started_become_one() {
         let mut rng = Stream::new(5, 0, "picture");
         let mut picture = Picture::default();
-        let errors = crate::tracking::radar::RadarErrors {
-            sigma_rad: 0.012,
-            range_sigma_m: 15.0,
-        };
+        // Of a radar: 12 mrad and 15 m at some 700 m.
+        let sigma_m = 10.0;
         let far = |i: u32, t_s: f64| uav(i, t_s) + DVec3::X * 150.0 * f64::from(i);
         for k in 0..200 {
             let t_s = 0.05 * f64::from(k);
-            for (station, from_m) in STATIONS.into_iter().enumerate() {
+            for station in 0..STATIONS.len() {
                 for i in 0..3 {
                     if k % 20 == 0 {
-                        let plot = errors.plot(far(i, t_s) - from_m, t_s, &mut rng);
-                        let (r_enu_m, covariance) = plot.converted(from_m);
+                        let r_enu_m = far(i, t_s) + sigma_m * rng.normal3();
+                        let covariance = Matrix3::identity() * (sigma_m * sigma_m);
                         let follower = Follower {
                             station,
                             sensor: Sensor::Radar,

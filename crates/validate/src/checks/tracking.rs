@@ -6,11 +6,11 @@ use boresight_models::engage::threat::time_to_asset_s;
 use boresight_models::maths::kinematics::los_to_az_el;
 use boresight_models::maths::rng::Stream;
 use boresight_models::optics::detection::{Candidate, TruthErrors, detect_truth};
+use boresight_models::sensing::radar::{Plot, RadarErrors, RadarTrack};
 use boresight_models::tracking::cartesian::{
     ACCELERATION_PSD, Bearing, CartesianTrack, FIRST_VELOCITY_SIGMA_MPS, crossing,
 };
 use boresight_models::tracking::estimation::{LosFilter, LosFilterParams, MotionMode};
-use boresight_models::tracking::radar::{Plot, RadarErrors, RadarTrack};
 use boresight_models::tracking::ranging::Ranging;
 use glam::{DVec2, DVec3};
 use nalgebra::Vector3;

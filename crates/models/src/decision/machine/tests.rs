@@ -211,6 +211,9 @@ fn a_dot_that_the_recogniser_doubts_is_looked_at_closer() {
     }
 }
 
+/// What a recogniser's word counts on what has no name.
+const DOT_SHARE: f64 = 0.3;
+
 #[test]
 fn what_is_seen_well_and_not_recognised_is_left() {
     // With this probability, with a radar's cue or without, by a camera of this angle a pixel [rad].
@@ -242,10 +245,11 @@ fn what_is_seen_well_and_not_recognised_is_left() {
     // Where the radar points, only what is less likely than not costs anything; its word multiplies the odds.
     assert_eq!(held_s(0.75, true), None);
     about(held_s(0.2, true), 0.25 * tuning().cue_for.exp() * worth_s);
-    // A dot, 4 px long, for twice as long.
-    let share: f64 = 0.3; // of a recogniser's word on what has no name
-    let odds = 3.0_f64.powf(share);
-    about(held_by_s(1.5e-4, 0.75, false), 2.0 * odds * worth_s);
+    // A dot, 4 px long.
+    about(
+        held_by_s(1.5e-4, 0.75, false),
+        3.0_f64.powf(DOT_SHARE) * worth_s,
+    );
 }
 
 #[test]
@@ -485,22 +489,6 @@ fn what_was_hardly_seen_is_not_waited_for_behind_a_building_as_long_as_what_is_k
 }
 
 #[test]
-fn what_the_precise_camera_does_not_see_is_left() {
-    // Held by the coarse camera, after so many hits of the precise one.
-    let left = |hits: u32| {
-        let held = Held {
-            state: TrackingState::Coarse,
-            ..Held::default()
-        };
-        held.left_after_s(|_, tracker| tracker.table.tracks[0].hits[Tier::Precise] = hits)
-    };
-    let (after_s, barred_s) = left(CONFIRM_HITS - 1).unwrap();
-    assert!((1.0..1.1).contains(&after_s), "{after_s}");
-    assert!((barred_s - tuning().rejected_s).abs() < 1e-9, "{barred_s}");
-    assert_eq!(left(CONFIRM_HITS), None);
-}
-
-#[test]
 fn what_is_lost_and_seen_again_by_turns_is_doubted_all_the_same() {
     let left = |p_uav: f64| {
         Held::default().left_after_s(|frame, tracker| {
@@ -606,15 +594,17 @@ fn a_doubted_target_gives_way_to_a_uav() {
         None
     };
     assert_eq!(weighed(20.0, 0.95, 0.95), None);
-    let at_once = tuning().rival_s..tuning().rival_s + 0.1;
     // What a close look speaks against is given up after its odds.
     let changed_s = weighed(20.0, 0.3, 0.95).unwrap();
     assert!((0.4..0.55).contains(&changed_s), "{changed_s}");
-    // What would not be chosen is no rival, and a dot that would be is one only of what a close look speaks against.
+    // What would not be chosen is no rival, and a dot is held for its odds, too.
     assert_eq!(weighed(20.0, 0.3, 0.6), None);
-    let changed_s = weighed(6.0, 0.3, 0.6).unwrap();
-    assert!(at_once.contains(&changed_s), "{changed_s}");
-    assert_eq!(weighed(6.0, 0.6, 0.65), None);
+    for p_target in [0.3, 0.6] {
+        let odds: f64 = p_target / (1.0 - p_target);
+        let held_s = odds.powf(DOT_SHARE) * tuning().worth_s;
+        let changed_s = weighed(6.0, p_target, 0.65).unwrap();
+        assert!((held_s..held_s + 0.1).contains(&changed_s), "{changed_s}");
+    }
 }
 
 /// The recogniser finds the first track a UAV with this probability.

@@ -191,7 +191,7 @@ pub(super) mod tests {
     use std::f64::consts::PI;
 
     /// A radar without errors of its own or false plots, which looks north.
-    pub(in crate::tracking::radar) fn radar() -> RadarParams {
+    pub(in crate::sensing::radar) fn radar() -> RadarParams {
         RadarParams {
             errors: RadarErrors {
                 sigma_rad: 0.0,
@@ -216,7 +216,7 @@ pub(super) mod tests {
         }
     }
 
-    pub(in crate::tracking::radar) fn uav(r_enu_m: DVec3) -> Echo {
+    pub(in crate::sensing::radar) fn uav(r_enu_m: DVec3) -> Echo {
         Echo {
             r_enu_m,
             v_enu_mps: DVec3::new(0.0, -5.0, 0.0),
