@@ -50,6 +50,7 @@ pub fn tracker_params(
             min_quality,
             score: min_score.map_or(reading.score, ScoreModel::Fixed),
             other_classes: 0,
+            tuning: tuning.evidence,
         },
         precise_field_rad,
         switch_ratio,

@@ -254,6 +254,8 @@ fn contradictions_are_found_where_they_stand() {
         "chosen=nan",
         "surface_m=-1",
         "closer_look_px=[8.0, 8.0]",
+        "evidence.clear_score=0",
+        "evidence.other_class=1",
     ] {
         let (key, _) = tuning.split_once('=').unwrap();
         let error = error(GOOD, &[&format!("tracker.tuning.{tuning}")]);

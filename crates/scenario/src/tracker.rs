@@ -69,32 +69,45 @@ impl TrackerConfig {
     }
 }
 
-/// Times are above 0, since most of them divide; lengths, angles and rates are not below it. What speaks against something is
-/// not above 0, and the rest are numbers that an exponential can take.
+/// Times, ratios and scores are above 0, since most of them divide; lengths, angles and rates are not below it. What speaks against
+/// something is not above 0, and the rest are numbers that an exponential can take.
 fn tuning(check: &mut Check, tuning: &TrackerTuning) {
+    check.ascending("closer_look_px", tuning.closer_look_px, 0.0..=1e6);
+    numbers(check, tuning);
+    check.table("evidence", |check| {
+        let evidence = &tuning.evidence;
+        check.not_descending("of_shape", evidence.of_shape, -100.0..=100.0);
+        numbers(check, evidence);
+    });
+}
+
+/// Each number of a table of tuned ones, by its name.
+fn numbers(check: &mut Check, table: &impl Serialize) {
     const LENGTHS: [&str; 5] = ["_m", "_px", "_rad", "_radps", "_mps"];
-    const AGAINST: [&str; 4] = [
+    const AGAINST: [&str; 5] = [
         "before_scenery",
         "before_scenery_unjudged",
         "cue_against",
         "disproved",
+        "other_class",
     ];
-    check.ascending("closer_look_px", tuning.closer_look_px, 0.0..=1e6);
-    let Ok(serde_json::Value::Object(values)) = serde_json::to_value(tuning) else {
+    let Ok(serde_json::Value::Object(values)) = serde_json::to_value(table) else {
         return;
     };
     for (key, value) in &values {
-        if !value.is_array() {
-            // JSON has no infinity.
-            let value = value.as_f64().unwrap_or(f64::INFINITY);
-            let range = match key.as_str() {
-                key if key.ends_with("_s") => 1e-6..=1e6,
-                key if LENGTHS.iter().any(|unit| key.ends_with(unit)) => 0.0..=1e6,
-                key if AGAINST.contains(&key) => -100.0..=0.0,
-                key if key.starts_with("chosen") || key == "surely_none" => -100.0..=100.0,
-                _ => 0.0..=100.0,
-            };
-            check.within(key, value, range);
+        if value.is_array() || value.is_object() {
+            continue;
         }
+        // JSON has no infinity.
+        let value = value.as_f64().unwrap_or(f64::INFINITY);
+        let range = match key.as_str() {
+            key if key.ends_with("_s") => 1e-6..=1e6,
+            "rigid_ratio" | "clear_score" => 1e-6..=100.0,
+            key if LENGTHS.iter().any(|unit| key.ends_with(unit)) => 0.0..=1e6,
+            key if AGAINST.contains(&key) => -100.0..=0.0,
+            key if key.starts_with("chosen") || key == "surely_none" => -100.0..=100.0,
+            _ => 0.0..=100.0,
+        };
+        check.within(key, value, range);
     }
 }

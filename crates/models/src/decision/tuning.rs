@@ -1,5 +1,6 @@
 //! The numbers by which a tracker decides.
 
+use crate::tracking::evidence::EvidenceTuning;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -110,6 +111,9 @@ pub struct TrackerTuning {
     pub break_share: f64,
     /// Share of the precise camera's field that a target may fill: beyond, its edges come and go. Chosen.
     pub fits_share: f64,
+
+    /// What the looks of a track are weighed by until a recogniser has judged it.
+    pub evidence: EvidenceTuning,
 }
 
 impl Default for TrackerTuning {
@@ -160,6 +164,7 @@ impl Default for TrackerTuning {
             lock_share: 0.1,
             break_share: 0.25,
             fits_share: 0.8,
+            evidence: EvidenceTuning::default(),
         }
     }
 }

@@ -9,33 +9,78 @@
 
 pub use crate::maths::logistic::probability;
 
-/// Memory [s].
-const MEMORY_S: f64 = 1.0;
-/// Looks closer together than this err alike [s].
-const CORRELATED_S: f64 = 0.1;
-/// Log-odds that a mean λ of one is worth: the independent looks of a memory.
-const LOOKS: f64 = MEMORY_S / CORRELATED_S;
-/// Evidence is bounded, so that a judgement of minutes can be undone in a second.
-const MOST: f64 = 6.0;
-/// What one look may say at most, and the step from "seen" to "not seen".
-const MOST_OF_SCORE: f64 = 1.5;
-const SEEN_STEP: f64 = 1.5;
-/// What a box of a class that is no UAV says.
-const OTHER_CLASS: f64 = -1.5;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 /// Sizes up to which a class says nothing, and from which on it says all [px].
 const NAMED_PX: [f64; 2] = [6.0, 12.0];
 /// Size from which on names weigh more than what a recogniser makes of shape and flight [px]: smaller UAVs at dusk have been
 /// called aeroplanes for ten seconds.
 const PLAIN_PX: f64 = 24.0;
-/// A rigid body's box flutters by no more than this times what its noise allows; a flapping bird's by 2 to 5
-/// times, in size or place (measured with the shipped network: docs/validation/threat-and-target-choice.md).
-const RIGID_RATIO: f64 = 1.5;
-/// Score from which on a box's flutter counts in full.
-const CLEAR_SCORE: f64 = 0.5;
-/// How long the best view of a track is remembered [s].
-const VIEW_MEMORY_S: f64 = 10.0;
-/// Least weight of a look at fewer pixels than the best.
-const LEAST_WEIGHT: f64 = 0.02;
+/// Looks closer together than this err alike [s], by what was measured of the shipped network.
+const CORRELATED_S: f64 = 0.1;
+
+/// What the looks of a track are weighed by. Log-odds are natural logarithms. The last word of each says where its default is from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct EvidenceTuning {
+    /// For how long a look counts [s]. Chosen.
+    pub memory_s: f64,
+    /// Log-odds that all looks say at most, so that a judgement of minutes can be undone in a second. Chosen.
+    pub most: f64,
+    /// Log-odds that the score of one look says at most. Chosen.
+    pub most_of_score: f64,
+    /// How much more than its logit a network's score says: of its detections, those of UAVs and others part faster. Measured.
+    pub score_slope: f64,
+    /// Log-odds between "seen" and "not seen". Chosen.
+    pub seen_step: f64,
+    /// What a box of a class that is no UAV says, as log-odds below 0. Chosen.
+    pub other_class: f64,
+    /// How much a rigid body's box flutters at most, over what its noise allows; a flapping bird's does 2 to 5 times as much, in
+    /// size or place. Measured.
+    pub rigid_ratio: f64,
+    /// Log-odds that a box that flutters less than a rigid body's says at most, and one that flutters more. Chosen.
+    pub of_shape: [f64; 2],
+    /// Score from which on a box's flutter counts in full. Chosen.
+    pub clear_score: f64,
+    /// How long the best view of a track is remembered [s]. Chosen.
+    pub view_memory_s: f64,
+    /// Least weight of a look at fewer pixels than the best. Chosen.
+    pub least_weight: f64,
+    /// Log-odds that looks of a network at a dot say at most, and how much more for each pixel of its size. Chosen.
+    pub most_of_dot: f64,
+    pub most_per_px: f64,
+}
+
+impl Default for EvidenceTuning {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+impl EvidenceTuning {
+    /// The defaults.
+    pub const DEFAULT: Self = Self {
+        memory_s: 1.0, // [s]
+        most: 6.0,
+        most_of_score: 1.5,
+        score_slope: 1.5,
+        seen_step: 1.5,
+        other_class: -1.5,
+        rigid_ratio: 1.5,
+        of_shape: [-1.5, 0.5],
+        clear_score: 0.5,
+        view_memory_s: 10.0, // [s]
+        least_weight: 0.02,
+        most_of_dot: 2.0,
+        most_per_px: 0.25,
+    };
+
+    /// Log-odds that a mean look of one is worth: the independent looks of a memory.
+    fn looks(&self) -> f64 {
+        self.memory_s / CORRELATED_S
+    }
+}
 
 /// From which score on a detection speaks for a UAV.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +100,8 @@ pub struct EvidenceParams {
     pub score: ScoreModel,
     /// Bit by bit, which of its classes are no UAVs.
     pub other_classes: u64,
+    /// What they are weighed by.
+    pub tuning: EvidenceTuning,
 }
 
 impl Default for EvidenceParams {
@@ -63,6 +110,7 @@ impl Default for EvidenceParams {
             min_quality: 0.6,
             score: ScoreModel::Network(NEUTRAL_SCORE),
             other_classes: 0,
+            tuning: EvidenceTuning::default(),
         }
     }
 }
@@ -70,8 +118,6 @@ impl Default for EvidenceParams {
 /// The score that says nothing, of a network that names none (`score_neutral`): three quarters of the odds at which, on rendered
 /// pictures, a detection of the network that the tracker's numbers were chosen with was as likely of a UAV as of anything else.
 pub const NEUTRAL_SCORE: f64 = 0.289;
-/// How much more than its logit a score says: the counts part faster.
-const SCORE_SLOPE: f64 = 1.5;
 
 /// ln(p / (1 − p)).
 pub fn logit(p: f64) -> f64 {
@@ -89,7 +135,9 @@ impl EvidenceParams {
     fn of_score(&self, score: f64) -> f64 {
         match self.score {
             ScoreModel::Fixed(neutral) => logit(score) - logit(neutral),
-            ScoreModel::Network(neutral) => SCORE_SLOPE * (logit(score) - logit(neutral)),
+            ScoreModel::Network(neutral) => {
+                self.tuning.score_slope * (logit(score) - logit(neutral))
+            }
         }
     }
 
@@ -101,27 +149,32 @@ impl EvidenceParams {
     /// What a detection says: of this score, class and size, its box fluttering so many times as much as
     /// a rigid body's.
     pub fn of_hit(&self, score: f64, label: u32, size_px: f64, flutter: f64) -> f64 {
+        let tuning = &self.tuning;
         let of_score = if self.names_none(label) {
-            OTHER_CLASS * named_share(size_px)
+            tuning.other_class * named_share(size_px)
         } else {
-            (self.of_score(score)).clamp(-MOST_OF_SCORE, MOST_OF_SCORE)
+            (self.of_score(score)).clamp(-tuning.most_of_score, tuning.most_of_score)
         };
         // The box of a faint picture flutters with its noise, whatever it shows.
-        let clear = (score / CLEAR_SCORE).min(1.0);
-        let of_shape = clear * (RIGID_RATIO / flutter).ln().clamp(-1.5, 0.5);
-        SEEN_STEP * (1.0 - self.min_quality) + of_score + of_shape
+        let clear = (score / tuning.clear_score).min(1.0);
+        let [least, most] = tuning.of_shape;
+        let of_shape = clear * (tuning.rigid_ratio / flutter).ln().clamp(least, most);
+        tuning.seen_step * (1.0 - self.min_quality) + of_score + of_shape
     }
 
     /// What it says that a track in view was not seen.
     pub fn of_miss(&self) -> f64 {
-        -SEEN_STEP * self.min_quality
+        -self.tuning.seen_step * self.min_quality
     }
 
     /// Most that a view of so many pixels can say, as log-odds.
     fn bound(&self, size_px: f64) -> f64 {
         match self.score {
-            ScoreModel::Fixed(_) => MOST,
-            ScoreModel::Network(_) => (2.0 + 0.25 * size_px).min(MOST),
+            ScoreModel::Fixed(_) => self.tuning.most,
+            ScoreModel::Network(_) => {
+                let tuning = &self.tuning;
+                (tuning.most_of_dot + tuning.most_per_px * size_px).min(tuning.most)
+            }
         }
     }
 }
@@ -129,8 +182,8 @@ impl EvidenceParams {
 /// The evidence gathered on one track.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
-    /// Mean of λ.
-    mean: f64,
+    /// Mean of λ, times the independent looks of a memory.
+    log_odds: f64,
     last_s: Option<f64>,
     /// Size in the best view of it [px].
     best_px: f64,
@@ -141,7 +194,7 @@ pub struct Evidence {
 impl Evidence {
     /// Log-odds that it is a UAV.
     pub fn log_odds(&self) -> f64 {
-        LOOKS * self.mean
+        self.log_odds
     }
 
     /// Size in the best view of it [px].
@@ -164,30 +217,31 @@ impl Evidence {
         size_px: f64,
         t_s: f64,
     ) {
+        let tuning = &params.tuning;
         let since_s = self.last_s.map_or(CORRELATED_S, |last_s| t_s - last_s);
         self.last_s = Some(self.last_s.map_or(t_s, |last_s| last_s.max(t_s)));
         let elapsed_s = since_s.clamp(0.0, CORRELATED_S);
-        self.best_px = size_px.max(self.best_px * (-since_s.max(0.0) / VIEW_MEMORY_S).exp());
+        self.best_px = size_px.max(self.best_px * (-since_s.max(0.0) / tuning.view_memory_s).exp());
         let view = match params.score {
             ScoreModel::Fixed(_) => 1.0,
-            ScoreModel::Network(_) => (size_px / self.best_px).powi(2).max(LEAST_WEIGHT),
+            ScoreModel::Network(_) => (size_px / self.best_px).powi(2).max(tuning.least_weight),
         };
-        let share = 1.0 - (-view * elapsed_s / MEMORY_S).exp();
-        self.mean += share * (lambda - self.mean);
+        let share = 1.0 - (-view * elapsed_s / tuning.memory_s).exp();
+        self.log_odds += share * (tuning.looks() * lambda - self.log_odds);
         if let Some(none) = names_none {
             let now = [f64::from(u8::from(none)), 1.0];
             for (sum, now) in self.named.iter_mut().zip(now) {
                 *sum += share * (now - *sum);
             }
         }
-        let bound = params.bound(self.best_px) / LOOKS;
-        self.mean = self.mean.clamp(-bound, bound);
+        let bound = params.bound(self.best_px);
+        self.log_odds = self.log_odds.clamp(-bound, bound);
     }
 
     /// Takes over what a track says that continues this one: the better view counts.
     pub fn join(&mut self, young: &Self) {
         if young.best_px >= self.best_px {
-            self.mean = young.mean;
+            self.log_odds = young.log_odds;
             self.named = young.named;
         }
         self.best_px = self.best_px.max(young.best_px);
@@ -239,7 +293,7 @@ mod tests {
     #[test]
     fn a_judgement_takes_time_and_can_be_undone() {
         let sure = after(Evidence::default(), 60, 2.0, 20.0, |_| 0.7);
-        assert_eq!(sure.log_odds(), MOST);
+        assert_eq!(sure.log_odds(), EvidenceTuning::default().most);
         // Three bad frames are no verdict, a bad second is.
         let still = after(sure, 60, 0.05, 20.0, |_| 0.2);
         assert!(still.log_odds() > 4.0, "{}", still.log_odds());

@@ -4,7 +4,7 @@ use crate::ground::dsm::Dsm;
 use crate::maths::kinematics::los_to_az_el;
 use crate::maths::rng::Stream;
 use crate::optics::tier::Tier;
-use crate::tracking::evidence::{EvidenceParams, ScoreModel};
+use crate::tracking::evidence::{EvidenceParams, EvidenceTuning, ScoreModel};
 use crate::tracking::recognition::Recognition;
 use glam::{DVec2, DVec3};
 
@@ -23,6 +23,7 @@ const READS: EvidenceParams = EvidenceParams {
     min_quality: 0.6,
     score: ScoreModel::Network(0.289),
     other_classes: 0,
+    tuning: EvidenceTuning::DEFAULT,
 };
 
 fn look<'a>(t_s: f64, sightings: &'a [Sighting]) -> CameraLook<'a> {
