@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 const BOUNDS: [f64; 9] = [0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0];
 /// What speaks stronger than this counts as this: beyond, nothing is decided by it.
 const MOST: f64 = 8.0;
+/// A term that says something in fewer beliefs has no weight.
+const LEAST_SAID: usize = 20;
 /// Numbers of a case: one, and each term.
 const NUMBERS: usize = 1 + Term::ALL.len();
 
@@ -76,7 +78,7 @@ pub struct TermWorth {
     /// How many beliefs it says something in, and how many of them are of UAVs.
     pub says: Rate,
     /// By what its log-odds should be multiplied beside the others (the prior: added), and half of its 95 % interval, the
-    /// engagements being the groups; absent where the data do not tell.
+    /// engagements being the groups; absent where the data do not tell, or in too few beliefs.
     pub weight: Option<[f64; 2]>,
 }
 
@@ -111,14 +113,14 @@ impl Calibration {
         let cases = |draw: &Outcome| draw.record.beliefs.iter().map(Believed::case).collect();
         let groups: Vec<Vec<Case<NUMBERS>>> = draws.iter().map(cases).collect();
         let found = weights(&groups);
-        let silent = |term: Option<Term>| {
-            term.is_some_and(|term| all().all(|b| b.terms[term as usize] == 0.0))
-        };
-        let terms = named.enumerate().map(|(i, (name, term))| TermWorth {
-            name,
-            says: says(term),
-            weight: (found.as_ref().filter(|_| !silent(term)))
-                .map(|weights| [weights[i].value, weights[i].half_95]),
+        let terms = named.enumerate().map(|(i, (name, term))| {
+            let says = says(term);
+            let told = found.as_ref().filter(|_| says.trials >= LEAST_SAID);
+            TermWorth {
+                name,
+                weight: told.map(|weights| [weights[i].value, weights[i].half_95]),
+                says,
+            }
         });
         Self {
             bins: bins.collect(),
