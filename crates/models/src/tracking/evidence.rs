@@ -17,7 +17,7 @@ const NAMED_PX: [f64; 2] = [6.0, 12.0];
 /// Size from which on names weigh more than what a recogniser makes of shape and flight [px]: smaller UAVs at dusk have been
 /// called aeroplanes for ten seconds.
 const PLAIN_PX: f64 = 24.0;
-/// Looks closer together than this err alike [s], by what was measured of the shipped network.
+/// Looks closer together than this err alike [s]; chosen.
 const CORRELATED_S: f64 = 0.1;
 
 /// What the looks of a track are weighed by. Log-odds are natural logarithms. The last word of each says where its default is from.
